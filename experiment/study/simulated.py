@@ -66,19 +66,20 @@ class MedianThreshold:
 
     @property
     def doubt(self) -> str:
-        """What is wrong with it, or to be expected of levels on one side of it; or empty."""
+        """What is wrong with it, and to be expected of levels on one side of it; or empty."""
+        told = []
         if self.whose != YOURS[0] and self.unit == "V" and self.peak_um is not None:
-            return (
+            told.append(
                 "It is the paper's, in volts of its own plate: as displacements are known here, "
                 "state simulation.threshold_um instead (docs/model.md, section 4)."
             )
-        if self.levels_lie == "around":
-            return ""
-        (highest_vpp, key), beyond = self.highest, ""
-        if highest_vpp < self.level_vpp:
-            beyond = f", as does {key} = {highest_vpp:g} V"
-        expect = "expect an open interval, or only a bound"
-        return f"All levels lie {self.levels_lie} that{beyond}: {expect}."
+        if self.levels_lie != "around":
+            (highest_vpp, key), beyond = self.highest, ""
+            if highest_vpp < self.level_vpp:
+                beyond = f", as does {key} = {highest_vpp:g} V"
+            expect = "expect an open interval, or only a bound"
+            told.append(f"All levels lie {self.levels_lie} that{beyond}: {expect}.")
+        return " ".join(told)
 
     @property
     def facts(self) -> dict[str, Any]:

@@ -63,6 +63,9 @@ def test_a_threshold_in_volts_has_its_micrometres_where_they_are_known() -> None
     assert found.doubt == ""
     assert "state simulation.threshold_um" in replace(found, whose=ASSUMED[0]).doubt
     assert replace(found, whose=ASSUMED[0], peak_um=None).doubt == ""
+    both = replace(found, whose=ASSUMED[0], levels_vpp=(1.0, 2.0)).doubt
+    assert "threshold_um" in both
+    assert "All levels lie below that" in both
 
 
 @pytest.mark.parametrize(
