@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import secrets
+import signal
 import sys
 import time
 from contextlib import ExitStack, contextmanager
@@ -256,7 +257,11 @@ def _people(study: Study, goal: Goal, pilot: Path | None, whose: str) -> People:
 def _spreading(
     workers: int, scheduler: str | None, keep: Path | None, computed: Mapping[str, object]
 ) -> Iterator[Callable[..., Any]]:
-    """Have the work spread as the options say; a stop tells what is kept."""
+    """Have the work spread as the options say; a stop tells what is kept.
+
+    SIGTERM, as of a queue's time limit, stops it like Ctrl-C: no process is left, nor a message of
+    theirs.
+    """
     from analysis.workers.chunks import spread
     from analysis.workers.crew import StoppedError
     from analysis.workers.kept import Kept
@@ -269,6 +274,8 @@ def _spreading(
         )
     goes_on = f"the same command goes on from {keep}"
     with ExitStack() as stack:
+        before = signal.signal(signal.SIGTERM, signal.default_int_handler)
+        stack.callback(signal.signal, signal.SIGTERM, before)
         kept = stack.enter_context(Kept(keep, computed)) if keep else None
         client: object = None
         if scheduler:

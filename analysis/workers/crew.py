@@ -9,6 +9,7 @@ import time
 from collections import deque
 from concurrent.futures import BrokenExecutor, Future
 from contextlib import contextmanager
+from multiprocessing.resource_tracker import ensure_running
 from typing import TYPE_CHECKING, Any, Final, Protocol, TypeVar
 
 from analysis.workers.memory import keep_freed_memory
@@ -83,13 +84,14 @@ class Processes:
         """Have a chunk computed by the processes that are there, or by new ones."""
         from joblib.externals.loky import get_reusable_executor
 
-        self._executor = get_reusable_executor(
-            max_workers=self._workers,
-            initializer=_begin_worker,
-            initargs=(os.getpid(),),
-            env={"OPENBLAS_NUM_THREADS": "1"},
-        )
-        future: Future[Any] = self._executor.submit(function, chunk)
+        with _ctrl_c_later():
+            self._executor = get_reusable_executor(
+                max_workers=self._workers,
+                initializer=_begin_worker,
+                initargs=(os.getpid(),),
+                env={"OPENBLAS_NUM_THREADS": "1"},
+            )
+            future: Future[Any] = self._executor.submit(function, chunk)
         return future
 
     def result(self, future: Future[Any]) -> Any:
@@ -106,7 +108,8 @@ class Processes:
     def end(self) -> None:
         """Have no process any more, whatever it does."""
         if self._executor is not None:
-            self._executor.shutdown(wait=True, kill_workers=True)
+            with _ctrl_c_later():
+                self._executor.shutdown(wait=True, kill_workers=True)
 
 
 @contextmanager
@@ -120,10 +123,28 @@ def processes(workers: int) -> Iterator[Processes]:
         raise
 
 
+@contextmanager
+def _ctrl_c_later() -> Iterator[None]:
+    """Hold Ctrl-C back, where the system can, also from processes that are begun meanwhile.
+
+    They would tell of it with a traceback each: it reaches them before `_begin_worker` does.
+    """
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    ensure_running()  # beginning this process of Python's would let Ctrl-C through again
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
 def _begin_worker(parent: int) -> None:
     keep_freed_memory()
     threading.Thread(target=_end_with, args=(parent,), daemon=True).start()
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is left to the parent
+    for number in (signal.SIGINT, signal.SIGTERM):  # left to the parent, which ends this process
+        signal.signal(number, signal.SIG_IGN)
 
 
 def _end_with(parent: int) -> None:

@@ -8,7 +8,8 @@ import re
 import signal
 import subprocess
 import sys
-from contextlib import contextmanager
+import time
+from contextlib import contextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -301,6 +302,38 @@ def test_ctrl_c_leaves_what_is_finished_and_no_process(tmp_path: Path) -> None:
     assert psutil.wait_procs(children, timeout=30)[1] == []
     with Kept(tmp_path / "power.jsonl", {}) as kept:
         assert len(kept) >= 3
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_search_stopped_while_its_workers_begin_says_one_line(number: signal.Signals) -> None:
+    import psutil
+
+    study = ROOT / "docs" / "examples" / "first-study.toml"
+    code = "import signal, tactstrip; signal.signal(signal.SIGINT, signal.default_int_handler)"
+    asked = ["power", str(study), "--people", "literature", "--workers", "2"]
+    command = [sys.executable, "-c", f"{code}; tactstrip.main({asked})"]
+    with subprocess.Popen(
+        command, stderr=subprocess.PIPE, text=True, cwd=ROOT, start_new_session=True
+    ) as process:
+        assert process.stderr is not None
+        begun = psutil.Process(process.pid)
+        while process.poll() is None and not (workers := _workers(begun)):
+            time.sleep(0.01)
+        os.killpg(process.pid, number)
+        told = process.stderr.read().splitlines()
+    told = [line for line in told if not line.startswith("At most about")]
+    assert (told, process.returncode) == (["error: interrupted"], 130)
+    assert psutil.wait_procs(workers, timeout=30)[1] == []
+
+
+def _workers(process: Any) -> list[Any]:
+    """Return the children that compute, or will in a moment."""
+    import psutil
+
+    with suppress(psutil.NoSuchProcess):
+        return [one for one in process.children() if "popen_loky" in " ".join(one.cmdline())]
+    return []
 
 
 STUDY = """
