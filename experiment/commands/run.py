@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import secrets
+import shlex
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -196,7 +197,7 @@ def run(
                 monitor=rig.monitor,
             )
             ending = resume(folder, setting) if resuming else begin(folder, plan, setting)
-        _report(ending, plan)
+        _report(ending, plan, unfelt=out if practice and not simulated else None)
 
 
 def _tell_below(words: str) -> None:
@@ -375,7 +376,7 @@ def _noise(study: Study, clock: Clock, *, simulated: bool) -> NoisePlayer:
     return noise_player(study.masking, clock, simulated=simulated)
 
 
-def _report(ending: Ending, plan: Plan) -> None:
+def _report(ending: Ending, plan: Plan, unfelt: Path | None = None) -> None:
     click.echo(f"head hash of the journal, to be written down elsewhere: {ending.head_sha256}")
     if ending.torn_file is not None:
         click.echo(
@@ -391,3 +392,6 @@ def _report(ending: Ending, plan: Plan) -> None:
             exit_code=STOPPED_EARLY,
         )
     click.echo(f"all {len(plan.trials)} trials are answered: {ending.trials_path}")
+    if unfelt is not None:
+        given = f"{shlex.quote(str(unfelt))} --allow-simulated"
+        click.echo(f"nobody felt anything; analyzed all the same: tactstrip analyze {given}")

@@ -127,6 +127,9 @@ def test_what_is_pressed_is_what_is_recorded(sessions: Sessions) -> None:
         [*COMMAND, "analyze", sessions.out], capture_output=True, text=True, check=False
     )
     assert (told.returncode, "--allow-simulated" in told.stderr) == (2, True)
+    assert terminal.shown.endswith(
+        f"tactstrip analyze {sessions.out} --allow-simulated\r\n".encode()
+    )
     assert all(0 < float(row["rt_s"]) < 30 for row in recorded)
     # a line is broken between words, not by the terminal
     began = terminal.shown.partition(b"seed 1\r\n")[2].split(b"\r\n")
