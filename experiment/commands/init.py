@@ -119,9 +119,10 @@ _CONDITIONS: Final = """\
 # cycles = 2
 """
 _INIT: Final = (
-    "What `tactstrip init` was told, and what it chose by itself, for the sources that the check "
-    "tells. What it was told and what you change is yours; what is still as it was chosen, or the "
-    "default, is not. Without this section all that the file states is told as yours."
+    "What `tactstrip init` was told, what it left out or commented out although the paper's study "
+    "has it, and what it chose by itself, for the sources that the check tells. What it was told "
+    "and what you change or add is yours, whatever its value; what is still as init wrote it is "
+    "not, until you add its key to told. Without this section all that the file states is yours."
 )
 _COLUMN: Final = 37
 """Where a key's comment begins, unless the value is longer."""
@@ -165,10 +166,13 @@ def _text(study: Study, preset: str, told: tuple[str, ...]) -> str:
 
 def _init(study: Study, told: tuple[str, ...], tried: tuple[str, ...]) -> str:
     """Write what of a study is not its lab's."""
-    from experiment.study.stated import chosen_values
+    from experiment.study.stated import chosen_values, left_out
 
     chosen = chosen_values(study, told, tried)
-    lines = [f"{_comment(_INIT)}[init]", "told = [", *(f'    "{path}",' for path in told), "]"]
+    lines = [f"{_comment(_INIT)}[init]"]
+    for name, paths in (("told", told), ("left_out", left_out(study))):
+        listed = [f"{name} = [", *(f'    "{path}",' for path in paths), "]"]
+        lines += listed if paths else [f"{name} = []"]
     if chosen:
         lines += ["[init.chosen]", *(f'"{path}" = {_toml(one)}' for path, one in chosen.items())]
     return "\n".join(lines) + "\n"

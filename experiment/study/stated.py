@@ -12,19 +12,21 @@ from experiment.study.study import Study
 from experiment.terms.checks import unknown_key
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
+    from collections.abc import Iterable, Iterator, Mapping
 
 INIT: Final = "init"
 """The section that `tactstrip init` writes about itself; it is no part of the study."""
 
-_KEYS: Final = ("told", "chosen")
+_KEYS: Final = ("told", "left_out", "chosen")
+_OF_ITS_OWN: Final = "other"
+"""The side of actuators that `tactstrip init` writes none of."""
 
 
 def without_init(tables: dict[str, Any]) -> dict[str, Any]:
     """Return the tables of a study file, told apart what of them `tactstrip init` wrote by itself.
 
-    That is what is still as it was chosen, or as the paper's study has it; what init was told is
-    stated by the lab, whatever its value.
+    That is what is still as init wrote it: as it chose it, or as the paper's study has it. What
+    init was told or left out, and what was changed, is stated by the lab, whatever its value.
     """
     if INIT not in tables:
         return tables
@@ -39,19 +41,24 @@ def without_init(tables: dict[str, Any]) -> dict[str, Any]:
 
 
 def _init(table: Any) -> tuple[frozenset[str], dict[str, Any]]:
-    """Return the paths of what init was told, and the values that it chose by their paths."""
+    """Return the paths of what init was told or left out, and what it chose by its paths."""
     found = table if isinstance(table, dict) else {"": table}
     told, chosen = found.get("told", []), found.get("chosen", {})
-    listed = isinstance(told, list) and all(isinstance(path, str) for path in told)
+    left_out = found.get("left_out", [])
+    listed = all(
+        isinstance(paths, list) and all(isinstance(path, str) for path in paths)
+        for paths in (told, left_out)
+    )
     if not listed or not isinstance(chosen, dict) or set(found) - set(_KEYS):
         raise ValueError(
-            f"{INIT} must be left as `tactstrip init` wrote it, told = [...] and chosen = {{...}}, "
-            f"or be removed, so that all in the file is told as yours; got {table!r}"
+            f"{INIT} must be left as `tactstrip init` wrote it, told = [...], left_out = [...] and "
+            f"chosen = {{...}}, or be removed, so that all in the file is told as yours; got "
+            f"{table!r}"
         )
-    for path in (*told, *chosen):
+    for path in (*told, *left_out, *chosen):
         if path not in _paths():
             raise ValueError(f"{INIT}: {unknown_key(path, _paths())}")
-    return frozenset(told), chosen
+    return frozenset((*told, *left_out)), chosen
 
 
 @cache
@@ -63,36 +70,47 @@ def _paths() -> frozenset[str]:
 
 
 def _apart(name: str, table: Any, told: frozenset[str], chosen: dict[str, Any]) -> Any:
-    if not isinstance(table, dict):
+    if not isinstance(table, dict) or table.get("side") == _OF_ITS_OWN:
         return table
-    still = {key for key in table if table[key] == chosen.get(f"{name}.{key}")}
     papers = _papers_section(name, table.get("side"))
+    written = papers | {key: chosen[path] for key in table if (path := f"{name}.{key}") in chosen}
     stated = {
         key: value
         for key, value in table.items()
-        if f"{name}.{key}" in told
-        or (key not in still and not (key in papers and papers[key] == value))
+        if f"{name}.{key}" in told or key not in written or written[key] != value
     }
-    kept = frozenset(still - stated.keys())
+    kept = frozenset(key for key in table.keys() - stated.keys() if f"{name}.{key}" in chosen)
     return Table(table, Stated(keys=stated, chosen=kept))
 
 
 def chosen_values(study: Study, told: Iterable[str], tried: Iterable[str]) -> dict[str, Any]:
-    """Return the numbers of a study that `tactstrip init` chose, by their sections and keys.
+    """Return what of a study `tactstrip init` chose, by its sections and keys.
 
-    Those are neither what it was `told`, such as strip.width_mm, nor the paper's study's, but for
+    That is neither what it was `told`, such as strip.width_mm, nor the paper's study's, but for
     what it `tried` until it was fit.
     """
-    paths, always, chosen = frozenset(told), frozenset(tried), dict[str, Any]()
+    paths, always = frozenset(told), frozenset(tried)
+    return {
+        path: value
+        for path, value, papers in _beside_the_papers(study)
+        if value is not None and path not in paths and (path in always or value != papers)
+    }
+
+
+def left_out(study: Study) -> list[str]:
+    """Return the keys that the paper's study has and another one, which init writes, has not."""
+    beside = _beside_the_papers(study)
+    found = (path for path, value, papers in beside if value is None and papers is not None)
+    return [*dict.fromkeys(found)]
+
+
+def _beside_the_papers(study: Study) -> Iterator[tuple[str, Any, Any]]:
+    """Yield every key of a study with its section, its value, and the paper's study's."""
     for name, one in json.loads(study.canonical).items():
         for table in one if isinstance(one, list) else [one]:
             papers = _papers_section(name, table.get("side"))
             for key, value in table.items() if name != "condition" else ():
-                path = f"{name}.{key}"
-                is_new = path in always or value != papers.get(key)
-                if _is_number(value) and path not in paths and is_new:
-                    chosen[path] = value
-    return chosen
+                yield f"{name}.{key}", value, papers.get(key)
 
 
 def not_recorded(tables: dict[str, Any]) -> dict[str, Any]:
@@ -119,11 +137,6 @@ def as_stated(study: Study, by: Study, **more: Mapping[str, Any]) -> Study:
                 stated = replace(stated, keys={**stated.keys, **more[name]})
             with_stated(one, stated)
     return study
-
-
-def _is_number(value: object) -> bool:
-    first = value[0] if isinstance(value, list) and value else value
-    return isinstance(first, int | float) and not isinstance(first, bool)
 
 
 @cache

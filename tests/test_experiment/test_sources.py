@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import pytest
@@ -13,14 +14,13 @@ from experiment.preview.check import check_study
 from experiment.preview.check_report import check_findings
 from experiment.study.physics import study_gains
 from experiment.study.read import read_study, study_from_canonical, study_from_text, with_levels
+from experiment.study.sections.table import stated_of
 from experiment.study.sources import study_sources, words_of_the_others
 from experiment.study.study import StudyError
 from experiment.trial.draw import draw_plan
 from experiment.trial.plan import plan_from_json, seal
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from experiment.preview.findings import Findings
     from tests.test_experiment.conftest import Run
 
@@ -192,6 +192,38 @@ def test_what_init_chose_for_a_plate_is_told_from_what_it_was_told(
     for key in ("design.levels_vpp", "design.break_every", "burst.frequency_hz"):
         assert sources[key].words == "chosen by tactstrip init"
     assert sources["actuator[0].finger_diameter_mm"].origin == "assumed"
+    written = Path("study.toml").read_text(encoding="utf-8")
+    measured = "".join(f"{key}\n" for key in MEASURED)
+    changes = [
+        ("threshold_vpp = 58", "threshold_um = 1.57"),
+        ('window = "hann"', 'window = "none"'),
+        ("levels_vpp = [40, 80, 120, 160, 200]", "levels_vpp = [60, 95, 130, 165, 200]"),
+        ('shape = "disc"', f'{measured}shape = "disc"'),
+    ]
+    study = study_from_text(changed(written, changes), "s")
+    sources = {one.key: one for one in study_sources(study)}
+    for key in ("simulation.threshold_um", "design.levels_vpp"):
+        assert sources[key].origin == "yours"
+    assert sources["actuator[1].measured_displacement_um"].origin == "measured"
+    assert set(stated_of(study.burst).keys or ()) == {"window"}
+    material = [f"{key} = {value}" for key, value in ALUMINIUM.items()]
+    own = changed(written, [('material = "steel"', "\n".join(material))])
+    sources = {one.key: one for one in study_sources(study_from_text(own, "s"))}
+    assert {sources[f"strip.{key}"].origin for key in ALUMINIUM} == {"yours"}
+
+
+ALUMINIUM = {"youngs_modulus_gpa": 67, "poisson_ratio": 0.346, "density_kg_m3": 2700}
+MEASURED = (
+    "measured_displacement_um = 2.6",
+    "measured_at_vpp = 100",
+    "measured_at_hz = 300",
+)
+
+
+def test_an_actuator_that_init_did_not_write_is_the_labs() -> None:
+    third = '[[actuator]]\nside = "other"\nname = "b"\nx_mm = 0\ny_mm = 15\ndiameter_mm = 12\n'
+    text = f"{STEEL}{third}[init.chosen]\n'actuator.y_mm' = 15\n"
+    assert told(text)["actuator[2].y_mm"] == (15.0, "yours")
 
 
 @pytest.mark.parametrize("text", ["init = 3", "[init]\ntold = 3", "[init]\nbold = []"])
@@ -205,6 +237,7 @@ def test_another_section_init_is_refused(text: str) -> None:
     [
         ('[init]\ntold = ["strip.bogus"]', "strip.bogus"),
         ('[init]\ntold = ["strip.width_m"]', "strip.width_m; did you mean strip.width_mm?"),
+        ('[init]\nleft_out = ["strip.bogus"]', "strip.bogus"),
         ("[init.chosen]\n'strip.bogus' = 3", "strip.bogus"),
     ],
 )
