@@ -249,8 +249,8 @@ def _people(study: Study, goal: Goal, pilot: Path | None, whose: str) -> People:
     if pilot is not None and whose != "stated":
         raise CommandError("--pilot and --people literature exclude each other; got both")
     if pilot is not None:
-        return pilot_people(study, read_trials([pilot]), str(pilot))
-    return literature_people(study) if whose == "literature" else stated_people(study, goal)
+        return pilot_people(study, goal, read_trials([pilot]), str(pilot))
+    return literature_people(study, goal) if whose == "literature" else stated_people(study, goal)
 
 
 @contextmanager

@@ -35,6 +35,13 @@ _ALWAYS: Final = (
 )  # fmt: skip
 _OF_DIFFERENCE: Final = ("difference_db",)
 """Keys that the goal decides on, and the study does not."""
+_OF_BLANKS: Final = (
+    "lapse_rate", "false_alarm_rate", "reaction_time_s", "reaction_time_spread",
+    "reaction_time_least_s", "reaction_time_doubt",
+)  # fmt: skip
+"""Keys that false alarms hang on: nothing is felt, so no threshold."""
+_OF_NONE: Final = ("false_alarm_rate", "last_answer_db")
+"""Keys that only tell of people who may answer "none"."""
 _GRUND: Final = "Grund et al. 2022, electrical pulses, docs/model.md, section 4"
 _NOBODYS: Final = "assumed: no source was found"
 LITERATURE: Final[dict[str, tuple[float, str]]] = {
@@ -60,11 +67,16 @@ _OMEGA: Final = 0.4
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Stated:
-    """A number of the population: its key in [simulation], its value, and its source."""
+    """A number of the population: its key in [simulation], its value, and its source.
+
+    `dry_run` is what a dry run of the study's file has instead, or has as well; none where it has
+    no such number.
+    """
 
     key: str
     value: float
     source: str
+    dry_run: float | None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -75,16 +87,40 @@ class People:
     ----------
     study : Study
         With the population in its [simulation].
+    whose : str
+        Whose people these are, in words.
     numbers : tuple of Stated
+        Those that the goal hangs on.
     draws : tuple of dict
         Keys of [simulation] that take turns from study to study; none where they are known.
     warnings : tuple of str
     """
 
     study: Study
+    whose: str
     numbers: tuple[Stated, ...]
     draws: tuple[dict[str, float], ...] = ()
     warnings: tuple[str, ...] = ()
+
+    def words(self, goal: Goal) -> str:
+        """Say whose people these are, and which of their numbers a dry run of the file has not."""
+        others = [
+            f"{one.key} {_or_none(one.dry_run)} (here {one.value:g})"
+            for one in self.numbers
+            if one.dry_run != one.value
+        ]
+        copied = "; with the numbers below in [simulation] it has these" * bool(others)
+        own_db = self.study.simulation.difference_db
+        if goal.kind == "difference" and own_db != goal.size:
+            others.append(f"difference_db {_or_none(own_db)} (here {goal.size:g}, the goal's)")
+        if not others:
+            return f"They are {self.whose}, and a dry run of this file has the same."
+        told = f"A dry run of this file has others: {', '.join(others)}{copied}."
+        return f"They are {self.whose}. {told}"
+
+
+def _or_none(value: float | None) -> str:
+    return "none" if value is None else f"{value:g}"
 
 
 def stated_people(study: Study, goal: Goal) -> People:
@@ -98,7 +134,7 @@ def stated_people(study: Study, goal: Goal) -> People:
                 "pilot (--pilot DIR) or as assumed (--people literature); got none of yours "
                 f'(in a file that tactstrip init wrote: add "simulation.{key}" to told in [init])'
             )
-    return People(study=study, numbers=_numbers(study, {}))
+    return People(study=study, whose="the study's", numbers=_numbers(study, goal, study, {}))
 
 
 _MEANT: Final = {
@@ -107,16 +143,19 @@ _MEANT: Final = {
 }
 
 
-def literature_people(study: Study) -> People:
+def literature_people(study: Study, goal: Goal) -> People:
     """Return people as the literature has them, where the study does not state them."""
     keys = stated_of(study.simulation).keys or {}
     known = LITERATURE | (_WITH_NONE if "none" in study.design.responses else {})
     taken = {key: told for key, told in known.items() if key not in keys}
     section = asdict(study.simulation) | {key: value for key, (value, _) in taken.items()}
-    assumed = [key for key, (_, source) in taken.items() if source.startswith("assumed")]
+    changed = study.changed(simulation=section)
+    numbers = _numbers(changed, goal, study, dict(taken))
+    assumed = [one.key for one in numbers if taken.get(one.key, ("", ""))[1].startswith("assumed")]
     return People(
-        study=study.changed(simulation=section),
-        numbers=_numbers(study.changed(simulation=section), dict(taken), keys),
+        study=changed,
+        whose="the literature's where the study states none",
+        numbers=numbers,
         warnings=(_without_source(assumed),) if assumed else (),
     )
 
@@ -128,7 +167,7 @@ def _without_source(keys: Iterable[str]) -> str:
     )
 
 
-def pilot_people(study: Study, trials: pd.DataFrame, where: str) -> People:
+def pilot_people(study: Study, goal: Goal, trials: pd.DataFrame, where: str) -> People:
     """Return people as a pilot's group tells them: draws of its posterior take turns.
 
     Threshold, spread and slope are the group fit's; false alarms those of the pilot's blanks; the
@@ -148,10 +187,10 @@ def pilot_people(study: Study, trials: pd.DataFrame, where: str) -> People:
     told = {key: (float(np.median([one[key] for one in draws])), source) for key in draws[0]}
     section = asdict(study.simulation) | _KNOWN_ELSEWHERE
     changed = study.changed(simulation=section | {key: value for key, (value, _) in told.items()})
-    keys = stated_of(study.simulation).keys or {}
     return People(
         study=changed,
-        numbers=_numbers(changed, told, keys),
+        whose=f"those of the pilot in {where}, and else the study's",
+        numbers=_numbers(changed, goal, study, told),
         draws=tuple(draws),
         warnings=_few(len(rows)),
     )
@@ -195,10 +234,13 @@ def _pilot_draws(people: PersonCounts, trials: pd.DataFrame, name: str) -> list[
 
 
 def _numbers(
-    study: Study, taken: dict[str, tuple[float, str]], stated: Iterable[str] | None = None
+    study: Study, goal: Goal, file: Study, taken: dict[str, tuple[float, str]]
 ) -> tuple[Stated, ...]:
-    """Return the numbers of [simulation] that people are drawn from, and the source of each."""
-    keys = (stated_of(study.simulation).keys or {}) if stated is None else {*stated}
+    """Return the numbers of [simulation] that a goal hangs on, and the source of each.
+
+    `file` is the study as its file has it, and `taken` what was put into it.
+    """
+    keys = stated_of(file.simulation).keys or {}
     return tuple(
         Stated(
             key=key,
@@ -208,12 +250,22 @@ def _numbers(
             else "stated in the study"
             if key in keys
             else "assumed by tactstrip",
+            dry_run=getattr(file.simulation, key),
         )
         for key, value in asdict(study.simulation).items()
         if (key in _ALWAYS or key in keys or key in taken)
         and isinstance(value, int | float)
-        and key not in _OF_DIFFERENCE
+        and _hangs_on(goal, key, study.design.responses)
     )
+
+
+def _hangs_on(goal: Goal, key: str, responses: tuple[str, ...]) -> bool:
+    """Tell whether a goal's answer changes with a key of [simulation], whatever its value."""
+    if key in _OF_NONE and "none" not in responses:
+        return False
+    if goal.kind == "false-alarms":
+        return key in _OF_BLANKS
+    return key not in _OF_DIFFERENCE and (key != DIFFERENCE_SPREAD or goal.kind == "difference")
 
 
 def truth_of(goal: Goal, population: Simulation, study: Study, gains: FingerGains) -> float:

@@ -123,7 +123,7 @@ def text(promise: Promise) -> str:
         told = f"{base.point.participants} participants ({base.assurance:.0%} reach it)"
         lines += ["", f"Levers, with {told}, the largest first:"]
         lines += [f"  {one.change}: {_percent(one.after)}" for one in promise.levers]
-    lines += ["", "People:"]
+    lines += ["", "People:", f"  {promise.people.words(promise.goal)}"]
     lines += [f"  {one.key} = {one.value:g} ({one.source})" for one in promise.people.numbers]
     lines += [f"Warning: {one}" for one in promise.people.warnings]
     if promise.ethics:
@@ -132,22 +132,27 @@ def text(promise: Promise) -> str:
 
 
 def _assumed(people: People) -> str:
-    """Say whom the answer holds for: the two numbers that decide it, and whose they are."""
+    """Say whom the answer holds for: the numbers that decide it, and whose they are."""
     told = {one.key: one for one in people.numbers}
     known = people.study.simulation.known_for.words
+    decide = _DECIDING if any(key in told for key, *_ in _DECIDING) else _WITHOUT_THRESHOLD
     parts = [
-        f"{words} = {told[key].value:g} {unit}{known if 'median' in words else ''} "
+        f"{words} = {told[key].value:g}{unit}{known if 'median' in words else ''} "
         f"({told[key].source})"
-        for key, words, unit in _DECIDING
+        for key, words, unit in decide
         if key in told
     ]
     return f"The simulated people: {', '.join(parts)}"
 
 
 _DECIDING = (
-    ("threshold_um", "median threshold", "um"),
-    ("threshold_vpp", "median threshold", "V"),
-    ("threshold_sd_db", "SD between people", "dB"),
+    ("threshold_um", "median threshold", " um"),
+    ("threshold_vpp", "median threshold", " V"),
+    ("threshold_sd_db", "SD between people", " dB"),
+)
+_WITHOUT_THRESHOLD = (
+    ("false_alarm_rate", "false-alarm rate", ""),
+    ("lapse_rate", "lapse rate", ""),
 )
 
 

@@ -22,6 +22,8 @@ from experiment.terms.checks import require_word
 from experiment.terms.exits import CommandError, refusals
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from experiment.preview.check import ConditionCheck
     from experiment.study.study import Study
 
@@ -169,13 +171,16 @@ def _init(study: Study, told: tuple[str, ...], tried: tuple[str, ...]) -> str:
     from experiment.study.stated import chosen_values, left_out
 
     chosen = chosen_values(study, told, tried)
-    lines = [f"{_comment(_INIT)}[init]"]
-    for name, paths in (("told", told), ("left_out", left_out(study))):
-        listed = [f"{name} = [", *(f'    "{path}",' for path in paths), "]"]
-        lines += listed if paths else [f"{name} = []"]
+    lines = [f"{_comment(_INIT)}[init]", *_listed("told", told)]
+    if missing := left_out(study):
+        lines += _listed("left_out", missing)
     if chosen:
         lines += ["[init.chosen]", *(f'"{path}" = {_toml(one)}' for path, one in chosen.items())]
     return "\n".join(lines) + "\n"
+
+
+def _listed(key: str, paths: Sequence[str]) -> list[str]:
+    return [f"{key} = [", *(f'    "{path}",' for path in paths), "]"]
 
 
 def _section(heading: str, table: object, remark: str = "") -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 import re
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,13 +18,19 @@ from scipy.stats import binom, chi2
 from analysis.answers.intervals import proportion_ci
 from analysis.commands.power import power
 from analysis.power.goals import Goal
-from analysis.power.population import literature_people, pilot_people
+from analysis.power.population import (
+    literature_people,
+    pilot_people,
+    stated_people,
+    truth_of,
+)
 from analysis.power.search import MANY, Trials, answers, smallest
 from analysis.power.studies import Chunk, Point, plan_text, simulate
 from analysis.reading.load import read_trials
 from analysis.workers.chunks import spread
 from experiment.session.simulate import simulate_study
 from experiment.study.read import study_from_text
+from experiment.study.sections.simulation import Simulation
 from experiment.study.simulated import people_words
 from experiment.terms.gains import OWN_FINGER_ONLY, ConditionGains
 
@@ -34,6 +40,7 @@ if TYPE_CHECKING:
     from analysis.power.search import Answer
     from experiment.study.study import Study
 
+HALF_WIDTH = Goal.parse("half-width=1dB")
 ALONE = ConditionGains(
     condition="main",
     actuators=("left", "right"),
@@ -335,13 +342,70 @@ def test_help_has_every_option_under_a_heading() -> None:
 
 def test_people_of_the_literature_are_named_as_such() -> None:
     study = study_of('responses = ["left", "right", "none"]\nboth_trials = 0', "sigma = 0.2")
-    people = literature_people(study)
+    people = literature_people(study, HALF_WIDTH)
     sources = {one.key: (one.value, one.source) for one in people.numbers}
     assert sources["sigma"] == (0.2, "stated in the study")
     assert sources["threshold_sd_db"] == (3.0, "assumed: no source was found")
     assert "Grund" in sources["wander_db"][1]
     assert "threshold_sd_db" in people.warnings[0]
     assert people.study.simulation.wander_db == 1.4
+
+
+def test_people_who_are_not_those_of_a_dry_run_are_told_number_by_number() -> None:
+    words = literature_people(NONE_OFFERED, HALF_WIDTH).words(HALF_WIDTH)
+    assert words.startswith("They are the literature's where the study states none. A dry run of ")
+    assert " has others: threshold_sd_db 1.5 (here 3), sigma_spread none (here 0.4), fal" in words
+    assert words.endswith("last_answer_db none (here 0.35); with the numbers below in [simulation] "
+                          "it has these.")  # fmt: skip
+    copied = "\n".join(
+        f"{one.key} = {one.value}" for one in literature_people(NONE_OFFERED, HALF_WIDTH).numbers
+    )
+    told = "They are the study's, and a dry run of this file has the same."
+    assert stated_people(study_of(BOTH_AND_NONE, copied), HALF_WIDTH).words(HALF_WIDTH) == told
+    goal = Goal.parse("difference=2dB")
+    own = study_of("", "threshold_sd_db = 2.0\ndifference_sd_db = 1.0")
+    assert "has others: difference_db none (here 2, the goal's)." in stated_people(own, goal).words(
+        goal
+    )
+
+
+BOTH_AND_NONE = 'responses = ["left", "right", "none"]\nboth_trials = 0\nblank_trials = 20'
+NONE_OFFERED = study_of(BOTH_AND_NONE, "sigma = 0.2")
+
+
+@pytest.mark.parametrize(
+    ("goal", "study", "without"),
+    [
+        ("half-width=1dB", NONE_OFFERED, {"difference_sd_db"}),
+        ("detection=10%@95V", NONE_OFFERED, {"difference_sd_db"}),
+        ("difference=1dB", NONE_OFFERED, set()),
+        ("difference=1dB", study_of("", "sigma = 0.2"), {"false_alarm_rate"}),
+    ],
+)
+def test_only_numbers_that_the_goal_hangs_on_are_told(
+    goal: str, study: Study, without: set[str]
+) -> None:
+    told = {one.key for one in literature_people(study, Goal.parse(goal)).numbers}
+    assert told.isdisjoint(without)
+    assert {"difference_sd_db", "false_alarm_rate"} <= told | without
+    warning = " ".join(literature_people(study, Goal.parse(goal)).warnings)
+    assert ("difference_sd_db" in warning) == ("difference_sd_db" in told)
+
+
+def test_false_alarms_hang_on_no_threshold() -> None:
+    goal = Goal.parse("false-alarms=9%")
+    people = literature_people(NONE_OFFERED, goal)
+    assert [one.key for one in people.numbers] == ["lapse_rate", "false_alarm_rate"]
+    found = ALONE.fingers()
+    simulation = people.study.simulation
+    known = {"threshold_vpp": 60.0, "threshold_um": None}
+    others = {"threshold_vpp": 9.0, "threshold_um": None, "threshold_sd_db": 9.0, "sigma": 0.4}
+    rates = [
+        truth_of(goal, Simulation(**(asdict(simulation) | keys)), people.study, found)
+        for keys in (known, known | {"side_bias": 0.9}, others, known | {"lapse_rate": 0.2})
+    ]
+    assert rates[0] == pytest.approx(rates[1]) == pytest.approx(rates[2])
+    assert rates[3] > rates[0] + 0.01
 
 
 @pytest.mark.slow
@@ -352,7 +416,7 @@ def test_a_pilot_gives_people_like_its_own(tmp_path: Path) -> None:
     )
     for _ in simulate_study(true, tmp_path, participants=12, seed=4):
         pass
-    people = pilot_people(study_of(""), read_trials([tmp_path]), str(tmp_path))
+    people = pilot_people(study_of(""), HALF_WIDTH, read_trials([tmp_path]), str(tmp_path))
     assert not people.warnings
     thresholds = 20 * np.log10([one["threshold_vpp"] / 80 for one in people.draws])
     assert abs(np.median(thresholds)) < 3 * 3 / math.sqrt(12)
