@@ -42,7 +42,7 @@ from .sources import (
     study_sources,
     words_of_the_others,
 )
-from .stated import chosen_values
+from .stated import chosen_values, left_out
 from .study import Study, StudyError, UnusableStudyError, told_by_file
 from .window import chosen_window, louder_words
 
@@ -67,6 +67,7 @@ __all__ = [
     "in_short",
     "instead_of_trials",
     "is_recorded",
+    "left_out",
     "loads_of",
     "loads_per_volt",
     "louder_words",
