@@ -103,7 +103,7 @@ def _check_target(out: Path, endings: tuple[str, ...]) -> None:
 def _computed(
     study: Study, frequency_hz: float | None, band_hz: tuple[float, float] | None
 ) -> PlateMap | PlateBand:
-    from experiment.preview.field import plate_band, plate_map
+    from experiment.preview.field import plate_band, plate_map, with_bursts
     from experiment.preview.plate import plate_of
 
     plate = plate_of(study)
@@ -111,7 +111,8 @@ def _computed(
     try:
         if band_hz is not None:
             return plate_band(plate, band_hz)
-        return plate_map(plate, plate.drive_hz if frequency_hz is None else frequency_hz)
+        asked_hz = plate.drive_hz if frequency_hz is None else frequency_hz
+        return with_bursts(plate_map(plate, asked_hz))
     except ValueError as error:
         raise ValueError(_by_option(str(error), option)) from error
 

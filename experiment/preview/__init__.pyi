@@ -1,7 +1,15 @@
 from .check import ConditionCheck, StudyCheck, check_study, require_fit, require_mock_suitable
 from .check_report import burst_words, check_findings
 from .device import DeviceCheck, check_device, device_findings, machine_findings, machine_lacks
-from .field import PlateBand, PlateMap, PlateMotion, plate_band, plate_map, plate_motion
+from .field import (
+    PlateBand,
+    PlateMap,
+    PlateMotion,
+    plate_band,
+    plate_map,
+    plate_motion,
+    with_bursts,
+)
 from .field_figure import animate, render
 from .field_report import field_csv, field_text
 from .plate import plate_of
@@ -30,4 +38,5 @@ __all__ = [
     "render",
     "require_fit",
     "require_mock_suitable",
+    "with_bursts",
 ]

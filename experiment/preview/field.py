@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import count, takewhile
 from typing import TYPE_CHECKING, Final
 
@@ -56,6 +56,9 @@ class PlateMap:
         Amplitude in metres, for the drive of the plate.
     at_fingers_m : ndarray of complex128, shape (n_driven, n_fingertips)
         The same at the centres of the fingertips.
+    bursts_db : tuple of float
+        Level of the first condition's burst at the other finger, of the left and of the right
+        actuator, as the check has it; empty where that is not known.
     """
 
     plate: PlatePreview
@@ -64,6 +67,7 @@ class PlateMap:
     y_m: Real
     displacement_m: Complex
     at_fingers_m: Complex
+    bursts_db: tuple[float, ...] = ()
 
     def level_db(self, driven: int, other: int) -> float:
         """Return the level at another finger re above the driven actuator, see `level_db`."""
@@ -190,6 +194,17 @@ def plate_map(plate: PlatePreview, frequency_hz: float) -> PlateMap:
         displacement_m=plate.scaled(found.displacement_m),
         at_fingers_m=plate.at_fingers_m([found.frequency_hz])[..., 0],
     )
+
+
+def with_bursts(field: PlateMap) -> PlateMap:
+    """Return a map with the levels of the burst; as it is, where the study cannot be checked."""
+    from experiment.preview.check import check_study
+
+    try:
+        found = check_study(field.plate.study).conditions[0]
+        return replace(field, bursts_db=(found.level_db(1, 0), found.level_db(0, 1)))
+    except ValueError:  # which the check tells
+        return field
 
 
 def plate_motion(plate: PlatePreview) -> PlateMotion:

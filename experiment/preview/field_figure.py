@@ -19,8 +19,8 @@ from experiment.preview.field import PlateMap
 from experiment.preview.field_report import (
     FRAMES_PER_S,
     hertz,
-    levels_text,
-    metres,
+    in_lines,
+    map_title,
     prefixed,
     slowed,
     strip_text,
@@ -43,8 +43,12 @@ if TYPE_CHECKING:
 _MAP_WIDTH_IN: Final = 7.6
 _MAP_HEIGHT_IN: Final = 3.2
 _LEAST_IN: Final = 4.8
-_TITLE_IN: Final = 6.0
-"""Narrower maps have a title of two lines; the legend needs the least width."""
+"""The legend needs the least width."""
+
+_SMALL_PER_IN: Final = 13.5
+_PER_IN: Final = 14.0
+_LARGE_PER_IN: Final = 11.0
+"""Letters that have room in an inch of the legend, of a panel's title, and of the heading."""
 
 _MOTION_IN: Final = (9.0, 4.4)
 _MOTION_DPI: Final = 100
@@ -146,8 +150,11 @@ def _map_figure(field: PlateMap) -> Figure:
     span_m, width_m = float(np.ptp(field.x_m)), float(np.ptp(field.y_m))
     panel_in = min(_MAP_WIDTH_IN * width_m / span_m, _MAP_HEIGHT_IN)
     across_in = panel_in * span_m / width_m
-    narrow = across_in < _TITLE_IN
-    title_in = 0.5 if narrow else 0.3
+    titles = [
+        "\n".join(in_lines(one, max(across_in, _LEAST_IN), _PER_IN) for one in map_title(field, i))
+        for i, _ in enumerate(names)
+    ]
+    title_in = 0.1 + 0.2 * max(1 + title.count("\n") for title in titles)
     figure = _new_figure(
         (max(across_in, _LEAST_IN) + 1.6, len(names) * (panel_in + title_in) + 1.5)
     )
@@ -155,14 +162,14 @@ def _map_figure(field: PlateMap) -> Figure:
     for driven, axes in enumerate(panels):
         image = _draw_level(axes, field, driven)
         draw_outlines(axes, plate)
-        axes.set_title(_map_title(field, driven, "\n" if narrow else "; "), loc="left")
+        axes.set_title(titles[driven], loc="left")
         axes.set_ylabel("y (mm)")
     panels[-1].set_xlabel("x along the plate, from its middle (mm)")
     bar = figure.colorbar(image, ax=list(panels), extend="min", aspect=25, pad=0.02)
     bar.set_label("|u| (dB re the panel's largest)")
     bar.ax.axhline(-plate.masking_limit_db, color="black", lw=1.4)
     what = f"displacement at {hertz(field.frequency_hz)}"
-    figure.suptitle(f"{plate.study.name}: {what}; {strip_text(plate)}")
+    _head(figure, plate, what)
     _legend(figure, _map_keys(plate), plate.remark)
     return figure
 
@@ -193,13 +200,6 @@ def _draw_level(axes: Axes, field: PlateMap, driven: int) -> AxesImage:
     return image
 
 
-def _map_title(field: PlateMap, driven: int, between: str) -> str:
-    drive = field.plate.drive
-    largest = metres(field.peak_of(driven)[0]).replace("um", "µm") + drive.per_load(driven)
-    levels = f"{levels_text(field, driven)} re above the actuator".replace(" -", " −")
-    return f"{drive.names[driven]} actuator driven: largest {largest}{between}{levels}"
-
-
 def _map_keys(plate: PlatePreview) -> list[Line2D]:
     from matplotlib.lines import Line2D
 
@@ -210,11 +210,16 @@ def _map_keys(plate: PlatePreview) -> list[Line2D]:
     ]
 
 
+def _head(figure: Figure, plate: PlatePreview, what: str) -> None:
+    words = f"{plate.study.name}: {what}; {strip_text(plate)}"
+    figure.suptitle(in_lines(words, figure.get_figwidth(), _LARGE_PER_IN))
+
+
 def _legend(figure: Figure, keys: Sequence[Artist], remark: str) -> None:
     """Explain the lines below the panels, and say what the displacements rest on."""
     figure.legend(
         handles=keys, loc="outside lower center", ncols=len(keys), frameon=False,
-        title=remark, title_fontsize=8,
+        title=in_lines(remark, figure.get_figwidth(), _SMALL_PER_IN), title_fontsize=8,
     )  # fmt: skip
 
 
@@ -234,7 +239,7 @@ def _band_figure(field: PlateBand) -> Figure:
         _dress(axes, field, largest_m / factor)
         axes.set_title(f"{names[driven]} actuator driven")
     panels[0].set_ylabel(f"|u| ({unit.replace('um', 'µm')}{plate.drive.per_any_load})")
-    figure.suptitle(f"{plate.study.name}: displacement at the fingers; {strip_text(plate)}")
+    _head(figure, plate, "displacement at the fingers")
     _legend(figure, _band_keys(plate), plate.remark)
     return figure
 
@@ -371,7 +376,7 @@ def _still_figure(motion: PlateMotion, unit: str, largest: float) -> tuple[Figur
     fingers.set(xlim=(0.0, end_ms), ylim=(-1.1 * largest, 1.1 * largest))
     fingers.set(xlabel="time (ms)", ylabel=label)
     words = f"{burst_words(plate.study.conditions[0])}; slowed {slowed(motion):g} times"
-    figure.suptitle(f"{plate.study.name}: {words}; {strip_text(plate)}")
+    _head(figure, plate, words)
     lines = [(_OWN, "above the actuator"), (_OTHERS[0], "other finger")]
     keys: list[Artist] = [*outline_keys(), *(_key(what, style) for style, what in lines)]
     keys.append(Patch(color=_DRIVEN, label="while driven"))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import math
+import textwrap
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -130,13 +131,49 @@ def _tell_map(found: Findings, field: PlateMap) -> None:
     drive = field.plate.drive
     ends_mm = (field.x_m[[0, -1]] * 1e3).tolist()
     found.tell("map", f"{hertz(field.frequency_hz)}, x from {ends_mm[0]:g} to {ends_mm[1]:g} mm")
-    found.tell("levels", f"{_LEVELS} of {hertz(field.frequency_hz)}; {_OF_BURST}")
+    levels = f"{_LEVELS} of {hertz(field.frequency_hz)}"
+    found.tell("levels", levels if field.bursts_db else f"{levels}; {_OF_BURST}")
+    if field.bursts_db:
+        limit = f"the limit is -{field.plate.masking_limit_db:g} dB"
+        found.tell(
+            "", f"for the {burst_name(field.plate)}, which decides, as check has it; {limit}"
+        )
     for driven, name in enumerate(drive.names):
         peak_m, x_m, y_m = field.peak_of(driven)
         place = f"x = {x_m * 1e3:.3g}, y = {y_m * 1e3:.3g} mm of the map's grid"
         most = f"at most {metres(peak_m)}{drive.per_load(driven)}, at {place}"
-        told = f"{most}; {levels_text(field, driven)}"
-        found.tell(f"{name} driven", told)
+        burst = "".join(f", burst {decibels(one)}" for one in field.bursts_db[driven : driven + 1])
+        found.tell(f"{name} driven", f"{most}; {levels_text(field, driven)}{burst}")
+
+
+def burst_name(plate: PlatePreview) -> str:
+    """Name the first condition's burst."""
+    first, *others = plate.study.conditions
+    return f"burst of {first.name}" if others else "burst"
+
+
+def map_title(field: PlateMap, driven: int) -> list[str]:
+    """Say above a panel how far the plate moves, and what the other finger gets of it."""
+    plate, levels = field.plate, levels_text(field, driven)
+    largest = f"{metres(field.peak_of(driven)[0])}{plate.drive.per_load(driven)}"
+    name = plate.drive.names[driven]
+    told = [f"{name} actuator driven: largest {largest}; {levels} re above the actuator (tone)"]
+    if driven < len(field.bursts_db):
+        (other,) = plate.others_of(driven)
+        level = f"{plate.places[other]} {decibels(field.bursts_db[driven])}"
+        limit = f"limit -{plate.masking_limit_db:g} dB"
+        told.append(f"{burst_name(plate)}, which decides: {level} (as in check; {limit})")
+    return [one.replace("um", "µm").replace(" -", " −") for one in told]
+
+
+def in_lines(text: str, width_in: float, letters_per_in: float) -> str:
+    r"""Break a text that is too long for a figure.
+
+        >>> in_lines("measured by the paper", 2.0, 7.0)
+        'measured by
+    the paper'
+    """
+    return textwrap.fill(text, int(width_in * letters_per_in))
 
 
 def _tell_motion(found: Findings, field: PlateMotion) -> None:

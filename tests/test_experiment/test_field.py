@@ -167,8 +167,8 @@ def test_without_options_it_is_a_map_at_the_burst_of_the_first_condition(run: Ru
         "map            500 Hz",
         "measured by the paper, at 200 Vpp",
         "loss factor 0.01 assumed",
-        "for a tone of 500 Hz; for the burst: check",
-        "5.25 um, at x = -35, y = 12.5 mm of the map's grid; right finger -90.8 dB",
+        "for a tone of 500 Hz\n               for the burst, which decides, as check has it; the",
+        "5.25 um, at x = -35, y = 12.5 mm of the map's grid; right finger -90.8 dB, burst -23.7 dB",
         "field.png written",
     )
 
