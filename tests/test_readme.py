@@ -128,7 +128,7 @@ def test_its_commands_run_as_they_stand(tmp_path: Path) -> None:
         if done[-1] == "dry-run":
             shutil.move(tmp_path / "dry-run-1", tmp_path / "results")
     of_table = ["cp", "columns", "analyze"]
-    of_plate = ["init", "check", "field", "sed", "run"]
+    of_plate = ["init", "check", "field", "run"]
     assert done == [*of_table, *of_plate, "init", "check", "dry-run", "analyze"]
     told = (
         "analysis/report.html",

@@ -143,7 +143,7 @@ def noise_player(masking: Masking, clock: Clock, *, simulated: bool) -> NoisePla
     clock : Clock
         The machine's.
     simulated : bool
-        Whether the participant is, who hears nothing.
+        Whether the participant is, who hears nothing; so is practice without a device.
 
     Raises
     ------

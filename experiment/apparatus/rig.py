@@ -75,7 +75,14 @@ class Rig:
         return is_emulated(self.settings.driver, self.settings.port, line_settings(self.settings))
 
 
-def assemble(study: Study, *, driver: str | None, port: str | None, simulated: bool) -> Rig:
+def assemble(
+    study: Study,
+    *,
+    driver: str | None,
+    port: str | None,
+    simulated: bool,
+    practice: bool = False,
+) -> Rig:
     """Return the device and the clock of a session.
 
     Parameters
@@ -86,6 +93,8 @@ def assemble(study: Study, *, driver: str | None, port: str | None, simulated: b
         Instead of the study's.
     simulated : bool
         Whether the participant is.
+    practice : bool
+        Whether a person tries it out without a device, and so without noise.
 
     Raises
     ------
@@ -103,7 +112,7 @@ def assemble(study: Study, *, driver: str | None, port: str | None, simulated: b
     settings = chosen_settings(study, driver=driver, port=port)
     if lacking := lacking_of(settings):
         raise StudyError(lacking)
-    if not simulated and (shared := shared_card(study, settings)):
+    if not simulated and not practice and (shared := shared_card(study, settings)):
         raise StudyError(shared)
     real = settings.driver != MOCK or not simulated
     clock = MonotonicClock() if real else VirtualClock()

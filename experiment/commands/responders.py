@@ -33,6 +33,14 @@ def distribution_of(responder: str) -> str | None:
         raise CommandError(f"--responder {error}") from error
 
 
+def _tell_of_practice(study: Study) -> None:
+    """Say what a person who practises without a device does not get."""
+    told = ["no answer is called right or wrong"] * (study.design.practice_trials > 0)
+    told += ["no masking noise is played"] * (study.masking.noise != "none")
+    if told:
+        click.echo(f"Note: practice without a device: {', and '.join(told)}.")
+
+
 @contextlib.contextmanager
 def responder_named(
     name: str,
@@ -42,21 +50,27 @@ def responder_named(
     *,
     requests: Requests,
     stop: StopSignal,
+    practice: bool = False,
 ) -> Iterator[Responder]:
-    """Make a responder and, if it is a context manager, enter it."""
+    """Make a responder and, if it is a context manager, enter it.
+
+    In `practice` without a device nothing moves.
+    """
     if name == "simulated":
         from experiment.session.simulate import simulated_responder
 
         yield simulated_responder(study, plan, clock)
         return
-    from experiment.participant.settings import ResponderSettings
+    if practice:
+        _tell_of_practice(study)
+    from experiment.participant.settings import ResponderSettings, texts_without_device
     from experiment.trial.events import Task
 
     settings = ResponderSettings(
         responses=plan.responses,
         screen=study.screen,
         keys=study.keys,
-        texts=study.shown_texts,
+        texts=texts_without_device(study.shown_texts) if practice else study.shown_texts,
         parts=frozenset(Task(trial, 1).part for trial in plan.trials) | {SessionPart.WARM_UP},
         requests=requests,
         stop=stop,

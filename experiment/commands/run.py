@@ -155,7 +155,7 @@ def run(
             folder = replace(folder, facts=participant_facts(study.participants.columns, facts))
         folder.check_people(study)  # before a window is opened or the operator is asked
         simulated = responder == "simulated"
-        rig = assemble(study, driver=driver, port=port, simulated=simulated)
+        rig = assemble(study, driver=driver, port=port, simulated=simulated, practice=practice)
         _tell_of_driver(study, rig, responder, practice=practice)
         markers = _markers(folder, rig.clock) if lsl else NoMarkers()
         sitting = Sitting(
@@ -176,14 +176,17 @@ def run(
         with (
             _failures(),
             responder_named(
-                responder, study, plan, rig.clock, requests=requests, stop=stop
+                *(responder, study, plan, rig.clock),
+                requests=requests,
+                stop=stop,
+                practice=practice,
             ) as someone,
             display_beside(responder, requests, stop) as display,
         ):
             setting = Setting(
                 device=rig.device,
                 responder=someone,
-                noise=_noise(study, rig.clock, simulated=simulated),
+                noise=_noise(study, rig.clock, simulated=simulated or practice),
                 clock=rig.clock,
                 stop=stop,
                 resume_anyway=resume_anyway,

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Final
 
 from device.installed import RESPONDERS as GROUP
 from device.installed import Installed, lookup
 from experiment.operator.requests import Requests, StopSignal
+from experiment.study.sections.presentation import Texts
 from experiment.terms.responder import RESPONDERS, SessionPart
 
 if TYPE_CHECKING:
-    from experiment.study.sections.presentation import Keys, Screen, Texts
+    from experiment.study.sections.presentation import Keys, Screen
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -43,6 +44,23 @@ class ResponderSettings:
     parts: frozenset[SessionPart] = frozenset(SessionPart)
     requests: Requests = field(default_factory=Requests)
     stop: StopSignal = field(default_factory=StopSignal)
+
+
+def texts_without_device(texts: Texts) -> Texts:
+    """Return what is read where nothing moves: nobody is told whether a guess was right.
+
+    Texts of the study's own stay as they are.
+
+    >>> from experiment.study.read import paper_study
+    >>> texts_without_device(paper_study().texts).practice
+    'Now a few trials for practice. Nothing moves, so no answer is right or wrong.'
+    """
+    return replace(texts, practice=_NOTHING_MOVES) if texts.practice == Texts().practice else texts
+
+
+_NOTHING_MOVES: Final = (
+    "Now a few trials for practice. Nothing moves, so no answer is right or wrong."
+)
 
 
 def own_responder(name: str) -> Installed:

@@ -31,6 +31,11 @@ _WORDS: Final = {
 }
 TOO_EARLY: Final = " (too early)"
 _NOT_COUNTED: Final = {SessionPart.PRACTICE: "practice", SessionPart.WARM_UP: "warm-up"}
+_PLACEMENT: Final = (
+    "Lay one finger of each hand on the plate, above the left and the right actuator, and keep "
+    "them there."
+)
+"""In the place of the default, which speaks of a picture."""
 _ALWAYS_SHOWN: Final = ("welcome", "instructions", "placement", "prompt")
 
 
@@ -68,6 +73,8 @@ class TerminalResponder:
         self._clock = clock
         self._responses = self._answers = settings.responses
         self._texts = settings.texts
+        shown = self._texts.placement
+        self._placement = _PLACEMENT if shown == type(self._texts)().placement else shown
         self._fingers_on = False
         self._asked: AwaitedAnswer | None = None
         self._input = sys.stdin.fileno()
@@ -107,7 +114,7 @@ class TerminalResponder:
         lay = not part.hands_off and not self._fingers_on
         self._fingers_on = not part.hands_off
         told = (
-            *([texts.placement] if lay else []),
+            *([self._placement] if lay else []),
             self._with_keys(getattr(texts, part.value)),
             self._with_keys(texts.prompt_hands_off if part.hands_off else texts.prompt),
         )

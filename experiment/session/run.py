@@ -75,8 +75,9 @@ def run_session(
     hardware_confirmed : bool
         Your word that what docs/hardware.md lists is so; a real device is refused without it.
     practice_without_device : bool
-        Your word that a person only tries it out where the device says that it is emulated;
-        analyses leave such a session out unless they are told otherwise.
+        Your word that a person only tries it out where the device says that it is emulated: no
+        noise is played, and no answer in practice is called right or wrong. Analyses leave such a
+        session out unless they are told otherwise.
     operator : str, optional
         Who runs the session, for its header.
     levels_vpp : tuple of float, optional
@@ -166,7 +167,9 @@ def run_session(
     setting = Setting(
         device=device,
         responder=responder,
-        noise=noise_player(study.masking, clock, simulated=responder.simulated),
+        noise=noise_player(
+            study.masking, clock, simulated=responder.simulated or practice_without_device
+        ),
         clock=clock,
         stop=StopSignal(),
         resume_anyway=resume_anyway,

@@ -80,6 +80,7 @@ class Session:
         )
         self._noise = NoiseWatch(setting.noise, journal)
         self._standing = Standing(plan, study.design, history)
+        self._judges = setting.responder.simulated or not setting.practice
         again = resumed and not self._responder.simulated and _got_used_to_it(history)
         self._state = events.SessionState(
             pending=history.due(warm_up=again),
@@ -297,7 +298,8 @@ class Session:
         self._standing.trial_ends(effect, self._clock.now_s())
 
     def _feedback(self, effect: events.Feedback) -> None:
-        self._participant.feedback(correct=effect.correct)
+        if self._judges:  # where nothing moved no answer of a person is right or wrong
+            self._participant.feedback(correct=effect.correct)
 
     def _rest(self, effect: events.Rest) -> Happening:
         self._note()

@@ -75,6 +75,9 @@ class FakeScreen(Scripted):
         self.log.append(str(part))
         return True
 
+    def feedback(self, *, correct: bool) -> None:
+        self.log.append(f"correct: {correct}")
+
     def pause(self, progress: Progress, *, paused: bool, minimum_s: float) -> bool:
         return not paused
 
@@ -96,7 +99,7 @@ def noise(monkeypatch: pytest.MonkeyPatch) -> FakeNoise:
     card = FakeNoise()
 
     def noise_player(masking: Masking, clock: object, *, simulated: bool) -> FakeNoise:
-        card.calls.append(f"{masking.noise}, simulated {simulated}")
+        card.calls.append(f"{masking.noise}, for nobody {simulated}")
         return card
 
     monkeypatch.setattr("experiment.apparatus.noise.noise_player", noise_player)
@@ -110,7 +113,7 @@ def test_a_simulated_session_says_nobody_was_there(sessions: Sessions, noise: Fa
     assert header["responder"] == "simulated"
     assert {header[key] for key in ("operator", "response_mapping", "screen", "texts")} == {"n/a"}
     assert header["consent_version"] == "2.1"
-    assert noise.calls[0] == "none, simulated True"
+    assert noise.calls[0] == "none, for nobody True"
 
 
 @pytest.mark.slow
@@ -215,10 +218,29 @@ def test_no_window_ends_it_in_one_line_and_nothing_is_begun(
 @pytest.mark.usefixtures("screen")
 def test_the_noise_is_played_to_the_sessions_end(sessions: Sessions, noise: FakeNoise) -> None:
     assert sessions.run("--responder", "screen").exit_code == 0
-    assert noise.calls[:2] == ["none, simulated False", "start"]
+    assert noise.calls[:2] == ["none, for nobody True", "start"]  # practice without a device
     assert noise.calls[-1] == "stop"
     header = sessions.header()
     assert (header["masking_noise_played"], header["noise_level_dba"]) == (True, 62.5)
+
+
+@pytest.mark.usefixtures("screen")
+def test_practice_without_a_device_plays_no_noise_and_judges_no_answer(
+    sessions: Sessions, screen: type[FakeScreen]
+) -> None:
+    card = '[device]\ndriver = "audio"\nport = "card"\nvolts_full_scale = 125\n'
+    text = sessions.text.replace('noise = "none"', 'noise = "pink"') + "practice_trials = 2\n"
+    sessions.write(card + text)  # the noise would be played to the actuators
+    result = sessions.run("--responder", "screen")
+    assert result.exit_code == 0, result.stderr
+    told = "Note: practice without a device: no answer is called right or wrong, and no masking "
+    assert result.stdout.count(told) == 1
+    assert sessions.header()["masking_noise_played"] is False
+    assert {row["noise_ok"] for row in sessions.rows()} == {"n/a"}
+    assert screen.asked.texts.practice.endswith(" Nothing moves, so no answer is right or wrong.")
+    assert "practice" in screen.log
+    assert not [line for line in screen.log if line.startswith("correct")]
+    assert [row["kind"] for row in sessions.rows()].count("practice") == 2
 
 
 @pytest.mark.slow
