@@ -64,7 +64,7 @@ MEANINGS: Final[Mapping[str, Mapping[str, str]]] = MappingProxyType(
         "displacement_basis": {
             "measured": "from a displacement measured at the actuator, by the lab or, on the "
             "paper's own plate, by the paper",
-            "predicted": "from the layers of the actuator",
+            "predicted": "from the layers of the actuator, or assumed equal to the other one's",
         },
         "device_kind": {
             "real": "a device with actuators",

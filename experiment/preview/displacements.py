@@ -8,6 +8,7 @@ from dataclasses import asdict, replace
 from typing import TYPE_CHECKING, Any, Final
 
 from experiment.preview.findings import Findings
+from experiment.preview.plate import ALIKE
 from experiment.study.sources import displacement_source, finger_words
 from experiment.terms.gains import OWN_FINGERS, significant
 from stimuli import ElasticEdge
@@ -50,6 +51,7 @@ def displacement_findings(
         missing = OWN_FINGERS[known.index(None)]
         found.tell("", f"with none of the {missing} actuator, trials.csv has no micrometres, and")
         found.tell("", "simulated people have a threshold in V: docs/plate.md")
+        found.tell("", ALIKE)
     found.tell("", f"{-one.masking_limit_db:g} dB at the other finger is the limit")
     errors = one.patch_errors
     found.note(patch_error=None if errors is None else errors.facts)
@@ -126,6 +128,7 @@ _RESTS_ON: Final = {
     "paper": "from the paper's measurement",
     "measured": "from your measurement",
     "computed": "predicted from its layers",
+    "assumed": "assumed equal to the other's",
 }
 _UNKNOWN: Final = "n/a, its displacement is not stated"
 

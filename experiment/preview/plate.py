@@ -62,7 +62,7 @@ class DriveLevels:
         missing = ", ".join(name for name in self.names if name not in self.unused)
         known = ", ".join(self.unused)
         told = f"no displacement is stated of {missing}, so that of {known} is not used"
-        return f"{told}: docs/plate.md" if known else ""
+        return f"{told}: docs/plate.md; {ALIKE}" if known else ""
 
     def per_load(self, driven: int) -> str:
         """Return what follows the unit of a displacement: the unit of the load, for unit loads."""
@@ -112,6 +112,9 @@ def drive_of(study: Study) -> DriveLevels:
         level_vpp=level_vpp,
     )
 
+
+ALIKE: Final = 'measured_as = "as-left" or "as-right" assumes two like actuators to move alike'
+"""What can be stated where one of two was measured."""
 
 RTOL: Final = 1e-4
 """Relative error wanted of what is shown."""

@@ -165,7 +165,7 @@ def loads_per_volt(
             raise UnusableStudyError(
                 study.name, f"the displacement of the {actuator.label} actuator: {why}"
             ) from error
-        found.append((known.load_per_v, known.basis))
+        found.append((known.load_per_v, "predicted" if actuator.alike else known.basis))
     return found
 
 

@@ -22,6 +22,7 @@ from experiment.study.sections.actuator import (
     MEASURED_KEYS,
     PATCH_KEYS,
     PIEZO_KEYS,
+    Actuator,
     paper_actuators,
 )
 from experiment.study.sections.finger import FINGER_KEYS
@@ -33,7 +34,6 @@ from stimuli.strip.patch import laminate, layer_of
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
-    from experiment.study.sections.actuator import Actuator
     from experiment.study.sections.stimulus import Condition
     from experiment.study.study import Study
     from experiment.terms.gains import ConditionGains
@@ -262,7 +262,12 @@ def displacement_source(study: Study, place: int) -> Source | None:
     key = f"{path}.{MEASURED_KEYS[0]}"
     papers = study.plate.is_as_measured and actuator.is_the_papers
     peak = "peak" if papers else _TAKEN_AS_PEAK
-    at = f"{um:g} um {actuator.measured_as or peak} at {vpp:g} Vpp and {hz:g} Hz"
+    shape = "peak" if actuator.alike else actuator.measured_as or peak
+    at = f"{um:g} um {shape} at {vpp:g} Vpp and {hz:g} Hz"
+    if actuator.alike:
+        other = next(one for one in study.actuators if one.side == actuator.alike)
+        words = f"{at}, not measured: assumed equal to the {actuator.alike} actuator's"
+        return source(key, um, "assumed", f"{words}, {_measured(other)}")
     if papers:
         return source(key, um, "paper", f"{at}, measured by the paper (section III-B)")
     return source(key, um, "measured", f"{at}, {_measured(actuator)}")
@@ -363,6 +368,8 @@ def in_short(source: Source, one: Plate | Actuator) -> str:
         return "measured by the paper"
     if source.origin == "measured":
         return f"measured by {one.measured_by}" if one.measured_by else "your measurement"
+    if isinstance(one, Actuator) and one.alike:
+        return f"assumed equal to the {one.alike} actuator's"
     return "computed"
 
 

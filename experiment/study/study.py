@@ -20,6 +20,7 @@ from experiment.study.sections.actuator import (
     Actuator,
     check_measured,
     displacements_are_known,
+    filled_in,
     paper_actuators,
 )
 from experiment.study.sections.dataset import About, Dataset, Participants
@@ -156,7 +157,7 @@ class Study:
     @field_validator("actuators", mode="before")
     @classmethod
     def _put_on_the_centre_line(cls, tables: Any, info: ValidationInfo) -> Any:
-        """Put every actuator across the middle of the strip that is nowhere else."""
+        """Fill in where every actuator is across the strip, and what is assumed alike of two."""
         if tables is None:
             raise PydanticCustomError(
                 ASKED_FOR,
@@ -166,12 +167,7 @@ class Study:
         if not isinstance(tables, list):
             return tables
         plate = info.data.get("plate", Plate())
-        return [
-            filled(table, y_mm=plate.width_mm / 2)
-            if isinstance(table, dict) and table.get("y_mm") is None
-            else table
-            for table in tables
-        ]
+        return filled_in(tables, plate.width_mm)
 
     @field_validator("actuators", mode="after")
     @classmethod

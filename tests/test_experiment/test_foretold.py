@@ -99,7 +99,8 @@ def test_a_check_and_a_dry_run_say_the_same_of_the_threshold() -> None:
 def test_one_measured_disc_of_two_is_told_by_check_and_by_field() -> None:
     study = study_from_text(LEFT + MEASURED + RIGHT, "study.toml")
     assert drive_of(study).doubt == (
-        "no displacement is stated of right, so that of left is not used: docs/plate.md"
+        "no displacement is stated of right, so that of left is not used: docs/plate.md; "
+        'measured_as = "as-left" or "as-right" assumes two like actuators to move alike'
     )
     assert drive_of(study_from_text(BOTH, "study.toml")).doubt == ""
     assert drive_of(study_from_text(LEFT + RIGHT, "study.toml")).doubt == ""

@@ -23,6 +23,7 @@ from experiment.study.sections.plate import (
 )
 from experiment.study.sections.table import (
     Table,
+    filled,
     is_left_as_it_was,
     refuse_below,
     refuse_incomplete,
@@ -48,6 +49,7 @@ _LEAST_D31_PM_V: Final = 0.5
 """Quartz has about 2, films of polymer 20, ceramics 100 to 300."""
 
 LEAST_FINGER_MM: Final = 1.0
+_ALIKE: Final = {"as-left": "left", "as-right": "right"}
 
 MEASURED_KEYS: Final = ("measured_displacement_um", "measured_at_vpp", "measured_at_hz")
 PIEZO_KEYS: Final = (
@@ -100,9 +102,10 @@ class Actuator:
         le=5000,
         description="at its centre, as measured, no finger on the plate",
     )
-    measured_as: Literal["peak", "peak-to-peak"] | None = Field(
+    measured_as: Literal["peak", "peak-to-peak", "as-left", "as-right"] | None = Field(
         default=None,
-        description="peak is the amplitude, and assumed without it",
+        description="peak is the amplitude, and assumed without it; as-left or as-right: not "
+        "measured, assumed equal to the like actuator there",
     )
     measured_at_vpp: float | None = Field(
         default=None, ge=1e-3, le=1000, description="... with a sine of this level"
@@ -200,6 +203,11 @@ class Actuator:
                 for disc in paper_actuators()
             )
         )
+
+    @property
+    def alike(self) -> str | None:
+        """The side of the actuator whose displacement is assumed of it, which was not measured."""
+        return _ALIKE.get(self.measured_as or "")
 
     @property
     def label(self) -> str:
@@ -324,8 +332,44 @@ def paper_actuators(*, measured: bool = True) -> list[dict[str, Any]]:
     ]
 
 
-def check_measured(plate: Plate, actuators: Iterable[Actuator]) -> None:
+def filled_in(tables: list[Any], width_mm: float) -> list[Any]:
+    """Put every actuator that is nowhere else across the middle; fill in what is assumed alike."""
+    if not all(isinstance(table, dict) for table in tables):
+        return tables
+    of_side, found = {one.get("side"): one for one in tables}, []
+    for table in tables:
+        own = {"y_mm": width_mm / 2} if table.get("y_mm") is None else {}
+        other = of_side.get(_ALIKE.get(str(table.get("measured_as")), ""), {})
+        keys = {key: other.get(key) for key in MEASURED_KEYS if table.get(key) is None}
+        um = keys.get(MEASURED_KEYS[0])
+        if other.get("measured_as") == "peak-to-peak" and isinstance(um, int | float):
+            keys[MEASURED_KEYS[0]] = um / 2
+        found.append(filled(table, **own, **(keys if other else {})) if own or other else table)
+    return found
+
+
+def _check_alike(actuators: tuple[Actuator, ...]) -> None:
+    """Refuse a displacement that is assumed of another actuator than one measured and like it."""
+    for place, one in enumerate(actuators):
+        if one.alike is None:
+            continue
+        other = next(two for two in actuators if two.side == one.alike)
+        named = f"actuator[{place}].measured_as = {one.measured_as}"
+        if other.alike is not None:
+            raise ValueError(f"{named} needs what was measured of the {one.alike} actuator itself")
+        sizes = ("shape", *_SIZES["disc"], *_SIZES["rectangle"])
+        if any(getattr(one, key) != getattr(other, key) for key in sizes):
+            raise ValueError(f"{named} needs actuators of the same shape and size")
+        if one.basis != other.basis or one.measured_by or one.measured_on:
+            raise ValueError(
+                f"{named}: leave out {', '.join(MEASURED_KEYS)}, measured_by and measured_on, "
+                f"which are the {one.alike} actuator's"
+            )
+
+
+def check_measured(plate: Plate, actuators: tuple[Actuator, ...]) -> None:
     """Ask for what was measured on this plate where the paper's numbers are on another one."""
+    _check_alike(actuators)
     if plate.is_as_measured:
         return
     sizes = " and ".join(f"{key} = {mm:g}" for key, mm in PAPER_SIZES.items())
@@ -342,7 +386,7 @@ def check_measured(plate: Plate, actuators: Iterable[Actuator]) -> None:
         )
     for place, actuator in enumerate(actuators):
         papers = plate.is_the_papers and actuator.is_the_papers
-        if papers or _is_nobodys(actuator, MEASURED_KEYS[0]):
+        if papers or (actuator.alike is None and _is_nobodys(actuator, MEASURED_KEYS[0])):
             raise ValueError(
                 f"actuator[{place}].{MEASURED_KEYS[0]} {own}: leave {', '.join(MEASURED_KEYS)} "
                 "out, or state yours with measured_by"
