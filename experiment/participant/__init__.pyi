@@ -1,5 +1,5 @@
 from .screen import ScreenResponder
-from .settings import ResponderSettings, own_responder
+from .settings import ResponderSettings, own_responder, texts_without_device
 from .terminal import TerminalResponder
 from .window import require_window, window_lacks
 
@@ -9,5 +9,6 @@ __all__ = [
     "TerminalResponder",
     "own_responder",
     "require_window",
+    "texts_without_device",
     "window_lacks",
 ]

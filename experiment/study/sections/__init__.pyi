@@ -7,6 +7,7 @@ from .actuator import (
     Actuator,
     check_measured,
     displacements_are_known,
+    filled_in,
     paper_actuators,
 )
 from .dataset import About, Dataset, ParticipantColumn, Participants
@@ -107,6 +108,7 @@ __all__ = [
     "drive_samples",
     "file_keys",
     "filled",
+    "filled_in",
     "instructions_of",
     "is_as_measured",
     "is_papers_plate",
