@@ -167,11 +167,10 @@ def map_title(field: PlateMap, driven: int) -> list[str]:
 
 
 def in_lines(text: str, width_in: float, letters_per_in: float) -> str:
-    r"""Break a text that is too long for a figure.
+    """Break a text that is too long for a figure.
 
-        >>> in_lines("measured by the paper", 2.0, 7.0)
-        'measured by
-    the paper'
+    >>> in_lines("measured by the paper", 2.0, 7.0).splitlines()
+    ['measured by', 'the paper']
     """
     return textwrap.fill(text, int(width_in * letters_per_in))
 
