@@ -1,6 +1,6 @@
 PYTHON := .venv/bin/python
 
-.PHONY: help setup test check long size bench docs
+.PHONY: help setup test lint slow check long size bench docs
 
 help:  ## say what can be made
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*##/\t/' | expand -t 10
@@ -10,16 +10,20 @@ setup:  ## make .venv with everything that development needs
 	.venv/bin/pip install -c constraints.txt -e ".[dev]"
 
 test:  ## the fast lane: tests and doctests in under a minute
-	$(PYTHON) -m pytest
+	$(PYTHON) -m pytest -q -n 2
 
-# tests that start processes run apart from those that fill both processors, and those that play sound one at a time
-check:  ## format, lint, types, import directions, all tests but the long ones
+lint:  ## format, lint, types, import directions
 	$(PYTHON) -m ruff format --check .
 	$(PYTHON) -m ruff check .
 	$(PYTHON) -m mypy stimuli device experiment analysis tactstrip.py tests benchmarks docs/gallery docs/explanation docs/screens docs/_ext firmware/hal/qemu .ci
 	.venv/bin/lint-imports
-	$(PYTHON) -m pytest -q -n 2 -m "not process and not firmware and not long"
+
+# tests that start processes run apart from those that fill both processors, and those that play sound one at a time
+slow:  ## the slower tests: many digits, scripts and pages of docs/, processes
+	$(PYTHON) -m pytest -q -n 2 -m "(slow or gallery) and not process and not firmware and not long"
 	$(PYTHON) -m pytest -q -n 2 --dist loadgroup -m "process and not firmware and not long"
+
+check: lint test slow  ## format, lint, types, import directions, all tests but the long ones
 
 long:  ## calibrations, thousands of kills, fuzzing; TACTSTRIP_LONG=0.1 for a seeded tenth
 	$(PYTHON) -m pytest -n 2 --dist loadgroup -m long
