@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+
 import pytest
 
 pytest_plugins = ("pytester",)
@@ -83,12 +85,25 @@ def test_an_unknown_marker_is_refused(project: pytest.Pytester) -> None:
 
 
 @pytest.mark.slow
-def test_a_test_of_the_fast_lane_that_is_slow_twice_fails(project: pytest.Pytester) -> None:
+def test_a_test_of_the_fast_lane_that_is_slow_twice_fails(
+    project: pytest.Pytester, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(os, "nice", lambda _: 0)
     (project.path / "tests/test_a.py").write_text(SPINS)
     done = project.runpytest_inprocess("-p", "no:cacheprovider")
     done.stdout.fnmatch_lines(["*1.?? s of processor time, twice over 1.0 s: make it faster*"])
     done.assert_outcomes(passed=2, failed=2)
     done.stdout.fnmatch_lines(["*3 slow once*"])
+
+
+@pytest.mark.slow
+def test_in_the_background_no_test_is_timed(
+    project: pytest.Pytester, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(os, "nice", lambda _: 19)
+    (project.path / "tests/test_a.py").write_text(SPINS)
+    done = project.runpytest_inprocess("-p", "no:cacheprovider", "tests/test_a.py", "-k", "always")
+    done.assert_outcomes(passed=1)
 
 
 @pytest.mark.slow
