@@ -54,8 +54,8 @@ DEFINITIONS: Final[Mapping[str, str]] = MappingProxyType(
         "condition_a, condition_b": "of a difference: by how much b lies above a",
         "difference_db, low_db, high_db": "20 log10(threshold b / threshold a), posterior median "
         "and 95 % limits, without the thresholds' priors; n/a where an end is open",
-        "first": "of a difference: the condition that was over before the other began; neither "
-        "where they take turns; in a row 'all' how many participants had which first",
+        "first": "of a difference: the condition that was over before the other began; "
+        "'interleaved' where they take turns; in a row 'all' how many participants had which first",
         "false_alarms, blanks": "blank trials answered left, right or both; blank trials that "
         "count; with _a and _b of the conditions of a difference",
         "felt": "single stimuli answered left, right or both",
@@ -231,8 +231,8 @@ LAPSES: Final = (
 )
 
 LAPSES_OFTEN: Final = (
-    "as have 2 to 43 % of people with 3 % lapses in simulations, most of them where the threshold "
-    "is near the highest level"
+    "as do those of 2 to 43 % of people with 3 % lapses in simulations; such a threshold may be "
+    "reported"
 )
 """The same in half a sentence; measured as docs/statistics.md, section 8, tells."""
 

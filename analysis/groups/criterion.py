@@ -5,6 +5,7 @@ Where "none" can be answered, a threshold moves with the willingness to say "fel
 
 from __future__ import annotations
 
+from collections import defaultdict
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -43,13 +44,11 @@ def with_criterion(
     """
     if differences.empty:
         return differences.assign(**{name: [] for name in BESIDE_COLUMNS})
-    firsts = _spans(trials, numbered=numbered)
+    places = _places(trials, numbered=numbered)
     rows = []
     for (a, b), pair in differences.groupby(["condition_a", "condition_b"], sort=False):
         people = [name for name in pair["participant"] if name != TOTAL]
-        order = {name: _first(firsts, name, (str(a), str(b))) for name in people}
-        if not numbered:
-            order = {name: None if one == MIXED else one for name, one in order.items()}
+        order = {name: _first(places, name, (str(a), str(b)), numbered=numbered) for name in people}
         each = _beside(sensitivity, (str(a), str(b)), people)
         for name in pair["participant"]:
             told = each.get(name, {})
@@ -59,26 +58,31 @@ def with_criterion(
     return pd.concat([differences, beside], axis="columns")
 
 
-def _spans(trials: pd.DataFrame, *, numbered: bool) -> dict[tuple[str, str], tuple[Any, Any]]:
-    """Return the first and last place (session, block, trial) of each participant's conditions."""
+def _places(trials: pd.DataFrame, *, numbered: bool) -> dict[tuple[str, str], set[Any]]:
+    """Return the places (session, block, trial) of each participant's conditions."""
     if trials.empty:
         return {}
     shown = trials[trials["kind"].isin(COUNTED_KINDS) & trials["reason"].eq("")]
     key = ["session", "block", *(["trial"] if numbered else [])]
-    pairs = [*zip(*(shown[name] for name in key), strict=True)]
-    places = shown.assign(place=pd.Series(pairs, index=shown.index, dtype=object))
-    spans = places.groupby(["participant", "condition"], observed=True)["place"].agg(["min", "max"])
-    return {key: (low, high) for key, low, high in spans.itertuples(name=None)}
+    pairs = zip(*(shown[name] for name in key), strict=True)
+    places: dict[tuple[str, str], set[Any]] = defaultdict(set)
+    for person, condition, place in zip(
+        shown["participant"], shown["condition"], pairs, strict=True
+    ):
+        places[person, condition].add(place)
+    return places
 
 
 def _first(
-    spans: dict[tuple[str, str], tuple[Any, Any]], name: str, pair: tuple[str, str]
+    places: dict[tuple[str, str], set[Any]], name: str, pair: tuple[str, str], *, numbered: bool
 ) -> str | None:
-    """Return the condition that ended before the other began."""
-    a, b = (spans.get((name, condition)) for condition in pair)
+    """Return the condition that ended before the other began; None where that is not known."""
+    a, b = (places.get((name, condition)) for condition in pair)
     if a is None or b is None:
         return None
-    return pair[0] if a[1] < b[0] else pair[1] if b[1] < a[0] else MIXED
+    if max(a) < min(b) or max(b) < min(a):
+        return pair[0] if max(a) < min(b) else pair[1]
+    return MIXED if numbered or a.isdisjoint(b) else None
 
 
 def _count(firsts: Iterable[str | None]) -> str | None:

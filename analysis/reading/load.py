@@ -13,6 +13,7 @@ import pandas as pd
 from analysis.axis import Axis, axis_of
 from analysis.reading.batch import InputFile, batches, read_batch
 from analysis.reading.checks import check_together, in_seconds
+from analysis.reading.foreign.conditions import pooled
 from analysis.reading.foreign.counts import read_counted
 from analysis.reading.foreign.form import RowFilter
 from analysis.reading.foreign.table import count_columns
@@ -73,7 +74,8 @@ class LoadedTrials:
     blanks : pandas.DataFrame or None
         The same of its blank presentations.
     changed : tuple of str
-        What was read otherwise than it stands in a table made elsewhere, a sentence each.
+        What was read otherwise than it stands in a table made elsewhere, or was not read though it
+        may tell conditions apart, a sentence each.
     left_out : int
         Rows that a map leaves out.
     numbered : bool
@@ -238,7 +240,7 @@ def read_inputs(
         task="" if columns is None else columns.task,
         altered={str(table.path): table.altered for table in tables if table.altered},
         not_compared=_not_compared(tables) if columns is None else (),
-        changed=changed,
+        changed=(*changed, *pooled(sources, columns)) if columns else changed,
         left_out=unread,
         numbered=numbered,
         side_told=columns is None or "side" not in columns.constant,

@@ -24,6 +24,7 @@ from analysis.results.compared import (
     number_of,
     totals,
 )
+from analysis.results.methods import hit_words
 from analysis.results.methods.misfit import lapses_words
 from analysis.results.rows import none_in_part
 from analysis.thresholds.fit import WITH_THRESHOLD
@@ -82,7 +83,7 @@ def answer(analysis: Analysis) -> Answer:
         ),
         rows=(
             *_threshold_rows(analysis),
-            *difference_rows(analysis),
+            *difference_rows(analysis, either_side=bool(hit_words(analysis))),
             *_blank_rows(analysis),
             *_spread_rows(analysis),
             _left_out_row(analysis),
@@ -348,7 +349,7 @@ def _blank_rows(analysis: Analysis) -> Iterator[tuple[str, str, str]]:
         # Counts made elsewhere do not tell the sides.
         of = f"{row['p'] * row['presented']:.0f} of {row['presented']} blank trials"
         if not math.isnan(row["group_low"]):
-            of += "; interval: mean of people like these"
+            of += "; interval: mean of people like these, with a prior"
         yield f"False alarms{_where(analysis, row.get('condition'), ',')}", _share(row), of
 
 

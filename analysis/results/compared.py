@@ -275,8 +275,11 @@ def _same_alarms(blank: pd.DataFrame, one: Pair) -> tuple[float, str]:
     return same_rates_p(alarms, presented), test
 
 
-def difference_rows(analysis: Analysis) -> Iterator[tuple[str, str, str]]:
-    """Yield the rows of differences and d' of the answer's table."""
+def difference_rows(
+    analysis: Analysis, *, either_side: bool = False
+) -> Iterator[tuple[str, str, str]]:
+    """Yield the rows of differences and d' of the answer's table; whether d' is of either side."""
+    sides = "felt at either side; " if either_side else ""
     for one in pairs_of(analysis.differences):
         name = f"Threshold in {isolated(one.b)} against {isolated(one.a)}"
         first = one.row["first"]
@@ -294,7 +297,7 @@ def difference_rows(analysis: Analysis) -> Iterator[tuple[str, str, str]]:
             yield (
                 name,
                 f"{b:.2f} against {a:.2f}{limits}",
-                f"{of}levels mixed: tells less than thresholds",
+                f"{of}{sides}levels mixed: tells less than thresholds",
             )
 
 

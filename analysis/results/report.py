@@ -312,7 +312,11 @@ def _answers(analysis: Analysis) -> Iterator[Section]:
             cells = [*choice_rows(one, sides=not side)]
             words = ["Value", "Remark"]
             tables.append(Table(caption=caption, header=header, rows=cells, texts=words))
-    told = ["What the answers of every participant tell stands in summary.json under choice."]
+    told = [
+        "What the answers of every participant tell stands in summary.json under choice.",
+        "Where something comes again, p is two-sided, by exchanging answers among equal stimuli.",
+        "No p here is corrected for the number of them.",
+    ]
     if side and not place:
         told.append(f"{one_side_words(side)}, also the figure of answers to each stimulus.")
     yield Section(title="Answers", texts=told, tables=tables)

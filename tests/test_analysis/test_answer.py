@@ -420,8 +420,8 @@ SENTENCES: dict[str, Callable[[re.Match[str], Analysis], None]] = {
     r"(?:the difference is|(?P<several>differences are)) estimated "
     r"(?P<within>within participants )?by (?:a model of its|models of their) own and need not "
     rf"equal the ratios? of the (?:two )?thresholds(?:, here (?P<ratio>{NUMBER}))?": own_model,
-    r'(?P<number>\d+) of (?P<of>\d+) functions? (?:has|have) the status "lapse at bound", as have '
-    r"2 to 43 % of people with .+ near the highest level": lapsing,
+    r"(?P<number>\d+) of (?P<of>\d+) functions? fits? best at the largest lapse rate allowed, 10 % "
+    r'\(status "lapse at bound"\), as do those of 2 to 43 % of people with .+ reported': lapsing,
 }  # fmt: skip
 
 

@@ -137,6 +137,26 @@ def test_the_condition_that_was_over_first_is_named(
     assert found["d_prime_a"].isna().all()
 
 
+@pytest.mark.parametrize(
+    ("places", "first"),
+    [
+        ({"a": [("01", 1), ("01", 3)], "b": [("01", 2)]}, "interleaved"),
+        ({"a": [("01", 1)], "b": [("01", 2), ("02", 1)]}, "a"),
+        ({"a": [("01", 1), ("01", 2)], "b": [("01", 2)]}, None),
+    ],
+)
+def test_of_trials_without_numbers_only_a_shared_block_hides_their_order(
+    places: dict[str, list[tuple[str, int]]], first: str | None
+) -> None:
+    parts = [
+        felt([3], [60.0], condition=name, session=session, block=block)
+        for name, held in places.items() for session, block in held
+    ]  # fmt: skip
+    trials = study(*parts)
+    found = with_criterion(pair("1"), trials, sensitivity_table(trials), numbered=False)
+    assert found["first"].tolist() == [first]
+
+
 def test_the_difference_of_d_prime_has_the_interval_of_a_paired_t_test() -> None:
     people = {"1": (6, 20), "2": (9, 17), "3": (12, 26)}
     parts = [

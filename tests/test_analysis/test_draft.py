@@ -191,8 +191,28 @@ def test_a_column_that_may_be_the_condition_is_offered_and_not_taken(tmp_path: P
     )
     told = draft(put(tmp_path / "t.csv", text))
     assert '# condition = "plate"  # guess: take the first # away to compare steel, wood' in told
-    assert told.count("# condition = ") == 1
+    assert told.count("\n# condition = ") == 1
+    assert '# Note: condition = "plate" compares steel, wood once its # is away; else all' in told
     assert "condition" not in tomllib.loads(told)["columns"]
+
+
+@pytest.mark.parametrize(
+    ("more", "plates"),
+    [("", ("steel", "wood")), ('condition = ""', None), ('condition = "plate"', None)],
+)
+def test_who_takes_no_condition_is_warned_of_those_there_may_be(
+    tmp_path: Path, more: str, plates: tuple[str, str] | None
+) -> None:
+    text = "participant,side,level,response,plate,key\n" + "".join(
+        f"{who},{side},60,{side},{plate},{side}\n"
+        for who in "AB" for plate in ("steel", "wood") for side in ("left", "right")
+    )  # fmt: skip
+    table = put(tmp_path / "t.csv", text)
+    named = f'[columns]\ntrial = ""\nlevel_vpp = "level"\n{more}\n'
+    changed = read_inputs([table], load_column_map(put(tmp_path / "map.toml", named))).changed
+    assert len(changed) == (plates is not None)
+    if plates:
+        assert changed[0].startswith("column plate (steel, wood) is no condition here")
 
 
 def test_a_draft_says_which_rows_are_skipped_and_which_are_blanks(tmp_path: Path) -> None:

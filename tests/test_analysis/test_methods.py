@@ -87,7 +87,7 @@ def test_methods_begin_with_a_short_version_that_stands_alone(tmp_path: Path) ->
     assert details == methods.DETAILS
     assert len(others) >= 5
     assert "[" not in short
-    assert len(re.findall(r"\.(?: |$)", short)) == 8  # sentences
+    assert len(re.findall(r"\.(?: |$)", short)) == 9  # sentences
     for words in (
         "The task was yes/no: a stimulus was detected where the answer was that it was felt.",
         "The false-alarm rate of each participant was estimated from blank (catch) trials.",

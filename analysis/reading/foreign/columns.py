@@ -200,11 +200,12 @@ class ColumnMap:
             Where a column named by the map is missing, a constant contradicts a column of the
             table, a required column has no source, or ``response`` and ``detected`` have one.
         """
-        sources = self._sources(list(table.columns), file)
+        sources = self.sources(list(table.columns), file)
         cells = {ours: table[theirs] for ours, theirs in sources}
         return pd.DataFrame(cells | dict(self.constant), index=table.index, dtype=object)
 
-    def _sources(self, header: list[str], file: str) -> list[tuple[str, str]]:
+    def sources(self, header: list[str], file: str) -> list[tuple[str, str]]:
+        """Return our columns that a table has, each with the table's; raises as `ours` does."""
         named = _named(self)
         for ours, theirs in named.items():
             if theirs not in header:

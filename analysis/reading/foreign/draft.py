@@ -9,15 +9,16 @@ from __future__ import annotations
 import json
 import re
 from collections import Counter
+from functools import partial
 from statistics import median
 from typing import TYPE_CHECKING, Final
 
 from analysis.reading.cells import NOTHING, TRUTHS
 from analysis.reading.checks import MAX_MEDIAN_RT_S
 from analysis.reading.foreign.bids import FILE, STANDS_FOR
-from analysis.reading.foreign.form import RowFilter, foreign_chunks, guessed_encoding, text_format
-from analysis.reading.foreign.sample import NUMBER, Sample, listed, plain, told_of
-from analysis.reading.sources import unreadable
+from analysis.reading.foreign.conditions import MOST_FILES, may_be_conditions
+from analysis.reading.foreign.form import RowFilter, guessed_encoding, text_format
+from analysis.reading.foreign.sample import NUMBER, Sample, listed, plain, sample_of, told_of
 from analysis.reading.text import one_line
 from experiment.terms.record import COLUMNS
 
@@ -61,15 +62,15 @@ _FELT: Final[Mapping[str, str]] = {
     **dict.fromkeys(("true", "yes", "y", "ja", "j", "oui", "o", "1"), "1"),
     **dict.fromkeys(("false", "no", "n", "nein", "non", "0"), "0"),
 }
-_MOST_FILES, _MOST_WORDS, _MOST_CONDITIONS = 40, 12, 6
+_MOST_WORDS: Final = 12
 _BARE: Final = re.compile(r"[A-Za-z0-9_-]+")
 _VOLTS: Final = re.compile("volt|vpp$")
 _UNIT: Final = re.compile(r"[_ .(\[](um|µm|nm|mm|pct|percent)[)\]]?$", re.IGNORECASE)
 _UNITS: Final = {"pct": "%", "percent": "%"}
-_NO_CONDITION: Final = ("date", "time", "expname", "expstart", "psychopyversion", "corrans")
 _NO_TRIAL: Final = re.compile("pract|train|instr|demo|warm|welcome", re.IGNORECASE)
 _BLOCK: Final = re.compile(r"\.thisN$|^(block|run)_?(n|nr|no|num|number|index|id)?$", re.IGNORECASE)
 _FILL: Final = "FILL IN: "
+_OFFERED: Final = "guess: take the first # away to compare "
 NOTE: Final = "# Note: "
 """How a line of a draft begins that says what becomes of rows."""
 _ROWS: Final = ("rows.keep", "rows.skip")
@@ -85,8 +86,9 @@ def map_draft(sources: Sequence[InputTable]) -> tuple[str, list[str]]:
     """
     tasks = list(dict.fromkeys(one.about.get("task-", "") for one in sources))
     chosen = [one for one in sources if one.about.get("task-", "") == tasks[0]]
-    encoding = guessed_encoding([one.path for one in chosen[:_MOST_FILES]])
-    table = _read(chosen[:_MOST_FILES], encoding)
+    encoding = guessed_encoding([one.path for one in chosen[:MOST_FILES]])
+    form = partial(text_format, {"encoding": encoding})
+    table = sample_of(chosen[:MOST_FILES], form, RowFilter())
     more = f" and {len(chosen) - 1} more" if len(chosen) > 1 else ""
     lines = [
         f"# A draft for {one_line(chosen[0].name)}{more}: check each guess, fill in what is empty."
@@ -128,26 +130,10 @@ def _notes(looked_at: Sample, trials: Sample, sections: Mapping[str, list[str]])
             f'{zeros} rows have level 0: blanks, where the answer "none" is right (in a forced '
             "choice [rows.skip] has to leave them out); each counts for its own condition only"
         )
-
-
-def _read(sources: Sequence[InputTable], encoding: str) -> Sample:
-    """Read the first rows of those tables that have the heading of the first."""
-    header: list[str] = []
-    rows: list[list[str]] = []
-    for source in sources:
-        form = text_format({"encoding": encoding}, source.path.suffix)
-        try:
-            with source.path.open("rb") as stream:
-                file = str(source.path)
-                found, chunks = foreign_chunks(
-                    stream, file, form=form, rows=RowFilter(), about=source.about
-                )
-                header = header or found
-                if found == header:
-                    rows += next(chunks)[0][1]
-        except OSError as error:
-            raise unreadable(error, source.path) from None
-    return Sample(header=header, rows=rows)
+    for line in sections["columns"]:
+        key, _, words = line.removeprefix("# ").partition(f"  # {_OFFERED}")
+        if words:
+            yield f"{key} compares {words} once its # is away; else all are analysed together"
 
 
 def _rows(table: Sample, sections: dict[str, list[str]]) -> Sample:
@@ -281,13 +267,9 @@ def _side(
 def _conditions(table: Sample, sections: dict[str, list[str]]) -> None:
     """Offer columns whose words may tell stimuli apart: without one all are one condition."""
     ours = {name for names in _CALLED.values() for name in (table.called(names),) if name}
-    for name in dict.fromkeys(table.header):
-        words = table.words(name)
-        few = 1 < len(words) <= _MOST_CONDITIONS and "" not in words and not name.endswith("-")
-        known = name in ours or plain(name) in _NO_CONDITION
-        if few and min(words.values()) > 1 and not known and not table.numbers(name):
-            told = f"guess: take the first # away to compare {listed([*words])}"
-            sections["columns"].append(f"# {_entry('condition', name, told)}")
+    for name, words in may_be_conditions(table, ours):
+        told = f"{_OFFERED}{listed(words)}"
+        sections["columns"].append(f"# {_entry('condition', name, told)}")
 
 
 def _has_buttons(table: Sample) -> bool:

@@ -9,10 +9,16 @@ from itertools import pairwise
 from typing import TYPE_CHECKING, Final
 
 from analysis.reading.cells import NOTHING
+from analysis.reading.foreign.form import foreign_chunks
+from analysis.reading.sources import unreadable
 from analysis.reading.text import one_line
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Callable, Iterator, Sequence
+
+    from analysis.reading.foreign.form import RowFilter
+    from analysis.reading.sources import InputTable
+    from analysis.reading.text import TextFormat
 
 
 NUMBER: Final = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)([eE][+-]?\d+)?", re.ASCII)
@@ -71,6 +77,30 @@ class Sample:
         """
         places = [self.header.index(one) for one in (*within, name)]
         return len({tuple([row[at] for at in places]) for row in self.rows}) == len(self.rows)
+
+
+def sample_of(
+    sources: Sequence[InputTable], form: Callable[[str], TextFormat], rows: RowFilter
+) -> Sample:
+    """Read the first rows of those tables that have the heading of the first; `form` by suffix."""
+    header: list[str] = []
+    found: list[list[str]] = []
+    for source in sources:
+        try:
+            with source.path.open("rb") as stream:
+                own, chunks = foreign_chunks(
+                    stream,
+                    str(source.path),
+                    form=form(source.path.suffix),
+                    rows=rows,
+                    about=source.about,
+                )
+                header = header or own
+                if own == header:
+                    found += next(chunks)[0][1]
+        except OSError as error:
+            raise unreadable(error, source.path) from None
+    return Sample(header=header, rows=found)
 
 
 def plain(name: str) -> str:

@@ -16,6 +16,7 @@ from analysis.results.figures.composed import (
     Residuals,
     deviance_residuals,
 )
+from analysis.results.methods import is_yes_no
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -140,7 +141,10 @@ def start_words(analysis: Analysis) -> str:
     known = analysis.thresholds["guess_basis"].isin(["blanks", "few blanks"]).any()
     if not known:
         return ""
+    told = "half of the share of blank trials that were answered left or right"
+    if is_yes_no(analysis) or analysis.one_side:
+        told = "the false-alarm rate of the blank trials alone"
     return (
-        " A function starts at the false-alarm rate that the blank trials alone tell, half an "
-        "answer added, and so may lie above the points of the weakest levels."
+        f" A function starts at {told}, half an answer added, and so may lie above the points of "
+        "the weakest levels."
     )

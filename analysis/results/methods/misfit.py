@@ -62,14 +62,17 @@ def lapses_words(thresholds: pd.DataFrame) -> str:
 
     >>> import pandas as pd
     >>> lapses_words(pd.DataFrame({"status": ["ok", "lapse_at_bound", "flat"]}))
-    '1 of 2 functions has the status "lapse at bound"'
+    '1 of 2 functions fits best at the largest lapse rate allowed, 10 % (status "lapse at bound")'
     """
     fitted = thresholds["status"].isin(WITH_THRESHOLD).sum()
     number = thresholds["status"].eq("lapse_at_bound").sum()
     if not number:
         return ""
-    some, have = "" if fitted == 1 else "s", "has" if number == 1 else "have"
-    return f'{number} of {fitted} function{some} {have} the status "lapse at bound"'
+    some, fit = "" if fitted == 1 else "s", "fits" if number == 1 else "fit"
+    return (
+        f"{number} of {fitted} function{some} {fit} best at the largest lapse rate allowed, 10 % "
+        '(status "lapse at bound")'
+    )
 
 
 def _refused(thresholds: pd.DataFrame) -> tuple[pd.Series[Any], list[tuple[float, str, str]]]:

@@ -125,16 +125,17 @@ def guess_words(analysis: Analysis) -> Iterator[str]:
             )
         else:
             few = " (fewer than 20)" if basis == "few blanks" else ""
-            alarms = (
-                "false alarms"
+            blanks = f"b blank (catch) trials{few}"
+            after = (
+                f"a false alarms in a participant's {blanks}"
                 if yes_no or one_side
-                else ("half of the answers left and right, for the function is that of one side,")
+                else f"a participant's {blanks}, a being half the number of those answered left "
+                "or right, because a guess names the right side half of the time"
             )
             yield (
-                "the rate gamma had the distribution Beta(a + 1/2, b - a + 1/2) after a "
-                f"{alarms} in a participant's b blank (catch) trials{few}, with a mean "
-                f"(a + 1/2)/(b + 1) of {value}; a function that is drawn has this mean, of the "
-                "blank trials alone, as its gamma"
+                f"the rate gamma had the distribution Beta(a + 1/2, b - a + 1/2) after {after}, "
+                f"with a mean (a + 1/2)/(b + 1) of {value}; a function that is drawn has this "
+                "mean, of the blank trials alone, as its gamma"
             )
 
 
@@ -149,6 +150,13 @@ def false_alarm_words(analysis: Analysis) -> str:
         for row in rows
     ]
     return f"Blank (catch) trials were answered as if felt in {', in '.join(each)}."
+
+
+def hit_words(analysis: Analysis) -> str:
+    """Say what a hit is to d', where thresholds count something else; else empty text."""
+    if is_yes_no(analysis) or analysis.one_side or analysis.task == FORCED:
+        return ""
+    return ", hits being stimuli answered left, right or both, whatever their side,"
 
 
 def unread_words(analysis: Analysis) -> str:
