@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import TYPE_CHECKING, Final
 
 from analysis.reading.foreign.sample import listed, plain, sample_of
@@ -16,13 +17,15 @@ if TYPE_CHECKING:
 MOST_FILES: Final = 40
 """Files that are looked at, for a guess or a remark."""
 _MOST: Final = 6
+_SIDE: Final = re.compile("left|right")
 _NONE: Final = ("date", "time", "expname", "expstart", "psychopyversion", "corrans")
 
 
 def may_be_conditions(table: Sample, known: Collection[str]) -> Iterator[tuple[str, list[str]]]:
     """Yield columns of a few words, each there twice or more, that are none of the known ones.
 
-    Nor has a known one all of its words, as that of the answers has those of the right answers.
+    Nor has a known one all of its words, as that of the answers has those of the right answers;
+    nor do they only name sides, as files left.wav and right.wav.
     """
     taken = [{*table.words(name)} for name in known if name in table.header]
     for name in dict.fromkeys(table.header):
@@ -30,7 +33,8 @@ def may_be_conditions(table: Sample, known: Collection[str]) -> Iterator[tuple[s
         few = 1 < len(words) <= _MOST and "" not in words and not name.endswith("-")
         if not few or min(words.values()) == 1 or table.numbers(name):
             continue
-        if plain(name) not in _NONE and not any({*words} <= one for one in taken):
+        sides = len({_SIDE.sub("", word.lower()) for word in words}) == 1
+        if plain(name) not in _NONE and not sides and not any({*words} <= one for one in taken):
             yield name, [*words]
 
 
