@@ -24,8 +24,8 @@ from analysis.results.compared import (
     number_of,
     totals,
 )
-from analysis.results.methods import hit_words
 from analysis.results.methods.misfit import lapses_words
+from analysis.results.methods.task import hit_words
 from analysis.results.rows import none_in_part
 from analysis.thresholds.fit import WITH_THRESHOLD
 

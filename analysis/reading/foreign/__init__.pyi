@@ -1,5 +1,6 @@
 from .bids import about, bids_tables, plain_tables
 from .columns import FORCED, YES_NO, ColumnMap, load_column_map
+from .conditions import pooled
 from .counts import read_counted
 from .draft import NOTE, map_draft
 from .form import RowFilter, foreign_chunks
@@ -18,5 +19,6 @@ __all__ = [
     "load_column_map",
     "map_draft",
     "plain_tables",
+    "pooled",
     "read_counted",
 ]
