@@ -72,7 +72,10 @@ def _teller() -> Callable[[float], None]:
     return tell
 
 
-@click.command(cls=_Grouped, epilog="Example: tactstrip power study.toml --people literature")
+@click.command(
+    cls=_Grouped,
+    epilog="Example: tactstrip power study.toml --people literature --participants 12 12",
+)
 @click.argument("study_file", metavar="STUDY", type=click.Path(path_type=Path))
 @click.option(
     "--goal",
