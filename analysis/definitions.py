@@ -188,8 +188,8 @@ CRITERION: Final = (
     "Where false alarms differ, a difference of thresholds may be one of the willingness to answer "
     "(the criterion) and not of what is felt: d' does not depend on it, and stands beside. Here it "
     "is over all levels mixed, surely felt and never felt ones, too, so that it tells less than "
-    "the thresholds: an interval of its difference that holds 0 is no evidence for a change of "
-    "criterion."
+    "the thresholds: an interval of its difference that holds 0 does not show that only the "
+    "criterion changed."
 )
 """What false alarms and d' beside a difference are there for."""
 
@@ -231,14 +231,14 @@ LAPSES: Final = (
 )
 
 LAPSES_OFTEN: Final = (
-    "as do those of 2 to 43 % of people with 3 % lapses in simulations; such a threshold may be "
-    "reported"
+    "which is not rare in people with few lapses; such a threshold may be reported"
 )
-"""The same in half a sentence; measured as docs/statistics.md, section 8, tells."""
+"""The same in half a sentence."""
 
 BLANK_INTERVALS: Final = (
     'To quote: the share of all with the interval under "Group, 95 %", which is of the mean of '
     "people like these and stands in the answer; of one participant the share with that one's "
-    "interval. The {} interval of a row 'all' is narrower, for it ignores that participants differ."
+    "interval. Of few people the upper limit of the group's is mostly its prior's. The {} interval "
+    "of a row 'all' is narrower, for it ignores that participants differ."
 )
 """Which interval of false alarms to report."""

@@ -1,4 +1,4 @@
-from .criterion import MIXED, same_rates_p, with_criterion
+from .criterion import MIXED, rates_apart, same_rates_p, with_criterion
 from .difference import Difference
 from .functions import Function, Line, group_function, person_function
 from .group import (
@@ -34,6 +34,7 @@ __all__ = [
     "group_table",
     "person_function",
     "population_thresholds",
+    "rates_apart",
     "same_rates_p",
     "threshold_on_axis",
     "with_criterion",

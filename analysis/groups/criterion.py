@@ -5,6 +5,7 @@ Where "none" can be answered, a threshold moves with the willingness to say "fel
 
 from __future__ import annotations
 
+import math
 from collections import defaultdict
 from typing import TYPE_CHECKING, Any, Final
 
@@ -174,6 +175,29 @@ def _apart(
         middle = float(b["at"].mean() - a["at"].mean())
     half = t.ppf(LIMITS[1], free) * sum(parts) ** 0.5 if free > 0 else np.nan
     return found | {TOTAL: (middle, float(middle - half), float(middle + half))}
+
+
+def rates_apart(
+    alarms: Sequence[Sequence[int]], blanks: Sequence[Sequence[int]]
+) -> tuple[float, float, float]:
+    """Return by how much false alarms are more frequent in the second condition, with limits.
+
+    The mean over participants of the difference of their shares, with 95 % limits by Student's t:
+    NaN where there is one, or where all differ by the same.
+
+    >>> apart = rates_apart([(1, 3), (2, 2), (0, 1)], [(20, 20)] * 3)
+    >>> [round(one, 3) for one in apart]
+    [0.05, -0.074, 0.174]
+    """
+    from scipy.stats import t
+
+    shares = np.array(alarms) / np.array(blanks)
+    differences = shares[:, 1] - shares[:, 0]
+    middle, number = float(differences.mean()), len(differences)
+    if number < 2 or np.ptp(differences) == 0:  # noqa: PLR2004
+        return middle, math.nan, math.nan
+    half = float(t.ppf(LIMITS[1], number - 1) * differences.std(ddof=1)) / number**0.5
+    return middle, middle - half, middle + half
 
 
 def same_rates_p(alarms: Sequence[Sequence[int]], blanks: Sequence[Sequence[int]]) -> float:

@@ -274,7 +274,7 @@ def _threshold_rows(analysis: Analysis) -> Iterator[tuple[str, str, str]]:
             name = f"Threshold of participant {isolated(row['participant'])}"
             of = _session(analysis, row["participant"], condition)
         trials = number_of(int(people["trials"].sum()), "trial")
-        yield f"{name}{where}", _threshold_words(row), f"{of}, {trials}"
+        yield f"{name}{where}", _threshold_words(row), f"{of}, {trials} with a stimulus"
         without = _unswapped(analysis, condition)
         if number > 1 and without is not None and without["participants"] < number:
             name = f"The same without swapped sides{where}"

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from analysis.axis import times
 from analysis.definitions import TOTAL
-from analysis.groups.criterion import MIXED, same_rates_p
+from analysis.groups.criterion import MIXED, rates_apart, same_rates_p
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -28,7 +28,7 @@ ALPHA: Final = 0.05
 """False alarms differ where the test of the same rates has a smaller p."""
 _LEAST_P: Final = 0.001
 _TOTALS: Final = "Fisher's exact test of the totals"
-NO_EVIDENCE: Final = "that its interval holds 0 is no evidence for a change of criterion"
+NO_EVIDENCE: Final = "its interval holds 0, which does not show that only the criterion changed"
 """Said of thresholds that differ: d' over all levels is the weaker measure."""
 _ISOLATE, _END = "\u2068", "\u2069"
 
@@ -261,6 +261,14 @@ def _unsure_d_prime(one: Pair) -> bool:
 
 def _same_alarms(blank: pd.DataFrame, one: Pair) -> tuple[float, str]:
     """Return p of equal false alarms of people in both conditions, or of totals, and its test."""
+    people, alarms, presented = _alarms(blank, one)
+    return same_rates_p(alarms, presented), "exact test within participants" if people else _TOTALS
+
+
+def _alarms(
+    blank: pd.DataFrame, one: Pair
+) -> tuple[list[str], list[tuple[int, ...]], list[tuple[int, ...]]]:
+    """Return who is in both conditions; false alarms and blanks in each of theirs, or of totals."""
     rows = blank.assign(alarms=(blank["p"] * blank["presented"]).round())
     both = [
         rows[rows["condition"].eq(name)].set_index("participant")[["alarms", "presented"]]
@@ -271,14 +279,26 @@ def _same_alarms(blank: pd.DataFrame, one: Pair) -> tuple[float, str]:
         [tuple(int(table.loc[name, of]) for table in both) for name in people or [TOTAL]]
         for of in ("alarms", "presented")
     )
-    test = "exact test within participants" if people else _TOTALS
-    return same_rates_p(alarms, presented), test
+    return people, alarms, presented
+
+
+def _alarms_row(analysis: Analysis, one: Pair) -> Iterator[tuple[str, str, str]]:
+    """Yield by how much false alarms of the same people differ, where blank trials tell."""
+    told = {row["condition"] for row in totals(analysis) if "condition" in row}
+    if analysis.detected_any is None or not {one.a, one.b} <= told:
+        return
+    people, alarms, presented = _alarms(analysis.blank, one)
+    at, low, high = (100 * x for x in rates_apart(alarms, presented))
+    if people and not math.isnan(low):
+        name = f"False alarms in {isolated(one.b)} against {isolated(one.a)}"
+        of = "mean of participants, by Student's t"
+        yield name, f"{at:+.1f} points ({low:+.1f} to {high:+.1f})", of
 
 
 def difference_rows(
     analysis: Analysis, *, either_side: bool = False
 ) -> Iterator[tuple[str, str, str]]:
-    """Yield the rows of differences and d' of the answer's table; whether d' is of either side."""
+    """Yield the rows of differences in the answer's table; whether d' is of either side."""
     sides = "felt at either side; " if either_side else ""
     for one in pairs_of(analysis.differences):
         name = f"Threshold in {isolated(one.b)} against {isolated(one.a)}"
@@ -299,6 +319,7 @@ def difference_rows(
                 f"{b:.2f} against {a:.2f}{limits}",
                 f"{of}{sides}levels mixed: tells less than thresholds",
             )
+        yield from _alarms_row(analysis, one)
 
 
 def totals(analysis: Analysis) -> Iterator[pd.Series[Any]]:

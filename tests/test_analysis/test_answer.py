@@ -421,7 +421,7 @@ SENTENCES: dict[str, Callable[[re.Match[str], Analysis], None]] = {
     r"(?P<within>within participants )?by (?:a model of its|models of their) own and need not "
     rf"equal the ratios? of the (?:two )?thresholds(?:, here (?P<ratio>{NUMBER}))?": own_model,
     r"(?P<number>\d+) of (?P<of>\d+) functions? fits? best at the largest lapse rate allowed, 10 % "
-    r'\(status "lapse at bound"\), as do those of 2 to 43 % of people with .+ reported': lapsing,
+    r'\(status "lapse at bound".*?\), which is not rare in people with .+ reported': lapsing,
 }  # fmt: skip
 
 
@@ -655,7 +655,7 @@ def test_the_table_of_the_answer_has_the_numbers_of_the_tables(least: Analysis) 
             assert (f"{row['d_prime_b']:.2f} against {row['d_prime_a']:.2f}" in values) == known
         for what, _, of in rows:
             assert what.startswith("d' over all levels, ") == ("levels mixed" in of)
-            if what.startswith("False alarms"):
+            if what.startswith("False alarms") and " against " not in what:
                 assert ("interval: mean of people like these" in of) == (Made(seed).people > 1)
         varied = [row for row in rows if row[0].startswith("The same if answers vary 2.8 times")]
         alone = analysis.groups["participants"].eq(1).any()

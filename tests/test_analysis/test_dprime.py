@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
-from scipy.stats import norm, ttest_1samp, ttest_ind
+from scipy.stats import norm, ttest_1samp, ttest_ind, ttest_rel
 
 from analysis.answers.choice import choices
 from analysis.answers.dprime import (
@@ -17,7 +17,7 @@ from analysis.answers.dprime import (
     sensitivity_table,
     z_of,
 )
-from analysis.groups.criterion import BESIDE_COLUMNS, with_criterion
+from analysis.groups.criterion import BESIDE_COLUMNS, rates_apart, with_criterion
 from tests.test_analysis.shared import felt
 
 
@@ -184,3 +184,11 @@ def test_the_difference_of_d_prime_has_the_interval_of_a_paired_t_test() -> None
     a, b = ([*found.loc[[*people], f"d_prime_{which}"]] for which in "ab")
     welch = ttest_ind(b, a, equal_var=False).confidence_interval(0.95)
     assert apart[columns].tolist() == pytest.approx([*welch])
+
+
+def test_false_alarms_of_the_same_people_differ_as_by_a_paired_t_test() -> None:
+    alarms, blanks = [(1, 4), (0, 0), (6, 5), (2, 7)], [(20, 24), (12, 12), (30, 20), (20, 20)]
+    shares = np.array(alarms) / np.array(blanks)
+    limits = ttest_rel(shares[:, 1], shares[:, 0]).confidence_interval(0.95)
+    assert rates_apart(alarms, blanks)[1:] == pytest.approx([*limits])
+    assert math.isnan(rates_apart([(1, 4)], [(20, 20)])[1])

@@ -63,6 +63,8 @@ _FELT: Final[Mapping[str, str]] = {
     **dict.fromkeys(("false", "no", "n", "nein", "non", "0"), "0"),
 }
 _MOST_WORDS: Final = 12
+_MOST_LEVELS: Final = 20
+_PART: Final = re.compile("[A-Z]?[a-z]+|[A-Z]+")
 _BARE: Final = re.compile(r"[A-Za-z0-9_-]+")
 _VOLTS: Final = re.compile("volt|vpp$")
 _UNIT: Final = re.compile(r"[_ .(\[](um|µm|nm|mm|pct|percent)[)\]]?$", re.IGNORECASE)
@@ -123,7 +125,7 @@ def _notes(looked_at: Sample, trials: Sample, sections: Mapping[str, list[str]])
         kept = [f"[{name}] {line.partition('  # ')[0]}" for name in _ROWS
                 for line in sections.get(name, ())]  # fmt: skip
         yield f"{skipped} of {len(looked_at.rows)} rows are skipped, by {', '.join(kept)}"
-    level = trials.called(_CALLED["level_vpp"])
+    level = _level(trials)
     levels = (level is not None and trials.numbers(level)) or []
     if (zeros := levels.count(0.0)) and min(levels) == 0:
         yield (
@@ -175,7 +177,7 @@ def _columns(table: Sample, sections: dict[str, list[str]]) -> None:
     for ours, names in _CALLED.items():
         if counted and ours in ("trial", "response", "rt_s", "side"):
             continue
-        theirs = table.called(names)
+        theirs = _level(table) if ours == "level_vpp" else table.called(names)
         if ours == "trial":
             _trial(table, sections)
         elif ours == "response":
@@ -186,6 +188,17 @@ def _columns(table: Sample, sections: dict[str, list[str]]) -> None:
             _named(table, ours, theirs, sections)
         else:
             _absent(table, ours, sections)
+
+
+def _level(table: Sample) -> str | None:
+    """Return the column of the level: by its name or, if it has a few numbers, by a part of it."""
+    if named := table.called(_CALLED["level_vpp"]):
+        return named
+    for name in table.header:
+        of_levels = {part.lower() for part in _PART.findall(name)} & {*_LEVELS}
+        if of_levels and 1 < len({*(table.numbers(name) or ())}) <= _MOST_LEVELS:
+            return name
+    return None
 
 
 def _absent(table: Sample, ours: str, sections: dict[str, list[str]]) -> None:
@@ -250,10 +263,10 @@ def _side(
 ) -> None:
     """Guess the side; if not `where` was asked, a yes to a blank trial names none of several."""
     if theirs is None:
-        _put(sections, "constant", "side", "", f"{_FILL}of one place left or right, no threshold "
-             "depends on it; of several [columns] side")  # fmt: skip
+        _put(sections, "constant", "side", "", f"{_FILL}\"left\" will do for a single place, "
+             "nothing depends on it; of several name the column in [columns]")  # fmt: skip
         return
-    level = table.called(_CALLED["level_vpp"])
+    level = _level(table)
     words = [_WORDS.get(plain(word), word) for word in table.words(theirs)]
     places = {word for word in words if word != "none" and word.lower() not in NOTHING}
     blank = "none" in words or (level is not None and 0.0 in (table.numbers(level) or []))

@@ -19,6 +19,7 @@ Every such function is named, however many there are, and how many of so many fa
 chance stands beside: a correction for their number would hide one bad fit among many people.
 """
 _NAMED: Final = 6
+_FEW: Final = 2
 
 
 def misfits(thresholds: pd.DataFrame) -> Iterator[str]:
@@ -51,7 +52,10 @@ def misfit_words(thresholds: pd.DataFrame) -> str:
         return ""
     of = f"{len(fits)} function{'' if len(fits) == 1 else 's'}"
     if not refused:
-        return f"It refused none of {of} at p < {REFUSED_P:g} (smallest p = {_p(fits.min())})."
+        least = thresholds[thresholds["deviance_p"].eq(fits.min())].iloc[0]
+        who = _where(least["participant"], least["condition"], thresholds)
+        smallest = f"smallest p = {_p(fits.min())}, {who}"
+        return f"It refused none of {of} at p < {REFUSED_P:g} ({smallest})."
     return (
         f"It refused {len(refused)} of {of} at p < {REFUSED_P:g} ({_names(refused, thresholds)})."
     )
@@ -61,17 +65,21 @@ def lapses_words(thresholds: pd.DataFrame) -> str:
     """Say how many functions are likeliest at the largest lapse rate; empty text where none is.
 
     >>> import pandas as pd
-    >>> lapses_words(pd.DataFrame({"status": ["ok", "lapse_at_bound", "flat"]}))
-    '1 of 2 functions fits best at the largest lapse rate allowed, 10 % (status "lapse at bound")'
+    >>> table = pd.DataFrame({"status": ["ok", "lapse_at_bound", "flat"], "participant": [*"ABC"]})
+    >>> print(lapses_words(table.assign(condition="main")))
+    1 of 2 functions fits best at the largest lapse rate allowed, 10 % (status "lapse at bound",
+    participant B)
     """
     fitted = thresholds["status"].isin(WITH_THRESHOLD).sum()
-    number = thresholds["status"].eq("lapse_at_bound").sum()
-    if not number:
+    rows = thresholds[thresholds["status"].eq("lapse_at_bound")]
+    if rows.empty:
         return ""
-    some, fit = "" if fitted == 1 else "s", "fits" if number == 1 else "fit"
+    some, fit = "" if fitted == 1 else "s", "fits" if len(rows) == 1 else "fit"
+    who = [_where(one.participant, one.condition, thresholds) for one in rows.itertuples()]
+    named = f", {'; '.join(who)}" if len(who) <= _FEW else ""
     return (
-        f"{number} of {fitted} function{some} {fit} best at the largest lapse rate allowed, 10 % "
-        '(status "lapse at bound")'
+        f"{len(rows)} of {fitted} function{some} {fit} best at the largest lapse rate allowed, "
+        f'10 % (status "lapse at bound"{named})'
     )
 
 
@@ -83,10 +91,14 @@ def _refused(thresholds: pd.DataFrame) -> tuple[pd.Series[Any], list[tuple[float
     return fits, sorted((float(p), str(who), str(condition)) for p, who, condition in names)
 
 
-def _names(refused: list[tuple[float, str, str]], thresholds: pd.DataFrame) -> str:
+def _where(participant: object, condition: object, thresholds: pd.DataFrame) -> str:
     several = len({*thresholds["condition"]}) > 1
+    return f"participant {participant}{f' in condition {condition}' if several else ''}"
+
+
+def _names(refused: list[tuple[float, str, str]], thresholds: pd.DataFrame) -> str:
     told = [
-        f"participant {who}{f' in condition {condition}' if several else ''}, p = {_p(p)}"
+        f"{_where(who, condition, thresholds)}, p = {_p(p)}"
         for p, who, condition in refused[:_NAMED]
     ]
     more = len(refused) - len(told)
