@@ -72,19 +72,23 @@ class Promise:
     @property
     def why_not(self) -> str:
         """Say that no number within the bounds does, and what comes closest."""
+        least, most = self.participants
         searched = {replace(one.point, participants=0) for one in self.answers}
         closest = max(
-            (one for one in self.tried if replace(one.point, participants=0) in searched),
-            key=lambda one: (one.assurance, -one.point.participants),
+            (
+                one
+                for one in self.tried
+                if replace(one.point, participants=0) in searched and one.point.participants <= most
+            ),
+            key=lambda one: (one.assurance, one.point.participants),
         )
-        best = self.levers[0]
-        least, most = self.participants
-        people = f"{least} to {most}" if least < most else f"{most}"
+        best, number = self.levers[0], closest.point.participants
+        people = f"{number} participant{'' if number == 1 else 's'}"
+        if least < most:
+            people += f", the best of {least} to {most}"
         return (
-            f"{self.goal.words}: not in {self.assurance:.0%} of studies with "
-            f"{people} participants, at most in "
-            f"{closest.assurance:.0%}, with {closest.point.participants}; of other designs of "
-            f"{best.after.point.participants} the best: {best.change}, {best.after.assurance:.0%}"
+            f"{self.goal.words}: in {_percent(closest)} of studies with {people}, "
+            f"not in {self.assurance:.0%}; with {best.change} in {_percent(best.after)}"
         )
 
     @property
@@ -120,9 +124,13 @@ def text(promise: Promise) -> str:
     lines += ["", *_table(promise.tried, promise.goal)]
     if promise.levers:
         base = promise.levers[0].before
-        told = f"{base.point.participants} participants ({base.assurance:.0%} reach it)"
-        lines += ["", f"Levers, with {told}, the largest first:"]
-        lines += [f"  {one.change}: {_percent(one.after)}" for one in promise.levers]
+        told = f"{base.point.participants} participants, of whose studies {_percent(base)} reach it"
+        lines += ["", f"Levers, beginning with {told}; the largest first:"]
+        lines += [
+            f"  {one.change}: {_percent(one.after)}"
+            f"{'' if one.shown else ', not told apart from no change'}"
+            for one in promise.levers
+        ]
     lines += ["", "People:", f"  {promise.people.words(promise.goal)}"]
     lines += [f"  {one.key} = {one.value:g} ({one.source})" for one in promise.people.numbers]
     lines += [f"Warning: {one}" for one in promise.people.warnings]

@@ -328,7 +328,8 @@ def test_a_goal_out_of_reach_ends_in_one_line_and_keeps_what_was_tried(tmp_path:
     told = ["--goal", "false-alarms=1%", "--participants", "1", "2", "--seed", "3"]
     done = CliRunner().invoke(power, [str(path), *told])
     assert done.exit_code == 1
-    assert done.stderr.startswith("error: false alarms bounded at 1 % (95 %): not in 80% of")
+    assert done.stderr.startswith("error: false alarms bounded at 1 % (95 %): in 0% (0% to 2%) of ")
+    assert "of studies with 2 participants, the best of 1 to 2, not in 80%; with " in done.stderr
     assert done.stderr.count("\n") == 1
     assert "No number within the bounds" in done.stdout
     assert "    200  0% (0% to 2%)" in done.stdout
