@@ -215,21 +215,17 @@ def _add_pairs(
     starts = np.flatnonzero(np.diff(run[rows], prepend=-1))
     pairs = (codes[rows - 1] * np.int16(_MIRRORED.size) + codes[rows]).astype(np.intp)
     for index, words in enumerate(_packed_counts()):
-        told = np.add.reduceat(words[pairs], starts, axis=0)
-        of, firsts, seconds, again = (
-            (told >> np.uint64(_BITS * place) & np.uint64(2**_BITS - 1)).astype(np.int64)
-            for place in range(4)
-        )
-        trials = np.maximum(of, 1)
-        found.excess[:, index] += (again - firsts * seconds / trials).sum(axis=0)
-        found.weight[:, index] += (firsts * (of - firsts) / trials).sum(axis=0)
+        told = np.add.reduceat(words.take(pairs, mode="clip"), starts, axis=0).view(np.int64)
+        of, firsts, seconds, again = (told >> _BITS * place & 2**_BITS - 1 for place in range(4))
+        share = firsts / np.maximum(of, 1)
+        found.excess[:, index] += (again - seconds * share).sum(axis=0)
+        found.weight[:, index] += (firsts - firsts * share).sum(axis=0)
+        of, firsts, seconds, again = (one.sum(axis=0) for one in (of, firsts, seconds, again))
         other, yes = firsts - again, seconds - again
         no = of - firsts - yes
         if EFFECTS[index] == "side":  # the same side again is right after right, too
             again, other, yes, no = again + no, other + yes, 0 * yes, 0 * no
-        found.pairs[:, index] += np.stack(
-            [one.sum(axis=0) for one in (again, other, yes, no)], axis=1
-        )
+        found.pairs[:, index] += np.stack([again, other, yes, no], axis=1)
 
 
 @cache
@@ -279,14 +275,18 @@ def following_z(
 
 def _mantel_z(ahead: NDArray[np.float64], detected: Truths, run: Integers) -> float:
     told = np.flatnonzero(~np.isnan(ahead))
-    score = variance = 0.0
-    for places in _by_run(run[told]):
-        if len(places) > 1:
-            hit, away = detected[told[places]], ahead[told[places]]
-            away = away - away.mean()
-            score += float(away @ hit)
-            variance += float(away @ away) * float(hit.var(ddof=1))
-    return score / math.sqrt(variance) if variance > 0 else 0.0
+    if not len(told):
+        return 0.0
+    told = told[np.argsort(run[told], kind="stable")]
+    starts = np.flatnonzero(np.diff(run[told], prepend=run[told[0]] - 1))
+    sizes = np.diff(starts, append=len(told))
+    away, hit = (
+        one - np.repeat(np.add.reduceat(one, starts) / sizes, sizes)
+        for one in (ahead[told], detected[told].astype(float))
+    )
+    free = np.maximum(sizes - 1, 1)
+    variance = np.add.reduceat(away**2, starts) @ (np.add.reduceat(hit**2, starts) / free)
+    return float(away @ hit / math.sqrt(variance)) if variance > 0 else 0.0
 
 
 def _ranks_ahead(levels: NDArray[np.float64], linked: Truths, most: int) -> NDArray[np.float64]:
