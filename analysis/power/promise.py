@@ -128,7 +128,7 @@ def text(promise: Promise) -> str:
         lines += ["", f"Levers, beginning with {told}; the largest first:"]
         lines += [
             f"  {one.change}: {_percent(one.after)}"
-            f"{'' if one.shown else ', not told apart from no change'}"
+            f"{', not told apart from no change' if _by_chance(one) else ''}"
             for one in promise.levers
         ]
     lines += ["", "People:", f"  {promise.people.words(promise.goal)}"]
@@ -222,6 +222,19 @@ def _table(tried: Sequence[Tried], goal: Goal) -> list[str]:
         for one in tried
     ]
     return [f"{first}  median {head}  covered", *rows]
+
+
+def _by_chance(one: Lever) -> bool:
+    """Tell whether so many studies may differ by the gain without a cause, at about 5 %.
+
+    Both have random numbers in common, which makes chance smaller than is reckoned here.
+    """
+    both = (one.before, one.after)
+    shares = [(tried.reached + 1) / (tried.studies + 2) for tried in both]
+    variance = sum(
+        share * (1 - share) / tried.studies for share, tried in zip(shares, both, strict=True)
+    )
+    return abs(one.gain) <= 2 * math.sqrt(variance)
 
 
 def _percent(one: Tried) -> str:

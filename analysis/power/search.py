@@ -50,8 +50,6 @@ _TIMED: Final = 3
 _FEWER: Final = 0.6
 """Of the people of the answer, where levers are tried: at the answer itself little is left."""
 _MORE: Final = 1.5
-_CHANCE_SD: Final = 2.0
-"""Common random numbers make chance smaller than that: who is told a gain can rely on it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -113,16 +111,6 @@ class Lever:
     def gain(self) -> float:
         """More of the studies that reach the goal."""
         return self.after.assurance - self.before.assurance
-
-    @property
-    def shown(self) -> bool:
-        """Whether the gain is more than chance between so many studies gives, by 95 %."""
-        both = (self.before, self.after)
-        shares = [(one.reached + 1) / (one.studies + 2) for one in both]
-        variance = sum(
-            share * (1 - share) / one.studies for share, one in zip(shares, both, strict=True)
-        )
-        return abs(self.gain) > _CHANCE_SD * math.sqrt(variance)
 
 
 @dataclass(slots=True, kw_only=True)
