@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 from dataclasses import asdict, dataclass
-from typing import TYPE_CHECKING, Any, Literal
+from statistics import NormalDist, fmean
+from typing import TYPE_CHECKING, Any, Final, Literal
 
 from experiment.study.origins import ASSUMED, YOURS, stated
 from experiment.study.sections.simulation import CURVE_KEYS, Simulation
@@ -17,6 +18,10 @@ if TYPE_CHECKING:
     from experiment.study.sections.equipment import DeviceSettings
     from experiment.study.study import Study
     from experiment.terms.gains import FingerGains
+
+
+_NEAR_DB: Final = 3.0
+"""Levels that end nearer to the threshold leave a part of the median person's curve untried."""
 
 
 def threshold_vpp(population: Simulation, gains: FingerGains) -> float:
@@ -46,6 +51,7 @@ class MedianThreshold:
     known: float
     unit: str
     known_for: str
+    sigma: float  # width of the median person's psychometric function, log10 units
     levels_vpp: tuple[float, ...]
     highest: tuple[float, str]  # what no level may exceed, Vpp, and the key that says so
 
@@ -71,7 +77,8 @@ class MedianThreshold:
         if self.whose != YOURS[0] and self.unit == "V" and self.peak_um is not None:
             told.append(
                 "It is the paper's, in volts of its own plate: as displacements are known here, "
-                "state simulation.threshold_um instead (docs/model.md, section 4)."
+                "state simulation.threshold_um instead; 'Which levels for a new plate', "
+                "docs/plate.md, tells how."
             )
         if self.levels_lie != "around":
             (highest_vpp, key), beyond = self.highest, ""
@@ -79,7 +86,45 @@ class MedianThreshold:
                 beyond = f", as does {key} = {highest_vpp:g} V"
             expect = "expect an open interval, or only a bound"
             told.append(f"All levels lie {self.levels_lie} that{beyond}: {expect}.")
-        return " ".join(told)
+        return " ".join(told + ([self._barely] if self._barely else []))
+
+    @property
+    def levels_db(self) -> tuple[float, float]:
+        """The lowest and the highest level, in dB re the threshold."""
+        low_db, high_db = (
+            20 * math.log10(one(self.levels_vpp) / self.level_vpp) for one in (min, max)
+        )
+        return low_db, high_db
+
+    @property
+    def _barely(self) -> str:
+        """What levels on both sides tell little of that hardly reach beyond it; or empty."""
+        low_db, high_db = self.levels_db
+        if self.levels_lie != "around":
+            return ""
+        few_below, few_above = -low_db < _NEAR_DB, high_db < _NEAR_DB
+        if not few_below and not few_above:
+            return ""
+        see = "see 'Which levels for a new plate', docs/plate.md."
+        if few_below and few_above:
+            reach = f"from {-low_db:.1f} dB below that to {high_db:.1f} dB above"
+            return f"The levels reach only {reach}, a narrow range for people who differ; {see}"
+        below = sum(one < self.level_vpp for one in self.levels_vpp)
+        count, where = (below, "below") if few_above else (len(self.levels_vpp) - below, "above")
+        end = (
+            f"the highest {high_db:.1f} dB above"
+            if few_above
+            else f"the lowest {-low_db:.1f} dB below"
+        )
+        lie = "lies" if count == 1 else "lie"
+        felt = f"the median person would feel about {self.felt:.0%} of the stimuli"
+        return f"{count} of {len(self.levels_vpp)} levels {lie} {where} that, {end}: {felt}; {see}"
+
+    @property
+    def felt(self) -> float:
+        """How many single stimuli the median person feels, where each level comes as often."""
+        curve = NormalDist(math.log10(self.level_vpp), self.sigma)
+        return fmean(curve.cdf(math.log10(one)) for one in self.levels_vpp)
 
     @property
     def facts(self) -> dict[str, Any]:
@@ -89,6 +134,7 @@ class MedianThreshold:
             "threshold_um": self.peak_um,
             "source": self.whose,
             "levels_lie": self.levels_lie,
+            "levels_db": self.levels_db,
             "highest_vpp": self.highest[0],
         }
 
@@ -113,6 +159,7 @@ def median_threshold(
         known=getattr(people, key),
         unit=unit,
         known_for=people.known_for.words if both else "",
+        sigma=people.sigma,
         levels_vpp=study.design.levels_vpp,
         highest=(study.device if device is None else device).highest,
     )

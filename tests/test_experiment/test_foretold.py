@@ -51,6 +51,7 @@ def test_the_threshold_on_this_plate_is_told_with_who_says_so() -> None:
         "threshold_um": pytest.approx(1.08),
         "source": "yours",
         "levels_lie": "around",
+        "levels_db": pytest.approx((-6.02, 4.44), abs=0.01),
         "highest_vpp": 200.0,
     }
 
@@ -61,7 +62,8 @@ def test_a_threshold_in_volts_has_its_micrometres_where_they_are_known() -> None
     assert "median threshold 100 V, SD" in told(stated + LEFT + RIGHT, HALF).text
     found = median_threshold(study_from_text(stated + BOTH, "study.toml"), KNOWN.fingers())
     assert found.doubt == ""
-    assert "state simulation.threshold_um" in replace(found, whose=ASSUMED[0]).doubt
+    recipe = "state simulation.threshold_um instead; 'Which levels for a new plate', docs/plate.md"
+    assert recipe in replace(found, whose=ASSUMED[0]).doubt
     assert replace(found, whose=ASSUMED[0], peak_um=None).doubt == ""
     both = replace(found, whose=ASSUMED[0], levels_vpp=(1.0, 2.0)).doubt
     assert "threshold_um" in both
@@ -86,6 +88,32 @@ def test_levels_on_one_side_of_the_threshold_and_a_ceiling_below_it_are_told(
     found = told(keys + BOTH).text
     assert ("All levels lie" in found) is (words is not None)
     assert words is None or words in found
+
+
+@pytest.mark.parametrize(
+    ("levels", "words"),
+    [
+        (
+            "[50, 61, 75, 92, 129]",
+            (
+                "4 of 5 levels lie below that, the highest 0.6 dB above: the median person would "
+                "feel about 15% of the stimuli; see 'Which levels for a new plate', docs/plate.md."
+            ),
+        ),
+        ("[60, 169]", "1 of 2 levels lies below that, the highest 3.0 dB above: the median"),
+        ("[90, 160, 200]", "2 of 3 levels lie above that, the lowest 2.5 dB below: the median"),
+        ("[100, 130]", "The levels reach only from 1.6 dB below that to 0.7 dB above, a narrow"),
+        ("[60, 170]", ""),
+    ],
+)
+def test_levels_that_hardly_reach_beyond_the_threshold_are_told_and_are_fit(
+    levels: str, words: str
+) -> None:
+    text = f"[simulation]\nthreshold_um = 1.08\n[design]\nlevels_vpp = {levels}\n{BOTH}"
+    doubt = median_threshold(study_from_text(text, "study.toml"), KNOWN.fingers()).doubt
+    assert doubt.startswith(words)
+    assert bool(doubt) is bool(words)
+    assert "verdict        fit" in told(text).text
 
 
 def test_a_check_and_a_dry_run_say_the_same_of_the_threshold() -> None:
