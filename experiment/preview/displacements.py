@@ -16,6 +16,7 @@ from stimuli.strip.patch import cutoff_factor
 
 if TYPE_CHECKING:
     from experiment.preview.check import ConditionCheck, StudyCheck
+    from experiment.study.origins import Source
     from experiment.study.sections.plate import EdgeBasis
     from experiment.study.study import Study
     from experiment.terms.gains import ConditionGains
@@ -38,7 +39,8 @@ def displacement_findings(
     found = Findings()
     found.tell(
         "displacement",
-        f"peak of the burst over the fingertip's contact area at {level_vpp:g} Vpp, of {of_strip}",
+        f"greatest displacement within the fingertip's contact area, at any time, at "
+        f"{level_vpp:g} Vpp, of {of_strip}",
         level_vpp=level_vpp,
         strip_length_m=strip.length_m,
     )
@@ -93,11 +95,11 @@ def _moved(study: Study, one: ConditionCheck, gains: ConditionGains, column: int
         for at in others
     ]
     source = displacement_source(study, column)
-    words = _UNKNOWN if source is None else _RESTS_ON[source.origin]
+    words = _UNKNOWN if source is None else f"um peak, {_rests_on(source, study, column)}"
     found = Findings()
     found.tell(
         f"  {name}",
-        f"{_micrometres(own_um)}{words}; {'; '.join(told)}",
+        f"{'' if own_um is None else f'{own_um:.3g} '}{words}; {'; '.join(told)}",
         name=name,
         basis=basis,
         source=None if source is None else source.origin,
@@ -124,12 +126,17 @@ def _with_loss(level_of: dict[str, Any] | None) -> str:
 
 _PLASTICS: Final = ("pmma", "polycarbonate")
 
-_RESTS_ON: Final = {
-    "paper": "from the paper's measurement",
-    "measured": "from your measurement",
-    "computed": "predicted from its layers",
-    "assumed": "assumed equal to the other's",
-}
+
+def _rests_on(source: Source, study: Study, place: int) -> str:
+    """Say what the micrometres of the burst are computed from: no burst is the sine measured."""
+    actuator = study.actuators[place]
+    if source.origin == "computed":
+        return "predicted from its layers"
+    what = "the paper's" if source.origin == "paper" else "your"
+    of, alike = (f" of the {actuator.alike} one", ", assumed alike") if actuator.alike else ("", "")
+    return f"computed from {what} measurement{of} at {actuator.measured_at_hz:g} Hz{alike}"
+
+
 _UNKNOWN: Final = "n/a, its displacement is not stated"
 
 

@@ -260,14 +260,18 @@ def displacement_source(study: Study, place: int) -> Source | None:
         )
     um, vpp, hz = (getattr(actuator, key) for key in MEASURED_KEYS)
     key = f"{path}.{MEASURED_KEYS[0]}"
-    papers = study.plate.is_as_measured and actuator.is_the_papers
-    peak = "peak" if papers else _TAKEN_AS_PEAK
-    shape = "peak" if actuator.alike else actuator.measured_as or peak
-    at = f"{um:g} um {shape} at {vpp:g} Vpp and {hz:g} Hz"
-    if actuator.alike:
-        other = next(one for one in study.actuators if one.side == actuator.alike)
+    alike = [one for one in study.actuators if one.side == actuator.alike]
+    (known,) = alike or [actuator]
+    papers = study.plate.is_as_measured and known.is_the_papers
+    what = known.measured_as or ("peak" if papers else _TAKEN_AS_PEAK)
+    own = f"{um:g} um {what}"
+    if what == "peak-to-peak":  # of an actuator assumed alike the value is the peak already
+        peak_um = um if alike else um / 2
+        own = f"{2 * peak_um:g} um {what} ({peak_um:g} um peak)"
+    at = f"{own} at {vpp:g} Vpp and {hz:g} Hz"
+    if alike:
         words = f"{at}, not measured: assumed equal to the {actuator.alike} actuator's"
-        return source(key, um, "assumed", f"{words}, {_measured(other)}")
+        return source(key, um, "assumed", f"{words}, {_measured(known)}")
     if papers:
         return source(key, um, "paper", f"{at}, measured by the paper (section III-B)")
     return source(key, um, "measured", f"{at}, {_measured(actuator)}")

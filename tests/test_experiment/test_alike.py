@@ -43,20 +43,27 @@ def test_the_other_disc_moves_as_the_measured_one() -> None:
 
 def test_of_a_displacement_from_peak_to_peak_half_is_the_others_peak() -> None:
     left = MEASURED.replace('AB"', 'AB"\nmeasured_as = "peak-to-peak"')
-    found = study(left, 'measured_as = "as-left"\n').actuators[1]
-    assert found.measured_displacement_um == 2.5
+    found = study(left, 'measured_as = "as-left"\n')
+    assert found.actuators[1].measured_displacement_um == 2.5
+    said = "5 um peak-to-peak (2.5 um peak) at 100 Vpp and 300 Hz"
+    both = [one for one in study_sources(found) if one.key.endswith("measured_displacement_um")]
+    assert [one.words.split(",")[0] for one in both] == [said, said]
 
 
 def test_no_output_calls_it_measured() -> None:
     sources = {one.key: one for one in study_sources(LIKE_LEFT)}
     one = sources["actuator[1].measured_displacement_um"]
-    told = "5 um peak at 100 Vpp and 300 Hz, not measured: assumed equal to the left actuator's, "
+    peak = "taken as peak (assumed; measured_as says otherwise)"
+    told = (
+        f"5 um {peak} at 100 Vpp and 300 Hz, not measured: assumed equal to the left actuator's, "
+    )
     assert (one.origin, one.words) == ("assumed", f"{told}measured (by: AB; on: not stated)")
     assert sources["actuator[0].measured_displacement_um"].origin == "measured"
     assert "right: assumed equal to the left actuator's" in drive_of(LIKE_LEFT).basis
     text = check_findings(check_study(LIKE_LEFT), "s").text
     assert told in text
-    assert "um, assumed equal to the other's; " in text
+    assert "um peak, computed from your measurement at 300 Hz; " in text
+    assert "um peak, computed from your measurement of the left one at 300 Hz, assumed" in text
 
 
 def test_its_plan_is_read_again() -> None:

@@ -162,7 +162,7 @@ def test_a_displacement_from_peak_to_peak_is_twice_the_amplitude() -> None:
     ]
     assert [one.words.split(",")[0] for one in told] == [
         "2.6 um peak at 100 Vpp and 300 Hz",
-        "5.2 um peak-to-peak at 100 Vpp and 300 Hz",
+        "5.2 um peak-to-peak (2.6 um peak) at 100 Vpp and 300 Hz",
     ]
     assert [one.origin for one in told] == ["paper", "measured"]
 
