@@ -120,6 +120,10 @@ _CONDITIONS: Final = """\
 # name = "two-cycles"
 # cycles = 2
 """
+_ALIKE: Final = """\
+# measured_as = "as-left"              # not measured, assumed equal to the left one
+"""
+_SIZES: Final = ("shape", "diameter_mm", "length_x_mm", "length_y_mm")
 _INIT: Final = (
     "What `tactstrip init` was told, what it left out or commented out although the paper's study "
     "has it, and what it chose by itself, for the sources that the check tells. What it was told "
@@ -157,13 +161,22 @@ def _text(study: Study, preset: str, told: tuple[str, ...]) -> str:
         elif isinstance(table, tuple):
             first, *others = table
             sections.append(_section(f"[[{name}]]", first))
-            sections += [f"[[{name}]]\n{_keys(other, commented=False)}" for other in others]
+            sections += [
+                f"[[{name}]]\n{_keys(other, commented=False)}{_remark(preset, first, other)}"
+                for other in others
+            ]
         else:
             sections.append(
                 _section(f"[{name}]", table, _LEVELS[preset] if name == "design" else "")
             )
     sections.append(_init(study, told, _TRIED if preset == PLATE else ()))
     return "\n".join(sections)
+
+
+def _remark(preset: str, first: object, other: object) -> str:
+    """Offer that the right actuator of a plate moves as the left one, where they are alike."""
+    alike = all(getattr(first, key, None) == getattr(other, key, None) for key in _SIZES)
+    return _ALIKE if alike and preset == PLATE else ""
 
 
 def _init(study: Study, told: tuple[str, ...], tried: tuple[str, ...]) -> str:

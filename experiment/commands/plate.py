@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import re
-from typing import TYPE_CHECKING, Any, Final, get_args
+from typing import TYPE_CHECKING, Any, Final
 
 import click
 
@@ -18,6 +18,11 @@ if TYPE_CHECKING:
     from experiment.study.study import Study
 
 
+# Written out: where they are defined numpy is imported, and --help needs none.
+_MATERIALS: Final = (
+    "aluminium", "steel", "stainless", "brass", "copper", "titanium", "glass", "pmma",
+    "polycarbonate",
+)  # fmt: skip
 _EDGES: Final = ("simply-supported", "clamped", "measured-cutoff")
 # What describes a plate, by the keys of [strip], in the order of the questions: the option, how it
 # is asked for, what its help adds. A range stands with its key alone; a refusal names the option.
@@ -25,7 +30,7 @@ QUESTIONS: Final = {
     "width_mm": ("--width-mm", "Width between the held edges, in mm", ""),
     "thickness_mm": ("--thickness-mm", "Thickness, in mm", ""),
     "length_mm": ("--length-mm", "Length, in mm, or endless", ""),
-    "material": ("--material", "Material", ": steel, aluminium, glass, ..."),
+    "material": ("--material", f"Material: {', '.join(_MATERIALS)}", ""),
     "edge": ("--edge", f"Edges: {', '.join(_EDGES)}", "; elastic is for the file"),
     "measured_cutoff_hz": (
         "--cutoff-hz", "First cut-off as measured, in Hz", "; alone it is the edge, too"
@@ -236,8 +241,6 @@ def completed(given: dict[str, Any]) -> dict[str, Any]:
 
 def _asked(key: str, known: dict[str, Any]) -> Any:
     """Ask for a value until there is one that goes with those before it."""
-    from experiment.study.sections.plate import MaterialName
-
     # how the edges are and where the actuators lie goes only with the whole plate
     later = () if key in _LAST else _LAST
     stated = _ANY_PLATE | {name: value for name, value in known.items() if name not in later}
@@ -253,11 +256,8 @@ def _asked(key: str, known: dict[str, Any]) -> Any:
                 raise click.UsageError(_by_questions(str(error))) from error
         return value
 
-    question = QUESTIONS[key][1]
-    if key == "material":
-        question += f" ({', '.join(get_args(MaterialName))})"
     try:
-        return click.prompt(question, value_proc=checked, err=True)
+        return click.prompt(QUESTIONS[key][1], value_proc=checked, err=True)
     except click.Abort as error:
         raise CommandError("not all was answered; nothing was written") from error
 

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Self
 import pytest
 
 from experiment.study.read import read_study
+from stimuli import MATERIALS
 from tests.test_experiment.sessions import COMMAND
 
 if TYPE_CHECKING:
@@ -111,6 +112,25 @@ def test_two_actuators_lie_where_each_was_put(run: Run) -> None:
     assert (left.side, left.shape, left.x_mm) == ("left", "motor", -30.0)
     assert (left.length_x_mm, left.length_y_mm) == (8.0, 6.0)
     assert (right.shape, right.x_mm, right.diameter_mm) == ("disc", 40.0, 10.0)
+    assert 'as-left"  ' not in Path("study.toml").read_text("utf-8")
+
+
+def test_of_two_like_discs_the_right_one_is_offered_what_was_measured_of_the_left(
+    run: Run,
+) -> None:
+    assert run(*words(HOPELESS | {"--length-mm": "10000", "--material": "pmma"})).exit_code == 0
+    text = Path("study.toml").read_text("utf-8")
+    right = text.rpartition("[[actuator]]")[2]
+    assert '\n# measured_as = "as-left"  ' in right
+    for key, value in (("displacement_um", 2.9), ("at_vpp", 100), ("at_hz", 200)):
+        text = text.replace(f"# measured_{key} = ", f"measured_{key} = {value} ")
+    Path("study.toml").write_text(text.replace('# measured_as = "', 'measured_as = "'), "utf-8")
+    assert read_study("study.toml").actuators[1].measured_displacement_um == 2.9
+
+
+def test_the_help_lists_every_material_that_a_plate_may_have(run: Run) -> None:
+    told = " ".join(run("init", "--help").stdout.split())
+    assert f"Material: {', '.join(MATERIALS)}." in told
 
 
 def test_off_a_terminal_what_is_missing_is_named(refused: Refused) -> None:
@@ -226,7 +246,7 @@ def test_on_a_terminal_what_is_missing_is_asked_for_until_it_is_right() -> None:
         (b"Thickness, in mm: ", b"0,5"),
         (b"write 0.5, with a point", b"0.5"),
         (b"Length, in mm, or endless: ", b"200"),
-        (b"polycarbonate): ", b"aluminum"),
+        (b"polycarbonate: ", b"aluminum"),
         (b"did you mean aluminium?", b"aluminium"),
         (b"Edges: simply-supported, clamped, measured-cutoff: ", b"measured-cutoff"),
         (b"First cut-off as measured, in Hz: ", b"9000"),
