@@ -386,15 +386,13 @@ def _report(ending: Ending, plan: Plan, unfelt: Path | None = None) -> None:
             f"a last journal line that was cut short was moved to {ending.torn_file}", err=True
         )
     if ending.failure is not None:
-        raise CommandError(
-            f"device: {ending.failure}; go on with --resume", exit_code=DEVICE_FAILED
-        )
-    if not ending.finished:
-        raise CommandError(
-            f"stopped early, {ending.trials_path} holds what is done; go on with --resume",
-            exit_code=STOPPED_EARLY,
-        )
-    click.echo(f"all {len(plan.trials)} trials are answered: {ending.trials_path}")
+        told = f"device: {ending.failure}; go on with --resume"
+        raise CommandError(told, exit_code=DEVICE_FAILED)
+    if ending.finished:
+        click.echo(f"all {len(plan.trials)} trials are answered: {ending.trials_path}")
     if unfelt is not None:
         given = f"{shlex.quote(str(unfelt))} --allow-simulated"
         click.echo(f"nobody felt anything; analyzed all the same: tactstrip analyze {given}")
+    if not ending.finished:
+        told = f"stopped early, {ending.trials_path} holds what is done; go on with --resume"
+        raise CommandError(told, exit_code=STOPPED_EARLY, label="")

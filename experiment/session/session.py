@@ -311,7 +311,8 @@ class Session:
         if called and self._requests.attended:
             self._requests.pause()  # the participant, whom it does not concern, does not end it
         elif called:  # nobody could tell whether the operator goes on or the participant
-            self._tell(f"Stopped: {why}.")
+            on = "" if why.endswith("go on") else "; go on"
+            self._tell(f"Stopped: {why}{on} with --resume.")
             return Event.STOP_ASKED
         minimum_s = 0.0 if effect.paused else self._study.design.minimum_break_s
         progress = self._standing.progress(self._state)

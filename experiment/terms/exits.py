@@ -38,6 +38,8 @@ class CommandError(click.ClickException):
         What is wrong and what to do; shown as one line.
     exit_code : int
         The command's exit code.
+    label : str
+        What the line begins with; empty where a session was stopped as somebody wished.
 
     Examples
     --------
@@ -46,15 +48,16 @@ class CommandError(click.ClickException):
     (2, 'study.toml: no such file')
     """
 
-    def __init__(self, message: str, exit_code: int = BAD_INPUT) -> None:
+    def __init__(self, message: str, exit_code: int = BAD_INPUT, *, label: str = "error: ") -> None:
         super().__init__(" ".join(message.splitlines()))
         # click declares one code per class; `main` reads the instance's
         vars(self)["exit_code"] = exit_code
+        self._label = label
 
     def show(self, file: IO[Any] | None = None) -> None:
         """Write the line, to stderr unless told otherwise; a closed terminal is no new error."""
         with contextlib.suppress(OSError):
-            click.echo(f"error: {self.format_message()}", file=file, err=file is None)
+            click.echo(f"{self._label}{self.format_message()}", file=file, err=file is None)
 
 
 def refusals(command: Callable[_Parameters, _Result]) -> Callable[_Parameters, _Result]:

@@ -171,7 +171,7 @@ def test_where_no_operator_attends_the_session_stops_and_no_key_of_the_participa
         assert not go_on(setting).finished
         assert "pause" not in lab.responder.calls
         assert len(lab.device.emitted) in {0, 3 * sittings}
-    assert told == [f"Stopped: {TOO_EARLY}."] * 2
+    assert told == [f"Stopped: {TOO_EARLY} with --resume."] * 2
     assert [entry.facts for entry in lab.entries("pause")] == [{"operator_called": TOO_EARLY}] * 2
     assert lab.resume().finished
 

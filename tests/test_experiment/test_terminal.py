@@ -152,7 +152,7 @@ def test_somebody_alone_who_presses_too_early_cannot_go_on_by_themselves(
             terminal.press(ENTER)
         assert terminal.ended() == 4
         assert b"Stopped: the participant pressed too early too often" in terminal.shown
-        assert b"go on with --resume" in terminal.shown
+        assert b"comes after the vibration, then go on with --resume.\r\n" in terminal.shown
         assert b"Paused" not in terminal.shown
     assert [row["status"] for row in sessions.rows()] == ["voided"] * 3
 
@@ -361,7 +361,11 @@ def test_escape_pauses_and_escape_again_stops_until_a_resume(sessions: Sessions)
         terminal.answer(LEFT, ESCAPE)
         terminal.go_on(b"Paused: 2 of 5", ESCAPE)
         assert terminal.ended() == 4, terminal.shown
-    assert b"--resume" in terminal.shown
+    assert f"tactstrip analyze {sessions.out} --allow-simulated\r\nstopped early, ".encode() in (
+        terminal.shown
+    )
+    assert terminal.shown.endswith(b"go on with --resume\r\n")
+    assert b"error" not in terminal.shown
     with Terminal(sessions, "--resume") as terminal:
         terminal.begin()
         terminal.expect(b"warm-up  ... ?")

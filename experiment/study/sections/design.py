@@ -105,7 +105,8 @@ class Design:
         default=3,
         ge=1,
         le=100,
-        description="so many requeued in a row, or of one trial: a pause for the operator; ours",
+        description="so many requeued in a row, or of one trial: a pause that the operator ends; "
+        "where none attends, as with --responder terminal, the session stops; ours",
     )
 
     @model_validator(mode="before")
