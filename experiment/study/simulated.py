@@ -174,9 +174,9 @@ def people_words(
 
     >>> from experiment.study.read import study_from_text
     >>> from experiment.terms.gains import OWN_FINGER_ONLY
-    >>> text = "simulation = { threshold_vpp = 70 }"
+    >>> text = "simulation = { threshold_vpp = 100 }"
     >>> print(*people_words(study_from_text(text, "study.toml"), OWN_FINGER_ONLY))
-    As the study states: median threshold 70 V, SD between people 1.5 dB.
+    As the study states: median threshold 100 V, SD between people 1.5 dB.
     """
     found = median_threshold(study, gains, device)
     whose = "As the study states" if found.whose == YOURS[0] else "Assumed"

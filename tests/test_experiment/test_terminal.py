@@ -382,6 +382,16 @@ def test_escape_pauses_and_escape_again_stops_until_a_resume(sessions: Sessions)
     assert (statuses.count("ok"), statuses.count("voided")) == (5, 2)
 
 
+def test_a_try_out_that_is_stopped_before_its_first_trial_has_nothing_to_analyze(
+    sessions: Sessions,
+) -> None:
+    with Terminal(sessions, "--seed", "1") as terminal:
+        terminal.go_on(b"Enter goes on", ESCAPE)
+        assert terminal.ended() == 4, terminal.shown
+    assert b"stopped early" in terminal.shown
+    assert b"tactstrip analyze" not in terminal.shown
+
+
 @pytest.mark.parametrize("packets", [(LEFT * 30,), (ESCAPE, b"[D"), (b"\x1b[", b"D")])
 def test_an_arrow_that_arrives_in_pieces_is_no_escape(
     sessions: Sessions, packets: tuple[bytes, ...]

@@ -28,7 +28,7 @@ from stimuli import (
     Strip,
 )
 
-MaterialName = Literal[
+_MaterialName = Literal[
     "aluminium", "steel", "stainless", "brass", "copper", "titanium", "glass", "pmma",
     "polycarbonate",
 ]  # fmt: skip
@@ -141,7 +141,7 @@ class Plate:
         default=None, description='or "endless"; of the paper\'s plate 200'
     )
     thickness_mm: float = Field(default=0.5, ge=0.02, le=50, description="of the bare plate")
-    material: MaterialName | None = Field(default=None, description="or the next three keys")
+    material: _MaterialName | None = Field(default=None, description="or the next three keys")
     youngs_modulus_gpa: Modulus | None = Field(
         default=None, description="of another material, with the next two"
     )
