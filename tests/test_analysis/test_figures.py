@@ -177,16 +177,28 @@ def test_no_letter_of_the_panels_of_people_is_too_small_for_print() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("people", ["a", "ab"])
+@pytest.mark.parametrize(
+    ("sides", "start"),
+    [
+        (("left",), "the false-alarm rate of the blank trials alone, half an answer added"),
+        (("left", "right"), "half of the share of blank trials that were answered left or right"),
+    ],
+)
 def test_the_caption_says_whose_function_it_is_and_where_it_starts(
-    people: str, tmp_path: Path
+    people: str, sides: tuple[str, ...], start: str, tmp_path: Path
 ) -> None:
-    rows = [f"{who},left,{level},{answer}" for who in people for level, answer in GIVEN]
+    rows = [
+        f"{who},{side},{level},{side if answer == 'left' else answer}"
+        for who in people
+        for side in sides
+        for level, answer in GIVEN
+    ]
     rows += [f"{who},none,,{answer}" for who in people for answer in ("none", "left", "none")]
     analysis = analyse(loaded(tmp_path, LEAST + "\n".join(rows)))
     (sheet,) = FIGURES["detection"](analysis)
     of_group = "may lie above or below the points of single people"
     assert (of_group in sheet.caption) is (len(people) > 1)
-    assert "starts at the false-alarm rate that the blank trials" in sheet.caption
+    assert f"A function starts at {start}" in sheet.caption
 
 
 def test_every_page_has_eight_people() -> None:
