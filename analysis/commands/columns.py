@@ -1,7 +1,8 @@
-"""The command ``columns``: a draft of the map of a table made elsewhere."""
+"""The command ``columns``: a draft of the map of tables made elsewhere."""
 
 from __future__ import annotations
 
+import shlex
 from pathlib import Path
 
 import click
@@ -11,7 +12,9 @@ from experiment.terms.exits import CommandError, refusals
 
 
 @click.command(epilog="Example: tactstrip columns table.csv --write map.toml")
-@click.argument("table", metavar="TABLE", type=click.Path(path_type=Path))
+@click.argument(
+    "tables", metavar="TABLE...", nargs=-1, required=True, type=click.Path(path_type=Path)
+)
 @click.option(
     "--write",
     "target",
@@ -20,27 +23,28 @@ from experiment.terms.exits import CommandError, refusals
     help="A new file for analyze --columns MAP.toml.  [default: the terminal]",
 )
 @refusals
-def columns(*, table: Path, target: Path | None) -> None:
-    """Draft the map of a table made elsewhere.
+def columns(*, tables: tuple[Path, ...], target: Path | None) -> None:
+    """Draft the map of tables made elsewhere.
 
-    TABLE is a file, a folder of such or a BIDS data set. What is guessed is called so; what is
-    empty must be filled in before analyze takes the map.
+    TABLE is a file, a folder of such or a BIDS data set; several are all of one form. What is
+    guessed is called so; what is empty must be filled in before analyze takes the map.
     """
     from analysis.reading.foreign.draft import NOTE, map_draft
     from analysis.reading.sources import TABLE, find_sources
 
     if target is not None and (target.exists() or target.is_symlink()):
         raise CommandError(f"--write must be a new file; got {target}, which exists")
-    sources = find_sources([table], foreign=True).tables
+    sources = find_sources([*tables], foreign=True).tables
     if not sources or all(one.path.name == TABLE for one in sources):
-        raise CommandError(f"{table}: a {TABLE} of tactstrip needs no map")
+        raise CommandError(f"{tables[0]}: a {TABLE} of tactstrip needs no map")
     text, blanks = map_draft(sources)
     if target is None:
         click.echo(text, nl=False)
         return
     write_new(target, text.encode(), DISK)
     todo = f"fill in {', '.join(blanks)}, then " if blanks else "check its guesses, then "
+    told = shlex.join(map(str, tables))
     for line in text.splitlines():
         if line.startswith(NOTE):
             click.echo(line.removeprefix(NOTE))
-    click.echo(f"Written to {target}; {todo}tactstrip analyze {table} --columns {target}")
+    click.echo(f"Written to {target}; {todo}tactstrip analyze {told} --columns {target}")

@@ -289,6 +289,13 @@ def test_levels_named_after_volts_are_not_asked_for_their_unit(tmp_path: Path, n
     assert "[axis]" not in told
 
 
+@pytest.mark.parametrize("name", ["driveVpp", "piezo_volts", "Amp left"])
+def test_a_part_of_a_name_tells_the_level_of_a_few_numbers(tmp_path: Path, name: str) -> None:
+    rows = "A,left,60,left\nA,right,80,right\n"
+    told = draft(put(tmp_path / "t.csv", f"participant,side,{name},response\n{rows}"))
+    assert f'level_vpp = "{name}"  # guess; 2 values: 60, 80' in told
+
+
 @pytest.mark.parametrize(
     ("name", "unit"),
     [("amp_um", "um"), ("level_pct", "%"), ("amplitude (nm)", "nm")],
@@ -334,3 +341,16 @@ def test_any_table_has_a_draft_that_is_a_map_or_names_what_it_lacks(
     assert tomllib.loads(text).keys() <= {*KEYS, *SECTIONS}
     with contextlib.suppress(ValueError) if blanks else contextlib.nullcontext():
         load_column_map(put(tmp_path / "m.toml", text))
+
+
+def test_several_files_are_drafted_as_one_map(tmp_path: Path) -> None:
+    tables = [
+        put(tmp_path / f"{who} 1.csv", f"participant,side,level_vpp,response\n{who},left,60,left\n")
+        for who in "ab"
+    ]
+    target = tmp_path / "map.toml"
+    done = run("columns", *tables, "--write", target)
+    assert done.exit_code == 0, done.output
+    assert "# A draft for a 1.csv and 1 more" in target.read_text()
+    assert f"tactstrip analyze '{tables[0]}' '{tables[1]}' --columns" in done.output
+    assert run("analyze", *tables, "--columns", target, "--no-figures").exit_code == 0

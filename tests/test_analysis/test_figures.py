@@ -14,6 +14,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from matplotlib.text import Text
+from scipy.stats import beta
 
 from analysis import level_table
 from analysis.answers.choice import confusion_table
@@ -23,9 +24,9 @@ from analysis.answers.doubts import Doubt
 from analysis.answers.dprime import sensitivity_table
 from analysis.axis import VOLTS, Axis
 from analysis.groups.tables import difference_table, group_table
-from analysis.results.figures.composed import deviance_residuals
+from analysis.results.figures.composed import START, deviance_residuals
 from analysis.results.figures.confusion import draw as draw_confusion
-from analysis.results.figures.curves import person_curves
+from analysis.results.figures.curves import group_curves, person_curves
 from analysis.results.figures.d_prime import sheets as draw_d_prime
 from analysis.results.figures.detection import draw
 from analysis.results.figures.drawing import level_axis, panels, plain, written
@@ -199,6 +200,35 @@ def test_the_caption_says_whose_function_it_is_and_where_it_starts(
     of_group = "may lie above or below the points of single people"
     assert (of_group in sheet.caption) is (len(people) > 1)
     assert f"A function starts at {start}" in sheet.caption
+
+
+@pytest.mark.slow
+def test_the_guess_rate_of_blank_trials_stands_at_the_left_edge(tmp_path: Path) -> None:
+    told = {"a": 1, "b": 6}
+    rows = [f"{who},left,{level},{answer}" for who in told for level, answer in GIVEN]
+    rows += [f"{who},none,,left" for who, number in told.items() for _ in range(number)]
+    rows += [f"{who},none,,none" for who, number in told.items() for _ in range(20 - number)]
+    analysis = analyse(loaded(tmp_path, LEAST + "\n".join(rows)))
+    for who, number in told.items():
+        start = person_curves(analysis, who)["main"].start
+        assert start == pytest.approx(
+            [(number + 0.5) / 21, *beta(number + 0.5, 20.5 - number).ppf([0.025, 0.975])]
+        )
+    (group,) = group_curves(analysis).values()
+    assert group.start is not None
+    assert group.start[0] == pytest.approx((1.5 + 6.5) / 2 / 21)
+    drawn = [tuple(np.ravel(line.get_xydata())) for line in draw(analysis).axes[0].lines]
+    assert (START, group.start[0]) in drawn
+    assert "left edge: mean guess rate (blank trials)" in texts(analysis)
+    (page,) = draw_participants(analysis)
+    assert "left edge: guess rate (blank trials)" in written(page.draw)[1].decode()
+
+
+@pytest.mark.parametrize("forced_choice", [False, True])
+def test_no_guess_rate_is_drawn_where_no_blank_trial_told_it(*, forced_choice: bool) -> None:
+    analysis = data(forced_choice=forced_choice)
+    assert [one.start for one in group_curves(analysis).values()] == [None]
+    assert [one.start for one in person_curves(analysis, "S00").values()] == [None]
 
 
 def test_every_page_has_eight_people() -> None:

@@ -29,6 +29,7 @@ if TYPE_CHECKING:
 
 
 _LEVELS: Final = ("level", "stimlevel", "intensity", "stimintensity", "amplitude", "amp")
+_OF_VOLTS: Final = ("vpp", "volt", "volts", "voltage")
 # What others call our columns, in small letters and digits; the first that a heading has is taken.
 _CALLED: Final[Mapping[str, tuple[str, ...]]] = {
     "participant": (
@@ -195,7 +196,7 @@ def _level(table: Sample) -> str | None:
     if named := table.called(_CALLED["level_vpp"]):
         return named
     for name in table.header:
-        of_levels = {part.lower() for part in _PART.findall(name)} & {*_LEVELS}
+        of_levels = {part.lower() for part in _PART.findall(name)} & {*_LEVELS, *_OF_VOLTS}
         if of_levels and 1 < len({*(table.numbers(name) or ())}) <= _MOST_LEVELS:
             return name
     return None

@@ -41,6 +41,8 @@ _FIRST_ROW, _ROW = 0.15, 0.11
 _TO_RESIDUALS, _RESIDUALS = 0.34, 0.2
 _TOP = 1.06
 _FEW = 2
+START: Final = 0.03
+"""Where along the axes guess rates stand, which have no level."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -75,6 +77,7 @@ class Curve:
     high: Floats
     size: Floats  # of each marker, 1 for the largest
     mark: Mark
+    start: tuple[float, float, float] | None = None  # guess rate of blank trials, its limits or NaN
     function: Function | None = None
     residuals: Residuals | None = None
 
@@ -154,19 +157,26 @@ def draw_panel(
         aside = beside(axes, place, len(curves), 2.5 if small else 4.0)
         _draw_function(axes, curve, wide, 0.2 if len(curves) <= _FEW else 0.1)
         _draw_data(axes, curve, aside, wide, largest=4.0 if small else 6.5)
+        if curve.start is not None:
+            edge = beside(axes, place, len(curves), 2.5 if small else 4.0, edge=True)
+            _draw_start(axes, curve.start, curve.look, edge, wide)
         _draw_mark(axes, curve, -_FIRST_ROW - _ROW * place, wide)
         if curve.residuals is not None:
             _draw_residuals(axes, curve.residuals, curve.look, (aside, wide), foot)
 
 
-def beside(axes: Axes, place: int, of: int, points: float = 4.0) -> Any:
-    """Return where a condition is drawn beside the others, so that none covers another."""
+def beside(axes: Axes, place: int, of: int, points: float = 4.0, *, edge: bool = False) -> Any:
+    """Return where a condition is drawn beside the others, so that none covers another.
+
+    At the left `edge` places along are fractions of the axes, not levels.
+    """
     from matplotlib.transforms import ScaledTranslation
 
     figure = axes.get_figure(root=True)
     assert figure is not None
     shift_in = (place - (of - 1) / 2) * points / 72
-    return axes.transData + ScaledTranslation(shift_in, 0, figure.dpi_scale_trans)
+    along = axes.get_yaxis_transform() if edge else axes.transData
+    return along + ScaledTranslation(shift_in, 0, figure.dpi_scale_trans)
 
 
 def _draw_function(axes: Axes, curve: Curve, wide: float, shade: float) -> None:
@@ -186,6 +196,19 @@ def _draw_data(axes: Axes, curve: Curve, aside: Any, wide: float, *, largest: fl
     axes.scatter(curve.level_vpp, curve.p, s=(largest * curve.size) ** 2, marker=marker,
                  facecolors="white", edgecolors=colour, linewidths=wide, transform=aside,
                  zorder=5)  # fmt: skip
+
+
+def _draw_start(
+    axes: Axes,
+    start: tuple[float, float, float],
+    look: tuple[str, str, Any],
+    edge: Any,
+    wide: float,
+) -> None:
+    """Draw the guess rate filled, left of all levels: no level is 0 on a logarithmic axis."""
+    (colour, marker, _), (rate, low, high) = look, start
+    axes.vlines(START, low, high, color=colour, lw=0.8 * wide, transform=edge, zorder=4)
+    axes.plot(START, rate, color=colour, marker=marker, ms=3 * wide, transform=edge, zorder=5)
 
 
 def _draw_mark(axes: Axes, curve: Curve, place: float, wide: float) -> None:

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from analysis.definitions import LIMITS
 from analysis.groups.functions import Line, group_function, person_function
 from analysis.results.figures.composed import (
     ABOVE,
@@ -29,6 +30,10 @@ if TYPE_CHECKING:
 
 DRAWN = ("ok", "lapse_at_bound")
 """Statuses of tables that tell a whole function; where it rises in one step, its slope is open."""
+OF_BLANKS = ("blanks", "few blanks")
+"""Bases of guess rates that blank trials tell."""
+START_WORDS = "left edge: {}guess rate (blank trials)"
+"""What the key of a figure says of them."""
 
 
 def conditions_of(analysis: Analysis) -> list[str]:
@@ -68,9 +73,31 @@ def person_curves(analysis: Analysis, participant: str) -> dict[str, Curve]:
             residuals = Residuals(level_vpp=levels_vpp, value=value)
         curves[condition] = Curve(
             look=look_of(analysis, condition), level_vpp=levels_vpp, p=p, low=low, high=high,
-            size=_sizes(presented), mark=_mark(row), function=function, residuals=residuals,
+            size=_sizes(presented), mark=_mark(row), start=start_of(analysis, rows[condition]),
+            function=function, residuals=residuals,
         )  # fmt: skip
     return curves
+
+
+def start_of(analysis: Analysis, person: int) -> tuple[float, float, float] | None:
+    """Return the guess rate of a person and its 95 % interval; none where no blank trial tells it.
+
+    The interval is that of the Beta distribution in the fit, docs/statistics.md, section 8.
+    """
+    guess = analysis.people.guesses[person]
+    if guess.basis not in OF_BLANKS or guess.rate.beta is None:
+        return None
+    from scipy.special import betaincinv
+
+    low, high = betaincinv(*guess.rate.beta, LIMITS)
+    return guess.rate.mean, float(low), float(high)
+
+
+def _mean_start(analysis: Analysis, people: list[int]) -> tuple[float, float, float] | None:
+    """Return the mean of the guess rates, without limits; none if blank trials tell not all."""
+    each = [start_of(analysis, person) for person in people]
+    told = [start[0] for start in each if start is not None]
+    return (float(np.mean(told)), np.nan, np.nan) if told and len(told) == len(each) else None
 
 
 def group_curves(analysis: Analysis) -> dict[str, Curve]:
@@ -99,7 +126,8 @@ def group_curves(analysis: Analysis) -> dict[str, Curve]:
             residuals = Residuals(level_vpp=levels_vpp, value=p - at, low=low - at, high=high - at)
         curves[condition] = Curve(
             look=look_of(analysis, condition), level_vpp=levels_vpp, p=p, low=low, high=high,
-            size=_sizes(presented), mark=_mark(row), function=function, residuals=residuals,
+            size=_sizes(presented), mark=_mark(row), start=_mean_start(analysis, people),
+            function=function, residuals=residuals,
         )  # fmt: skip
     return curves
 
@@ -136,15 +164,19 @@ def _mark(row: pd.Series[Any]) -> Mark:
     return Mark(at=at, low=low, high=high, status=status, new=new)
 
 
+def blanks_tell(analysis: Analysis) -> bool:
+    """Tell whether some guess rate is of blank trials."""
+    return bool(analysis.thresholds["guess_basis"].isin(OF_BLANKS).any())
+
+
 def start_words(analysis: Analysis) -> str:
     """Say where a function starts that has its false alarms of blank trials."""
-    known = analysis.thresholds["guess_basis"].isin(["blanks", "few blanks"]).any()
-    if not known:
+    if not blanks_tell(analysis):
         return ""
     told = "half of the share of blank trials that were answered left or right"
     if is_yes_no(analysis) or analysis.one_side:
         told = "the false-alarm rate of the blank trials alone"
     return (
-        f" A function starts at {told}, half an answer added, and so may lie above the points of "
-        "the weakest levels."
+        f" A function starts at {told}, half an answer added (the filled sign at the left edge), "
+        "and so may lie above the points of the weakest levels."
     )

@@ -16,7 +16,13 @@ from analysis.results.figures.composed import (
     name_parts,
     of_means,
 )
-from analysis.results.figures.curves import conditions_of, group_curves, look_of, start_words
+from analysis.results.figures.curves import (
+    START_WORDS,
+    conditions_of,
+    group_curves,
+    look_of,
+    start_words,
+)
 from analysis.results.figures.drawing import Sheet, key, of_people, panels, short
 from analysis.results.methods.misfit import misfit_words
 
@@ -163,6 +169,9 @@ def _explain(axes: Axes, analysis: Analysis, curves: Mapping[str, Curve], *, alo
         )  # fmt: skip
     else:
         axes.plot([], [], ls="", label="no level was given to everybody:\nno mean of participants")
+    if any(curve.start is not None for curve in curves.values()):
+        words = START_WORDS.format("" if alone else "mean ")
+        axes.plot([], [], color=grey, marker=marker, ls="", ms=4.2, label=words)
     if any(curve.function is not None for curve in curves.values()):
         axes.fill_between([], [], color=grey, alpha=0.25, lw=0, label="95 % band of the function")
     if alone:
