@@ -156,7 +156,7 @@ def _times(one: Pair) -> str:
 def own_model_words(analysis: Analysis) -> str:
     """Say why thresholds need not have the ratio that a difference has; empty text without one.
 
-    Of two conditions, the ratio of the groups' thresholds stands beside.
+    Of two conditions, the ratio of the groups' thresholds stands beside where it is another.
     """
     told = [one for one in pairs_of(analysis.differences) if one.row["status"] == "ok"]
     if not told:
@@ -168,14 +168,25 @@ def own_model_words(analysis: Analysis) -> str:
             f"differences are {how} models of their own and need not equal the ratios of the "
             "thresholds"
         )
-    (one,), beside = told, ""
-    at = analysis.groups.set_index("condition")["threshold_vpp"].astype(float).dropna()
-    if one.row["participant"] == TOTAL and {one.a, one.b} <= {*at.index}:
-        beside = f", here {at[one.b] / at[one.a]:.2f}"
+    ratio = _ratio_of_groups(analysis, told[0])
+    beside = f", here {ratio}" if ratio and not _tells(told[0], ratio) else ""
     return (
         f"the difference is {how} a model of its own and need not equal the ratio of the two "
         f"thresholds{beside}"
     )
+
+
+def _ratio_of_groups(analysis: Analysis, one: Pair) -> str:
+    """Return the ratio of the thresholds of two groups, as it is printed; empty without one."""
+    at = analysis.groups.set_index("condition")["threshold_vpp"].astype(float).dropna()
+    if one.row["participant"] != TOTAL or not {one.a, one.b} <= {*at.index}:
+        return ""
+    return f"{at[one.b] / at[one.a]:.2f}"
+
+
+def _tells(one: Pair, ratio: str) -> bool:
+    """Tell whether a difference is printed as that ratio."""
+    return one.apart and _times(one).startswith(f"{ratio} ")
 
 
 def compared(analysis: Analysis) -> Iterator[str]:
@@ -190,7 +201,9 @@ def compared(analysis: Analysis) -> Iterator[str]:
         )
     else:
         yield from (difference_words(one) for one in pairs)
-        if any(one.apart and one.row["status"] == "ok" for one in pairs):
+        told = [one for one in pairs if one.apart and one.row["status"] == "ok"]
+        alike = len(pairs) == 1 and told and _tells(told[0], _ratio_of_groups(analysis, told[0]))
+        if told and not alike:
             yield own_model_words(analysis)
     if len(pairs) > 1:
         yield f"these intervals are not corrected for {len(pairs)} comparisons"

@@ -12,7 +12,7 @@ import pytest
 
 from analysis import ColumnMap, write_analysis
 from analysis.groups.criterion import with_criterion
-from analysis.results.compared import plain
+from analysis.results.compared import compared, own_model_words, plain
 from analysis.results.methods import looked_words, methods_of, misfits
 from analysis.results.summary import versions
 from analysis.results.tables import analyse
@@ -118,6 +118,21 @@ def test_the_test_of_false_alarms_is_in_the_methods_where_the_answer_has_it(tmp_
     assert "a two-sided exact test within participants" in apart
     assert "(p = 1.000 of thumb against palm)" in apart
     assert "estimated within participants by a model of its own and need not equal" in apart
+
+
+def test_the_ratio_of_thresholds_is_told_where_it_is_not_that_of_the_difference(
+    tmp_path: Path,
+) -> None:
+    same = of(tmp_path)
+    table = same.differences.assign(status="ok", difference_db=3.0, low_db=1.0, high_db=5.0)
+    for threshold_vpp, other in ((2.0, False), (1.3, True)):  # 3 dB are 1.41 times
+        found = {"palm": 2.0 / 1.41, "thumb": threshold_vpp}
+        groups = same.groups.assign(threshold_vpp=same.groups["condition"].map(found))
+        analysis = replace(same, differences=table, groups=groups)
+        told = " ".join(compared(analysis))
+        assert ("a model of its own and need not equal the ratio" in told) is other
+        assert ("thresholds, here 0.92" in told) is other
+        assert (", here" in own_model_words(analysis)) is other
 
 
 @pytest.mark.slow
