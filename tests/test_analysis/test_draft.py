@@ -353,4 +353,6 @@ def test_several_files_are_drafted_as_one_map(tmp_path: Path) -> None:
     assert done.exit_code == 0, done.output
     assert "# A draft for a 1.csv and 1 more" in target.read_text()
     assert f"tactstrip analyze '{tables[0]}' '{tables[1]}' --columns" in done.output
-    assert run("analyze", *tables, "--columns", target, "--no-figures").exit_code == 0
+    out = tmp_path / "out"
+    done = run("analyze", *tables, "--columns", target, "--no-figures", "--out", out)
+    assert done.exit_code == 0, done.output

@@ -203,7 +203,7 @@ def meetings(strip: Strip) -> list[float]:
 @pytest.mark.parametrize(
     ("seed", "strips"),
     [
-        pytest.param(34, 10, marks=pytest.mark.slow),
+        pytest.param(34, 4, marks=pytest.mark.slow),
         pytest.param(33, rounds(40), marks=pytest.mark.long),
     ],
 )
