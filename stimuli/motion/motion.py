@@ -16,7 +16,7 @@ from stimuli.field.field import at_rest
 from stimuli.load import DISCS
 from stimuli.motion.modes import AboveFirstModeError, Modes, n_waves, plate_modes
 from stimuli.motion.multiples import upwards
-from stimuli.motion.oscillators import Oscillators, poles
+from stimuli.motion.oscillators import Oscillators, swung
 from stimuli.motion.patches.patched import PatchedModes, has_room, patched_modes
 from stimuli.motion.section import ECHOED, without_far_ends
 from stimuli.motion.standing_waves import Waves, nodes_of, strip_waves, wavenumber_rad_m
@@ -179,21 +179,17 @@ def motion_of(
     sought = lossless, highest_hz, (most or multiple) * reference_hz
     bare = bare_of(*sought, period_m)
     has_loss = springs_lose(strip)
-    found, at_points, of_loads = [], [], []
+    swings = []
     for group, moved, pushed in zip(bare.groups, bare.moved, bare.pushed, strict=True):
         bent = group.squared if has_loss else group.bent
         coupled_hz = _COUPLED * reference_hz if group.squared.size > _FEW else math.inf
-        some, modes, drives = poles(
-            group.squared, bent, strip.material.viscous_time_s, coupled_hz=coupled_hz
-        )
-        found.append(some)
-        at_points.append(moved @ modes)
-        of_loads.append(pushed @ drives.T)
+        viscous_s, rows = strip.material.viscous_time_s, (moved, pushed)
+        swings.append(swung(group.squared, bent, viscous_s, rows, coupled_hz=coupled_hz))
+    found, at_points, of_loads = (
+        np.concatenate(some, axis=-1) for some in zip(*swings, strict=True)
+    )
     oscillators = Oscillators(
-        poles=np.concatenate(found),
-        at_points=np.concatenate(at_points, axis=2),
-        of_loads=np.concatenate(of_loads, axis=2),
-        rest_m=bare.static_m,
+        poles=found, at_points=at_points, of_loads=of_loads, rest_m=bare.static_m
     )
     alone_m = [
         (oscillators.weights(load) / -oscillators.poles).sum(axis=1).real

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
@@ -17,9 +17,7 @@ _UNCOUPLED: Final = 1e-9
 """Loss that two modes exchange, as a part of what they have, below which each is alone."""
 
 
-def poles(
-    squared: Real, bent: Real, viscous_s: float, *, coupled_hz: float = math.inf
-) -> tuple[Complex, Complex, Complex]:
+def poles(squared: Real, bent: Real, viscous_s: float) -> tuple[Complex, Complex, Complex]:
     """Return the poles of modes with loss, and how they move the modes and are driven by them.
 
     Parameters
@@ -30,8 +28,6 @@ def poles(
         The stiffness that has loss: q'' + tau bent q' + squared q = f.
     viscous_s : float
         Relaxation time tau.
-    coupled_hz : float
-        What modes that swing above exchange with others is left out.
 
     Returns
     -------
@@ -49,34 +45,73 @@ def poles(
     >>> bool(np.isclose((modes * np.exp(found * time_s) * drives).real, np.sin(2 * 0.3) / 2))
     True
     """
-    n = squared.size
+    one_each = np.eye(squared.size)
+    found, modes, drives = swung(squared, bent, viscous_s, (one_each, one_each))
+    return found, modes, drives.T
+
+
+def swung(
+    squared: Real,
+    bent: Real,
+    viscous_s: float,
+    rows: tuple[Real, Real],
+    *,
+    coupled_hz: float = math.inf,
+) -> tuple[Complex, Complex, Complex]:
+    """Return the poles, and how they move points and are driven by loads, as `poles` would tell.
+
+    `rows` are the modes at points and under loads, (..., n_modes) each. A mode that exchanges no
+    loss is one pole: no matrix of all modes is made for it. What modes that swing above
+    `coupled_hz` exchange with others is left out.
+    """
+    parts, (moved, pushed) = _parts(squared, bent, viscous_s, coupled_hz), rows
+    return (
+        np.concatenate([part.poles for part in parts]),
+        np.concatenate([part.moving(moved) for part in parts], axis=-1, dtype=np.complex128),
+        np.concatenate([part.driven(pushed) for part in parts], axis=-1, dtype=np.complex128),
+    )
+
+
+class _Part(NamedTuple):
+    """Modes that exchange loss among each other, or all that exchange none."""
+
+    some: NDArray[np.intp]  # numbers of its modes
+    poles: Complex
+    modes: Complex | None  # as `poles` returns them; none where each mode is a pole
+    drives: Complex  # then one of each: (n_poles,)
+
+    def moving(self, rows: Real) -> Real | Complex:
+        """Return how the poles move what all modes move as rows tell: (..., n_poles)."""
+        return rows[..., self.some] if self.modes is None else rows[..., self.some] @ self.modes
+
+    def driven(self, rows: Real) -> Complex:
+        """Return how what drives all modes as rows tell drives the poles: (..., n_poles)."""
+        own = rows[..., self.some]
+        return np.asarray(own * self.drives if self.modes is None else own @ self.drives.T)
+
+
+def _parts(squared: Real, bent: Real, viscous_s: float, coupled_hz: float) -> list[_Part]:
     alone = bent if bent.ndim == 1 else np.diag(bent)
     half = viscous_s * alone / 2
-    swings, exchange = half**2 < squared, np.zeros((n, n), dtype=bool)
+    swings = half**2 < squared
+    lone, exchange = swings, np.zeros((0, 0), dtype=bool)
     if bent.ndim > 1:
         own = np.sqrt(np.maximum(alone, 0.0))
         exchange = np.abs(bent - np.diag(alone)) > _UNCOUPLED * np.multiply.outer(own, own)
         above = swings & (squared > (2 * math.pi * coupled_hz) ** 2)
         exchange[above] = exchange[:, above] = False
-    lone = swings & ~np.any(exchange, axis=0)
+        lone = swings & ~np.any(exchange, axis=0)
     swing = 1j * np.sqrt(squared[lone] - half[lone] ** 2)
-    one_each = np.eye(swing.size, dtype=np.complex128)
-    parts = [(np.flatnonzero(lone), swing - half[lone], one_each, np.diag(1 / swing))]
-    if not np.all(lone):
+    parts = [_Part(np.flatnonzero(lone), swing - half[lone], None, 1 / swing)]
+    others = np.flatnonzero(~lone)
+    if others.size:
         damping = viscous_s * (np.diag(bent) if bent.ndim == 1 else bent)
+        coupled = _connected(exchange, others) if bent.ndim > 1 else [*others[:, np.newaxis]]
         parts += [
-            (some, *_exchanging(squared[some], damping[np.ix_(some, some)]))
-            for some in _connected(exchange, np.flatnonzero(~lone))
+            _Part(some, *_exchanging(squared[some], damping[np.ix_(some, some)]))
+            for some in coupled
         ]
-    # each part has its own modes and nothing of the others'
-    found = np.concatenate([part[1] for part in parts])
-    modes = np.zeros((n, found.size), dtype=np.complex128)
-    drives, first = np.zeros((found.size, n), dtype=np.complex128), 0
-    for some, own, its_modes, its_drives in parts:
-        columns = np.arange(first, first + own.size)
-        modes[np.ix_(some, columns)], drives[np.ix_(columns, some)] = its_modes, its_drives
-        first += own.size
-    return found, modes, drives
+    return parts
 
 
 def _connected(exchange: NDArray[np.bool_], some: NDArray[np.intp]) -> list[NDArray[np.intp]]:

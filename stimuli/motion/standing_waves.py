@@ -55,11 +55,11 @@ class Waves:
         if laplacian:
             bent = self.across.values(points_m[:, 1] / self.across.half_m - 1, 2) @ self.series
             across = bent - self.wavenumbers_rad_m**2 * across
-        angle = points_m[:, :1] * self.wavenumbers_rad_m
-        both = (np.cos, np.sin)
-        return (
-            np.stack([wave(angle) for wave in (both if odd is None else both[odd:][:1])]) * across
-        )
+        # waves that differ across only are equally long
+        lengths, of_each = np.unique(self.wavenumbers_rad_m, return_inverse=True)
+        angle = points_m[:, :1] * lengths
+        some = (np.cos, np.sin) if odd is None else (np.sin if odd else np.cos,)
+        return np.stack([wave(angle)[:, of_each] * across for wave in some])
 
     def level(self, *, odd: bool) -> Waves:
         """Return those that are level at the ends of half the period, even or odd along it.
