@@ -58,6 +58,10 @@ DEFINITIONS: Final[Mapping[str, str]] = MappingProxyType(
         "'interleaved' where they take turns; in a row 'all' how many participants had which first",
         "false_alarms, blanks": "blank trials answered left, right or both; blank trials that "
         "count; with _a and _b of the conditions of a difference",
+        "false_alarm_difference, false_alarm_difference_low, false_alarm_difference_high": "in a "
+        "row 'all' of a difference: false alarms / blanks in b less those in a, mean of the "
+        "participants with blank trials in both, with 95 % limits by Student's t; n/a in other "
+        "rows, and the limits where there is one such participant or all differ by the same",
         "felt": "single stimuli answered left, right or both",
         "d_prime, d_prime_low, d_prime_high": "z(felt) - z(false alarms), with half a trial more "
         "of either kind in each rate, and its 95 % limits; in a row 'all' the mean of the "

@@ -1,4 +1,4 @@
-from .criterion import MIXED, rates_apart, same_rates_p, with_criterion
+from .criterion import MIXED, alarms_of, same_rates_p, with_criterion
 from .difference import Difference
 from .functions import Function, Line, group_function, person_function
 from .group import (
@@ -25,6 +25,7 @@ __all__ = [
     "Line",
     "PeopleTables",
     "PopulationThreshold",
+    "alarms_of",
     "compare_conditions",
     "difference_on_axis",
     "difference_table",
@@ -34,7 +35,6 @@ __all__ = [
     "group_table",
     "person_function",
     "population_thresholds",
-    "rates_apart",
     "same_rates_p",
     "threshold_on_axis",
     "with_criterion",

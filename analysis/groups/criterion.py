@@ -21,9 +21,12 @@ if TYPE_CHECKING:
 
 
 BESIDE_COLUMNS: Final = (
-    "first", "false_alarms_a", "blanks_a", "false_alarms_b", "blanks_b", "d_prime_a", "d_prime_b",
+    "first", "false_alarms_a", "blanks_a", "false_alarms_b", "blanks_b",
+    "false_alarm_difference", "false_alarm_difference_low", "false_alarm_difference_high",
+    "d_prime_a", "d_prime_b",
     "d_prime_difference", "d_prime_difference_low", "d_prime_difference_high",
 )  # fmt: skip
+_ALARMS_APART: Final = BESIDE_COLUMNS[5:8]
 _MOST_EXACT: Final = 10_000
 """Of more false alarms the test is that of the normal distribution."""
 MIXED: Final = "interleaved"
@@ -35,12 +38,14 @@ def with_criterion(
     trials: pd.DataFrame,
     sensitivity: pd.DataFrame,
     *,
+    blank: pd.DataFrame | None = None,
     numbered: bool = True,
 ) -> pd.DataFrame:
     """Return differences with `BESIDE_COLUMNS`, of the same people.
 
     d' is of the levels that were presented in both conditions; in a row `TOTAL` the mean of the
-    participants. It is NaN where `sensitivity`, from `sensitivity_table`, has none. The
+    participants. It is NaN where `sensitivity`, from `sensitivity_table`, has none. By how much
+    false alarms differ is told in the rows `TOTAL`, of the table `blank` from `blank_table`. The
     order within a block is not known of trials that are not `numbered`.
     """
     if differences.empty:
@@ -55,6 +60,7 @@ def with_criterion(
             told = each.get(name, {})
             first = _count(order.values()) if name == TOTAL else order[name]
             rows.append({"first": first} | told)
+        rows[-1] |= _alarms_apart(blank, str(a), str(b))
     beside = pd.DataFrame(rows, columns=list(BESIDE_COLUMNS), index=differences.index)
     return pd.concat([differences, beside], axis="columns")
 
@@ -136,6 +142,31 @@ def _beside(
     for name, of in _apart(*own, paired=bool(people)).items():
         found[name].update(zip(BESIDE_COLUMNS[-3:], of, strict=True))
     return found
+
+
+def _alarms_apart(blank: pd.DataFrame | None, a: str, b: str) -> dict[str, float]:
+    """Return by how much false alarms of people in both conditions differ; empty without any."""
+    if blank is None or not {a, b} <= {*blank.get("condition", ())}:
+        return {}
+    people, alarms, presented = alarms_of(blank, a, b)
+    return dict(zip(_ALARMS_APART, rates_apart(alarms, presented), strict=True)) if people else {}
+
+
+def alarms_of(
+    blank: pd.DataFrame, a: str, b: str
+) -> tuple[list[str], list[tuple[int, ...]], list[tuple[int, ...]]]:
+    """Return who is in both conditions; false alarms and blanks in each of theirs, or of totals."""
+    rows = blank.assign(alarms=(blank["p"] * blank["presented"]).round())
+    both = [
+        rows[rows["condition"].eq(name)].set_index("participant")[["alarms", "presented"]]
+        for name in (a, b)
+    ]
+    people = [name for name in both[0].index if name != TOTAL and name in both[1].index]
+    alarms, presented = (
+        [tuple(int(table.loc[name, of]) for table in both) for name in people or [TOTAL]]
+        for of in ("alarms", "presented")
+    )
+    return people, alarms, presented
 
 
 def _apart(

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from analysis.axis import times
 from analysis.definitions import TOTAL
-from analysis.groups.criterion import MIXED, rates_apart, same_rates_p
+from analysis.groups.criterion import MIXED, alarms_of, same_rates_p
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -274,38 +274,16 @@ def _unsure_d_prime(one: Pair) -> bool:
 
 def _same_alarms(blank: pd.DataFrame, one: Pair) -> tuple[float, str]:
     """Return p of equal false alarms of people in both conditions, or of totals, and its test."""
-    people, alarms, presented = _alarms(blank, one)
+    people, alarms, presented = alarms_of(blank, one.a, one.b)
     return same_rates_p(alarms, presented), "exact test within participants" if people else _TOTALS
 
 
-def _alarms(
-    blank: pd.DataFrame, one: Pair
-) -> tuple[list[str], list[tuple[int, ...]], list[tuple[int, ...]]]:
-    """Return who is in both conditions; false alarms and blanks in each of theirs, or of totals."""
-    rows = blank.assign(alarms=(blank["p"] * blank["presented"]).round())
-    both = [
-        rows[rows["condition"].eq(name)].set_index("participant")[["alarms", "presented"]]
-        for name in (one.a, one.b)
-    ]
-    people = [name for name in both[0].index if name != TOTAL and name in both[1].index]
-    alarms, presented = (
-        [tuple(int(table.loc[name, of]) for table in both) for name in people or [TOTAL]]
-        for of in ("alarms", "presented")
+def alarms_apart(row: pd.Series[Any]) -> str:
+    """Return by how many points false alarms differ, with limits; empty text without limits."""
+    at, low, high = (
+        100 * float(row[f"false_alarm_difference{end}"]) for end in ("", "_low", "_high")
     )
-    return people, alarms, presented
-
-
-def _alarms_row(analysis: Analysis, one: Pair) -> Iterator[tuple[str, str, str]]:
-    """Yield by how much false alarms of the same people differ, where blank trials tell."""
-    told = {row["condition"] for row in totals(analysis) if "condition" in row}
-    if analysis.detected_any is None or not {one.a, one.b} <= told:
-        return
-    people, alarms, presented = _alarms(analysis.blank, one)
-    at, low, high = (100 * x for x in rates_apart(alarms, presented))
-    if people and not math.isnan(low):
-        name = f"False alarms in {isolated(one.b)} against {isolated(one.a)}"
-        of = "mean of participants, by Student's t"
-        yield name, f"{at:+.1f} points ({low:+.1f} to {high:+.1f})", of
+    return "" if math.isnan(low) else f"{at:+.1f} points ({low:+.1f} to {high:+.1f})"
 
 
 def difference_rows(
@@ -332,7 +310,9 @@ def difference_rows(
                 f"{b:.2f} against {a:.2f}{limits}",
                 f"{of}{sides}levels mixed: tells less than thresholds",
             )
-        yield from _alarms_row(analysis, one)
+        if points := alarms_apart(one.row):
+            name = f"False alarms in {isolated(one.b)} against {isolated(one.a)}"
+            yield name, points, "mean of participants, by Student's t"
 
 
 def totals(analysis: Analysis) -> Iterator[pd.Series[Any]]:

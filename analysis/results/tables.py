@@ -257,16 +257,21 @@ def analyse(
     people, doubts = people_in(loaded, cells), tuple(doubts_of(loaded))
     thresholds = thresholds_of(people, seed=seed, axis=loaded.axis)
     sensitivity = sensitivity_table(trials)
+    blank, detected_any = detection.blank_table(trials, ci, loaded.blanks), _detected_any(loaded)
     return Analysis(
         levels=detection.levels_of(cells),
         participants=detection.participants_of(cells, ci),
         both=detection.both_table(trials, ci),
-        blank=detection.blank_table(trials, ci, loaded.blanks),
+        blank=blank,
         excluded=excluded,
         thresholds=thresholds,
         groups=group_table(people, thresholds, loaded.axis),
         differences=with_criterion(
-            difference_table(people, loaded.axis), trials, sensitivity, numbered=loaded.numbered
+            difference_table(people, loaded.axis),
+            trials,
+            sensitivity,
+            blank=blank if detected_any is not None else None,
+            numbered=loaded.numbered,
         ),
         sensitivity=sensitivity,
         population=_population(people, loaded.axis) if population else (),
@@ -274,7 +279,7 @@ def analyse(
         choice=choices(trials, seed),
         reaction_times=reaction_table(trials),
         trials=trials,
-        detected_any=_detected_any(loaded),
+        detected_any=detected_any,
         control=counting.control_table(trials),
         counts=_counts(loaded) if loaded.cells is None else _counts_of(loaded, loaded.cells),
         inputs=loaded.inputs,

@@ -11,6 +11,7 @@ import pytest
 from scipy.stats import norm, ttest_1samp, ttest_ind, ttest_rel
 
 from analysis.answers.choice import choices
+from analysis.answers.detection import blank_table
 from analysis.answers.dprime import (
     SENSITIVITY_COLUMNS,
     d_prime_limits,
@@ -192,3 +193,28 @@ def test_false_alarms_of_the_same_people_differ_as_by_a_paired_t_test() -> None:
     limits = ttest_rel(shares[:, 1], shares[:, 0]).confidence_interval(0.95)
     assert rates_apart(alarms, blanks)[1:] == pytest.approx([*limits])
     assert math.isnan(rates_apart([(1, 4)], [(20, 20)])[1])
+
+
+def test_the_row_of_all_has_by_how_much_false_alarms_differ_of_those_in_both() -> None:
+    alarms = {"1": (1, 4), "2": (0, 0), "3": (6, 5)}
+    parts = [
+        part
+        for who, both in alarms.items() for name, k in zip("ab", both, strict=True)
+        for part in (felt([9], [95.0], condition=name, participant=who),
+                     blanks(k, condition=name, participant=who))
+    ]  # fmt: skip
+    parts.append(blanks(9, condition="a", participant="4"))  # was in one condition only
+    trials = study(*parts).fillna({"block": 1, "session": "01"})
+    table, blank = sensitivity_table(trials), blank_table(trials)
+    columns = [f"false_alarm_difference{end}" for end in ("", "_low", "_high")]
+    of_all = with_criterion(pair(*alarms, "all"), trials, table, blank=blank)[columns]
+    told = rates_apart([*alarms.values()], [(20, 20)] * 3)
+    assert of_all.iloc[-1].tolist() == pytest.approx(told)
+    assert of_all.iloc[:-1].isna().all(axis=None)
+    alone = with_criterion(
+        pair("1", "all"), trials, table, blank=blank[blank["participant"].isin(("1", "all"))]
+    )
+    assert alone[columns].iloc[-1].tolist() == pytest.approx(
+        [0.15, math.nan, math.nan], nan_ok=True
+    )
+    assert with_criterion(pair(*alarms, "all"), trials, table)[columns].isna().all(axis=None)

@@ -120,6 +120,20 @@ def test_the_test_of_false_alarms_is_in_the_methods_where_the_answer_has_it(tmp_
     assert "estimated within participants by a model of its own and need not equal" in apart
 
 
+def test_the_interval_by_which_false_alarms_differ_is_in_the_methods(tmp_path: Path) -> None:
+    same = of(tmp_path)
+    assert "Student's t" not in methods_of(same).text.partition("Detection proportions")[0]
+    alarms = {f"false_alarm_difference{end}": value
+              for end, value in (("", 0.006), ("_low", -0.035), ("_high", 0.046))}  # fmt: skip
+    short, *others = methods_of(
+        replace(same, differences=same.differences.assign(**alarms))
+    ).paragraphs
+    assert "; the mean of the participants' differences between two conditions has a 95 %" in short
+    told = plain(" ".join(others))
+    assert "with a 95 % interval by Student's t: +0.6 percentage points (-3.5 to +4.6) in" in told
+    assert "in thumb against palm." in told
+
+
 def test_the_ratio_of_thresholds_is_told_where_it_is_not_that_of_the_difference(
     tmp_path: Path,
 ) -> None:

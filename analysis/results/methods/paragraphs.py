@@ -12,6 +12,7 @@ from analysis.results.compared import alarms_words, isolated, number_of, own_mod
 from analysis.results.methods.looked import looked_words
 from analysis.results.methods.misfit import lapses_words, misfit_words
 from analysis.results.methods.task import (
+    alarms_apart_words,
     detected_words,
     false_alarm_words,
     guess_words,
@@ -85,6 +86,7 @@ def methods_of(analysis: Analysis, plans: Planned | None = None) -> Methods:
         looked=looked_words(analysis),
         own_model=own_model_words(analysis),
         alarms=alarms_words(analysis),
+        alarms_apart=alarms_apart_words(analysis),
         left_out=left_out_words(analysis),
         same_people=len(paired) == pairs,
         other_people=paired.empty,

@@ -7,7 +7,14 @@ from typing import TYPE_CHECKING, Final
 from analysis.axis import shortest
 from analysis.definitions import TOTAL
 from analysis.reading.foreign import FORCED, YES_NO
-from analysis.results.compared import isolated, number_of, totals
+from analysis.results.compared import (
+    SPELLED,
+    alarms_apart,
+    isolated,
+    number_of,
+    pairs_of,
+    totals,
+)
 from analysis.thresholds.people import FORCED_CHOICE
 
 if TYPE_CHECKING:
@@ -150,6 +157,23 @@ def false_alarm_words(analysis: Analysis) -> str:
         for row in rows
     ]
     return f"Blank (catch) trials were answered as if felt in {', in '.join(each)}."
+
+
+def alarms_apart_words(analysis: Analysis) -> str:
+    """Say how the interval of a difference of false alarms is made; empty text without one."""
+    told = [
+        f"{points.replace('points', 'percentage points')} in {isolated(one.b)} against "
+        f"{isolated(one.a)}"
+        for one in pairs_of(analysis.differences) if (points := alarms_apart(one.row))
+    ]  # fmt: skip
+    if not told:
+        return ""
+    each = ": " + ", ".join(told) if len(told) <= SPELLED else ""
+    return (
+        "By how much false alarms are more frequent in one of two conditions is the mean of the "
+        "participants' differences of their shares of blank trials, with a 95 % interval by "
+        f"Student's t{each}."
+    )
 
 
 def hit_words(analysis: Analysis) -> str:
