@@ -264,6 +264,7 @@ def _remarks(analysis: Analysis) -> Iterator[str]:
 
 
 def _threshold_rows(analysis: Analysis) -> Iterator[tuple[str, str, str]]:
+    given = "one stimulus" if analysis.counts.both else "a stimulus"
     for _, group in analysis.groups.iterrows():
         condition, number = str(group["condition"]), int(group["participants"])
         people = analysis.thresholds[analysis.thresholds["condition"].eq(condition)]
@@ -274,7 +275,7 @@ def _threshold_rows(analysis: Analysis) -> Iterator[tuple[str, str, str]]:
             name = f"Threshold of participant {isolated(row['participant'])}"
             of = _session(analysis, row["participant"], condition)
         trials = number_of(int(people["trials"].sum()), "trial")
-        yield f"{name}{where}", _threshold_words(row), f"{of}, {trials} with a stimulus"
+        yield f"{name}{where}", _threshold_words(row), f"{of}, {trials} with {given}"
         without = _unswapped(analysis, condition)
         if number > 1 and without is not None and without["participants"] < number:
             name = f"The same without swapped sides{where}"
@@ -349,7 +350,7 @@ def _blank_rows(analysis: Analysis) -> Iterator[tuple[str, str, str]]:
         # Counts made elsewhere do not tell the sides.
         of = f"{row['p'] * row['presented']:.0f} of {row['presented']} blank trials"
         if not math.isnan(row["group_low"]):
-            of += "; interval: mean of people like these, with a prior"
+            of += "; interval: mean of people like these, of few its far limit mostly the prior's"
         yield f"False alarms{_where(analysis, row.get('condition'), ',')}", _share(row), of
 
 

@@ -217,8 +217,6 @@ def _criterion(analysis: Analysis, pairs: list[Pair]) -> Iterator[str]:
     """Say of conditions that differ whether false alarms do so, or are not known."""
     known = analysis.differences["d_prime_a"].notna().any()
     beside = "; d' over all levels, which does not depend on {}, is in the table" if known else ""
-    if any(_unsure_d_prime(one) for one in pairs):
-        beside += f" ({NO_EVIDENCE})"
     told = {row["condition"] for row in totals(analysis) if "condition" in row}
     if any(not {one.a, one.b} <= told for one in pairs):
         yield (
@@ -267,11 +265,6 @@ def alarms_words(analysis: Analysis) -> str:
     )
 
 
-def _unsure_d_prime(one: Pair) -> bool:
-    low, high = (float(one.row[f"d_prime_difference_{end}"]) for end in ("low", "high"))
-    return low <= 0 <= high
-
-
 def _same_alarms(blank: pd.DataFrame, one: Pair) -> tuple[float, str]:
     """Return p of equal false alarms of people in both conditions, or of totals, and its test."""
     people, alarms, presented = alarms_of(blank, one.a, one.b)
@@ -305,11 +298,9 @@ def difference_rows(
             ends = (one.row[f"d_prime_difference{end}"] for end in ("", "_low", "_high"))
             apart, low, high = map(float, ends)
             limits = "" if math.isnan(low) else f", {apart:+.2f} ({low:+.2f} to {high:+.2f})"
-            yield (
-                name,
-                f"{b:.2f} against {a:.2f}{limits}",
-                f"{of}{sides}levels mixed: tells less than thresholds",
-            )
+            unsure = f"; {NO_EVIDENCE}" if one.apart and low <= 0 <= high else ""
+            mixed = "levels mixed: tells less than thresholds"
+            yield name, f"{b:.2f} against {a:.2f}{limits}", f"{of}{sides}{mixed}{unsure}"
         if points := alarms_apart(one.row):
             name = f"False alarms in {isolated(one.b)} against {isolated(one.a)}"
             yield name, points, "mean of participants, by Student's t"

@@ -363,7 +363,7 @@ def choice_rows(choices: Choices, *, sides: bool = True) -> Iterator[list[str]]:
         yield ["Over-report: both to a single stimulus", _share(choices.over_report), "", ""]
         yield ["Mislocalised: the other side", _share(choices.mislocalised), "", ""]
     told = choices.information
-    corrected = f"corrected for chance, still high: {p_text(told.miller_madow_bits)} bits"
+    corrected = f"corrected for chance, still too large: {p_text(told.miller_madow_bits)} bits"
     yield ["Information of an answer", f"{p_text(told.plugin_bits)} bits", p_text(told.p),
            told.reason or f"{corrected}, of {p_text(told.stimulus_bits)} at most"]  # fmt: skip
     yield from _sensitivity("Detection", choices.detection)

@@ -23,7 +23,7 @@ from analysis.axis import VOLTS, Axis, bounded, times, with_limits
 from analysis.groups.criterion import BESIDE_COLUMNS, same_rates_p
 from analysis.groups.tables import DIFFERENCE_COLUMNS, GROUP_COLUMNS
 from analysis.results.answer import REASONS, Answer, answer
-from analysis.results.compared import NO_EVIDENCE, pairs_of, plain
+from analysis.results.compared import NO_EVIDENCE, difference_rows, pairs_of, plain
 from analysis.results.files import harmless
 from analysis.results.rows import forced_choice
 from analysis.results.tables import Analysis, analyse
@@ -310,14 +310,12 @@ def some_offered(analysis: Analysis) -> bool:
     return True in [one for one in of.loc[of["reason"].eq(""), "none_offered"] if one is not pd.NA]
 
 
-UNSURE = rf"(?: \({NO_EVIDENCE}\))?"
-
-
-def unsure(analysis: Analysis, said: str) -> bool:
-    """Whether d' is told and its interval holds 0 where thresholds differ."""
+def unsure(analysis: Analysis) -> int:
+    """Of how many pairs the interval of d' holds 0 where thresholds differ."""
     rows = [one.row for one in pairs_of(analysis.differences) if one.apart]
-    holds = [row["d_prime_difference_low"] <= 0 <= row["d_prime_difference_high"] for row in rows]
-    return any(holds) and "; d' over all levels" in said
+    return sum(
+        bool(row["d_prime_difference_low"] <= 0 <= row["d_prime_difference_high"]) for row in rows
+    )
 
 
 SENTENCES: dict[str, Callable[[re.Match[str], Analysis], None]] = {
@@ -364,20 +362,20 @@ SENTENCES: dict[str, Callable[[re.Match[str], Analysis], None]] = {
     ),
     r"a difference may be one of criterion, of which only blank trials can tell"
     r"(?P<beside>; d' over all levels, which does not depend on it, is in the "
-    rf"table{UNSURE})?": is_true(
+    r"table)?": is_true(
         lambda one: one.detected_any is not None and len(rates(one)) < len(one.groups)
     ),
     r"false alarms were not equally frequent(?: in \d+ of these \d+ pairs of conditions)? "
     r"\((?:least )?p (?:=|<) 0\.0\d\d, (?:exact test within participants|"
     r"Fisher's exact test of the totals)\), so that a difference may "
     r"be one of criterion(?P<beside>; d' over all levels, which does not depend on it, is in the "
-    rf"table{UNSURE})?": is_true(
+    r"table)?": is_true(
         lambda one: one.detected_any is not None and len({*rates(one).values()}) > 1
     ),
     r"false alarms are not told apart \((?:least )?p = [01]\.\d\d\d, (?:exact test within "
     r"participants|Fisher's exact test of the totals)\)"
     r"(?P<beside>; d' over all levels, which does not depend on the criterion, is in the "
-    rf"table{UNSURE})?": is_true(
+    r"table)?": is_true(
         lambda one: one.detected_any is not None and len(rates(one)) > 1
     ),
     "conditions are not compared, for a difference in dB needs a logarithmic axis": is_true(
@@ -447,7 +445,7 @@ def checked(found: Answer, analysis: Analysis) -> set[str]:
     assert (kinds[4] in used) == bool(told["participants"].eq(1).any())
     assert (kinds[5] in used) == bool(few(analysis))
     said = plain(" ".join(found.statements))
-    assert (NO_EVIDENCE in said) == unsure(analysis, said)
+    assert sum(NO_EVIDENCE in row[-1] for row in difference_rows(analysis)) == unsure(analysis)
     assert ("criterion" in said and "; d' over all levels, which" in said) <= bool(
         analysis.differences["d_prime_a"].notna().any()
     )
