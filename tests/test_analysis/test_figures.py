@@ -219,9 +219,10 @@ def test_the_guess_rate_of_blank_trials_stands_at_the_left_edge(tmp_path: Path) 
     assert group.start[0] == pytest.approx((1.5 + 6.5) / 2 / 21)
     drawn = [tuple(np.ravel(line.get_xydata())) for line in draw(analysis).axes[0].lines]
     assert (START, group.start[0]) in drawn
-    assert "left edge: mean guess rate (blank trials)" in texts(analysis)
+    assert "left edge: mean guess rate," in texts(analysis)
+    assert "<!-- of the false alarms, + ½ answer -->" in texts(analysis)
     (page,) = draw_participants(analysis)
-    assert "left edge: guess rate (blank trials)" in written(page.draw)[1].decode()
+    assert "left edge: guess rate," in written(page.draw)[1].decode()
 
 
 @pytest.mark.parametrize("forced_choice", [False, True])

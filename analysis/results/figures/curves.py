@@ -32,8 +32,6 @@ DRAWN = ("ok", "lapse_at_bound")
 """Statuses of tables that tell a whole function; where it rises in one step, its slope is open."""
 OF_BLANKS = ("blanks", "few blanks")
 """Bases of guess rates that blank trials tell."""
-START_WORDS = "left edge: {}guess rate (blank trials)"
-"""What the key of a figure says of them."""
 
 
 def conditions_of(analysis: Analysis) -> list[str]:
@@ -167,6 +165,12 @@ def _mark(row: pd.Series[Any]) -> Mark:
 def blanks_tell(analysis: Analysis) -> bool:
     """Tell whether some guess rate is of blank trials."""
     return bool(analysis.thresholds["guess_basis"].isin(OF_BLANKS).any())
+
+
+def start_label(analysis: Analysis, *, of_mean: bool = False) -> str:
+    """Return what the key of a figure says of guess rates."""
+    of = "half of the" if not (is_yes_no(analysis) or analysis.one_side) else "the"
+    return f"left edge: {'mean ' if of_mean else ''}guess rate,\nof {of} false alarms, + ½ answer"
 
 
 def start_words(analysis: Analysis) -> str:

@@ -17,10 +17,10 @@ from analysis.results.figures.composed import (
     of_means,
 )
 from analysis.results.figures.curves import (
-    START_WORDS,
     conditions_of,
     group_curves,
     look_of,
+    start_label,
     start_words,
 )
 from analysis.results.figures.drawing import Sheet, key, of_people, panels, short
@@ -170,7 +170,7 @@ def _explain(axes: Axes, analysis: Analysis, curves: Mapping[str, Curve], *, alo
     else:
         axes.plot([], [], ls="", label="no level was given to everybody:\nno mean of participants")
     if any(curve.start is not None for curve in curves.values()):
-        words = START_WORDS.format("" if alone else "mean ")
+        words = start_label(analysis, of_mean=not alone)
         axes.plot([], [], color=grey, marker=marker, ls="", ms=4.2, label=words)
     if any(curve.function is not None for curve in curves.values()):
         axes.fill_between([], [], color=grey, alpha=0.25, lw=0, label="95 % band of the function")

@@ -11,11 +11,11 @@ import numpy as np
 from analysis.answers.doubts import DRIFTING, GUESSING, SWAPPED
 from analysis.results.figures.composed import DEVIANCE, draw_panel, name_parts
 from analysis.results.figures.curves import (
-    START_WORDS,
     blanks_tell,
     conditions_of,
     look_of,
     person_curves,
+    start_label,
     start_words,
 )
 from analysis.results.figures.drawing import WIDTH_IN, Sheet, short
@@ -103,7 +103,7 @@ def draw(analysis: Analysis, names: Sequence[str]) -> Figure:
     above_in = _NAME_IN + _LINE_IN * max(map(len, notes.values()))
     step_in = panel_in + above_in + _BELOW_IN
     head_in = 0.26 if analysis.mark else 0.05
-    foot_in = 0.36 + 0.16 * (len(conditions) + 3 + blanks_tell(analysis))
+    foot_in = 0.36 + 0.16 * (len(conditions) + 3 + 2 * blanks_tell(analysis))
     height_in = head_in + rows * step_in + foot_in
     figure = Figure(figsize=(WIDTH_IN, height_in))
     FigureCanvasAgg(figure)
@@ -174,7 +174,7 @@ def _explain(figure: Figure, analysis: Analysis, top: float) -> None:
     handles += [
         Line2D([], [], color=grey, marker="|", ls="", ms=8,
                label=f"95 % interval ({analysis.ci.title()})"),
-        *[Line2D([], [], color=grey, marker="o", ls="", ms=3, label=START_WORDS.format(""))]
+        *[Line2D([], [], color=grey, marker="o", ls="", ms=3, label=start_label(analysis))]
         * blanks_tell(analysis),
         Patch(color=grey, alpha=0.25, lw=0, label="95 % band of the function"),
         Line2D([], [], color=grey, marker="|", lw=2.6, ms=5.5, label="threshold, 95 % interval"),
