@@ -343,6 +343,14 @@ def test_any_table_has_a_draft_that_is_a_map_or_names_what_it_lacks(
         load_column_map(put(tmp_path / "m.toml", text))
 
 
+def test_a_draft_says_what_blanks_and_both_sides_count_for(tmp_path: Path) -> None:
+    rows = "A,left,60,left\nA,none,,none\nA,catch,,left\nA,both,80,both\n"
+    told = draft(put(tmp_path / "t.csv", f"participant,side,driveVpp,response\n{rows}"))
+    assert "# Note: 2 rows have side none: blanks\n" in told
+    assert "# Note: 1 rows have side both: in no threshold\n" in told
+    assert "# its unit: V peak-to-peak, by the name; else state it, in [units]\n" in told
+
+
 def test_several_files_are_drafted_as_one_map(tmp_path: Path) -> None:
     tables = [
         put(tmp_path / f"{who} 1.csv", f"participant,side,level_vpp,response\n{who},left,60,left\n")

@@ -78,6 +78,7 @@ NOTE: Final = "# Note: "
 """How a line of a draft begins that says what becomes of rows."""
 _ROWS: Final = ("rows.keep", "rows.skip")
 _DECIMAL: Final = 'decimal = ","  # guess: there are numbers with a comma'
+_ASIDE: Final = {"none": "blanks", "both": "in no threshold"}
 _TASK: Final = '"yes/no" if who felt nothing could say so, "forced choice" if they had to guess'
 
 
@@ -121,7 +122,7 @@ def map_draft(sources: Sequence[InputTable]) -> tuple[str, list[str]]:
 
 
 def _notes(looked_at: Sample, trials: Sample, sections: Mapping[str, list[str]]) -> Iterator[str]:
-    """Say how many rows are skipped and by what, and what becomes of those of level 0."""
+    """Say how many rows are skipped and by what, and what becomes of blanks and both sides."""
     if skipped := len(looked_at.rows) - len(trials.rows):
         kept = [f"[{name}] {line.partition('  # ')[0]}" for name in _ROWS
                 for line in sections.get(name, ())]  # fmt: skip
@@ -133,10 +134,14 @@ def _notes(looked_at: Sample, trials: Sample, sections: Mapping[str, list[str]])
             f'{zeros} rows have level 0: blanks, where the answer "none" is right (in a forced '
             "choice [rows.skip] has to leave them out); each counts for its own condition only"
         )
+    words = trials.words(side) if (side := trials.called(_CALLED["side"])) else {}
+    for ours, told in _ASIDE.items():
+        if rows := sum(n for word, n in words.items() if _WORDS.get(plain(word)) == ours):
+            yield f"{rows} rows have side {ours}: {told}"
     for line in sections["columns"]:
-        key, _, words = line.removeprefix("# ").partition(f"  # {_OFFERED}")
-        if words:
-            yield f"{key} compares {words} once its # is away; else all are analysed together"
+        key, _, names = line.removeprefix("# ").partition(f"  # {_OFFERED}")
+        if names:
+            yield f"{key} compares {names} once its # is away; else all are analysed together"
 
 
 def _rows(table: Sample, sections: dict[str, list[str]]) -> Sample:
@@ -244,6 +249,10 @@ def _unit(sections: dict[str, list[str]], level: str) -> None:
         _put(sections, "axis", "unit", _UNITS.get(named[1].lower(), named[1]), told)
     elif not level or not _VOLTS.search(plain(level)):
         _put(sections, "axis", "unit", "", f'{_FILL}the unit of the levels, as "um" or "V"')
+    else:
+        sections["columns"].append(
+            "# its unit: V peak-to-peak, by the name; else state it, in [units]"
+        )
 
 
 def _answers(table: Sample) -> tuple[str | None, str | None]:
