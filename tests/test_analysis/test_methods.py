@@ -14,6 +14,7 @@ from analysis import ColumnMap, write_analysis
 from analysis.groups.criterion import with_criterion
 from analysis.results.compared import compared, own_model_words, plain
 from analysis.results.methods import looked_words, methods_of, misfits
+from analysis.results.methods.presented import order_words
 from analysis.results.summary import versions
 from analysis.results.tables import analyse
 from tests.test_analysis.shared import LEAST, felt, files, loaded, put
@@ -50,6 +51,14 @@ def of(tmp_path: Path, counts: dict[str, int] = FELT, people: tuple[str, ...] = 
        **changes: Any) -> Analysis:  # fmt: skip
     """Return the analysis of that table."""
     return analyse(loaded(tmp_path, made(counts, *people, **changes), MAP))
+
+
+def ordered(firsts: dict[str, tuple[str | None, ...]]) -> pd.DataFrame:
+    """Return differences of people, in whom these conditions of a, b, c came first."""
+    pairs = (("a", "b"), ("b", "c"), ("a", "c"))
+    rows = [(who, *pair, first) for who, each in firsts.items()
+            for pair, first in zip(pairs, each, strict=False)]  # fmt: skip
+    return pd.DataFrame(rows, columns=["participant", "condition_a", "condition_b", "first"])
 
 
 def short_of(folder: Path, missed: dict[str, str]) -> str:
@@ -132,6 +141,50 @@ def test_the_interval_by_which_false_alarms_differ_is_in_the_methods(tmp_path: P
     told = plain(" ".join(others))
     assert "with a 95 % interval by Student's t: +0.6 percentage points (-3.5 to +4.6) in" in told
     assert "in thumb against palm." in told
+
+
+@pytest.mark.slow
+def test_both_finger_trials_are_told_where_there_are_any(tmp_path: Path) -> None:
+    rows = [f"{who},{side},{level},{side if at < k else 'none'}\n"
+            for who in "12" for side in ("left", "right")
+            for level, k in ((60, 1), (95, 9), (130, 18)) for at in range(20)]  # fmt: skip
+    single = methods_of(analyse(loaded(tmp_path, LEAST + "".join(rows))))
+    assert "both-finger" not in single.text
+    rows += ["1,both,95,both\n"] * 7 + ["1,none,n/a,none\n", "2,none,n/a,none\n"] * 4
+    some = methods_of(analyse(loaded(tmp_path, LEAST + "".join(rows))))
+    assert "all 255 trials count; 7 both-finger trials enter no threshold." in some.paragraphs[0]
+    assert (
+        "40 trials of each for a participant, 4 blank (catch) trials, and 0 to 7 both-finger "
+        in some.text
+    )
+    assert "both-finger trials (at 95 V), which enter no threshold." in some.text
+    assert "trials enter no threshold" not in " ".join(some.paragraphs[1:])  # said above them
+
+
+def test_with_which_condition_participants_began_is_told_where_it_is_known(tmp_path: Path) -> None:
+    same = of(tmp_path)
+    assert "began with" not in methods_of(same).text
+    assert not order_words(replace(same, differences=ordered({"1": (None,)})))
+    turns, one, other, none = ("interleaved",), ("a",), ("b",), (None,)
+    for words, firsts in (
+        ("1 participant began with condition a, 2 with b.", (one, other, other)),
+        ("1 participant began with condition a.", (("a", None, "a"),)),
+        ("In 2 participants conditions took turns.", (turns, turns)),
+        ("1 participant began with condition b, in 2 conditions took turns.",
+         (turns, other, turns)),
+        ("1 participant began with condition b, of 1 the order is not known.", (other, none)),
+    ):  # fmt: skip
+        rows = ordered({str(at): first for at, first in enumerate(firsts)})
+        assert plain(order_words(replace(same, differences=rows))) == words
+
+
+@pytest.mark.slow
+def test_intervals_of_thresholds_may_overlap_is_told_within_participants(tmp_path: Path) -> None:
+    words = "intervals of two thresholds may overlap although the interval of their difference"
+    assert words in methods_of(of(tmp_path)).text
+    head, *rows = made(FELT, "a", "b").splitlines(keepends=True)
+    apart = [row for row in rows if row.startswith(("a,palm", "b,thumb"))]
+    assert words not in methods_of(analyse(loaded(tmp_path, head + "".join(apart), MAP))).text
 
 
 def test_the_ratio_of_thresholds_is_told_where_it_is_not_that_of_the_difference(

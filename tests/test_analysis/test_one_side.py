@@ -15,7 +15,8 @@ import pytest
 
 from analysis import ColumnMap, print_analysis, write_analysis
 from analysis.axis import VOLTS
-from analysis.results.methods.task import detected_words, is_yes_no, presented_words
+from analysis.results.methods.presented import presented_words
+from analysis.results.methods.task import detected_words, is_yes_no
 from analysis.results.rows import PAGE, difference_rows
 from analysis.results.summary import in_own_words
 from analysis.results.tables import analyse
@@ -115,7 +116,7 @@ def test_of_one_place_no_output_tells_the_side_that_the_map_alone_states(tmp_pat
         "<style>.*</style>|<[^>]+>", "", made["report.html"], flags=re.DOTALL
     )
     for name, told in [("terminal", printed.getvalue()), *made.items()]:
-        assert not re.search(r"right|\bleft\b(?! out)|finger, |_vpp", told), name
+        assert not re.search(r"right|\bleft\b(?! out| edge)|finger, |_vpp", told), name
     seldom = "Both-finger|simulated|without a device|masking noise|noise_ok|both 0"
     for told in (printed.getvalue(), made["report.html"]):
         assert not re.search(seldom, told)

@@ -11,6 +11,12 @@ from analysis.results.answer import left_out_words
 from analysis.results.compared import alarms_words, isolated, number_of, own_model_words, plain
 from analysis.results.methods.looked import looked_words
 from analysis.results.methods.misfit import lapses_words, misfit_words
+from analysis.results.methods.presented import (
+    both_words,
+    order_words,
+    presented_words,
+    unread_words,
+)
 from analysis.results.methods.task import (
     alarms_apart_words,
     detected_words,
@@ -18,10 +24,8 @@ from analysis.results.methods.task import (
     guess_words,
     hit_words,
     is_yes_no,
-    presented_words,
     short_words,
     task_words,
-    unread_words,
 )
 from analysis.results.protocol import IN_METHODS, planned
 from analysis.results.summary import versions
@@ -75,6 +79,8 @@ def methods_of(analysis: Analysis, plans: Planned | None = None) -> Methods:
         short=short_words(analysis),
         task=task_words(analysis),
         detected=detected_words(analysis),
+        both=both_words(analysis),
+        order=order_words(analysis),
         presented=[] if plans.studies else [*presented_words(analysis)],
         yes_no=is_yes_no(analysis),
         guesses=[*guess_words(analysis)],

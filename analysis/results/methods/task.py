@@ -1,17 +1,14 @@
-"""What the task was, and what was presented, as far as tables tell it without a plan."""
+"""What the task was, what counts as detected and what the guess rates are of."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Final
 
-from analysis.axis import shortest
-from analysis.definitions import TOTAL
 from analysis.reading.foreign import FORCED, YES_NO
 from analysis.results.compared import (
     SPELLED,
     alarms_apart,
     isolated,
-    number_of,
     pairs_of,
     totals,
 )
@@ -19,8 +16,6 @@ from analysis.thresholds.people import FORCED_CHOICE
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
-
-    import pandas as pd
 
     from analysis.results.tables import Analysis
 
@@ -90,33 +85,6 @@ _BASES: Final = {
 """Where a guess rate comes from."""
 
 
-def presented_words(analysis: Analysis) -> Iterator[str]:
-    """Say of conditions, levels and trials what tables without a plan tell."""
-    people, blank = analysis.participants, analysis.blank
-    for condition, rows in people.groupby("condition"):
-        levels = sorted({*rows["level_vpp"]})
-        ends = " to ".join(dict.fromkeys(shortest(one) for one in (levels[0], levels[-1])))
-        number = f"{len(levels)} level{'s' if len(levels) > 1 else ''}"
-        told = f"There were {number}"
-        if analysis.counts.conditions > 1:
-            told = f"Condition {isolated(condition)} had {number}"
-        each = _range(rows["presented"])
-        some = "trial" if rows["presented"].eq(1).all() else "trials"
-        told += f" ({ends} {analysis.axis.unit}), {each} {some} of each for a participant"
-        here = blank["participant"].ne(TOTAL)
-        if "condition" in blank:
-            here &= blank["condition"].eq(condition)
-        catch = blank.loc[here, "presented"]
-        if len(catch):
-            some = "trial" if catch.eq(1).all() else "trials"
-            told += f", and {_range(catch)} blank (catch) {some}"
-        yield f"{told}."
-
-
-def _range(numbers: pd.Series[int]) -> str:
-    return " to ".join(dict.fromkeys(str(int(one)) for one in (numbers.min(), numbers.max())))
-
-
 def guess_words(analysis: Analysis) -> Iterator[str]:
     """Say which value or prior gamma has, a sentence for each way in which it is known."""
     yes_no, one_side = is_yes_no(analysis), bool(analysis.one_side)
@@ -181,15 +149,3 @@ def hit_words(analysis: Analysis) -> str:
     if is_yes_no(analysis) or analysis.one_side or analysis.task == FORCED:
         return ""
     return ", hits being stimuli answered left, right or both, whatever their side,"
-
-
-def unread_words(analysis: Analysis) -> str:
-    """Say which rows of the tables took no part at all; empty text where there are none."""
-    if not analysis.counts.unread:
-        return ""
-    rows = number_of(analysis.counts.unread, "further row")
-    were = "was" if analysis.counts.unread == 1 else "were"
-    return (
-        f"Of the tables {rows} {were} not analysed [say which, as practice or instructions]: the "
-        "map of the columns leaves them out."
-    )

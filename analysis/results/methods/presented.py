@@ -1,0 +1,127 @@
+"""What was presented, in which order, and what takes no part, as far as tables tell it."""
+
+from __future__ import annotations
+
+from collections import Counter
+from typing import TYPE_CHECKING
+
+from analysis.axis import shortest
+from analysis.definitions import TOTAL
+from analysis.groups.criterion import MIXED
+from analysis.results.compared import isolated, number_of
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    import pandas as pd
+
+    from analysis.results.tables import Analysis
+
+
+def presented_words(analysis: Analysis) -> Iterator[str]:
+    """Say of conditions, levels and trials what tables without a plan tell."""
+    for name, rows in analysis.participants.groupby("condition"):
+        condition = str(name)
+        told = "There were "
+        if analysis.counts.conditions > 1:
+            told = f"Condition {isolated(condition)} had "
+        people = [*rows["participant"].unique()]
+        more = [*_catch(analysis, condition, people), *_both(analysis, condition, people)]
+        parts = [f"{number_of(rows['level_vpp'].nunique(), 'level')} ({_ends(rows, analysis)})"]
+        parts += [f"{_trials(rows['presented'])} of each for a participant", *more[:-1]]
+        yield f"{told}{', '.join(parts)}{f', and {more[-1]}' if more else ''}."
+
+
+def _catch(analysis: Analysis, condition: str, people: Sequence[str]) -> Iterator[str]:
+    number = _of_people(analysis.blank, condition, people)
+    if len(number):
+        yield _trials(number, "blank (catch) ")
+
+
+def _both(analysis: Analysis, condition: str, people: Sequence[str]) -> Iterator[str]:
+    number = _of_people(analysis.both, condition, people)
+    if not len(number):
+        return
+    trials = analysis.trials
+    here = trials["kind"].eq("both") & trials["reason"].eq("") & trials["condition"].eq(condition)
+    shown = trials[here & trials["level_vpp"].notna()]
+    at = f" (at {_ends(shown, analysis)})" if len(shown) else ""
+    yield f"{_trials(number, 'both-finger ')}{at}, which enter no threshold"
+
+
+def _of_people(table: pd.DataFrame, condition: str, people: Sequence[str]) -> pd.Series[int]:
+    """Return how many trials of a kind each of the people had; empty where nobody had any."""
+    rows = table[table["participant"].ne(TOTAL)]
+    if "condition" in rows:
+        rows = rows[rows["condition"].eq(condition)]
+    number = rows.set_index("participant")["presented"]
+    return (
+        number if number.empty else number.reindex(sorted({*number.index, *people}), fill_value=0)
+    )
+
+
+def _ends(rows: pd.DataFrame, analysis: Analysis) -> str:
+    """Return the least and the greatest level."""
+    ends = (float(rows["level_vpp"].min()), float(rows["level_vpp"].max()))
+    return f"{' to '.join(dict.fromkeys(map(shortest, ends)))} {analysis.axis.unit}"
+
+
+def _trials(numbers: pd.Series[int], kind: str = "") -> str:
+    """Return so many trials, the least and the most of a participant.
+
+    >>> import pandas as pd
+    >>> _trials(pd.Series([20, 18])), _trials(pd.Series([1, 1]), "blank ")
+    ('18 to 20 trials', '1 blank trial')
+    """
+    told = " to ".join(dict.fromkeys(str(int(one)) for one in (numbers.min(), numbers.max())))
+    return f"{told} {kind}trial{'' if numbers.eq(1).all() else 's'}"
+
+
+def both_words(analysis: Analysis) -> str:
+    """Say how many trials with two stimuli are in no threshold; empty text without any."""
+    number = analysis.counts.both
+    if not number:
+        return ""
+    enter = "enters" if number == 1 else "enter"
+    return f"{number_of(number, 'both-finger trial')} {enter} no threshold"
+
+
+def order_words(analysis: Analysis) -> str:
+    """Say how many participants began with which condition; empty text where that is not known."""
+    found = [*_begun(analysis)]
+    began = Counter(condition for condition, _ in found if condition)
+    mixed = sum(turns for condition, turns in found if not condition)
+    told: list[str] = []
+    for condition, number in sorted(began.items()):
+        people, named = number_of(number, "participant"), f"with condition {isolated(condition)}"
+        told.append(f"{number} with {isolated(condition)}" if told else f"{people} began {named}")
+    if mixed:
+        people = str(mixed) if told else number_of(mixed, "participant")
+        told.append(f"{'in' if told else 'In'} {people} conditions took turns")
+    unknown = len(found) - began.total() - mixed
+    if told and unknown:
+        told.append(f"of {unknown} the order is not known")
+    return f"{', '.join(told)}." if told else ""
+
+
+def _begun(analysis: Analysis) -> Iterator[tuple[str, bool]]:
+    """Yield of each in several conditions which was over before all others began, or took turns."""
+    rows = analysis.differences
+    rows = rows[rows["participant"].ne(TOTAL)]
+    for _, own in rows.groupby("participant"):
+        names = {*own["condition_a"], *own["condition_b"]}
+        wins = Counter(one for one in own["first"] if one in names)
+        first = [name for name, number in wins.items() if number == len(names) - 1]
+        yield (str(first[0]) if first else ""), bool(own["first"].eq(MIXED).any())
+
+
+def unread_words(analysis: Analysis) -> str:
+    """Say which rows of the tables took no part at all; empty text where there are none."""
+    if not analysis.counts.unread:
+        return ""
+    rows = number_of(analysis.counts.unread, "further row")
+    were = "was" if analysis.counts.unread == 1 else "were"
+    return (
+        f"Of the tables {rows} {were} not analysed [say which, as practice or instructions]: the "
+        "map of the columns leaves them out."
+    )
