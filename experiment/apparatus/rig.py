@@ -7,6 +7,7 @@ that it is.
 from __future__ import annotations
 
 import getpass
+import math
 from dataclasses import asdict, dataclass, replace
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any, Final
@@ -202,6 +203,30 @@ def asked_of(settings: DeviceSettings) -> str:
         f"you are asked whether the hardware is safe, {len(QUESTION)} things (docs/hardware.md), "
         "unless an emulator answers; --confirm-hardware says yes"
     )
+
+
+def full_scale_words(settings: DeviceSettings, highest_vpp: float) -> tuple[str, ...]:
+    """Say what a full scale comes to, and what is odd about it; nothing where none is used.
+
+    >>> from experiment.study.sections.equipment import DeviceSettings
+    >>> card = DeviceSettings(driver="audio", volts_full_scale=30.0, ceiling_vpp=60.0)
+    >>> print(*full_scale_words(card, 52.0))
+    full scale 30 V peak = 60 V peak-to-peak; the highest level, 52 V, is -1.2 dB re that
+    """
+    peak_v, key = settings.volts_full_scale, "volts_full_scale"
+    if peak_v is None or key not in NEEDS.get(settings.driver, (key,)):  # one's own may need it
+        return ()
+    level_db = round(20 * math.log10(highest_vpp / (2 * peak_v)), 1) + 0.0  # no minus before 0.0
+    words = (
+        f"full scale {peak_v:g} V peak = {2 * peak_v:g} V peak-to-peak; "
+        f"the highest level, {highest_vpp:g} V, is {level_db:.1f} dB re that"
+    )
+    doubt = (
+        f"ceiling_vpp = {settings.ceiling_vpp:g} V is not twice {key} = {peak_v:g} V: "
+        "is that the peak, half of what was measured from peak to peak?"
+    )
+    in_round_numbers = math.isclose(settings.ceiling_vpp, 2 * peak_v, rel_tol=0.01)
+    return (words,) if in_round_numbers else (words, doubt)
 
 
 def shared_card(study: Study, settings: DeviceSettings) -> str | None:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Final
 
 from device.drivers import other_channels
 from experiment.apparatus.monitor import monitor_words, onset_doubt
-from experiment.apparatus.rig import asked_of, lacking_of, shared_card
+from experiment.apparatus.rig import asked_of, full_scale_words, lacking_of, shared_card
 from experiment.preview.displacements import displacement_findings, edge_findings
 from experiment.preview.findings import Findings
 from experiment.study.origins import deciding_words, instead_of_trials
@@ -353,6 +353,8 @@ def _tell_people(found: Findings, check: StudyCheck, device: DeviceSettings) -> 
 def _tell_devices(found: Findings, study: Study, device: DeviceSettings) -> None:
     """Tell what drives and what measures, and what a session would refuse or blame of them."""
     found.tell("device", _device_words(study, device), device=asdict(device))
+    for place, words in enumerate(full_scale_words(device, study.design.highest_vpp)):
+        found.tell("note" if place else "", words)
     refused = (
         ("", lacking_of(device)),
         ("", other_channels(device.driver, device.channels)),

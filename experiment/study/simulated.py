@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
 _NEAR_DB: Final = 3.0
 """Levels that end nearer to the threshold leave a part of the median person's curve untried."""
+_SEE: Final = "see 'Which levels for a new plate', docs/plate.md."
 
 
 def threshold_vpp(population: Simulation, gains: FingerGains) -> float:
@@ -81,11 +82,15 @@ class MedianThreshold:
                 "docs/plate.md, tells how."
             )
         if self.levels_lie != "around":
-            (highest_vpp, key), beyond = self.highest, ""
+            (highest_vpp, key), beyond, remedy = self.highest, "", ""
             if highest_vpp < self.level_vpp:
                 beyond = f", as does {key} = {highest_vpp:g} V"
-            expect = "expect an open interval, or only a bound"
-            told.append(f"All levels lie {self.levels_lie} that{beyond}: {expect}.")
+                remedy = (
+                    "; more cycles or a frequency nearer to 250 Hz are felt more easily, "
+                    "or let the plate move more"
+                )
+            expect = f"expect an open interval, or only a bound{remedy}"
+            told.append(f"All levels lie {self.levels_lie} that{beyond}: {expect}; {_SEE}")
         return " ".join(told + ([self._barely] if self._barely else []))
 
     @property
@@ -105,10 +110,9 @@ class MedianThreshold:
         few_below, few_above = -low_db < _NEAR_DB, high_db < _NEAR_DB
         if not few_below and not few_above:
             return ""
-        see = "see 'Which levels for a new plate', docs/plate.md."
         if few_below and few_above:
             reach = f"from {-low_db:.1f} dB below that to {high_db:.1f} dB above"
-            return f"The levels reach only {reach}, a narrow range for people who differ; {see}"
+            return f"The levels reach only {reach}, a narrow range for people who differ; {_SEE}"
         below = sum(one < self.level_vpp for one in self.levels_vpp)
         count, where = (below, "below") if few_above else (len(self.levels_vpp) - below, "above")
         end = (
@@ -118,7 +122,7 @@ class MedianThreshold:
         )
         lie = "lies" if count == 1 else "lie"
         felt = f"the median person would feel about {self.felt:.0%} of the stimuli"
-        return f"{count} of {len(self.levels_vpp)} levels {lie} {where} that, {end}: {felt}; {see}"
+        return f"{count} of {len(self.levels_vpp)} levels {lie} {where} that, {end}: {felt}; {_SEE}"
 
     @property
     def felt(self) -> float:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Final
 
 import pytest
 
-from experiment.apparatus.rig import lacking_of
+from experiment.apparatus.rig import full_scale_words, lacking_of
 from experiment.preview.check import check_study
 from experiment.preview.check_report import check_findings
 from experiment.preview.plate import drive_of
@@ -175,3 +175,48 @@ def test_windows_that_were_too_loud_are_listed_with_their_levels() -> None:
     }
     assert f"too loud there: 1 cycle: none {louder[0]['level_db']:.1f}" in found.text
     json.loads(found.json)
+
+
+CARD: Final = '[design]\nlevels_vpp = [20, 52]\n[device]\ndriver = "audio"\n'
+
+
+def test_the_full_scale_of_a_sound_card_is_told_from_peak_to_peak() -> None:
+    right = told(f"{CARD}ceiling_vpp = 60\nvolts_full_scale = 30\n{BOTH}")
+    words = "full scale 30 V peak = 60 V peak-to-peak; the highest level, 52 V, is -1.2 dB re that"
+    assert f"{'':15}{words}" in right.lines
+    assert "is not twice volts_full_scale" not in right.text
+
+
+@pytest.mark.parametrize("full_scale", [60, 28.3])
+def test_a_full_scale_that_may_be_from_peak_to_peak_is_noted_and_changes_no_verdict(
+    full_scale: float,
+) -> None:
+    found = told(f"{CARD}ceiling_vpp = 60\nvolts_full_scale = {full_scale}\n{BOTH}")
+    words = f"note           ceiling_vpp = 60 V is not twice volts_full_scale = {full_scale} V: is"
+    assert words in found.text
+    assert found.facts["verdict"] == "fit"
+    unused = told(f"[device]\nvolts_full_scale = {full_scale}\n{BOTH}").text
+    assert "full scale" not in unused
+
+
+def test_a_ceiling_near_twice_the_full_scale_is_that_in_round_numbers() -> None:
+    device = DeviceSettings(driver="audio", ceiling_vpp=113.0, volts_full_scale=56.6)
+    (words,) = full_scale_words(device, 113.2)
+    assert "is 0.0 dB re that" in words
+    assert "twice" in full_scale_words(replace(device, ceiling_vpp=200.0), 113.2)[1]
+
+
+def test_a_ceiling_below_the_threshold_has_a_remedy_and_every_end_its_recipe() -> None:
+    def doubt(keys: str) -> str:
+        study = study_from_text(keys + BOTH, "study.toml")
+        return median_threshold(study, KNOWN.fingers()).doubt
+
+    recipe = "see 'Which levels for a new plate', docs/plate.md."
+    low = doubt("[design]\nlevels_vpp = [60, 140]\n[device]\nceiling_vpp = 150\n")
+    assert low.endswith(
+        "or only a bound; more cycles or a frequency nearer to 250 Hz are felt more easily, or "
+        f"let the plate move more; {recipe}"
+    )
+    for levels in ("[60, 140]", "[175, 200]"):
+        words = doubt(f"[design]\nlevels_vpp = {levels}\n")
+        assert words.endswith(f"an open interval, or only a bound; {recipe}")
