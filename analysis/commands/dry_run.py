@@ -69,7 +69,7 @@ def dry_run(
     from analysis.results.console import print_analysis
     from experiment.preview.check import require_fit
     from experiment.study.read import paper_study, read_study
-    from experiment.study.simulated import people_words, unmeasured
+    from experiment.study.simulated import people_words, unmeasured_words
     from experiment.study.study import told_by_file
 
     with working("Checking"), told_by_file(study_file):
@@ -78,10 +78,9 @@ def dry_run(
     folder = new_folder(out)
     seed = secrets.randbits(32) if seed is None else seed
     click.echo(f"{participants} simulated participants, seed {seed}, in {folder}")
-    for words in people_words(study, check.gains[0].fingers()):
-        click.echo(textwrap.fill(words, _WIDTH, subsequent_indent="  "))
-    for words in unmeasured(study):
-        click.echo(f"Threshold curves: {words}")
+    for words in (*people_words(study, check.gains[0].fingers()), unmeasured_words(study)):
+        if words:
+            click.echo(textwrap.fill(words, _WIDTH, subsequent_indent="  "))
     _simulate(check, folder, participants, seed)
     print_analysis(write_analysis([folder], folder / "analysis", seed=seed, bar=True), sys.stdout)
     if with_levels:

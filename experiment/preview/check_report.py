@@ -15,7 +15,7 @@ from experiment.preview.findings import Findings
 from experiment.study.origins import deciding_words, instead_of_trials
 from experiment.study.sections.presentation import key_doubts, unsaid_in, untyped_of
 from experiment.study.sections.stimulus import stimulus_facts
-from experiment.study.simulated import median_threshold, people_words, unmeasured
+from experiment.study.simulated import median_threshold, people_words, unmeasured, unmeasured_words
 from experiment.study.sources import (
     cutoff_source,
     displacement_source,
@@ -345,9 +345,8 @@ def _tell_people(found: Findings, check: StudyCheck, device: DeviceSettings) -> 
         for words in people_words(study, fingers, device):
             found.tell(label, words)
             label = ""
-    for words in unmeasured(study):
-        told = f"threshold curves: {words}"
-        found.tell(label, told, simulation_unmeasured=list(unmeasured(study)))
+    if words := unmeasured_words(study):
+        found.tell(label, words, simulation_unmeasured=list(unmeasured(study)))
 
 
 def _tell_devices(found: Findings, study: Study, device: DeviceSettings) -> None:

@@ -246,12 +246,13 @@ def vibrations(study: Study) -> dict[str, tuple[Vibration, Vibration]]:
 
 
 def unmeasured(study: Study) -> tuple[str, ...]:
-    """Say where the curves that a study uses were not measured, each thing once."""
-    known = study.simulation.known_for
-    told = (
-        words
-        for both in vibrations(study).values()
-        for one in both
-        for words in known.unmeasured(one)
-    )
-    return tuple(dict.fromkeys(told))
+    """Say where the curves that a study uses were not measured, each curve once."""
+    every = [one for both in vibrations(study).values() for one in both]
+    return study.simulation.known_for.unmeasured(*every)
+
+
+def unmeasured_words(study: Study) -> str:
+    """Say what that makes of the threshold, in a sentence; nothing where curves hold."""
+    if not (told := "; ".join(unmeasured(study))):
+        return ""
+    return f"The threshold lies outside published curves: {told}. A pilot tells the true one."

@@ -40,9 +40,9 @@ class _Reach:
 # The frequency curve is of Verrillo's thenar eminence; above 500 Hz nothing was found that could be
 # cited. Durations are those of temporal summation in the Pacinian channel.
 _REACHES: Final = {
-    "frequency_hz": _Reach(what="frequency", unit="Hz", least=20.0, most=500.0),
-    "duration_s": _Reach(what="duration", unit="s", least=0.01, most=1.0),
-    "area_cm2": _Reach(what="area", unit="cm2", least=0.005, most=5.1),
+    "frequency_hz": _Reach(what="frequencies", unit="Hz", least=20.0, most=500.0),
+    "duration_s": _Reach(what="durations", unit="s", least=0.01, most=1.0),
+    "area_cm2": _Reach(what="areas", unit="cm2", least=0.005, most=5.1),
 }
 
 
@@ -135,18 +135,21 @@ class KnownFor:
         """Return by how much a vibration's threshold lies above the known one."""
         return threshold_db(vibration) - threshold_db(replace(vibration, **self.stated))
 
-    def unmeasured(self, vibration: Vibration) -> tuple[str, ...]:
-        """Say where a curve that is used was not measured.
+    def unmeasured(self, *vibrations: Vibration) -> tuple[str, ...]:
+        """Say where curves that are used were not measured, each curve once.
 
-        >>> KnownFor(duration_s=1.0).unmeasured(
-        ...     Vibration(frequency_hz=500.0, duration_s=0.002, area_cm2=0.8))
-        ('duration 0.002 s lies outside what was measured, 0.01 to 1 s',)
+        >>> short = Vibration(frequency_hz=500.0, duration_s=0.002, area_cm2=0.8)
+        >>> KnownFor(duration_s=1.0).unmeasured(short, short)
+        ('durations of 0.01 to 1 s were measured, got 0.002 s',)
         """
-        return tuple(
-            f"{reach.what} {value:.4g} {reach.unit} lies outside what was measured, "
-            f"{reach.least:g} to {reach.most:g} {reach.unit}"
-            for name, reach in _REACHES.items()
-            if name in self.stated
-            for value in dict.fromkeys((getattr(vibration, name), self.stated[name]))
-            if not reach.least <= value <= reach.most
-        )
+        told = []
+        for name, known in self.stated.items():
+            reach = _REACHES[name]
+            asked = dict.fromkeys([*(getattr(one, name) for one in vibrations), known])
+            beyond = [f"{one:.3g}" for one in asked if not reach.least <= one <= reach.most]
+            if beyond and vibrations:
+                told.append(
+                    f"{reach.what} of {reach.least:g} to {reach.most:g} {reach.unit} were measured,"
+                    f" got {' and '.join(beyond)} {reach.unit}"
+                )
+        return tuple(told)

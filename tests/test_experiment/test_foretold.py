@@ -15,7 +15,7 @@ from experiment.preview.plate import drive_of
 from experiment.study.origins import ASSUMED
 from experiment.study.read import study_from_text
 from experiment.study.sections.equipment import DeviceSettings
-from experiment.study.simulated import median_threshold, people_words
+from experiment.study.simulated import median_threshold, people_words, unmeasured, unmeasured_words
 from experiment.terms.gains import ConditionGains
 
 if TYPE_CHECKING:
@@ -220,3 +220,14 @@ def test_a_ceiling_below_the_threshold_has_a_remedy_and_every_end_its_recipe() -
     for levels in ("[60, 140]", "[175, 200]"):
         words = doubt(f"[design]\nlevels_vpp = {levels}\n")
         assert words.endswith(f"an open interval, or only a bound; {recipe}")
+
+
+def test_curves_that_do_not_reach_the_burst_are_told_in_one_line() -> None:
+    people = "[simulation]\nthreshold_um = 1.57\nthreshold_at_hz = 500\nthreshold_at_s = 0.002\n"
+    burst = "[burst]\nfrequency_hz = 300\ncycles = 2\n"
+    study = study_from_text(people + burst + BOTH, "study.toml")
+    words = "durations of 0.01 to 1 s were measured, got 0.00667 and 0.002 s"
+    assert unmeasured(study) == (words,)
+    (line,) = [one for one in told(people + burst + BOTH).lines if "were measured" in one]
+    assert line.endswith(f"outside published curves: {words}. A pilot tells the true one.")
+    assert unmeasured_words(study_from_text(BOTH, "study.toml")) == ""
