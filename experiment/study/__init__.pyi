@@ -26,6 +26,7 @@ from .simulated import (
     people_words,
     threshold_vpp,
     unmeasured,
+    unmeasured_words,
     vibrations,
 )
 from .sources import (
@@ -91,6 +92,7 @@ __all__ = [
     "threshold_vpp",
     "told_by_file",
     "unmeasured",
+    "unmeasured_words",
     "vibrations",
     "with_levels",
     "words_of_the_others",
