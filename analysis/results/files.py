@@ -221,7 +221,7 @@ def _contents(analysis: Analysis, *, with_figures: bool) -> Iterator[tuple[str, 
     for one in drawn:
         yield f"{one.name}.png", one.png
         yield f"{one.name}.svg", one.svg
-    yield METHODS, methods_of(analysis).text.encode()
+    yield METHODS, methods_of(analysis, drawn=bool(drawn)).text.encode()
     yield REPORT, report_html(analysis, drawn).encode()
 
 

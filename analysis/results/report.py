@@ -141,7 +141,7 @@ def report_html(analysis: Analysis, pictures: Iterable[Picture]) -> str:
             *_both_and_blank(analysis),
         ],
         looked=looked_words(analysis),
-        methods=methods_of(analysis, plans),
+        methods=methods_of(analysis, plans, drawn=bool(drawn)),
         definitions=definitions_of(analysis),
         folded=[*folded_tables(analysis, plans)],
         most_rows=_MOST_ROWS,

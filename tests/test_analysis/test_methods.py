@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import html
+import math
 import re
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
@@ -13,7 +14,9 @@ import pytest
 from analysis import ColumnMap, write_analysis
 from analysis.groups.criterion import with_criterion
 from analysis.results.compared import compared, own_model_words, plain
+from analysis.results.figures.composed import LOOKS
 from analysis.results.methods import looked_words, methods_of, misfits
+from analysis.results.methods.caption import LOOK_WORDS, caption_words
 from analysis.results.methods.presented import order_words
 from analysis.results.summary import versions
 from analysis.results.tables import analyse
@@ -187,6 +190,43 @@ def test_intervals_of_thresholds_may_overlap_is_told_within_participants(tmp_pat
     assert words not in methods_of(analyse(loaded(tmp_path, head + "".join(apart), MAP))).text
 
 
+def test_a_caption_tells_the_signs_that_the_figure_has(tmp_path: Path) -> None:
+    assert len(LOOK_WORDS) == len(LOOKS)
+    group = of(tmp_path)
+    told = plain(caption_words(group))
+    for words in (
+        "Detection probability by level (um) of 2 participants in conditions palm (circles, solid ",
+        "line) and thumb (squares, dashed line), side by side at each level. Open symbols are ",
+        "means of the participants with 95 % credible intervals of the mean of people like them",
+        "small symbols are single participants",
+        "pointwise 95 % credible bands",
+        "at the left edge are mean false-alarm rates (the share of blank (catch) trials answered",
+        "with 95 % credible intervals (thick bars",
+        "thinner, where another participant's is expected (95 %); at the foot, the means less",
+    ):
+        assert words in told, words
+    assert len(re.findall(r"\.(?: |$)", told)) == 3  # sentences
+    none = group.thresholds.assign(guess_basis="assumed", status="flat")
+    groups = group.groups.assign(status="flat", threshold_vpp=math.nan)
+    told = caption_words(replace(group, thresholds=none, groups=groups))
+    for absent in ("left edge", "bands", "at the foot", "arrows"):
+        assert absent not in told, absent
+
+
+@pytest.mark.slow
+def test_the_caption_of_one_participant_speaks_of_proportions(tmp_path: Path) -> None:
+    one = of(tmp_path, people=("a",))
+    told = caption_words(one)
+    assert " of 1 participant in conditions " in told
+    assert "Open symbols are proportions with 95 % Wilson intervals (bars); lines are the " in told
+    assert "false-alarm rates with 95 % intervals" in told
+    assert "at the foot, deviance residuals" in told
+    for absent in ("group", "small symbols", "mean", "arrows"):
+        assert absent not in told, absent
+    cut = one.thresholds.assign(threshold_high_vpp=math.nan)
+    assert "(thick bars; arrows: open ends)" in caption_words(replace(one, thresholds=cut))
+
+
 def test_the_ratio_of_thresholds_is_told_where_it_is_not_that_of_the_difference(
     tmp_path: Path,
 ) -> None:
@@ -225,10 +265,13 @@ def test_every_reference_of_the_methods_is_cited_in_their_order(tmp_path: Path) 
 
 
 @pytest.mark.slow
-def test_the_page_and_methods_txt_have_the_same_text(tmp_path: Path) -> None:
+@pytest.mark.parametrize("drawn", [False, True])
+def test_the_page_and_methods_txt_have_the_same_text(tmp_path: Path, *, drawn: bool) -> None:
     path = put(tmp_path / "t.csv", made(FELT, "a", "b<i>"))
-    write_analysis([path], tmp_path / "out", columns=MAP, figures=False)
+    write_analysis([path], tmp_path / "out", columns=MAP, figures=drawn)
     wrote = files(tmp_path / "out")
+    assert (b"\nCaption of detection.svg, to paste\n" in wrote["methods.txt"]) == drawn
+    assert ("detection.svg" in wrote) == drawn
     page = html.unescape(re.sub("<[^>]+>", "", wrote["report.html"].decode()))
     for line in wrote["methods.txt"].decode().splitlines():
         words = line.partition("] ")[2] if re.match(r"\[\d+\]", line) else line

@@ -1,6 +1,23 @@
 from . import figures as figures
+from .composed import ABOVE, BELOW
 from .confusion import stimulus
+from .curves import DRAWN, OF_BLANKS, conditions_of, shared_levels
 from .drawing import COLOURS, GROUP, MARKERS, panels, written
 from .figures import Picture
 
-__all__ = ["COLOURS", "GROUP", "MARKERS", "Picture", "figures", "panels", "stimulus", "written"]
+__all__ = [
+    "ABOVE",
+    "BELOW",
+    "COLOURS",
+    "DRAWN",
+    "GROUP",
+    "MARKERS",
+    "OF_BLANKS",
+    "Picture",
+    "conditions_of",
+    "figures",
+    "panels",
+    "shared_levels",
+    "stimulus",
+    "written",
+]

@@ -17,7 +17,7 @@ from analysis.results.figures.composed import (
     Residuals,
     deviance_residuals,
 )
-from analysis.results.methods import is_yes_no
+from analysis.results.methods.task import is_yes_no
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, ClassVar
 from analysis.definitions import TOTAL
 from analysis.results.answer import left_out_words
 from analysis.results.compared import alarms_words, isolated, number_of, own_model_words, plain
+from analysis.results.methods.caption import caption_words
 from analysis.results.methods.looked import looked_words
 from analysis.results.methods.misfit import lapses_words, misfit_words
 from analysis.results.methods.presented import (
@@ -39,9 +40,11 @@ if TYPE_CHECKING:
 class Methods:
     """What an author pastes: paragraphs, in which names are `isolated`, and what they cite.
 
-    The first is a short version that stands alone; behind `DETAILS` come the others.
+    The first is a short version that stands alone; behind `CAPTION` comes one of the figure, where
+    it is drawn, and behind `DETAILS` the others.
     """
 
+    CAPTION: ClassVar = "Caption of detection.svg, to paste"
     DETAILS: ClassVar = "Details, for a supplement"
     paragraphs: tuple[str, ...]
     references: tuple[str, ...]
@@ -53,8 +56,8 @@ class Methods:
         return "\n\n".join([*map(plain, self.paragraphs), "\n".join(cited)]) + "\n"
 
 
-def methods_of(analysis: Analysis, plans: Planned | None = None) -> Methods:
-    """Write the methods of an analysis; `plans` are `planned` of it."""
+def methods_of(analysis: Analysis, plans: Planned | None = None, *, drawn: bool = False) -> Methods:
+    """Write the methods of an analysis; `plans` are `planned` of it, figures `drawn` or not."""
     from jinja2 import Environment, StrictUndefined
 
     from experiment.preview.check_report import burst_words
@@ -70,6 +73,8 @@ def methods_of(analysis: Analysis, plans: Planned | None = None) -> Methods:
     told = pages.from_string(template).render(
         analysis=analysis,
         details=Methods.DETAILS,
+        caption=caption_words(analysis) if drawn else "",
+        caption_head=Methods.CAPTION,
         counts=analysis.counts,
         counts_told=counts_told(analysis),
         study=plans.studies[0] if plans.studies else None,
