@@ -18,6 +18,7 @@ from analysis.results.figures.composed import LOOKS
 from analysis.results.methods import looked_words, methods_of, misfits
 from analysis.results.methods.caption import LOOK_WORDS, caption_words
 from analysis.results.methods.presented import order_words
+from analysis.results.methods.task import detected_words
 from analysis.results.summary import versions
 from analysis.results.tables import analyse
 from tests.test_analysis.shared import LEAST, felt, files, loaded, put
@@ -162,6 +163,17 @@ def test_both_finger_trials_are_told_where_there_are_any(tmp_path: Path) -> None
     )
     assert "both-finger trials (at 95 V), which enter no threshold." in some.text
     assert "trials enter no threshold" not in " ".join(some.paragraphs[1:])  # said above them
+
+
+def test_trials_without_an_answer_are_counted_in_words(tmp_path: Path) -> None:
+    same = of(tmp_path, people=("a",))
+    for late, invalid, words in (
+        (1, 0, "The 1 trial without an answer in time counts as not felt."),
+        (3, 0, "The 3 trials without an answer in time count as not felt."),
+        (1, 2, "The 1 trial without an answer in time and 2 with another key count as not felt."),
+    ):
+        counts = replace(same.counts, timeouts=late, invalid=invalid)
+        assert detected_words(replace(same, counts=counts)).endswith(words)
 
 
 def test_with_which_condition_participants_began_is_told_where_it_is_known(tmp_path: Path) -> None:

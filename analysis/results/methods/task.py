@@ -55,7 +55,9 @@ def detected_words(analysis: Analysis) -> str:
     late, invalid = analysis.counts.timeouts, analysis.counts.invalid
     if late or invalid:
         keys = f" and {invalid} with another key" if invalid else ""
-        told += f" The {late} trials without an answer in time{keys} count as not felt."
+        one = late + invalid == 1
+        trials = f"{late} trial{'' if late == 1 else 's'} without an answer in time{keys}"
+        told += f" The {trials} count{'s' if one else ''} as not felt."
     return told
 
 
