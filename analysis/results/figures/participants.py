@@ -174,8 +174,11 @@ def _explain(figure: Figure, analysis: Analysis, top: float) -> None:
     handles += [
         Line2D([], [], color=grey, marker="|", ls="", ms=8,
                label=f"95 % interval ({analysis.ci.title()})"),
-        *[Line2D([], [], color=grey, marker="o", ls="", ms=3, label=start_label(analysis))]
-        * blanks_tell(analysis),
+        *(
+            [Line2D([], [], color=grey, marker="o", ls="", ms=3, label=start_label(analysis))]
+            if blanks_tell(analysis)
+            else []
+        ),
         Patch(color=grey, alpha=0.25, lw=0, label="95 % band of the function"),
         Line2D([], [], color=grey, marker="|", lw=2.6, ms=5.5, label="threshold, 95 % interval"),
     ]  # fmt: skip
