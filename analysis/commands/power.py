@@ -67,7 +67,7 @@ def _teller() -> Callable[[float], None]:
         nonlocal told_s
         if not sys.stderr.isatty() and time.monotonic() - told_s > _TOLD_EVERY_S:
             told_s = time.monotonic()
-            click.echo(f"{share:.0%} of that is done", err=True)
+            click.echo(f"{share:.0%} of the most it can need is done", err=True)
 
     return tell
 

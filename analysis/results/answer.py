@@ -326,9 +326,10 @@ def _false_alarms(analysis: Analysis) -> Iterator[str]:
             how = " was not an answer: forced choice, as the map says"
         yield f'false alarms are not told, for "none"{how}'
         return
-    rows = [*totals(analysis)]
-    if not rows:
-        yield "false alarms are not known, for there were no blank trials"
+    if not (rows := [*totals(analysis)]):
+        some = not analysis.trials.empty and analysis.trials["kind"].eq("blank").any()
+        why = "no blank trial counts" if some else "there were no blank trials"
+        yield f"false alarms are not known, for {why}"
     elif len(rows) > SPELLED:
         yield "false alarms stand in the table"
     else:

@@ -218,7 +218,7 @@ def completed(folder: SessionFolder, plan: Plan, tell: Callable[[str], object]) 
             return None
         _refuse_altered(folder, tell)
         with folder.open_journal(lambda: history.last_t_s) as journal:
-            return _ending(folder, journal, finished=True, failure=None)
+            return _ending(folder, plan, journal, finished=True, failure=None)
 
 
 def _refuse_altered(folder: SessionFolder, tell: Callable[[str], object]) -> None:
@@ -300,14 +300,22 @@ def _run(
             origin_s=origin_s,
         )
         finished = session.run()
-        return _ending(folder, journal, finished=finished, failure=session.failure)
+        return _ending(folder, plan, journal, finished=finished, failure=session.failure)
 
 
 def _ending(
-    folder: SessionFolder, journal: Journal, *, finished: bool, failure: DeviceError | None
+    folder: SessionFolder,
+    plan: Plan,
+    journal: Journal,
+    *,
+    finished: bool,
+    failure: DeviceError | None,
 ) -> Ending:
+    done = [row for row in folder.read_history(plan).rows if row.status == "ok"]
+    planned = {trial.number for trial in plan.trials}  # without those of a warm-up
     return Ending(
         finished=finished,
+        unanswered=sum(row.response == "timeout" and row.trial in planned for row in done),
         failure=failure,
         trials_path=folder.write_trials(),
         torn_file=journal.torn_file,

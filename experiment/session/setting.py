@@ -360,7 +360,9 @@ class Ending:
     Attributes
     ----------
     finished : bool
-        Whether every planned trial is answered.
+        Whether every planned trial is done.
+    unanswered : int
+        The planned trials that are done and had no answer in their time.
     failure : DeviceError or None
         What the device failed with, if it did.
     trials_path : Path
@@ -372,6 +374,7 @@ class Ending:
     """
 
     finished: bool
+    unanswered: int
     failure: DeviceError | None
     trials_path: Path
     torn_file: Path | None

@@ -44,6 +44,13 @@ SILENT = LEAST.replace("participant", "participant,condition") + "".join(
     for level, answer in ((60, "none"), (95, "left"), (130, "none"), (200, "left"))
 )
 """Two people who answer in one condition of three."""
+LOST_BLANKS = LEAST + "".join(
+    (
+        *(f"1,left,{level},{word}\n" for level in (60, 200) for word in ("none", "left")),
+        "2,left,60,timeout\n2,none,0,timeout\n",
+    )
+)
+"""Of two people the one who got a blank trial never answered."""
 NUMBER = r"[-+]?\d+(?:\.\d+)?"
 END = rf"(?:(?:below|above) )?{NUMBER}"
 
@@ -310,6 +317,10 @@ def some_offered(analysis: Analysis) -> bool:
     return True in [one for one in of.loc[of["reason"].eq(""), "none_offered"] if one is not pd.NA]
 
 
+def some_blank(analysis: Analysis) -> bool:
+    return len(analysis.trials) > 0 and "blank" in {*analysis.trials["kind"]}
+
+
 def unsure(analysis: Analysis) -> int:
     """Of how many pairs the interval of d' holds 0 where thresholds differ."""
     rows = [one.row for one in pairs_of(analysis.differences) if one.apart]
@@ -392,7 +403,10 @@ SENTENCES: dict[str, Callable[[re.Match[str], Analysis], None]] = {
             lambda one: one.detected_any is None and one.task and not some_offered(one)
         ),
     "false alarms are not known, for there were no blank trials": is_true(
-        lambda one: one.detected_any is not None and one.blank.empty
+        lambda one: one.detected_any is not None and one.blank.empty and not some_blank(one)
+    ),
+    "false alarms are not known, for no blank trial counts": is_true(
+        lambda one: one.detected_any is not None and one.blank.empty and some_blank(one)
     ),
     "false alarms stand in the table": is_true(lambda one: len(totals(one)) > 3),
     r"false alarms: (?P<each>.+)": false_alarms,
@@ -629,6 +643,9 @@ def test_every_kind_of_sentence_occurs_and_is_true(least: Analysis, tmp_path: Pa
     used |= checked(answer(nothing), nothing)
     mute = analyse(loaded(tmp_path, SILENT))
     used |= checked(answer(mute), mute)
+    (tmp_path / "lost").mkdir()
+    lost = analyse(loaded(tmp_path / "lost", LOST_BLANKS))
+    used |= checked(answer(lost), lost)
     assert [one for one in SENTENCES if one not in used] == []
 
 

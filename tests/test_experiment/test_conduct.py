@@ -101,7 +101,9 @@ def test_what_the_device_emitted_is_what_the_rows_say(lab_of: LabOf, text: str) 
 
 
 def test_every_answer_stays_in_the_record_and_is_timed_from_the_onset(lab: Lab) -> None:
-    lab.begin(ask={1: (None, 3.0), 4: ("right", 0.321)})
+    ending = lab.begin(ask={1: (None, 3.0), 4: ("right", 0.321)})
+    assert ending.finished
+    assert ending.unanswered == 1
     assert [row.response for row in lab.rows] == ["timeout", "left", "left", "right", "left"]
     assert next(row.correct for row in lab.rows) is False
     assert [row.rt_s for row in lab.rows][1:] == [0.5, 0.5, 0.321, 0.5]

@@ -114,6 +114,14 @@ def never(*_: object) -> None:
     raise AssertionError
 
 
+def test_a_session_without_an_answer_is_done_and_not_answered(sessions: Sessions) -> None:
+    slow = "reaction_time_s = 9.9\nreaction_time_least_s = 9.8\n"
+    sessions.write(f"{sessions.text}\n[simulation]\n{slow}")
+    result = sessions.run(*SEED)
+    assert result.exit_code == 0, result.stderr
+    assert "all 5 trials are done, 5 of them without an answer: " in result.stdout
+
+
 def test_a_session_is_run_from_study_to_trials(sessions: Sessions) -> None:
     result = sessions.run(*SEED)
     assert result.exit_code == 0, result.stderr
