@@ -108,13 +108,10 @@ class Actuator:
         "measured, assumed equal to the like actuator there",
     )
     measured_at_vpp: float | None = Field(
-        default=None,
-        ge=1e-3,
-        le=1000,
-        description="... with a steady sine or a burst of this level",
+        default=None, ge=1e-3, le=1000, description="... with a sine or burst of this level"
     )
     measured_at_hz: float | None = Field(
-        default=None, ge=1, le=1e5, description="... and of this frequency, well below the cut-off"
+        default=None, ge=1, le=1e5, description="... and this frequency, well below the cut-off"
     )
     measured_by: Line | None = Field(default=None, description="... by whom")
     measured_on: Day | None = Field(default=None, description="... and when")
