@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import builtins
+import os
 import subprocess
 import threading
 import time
@@ -28,9 +29,10 @@ WITHIN_S = 20.0
 
 @pytest.fixture
 def pylsl(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Any:
-    """The library, which looks for streams on this machine only."""
+    """The library, which looks for this process's streams only: tests run in several."""
     config = tmp_path / "lsl_api.cfg"
-    config.write_text("[multicast]\nResolveScope = machine\n[log]\nlevel = -3\n")
+    ours = f"[multicast]\nResolveScope = machine\n[lab]\nSessionID = {os.getpid()}\n"
+    config.write_text(f"{ours}[log]\nlevel = -3\n")
     monkeypatch.setenv("LSLAPICFG", str(config))
     return pytest.importorskip("pylsl")
 
