@@ -232,6 +232,17 @@ def test_no_guess_rate_is_drawn_where_no_blank_trial_told_it(*, forced_choice: b
     assert [one.start for one in person_curves(analysis, "S00").values()] == [None]
 
 
+def test_the_only_person_of_a_condition_has_residuals_on_the_scale_of_the_others_means() -> None:
+    trials = [felt([3, 9, 14], n=15, participant=f"S{n}", condition="a") for n in range(3)]
+    trials.append(felt([2, 7, 13], n=15, participant="S0", condition="b"))
+    analysis = tabulated(pd.concat(trials))
+    only = group_curves(analysis)["b"]
+    assert only.function is not None
+    assert only.residuals is not None
+    assert only.residuals.value == pytest.approx(only.p - only.function.at(only.level_vpp))
+    render(analysis)
+
+
 def test_every_page_has_eight_people() -> None:
     few = pd.concat([felt([3, 9, 14], n=15, participant=f"S{n:02d}") for n in range(9)])
     first, second = draw_participants(tabulated(few))

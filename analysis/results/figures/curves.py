@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -108,26 +109,36 @@ def group_curves(analysis: Analysis) -> dict[str, Curve]:
         row = analysis.groups[analysis.groups["condition"].eq(condition)].iloc[0]
         people = [i for i, (name, _) in enumerate(analysis.people.names) if name == condition]
         if len(people) == 1:
-            curves[condition] = person_curves(analysis, analysis.people.names[people[0]][1])[
-                condition
-            ]
+            only = analysis.people.names[people[0]][1]
+            curves[condition] = person_curves(analysis, only)[condition]
+            if len({name for _, name in analysis.people.names}) > 1:
+                curves[condition] = _of_means(curves[condition])  # others there are of means
             continue
         cells = shared_levels(analysis, condition)
         levels_vpp, p, low, high, presented = (
             cells[name].to_numpy(dtype=np.float64)
             for name in ("level_vpp", "p_mean", "group_low", "group_high", "presented")
         )
-        function = residuals = None
+        function = None
         if row["status"] in (*DRAWN, "separated"):
             function = group_function(analysis.people, people, analysis.axis)
-            at = function.at(levels_vpp)
-            residuals = Residuals(level_vpp=levels_vpp, value=p - at, low=low - at, high=high - at)
-        curves[condition] = Curve(
+        curves[condition] = _of_means(Curve(
             look=look_of(analysis, condition), level_vpp=levels_vpp, p=p, low=low, high=high,
             size=_sizes(presented), mark=_mark(row), start=_mean_start(analysis, people),
-            function=function, residuals=residuals,
-        )  # fmt: skip
+            function=function,
+        ))  # fmt: skip
     return curves
+
+
+def _of_means(curve: Curve) -> Curve:
+    """Return a curve with the residuals of means: data less function, with the data's limits."""
+    if curve.function is None:
+        return curve
+    at = curve.function.at(curve.level_vpp)
+    residuals = Residuals(
+        level_vpp=curve.level_vpp, value=curve.p - at, low=curve.low - at, high=curve.high - at
+    )
+    return replace(curve, residuals=residuals)
 
 
 def shared_levels(analysis: Analysis, condition: str) -> pd.DataFrame:
