@@ -302,7 +302,7 @@ def test_a_part_of_a_name_tells_the_level_of_a_few_numbers(tmp_path: Path, name:
 )
 def test_the_unit_of_levels_is_guessed_by_the_name(tmp_path: Path, name: str, unit: str) -> None:
     table = put(tmp_path / "t.csv", f"participant,side,{name},response\nA,left,60,left\n")
-    assert f'unit = "{unit}"  # guess, by the name; printed as you write it' in draft(table)
+    assert f'unit = "{unit}"  # guess, by the name; printed as written' in draft(table)
 
 
 def test_an_empty_cell_is_no_value(tmp_path: Path) -> None:

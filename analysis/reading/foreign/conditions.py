@@ -5,37 +5,64 @@ from __future__ import annotations
 import re
 from typing import TYPE_CHECKING, Final
 
+from analysis.reading.foreign.bids import FILE
+from analysis.reading.foreign.factors import MOST, factor_words, roles_by_name
 from analysis.reading.foreign.sample import listed, plain, sample_of
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterator, Sequence
 
     from analysis.reading.foreign.columns import ColumnMap
+    from analysis.reading.foreign.factors import Roles
     from analysis.reading.foreign.sample import Sample
     from analysis.reading.sources import InputTable
 
 MOST_FILES: Final = 40
 """Files that are looked at, for a guess or a remark."""
-_MOST: Final = 6
 _SIDE: Final = re.compile("left|right")
 _NONE: Final = ("date", "time", "expname", "expstart", "psychopyversion", "corrans")
 
 
-def may_be_conditions(table: Sample, known: Collection[str]) -> Iterator[tuple[str, list[str]]]:
-    """Yield columns of a few words, each there twice or more, that are none of the known ones.
+def may_be_conditions(
+    table: Sample, known: Collection[str], roles: Roles
+) -> Iterator[tuple[str, list[str]]]:
+    """Yield columns that may tell conditions apart and are none of the known ones.
 
-    Nor has a known one all of its words, as that of the answers has those of the right answers;
-    nor do they only name sides, as files left.wav and right.wav.
+    These are a few words, each there twice or more, or a few numbers that are a factor. No known
+    column has all of the words, as that of the answers has those of the right answers; nor do they
+    only name sides, as files left.wav and right.wav. Numbers that only say over again what another
+    such column says are not yielded.
     """
     taken = [{*table.words(name)} for name in known if name in table.header]
-    for name in dict.fromkeys(table.header):
+    found: list[str] = []
+    names = [*dict.fromkeys(table.header)]
+    for name in sorted(names, key=lambda one: bool(table.numbers(one))):
         words = table.words(name)
-        few = 1 < len(words) <= _MOST and "" not in words and not name.endswith("-")
-        if not few or min(words.values()) == 1 or table.numbers(name):
+        few = 1 < len(words) <= MOST and "" not in words and not name.endswith("-")
+        if not few or min(words.values()) == 1 or name in known:
             continue
         sides = len({_SIDE.sub("", word.lower()) for word in words}) == 1
-        if plain(name) not in _NONE and not sides and not any({*words} <= one for one in taken):
-            yield name, [*words]
+        if table.numbers(name):
+            told = factor_words(table, name, roles)
+            if not told or any(_same(table, name, one) for one in found):
+                continue
+        elif name in roles.answers or plain(name) in _NONE or sides or _within(words, taken):
+            continue
+        else:
+            told = [*words]
+        found.append(name)
+        yield name, told
+
+
+def _within(words: Collection[str], taken: list[set[str]]) -> bool:
+    return any({*words} <= one for one in taken)
+
+
+def _same(table: Sample, one: str, other: str) -> bool:
+    """Tell whether each word of one column goes with a single word of the other."""
+    at, beside = table.header.index(one), table.header.index(other)
+    pairs = {(row[at], row[beside]) for row in table.rows}
+    return len(pairs) == len(table.words(one)) == len(table.words(other))
 
 
 def pooled(sources: Sequence[InputTable], columns: ColumnMap) -> Iterator[str]:
@@ -45,8 +72,9 @@ def pooled(sources: Sequence[InputTable], columns: ColumnMap) -> Iterator[str]:
     table = sample_of(sources[:MOST_FILES], columns.form, columns.filter)
     if "condition" in table.header:
         return
-    known = {theirs for _, theirs in columns.sources(table.header, str(sources[0].path))}
-    for name, words in may_be_conditions(table, known):
+    found = dict(columns.sources(table.header, str(sources[0].path)))
+    roles = roles_by_name(table, found.get("participant", FILE), found.get("level_vpp"))
+    for name, words in may_be_conditions(table, {*found.values()}, roles):
         yield (
             f"column {name} ({listed(words)}) is no condition here: its trials are analysed "
             f'together; [columns] condition = "{name}" compares them, condition = "" says that '

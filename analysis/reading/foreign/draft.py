@@ -17,7 +17,9 @@ from analysis.reading.cells import NOTHING, TRUTHS
 from analysis.reading.checks import MAX_MEDIAN_RT_S
 from analysis.reading.foreign.bids import FILE, STANDS_FOR
 from analysis.reading.foreign.conditions import MOST_FILES, may_be_conditions
+from analysis.reading.foreign.factors import float_of, roles_by_name, with_unit
 from analysis.reading.foreign.form import RowFilter, guessed_encoding, text_format
+from analysis.reading.foreign.names import CALLED, COUNTS, FELT, HITS, LEVELS, OF, OF_VOLTS, WORDS
 from analysis.reading.foreign.sample import NUMBER, Sample, listed, plain, sample_of, told_of
 from analysis.reading.text import one_line
 from experiment.terms.record import COLUMNS
@@ -28,41 +30,6 @@ if TYPE_CHECKING:
     from analysis.reading.sources import InputTable
 
 
-_LEVELS: Final = ("level", "stimlevel", "intensity", "stimintensity", "amplitude", "amp")
-_OF_VOLTS: Final = ("vpp", "volt", "volts", "voltage")
-# What others call our columns, in small letters and digits; the first that a heading has is taken.
-_CALLED: Final[Mapping[str, tuple[str, ...]]] = {
-    "participant": (
-        *("participant", "participantid", "subject", "subjectid", "subj", "subjid", "sub", "ppid"),
-        *("pid", "observer", "id"),
-    ),
-    "session": ("session", "sessionid", "ses", "visit"),
-    "condition": ("condition", "cond"),
-    "trial": ("trial", "trialnumber", "trialnum", "trialno", "trialn", "thisn", "trialindex"),
-    "side": ("side", "stimside", "stimulusside", "targetside", "location", "hand", "finger"),
-    "level_vpp": (
-        *("levelvpp", *_LEVELS, "voltage", "volts", "volume", "gain", "strength", "contrast"),
-        *("soa", *(f"{name}{unit}" for unit in ("um", "m", "nm", "mm", "pct") for name in _LEVELS)),
-    ),
-    "response": ("response", "resp", "answer", "keys", "choice", "keypress", "key"),
-    "rt_s": ("rts", "rt", "responsetime", "reactiontime", "resprt", "latency", "rtms"),
-}
-_HITS: Final = (
-    *("detected", "correct", "corr", "responsecorrect", "respcorr", "iscorrect", "felt", "hit"),
-    *("accuracy", "acc", "yes"),
-)
-_COUNTS: Final = ("k", "detected", "correct", "hits", "ncorrect", "yes", "nyes", "ndetected")
-_OF: Final = ("n", "presented", "total", "ntotal", "ntrials", "trials", "shown")
-_WORDS: Final[Mapping[str, str]] = {
-    **dict.fromkeys(("l", "left", "arrowleft", "leftarrow", "links"), "left"),
-    **dict.fromkeys(("r", "right", "arrowright", "rightarrow", "rechts"), "right"),
-    **dict.fromkeys(("b", "both"), "both"),
-    **dict.fromkeys(("no", "nothing", "blank", "catch", "null", "none"), "none"),
-}
-_FELT: Final[Mapping[str, str]] = {
-    **dict.fromkeys(("true", "yes", "y", "ja", "j", "oui", "o", "1"), "1"),
-    **dict.fromkeys(("false", "no", "n", "nein", "non", "0"), "0"),
-}
 _MOST_WORDS: Final = 12
 _MOST_LEVELS: Final = 20
 _PART: Final = re.compile("[A-Z]?[a-z]+|[A-Z]+")
@@ -70,7 +37,7 @@ _BARE: Final = re.compile(r"[A-Za-z0-9_-]+")
 _VOLTS: Final = re.compile("volt|vpp$")
 _UNIT: Final = re.compile(r"[_ .(\[](um|µm|nm|mm|pct|percent)[)\]]?$", re.IGNORECASE)
 _UNITS: Final = {"pct": "%", "percent": "%"}
-_NO_TRIAL: Final = re.compile("pract|train|instr|demo|warm|welcome", re.IGNORECASE)
+_NO_TRIAL: Final = re.compile("pract|train|instr|demo|warm.?up|welcome", re.IGNORECASE)
 _BLOCK: Final = re.compile(r"\.thisN$|^(block|run)_?(n|nr|no|num|number|index|id)?$", re.IGNORECASE)
 _FILL: Final = "FILL IN: "
 _OFFERED: Final = "guess: take the first # away to compare "
@@ -79,6 +46,7 @@ NOTE: Final = "# Note: "
 _ROWS: Final = ("rows.keep", "rows.skip")
 _DECIMAL: Final = 'decimal = ","  # guess: there are numbers with a comma'
 _ASIDE: Final = {"none": "blanks", "both": "in no threshold"}
+_PRINTED: Final = 'printed as written, as "µm" or "um peak-to-peak": nothing is converted'
 _TASK: Final = '"yes/no" if who felt nothing could say so, "forced choice" if they had to guess'
 
 
@@ -110,9 +78,9 @@ def map_draft(sources: Sequence[InputTable]) -> tuple[str, list[str]]:
         lines.append(_entry("task", "", f"{_FILL}{_TASK}"))
     else:
         lines.append(f'# task: nothing to state if some answered "none"; if nobody, {_TASK}')
-    order = ("file", "rows.keep", "rows.skip", "columns", "values.side", "values.level_vpp",
-             "values.response", "values.detected", "values.rt_s", "constant", "units", "axis",
-             "table")  # fmt: skip
+    order = ("file", "rows.keep", "rows.skip", "columns", "values.condition", "values.side",
+             "values.level_vpp", "values.response", "values.detected", "values.rt_s", "constant",
+             "units", "axis", "table")  # fmt: skip
     for name in order:
         if sections.get(name):
             lines += ["", f"[{name}]", *sections[name]]
@@ -134,9 +102,9 @@ def _notes(looked_at: Sample, trials: Sample, sections: Mapping[str, list[str]])
             f'{zeros} rows have level 0: blanks, where the answer "none" is right (in a forced '
             "choice [rows.skip] has to leave them out); each counts for its own condition only"
         )
-    words = trials.words(side) if (side := trials.called(_CALLED["side"])) else {}
+    words = trials.words(side) if (side := trials.called(CALLED["side"])) else {}
     for ours, told in _ASIDE.items():
-        if rows := sum(n for word, n in words.items() if _WORDS.get(plain(word)) == ours):
+        if rows := sum(n for word, n in words.items() if WORDS.get(plain(word)) == ours):
             yield f"{rows} rows have side {ours}: {told}"
     for line in sections["columns"]:
         key, _, names = line.removeprefix("# ").partition(f"  # {_OFFERED}")
@@ -174,13 +142,13 @@ def _rows(table: Sample, sections: dict[str, list[str]]) -> Sample:
 
 def _columns(table: Sample, sections: dict[str, list[str]]) -> None:
     sections["columns"] = []
-    k, n = table.called(_COUNTS), table.called(_OF)
+    k, n = table.called(COUNTS), table.called(OF)
     counted = bool(k and n and k != n and table.numbers(k) and table.numbers(n))
     response, both = (None, None) if counted else _answers(table)
     if counted:
         _put(sections, "table", "detected", k or "", "guess")
         _put(sections, "table", "presented", n or "", "guess")
-    for ours, names in _CALLED.items():
+    for ours, names in CALLED.items():
         if counted and ours in ("trial", "response", "rt_s", "side"):
             continue
         theirs = _level(table) if ours == "level_vpp" else table.called(names)
@@ -198,10 +166,10 @@ def _columns(table: Sample, sections: dict[str, list[str]]) -> None:
 
 def _level(table: Sample) -> str | None:
     """Return the column of the level: by its name or, if it has a few numbers, by a part of it."""
-    if named := table.called(_CALLED["level_vpp"]):
+    if named := table.called(CALLED["level_vpp"]):
         return named
     for name in table.header:
-        of_levels = {part.lower() for part in _PART.findall(name)} & {*_LEVELS, *_OF_VOLTS}
+        of_levels = {part.lower() for part in _PART.findall(name)} & {*LEVELS, *OF_VOLTS}
         if of_levels and 1 < len({*(table.numbers(name) or ())}) <= _MOST_LEVELS:
             return name
     return None
@@ -220,9 +188,9 @@ def _absent(table: Sample, ours: str, sections: dict[str, list[str]]) -> None:
 
 def _trial(table: Sample, sections: dict[str, list[str]]) -> None:
     """Take a column that numbers the trials of a session, or the order of rows instead."""
-    columns = [*table.named(_CALLED["trial"])]
-    person = table.called(_CALLED["participant"]) or STANDS_FOR["participant"]
-    session = table.called(_CALLED["session"]) or STANDS_FOR["session"]
+    columns = [*table.named(CALLED["trial"])]
+    person = table.called(CALLED["participant"]) or STANDS_FOR["participant"]
+    session = table.called(CALLED["session"]) or STANDS_FOR["session"]
     of_person = [name for name in (person, session, "attempt") if name in table.header]
     within = of_person if person in table.header else [*of_person, FILE]
     numbered = next((name for name in columns if table.unique(name, within)), None)
@@ -245,10 +213,10 @@ def _unit(sections: dict[str, list[str]], level: str) -> None:
     """Ask for the unit of levels, unless their column is named after one."""
     named = _UNIT.search(level)
     if named:
-        told = 'guess, by the name; printed as you write it, as "um peak": nothing is converted'
+        told = f"guess, by the name; {_PRINTED}"
         _put(sections, "axis", "unit", _UNITS.get(named[1].lower(), named[1]), told)
     elif not level or not _VOLTS.search(plain(level)):
-        _put(sections, "axis", "unit", "", f'{_FILL}the unit of the levels, as "um" or "V"')
+        _put(sections, "axis", "unit", "", f"{_FILL}the unit of the levels; {_PRINTED}")
     else:
         sections["columns"].append(
             "# its unit: V peak-to-peak, by the name; else state it, in [units]"
@@ -257,7 +225,7 @@ def _unit(sections: dict[str, list[str]], level: str) -> None:
 
 def _answers(table: Sample) -> tuple[str | None, str | None]:
     """Return the column of the answers, and that of whether something was detected."""
-    response, hit = table.called(_CALLED["response"]), table.called(_HITS)
+    response, hit = table.called(CALLED["response"]), table.called(HITS)
     both = hit if hit and _is_hit(table, hit) else None
     if response and _has_buttons(table):
         return response, None
@@ -277,7 +245,7 @@ def _side(
              "nothing depends on it; of several name the column in [columns]")  # fmt: skip
         return
     level = _level(table)
-    words = [_WORDS.get(plain(word), word) for word in table.words(theirs)]
+    words = [WORDS.get(plain(word), word) for word in table.words(theirs)]
     places = {word for word in words if word != "none" and word.lower() not in NOTHING}
     blank = "none" in words or (level is not None and 0.0 in (table.numbers(level) or []))
     if not where and blank and len(places) > 1:
@@ -288,11 +256,21 @@ def _side(
 
 
 def _conditions(table: Sample, sections: dict[str, list[str]]) -> None:
-    """Offer columns whose words may tell stimuli apart: without one all are one condition."""
-    ours = {name for names in _CALLED.values() for name in (table.called(names),) if name}
-    for name, words in may_be_conditions(table, ours):
+    """Offer columns that may tell stimuli apart: without one all are one condition.
+
+    For numbers a line each says what may be printed in their place.
+    """
+    ours = {name for names in CALLED.values() for name in (table.called(names),) if name}
+    person = table.called(CALLED["participant"]) or STANDS_FOR["participant"]
+    whose = person if person in table.header else FILE
+    roles = roles_by_name(table, whose, _level(table))
+    for name, words in may_be_conditions(table, ours, roles):
         told = f"{_OFFERED}{listed(words)}"
         sections["columns"].append(f"# {_entry('condition', name, told)}")
+        for word in sorted(words, key=float_of) if table.numbers(name) else ():
+            told = f"to print so, where {one_line(name)} is the condition"
+            line = f"# {_entry(word, with_unit(word, name), told)}"
+            sections.setdefault("values.condition", []).append(line)
 
 
 def _has_buttons(table: Sample) -> bool:
@@ -308,7 +286,7 @@ def _given(table: Sample, name: str) -> list[str]:
 
 def _is_hit(table: Sample, name: str) -> bool:
     words = {word.lower() for word in table.words(name)} - {*NOTHING}
-    return bool(words) and words <= {*_FELT}
+    return bool(words) and words <= {*FELT}
 
 
 def _answer(
@@ -325,9 +303,10 @@ def _answer(
         if "response" in table.header:
             _put(sections, "columns", "response", "", "its 0 and 1 are no sides")
         for word in table.words(hit):
-            ours = "timeout" if word.lower() in NOTHING else _FELT[word.lower()]
+            ours = "timeout" if word.lower() in NOTHING else FELT[word.lower()]
             if word not in (*TRUTHS, "0", "1"):
-                _put(sections, "values.detected", word, ours, "guess")
+                told = _unanswered(table, hit, word) if ours == "timeout" else ""
+                _put(sections, "values.detected", word, ours, f"guess{told}")
     elif response is not None:
         _named(table, "response", response, sections)
     else:
@@ -370,10 +349,18 @@ def _words(table: Sample, ours: str, theirs: str, sections: dict[str, list[str]]
     missing = "timeout" if ours == "response" else "none"
     words = [word for word in table.words(theirs) if word not in known]
     for word in words[:_MOST_WORDS]:
-        guess = missing if word.lower() in NOTHING else _WORDS.get(plain(word), "")
+        guess = missing if word.lower() in NOTHING else WORDS.get(plain(word), "")
         button = "the button that jsPsych counts so, the first is 0: " * _has_buttons(table)
-        what = "guess" if guess else f"{_FILL}{button}{', '.join(known)}"
+        told = _unanswered(table, theirs, word) if guess == "timeout" else ""
+        what = f"guess{told}" if guess else f"{_FILL}{button}{', '.join(known)}"
         _put(sections, f"values.{ours}", word, guess, what)
+
+
+def _unanswered(table: Sample, name: str, word: str) -> str:
+    """Say how many rows have no answer, what they count for, and how to leave them out."""
+    skip = _entry(name, word, "").partition("  #")[0]
+    rows = table.words(name)[word]
+    return f": {rows} rows, presented and not detected; to leave them out: [rows.skip] {skip}"
 
 
 def _put(
