@@ -62,11 +62,12 @@ DEFINITIONS: Final[Mapping[str, str]] = MappingProxyType(
         "row 'all' of a difference: false alarms / blanks in b less those in a, mean of the "
         "participants with blank trials in both, with 95 % limits by Student's t; n/a in other "
         "rows, and the limits where there is one such participant or all differ by the same",
-        "felt": "single stimuli answered left, right or both",
+        "felt": "single stimuli answered left, right or both; with _a and _b of the conditions of "
+        "a difference, as presented",
         "d_prime, d_prime_low, d_prime_high": "z(felt) - z(false alarms), with half a trial more "
         "of either kind in each rate, and its 95 % limits; in a row 'all' the mean of the "
         "participants with limits by Student's t; with _a and _b of the conditions of a "
-        "difference, over the levels of both",
+        "difference, over the levels of both, or in d_prime_differences.csv at one level",
         "d_prime_difference, d_prime_difference_low, d_prime_difference_high": "d_prime_b - "
         "d_prime_a with 95 % limits: of a participant from those of both d', added in "
         "quadrature; in a row 'all' by Student's t within participants, by Welch's "
@@ -121,7 +122,8 @@ OF_ONE_PLACE: Final[Mapping[str, str]] = MappingProxyType(
         "presented": "stimuli, or blank trials, that count",
         "detected": "stimuli answered as felt",
         "timeouts": "stimuli without an answer in time",
-        "felt": "trials answered as felt; of blank trials each is a false alarm",
+        "felt": "trials answered as felt; of blank trials each is a false alarm; with _a and _b of "
+        "the conditions of a difference, as presented",
         "not_felt, timeout, invalid": "trials answered as not felt, without an answer in time, "
         "with another key",
         "false_alarms, blanks": "blank trials answered as felt; blank trials that count; with _a "
@@ -189,13 +191,22 @@ OFF_THE_PLATE: Final = (
 )
 
 CRITERION: Final = (
-    "Where false alarms differ, a difference of thresholds may be one of the willingness to answer "
-    "(the criterion) and not of what is felt: d' does not depend on it, and stands beside. Here it "
-    "is over all levels mixed, surely felt and never felt ones, too, so that it tells less than "
-    "the thresholds: an interval of its difference that holds 0 does not show that only the "
-    "criterion changed."
+    "Where false alarms differ, a difference of thresholds may in whole or in part be one of the "
+    "willingness to answer (the criterion) and not of what is felt. d' at single levels tells, see "
+    "Sensitivity. d' over all levels stands here, but does not: it mixes surely felt and never "
+    "felt ones, and where few false alarms meet levels at which nearly everything is felt it comes "
+    "out higher than the same sensitivity with more of them."
 )
 """What false alarms and d' beside a difference are there for."""
+
+D_PRIME_APART: Final = (
+    "d' of two conditions by level: the mean of the participants' differences with its interval by "
+    "Student's t, Welch's where the participants are others. These are several intervals, not "
+    "corrected for their number. A difference of criterion alone hardly moves d' at levels at "
+    "which up to nine in ten stimuli are felt. Above, d' depends little on the level and mostly "
+    "on the false alarms: it looks higher where these are fewer."
+)
+"""How to read d' of two conditions, as simulated (docs/statistics.md, section 11)."""
 
 D_PRIME: Final = (
     "d' compares what was felt at a level with what was felt of blank trials; unlike a proportion "

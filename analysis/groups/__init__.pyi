@@ -13,26 +13,38 @@ from .group import (
     threshold_on_axis,
 )
 from .population import PopulationThreshold, population_thresholds
+from .sensitivity import (
+    NEARLY_ALL,
+    SEVERAL,
+    LevelsApart,
+    d_prime_differences,
+    levels_apart,
+)
 from .tables import difference_table, group_table
 
 __all__ = [
     "FEW",
     "MIXED",
+    "NEARLY_ALL",
+    "SEVERAL",
     "ConditionDifference",
     "Difference",
     "Function",
     "GroupFit",
+    "LevelsApart",
     "Line",
     "PeopleTables",
     "PopulationThreshold",
     "alarms_of",
     "compare_conditions",
+    "d_prime_differences",
     "difference_on_axis",
     "difference_table",
     "fit_group",
     "group_draws",
     "group_function",
     "group_table",
+    "levels_apart",
     "person_function",
     "population_thresholds",
     "same_rates_p",

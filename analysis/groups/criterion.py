@@ -15,6 +15,7 @@ import pandas as pd
 from analysis.answers.counting import COUNTED_KINDS
 from analysis.answers.dprime import d_prime_limits, z_of
 from analysis.definitions import LIMITS, TOTAL
+from analysis.groups.sensitivity import d_prime_apart
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -139,7 +140,7 @@ def _beside(
         for name, *values in zip(names, *columns, strict=False):
             told = zip(("false_alarms", "blanks", "d_prime"), values, strict=True)
             found.setdefault(name, {}).update({f"{key}_{suffix}": value for key, value in told})
-    for name, of in _apart(*own, paired=bool(people)).items():
+    for name, of in d_prime_apart(*own, paired=bool(people)).items():
         found[name].update(zip(BESIDE_COLUMNS[-3:], of, strict=True))
     return found
 
@@ -167,45 +168,6 @@ def alarms_of(
         for of in ("alarms", "presented")
     )
     return people, alarms, presented
-
-
-def _apart(
-    a: pd.DataFrame, b: pd.DataFrame, *, paired: bool
-) -> dict[str, tuple[float, float, float]]:
-    """Return by how much d' of b lies above that of a, with 95 % limits, of each and of `TOTAL`.
-
-    Of a person the distances of both limits are added in quadrature, as those of a d' are; of all
-    it is the mean by Student's t, within people, or by Welch's where these are others.
-    """
-    from scipy.stats import t
-
-    if a.empty or b.empty:
-        return {}
-    found: dict[str, tuple[float, float, float]] = {}
-    if paired:
-        one, other = (table.loc[a.index.intersection(b.index)] for table in (a, b))
-        at = other["at"] - one["at"]
-        if at.empty:
-            return {}
-        low = at - np.hypot(other["at"] - other["low"], one["high"] - one["at"])
-        high = at + np.hypot(other["high"] - other["at"], one["at"] - one["low"])
-        found = {
-            str(name): (float(x), float(least), float(most))
-            for name, x, least, most in zip(at.index, at, low, high, strict=True)
-        }
-        parts, free = [at.var() / len(at)], len(at) - 1.0
-        middle = float(at.mean())
-    else:
-        parts = [float(table["at"].var()) / len(table) for table in (a, b)]
-        known = [
-            part**2 / (len(table) - 1)
-            for part, table in zip(parts, (a, b), strict=True)
-            if len(table) > 1
-        ]
-        free = sum(parts) ** 2 / sum(known) if len(known) > 1 and sum(known) > 0 else 0.0
-        middle = float(b["at"].mean() - a["at"].mean())
-    half = t.ppf(LIMITS[1], free) * sum(parts) ** 0.5 if free > 0 else np.nan
-    return found | {TOTAL: (middle, float(middle - half), float(middle + half))}
 
 
 def rates_apart(

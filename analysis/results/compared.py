@@ -10,15 +10,17 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final
 
-from analysis.axis import times
+from analysis.axis import shortest, times
 from analysis.definitions import TOTAL
 from analysis.groups.criterion import MIXED, alarms_of, same_rates_p
+from analysis.groups.sensitivity import NEARLY_ALL, SEVERAL, levels_apart
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     import pandas as pd
 
+    from analysis.groups.sensitivity import LevelsApart
     from analysis.results.tables import Analysis
 
 
@@ -28,8 +30,7 @@ ALPHA: Final = 0.05
 """False alarms differ where the test of the same rates has a smaller p."""
 _LEAST_P: Final = 0.001
 _TOTALS: Final = "Fisher's exact test of the totals"
-NO_EVIDENCE: Final = "its interval holds 0, which does not show that only the criterion changed"
-"""Said of thresholds that differ: d' over all levels is the weaker measure."""
+_EACH: Final = "95 % interval of each level, not corrected for several"
 _ISOLATE, _END = "\u2068", "\u2069"
 
 
@@ -215,14 +216,10 @@ def compared(analysis: Analysis) -> Iterator[str]:
 
 def _criterion(analysis: Analysis, pairs: list[Pair]) -> Iterator[str]:
     """Say of conditions that differ whether false alarms do so, or are not known."""
-    known = analysis.differences["d_prime_a"].notna().any()
-    beside = "; d' over all levels, which does not depend on {}, is in the table" if known else ""
+    beside = "; d' at single levels is in the table" if len(analysis.d_prime_differences) else ""
     told = {row["condition"] for row in totals(analysis) if "condition" in row}
     if any(not {one.a, one.b} <= told for one in pairs):
-        yield (
-            "a difference may be one of criterion, of which only blank trials can tell"
-            f"{beside.format('it')}"
-        )
+        yield (f"a difference may be one of criterion, of which only blank trials can tell{beside}")
         return
     found = [_same_alarms(analysis.blank, one) for one in pairs]
     often = [one for one in found if one[0] < ALPHA]
@@ -234,10 +231,45 @@ def _criterion(analysis: Analysis, pairs: list[Pair]) -> Iterator[str]:
             where = f" in {len(often)} of these {len(found)} pairs of conditions"
         yield (
             f"false alarms were not equally frequent{where} ({words}), so that a difference may "
-            f"be one of criterion{beside.format('it')}"
+            f"be one of criterion, in whole or in part{beside}"
         )
+        if len(pairs) == 1 and (found_at := _by_level(analysis, pairs[0])):
+            yield _level_words(found_at, pairs[0])
     else:
-        yield f"false alarms are not told apart ({words}){beside.format('the criterion')}"
+        yield f"false alarms are not told apart ({words}){beside}"
+
+
+def _level_words(told: LevelsApart, one: Pair) -> str:
+    """Say at how many levels d' differs, and what follows for thresholds that do."""
+    a, b = isolated(one.a), isolated(one.b)
+    most = f"{100 * NEARLY_ALL:.0f} %"
+    if not told.number:
+        return f"d' tells little here, for over {most} were felt at every level"
+    with_it, against_it = told.lower, told.higher
+    if one.ends_db[1] < 0:
+        with_it, against_it = against_it, with_it
+    so = ""
+    if len(with_it) >= SEVERAL and not against_it:
+        so = ", which a difference of criterion alone would hardly bring about"
+    elif len(with_it) == 1 and not against_it:
+        so = ", and one level alone decides nothing"
+    where = f" at which at most {most} were felt in both" if told.nearly_all else ""
+    counts = [len(at) or "none" for at in (told.lower, told.higher)]
+    return (
+        f"of {number_of(told.number, 'level')}{where}, d' is lower in {b} than in {a} at "
+        f"{counts[0]} and higher at {counts[1]} (95 % intervals, each by itself){so}"
+    )
+
+
+def _by_level(analysis: Analysis, one: Pair) -> LevelsApart | None:
+    return levels_apart(_levels_of(analysis, one))
+
+
+def _levels_of(analysis: Analysis, one: Pair) -> pd.DataFrame:
+    """Return the rows of d' by level of all, or of the one participant in both conditions."""
+    table = analysis.d_prime_differences
+    rows = table[table["condition_a"].eq(one.a) & table["condition_b"].eq(one.b)]
+    return rows[rows["participant"].eq(one.row["participant"])]
 
 
 def _p_words(p: float) -> str:
@@ -294,16 +326,57 @@ def difference_rows(
         a, b = (float(one.row[f"d_prime_{which}"]) for which in "ab")
         if not math.isnan(a + b):
             of = "mean of participants; " if one.row["participant"] == TOTAL else ""
-            name = f"d' over all levels, {isolated(one.b)} against {isolated(one.a)}"
-            ends = (one.row[f"d_prime_difference{end}"] for end in ("", "_low", "_high"))
-            apart, low, high = map(float, ends)
-            limits = "" if math.isnan(low) else f", {apart:+.2f} ({low:+.2f} to {high:+.2f})"
-            unsure = f"; {NO_EVIDENCE}" if one.apart and low <= 0 <= high else ""
-            mixed = "levels mixed: tells less than thresholds"
-            yield name, f"{b:.2f} against {a:.2f}{limits}", f"{of}{sides}{mixed}{unsure}"
+            names = isolated(one.a), isolated(one.b)
+            name = f"d' over all levels, {names[1]} against {names[0]}"
+            limits = (
+                "" if math.isnan(one.row["d_prime_difference_low"]) else _d_prime_apart(one.row)
+            )
+            value = f"{b:.2f} in {names[1]}, {a:.2f} in {names[0]}"
+            mixed = "depends on the levels and the criterion: not to be quoted"
+            if levels := _by_level(analysis, one):
+                name_of = f"d' at single levels, {names[1]} against {names[0]}"
+                yield name_of, _level_cell(levels, analysis.axis.unit), f"{of}{sides}{_EACH}"
+            yield name, f"{value}{limits and ', '}{limits}", f"{of}{sides}{mixed}"
         if points := alarms_apart(one.row):
             name = f"False alarms in {isolated(one.b)} against {isolated(one.a)}"
             yield name, points, "mean of participants, by Student's t"
+
+
+def _level_cell(told: LevelsApart, unit: str) -> str:
+    which = {
+        "lower": told.lower,
+        "higher": told.higher,
+        "not told apart": told.not_apart,
+        f"over {100 * NEARLY_ALL:.0f} % felt, tells little": told.nearly_all,
+    }
+    return "; ".join(
+        f"{words} at {', '.join(map(shortest, at))} {unit}" for words, at in which.items() if at
+    )
+
+
+def d_prime_level_rows(analysis: Analysis) -> Iterator[tuple[str, list[str], list[list[str]]]]:
+    """Yield caption, header and rows of d' by level of every two conditions."""
+    for one in pairs_of(analysis.differences):
+        rows = _levels_of(analysis, one)
+        header = [
+            "Level",
+            *(f"{what}, {name}" for what in ("Felt", "d'") for name in (one.a, one.b)),
+        ]
+        cells = [
+            [f"{shortest(row['level_vpp'])} {analysis.axis.unit}",
+             *(f"{row[f'felt_{which}']} / {row[f'presented_{which}']}" for which in "ab"),
+             *(f"{row[f'd_prime_{which}']:.2f}" for which in "ab"),
+             _d_prime_apart(row)]
+            for _, row in rows.iterrows()
+        ]  # fmt: skip
+        if cells:
+            caption = f"d' by level in condition {one.b} against {one.a} ({one.of})"
+            yield plain(caption), [*header, "Difference of d' (95 %)"], cells
+
+
+def _d_prime_apart(row: pd.Series[Any]) -> str:
+    at, low, high = (float(row[f"d_prime_difference{end}"]) for end in ("", "_low", "_high"))
+    return f"{at:+.2f}" if math.isnan(low) else f"{at:+.2f} ({low:+.2f} to {high:+.2f})"
 
 
 def totals(analysis: Analysis) -> Iterator[pd.Series[Any]]:

@@ -96,7 +96,8 @@ NAMES = (
     SUMMARY,
     manifest.NAME,
     *("levels.csv", "participants.csv", "both.csv", "blank.csv", "control.csv"),
-    *("thresholds.csv", "differences.csv", "sensitivity.csv", "confusion.csv", "trials_clean.csv"),
+    *("thresholds.csv", "differences.csv", "sensitivity.csv"),
+    *("d_prime_differences.csv", "confusion.csv", "trials_clean.csv"),
     *figures.NAMES,
     METHODS,
     REPORT,
@@ -212,6 +213,7 @@ def _contents(analysis: Analysis, *, with_figures: bool) -> Iterator[tuple[str, 
         "thresholds.csv": _with_groups(analysis),
         "differences.csv": analysis.differences,
         "sensitivity.csv": analysis.sensitivity,
+        "d_prime_differences.csv": analysis.d_prime_differences,
         "confusion.csv": analysis.confusion,
     }
     tables |= {name: table for name, table in possible.items() if len(table)}

@@ -16,6 +16,7 @@ from analysis.definitions import (
     COUNTING_ONE_PLACE,
     CRITERION,
     D_PRIME,
+    D_PRIME_APART,
     FITTED_GUESSES,
     FITTED_RATES,
     GROUP_COVERS,
@@ -26,7 +27,7 @@ from analysis.definitions import (
     VARY,
 )
 from analysis.results.answer import ANSWER_HEAD, REASONS, answer
-from analysis.results.compared import own_model_words
+from analysis.results.compared import d_prime_level_rows, own_model_words
 from analysis.results.figures.confusion import stimulus
 from analysis.results.methods import (
     counts_told,
@@ -267,8 +268,13 @@ def _sensitivity(analysis: Analysis) -> Iterator[Section]:
               rows=rows, texts=[D_PRIME_HEAD[1], D_PRIME_HEAD[4]])
         for condition, rows in d_prime_rows(analysis, PAGE)
     ]  # fmt: skip
+    apart = [
+        Table(caption=caption, header=header, rows=rows, texts=[header[-1]])
+        for caption, header, rows in d_prime_level_rows(analysis)
+    ]
     if tables:
-        yield Section(title="Sensitivity", texts=[D_PRIME], tables=tables)
+        texts = [D_PRIME, *([D_PRIME_APART] if apart else [])]
+        yield Section(title="Sensitivity", texts=texts, tables=[*apart, *tables])
 
 
 def _threshold(row: pd.Series[Any], axis: Axis) -> list[str]:

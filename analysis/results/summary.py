@@ -54,6 +54,7 @@ def summary_text(analysis: Analysis) -> str:
         "groups": _records(analysis.groups, analysis),
         "differences": _records(analysis.differences, analysis),
         "sensitivity": _records(analysis.sensitivity, analysis),
+        "d_prime_differences": _records(analysis.d_prime_differences, analysis),
         "population": [_population(one) for one in analysis.population],
         "choice": [asdict(one) for one in analysis.choice],
         "reaction_times": _records(analysis.reaction_times, analysis),

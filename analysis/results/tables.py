@@ -12,6 +12,7 @@ from analysis.answers.doubts import SWAPPED
 from analysis.answers.dprime import sensitivity_table
 from analysis.definitions import METHODS
 from analysis.groups.criterion import with_criterion
+from analysis.groups.sensitivity import d_prime_differences
 from analysis.groups.tables import difference_table, group_table
 from analysis.reading.plans import contacts
 from analysis.reading.text import ResultFileError
@@ -67,6 +68,8 @@ class Analysis:
         As `analysis.groups.tables` returns them; differences `with_criterion`.
     sensitivity : pandas.DataFrame
         As `analysis.answers.dprime.sensitivity_table` returns it.
+    d_prime_differences : pandas.DataFrame
+        As `analysis.groups.sensitivity.d_prime_differences` returns it.
     population : tuple of PopulationThreshold
         As `population_thresholds` returns it; empty unless asked for.
     confusion : pandas.DataFrame
@@ -124,6 +127,7 @@ class Analysis:
     groups: pd.DataFrame
     differences: pd.DataFrame
     sensitivity: pd.DataFrame
+    d_prime_differences: pd.DataFrame
     population: tuple[PopulationThreshold, ...]
     confusion: pd.DataFrame
     choice: tuple[Choices, ...]
@@ -274,6 +278,7 @@ def analyse(
             numbered=loaded.numbered,
         ),
         sensitivity=sensitivity,
+        d_prime_differences=d_prime_differences(sensitivity),
         population=_population(people, loaded.axis) if population else (),
         confusion=confusion_table(trials),
         choice=choices(trials, seed),

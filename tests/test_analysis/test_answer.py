@@ -21,9 +21,10 @@ from analysis import ColumnMap, print_analysis, write_analysis
 from analysis.answers.doubts import Doubt
 from analysis.axis import VOLTS, Axis, bounded, times, with_limits
 from analysis.groups.criterion import BESIDE_COLUMNS, same_rates_p
+from analysis.groups.sensitivity import BY_LEVEL_COLUMNS
 from analysis.groups.tables import DIFFERENCE_COLUMNS, GROUP_COLUMNS
 from analysis.results.answer import REASONS, Answer, answer
-from analysis.results.compared import NO_EVIDENCE, difference_rows, pairs_of, plain
+from analysis.results.compared import pairs_of, plain
 from analysis.results.files import harmless
 from analysis.results.rows import forced_choice
 from analysis.results.tables import Analysis, analyse
@@ -321,14 +322,6 @@ def some_blank(analysis: Analysis) -> bool:
     return len(analysis.trials) > 0 and "blank" in {*analysis.trials["kind"]}
 
 
-def unsure(analysis: Analysis) -> int:
-    """Of how many pairs the interval of d' holds 0 where thresholds differ."""
-    rows = [one.row for one in pairs_of(analysis.differences) if one.apart]
-    return sum(
-        bool(row["d_prime_difference_low"] <= 0 <= row["d_prime_difference_high"]) for row in rows
-    )
-
-
 SENTENCES: dict[str, Callable[[re.Match[str], Analysis], None]] = {
     r"(?:in condition (?P<condition>\S+) )?(?:it|the threshold of (?P<who>.+?)) "
     r"(?P<said>(?:is|cannot be told:) .+?)(?P<session> in (?:this session|these \d+ sessions))?":
@@ -372,23 +365,25 @@ SENTENCES: dict[str, Callable[[re.Match[str], Analysis], None]] = {
         lambda one: counted_pairs(one) > 1
     ),
     r"a difference may be one of criterion, of which only blank trials can tell"
-    r"(?P<beside>; d' over all levels, which does not depend on it, is in the "
-    r"table)?": is_true(
+    r"(?P<beside>; d' at single levels is in the table)?": is_true(
         lambda one: one.detected_any is not None and len(rates(one)) < len(one.groups)
     ),
     r"false alarms were not equally frequent(?: in \d+ of these \d+ pairs of conditions)? "
     r"\((?:least )?p (?:=|<) 0\.0\d\d, (?:exact test within participants|"
     r"Fisher's exact test of the totals)\), so that a difference may "
-    r"be one of criterion(?P<beside>; d' over all levels, which does not depend on it, is in the "
-    r"table)?": is_true(
+    r"be one of criterion, in whole or in part(?P<beside>; d' at single levels is in the table)?":
+        is_true(
         lambda one: one.detected_any is not None and len({*rates(one).values()}) > 1
     ),
     r"false alarms are not told apart \((?:least )?p = [01]\.\d\d\d, (?:exact test within "
     r"participants|Fisher's exact test of the totals)\)"
-    r"(?P<beside>; d' over all levels, which does not depend on the criterion, is in the "
-    r"table)?": is_true(
+    r"(?P<beside>; d' at single levels is in the table)?": is_true(
         lambda one: one.detected_any is not None and len(rates(one)) > 1
     ),
+    r"of (?P<number>\d+) levels?(?: at which at most 90 % were felt in both)?, d' is lower in \S+ "
+    r"than in \S+ at (?:\d+|none) and higher at (?:\d+|none) \(95 % intervals, each by itself\)"
+    r"(?:, which a difference of criterion alone would hardly bring about|, and one level alone "
+    r"decides nothing)?": is_true(lambda one: len(one.d_prime_differences)),
     "conditions are not compared, for a difference in dB needs a logarithmic axis": is_true(
         lambda one: one.axis.signed and len(one.groups) > 1
     ),
@@ -459,10 +454,7 @@ def checked(found: Answer, analysis: Analysis) -> set[str]:
     assert (kinds[4] in used) == bool(told["participants"].eq(1).any())
     assert (kinds[5] in used) == bool(few(analysis))
     said = plain(" ".join(found.statements))
-    assert sum(NO_EVIDENCE in row[-1] for row in difference_rows(analysis)) == unsure(analysis)
-    assert ("criterion" in said and "; d' over all levels, which" in said) <= bool(
-        analysis.differences["d_prime_a"].notna().any()
-    )
+    assert ("; d' at single levels" in said) <= bool(len(analysis.d_prime_differences))
     return {*used}
 
 
@@ -604,8 +596,21 @@ class Made:
             counts=counts, trials=trials, lost=rng.choice(({}, {"s": ("gone",)})),
             warnings=rng.choice(((), ("one", "two"))),
             detected_any=any_felt,
-            task=rng.choice(("", "forced choice")),
+            task=rng.choice(("", "forced choice")), d_prime_differences=self.by_level(),
         )  # fmt: skip
+
+    def by_level(self) -> pd.DataFrame:
+        """Return differences of d' of all, at the levels; of its own generator."""
+        rng = random.Random(self.people)
+        rows = [
+            {"condition_a": a, "condition_b": b, "participant": "all", "level_vpp": level,
+             "felt_a": rng.choice((1, 19)), "presented_a": 20, "felt_b": 9, "presented_b": 20,
+             "d_prime_a": 1.0, "d_prime_b": 1.0 + at, "d_prime_difference": at,
+             "d_prime_difference_low": at - 0.5, "d_prime_difference_high": at + 0.5}
+            for a, b in itertools.combinations(self.conditions, 2) for level in LEVELS
+            for at in (rng.choice((0.0, 1.0, -1.0)),)
+        ]  # fmt: skip
+        return pd.DataFrame(rows, columns=[*BY_LEVEL_COLUMNS])
 
     def doubted(self, analysis: Analysis) -> Analysis:
         """Return it with people whose answers are in doubt."""
@@ -667,9 +672,10 @@ def test_the_table_of_the_answer_has_the_numbers_of_the_tables(least: Analysis) 
             limits_db = row["low_db"], row["high_db"]
             assert f"{shown}, {times(row['difference_db'], *limits_db)}" in values
             known = not math.isnan(row["d_prime_a"])
-            assert (f"{row['d_prime_b']:.2f} against {row['d_prime_a']:.2f}" in values) == known
+            a, b = (f"{row[f'd_prime_{of}']:.2f} in {row[f'condition_{of}']}" for of in "ab")
+            assert (f"{b}, {a}" in values) == known
         for what, _, of in rows:
-            assert what.startswith("d' over all levels, ") == ("levels mixed" in of)
+            assert what.startswith("d' over all levels, ") == ("not to be quoted" in of)
             if what.startswith("False alarms") and " against " not in what:
                 assert ("interval: mean of people like these" in of) == (Made(seed).people > 1)
         varied = [row for row in rows if row[0].startswith("The same if answers vary 2.8 times")]

@@ -94,7 +94,7 @@ def earlier(example: Path, tmp_path: Path) -> Path:
 
 @pytest.mark.slow
 def test_the_example_gives_every_file(example: Path) -> None:
-    absent = {"control.csv", "differences.csv"}  # one condition
+    absent = {"control.csv", "differences.csv", "d_prime_differences.csv"}  # one condition
     absent |= {name for name in NAMES if name.startswith("participants-")}  # more than eight people
     assert set(files(example)) == {*NAMES} - absent
 
@@ -143,6 +143,7 @@ def test_the_summary_tells_inputs_by_name_and_checksum(tmp_path: Path) -> None:
             "groups",
             "differences",
             "sensitivity",
+            "d_prime_differences",
             "population",
         ),
         *("choice", "reaction_times", "warnings"),

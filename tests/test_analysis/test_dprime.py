@@ -19,6 +19,7 @@ from analysis.answers.dprime import (
     z_of,
 )
 from analysis.groups.criterion import BESIDE_COLUMNS, rates_apart, with_criterion
+from analysis.groups.sensitivity import BY_LEVEL_COLUMNS, d_prime_differences, levels_apart
 from tests.test_analysis.shared import felt
 
 
@@ -218,3 +219,65 @@ def test_the_row_of_all_has_by_how_much_false_alarms_differ_of_those_in_both() -
         [0.15, math.nan, math.nan], nan_ok=True
     )
     assert with_criterion(pair(*alarms, "all"), trials, table)[columns].isna().all(axis=None)
+
+
+def levels_of_two(*, others: bool = False) -> pd.DataFrame:
+    """Return sensitivities of three people at 60 and 95 V in two conditions."""
+    people = {"1": (6, 20), "2": (9, 17), "3": (12, 26)}
+    parts = [
+        part
+        for who, both in people.items() for name, k in zip("ab", both, strict=True)
+        for part in (felt([k, 29], [60.0, 95.0], condition=name, participant=who),
+                     blanks(2, condition=name, participant=who))
+    ]  # fmt: skip
+    trials = study(*parts)
+    if others:
+        trials["participant"] += trials["condition"]
+    return sensitivity_table(trials)
+
+
+def test_d_prime_at_a_level_differs_by_a_paired_t_or_of_other_people_by_welchs() -> None:
+    columns = [*BY_LEVEL_COLUMNS[-2:]]
+    table = levels_of_two()
+    found = d_prime_differences(table)
+    assert tuple(found.columns) == BY_LEVEL_COLUMNS
+    assert found["participant"].tolist() == ["1", "2", "3", "all"] * 2
+    own = table[table["level_vpp"].eq(60) & table["participant"].ne("all")]
+    a, b = (own.loc[own["condition"].eq(name), "d_prime"].to_numpy() for name in "ab")
+    of_all = found[found["participant"].eq("all") & found["level_vpp"].eq(60)].iloc[0]
+    assert of_all["d_prime_difference"] == pytest.approx((b - a).mean())
+    assert of_all[columns].tolist() == pytest.approx([*ttest_rel(b, a).confidence_interval(0.95)])
+    assert of_all[["felt_a", "presented_a", "felt_b"]].tolist() == [27, 90, 63]
+    apart = d_prime_differences(levels_of_two(others=True))
+    assert apart["participant"].tolist() == ["all"] * 2
+    welch = ttest_ind(b, a, equal_var=False).confidence_interval(0.95)
+    assert apart.iloc[0][columns].tolist() == pytest.approx([*welch])
+
+
+def test_levels_at_which_nearly_all_is_felt_are_told_apart_from_the_others() -> None:
+    found = d_prime_differences(levels_of_two()).assign(d_prime_difference_low=-1.0)
+    told = levels_apart(found[found["participant"].eq("all")])
+    assert told is not None
+    assert (told.nearly_all, told.number) == ((95.0,), 1)
+    assert levels_apart(found.assign(d_prime_difference_low=math.nan)) is None
+
+
+def test_a_difference_that_is_the_same_in_all_has_no_interval() -> None:
+    found = d_prime_differences(levels_of_two())
+    of_all = found[found["participant"].eq("all") & found["level_vpp"].eq(95)].iloc[0]
+    assert of_all["d_prime_difference"] == 0
+    assert math.isnan(of_all["d_prime_difference_low"])
+
+
+def test_three_conditions_have_three_pairs_and_one_person_no_group_interval() -> None:
+    parts = [
+        part for n, name in enumerate("abc")
+        for part in (felt([6 + 5 * n], [60.0], condition=name), blanks(2, condition=name))
+    ]  # fmt: skip
+    found = d_prime_differences(sensitivity_table(study(*parts)))
+    pairs = [*zip(found["condition_a"], found["condition_b"], strict=True)]
+    assert pairs == [("a", "b")] * 2 + [("a", "c")] * 2 + [("b", "c")] * 2
+    alone = found["participant"].eq("all")
+    assert found.loc[alone, "d_prime_difference_low"].isna().all()
+    assert found.loc[~alone, "d_prime_difference_low"].notna().all()
+    assert d_prime_differences(sensitivity_table(study(*parts[:2]))).empty
