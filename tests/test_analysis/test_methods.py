@@ -173,7 +173,9 @@ def test_trials_without_an_answer_are_counted_in_words(tmp_path: Path) -> None:
         (1, 2, "The 1 trial without an answer in time and 2 with another key count as not felt."),
     ):
         counts = replace(same.counts, timeouts=late, invalid=invalid)
-        assert detected_words(replace(same, counts=counts)).endswith(words)
+        told = replace(same, counts=counts)
+        assert detected_words(told).endswith(words)
+        assert words in methods_of(told).paragraphs[0]
 
 
 def test_with_which_condition_participants_began_is_told_where_it_is_known(tmp_path: Path) -> None:

@@ -27,6 +27,7 @@ from analysis.results.methods.task import (
     is_yes_no,
     short_words,
     task_words,
+    unanswered_words,
 )
 from analysis.results.protocol import IN_METHODS, planned
 from analysis.results.summary import versions
@@ -82,6 +83,7 @@ def methods_of(analysis: Analysis, plans: Planned | None = None, *, drawn: bool 
         isolated=isolated,
         burst_words=burst_words,
         short=short_words(analysis),
+        unanswered=unanswered_words(analysis),
         task=task_words(analysis),
         detected=detected_words(analysis),
         both=both_words(analysis),

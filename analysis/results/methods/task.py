@@ -52,13 +52,18 @@ def detected_words(analysis: Analysis) -> str:
         told = "A stimulus was detected where the answer was that it was felt."
     elif analysis.task == FORCED:
         told = "A stimulus was detected where the answer was correct."
+    return f"{told} {unanswered_words(analysis)}".rstrip()
+
+
+def unanswered_words(analysis: Analysis) -> str:
+    """Say how many trials that count had no answer; empty text without any."""
     late, invalid = analysis.counts.timeouts, analysis.counts.invalid
-    if late or invalid:
-        keys = f" and {invalid} with another key" if invalid else ""
-        one = late + invalid == 1
-        trials = f"{late} trial{'' if late == 1 else 's'} without an answer in time{keys}"
-        told += f" The {trials} count{'s' if one else ''} as not felt."
-    return told
+    if not late and not invalid:
+        return ""
+    keys = f" and {invalid} with another key" if invalid else ""
+    one = late + invalid == 1
+    trials = f"{late} trial{'' if late == 1 else 's'} without an answer in time{keys}"
+    return f"The {trials} count{'s' if one else ''} as not felt."
 
 
 def short_words(analysis: Analysis) -> str:
