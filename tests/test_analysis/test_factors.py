@@ -9,6 +9,8 @@ import pytest
 
 from analysis import load_column_map
 from analysis.reading.foreign.draft import map_draft
+from analysis.reading.foreign.factors import Roles, factor_words
+from analysis.reading.foreign.sample import Sample
 from analysis.reading.load import read_inputs
 from analysis.reading.sources import find_sources
 from tests.test_analysis.shared import put
@@ -158,6 +160,23 @@ def test_a_factor_of_numbers_is_offered_with_names_to_print_and_warned_of(tmp_pa
     read = read_inputs([path], load_column_map(put(tmp_path / "b.toml", taken)))
     assert ({*read.trials["condition"]}, read.changed) == ({"63 Hz", "200"}, ())
     assert read.axis.unit == "µm"
+
+
+def test_draws_of_one_person_are_seldom_taken_for_a_plan() -> None:
+    def offers(seed: int, *, drawn: bool) -> bool:
+        rng = random.Random(seed)
+        plan = [(value, level) for value in "28" for level in "01234" for _ in range(8)]
+        rng.shuffle(plan)
+        rows = [
+            ["p", level, rng.choice("28") if drawn else value, "ny"[rng.random() < int(level) / 4]]
+            for value, level in plan
+        ]
+        sample = Sample(header=["person", "level", "value", "said"], rows=rows)
+        roles = Roles(person="person", level="level", answers=["said"])
+        return factor_words(sample, "value", roles) != []
+
+    assert sum(offers(seed, drawn=True) for seed in range(100)) <= 5
+    assert all(offers(seed, drawn=False) for seed in range(20))
 
 
 def test_numbers_that_repeat_words_are_offered_once(tmp_path: Path) -> None:

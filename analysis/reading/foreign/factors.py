@@ -6,6 +6,7 @@ import re
 from collections import Counter, defaultdict
 from dataclasses import dataclass
 from itertools import groupby, pairwise
+from math import sqrt
 from statistics import median
 from typing import TYPE_CHECKING, Final
 
@@ -25,6 +26,7 @@ _RUN: Final = 5  # rows on average without a change: given in blocks
 _TOLD: Final = 0.95  # of rows that other columns foretell
 _CELL: Final = 4  # rows of a cell from which that can be seen
 _EVEN: Final = 0.5  # of the scatter of counts by chance: a plan, no draw
+_RARE: Final = -2.33  # standard deviations: one draw in a hundred
 _PART: Final = re.compile("[A-Z]?[a-z]+|[A-Z]+")
 _PARTED: Final = re.compile(r"[_ .(\[]+")
 _UNIT: Final = re.compile(
@@ -233,7 +235,19 @@ def _planned(people: list[list[_Row]]) -> bool:
             expected = number * share / len(rows)
             squares += (cells[level, word] - expected) ** 2 / expected
         freedom += (len(levels) - 1) * (len(words) - 1)
-    return squares < _EVEN * freedom
+    return squares <= freedom * _even(freedom)
+
+
+def _even(freedom: int) -> float:
+    """Return what share of the scatter by chance one draw in a hundred stays below, half at most.
+
+    The quantile is that of chi square by the cube root (Wilson and Hilferty 1931).
+
+    >>> [round(_even(freedom), 2) for freedom in (1, 5, 20, 100)]
+    [0.0, 0.1, 0.41, 0.5]
+    """
+    spread = 2 / (9 * max(freedom, 1))
+    return min(_EVEN, max(1 - spread + _RARE * sqrt(spread), 0.0) ** 3)
 
 
 def _is_target(rows: Sequence[_Row]) -> bool:
