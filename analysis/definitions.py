@@ -246,7 +246,7 @@ LAPSES: Final = (
 )
 
 LAPSES_OFTEN: Final = (
-    "which is not rare in people with few lapses; such a threshold may be reported"
+    "which is common, also in people with few lapses, and no reason to leave a threshold out"
 )
 """The same in half a sentence."""
 

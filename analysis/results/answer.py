@@ -248,8 +248,6 @@ def _remarks(analysis: Analysis) -> Iterator[str]:
     people = analysis.thresholds[analysis.thresholds["condition"].isin(conditions)]
     if people["guess_basis"].eq("assumed").any():
         yield "thresholds rest on an assumed guess rate, for want of blank trials"
-    if lapses := lapses_words(analysis.thresholds):
-        yield f"{lapses}, {LAPSES_OFTEN}"
     if any(group["participants"] == 1 for group in told):
         yield "a participant's interval is for that session, another day may bring another"
     spread = [group for group in told if not math.isnan(group["spread_db"])]
@@ -351,7 +349,7 @@ def _blank_rows(analysis: Analysis) -> Iterator[tuple[str, str, str]]:
         # Counts made elsewhere do not tell the sides.
         of = f"{row['p'] * row['presented']:.0f} of {row['presented']} blank trials"
         if not math.isnan(row["group_low"]):
-            of += "; interval: mean of people like these, of few its far limit mostly the prior's"
+            of += "; the interval to quote, of people like these; of few its upper limit is high"
         yield f"False alarms{_where(analysis, row.get('condition'), ',')}", _share(row), of
 
 
@@ -388,6 +386,8 @@ def _left_out(analysis: Analysis) -> Iterator[str]:
         yield f"nothing counts of {number_of(len(without), 'participant')}: {names}"
     if analysis.lost:
         yield f"{number_of(len(analysis.lost), 'session')}, lost after recording, took no part"
+    if lapses := lapses_words(analysis.thresholds):
+        yield f"{lapses}, {LAPSES_OFTEN}"
     if analysis.warnings:
         yield f"see {number_of(len(analysis.warnings), 'warning')} below"
 
