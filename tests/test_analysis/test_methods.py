@@ -100,8 +100,9 @@ def test_methods_begin_with_a_short_version_that_stands_alone(tmp_path: Path) ->
     assert details == methods.DETAILS
     assert len(others) >= 5
     assert "[" not in short
-    assert len(re.findall(r"\.(?: |$)", short)) == 9  # sentences
+    assert len(re.findall(r"\.(?: |$)", short)) == 11  # sentences
     for words in (
+        "In each a participant had 5 levels (1 to 6.3 um) with 20 trials of each.",
         "The task was yes/no: a stimulus was detected where the answer was that it was felt.",
         "The false-alarm rate of each participant was estimated from blank (catch) trials.",
         "fitted to the counts of each participant in each condition by Bayesian inference",

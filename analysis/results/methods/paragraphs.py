@@ -14,6 +14,7 @@ from analysis.results.methods.looked import looked_words
 from analysis.results.methods.misfit import lapses_words, misfit_words
 from analysis.results.methods.presented import (
     both_words,
+    design_words,
     order_words,
     presented_words,
     unread_words,
@@ -83,6 +84,7 @@ def methods_of(analysis: Analysis, plans: Planned | None = None, *, drawn: bool 
         isolated=isolated,
         burst_words=burst_words,
         short=short_words(analysis),
+        design=design_words(analysis),
         unanswered=unanswered_words(analysis),
         task=task_words(analysis),
         detected=detected_words(analysis),

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from analysis.axis import shortest
 from analysis.definitions import TOTAL
 from analysis.groups.criterion import MIXED
-from analysis.results.compared import isolated, number_of
+from analysis.results.compared import SPELLED, isolated, number_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -30,6 +30,28 @@ def presented_words(analysis: Analysis) -> Iterator[str]:
         parts = [f"{number_of(rows['level_vpp'].nunique(), 'level')} ({_ends(rows, analysis)})"]
         parts += [f"{_trials(rows['presented'])} of each for a participant", *more[:-1]]
         yield f"{told}{', '.join(parts)}{f', and {more[-1]}' if more else ''}."
+
+
+def design_words(analysis: Analysis) -> str:
+    """Say in two sentences which conditions and levels there were, and how many trials of each."""
+    rows = analysis.participants
+    if rows.empty:
+        return ""
+    names = [isolated(name) for name in rows["condition"].unique()]
+    several = len(names) > 1
+    told = ""
+    if several:
+        told = f"There were {len(names)} conditions. "
+        if len(names) <= SPELLED:
+            told = f"The conditions were {', '.join(names[:-1])} and {names[-1]}. "
+    number = rows.groupby(["condition", "participant"])["level_vpp"].nunique()
+    levels = " to ".join(dict.fromkeys(str(int(one)) for one in (number.min(), number.max())))
+    noun = "level" if number.eq(1).all() else "levels"
+    of = "A participant had" if not several else "In each a participant had"
+    return (
+        f"{told}{of} {levels} {noun} ({_ends(rows, analysis)}) with {_trials(rows['presented'])} "
+        "of each."
+    )
 
 
 def _catch(analysis: Analysis, condition: str, people: Sequence[str]) -> Iterator[str]:
