@@ -44,7 +44,6 @@ _CHECKED: Final = 7
 """The error is estimated at every so many points, and when the peak is."""
 
 _DOUBTS: Final = 2
-
 _NEAR: Final = 0.5
 """Only where those move by this part of their largest value all points are looked at."""
 
@@ -191,7 +190,7 @@ def _ringing(
 def _near(size: Real, found: float) -> NDArray[np.intp]:
     """Return the numbers of looks that may hold the peak, and those beside them.
 
-    `size` are the largest values over some of the points, `found` what was found before.
+    `size` are the largest values over some of the points, `found` what these had before.
     """
     return widened(size >= _NEAR * max(float(np.max(size)), found))
 
@@ -299,7 +298,7 @@ class _Watched:
     ) -> None:
         loads = range(motion.oscillators.rest_m.shape[0])
         rest_m = motion.oscillators.rest_m
-        self.found = np.zeros((len(groups), len(loads)))
+        self.found, self._first = np.zeros((2, len(groups), len(loads)))
         # the checked points' alone; with each of two doubts added; with each taken off
         self.doubted = np.zeros((5, *self.found.shape))
         self._pairs = [(line, load) for line in range(len(groups)) for load in loads]
@@ -326,7 +325,8 @@ class _Watched:
         for pair in self._open:
             place = self._pairs[pair]
             moved_m, *doubts = (next(found) for _ in self._rows[pair])
-            at = _near(np.max(np.abs(moved_m), axis=0), self.found[place])
+            at = _near(np.max(np.abs(moved_m), axis=0), self._first[place])
+            self._first[place] = max(self._first[place], np.max(np.abs(moved_m)))
             if at.size:
                 most = np.max(crests(np.abs(stretch.moved(*self._whole[pair], at)), at))
                 grown = grown or most > self.found[place]

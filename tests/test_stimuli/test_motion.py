@@ -427,6 +427,21 @@ def test_what_rings_after_a_slow_burst_is_found_without_looking_all_the_time(
     np.testing.assert_allclose(fast.error_m, slow.error_m, rtol=0.2)  # crests, or looks
 
 
+@pytest.mark.parametrize("frequency_hz", [40.0, 800.0])
+def test_the_points_that_are_looked_at_first_may_hardly_move(frequency_hz: float) -> None:
+    strip, drive = plate(CLAMPED, width_m=0.025, length_m=0.2), burst("tukey", frequency_hz)
+    disc = MomentDisc(x_m=0.0, y_m=0.0125, radius_m=0.006)
+    points_m = tuple((x_m, 0.0125) for x_m in (0.012, 0.0, 0.004))
+    scene = Scene(strip=causal(strip, drive), loads=(disc,), points_m=points_m)
+    motion = motion_of(scene, strip.cutoff_hz(), 5.0)
+    together, *alone = (
+        peaks_of(motion, [places], drive, wait_s=2e-3).peak_m[0, 0]
+        for places in (np.arange(3), *np.arange(3)[:, np.newaxis])
+    )
+    assert alone[0] < 0.3 * max(alone)
+    assert together == pytest.approx(max(alone), rel=1e-6)
+
+
 # --- long plates
 
 
