@@ -1,12 +1,15 @@
-"""What every number of an analysis means, and the names of methods; imports nothing."""
+"""What every number of an analysis means, the names of methods, and the order of people."""
 
 from __future__ import annotations
 
+import re
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Final
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
+
+    import pandas as pd
 
 
 LIMITS: Final = (0.025, 0.975)
@@ -94,6 +97,21 @@ DEFINITIONS: Final[Mapping[str, str]] = MappingProxyType(
         "90 % points of the reaction time, seconds",
     }
 )
+
+
+def counted_up(participant: str) -> str:
+    """Return what participants are sorted by: numbers in their names by size, not by digits.
+
+    >>> sorted(["10", "9", "P2", "P11"], key=counted_up)
+    ['9', '10', 'P2', 'P11']
+    """
+    padded = re.sub(r"[0-9]+", lambda number: number[0].lstrip("0").zfill(20), participant)
+    return f"{padded}\0{participant}"  # 2 and 02 are two people, always in the same order
+
+
+def in_order(column: pd.Series) -> pd.Series:
+    """Return by what `sort_values` sorts a column of a table: participants by `counted_up`."""
+    return column.astype(str).map(counted_up) if column.name == "participant" else column
 
 
 def definitions_in(unit: str) -> Mapping[str, str]:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
-from analysis.definitions import TOTAL
+from analysis.definitions import TOTAL, in_order
 from experiment.terms.record import COLUMNS, NOT_AVAILABLE
 from experiment.trial.plan import AUDIBILITY_BLOCK, CONTROL
 
@@ -28,6 +28,7 @@ def excluded_table(trials: pd.DataFrame) -> pd.DataFrame:
     """
     left_out = trials.loc[trials["reason"].ne(""), ["participant", "reason"]]
     table = left_out.groupby(["participant", "reason"]).size().reset_index(name="trials")
+    table = table.sort_values(["participant", "reason"], key=in_order, ignore_index=True)
     number = sum(len(counted(trials, kind)) for kind in COUNTED_KINDS)
     if number + int(table["trials"].sum()) != len(trials):
         told = f"{number} counted and {table['trials'].sum()} left out"
@@ -47,7 +48,8 @@ def clean_table(trials: pd.DataFrame, *, more: Iterable[str] = ()) -> pd.DataFra
         counted=counts, reason=trials["reason"].mask(counts, NOT_AVAILABLE)
     )
     table = table.assign(**{name: trials[name] for name in more})
-    return table.sort_values(["participant", "session", "trial", "attempt"], ignore_index=True)
+    place = ["participant", "session", "trial", "attempt"]
+    return table.sort_values(place, key=in_order, ignore_index=True)
 
 
 def counted(trials: pd.DataFrame, kind: str) -> pd.DataFrame:
@@ -120,6 +122,7 @@ def control_table(trials: pd.DataFrame) -> pd.DataFrame:
         }
     )
     people = marked.groupby(["participant", *_KEY], as_index=False).sum()
+    people = people.sort_values(["participant", *_KEY], key=in_order)
     totals = people.drop(columns="participant").groupby(_KEY, as_index=False).sum()
     table = pd.concat([people, totals.assign(participant=TOTAL)])
     table = table.sort_values("condition", kind="stable").reset_index(drop=True)

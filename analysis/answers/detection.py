@@ -10,7 +10,7 @@ import pandas as pd
 
 from analysis.answers.counting import counted, offers_none
 from analysis.answers.intervals import group_interval, proportion_ci
-from analysis.definitions import TOTAL
+from analysis.definitions import TOTAL, in_order
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
@@ -63,7 +63,7 @@ def participants_of(counts: pd.DataFrame, ci: str = "wilson") -> pd.DataFrame:
     [0.5]
     """
     key = ["participant", "condition", "level_vpp"]
-    ordered = counts.sort_values(key)
+    ordered = counts.sort_values(key, key=in_order)
     return _with_interval(ordered[[*key, "detected", "presented"]], "detected", ci)
 
 
@@ -233,7 +233,8 @@ def _answer_counts(
     marked = chosen[["condition", "participant"]].assign(
         presented=1, **{name: hit.astype(np.int64) for name, hit in counts.items()}
     )
-    return _with_totals(marked.groupby(["condition", "participant"], as_index=False).sum())
+    people = marked.groupby(["condition", "participant"], as_index=False).sum()
+    return _with_totals(people.sort_values(["condition", "participant"], key=in_order))
 
 
 def _with_totals(people: pd.DataFrame) -> pd.DataFrame:

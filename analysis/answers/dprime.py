@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 from analysis.answers.counting import counted, offers_none
-from analysis.definitions import LIMITS, TOTAL
+from analysis.definitions import LIMITS, TOTAL, in_order
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -65,7 +65,8 @@ def _condition(condition: str, part: pd.DataFrame) -> pd.DataFrame:
     rows = rows.join(of_blanks, on="participant", how="inner")
     if rows.empty:
         return rows
-    rows = with_d_prime(rows.sort_values(["participant", "level_vpp"], ignore_index=True))
+    order = ["participant", "level_vpp"]
+    rows = with_d_prime(rows.sort_values(order, key=in_order, ignore_index=True))
     groups = [_mean(level, one) for level, one in rows.groupby("level_vpp", dropna=False)]
     table = pd.concat([rows, pd.DataFrame(groups)], ignore_index=True)
     return _columns(table.assign(condition=condition))

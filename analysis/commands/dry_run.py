@@ -90,12 +90,13 @@ def dry_run(
 
 def _print_levels(study: Study, folder: Path) -> None:
     from analysis.commands.levels import line
+    from analysis.definitions import counted_up
     from analysis.reading.load import read_trials
     from analysis.thresholds.levels import LevelsError, place_levels
 
     click.echo("Levels by these sessions:")
     trials = read_trials([folder])
-    for participant in sorted(trials["participant"].unique()):
+    for participant in sorted(trials["participant"].unique(), key=counted_up):
         for one in place_levels(trials, participant, study):
             click.echo(f"  {one if isinstance(one, LevelsError) else line(one)}")
 

@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 import pandas as pd
 
-from analysis.definitions import LIMITS, TOTAL
+from analysis.definitions import LIMITS, TOTAL, counted_up
 
 BY_LEVEL_COLUMNS: Final = (
     "condition_a", "condition_b", "participant", "level_vpp",
@@ -59,7 +59,7 @@ def d_prime_differences(sensitivity: pd.DataFrame) -> pd.DataFrame:
 def _level(a: pd.DataFrame, b: pd.DataFrame, *, paired: bool) -> list[dict[str, object]]:
     """Return the rows of a level, of each who was there in both conditions and of all."""
     if paired:
-        shared = a.index.intersection(b.index).sort_values()
+        shared = sorted(a.index.intersection(b.index), key=counted_up)
         a, b = a.loc[shared], b.loc[shared]
     ends = {"d_prime": "at", "d_prime_low": "low", "d_prime_high": "high"}
     apart = d_prime_apart(*(table.rename(columns=ends) for table in (a, b)), paired=paired)

@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 
 from analysis.axis import alike, bounded, rounded, spread_of, times, with_limits
+from analysis.definitions import counted_up
 from analysis.groups.group import FEW, PeopleTables, difference_on_axis, threshold_on_axis
 from analysis.thresholds.fit import BOUNDED, WITH_THRESHOLD
 from analysis.thresholds.table import WORDS, levels_of
@@ -191,7 +192,7 @@ def _pair(
     a, b = (_tables(people, rows, axis) for rows in chosen)
     found = difference_on_axis(a, b, same_people=bool(both))
     rows = [[name, *_difference(one)] for name, one in zip(both, found.people, strict=True)]
-    rows.sort(key=lambda row: str(row[0]))
+    rows.sort(key=lambda row: counted_up(str(row[0])))
     alone = len(both) == 1 or (not both and min(len(rows_a), len(rows_b)) == 1)
     group = [*[math.nan] * 3, "one_participant", _ALONE] if alone else _difference(found)
     return [*rows, [GROUP, *group]]

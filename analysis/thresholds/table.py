@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 
 from analysis.axis import VOLTS, alike, between, bounded, spread_of, with_limits
+from analysis.definitions import in_order
 from analysis.thresholds.density import Ruler
 from analysis.thresholds.fit import (
     BOUNDED,
@@ -133,7 +134,7 @@ def thresholds_of(people: PersonCounts, *, seed: int, axis: Axis) -> pd.DataFram
         for i, (condition, participant) in enumerate(people.names)
     ]
     table = pd.DataFrame(rows, columns=list(THRESHOLD_COLUMNS))
-    return table.sort_values(["condition", "participant"], ignore_index=True)
+    return table.sort_values(["condition", "participant"], key=in_order, ignore_index=True)
 
 
 def _shown(people: PersonCounts, i: int) -> Floats:

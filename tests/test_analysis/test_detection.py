@@ -139,6 +139,17 @@ def test_tables_of_kinds_that_did_not_occur_are_empty_but_have_their_columns() -
         assert (len(found), list(found.columns)) == (0, columns.split())
 
 
+def test_participants_are_in_the_order_of_their_numbers() -> None:
+    people = ["10", "9", "P2", "P11", "P02"]
+    trials = pd.DataFrame([SINGLE | {"participant": name} for name in people])
+    counted_up = ["9", "10", "P02", "P2", "P11"]
+    blanks = trials.assign(kind="blank", side="none", level_vpp=np.nan)
+    left_out = trials.assign(reason="voided")
+    assert list(participants_of(cells(trials))["participant"].unique()) == counted_up
+    assert list(blank_table(blanks)["participant"]) == [*counted_up, "all"]
+    assert list(excluded_table(left_out)["participant"].unique()) == counted_up
+
+
 def test_several_conditions_have_a_last_row_each() -> None:
     trials = table(BOTH, BOTH | {"condition": "bare"}, BOTH | {"participant": "2"})
     assert both_table(trials)[["condition", "participant", "presented"]].to_numpy().tolist() == [

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from analysis.answers.doubts import DRIFTING, GUESSING, SWAPPED
+from analysis.definitions import counted_up, in_order
 from analysis.results.figures.composed import DEVIANCE, draw_panel, name_parts
 from analysis.results.figures.curves import (
     blanks_tell,
@@ -54,7 +55,7 @@ _SHORT: Final = {
 
 def sheets(analysis: Analysis) -> list[Sheet]:
     """Return pages of eight people; none of a single person, whom the first figure shows."""
-    names = sorted({*analysis.participants["participant"]})
+    names = sorted({*analysis.participants["participant"]}, key=counted_up)
     if len(names) == 1:
         return []
     each = COLUMNS * ROWS
@@ -87,7 +88,7 @@ def _first_to_see(analysis: Analysis) -> list[str]:
         **{kind: ~table["participant"].isin(of) for kind, of in zip(_KINDS, of_kind, strict=True)},
         told=~table["status"].isin(_SHORT),
     )
-    order = order.sort_values([*_KINDS, "told", "deviance_p", "participant"])
+    order = order.sort_values([*_KINDS, "told", "deviance_p", "participant"], key=in_order)
     return list(order["participant"].unique())
 
 

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from analysis.answers.doubts import DRIFTING, FEWEST, GUESSING, SWAPPED
 from analysis.answers.drift import STRONG
+from analysis.definitions import counted_up
 from analysis.reading.reasons import NEVER_ANSWERED
 from analysis.results.compared import isolated
 from analysis.results.methods.misfit import REFUSED_P
@@ -27,7 +28,8 @@ def looked_words(analysis: Analysis) -> str:
     number = analysis.participants["participant"].nunique()
     people = f"each of {number} participants" if number > 1 else "the one participant"
     looked = dict(_looked(analysis))
-    found = [f"{what} ({', '.join(map(isolated, who))})" for what, who in looked.items() if who]
+    named = {what: sorted(who, key=counted_up) for what, who in looked.items() if who}
+    found = [f"{what} ({', '.join(map(isolated, who))})" for what, who in named.items()]
     missed = ["many false alarms"] if len(analysis.blank) else []
     if not analysis.one_side and len(analysis.trials):
         missed.append("a preference for one side")
@@ -41,31 +43,31 @@ def looked_words(analysis: Analysis) -> str:
     )
 
 
-def _looked(analysis: Analysis) -> Iterator[tuple[str, list[str]]]:
+def _looked(analysis: Analysis) -> Iterator[tuple[str, set[str]]]:
     """Yield what was looked for, and in whom it was found."""
     of = {kind: {one.participant for one in analysis.doubts if one.kind == kind}
           for kind in (SWAPPED, GUESSING, DRIFTING)}  # fmt: skip
     sides = not analysis.one_side and len(analysis.trials) > 0
     if sides or analysis.detected_any is None:
         what = "sides swapped" if sides else "fewer right answers than by guessing"
-        yield f"{what} (p < 0.001)", sorted(of[SWAPPED])
+        yield f"{what} (p < 0.001)", of[SWAPPED]
     if sides or analysis.detected_any is None or len(analysis.blank):
         yield (
             f"answers no better than guessing (p > 0.05, of {FEWEST} single stimuli or more)",
-            sorted(of[GUESSING]),
+            of[GUESSING],
         )
     if len(analysis.trials):
         unit = "dB" if analysis.axis.x_scale == "log10" else "eighths of the range of levels"
         yield (
             f"a threshold that drifts within a session (p < 0.001 and at least {STRONG:g} {unit})",
-            sorted(of[DRIFTING]),
+            of[DRIFTING],
         )
         silent = analysis.trials["reason"].eq(NEVER_ANSWERED)
         yield (
             "a condition without a single answer in time",
-            sorted({*analysis.trials.loc[silent, "participant"].astype(str)}),
+            {*analysis.trials.loc[silent, "participant"].astype(str)},
         )
     table = analysis.thresholds
     if table["deviance_p"].notna().any():
         refused = table.loc[table["deviance_p"].lt(REFUSED_P), "participant"]
-        yield f"a function that does not fit (p < {REFUSED_P:g})", sorted({*refused})
+        yield f"a function that does not fit (p < {REFUSED_P:g})", {*refused}
