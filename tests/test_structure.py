@@ -44,7 +44,7 @@ LATER = {
     *("study/origins.py", "study/stated.py", "results/protocol.py", "results/answer.py"),
     *("power", "workers", "commands/power.py", "terms/people.py", "terms/chances.py"),
     *("study/simulated.py", "terms/curves.py", "results/compared.py"),
-    *("study/sources.py", "sections/actuator.py", "commands/plate.py", "fingers/work.py"),
+    *("study/sources.py", "sections/actuator.py", "options/plate.py", "fingers/work.py"),
     *("monitor", "sound/recorder.py"),
     *("core/reports.py", "emulate/amplifier.py", "wire/dialogue.py"),
     "wire/forms.py",
@@ -56,7 +56,7 @@ LATER = {
         "apparatus/monitor.py",
         "preview/monitor.py",
         "session/attendance.py",
-        "commands/responders.py",
+        "options/responders.py",
         "participant/buttons.py",
     ),
 }

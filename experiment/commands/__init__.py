@@ -1,5 +1,1 @@
-"""The commands `init`, `check`, `field`, `run`, `export` and `withdraw`."""
-
-import lazy_loader
-
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+"""The commands `init`, `check`, `bursts`, `field`, `run`, `export`, `verify` and `withdraw`."""

@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING, Any, Final, Literal, Union, get_args, get_orig
 
 import click
 
-from experiment.commands.options import working
-from experiment.commands.plate import (
+from experiment.commands.options import (
     QUESTIONS,
     completed,
     fit_study,
     plate_options,
     told_paths,
+    working,
 )
 from experiment.terms.checks import require_word
 from experiment.terms.exits import CommandError, refusals

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import click
 
 from experiment.commands.options import confirmed, device_failures, hardware_options, working
-from experiment.commands.responders import display_beside, distribution_of, responder_named
+from experiment.commands.options.responders import display_beside, distribution_of, responder_named
 from experiment.terms.exits import DEVICE_FAILED, STOPPED_EARLY, CommandError, refusals
 
 if TYPE_CHECKING:

@@ -503,7 +503,7 @@ def test_a_word_for_its_safety_is_kept_with_what_it_cannot_promise(
 
 @pytest.fixture
 def on_terminal(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("experiment.commands.options.on_terminal", lambda: True)
+    monkeypatch.setattr("experiment.commands.options.hardware.on_terminal", lambda: True)
 
 
 @pytest.mark.process

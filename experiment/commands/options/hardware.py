@@ -19,8 +19,9 @@ if TYPE_CHECKING:
 
     from experiment.apparatus.rig import Confirmation, Rig
 
-    Step: TypeAlias = Callable[[int, int], None]
 
+Step: TypeAlias = "Callable[[int, int], None]"
+"""Told how much of how much is done."""
 
 _Command = TypeVar("_Command", bound="Callable[..., object]")
 

@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Any, Final
 
 import click
 
-from experiment.commands.options import on_terminal
+from experiment.commands.options.hardware import on_terminal
 from experiment.terms.checks import require_word
 from experiment.terms.exits import CommandError
 
 if TYPE_CHECKING:
-    from experiment.commands.options import Step
+    from experiment.commands.options.hardware import Step
     from experiment.preview.check import ConditionCheck
     from experiment.study.study import Study
 

@@ -1,3 +1,0 @@
-from .options import working
-
-__all__ = ["working"]

@@ -1,0 +1,26 @@
+from .hardware import (
+    Step,
+    answer,
+    confirmed,
+    device_failures,
+    hardware_options,
+    working,
+)
+from .plate import QUESTIONS, completed, plate_options, told_paths
+from .responders import display_beside, distribution_of, responder_named
+
+__all__ = [
+    "QUESTIONS",
+    "Step",
+    "answer",
+    "completed",
+    "confirmed",
+    "device_failures",
+    "display_beside",
+    "distribution_of",
+    "hardware_options",
+    "plate_options",
+    "responder_named",
+    "told_paths",
+    "working",
+]
