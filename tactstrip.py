@@ -23,6 +23,7 @@ COMMANDS = {
     "demo": ("analysis", "Show what a session is, in two minutes."),
     "init": ("experiment", "Write a commented study file."),
     "check": ("experiment", "Check a study's stimuli against its strip."),
+    "bursts": ("experiment", "Compare bursts on a study's plate."),
     "dry-run": ("analysis", "Simulate participants and analyze them."),
     "run": ("experiment", "Run one session with a participant."),
     "analyze": ("analysis", "Turn result CSVs into tables and figures."),

@@ -49,6 +49,7 @@ LATER = {
     *("core/reports.py", "emulate/amplifier.py", "wire/dialogue.py"),
     "wire/forms.py",
     "commands/demo.py",
+    *("commands/bursts.py", "bursts"),
     *("methods", "study/window.py"),
     *("device/installed.py", "core/converter.py", "participant/settings.py", "session/run.py"),
     *(

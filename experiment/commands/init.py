@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shlex
 import textwrap
 from pathlib import Path
 from types import UnionType
@@ -13,8 +14,8 @@ import click
 from experiment.commands.options import (
     QUESTIONS,
     completed,
-    fit_study,
     plate_options,
+    plate_study,
     told_paths,
     working,
 )
@@ -24,7 +25,7 @@ from experiment.terms.exits import CommandError, refusals
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from experiment.preview.check import ConditionCheck
+    from experiment.preview.bursts import ChosenBurst
     from experiment.study.study import Study
 
 _RECOMMENDED: Final = {
@@ -99,8 +100,7 @@ _INTRODUCTIONS: Final = {
     ),
     PLATE: (
         "A plate of your own, with the design that we recommend. Without a measured displacement "
-        "or the layers of an actuator no micrometres are known. The burst is the first of those "
-        "tried that is fit for the plate, if any is."
+        "or the layers of an actuator no micrometres are known."
     ),
 }
 _PLACED: Final = (
@@ -153,8 +153,11 @@ def write_study_text(preset: str) -> str:
     return _text(Study(**_OVERRIDES[preset]), preset, ())
 
 
-def _text(study: Study, preset: str, told: tuple[str, ...]) -> str:
+def _text(
+    study: Study, preset: str, told: tuple[str, ...], chosen: ChosenBurst | None = None
+) -> str:
     sections = [_comment(_INTRODUCTIONS[preset])]
+    notes = {"design": _LEVELS[preset], "burst": _chosen_note(chosen)}
     for name, table in study.sections().items():
         if name == "condition":
             sections.append(_CONDITIONS)
@@ -166,11 +169,17 @@ def _text(study: Study, preset: str, told: tuple[str, ...]) -> str:
                 for other in others
             ]
         else:
-            sections.append(
-                _section(f"[{name}]", table, _LEVELS[preset] if name == "design" else "")
-            )
+            sections.append(_section(f"[{name}]", table, notes.get(name, "")))
     sections.append(_init(study, told, _TRIED if preset == PLATE else ()))
     return "\n".join(sections)
+
+
+def _chosen_note(chosen: ChosenBurst | None) -> str:
+    """Say in the file what a burst was chosen for."""
+    if chosen is None:
+        return ""
+    verdict = "It is unfit for this plate; " if chosen.found.verdict == "unfit" else "Chosen as "
+    return f"{verdict}{chosen.words}. `tactstrip bursts` compares others with it."
 
 
 def _remark(preset: str, first: object, other: object) -> str:
@@ -256,19 +265,20 @@ def _toml(value: object) -> str:
     return json.dumps(value)
 
 
-def _told(study: Study, found: ConditionCheck | None) -> None:
+def _told(study: Study, chosen: ChosenBurst | None, file: Path) -> None:
     from experiment.study.sources import measured_beside
     from experiment.trial.draw import block_words
 
     _, beside = measured_beside(study.plate) or (0.0, [])
     for heading, words in zip(("cut-off", ""), beside, strict=False):
         click.echo(f"{heading:8}{words}")
-    if found is not None:
+    if chosen is not None:
         cycles = "1 cycle" if study.burst.cycles == 1 else f"{study.burst.cycles} cycles"
         burst = f"{cycles} of {study.burst.frequency_hz:g} Hz, hann window"
+        found = chosen.found
         click.echo(f"burst   {'; '.join((f'{burst}: {found.verdict}', *found.reasons))}")
-        if found.verdict == "unfit":
-            click.echo("        so are all others tried, of 200 to 500 Hz and 1 to 3 cycles")
+        click.echo(f"        {chosen.words}")
+        click.echo(f"        others beside it: tactstrip bursts {shlex.quote(str(file))}")
     for heading, words in zip(("blocks", ""), block_words(study.design), strict=False):
         click.echo(f"{heading:8}{words}")
 
@@ -294,6 +304,7 @@ def init(*, file: Path, preset: str, **given: Any) -> None:
     are asked for. What was measured, and a material without a name here, belong into the file.
     """
     from experiment.archive.files import write_atomically
+    from experiment.preview.bursts import chosen_burst
     from experiment.study.study import Study
 
     stated = [option for key, (option, *_) in QUESTIONS.items() if given[key]]
@@ -303,19 +314,22 @@ def init(*, file: Path, preset: str, **given: Any) -> None:
         raise CommandError(f"{file} exists and is left as it is; name another file")
     if not file.parent.is_dir():
         raise CommandError(f"{file}: No such file or directory")
-    found, told = None, tuple[str, ...]()
+    chosen, told = None, tuple[str, ...]()
     if preset == PLATE:
         known = completed(given)
         told = told_paths(known)
         with working("Trying bursts") as step:
-            study, found = fit_study(known, _OF_A_PLATE, step)
+            chosen = chosen_burst(
+                lambda burst: plate_study(known, _OF_A_PLATE | {"burst": burst}), step
+            )
+        study = chosen.study
     else:
         study = Study(**_OVERRIDES[preset])
     file.open("x").close()
     try:
-        write_atomically(file, _text(study, preset, told))
+        write_atomically(file, _text(study, preset, told, chosen))
     except OSError:
         file.unlink(missing_ok=True)
         raise
     click.echo(f"{file} holds the {preset} preset; next: tactstrip check {file}")
-    _told(study, found)
+    _told(study, chosen, file)

@@ -7,6 +7,7 @@ import math
 from dataclasses import asdict, replace
 from typing import TYPE_CHECKING, Any, Final
 
+from experiment.preview.bursts.edges import edge_words, other_edge, with_other_edge
 from experiment.preview.findings import Findings
 from experiment.preview.plate import ALIKE
 from experiment.study.sources import displacement_source, finger_words
@@ -17,7 +18,6 @@ from stimuli.strip.patch import cutoff_factor
 if TYPE_CHECKING:
     from experiment.preview.check import ConditionCheck, StudyCheck
     from experiment.study.origins import Source
-    from experiment.study.sections.plate import EdgeBasis
     from experiment.study.study import Study
     from experiment.terms.gains import ConditionGains
     from stimuli import Strip
@@ -140,9 +140,9 @@ def _rests_on(source: Source, study: Study, place: int) -> str:
 _UNKNOWN: Final = "n/a, its displacement is not stated"
 
 
-_OTHER_EDGE: Final[dict[str, tuple[EdgeBasis, str]]] = {
-    "clamped": ("simply-supported", "glue and tape hold less than clamps"),
-    "simply-supported": ("clamped", "a real edge lies between the two"),
+_WHY: Final = {
+    "simply-supported": "glue and tape hold less than clamps",
+    "clamped": "a real edge lies between the two",
 }
 
 
@@ -151,23 +151,23 @@ def edge_findings(check: StudyCheck) -> Findings:
     from experiment.preview.check import check_study
 
     study, found = check.study, Findings()
-    if study.plate.edge not in _OTHER_EDGE or study.plate.measured_cutoff_hz is not None:
+    edge = other_edge(study)
+    if edge is None:
         return found
-    edge, why = _OTHER_EDGE[study.plate.edge]
-    other = replace(study.plate, edge=edge)
-    cutoff_hz = other.strip.cutoff_hz()
+    cutoff_hz = replace(study.plate, edge=edge).strip.cutoff_hz()
     facts: dict[str, Any] = {"edge": edge, "cutoff_hz": cutoff_hz}
-    words = f"{edge.replace('-', ' ')} edges would give {cutoff_hz:.1f} Hz"
-    if check.gains and not any(one.patch_counts for one in study.actuators):  # else it takes long
+    words = f"{edge_words(edge)} edges would give {cutoff_hz:.1f} Hz"
+    other = with_other_edge(study) if check.gains else None
+    if other is not None:
         with contextlib.suppress(ValueError):  # what was measured may not suit such a plate
-            tried = check_study(study.changed(strip=other))
+            tried = check_study(other)
             sides = ((0, 1), (1, 0))
             level_db = max(one.level_db(*pair) for one in tried.conditions for pair in sides)
             words += f" and {level_db:.1f} dB at the other finger"
             words += f", {tried.verdict}" * (tried.verdict != check.verdict)
             facts |= {"level_db": level_db, "verdict": tried.verdict}
     found.tell("", words, other_edge=facts)
-    found.tell("", f"{why}: measure it, docs/hardware.md")
+    found.tell("", f"{_WHY[edge]}: measure it, docs/hardware.md")
     return found
 
 

@@ -6,7 +6,7 @@ from .hardware import (
     hardware_options,
     working,
 )
-from .plate import QUESTIONS, completed, plate_options, told_paths
+from .plate import QUESTIONS, completed, plate_options, plate_study, told_paths
 from .responders import display_beside, distribution_of, responder_named
 
 __all__ = [
@@ -20,6 +20,7 @@ __all__ = [
     "distribution_of",
     "hardware_options",
     "plate_options",
+    "plate_study",
     "responder_named",
     "told_paths",
     "working",

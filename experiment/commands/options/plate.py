@@ -1,8 +1,7 @@
-"""A lab's own plate for `tactstrip init`: options, questions, a burst that is fit for it."""
+"""A lab's own plate for `tactstrip init`: options, questions, and the study that they make."""
 
 from __future__ import annotations
 
-import itertools
 import re
 from typing import TYPE_CHECKING, Any, Final
 
@@ -13,8 +12,6 @@ from experiment.terms.checks import require_word
 from experiment.terms.exits import CommandError
 
 if TYPE_CHECKING:
-    from experiment.commands.options.hardware import Step
-    from experiment.preview.check import ConditionCheck
     from experiment.study.study import Study
 
 
@@ -50,61 +47,13 @@ _LAST: Final = ("edge", "measured_cutoff_hz", "actuator")
 _ACTUATOR: Final = re.compile(
     r"(?P<shape>disc|rectangle|motor):(?P<size>[^x@]+)(x(?P<across>[^x@]+))?@(?P<place>[^x@]+)"
 )
-_BURSTS: Final = tuple(itertools.product((500.0, 400.0, 300.0, 250.0, 200.0), (1, 2, 3)))
-"""What is tried on a plate: frequencies in Hz that are felt well, cycles under a Hann window."""
 
 
-def fit_study(
-    known: dict[str, Any], others: dict[str, Any], step: Step
-) -> tuple[Study, ConditionCheck]:
-    """Return a study with the first burst that is fit for the plate; with the first if none is.
+def plate_study(known: dict[str, Any], others: dict[str, Any]) -> Study:
+    """Return the study of a plate as it was typed, by the keys of `QUESTIONS`.
 
-    Parameters
-    ----------
-    known : dict
-        The plate as it was typed, by the keys of `QUESTIONS`.
-    others : dict
-        The other sections of the study.
-    step : Step
-        Told how many of the bursts were tried.
-
-    Raises
-    ------
-    ValueError
-        If a value is out of its range, or two do not go together; the message names the options.
+    `others` are its other sections. ValueError names the options.
     """
-    from experiment.preview.check import check_study
-
-    tried = []
-    for place, (frequency_hz, cycles) in enumerate(_BURSTS):
-        step(place, len(_BURSTS))
-        burst = {"frequency_hz": frequency_hz, "cycles": cycles, "window": "hann"}
-        study = _plate_study(known, others | {"burst": burst})
-        found = _at_first_sight(study)
-        if found.verdict == "fit":
-            (found,) = check_study(study).conditions
-        if found.verdict == "fit":
-            return study, found
-        tried.append((study, found))
-    return tried[0]
-
-
-def _at_first_sight(study: Study) -> ConditionCheck:
-    """Return what speaks against a study's burst, as far as little work tells it.
-
-    The energy above the cut-off needs no field at all; at the other finger the least loss assumed
-    leaves the most, as a rule. Only a burst that passes both is worth the whole check.
-    """
-    from experiment.preview.check import check_study
-    from experiment.study.physics import LEAST_LOSS, study_gains
-
-    (found,) = check_study(study, gains=()).conditions
-    if found.verdict == "fit":
-        (found,) = check_study(study, gains=study_gains(study, LEAST_LOSS)).conditions
-    return found
-
-
-def _plate_study(known: dict[str, Any], others: dict[str, Any]) -> Study:
     from experiment.study.study import Study
 
     strip = _strip(known)
@@ -119,7 +68,7 @@ def _check(known: dict[str, Any]) -> None:
     from experiment.study.sections.plate import Plate
 
     if "actuator" in known:
-        _plate_study(known, {})
+        plate_study(known, {})
         return
     try:
         Plate(**_strip(known))

@@ -1,0 +1,87 @@
+"""The command `bursts`."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from experiment.commands.options import working
+from experiment.terms.exits import ANSWER_IS_NO, CommandError, refusals
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+
+def _listed(kind: Callable[[str], Any], what: str) -> Callable[..., tuple[Any, ...]]:
+    """Return what reads numbers with commas between them."""
+
+    def read(_: click.Context, option: click.Parameter, text: str | None) -> tuple[Any, ...]:
+        try:
+            return tuple(kind(one) for one in text.split(",")) if text is not None else ()
+        except ValueError as error:
+            raise click.UsageError(
+                f"{option.opts[0]} must be {what} with commas between them; got {text!r}"
+            ) from error
+
+    return read
+
+
+def _by_options(refusal: str) -> str:
+    """Name in a refusal the options, where it names the keys of a file.
+
+    >>> _by_options("frequency_hz must be >= 5; if these are kilohertz, write frequency_hz = 3000")
+    '--frequency-hz must be >= 5; if these are kilohertz, write --frequency-hz 3000'
+    """
+    refusal = re.sub(r"\bfrequency_hz( =)?", "--frequency-hz", refusal)
+    return re.sub(r"^cycles\b", "--cycles", refusal).removeprefix("condition main: ")
+
+
+@click.command(epilog="Example: tactstrip bursts study.toml --frequency-hz 200,300 --cycles 1,2")
+@click.argument("study_file", metavar="STUDY", type=click.Path(path_type=Path))
+@click.option(
+    "--frequency-hz",
+    "frequencies_hz",
+    metavar="A,B,...",
+    callback=_listed(float, "numbers"),
+    help="These.  [default: 200 to 500, which skin feels well, and the study's]",
+)
+@click.option(
+    "--cycles",
+    metavar="A,B,...",
+    callback=_listed(int, "whole numbers"),
+    help="Each with so many.  [default: 1,2,3 and the study's]",
+)
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON object instead.")
+@refusals
+def bursts(
+    *,
+    study_file: Path,
+    frequencies_hz: tuple[float, ...],
+    cycles: tuple[int, ...],
+    as_json: bool,
+) -> None:
+    """Compare bursts on a study's plate: which are fit, and which is the shortest of them.
+
+    Each is checked as `check` does it, with the window of [burst]; where edges are ideal ones and
+    no cut-off was measured, also with the other ideal edge. The exit code is 0 if one is fit, 1 if
+    none is. The study file is left as it is.
+    """
+    from experiment.preview.bursts import bursts_findings, compare_bursts, grid_of
+    from experiment.study.read import read_study
+    from experiment.study.study import UnusableStudyError, told_by_file
+
+    study = read_study(study_file)
+    with working("Comparing bursts") as step, told_by_file(study_file):
+        try:
+            found = compare_bursts(study, grid_of(study, frequencies_hz, cycles), step)
+        except UnusableStudyError:
+            raise
+        except ValueError as error:
+            raise CommandError(_by_options(str(error))) from error
+    told = bursts_findings(found, str(study_file))
+    click.echo(told.json if as_json else told.text)
+    if found.best is None:
+        click.get_current_context().exit(ANSWER_IS_NO)

@@ -1,0 +1,208 @@
+"""Bursts on one plate: each checked as a study's own is, with the stated and the other edge."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from itertools import product
+from typing import TYPE_CHECKING, Final
+
+from experiment.preview.bursts.edges import with_other_edge
+from experiment.preview.check import check_study
+from experiment.study.simulated import median_threshold
+from experiment.study.study import UnusableStudyError
+from experiment.terms.gains import significant
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable
+
+    from experiment.preview.check import ConditionCheck
+    from experiment.study.study import Study
+    from stimuli import Burst
+
+
+FELT_HZ: Final = (200.0, 250.0, 300.0, 400.0, 500.0)
+"""Frequencies that skin feels well, in Hz."""
+
+CYCLES: Final = (1, 2, 3)
+_DIGITS: Final = 9
+"""Durations are equal to a nanosecond."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BurstAtEdge:
+    """How a burst goes with one kind of edge; what is refused of it has no check."""
+
+    found: ConditionCheck | None
+    refusal: str = ""
+
+    @property
+    def energy_above_cutoff(self) -> float | None:
+        """The greater part of the ideal burst's and of its staircase's energy."""
+        if self.found is None:
+            return None
+        burst = self.found.burst
+        return max(burst.energy_above_cutoff, burst.staircase_energy_above_cutoff)
+
+    @property
+    def level_db(self) -> float | None:
+        """The greater level at the other finger, of the two sides."""
+        if self.found is None or self.found.gains is None:
+            return None
+        return max(self.found.level_db(1, 0), self.found.level_db(0, 1))
+
+    @property
+    def is_fit(self) -> bool:
+        """Whether nothing speaks against it."""
+        return self.found is not None and not self.found.reasons
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ComparedBurst:
+    """A burst on the plate.
+
+    Attributes
+    ----------
+    burst : Burst
+        The burst.
+    stated : BurstAtEdge
+        With the edges that the study states.
+    other : BurstAtEdge or None
+        With the other ideal edge, where that was tried.
+    own_um : tuple of (float or None)
+        What the left and the right actuator give their own fingers at the study's highest level.
+    threshold_vpp : float or None
+        Where the median simulated person feels it, if the study says for which vibration its
+        threshold is known.
+    """
+
+    burst: Burst
+    stated: BurstAtEdge
+    other: BurstAtEdge | None
+    own_um: tuple[float | None, float | None] = (None, None)
+    threshold_vpp: float | None = None
+
+    @property
+    def is_fit_with_all(self) -> bool:
+        """Whether it is fit with every edge that was tried."""
+        return self.stated.is_fit and (self.other is None or self.other.is_fit)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BurstComparison:
+    """Bursts on the plate of a study, and the study with its other ideal edge, where tried."""
+
+    study: Study
+    other: Study | None
+    rows: tuple[ComparedBurst, ...]
+
+    @property
+    def best(self) -> ComparedBurst | None:
+        """The shortest burst that is fit with all edges that were tried; else with the stated."""
+        for fit in (
+            [row for row in self.rows if row.is_fit_with_all],
+            [row for row in self.rows if row.stated.is_fit],
+        ):
+            if fit:
+                return min(fit, key=lambda row: by_length(row.burst))
+        return None
+
+
+def by_length(burst: Burst) -> tuple[float, float]:
+    """Sort bursts by their length; of equally long ones the lower frequency comes first.
+
+    It stays further below the cut-off, and 250 Hz is felt best.
+
+    >>> from stimuli import Burst
+    >>> one, two = (Burst(frequency_hz=f, cycles=c, window="hann") for f, c in ((250, 1), (500, 2)))
+    >>> by_length(one) < by_length(two)
+    True
+    """
+    return round(burst.duration_s, _DIGITS), burst.frequency_hz
+
+
+def with_burst(study: Study, frequency_hz: float, cycles: int) -> Study:
+    """Return a study with another sine of the same window in [burst], and no other conditions.
+
+    ValueError where its window is no given one, or the burst does not suit the study.
+    """
+    burst = study.burst
+    if burst.file is not None or burst.window == "auto":
+        what = f'file = "{burst.file}"' if burst.file is not None else 'window = "auto"'
+        raise UnusableStudyError(
+            study.name,
+            f"bursts of one window are compared, and [burst] has {what}; "
+            'state window = "hann" with frequency_hz and cycles there',
+        )
+    other = replace(burst, frequency_hz=frequency_hz, cycles=cycles, accept_unfit=None)
+    return study.changed(burst=other, condition=[{"name": "main"}])
+
+
+def grid_of(
+    study: Study, frequencies_hz: Iterable[float] = (), cycles: Iterable[int] = ()
+) -> tuple[tuple[float, int], ...]:
+    """Return the bursts to be compared; by default those that skin feels well, and the study's.
+
+    >>> from experiment.study.read import paper_study
+    >>> grid_of(paper_study(), (300, 100), (1,))
+    ((100, 1), (300, 1))
+    """
+    own = study.burst
+    every_hz = [*frequencies_hz] or [*FELT_HZ, own.frequency_hz or FELT_HZ[0]]
+    every_cycles = [*cycles] or [*CYCLES, own.cycles or CYCLES[0]]
+    return tuple(product(sorted(set(every_hz)), sorted(set(every_cycles))))
+
+
+def compare_bursts(
+    study: Study, bursts: Iterable[tuple[float, int]], step: Callable[[int, int], object]
+) -> BurstComparison:
+    """Check bursts on the plate of a study, with its edges and with the other ideal ones.
+
+    Parameters
+    ----------
+    study : Study
+        The study; what it accepts as unfit is not accepted here.
+    bursts : iterable of (float, int)
+        Frequencies in Hz and cycles.
+    step : callable
+        Told how many of how many are done.
+
+    Raises
+    ------
+    ValueError
+        If none of them can be checked.
+    """
+    every, rows = tuple(bursts), list[ComparedBurst]()
+    for place, (frequency_hz, cycles) in enumerate(every):
+        step(place, len(every))
+        rows.append(_compared(with_burst(study, frequency_hz, cycles)))
+    if all(row.stated.found is None for row in rows):
+        raise ValueError(rows[0].stated.refusal)
+    return BurstComparison(study=study, other=with_other_edge(study), rows=tuple(rows))
+
+
+def _compared(study: Study) -> ComparedBurst:
+    stated, other = _at_edge(study), with_other_edge(study)
+    found = stated.found
+    row = ComparedBurst(
+        burst=study.conditions[0].stated,
+        stated=stated,
+        other=None if other is None else _at_edge(other),
+    )
+    if found is None or found.gains is None:
+        return row
+    gains, level_vpp = found.gains, study.design.highest_vpp
+    left_um, right_um = (
+        None if gains.bases[side] is None else significant(gains.per_vpp[side][side] * level_vpp)
+        for side in (0, 1)
+    )
+    known = study.simulation.known_for.stated
+    threshold = median_threshold(study, gains.fingers()).level_vpp if known else None
+    return replace(row, own_um=(left_um, right_um), threshold_vpp=threshold)
+
+
+def _at_edge(study: Study) -> BurstAtEdge:
+    try:
+        (found,) = check_study(study).conditions
+    except ValueError as error:
+        return BurstAtEdge(found=None, refusal=str(error))
+    return BurstAtEdge(found=found)

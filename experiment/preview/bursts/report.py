@@ -1,0 +1,256 @@
+"""The comparison of bursts as it is told: a table on a terminal, JSON to programs."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, Final
+
+from experiment.preview.bursts.compared import with_burst
+from experiment.preview.bursts.edges import edge_words, other_edge
+from experiment.preview.findings import Findings
+from experiment.study.origins import YOURS
+from experiment.study.physics import LEAST_LOSS, MOST_LOSS
+from experiment.study.simulated import median_threshold, unmeasured
+from experiment.terms.gains import OWN_FINGERS
+
+if TYPE_CHECKING:
+    from experiment.preview.bursts.compared import BurstAtEdge, BurstComparison, ComparedBurst
+
+
+JSON_SCHEMA: Final = 1
+_UNKNOWN: Final = "n/a"
+
+
+def bursts_findings(found: BurstComparison, file_name: str) -> Findings:
+    """Tell which bursts are fit for the plate of a study, and which of them is the best.
+
+    Parameters
+    ----------
+    found : BurstComparison
+        What was found.
+    file_name : str
+        Where the study was read from.
+    """
+    study, told = found.study, Findings()
+    told.note(schema=JSON_SCHEMA)
+    told.tell(
+        "study",
+        f"{study.name} ({file_name}), sha256 {study.sha256[:12]}",
+        study={"name": study.name, "sha256": study.sha256},
+    )
+    _tell_edges(told, found)
+    _tell_columns(told, found)
+    told.space()
+    columns = _columns(found)
+    for line in zip(*columns, strict=True):
+        told.lines.append("  ".join(line).rstrip())
+    told.note(bursts=[_facts(found, row) for row in found.rows])
+    _tell_refusals(told, found)
+    told.space()
+    _tell_best(told, found, file_name)
+    return told
+
+
+def _edges(found: BurstComparison) -> list[str]:
+    other = [] if found.other is None else [found.other.plate.edge]
+    return [found.study.plate.edge, *other]
+
+
+def _tell_edges(told: Findings, found: BurstComparison) -> None:
+    study = found.study
+    tried = [study] if found.other is None else [study, found.other]
+    words = [f"{edge_words(one.plate.edge)}, {one.strip.cutoff_hz():.1f} Hz" for one in tried]
+    facts = [{"edge": one.plate.edge, "cutoff_hz": one.strip.cutoff_hz()} for one in tried]
+    told.tell("cut-off", words[0], edges=facts)
+    if found.other is not None:
+        told.tell("", f"{words[1]}: the other ideal edge; a real one lies between the two")
+    elif other_edge(study) is not None:
+        told.tell("", f"{edge_words(str(other_edge(study)))} edges were not tried on this plate")
+    else:
+        known = "stiffness is stated" if study.plate.edge == "elastic" else "cut-off was measured"
+        told.tell("", f"no other edge is tried: its {known}")
+
+
+def _tell_columns(told: Findings, found: BurstComparison) -> None:
+    study = found.study
+    told.tell("window", f"{study.burst.window}, as in [burst]", window=study.burst.window)
+    if len(study.conditions) > 1:
+        told.tell("", "for [burst] alone: what each [[condition]] changes is left out")
+    limits = study.burst.max_energy_above_cutoff, study.burst.masking_limit_db
+    told.tell(
+        "above",
+        "part of the energy above the cut-off, the greater of burst and staircase; limit "
+        f"{limits[0]:.1e}",
+        max_energy_above_cutoff=limits[0],
+    )
+    told.tell(
+        "other",
+        f"level at the other finger in dB re the own one, the worse side; limit {-limits[1]:g}",
+        masking_limit_db=limits[1],
+    )
+    if not study.plate.is_loss_stated:
+        told.tell("", f"the worse of loss factors {LEAST_LOSS:g} and {MOST_LOSS:g} (assumed)")
+    level_vpp = study.design.highest_vpp
+    told.note(level_vpp=level_vpp)
+    if _knows_um(found):
+        told.tell("um", f"greatest displacement of the own finger at {level_vpp:g} Vpp")
+    else:
+        told.tell("", "micrometres of the own finger: not known, docs/howto/calibrate.md")
+    gains = next(
+        (row.stated.found.gains for row in found.rows if row.stated.found is not None), None
+    )
+    if gains is not None and study.simulation.known_for.stated:
+        people = median_threshold(study, gains.fingers())
+        whose = "as the study states" if people.whose == YOURS[0] else "assumed"
+        told.tell(
+            "V",
+            f"the median person's threshold, {whose}: {people.known:g} {people.unit}"
+            f"{people.known_for};",
+        )
+        told.tell("", f"of each burst by published curves{_beyond(found)}")
+
+
+def _beyond(found: BurstComparison) -> str:
+    """Say that curves were not measured for some of the bursts."""
+    every = [
+        with_burst(found.study, one.burst.frequency_hz, one.burst.cycles) for one in found.rows
+    ]
+    return ", some beyond what was measured" if any(map(unmeasured, every)) else ""
+
+
+def _knows_um(found: BurstComparison) -> bool:
+    return any(um is not None for row in found.rows for um in row.own_um)
+
+
+def _columns(found: BurstComparison) -> list[list[str]]:
+    """Return the columns of the table, each as wide as its widest cell, two headings first."""
+    rows, edges = found.rows, _edges(found)
+    every = [
+        ["", "Hz", *(_marked(found, row) for row in rows)],
+        ["", "cycles", *(f"{row.burst.cycles}" for row in rows)],
+        ["", "ms", *(f"{1e3 * row.burst.duration_s:.3g}" for row in rows)],
+    ]
+    for place, edge in enumerate(edges):
+        ends = [row.stated if place == 0 else row.other for row in rows]
+        every.append([edge_words(edge), _pair("above", "other"), *(_at(one) for one in ends)])
+    if _knows_um(found):
+        every.append(["", "um", *(_um(row.own_um) for row in rows)])
+    if any(row.threshold_vpp is not None for row in rows):
+        every.append(["", "V", *(_number(row.threshold_vpp) for row in rows)])
+    words = [_fit_words(edges, row) for row in rows]
+    every.append(["", "fit with" if edges[1:] else "fit", *words])
+    widths = [max(map(len, column)) for column in every]
+    return [[cell.rjust(wide) for cell in one] for one, wide in zip(every, widths, strict=True)]
+
+
+def _marked(found: BurstComparison, row: ComparedBurst) -> str:
+    return f"{'*' * _is_own(found, row)}{row.burst.frequency_hz:g}"
+
+
+def _is_own(found: BurstComparison, row: ComparedBurst) -> bool:
+    """Tell whether it is the burst that the study has."""
+    own = found.study.burst
+    return (row.burst.frequency_hz, row.burst.cycles) == (own.frequency_hz, own.cycles)
+
+
+def _pair(energy: str, level: str) -> str:
+    return f"{energy:>7}  {level:>6}"
+
+
+def _at(end: BurstAtEdge | None) -> str:
+    if end is None or end.energy_above_cutoff is None or end.level_db is None:
+        return _pair(_UNKNOWN, _UNKNOWN)
+    return _pair(f"{end.energy_above_cutoff:.1e}", f"{end.level_db:.1f}")
+
+
+def _um(own_um: tuple[float | None, float | None]) -> str:
+    """Write what both fingers get, once where it is the same."""
+    return "/".join(dict.fromkeys(_number(um) for um in own_um))
+
+
+def _number(value: float | None) -> str:
+    return _UNKNOWN if value is None else f"{value:.3g}"
+
+
+def _fit_words(edges: list[str], row: ComparedBurst) -> str:
+    """Say with which edges a burst is fit."""
+    ends = [row.stated, *([] if row.other is None else [row.other])]
+    fit = [edge_words(edge) for edge, end in zip(edges, ends, strict=True) if end.is_fit]
+    if not edges[1:]:
+        return "yes" if fit else "no"
+    return ("both" if fit[1:] else fit[0]) if fit else "none"
+
+
+def _facts(found: BurstComparison, row: ComparedBurst) -> dict[str, Any]:
+    ends = [row.stated, *([] if row.other is None else [row.other])]
+    return {
+        "frequency_hz": row.burst.frequency_hz,
+        "cycles": row.burst.cycles,
+        "duration_s": row.burst.duration_s,
+        "is_of_study": _is_own(found, row),
+        "edges": [
+            {"edge": edge} | _end_facts(end) for edge, end in zip(_edges(found), ends, strict=True)
+        ],
+        "own_um": dict(zip(OWN_FINGERS, row.own_um, strict=True)),
+        "threshold_vpp": row.threshold_vpp,
+        "fit": row.is_fit_with_all,
+    }
+
+
+def _end_facts(end: BurstAtEdge) -> dict[str, Any]:
+    if end.found is None:
+        return {"verdict": "refused", "reasons": [end.refusal]}
+    burst = end.found.burst
+    return {
+        "energy_above_cutoff": burst.energy_above_cutoff,
+        "staircase_energy_above_cutoff": burst.staircase_energy_above_cutoff,
+        "level_db": end.level_db,
+        "verdict": end.found.verdict,
+        "reasons": list(end.found.reasons),
+    }
+
+
+def _tell_refusals(told: Findings, found: BurstComparison) -> None:
+    """Say once why bursts have no numbers."""
+    ends = [end for row in found.rows for end in (row.stated, row.other) if end is not None]
+    for refusal in dict.fromkeys(end.refusal for end in ends if end.refusal):
+        told.tell(_UNKNOWN, refusal)
+
+
+def _named(row: ComparedBurst) -> str:
+    cycles = "1 cycle" if row.burst.cycles == 1 else f"{row.burst.cycles} cycles"
+    return f"{cycles} of {row.burst.frequency_hz:g} Hz"
+
+
+def _tell_best(told: Findings, found: BurstComparison, file_name: str) -> None:
+    """Name the best burst with the lines of the study file that make it the study's."""
+    best, edges = found.best, _edges(found)
+    told.note(best=None)
+    if best is None:
+        low_hz = min(edge.strip.cutoff_hz() for edge in (found.study, found.other) if edge)
+        tried = ",".join(f"{float(f'{low_hz / part:.2g}'):g}" for part in (8, 4, 3, 2))
+        told.tell("best", f"none of these is fit: try --frequency-hz {tried}, more --cycles,")
+        told.tell("", "another window, or actuators further apart")
+        return
+    stated = edge_words(edges[0])
+    if not edges[1:]:
+        fit = "the shortest that is fit"
+    elif best.is_fit_with_all:
+        fit = "the shortest that is fit with both edges"
+    else:
+        fit = f"the shortest that is fit with {stated} edges; none is fit with both"
+    lines = {"frequency_hz": best.burst.frequency_hz, "cycles": best.burst.cycles}
+    told.tell("best", f"{_named(best)}: {fit}", best=lines | {"fit": best.is_fit_with_all})
+    if not best.is_fit_with_all:
+        told.tell("", "measure the cut-off before it is used, docs/hardware.md")
+    alike = [row for row in found.rows if row.is_fit_with_all == best.is_fit_with_all]
+    felt = [(row.threshold_vpp, row) for row in alike if row.threshold_vpp and row.stated.is_fit]
+    if felt:
+        vpp, row = min(felt, key=lambda one: one[0])
+        told.tell("", f"felt most easily of those: {_named(row)}, from {vpp:.3g} V")
+    if _is_own(found, best):
+        told.tell("", f"{file_name} has it (*)")
+        return
+    told.tell("", f"to take it, write into [burst] of {file_name}:")
+    told.space()
+    for key, value in lines.items():
+        told.lines.append(f"{key} = {value:g}")

@@ -1,0 +1,226 @@
+"""`tactstrip bursts` compares bursts on a plate, and `tactstrip init` chooses one of them."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+from experiment.preview.bursts import compare_bursts, grid_of, with_other_edge
+from experiment.preview.bursts.choice import CANDIDATES, chosen_burst
+from experiment.preview.bursts.compared import with_burst
+from experiment.study.read import paper_study, study_from_text
+
+if TYPE_CHECKING:
+    from experiment.study.study import Study
+    from tests.test_experiment.conftest import Refused, Run
+
+
+def study_text(edge: str = 'edge = "clamped"', *, thickness_mm: float = 0.5, more: str = "") -> str:
+    """Return a plate of steel, 60 mm wide; simply supported its cut-off is 342 Hz."""
+    discs = "".join(
+        f'[[actuator]]\nside = "{side}"\nx_mm = {x_mm}\ndiameter_mm = 12.8\n{{0}}'
+        for side, x_mm in (("left", -40), ("right", 40))
+    ).replace("{0}", MEASURED)
+    return (
+        f"[strip]\nwidth_mm = 60\nlength_mm = 200\nthickness_mm = {thickness_mm}\n{edge}\n"
+        f'material = "steel"\n{discs}[burst]\nfrequency_hz = 200\ncycles = 1\nwindow = "hann"\n'
+        f"{more}"
+    )
+
+
+MEASURED = "measured_displacement_um = 3.1\nmeasured_at_vpp = 200\nmeasured_at_hz = 100\n"
+SUPPORTED = 'edge = "simply-supported"'
+PEOPLE = "[simulation]\nthreshold_um = 1.57\nthreshold_at_hz = 500\n"
+
+
+@pytest.fixture(autouse=True)
+def in_empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+
+
+def told(run: Run, *words: str, text: str, exit_code: int = 0) -> Any:
+    """Return what a command says of a study file to programs."""
+    Path("study.toml").write_text(text, "utf-8")
+    result = run(words[0], "study.toml", "--json", *words[1:])
+    assert (result.exit_code, result.stderr) == (exit_code, "")
+    return json.loads(result.stdout)
+
+
+@pytest.mark.slow
+def test_a_row_is_what_the_check_says_of_a_study_with_these_lines(run: Run) -> None:
+    text = study_text(more=PEOPLE)
+    bursts = told(run, "bursts", "--frequency-hz", "250", "--cycles", "3", text=text)
+    (row,) = bursts["bursts"]
+    lines = text.replace("_hz = 200", "_hz = 250").replace("cycles = 1", "cycles = 3")
+    for edge, words in zip(row["edges"], (lines, lines.replace("clamped", "simply-supported")),
+                           strict=True):  # fmt: skip
+        check = told(run, "check", text=words, exit_code=int(edge["verdict"] == "unfit"))
+        (condition,) = check["conditions"]
+        moved = condition["displacements"]["actuators"]
+        assert edge["edge"] == check["strip"]["edge"]
+        assert edge["level_db"] == max(one["fingers"][0]["level_db"] for one in moved)
+        for key in ("energy_above_cutoff", "staircase_energy_above_cutoff", "verdict", "reasons"):
+            assert edge[key] == condition[key]
+    check = told(run, "check", text=lines)
+    moved = check["conditions"][0]["displacements"]["actuators"]
+    assert row["own_um"] == {one["name"]: one["own_um"] for one in moved}
+    assert row["threshold_vpp"] == check["simulated_threshold"]["threshold_vpp"]
+    other = check["strip"]["other_edge"]
+    assert row["edges"][1]["level_db"] == other["level_db"]
+    assert (other["verdict"], row["fit"]) == ("unfit", False)
+
+
+def test_the_lines_of_the_best_burst_make_it_the_study_s(run: Run) -> None:
+    Path("study.toml").write_text(study_text(), "utf-8")
+    options = ("--frequency-hz", "200,300", "--cycles", "1,3")
+    result = run("bursts", "study.toml", *options)
+    assert (result.exit_code, result.stderr) == (0, "")
+    table, _, best = result.stdout.partition("\nbest ")
+    assert (
+        best.splitlines()[0].strip()
+        == "3 cycles of 200 Hz: the shortest that is fit with both edges"
+    )
+    assert "\nfrequency_hz = 200\ncycles = 3\n" in best
+    assert [line.split()[-1] for line in table.strip().splitlines()[-4:]] == [
+        *("clamped", "both", "clamped", "clamped")
+    ]
+    own = study_text().replace("cycles = 1", "cycles = 3")
+    Path("study.toml").write_text(own, "utf-8")
+    again = run("bursts", "study.toml", *options).stdout
+    assert "study.toml has it (*)" in again
+    assert "\n*200       3 " in again
+    assert Path("study.toml").read_text("utf-8") == own
+
+
+def test_where_none_is_fit_lower_frequencies_are_named_and_the_exit_code_is_1(run: Run) -> None:
+    Path("study.toml").write_text(study_text(SUPPORTED), "utf-8")
+    result = run("bursts", "study.toml", "--frequency-hz", "300", "--cycles", "1")
+    assert (result.exit_code, result.stderr) == (1, "")
+    assert "none of these is fit: try --frequency-hz 43,85,110,170, more --cycles," in result.stdout
+
+
+def test_without_an_edge_that_is_fit_with_both_the_stated_one_counts(run: Run) -> None:
+    Path("study.toml").write_text(study_text(), "utf-8")
+    said = run("bursts", "study.toml", "--frequency-hz", "300", "--cycles", "2").stdout
+    assert "fit with clamped edges; none is fit with both\n" in said
+    assert "measure the cut-off before it is used" in said
+
+
+@pytest.mark.parametrize(
+    ("edge", "why"),
+    [
+        ("measured_cutoff_hz = 600", "its cut-off was measured"),
+        ('edge = "clamped"\nmeasured_cutoff_hz = 600', "its cut-off was measured"),
+        ('edge = "elastic"\nedge_stiffness_n = 900', "its stiffness is stated"),
+    ],
+)
+def test_edges_of_which_more_is_known_have_no_other_ones(edge: str, why: str, run: Run) -> None:
+    Path("study.toml").write_text(study_text(edge), "utf-8")
+    said = run("bursts", "study.toml", "--frequency-hz", "200", "--cycles", "3").stdout
+    assert f"no other edge is tried: {why}" in said
+    assert "\n*" not in said
+    assert said.partition("\nbest")[0].split()[-1] == "yes"
+
+
+def test_what_is_felt_most_easily_is_named_where_thresholds_are_known(run: Run) -> None:
+    Path("study.toml").write_text(study_text(more=PEOPLE), "utf-8")
+    said = run("bursts", "study.toml", "--frequency-hz", "100,200", "--cycles", "3").stdout
+    assert "felt most easily of those: 3 cycles of 200 Hz, from " in said
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (("--frequency-hz", "3"), "error: --frequency-hz must be a finite number >= 5 and <= 1000"),
+        (("--frequency-hz", "0.2"), "if these are kilohertz, write --frequency-hz 200"),
+        (("--frequency-hz", "2;3"), "--frequency-hz must be numbers with commas between them; got"),
+        (("--cycles", "0"), "error: --cycles must be a whole number from 1 to 1000000; got 0"),
+        (("--cycles", "1.5"), "error: --cycles must be whole numbers with commas between them; g"),
+        (("--cycles", "2000"), "error: the burst must last at most design.response_window_s = 3;"),
+    ],
+)
+def test_what_cannot_be_compared_is_refused_by_its_option(
+    options: tuple[str, str], said: str, refused: Refused
+) -> None:
+    Path("study.toml").write_text(study_text(), "utf-8")
+    refusal = refused("bursts", "study.toml", *options)
+    assert said in refusal
+    assert refusal.count("\n") == 1
+
+
+def test_a_window_that_is_chosen_is_not_compared(refused: Refused) -> None:
+    auto = study_text().replace('"hann"', '"auto"\nwanted_level_db = -20').replace("= 1\n", "= 3\n")
+    Path("study.toml").write_text(auto, "utf-8")
+    assert 'of one window are compared, and [burst] has window = "auto"; state' in refused(
+        "bursts", "study.toml"
+    )
+
+
+def test_what_a_study_accepts_as_unfit_is_not_fit() -> None:
+    study = study_from_text(study_text().replace("cycles = 1", 'accept_unfit = "why"\n'), "s.toml")
+    (row,) = compare_bursts(study, [(500.0, 1)], lambda done, total: None).rows
+    assert not row.stated.is_fit
+    assert row.stated.found is not None
+    assert row.stated.found.verdict == "unfit"
+
+
+def test_bursts_are_those_that_are_felt_well_with_the_study_s_own() -> None:
+    grid = grid_of(paper_study())
+    assert {hz for hz, _ in grid} == {200, 250, 300, 400, 500}
+    assert {cycles for _, cycles in grid} == {1, 2, 3}
+    assert (120.0, 7) in grid_of(with_burst(paper_study(), 120.0, 7))
+
+
+def plate(edge: str, thickness_mm: float) -> dict[str, Any]:
+    """Return the burst that a plate gets, with what it is fit with."""
+    text = study_text(edge, thickness_mm=thickness_mm)
+    study = study_from_text(text, "study.toml")
+
+    def with_keys(burst: dict[str, Any]) -> Study:
+        return study.changed(burst=burst, condition=[{"name": "main"}])
+
+    chosen = chosen_burst(with_keys, lambda done, total: None)
+    return {
+        "burst": chosen.study.conditions[0].stated,
+        "verdict": chosen.found.verdict,
+        "other": chosen.is_fit_with_other,
+        "words": chosen.words,
+    }
+
+
+@pytest.mark.slow
+def test_a_new_plate_gets_the_shortest_burst_that_is_fit_with_both_edges() -> None:
+    found = plate('edge = "clamped"', 0.5)
+    assert (found["burst"].frequency_hz, found["burst"].cycles) == (200, 3)
+    assert found["words"].endswith("is fit with clamped and with simply supported edges")
+    study = study_from_text(study_text(), "study.toml")
+    compared = compare_bursts(study, grid_of(study), lambda done, total: None)
+    assert compared.best is not None
+    assert compared.best.burst == found["burst"]
+
+
+@pytest.mark.slow
+def test_where_none_is_fit_with_both_edges_it_says_so() -> None:
+    found = plate('edge = "clamped"', 0.4)
+    assert (found["verdict"], found["other"]) == ("fit", False)
+    assert "with simply supported ones all are unfit: measure the cut-off" in found["words"]
+    measured = plate("measured_cutoff_hz = 600", 0.5)
+    assert (measured["verdict"], measured["other"]) == ("fit", None)
+    assert measured["words"] == "the shortest of those tried that is fit"
+
+
+def test_candidates_are_tried_from_the_shortest_on() -> None:
+    lengths_s = [round(burst.duration_s, 9) for burst in CANDIDATES]
+    assert lengths_s == sorted(lengths_s)
+    assert (CANDIDATES[0].frequency_hz, CANDIDATES[0].cycles) == (500, 1)
+
+
+def test_a_study_of_ideal_edges_has_another_one() -> None:
+    study = study_from_text(study_text(SUPPORTED), "study.toml")
+    other = with_other_edge(study)
+    assert other is not None
+    assert other.plate.edge == "clamped"
+    assert with_other_edge(other) == study
