@@ -1,10 +1,9 @@
-from .choice import CANDIDATES, ChosenBurst, chosen_burst
+from .choice import ChosenBurst, chosen_burst
 from .compared import compare_bursts, grid_of
 from .edges import edge_words, other_edge, with_other_edge
 from .report import bursts_findings
 
 __all__ = [
-    "CANDIDATES",
     "ChosenBurst",
     "bursts_findings",
     "chosen_burst",
