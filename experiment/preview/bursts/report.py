@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Any, Final
 from experiment.preview.bursts.compared import with_burst
 from experiment.preview.bursts.edges import edge_words, other_edge
 from experiment.preview.findings import Findings
-from experiment.study.origins import YOURS
 from experiment.study.physics import LEAST_LOSS, MOST_LOSS
 from experiment.study.simulated import median_threshold, unmeasured
 from experiment.terms.gains import OWN_FINGERS
@@ -100,7 +99,7 @@ def _tell_columns(told: Findings, found: BurstComparison) -> None:
     )
     if gains is not None and study.simulation.known_for.stated:
         people = median_threshold(study, gains.fingers())
-        whose = "as the study states" if people.whose == YOURS[0] else "assumed"
+        whose = "as the study states" if people.whose == "yours" else "assumed"
         told.tell(
             "V",
             f"the median person's threshold, {whose}: {people.known:g} {people.unit}"
