@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
+from analysis.definitions import TOTAL
 from analysis.results.figures.drawing import (
     GROUP,
     Sheet,
@@ -38,10 +39,16 @@ _ABOVE: Final = ("threshold_above_levels", "median_above_levels")
 _PERSON = "black"
 _WORDS_COLOUR = "#595959"
 _NAMED = 60
+_OF_PAIRS = (
+    " Below, by how much the threshold of each participant differs between two conditions, with "
+    "its 95 % interval and that of the mean of people like them; each is drawn towards the mean, "
+    "the more so the less is known of it."
+)
 _ROW_IN = 0.21
 _TALLEST_IN = 9.0
 _AROUND_IN = 2.0
 _BEYOND = 0.35
+_MOST_PAIRS = 3
 _POINTED = dict.fromkeys(_BELOW, "<") | dict.fromkeys(_ABOVE, ">")
 
 
@@ -69,7 +76,8 @@ def sheets(analysis: Analysis) -> list[Sheet]:
         Sheet(
             title="Thresholds of participants and group",
             caption="Each line is a threshold with its 95 % interval; an arrow stands where it "
-            "lies outside the tested levels, and where a limit is open.",
+            "lies outside the tested levels, and where a limit is open."
+            + (_OF_PAIRS if _pairs(analysis) else ""),
             alt=in_words(analysis, shown, "numbers are in the tables of thresholds"),
             draw=partial(draw, analysis),
         )
@@ -83,15 +91,50 @@ def draw(analysis: Analysis) -> Figure:
     an open limit runs to the end of the axis; where there is none the reason stands in words. Above
     60 participants the lines are ordered by threshold and not named.
     """
-    conditions = list(analysis.groups["condition"])
+    conditions, pairs = list(analysis.groups["condition"]), _pairs(analysis)
     rows = [_rows(analysis, condition) for condition in conditions]
-    heights = [_AROUND_IN + min(_ROW_IN * len(each), _TALLEST_IN) for each in rows]
-    figure, axes = panels(conditions, heights, analysis.mark)
-    for panel, each in zip(axes, rows, strict=True):
+    apart = [_differences(analysis, *pair) for pair in pairs]
+    heights = [_AROUND_IN + min(_ROW_IN * len(each), _TALLEST_IN) for each in (*rows, *apart)]
+    titles = [f"{short(b)} against {short(a)}" for a, b in pairs]
+    figure, axes = panels([*conditions, *titles], heights, analysis.mark)
+    for panel, each in zip(axes, rows, strict=False):
         levels_vpp = analysis.participants["level_vpp"].to_numpy(dtype=float)
         _draw(panel, each, levels_vpp, analysis.axis)
         key(panel, columns=1)
+    for panel, each, title in zip(axes[len(rows) :], apart, titles, strict=True):
+        panel.set_title(title, fontsize=11)
+        _compare(panel, each, "dB" if not analysis.axis.signed else analysis.axis.label)
     return figure
+
+
+def _pairs(analysis: Analysis) -> list[tuple[str, str]]:
+    """Return the pairs of conditions in which the same people took part; none where too many."""
+    people = analysis.differences[analysis.differences["participant"].ne(TOTAL)]
+    pairs = people[["condition_a", "condition_b"]].drop_duplicates()
+    found = [(str(a), str(b)) for a, b in pairs.itertuples(index=False)]
+    return found if len(found) <= _MOST_PAIRS else []
+
+
+def _differences(analysis: Analysis, a: str, b: str) -> list[_Mark]:
+    table = analysis.differences
+    table = table[table["condition_a"].eq(a) & table["condition_b"].eq(b)]
+    people, group = (table[table["participant"].eq(TOTAL) == total] for total in (False, True))
+    if len(people) > _NAMED:
+        people = people.sort_values("difference_db", kind="stable")
+    told = f"group of {len(people)}"
+    return [
+        *(_difference(str(one["participant"]), one, _PERSON) for _, one in people.iterrows()),
+        *(_difference(told, one, GROUP) for _, one in group.iterrows()),
+    ]
+
+
+def _difference(name: str, one: pd.Series[Any], colour: str) -> _Mark:
+    at, low, high = (float(one[f"{column}_db"]) for column in ("difference", "low", "high"))
+    if np.isfinite([at, low, high]).any():  # what a table calls n/a is an open limit
+        low, high = (-np.inf if np.isnan(low) else low), (np.inf if np.isnan(high) else high)
+    status = str(one["status"])
+    return _Mark(name=name, at=at, low=low, high=high, status=status,
+                words=status.replace("_", " "), colour=colour)  # fmt: skip
 
 
 def _rows(analysis: Analysis, condition: str) -> list[_Mark]:
@@ -128,14 +171,37 @@ def _row(name: str, one: pd.Series[Any], colour: str = _PERSON) -> _Mark:
 
 def _draw(axes: Axes, rows: list[_Mark], levels_vpp: Any, axis: Axis) -> None:
     level_axis(axes, levels_vpp, axis, beyond=_BEYOND)
-    first, last = _just_outside(axes, levels_vpp)
+    _draw_rows(axes, rows, _just_outside(axes, levels_vpp))
+    log = "" if axis.signed else ", log."
+    axes.set_xlabel(f"Threshold ({axis.label}{log})")
+    _explain(axes, rows)
+
+
+def _compare(axes: Axes, rows: list[_Mark], unit: str) -> None:
+    """Draw a line for each participant's difference of thresholds, and the group's below."""
+    ends = [end for row in rows for end in (row.at, row.low, row.high) if np.isfinite(end)]
+    most = max(map(abs, ends), default=1.0) or 1.0
+    left, right = (
+        min(-most / 5, 1.1 * min(ends, default=0)),
+        max(most / 5, 1.1 * max(ends, default=0)),
+    )
+    axes.set_xlim(left, right)
+    axes.grid(color="#E5E5E5", lw=0.6)
+    axes.set_axisbelow(True)
+    axes.axvline(0.0, color="black", lw=0.8)
+    _draw_rows(axes, rows, (left, right))
+    axes.set_xlabel(f"Difference of thresholds ({unit})")
+
+
+def _draw_rows(axes: Axes, rows: list[_Mark], outside: tuple[float, float]) -> None:
+    """Draw a line for each; what lies outside the levels is an arrow at these places."""
     named = len(rows) <= _NAMED + 1
     # What looks alike is drawn at once: a call for each of a thousand people would take seconds.
     spans: dict[tuple[bool, str], list[_Span]] = defaultdict(list)
     points: dict[tuple[str, str, str, float], list[tuple[float, float]]] = defaultdict(list)
     for place, row in enumerate(rows):
         if row.status in _POINTED:
-            where = first if row.status in _BELOW else last
+            where = outside[row.status in _ABOVE]
             look = (_POINTED[row.status], row.colour, row.colour, 6.0)
             points[look].append((where, place))
         elif not np.isnan(row.at):
@@ -144,7 +210,7 @@ def _draw(axes: Axes, rows: list[_Mark], levels_vpp: Any, axis: Axis) -> None:
             points[marker, row.colour, filled, 4.0 if named else 2.0].append((row.at, place))
             if not np.isnan(row.new[0]):
                 spans[False, row.colour].append((place, *row.new))
-        elif named:
+        elif named and np.isnan(row.low):
             told = axes.annotate(
                 row.words, (0.02, place), xycoords=("axes fraction", "data"), va="center",
                 fontsize=7, color=_WORDS_COLOUR,
@@ -162,9 +228,6 @@ def _draw(axes: Axes, rows: list[_Mark], levels_vpp: Any, axis: Axis) -> None:
     axes.set_yticks([*shown], [short(rows[i].name) for i in shown], fontsize=7)
     axes.set_ylabel("Participant" if named else f"{len(rows) - len([*shown])} participants")
     axes.grid(visible=False, axis="y")
-    log = "" if axis.signed else ", log."
-    axes.set_xlabel(f"Threshold ({axis.label}{log})")
-    _explain(axes, rows)
 
 
 def _draw_limits(axes: Axes, spans: list[_Span], colour: str, *, faint: bool) -> None:
