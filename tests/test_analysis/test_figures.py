@@ -375,10 +375,50 @@ def test_thresholds_are_drawn_with_their_words(
         thresholds=thresholds,
         groups=pd.DataFrame([group | {"condition": "main", "participants": len(people)}]),
         participants=pd.DataFrame({"level_vpp": PAPER}),
+        differences=pd.DataFrame(columns=["participant", "condition_a", "condition_b"]),
     )
     svg = written(lambda: draw_thresholds(shown))[1].decode()
     assert [text for text in present if text not in svg] == []
     assert [text for text in absent if text in svg] == []
+
+
+@pytest.mark.slow
+def test_differences_of_thresholds_are_drawn_below_them() -> None:
+    ends = ("difference_db", "low_db", "high_db")
+    each = {
+        "S1": ("ok", 1.4, -0.3, 3.1),
+        "S2": ("at_least", NAN, 0.5, NAN),
+        "S3": ("undetermined", NAN, NAN, NAN),
+        "all": ("ok", 1.7, 1.1, 2.3),
+    }
+    rows = [
+        dict(zip(("status", *ends), row, strict=True)) | {"participant": name}
+        for name, row in each.items()
+    ]
+    pair = {"condition_a": "bare", "condition_b": "gloved"}
+    limits = ("threshold_vpp", "threshold_low_vpp", "threshold_high_vpp")
+    found = dict(zip(limits, (95.0, 80.0, 120.0), strict=True)) | {"status": "ok"}
+    shown = analysis_of(
+        thresholds=pd.DataFrame([
+            found | {"participant": name, "condition": condition}
+            for condition in pair.values() for name in ("S1", "S2", "S3")
+        ]),
+        groups=pd.DataFrame([
+            found | {"condition": one, "participants": 3, "new_low_vpp": NAN, "new_high_vpp": NAN}
+            for one in pair.values()
+        ]),
+        participants=pd.DataFrame({"level_vpp": PAPER}),
+        differences=pd.DataFrame(rows).assign(**pair),
+    )  # fmt: skip
+    figure = draw_thresholds(shown)
+    svg = written(lambda: figure)[1].decode()
+    for text in ("gloved against bare", "Difference of thresholds (dB)", "undetermined"):
+        assert text in svg
+    assert "at least" not in svg  # an arrow instead
+    axes = figure.axes[-1]
+    least, most = axes.get_xlim()
+    assert least < -0.3 < 3.1 < most
+    assert axes.get_yticklabels()[-1].get_text() == "group of 3"
 
 
 def test_each_cell_of_the_answers_has_share_count_and_interval() -> None:

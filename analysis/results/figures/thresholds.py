@@ -121,11 +121,10 @@ def _differences(analysis: Analysis, a: str, b: str) -> list[_Mark]:
     people, group = (table[table["participant"].eq(TOTAL) == total] for total in (False, True))
     if len(people) > _NAMED:
         people = people.sort_values("difference_db", kind="stable")
-    told = f"group of {len(people)}"
-    return [
-        *(_difference(str(one["participant"]), one, _PERSON) for _, one in people.iterrows()),
-        *(_difference(told, one, GROUP) for _, one in group.iterrows()),
-    ]
+    rows = [_difference(str(one["participant"]), one, _PERSON) for _, one in people.iterrows()]
+    if len(rows) > 1:
+        rows.append(_difference(f"group of {len(rows)}", group.iloc[0], GROUP))
+    return rows
 
 
 def _difference(name: str, one: pd.Series[Any], colour: str) -> _Mark:
