@@ -92,6 +92,9 @@ DEFINITIONS: Final[Mapping[str, str]] = MappingProxyType(
         "0 or 1/3",
         "varied_low_vpp, varied_high_vpp, varied_printed": "limits of the threshold if answers "
         "vary 2.8 times the binomial, as in Grund et al. 2022; only where none could be answered",
+        "threshold_left_um, threshold_right_um, displacement_basis": "the threshold times the "
+        "displacement per volt of the left and of the right finger over its own actuator, as "
+        "trials.csv has it, and what that rests on; n/a where it has none, or more than one",
         "levels, trials": "how many the fit is of",
         "n, median, p10, p90": "correct answers to single stimuli with a time; median, 10 % and "
         "90 % points of the reaction time, seconds",
@@ -132,6 +135,7 @@ def definitions_in(unit: str) -> Mapping[str, str]:
 OF_SIDES: Final = (
     "over_report", "mislocalised", "detected_any", "noticed", "left_only, right_only",
     "left, right, both", "part", "none, timeout, invalid", "kind, side",
+    "threshold_left_um, threshold_right_um, displacement_basis",
 )  # fmt: skip
 """Keys of `DEFINITIONS` that mean nothing where there is one place."""
 

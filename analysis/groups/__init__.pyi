@@ -12,6 +12,12 @@ from .group import (
     group_draws,
     threshold_on_axis,
 )
+from .micrometres import (
+    in_micrometres,
+    micrometres_row,
+    with_group_micrometres,
+    with_micrometres,
+)
 from .population import PopulationThreshold, population_thresholds
 from .sensitivity import (
     NEARLY_ALL,
@@ -44,10 +50,14 @@ __all__ = [
     "group_draws",
     "group_function",
     "group_table",
+    "in_micrometres",
     "levels_apart",
+    "micrometres_row",
     "person_function",
     "population_thresholds",
     "same_rates_p",
     "threshold_on_axis",
     "with_criterion",
+    "with_group_micrometres",
+    "with_micrometres",
 ]

@@ -14,10 +14,12 @@ from analysis.answers.doubts import GUESSING, SWAPPED
 from analysis.axis import alike, rounded, spread_of, with_limits
 from analysis.definitions import LAPSES_OFTEN
 from analysis.groups.group import FEW
+from analysis.groups.micrometres import in_micrometres, micrometres_row
 from analysis.reading.foreign import FORCED
 from analysis.reading.reasons import NEVER_ANSWERED
 from analysis.results.compared import (
     SPELLED,
+    and_words,
     compared,
     difference_rows,
     isolated,
@@ -30,7 +32,7 @@ from analysis.results.rows import none_in_part
 from analysis.thresholds.fit import WITH_THRESHOLD
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Iterator
 
     import pandas as pd
 
@@ -110,9 +112,13 @@ def _kind(analysis: Analysis) -> str:
 
 
 def _one(analysis: Analysis, condition: str) -> pd.Series[Any]:
-    """Return the threshold of the only participant in a condition."""
-    table = analysis.thresholds
-    return table[table["condition"].eq(condition)].iloc[0]
+    """Return the threshold of a condition's only participant."""
+    return _people_in(analysis, condition).iloc[0]
+
+
+def _people_in(analysis: Analysis, *conditions: str) -> pd.DataFrame:
+    """Return the thresholds of the people in some conditions."""
+    return analysis.thresholds[analysis.thresholds["condition"].isin(conditions)]
 
 
 def _session(analysis: Analysis, participant: str, condition: str) -> str:
@@ -169,10 +175,10 @@ def _thresholds(analysis: Analysis) -> Iterator[str]:
         who = f"{'another' if other else 'the'} group of {_people(analysis, number)}"
         if alone:
             who = f"{_kind(analysis)}participant {isolated(row['participant'])}"
-        where = _where(analysis, condition, "in")
         subject = "it" if (who, names) == told_of else f"the threshold of {who}"
         when = f" in {_session(analysis, row['participant'], condition)}" if alone else ""
-        yield f"{where} {subject} {_predicate(row)}{when}".lstrip()
+        told = f"{_predicate(row)}{when}{in_micrometres(row, _people_in(analysis, condition))}"
+        yield f"{_where(analysis, condition, 'in')} {subject} {told}".lstrip()
         told_of = who, names
         seen |= names
     yield from _silent(analysis)
@@ -187,7 +193,7 @@ def _silent(analysis: Analysis) -> Iterator[str]:
     without = [str(name) for name in sorted({*silent} - told)] if told else []
     if without:
         which = "conditions" if len(without) > 1 else "condition"
-        yield f"there is no threshold in {which} {_and(without)}, where nobody answered"
+        yield f"there is no threshold in {which} {and_words(without)}, where nobody answered"
 
 
 def _names(analysis: Analysis, condition: str) -> set[str]:
@@ -209,7 +215,7 @@ def _doubted(analysis: Analysis) -> Iterator[str]:
             if not names or not _is_told(analysis, group):
                 continue
             count = "counts" if len(names) == 1 else "count"
-            who = f"participant{'s' * (len(names) > 1)} {_and(names)}"
+            who = f"participant{'s' * (len(names) > 1)} {and_words(names)}"
             if len(names) > SPELLED:
                 who = f"{len(names)} participants"
             where = _where(analysis, condition)
@@ -218,12 +224,6 @@ def _doubted(analysis: Analysis) -> Iterator[str]:
             if told is not None:
                 them = who if len(names) <= SPELLED else "them"
                 yield f"without {them} the threshold of the group{where} {_predicate(told)}"
-
-
-def _and(names: Sequence[str]) -> str:
-    """Enumerate names."""
-    *first, last = map(isolated, names)
-    return f"{', '.join(first)} and {last}" if first else last
 
 
 def _unswapped(analysis: Analysis, condition: str) -> pd.Series[Any] | None:
@@ -245,7 +245,7 @@ def _remarks(analysis: Analysis) -> Iterator[str]:
     """Say what the thresholds that were told rest on."""
     told = [group for _, group in analysis.groups.iterrows() if _is_told(analysis, group)]
     conditions = [group["condition"] for group in told]
-    people = analysis.thresholds[analysis.thresholds["condition"].isin(conditions)]
+    people = _people_in(analysis, *conditions)
     if people["guess_basis"].eq("assumed").any():
         yield "thresholds rest on an assumed guess rate, for want of blank trials"
     if any(group["participants"] == 1 for group in told):
@@ -254,7 +254,7 @@ def _remarks(analysis: Analysis) -> Iterator[str]:
     few = [str(group["condition"]) for group in spread if group["participants"] < FEW]
     if few:
         which = "conditions" if len(few) > 1 else "condition"
-        where = f" in {which} {_and(few)}" if len(few) < len(analysis.groups) else ""
+        where = f" in {which} {and_words(few)}" if len(few) < len(analysis.groups) else ""
         yield (
             f"with fewer than five participants{where} it is mostly the prior that says how much "
             "people differ"
@@ -265,8 +265,7 @@ def _threshold_rows(analysis: Analysis) -> Iterator[tuple[str, str, str]]:
     given = "one stimulus" if analysis.counts.both else "a stimulus"
     for _, group in analysis.groups.iterrows():
         condition, number = str(group["condition"]), int(group["participants"])
-        people = analysis.thresholds[analysis.thresholds["condition"].eq(condition)]
-        where = _where(analysis, condition, ",")
+        people, where = _people_in(analysis, condition), _where(analysis, condition, ",")
         row, name, of = group, "Threshold of the group", _people(analysis, number)
         if number == 1:
             row = _one(analysis, condition)
@@ -274,6 +273,7 @@ def _threshold_rows(analysis: Analysis) -> Iterator[tuple[str, str, str]]:
             of = _session(analysis, row["participant"], condition)
         trials = number_of(int(people["trials"].sum()), "trial")
         yield f"{name}{where}", _threshold_words(row), f"{of}, {trials} with {given}"
+        yield from micrometres_row(row, people, where)
         without = _unswapped(analysis, condition)
         if number > 1 and without is not None and without["participants"] < number:
             name = f"The same without swapped sides{where}"

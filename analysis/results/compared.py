@@ -16,7 +16,7 @@ from analysis.groups.criterion import MIXED, alarms_of, same_rates_p
 from analysis.groups.sensitivity import NEARLY_ALL, SEVERAL, levels_apart
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Sequence
 
     import pandas as pd
 
@@ -46,6 +46,12 @@ def plain(text: str) -> str:
     'in condition main'
     """
     return text.replace(_ISOLATE, "").replace(_END, "")
+
+
+def and_words(names: Sequence[str]) -> str:
+    """Enumerate names."""
+    *first, last = map(isolated, names)
+    return f"{', '.join(first)} and {last}" if first else last
 
 
 def number_of(number: int, noun: str) -> str:

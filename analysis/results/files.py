@@ -17,6 +17,7 @@ from filelock import Timeout
 
 from analysis.answers.counting import clean_table
 from analysis.definitions import TOTAL
+from analysis.groups.micrometres import with_group_micrometres
 from analysis.results.figures import figures
 from analysis.results.methods import methods_of
 from analysis.results.report import report_html
@@ -280,7 +281,7 @@ def _alike(words: pd.Series[Any]) -> str:
 def _with_groups(analysis: Analysis) -> pd.DataFrame:
     """Put below the participants of each condition a row of their group."""
     thresholds, groups = analysis.thresholds, analysis.groups
-    rows = groups.assign(
+    rows = with_group_micrometres(groups, thresholds).assign(
         participant=TOTAL,
         trials=[
             thresholds.loc[thresholds["condition"].eq(name), "trials"].sum()

@@ -12,6 +12,7 @@ from analysis.answers.doubts import SWAPPED
 from analysis.answers.dprime import sensitivity_table
 from analysis.definitions import METHODS
 from analysis.groups.criterion import with_criterion
+from analysis.groups.micrometres import with_micrometres
 from analysis.groups.sensitivity import d_prime_differences
 from analysis.groups.tables import difference_table, group_table
 from analysis.reading.plans import contacts
@@ -63,7 +64,7 @@ class Analysis:
     levels, participants, both, blank, excluded : pandas.DataFrame
         As `analysis.answers.detection` and `analysis.answers.counting` return them.
     thresholds : pandas.DataFrame
-        As `analysis.thresholds.table.thresholds_of` returns it.
+        As `analysis.thresholds.table.thresholds_of` returns it, `with_micrometres`.
     groups, differences : pandas.DataFrame
         As `analysis.groups.tables` returns them; differences `with_criterion`.
     sensitivity : pandas.DataFrame
@@ -259,7 +260,8 @@ def analyse(
     stated = contacts(loaded.progress, _sessions_of(trials))
     cells = detection.cells(trials) if loaded.cells is None else loaded.cells
     people, doubts = people_in(loaded, cells), tuple(doubts_of(loaded))
-    thresholds = thresholds_of(people, seed=seed, axis=loaded.axis)
+    fitted = thresholds_of(people, seed=seed, axis=loaded.axis)
+    thresholds = with_micrometres(fitted, trials, loaded.axis) if loaded.side_told else fitted
     sensitivity = sensitivity_table(trials)
     blank, detected_any = detection.blank_table(trials, ci, loaded.blanks), _detected_any(loaded)
     return Analysis(
