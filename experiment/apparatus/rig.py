@@ -223,8 +223,10 @@ def full_scale_words(settings: DeviceSettings, highest_vpp: float) -> tuple[str,
     )
     doubt = (
         f"ceiling_vpp = {settings.ceiling_vpp:g} V is not twice {key} = {peak_v:g} V: "
-        "is that the peak, half of what was measured from peak to peak?"
+        "is that the peak, half of what was measured from peak to peak? If so, "
     )
+    lower = settings.ceiling_vpp < 2 * peak_v
+    doubt += "a lower ceiling is fine" if lower else "full scale, the lower one, limits the levels"
     in_round_numbers = math.isclose(settings.ceiling_vpp, 2 * peak_v, rel_tol=0.01)
     return (words,) if in_round_numbers else (words, doubt)
 

@@ -12,7 +12,9 @@ from typing import TYPE_CHECKING, Any, Final, Literal, Union, get_args, get_orig
 import click
 
 from experiment.commands.options import (
+    CEILING,
     QUESTIONS,
+    ceiling_vpp,
     completed,
     plate_options,
     plate_study,
@@ -73,10 +75,8 @@ _OVERRIDES: Final[dict[str, dict[str, Any]]] = {
     },
 }
 PLATE: Final = "plate"
-_OF_A_PLATE: Final[dict[str, Any]] = {
-    "study": {"name": PLATE},
-    "design": _RECOMMENDED | {"levels_vpp": [40.0, 80.0, 120.0, 160.0, 200.0]},
-}
+_STEPS: Final = 5
+"""So many levels, in equal steps up to the ceiling."""
 _TRIED: Final = ("burst.frequency_hz", "burst.cycles")
 """What is chosen for a plate, even if it comes out as the paper's."""
 PRESETS: Final = (*_OVERRIDES, PLATE)
@@ -133,6 +133,16 @@ _INIT: Final = (
 _COLUMN: Final = 37
 """Where a key's comment begins, unless the value is longer."""
 _WIDTH: Final = 100
+
+
+def _of_a_plate(ceiling: float) -> dict[str, Any]:
+    """Return the sections beside the plate's own."""
+    levels_vpp = [float(f"{ceiling * step / _STEPS:.4g}") for step in range(1, _STEPS)]
+    return {
+        "study": {"name": PLATE},
+        "design": _RECOMMENDED | {"levels_vpp": [*levels_vpp, ceiling]},
+        "device": {"ceiling_vpp": ceiling},
+    }
 
 
 def write_study_text(preset: str) -> str:
@@ -307,7 +317,9 @@ def init(*, file: Path, preset: str, **given: Any) -> None:
     from experiment.preview.bursts import chosen_burst
     from experiment.study.study import Study
 
+    ceiling = given.pop("ceiling_vpp")
     stated = [option for key, (option, *_) in QUESTIONS.items() if given[key]]
+    stated += [CEILING] * (ceiling is not None)
     if stated and preset != PLATE:
         raise CommandError(f"{stated[0]} needs --preset plate")
     if file.exists() or file.is_symlink():
@@ -316,12 +328,11 @@ def init(*, file: Path, preset: str, **given: Any) -> None:
         raise CommandError(f"{file}: No such file or directory")
     chosen, told = None, tuple[str, ...]()
     if preset == PLATE:
+        others = _of_a_plate(200.0 if ceiling is None else ceiling_vpp(ceiling))
         known = completed(given)
-        told = told_paths(known)
+        told = told_paths(known) + ("device.ceiling_vpp",) * (ceiling is not None)
         with working("Trying bursts") as step:
-            chosen = chosen_burst(
-                lambda burst: plate_study(known, _OF_A_PLATE | {"burst": burst}), step
-            )
+            chosen = chosen_burst(lambda burst: plate_study(known, others | {"burst": burst}), step)
         study = chosen.study
     else:
         study = Study(**_OVERRIDES[preset])

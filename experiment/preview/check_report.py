@@ -107,7 +107,8 @@ def check_findings(
         sources={one.key: one.facts for one in study_sources(study)},
     )
     others = others_than_the_plates(study)
-    for line in deciding_words(others):
+    quiet = {"masking.level_dbfs"} if study.masking.noise == "none" else set[str]()
+    for line in deciding_words(one for one in others if one.key not in quiet):
         found.tell("", line)
     for origin, whose in (("yours", "yours"), ("paper", "the paper's")):
         keys = ", ".join(one.key for one in others if one.origin == origin)

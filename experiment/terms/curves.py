@@ -33,6 +33,7 @@ class _Reach:
 
     what: str
     unit: str
+    key: str  # of the study, what a threshold is known for
     least: float
     most: float
 
@@ -40,9 +41,11 @@ class _Reach:
 # The frequency curve is of Verrillo's thenar eminence; above 500 Hz nothing was found that could be
 # cited. Durations are those of temporal summation in the Pacinian channel.
 _REACHES: Final = {
-    "frequency_hz": _Reach(what="frequencies", unit="Hz", least=20.0, most=500.0),
-    "duration_s": _Reach(what="durations", unit="s", least=0.01, most=1.0),
-    "area_cm2": _Reach(what="areas", unit="cm2", least=0.005, most=5.1),
+    "frequency_hz": _Reach(
+        what="frequencies", unit="Hz", key="threshold_at_hz", least=20.0, most=500.0
+    ),
+    "duration_s": _Reach(what="durations", unit="s", key="threshold_at_s", least=0.01, most=1.0),
+    "area_cm2": _Reach(what="areas", unit="cm2", key="threshold_at_cm2", least=0.005, most=5.1),
 }
 
 
@@ -140,16 +143,24 @@ class KnownFor:
 
         >>> short = Vibration(frequency_hz=500.0, duration_s=0.002, area_cm2=0.8)
         >>> KnownFor(duration_s=1.0).unmeasured(short, short)
-        ('durations of 0.01 to 1 s were measured, got 0.002 s',)
+        ('durations of 0.01 to 1 s were measured, got 0.002 s for the burst',)
+        >>> KnownFor(duration_s=0.003).unmeasured(short)[0].partition(", ")[2]
+        'got 0.002 s for the burst and 0.003 s in threshold_at_s'
         """
         told = []
         for name, known in self.stated.items():
             reach = _REACHES[name]
-            asked = dict.fromkeys([*(getattr(one, name) for one in vibrations), known])
+            asked = dict.fromkeys(getattr(one, name) for one in vibrations)
             beyond = [f"{one:.3g}" for one in asked if not reach.least <= one <= reach.most]
-            if beyond and vibrations:
+            got = []
+            if beyond:
+                bursts = f"burst{'s' * (len(beyond) > 1)}"
+                got.append(f"{' and '.join(beyond)} {reach.unit} for the {bursts}")
+            if not reach.least <= known <= reach.most and known not in asked:
+                got.append(f"{known:.3g} {reach.unit} in {reach.key}")
+            if got and vibrations:
                 told.append(
                     f"{reach.what} of {reach.least:g} to {reach.most:g} {reach.unit} were measured,"
-                    f" got {' and '.join(beyond)} {reach.unit}"
+                    f" got {' and '.join(got)}"
                 )
         return tuple(told)

@@ -136,6 +136,7 @@ MATERIALS: Final[dict[str, Handbook]] = {
     "glass": _handbook(
         70, 0.2, 2500, "soda-lime, EN 572-1; Pilkington ATS-129 has 72 GPa and 0.23"
     ),
+    "borosilicate": _handbook(64, 0.2, 2230, "glass, BOROFLOAT 33, SCHOTT's mechanical properties"),
     "pmma": _handbook(
         3.3, 0.37, 1190, "sheet makers, ISO 527 (Politem XT), Poisson's ratio unchecked"
     ),

@@ -194,6 +194,8 @@ def test_a_full_scale_that_may_be_from_peak_to_peak_is_noted_and_changes_no_verd
     found = told(f"{CARD}ceiling_vpp = 60\nvolts_full_scale = {full_scale}\n{BOTH}")
     words = f"note           ceiling_vpp = 60 V is not twice volts_full_scale = {full_scale} V: is"
     assert words in found.text
+    lower = "a lower ceiling is fine" if full_scale == 60 else "full scale, the lower one, limits"
+    assert f"from peak to peak? If so, {lower}" in found.text
     assert found.facts["verdict"] == "fit"
     unused = told(f"[device]\nvolts_full_scale = {full_scale}\n{BOTH}").text
     assert "full scale" not in unused
@@ -226,7 +228,8 @@ def test_curves_that_do_not_reach_the_burst_are_told_in_one_line() -> None:
     people = "[simulation]\nthreshold_um = 1.57\nthreshold_at_hz = 500\nthreshold_at_s = 0.002\n"
     burst = "[burst]\nfrequency_hz = 300\ncycles = 2\n"
     study = study_from_text(people + burst + BOTH, "study.toml")
-    words = "durations of 0.01 to 1 s were measured, got 0.00667 and 0.002 s"
+    words = "durations of 0.01 to 1 s were measured, got 0.00667 s for the burst and 0.002 s "
+    words += "in threshold_at_s"
     assert unmeasured(study) == (words,)
     (line,) = [one for one in told(people + burst + BOTH).lines if "were measured" in one]
     assert line.endswith(f"outside published curves: {words}. A pilot tells the true one.")

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Self
 import pytest
 
 from experiment.study.read import read_study
+from experiment.study.sources import study_sources
 from stimuli import MATERIALS
 from tests.test_experiment.sessions import COMMAND
 
@@ -132,7 +133,7 @@ def test_of_two_like_discs_the_right_one_is_offered_what_was_measured_of_the_lef
 
 def test_the_help_lists_every_material_that_a_plate_may_have(run: Run) -> None:
     told = " ".join(run("init", "--help").stdout.split())
-    assert f"Material: {', '.join(MATERIALS)}." in told
+    assert f"Material: {', '.join(MATERIALS)}; glass is soda-lime. " in told
 
 
 def test_off_a_terminal_what_is_missing_is_named(refused: Refused) -> None:
@@ -161,6 +162,15 @@ def test_off_a_terminal_what_is_missing_is_named(refused: Refused) -> None:
             "--cutoff-hz must lie above 1365.88 Hz (simply supported) and below 3096.28 Hz (clamp",
         ),
         ({"--cutoff-hz": "2.5"}, "; got 2.5; if these are kilohertz, write --cutoff-hz 2500"),
+        (
+            {"--ceiling-vpp": "0.01"},
+            "--ceiling-vpp must be a finite number >= 0.1 and <= 1000",
+        ),
+        (
+            {"--ceiling-vpp": "30V"},
+            "got '30V'; write the number alone, in V",
+        ),
+        ({"--ceiling-vpp": "nan"}, "--ceiling-vpp must be a finite number"),
         ({"--actuator": "disc:0.012@35"}, "; if these are metres, write diameter_mm = 12"),
         ({"--actuator": "disc:12@0.035"}, "5.965 mm; if X is in metres, write @35\n"),
         ({"--actuator": "bla"}, "--actuator must be disc:DIAMETER@X, rectangle:ALONGxACROSS@X or"),
@@ -186,7 +196,25 @@ def test_a_value_out_of_range_is_refused_by_its_option(
     assert "strip." not in told
 
 
+def test_the_ceiling_is_yours_and_the_levels_go_up_to_it(run: Run) -> None:
+    assert run(*words(STEEL | {"--ceiling-vpp": "26"})).exit_code == 0
+    study = read_study("study.toml")
+    assert study.device.ceiling_vpp == 26.0
+    assert study.design.levels_vpp == (5.2, 10.4, 15.6, 20.8, 26.0)
+    whose = {one.key: one.origin for one in study_sources(study)}
+    assert (whose["device.ceiling_vpp"], whose["design.levels_vpp"]) == ("yours", "assumed")
+
+
+def test_without_a_ceiling_it_is_assumed(run: Run) -> None:
+    assert run(*words(STEEL)).exit_code == 0
+    study = read_study("study.toml")
+    assert study.design.levels_vpp == (40.0, 80.0, 120.0, 160.0, 200.0)
+    whose = {one.key: one.origin for one in study_sources(study)}
+    assert whose["device.ceiling_vpp"] == "assumed"
+
+
 def test_options_of_a_plate_are_for_its_preset_only(refused: Refused) -> None:
+    assert refused("init", "--ceiling-vpp", "30") == "error: --ceiling-vpp needs --preset plate\n"
     assert refused("init", "--width-mm", "30") == "error: --width-mm needs --preset plate\n"
 
 

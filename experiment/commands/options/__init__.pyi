@@ -6,13 +6,23 @@ from .hardware import (
     hardware_options,
     working,
 )
-from .plate import QUESTIONS, completed, plate_options, plate_study, told_paths
+from .plate import (
+    CEILING,
+    QUESTIONS,
+    ceiling_vpp,
+    completed,
+    plate_options,
+    plate_study,
+    told_paths,
+)
 from .responders import display_beside, distribution_of, responder_named
 
 __all__ = [
+    "CEILING",
     "QUESTIONS",
     "Step",
     "answer",
+    "ceiling_vpp",
     "completed",
     "confirmed",
     "device_failures",

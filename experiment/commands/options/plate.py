@@ -17,8 +17,8 @@ if TYPE_CHECKING:
 
 # Written out: where they are defined numpy is imported, and --help needs none.
 _MATERIALS: Final = (
-    "aluminium", "steel", "stainless", "brass", "copper", "titanium", "glass", "pmma",
-    "polycarbonate",
+    "aluminium", "steel", "stainless", "brass", "copper", "titanium", "glass", "borosilicate",
+    "pmma", "polycarbonate",
 )  # fmt: skip
 _EDGES: Final = ("simply-supported", "clamped", "measured-cutoff")
 # What describes a plate, by the keys of [strip], in the order of the questions: the option, how it
@@ -27,7 +27,10 @@ QUESTIONS: Final = {
     "width_mm": ("--width-mm", "Width between the held edges, in mm", ""),
     "thickness_mm": ("--thickness-mm", "Thickness, in mm", ""),
     "length_mm": ("--length-mm", "Length, in mm, or endless", ""),
-    "material": ("--material", f"Material: {', '.join(_MATERIALS)}", ""),
+    "material": (
+        "--material", f"Material: {', '.join(_MATERIALS)}",
+        "; glass is soda-lime. Another one: afterwards its three numbers in place of material",
+    ),
     "edge": ("--edge", f"Edges: {', '.join(_EDGES)}", "; elastic is for the file"),
     "measured_cutoff_hz": (
         "--cutoff-hz", "First cut-off as measured, in Hz", "; alone it is the edge, too"
@@ -43,6 +46,7 @@ _ANY_PLATE: Final = {
     "edge": "clamped",
 }  # fmt: skip
 """What an answer is tried with while the others are not known yet."""
+CEILING: Final = "--ceiling-vpp"
 _LAST: Final = ("edge", "measured_cutoff_hz", "actuator")
 _ACTUATOR: Final = re.compile(
     r"(?P<shape>disc|rectangle|motor):(?P<size>[^x@]+)(x(?P<across>[^x@]+))?@(?P<place>[^x@]+)"
@@ -93,6 +97,8 @@ def _by_options(refusal: str) -> str:
         refusal = re.sub(rf"\b{key}\[[01]\]\.", f"{option}: ", refusal)
         if key != "actuator":
             refusal = re.sub(rf"\b(strip\.)?{key}\b", option, refusal)
+    refusal = re.sub(r"write ceiling_vpp = ", f"write {CEILING} ", refusal)
+    refusal = re.sub(r"\b(device\.)?ceiling_vpp\b", CEILING, refusal)
     refusal = re.sub(
         r"x_mm is in metres, write x_mm = -(\S+) and x_mm = \1",
         r"X is in metres, write @\1",
@@ -119,6 +125,17 @@ def told_paths(known: dict[str, Any]) -> tuple[str, ...]:
     return (*strip, *(f"actuator.{key}" for key in actuators))
 
 
+def ceiling_vpp(text: str) -> float:
+    """Return the device's ceiling as it was typed, or refuse it by its option."""
+    from experiment.study.sections.equipment import DeviceSettings
+
+    number = _number(CEILING, text)
+    try:
+        return DeviceSettings(ceiling_vpp=number).ceiling_vpp
+    except ValueError as error:
+        raise ValueError(_by_options(str(error))) from error
+
+
 def _number(name: str, text: str) -> float:
     try:
         return float(text)
@@ -126,7 +143,8 @@ def _number(name: str, text: str) -> float:
         point = text.replace(",", ".", 1)
         hint = f"; write {point}, with a point" if re.fullmatch(r"-?\d+\.\d+", point) else ""
         if re.fullmatch(r"[-+]?[\d.]+ *[A-Za-z]+", text):
-            hint = f"; write the number alone, in {'Hz' if name.endswith('hz') else 'mm'}"
+            unit = "Hz" if name.endswith("hz") else "V" if name == CEILING else "mm"
+            hint = f"; write the number alone, in {unit}"
         kind = "a number or endless" if name == QUESTIONS["length_mm"][0] else "a number"
         raise ValueError(f"{name} must be {kind}; got {text!r}{hint}") from error
 
@@ -213,6 +231,8 @@ def _asked(key: str, known: dict[str, Any]) -> Any:
 
 def plate_options(command: Any) -> Any:
     """Give a command the options that describe a plate, by the keys of `QUESTIONS`."""
+    told = "No level is ever above this, in V peak-to-peak.  [default: 200]"
+    command = click.option(CEILING, metavar="TEXT", help=told)(command)
     for key, (option, question, more) in reversed(QUESTIONS.items()):
         several, told = key == "actuator", f"{question}{more}."
         command = click.option(option, key, metavar="TEXT", multiple=several, help=told)(command)

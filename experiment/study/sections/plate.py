@@ -29,8 +29,8 @@ from stimuli import (
 )
 
 _MaterialName = Literal[
-    "aluminium", "steel", "stainless", "brass", "copper", "titanium", "glass", "pmma",
-    "polycarbonate",
+    "aluminium", "steel", "stainless", "brass", "copper", "titanium", "glass", "borosilicate",
+    "pmma", "polycarbonate",
 ]  # fmt: skip
 EdgeBasis = Literal["simply-supported", "clamped", "elastic", "measured-cutoff"]
 
@@ -141,9 +141,11 @@ class Plate:
         default=None, description='or "endless"; of the paper\'s plate 200'
     )
     thickness_mm: float = Field(default=0.5, ge=0.02, le=50, description="of the bare plate")
-    material: _MaterialName | None = Field(default=None, description="or the next three keys")
+    material: _MaterialName | None = Field(
+        default=None, description="a name, or in its place the next three keys"
+    )
     youngs_modulus_gpa: Modulus | None = Field(
-        default=None, description="of another material, with the next two"
+        default=None, description="of another material: write all three, and no line material"
     )
     poisson_ratio: float | None = Field(
         default=None, ge=-0.999, lt=0.5, description="of that material"
