@@ -185,7 +185,8 @@ def _tell_motion(found: Findings, field: PlateMotion) -> None:
     )
     found.tell(
         "levels",
-        "of the peaks at the fingers' centres in this time; over their contact area: check",
+        "of the peaks at the fingers' centres in this time; check has them over the whole contact "
+        "area and, where no loss is stated, of the worse of two",
     )
     for driven, own_m in enumerate(np.diag(largest_m)):
         unit = plate.drive.per_load(driven)

@@ -75,11 +75,15 @@ class MedianThreshold:
     def doubt(self) -> str:
         """What is wrong with it, and to be expected of levels on one side of it; or empty."""
         told = []
-        if self.whose != YOURS[0] and self.unit == "V" and self.peak_um is not None:
+        if self.whose != YOURS[0] and self.unit == "V":
+            remedy = (
+                "what it is in volts on this one is unknown until a displacement is measured"
+                if self.peak_um is None
+                else "as displacements are known here, state simulation.threshold_um instead"
+            )
             told.append(
-                "It is the paper's, in volts of its own plate: as displacements are known here, "
-                "state simulation.threshold_um instead; 'Which levels for a new plate', "
-                "docs/plate.md, tells how."
+                f"It is the paper's, in volts of its own plate: {remedy}; 'Which levels for a new "
+                "plate', docs/plate.md, tells how."
             )
         if self.levels_lie != "around":
             (highest_vpp, key), beyond, remedy = self.highest, "", ""

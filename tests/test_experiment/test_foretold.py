@@ -64,7 +64,8 @@ def test_a_threshold_in_volts_has_its_micrometres_where_they_are_known() -> None
     assert found.doubt == ""
     recipe = "state simulation.threshold_um instead; 'Which levels for a new plate', docs/plate.md"
     assert recipe in replace(found, whose=ASSUMED[0]).doubt
-    assert replace(found, whose=ASSUMED[0], peak_um=None).doubt == ""
+    unmeasured = replace(found, whose=ASSUMED[0], peak_um=None).doubt
+    assert "is unknown until a displacement is measured" in unmeasured
     both = replace(found, whose=ASSUMED[0], levels_vpp=(1.0, 2.0)).doubt
     assert "threshold_um" in both
     assert "All levels lie below that" in both
