@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from decimal import ROUND_HALF_UP, Decimal
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
 if TYPE_CHECKING:
@@ -29,6 +30,17 @@ def rounded(value: float, spread: float) -> str:
     ('81.1', '0.0151', '1000127.0')
     """
     return f"{value:.{_decimals(spread)}f}"
+
+
+def half_up(value: float, decimals: int) -> str:
+    """Return a number as it is read, rounded half up, wherever it is told: 9 of 240 is 0.038.
+
+    >>> half_up(9 / 240, 3), half_up(100 * (9 / 240), 1), half_up(1, 3), half_up(-0.0001, 3)
+    ('0.038', '3.8', '1.000', '-0.000')
+    """
+    step = Decimal(1).scaleb(-decimals)
+    # The shortest digits that are this number: its binary value may lie just below a half.
+    return str(Decimal(repr(float(value))).quantize(step, ROUND_HALF_UP))
 
 
 def _decimals(spread: float) -> int:

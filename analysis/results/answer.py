@@ -15,7 +15,6 @@ from analysis.axis import alike, rounded, spread_of, with_limits
 from analysis.definitions import LAPSES_OFTEN
 from analysis.groups.group import FEW
 from analysis.groups.micrometres import in_micrometres, micrometres_row
-from analysis.reading.foreign import FORCED
 from analysis.reading.reasons import NEVER_ANSWERED
 from analysis.results.compared import (
     SPELLED,
@@ -24,11 +23,10 @@ from analysis.results.compared import (
     difference_rows,
     isolated,
     number_of,
-    totals,
 )
-from analysis.results.methods.misfit import lapses_words
+from analysis.results.methods.alarms import alarm_sentences, blank_rows, criterion_sentences
+from analysis.results.methods.misfit import lapses_words, steep_words
 from analysis.results.methods.task import hit_words
-from analysis.results.rows import none_in_part
 from analysis.thresholds.fit import WITH_THRESHOLD
 
 if TYPE_CHECKING:
@@ -77,7 +75,9 @@ class Answer:
 
 def answer(analysis: Analysis) -> Answer:
     """Answer from the tables of an analysis."""
-    second = [*compared(analysis), *_false_alarms(analysis)]
+    second = [
+        *compared(analysis), *criterion_sentences(analysis), *alarm_sentences(analysis)
+    ]  # fmt: skip
     told = (_thresholds(analysis), second, _left_out(analysis))
     return Answer(
         statements=tuple(
@@ -86,7 +86,7 @@ def answer(analysis: Analysis) -> Answer:
         rows=(
             *_threshold_rows(analysis),
             *difference_rows(analysis, either_side=bool(hit_words(analysis))),
-            *_blank_rows(analysis),
+            *blank_rows(analysis),
             *_spread_rows(analysis),
             _left_out_row(analysis),
         ),
@@ -315,44 +315,6 @@ def _new_person(
     return at, *ends, levels
 
 
-def _false_alarms(analysis: Analysis) -> Iterator[str]:
-    if analysis.detected_any is None:
-        how = " was not an answer as far as the files tell"
-        if none_in_part(analysis):
-            how = " is not known to be an answer in all trials"
-        elif analysis.task == FORCED:
-            how = " was not an answer: forced choice, as the map says"
-        yield f'false alarms are not told, for "none"{how}'
-        return
-    if not (rows := [*totals(analysis)]):
-        some = not analysis.trials.empty and analysis.trials["kind"].eq("blank").any()
-        why = "no blank trial counts" if some else "there were no blank trials"
-        yield f"false alarms are not known, for {why}"
-    elif len(rows) > SPELLED:
-        yield "false alarms stand in the table"
-    else:
-        each = (
-            f"{_share(row)} of blank trials{_where(analysis, row.get('condition'))}" for row in rows
-        )
-        yield f"false alarms: {', '.join(each)}"
-
-
-def _share(row: pd.Series[Any]) -> str:
-    """Write a rate with the interval of the mean of people; of one person, with that one's."""
-    of = "" if math.isnan(row["group_low"]) else "group_"
-    at, low, high = (100 * float(row[name]) for name in ("p", f"{of}low", f"{of}high"))
-    return f"{at:.1f} % ({low:.1f} to {high:.1f} %)"
-
-
-def _blank_rows(analysis: Analysis) -> Iterator[tuple[str, str, str]]:
-    for row in totals(analysis) if analysis.detected_any is not None else ():
-        # Counts made elsewhere do not tell the sides.
-        of = f"{row['p'] * row['presented']:.0f} of {row['presented']} blank trials"
-        if not math.isnan(row["group_low"]):
-            of += "; the interval to quote, of people like these; of few its upper limit is high"
-        yield f"False alarms{_where(analysis, row.get('condition'), ',')}", _share(row), of
-
-
 def _reasons(analysis: Analysis) -> list[tuple[str, int]]:
     """Return why trials are left out, and how many each."""
     found = analysis.excluded.groupby("reason")["trials"].sum().to_dict()
@@ -386,6 +348,8 @@ def _left_out(analysis: Analysis) -> Iterator[str]:
         yield f"nothing counts of {number_of(len(without), 'participant')}: {names}"
     if analysis.lost:
         yield f"{number_of(len(analysis.lost), 'session')}, lost after recording, took no part"
+    if steep := steep_words(analysis.thresholds):
+        yield steep
     if lapses := lapses_words(analysis.thresholds):
         yield f"{lapses}, {LAPSES_OFTEN}"
     if analysis.warnings:

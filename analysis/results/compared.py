@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from analysis.axis import shortest, times
 from analysis.definitions import TOTAL
-from analysis.groups.criterion import MIXED, alarms_of, same_rates_p
+from analysis.groups.criterion import MIXED
 from analysis.groups.sensitivity import NEARLY_ALL, SEVERAL, levels_apart
 
 if TYPE_CHECKING:
@@ -27,9 +27,7 @@ if TYPE_CHECKING:
 SPELLED: Final = 3
 """Of more conditions, or pairs of them, a sentence says where they stand."""
 ALPHA: Final = 0.05
-"""False alarms differ where the test of the same rates has a smaller p."""
-_LEAST_P: Final = 0.001
-_TOTALS: Final = "Fisher's exact test of the totals"
+"""False alarms of few people differ where the test of the same rates has a smaller p."""
 _EACH: Final = "95 % interval of each level, not corrected for several"
 _ISOLATE, _END = "\u2068", "\u2069"
 
@@ -214,38 +212,11 @@ def compared(analysis: Analysis) -> Iterator[str]:
             yield own_model_words(analysis)
     if len(pairs) > 1:
         yield f"these intervals are not corrected for {len(pairs)} comparisons"
-    if apart and analysis.detected_any is not None:
-        yield from _criterion(analysis, [one for one in pairs if one.apart])
     if not pairs and len(analysis.groups) > 1:
         yield "conditions are not compared, for a difference in dB needs a logarithmic axis"
 
 
-def _criterion(analysis: Analysis, pairs: list[Pair]) -> Iterator[str]:
-    """Say of conditions that differ whether false alarms do so, or are not known."""
-    beside = "; d' at single levels is in the table" if len(analysis.d_prime_differences) else ""
-    told = {row["condition"] for row in totals(analysis) if "condition" in row}
-    if any(not {one.a, one.b} <= told for one in pairs):
-        yield (f"a difference may be one of criterion, of which only blank trials can tell{beside}")
-        return
-    found = [_same_alarms(analysis.blank, one) for one in pairs]
-    often = [one for one in found if one[0] < ALPHA]
-    least, test = min(found)
-    words = f"{'least ' if len(found) > 1 else ''}{_p_words(least)}, {test}"
-    if often:
-        where = ""
-        if len(found) > 1:
-            where = f" in {len(often)} of these {len(found)} pairs of conditions"
-        yield (
-            f"false alarms were not equally frequent{where} ({words}), so that a difference may "
-            f"be one of criterion, in whole or in part{beside}"
-        )
-        if len(pairs) == 1 and (found_at := _by_level(analysis, pairs[0])):
-            yield _level_words(found_at, pairs[0])
-    else:
-        yield f"false alarms are not told apart ({words}){beside}"
-
-
-def _level_words(told: LevelsApart, one: Pair) -> str:
+def level_words(told: LevelsApart, one: Pair) -> str:
     """Say at how many levels d' differs, and what follows for thresholds that do."""
     a, b = isolated(one.a), isolated(one.b)
     most = f"{100 * NEARLY_ALL:.0f} %"
@@ -267,7 +238,8 @@ def _level_words(told: LevelsApart, one: Pair) -> str:
     )
 
 
-def _by_level(analysis: Analysis, one: Pair) -> LevelsApart | None:
+def by_level(analysis: Analysis, one: Pair) -> LevelsApart | None:
+    """Return at which levels d' of two conditions differs; none without any."""
     return levels_apart(_levels_of(analysis, one))
 
 
@@ -276,37 +248,6 @@ def _levels_of(analysis: Analysis, one: Pair) -> pd.DataFrame:
     table = analysis.d_prime_differences
     rows = table[table["condition_a"].eq(one.a) & table["condition_b"].eq(one.b)]
     return rows[rows["participant"].eq(one.row["participant"])]
-
-
-def _p_words(p: float) -> str:
-    return "p < 0.001" if p < _LEAST_P else f"p = {p:.3f}"
-
-
-def alarms_words(analysis: Analysis) -> str:
-    """Say by which test false alarms were compared, where the answer has its p; else nothing."""
-    apart = [one for one in pairs_of(analysis.differences) if one.apart]
-    told = {row["condition"] for row in totals(analysis) if "condition" in row}
-    if analysis.detected_any is None or not apart or any(not {o.a, o.b} <= told for o in apart):
-        return ""
-    found = [_same_alarms(analysis.blank, one) for one in apart]
-    each = ", ".join(
-        f"{_p_words(p)} of {isolated(one.b)} against {isolated(one.a)}"
-        for one, (p, _) in zip(apart, found, strict=True)
-    )
-    if {test for _, test in found} == {_TOTALS}:
-        return f"False alarms of two conditions were compared by {_TOTALS} (two-sided; {each})."
-    return (
-        "False alarms of two conditions were compared by a two-sided exact test within "
-        "participants, in which the false alarms of a participant in one of them are "
-        "hypergeometric, given those in both together, and are summed over participants "
-        f"({each})."
-    )
-
-
-def _same_alarms(blank: pd.DataFrame, one: Pair) -> tuple[float, str]:
-    """Return p of equal false alarms of people in both conditions, or of totals, and its test."""
-    people, alarms, presented = alarms_of(blank, one.a, one.b)
-    return same_rates_p(alarms, presented), "exact test within participants" if people else _TOTALS
 
 
 def alarms_apart(row: pd.Series[Any]) -> str:
@@ -339,7 +280,7 @@ def difference_rows(
             )
             value = f"{b:.2f} in {names[1]}, {a:.2f} in {names[0]}"
             mixed = "depends on the levels and the criterion: not to be quoted"
-            if levels := _by_level(analysis, one):
+            if levels := by_level(analysis, one):
                 name_of = f"d' at single levels, {names[1]} against {names[0]}"
                 yield name_of, _level_cell(levels, analysis.axis.unit), f"{of}{sides}{_EACH}"
             yield name, f"{value}{limits and ', '}{limits}", f"{of}{sides}{mixed}"

@@ -7,7 +7,7 @@ from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any, Final
 
 from analysis.answers.counting import AUDIBILITY, CONTROL_COLUMNS
-from analysis.axis import VOLTS, Axis, alone, rounded, shortest, with_limits
+from analysis.axis import VOLTS, Axis, alone, half_up, rounded, shortest, with_limits
 from analysis.definitions import TOTAL
 from analysis.reading.foreign import FORCED
 from analysis.reading.text import named
@@ -44,7 +44,7 @@ class Style:
 
     def limits(self, low: float, high: float) -> str:
         """Return an interval, of which there may be none."""
-        return "n/a" if math.isnan(low) else f"{low:.3f}{self.to}{high:.3f}"
+        return "n/a" if math.isnan(low) else f"{p_text(low)}{self.to}{p_text(high)}"
 
 
 TERMINAL: Final = Style(of="/", to="-", roomy=False)
@@ -57,7 +57,7 @@ def p_text(value: float | None) -> str:
     >>> p_text(0.25), p_text(math.nan), p_text(None)
     ('0.250', 'n/a', 'n/a')
     """
-    return "n/a" if value is None or math.isnan(value) else f"{value:.3f}"
+    return "n/a" if value is None or math.isnan(value) else half_up(value, 3)
 
 
 def count_text(number: float) -> str:
@@ -397,4 +397,4 @@ def _serial(name: str, one: SerialEffect) -> list[str]:
 
 def _share(share: Share) -> str:
     told = f"{share.count} of {share.of}"
-    return told if share.p is None else f"{share.p:.3f} ({told})"
+    return told if share.p is None else f"{p_text(share.p)} ({told})"

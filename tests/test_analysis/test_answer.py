@@ -54,6 +54,20 @@ LOST_BLANKS = LEAST + "".join(
 """Of two people the one who got a blank trial never answered."""
 NUMBER = r"[-+]?\d+(?:\.\d+)?"
 END = rf"(?:(?:below|above) )?{NUMBER}"
+TEST = (
+    r"(?:least )?p (?:=|<) [01]\.\d\d\d, (?:exact Cochran-Mantel-Haenszel test within these "
+    r"participants|Fisher's exact test of the totals)"
+)
+BASIS = (
+    rf"\((?:{TEST}|95 % intervals in the table(?:; {TEST})?|"
+    rf"{NUMBER} points, 95 % interval {NUMBER} to {NUMBER} by Student's t)\)"
+)
+PUSH = (
+    r"they were (?:more frequent in \S+, where the threshold is higher, and a laxer criterion "
+    r"there would make the difference too small, not bring it about|rarer in \S+, where the "
+    r"threshold is higher, and a stricter criterion there may bring the difference about in "
+    r"(?:whole or in )?part)"
+)
 
 
 def close(told: str, value: float) -> bool:
@@ -368,17 +382,15 @@ SENTENCES: dict[str, Callable[[re.Match[str], Analysis], None]] = {
     r"(?P<beside>; d' at single levels is in the table)?": is_true(
         lambda one: one.detected_any is not None and len(rates(one)) < len(one.groups)
     ),
-    r"false alarms were not equally frequent(?: in \d+ of these \d+ pairs of conditions)? "
-    r"\((?:least )?p (?:=|<) 0\.0\d\d, (?:exact test within participants|"
-    r"Fisher's exact test of the totals)\), so that a difference may "
-    r"be one of criterion, in whole or in part(?P<beside>; d' at single levels is in the table)?":
-        is_true(
+    rf"false alarms were not equally frequent (?:in \d+ of these \d+ pairs of conditions )?{BASIS}"
+    r"(?:; where they are rarer at the higher threshold, a difference may be one of criterion, in "
+    rf"whole or in part|: {PUSH})(?P<beside>; d' at single levels is in the table)?": is_true(
         lambda one: one.detected_any is not None and len({*rates(one).values()}) > 1
     ),
-    r"false alarms are not told apart \((?:least )?p = [01]\.\d\d\d, (?:exact test within "
-    r"participants|Fisher's exact test of the totals)\)"
-    r"(?P<beside>; d' at single levels is in the table)?": is_true(
-        lambda one: one.detected_any is not None and len(rates(one)) > 1
+    rf"false alarms are not told apart {BASIS}(?P<beside>; d' at single levels is in the table)?":
+        is_true(lambda one: one.detected_any is not None and len(rates(one)) > 1),
+    rf"if anything {PUSH}": is_true(
+        lambda one: one.detected_any is not None and len({*rates(one).values()}) > 1
     ),
     r"of (?P<number>\d+) levels?(?: at which at most 90 % were felt in both)?, d' is lower in \S+ "
     r"than in \S+ at (?:\d+|none) and higher at (?:\d+|none) \(95 % intervals, each by itself\)"
@@ -427,6 +439,10 @@ SENTENCES: dict[str, Callable[[re.Match[str], Analysis], None]] = {
     r"(?:the difference is|(?P<several>differences are)) estimated "
     r"(?P<within>within participants )?by (?:a model of its|models of their) own and need not "
     rf"equal the ratios? of the (?:two )?thresholds(?:, here (?P<ratio>{NUMBER}))?": own_model,
+    r"\d+ of \d+ functions? rises? in one step \(status \"separated\".*?\): (?:it|they) cannot be "
+    r"tested for fit, and the intervals? of .+ on the prior of the slope": is_true(
+        lambda one: one.thresholds["status"].eq("separated").any()
+    ),
     r"(?P<number>\d+) of (?P<of>\d+) functions? fits? best at the largest lapse rate allowed, 10 % "
     r'\(status "lapse at bound".*?\), which is common, .+ leave a threshold out': lapsing,
 }  # fmt: skip
@@ -846,9 +862,12 @@ def test_criterion_is_spoken_of_only_where_false_alarms_differ(
         differences=pd.DataFrame([row | apart], columns=[*DIFFERENCE_COLUMNS, *BESIDE_COLUMNS]),
     )  # fmt: skip
     found = answer(analysis)
-    said = found.statements[1].lower()
+    said = plain(found.statements[1]).lower()
     assert (
-        said.count("false alarms were not equally frequent (p < 0.001, fisher's exact test")
+        said.count(
+            "false alarms were not equally frequent (p < 0.001, fisher's exact test of the "
+            "totals): they were more frequent in b, where the threshold is higher, and a laxer "
+        )
         == often
     )
     assert said.count("false alarms are not told apart (p = ") == 1 - often

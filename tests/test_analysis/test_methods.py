@@ -6,6 +6,7 @@ import html
 import math
 import re
 from dataclasses import replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import pandas as pd
@@ -24,8 +25,6 @@ from analysis.results.tables import analyse
 from tests.test_analysis.shared import LEAST, felt, files, loaded, put
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from analysis.results.tables import Analysis
 
 HEAD = "participant,place,part,um,felt\n"
@@ -94,6 +93,13 @@ def test_methods_tell_task_counts_priors_intervals_and_what_is_left_out(tmp_path
     assert "left" not in told.replace("was left out", "")
 
 
+def test_who_is_cited_is_who_the_citation_file_names() -> None:
+    file = Path("CITATION.cff").read_text(encoding="utf-8")
+    page = Path("analysis/results/methods/methods.jinja").read_text(encoding="utf-8")
+    assert "name: The tactstrip developers" in file
+    assert re.findall(r"developers.*?(20\d\d)", page) == 2 * re.findall(r"released: (\d+)-", file)
+
+
 def test_methods_begin_with_a_short_version_that_stands_alone(tmp_path: Path) -> None:
     methods = methods_of(of(tmp_path))
     short, details, *others = methods.paragraphs
@@ -108,8 +114,8 @@ def test_methods_begin_with_a_short_version_that_stands_alone(tmp_path: Path) ->
         "fitted to the counts of each participant in each condition by Bayesian inference",
         "The threshold is the level at which this function is half-way between the false-alarm ",
         "95 % equal-tailed credible intervals",
-        "their intervals are of the mean of people like the participants",
-        f"The analysis was made with tactstrip {versions()['tactstrip']}.",
+        "their intervals are for the population mean, of people like the participants",
+        f"with tactstrip {versions()['tactstrip']} (The tactstrip developers, 2026).",
     ):
         assert words in short, words
 
@@ -129,8 +135,9 @@ def test_the_test_of_false_alarms_is_in_the_methods_where_the_answer_has_it(tmp_
     assert "exact test" not in methods_of(same).text
     table = same.differences.assign(status="ok", difference_db=3.0, low_db=1.0, high_db=5.0)
     apart = methods_of(replace(same, differences=table)).text
-    assert "a two-sided exact test within participants" in apart
-    assert "(p = 1.000 of thumb against palm)" in apart
+    assert "by the exact Cochran-Mantel-Haenszel test (two-sided, a stratum for each" in apart
+    assert "for want of enough participants on it rests whether they differ" in apart
+    assert "p = 1.000 of thumb against palm)" in apart
     assert "estimated within participants by a model of its own and need not equal" in apart
 
 
@@ -142,9 +149,11 @@ def test_the_interval_by_which_false_alarms_differ_is_in_the_methods(tmp_path: P
     short, *others = methods_of(
         replace(same, differences=same.differences.assign(**alarms))
     ).paragraphs
-    assert "; the mean of the participants' differences between two conditions has a 95 %" in short
+    assert "compared by the mean of the participants' differences, with a 95 %" in short
     told = plain(" ".join(others))
-    assert "with a 95 % interval by Student's t: +0.6 percentage points (-3.5 to +4.6) in" in told
+    assert (
+        "which is of people like the participants: +0.6 percentage points (-3.5 to +4.6) in" in told
+    )
     assert "in thumb against palm." in told
 
 
@@ -212,7 +221,7 @@ def test_a_caption_tells_the_signs_that_the_figure_has(tmp_path: Path) -> None:
     for words in (
         "Detection probability by level (um) of 2 participants in conditions palm (circles, solid ",
         "line) and thumb (squares, dashed line), side by side at each level. Open symbols are ",
-        "means of the participants with 95 % credible intervals of the mean of people like them",
+        "means of the participants with 95 % credible intervals for the population mean (bars)",
         "small symbols are single participants",
         "pointwise 95 % credible bands",
         "at the left edge are mean false-alarm rates (the share of blank (catch) trials answered",
@@ -300,7 +309,9 @@ def test_functions_that_do_not_fit_are_a_warning_with_what_chance_gives(tmp_path
     (told,) = [one for one in analysis.warnings if "do not fit" in one]
     assert told.startswith(
         "2 of 2 psychometric functions do not fit (bootstrap p < 0.01; 0.02 expected by chance): "
-        "participant a in condition palm, p = 0.002; participant a in condition thumb, p = 0.002. "
+        "participant a in condition palm, p <= 0.002; participant a in condition thumb, "
+        "p <= 0.002; "
+        "0.002 is the least that 499 tables can show. "
     )
     assert "It refused 2 of 2 functions at p < 0.01" in methods_of(analysis).text
 
@@ -309,7 +320,7 @@ def test_of_many_functions_that_do_not_fit_the_worst_are_named() -> None:
     rows = [(str(at), 0.002 + at / 10_000) for at in range(9)]
     table = pd.DataFrame(rows, columns=["participant", "deviance_p"]).assign(condition="main")
     (told,) = misfits(table)
-    assert "participant 5, p = 0.003; and 3 more. See" in told
+    assert "participant 5, p = 0.003; and 3 more; 0.002 is the least that" in told
     assert not [*misfits(table.assign(deviance_p=0.01))]
 
 

@@ -66,8 +66,8 @@ def _signs(analysis: Analysis, *, alone: bool) -> Iterator[str]:
         if sum(shared) < len(analysis.levels):
             where = " at the levels that everybody was tested at"
         means = (
-            f"Open symbols are means of the participants{where} with 95 % credible intervals of "
-            "the mean of people like them (bars)"
+            f"Open symbols are means of the participants{where} with 95 % credible intervals for "
+            "the population mean (bars)"
         )
         single = analysis.groups.loc[analysis.groups["participants"].eq(1), "condition"]
         for name in single:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, Final
 
 from analysis.thresholds.fit import WITH_THRESHOLD
+from analysis.thresholds.goodness import REPLICATES
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -18,6 +19,7 @@ REFUSED_P: Final = 0.01
 Every such function is named, however many there are, and how many of so many fall below it by
 chance stands beside: a correction for their number would hide one bad fit among many people.
 """
+_LEAST_P: Final = 1 / (1 + REPLICATES)
 _NAMED: Final = 6
 _FEW: Final = 2
 
@@ -54,11 +56,13 @@ def misfit_words(thresholds: pd.DataFrame) -> str:
     if not refused:
         least = thresholds[thresholds["deviance_p"].eq(fits.min())].iloc[0]
         who = _where(least["participant"], least["condition"], thresholds)
-        smallest = f"smallest p = {_p(fits.min())}, {who}"
-        return f"It refused none of {of} at p < {REFUSED_P:g} ({smallest})."
-    return (
-        f"It refused {len(refused)} of {of} at p < {REFUSED_P:g} ({_names(refused, thresholds)})."
-    )
+        smallest = f"smallest {_p_words(float(fits.min()))}, {who}"
+        told = f"It refused none of {of} at p < {REFUSED_P:g} ({smallest})."
+    else:
+        names = _names(refused, thresholds)
+        told = f"It refused {len(refused)} of {of} at p < {REFUSED_P:g} ({names})."
+    steep = steep_words(thresholds)
+    return f"{told} {steep[0].upper()}{steep[1:]}." if steep else told
 
 
 def lapses_words(thresholds: pd.DataFrame) -> str:
@@ -75,12 +79,39 @@ def lapses_words(thresholds: pd.DataFrame) -> str:
     if rows.empty:
         return ""
     some, fit = "" if fitted == 1 else "s", "fits" if len(rows) == 1 else "fit"
-    who = [_where(one.participant, one.condition, thresholds) for one in rows.itertuples()]
-    named = f", {'; '.join(who)}" if len(who) <= _FEW else ""
     return (
         f"{len(rows)} of {fitted} function{some} {fit} best at the largest lapse rate allowed, "
-        f'10 % (status "lapse at bound"{named})'
+        f'10 % (status "lapse at bound"{_named(rows, thresholds)})'
     )
+
+
+def steep_words(thresholds: pd.DataFrame) -> str:
+    """Say how many functions rise in one step, and what follows; empty text where none does.
+
+    >>> import pandas as pd
+    >>> table = pd.DataFrame({"status": ["ok", "separated", "flat"], "participant": [*"ABC"]})
+    >>> print(steep_words(table.assign(condition="main")))
+    1 of 2 functions rises in one step (status "separated", participant B): it cannot be tested for
+    fit, and the interval of its threshold rests on the prior of the slope
+    """
+    fitted = thresholds["status"].isin(WITH_THRESHOLD).sum()
+    rows = thresholds[thresholds["status"].eq("separated")]
+    if rows.empty:
+        return ""
+    one = len(rows) == 1
+    it, its = ("it", "its threshold") if one else ("they", "their thresholds")
+    return (
+        f"{len(rows)} of {fitted} function{'' if fitted == 1 else 's'} rise{'s' if one else ''} in "
+        f'one step (status "separated"{_named(rows, thresholds)}): {it} cannot be tested for fit, '
+        f"and the interval{'' if one else 's'} of {its} rest{'s' if one else ''} on the prior of "
+        "the slope"
+    )
+
+
+def _named(rows: pd.DataFrame, thresholds: pd.DataFrame) -> str:
+    """Name whose functions these are, where they are few."""
+    who = [_where(one.participant, one.condition, thresholds) for one in rows.itertuples()]
+    return f", {'; '.join(who)}" if len(who) <= _FEW else ""
 
 
 def _refused(thresholds: pd.DataFrame) -> tuple[pd.Series[Any], list[tuple[float, str, str]]]:
@@ -98,12 +129,21 @@ def _where(participant: object, condition: object, thresholds: pd.DataFrame) -> 
 
 def _names(refused: list[tuple[float, str, str]], thresholds: pd.DataFrame) -> str:
     told = [
-        f"{_where(who, condition, thresholds)}, p = {_p(p)}"
+        f"{_where(who, condition, thresholds)}, {_p_words(p)}"
         for p, who, condition in refused[:_NAMED]
     ]
     more = len(refused) - len(told)
-    return "; ".join([*told, f"and {more} more"] if more else told)
+    words = "; ".join([*told, f"and {more} more"] if more else told)
+    least = f"; {_LEAST_P:.3f} is the least that {REPLICATES} tables can show"
+    return f"{words}{least if refused[0][0] <= _LEAST_P else ''}"
 
 
-def _p(value: float) -> str:
-    return f"{value:.3f}" if value < 2 * REFUSED_P else f"{value:.2f}"
+def _p_words(value: float) -> str:
+    """Write a bootstrap's p; the least that it can be is a bound.
+
+    >>> _p_words(1 / 500), _p_words(0.004), _p_words(0.25)
+    ('p <= 0.002', 'p = 0.004', 'p = 0.25')
+    """
+    if value <= _LEAST_P:
+        return f"p <= {_LEAST_P:.3f}"
+    return f"p = {value:.3f}" if value < 2 * REFUSED_P else f"p = {value:.2f}"

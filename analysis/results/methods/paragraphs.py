@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, ClassVar
 
 from analysis.definitions import TOTAL
 from analysis.results.answer import left_out_words
-from analysis.results.compared import alarms_words, isolated, number_of, own_model_words, plain
+from analysis.results.compared import isolated, number_of, own_model_words, plain
+from analysis.results.methods.alarms import compared_words, rates_words, short_alarm_words
 from analysis.results.methods.caption import caption_words
 from analysis.results.methods.looked import looked_words
 from analysis.results.methods.misfit import lapses_words, misfit_words
@@ -20,9 +21,7 @@ from analysis.results.methods.presented import (
     unread_words,
 )
 from analysis.results.methods.task import (
-    alarms_apart_words,
     detected_words,
-    false_alarm_words,
     guess_words,
     hit_words,
     is_yes_no,
@@ -93,15 +92,15 @@ def methods_of(analysis: Analysis, plans: Planned | None = None, *, drawn: bool 
         presented=[] if plans.studies else [*presented_words(analysis)],
         yes_no=is_yes_no(analysis),
         guesses=[*guess_words(analysis)],
-        false_alarms=false_alarm_words(analysis),
+        false_alarms=rates_words(analysis),
+        short_alarms=short_alarm_words(analysis),
         hits=hit_words(analysis),
         unread=unread_words(analysis),
         misfit=misfit_words(analysis.thresholds),
         lapses=lapses_words(analysis.thresholds),
         looked=looked_words(analysis),
         own_model=own_model_words(analysis),
-        alarms=alarms_words(analysis),
-        alarms_apart=alarms_apart_words(analysis),
+        alarms=" ".join(compared_words(analysis)),
         left_out=left_out_words(analysis),
         same_people=len(paired) == pairs,
         other_people=paired.empty,

@@ -5,13 +5,6 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Final
 
 from analysis.reading.foreign import FORCED, YES_NO
-from analysis.results.compared import (
-    SPELLED,
-    alarms_apart,
-    isolated,
-    pairs_of,
-    totals,
-)
 from analysis.thresholds.people import FORCED_CHOICE
 
 if TYPE_CHECKING:
@@ -75,7 +68,8 @@ def short_words(analysis: Analysis) -> str:
     elif analysis.task == FORCED:
         told = "The task was a forced choice: a stimulus was detected where the answer was correct."
     elif analysis.detected_any is not None:
-        told = f"Participants said whether they felt a stimulus, and at which side: {felt}."
+        both = " or at both" if analysis.confusion["both"].any() else ""
+        told = f"Participants said whether they felt a stimulus, and at which side{both}: {felt}."
     rate = "false-alarm rate" if is_yes_no(analysis) else "guess rate"
     bases = [_BASES[one] for one in analysis.thresholds["guess_basis"].unique()]
     if bases:
@@ -119,36 +113,6 @@ def guess_words(analysis: Analysis) -> Iterator[str]:
                 f"with a mean (a + 1/2)/(b + 1) of {value}; a function that is drawn has this "
                 "mean, of the blank trials alone, as its gamma"
             )
-
-
-def false_alarm_words(analysis: Analysis) -> str:
-    """Say how many blank trials were answered as felt: plain counts; empty text without any."""
-    rows = [*totals(analysis)] if analysis.detected_any is not None else []
-    if not rows:
-        return ""
-    each = [
-        f"{row['p'] * row['presented']:.0f} of {row['presented']} ({100 * row['p']:.1f} %)"
-        + (f" in condition {isolated(row['condition'])}" if "condition" in row else "")
-        for row in rows
-    ]
-    return f"Blank (catch) trials were answered as if felt in {', in '.join(each)}."
-
-
-def alarms_apart_words(analysis: Analysis) -> str:
-    """Say how the interval of a difference of false alarms is made; empty text without one."""
-    told = [
-        f"{points.replace('points', 'percentage points')} in {isolated(one.b)} against "
-        f"{isolated(one.a)}"
-        for one in pairs_of(analysis.differences) if (points := alarms_apart(one.row))
-    ]  # fmt: skip
-    if not told:
-        return ""
-    each = ": " + ", ".join(told) if len(told) <= SPELLED else ""
-    return (
-        "By how much false alarms are more frequent in one of two conditions is the mean of the "
-        "participants' differences of their shares of blank trials, with a 95 % interval by "
-        f"Student's t{each}."
-    )
 
 
 def hit_words(analysis: Analysis) -> str:

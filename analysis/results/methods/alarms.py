@@ -1,0 +1,281 @@
+"""What blank trials tell: how often they were answered as felt, and whether conditions differ.
+
+Whether false alarms differ between two conditions rests on one number: of several participants on
+the interval of the mean of their differences, of few on an exact test (docs/statistics.md, 8).
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
+
+from analysis.axis import half_up
+from analysis.groups.criterion import alarms_of, same_rates_p
+from analysis.groups.group import FEW
+from analysis.reading.foreign import FORCED
+from analysis.results.compared import (
+    ALPHA,
+    SPELLED,
+    alarms_apart,
+    by_level,
+    isolated,
+    level_words,
+    pairs_of,
+    totals,
+)
+from analysis.results.rows import none_in_part
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    import pandas as pd
+
+    from analysis.results.compared import Pair
+    from analysis.results.tables import Analysis
+
+
+_LEAST_P: Final = 0.001
+_TOTALS: Final = "Fisher's exact test of the totals"
+_WITHIN: Final = "exact Cochran-Mantel-Haenszel test within these participants"
+_CONSERVATIVE: Final = (
+    "their upper limits are conservative: in simulations of 6 and of 12 people with 20 blank "
+    "trials each and mean rates of 2 to 10 %, the mean lay above the upper limit in at most 0.4 % "
+    "of studies, and below the lower one in at most 8 %, instead of 2.5 % each"
+)
+"""As docs/statistics.md, section 3, has it."""
+
+
+class _Verdict(NamedTuple):
+    """Whether false alarms of two conditions differ, on what that rests, and by which sign."""
+
+    apart: bool
+    p: float
+    test: str
+    points: str  # the mean difference with its limits, where the verdict rests on these
+    more: int  # 1 where they were more frequent in the second condition, -1 where rarer
+
+
+def alarm_sentences(analysis: Analysis) -> Iterator[str]:
+    """Say how often blank trials were answered as felt, or why that is not told."""
+    if analysis.detected_any is None:
+        how = " was not an answer as far as the files tell"
+        if none_in_part(analysis):
+            how = " is not known to be an answer in all trials"
+        elif analysis.task == FORCED:
+            how = " was not an answer: forced choice, as the map says"
+        yield f'false alarms are not told, for "none"{how}'
+        return
+    if not (rows := [*totals(analysis)]):
+        some = not analysis.trials.empty and analysis.trials["kind"].eq("blank").any()
+        why = "no blank trial counts" if some else "there were no blank trials"
+        yield f"false alarms are not known, for {why}"
+    elif len(rows) > SPELLED:
+        yield "false alarms stand in the table"
+    else:
+        each = (f"{_share(row)} of blank trials{_where(analysis, row, ' in')}" for row in rows)
+        yield f"false alarms: {', '.join(each)}"
+
+
+def _where(analysis: Analysis, row: pd.Series[Any], before: str) -> str:
+    # Totals of blank trials have no condition where those of one condition count alone.
+    condition = row.get("condition")
+    if analysis.counts.conditions == 1 or condition is None:
+        return ""
+    return f"{before} condition {isolated(condition)}"
+
+
+def _share(row: pd.Series[Any]) -> str:
+    """Write a rate with the interval of the mean of people; of one person, with that one's."""
+    of = "" if math.isnan(row["group_low"]) else "group_"
+    at, low, high = (_percent(row[name]) for name in ("p", f"{of}low", f"{of}high"))
+    return f"{at} % ({low} to {high} %)"
+
+
+def _percent(share: float) -> str:
+    return half_up(round(100 * float(share), 9), 1)  # 100 * 0.0375 need not be 3.75
+
+
+def blank_rows(analysis: Analysis) -> Iterator[tuple[str, str, str]]:
+    """Yield the rows of false alarms in the answer's table."""
+    for row in totals(analysis) if analysis.detected_any is not None else ():
+        # Counts made elsewhere do not tell the sides.
+        of = f"{row['p'] * row['presented']:.0f} of {row['presented']} blank trials"
+        if not math.isnan(row["group_low"]):
+            of += (
+                "; the interval to quote, of people like these; its upper limit is conservative, "
+                "as methods.txt says"
+            )
+        yield f"False alarms{_where(analysis, row, ',')}", _share(row), of
+
+
+def criterion_sentences(analysis: Analysis) -> Iterator[str]:
+    """Say of conditions that differ whether false alarms do so, or are not known."""
+    pairs = [one for one in pairs_of(analysis.differences) if one.apart]
+    if not pairs or analysis.detected_any is None:
+        return
+    beside = "; d' at single levels is in the table" if len(analysis.d_prime_differences) else ""
+    if not _all_told(analysis, pairs):
+        yield f"a difference may be one of criterion, of which only blank trials can tell{beside}"
+        return
+    found = [_verdict(analysis.blank, one) for one in pairs]
+    often = sum(one.apart for one in found)
+    if len(pairs) > 1:
+        which = "95 % intervals in the table"
+        if least := min((one for one in found if not one.points), key=lambda o: o.p, default=None):
+            others = f"{which}; " if any(one.points for one in found) else ""
+            which = f"{others}least {_p_words(least.p)}, {least.test}"
+        if often:
+            yield (
+                f"false alarms were not equally frequent in {often} of these {len(pairs)} pairs of "
+                f"conditions ({which}); where they are rarer at the higher threshold, a difference "
+                f"may be one of criterion, in whole or in part{beside}"
+            )
+        else:
+            yield f"false alarms are not told apart ({which}){beside}"
+        return
+    (one,), (told,) = pairs, found
+    words = f"{_p_words(told.p)}, {told.test}"
+    if told.points:
+        at, _, limits = told.points.removesuffix(")").partition(" (")
+        words = f"{at}, 95 % interval {limits} by Student's t"
+    push = _push(one, told)
+    if told.apart:
+        yield f"false alarms were not equally frequent ({words}): {push}{beside}"
+        if levels := by_level(analysis, one):
+            yield level_words(levels, one)
+    else:
+        yield f"false alarms are not told apart ({words}){beside}"
+        if push:
+            yield f"if anything {push}"
+
+
+def _push(one: Pair, told: _Verdict) -> str:
+    """Say which way false alarms move a difference of thresholds; empty text without a sign."""
+    if not told.more:
+        return ""
+    higher = one.ends_db[0] > 0
+    where = isolated(one.b if higher else one.a)
+    if (told.more > 0) == higher:
+        return (
+            f"they were more frequent in {where}, where the threshold is higher, and a laxer "
+            "criterion there would make the difference too small, not bring it about"
+        )
+    part = "in whole or in part" if told.apart else "in part"
+    return (
+        f"they were rarer in {where}, where the threshold is higher, and a stricter criterion "
+        f"there may bring the difference about {part}"
+    )
+
+
+def _all_told(analysis: Analysis, pairs: list[Pair]) -> bool:
+    told = {row["condition"] for row in totals(analysis) if "condition" in row}
+    return all({one.a, one.b} <= told for one in pairs)
+
+
+def _verdict(blank: pd.DataFrame, one: Pair) -> _Verdict:
+    """Decide whether false alarms differ, of people in both conditions or else of totals.
+
+    Of at least `FEW` people that is so where the interval of the mean difference, as it is printed,
+    leaves out 0.
+    """
+    people, alarms, presented = alarms_of(blank, one.a, one.b)
+    p = same_rates_p(alarms, presented)
+    each = [b / of_b - a / of_a for (a, b), (of_a, of_b) in zip(alarms, presented, strict=True)]
+    more = math.fsum(each)
+    sign = 0 if math.isclose(more, 0, abs_tol=1e-12) else int(math.copysign(1, more))
+    points = alarms_apart(one.row) if len(people) >= FEW else ""
+    apart = p < ALPHA
+    if points:
+        low, high = (round(100 * float(one.row[f"false_alarm_difference_{end}"]), 1)
+                     for end in ("low", "high"))  # fmt: skip
+        apart = low > 0 or high < 0
+    return _Verdict(apart=apart, p=p, test=_WITHIN if people else _TOTALS, points=points, more=sign)
+
+
+def _p_words(p: float) -> str:
+    return "p < 0.001" if p < _LEAST_P else f"p = {p:.3f}"
+
+
+def rates_words(analysis: Analysis) -> str:
+    """Say how many blank trials were answered as felt: plain counts; empty text without any."""
+    rows = [*totals(analysis)] if analysis.detected_any is not None else []
+    if not rows:
+        return ""
+    each = [
+        f"{row['p'] * row['presented']:.0f} of {row['presented']} ({_percent(row['p'])} %)"
+        + (f" in condition {isolated(row['condition'])}" if "condition" in row else "")
+        for row in rows
+    ]
+    return f"Blank (catch) trials were answered as if felt in {', in '.join(each)}."
+
+
+def short_alarm_words(analysis: Analysis) -> str:
+    """Say what false-alarm rates and their intervals are, for the short version; else nothing."""
+    rows = [*totals(analysis)] if analysis.detected_any is not None else []
+    if not rows:
+        return ""
+    told = "False-alarm rates are shares of the blank trials"
+    if any(not math.isnan(row["group_low"]) for row in rows):
+        told += f", with 95 % credible intervals for the population mean; {_CONSERVATIVE}"
+    compared = ""
+    found = _verdicts(analysis)
+    if any(one.points for _, one in found) or (not found and _differences(analysis)):
+        compared = (
+            " Those of two conditions were compared by the mean of the participants' differences, "
+            "with a 95 % interval by Student's t, of people like them."
+        )
+    elif found:
+        which = f"the two-sided {_WITHIN}"
+        compared = f" Those of two conditions were compared by {which}."
+        if {one.test for _, one in found} == {_TOTALS}:
+            compared = f" Those of two conditions were compared by {_TOTALS}."
+    return f"{told}.{compared}"
+
+
+def _verdicts(analysis: Analysis) -> list[tuple[Pair, _Verdict]]:
+    """Return those that the answer tells: of pairs of conditions whose thresholds differ."""
+    pairs = [one for one in pairs_of(analysis.differences) if one.apart]
+    if analysis.detected_any is None or not pairs or not _all_told(analysis, pairs):
+        return []
+    return [(one, _verdict(analysis.blank, one)) for one in pairs]
+
+
+def _differences(analysis: Analysis) -> list[str]:
+    return [
+        f"{points.replace('points', 'percentage points')} in {isolated(one.b)} against "
+        f"{isolated(one.a)}"
+        for one in pairs_of(analysis.differences) if (points := alarms_apart(one.row))
+    ]  # fmt: skip
+
+
+def compared_words(analysis: Analysis) -> Iterator[str]:
+    """Say how false alarms of two conditions were compared, and on what the verdict rests."""
+    found, told = _verdicts(analysis), _differences(analysis)
+    by_t = any(one.points for _, one in found)
+    if told:
+        each = ": " + ", ".join(told) if len(told) <= SPELLED else ""
+        yield (
+            "By how much false alarms are more frequent in one of two conditions is the mean of "
+            "the participants' differences of their shares of blank trials, with a 95 % interval "
+            f"by Student's t, which is of people like the participants{each}."
+        )
+    if by_t:
+        yield "Whether false alarms are said to differ rests on this interval."
+    if not found:
+        return
+    each = ", ".join(
+        f"{_p_words(of.p)} of {isolated(one.b)} against {isolated(one.a)}" for one, of in found
+    )
+    if {of.test for _, of in found} == {_TOTALS}:
+        yield (
+            f"False alarms of two conditions were compared by {_TOTALS} (two-sided; {each}), which "
+            "ignores that participants differ."
+        )
+        return
+    rests = "" if by_t else ", for want of enough participants on it rests whether they differ"
+    yield (
+        f"{'Beside it, conditional' if by_t else 'Conditional'} on these participants, false "
+        "alarms were compared by the exact Cochran-Mantel-Haenszel test (two-sided, a stratum for "
+        "each participant: given the false alarms in both conditions together, those in one are "
+        f"hypergeometric, and are summed over participants; {each}){rests}."
+    )
