@@ -11,6 +11,7 @@ from .fit import (
     probit_mle,
     status_of,
 )
+from .goodness import REPLICATES
 from .grid import Surface, rates_of, surfaces
 from .levels import (
     ExpectedError,
@@ -32,6 +33,7 @@ __all__ = [
     "FORCED_CHOICE",
     "LOG_SIGMA",
     "REACH",
+    "REPLICATES",
     "SIGMA_FACTOR",
     "SIGMA_MEDIAN",
     "WITH_THRESHOLD",

@@ -1,10 +1,14 @@
+from .alarms import alarm_sentences, blank_rows, criterion_sentences
 from .looked import looked_words
-from .misfit import lapses_words, misfit_words, misfits
+from .misfit import lapses_words, misfit_words, misfits, steep_words
 from .paragraphs import counts_told, methods_of
 from .task import hit_words, is_yes_no, one_side_words
 
 __all__ = [
+    "alarm_sentences",
+    "blank_rows",
     "counts_told",
+    "criterion_sentences",
     "hit_words",
     "is_yes_no",
     "lapses_words",
@@ -13,4 +17,5 @@ __all__ = [
     "misfit_words",
     "misfits",
     "one_side_words",
+    "steep_words",
 ]
