@@ -279,3 +279,11 @@ BLANK_INTERVALS: Final = (
     "of a row 'all' is narrower, for it ignores that participants differ."
 )
 """Which interval of false alarms to report."""
+
+BOTH_INTERVALS: Final = (
+    'To quote: the share of all with the interval under "Group, 95 %", which is of the mean of '
+    "people like these; of one participant the share with that one's interval. Of few people the "
+    "limit of the group's that is farther from 0 or 1 is mostly its prior's. The {} interval of a "
+    "row 'all' is narrower, for it ignores that participants differ."
+)
+"""The same of both-finger trials, most of which are noticed."""

@@ -22,6 +22,10 @@ LEVEL_COLUMNS = (
 )  # fmt: skip
 
 _FELT = ("left", "right", "both")
+_BOTH = (
+    "participant", "noticed", "presented", "p", "low", "high", "group_low", "group_high",
+    "left_only", "right_only",
+)  # fmt: skip
 _BLANK = ("participant", *_FELT, "presented", "p", "low", "high", "group_low", "group_high")
 
 
@@ -166,9 +170,11 @@ def detected_any_of(counts: pd.DataFrame) -> pd.DataFrame:
 def both_table(trials: pd.DataFrame, ci: str = "wilson") -> pd.DataFrame:
     """Count both-finger trials; such a trial is noticed only by the answer ``both``.
 
-    Columns ``participant noticed presented p low high left_only right_only``, the last row `TOTAL`;
-    its interval ignores that participants differ. With more than one condition among the trials
-    that count, a column ``condition`` stands in front and each has its last row.
+    Columns ``participant noticed presented p low high group_low group_high left_only right_only``,
+    the last row `TOTAL`: there ``low`` and ``high`` ignore that participants differ, and
+    ``group_low`` and ``group_high`` are `group_interval`, NaN in other rows. With more than one
+    condition among the trials that count, a column ``condition`` stands in front and each has its
+    last row.
 
     >>> trials = pd.DataFrame({"participant": ["1", "2"], "condition": "main", "kind": "both",
     ...     "response": ["both", "left"], "reason": ""})
@@ -177,8 +183,7 @@ def both_table(trials: pd.DataFrame, ci: str = "wilson") -> pd.DataFrame:
     """
     answers = {"noticed": ("both",), "left_only": ("left",), "right_only": ("right",)}
     table = _with_interval(_answer_counts(trials, "both", answers), "noticed", ci)
-    order = ["participant", "noticed", "presented", "p", "low", "high", "left_only", "right_only"]
-    return _leading(trials, table, order)
+    return _leading(trials, _with_group(table, "noticed"), _BOTH)
 
 
 def blank_table(
@@ -187,8 +192,7 @@ def blank_table(
     """Count blank trials; left, right or both answered there is a false alarm.
 
     Columns ``participant left right both presented p low high group_low group_high``, p for any of
-    the three; last row and ``condition`` as in `both_table`. ``group_low`` and ``group_high`` are
-    `group_interval` in the last row, else NaN. `blanks` are those of a table of counts, see
+    the three; the rest as in `both_table`. `blanks` are those of a table of counts, see
     `analysis.reading.foreign.counts.Counted`, which do not tell which side was answered.
 
     >>> blanks = {"condition": "main", "participant": ["1", "2"], "felt": [3, 1], "presented": 20}
@@ -200,19 +204,19 @@ def blank_table(
         return _blank_of(blanks, ci)
     counts = _answer_counts(trials, "blank", {answer: (answer,) for answer in _FELT})
     counts["felt"] = counts[list(_FELT)].sum(axis="columns")
-    table = _with_group(_with_interval(counts, "felt", ci))
+    table = _with_group(_with_interval(counts, "felt", ci), "felt")
     return _leading(trials, table, _BLANK)
 
 
 def _blank_of(blanks: pd.DataFrame, ci: str) -> pd.DataFrame:
     people = blanks[["condition", "participant", "felt", "presented"]]
-    table = _with_group(_with_interval(_with_totals(people), "felt", ci))
+    table = _with_group(_with_interval(_with_totals(people), "felt", ci), "felt")
     table = table.assign(**dict.fromkeys(_FELT, np.nan))
     several = len({*blanks["condition"]}) > 1
     return table[["condition", *_BLANK] if several else [*_BLANK]]
 
 
-def _with_group(table: pd.DataFrame) -> pd.DataFrame:
+def _with_group(table: pd.DataFrame, hits: str) -> pd.DataFrame:
     """Give the total of each condition the interval of the mean of people."""
     total = table["participant"].eq(TOTAL)
     limits = np.full((len(table), 2), np.nan)
@@ -220,7 +224,7 @@ def _with_group(table: pd.DataFrame) -> pd.DataFrame:
         same = table["condition"].eq(table["condition"].iloc[at])
         people = table[same & ~total & table["presented"].gt(0)]
         if len(people):
-            limits[at] = group_interval(people["felt"].to_numpy(), people["presented"].to_numpy())
+            limits[at] = group_interval(people[hits].to_numpy(), people["presented"].to_numpy())
     return table.assign(group_low=limits[:, 0], group_high=limits[:, 1])
 
 

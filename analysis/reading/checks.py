@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from operator import itemgetter
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 import pandas as pd
@@ -78,6 +78,9 @@ def participant_rule(rows: pd.DataFrame) -> Rule:
     )
 
 
+_BLANK: Final = '; blanks whose level is empty: in the map [values.level_vpp] "" = "0"'
+
+
 def _stimulus_rules(rows: pd.DataFrame, *, signed: bool) -> Iterator[Rule]:
     kind, side, level = rows["kind"], rows["side"], rows["level_vpp"]
     for name, sides in (("single", ("left", "right")), ("both", ("both",)), ("blank", ("none",))):
@@ -108,9 +111,11 @@ def level_rule(level: pd.Series[float], stimulus: pd.Series[bool], *, signed: bo
     """
     least, most = (-math.inf, math.inf) if signed else (LEAST_LEVEL_VPP, MOST_LEVEL_VPP)
     bounds = "" if signed else f" from {least:g} to {most:g}"
+    # Of a table whose blanks have no level, and no side that says so.
+    blank = "" if signed or not (stimulus & level.isna()).any() else _BLANK
     return Rule(
         column="level_vpp",
-        must=f"a number{bounds} where there is a stimulus",
+        must=f"a number{bounds} where there is a stimulus{blank}",
         broken=stimulus & ~level.between(least, most),
     )
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import math
 import textwrap
 from typing import TYPE_CHECKING, Any, TextIO
 
@@ -135,11 +136,13 @@ def _print_table(header: list[str], rows: list[list[str]], file: TextIO) -> None
 def _both_lines(analysis: Analysis) -> Iterator[str]:
     table = analysis.both
     for _, row in table[table["participant"].eq(TOTAL)].iterrows():
-        noticed, p, limits, left, right = both_cells(row, TERMINAL)
+        noticed, p, own, group, left, right = both_cells(row, TERMINAL)
+        limits = f"group 95 % {group}"
+        if math.isnan(row["group_low"]):
+            limits = f"95 % {analysis.ci.title()} {own}"
         yield (
-            f"Both-finger trials{_where(row)}: {noticed} answered both, {p}, 95 % "
-            f"{analysis.ci.title()} {limits} (ignores participants); left only {left}, right only "
-            f"{right}."
+            f"Both-finger trials{_where(row)}: {noticed} answered both, {p}, {limits}; left only "
+            f"{left}, right only {right}."
         )
 
 

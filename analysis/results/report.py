@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, Final
 from analysis.axis import VOLTS, shortest
 from analysis.definitions import (
     BLANK_INTERVALS,
+    BOTH_INTERVALS,
     CENSORED,
     COUNTING,
     COUNTING_ONE_PLACE,
@@ -359,7 +360,7 @@ def _both_and_blank(analysis: Analysis) -> Iterator[Section]:
     sides = ["Felt"] if side else ["Left", "Right", "Both"]
     for title, table, cells, header in (
         ("Both-finger trials", analysis.both, lambda row: both_cells(row, PAGE),
-         ["Answered both / presented", "Share", of_ci, "Left only", "Right only"]),
+         ["Answered both / presented", "Share", of_ci, "Group, 95 %", "Left only", "Right only"]),
         ("Blank trials", analysis.blank, lambda row: blank_cells(row, PAGE, side),
          ["Presented", *sides, "False alarms", of_ci, "Group, 95 %"]),
         ("Fingers off the plate", analysis.control, control_cells, CONTROL_HEAD[1:]),
@@ -368,8 +369,9 @@ def _both_and_blank(analysis: Analysis) -> Iterator[Section]:
             control = table is analysis.control
             caption = title if control else _TOTALS.format(title, analysis.ci.title())
             rows = [[_who(row), *cells(row)] for _, row in table.iterrows()]
-            told = title == "Blank trials" and table["group_low"].notna().any()
-            note = BLANK_INTERVALS.format(analysis.ci.title()) if told else ""
+            told = not control and table["group_low"].notna().any()
+            words = BOTH_INTERVALS if table is analysis.both else BLANK_INTERVALS
+            note = words.format(analysis.ci.title()) if told else ""
             made = Table(caption=caption, header=["Participant", *header], rows=rows, note=note)
             texts = [OFF_THE_PLATE] if control else []
             yield Section(title=title, texts=texts, tables=[made])

@@ -188,11 +188,11 @@ def level_head(analysis: Analysis, style: Style) -> str:
 
 
 def both_cells(row: pd.Series[Any], style: Style) -> list[str]:
-    """Return noticed of presented, share, its interval, left only and right only."""
+    """Return noticed of presented, share, its intervals, left only and right only."""
     return [
         style.share(row["noticed"], row["presented"]),
         p_text(row["p"]),
-        style.limits(row["low"], row["high"]),
+        *(style.limits(row[f"{of}low"], row[f"{of}high"]) for of in ("", "group_")),
         str(row["left_only"]),
         str(row["right_only"]),
     ]

@@ -113,7 +113,8 @@ def test_the_tables_have_the_promised_columns(example: Path) -> None:
         "levels.csv": "condition level_vpp detected presented p_min p_mean p_max p_pooled "
         "group_low group_high over_report mislocalised timeouts p_answered",
         "participants.csv": "participant condition level_vpp detected presented p low high",
-        "both.csv": "participant noticed presented p low high left_only right_only",
+        "both.csv": "participant noticed presented p low high group_low group_high left_only "
+        "right_only",
         "blank.csv": "participant left right both presented p low high group_low group_high",
         "confusion.csv": "condition kind side left right both none timeout invalid presented",
         "thresholds.csv": "participant condition status threshold_vpp threshold_low_vpp "
@@ -197,7 +198,7 @@ def test_the_output_reads_in_80_columns(example: Path) -> None:
     assert lines[lines.index("") + 1].split()[:2] == ["What", "Value"]
     assert lines[lines.index("") + 1 :].count("") == 2  # in front of counts, and of levels
     assert "Counted: single 300, both 20, blank 50; left out 0." in lines
-    assert "ignores participants" in " ".join(text.split())
+    assert "answered both, 0.850, group 95 % 0.567-0.940; left" in " ".join(text.split())
     for level in summary(example)["levels"]:
         row = next(line for line in lines if line.split()[:1] == [f"{level['level_vpp']:g}"])
         assert row.split()[1] == f"{level['detected']}/{level['presented']}"

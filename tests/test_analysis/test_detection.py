@@ -129,7 +129,10 @@ def test_a_false_alarm_is_any_of_left_right_both() -> None:
 def test_tables_of_kinds_that_did_not_occur_are_empty_but_have_their_columns() -> None:
     shares = "presented p low high"
     for found, columns in (
-        (both_table(table({})), f"participant noticed {shares} left_only right_only"),
+        (
+            both_table(table({})),
+            f"participant noticed {shares} group_low group_high left_only right_only",
+        ),
         (
             blank_table(table({})),
             f"participant left right both {shares} group_low group_high",
@@ -285,3 +288,14 @@ def test_means_lie_within_and_answers_add_up(trials: pd.DataFrame) -> None:
     assert (people["p"] <= people["high"]).all()
     by_level = people.groupby(["condition", "level_vpp"])[["detected", "presented"]].sum()
     assert by_level.to_numpy().tolist() == levels[["detected", "presented"]].to_numpy().tolist()
+
+
+def test_both_finger_trials_have_the_interval_of_people_in_their_total() -> None:
+    noticed = {"1": 8, "2": 3, "3": 8}
+    rows = [(name, "both" if i < k else "left") for name, k in noticed.items() for i in range(8)]
+    trials = pd.DataFrame(rows, columns=["participant", "response"])
+    found = both_table(trials.assign(condition="main", kind="both", reason=""))
+    assert found["group_low"].isna().tolist() == [True, True, True, False]
+    last = found.iloc[-1]
+    assert (last["group_low"], last["group_high"]) == group_interval([8, 3, 8], [8, 8, 8])
+    assert last["group_low"] < last["low"]

@@ -364,3 +364,11 @@ def test_several_files_are_drafted_as_one_map(tmp_path: Path) -> None:
     out = tmp_path / "out"
     done = run("analyze", *tables, "--columns", target, "--no-figures", "--out", out)
     assert done.exit_code == 0, done.output
+
+
+def test_a_column_is_called_empty_only_of_the_rows_that_are_read(tmp_path: Path) -> None:
+    rows = "practice.thisN,trials.thisN,level,notes\n0,,5,\n,0,9,\n,1,26,\n,2,5,\n"
+    told, _ = map_draft(find_sources([put(tmp_path / "a.csv", rows)], foreign=True).tables)
+    assert "#   practice.thisN: empty in the rows that are read\n" in told
+    assert "#   notes: empty\n" in told
+    assert "#   level: 3 values: 5, 9, 26\n" in told

@@ -20,7 +20,7 @@ from analysis.reading.foreign.conditions import MOST_FILES, may_be_conditions
 from analysis.reading.foreign.factors import float_of, roles_by_name, with_unit
 from analysis.reading.foreign.form import RowFilter, guessed_encoding, text_format
 from analysis.reading.foreign.names import CALLED, COUNTS, FELT, HITS, LEVELS, OF, OF_VOLTS, WORDS
-from analysis.reading.foreign.sample import NUMBER, Sample, listed, plain, sample_of, told_of
+from analysis.reading.foreign.sample import EMPTY, NUMBER, Sample, listed, plain, sample_of, told_of
 from analysis.reading.text import one_line
 from experiment.terms.record import COLUMNS
 
@@ -84,7 +84,7 @@ def map_draft(sources: Sequence[InputTable]) -> tuple[str, list[str]]:
     for name in order:
         if sections.get(name):
             lines += ["", f"[{name}]", *sections[name]]
-    lines += ["", "# All columns:", *(f"#   {line}" for line in _told(table))]
+    lines += ["", "# All columns:", *(f"#   {line}" for line in _told(table, looked_at))]
     blanks = [line.split(" = ")[0] for line in lines if f"# {_FILL}" in line]
     return "\n".join(lines) + "\n", blanks
 
@@ -378,10 +378,13 @@ def _quoted(value: str | list[str]) -> str:
     return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
 
 
-def _told(table: Sample) -> Iterator[str]:
+def _told(table: Sample, looked_at: Sample) -> Iterator[str]:
+    """Say what stands in each column, of the rows that are read."""
     for name in dict.fromkeys(table.header):
         if name:
             file = "; the name of the file without its ending, to be used like a column" * (
                 name == FILE
             )
-            yield f"{one_line(name)}: {told_of(table, name)}{file}"
+            told = told_of(table, name)
+            read = " in the rows that are read" * (EMPTY == told != told_of(looked_at, name))
+            yield f"{one_line(name)}: {told}{read}{file}"

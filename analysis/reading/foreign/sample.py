@@ -24,6 +24,8 @@ if TYPE_CHECKING:
 NUMBER: Final = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)([eE][+-]?\d+)?", re.ASCII)
 _PADDED: Final = re.compile(r"0\d")
 _SHOWN: Final = 8
+EMPTY: Final = "empty"
+"""What stands in a column without a value."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -117,18 +119,20 @@ def told_of(sample: Sample, name: str) -> str:
 
     >>> sample = Sample(header=["rt"], rows=[["0.5"], ["0.25"], [""]])
     >>> told_of(sample, "rt")
-    '2 values: 0.5, 0.25; and empty cells'
+    '2 values: 0.25, 0.5; and empty cells'
     """
     words = sample.words(name)
     values = [word for word in words if word]
     empty = "; and empty cells" if "" in words else ""
     if not values:
-        return "empty"
+        return EMPTY
     numbers = sample.numbers(name)
     if numbers and len(values) > _SHOWN and not any(map(_PADDED.match, values)):
         others = [word for word in values if not NUMBER.fullmatch(word)]
         told = f"{len(values) - len(others)} values from {min(numbers):g} to {max(numbers):g}"
         return "; and ".join([told, *map(one_line, others)]) + empty
+    if all(map(NUMBER.fullmatch, values)):
+        values.sort(key=lambda word: float(word.replace(",", ".")))
     return f"{len(values)} value{'s'[: len(values) != 1]}: {listed(values)}{empty}"
 
 
