@@ -88,6 +88,8 @@ DEFINITIONS: Final[Mapping[str, str]] = MappingProxyType(
         "from them (seeded) that fit no better",
         "guess_rate, guess_basis": "chance of a correct answer without feeling anything, and how "
         "it is known",
+        "guess_posterior": "posterior mean of that chance, weak levels included; a function that "
+        "is drawn starts there",
         "threshold_guess_0_vpp, threshold_guess_third_vpp": "the threshold if the guess rate were "
         "0 or 1/3",
         "varied_low_vpp, varied_high_vpp, varied_printed": "limits of the threshold if answers "
@@ -246,16 +248,16 @@ POPULATION: Final = (
 
 FITTED_RATES: Final = (
     "The false-alarm rate of a fit is (a + 1/2)/(b + 1), the posterior mean after a false alarms "
-    "in b blank trials; the plain proportions stand under Blank trials. It is of the blanks alone, "
-    "so that a function that is drawn may start above the points of the weakest levels."
+    "in b blank trials; the plain proportions stand under Blank trials. It is of the blanks alone; "
+    "a function that is drawn starts at the posterior mean, for which weak levels count, too."
 )
 
 FITTED_GUESSES: Final = (
     "The guess rate is no false-alarm rate. The function is of one side, that of the stimulus, so "
     "that its guess rate is (a + 1/2)/(b + 1) with a half of the answers left and right to b blank "
     "trials: about half of the false alarms under Blank trials, which may name either side. It is "
-    "of the blanks alone, so that a function that is drawn may start above the points of the "
-    "weakest levels."
+    "of the blanks alone; a function that is drawn starts at the posterior mean, for which weak "
+    "levels count, too."
 )
 
 LAPSES: Final = (

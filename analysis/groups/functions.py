@@ -114,7 +114,7 @@ def group_function(people: PersonCounts, rows: Sequence[int], axis: Axis) -> Fun
         one[near] for one in np.meshgrid(found.middle, spread_at, log_sigma_at, indexing="ij")
     )
     width = np.hypot(np.exp(log_sigma), spread)
-    gamma = math.fsum(one.mean for one in tables.guesses) / len(each)
+    gamma = math.fsum(one.guess_rate for one in each) / len(each)
     lapse = math.fsum(one.lapse_rate for one in each) / len(each)
     drawn_at, level_vpp = _places(people.level_vpp[chosen][used], axis)
     z = (drawn_at[:, None] / ruler.step - middle) / width

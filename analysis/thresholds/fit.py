@@ -85,8 +85,8 @@ class PsychometricFit:
     sigma : float
         Posterior median of the width: log10 units, or the levels' unit on a linear axis. NaN where
         detection rises in one step (``separated``): the prior alone would tell it.
-    lapse_rate : float
-        Posterior mean.
+    lapse_rate, guess_rate : float
+        Posterior means; a guess rate that is known is that.
     mle_threshold, mle_sigma, mle_lapse_rate : float
         The likeliest values, sigma and lambda within their priors' bounds; NaN where ``separated``.
     deviance : float
@@ -98,6 +98,7 @@ class PsychometricFit:
     threshold_limits: tuple[float, float] = (_NAN, _NAN)
     sigma: float = _NAN
     lapse_rate: float = _NAN
+    guess_rate: float = _NAN
     mle_threshold: float = _NAN
     mle_sigma: float = _NAN
     mle_lapse_rate: float = _NAN
@@ -311,6 +312,7 @@ def _fit(
         threshold_limits=limits,
         sigma=_NAN if steep else ruler.step * math.exp(known.log_sigma[row, 1]),
         lapse_rate=float(known.lapse_rate[row]),
+        guess_rate=float(known.guess_rate[row]),
         mle_threshold=ruler.step * mu,
         mle_sigma=ruler.step * math.exp(log_sigma),
         mle_lapse_rate=lapse_rate,

@@ -80,7 +80,8 @@ class Surface:
     mu: Floats
     log_sigma: Floats
     by_kind: Floats  # times the prior of each of `kinds`: (kinds, mu, log sigma)
-    lapse_rate: float  # posterior mean
+    lapse_rate: float  # posterior mean, as that of the guess rate
+    guess_rate: float
     best: tuple[float, float, float]  # the likeliest node: mu, log sigma, lambda
 
     @property
@@ -323,13 +324,14 @@ class _Batch:
         shares = weight.sum(axis=1) * (cells @ np.outer(mu, sigma).ravel())
         shares /= shares.sum(axis=1, keepdims=True)
         shares = shares.reshape(-1, len(axes.guess), len(axes.lapse))
-        lapse_rate = shares.sum(axis=1) @ axes.lapse
+        lapse_rate, guess_rate = shares.sum(axis=1) @ axes.lapse, shares.sum(axis=2) @ axes.guess
         top = values.max(axis=(1, 2), keepdims=True)
         by_kind /= top[:, None]
         found = [
             Surface(
                 mu=axes.mu, log_sigma=axes.log_sigma, by_kind=one,
                 lapse_rate=float(lapse_rate[i]),
+                guess_rate=float(guess_rate[i]),
                 best=self.best(i),
             )
             for i, one in enumerate(by_kind)

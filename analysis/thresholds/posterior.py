@@ -30,7 +30,8 @@ class Posterior:
 
     mu: Floats  # at the points of `density.QUANTILES`, as log_sigma: (fits, 3)
     log_sigma: Floats
-    lapse_rate: Floats  # mean: (fits,)
+    lapse_rate: Floats  # mean: (fits,), as guess_rate
+    guess_rate: Floats
     best: Floats  # likeliest node of the grid, mu, log sigma and lambda: (fits, 3)
 
 
@@ -50,6 +51,7 @@ def posterior(found: Sequence[Surface], rulers: Sequence[Ruler]) -> Posterior:
         mu=mu,
         log_sigma=log_sigma,
         lapse_rate=np.array([one.lapse_rate for one in found]),
+        guess_rate=np.array([one.guess_rate for one in found]),
         best=np.array([one.best for one in found]),
     )
 

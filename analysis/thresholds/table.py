@@ -39,7 +39,7 @@ THRESHOLD_COLUMNS: Final = (
     "participant", "condition", "status", "threshold_vpp", "threshold_low_vpp",
     "threshold_high_vpp", "threshold_db", "threshold_low_db", "threshold_high_db", "printed",
     "sigma", "lapse_rate", "mle_threshold_vpp", "mle_sigma", "mle_lapse_rate", "deviance",
-    "deviance_p", "guess_rate", "guess_basis", "threshold_guess_0_vpp",
+    "deviance_p", "guess_rate", "guess_basis", "guess_posterior", "threshold_guess_0_vpp",
     "threshold_guess_third_vpp", "varied_low_vpp", "varied_high_vpp", "varied_printed",
     "levels", "trials",
 )  # fmt: skip
@@ -125,6 +125,7 @@ def thresholds_of(people: PersonCounts, *, seed: int, axis: Axis) -> pd.DataFram
             "deviance_p": misfits[i],
             "guess_rate": people.guesses[i].rate.mean,
             "guess_basis": people.guesses[i].basis,
+            "guess_posterior": fits[i].guess_rate,
             "threshold_guess_0_vpp": axis.level(others[0][i].threshold),
             "threshold_guess_third_vpp": axis.level(others[1][i].threshold),
             **varied[i],

@@ -120,7 +120,7 @@ def test_the_tables_have_the_promised_columns(example: Path) -> None:
         "thresholds.csv": "participant condition status threshold_vpp threshold_low_vpp "
         "threshold_high_vpp threshold_db threshold_low_db threshold_high_db printed sigma "
         "lapse_rate mle_threshold_vpp mle_sigma mle_lapse_rate deviance deviance_p guess_rate "
-        "guess_basis threshold_guess_0_vpp threshold_guess_third_vpp "
+        "guess_basis guess_posterior threshold_guess_0_vpp threshold_guess_third_vpp "
         "varied_low_vpp varied_high_vpp varied_printed levels trials threshold_left_um "
         "threshold_right_um displacement_basis",
         "trials_clean.csv": " ".join([*(column.name for column in COLUMNS), "counted", "reason"]),

@@ -181,7 +181,7 @@ def test_no_letter_of_the_panels_of_people_is_too_small_for_print() -> None:
 @pytest.mark.parametrize(
     ("sides", "start"),
     [
-        (("left",), "the false-alarm rate of the blank trials alone, half an answer added"),
+        (("left",), "the share of blank trials that were answered as felt, as counted"),
         (("left", "right"), "half of the share of blank trials that were answered left or right"),
     ],
 )
@@ -199,7 +199,8 @@ def test_the_caption_says_whose_function_it_is_and_where_it_starts(
     (sheet,) = FIGURES["detection"](analysis)
     of_group = "may lie above or below the points of single people"
     assert (of_group in sheet.caption) is (len(people) > 1)
-    assert f"A function starts at {start}" in sheet.caption
+    assert f"The filled sign at the left edge is {start}" in sheet.caption
+    assert "A function starts at the posterior mean of the guess rate" in sheet.caption
 
 
 @pytest.mark.slow
@@ -212,17 +213,16 @@ def test_the_guess_rate_of_blank_trials_stands_at_the_left_edge(tmp_path: Path) 
     for who, number in told.items():
         start = person_curves(analysis, who)["main"].start
         assert start == pytest.approx(
-            [(number + 0.5) / 21, *beta(number + 0.5, 20.5 - number).ppf([0.025, 0.975])]
+            [number / 20, *beta(number + 0.5, 20.5 - number).ppf([0.025, 0.975])]
         )
     (group,) = group_curves(analysis).values()
     assert group.start is not None
-    assert group.start[0] == pytest.approx((1.5 + 6.5) / 2 / 21)
+    assert group.start[0] == pytest.approx((1 + 6) / 2 / 20)
     drawn = [tuple(np.ravel(line.get_xydata())) for line in draw(analysis).axes[0].lines]
     assert (START, group.start[0]) in drawn
-    assert "left edge: mean guess rate," in texts(analysis)
-    assert "<!-- of the false alarms, + ½ answer -->" in texts(analysis)
+    assert "left edge: mean false-alarm rate, as counted" in texts(analysis)
     (page,) = draw_participants(analysis)
-    assert "left edge: guess rate," in written(page.draw)[1].decode()
+    assert "left edge: false-alarm rate, as counted" in written(page.draw)[1].decode()
 
 
 @pytest.mark.parametrize("forced_choice", [False, True])

@@ -83,7 +83,7 @@ def test_methods_tell_task_counts_priors_intervals_and_what_is_left_out(tmp_path
         "Of the tables 4 further rows were not analysed",
         "as if felt in 2 of 40 (5.0 %) in condition palm, in 2 of 40 (5.0 %) in condition thumb.",
         "gamma the false-alarm rate, lambda the lapse rate, sigma the width",
-        "a mean (a + 1/2)/(b + 1) of 0.071; a function that is drawn has this mean, of the ",
+        "a mean (a + 1/2)/(b + 1) of 0.071; a function that is drawn has the posterior mean of ",
         "The mean difference had a normal prior with mean 0 and a standard deviation of 12 dB",
         "It refused none of 4 functions at p < 0.01",
         "95 % equal-tailed credible intervals, between the 2.5 % and the 97.5 % point",
@@ -224,7 +224,8 @@ def test_a_caption_tells_the_signs_that_the_figure_has(tmp_path: Path) -> None:
         "means of the participants with 95 % credible intervals for the population mean (bars)",
         "small symbols are single participants",
         "pointwise 95 % credible bands",
-        "at the left edge are mean false-alarm rates (the share of blank (catch) trials answered",
+        "at the left edge are mean false-alarm rates as counted (the share of blank (catch) ",
+        "trials answered as felt); the functions start at their posterior means",
         "with 95 % credible intervals (thick bars",
         "thinner, where another participant's is expected (95 %); at the foot, the means less",
     ):

@@ -65,7 +65,7 @@ def person_curves(analysis: Analysis, participant: str) -> dict[str, Curve]:
         if row["status"] in DRAWN:
             line = Line(
                 mu=float(analysis.axis.on_axis(row["threshold_vpp"])), sigma=float(row["sigma"]),
-                lapse_rate=float(row["lapse_rate"]), guess_rate=float(row["guess_rate"]),
+                lapse_rate=float(row["lapse_rate"]), guess_rate=float(row["guess_posterior"]),
             )  # fmt: skip
             function = person_function(analysis.people, rows[condition], line, analysis.axis)
             value = deviance_residuals(detected, presented, function.at(levels_vpp))
@@ -79,7 +79,7 @@ def person_curves(analysis: Analysis, participant: str) -> dict[str, Curve]:
 
 
 def start_of(analysis: Analysis, person: int) -> tuple[float, float, float] | None:
-    """Return the guess rate of a person and its 95 % interval; none where no blank trial tells it.
+    """Return the guess rate as it was counted, and its 95 % interval; none without blank trials.
 
     The interval is that of the Beta distribution in the fit, docs/statistics.md, section 8.
     """
@@ -89,7 +89,8 @@ def start_of(analysis: Analysis, person: int) -> tuple[float, float, float] | No
     from scipy.special import betaincinv
 
     low, high = betaincinv(*guess.rate.beta, LIMITS)
-    return guess.rate.mean, float(low), float(high)
+    rate = (guess.rate.beta[0] - 0.5) / (sum(guess.rate.beta) - 1)  # of Beta(a + 1/2, b - a + 1/2)
+    return rate, min(float(low), rate), max(float(high), rate)
 
 
 def _mean_start(analysis: Analysis, people: list[int]) -> tuple[float, float, float] | None:
@@ -180,8 +181,10 @@ def blanks_tell(analysis: Analysis) -> bool:
 
 def start_label(analysis: Analysis, *, of_mean: bool = False) -> str:
     """Return what the key of a figure says of guess rates."""
-    of = "half of the" if not (is_yes_no(analysis) or analysis.one_side) else "the"
-    return f"left edge: {'mean ' if of_mean else ''}guess rate,\nof {of} false alarms, + ½ answer"
+    mean = "mean " if of_mean else ""
+    if is_yes_no(analysis) or analysis.one_side:
+        return f"left edge: {mean}false-alarm rate, as counted"
+    return f"left edge: {mean and 'mean of '}half of the false alarms,\nas counted"
 
 
 def start_words(analysis: Analysis) -> str:
@@ -190,8 +193,9 @@ def start_words(analysis: Analysis) -> str:
         return ""
     told = "half of the share of blank trials that were answered left or right"
     if is_yes_no(analysis) or analysis.one_side:
-        told = "the false-alarm rate of the blank trials alone"
+        told = "the share of blank trials that were answered as felt"
     return (
-        f" A function starts at {told}, half an answer added (the filled sign at the left edge), "
-        "and so may lie above the points of the weakest levels."
+        f" The filled sign at the left edge is {told}, as counted. A function starts at the "
+        "posterior mean of the guess rate: blank trials and weak levels tell it, and a prior worth "
+        "half an answer, so that it may lie above the sign and the points of the weakest levels."
     )

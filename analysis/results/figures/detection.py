@@ -89,7 +89,9 @@ def _fit(analysis: Analysis, *, alone: bool) -> str:
     misfit = misfit_words(analysis.thresholds).removeprefix("It ").removesuffix(".")
     if not misfit:
         return ""
-    bars = " A bar wholly off 0 is rare where the group's function holds: 1 of 480 in simulations."
+    bars = (
+        " A bar wholly off 0 is rare where the group's function holds: none of 480 in simulations."
+    )
     bars = "" if alone else bars
     return f"{bars} Whether a participant's function fits is tested by bootstrap: it {misfit}."
 

@@ -110,8 +110,8 @@ def guess_words(analysis: Analysis) -> Iterator[str]:
             )
             yield (
                 f"the rate gamma had the distribution Beta(a + 1/2, b - a + 1/2) after {after}, "
-                f"with a mean (a + 1/2)/(b + 1) of {value}; a function that is drawn has this "
-                "mean, of the blank trials alone, as its gamma"
+                f"with a mean (a + 1/2)/(b + 1) of {value}; a function that is drawn has the "
+                "posterior mean of gamma, for which weak levels count, too"
             )
 
 
