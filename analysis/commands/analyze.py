@@ -38,6 +38,7 @@ def write_analysis(
     seed: int = 0,
     population: bool = False,
     figures: bool = True,
+    pdf: bool = False,
     bar: bool = False,
 ) -> Analysis:
     r"""Read result files, analyse them and write tables, summary, figures and a report.
@@ -62,6 +63,8 @@ def write_analysis(
         Whether to fit the participants of each condition as one population.
     figures : bool
         Whether to draw.
+    pdf : bool
+        Whether figures are written as PDF, too.
     bar : bool
         Whether to show on a terminal how far reading came, if there is much to read.
 
@@ -106,7 +109,7 @@ def write_analysis(
             loaded, ci=ci, seed=seed, allow_simulated=allow_simulated, population=population
         )
     with working("Writing") if bar else nullcontext(), no_search_for_circles():
-        save(analysis, Path(out_dir), with_figures=figures, read=loaded.paths)
+        save(analysis, Path(out_dir), with_figures=figures, read=loaded.paths, pdf=pdf)
     return analysis
 
 
@@ -159,6 +162,7 @@ def _bar(sources: Sequence[InputTable]) -> AbstractContextManager[Iterable[Input
     "show a guess rate above 0.03, or who felt nothing had to guess.",
 )
 @click.option("--strict", is_flag=True, help="Exit with 1 if there is a warning.")
+@click.option("--pdf", is_flag=True, help="Write each figure as PDF, too, as journals ask for it.")
 @click.option("--no-figures", is_flag=True, help="Draw nothing; the report has tables only.")
 @refusals
 def analyze(
@@ -172,6 +176,7 @@ def analyze(
     accept_altered: bool,
     population: bool,
     strict: bool,
+    pdf: bool,
     no_figures: bool,
 ) -> None:
     """Turn result CSVs or folders into tables, figures and a report.
@@ -183,6 +188,8 @@ def analyze(
     from analysis.reading.foreign.columns import load_column_map
     from analysis.results.console import print_analysis
 
+    if pdf and no_figures:
+        raise click.UsageError("--pdf writes figures: leave --no-figures out")
     # A data set, mostly another lab's, stays as it is.
     ours = len(paths) == 1 and paths[0].is_dir() and not (paths[0] / _BIDS).exists()
     target = out or (paths[0] if ours else Path()) / "analysis"
@@ -196,6 +203,7 @@ def analyze(
         seed=seed,
         population=population,
         figures=not no_figures,
+        pdf=pdf,
         bar=True,
     )
     print_analysis(analysis, sys.stdout)

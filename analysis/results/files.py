@@ -107,7 +107,14 @@ _PREFIX, _LOCK = ".analysis-", "lock"
 _SUMMARY_BEGINS = re.compile(rb'\{\n "schema": \d+,\n "definitions": \{')
 
 
-def save(analysis: Analysis, out_dir: Path, *, with_figures: bool, read: Iterable[Path]) -> None:
+def save(
+    analysis: Analysis,
+    out_dir: Path,
+    *,
+    with_figures: bool,
+    read: Iterable[Path],
+    pdf: bool = False,
+) -> None:
     """Write the files of an analysis into a folder; those of an earlier analysis are replaced.
 
     They are written into a temporary folder in it and moved when all of them are complete. A file
@@ -124,6 +131,8 @@ def save(analysis: Analysis, out_dir: Path, *, with_figures: bool, read: Iterabl
         Whether to draw.
     read : iterable of Path
         The files that were analysed.
+    pdf : bool
+        Whether figures are written as PDF, too.
 
     Raises
     ------
@@ -140,7 +149,7 @@ def save(analysis: Analysis, out_dir: Path, *, with_figures: bool, read: Iterabl
         _sweep(out_dir)
         with TemporaryDirectory(prefix=_PREFIX, dir=out_dir) as name, lock_on(Path(name) / _LOCK):
             made = Path(name)
-            for file, content in _contents(analysis, with_figures=with_figures):
+            for file, content in _contents(analysis, with_figures=with_figures, pdf=pdf):
                 _write(made / file, content, out_dir / file)
             _move(made, out_dir)
     except BaseException:
@@ -199,7 +208,7 @@ def _is_summary(path: Path) -> bool:
         return _SUMMARY_BEGINS.match(stream.read(100)) is not None
 
 
-def _contents(analysis: Analysis, *, with_figures: bool) -> Iterator[tuple[str, bytes]]:
+def _contents(analysis: Analysis, *, with_figures: bool, pdf: bool) -> Iterator[tuple[str, bytes]]:
     """Yield the files one by one, so that only one is held besides the figures."""
     yield SUMMARY, summary_text(analysis).encode()
     people = tuple(sorted(map(str, analysis.trials["participant"].unique())))
@@ -220,10 +229,12 @@ def _contents(analysis: Analysis, *, with_figures: bool) -> Iterator[tuple[str, 
     tables |= {name: table for name, table in possible.items() if len(table)}
     for name, table in tables.items():
         yield name, _csv(_marked(table, trials, marks), analysis)
-    drawn = tuple(figures.pictures(analysis)) if with_figures else ()
+    drawn = tuple(figures.pictures(analysis, pdf=pdf)) if with_figures else ()
     for one in drawn:
         yield f"{one.name}.png", one.png
         yield f"{one.name}.svg", one.svg
+        if one.pdf:
+            yield f"{one.name}.pdf", one.pdf
     yield METHODS, methods_of(analysis, drawn=bool(drawn)).text.encode()
     yield REPORT, report_html(analysis, drawn).encode()
 

@@ -72,7 +72,7 @@ def rows(path: Path) -> list[dict[str, str]]:
     return list(csv.DictReader(io.StringIO(path.read_text(encoding="utf-8"))))
 
 
-def no_room(*_: object) -> None:
+def no_room(*_: object, **__: object) -> None:
     raise OSError(28, "No space left on device")
 
 
@@ -96,6 +96,7 @@ def earlier(example: Path, tmp_path: Path) -> Path:
 def test_the_example_gives_every_file(example: Path) -> None:
     absent = {"control.csv", "differences.csv", "d_prime_differences.csv"}  # one condition
     absent |= {name for name in NAMES if name.startswith("participants-")}  # more than eight people
+    absent |= {name for name in NAMES if name.endswith(".pdf")}  # with --pdf
     assert set(files(example)) == {*NAMES} - absent
 
 

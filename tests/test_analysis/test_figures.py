@@ -470,7 +470,10 @@ def test_the_same_data_give_the_same_bytes(name: str, tmp_path: Path) -> None:
     text = f"{LEAST[:-1]},rt_s\n" + "\n".join(rows)
     analysis = analyse(loaded(tmp_path, text))
     (sheet,) = FIGURES[name](analysis)
-    assert written(sheet.draw) == written(sheet.draw)
+    assert written(sheet.draw, pdf=True) == written(sheet.draw, pdf=True)
+    *_, page = written(sheet.draw, pdf=True)
+    assert page.startswith(b"%PDF")
+    assert b"CreationDate" not in page
     assert sheet.title
     assert sheet.caption.endswith(".")
     assert "table" in sheet.alt

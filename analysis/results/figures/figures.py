@@ -1,4 +1,4 @@
-"""Which figures an analysis has: each as PNG and SVG, with title, caption and words for it."""
+"""Which figures an analysis has: each as PNG, SVG and PDF, with title, caption and words for it."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ NAMES = tuple(
     f"{_file(figure, sheet)}.{ending}"
     for figure in FIGURES
     for sheet in range(1, _MOST_SHEETS.get(figure, 1) + 1)
-    for ending in ("png", "svg")
+    for ending in ("png", "svg", "pdf")
 )
 
 
@@ -66,14 +66,16 @@ class Picture:
     alt: str
     png: bytes
     svg: bytes
+    pdf: bytes = b""  # where it was asked for
 
 
-def pictures(analysis: Analysis) -> Iterator[Picture]:
-    """Draw the figures for which an analysis has data, in the order of `FIGURES`."""
+def pictures(analysis: Analysis, *, pdf: bool = False) -> Iterator[Picture]:
+    """Draw the figures for which an analysis has data, in the order of `FIGURES`; as `pdf`, too."""
     for figure, sheets in FIGURES.items():
         for number, sheet in enumerate(sheets(analysis), start=1):
-            png, svg = written(sheet.draw)
+            png, svg, *page = written(sheet.draw, pdf=pdf)
             yield Picture(
                 figure=figure, name=_file(figure, number), title=sheet.title,
                 caption=sheet.caption, alt=sheet.alt, png=png, svg=svg,
+                pdf=page[0] if page else b"",
             )  # fmt: skip
