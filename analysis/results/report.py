@@ -35,6 +35,7 @@ from analysis.results.methods import (
     is_yes_no,
     looked_words,
     methods_of,
+    misfit_p_text,
     one_side_words,
 )
 from analysis.results.protocol import (
@@ -284,7 +285,9 @@ def _threshold(row: pd.Series[Any], axis: Axis) -> list[str]:
         row["printed"],
         row["status"].replace("_", " "),
         width_text(row["sigma"], axis),
-        *(p_text(row[name]) for name in ("lapse_rate", "deviance_p", "guess_rate")),
+        p_text(row["lapse_rate"]),
+        misfit_p_text(row["deviance_p"]),
+        p_text(row["guess_rate"]),
         row["guess_basis"],
         *(level_text(row[f"threshold_guess_{name}_vpp"], axis.unit) for name in ("0", "third")),
         row["varied_printed"] if isinstance(row["varied_printed"], str) else "n/a",

@@ -20,13 +20,13 @@ from scipy.stats import fisher_exact
 from analysis import ColumnMap, print_analysis, write_analysis
 from analysis.answers.doubts import Doubt
 from analysis.axis import VOLTS, Axis, bounded, times, with_limits
-from analysis.groups.criterion import BESIDE_COLUMNS, same_rates_p
+from analysis.groups.criterion import BESIDE_COLUMNS, rates_apart, same_rates_p
 from analysis.groups.sensitivity import BY_LEVEL_COLUMNS
 from analysis.groups.tables import DIFFERENCE_COLUMNS, GROUP_COLUMNS
 from analysis.results.answer import REASONS, Answer, answer
 from analysis.results.compared import pairs_of, plain
 from analysis.results.files import harmless
-from analysis.results.rows import forced_choice
+from analysis.results.rows import PAGE, blank_cells, forced_choice
 from analysis.results.tables import Analysis, analyse
 from analysis.thresholds.fit import BOUNDED, WITH_THRESHOLD
 from analysis.thresholds.table import THRESHOLD_COLUMNS, WORDS
@@ -873,6 +873,51 @@ def test_criterion_is_spoken_of_only_where_false_alarms_differ(
     assert said.count("false alarms are not told apart (p = ") == 1 - often
     assert said.count(" % (5.0 to 30.0 %)") == 2
     assert not any("interleaved" in of for _, _, of in found.rows)
+
+
+@pytest.mark.parametrize(("number", "basis"), [(6, "interval"), (4, "test")])
+def test_false_alarms_of_several_people_rest_on_their_interval(
+    least: Analysis, number: int, basis: str
+) -> None:
+    """One of them alone differs: that is an exact test's difference, and not one of people."""
+    alarms, blanks = [(0, 10), *[(1, 1)] * (number - 1)], [(20, 20)] * number
+    assert same_rates_p(alarms, blanks) < 0.05
+    names = [f"{i}" for i in range(number)]
+    blank = pd.concat(
+        pd.DataFrame({"condition": condition, "participant": [*names, "all"],
+                      "presented": [20] * number + [20 * number],
+                      "p": [*(one[of] / 20 for one in alarms),
+                            np.mean([one[of] for one in alarms]) / 20]})
+        for of, condition in enumerate("ab")
+    ).assign(low=0.01, high=0.6, group_low=0.01, group_high=0.6)  # fmt: skip
+    told = dict(zip(BESIDE_COLUMNS[5:8], rates_apart(alarms, blanks), strict=True))
+    row = {"condition_a": "a", "condition_b": "b", "participant": "all", "status": "ok",
+           "difference_db": -3.0, "low_db": -5.0, "high_db": -1.0, **told}  # fmt: skip
+    analysis = replace(
+        least, counts=replace(least.counts, conditions=2), blank=blank, detected_any=least.levels,
+        differences=pd.DataFrame([row], columns=[*DIFFERENCE_COLUMNS, *BESIDE_COLUMNS]),
+    )  # fmt: skip
+    said = plain(answer(analysis).statements[1])
+    rarer = (
+        "hey were rarer in a, where the threshold is higher, and a stricter criterion there may "
+    )
+    if basis == "interval":
+        assert "not told apart (+8.3 points, 95 % interval -13.1 to +29.8 by Student's t)" in said
+        assert f"If anything t{rarer}bring the difference about in part." in said
+    else:
+        within = "exact Cochran-Mantel-Haenszel test within these participants"
+        assert f"were not equally frequent (p = 0.012, {within}): t{rarer}bring" in said
+        assert "bring the difference about in whole or in part" in said
+
+
+def test_a_share_is_rounded_alike_wherever_it_is_told(least: Analysis) -> None:
+    """9 of 240 lies half-way between two roundings."""
+    blank = pd.DataFrame([{"participant": "all", "left": 5, "right": 4, "both": 0, "presented": 240,
+                           "p": 9 / 240, "low": 0.02, "high": 0.07, "group_low": 0.0215,
+                           "group_high": 0.0935}])  # fmt: skip
+    analysis = replace(least, blank=blank, detected_any=least.levels)
+    assert "alse alarms: 3.8 % (2.2 to 9.4 %)" in answer(analysis).statements[1]
+    assert blank_cells(blank.iloc[0], PAGE)[-3:] == ["0.038", "0.020 to 0.070", "0.022 to 0.094"]
 
 
 def test_false_alarms_are_compared_within_people() -> None:

@@ -587,3 +587,9 @@ def test_tables_of_several_kinds_of_device_say_which(tmp_path: Path, analyze: An
     assert [line["device_kind"] for line in rows(out / "levels.csv")] == ["mixed"]
     summary = json.loads((out / "summary.json").read_bytes())
     assert summary["devices"] == {"emulated": 2, "real": 1}
+
+
+def test_pdf_without_figures_is_refused(analyze: Analyze) -> None:
+    result = analyze("--pdf", "t.csv")
+    assert result.exit_code == 2
+    assert "--pdf writes figures: leave --no-figures out" in result.stderr

@@ -89,7 +89,8 @@ def tabulated(trials: pd.DataFrame, axis: Axis = VOLTS) -> Analysis:
 
 
 def render(shown: Analysis) -> tuple[bytes, bytes]:
-    return written(lambda: draw(shown))
+    png, svg = written(lambda: draw(shown))
+    return png, svg
 
 
 def texts(shown: Analysis) -> str:

@@ -43,7 +43,10 @@ def normal_surface(at: float, width: float) -> Surface:
     log_sigma = np.linspace(-1, 2, 9)
     values = np.exp(-0.5 * ((mu - at) / width) ** 2)[:, None] * np.ones(9)
     by_kind = kind_prior()[:, None, None] * values
-    return Surface(mu=mu, log_sigma=log_sigma, by_kind=by_kind, lapse_rate=0.0, best=(at, 0.7, 0.0))
+    return Surface(
+        mu=mu, log_sigma=log_sigma, by_kind=by_kind, lapse_rate=0.0, guess_rate=0.0,
+        best=(at, 0.7, 0.0),
+    )  # fmt: skip
 
 
 def test_normal_weights_integrate_what_is_linear_however_narrow_the_normal_is() -> None:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, Any, Final
 
+from analysis.axis import half_up
 from analysis.thresholds.fit import WITH_THRESHOLD
 from analysis.thresholds.goodness import REPLICATES
 
@@ -136,6 +138,15 @@ def _names(refused: list[tuple[float, str, str]], thresholds: pd.DataFrame) -> s
     words = "; ".join([*told, f"and {more} more"] if more else told)
     least = f"; {_LEAST_P:.3f} is the least that {REPLICATES} tables can show"
     return f"{words}{least if refused[0][0] <= _LEAST_P else ''}"
+
+
+def misfit_p_text(value: float) -> str:
+    """Return a bootstrap's p for a table, n/a where there is none.
+
+    >>> misfit_p_text(1 / 500), misfit_p_text(float("nan"))
+    ('<= 0.002', 'n/a')
+    """
+    return "n/a" if math.isnan(value) else "<= " * (value <= _LEAST_P) + half_up(value, 3)
 
 
 def _p_words(value: float) -> str:
