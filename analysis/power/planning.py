@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from analysis.power.levers import levers
 from analysis.power.promise import Promise
-from analysis.power.search import Trials, answers, levers, most_work, slower, smallest
+from analysis.power.search import Trials, answers, most_work, slower, smallest
 from analysis.power.studies import Point, plan_text
 from experiment.study.physics import study_gains
 

@@ -11,8 +11,9 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from analysis.power.goals import Goal
+    from analysis.power.levers import Lever
     from analysis.power.population import People
-    from analysis.power.search import Answer, Lever, Tried
+    from analysis.power.search import Answer, Tried
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

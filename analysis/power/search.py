@@ -47,9 +47,6 @@ _PERSON_S: Final = 0.001
 _PLACED_S: Final = 0.002
 """About what a study takes, each of its people, and placing levels for one: it sizes the chunks."""
 _TIMED: Final = 3
-_FEWER: Final = 0.6
-"""Of the people of the answer, where levers are tried: at the answer itself little is left."""
-_MORE: Final = 1.5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -97,20 +94,6 @@ class Answer:
     low: int | None = None
     high: int | None = None
     checked: Tried | None = None
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Lever:
-    """What a change of the design does: the same people, a share of them more that reach it."""
-
-    change: str
-    before: Tried
-    after: Tried
-
-    @property
-    def gain(self) -> float:
-        """More of the studies that reach the goal."""
-        return self.after.assurance - self.before.assurance
 
 
 @dataclass(slots=True, kw_only=True)
@@ -328,43 +311,6 @@ def _ladder(least: int, most: int) -> list[int]:
     while ladder[-1] < most:
         ladder.append(min(most, max(ladder[-1] + 1, round(ladder[-1] * _STRIDE))))
     return ladder
-
-
-def levers(
-    trials: Trials,
-    answer: Answer,
-    participants: tuple[int, int],
-    kind: str,
-    levels: int,
-) -> tuple[Lever, ...]:
-    """Return what changes of the design do to a study of fewer people, the largest gain first.
-
-    Changes that a `kind` of goal does not ask about are left out; `levels` is their number.
-    """
-    least, most = participants
-    number = max(least, round(_FEWER * (answer.participants or most)))
-    base = replace(answer.point, participants=number)
-    more = math.ceil(_MORE * number)
-    changes = {f"{more} people instead of {number}": replace(base, participants=more)}
-    if kind != "false-alarms":
-        longer = levels * math.ceil(_MORE * base.trials_per_side / levels)
-        changes[f"{longer} trials of each side instead of {base.trials_per_side}"] = replace(
-            base, trials_per_side=longer
-        )
-    if base.blanks and kind != "detection":
-        changes[f"{2 * base.blanks} blanks instead of {base.blanks}"] = replace(
-            base, blanks=2 * base.blanks
-        )
-    if kind in {"half-width", "difference"}:
-        told = "the study's levels" if base.placed else "levels placed for each person"
-        changes[f"{told} instead"] = replace(base, placed=not base.placed)
-    studies = PROBE if answer.participants is None else FEW
-    before, *after = trials.run([base, *changes.values()], studies)
-    found = (
-        Lever(change=change, before=before, after=one)
-        for change, one in zip(changes, after, strict=True)
-    )
-    return tuple(sorted(found, key=lambda one: -one.gain))
 
 
 def most_work(at: Iterable[Point], participants: tuple[int, int]) -> float:
