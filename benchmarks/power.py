@@ -261,7 +261,7 @@ def row(plan: Plan, seed: int, spread: Any, *, fresh: int = FRESH, whole: int = 
     promise = plan_study(
         stated_people(study, goal), goal, participants=(2, plan.most), trials_per_side=None,
         blanks=None, placed=plan.placed, assurance=ASSURANCE, seed=seed, spread=spread,
-        predicted=lambda *_: None, step=lambda _: None,
+        predicted=lambda *_: None, step=lambda *_: None,
     )  # fmt: skip
     answer = promise.best
     levels = "placed" if plan.placed else "fixed"

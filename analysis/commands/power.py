@@ -33,6 +33,7 @@ _SPREAD = (
     " lets the same command go on"
 )
 _WORTH_TELLING_S = 10
+_DRAWN_EVERY_S = 1.0
 _TOLD_EVERY_S = 30.0
 """Off a terminal, where no bar is drawn."""
 
@@ -59,17 +60,34 @@ class _Grouped(click.Command):
             formatter.write_dl([*told.values()])
 
 
-def _teller() -> Callable[[float], None]:
-    """Return what tells a share that is done, now and then, where no bar is drawn."""
-    told_s = time.monotonic()
+class Progress:
+    """How far a search is, and what it knows so far, told now and then.
 
-    def tell(share: float) -> None:
-        nonlocal told_s
-        if not sys.stderr.isatty() and time.monotonic() - told_s > _TOLD_EVERY_S:
-            told_s = time.monotonic()
-            click.echo(f"{share:.0%} of the most it can need is done", err=True)
+    A terminal has both in the line that is drawn there, others have a line every half minute.
+    """
 
-    return tell
+    def __init__(
+        self,
+        show: Callable[[int, int, str], object],
+        *,
+        terminal: bool,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self.most = 0.0
+        """Amount of work that it can need."""
+        self._show, self._terminal, self._clock = show, terminal, clock
+        self._done, self._known, self._told_s = 0.0, "", clock()
+
+    def step(self, part: float, so_far: Callable[[], str]) -> None:
+        """Take in that so much more is done; `so_far` says what is known."""
+        self._done += part
+        if self._clock() - self._told_s > (_DRAWN_EVERY_S if self._terminal else _TOLD_EVERY_S):
+            self._told_s, self._known = self._clock(), so_far()
+            if not self._terminal:
+                share = self._done / max(self.most, 1)
+                known = f"; {self._known}" * bool(self._known)
+                click.echo(f"{share:.0%} of the most it can need is done{known}", err=True)
+        self._show(round(self._done), max(round(self.most), 1), self._known)
 
 
 @click.command(
@@ -207,20 +225,14 @@ def power(
     computed = {"study": people.study.sha256, "goal": goal_text, "seed": seed}
     spreading = _spreading(workers, scheduler, keep, computed)
     with spreading as spread, told_by_file(study_file), working("Simulating") as show:
-        work = {"done": 0.0, "all": 0.0}
+        terminal = sys.stderr.isatty()
+        progress = Progress(show, terminal=terminal)
 
         def predicted(core_s: float, all_of_it: float) -> None:
-            work["all"] = all_of_it
-            if core_s > _WORTH_TELLING_S or sys.stderr.isatty():
+            progress.most = all_of_it
+            if core_s > _WORTH_TELLING_S or terminal:
                 told = f"At most about {math.ceil(core_s)} core-seconds"
                 click.echo(f"{told}{_SPREAD * (core_s > _LONG_S)}", err=True)
-
-        tell = _teller()
-
-        def step(part: float) -> None:
-            work["done"] += part
-            show(round(work["done"]), max(round(work["all"]), 1))
-            tell(work["done"] / max(work["all"], 1))
 
         promise = plan_study(
             people,
@@ -233,7 +245,7 @@ def power(
             seed=seed,
             spread=spread,
             predicted=predicted,
-            step=step,
+            step=progress.step,
         )
     click.echo(told_as_json(promise) if as_json else text(promise))
     if figure is not None:

@@ -11,6 +11,7 @@ import numpy as np
 from analysis.power.levers import levers
 from analysis.power.promise import Promise
 from analysis.power.search import Trials, answers, most_work, slower, smallest
+from analysis.power.so_far import SoFar
 from analysis.power.studies import Point, plan_text
 from experiment.study.physics import study_gains
 
@@ -40,20 +41,24 @@ def plan_study(
     seed: int,
     spread: Spread,
     predicted: Callable[[float, float], object],
-    step: Callable[[float], object],
+    step: Callable[[float, Callable[[], str]], object],
 ) -> Promise:
     """Return how many people, from one number to another, reach a goal as often as is asked for.
 
     Before the search starts `predicted` is told the processor time that it takes at most, in s,
-    and its amount of work; `step` then how much of this is done.
+    and its amount of work; `step` then how much of this is done, with what tells the answer that
+    is known so far, in words.
     """
     study = people.study
     points = _points(study, goal, trials_per_side, blanks, placed=placed)
     plan = plan_text(study, study_gains(study), goal, people.draws)
-    trials = Trials(plan=plan, seed=seed, spread=spread, step=step)
+    trials = Trials(plan=plan, seed=seed, spread=spread)
+    so_far = SoFar(trials=trials, points=points, participants=participants, assurance=assurance)
+    trials.step = lambda part: step(part, so_far.words)
     work = most_work(points, participants)
     predicted(work * slower(trials, replace(points[0], participants=participants[1])), work)
     found = answers(trials, [smallest(trials, point, participants, assurance) for point in points])
+    so_far.answers = found
     levels = LEVELS_PLACED if placed else len(study.design.levels_vpp)
     first = next((one for one in found if one.participants is not None), found[0])
     changes = levers(trials, first, participants, goal.kind, levels)

@@ -55,8 +55,7 @@ class Promise:
     @property
     def best(self) -> Answer | None:
         """The answer with the fewest trials of all people together, if there is one."""
-        found = [one for one in self.answers if one.participants is not None]
-        return min(found, key=_trials, default=None)
+        return best_of(self.answers)
 
     @property
     def sentence(self) -> str:
@@ -110,6 +109,12 @@ class Promise:
             f"simulated intervals {covered:.0%} held the truth. Assumed of the population: "
             f"{people}. People who leave or are left out are not counted in this number."
         )
+
+
+def best_of(answers: Sequence[Answer]) -> Answer | None:
+    """Return the answer with the fewest trials of all people together, if any has a number."""
+    found = [one for one in answers if one.participants is not None]
+    return min(found, key=_trials, default=None)
 
 
 def text(promise: Promise) -> str:

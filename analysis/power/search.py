@@ -76,9 +76,14 @@ class Tried:
 
         1 where it clearly reaches the assurance, -1 where it clearly does not, 0 between.
         """
-        error = math.sqrt(assurance * (1 - assurance) / self.studies)
-        apart = self.assurance - assurance
-        return 0 if abs(apart) <= _CLEAR * error else (1 if apart > 0 else -1)
+        return clear(self.reached, self.studies, assurance)
+
+
+def clear(reached: int, studies: int, assurance: float) -> int:
+    """Tell on which side of the assurance so many of so many studies lie, as `Tried.clear` does."""
+    error = math.sqrt(assurance * (1 - assurance) / studies)
+    apart = reached / studies - assurance
+    return 0 if abs(apart) <= _CLEAR * error else (1 if apart > 0 else -1)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -137,6 +142,13 @@ class Trials:
             median=float(np.median(numbers)),
             covered=float(np.mean(covered)),
         )
+
+    def counted(self) -> dict[Point, tuple[int, int]]:
+        """Return how many studies of each point reached the goal so far, and of how many."""
+        return {
+            point: (sum(reached for reached, *_ in of_point.values()), len(of_point))
+            for point, of_point in self._found.items()
+        }
 
     def all(self) -> list[Tried]:
         """Return all that was tried, in the order of the points."""

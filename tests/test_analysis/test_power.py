@@ -16,7 +16,7 @@ from click.testing import CliRunner
 from scipy.stats import binom, chi2
 
 from analysis.answers.intervals import proportion_ci
-from analysis.commands.power import power
+from analysis.commands.power import Progress, power
 from analysis.power.goals import Goal
 from analysis.power.population import (
     literature_people,
@@ -25,6 +25,7 @@ from analysis.power.population import (
     truth_of,
 )
 from analysis.power.search import MANY, Trials, answers, smallest
+from analysis.power.so_far import SoFar
 from analysis.power.studies import Chunk, Point, plan_text, simulate
 from analysis.reading.load import read_trials
 from analysis.workers.chunks import spread
@@ -206,6 +207,61 @@ def test_a_number_that_fresh_studies_rule_out_is_not_the_answer() -> None:
         (found,) = answers(trials, [smallest(trials, at, (2, most), 0.8)])
         assert found.participants == answer
         assert found.high == answer
+
+
+def test_a_search_under_way_tells_between_which_numbers_the_answer_lies() -> None:
+    def drawn(_: object, chunks: Iterable[Chunk]) -> Iterator[Any]:
+        for one in chunks:
+            rng = np.random.default_rng((one.point.participants, one.first))
+            reached = rng.random(one.number) < 0.8 + 0.05 * (one.point.participants - 13.6)
+            yield one, dict.fromkeys(("reached", "number", "covered"), reached.tolist())
+
+    at = Point(participants=1, trials_per_side=75, blanks=0)
+
+    def told(participants: tuple[int, int]) -> tuple[Answer, list[str]]:
+        trials = Trials(plan="", seed=1, spread=drawn)
+        so_far = SoFar(trials=trials, points=[at], participants=participants, assurance=0.8)
+        words: list[str] = []
+        trials.step = lambda _: words.append(so_far.words())
+        (found,) = answers(trials, [smallest(trials, at, participants, 0.8)])
+        so_far.answers = [found]
+        return found, [*dict.fromkeys(words), so_far.words()]
+
+    found, words = told((2, 40))
+    assert words[:2] == ["so far more than 2 participants", "so far more than 3 participants"]
+    (low, high) = (int(one) for one in re.findall(r"\d+", words[-2]))
+    assert low <= (found.participants or 0) <= high <= low + 5
+    assert words[-1] == f"{found.participants} participants, now other designs"
+    assert told((2, 6))[1][-2:] == [
+        "so far no number up to 6 participants",
+        "no number up to 6 participants, now other designs",
+    ]
+    share, last = told((14, 14))[1][-2:]
+    assert re.fullmatch(r"so far \d+% \(\d+% to \d+%\)", share)
+    assert last == f"{share}, now other designs"
+
+
+@pytest.mark.parametrize(("terminal", "every_s"), [(True, 1.0), (False, 30.0)])
+def test_what_is_known_is_told_every_second_or_half_minute(
+    every_s: float, capsys: pytest.CaptureFixture[str], *, terminal: bool
+) -> None:
+    now_s, shown, asked = 0.0, [], []
+
+    def so_far() -> str:
+        asked.append(now_s)
+        return "so far 19 to 25 participants" if len(asked) > 1 else ""
+
+    progress = Progress(lambda *told: shown.append(told), terminal=terminal, clock=lambda: now_s)
+    progress.most = 200.0
+    for step in range(1, 23):
+        now_s = step * every_s / 10
+        progress.step(4.0, so_far)
+    assert np.diff(asked) == pytest.approx([1.1 * every_s])
+    assert shown[0] == (4, 200, "")
+    assert shown[-1] == (88, 200, "so far 19 to 25 participants")
+    lines = ["22% of the most it can need is done",
+             "44% of the most it can need is done; so far 19 to 25 participants"]  # fmt: skip
+    assert capsys.readouterr().err.splitlines() == ([] if terminal else lines)
 
 
 @pytest.mark.slow

@@ -8,7 +8,7 @@ from __future__ import annotations
 import contextlib
 import sys
 from threading import Event, Thread
-from typing import TYPE_CHECKING, Final, TypeAlias, TypeVar
+from typing import TYPE_CHECKING, Final, Protocol, TypeVar
 
 import click
 
@@ -19,9 +19,6 @@ if TYPE_CHECKING:
 
     from experiment.apparatus.rig import Confirmation, Rig
 
-
-Step: TypeAlias = "Callable[[int, int], None]"
-"""Told how much of how much is done."""
 
 _Command = TypeVar("_Command", bound="Callable[..., object]")
 
@@ -92,48 +89,67 @@ def answer(question: str) -> bool:
         return False
 
 
+class Step(Protocol):
+    """Told how much of how much is done, and perhaps what is known so far, in few words."""
+
+    def __call__(self, done: int, total: int, known: str = "") -> None:
+        """Take the news."""
+
+
 _SHOWN_AFTER_S: Final = 0.5
 _DRAWN_EVERY_S: Final = 0.1
+_BAR_CHARACTERS: Final = 20
+"""Of 80, so that what is known stands beside it."""
 
 
 @contextlib.contextmanager
 def working(what: str) -> Iterator[Step]:
     """Show on a terminal's stderr that something is going on, and for how long; then nothing.
 
-    What is yielded may be told how much of how much is done. Work that is over within half a
-    second shows nothing, nor does any off a terminal: rich is not even imported then.
+    What is yielded may be told how much of how much is done, and what is known so far. Work that is
+    over within half a second shows nothing, nor does any off a terminal: rich is not even imported
+    then.
 
     Examples
     --------
     >>> with working("Computing") as step:
     ...     step(1, 2)
     """
-    over, told = Event(), [(0, 0)]
+    over, told = Event(), [(0, 0, "")]
+
+    def step(done: int, total: int, known: str = "") -> None:
+        told.append((done, total, known))
+
     thread = Thread(target=_show, args=(what, over, told), daemon=True)
     shown = sys.stderr.isatty()
     if shown:
         thread.start()
     try:
-        yield lambda done, total: told.append((done, total))
+        yield step
     finally:
         over.set()
         if shown:
             thread.join()
 
 
-def _show(what: str, over: Event, told: list[tuple[int, int]]) -> None:
+def _show(what: str, over: Event, told: list[tuple[int, int, str]]) -> None:
     """Draw the line until the work is over; it is taken away then."""
     if over.wait(_SHOWN_AFTER_S):
         return
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
-    columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(_BAR_CHARACTERS),
+        TimeElapsedColumn(),
+        TextColumn("{task.fields[known]}"),
+    )
     with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task(what, total=None)
+        task = bar.add_task(what, total=None, known="")
         while not over.wait(_DRAWN_EVERY_S):
-            done, total = told[-1]
-            bar.update(task, completed=done, total=total or None)
+            done, total, known = told[-1]
+            bar.update(task, completed=done, total=total or None, known=known)
 
 
 @contextlib.contextmanager
