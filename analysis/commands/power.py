@@ -253,7 +253,7 @@ def power(
 
         write_figure(promise, figure)
     if promise.best is None:
-        raise CommandError(promise.why_not, exit_code=ANSWER_IS_NO)
+        click.get_current_context().exit(ANSWER_IS_NO)
 
 
 def _people(study: Study, goal: Goal, pilot: Path | None, whose: str) -> People:

@@ -30,6 +30,19 @@ class Lever:
         """More of the studies that reach the goal."""
         return self.after.assurance - self.before.assurance
 
+    @property
+    def by_chance(self) -> bool:
+        """Whether so many studies may differ by the gain without a cause, at about 5 %.
+
+        Both have random numbers in common, which makes chance smaller than is reckoned here.
+        """
+        both = (self.before, self.after)
+        shares = [(tried.reached + 1) / (tried.studies + 2) for tried in both]
+        variance = sum(
+            share * (1 - share) / tried.studies for share, tried in zip(shares, both, strict=True)
+        )
+        return abs(self.gain) <= 2 * math.sqrt(variance)
+
 
 def levers(
     trials: Trials,
@@ -40,10 +53,13 @@ def levers(
 ) -> tuple[Lever, ...]:
     """Return what changes of the design do to a study of fewer people, the largest gain first.
 
+    They begin with a part of the answer's people or, where no number does, with the most.
     Changes that a `kind` of goal does not ask about are left out; `levels` is their number.
     """
     least, most = participants
-    number = max(least, round(_FEWER * (answer.participants or most)))
+    number = most
+    if answer.participants is not None:
+        number = max(least, round(_FEWER * answer.participants))
     base = replace(answer.point, participants=number)
     more = math.ceil(_MORE * number)
     changes = {f"{more} people instead of {number}": replace(base, participants=more)}

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from analysis.power.levers import levers
+from analysis.power.population import truth_of
 from analysis.power.promise import Promise
 from analysis.power.search import Trials, answers, most_work, slower, smallest
 from analysis.power.so_far import SoFar
@@ -51,7 +52,8 @@ def plan_study(
     """
     study = people.study
     points = _points(study, goal, trials_per_side, blanks, placed=placed)
-    plan = plan_text(study, study_gains(study), goal, people.draws)
+    gains = study_gains(study)
+    plan = plan_text(study, gains, goal, people.draws)
     trials = Trials(plan=plan, seed=seed, spread=spread)
     so_far = SoFar(trials=trials, points=points, participants=participants, assurance=assurance)
     trials.step = lambda part: step(part, so_far.words)
@@ -62,6 +64,9 @@ def plan_study(
     levels = LEVELS_PLACED if placed else len(study.design.levels_vpp)
     first = next((one for one in found if one.participants is not None), found[0])
     changes = levers(trials, first, participants, goal.kind, levels)
+    asks_blanks = goal.kind == "false-alarms"
+    fingers = gains[0].fingers()
+    own = truth_of(goal, study.simulation, study, fingers) if asks_blanks else None
     return Promise(
         study=study.name,
         goal=goal,
@@ -71,6 +76,7 @@ def plan_study(
         tried=tuple(trials.all()),
         levers=changes,
         people=people,
+        false_alarms=own,
         seed=seed,
         plan_sha256=hashlib.sha256(plan.encode()).hexdigest(),
     )

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from analysis.power.levers import Lever
     from analysis.power.population import People
     from analysis.power.search import Answer, Tried
+    from analysis.power.studies import Point
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -36,6 +37,8 @@ class Promise:
         The largest first.
     people : People
         The population, with the source of every number.
+    false_alarms : float or None
+        How often their blanks are answered, where the goal asks for it.
     seed : int
     plan_sha256 : str
         Of what was simulated: study, gains, goal, people.
@@ -49,6 +52,7 @@ class Promise:
     tried: tuple[Tried, ...]
     levers: tuple[Lever, ...]
     people: People
+    false_alarms: float | None
     seed: int
     plan_sha256: str
 
@@ -60,9 +64,14 @@ class Promise:
     @property
     def sentence(self) -> str:
         """Say the answer."""
-        if self.best is None:
-            return f"No number within the bounds: {self.wanted}."
-        return f"{_people(self.best)}, {_design(self.best)}: {self.wanted}."
+        if self.best is not None:
+            return f"{_people(self.best)}, {_design(self.best.point)}: {self.wanted}."
+        least, most = self.participants
+        if least == most:
+            return f"{_counted(most)} {'is' if most == 1 else 'are'} not enough: {self.wanted}."
+        return (
+            f"No number within the bounds, {least} to {_counted(most)}, is enough: {self.wanted}."
+        )
 
     @property
     def wanted(self) -> str:
@@ -70,25 +79,40 @@ class Promise:
         return f"{self.goal.words}, in {self.assurance:.0%} of studies"
 
     @property
-    def why_not(self) -> str:
-        """Say that no number within the bounds does, and what comes closest."""
-        least, most = self.participants
+    def reaching(self) -> str:
+        """Say how many studies with the answer, or with what comes closest to one, reach it."""
+        if self.best is not None:
+            checked = self.best.checked
+            if checked is None:
+                return ""
+            fresh = f"{checked.studies} fresh studies, which took no part in the search"
+            return f"Of {fresh}, {_percent(checked)} reach it."
+        closest = self._closest
+        told = f"Of {closest.studies} studies with {_counted(closest.point.participants)}"
+        told += f", {_design(closest.point)}," * (len(self.answers) > 1)
+        told += f" {_percent(closest)} reach it"
+        if self.false_alarms is not None and self.false_alarms >= self.goal.size:
+            return (
+                f"{told}: with the rates below people have {self.false_alarms:.1%} of false alarms,"
+                f" which no number of people or blanks bounds at {100 * self.goal.size:.3g} %."
+            )
+        better = [one for one in self.levers if one.gain > 0 and not one.by_chance]
+        if better:
+            return f"{told}; with {better[0].change}, {_percent(better[0].after)} do."
+        return f"{told}; no other design that was tried does clearly better."
+
+    @property
+    def _closest(self) -> Tried:
+        """The point that comes closest to the goal, of those that were searched."""
+        most = self.participants[1]
         searched = {replace(one.point, participants=0) for one in self.answers}
-        closest = max(
+        return max(
             (
                 one
                 for one in self.tried
                 if replace(one.point, participants=0) in searched and one.point.participants <= most
             ),
             key=lambda one: (one.assurance, one.point.participants),
-        )
-        best, number = self.levers[0], closest.point.participants
-        people = f"{number} participant{'' if number == 1 else 's'}"
-        if least < most:
-            people += f", the best of {least} to {most}"
-        return (
-            f"{self.goal.words}: in {_percent(closest)} of studies with {people}, "
-            f"not in {self.assurance:.0%}; with {best.change} in {_percent(best.after)}"
         )
 
     @property
@@ -102,9 +126,10 @@ class Promise:
         people = ", ".join(f"{one.key} = {one.value:g}" for one in self.people.numbers)
         return (
             f"The number of participants was chosen by simulation (tactstrip power, seed "
-            f"{self.seed}). With {_people(self.best)}, {_design(self.best)}, {self.goal.words} is "
-            f"expected in {self.assurance:.0%} of such studies: of {fresh.studies} simulated ones "
-            f"that took no part in choosing this number, {_percent(fresh)} reached it. All were "
+            f"{self.seed}). With {_people(self.best)}, {_design(self.best.point)}, "
+            f"{self.goal.words} is expected in {self.assurance:.0%} of such studies: of "
+            f"{fresh.studies} simulated ones that took no part in choosing this number, "
+            f"{_percent(fresh)} reached it. All were "
             "analysed as the recorded data will be; of all "
             f"simulated intervals {covered:.0%} held the truth. Assumed of the population: "
             f"{people}. People who leave or are left out are not counted in this number."
@@ -119,22 +144,22 @@ def best_of(answers: Sequence[Answer]) -> Answer | None:
 
 def text(promise: Promise) -> str:
     """Return a promise for a terminal: the answer first."""
-    lines = [promise.sentence]
-    if promise.best and promise.best.checked:
-        told = f"{promise.best.checked.studies} fresh studies, which took no part in the search,"
-        lines += [f"Of {told} {_percent(promise.best.checked)} reach it."]
+    lines = [one for one in (promise.sentence, promise.reaching) if one]
     lines += [f"{_assumed(promise.people)}; all are listed below."]
     if len(promise.answers) > 1:
         lines += ["", "For each design:"]
-        lines += [f"  {_people(one)}, {_design(one)}" for one in promise.answers]
+        lines += [f"  {_people(one)}, {_design(one.point)}" for one in promise.answers]
     lines += ["", *_table(promise.tried, promise.goal)]
     if promise.levers:
         base = promise.levers[0].before
-        told = f"{base.point.participants} participants, of whose studies {_percent(base)} reach it"
+        told = f"{_counted(base.point.participants)}, of whose studies {_percent(base)} reach it"
+        number = promise.best.participants if promise.best else None
+        if number is not None and base.point.participants < number:
+            told += f" (few of those of the answer, {number}, fail: a gain could hardly show)"
         lines += ["", f"Levers, beginning with {told}; the largest first:"]
         lines += [
             f"  {one.change}: {_percent(one.after)}"
-            f"{', not told apart from no change' if _by_chance(one) else ''}"
+            f"{', not told apart from no change' if one.by_chance else ''}"
             for one in promise.levers
         ]
     lines += ["", "People:", f"  {promise.people.words(promise.goal)}"]
@@ -230,19 +255,6 @@ def _table(tried: Sequence[Tried], goal: Goal) -> list[str]:
     return [f"{first}  median {head}  covered", *rows]
 
 
-def _by_chance(one: Lever) -> bool:
-    """Tell whether so many studies may differ by the gain without a cause, at about 5 %.
-
-    Both have random numbers in common, which makes chance smaller than is reckoned here.
-    """
-    both = (one.before, one.after)
-    shares = [(tried.reached + 1) / (tried.studies + 2) for tried in both]
-    variance = sum(
-        share * (1 - share) / tried.studies for share, tried in zip(shares, both, strict=True)
-    )
-    return abs(one.gain) <= 2 * math.sqrt(variance)
-
-
 def _percent(one: Tried) -> str:
     low, high = one.limits
     return f"{one.assurance:.0%} ({low:.0%} to {high:.0%})"
@@ -261,13 +273,17 @@ def _trials(one: Answer) -> int:
 def _people(one: Answer) -> str:
     if one.participants is None:
         return "no number of participants"
-    told = "1 participant" if one.participants == 1 else f"{one.participants} participants"
+    told = _counted(one.participants)
     if one.high is None:
         return f"{told} (at least {one.low} by the simulation)"
     return told if one.low == one.high else f"{told} ({one.low} to {one.high} by the simulation)"
 
 
-def _design(one: Answer) -> str:
-    blanks = f", {one.point.blanks} blanks" if one.point.blanks else ""
-    placed = ", levels placed for each" if one.point.placed else ""
-    return f"{one.point.trials_per_side} trials of each side{blanks}{placed}"
+def _counted(people: int) -> str:
+    return f"{people} participant{'' if people == 1 else 's'}"
+
+
+def _design(point: Point) -> str:
+    blanks = f", {point.blanks} blanks" if point.blanks else ""
+    placed = ", levels placed for each" if point.placed else ""
+    return f"{point.trials_per_side} trials of each side{blanks}{placed}"

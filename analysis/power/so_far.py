@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from analysis.answers.intervals import proportion_ci
 from analysis.power.promise import best_of
@@ -50,38 +51,53 @@ class SoFar:
     def _at(self, design: int, number: int) -> Point:
         return replace(self.points[design], participants=number)
 
-    def _left(self, counted: Counted, design: int) -> tuple[int, int | None] | None:
-        """Return from which number to which the answer of a design is; none if none reaches it.
-
-        The latter is none while no number is known to be enough.
-        """
+    def _left(self, counted: Counted, design: int) -> _Left | None:
+        """Return what is left of the numbers of a design; none if not one reaches the assurance."""
         least, most = self.participants
-        low, high = least, None
+        low, perhaps, high = least, math.inf, math.inf
         for number in range(least, most + 1):
             reached, studies = counted.get(self._at(design, number), (0, 0))
-            side = clear(reached, studies, self.assurance) if studies >= PROBE else 0
+            if studies < PROBE:
+                continue
+            side = clear(reached, studies, self.assurance)
             if side < 0:
-                low, high = number + 1, None
-            elif side > 0 and high is None:
-                high = number
-        return None if low > most else (low, high)
+                low, perhaps, high = number + 1, math.inf, math.inf
+            elif side > 0:
+                high = min(high, number)
+            if reached >= self.assurance * studies:
+                perhaps = min(perhaps, number)
+        return None if low > most else _Left(low, perhaps, high)
 
 
-def _between(left: Sequence[tuple[int, int | None]], least: int) -> str:
+class _Left(NamedTuple):
+    """The least number not ruled out, the least that may do, and the least that is enough.
+
+    The latter two are infinite where none is known.
+    """
+
+    low: int
+    perhaps: float
+    high: float
+
+
+def _between(left: Sequence[_Left], least: int) -> str:
     """Say between which numbers the answers of designs lie.
 
-    >>> _between([(19, 25)], 2), _between([(2, 8)], 2)
+    >>> _between([_Left(19, 24, 25)], 2), _between([_Left(2, 5, 8)], 2)
     ('so far 19 to 25 participants', 'so far at most 8 participants')
-    >>> _between([(14, None), (9, 30)], 2)
-    'so far more than 8 participants'
+    >>> _between([_Left(14, 40, math.inf), _Left(9, math.inf, math.inf)], 2)
+    'so far more than 8, perhaps 40 participants'
     """
-    lows, highs = zip(*left, strict=True)
-    low, high = min(lows), None if None in highs else max(highs)
-    if high is None:
-        return "" if low == least else f"so far more than {_people(low - 1)}"
+    low, perhaps, high = (min(of) for of in zip(*left, strict=True))
+    if math.inf in {one.high for one in left}:
+        more = f"more than {low - 1}" if low > least else ""
+        if perhaps == math.inf:
+            return f"so far more than {_people(low - 1)}" if more else ""
+        return f"so far {', '.join([more] * bool(more) + [f'perhaps {perhaps:g}'])} participants"
+    high = max(one.high for one in left)
     if low == least:
         return f"so far at most {_people(high)}"
-    return f"so far {_people(high)}" if low == high else f"so far {low} to {_people(high)}"
+    return f"so far {_people(high)}" if low == high else f"so far {low:g} to {_people(high)}"
 
 
 def _share(reached: int, studies: int) -> str:
@@ -95,5 +111,5 @@ def _up_to(most: int) -> str:
     return f"no number up to {_people(most)}"
 
 
-def _people(number: int) -> str:
-    return f"{number} participant{'' if number == 1 else 's'}"
+def _people(number: float) -> str:
+    return f"{number:g} participant{'' if number == 1 else 's'}"

@@ -18,12 +18,14 @@ from scipy.stats import binom, chi2
 from analysis.answers.intervals import proportion_ci
 from analysis.commands.power import Progress, power
 from analysis.power.goals import Goal
+from analysis.power.planning import plan_study
 from analysis.power.population import (
     literature_people,
     pilot_people,
     stated_people,
     truth_of,
 )
+from analysis.power.promise import text
 from analysis.power.search import MANY, Trials, answers, smallest
 from analysis.power.so_far import SoFar
 from analysis.power.studies import Chunk, Point, plan_text, simulate
@@ -36,8 +38,9 @@ from experiment.study.simulated import people_words
 from experiment.terms.gains import OWN_FINGER_ONLY, ConditionGains
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator
+    from collections.abc import Callable, Iterable, Iterator
 
+    from analysis.power.promise import Promise
     from analysis.power.search import Answer
     from experiment.study.study import Study
 
@@ -378,17 +381,73 @@ def test_the_page_shows_the_shape_of_the_json(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_a_goal_out_of_reach_ends_in_one_line_and_keeps_what_was_tried(tmp_path: Path) -> None:
+def test_a_goal_out_of_reach_is_an_answer_and_no_error(tmp_path: Path) -> None:
     path = tmp_path / "study.toml"
     path.write_text(BLANKS)
     told = ["--goal", "false-alarms=1%", "--participants", "1", "2", "--seed", "3"]
     done = CliRunner().invoke(power, [str(path), *told])
     assert done.exit_code == 1
-    assert done.stderr.startswith("error: false alarms bounded at 1 % (95 %): in 0% (0% to 2%) of ")
-    assert "of studies with 2 participants, the best of 1 to 2, not in 80%; with " in done.stderr
-    assert done.stderr.count("\n") == 1
-    assert "No number within the bounds" in done.stdout
+    assert not done.stderr
+    answer, closest = done.stdout.splitlines()[:2]
+    assert answer == (
+        "No number within the bounds, 1 to 2 participants, is enough: false alarms bounded at 1 % "
+        "(95 %), in 80% of studies."
+    )
+    assert re.fullmatch(
+        r"Of 200 studies with 2 participants 0% \(0% to 2%\) reach it: with the rates below people "
+        r"have 3\.\d% of false alarms, which no number of people or blanks bounds at 1 %\.",
+        closest,
+    )
+    assert "Levers, beginning with 2 participants, of whose" in done.stdout
     assert "    200  0% (0% to 2%)" in done.stdout
+
+
+@pytest.mark.slow
+def test_a_no_to_a_program_is_one_object_and_the_exit_code(tmp_path: Path) -> None:
+    path = tmp_path / "study.toml"
+    path.write_text(BLANKS)
+    told = ["--goal", "false-alarms=1%", "--participants", "2", "2", "--seed", "3", "--json"]
+    done = CliRunner().invoke(power, [str(path), *told])
+    assert (done.exit_code, done.stderr) == (1, "")
+    assert json.loads(done.stdout)["answer"] is None
+
+
+def promised(share: Callable[[int], float], participants: tuple[int, int]) -> Promise:
+    """Plan where so large a share of the studies of a number of people reaches the goal."""
+
+    def known(_: object, chunks: Iterable[Chunk]) -> Iterator[Any]:
+        for one in chunks:
+            studies = np.arange(one.first, one.first + one.number)
+            reached = (studies * 0.618 % 1 < share(one.point.participants)).tolist()
+            yield one, dict.fromkeys(("reached", "number", "covered"), reached)
+
+    goal = Goal.parse("false-alarms=9%")
+    return plan_study(
+        stated_people(NONE_OFFERED, goal), goal, participants=participants, trials_per_side=None,
+        blanks=None, placed=False, assurance=0.8, seed=1, spread=known,
+        predicted=lambda *_: None, step=lambda *_: None,
+    )  # fmt: skip
+
+
+def test_levers_begin_with_fewer_people_than_the_answer_and_say_why() -> None:
+    told = text(promised(lambda people: people / 25, (2, 40)))
+    assert told.startswith("20 participants (20 to 21 by the simulation), ")
+    why = (
+        r" reach it \(few of those of the answer, 20, fail: a gain could hardly show\); the largest"
+    )
+    assert re.search(
+        r"Levers, beginning with 12 participants, of whose studies \d+% .*" + why, told
+    )
+
+
+def test_levers_begin_with_the_most_people_where_they_are_not_enough() -> None:
+    told = text(promised(lambda people: people / 50, (2, 20)))
+    assert told.startswith("No number within the bounds, 2 to 20 participants, is enough: ")
+    closest = told.splitlines()[1]
+    assert re.match(r"Of 200 studies with 20 participants 40% \(", closest)
+    assert re.search(r"; with 30 people instead of 20, 62% \(.*\) do\.$", closest)
+    assert "Levers, beginning with 20 participants, of whose studies 40%" in told
+    assert text(promised(lambda _: 0.1, (1, 1))).startswith("1 participant is not enough: ")
 
 
 def test_help_has_every_option_under_a_heading() -> None:

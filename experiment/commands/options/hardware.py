@@ -98,7 +98,7 @@ class Step(Protocol):
 
 _SHOWN_AFTER_S: Final = 0.5
 _DRAWN_EVERY_S: Final = 0.1
-_BAR_CHARACTERS: Final = 20
+_BAR_CHARACTERS: Final = 15
 """Of 80, so that what is known stands beside it."""
 
 
