@@ -28,7 +28,7 @@ from analysis.power.goals import Goal
 from analysis.power.planning import plan_study
 from analysis.power.population import stated_people
 from analysis.power.search import Trials
-from analysis.power.studies import plan_text
+from analysis.power.studies import pilot_levels_vpp, plan_text
 from analysis.reading.load import read_trials
 from analysis.thresholds.levels import LevelsError, pilot_functions, placed
 from analysis.thresholds.people import people_of
@@ -177,10 +177,9 @@ def placed_sessions(
     study: Study, root: Path, *, participants: int, seed: int, gains: tuple[ConditionGains, ...]
 ) -> Iterator[SessionFolder]:
     """Run a pilot session of each person, place levels on it, and run the session at these."""
-    ceiling_vpp = study.device.ceiling_vpp
     design = replace(
         study.design,
-        levels_vpp=tuple(np.geomspace(ceiling_vpp / 10, ceiling_vpp, 10).round(1).tolist()),
+        levels_vpp=pilot_levels_vpp(study, gains[0].fingers()),
         trials_per_side=20,
         blank_trials=12 if "none" in study.design.responses else 0,
     )

@@ -13,8 +13,9 @@ from analysis.power.population import truth_of
 from analysis.power.promise import Promise
 from analysis.power.search import Trials, answers, most_work, slower, smallest
 from analysis.power.so_far import SoFar
-from analysis.power.studies import Point, plan_text
+from analysis.power.studies import Point, pilot_levels_vpp, plan_text
 from experiment.study.physics import study_gains
+from experiment.study.simulated import people_for_burst
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -77,6 +78,7 @@ def plan_study(
         levers=changes,
         people=people,
         false_alarms=own,
+        pilot_vpp=pilot_levels_vpp(study.changed(simulation=people_for_burst(study)), fingers),
         seed=seed,
         plan_sha256=hashlib.sha256(plan.encode()).hexdigest(),
     )

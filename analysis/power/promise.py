@@ -7,6 +7,8 @@ import math
 from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING, Any
 
+from analysis.power.studies import PILOT_STIMULI
+
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
@@ -39,6 +41,8 @@ class Promise:
         The population, with the source of every number.
     false_alarms : float or None
         How often their blanks are answered, where the goal asks for it.
+    pilot_vpp : tuple of float
+        Levels of the pilots on which levels are placed.
     seed : int
     plan_sha256 : str
         Of what was simulated: study, gains, goal, people.
@@ -53,6 +57,7 @@ class Promise:
     levers: tuple[Lever, ...]
     people: People
     false_alarms: float | None
+    pilot_vpp: tuple[float, ...]
     seed: int
     plan_sha256: str
 
@@ -100,6 +105,23 @@ class Promise:
         if better:
             return f"{told}; with {better[0].change}, {_percent(better[0].after)} do."
         return f"{told}; no other design that was tried does clearly better."
+
+    @property
+    def pilots(self) -> str:
+        """Say what pilots placed levels are from, and of how many people there are none."""
+        placed = [one for one in self.tried if one.unplaced is not None]
+        if not placed:
+            return ""
+        people = [one.studies * one.point.participants for one in placed]
+        without = sum(n * (one.unplaced or 0.0) for n, one in zip(people, placed, strict=True))
+        levels = " ".join(f"{level:g}" for level in self.pilot_vpp)
+        own = " ".join(f"{level:g}" for level in self.people.study.design.levels_vpp)
+        share = without / sum(people)
+        return (
+            f"Levels are placed after a pilot of {PILOT_STIMULI} stimuli at {levels} V. Of "
+            f"{sum(people)} pilots {share:.1%} placed none; their people have the study's levels, "
+            f"{own} V."
+        )
 
     @property
     def _closest(self) -> Tried:
@@ -150,6 +172,7 @@ def text(promise: Promise) -> str:
         lines += ["", "For each design:"]
         lines += [f"  {_people(one)}, {_design(one.point)}" for one in promise.answers]
     lines += ["", *_table(promise.tried, promise.goal)]
+    lines += [promise.pilots] * bool(promise.pilots)
     if promise.levers:
         base = promise.levers[0].before
         told = f"{_counted(base.point.participants)}, of whose studies {_percent(base)} reach it"
@@ -206,6 +229,7 @@ def as_json(promise: Promise) -> str:
         "answer": _answer(promise.best) if promise.best else None,
         "answers": [_answer(one) for one in promise.answers],
         "tried": [_row(one) for one in promise.tried],
+        "pilot_vpp": promise.pilot_vpp if promise.pilots else None,
         "levers": [
             {"change": one.change, "before": _row(one.before), "after": _row(one.after)}
             for one in promise.levers
@@ -238,6 +262,7 @@ def _row(one: Tried) -> dict[str, Any]:
         "high": high,
         "median": one.median if math.isfinite(one.median) else None,
         "covered": one.covered,
+        "unplaced": one.unplaced,
     }
 
 

@@ -60,6 +60,8 @@ class Tried:
     """Of the number that decided, infinite where half of the studies leave it open."""
     covered: float
     """Share of the studies whose interval covered the truth."""
+    unplaced: float | None = None
+    """Share of people on whose pilots no levels could be placed, where levels are placed."""
 
     @property
     def assurance(self) -> float:
@@ -101,6 +103,10 @@ class Answer:
     checked: Tried | None = None
 
 
+_Study = tuple[int, float, int, int]
+"""Whether it reached the goal, its number, whether it covered the truth, people without levels."""
+
+
 @dataclass(slots=True, kw_only=True)
 class Trials:
     """All points of a study that were tried, each with its studies in their order."""
@@ -110,7 +116,7 @@ class Trials:
     spread: Spread
     step: Callable[[float], object] = lambda _: None
     """Told how much more work is done, as `work_of` has it."""
-    _found: dict[Point, dict[int, tuple[int, float, int]]] = field(default_factory=dict)
+    _found: dict[Point, dict[int, _Study]] = field(default_factory=dict)
 
     def run(self, points: Iterable[Point], studies: int = FEW) -> list[Tried]:
         """Return each point with so many studies at least; only missing ones are simulated."""
@@ -126,21 +132,26 @@ class Trials:
         chunks = [one for point, studies in most.items() for one in self._missing(point, studies)]
         for chunk, result in self.spread(simulate, chunks):
             of_point = self._found.setdefault(chunk.point, {})
-            values = zip(result["reached"], result["number"], result["covered"], strict=True)
-            for i, (reached, number, covered) in enumerate(values, start=chunk.first):
-                of_point[i] = (reached, math.inf if number is None else number, covered)
+            unplaced = result.get("unplaced") or [0] * chunk.number
+            values = zip(
+                result["reached"], result["number"], result["covered"], unplaced, strict=True
+            )
+            for i, (reached, number, *others) in enumerate(values, start=chunk.first):
+                of_point[i] = (reached, math.inf if number is None else number, *others)
             self.step(work_of(chunk.point, chunk.number))
 
     def tried(self, point: Point, first: int = 0) -> Tried:
         """Return what is known of a point, by its studies from the first on."""
         values = [one for study, one in self._found[point].items() if study >= first]
-        reached, numbers, covered = zip(*values, strict=True)
+        reached, numbers, covered, unplaced = zip(*values, strict=True)
+        people = point.participants * len(reached)
         return Tried(
             point=point,
             studies=len(reached),
             reached=sum(reached),
             median=float(np.median(numbers)),
             covered=float(np.mean(covered)),
+            unplaced=sum(unplaced) / people if point.placed else None,
         )
 
     def counted(self) -> dict[Point, tuple[int, int]]:

@@ -20,8 +20,9 @@ from analysis.power.goals import Goal, judged
 from analysis.power.population import truth_of
 from analysis.thresholds.levels import LevelsError, pilot_functions, placed
 from experiment.study.read import study_from_canonical
+from experiment.study.sections.design import LEAST_LEVEL_VPP
 from experiment.study.sections.simulation import Simulation
-from experiment.study.simulated import people_for_burst
+from experiment.study.simulated import people_for_burst, threshold_vpp
 from experiment.terms.gains import gains_from_json
 
 if TYPE_CHECKING:
@@ -36,7 +37,10 @@ if TYPE_CHECKING:
 _PILOT_LEVELS: Final = 10
 _PILOT_RANGE: Final = 10.0
 """A pilot's levels lie evenly on the logarithm, from the ceiling down to this part of it."""
+_PILOT_BELOW_DB: Final = 3.0
+"""They reach so far below the threshold of nearly everybody, two SD below the median, at least."""
 _PILOT_PER_SIDE: Final = 20
+PILOT_STIMULI: Final = 2 * _PILOT_PER_SIDE
 _PILOT_BLANKS: Final = 12
 
 
@@ -132,11 +136,29 @@ def simulate(chunk: Chunk) -> dict[str, Any]:
         )
         for place, study in enumerate(studies)
     ]
-    return {
+    told = {
         "reached": [int(one.reached) for one in outcomes],
         "number": [one.number if math.isfinite(one.number) else None for one in outcomes],
         "covered": [int(one.covered) for one in outcomes],
     }
+    if chunk.point.placed:  # people whose pilots placed no levels
+        own = [one.design is design for one in sessions]
+        told["unplaced"] = [
+            sum(own[place * number : (place + 1) * number]) for place in range(chunk.number)
+        ]
+    return told
+
+
+def pilot_levels_vpp(study: Study, gains: FingerGains) -> tuple[float, ...]:
+    """Return the levels of a simulated pilot, from the ceiling down to below most thresholds."""
+    ceiling_vpp, people = study.device.ceiling_vpp, study.simulation
+    below_db = 2 * people.threshold_sd_db + _PILOT_BELOW_DB
+    least_vpp = min(
+        ceiling_vpp / _PILOT_RANGE, threshold_vpp(people, gains) * 10 ** (-below_db / 20)
+    )
+    levels_vpp = np.geomspace(max(least_vpp, LEAST_LEVEL_VPP), ceiling_vpp, _PILOT_LEVELS)
+    found = np.round(levels_vpp, 1)
+    return tuple(found.tolist())
 
 
 def design_of(design: Design, point: Point) -> Design:
@@ -169,11 +191,10 @@ def _with_placed_levels(plan: _Plan, sessions: Sequence[Session]) -> list[Sessio
 
     The pilot has 40 stimuli, and 12 blanks where they can be answered.
     """
-    ceiling_vpp, design = plan.study.device.ceiling_vpp, sessions[0].design
-    levels_vpp = np.geomspace(ceiling_vpp / _PILOT_RANGE, ceiling_vpp, _PILOT_LEVELS)
+    design = sessions[0].design
     pilot = replace(
         design,
-        levels_vpp=tuple(np.round(levels_vpp, 1).tolist()),
+        levels_vpp=pilot_levels_vpp(plan.study, plan.gains),
         trials_per_side=_PILOT_PER_SIDE,
         blank_trials=_PILOT_BLANKS if "none" in design.responses else 0,
         order="balanced",

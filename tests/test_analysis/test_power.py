@@ -28,7 +28,7 @@ from analysis.power.population import (
 from analysis.power.promise import text
 from analysis.power.search import MANY, Trials, answers, smallest
 from analysis.power.so_far import SoFar
-from analysis.power.studies import Chunk, Point, plan_text, simulate
+from analysis.power.studies import Chunk, Point, pilot_levels_vpp, plan_text, simulate
 from analysis.reading.load import read_trials
 from analysis.workers.chunks import spread
 from experiment.session.simulate import simulate_study
@@ -448,6 +448,50 @@ def test_levers_begin_with_the_most_people_where_they_are_not_enough() -> None:
     assert re.search(r"; with 30 people instead of 20, 62% \(.*\) do\.$", closest)
     assert "Levers, beginning with 20 participants, of whose studies 40%" in told
     assert text(promised(lambda _: 0.1, (1, 1))).startswith("1 participant is not enough: ")
+
+
+@pytest.mark.parametrize(
+    ("threshold_vpp", "spread_db", "least_vpp"),
+    [(80, 2, 20.0), (58, 3, 20.0), (20, 3, 7.1), (5, 1, 2.8), (0.1, 3, 0.1)],
+)
+def test_pilots_reach_below_nearly_all_thresholds(
+    threshold_vpp: float, spread_db: float, least_vpp: float
+) -> None:
+    study = study_of("", f"threshold_vpp = {threshold_vpp}\nthreshold_sd_db = {spread_db}")
+    levels_vpp = pilot_levels_vpp(study, OWN_FINGER_ONLY)
+    assert (levels_vpp[0], levels_vpp[-1], len(levels_vpp)) == (least_vpp, 200.0, 10)
+
+
+def unplaced(threshold_vpp: float) -> tuple[dict[str, Any], str]:
+    """Return some studies with placed levels, and what is told of their pilots."""
+    study = study_of("", f"threshold_vpp = {threshold_vpp}\nthreshold_sd_db = 1.0")
+    results = []
+
+    def kept(function: Callable[[Chunk], dict[str, Any]], chunks: Iterable[Chunk]) -> Any:
+        for one in chunks:
+            few = function(replace(one, first=0, number=1))
+            results.append(few)
+            yield one, {key: value * one.number for key, value in few.items()}
+
+    promise = plan_study(
+        stated_people(study, HALF_WIDTH), HALF_WIDTH, participants=(8, 8), trials_per_side=None,
+        blanks=None, placed=True, assurance=0.8, seed=1, spread=kept,
+        predicted=lambda *_: None, step=lambda *_: None,
+    )  # fmt: skip
+    return results[0], promise.pilots
+
+
+@pytest.mark.slow
+def test_it_is_told_of_how_many_pilots_no_levels_are_placed() -> None:
+    for threshold_vpp, pilot, least, most in (
+        (80.0, "20 25.8 33.4", 0, 2), (5.0, "2.8 4.5 7.3", 0, 5), (190.0, "20 25.8 33.4", 4, 8)
+    ):  # fmt: skip
+        result, told = unplaced(threshold_vpp)
+        (without,) = result["unplaced"]
+        assert least <= without <= most
+        assert told.startswith(f"Levels are placed after a pilot of 40 stimuli at {pilot} ")
+        assert told.endswith(f" pilots {without / 8:.1%} placed none; their people have the "
+                             "study's levels, 60 95 130 165 200 V.")  # fmt: skip
 
 
 def test_help_has_every_option_under_a_heading() -> None:
