@@ -117,10 +117,12 @@ class Promise:
         levels = " ".join(f"{level:g}" for level in self.pilot_vpp)
         own = " ".join(f"{level:g}" for level in self.people.study.design.levels_vpp)
         share = without / sum(people)
+        told = f"Levels are placed after a pilot of {PILOT_STIMULI} stimuli at {levels} V. "
+        if not without:
+            return f"{told}Each of {sum(people)} pilots placed some."
         return (
-            f"Levels are placed after a pilot of {PILOT_STIMULI} stimuli at {levels} V. Of "
-            f"{sum(people)} pilots {share:.1%} placed none; their people have the study's levels, "
-            f"{own} V."
+            f"{told}Of {sum(people)} pilots {share:.1%} placed none; their people have the "
+            f"study's levels, {own} V."
         )
 
     @property
