@@ -123,7 +123,8 @@ def test_frequencies_may_come_in_any_order_all_alike_or_at_rest(edge: Edge) -> N
     asked_hz = np.linspace(0.0, 3000.0, 40)
     mixed = rng.permutation(np.append(np.arange(40), [0, 5, 5]))
     in_order = displacement(scene, asked_hz, 1e-8)
-    np.testing.assert_array_equal(displacement(scene, asked_hz[mixed], 1e-8), in_order[mixed])
+    # not to the last digit: a processor's vectors round their ends in another way than their middle
+    np.testing.assert_allclose(displacement(scene, asked_hz[mixed], 1e-8), in_order[mixed], 1e-14)
     at_rest = displacement(scene, [0.0], 1e-10)
     assert within(in_order[:1], at_rest, 1e-8, axis=(1, 2))
     for asked in (500.0, 0.0):
