@@ -226,7 +226,7 @@ class Pair:
         slot, left, right = SIDES[side]
         self._token += 1
         before, flags = self._sound.count.torn[-1], self._sound.flags
-        self.clock.wait(QUIET_S)  # what is heard of the noise in a session, too
+        self._rest()
         self.monitor.begin(self._token, planned(side))
         delivery = play(self.device, self._token, slot)
         self.clock.wait(0.06)
@@ -244,6 +244,14 @@ class Pair:
         if not steady:
             self._calibrate()
         return Heard(measured, steady, fits, late)
+
+    def _rest(self) -> None:
+        """Let as much of the noise be heard as in a session: a busy machine brings it later."""
+        rested = self.recorder.frames + QUIET_S * 48e3
+        while self.recorder.frames < rested and self._sound.active:
+            self.clock.wait(QUIET_S / 10)
+            if self._sound.stalled_s > GONE_S:
+                break
 
     def _fits(self, began: int, on: tuple[int, int]) -> bool:
         """Tell whether what came through of a torn burst is that burst within its tolerances."""
