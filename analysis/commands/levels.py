@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 import click
 
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     "study_file",
     metavar="STUDY",
     type=click.Path(path_type=Path),
-    help="The study to be run: its ceiling, trials and levels.  [default: the pilot's]",
+    help="The study to be run: its device, trials and levels.  [default: the pilot's]",
 )
 @click.option(
     "--write",
@@ -48,7 +48,8 @@ def levels(
 ) -> None:
     """Place five levels on a participant's own psychometric function, in each condition.
 
-    DIR holds a pilot session: about 40 single stimuli over a wide range of levels.
+    DIR holds a pilot session: about 40 single stimuli over a wide range of levels. Simulated ones
+    need no option; what is printed and written says that its levels are for no person.
     """
     from analysis.reading.load import read_trials
     from analysis.thresholds.levels import LevelsError, place_levels
@@ -77,10 +78,13 @@ def levels(
     if len(placements) < len(found) and (len(found) == 1 or not placements):
         raise next(one for one in found if isinstance(one, LevelsError))
     chosen = _chosen(placements, condition) if target is not None else None
+    simulated = bool(own["simulated"].astype(bool).any())
     if target is not None and chosen is not None:
-        write_levels(chosen, target)
+        write_levels(chosen, target, simulated=simulated)
     for one in found:
         click.echo(str(one) if isinstance(one, LevelsError) else report(one))
+    if simulated:
+        click.echo(f"{_SIMULATED}.")
     if target is not None:
         click.echo(f"Written to {target}; tactstrip run STUDY --levels {target} uses it")
 
@@ -116,10 +120,13 @@ def report(found: Placement) -> str:
         for level, share in zip(found.levels_vpp, found.felt, strict=True)
     )
     fixed = " ".join(f"{level:g}" for level in found.fixed_levels_vpp)
+    highest_vpp, key = found.highest
+    limited = f" (the device reaches {highest_vpp:g} V = {key})"
+    limited *= found.levels_vpp[-1] > highest_vpp - 0.1
     return (
         f"Participant {found.participant}, condition {found.condition}: threshold "
         f"{function.threshold_vpp:.1f} V ({low:.1f} to {high:.1f}), sigma {function.sigma:.3f}, "
-        f"guess rate {function.guess_rate:.2g}\nLevels:\n{rows}\n"
+        f"guess rate {function.guess_rate:.2g}\nLevels{limited}:\n{rows}\n"
         f"Expected error of the threshold after {found.trials} stimuli (RMSE), by what the pilot "
         f"tells:\n"
         f"  {_error(found.error)} with these levels\n"
@@ -140,8 +147,12 @@ def _error(error: ExpectedError) -> str:
     return f"{error.median_db:.2f} dB (90 %: below {error.most_db:.2f})"
 
 
-def write_levels(found: Placement, target: Path) -> None:
+_SIMULATED: Final = "Participant and answers are simulated: these levels are for no person"
+
+
+def write_levels(found: Placement, target: Path, *, simulated: bool) -> None:
     """Write the levels as `experiment.study.read.read_levels` reads them; never over a file."""
     numbers = ", ".join(f"{level!r}" for level in found.levels_vpp)
-    text = f"participant = {json.dumps(found.participant)}\nlevels_vpp = [{numbers}]\n"
+    text = f"# {_SIMULATED}.\n" * simulated
+    text += f"participant = {json.dumps(found.participant)}\nlevels_vpp = [{numbers}]\n"
     write_new(target, text.encode(), DISK)

@@ -81,6 +81,8 @@ class Placement:
         95 % limits.
     levels_vpp : tuple of float
         The placed levels, increasing, to 0.1 V.
+    highest : tuple of (float, str)
+        What the device reaches, Vpp, and the key that says so; no level is above it.
     felt : tuple of float
         How often each is felt by that function.
     trials : int
@@ -96,6 +98,7 @@ class Placement:
     function: Function
     threshold_limits_vpp: tuple[float, float]
     levels_vpp: tuple[float, ...]
+    highest: tuple[float, str]
     felt: tuple[float, ...]
     trials: int
     error: ExpectedError
@@ -115,7 +118,7 @@ def place_levels(
     participant : str
         Whose; other participants are ignored.
     study : Study
-        What is to be run: its ceiling, its number of trials, its levels to compare with.
+        What is to be run: its device, its number of trials, its levels to compare with.
     seed : int
         Of the simulated sessions behind the errors.
 
@@ -153,7 +156,7 @@ def _placement(people: PersonCounts, i: int, study: Study, seed: int) -> Placeme
     if isinstance(pilot, LevelsError):
         raise pilot
     function, (low, high) = pilot.function, pilot.threshold_limits_vpp
-    levels_vpp = placed(function, study.device.ceiling_vpp)
+    levels_vpp = placed(function, *study.device.highest)
     design = study.design
     drawn = _draws(pilot.surface, pilot.ruler, guess.mean, np.random.default_rng(seed))
     error, fixed_error = (
@@ -166,6 +169,7 @@ def _placement(people: PersonCounts, i: int, study: Study, seed: int) -> Placeme
         function=function,
         threshold_limits_vpp=(low, high),
         levels_vpp=levels_vpp,
+        highest=study.device.highest,
         felt=tuple(float(share) for share in _felt(function, levels_vpp)),
         trials=2 * design.trials_per_side,
         error=error,
@@ -259,8 +263,12 @@ def _draws(
     ]
 
 
-def placed(function: Function, ceiling_vpp: float) -> tuple[float, ...]:
-    """Return the levels that are felt as often as `FELT` says, none above the ceiling.
+def placed(
+    function: Function, highest_vpp: float, key: str = "device.ceiling_vpp"
+) -> tuple[float, ...]:
+    """Return the levels that are felt as often as `FELT` says, none above what the device reaches.
+
+    `highest_vpp` and `key` are those of `DeviceSettings.highest`.
 
     Where an end cannot be reached, the others move evenly towards it: the least may be felt up to
     35 % of the time, the largest must be felt 75 %. LevelsError where the levels that can be set
@@ -272,16 +280,17 @@ def placed(function: Function, ceiling_vpp: float) -> tuple[float, ...]:
     >>> placed(one, 130.0)
     (78.8, 90.4, 100.7, 112.2, 130.0)
     """
-    least, most = _felt(function, (LEAST_LEVEL_VPP, ceiling_vpp))
+    least, most = _felt(function, (LEAST_LEVEL_VPP, highest_vpp))
     low, high = max(FELT[0], float(least)), min(FELT[-1], float(most))
     if low > _LOWEST_MOST or high < _HIGHEST_LEAST:
         raise LevelsError(
             f"a threshold of {function.threshold_vpp:.1f} V lies too close to an end of the levels "
-            f"that can be set, {LEAST_LEVEL_VPP:g} to {ceiling_vpp:g} V"
+            f"that can be set, {LEAST_LEVEL_VPP:g} to {highest_vpp:g} V = {key}"
         )
     share = (np.array(FELT) - FELT[0]) / (FELT[-1] - FELT[0])
     exact = math.log10(function.threshold_vpp) + function.sigma * ndtri(low + share * (high - low))
-    levels = np.clip(np.round(10**exact, 1), LEAST_LEVEL_VPP, ceiling_vpp)
+    most_vpp = math.floor(10 * highest_vpp + 1e-6) / 10  # 118.78 V are not 118.8
+    levels = np.clip(np.round(10**exact, 1), LEAST_LEVEL_VPP, most_vpp)
     if not (np.diff(levels) > 0).all():
         raise LevelsError(
             f"a function as steep as sigma = {function.sigma:.3g} needs levels closer than 0.1 V"

@@ -26,7 +26,7 @@ from analysis.thresholds.levels import (
 from analysis.thresholds.people import GuessRate
 from analysis.thresholds.posterior import posterior
 from benchmarks.calibration import psychometric
-from experiment.study.read import paper_study, read_levels
+from experiment.study.read import paper_study, read_levels, read_study, with_levels
 from tests.test_analysis.shared import PAPER, felt, put, run
 
 if TYPE_CHECKING:
@@ -246,6 +246,9 @@ def test_the_command_writes_what_run_reads(folder: Path, tmp_path: Path) -> None
     assert len(levels) == 5
     assert levels[0] < 85 < levels[-1]
     assert ") with these levels\n" in result.stdout
+    simulated = "Participant and answers are simulated: these levels are for no person."
+    assert f"\n{simulated}\nWritten to " in result.stdout
+    assert target.read_text("utf-8").startswith(f"# {simulated}\nparticipant = ")
     assert ") with 20 40 60 80 100 130 160 200 V" in result.stdout
     again = run("levels", folder, "--participant", name)
     assert again.stdout == result.stdout[: len(again.stdout)]
@@ -282,6 +285,28 @@ def test_a_dry_run_suggests_levels(tmp_path: Path) -> None:
     assert "V, expected error" in told[0]
 
 
+@pytest.mark.usefixtures("few_studies")
+@pytest.mark.parametrize(
+    ("device", "most_vpp", "key"),
+    [
+        ('driver = "audio"\nvolts_full_scale = 55.03', 110.06, "2 x device.volts_full_scale"),
+        ('driver = "generator"\namplifier_gain = 5.5', 110.0, "20 x device.amplifier_gain"),
+        ("ceiling_vpp = 110", 110.0, "device.ceiling_vpp"),
+    ],
+)
+def test_placed_levels_stay_within_what_the_device_reaches_and_fit_its_study(
+    folder: Path, tmp_path: Path, device: str, most_vpp: float, key: str
+) -> None:
+    study = put(tmp_path / "s.toml", f"[design]\nlevels_vpp = [40, 110]\n[device]\n{device}\n")
+    target, name = tmp_path / "levels.toml", owner(folder)
+    result = run("levels", folder, "--participant", name, "--study", study, "--write", target)
+    assert result.exit_code == 0, result.stderr
+    assert f"\nLevels (the device reaches {most_vpp:g} V = {key}):\n" in result.stdout
+    levels_vpp = read_levels(target, name)
+    assert levels_vpp[-1] == 110.0
+    with_levels(read_study(study), levels_vpp)  # as run --levels does
+
+
 def test_no_levels_come_from_a_person_without_a_device(folder: Path, tmp_path: Path) -> None:
     name = owner(folder)
     (trials,) = folder.rglob("trials.csv")
@@ -304,7 +329,10 @@ def test_no_levels_come_from_a_person_without_a_device(folder: Path, tmp_path: P
             "{dir} --participant {me} --write l.txt",
             "--write must be a file that ends in .toml; got",
         ),
-        ("{dir} --participant {me} --study {study}", "levels that can be set, 0.1 to 90 V"),
+        (
+            "{dir} --participant {me} --study {study}",
+            "0.1 to 90 V = device.ceiling_vpp",
+        ),
         ("{dir} --participant nobody", "error: --participant must be one of {me}; got nobody\n"),
         ("nowhere --participant 1", "nowhere: no such file or folder"),
         ("nowhere", "Missing option '--participant'"),

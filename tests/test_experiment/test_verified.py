@@ -25,6 +25,7 @@ from device.driver import LinkError
 from device.emulate.amplifier import Adc
 from device.emulate.mock import MockDevice
 from device.monitor import inputs, matching
+from device.scpi.dialects import DIALECTS
 from device.sound.audio import AudioDevice
 from experiment.apparatus.monitor import make_monitor, planned_burst
 from experiment.apparatus.noise import SilentNoise
@@ -573,6 +574,10 @@ def test_the_quiet_that_a_study_is_asked_for_is_what_a_monitor_needs() -> None:
     assert equipment.LEAST_QUIET == matching.LEAST_QUIET
     assert equipment.LEAST_QUIET_S == inputs.LEAST_QUIET_S
     assert equipment.MOST_QUIET_S == inputs.MOST_QUIET_S
+
+
+def test_no_generator_reaches_more_than_a_study_is_told() -> None:
+    assert max(one.most_vpp for one in DIALECTS) == equipment.GENERATOR_MOST_VPP
 
 
 @pytest.mark.parametrize("port", ["", " ", "two\nlines"])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from operator import itemgetter
 from typing import TYPE_CHECKING, Annotated, Any, Final, Literal
 
 from pydantic import Field, model_validator
@@ -24,6 +25,10 @@ MAX_MASKING_LEVEL_DBA = 80.0
 """Loudest masking noise, dB(A) re 20 uPa, that a person may hear for the length of a session."""
 MAX_LEVEL_DBFS = -18.0
 """Louder noise would be clipped: its peaks lie up to 16 dB above its effective value."""
+
+
+GENERATOR_MOST_VPP = 20.0
+"""What the generators that are known reach into an open circuit; a test holds it to theirs."""
 
 
 @section
@@ -56,7 +61,8 @@ class DeviceSettings:
         default=None,
         ge=0.01,
         le=1_000,
-        description="peak volts at the actuator, half of peak-to-peak, of a sound card",
+        description="peak volts at the actuator, behind the amplifier, half of peak-to-peak, of "
+        "a sound card",
     )
     channels: tuple[_Output, _Output] = Field(
         default=(1, 2), strict=False, description="outputs of left and right, of a driver of yours"
@@ -83,10 +89,15 @@ class DeviceSettings:
     @property
     def highest(self) -> tuple[float, str]:
         """What no level may exceed, Vpp, and the key that says so."""
-        full_scale_v = self.volts_full_scale
-        if self.driver == "audio" and full_scale_v and 2 * full_scale_v < self.ceiling_vpp:
-            return 2 * full_scale_v, "2 x device.volts_full_scale"
-        return self.ceiling_vpp, "device.ceiling_vpp"
+        ceiling = self.ceiling_vpp, "device.ceiling_vpp"
+        if self.driver == "audio" and self.volts_full_scale is not None:
+            reached = 2 * self.volts_full_scale, "2 x device.volts_full_scale"
+            return min(ceiling, reached, key=itemgetter(0))
+        if self.driver == "generator" and self.amplifier_gain is not None:
+            most_vpp = GENERATOR_MOST_VPP
+            reached = most_vpp * self.amplifier_gain, f"{most_vpp:g} x device.amplifier_gain"
+            return min(ceiling, reached, key=itemgetter(0))
+        return ceiling
 
 
 MonitorSource = Literal["none", "duplex", "input", "device"]
