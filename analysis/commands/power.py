@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import math
 import secrets
 import signal
 import sys
 import time
+from collections import deque
 from contextlib import ExitStack, contextmanager
 from functools import partial
 from pathlib import Path
@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
     from analysis.power.goals import Goal
     from analysis.power.population import People
+    from analysis.power.promise import Promise
     from experiment.study.study import Study
 
 
@@ -36,6 +37,8 @@ _WORTH_TELLING_S = 10
 _DRAWN_EVERY_S = 1.0
 _TOLD_EVERY_S = 30.0
 """Off a terminal, where no bar is drawn."""
+_LATELY_S = 20.0
+_IN_SECONDS_S = 55.0
 
 
 _GROUPS = {
@@ -63,7 +66,8 @@ class _Grouped(click.Command):
 class Progress:
     """How far a search is, and what it knows so far, told now and then.
 
-    A terminal has both in the line that is drawn there, others have a line every half minute.
+    A terminal has both in the line that is drawn there, others have a line every half minute. The
+    time that is left is told by how fast the work was done lately.
     """
 
     def __init__(
@@ -73,21 +77,56 @@ class Progress:
         terminal: bool,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
-        self.most = 0.0
-        """Amount of work that it can need."""
         self._show, self._terminal, self._clock = show, terminal, clock
         self._done, self._known, self._told_s = 0.0, "", clock()
+        self._lately = deque([(self._told_s, 0.0)])
 
-    def step(self, part: float, so_far: Callable[[], str]) -> None:
+    def step(self, part: float, ahead: float, so_far: Callable[[], str]) -> None:
         """Take in that so much more is done; `so_far` says what is known."""
         self._done += part
-        if self._clock() - self._told_s > (_DRAWN_EVERY_S if self._terminal else _TOLD_EVERY_S):
-            self._told_s, self._known = self._clock(), so_far()
+        now_s = self._clock()
+        if now_s - self._told_s > (_DRAWN_EVERY_S if self._terminal else _TOLD_EVERY_S):
+            self._told_s = now_s
+            known = [f"about {_duration(self._left_s(now_s, ahead))} left", so_far()]
+            self._known = "; ".join(filter(None, known))
             if not self._terminal:
-                share = self._done / max(self.most, 1)
-                known = f"; {self._known}" * bool(self._known)
-                click.echo(f"{share:.0%} of the most it can need is done{known}", err=True)
-        self._show(round(self._done), max(round(self.most), 1), self._known)
+                click.echo(self._known, err=True)
+        self._show(round(self._done), max(round(self._done + ahead), 1), self._known)
+
+    def _left_s(self, now_s: float, ahead: float) -> float:
+        """Return how long it takes to do what is ahead as fast as was worked lately."""
+        self._lately.append((now_s, self._done))
+        while len(self._lately) > 2 and now_s - self._lately[1][0] >= _LATELY_S:  # noqa: PLR2004
+            self._lately.popleft()
+        since_s, before = self._lately[0]
+        return ahead * (now_s - since_s) / max(self._done - before, 1e-6)
+
+
+def _duration(seconds: float) -> str:
+    """Say about how long.
+
+    >>> _duration(8.2), _duration(60.0), _duration(400.0), _duration(20000.0)
+    ('10 s', '1 minute', '7 minutes', '6 hours')
+    """
+    if seconds < _IN_SECONDS_S:
+        return f"{10 * max(1, round(seconds / 10))} s"
+    number, unit = round(seconds / 60), "minute"
+    if number > 2 * 60:
+        number, unit = round(seconds / 3600), "hour"
+    return f"{number} {unit}{'s' * (number > 1)}"
+
+
+def _predicted(least_s: float, most_s: float) -> str:
+    """Say about how much processor time a search takes, by where its answer lies.
+
+    >>> _predicted(14.0, 58.0), _predicted(30.0, 290.0), _predicted(12.0, 13.0)
+    ('About 10 s to 1 minute of one core, by where the answer lies',
+     'About 30 s to 5 minutes of one core, by where the answer lies', 'About 10 s of one core')
+    """
+    low, high = _duration(least_s), _duration(most_s)
+    if low == high:
+        return f"About {high} of one core"
+    return f"About {low} to {high} of one core, by where the answer lies"
 
 
 @click.command(
@@ -211,28 +250,26 @@ def power(
     from experiment.study.study import told_by_file
 
     goal = Goal.parse(goal_text)
-    for name, pair in (("participants", participants), ("trials", trials), ("blanks", blanks)):
-        if pair is not None and pair[0] > pair[1]:
-            raise CommandError(
-                f"--{name} must be the least and the most; got {pair[0]} and {pair[1]}"
-            )
-    if figure is not None and figure.suffix not in {".png", ".svg"}:
-        raise CommandError(f"--figure must end in .png or .svg; got {figure}")
+    _require_usage({"participants": participants, "trials": trials, "blanks": blanks}, figure)
     if seed is None:
         seed = int((computed_in(keep) if keep else {}).get("seed", secrets.randbits(32)))
     with told_by_file(study_file):
         people = _people(read_study(study_file), goal, pilot, whose)
     computed = {"study": people.study.sha256, "goal": goal_text, "seed": seed}
+    tell = told_as_json if as_json else text
     spreading = _spreading(workers, scheduler, keep, computed)
-    with spreading as spread, told_by_file(study_file), working("Simulating") as show:
+    with (
+        _stopped(tell) as stopped,
+        spreading as spread,
+        told_by_file(study_file),
+        working("Simulating") as show,
+    ):
         terminal = sys.stderr.isatty()
-        progress = Progress(show, terminal=terminal)
 
-        def predicted(core_s: float, all_of_it: float) -> None:
-            progress.most = all_of_it
-            if core_s > _WORTH_TELLING_S or terminal:
-                told = f"At most about {math.ceil(core_s)} core-seconds"
-                click.echo(f"{told}{_SPREAD * (core_s > _LONG_S)}", err=True)
+        def predicted(least_s: float, most_s: float) -> None:
+            if most_s > _WORTH_TELLING_S or terminal:
+                told = _predicted(least_s, most_s)
+                click.echo(f"{told}{_SPREAD * (most_s > _LONG_S)}", err=True)
 
         promise = plan_study(
             people,
@@ -245,15 +282,39 @@ def power(
             seed=seed,
             spread=spread,
             predicted=predicted,
-            step=progress.step,
+            step=Progress(show, terminal=terminal).step,
+            stopped=stopped,
         )
-    click.echo(told_as_json(promise) if as_json else text(promise))
+    click.echo(tell(promise))
     if figure is not None:
         from analysis.power.figure import write_figure
 
         write_figure(promise, figure)
     if promise.best is None:
         click.get_current_context().exit(ANSWER_IS_NO)
+
+
+def _require_usage(bounds: Mapping[str, tuple[int, int] | None], figure: Path | None) -> None:
+    for name, pair in bounds.items():
+        if pair is not None and pair[0] > pair[1]:
+            raise CommandError(
+                f"--{name} must be the least and the most; got {pair[0]} and {pair[1]}"
+            )
+    if figure is not None and figure.suffix not in {".png", ".svg"}:
+        raise CommandError(f"--figure must end in .png or .svg; got {figure}")
+
+
+@contextmanager
+def _stopped(tell: Callable[[Promise], str]) -> Iterator[Callable[[Promise], object]]:
+    """Tell what is known where a search was stopped, once its line is taken from the terminal."""
+    partial: list[Promise] = []
+    try:
+        yield partial.append
+    except (KeyboardInterrupt, CommandError):
+        for one in partial:
+            if one.tried:
+                click.echo(tell(one))
+        raise
 
 
 def _people(study: Study, goal: Goal, pilot: Path | None, whose: str) -> People:

@@ -3,24 +3,27 @@
 from __future__ import annotations
 
 import hashlib
+import math
 from dataclasses import replace
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from analysis.power.levers import levers
+from analysis.power.levers import levers, thumb
 from analysis.power.population import truth_of
 from analysis.power.promise import Promise
-from analysis.power.search import Trials, answers, most_work, slower, smallest
-from analysis.power.so_far import SoFar
+from analysis.power.search import PROBE, Answer, Trials, answers, smallest
+from analysis.power.so_far import Ahead, SoFar, slower
 from analysis.power.studies import Point, pilot_levels_vpp, plan_text
+from analysis.workers.crew import StoppedError
 from experiment.study.physics import study_gains
 from experiment.study.simulated import people_for_burst
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
 
     from analysis.power.goals import Goal
+    from analysis.power.levers import Lever
     from analysis.power.population import People
     from analysis.power.search import Spread
     from experiment.study.study import Study
@@ -43,13 +46,15 @@ def plan_study(
     seed: int,
     spread: Spread,
     predicted: Callable[[float, float], object],
-    step: Callable[[float, Callable[[], str]], object],
+    step: Callable[[float, float, Callable[[], str]], object],
+    stopped: Callable[[Promise], object] = lambda _: None,
 ) -> Promise:
     """Return how many people, from one number to another, reach a goal as often as is asked for.
 
-    Before the search starts `predicted` is told the processor time that it takes at most, in s,
-    and its amount of work; `step` then how much of this is done, with what tells the answer that
-    is known so far, in words.
+    Before the search starts `predicted` is told about how much processor time it takes, in s, the
+    least and the most by where the answer may lie; `step` then how much more work is done and
+    about how much is ahead, with what tells the answer that is known so far, in words. `stopped`
+    is given what is known where Ctrl-C, or the loss of all workers, ends it.
     """
     study = people.study
     points = _points(study, goal, trials_per_side, blanks, placed=placed)
@@ -57,31 +62,64 @@ def plan_study(
     plan = plan_text(study, gains, goal, people.draws)
     trials = Trials(plan=plan, seed=seed, spread=spread)
     so_far = SoFar(trials=trials, points=points, participants=participants, assurance=assurance)
-    trials.step = lambda part: step(part, so_far.words)
-    work = most_work(points, participants)
-    predicted(work * slower(trials, replace(points[0], participants=participants[1])), work)
-    found = answers(trials, [smallest(trials, point, participants, assurance) for point in points])
-    so_far.answers = found
     levels = LEVELS_PLACED if placed else len(study.design.levels_vpp)
-    first = next((one for one in found if one.participants is not None), found[0])
-    changes = levers(trials, first, participants, goal.kind, levels)
     asks_blanks = goal.kind == "false-alarms"
     fingers = gains[0].fingers()
     own = truth_of(goal, study.simulation, study, fingers) if asks_blanks else None
-    return Promise(
-        study=study.name,
-        goal=goal,
-        assurance=assurance,
-        participants=participants,
-        answers=found,
-        tried=tuple(trials.all()),
-        levers=changes,
-        people=people,
-        false_alarms=own,
-        pilot_vpp=pilot_levels_vpp(study.changed(simulation=people_for_burst(study)), fingers),
-        seed=seed,
-        plan_sha256=hashlib.sha256(plan.encode()).hexdigest(),
-    )
+
+    def searched(by: Trials) -> tuple[Answer, ...]:
+        return answers(by, [smallest(by, point, participants, assurance) for point in points])
+
+    def changed(by: Trials, found: Sequence[Answer]) -> tuple[Lever, ...]:
+        first = next((one for one in found if one.participants is not None), found[0])
+        return levers(by, first, participants, goal.kind, levels)
+
+    def promise(changes: Sequence[Lever] = (), partial: str = "") -> Promise:
+        found = Promise(
+            study=study.name,
+            goal=goal,
+            assurance=assurance,
+            participants=participants,
+            answers=tuple(so_far.answers),
+            tried=tuple(trials.all()),
+            levers=tuple(changes),
+            people=people,
+            false_alarms=own,
+            pilot_vpp=pilot_levels_vpp(study.changed(simulation=people_for_burst(study)), fingers),
+            seed=seed,
+            plan_sha256=hashlib.sha256(plan.encode()).hexdigest(),
+            partial=partial,
+            left=so_far.left() if partial else None,
+        )
+        base = found.base(PROBE)
+        return replace(found, thumb=thumb(trials, base, goal, assurance, own)) if base else found
+
+    ahead = Ahead(
+        trials=trials, points=points, participants=participants, assurance=assurance,
+        kind=goal.kind, search=lambda by: changed(by, searched(by)),
+    )  # fmt: skip
+    middle = replace(points[0], participants=round(math.sqrt(math.prod(participants))))
+    speed = slower(trials, middle)
+    least, most = ahead.between()
+    predicted(least * speed, most * speed)
+    left = most
+
+    def begun() -> None:
+        nonlocal left
+        left = ahead.work()
+
+    def done(part: float) -> None:
+        nonlocal left
+        left = max(0.0, left - part)
+        step(part, left, so_far.words)
+
+    trials.begun, trials.step = begun, done
+    try:
+        so_far.answers = searched(trials)
+        return promise(changed(trials, so_far.answers))
+    except (KeyboardInterrupt, StoppedError):
+        stopped(promise(partial=so_far.words() or "nothing is ruled out yet"))
+        raise
 
 
 def _points(

@@ -131,12 +131,17 @@ def stated_people(study: Study, goal: Goal) -> People:
         if key not in keys:
             raise ValueError(
                 f"simulation.{key} must be stated, {_MEANT[key]}, in dB: in the study, from a "
-                "pilot (--pilot DIR) or as assumed (--people literature); got none of yours "
+                "pilot (--pilot DIR) or as assumed (--people literature); got none of yours"
+                f"{_IF_UNKNOWN[key]} "
                 f'(in a file that tactstrip init wrote: add "simulation.{key}" to told in [init])'
             )
     return People(study=study, whose="the study's", numbers=_numbers(study, goal, study, {}))
 
 
+_IF_UNKNOWN: Final = {
+    SPREAD: "; if nobody knows it, take 3, and see what 2 and 4 would need",
+    DIFFERENCE_SPREAD: "",
+}
 _MEANT: Final = {
     SPREAD: "how much thresholds differ between people",
     DIFFERENCE_SPREAD: "how much the difference itself differs between people",

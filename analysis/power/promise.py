@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from analysis.power.goals import Goal
-    from analysis.power.levers import Lever
+    from analysis.power.levers import Lever, Thumb
     from analysis.power.population import People
     from analysis.power.search import Answer, Tried
     from analysis.power.studies import Point
@@ -46,6 +46,12 @@ class Promise:
     seed : int
     plan_sha256 : str
         Of what was simulated: study, gains, goal, people.
+    partial : str
+        What was known when the search was stopped; empty if it was not.
+    left : tuple of int or None
+        The numbers between which the answer of such a search lies, where both ends are known.
+    thumb : Thumb or None
+        How many people may be enough, where the answer lies beyond what was tried.
     """
 
     study: str
@@ -60,6 +66,9 @@ class Promise:
     pilot_vpp: tuple[float, ...]
     seed: int
     plan_sha256: str
+    partial: str = ""
+    left: tuple[int, int] | None = None
+    thumb: Thumb | None = None
 
     @property
     def best(self) -> Answer | None:
@@ -70,7 +79,10 @@ class Promise:
     def sentence(self) -> str:
         """Say the answer."""
         if self.best is not None:
-            return f"{_people(self.best)}, {_design(self.best.point)}: {self.wanted}."
+            told = f"{_people(self.best)}, {_design(self.best.point)}: {self.wanted}."
+            return f"{told} Stopped before other designs were tried." if self.partial else told
+        if self.partial:
+            return f"Stopped, so this is partial: {self.partial} ({self.wanted})."
         least, most = self.participants
         if least == most:
             return f"{_counted(most)} {'is' if most == 1 else 'are'} not enough: {self.wanted}."
@@ -92,7 +104,10 @@ class Promise:
                 return ""
             fresh = f"{checked.studies} fresh studies, which took no part in the search"
             return f"Of {fresh}, {_percent(checked)} reach it."
-        closest = self._closest
+        return self._nearly(self._closest) if self._closest and not self.partial else ""
+
+    def _nearly(self, closest: Tried) -> str:
+        """Say how close a point comes, and what would help."""
         told = f"Of {closest.studies} studies with {_counted(closest.point.participants)}"
         told += f", {_design(closest.point)}," * (len(self.answers) > 1)
         told += f" {_percent(closest)} reach it"
@@ -126,18 +141,48 @@ class Promise:
         )
 
     @property
-    def _closest(self) -> Tried:
+    def ask_next(self) -> str:
+        """Say which numbers to ask next, where the answer lies beyond those that were tried."""
+        if self.partial and self.best is not None:
+            return ""
+        if self.partial and self.left is not None:
+            return f"Try --participants {self.left[0]} {self.left[1]} next."
+        return self.thumb.words if self.thumb else ""
+
+    @property
+    def _searched(self) -> list[Tried]:
+        """The points that were searched, not those of other designs."""
+        designs = {replace(one.point, participants=0) for one in self.answers}
+        designs = designs or {replace(one.point, participants=0) for one in self.tried}
+        return [
+            one
+            for one in self.tried
+            if replace(one.point, participants=0) in designs
+            and one.point.participants <= self.participants[1]
+        ]
+
+    @property
+    def _closest(self) -> Tried | None:
         """The point that comes closest to the goal, of those that were searched."""
-        most = self.participants[1]
-        searched = {replace(one.point, participants=0) for one in self.answers}
         return max(
-            (
-                one
-                for one in self.tried
-                if replace(one.point, participants=0) in searched and one.point.participants <= most
-            ),
+            self._searched,
             key=lambda one: (one.assurance, one.point.participants),
+            default=None,
         )
+
+    def base(self, studies: int) -> Tried | None:
+        """Return the point from which a rule of thumb begins, of so many studies at least.
+
+        There is none where the answer lies within what was searched.
+        """
+        known = [one for one in self._searched if one.studies >= studies]
+        if self.best is not None:
+            least = self.participants[0]
+            known = [
+                one for one in known if self.best.participants == least == one.point.participants
+            ]
+            known = [one for one in known if one.clear(self.assurance) > 0]
+        return max(known, key=lambda one: (one.point.participants, one.assurance), default=None)
 
     @property
     def ethics(self) -> str:
@@ -168,7 +213,7 @@ def best_of(answers: Sequence[Answer]) -> Answer | None:
 
 def text(promise: Promise) -> str:
     """Return a promise for a terminal: the answer first."""
-    lines = [one for one in (promise.sentence, promise.reaching) if one]
+    lines = [one for one in (promise.sentence, promise.reaching, promise.ask_next) if one]
     lines += [f"{_assumed(promise.people)}; all are listed below."]
     if len(promise.answers) > 1:
         lines += ["", "For each design:"]
@@ -229,6 +274,8 @@ def as_json(promise: Promise) -> str:
         "assurance": promise.assurance,
         "seed": promise.seed,
         "answer": _answer(promise.best) if promise.best else None,
+        "partial": bool(promise.partial),
+        "rule_of_thumb": _thumb(promise.thumb),
         "answers": [_answer(one) for one in promise.answers],
         "tried": [_row(one) for one in promise.tried],
         "pilot_vpp": promise.pilot_vpp if promise.pilots else None,
@@ -251,6 +298,12 @@ def _answer(one: Answer) -> dict[str, Any]:
         "participants_high": one.high,
         "checked": _row(one.checked) if one.checked else None,
     }
+
+
+def _thumb(one: Thumb | None) -> dict[str, int | None] | None:
+    if one is None or one.participants is None:
+        return None
+    return {"participants": one.participants, "low": one.low, "high": one.high}
 
 
 def _row(one: Tried) -> dict[str, Any]:

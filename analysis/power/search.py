@@ -8,10 +8,8 @@ studies choose passes in them by luck, too: what is told of it comes from 1000 o
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Generator
 from dataclasses import dataclass, field, replace
-from itertools import pairwise
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -42,11 +40,12 @@ _STEP: Final = 0.05
 """From one number to the next, as a part of it, where the answer's neighbours are looked at."""
 _PARTS: Final = 4
 """Into which the numbers between are cut, to be tried together."""
+_GOLDEN: Final = 0.618
+"""Whose multiples lie evenly between whole numbers, however many are taken."""
 _STUDY_S: Final = 0.005
 _PERSON_S: Final = 0.001
 _PLACED_S: Final = 0.002
 """About what a study takes, each of its people, and placing levels for one: it sizes the chunks."""
-_TIMED: Final = 3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -116,6 +115,8 @@ class Trials:
     spread: Spread
     step: Callable[[float], object] = lambda _: None
     """Told how much more work is done, as `work_of` has it."""
+    begun: Callable[[], object] = lambda: None
+    """Called before each round of simulations."""
     _found: dict[Point, dict[int, _Study]] = field(default_factory=dict)
 
     def run(self, points: Iterable[Point], studies: int = FEW) -> list[Tried]:
@@ -126,6 +127,7 @@ class Trials:
 
     def ask(self, wanted: Iterable[tuple[Point, int]]) -> None:
         """Have points simulated with so many studies each at least, all of them at once."""
+        self.begun()
         most: dict[Point, int] = {}
         for point, studies in wanted:
             most[point] = max(studies, most.get(point, 0))
@@ -161,9 +163,29 @@ class Trials:
             for point, of_point in self._found.items()
         }
 
+    def numbers(self, point: Point) -> list[float]:
+        """Return the number that decided in each study of a point; an open one is infinite."""
+        return [number for _, number, *_ in self._found.get(point, {}).values()]
+
     def all(self) -> list[Tried]:
         """Return all that was tried, in the order of the points."""
-        return [self.tried(point) for point in sorted(self._found, key=_in_table)]
+        known = [point for point, of_point in self._found.items() if of_point]
+        return [self.tried(point) for point in sorted(known, key=_in_table)]
+
+    def imagined(self, share: Callable[[Point], float]) -> Trials:
+        """Return trials that know what these do and only imagine what these would simulate.
+
+        Of the studies of a point so large a share reaches the goal as `share` says.
+        """
+
+        def evenly(_: object, chunks: Iterable[Chunk]) -> Iterator[tuple[Chunk, Any]]:
+            for one in chunks:
+                studies = np.arange(one.first, one.first + one.number)
+                reached = (studies * _GOLDEN % 1 < share(one.point)).tolist()
+                yield one, dict.fromkeys(("reached", "number", "covered"), reached)
+
+        found = {point: dict(of_point) for point, of_point in self._found.items()}
+        return Trials(plan=self.plan, seed=self.seed, spread=evenly, _found=found)
 
     def _missing(self, point: Point, studies: int) -> Iterator[Chunk]:
         """Cut what is missing into chunks, always at the same places: a kept one is found again."""
@@ -336,28 +358,7 @@ def _ladder(least: int, most: int) -> list[int]:
     return ladder
 
 
-def most_work(at: Iterable[Point], participants: tuple[int, int]) -> float:
-    """Return what a search takes at most, in the unit of `work_of`."""
-    ladder = _ladder(*participants)
-    gap = max([last - first for first, last in pairwise(ladder)], default=1)
-    rounds = math.ceil(math.log(gap, _PARTS)) if gap > 1 else 0
-    return sum(
-        sum(work_of(replace(point, participants=number), PROBE) for number in ladder)
-        + work_of(replace(point, participants=ladder[-1]), (_PARTS - 1) * rounds * FEW + 5 * MANY)
-        for point in at
-    )
-
-
 def work_of(point: Point, studies: int) -> float:
     """Return about how much processor time studies take, on a machine like ours, in s."""
     person_s = _PERSON_S + _PLACED_S * point.placed
     return studies * (_STUDY_S + person_s * point.participants)
-
-
-def slower(trials: Trials, point: Point) -> float:
-    """Return how many times `work_of` a point takes here, by a few studies."""
-    chunk = Chunk(plan=trials.plan, point=point, first=0, number=1, seed=trials.seed)
-    simulate(chunk)  # which reads the plan
-    before_s = time.process_time()
-    simulate(replace(chunk, number=_TIMED))
-    return (time.process_time() - before_s) / work_of(point, _TIMED)

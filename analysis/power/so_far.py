@@ -1,22 +1,44 @@
-"""What a search knows of its answer while it is under way."""
+"""What a search knows of its answer while it is under way, and how much is ahead of it.
+
+What is ahead hangs on where the answer lies. So the rest of the search is gone through with studies
+that are only imagined: as many of them reach the goal as a curve through the simulated ones says.
+"""
 
 from __future__ import annotations
 
 import math
+import time
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, NamedTuple
+from statistics import NormalDist
+from typing import TYPE_CHECKING, Final, NamedTuple
+
+import numpy as np
 
 from analysis.answers.intervals import proportion_ci
 from analysis.power.promise import best_of
-from analysis.power.search import PROBE, clear
+from analysis.power.search import PROBE, clear, work_of
+from analysis.power.studies import Chunk, simulate
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Callable, Mapping, Sequence
+
+    from numpy.typing import NDArray
 
     from analysis.power.search import Answer, Trials
     from analysis.power.studies import Point
 
+    Floats = NDArray[np.float64]
     Counted = Mapping[Point, tuple[int, int]]
+
+
+_SLOPES: Final = {"half-width": 5.0, "detection": 5.0, "difference": 1.4, "false-alarms": 1.4}
+"""Normal quantiles by which more studies reach a goal with e times the people, nearly."""
+_BEYOND: Final = 3.0
+"""Times the most people: about there lies an answer that a search does not come near."""
+_MIDDLES: Final = 80
+_TIMED_S: Final = 0.1
+_MOST_TIMED: Final = 200
+"""Studies by which the speed of a computer is measured: so long or so many."""
 
 
 @dataclass(slots=True, kw_only=True)
@@ -47,6 +69,15 @@ class SoFar:
         left = [self._left(counted, design) for design in range(len(self.points))]
         some = [one for one in left if one is not None]
         return _between(some, least) if some else f"so far {_up_to(most)}"
+
+    def left(self) -> tuple[int, int] | None:
+        """Return the numbers between which the answers lie, where both ends are known."""
+        counted = self.trials.counted()
+        found = [self._left(counted, design) for design in range(len(self.points))]
+        left = [one for one in found if one is not None]
+        if len(left) < len(found) or any(one.high == math.inf for one in left):
+            return None
+        return min(one.low for one in left), int(max(one.high for one in left))
 
     def _at(self, design: int, number: int) -> Point:
         return replace(self.points[design], participants=number)
@@ -113,3 +144,76 @@ def _up_to(most: int) -> str:
 
 def _people(number: float) -> str:
     return f"{number:g} participant{'' if number == 1 else 's'}"
+
+
+@dataclass(slots=True, kw_only=True)
+class Ahead:
+    """How much work a search still needs, about, in the unit of `work_of`."""
+
+    trials: Trials
+    points: Sequence[Point]
+    participants: tuple[int, int]
+    assurance: float
+    kind: str
+    search: Callable[[Trials], object]
+    """All of it, on other trials."""
+
+    def work(self) -> float:
+        """Return what is ahead, by what was found so far."""
+        return self._of([self._middle(point) for point in self.points])
+
+    def between(self) -> tuple[float, float]:
+        """Return the least and most that it takes as a whole, by where the answer may lie."""
+        least, most = self.participants
+        middles = (least / _BEYOND, least, math.sqrt(least * most), most, _BEYOND * most)
+        works = [self._of([middle] * len(self.points)) for middle in middles]
+        return min(works), max(works)
+
+    def _of(self, middles: Sequence[float]) -> float:
+        by_design = dict(zip((_design(one) for one in self.points), middles, strict=True))
+
+        def share(point: Point) -> float:
+            middle = by_design.get(_design(point), middles[0])
+            return float(self._share(np.array([middle]), point.participants)[0])
+
+        parts: list[float] = []
+        imagined = self.trials.imagined(share)
+        imagined.step = parts.append
+        self.search(imagined)
+        return sum(parts)
+
+    def _share(self, middles: Floats, participants: int) -> Floats:
+        """Return which share reaches the goal, by how many people reach it as often as wanted."""
+        from scipy.special import ndtr
+
+        wanted = NormalDist().inv_cdf(self.assurance)
+        shares: Floats = ndtr(wanted + _SLOPES[self.kind] * np.log(participants / middles))
+        return np.clip(shares, 0.001, 0.999)
+
+    def _middle(self, point: Point) -> float:
+        """Return the number of people that most likely reaches the goal as often as wanted."""
+        least, most = self.participants
+        middles = np.geomspace(least / _BEYOND, _BEYOND * most, _MIDDLES)
+        likelihood = np.zeros(_MIDDLES)
+        for one, (reached, studies) in self.trials.counted().items():
+            if _design(one) == _design(point):
+                shares = self._share(middles, one.participants)
+                likelihood += reached * np.log(shares) + (studies - reached) * np.log1p(-shares)
+        return float(middles[np.argmax(likelihood)])
+
+
+def _design(point: Point) -> Point:
+    return replace(point, participants=1)
+
+
+def slower(trials: Trials, point: Point) -> float:
+    """Return how many times `work_of` a point takes here, by a few studies."""
+    chunk = Chunk(plan=trials.plan, point=point, first=0, number=1, seed=trials.seed)
+    simulate(chunk)  # which reads the plan
+    number, took_s = 1, 0.0
+    while took_s < _TIMED_S and number < _MOST_TIMED:
+        number = min(_MOST_TIMED, 4 * number)
+        before_s = time.process_time()
+        simulate(replace(chunk, number=number))
+        took_s = time.process_time() - before_s
+    return took_s / work_of(point, number)

@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 
 _PILOT_LEVELS: Final = 10
 _PILOT_RANGE: Final = 10.0
-"""A pilot's levels lie evenly on the logarithm, from the ceiling down to this part of it."""
+"""A pilot's levels lie evenly on the logarithm, from the highest down to this part of it."""
 _PILOT_BELOW_DB: Final = 3.0
 """They reach so far below the threshold of nearly everybody, two SD below the median, at least."""
 _PILOT_PER_SIDE: Final = 20
@@ -150,14 +150,14 @@ def simulate(chunk: Chunk) -> dict[str, Any]:
 
 
 def pilot_levels_vpp(study: Study, gains: FingerGains) -> tuple[float, ...]:
-    """Return the levels of a simulated pilot, from the ceiling down to below most thresholds."""
-    ceiling_vpp, people = study.device.ceiling_vpp, study.simulation
+    """Return the levels of a simulated pilot, from the highest down to below most thresholds."""
+    (highest_vpp, _), people = study.device.highest, study.simulation
     below_db = 2 * people.threshold_sd_db + _PILOT_BELOW_DB
     least_vpp = min(
-        ceiling_vpp / _PILOT_RANGE, threshold_vpp(people, gains) * 10 ** (-below_db / 20)
+        highest_vpp / _PILOT_RANGE, threshold_vpp(people, gains) * 10 ** (-below_db / 20)
     )
-    levels_vpp = np.geomspace(max(least_vpp, LEAST_LEVEL_VPP), ceiling_vpp, _PILOT_LEVELS)
-    found = np.round(levels_vpp, 1)
+    levels_vpp = np.geomspace(max(least_vpp, LEAST_LEVEL_VPP), highest_vpp, _PILOT_LEVELS)
+    found = np.minimum(np.round(levels_vpp, 1), highest_vpp)  # 118.78 V are not 118.8
     return tuple(found.tolist())
 
 
@@ -219,7 +219,7 @@ def _placed(plan: _Plan, design: Design, pilot: PilotFunction | LevelsError) -> 
     if isinstance(pilot, LevelsError):
         return design
     try:
-        found = placed(pilot.function, plan.study.device.ceiling_vpp)
+        found = placed(pilot.function, *plan.study.device.highest)
     except LevelsError:
         return design
     order = "random" if design.trials_per_side % len(found) else plan.study.design.order

@@ -7,17 +7,20 @@ import math
 import re
 from dataclasses import asdict, replace
 from pathlib import Path
+from statistics import NormalDist
 from typing import TYPE_CHECKING, Any
 
 import click
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from scipy.special import ndtr, stdtrit
 from scipy.stats import binom, chi2
 
 from analysis.answers.intervals import proportion_ci
 from analysis.commands.power import Progress, power
 from analysis.power.goals import Goal
+from analysis.power.levers import Thumb, levers, thumb
 from analysis.power.planning import plan_study
 from analysis.power.population import (
     literature_people,
@@ -26,8 +29,8 @@ from analysis.power.population import (
     truth_of,
 )
 from analysis.power.promise import text
-from analysis.power.search import MANY, Trials, answers, smallest
-from analysis.power.so_far import SoFar
+from analysis.power.search import MANY, PROBE, Trials, Tried, answers, smallest
+from analysis.power.so_far import Ahead, SoFar
 from analysis.power.studies import Chunk, Point, pilot_levels_vpp, plan_text, simulate
 from analysis.reading.load import read_trials
 from analysis.workers.chunks import spread
@@ -255,16 +258,126 @@ def test_what_is_known_is_told_every_second_or_half_minute(
         return "so far 19 to 25 participants" if len(asked) > 1 else ""
 
     progress = Progress(lambda *told: shown.append(told), terminal=terminal, clock=lambda: now_s)
-    progress.most = 200.0
     for step in range(1, 23):
         now_s = step * every_s / 10
-        progress.step(4.0, so_far)
+        progress.step(4.0, 200.0 - 4.0 * step, so_far)
     assert np.diff(asked) == pytest.approx([1.1 * every_s])
+    told = ["about 10 s left", "about 10 s left; so far 19 to 25 participants"]
+    if not terminal:  # 44 of 200 in 33 s
+        told = ["about 2 minutes left", "about 1 minute left; so far 19 to 25 participants"]
     assert shown[0] == (4, 200, "")
-    assert shown[-1] == (88, 200, "so far 19 to 25 participants")
-    lines = ["22% of the most it can need is done",
-             "44% of the most it can need is done; so far 19 to 25 participants"]  # fmt: skip
-    assert capsys.readouterr().err.splitlines() == ([] if terminal else lines)
+    assert shown[-1] == (88, 200, told[1])
+    assert capsys.readouterr().err.splitlines() == ([] if terminal else told)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("middle", [4, 12, 30, 100])
+@pytest.mark.parametrize("slope", [1.4, 5.0])
+def test_the_work_that_is_told_is_about_that_which_it_takes(middle: int, slope: float) -> None:
+    def known(_: object, chunks: Iterable[Chunk]) -> Iterator[Any]:
+        for one in chunks:
+            rng = np.random.default_rng((3, one.point.participants, one.first))
+            share = NormalDist().cdf(0.84 + slope * math.log(one.point.participants / middle))
+            reached = (rng.random(one.number) < share).tolist()
+            yield one, dict.fromkeys(("reached", "number", "covered"), reached)
+
+    at, (least, most) = Point(participants=1, trials_per_side=75, blanks=0), (2, 40)
+    kind = "half-width" if slope > 2 else "difference"
+
+    def search(trials: Trials) -> None:
+        found = answers(trials, [smallest(trials, at, (least, most), 0.8)])
+        levers(trials, found[0], (least, most), kind, 5)
+
+    trials = Trials(plan="", seed=1, spread=known)
+    ahead = Ahead(
+        trials=trials, points=[at], participants=(least, most), assurance=0.8, kind=kind,
+        search=search,
+    )  # fmt: skip
+    low, high = ahead.between()
+    done, told = [0.0], []
+    trials.step = lambda part: done.append(done[-1] + part)
+    trials.begun = lambda: told.append((done[-1], ahead.work()))
+    search(trials)
+    assert low / 1.5 < done[-1] < 1.5 * high
+    after_the_ladder = [before + left for before, left in told[1:]]
+    assert all(0.5 < one / done[-1] < 2 for one in after_the_ladder)
+
+
+@pytest.mark.parametrize(("goal", "share"), [
+    ("half-width=1dB", 0.3), ("detection=7%@60V", 0.3), ("difference=1dB", 0.5),
+])  # fmt: skip
+def test_the_rule_of_thumb_finds_the_number_where_its_laws_hold(goal: str, share: float) -> None:
+    rng, normal = np.random.default_rng(8), NormalDist()
+    people, studies, spread = np.arange(2, 200), 200, 0.9
+    t = stdtrit(people - 1, 0.975)
+    if goal.startswith("difference"):
+        shares = ndtr(0.4 * np.sqrt(people) - t)
+    else:
+        size = Goal.parse(goal).size
+        width = 5 * size * (t if goal.startswith("half") else 2.0) / np.sqrt(people)
+        shares = ndtr(-np.log(width / size) / (spread / np.sqrt(people)))
+    enough = int(people[np.argmax(shares >= 0.8)])
+    base = int(people[np.argmax(shares >= share)])
+    p = shares[base - 2]
+    number = rng.random(studies) < p
+    numbers = np.full(studies, math.nan)
+    if not goal.startswith("difference"):
+        luck = np.array([normal.inv_cdf(one) for one in rng.random(studies)])
+        numbers = width[base - 2] * np.exp(spread / math.sqrt(base) * luck)
+        number = numbers <= size
+    point = Point(participants=base, trials_per_side=75, blanks=0)
+
+    def known(_: object, chunks: Iterable[Chunk]) -> Iterator[Any]:
+        for one in chunks:
+            of = slice(one.first, one.first + one.number)
+            yield one, {"reached": number[of].tolist(), "number": numbers[of].tolist(),
+                        "covered": number[of].tolist()}  # fmt: skip
+
+    trials = Trials(plan="", seed=1, spread=known)
+    (tried,) = trials.run([point], studies)
+    found = thumb(trials, tried, Goal.parse(goal), 0.8, None)
+    assert found.participants is not None
+    assert found.low is not None
+    assert found.high is not None
+    assert base < found.low <= enough <= found.high
+    assert abs(found.participants / enough - 1) < 0.25
+    assert found.words.endswith(f"; try --participants {found.low} {found.high}.")
+
+
+def test_blanks_that_bound_false_alarms_are_about_those_of_exact_sums() -> None:
+    blanks, rate, size = 20, 0.03, 0.07
+
+    def share(people: int) -> float:
+        k = np.arange(blanks * people + 1)
+        bounded = proportion_ci(k, blanks * people)[1] <= size
+        return float(binom.pmf(k, blanks * people, rate)[bounded].sum())
+
+    enough = next(people for people in range(2, 99) if share(people) >= 0.8)
+    trials = Trials(plan="", seed=1, spread=lambda *_: [])
+    at = Point(participants=5, trials_per_side=75, blanks=blanks)
+    tried = Tried(point=at, studies=200, reached=20, median=0.09, covered=0.95)
+    found = thumb(trials, tried, Goal.parse("false-alarms=7%"), 0.8, rate)
+    assert found.low is not None
+    assert found.high is not None
+    assert found.low <= enough <= found.high <= 1.5 * enough
+    refused = thumb(trials, tried, Goal.parse("false-alarms=2%"), 0.8, rate)
+    assert refused.participants is None
+
+
+def test_where_no_rule_of_thumb_holds_that_is_said() -> None:
+    def opened(_: object, chunks: Iterable[Chunk]) -> Iterator[Any]:
+        for one in chunks:
+            yield one, {"reached": [0] * one.number, "number": [None] * one.number,
+                        "covered": [1] * one.number}  # fmt: skip
+
+    trials = Trials(plan="", seed=1, spread=opened)
+    for people, words in (
+        (3, "There is no rule of thumb from fewer than 6 people: try --participants 6 24."),
+        (20, ("There is no rule of thumb while an end of the interval is open in 100% of studies "
+              "of 20 people: other levels are needed, rather than more people.")),
+    ):  # fmt: skip
+        (tried,) = trials.run([Point(participants=people, trials_per_side=75, blanks=0)], PROBE)
+        assert thumb(trials, tried, HALF_WIDTH, 0.8, None) == Thumb(words=words)
 
 
 @pytest.mark.slow
@@ -440,6 +553,15 @@ def test_levers_begin_with_fewer_people_than_the_answer_and_say_why() -> None:
     )
 
 
+def test_a_search_stopped_after_its_answer_tells_the_answer() -> None:
+    whole = promised(lambda people: people / 25, (2, 40))
+    told = text(replace(whole, partial="20 participants, now other designs", left=(20, 21)))
+    sentence, fresh, people = told.splitlines()[:3]
+    assert sentence == f"{whole.sentence} Stopped before other designs were tried."
+    assert fresh.startswith("Of 1000 fresh studies")
+    assert people.startswith("The simulated people: ")
+
+
 def test_levers_begin_with_the_most_people_where_they_are_not_enough() -> None:
     told = text(promised(lambda people: people / 50, (2, 20)))
     assert told.startswith("No number within the bounds, 2 to 20 participants, is enough: ")
@@ -460,6 +582,12 @@ def test_pilots_reach_below_nearly_all_thresholds(
     study = study_of("", f"threshold_vpp = {threshold_vpp}\nthreshold_sd_db = {spread_db}")
     levels_vpp = pilot_levels_vpp(study, OWN_FINGER_ONLY)
     assert (levels_vpp[0], levels_vpp[-1], len(levels_vpp)) == (least_vpp, 200.0, 10)
+
+
+def test_pilots_have_no_level_that_the_sound_card_does_not_reach() -> None:
+    card = '[device]\ndriver = "audio"\nvolts_full_scale = 59.39\n'
+    study = study_of(f"levels_vpp = [40, 118.7]\n{card}", "threshold_vpp = 80")
+    assert pilot_levels_vpp(study, OWN_FINGER_ONLY)[-1] == 118.78
 
 
 def unplaced(threshold_vpp: float) -> tuple[dict[str, Any], str]:
