@@ -213,7 +213,7 @@ def _levels(pilot: pd.DataFrame, study: Study) -> tuple[float, ...]:
     if isinstance(found, LevelsError):
         return study.design.levels_vpp
     try:
-        return placed(found.function, study.device.ceiling_vpp)
+        return placed(found.function, *study.device.highest)
     except LevelsError:
         return study.design.levels_vpp
 
