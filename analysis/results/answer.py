@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from analysis.answers.counting import uncounted
 from analysis.answers.doubts import GUESSING, SWAPPED
-from analysis.axis import alike, rounded, spread_of, with_limits
+from analysis.axis import alike, half_widths, rounded, spread_of, with_limits
 from analysis.definitions import LAPSES_OFTEN
 from analysis.groups.group import FEW
 from analysis.groups.micrometres import in_micrometres, micrometres_row
@@ -27,6 +27,7 @@ from analysis.results.compared import (
 from analysis.results.methods.alarms import alarm_sentences, blank_rows, criterion_sentences
 from analysis.results.methods.misfit import lapses_words, steep_words
 from analysis.results.methods.task import hit_words
+from analysis.results.rows import population_text
 from analysis.thresholds.fit import WITH_THRESHOLD
 
 if TYPE_CHECKING:
@@ -85,6 +86,7 @@ def answer(analysis: Analysis) -> Answer:
         ),
         rows=(
             *_threshold_rows(analysis),
+            *_population_rows(analysis),
             *difference_rows(analysis, either_side=bool(hit_words(analysis))),
             *blank_rows(analysis),
             *_spread_rows(analysis),
@@ -128,8 +130,8 @@ def _session(analysis: Analysis, participant: str, condition: str) -> str:
     return f"these {number} sessions" if number > 1 else "this session"
 
 
-def _predicate(row: pd.Series[Any]) -> str:
-    """Say a threshold as it is printed, with what its interval is.
+def _predicate(row: pd.Series[Any], in_db: str = "") -> str:
+    """Say a threshold as it is printed, with what its interval is, and how wide that is `in_db`.
 
     >>> import pandas as pd
     >>> rows = [("ok", "71.1 V (< 60 to 88.2)"), ("median_below_levels", "at most 68.2 V (95 %)"),
@@ -144,6 +146,7 @@ def _predicate(row: pd.Series[Any]) -> str:
     printed = _threshold_words(row)
     if row["status"] in WITH_THRESHOLD:
         told = printed.replace("(", _MEDIAN, 1).replace("< ", "below ").replace("> ", "above ")
+        told = told.replace(")", f", {in_db})", 1) if in_db else told
         return f"is {told}"
     for sign, words in (("< ", "below the lowest"), ("> ", "above the highest")):
         if printed.startswith(sign):
@@ -156,6 +159,14 @@ def _predicate(row: pd.Series[Any]) -> str:
 def _threshold_words(row: pd.Series[Any]) -> str:
     """Return a threshold as printed; how people differ stands in a row of its own."""
     return str(row["printed"]).partition("; between people")[0]
+
+
+def _in_db(analysis: Analysis, group: pd.Series[Any]) -> str:
+    """Say how wide the interval of a group's threshold is, as a goal of `power` does."""
+    if analysis.axis.x_scale != "log10" or group["status"] not in WITH_THRESHOLD:
+        return ""
+    low, at, high = (float(group[f"threshold_{name}vpp"]) for name in ("low_", "", "high_"))
+    return half_widths(low, at, high)
 
 
 def _thresholds(analysis: Analysis) -> Iterator[str]:
@@ -177,7 +188,10 @@ def _thresholds(analysis: Analysis) -> Iterator[str]:
             who = f"{_kind(analysis)}participant {isolated(row['participant'])}"
         subject = "it" if (who, names) == told_of else f"the threshold of {who}"
         when = f" in {_session(analysis, row['participant'], condition)}" if alone else ""
-        told = f"{_predicate(row)}{when}{in_micrometres(row, _people_in(analysis, condition))}"
+        width = "" if alone else _in_db(analysis, group)
+        told = (
+            f"{_predicate(row, width)}{when}{in_micrometres(row, _people_in(analysis, condition))}"
+        )
         yield f"{_where(analysis, condition, 'in')} {subject} {told}".lstrip()
         told_of = who, names
         seen |= names
@@ -223,7 +237,8 @@ def _doubted(analysis: Analysis) -> Iterator[str]:
             told = _unswapped(analysis, condition) if kind == SWAPPED else None
             if told is not None:
                 them = who if len(names) <= SPELLED else "them"
-                yield f"without {them} the threshold of the group{where} {_predicate(told)}"
+                said = _predicate(told, _in_db(analysis, told))
+                yield f"without {them} the threshold of the group{where} {said}"
 
 
 def _unswapped(analysis: Analysis, condition: str) -> pd.Series[Any] | None:
@@ -273,6 +288,8 @@ def _threshold_rows(analysis: Analysis) -> Iterator[tuple[str, str, str]]:
             of = _session(analysis, row["participant"], condition)
         trials = number_of(int(people["trials"].sum()), "trial")
         yield f"{name}{where}", _threshold_words(row), f"{of}, {trials} with {given}"
+        if number > 1 and (width := _in_db(analysis, group)):
+            yield f"Half-width of its interval{where}", width, "as in goals of power"
         yield from micrometres_row(row, people, where)
         without = _unswapped(analysis, condition)
         if number > 1 and without is not None and without["participants"] < number:
@@ -281,6 +298,14 @@ def _threshold_rows(analysis: Analysis) -> Iterator[tuple[str, str, str]]:
         if number == 1 and isinstance(row["varied_printed"], str):
             name = f"The same if answers vary 2.8 times{where}"
             yield name, row["varied_printed"], "a sensitivity, not from these data"
+
+
+def _population_rows(analysis: Analysis) -> Iterator[tuple[str, str, str]]:
+    """Yield the threshold by the other model that was asked for, or that there is none, and why."""
+    for one in analysis.population:
+        name = f"Threshold of the population{_where(analysis, one.condition, ',')}"
+        told = population_text(one, analysis.axis)
+        yield name, told or "not fitted", one.reason or "another model, a logistic one"
 
 
 def _spread_rows(analysis: Analysis) -> Iterator[tuple[str, str, str]]:

@@ -157,12 +157,12 @@ def _control_lines(table: pd.DataFrame) -> Iterator[str]:
 def _population_lines(analysis: Analysis) -> Iterator[str]:
     for one in analysis.population:
         where = f" in condition {one.condition}" if analysis.counts.conditions > 1 else ""
-        told = one.reason
-        if not told:
+        told = f"not fitted ({one.reason})"
+        if not one.reason:
             spread = population_spread(one, analysis.axis)
             told = f"{population_text(one, analysis.axis)}, between people {spread} (SD)"
         yield f"Threshold of the population{where}: {told}."
-    if analysis.population:
+    if not all(one.reason for one in analysis.population):
         yield POPULATION
 
 

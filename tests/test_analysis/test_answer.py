@@ -83,13 +83,24 @@ def is_end(told: str, limit: float, open_word: str, level: float) -> bool:
     return close(told, limit)
 
 
-def check_value(said: str, row: pd.Series[Any]) -> None:
+def check_width(told: str, at: float, low: float, high: float) -> None:
+    """Check by how many dB limits are told to lie below and above a threshold."""
+    halves = re.fullmatch(rf"(\+)?-({NUMBER})(?:/\+({NUMBER}))? dB", told)
+    assert halves
+    below, above = 20 * math.log10(at / low), 20 * math.log10(high / at)
+    assert bool(halves[1]) != bool(halves[3])
+    assert bool(halves[1]) == (abs(above - below) <= 0.1)
+    assert close(halves[2], (below + above) / 2 if halves[1] else below)
+    assert close(halves[3] or halves[2], above if halves[3] else (below + above) / 2)
+
+
+def check_value(said: str, row: pd.Series[Any], *, in_db: bool) -> None:
     """Check what is said of a threshold against its row."""
     status = row["status"]
     at, low, high = (row[f"threshold_{name}vpp"] for name in ("", "low_", "high_"))
     value = re.fullmatch(
-        rf"is ({NUMBER}) \S+ \(posterior median, 95 % interval ({END}) to ({END})\)"
-        r"(, slope unknown)?",
+        rf"is ({NUMBER}) \S+ \(posterior median, 95 % interval ({END}) to ({END})"
+        r"(?:, ([^)]+ dB))?\)(, slope unknown)?",
         said,
     )
     assert bool(value) == (status in WITH_THRESHOLD), said
@@ -97,7 +108,10 @@ def check_value(said: str, row: pd.Series[Any]) -> None:
         assert close(value[1], at)
         assert is_end(value[2], low, "below", LEVELS[0])
         assert is_end(value[3], high, "above", LEVELS[-1])
-        assert bool(value[4]) == (status == "separated")
+        assert bool(value[5]) == (status == "separated")
+        assert bool(value[4]) == (in_db and not math.isnan(low + high))
+        if value[4]:
+            check_width(value[4], at, low, high)
     elif found := re.fullmatch(rf"is at (most|least) ({NUMBER}) \S+ \(end of the 95 % .*", said):
         limit, other = (high, low) if found[1] == "most" else (low, high)
         assert status in BOUNDED
@@ -125,7 +139,11 @@ def threshold(found: re.Match[str], analysis: Analysis) -> None:
     alone = group["participants"] == 1
     people = analysis.thresholds[analysis.thresholds["condition"].eq(condition)]
     assert bool(found["session"]) == alone
-    check_value(found["said"], people.iloc[0] if alone else group)
+    check_value(
+        found["said"],
+        people.iloc[0] if alone else group,
+        in_db=not alone and not analysis.axis.signed,
+    )
     if found["who"]:
         share = analysis.counts.simulated / analysis.counts.trials
         kind = "simulated " if share == 1 else "simulated or real " if share else ""
@@ -300,7 +318,7 @@ def unswapped(found: re.Match[str], analysis: Analysis) -> None:
     assert analysis.unswapped is not None
     condition = found["condition"] or analysis.groups["condition"].iloc[0]
     [(_, row)] = analysis.unswapped[analysis.unswapped["condition"].eq(condition)].iterrows()
-    check_value(found["said"], row)
+    check_value(found["said"], row, in_db=not analysis.axis.signed)
 
 
 def silent(found: re.Match[str], analysis: Analysis) -> None:
@@ -682,6 +700,13 @@ def test_the_table_of_the_answer_has_the_numbers_of_the_tables(least: Analysis) 
                 told = "2.0 dB (0.5 to 4.5)" in values or analysis.axis.signed
                 assert told or math.isnan(group["spread_db"])
         ok = analysis.differences["status"].eq("ok") & analysis.differences["participant"].eq("all")
+        widths = [value for what, value, _ in rows if what.startswith("Half-width of its interval")]
+        limits = ["threshold_vpp", "threshold_low_vpp", "threshold_high_vpp"]
+        closed = analysis.groups[analysis.groups[limits].notna().all(axis="columns")]
+        closed = closed[closed["participants"].gt(1) & (not analysis.axis.signed)]
+        assert len(widths) == len(closed)
+        for width, (_, group) in zip(widths, closed.iterrows(), strict=True):
+            check_width(width, *(float(group[name]) for name in limits))
         for _, row in analysis.differences[ok].iterrows():
             low, high = (round(row[name], 1) + 0.0 for name in ("low_db", "high_db"))
             shown = f"{row['difference_db']:+.1f} dB ({low:+.1f} to {high:+.1f})"

@@ -20,6 +20,7 @@ import analysis as package
 from analysis import ColumnMap, print_analysis, write_analysis
 from analysis.commands.analyze import MANY_TABLES
 from analysis.definitions import METHODS
+from analysis.results.answer import answer
 from analysis.results.files import NAMES
 from experiment.archive.disk import write_new
 from experiment.terms.record import COLUMNS
@@ -540,8 +541,16 @@ def test_a_population_is_fitted_only_on_request(example: Path, tmp_path: Path) -
 @pytest.mark.slow
 def test_a_population_that_cannot_be_fitted_has_a_reason(tmp_path: Path) -> None:
     text = LEAST + "1,left,60,left\n1,left,90,left\n"
-    [one] = analysed(tmp_path, text, population=True).population
-    assert one.reason
+    analysis = analysed(tmp_path, text, population=True)
+    [one] = analysis.population
+    assert one.reason == "one participant tells nothing of others"
+    # beside the threshold that there is, not only behind the tables
+    assert ("Threshold of the population", "not fitted", one.reason) in answer(analysis).rows
+    shown = io.StringIO()
+    print_analysis(analysis, shown)
+    told = " ".join(shown.getvalue().split())
+    assert f"Threshold of the population: not fitted ({one.reason})." in told
+    assert "It leaves out lapses and guesses" not in told
     assert summary(tmp_path / "out")["population"][0]["threshold_vpp"] is None
     assert one.reason in (tmp_path / "out" / "report.html").read_text()
 

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import json
+import re
+import tomllib
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import pandas as pd
@@ -14,12 +17,25 @@ from analysis.results.tables import analyse
 from tests.test_analysis.shared import LEAST, loaded, put, refused, run
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from analysis.reading.load import LoadedTrials
     from tests.test_analysis.conftest import Simulate
 
 LEFT = {"side": "left"}
+
+
+PAGE = Path(__file__).parents[2] / "docs" / "howto" / "foreign-table.md"
+KEYS = (
+    "participant,level_vpp,stimSide,key_resp.keys\n1,60,left,left\n1,60,right,right\n"
+    "1,95,right,left\n1,95,left,space\n"
+)
+"""Keys left and right, either of them a yes; the space bar is a no."""
+
+
+def recipe_of(what: str) -> str:
+    """Return as the text of a map what the page says may stand there for a table like that."""
+    row = next(line for line in PAGE.read_text("utf-8").splitlines() if f"| {what}" in line)
+    parts = re.findall(r"`([^`]+)`", row.split(" | ", 1)[1])
+    return "\n".join(part for part in parts if part.startswith("[") or " = " in part) + "\n"
 
 
 def told(read: LoadedTrials, *columns: str) -> list[list[Any]]:
@@ -339,3 +355,22 @@ def test_one_who_never_says_none_does_not_make_a_data_set_a_forced_choice(tmp_pa
     assert totals["left"].tolist() == [3]
     assert {*found.thresholds["guess_basis"]} == {"few blanks"}
     assert not [one for one in found.warnings if '"none"' in one]
+
+
+def test_keys_of_two_sides_are_read_as_felt_by_the_recipe_of_the_page(tmp_path: Path) -> None:
+    """Blanks whose level is empty are refused with a hint that the recipe beside it follows."""
+    felt = recipe_of('keys left and right, of which only "felt?"')
+    both = recipe_of("the same, with stimuli at both sides")
+    blanks = recipe_of("the same, with blanks whose level is empty")
+    columns = ColumnMap(**tomllib.loads(felt))
+    read = loaded(tmp_path, KEYS, columns)
+    assert told(read, "kind", "response") == [["single", "left"]] * 3 + [["single", "none"]]
+    blank = put(tmp_path / "blanks.csv", KEYS + "1,,,left\n1,,,space\n")
+    hint = refused(blank, columns=columns)
+    assert blanks.strip().replace("\n", " ") in str(hint)
+    columns = ColumnMap(**tomllib.loads(felt + blanks))
+    read = read_inputs([blank], columns)
+    assert told(read, "kind", "response")[-2:] == [["blank", "left"], ["blank", "none"]]
+    more = put(tmp_path / "both.csv", KEYS + "1,95,both,left\n")
+    columns = ColumnMap(**tomllib.loads(felt + both))
+    assert len(read_inputs([more], columns).trials) == 4
