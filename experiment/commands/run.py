@@ -389,9 +389,9 @@ def _report(ending: Ending, plan: Plan, unfelt: Path | None = None) -> None:
         told = f"device: {ending.failure}; go on with --resume"
         raise CommandError(told, exit_code=DEVICE_FAILED)
     if ending.finished:
-        none = f"done, {ending.unanswered} of them without an answer"
-        end = none if ending.unanswered else "answered"
-        click.echo(f"all {len(plan.trials)} trials are {end}: {ending.trials_path}")
+        without = ending.unanswered
+        end = f"done, {without} of them without an answer" if without else "answered"
+        click.echo(f"all {plan.trials_words()} are {end}: {ending.trials_path}")
     if unfelt is not None and ending.trials_path.read_bytes().count(b"\n") > 1:  # some trial
         given = f"{shlex.quote(str(unfelt))} --allow-simulated"
         click.echo(f"nobody felt anything; analyzed all the same: tactstrip analyze {given}")

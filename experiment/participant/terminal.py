@@ -30,7 +30,12 @@ _WORDS: Final = {
     **{side: f"{side} arrow" for side in ("left", "right", "up", "down")},
 }
 TOO_EARLY: Final = " (too early)"
-_NOT_COUNTED: Final = {SessionPart.PRACTICE: "practice", SessionPart.WARM_UP: "warm-up"}
+_COUNTED: Final = {
+    SessionPart.AUDIBILITY: ("hands off", "hands-off trials"),
+    SessionPart.PRACTICE: ("practice", "practice trials"),
+    SessionPart.CONTROL: ("hands off", "hands-off trials"),
+}
+"""What is counted apart from the trials of the task, and several of them."""
 _PLACEMENT: Final = (
     "Lay one finger of each hand on the plate, above the left and the right actuator, and keep "
     "them there."
@@ -105,8 +110,12 @@ class TerminalResponder:
         told = (self._texts.welcome, self._with_keys(self._texts.instructions or ""))
         self._say("", *_broken(*told), "")
         pause = self._labels["pause"]
+        self._say(*_broken(self._key_list()), "")
         self._say(f"{pause} pauses the session, {pause} again stops it.", "")
         return self._goes_on()
+
+    def _key_list(self) -> str:
+        return ", ".join(f"{answer}: {self._labels[answer]}" for answer in self._responses)
 
     def introduce(self, part: SessionPart, progress: Progress) -> bool:
         """Say where the fingers go, what the part asks for, and the keys of its answers."""
@@ -127,11 +136,12 @@ class TerminalResponder:
         return self._goes_on()
 
     def cue(self, progress: Progress) -> None:
-        """Show the trial's number, if it counts; keys typed before it are dropped."""
+        """Show the trial's number in its part, if it counts; keys typed before are dropped."""
         self._forget_typed()
         self._answers = progress.part.answers(self._responses)
-        place = f"trial {progress.done + 1} of {progress.planned}"
-        self._say("", f"{_NOT_COUNTED.get(progress.part, place)}  ...")
+        one, _ = _COUNTED.get(progress.part, ("trial", ""))
+        place = f"{one} {progress.done + 1} of {progress.planned}"
+        self._say("", f"{'warm-up' if progress.part == SessionPart.WARM_UP else place}  ...")
 
     def wait(self, until_s: float) -> Press | None:
         """Let the foreperiod pass; of an answer in it, it is said that it is too early."""
@@ -156,7 +166,7 @@ class TerminalResponder:
         counts = response in question.answers or response == ESCAPE
         self._say(f" {response}" if counts else f" ({response} is no answer here) ?")
         if response in question.answers and self._key_s - question.onset_s < EARLIEST_ANSWER_S:
-            self._say(TOO_EARLY)
+            self._say(f" (too early: within {EARLIEST_ANSWER_S * 1e3:g} ms of the onset)")
         return Press(response, self._key_s)
 
     def feedback(self, *, correct: bool) -> None:
@@ -170,7 +180,8 @@ class TerminalResponder:
         """
         self._forget_typed(but="pause")
         what = "Paused" if paused else "Break"
-        self._say("", f"{what}: {progress.done} of {progress.planned} trials are done.", "")
+        _, of = _COUNTED.get(progress.part, ("", "trials"))
+        self._say("", f"{what}: {progress.done} of {progress.planned} {of} are done.", "")
         if minimum_s > 0:
             stops = f"{self._labels['pause']} stops the session"
             self._say(f"Rest for at least {minimum_s:g} s; {stops}.", "")

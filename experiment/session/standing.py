@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -9,6 +10,7 @@ from experiment.operator.requests import Status, Tally
 from experiment.study.sections.design import ASSUMED_ANSWER_S
 from experiment.terms.record import is_correct
 from experiment.terms.responder import Progress, SessionPart
+from experiment.trial.events import Task
 from experiment.trial.plan import PRACTICE_BLOCK
 
 if TYPE_CHECKING:
@@ -26,7 +28,7 @@ class Standing:
     """What is counted while a session goes on; earlier sittings are in its history."""
 
     def __init__(self, plan: Plan, design: Design, history: History) -> None:
-        self._planned = len(plan.trials)
+        self._planned = Counter(Task(trial, attempt=1).part for trial in plan.trials)
         self._blocks = len({t.block for t in plan.trials if t.block > PRACTICE_BLOCK})
         self._design = design
         self._tallies = {"left": Tally(), "right": Tally()}
@@ -52,10 +54,16 @@ class Standing:
             self._count(trial.side, end.response)
 
     def progress(self, state: SessionState) -> Progress:
-        """Return how far the session has come."""
-        left = sum(not task.warm_up for task in state.pending)
-        part = state.pending[0].part if state.pending else SessionPart.MAIN
-        return Progress(done=self._planned - left, planned=self._planned, part=part)
+        """Return how far the part has come that was introduced last, or is the first to come.
+
+        Behind the last trial of all it is the task.
+        """
+        left = [task.part for task in state.pending if not task.warm_up]
+        ahead = left[0] if left else SessionPart.MAIN
+        part = (state.part if left else None) or ahead
+        of = ahead if part == SessionPart.WARM_UP else part
+        planned = self._planned[of]
+        return Progress(done=planned - left.count(of), planned=planned, part=part)
 
     def status(self, state: SessionState, *, noise: str, device: str, message: str) -> Status:
         """Return what the operator is shown."""

@@ -58,9 +58,10 @@ class Progress:
     Attributes
     ----------
     done, planned : int
-        Trials answered, and trials in the plan.
+        Trials of this part answered, and in the plan: practice is counted apart from the task. Of
+        a warm-up they are those of the part that goes on behind it.
     part : SessionPart
-        What the current trial belongs to.
+        What the current trial belongs to, in a break the one before it; at the end the task.
     """
 
     done: int

@@ -144,6 +144,12 @@ class Plan:
         blocks = (t for t in self.trials if t.block > PRACTICE_BLOCK and t.kind != CONTROL)
         return tuple(dict.fromkeys(trial.condition for trial in blocks))
 
+    def trials_words(self) -> str:
+        """Say how many trials there are; those of practice are counted apart."""
+        practice = sum(trial.kind == "practice" for trial in self.trials)
+        of_practice = f" and {practice} of practice" if practice else ""
+        return f"{len(self.trials) - practice} trials{of_practice}"
+
     def to_json(self) -> str:
         """Write the plan as the text of plan.json, checksum included."""
         return (

@@ -300,6 +300,30 @@ def test_practice_is_answered_with_feedback_and_recorded_as_practice(lab_of: Lab
 
 
 @pytest.mark.usefixtures("person")
+def test_practice_and_trials_with_the_hands_off_are_counted_apart_from_the_task(
+    lab_of: LabOf,
+) -> None:
+    """Whatever is presented again, in a warm-up what goes on behind it."""
+    lab = lab_of("practice_trials = 2\naudibility_trials = 2\ncontrol_trials = 2\n")
+
+    def shown() -> list[tuple[str, int, int]]:
+        told = (what for what in lab.responder.told if isinstance(what, Progress))
+        return [(one.part.value, one.done, one.planned) for one in told]
+
+    before = [("audibility", 0, 2), ("audibility", 1, 2), ("practice", 0, 2), ("practice", 1, 2)]
+    lab.crash(7, ask={3: ("left", 0.0)})
+    again = [*before[:3], *before[2:]]
+    assert shown() == [*again, ("main", 0, 5), ("main", 1, 5)]
+    assert lab.resume().finished
+    warm_up = [("warm_up", 1, 5)] * 2
+    main = [("main", n, 5) for n in range(1, 5)]
+    assert shown() == [*warm_up, *main, ("control", 0, 2), ("control", 1, 2)]
+    assert lab.plan.trials_words() == "9 trials and 2 of practice"
+    last = lab.display.seen[-1]
+    assert (last.done, last.planned) == (5, 5)
+
+
+@pytest.mark.usefixtures("person")
 def test_a_person_gets_two_warm_up_trials_after_a_resume_beside_those_left(lab: Lab) -> None:
     lab.crash(2)
     assert lab.resume().finished

@@ -326,7 +326,8 @@ def test_setting_the_wall_clock_in_a_session_and_between_two_sittings_moves_noth
 
 
 def test_fingers_leave_the_plate_and_come_back_when_it_is_said(sessions: Sessions) -> None:
-    sessions.write(sessions.text + "control_trials = 2\n" + OFF_PLATE)
+    """What is counted apart is told by its name, and the trials of the task from 1."""
+    sessions.write(sessions.text + "control_trials = 2\npractice_trials = 1\n" + OFF_PLATE)
     with Terminal(sessions, "--seed", "1") as terminal:
         terminal.go_on(b"Enter goes on")
         terminal.expect(b"take both hands off the plate")
@@ -336,12 +337,21 @@ def test_fingers_leave_the_plate_and_come_back_when_it_is_said(sessions: Session
         terminal.answer(b" ", b" ")
         terminal.expect(b"Lay one finger of each hand")
         terminal.go_on(b"both   down arrow\r\nEnter goes on")
+        terminal.answer(ESCAPE)
+        terminal.go_on(b"Paused: 0 of 1 practice trials are done.")
+        terminal.answer(LEFT)
+        terminal.go_on(b"both   down arrow\r\nEnter goes on")
         terminal.answer(LEFT, LEFT, LEFT)
-        terminal.go_on(b"Break")
+        terminal.go_on(b"Break: 3 of 5 trials are done.")
         terminal.answer(LEFT, LEFT)
-        terminal.go_on(b"Break")
+        terminal.go_on(b"Break: 5 of 5 trials are done.")
         terminal.go_on("Hände weg".encode(), ESCAPE)
         assert terminal.ended() == 4, terminal.shown
+    off, main = [b"hands off 1 of 2", b"hands off 2 of 2"], [b"trial %d of 5"] * 5
+    assert re.findall(rb"\n(\S[^\r]*?)  \.\.\. ", terminal.shown) == [
+        *(*off, b"practice 1 of 1", b"practice 1 of 1"),
+        *(one % n for n, one in enumerate(main, start=1)),
+    ]
     with Terminal(sessions, "--resume") as terminal:
         terminal.go_on(b"Enter goes on")
         terminal.go_on("Hände weg".encode())
@@ -350,7 +360,7 @@ def test_fingers_leave_the_plate_and_come_back_when_it_is_said(sessions: Session
     recorded = sessions.rows()
     control = [row["response"] for row in recorded if row["kind"] == "control"]
     assert control == ["none", "none", "none", "left"]
-    assert all(row["status"] == "ok" for row in recorded)
+    assert all(row["status"] == "ok" for row in recorded if row["kind"] != "practice")
 
 
 def test_escape_pauses_and_escape_again_stops_until_a_resume(sessions: Sessions) -> None:

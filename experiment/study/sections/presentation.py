@@ -177,9 +177,9 @@ class Keys:
 class Texts:
     """What the participant reads, in any language.
 
-    {done}, {planned} and, in rest, {seconds} are filled in where the defaults have them; {left},
-    {right}, {both} and {none} are the keys of these answers, in texts about answers, {go_on} that
-    to go on.
+    {done}, {planned} (of practice, or of the task) and, in rest, {seconds} are filled in where the
+    defaults have them; {left}, {right}, {both} and {none} are the keys of these answers, in texts
+    about answers, {go_on} that to go on.
     """
 
     welcome: str = Field(
