@@ -78,10 +78,10 @@ def field(
     found: PlateMap | PlateBand | PlateMotion
     with working("Computing the field") as step, told_by_file(study_file):
         if animate:
-            from experiment.preview.field import plate_motion
+            from experiment.preview.field import plate_motion, with_bursts
             from experiment.preview.plate import plate_of
 
-            found = plate_motion(plate_of(study))
+            found = with_bursts(plate_motion(plate_of(study)))
             content = _animated(found, out.suffix.lower(), step)
         else:
             found = _computed(study, frequency_hz, band_hz)
@@ -97,7 +97,9 @@ def _check_target(out: Path, endings: tuple[str, ...]) -> None:
     if out.suffix.lower() == ".mp4" and shutil.which("ffmpeg") is None:
         raise CommandError(f"--out must end in .gif: an MP4 needs ffmpeg, not found; got {out}")
     if out.exists() or out.is_symlink():
-        raise CommandError(f"{out} exists and is left as it is; name another file with --out")
+        raise CommandError(
+            f"{out} exists and is left as it is; delete it, or name another file with --out"
+        )
 
 
 def _computed(
@@ -110,7 +112,7 @@ def _computed(
     option = "--frequency-hz" if band_hz is None else "--band"
     try:
         if band_hz is not None:
-            return plate_band(plate, band_hz)
+            return with_bursts(plate_band(plate, band_hz))
         asked_hz = plate.drive_hz if frequency_hz is None else frequency_hz
         return with_bursts(plate_map(plate, asked_hz))
     except ValueError as error:

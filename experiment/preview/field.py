@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 from itertools import count, takewhile
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, TypeVar
 
 import numpy as np
 
@@ -58,7 +58,7 @@ class PlateMap:
         The same at the centres of the fingertips.
     bursts_db : tuple of float
         Level of the first condition's burst at the other finger, of the left and of the right
-        actuator, as the check has it; empty where that is not known.
+        actuator, as the check has it; empty where that is not known. So for any field.
     """
 
     plate: PlatePreview
@@ -106,6 +106,7 @@ class PlateBand:
     at_fingers_m: Complex
     cutoffs_hz: tuple[float, ...]
     left_out_hz: tuple[float, ...]
+    bursts_db: tuple[float, ...] = ()
 
     def level_db(self, driven: int, other: int) -> Real:
         """Return the level at another finger re above the driven actuator, at each frequency."""
@@ -139,6 +140,7 @@ class PlateMotion:
     displacement_m: Real
     finger_times_s: Real
     at_fingers_m: Real
+    bursts_db: tuple[float, ...] = ()
 
     @property
     def step_s(self) -> float:
@@ -196,8 +198,11 @@ def plate_map(plate: PlatePreview, frequency_hz: float) -> PlateMap:
     )
 
 
-def with_bursts(field: PlateMap) -> PlateMap:
-    """Return a map with the levels of the burst; as it is, where the study cannot be checked."""
+Field = TypeVar("Field", PlateMap, PlateBand, PlateMotion)
+
+
+def with_bursts(field: Field) -> Field:
+    """Return a field with the levels of the burst; as it is, where the study cannot be checked."""
     from experiment.preview.check import check_study
 
     try:

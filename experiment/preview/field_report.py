@@ -23,8 +23,8 @@ if TYPE_CHECKING:
     from experiment.preview.plate import PlatePreview
 
 
-_LEVELS: Final = "at the other finger's centre re above the driven actuator, for a tone"
-_OF_BURST: Final = "for the burst: check"
+_TONE: Final = "tone: at the other finger's centre re above the driven actuator, of"
+_SHOWN: Final = "shown: of the peaks at the fingers' centres in this time, of one loss factor"
 _PREFIXES: Final = (("mm", 1e-3), ("um", 1e-6), ("nm", 1e-9), ("pm", 1e-12))
 
 _PLATEAU_DB: Final = 0.1
@@ -108,8 +108,9 @@ def field_text(field: PlateMap | PlateBand | PlateMotion, file_name: str) -> str
     >>> from experiment.preview.field import plate_map
     >>> from experiment.study.read import study_from_text
     >>> endless = study_from_text('strip = {length_mm = "endless"}', "study.toml")
-    >>> print(field_text(plate_map(plate_of(endless), 500.0), "study.toml").splitlines()[-1])
-    right driven   at most 5.25 um, at x = 35, y = 12.5 mm of the map's grid; left finger -90.8 dB
+    >>> told = field_text(plate_map(plate_of(endless), 500.0), "study.toml")
+    >>> print(told.splitlines()[-1].removesuffix(" of the map's grid"))
+    right driven   left finger: tone -90.8 dB; at most 5.25 um, at x = 35, y = 12.5 mm
     """
     plate = field.plate
     found = Findings()
@@ -131,19 +132,32 @@ def _tell_map(found: Findings, field: PlateMap) -> None:
     drive = field.plate.drive
     ends_mm = (field.x_m[[0, -1]] * 1e3).tolist()
     found.tell("map", f"{hertz(field.frequency_hz)}, x from {ends_mm[0]:g} to {ends_mm[1]:g} mm")
-    levels = f"{_LEVELS} of {hertz(field.frequency_hz)}"
-    found.tell("levels", levels if field.bursts_db else f"{levels}; {_OF_BURST}")
-    if field.bursts_db:
-        limit = f"the limit is -{field.plate.masking_limit_db:g} dB"
-        found.tell(
-            "", f"for the {burst_name(field.plate)}, which decides, as check has it; {limit}"
-        )
+    _tell_levels(found, field, f"{_TONE} {hertz(field.frequency_hz)}")
     for driven, name in enumerate(drive.names):
         peak_m, x_m, y_m = field.peak_of(driven)
         place = f"x = {x_m * 1e3:.3g}, y = {y_m * 1e3:.3g} mm of the map's grid"
         most = f"at most {metres(peak_m)}{drive.per_load(driven)}, at {place}"
-        burst = "".join(f", burst {decibels(one)}" for one in field.bursts_db[driven : driven + 1])
-        found.tell(f"{name} driven", f"{most}; {levels_text(field, driven)}{burst}")
+        levels = [
+            f"{field.plate.places[other]}: {_burst(field, driven)}"
+            f"tone {decibels(field.level_db(driven, other))}"
+            for other in field.plate.others_of(driven)
+        ]
+        found.tell(f"{name} driven", "; ".join([*levels, most]))
+
+
+def _tell_levels(found: Findings, field: PlateMap | PlateBand | PlateMotion, beside: str) -> None:
+    """Say which levels are told, first those that decide."""
+    if not field.bursts_db:
+        found.tell("levels", f"{beside}; of the burst: check")
+        return
+    decides = f"as check has it, which decides; the limit is -{field.plate.masking_limit_db:g} dB"
+    found.tell("levels", f"{burst_name(field.plate)}: at the other finger, {decides}")
+    found.tell("", beside)
+
+
+def _burst(field: PlateMap | PlateBand | PlateMotion, driven: int) -> str:
+    """Say the level of the burst, before another one."""
+    return "".join(f"burst {decibels(one)}, " for one in field.bursts_db[driven : driven + 1])
 
 
 def burst_name(plate: PlatePreview) -> str:
@@ -183,11 +197,7 @@ def _tell_motion(found: Findings, field: PlateMotion) -> None:
         f"0 to {field.times_s[-1] * 1e3:g} ms in steps of {field.step_s * 1e3:g} ms, "
         f"slowed {slowed(field):g} times",
     )
-    found.tell(
-        "levels",
-        "of the peaks at the fingers' centres in this time; check has them over the whole contact "
-        "area and, where no loss is stated, of the worse of two",
-    )
+    _tell_levels(found, field, _SHOWN)
     for driven, own_m in enumerate(np.diag(largest_m)):
         unit = plate.drive.per_load(driven)
         (other,) = plate.others_of(driven)
@@ -195,8 +205,9 @@ def _tell_motion(found: Findings, field: PlateMotion) -> None:
         level_db = 20 * math.log10(other_m / own_m) if other_m else -math.inf
         found.tell(
             f"{plate.drive.names[driven]} driven",
-            f"at most {metres(float(own_m))}{unit} above it, {metres(other_m)}{unit} at the "
-            f"{plate.places[other]}: {decibels(level_db)}",
+            f"{plate.places[other]}: {_burst(field, driven)}shown {decibels(level_db)}; at most "
+            f"{metres(float(own_m))}{unit} above the actuator, {metres(other_m)}{unit} at the "
+            "finger",
         )
 
 
@@ -228,14 +239,14 @@ def _tell_band(found: Findings, field: PlateBand) -> None:
     if between and not (material.loss_factor or material.viscous_time_s):
         told = ", ".join(hertz(cutoff_hz) for cutoff_hz in between)
         found.tell("not shown", f"without loss the field grows without end towards {told}")
-    found.tell("levels", f"{_LEVELS} of each frequency; {_OF_BURST}")
+    _tell_levels(found, field, f"{_TONE} each frequency")
     for driven, name in enumerate(drive.names):
         size_m = np.abs(field.at_fingers_m[driven, driven])
         largest = int(np.argmax(size_m))
-        told = f"{metres(float(size_m[largest]))}{drive.per_load(driven)} above it"
-        found.tell(f"{name} driven", f"largest {told}, at {hertz(asked_hz[largest])}")
+        told = f"{metres(float(size_m[largest]))}{drive.per_load(driven)} above the actuator"
         for other in field.plate.others_of(driven):
-            found.tell("", _loudest(field, driven, other))
+            found.tell(f"{name} driven", _loudest(field, driven, other))
+        found.tell("", f"largest {told}, at {hertz(asked_hz[largest])}")
 
 
 def _loudest(field: PlateBand, driven: int, other: int) -> str:
@@ -245,8 +256,9 @@ def _loudest(field: PlateBand, driven: int, other: int) -> str:
     loudest = int(np.argmax(level > np.max(level) - _PLATEAU_DB))
     above = np.flatnonzero(level > -limit_db)
     first = f"first at {hertz(asked_hz[above[0]])}" if above.size else "nowhere"
-    most = f"largest {decibels(level[loudest])}, at {hertz(asked_hz[loudest])}"
-    return f"{field.plate.places[other]} {most}; above -{limit_db:g} dB {first}"
+    most = f"tone largest {decibels(level[loudest])}, at {hertz(asked_hz[loudest])}"
+    levels = f"{_burst(field, driven)}{most}; above -{limit_db:g} dB {first}"
+    return f"{field.plate.places[other]}: {levels}"
 
 
 def strip_text(plate: PlatePreview) -> str:

@@ -148,7 +148,9 @@ def test_an_actuator_under_neither_finger_is_shown_at_both() -> None:
     found, over = plate_map(three, 500.0), plate_band(three, (100.0, 3000.0), n_frequencies=9)
     told = field_text(found, "s").splitlines()
     assert told[-1].startswith("motor driven   ")
-    assert re.search(r"um per N, at .* grid; left finger (.*) dB, right finger \1 dB$", told[-1])
+    assert re.search(
+        r" left finger: tone (.*) dB; right finger: tone \1 dB; at most .* um per N, at ", told[-1]
+    )
     assert "per unit load of 1 N m/m or 1 N" in told[2]
     assert "motor_driven_at_left_abs_um_per_unit_load" in field_csv(over)
     svg = render(over, "svg").decode()
@@ -167,8 +169,8 @@ def test_without_options_it_is_a_map_at_the_burst_of_the_first_condition(run: Ru
         "map            500 Hz",
         "measured by the paper, at 200 Vpp",
         "loss factor 0.01 assumed",
-        "for a tone of 500 Hz\n               for the burst, which decides, as check has it; the",
-        "5.25 um, at x = -35, y = 12.5 mm of the map's grid; right finger -90.8 dB, burst -23.7 dB",
+        "burst: at the other finger, as check has it, which decides; the limit is -20 dB\n   ",
+        "right finger: burst -23.7 dB, tone -90.8 dB; at most 5.25 um, at x = -35, y = 12.5 mm of",
         "field.png written",
     )
 
@@ -347,7 +349,9 @@ def test_bad_input_is_one_line_and_changes_nothing(
 @pytest.mark.parametrize("name", ["old.png", "old.svg", "old.csv"])
 def test_an_existing_file_is_left_alone(name: str, refused: Refused) -> None:
     Path(name).write_text("mine", encoding="utf-8")
-    told = f"error: {name} exists and is left as it is; name another file with --out\n"
+    told = (
+        f"error: {name} exists and is left as it is; delete it, or name another file with --out\n"
+    )
     assert refused("field", "study.toml", "--out", name) == told
 
 
@@ -388,7 +392,7 @@ def test_a_table_imports_no_matplotlib() -> None:
 def test_the_headline_has_the_numbers_of_the_map() -> None:
     found = plate_map(plate(OFF_CENTRE), 3000.0)
     for driven, line in enumerate(field_text(found, "s").splitlines()[-2:]):
-        told = re.search(r"([-\d.]+) dB$", line)
+        told = re.search(r"tone ([-\d.]+) dB;", line)
         assert told is not None
         assert float(told[1]) == pytest.approx(found.level_db(driven, 1 - driven), abs=0.05)
 
@@ -422,7 +426,8 @@ def test_animate_writes_a_gif_of_both_actuators_and_leaves_files_alone(
     told = result.stdout
     assert missing(told, "0 to 4 ms in steps of 0.1 ms, slowed 500 times", "right driven") == []
     assert "of the peaks at the fingers' centres in this time" in told
-    assert re.search(r"\nright driven   at most .* at the left finger: -\d\d\.\d dB\n", told)
+    level = r"-\d\d\.\d dB"
+    assert re.search(rf"\nright driven   left finger: burst {level}, shown {level}; at most", told)
     with Image.open("burst.gif") as film:
         assert (getattr(film, "n_frames", 0), film.info["duration"]) == (2 * 41, 50)
     assert Path("burst.gif").stat().st_size < 5e6
