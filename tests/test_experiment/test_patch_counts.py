@@ -177,10 +177,10 @@ LOAD = (
 
 @pytest.mark.parametrize("load", ["", LOAD])
 def test_a_plate_too_long_for_patches_is_named_by_its_keys(load: str) -> None:
-    said = "length_mm = 3000 and width_mm = 25 has too many modes .* patch_counts = false"
+    said = "length_mm = 8000 and width_mm = 25 has too many modes .* patch_counts = false"
     for each in (MEASURED + COUNTS, D31 + "patch_counts = true\n" + LAYERS):
         with pytest.raises(StudyError, match=said):
-            study_gains(study(each, "[strip]\nlength_mm = 3000\n" + load))
+            study_gains(study(each, "[strip]\nlength_mm = 8000\n" + load))
 
 
 @pytest.mark.slow

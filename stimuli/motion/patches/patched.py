@@ -24,8 +24,8 @@ if TYPE_CHECKING:
     from stimuli.strip.strip import Strip
 
 
-_MOST_FUNCTIONS: Final = 1200
-"""Functions of one symmetry, those of patches aside: a second or two."""
+_MOST_FUNCTIONS: Final = 1800
+"""Functions of one symmetry, those of patches aside: some seconds."""
 
 _LEAST: Final = 8.0
 """First cut-offs up to which the plate's polynomials hold waves at least."""
