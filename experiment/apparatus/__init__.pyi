@@ -1,4 +1,4 @@
-from .monitor import monitor_facts, monitor_words, onset_doubt, planned_burst
+from .monitor import monitor_doubt, monitor_facts, monitor_words, planned_burst
 from .noise import NoiseError, NoiseFacts, NoiseHealth, NoisePlayer, SilentNoise, noise_player
 from .rig import (
     QUESTION,
@@ -54,10 +54,10 @@ __all__ = [
     "line_settings",
     "load_condition",
     "mock_device",
+    "monitor_doubt",
     "monitor_facts",
     "monitor_words",
     "noise_player",
-    "onset_doubt",
     "onset_interval_s",
     "planned_burst",
     "playing_s",

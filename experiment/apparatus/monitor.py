@@ -159,13 +159,17 @@ INPUT_ONSET_MS: Final = 20.0
 """What two cards need, whose onsets are told by the sound system's word: docs/monitor.md."""
 
 
-def onset_doubt(settings: MonitorSettings) -> str:
-    """Say why good bursts may be told as early or late; empty where the tolerance is wide enough.
+def monitor_doubt(settings: MonitorSettings) -> str:
+    """Say why nothing is measured, or good bursts may be told as early or late; or empty.
 
     >>> from experiment.study.sections.equipment import MonitorSettings
-    >>> onset_doubt(MonitorSettings())
+    >>> monitor_doubt(MonitorSettings())
     ''
+    >>> monitor_doubt(MonitorSettings(source="none", sound_card="Scarlett"))
+    'monitor.sound_card is named, but nothing is measured: monitor.source = "none"'
     """
+    if settings.source == "none" and settings.sound_card:
+        return 'monitor.sound_card is named, but nothing is measured: monitor.source = "none"'
     if settings.source != "input" or settings.onset_tolerance_ms >= INPUT_ONSET_MS:
         return ""
     return (

@@ -222,11 +222,15 @@ def full_scale_words(settings: DeviceSettings, highest_vpp: float) -> tuple[str,
         f"the highest level, {highest_vpp:g} V, is {level_db:.1f} dB re that"
     )
     doubt = (
-        f"ceiling_vpp = {settings.ceiling_vpp:g} V is not twice {key} = {peak_v:g} V: "
-        "is that the peak, half of what was measured from peak to peak? If so, "
+        f"ceiling_vpp = {settings.ceiling_vpp:g} V is not twice {key} = {peak_v:g} V: is that the "
+        "peak, half of what was measured from peak to peak? If so, a lower ceiling is fine"
     )
-    lower = settings.ceiling_vpp < 2 * peak_v
-    doubt += "a lower ceiling is fine" if lower else "full scale, the lower one, limits the levels"
+    if settings.ceiling_vpp > 2 * peak_v:
+        doubt = (
+            f"ceiling_vpp = {settings.ceiling_vpp:g} V is more than twice {key}, {2 * peak_v:g} V, "
+            "which limits the levels. If the amplifier bears more than card x gain reaches, write "
+            f"ceiling_vpp = {2 * peak_v:g}; or is {key} an effective value, not the peak?"
+        )
     in_round_numbers = math.isclose(settings.ceiling_vpp, 2 * peak_v, rel_tol=0.01)
     return (words,) if in_round_numbers else (words, doubt)
 

@@ -66,20 +66,17 @@ def check(
         settings = chosen_settings(study, driver=driver, port=port)
         checked = check_study(study)
         require_mock_suitable(study, driver)
-    machine = machine_findings(_machine_lacks(study, settings))
-    found = check_findings(checked, str(study_file), machine, device=settings)
-    if not as_json:
-        click.echo(found.text)
+    lacks = _machine_lacks(study, settings)
+    found = check_findings(checked, str(study_file), machine_findings(lacks), device=settings)
+    if "device" in dict(lacks):
+        found.tell("", "of the study; on this machine the device is missing, see the notes")
     device = None
     if with_device and checked.verdict != "unfit":
         rig = assemble(study, driver=driver, port=port, simulated=True)
         device = _device_check(study, rig, given=confirm_hardware)
-        told = device_findings(device)
-        found.part("device_check", told)
-        if not as_json:
-            click.echo(told.text)
-    if as_json:
-        click.echo(found.json)
+        found.part("device_check", device_findings(device))
+    # Last: a device that is refused, or not there, is told alone, not under a page of the study.
+    click.echo(found.json if as_json else found.text)
     if checked.verdict == "unfit":
         click.get_current_context().exit(ANSWER_IS_NO)
     if device is not None:

@@ -111,7 +111,11 @@ _LEVELS: Final = {
     "paper": "",
     "recommended": f"The levels below are for a pilot session. {_PLACED}",
     "realistic": f"The levels below are for a pilot session. {_PLACED}",
-    PLATE: f"The levels are assumed: they and ceiling_vpp must suit your actuators. {_PLACED}",
+    PLATE: (
+        "The levels are assumed: they and ceiling_vpp must suit your actuators. They rise in equal "
+        "steps of volts; 'Which levels for a new plate', docs/plate.md, tells how to write equal "
+        f"steps of dB for a pilot. {_PLACED}"
+    ),
 }
 _CONDITIONS: Final = """\
 # To compare stimuli, list conditions; each runs the whole design. What one leaves out is taken from

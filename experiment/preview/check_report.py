@@ -8,7 +8,7 @@ from dataclasses import asdict, replace
 from typing import TYPE_CHECKING, Final
 
 from device.drivers import other_channels
-from experiment.apparatus.monitor import monitor_words, onset_doubt
+from experiment.apparatus.monitor import monitor_doubt, monitor_words
 from experiment.apparatus.rig import asked_of, full_scale_words, lacking_of, shared_card
 from experiment.preview.displacements import displacement_findings, edge_findings
 from experiment.preview.findings import Findings
@@ -230,13 +230,13 @@ def _condition(check: StudyCheck, one: ConditionCheck) -> Findings:
     found.tell("band", f"{lower_hz:.1f} to {upper_hz:.1f} Hz at half power", band_hz=burst.band_hz)
     found.tell(
         "above cut-off",
-        f"{burst.energy_above_cutoff:.2e} of the {ideal} energy",
+        f"{burst.energy_above_cutoff:.2e} of the {ideal} energy: of a sound card, which smooths",
         energy_above_cutoff=burst.energy_above_cutoff,
     )
     found.tell(
         "",
         f"{burst.staircase_energy_above_cutoff:.2e} of its staircase's at "
-        f"{burst.sample_rate_hz:g} Hz",
+        f"{burst.sample_rate_hz:g} Hz: of an output that holds each sample",
         staircase_energy_above_cutoff=burst.staircase_energy_above_cutoff,
     )
     found.tell("", f"{burst.max_energy_above_cutoff:.2e} is the limit")
@@ -367,7 +367,7 @@ def _tell_devices(found: Findings, study: Study, device: DeviceSettings) -> None
     found.tell("run", asked_of(device), run_asks=asked_of(device))
     if study.monitor.source != "none":
         found.tell("monitor", monitor_words(study.monitor), monitor=asdict(study.monitor))
-    if doubt := onset_doubt(study.monitor):
+    if doubt := monitor_doubt(study.monitor):
         found.tell("warning", doubt)
 
 
@@ -383,7 +383,7 @@ def _device_words(study: Study, device: DeviceSettings) -> str:
     own = study.device.driver
     instead = "" if device.driver == own else f" instead of the study's {own}"
     most_vpp, key = device.highest
-    reaches = f"{key} =" if "full_scale" in key else "ceiling"
+    reaches = "ceiling" if key == "device.ceiling_vpp" else f"{key} ="
     return (
         f"{device.driver}{instead} at {device.sample_rate_hz:g} Hz; highest level "
         f"{max(study.design.levels_vpp):g} Vpp, {reaches} {most_vpp:g} Vpp"

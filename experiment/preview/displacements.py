@@ -146,6 +146,10 @@ _WHY: Final = {
 }
 
 
+_NEAR_LIMIT_DB: Final = 6.0
+"""A level nearer to its limit than this is pointed at: edges and loss are not known so well."""
+
+
 def edge_findings(check: StudyCheck) -> Findings:
     """Tell what a plate whose cut-off is computed would be with the other ideal edge."""
     from experiment.preview.check import check_study
@@ -167,6 +171,9 @@ def edge_findings(check: StudyCheck) -> Findings:
             words += f", {tried.verdict}" * (tried.verdict != check.verdict)
             facts |= {"level_db": level_db, "verdict": tried.verdict}
     found.tell("", words, other_edge=facts)
+    inside_db = -study.burst.masking_limit_db - facts.get("level_db", -math.inf)
+    if 0 <= inside_db < _NEAR_LIMIT_DB:
+        found.tell("", f"that is {inside_db:.1f} dB inside the limit; for more: tactstrip bursts")
     found.tell("", f"{_WHY[edge]}: measure it, docs/hardware.md")
     return found
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -11,6 +12,8 @@ import pytest
 from experiment.preview.bursts import compare_bursts, grid_of, with_other_edge
 from experiment.preview.bursts.choice import CANDIDATES, chosen_burst
 from experiment.preview.bursts.compared import with_burst
+from experiment.preview.check import check_study
+from experiment.preview.check_report import check_findings
 from experiment.study.read import paper_study, study_from_text
 
 if TYPE_CHECKING:
@@ -78,11 +81,8 @@ def test_the_lines_of_the_best_burst_make_it_the_study_s(run: Run) -> None:
     options = ("--frequency-hz", "200,300", "--cycles", "1,3")
     result = run("bursts", "study.toml", *options)
     assert (result.exit_code, result.stderr) == (0, "")
-    table, _, best = result.stdout.partition("\nbest ")
-    assert (
-        best.splitlines()[0].strip()
-        == "3 cycles of 200 Hz: the shortest that is fit with both edges"
-    )
+    table, _, best = result.stdout.partition("\nshortest ")
+    assert best.splitlines()[0].strip() == "3 cycles of 200 Hz: fit with both edges"
     assert "\nfrequency_hz = 200\ncycles = 3\n" in best
     assert [line.split()[-1] for line in table.strip().splitlines()[-4:]] == [
         *("clamped", "both", "clamped", "clamped")
@@ -90,9 +90,39 @@ def test_the_lines_of_the_best_burst_make_it_the_study_s(run: Run) -> None:
     own = study_text().replace("cycles = 1", "cycles = 3")
     Path("study.toml").write_text(own, "utf-8")
     again = run("bursts", "study.toml", *options).stdout
-    assert "study.toml has it (*)" in again
+    assert "study.toml has the shortest (*)" in again
     assert "\n*200       3 " in again
     assert Path("study.toml").read_text("utf-8") == own
+
+
+@pytest.mark.slow
+def test_the_quietest_of_those_that_are_as_fit_is_named(run: Run) -> None:
+    Path("study.toml").write_text(study_text(), "utf-8")
+    found = told(run, "bursts", "--frequency-hz", "200", "--cycles", "2,3", text=study_text())
+    levels_db = [max(end["level_db"] for end in row["edges"]) for row in found["bursts"]]
+    rows = [row for row in found["bursts"] if row["fit"]]
+    assert found["quietest"]["level_db"] == min(
+        level_db for level_db, row in zip(levels_db, found["bursts"], strict=True) if row in rows
+    )
+    said = run("bursts", "study.toml", "--frequency-hz", "200", "--cycles", "2,3").stdout
+    level_db = found["quietest"]["level_db"]
+    words = f"3 cycles of 200 Hz: {level_db:.1f} dB at the other finger with the worse edges"
+    assert f"\nquietest       {words}\n" in said
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("inside_db", "near"), [(2.3, "that is 2.3 dB inside the limit; for more:"), (7, ""), (-1, "")]
+)
+def test_a_level_near_its_limit_with_the_other_edge_is_pointed_at(
+    inside_db: float, near: str
+) -> None:
+    study = with_burst(study_from_text(study_text(), "study.toml"), 200, 3)
+    level_db = check_findings(check_study(study), "s").facts["strip"]["other_edge"]["level_db"]
+    limited = study.changed(burst=replace(study.burst, masking_limit_db=-level_db - inside_db))
+    found = check_findings(check_study(limited), "study.toml")
+    assert found.text.count(" dB inside the limit; ") == bool(near)
+    assert near in found.text
 
 
 def test_where_none_is_fit_lower_frequencies_are_named_and_the_exit_code_is_1(run: Run) -> None:
@@ -122,13 +152,13 @@ def test_edges_of_which_more_is_known_have_no_other_ones(edge: str, why: str, ru
     said = run("bursts", "study.toml", "--frequency-hz", "200", "--cycles", "3").stdout
     assert f"no other edge is tried: {why}" in said
     assert "\n*" not in said
-    assert said.partition("\nbest")[0].split()[-1] == "yes"
+    assert said.partition("\nshortest")[0].split()[-1] == "yes"
 
 
 def test_what_is_felt_most_easily_is_named_where_thresholds_are_known(run: Run) -> None:
     Path("study.toml").write_text(study_text(more=PEOPLE), "utf-8")
     said = run("bursts", "study.toml", "--frequency-hz", "100,200", "--cycles", "3").stdout
-    assert "felt most easily of those: 3 cycles of 200 Hz, from " in said
+    assert "\nmost felt      3 cycles of 200 Hz, from " in said
 
 
 @pytest.mark.parametrize(

@@ -435,7 +435,8 @@ def test_what_the_machine_lacks_is_a_note_and_changes_no_verdict(
     assert lacks(run("check", "study.toml", "--json")) == [("device", "port")]
     told = run("check", "study.toml")
     assert told.exit_code == 0
-    *_, note, space, verdict = told.stdout.splitlines()
+    *_, note, space, verdict, last = told.stdout.splitlines()
+    assert last.strip().endswith("on this machine the device is missing, see the notes")
     assert note.startswith("note           device: port is missing: /no/such/port is not there; ")
     assert (space, verdict.split()[:2]) == ("", ["verdict", "fit:"])
 
@@ -466,6 +467,24 @@ def test_sound_is_missed_only_by_what_needs_it(
     found = machine_lacks(study.device, study.masking)
     assert [need for need, _ in found][: len(needs)] == needs
     assert {one for _, one in found} <= {lack}
+
+
+@pytest.mark.slow
+def test_the_last_line_says_that_the_device_is_missing_here(
+    run: Run, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    text = '[device]\ndriver = "audio"\nport = "card"\nvolts_full_scale = 100\n'
+    Path("study.toml").write_text(
+        text + '[monitor]\nsource = "none"\nsound_card = "Scarlett"\n', "utf-8"
+    )
+    lack = Lack(what="sound card", remedy="plug one in")
+    monkeypatch.setattr("device.sound.stream.sound_lack", lambda: lack)
+    result = run("check", "study.toml")
+    assert result.exit_code == 0
+    verdict, last = result.stdout.splitlines()[-2:]
+    assert verdict.split()[:2] == ["verdict", "fit:"]
+    assert last.strip() == "of the study; on this machine the device is missing, see the notes"
+    assert "\nwarning        monitor.sound_card is named, but nothing is measured" in result.stdout
 
 
 def test_a_window_needs_psychopy_and_a_display(monkeypatch: pytest.MonkeyPatch) -> None:

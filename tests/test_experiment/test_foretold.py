@@ -193,10 +193,15 @@ def test_a_full_scale_that_may_be_from_peak_to_peak_is_noted_and_changes_no_verd
     full_scale: float,
 ) -> None:
     found = told(f"{CARD}ceiling_vpp = 60\nvolts_full_scale = {full_scale}\n{BOTH}")
-    words = f"note           ceiling_vpp = 60 V is not twice volts_full_scale = {full_scale} V: is"
-    assert words in found.text
-    lower = "a lower ceiling is fine" if full_scale == 60 else "full scale, the lower one, limits"
-    assert f"from peak to peak? If so, {lower}" in found.text
+    words = (
+        "not twice volts_full_scale = 60 V: is that the peak, half of what was measured from peak "
+        "to peak? If so, a lower ceiling is fine"
+        if full_scale == 60
+        else "more than twice volts_full_scale, 56.6 V, which limits the levels. If the amplifier "
+        "bears more than card x gain reaches, write ceiling_vpp = 56.6; or is volts_full_scale an "
+        "effective value, not the peak?"
+    )
+    assert f"note           ceiling_vpp = 60 V is {words}\n" in found.text
     assert found.facts["verdict"] == "fit"
     unused = told(f"[device]\nvolts_full_scale = {full_scale}\n{BOTH}").text
     assert "full scale" not in unused

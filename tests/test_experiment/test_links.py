@@ -625,6 +625,7 @@ def test_a_device_that_does_not_suit_the_study_ends_the_check_with_1(
     result = check("--device", "--driver", "serial", "--port", port)
     assert result.exit_code == 1
     assert told in result.stderr
+    assert result.stdout == ""
     assert {event["event"] for event in events_of(truth)} == {"boot"}
 
 
@@ -660,6 +661,7 @@ def test_a_check_without_a_device_says_so_in_one_line(
     result = check(*options)
     assert (result.exit_code, len(result.stderr.splitlines())) == (exit_code, 1)
     assert told in result.stderr
+    assert result.stdout == ""
 
 
 def test_noise_on_the_actuators_sound_card_is_refused(make_study: Callable[[str], Study]) -> None:

@@ -20,7 +20,7 @@ _UNKNOWN: Final = "n/a"
 
 
 def bursts_findings(found: BurstComparison, file_name: str) -> Findings:
-    """Tell which bursts are fit for the plate of a study, and which of them is the best.
+    """Tell which bursts are fit for the plate of a study, and which of them is the shortest.
 
     Parameters
     ----------
@@ -81,6 +81,7 @@ def _tell_columns(told: Findings, found: BurstComparison) -> None:
         f"{limits[0]:.1e}",
         max_energy_above_cutoff=limits[0],
     )
+    told.tell("", "staircase: of outputs that hold each sample; sound cards smooth it")
     told.tell(
         "other",
         f"level at the other finger in dB re the own one, the worse side; limit {-limits[1]:g}",
@@ -220,36 +221,62 @@ def _named(row: ComparedBurst) -> str:
     return f"{cycles} of {row.burst.frequency_hz:g} Hz"
 
 
+def _tell_quietest(told: Findings, found: BurstComparison, best: ComparedBurst) -> None:
+    """Name the burst that is weakest at the other finger, of those that are as fit."""
+    alike = [row for row in found.rows if row.stated.is_fit]
+    alike = [row for row in alike if row.is_fit_with_all == best.is_fit_with_all]
+    levels_db = [
+        max(
+            end.level_db
+            for end in ((row.stated, row.other) if row.is_fit_with_all else (row.stated,))
+            if end is not None and end.level_db is not None
+        )
+        for row in alike
+    ]
+    level_db, row = min(zip(levels_db, alike, strict=True), key=lambda one: one[0])
+    where = " with the worse edges" if row.is_fit_with_all and row.other is not None else ""
+    told.tell(
+        "quietest",
+        f"{_named(row)}: {level_db:.1f} dB at the other finger{where}",
+        quietest={
+            "frequency_hz": row.burst.frequency_hz,
+            "cycles": row.burst.cycles,
+            "level_db": level_db,
+        },
+    )
+
+
 def _tell_best(told: Findings, found: BurstComparison, file_name: str) -> None:
     """Name the best burst with the lines of the study file that make it the study's."""
     best, edges = found.best, _edges(found)
-    told.note(best=None)
+    told.note(best=None, quietest=None)
     if best is None:
         low_hz = min(edge.strip.cutoff_hz() for edge in (found.study, found.other) if edge)
         tried = ",".join(f"{float(f'{low_hz / part:.2g}'):g}" for part in (8, 4, 3, 2))
-        told.tell("best", f"none of these is fit: try --frequency-hz {tried}, more --cycles,")
+        told.tell("shortest", f"none of these is fit: try --frequency-hz {tried}, more --cycles,")
         told.tell("", "another window, or actuators further apart")
         return
     stated = edge_words(edges[0])
     if not edges[1:]:
-        fit = "the shortest that is fit"
+        fit = "fit"
     elif best.is_fit_with_all:
-        fit = "the shortest that is fit with both edges"
+        fit = "fit with both edges"
     else:
-        fit = f"the shortest that is fit with {stated} edges; none is fit with both"
+        fit = f"fit with {stated} edges; none is fit with both"
     lines = {"frequency_hz": best.burst.frequency_hz, "cycles": best.burst.cycles}
-    told.tell("best", f"{_named(best)}: {fit}", best=lines | {"fit": best.is_fit_with_all})
+    told.tell("shortest", f"{_named(best)}: {fit}", best=lines | {"fit": best.is_fit_with_all})
     if not best.is_fit_with_all:
         told.tell("", "measure the cut-off before it is used, docs/hardware.md")
+    _tell_quietest(told, found, best)
     alike = [row for row in found.rows if row.is_fit_with_all == best.is_fit_with_all]
     felt = [(row.threshold_vpp, row) for row in alike if row.threshold_vpp and row.stated.is_fit]
     if felt:
         vpp, row = min(felt, key=lambda one: one[0])
-        told.tell("", f"felt most easily of those: {_named(row)}, from {vpp:.3g} V")
+        told.tell("most felt", f"{_named(row)}, from {vpp:.3g} V")
     if _is_own(found, best):
-        told.tell("", f"{file_name} has it (*)")
+        told.tell("", f"{file_name} has the shortest (*)")
         return
-    told.tell("", f"to take it, write into [burst] of {file_name}:")
+    told.tell("", f"to take the shortest, write into [burst] of {file_name}:")
     told.space()
     for key, value in lines.items():
         told.lines.append(f"{key} = {value:g}")
