@@ -101,7 +101,9 @@ def test_the_numbers_of_a_row_stand_where_it_is_shown(what: str, shown_by: str) 
 def test_the_example_of_the_site_is_this_plate(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.syspath_prepend(ROOT / "docs" / "_ext")
     plate = importlib.import_module("reference.sample").PLATE
-    (words,) = (line.split() for line in commands_of(README) if "--preset plate" in line)
+    (words,) = (
+        shlex.split(line, comments=True) for line in commands_of(README) if "--preset plate" in line
+    )
     assert words == ["tactstrip", "init", "plate.toml", *plate]
 
 
