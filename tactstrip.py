@@ -15,8 +15,8 @@ import click
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-# Our matrices are small: on more than one thread BLAS spends most of the time waiting for itself,
-# ten times the work where other programs run beside it. Who sets the variable is left alone.
+# No threads that nobody uses: see stimuli/threads.py, which scripts have instead. Who sets the
+# variable is left alone.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 COMMANDS = {

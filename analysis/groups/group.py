@@ -23,6 +23,7 @@ from analysis.thresholds.fit import (
 from analysis.thresholds.grid import surfaces
 from analysis.thresholds.people import GuessRate
 from analysis.thresholds.posterior import within_levels
+from stimuli.threads import on_one_thread
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -128,6 +129,7 @@ class PeopleTables:
         return fit_many(*counts, guesses=self.guesses, x_scale=self.x_scale)
 
 
+@on_one_thread
 def fit_group(
     levels_vpp: ArrayLike,
     detected: ArrayLike,
@@ -211,6 +213,7 @@ def group_draws(
     return middle * ruler.step, spread * ruler.step, log_sigma + math.log(ruler.step)
 
 
+@on_one_thread
 def compare_conditions(
     levels_vpp: ArrayLike,
     detected_a: ArrayLike,

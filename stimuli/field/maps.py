@@ -10,6 +10,7 @@ from stimuli.checks import finite, finite_array
 from stimuli.field.field import displacement
 from stimuli.field.scene import Scene
 from stimuli.load import LOADS, Load
+from stimuli.threads import on_one_thread
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -41,6 +42,7 @@ class DisplacementMap:
     displacement_m: Complex
 
 
+@on_one_thread
 def displacement_map(
     strip: Strip,
     loads: Load | tuple[Load, ...],

@@ -19,6 +19,7 @@ from stimuli.load import LOADS, Load
 from stimuli.motion.history import by_spectra
 from stimuli.strip.patch import cutoff_factor
 from stimuli.strip.strip import Strip
+from stimuli.threads import on_one_thread
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -151,6 +152,7 @@ RTOL: Final = 3e-3
 """Wanted relative error of a displacement over time: 0.03 dB, less than the sampling adds."""
 
 
+@on_one_thread
 def felt(
     strip: Strip,
     loads: Sequence[Load],
@@ -219,6 +221,7 @@ def felt(
     return by_spectra(scene, places, drive, rtol, far_m) if found is None else found[0]
 
 
+@on_one_thread
 def felt_error(
     strip: Strip, loads: Sequence[Load], fingertips: Sequence[Fingertip], drive: Drive
 ) -> Real:
