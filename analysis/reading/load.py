@@ -78,6 +78,8 @@ class LoadedTrials:
         may tell conditions apart, a sentence each.
     left_out : int
         Rows that a map leaves out.
+    left_out_files : int
+        Files that a map leaves out by what their names tell; their rows are not counted.
     numbered : bool
         Whether the tables number their trials, or else the order of their rows does.
     side_told : bool
@@ -99,6 +101,7 @@ class LoadedTrials:
     blanks: pd.DataFrame | None = None
     changed: tuple[str, ...] = ()
     left_out: int = 0
+    left_out_files: int = 0
     numbered: bool = True
     side_told: bool = True
 
@@ -178,6 +181,7 @@ def read_inputs(
         if not sources:
             kept.refuse_unmet(str(paths[0]))
             raise ResultFileError(paths[0], None, f"all files are left out by {kept.told()}")
+    unread_files = len(found.tables) - len(sources)
     if not sources:
         without = left_out(found, accept_altered=accept_altered)
         why = [*without.told.values(), *(one for lines in without.lost.values() for one in lines)]
@@ -202,6 +206,7 @@ def read_inputs(
             cells=counted.cells,
             blanks=counted.blanks,
             left_out=counted.left_out,
+            left_out_files=unread_files,
         )
     with unchanged(files), watched(sources) as asked, no_search_for_circles():
         read = [
@@ -242,6 +247,7 @@ def read_inputs(
         not_compared=_not_compared(tables) if columns is None else (),
         changed=(*changed, *pooled(sources, columns)) if columns else changed,
         left_out=unread,
+        left_out_files=unread_files,
         numbered=numbered,
         side_told=columns is None or "side" not in columns.constant,
     )

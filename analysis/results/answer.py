@@ -26,6 +26,7 @@ from analysis.results.compared import (
 )
 from analysis.results.methods.alarms import alarm_sentences, blank_rows, criterion_sentences
 from analysis.results.methods.misfit import lapses_words, steep_words
+from analysis.results.methods.presented import unread_words
 from analysis.results.methods.task import hit_words
 from analysis.results.rows import population_text
 from analysis.thresholds.fit import WITH_THRESHOLD
@@ -90,7 +91,7 @@ def answer(analysis: Analysis) -> Answer:
             *difference_rows(analysis, either_side=bool(hit_words(analysis))),
             *blank_rows(analysis),
             *_spread_rows(analysis),
-            _left_out_row(analysis),
+            *_left_out_rows(analysis),
         ),
     )
 
@@ -351,11 +352,13 @@ def _reasons(analysis: Analysis) -> list[tuple[str, int]]:
 
 
 def left_out_words(analysis: Analysis) -> str:
-    """Say what was left out, and why."""
+    """Say what was left out of the trials that were read, and why."""
     counts = analysis.counts
     if counts.trials and analysis.trials.empty:
         return "counts were read, which do not tell what was left out of them"
     if not counts.left_out:
+        if unread_words(analysis):
+            return f"all {counts.trials} trials that were read count"
         return f"nothing was left out: all {counts.trials} trials count"
     part = 100 * counts.left_out / counts.trials
     told = ", ".join(f"{words} {number}" for words, number in _reasons(analysis))
@@ -365,8 +368,8 @@ def left_out_words(analysis: Analysis) -> str:
 def _left_out(analysis: Analysis) -> Iterator[str]:
     trials = analysis.trials
     yield left_out_words(analysis)
-    if analysis.counts.unread:
-        yield f"the map leaves out {number_of(analysis.counts.unread, 'row')} more"
+    if unread := unread_words(analysis):
+        yield f"the map leaves out {unread} more"
     without = uncounted(trials) if len(trials) else []
     if without:
         names = ", ".join(map(isolated, without))
@@ -381,9 +384,12 @@ def _left_out(analysis: Analysis) -> Iterator[str]:
         yield f"see {number_of(len(analysis.warnings), 'warning')} below"
 
 
-def _left_out_row(analysis: Analysis) -> tuple[str, str, str]:
+def _left_out_rows(analysis: Analysis) -> Iterator[tuple[str, str, str]]:
     counts = analysis.counts
     told = ", ".join(f"{words} {number}" for words, number in _reasons(analysis))
+    row = f"{counts.left_out} of {counts.trials}", told or "none"
     if counts.trials and analysis.trials.empty:
-        return "Trials left out", "n/a", "a table of counts"
-    return "Trials left out", f"{counts.left_out} of {counts.trials}", told or "none"
+        row = "n/a", "a table of counts"
+    yield "Trials left out", *row
+    if unread := unread_words(analysis):
+        yield "Left out by the map", unread, "besides; a paper has to say which and why"

@@ -280,6 +280,7 @@ _COUNTS: Final = {
     "simulated": ("", "Trials of simulated participants"),
     "without_device": ("", "Trials of people without a device"),
     "unread": ("", "Rows that the map leaves out"),
+    "unread_files": ("", "Files that the map leaves out"),
 }
 """What counts are called on terminal and page; the terminal tells those that have a short name."""
 
@@ -288,7 +289,7 @@ def count_rows(analysis: Analysis, style: Style) -> list[list[str]]:
     """Return what was counted and how often; the last on the terminal is what was left out."""
     named = {name: long if style.roomy else short for name, (short, long) in _COUNTS.items()}
     counts = asdict(analysis.counts)
-    seldom = {"simulated", "without_device", "both" if analysis.one_place else ""}
+    seldom = {"simulated", "without_device", "unread_files", "both" if analysis.one_place else ""}
     told = {name for name in named if counts[name] or name not in seldom}
     return [[words, str(counts[name])] for name, words in named.items() if words and name in told]
 

@@ -53,6 +53,7 @@ class Counts:
     simulated: int  # trials of simulated participants
     without_device: int  # trials of people on a mock device or an emulator
     unread: int = 0  # rows of tables made elsewhere that a map leaves out
+    unread_files: int = 0  # files that it leaves out, whose rows nobody counted
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -355,6 +356,7 @@ def _counts_of(loaded: LoadedTrials, cells: pd.DataFrame) -> Counts:
         simulated=0,
         without_device=0,
         unread=loaded.left_out,
+        unread_files=loaded.left_out_files,
     )
 
 
@@ -376,6 +378,7 @@ def _counts(loaded: LoadedTrials) -> Counts:
         simulated=int(trials["simulated"].sum()),
         without_device=int(without_device(trials).sum()),
         unread=loaded.left_out,
+        unread_files=loaded.left_out_files,
     )
 
 

@@ -438,7 +438,12 @@ SENTENCES: dict[str, Callable[[re.Match[str], Analysis], None]] = {
     "counts were read, which do not tell what was left out of them": is_true(
         lambda one: one.trials.empty and one.counts.trials
     ),
-    r"nothing was left out: all \d+ trials count": is_true(lambda one: not one.counts.left_out),
+    r"nothing was left out: all \d+ trials count": is_true(
+        lambda one: not one.counts.left_out and not one.counts.unread
+    ),
+    r"all \d+ trials that were read count": is_true(
+        lambda one: not one.counts.left_out and one.counts.unread
+    ),
     rf"(?P<out>\d+) of (?P<all>\d+) trials \((?P<part>{NUMBER}) %\) are left out: (?P<why>.+)":
         left_out,
     r"see \d+ warnings? below": is_true(lambda one: one.warnings),
@@ -722,7 +727,8 @@ def test_the_table_of_the_answer_has_the_numbers_of_the_tables(least: Analysis) 
         varied = [row for row in rows if row[0].startswith("The same if answers vary 2.8 times")]
         alone = analysis.groups["participants"].eq(1).any()
         assert [row[1] for row in varied] == ["50 to 150 V"] * (len(analysis.groups) * alone)
-        assert rows[-1][0] == "Trials left out"
+        by_map = ["Left out by the map"] * bool(analysis.counts.unread)
+        assert [row[0] for row in rows[-1 - len(by_map) :]] == ["Trials left out", *by_map]
 
 
 def study(conditions: dict[str, float], people: int, *, kind: str = "none") -> str:

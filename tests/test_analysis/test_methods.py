@@ -14,6 +14,8 @@ import pytest
 
 from analysis import ColumnMap, write_analysis
 from analysis.groups.criterion import with_criterion
+from analysis.reading.load import read_inputs
+from analysis.results.answer import answer
 from analysis.results.compared import compared, own_model_words, plain
 from analysis.results.figures.composed import LOOKS
 from analysis.results.methods import looked_words, methods_of, misfits
@@ -80,7 +82,6 @@ def test_methods_tell_task_counts_priors_intervals_and_what_is_left_out(tmp_path
     for words in (
         "The task was yes/no",
         "Condition palm had 5 levels (1 to 6.3 um), 20 trials of each for a participant, and 20 ",
-        "Of the tables 4 further rows were not analysed",
         "as if felt in 2 of 40 (5.0 %) in condition palm, in 2 of 40 (5.0 %) in condition thumb.",
         "gamma the false-alarm rate, lambda the lapse rate, sigma the width",
         "a mean (a + 1/2)/(b + 1) of 0.071; a function that is drawn has the posterior mean of ",
@@ -90,7 +91,55 @@ def test_methods_tell_task_counts_priors_intervals_and_what_is_left_out(tmp_path
     ):
         assert words in told, words
     assert "plan" not in told
-    assert "left" not in told.replace("was left out", "")
+    assert "left" not in told.replace("were left out", "")
+
+
+def skipped(folder: Path, text: str, columns: ColumnMap, **skip: str | list[str]) -> str:
+    """Return answer and short methods of a table, of which a map leaves rows out."""
+    folder.mkdir()
+    of_rows = replace(columns, rows={"skip": {**columns.rows.get("skip", {}), **skip}})
+    analysis = analyse(loaded(folder, text, of_rows))
+    return " ".join([answer(analysis).statements[2], methods_of(analysis).paragraphs[0]])
+
+
+@pytest.mark.slow
+def test_what_a_map_leaves_out_is_never_called_nothing(tmp_path: Path) -> None:
+    rows = made(FELT, "a", "b")
+    counts = "participant,um,k,n\na,1,2,20\na,2,11,20\na,4,19,20\nb,1,3,20\n"
+    of_counts = ColumnMap(
+        task="yes/no", columns={"level_vpp": "um"}, axis={"unit": "um"},
+        table={"detected": "k", "presented": "n"},
+    )  # fmt: skip
+    none = replace(MAP, rows={})
+    for name, text, columns, skip, told in (
+        ("practice", rows, MAP, {}, "4 rows"),
+        ("person", rows, none, {"participant": "a"}, "242 rows"),
+        ("people", made(FELT, "a", "b", "c"), none, {"participant": ["a", "b"]}, "484 rows"),
+        ("key", rows, MAP, {"felt": "yes"}, "228 rows"),
+        ("one row", rows + "b,palm,demo,1,no\n", none, {"part": "demo"}, "1 row"),
+        ("counts", counts, of_counts, {"participant": "b"}, "1 row"),
+    ):  # fmt: skip
+        words = skipped(tmp_path / name, text, columns, **skip)
+        assert "othing was left out" not in words, name
+        assert f"he map leaves out {told} more" in words, name
+        assert re.search(rf"; {told} of the tables (was|were) left out \[say which and", words), (
+            name
+        )
+    both = replace(MAP, columns={**MAP.columns, "status": "part"}, values={
+        **MAP.values, "status": {"test": "ok", "practice": "voided"}}, rows={})  # fmt: skip
+    words = skipped(tmp_path / "both", rows, both, participant="a")
+    assert "voided" not in words
+    assert "2 of 242 trials (0.8 %) are left out: presented again 2; 242 rows of the" in words
+
+
+def test_files_that_a_map_leaves_out_are_told_by_number(tmp_path: Path) -> None:
+    for who in ("a", "b"):
+        put(tmp_path / f"{who}.csv", made(FELT, who))
+    whole = replace(MAP, rows={"skip": {"file-": "b"}})
+    analysis = analyse(read_inputs([tmp_path], whole))
+    assert (analysis.counts.unread, analysis.counts.unread_files) == (0, 1)
+    assert "The map leaves out 1 file more." in answer(analysis).statements[2]
+    assert "1 file of the tables was left out [say which and" in methods_of(analysis).paragraphs[0]
 
 
 def test_who_is_cited_is_who_the_citation_file_names() -> None:
@@ -105,7 +154,7 @@ def test_methods_begin_with_a_short_version_that_stands_alone(tmp_path: Path) ->
     short, details, *others = methods.paragraphs
     assert details == methods.DETAILS
     assert len(others) >= 5
-    assert "[" not in short
+    assert "were analysed; 4 rows of the tables were left out [say which and why]. " in short
     assert len(re.findall(r"\.(?: |$)", short)) == 11  # sentences
     for words in (
         "In each a participant had 5 levels (1 to 6.3 um) with 20 trials of each.",

@@ -95,13 +95,12 @@ def methods_of(analysis: Analysis, plans: Planned | None = None, *, drawn: bool 
         false_alarms=rates_words(analysis),
         short_alarms=short_alarm_words(analysis),
         hits=hit_words(analysis),
-        unread=unread_words(analysis),
         misfit=misfit_words(analysis.thresholds),
         lapses=lapses_words(analysis.thresholds),
         looked=looked_words(analysis),
         own_model=own_model_words(analysis),
         alarms=" ".join(compared_words(analysis)),
-        left_out=left_out_words(analysis),
+        left_out=_left_out(analysis),
         same_people=len(paired) == pairs,
         other_people=paired.empty,
         versions=versions(),
@@ -111,6 +110,17 @@ def methods_of(analysis: Analysis, plans: Planned | None = None, *, drawn: bool 
     paragraphs = [part for part in parts if part and not part.startswith("* ")]
     cited = [part.removeprefix("* ") for part in parts if part.startswith("* ")]
     return Methods(paragraphs=tuple(paragraphs), references=tuple(cited))
+
+
+def _left_out(analysis: Analysis) -> str:
+    """Say what was left out, by a map as well, which knows no reason for it."""
+    unread = unread_words(analysis)
+    if not unread:
+        return left_out_words(analysis)
+    one = analysis.counts.unread + analysis.counts.unread_files == 1
+    by_map = f"{unread} of the tables {'was' if one else 'were'} left out [say which and why]"
+    told = analysis.counts.left_out or analysis.trials.empty
+    return f"{left_out_words(analysis)}; {by_map}" if told else by_map
 
 
 def counts_told(analysis: Analysis) -> str:

@@ -138,12 +138,7 @@ def _begun(analysis: Analysis) -> Iterator[tuple[str, bool]]:
 
 
 def unread_words(analysis: Analysis) -> str:
-    """Say which rows of the tables took no part at all; empty text where there are none."""
-    if not analysis.counts.unread:
-        return ""
-    rows = number_of(analysis.counts.unread, "further row")
-    were = "was" if analysis.counts.unread == 1 else "were"
-    return (
-        f"Of the tables {rows} {were} not analysed [say which, as practice or instructions]: the "
-        "map of the columns leaves them out."
-    )
+    """Return how many rows and files of the tables a map leaves out; empty text without any."""
+    counts = analysis.counts
+    of = (counts.unread, "row"), (counts.unread_files, "file")
+    return " and ".join(number_of(number, noun) for number, noun in of if number)
