@@ -28,6 +28,7 @@ SPELLED: Final = 3
 """Of more conditions, or pairs of them, a sentence says where they stand."""
 ALPHA: Final = 0.05
 """False alarms of few people differ where the test of the same rates has a smaller p."""
+_ROUNDED: Final = 0.05
 _EACH: Final = "95 % interval of each level, not corrected for several"
 _ISOLATE, _END = "\u2068", "\u2069"
 
@@ -255,7 +256,8 @@ def alarms_apart(row: pd.Series[Any]) -> str:
     at, low, high = (
         100 * float(row[f"false_alarm_difference{end}"]) for end in ("", "_low", "_high")
     )
-    return "" if math.isnan(low) else f"{at:+.1f} points ({low:+.1f} to {high:+.1f})"
+    told = "0.0" if abs(at) < _ROUNDED else f"{at:+.1f}"
+    return "" if math.isnan(low) else f"{told} points ({low:+.1f} to {high:+.1f})"
 
 
 def difference_rows(

@@ -435,6 +435,9 @@ SENTENCES: dict[str, Callable[[re.Match[str], Analysis], None]] = {
     ),
     "false alarms stand in the table": is_true(lambda one: len(totals(one)) > 3),
     r"false alarms: (?P<each>.+)": false_alarms,
+    "of equal shares, the interval is wider where participants differ more": is_true(
+        lambda one: len({*totals(one)["group_low"]}) > 1
+    ),
     "counts were read, which do not tell what was left out of them": is_true(
         lambda one: one.trials.empty and one.counts.trials
     ),
@@ -690,6 +693,8 @@ def test_every_kind_of_sentence_occurs_and_is_true(least: Analysis, tmp_path: Pa
     (tmp_path / "lost").mkdir()
     lost = analyse(loaded(tmp_path / "lost", LOST_BLANKS))
     used |= checked(answer(lost), lost)
+    rarer = with_alarms(least, [(1, 3), (2, 2)], [(20, 20)] * 2)
+    used |= checked(answer(rarer), rarer)
     assert [one for one in SENTENCES if one not in used] == []
 
 
@@ -913,22 +918,7 @@ def test_false_alarms_of_several_people_rest_on_their_interval(
     """One of them alone differs: that is an exact test's difference, and not one of people."""
     alarms, blanks = [(0, 10), *[(1, 1)] * (number - 1)], [(20, 20)] * number
     assert same_rates_p(alarms, blanks) < 0.05
-    names = [f"{i}" for i in range(number)]
-    blank = pd.concat(
-        pd.DataFrame({"condition": condition, "participant": [*names, "all"],
-                      "presented": [20] * number + [20 * number],
-                      "p": [*(one[of] / 20 for one in alarms),
-                            np.mean([one[of] for one in alarms]) / 20]})
-        for of, condition in enumerate("ab")
-    ).assign(low=0.01, high=0.6, group_low=0.01, group_high=0.6)  # fmt: skip
-    told = dict(zip(BESIDE_COLUMNS[5:8], rates_apart(alarms, blanks), strict=True))
-    row = {"condition_a": "a", "condition_b": "b", "participant": "all", "status": "ok",
-           "difference_db": -3.0, "low_db": -5.0, "high_db": -1.0, **told}  # fmt: skip
-    analysis = replace(
-        least, counts=replace(least.counts, conditions=2), blank=blank, detected_any=least.levels,
-        differences=pd.DataFrame([row], columns=[*DIFFERENCE_COLUMNS, *BESIDE_COLUMNS]),
-    )  # fmt: skip
-    said = plain(answer(analysis).statements[1])
+    said = alarms_said(least, alarms, blanks)
     rarer = (
         "hey were rarer in a, where the threshold is higher, and a stricter criterion there may "
     )
@@ -939,6 +929,54 @@ def test_false_alarms_of_several_people_rest_on_their_interval(
         within = "exact Cochran-Mantel-Haenszel test within these participants"
         assert f"were not equally frequent (p = 0.012, {within}): t{rarer}bring" in said
         assert "bring the difference about in whole or in part" in said
+
+
+def test_an_answer_more_or_less_points_nowhere(least: Analysis) -> None:
+    blanks = [(20, 20)] * 6
+    said = alarms_said(least, [(1, 0), (0, 1), *[(1, 1)] * 4], blanks)
+    assert "not told apart (0.0 points, 95 % interval -3.3 to +3.3 by Student's t)" in said
+    assert "If anything" not in said
+    fewer = [(20, 19), *blanks[1:]]  # equally many false alarms, of other numbers of blanks
+    assert "If anything" not in alarms_said(least, [(1, 1), (0, 1), (1, 0), *[(1, 1)] * 3], fewer)
+    assert "If anything" not in alarms_said(least, [(1, 2), *[(1, 1)] * 5], blanks)
+    assert "If anything" in alarms_said(least, [(1, 3), *[(1, 1)] * 5], blanks)
+
+
+def test_intervals_of_equal_shares_are_said_to_differ_with_people(least: Analysis) -> None:
+    alarms, blanks = [(1, 0), (1, 0), (0, 2)], [(20, 20)] * 3
+    wider = "Of equal shares, the interval is wider where participants differ more."
+    assert wider in alarms_said(least, alarms, blanks, high_b=0.7)
+    assert wider not in alarms_said(least, alarms, blanks)
+    assert wider not in alarms_said(least, [(1, 0), (1, 0), (0, 5)], blanks, high_b=0.7)
+
+
+def alarms_said(least: Analysis, *counts: list[tuple[int, int]], high_b: float = 0.6) -> str:
+    """Return what is said of these false alarms."""
+    return plain(answer(with_alarms(least, *counts, high_b=high_b)).statements[1])
+
+
+def with_alarms(
+    least: Analysis,
+    alarms: list[tuple[int, int]],
+    blanks: list[tuple[int, int]],
+    high_b: float = 0.6,
+) -> Analysis:
+    """Return an analysis of conditions a, with the higher threshold, and b with false alarms."""
+    names = [f"{i}" for i in range(len(alarms))]
+    counts = [[[one[of] for one in table] for table in (alarms, blanks)] for of in (0, 1)]
+    blank = pd.concat(
+        pd.DataFrame({"condition": condition, "participant": [*names, "all"],
+                      "presented": [*of, sum(of)],
+                      "p": [*np.divide(k, of), sum(k) / sum(of)]}).assign(group_high=high)
+        for condition, (k, of), high in zip("ab", counts, (0.6, high_b), strict=True)
+    ).assign(low=0.01, high=0.6, group_low=0.01)  # fmt: skip
+    told = dict(zip(BESIDE_COLUMNS[5:8], rates_apart(alarms, blanks), strict=True))
+    row = {"condition_a": "a", "condition_b": "b", "participant": "all", "status": "ok",
+           "difference_db": -3.0, "low_db": -5.0, "high_db": -1.0, **told}  # fmt: skip
+    return replace(
+        least, counts=replace(least.counts, conditions=2), blank=blank, detected_any=least.levels,
+        differences=pd.DataFrame([row], columns=[*DIFFERENCE_COLUMNS, *BESIDE_COLUMNS]),
+    )  # fmt: skip
 
 
 def test_a_share_is_rounded_alike_wherever_it_is_told(least: Analysis) -> None:

@@ -125,8 +125,12 @@ def test_what_a_map_leaves_out_is_never_called_nothing(tmp_path: Path) -> None:
         assert re.search(rf"; {told} of the tables (was|were) left out \[say which and", words), (
             name
         )
-    both = replace(MAP, columns={**MAP.columns, "status": "part"}, values={
-        **MAP.values, "status": {"test": "ok", "practice": "voided"}}, rows={})  # fmt: skip
+    statuses = {"test": "ok", "practice": "voided"}
+    both = replace(
+        none,
+        columns={**MAP.columns, "status": "part"},
+        values={"detected": {"yes": "1", "no": "0"}, "status": statuses},
+    )
     words = skipped(tmp_path / "both", rows, both, participant="a")
     assert "voided" not in words
     assert "2 of 242 trials (0.8 %) are left out: presented again 2; 242 rows of the" in words
@@ -188,6 +192,15 @@ def test_the_test_of_false_alarms_is_in_the_methods_where_the_answer_has_it(tmp_
     assert "for want of enough participants on it rests whether they differ" in apart
     assert "p = 1.000 of thumb against palm)" in apart
     assert "estimated within participants by a model of its own and need not equal" in apart
+
+
+@pytest.mark.slow
+def test_simulations_are_told_of_only_in_a_study_like_them(tmp_path: Path) -> None:
+    for people, n, like in (("abcdef", 20, True), ("abcdef", 19, False), ("abcde", 20, False)):
+        (tmp_path / f"{people}{n}").mkdir()
+        short = methods_of(of(tmp_path / f"{people}{n}", people=(*people,), n=n)).paragraphs[0]
+        assert "with 95 % credible intervals for the population mean" in short
+        assert ("in simulations of 6 and of 12 people with 20 blank" in short) == like
 
 
 def test_the_interval_by_which_false_alarms_differ_is_in_the_methods(tmp_path: Path) -> None:

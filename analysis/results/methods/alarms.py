@@ -6,10 +6,12 @@ the interval of the mean of their differences, of few on an exact test (docs/sta
 
 from __future__ import annotations
 
+import itertools
 import math
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 from analysis.axis import half_up
+from analysis.definitions import TOTAL
 from analysis.groups.criterion import alarms_of, same_rates_p
 from analysis.groups.group import FEW
 from analysis.reading.foreign import FORCED
@@ -35,14 +37,17 @@ if TYPE_CHECKING:
 
 
 _LEAST_P: Final = 0.001
+_AN_ANSWER: Final = 1 + 1e-9  # rounding of shares aside
 _TOTALS: Final = "Fisher's exact test of the totals"
 _WITHIN: Final = "exact Cochran-Mantel-Haenszel test within these participants"
 _CONSERVATIVE: Final = (
-    "their upper limits are conservative: in simulations of 6 and of 12 people with 20 blank "
+    "; their upper limits are conservative: in simulations of 6 and of 12 people with 20 blank "
     "trials each and mean rates of 2 to 10 %, the mean lay above the upper limit in at most 0.4 % "
     "of studies, and below the lower one in at most 8 %, instead of 2.5 % each"
 )
-"""As docs/statistics.md, section 3, has it."""
+"""As docs/statistics.md, section 3, has it; pasted only into a study of such people and trials."""
+_SIMULATED_PEOPLE: Final = range(6, 13)
+_SIMULATED_BLANKS: Final = 20
 
 
 class _Verdict(NamedTuple):
@@ -52,7 +57,7 @@ class _Verdict(NamedTuple):
     p: float
     test: str
     points: str  # the mean difference with its limits, where the verdict rests on these
-    more: int  # 1 where they were more frequent in the second condition, -1 where rarer
+    more: int  # 1 where they were more frequent in the second condition, -1 where rarer, else 0
 
 
 def alarm_sentences(analysis: Analysis) -> Iterator[str]:
@@ -74,6 +79,15 @@ def alarm_sentences(analysis: Analysis) -> Iterator[str]:
     else:
         each = (f"{_share(row)} of blank trials{_where(analysis, row, ' in')}" for row in rows)
         yield f"false alarms: {', '.join(each)}"
+        if any(_alike(*two) for two in itertools.combinations(rows, 2)):
+            yield "of equal shares, the interval is wider where participants differ more"
+
+
+def _alike(one: pd.Series[Any], other: pd.Series[Any]) -> bool:
+    """Tell whether shares differ by an answer at most, and their intervals as they are printed."""
+    answers = abs(one["p"] - other["p"]) * min(one["presented"], other["presented"])
+    of_people = not math.isnan(one["group_low"] + other["group_low"])
+    return bool(of_people and answers <= _AN_ANSWER and _limits(one) != _limits(other))
 
 
 def _where(analysis: Analysis, row: pd.Series[Any], before: str) -> str:
@@ -86,9 +100,12 @@ def _where(analysis: Analysis, row: pd.Series[Any], before: str) -> str:
 
 def _share(row: pd.Series[Any]) -> str:
     """Write a rate with the interval of the mean of people; of one person, with that one's."""
+    return f"{_percent(row['p'])} % ({_limits(row)} %)"
+
+
+def _limits(row: pd.Series[Any]) -> str:
     of = "" if math.isnan(row["group_low"]) else "group_"
-    at, low, high = (_percent(row[name]) for name in ("p", f"{of}low", f"{of}high"))
-    return f"{at} % ({low} to {high} %)"
+    return " to ".join(_percent(row[f"{of}{end}"]) for end in ("low", "high"))
 
 
 def _percent(share: float) -> str:
@@ -101,10 +118,7 @@ def blank_rows(analysis: Analysis) -> Iterator[tuple[str, str, str]]:
         # Counts made elsewhere do not tell the sides.
         of = f"{row['p'] * row['presented']:.0f} of {row['presented']} blank trials"
         if not math.isnan(row["group_low"]):
-            of += (
-                "; the interval to quote, of people like these; its upper limit is conservative, "
-                "as methods.txt says"
-            )
+            of += "; the interval to quote, of people like these, wider the more they differ"
         yield f"False alarms{_where(analysis, row, ',')}", _share(row), of
 
 
@@ -181,14 +195,16 @@ def _verdict(blank: pd.DataFrame, one: Pair) -> _Verdict:
     people, alarms, presented = alarms_of(blank, one.a, one.b)
     p = same_rates_p(alarms, presented)
     each = [b / of_b - a / of_a for (a, b), (of_a, of_b) in zip(alarms, presented, strict=True)]
-    more = math.fsum(each)
-    sign = 0 if math.isclose(more, 0, abs_tol=1e-12) else int(math.copysign(1, more))
+    more = math.fsum(each) / len(each)
     points = alarms_apart(one.row) if len(people) >= FEW else ""
     apart = p < ALPHA
     if points:
         low, high = (round(100 * float(one.row[f"false_alarm_difference_{end}"]), 1)
                      for end in ("low", "high"))  # fmt: skip
         apart = low > 0 or high < 0
+    # What one answer would turn round points nowhere.
+    answers = abs(more) * min(map(sum, zip(*presented, strict=True)))
+    sign = int(math.copysign(1, more)) if apart or answers > _AN_ANSWER else 0
     return _Verdict(apart=apart, p=p, test=_WITHIN if people else _TOTALS, points=points, more=sign)
 
 
@@ -216,13 +232,14 @@ def short_alarm_words(analysis: Analysis) -> str:
         return ""
     told = "False-alarm rates are shares of the blank trials"
     if any(not math.isnan(row["group_low"]) for row in rows):
-        told += f", with 95 % credible intervals for the population mean; {_CONSERVATIVE}"
+        told += ", with 95 % credible intervals for the population mean"
+        told += _CONSERVATIVE if _as_simulated(analysis) else ""
     compared = ""
     found = _verdicts(analysis)
     if any(one.points for _, one in found) or (not found and _differences(analysis)):
         compared = (
             " Those of two conditions were compared by the mean of the participants' differences, "
-            "with a 95 % interval by Student's t, of people like them."
+            "with a 95 % interval by Student's t."
         )
     elif found:
         which = f"the two-sided {_WITHIN}"
@@ -230,6 +247,13 @@ def short_alarm_words(analysis: Analysis) -> str:
         if {one.test for _, one in found} == {_TOTALS}:
             compared = f" Those of two conditions were compared by {_TOTALS}."
     return f"{told}.{compared}"
+
+
+def _as_simulated(analysis: Analysis) -> bool:
+    """Tell whether there are as many people, and blank trials of each, as were simulated."""
+    each = analysis.blank.loc[analysis.blank["participant"].ne(TOTAL)]
+    people = each["participant"].nunique()
+    return people in _SIMULATED_PEOPLE and bool(each["presented"].eq(_SIMULATED_BLANKS).all())
 
 
 def _verdicts(analysis: Analysis) -> list[tuple[Pair, _Verdict]]:
