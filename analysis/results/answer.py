@@ -17,12 +17,14 @@ from analysis.groups.group import FEW
 from analysis.groups.micrometres import in_micrometres, micrometres_row
 from analysis.reading.reasons import NEVER_ANSWERED
 from analysis.results.compared import (
+    FITTING,
     SPELLED,
     and_words,
     compared,
     difference_rows,
     isolated,
     number_of,
+    without_words,
 )
 from analysis.results.methods.alarms import alarm_sentences, blank_rows, criterion_sentences
 from analysis.results.methods.misfit import lapses_words, steep_words
@@ -296,9 +298,21 @@ def _threshold_rows(analysis: Analysis) -> Iterator[tuple[str, str, str]]:
         if number > 1 and without is not None and without["participants"] < number:
             name = f"The same without swapped sides{where}"
             yield name, _threshold_words(without), _people(analysis, int(without["participants"]))
+        yield from _fitting_row(analysis, condition, number)
         if number == 1 and isinstance(row["varied_printed"], str):
             name = f"The same if answers vary 2.8 times{where}"
             yield name, row["varied_printed"], "a sensitivity, not from these data"
+
+
+def _fitting_row(analysis: Analysis, condition: str, number: int) -> Iterator[tuple[str, str, str]]:
+    """Yield the group's threshold without people whose functions do not fit, if there are any."""
+    table = None if analysis.fitting is None else analysis.fitting.groups
+    if table is None or analysis.fitting is None:
+        return
+    for _, row in table[table["condition"].eq(condition)].iterrows():
+        if 1 < (left := int(row["participants"])) < number:
+            name = f"The same {without_words(analysis.fitting)}{_where(analysis, condition, ',')}"
+            yield name, _threshold_words(row), f"{_people(analysis, left)} {FITTING}"
 
 
 def _population_rows(analysis: Analysis) -> Iterator[tuple[str, str, str]]:

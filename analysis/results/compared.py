@@ -21,13 +21,14 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from analysis.groups.sensitivity import LevelsApart
-    from analysis.results.tables import Analysis
+    from analysis.results.tables import Analysis, Without
 
 
 SPELLED: Final = 3
 """Of more conditions, or pairs of them, a sentence says where they stand."""
 ALPHA: Final = 0.05
 """False alarms of few people differ where the test of the same rates has a smaller p."""
+FITTING: Final = "whose functions fit"
 _ROUNDED: Final = 0.05
 _EACH: Final = "95 % interval of each level, not corrected for several"
 _ISOLATE, _END = "\u2068", "\u2069"
@@ -272,6 +273,7 @@ def difference_rows(
         told = isinstance(first, str) and ("," in first or first.partition(" ")[0] != MIXED)
         order = f"; first: {first}" if told else ""
         yield name, difference_cell(one), one.of + order
+        yield from _fitting_row(analysis, one)
         a, b = (float(one.row[f"d_prime_{which}"]) for which in "ab")
         if not math.isnan(a + b):
             of = "mean of participants; " if one.row["participant"] == TOTAL else ""
@@ -289,6 +291,29 @@ def difference_rows(
         if points := alarms_apart(one.row):
             name = f"False alarms in {isolated(one.b)} against {isolated(one.a)}"
             yield name, points, "mean of participants, by Student's t"
+
+
+def _fitting_row(analysis: Analysis, one: Pair) -> Iterator[tuple[str, str, str]]:
+    """Yield a difference without people whose functions do not fit, if any took part in it."""
+    if analysis.fitting is None:
+        return
+    table = analysis.thresholds
+    here = {*table.loc[table["condition"].isin([one.a, one.b]), "participant"]}
+    for other in pairs_of(analysis.fitting.differences):
+        told = other.row["participant"] == TOTAL and other.row["status"] != "one_participant"
+        if (other.a, other.b) == (one.a, one.b) and told and here & {*analysis.fitting.names}:
+            name = f"The same {without_words(analysis.fitting)}, {isolated(one.b)}"
+            yield (
+                f"{name} against {isolated(one.a)}",
+                difference_cell(other),
+                other.of.replace(" in both", f" in both, {FITTING}"),
+            )
+
+
+def without_words(some: Without) -> str:
+    """Say who is left out: names, where they are few."""
+    names = some.names
+    return f"without {and_words(names) if len(names) <= SPELLED else f'{len(names)} misfits'}"
 
 
 def _level_cell(told: LevelsApart, unit: str) -> str:

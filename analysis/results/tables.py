@@ -10,13 +10,14 @@ from analysis.answers.choice import choices, confusion_table
 from analysis.answers.counting import reaction_table
 from analysis.answers.doubts import SWAPPED
 from analysis.answers.dprime import sensitivity_table
-from analysis.definitions import METHODS
+from analysis.definitions import METHODS, counted_up
 from analysis.groups.criterion import with_criterion
 from analysis.groups.micrometres import with_micrometres
 from analysis.groups.sensitivity import d_prime_differences
 from analysis.groups.tables import difference_table, group_table
 from analysis.reading.plans import contacts
 from analysis.reading.text import ResultFileError
+from analysis.results.methods.misfit import misfitting
 from analysis.results.warned import doubts_of, warnings_of, without_device
 from analysis.thresholds.people import people_in
 from analysis.thresholds.table import thresholds_of
@@ -54,6 +55,15 @@ class Counts:
     without_device: int  # trials of people on a mock device or an emulator
     unread: int = 0  # rows of tables made elsewhere that a map leaves out
     unread_files: int = 0  # files that it leaves out, whose rows nobody counted
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Without:
+    """Groups and their differences without some people, as `Analysis` has them of all."""
+
+    names: tuple[str, ...]
+    groups: pd.DataFrame
+    differences: pd.DataFrame
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -116,6 +126,8 @@ class Analysis:
         As `LoadedTrials.task`.
     unswapped : pandas.DataFrame or None
         `groups` without the people whose sides look swapped; ``None`` where there are none.
+    fitting : Without or None
+        Without the people with a function that does not fit; ``None`` where there are none.
     side_told : bool
         As `LoadedTrials.side_told`.
     """
@@ -153,6 +165,7 @@ class Analysis:
     doubts: tuple[Doubt, ...] = ()
     task: str = ""
     unswapped: pd.DataFrame | None = None
+    fitting: Without | None = None
     side_told: bool = True
 
     def __post_init__(self) -> None:
@@ -295,6 +308,7 @@ def analyse(
         doubts=doubts,
         task=loaded.task,
         unswapped=_unswapped(people, thresholds, doubts, loaded.axis),
+        fitting=_fitting(people, thresholds, loaded.axis),
         ci=ci,
         seed=seed,
         axis=loaded.axis,
@@ -322,6 +336,20 @@ def _unswapped(
         return None
     places = [i for i, (_, who) in enumerate(people.names) if who not in swapped]
     return group_table(people.at(places), thresholds, axis)
+
+
+def _fitting(people: PersonCounts, thresholds: pd.DataFrame, axis: Axis) -> Without | None:
+    """Fit groups and differences without people of whom a function does not fit."""
+    names = misfitting(thresholds)
+    places = [i for i, (_, who) in enumerate(people.names) if who not in names]
+    if not names or not places:
+        return None
+    others = people.at(places)
+    return Without(
+        names=tuple(sorted(names, key=counted_up)),
+        groups=group_table(others, thresholds, axis),
+        differences=difference_table(others, axis),
+    )
 
 
 def _population(people: PersonCounts, axis: Axis) -> tuple[PopulationThreshold, ...]:

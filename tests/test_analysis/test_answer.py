@@ -931,6 +931,35 @@ def test_false_alarms_of_several_people_rest_on_their_interval(
         assert "bring the difference about in whole or in part" in said
 
 
+@pytest.mark.slow
+def test_results_without_misfits_stand_beside_those_of_all(tmp_path: Path) -> None:
+    """As if the map had left these people out."""
+    text = study({"a": 60.0, "b": 80.0}, 5)
+    odd = "".join(
+        f"odd,{1000 * at + level + n},{condition},single,left,{level},"
+        f"{'left' if n < k else 'none'},false\n"
+        for at, condition in enumerate("ab")
+        for level, k in ((40, 0), (60, 14), (80, 3), (100, 15), (140, 16)) for n in range(16)
+    )  # fmt: skip
+    (tmp_path / "without").mkdir()
+    analysis = analyse(loaded(tmp_path, text + odd))
+    without = analyse(loaded(tmp_path / "without", text))
+    assert analysis.fitting is not None
+    assert analysis.fitting.names == ("odd",)
+    rows = {plain(what): (plain(value), of) for what, value, of in answer(analysis).rows}
+    for condition in "ab":
+        [(_, group)] = without.groups[without.groups["condition"].eq(condition)].iterrows()
+        value, of = rows[f"The same without odd, condition {condition}"]
+        assert value == group["printed"].partition("; between")[0]
+        assert of == "5 participants whose functions fit"
+    value, of = rows["The same without odd, b against a"]
+    assert value.startswith(f"{without.differences.iloc[-1]['difference_db']:+.1f} dB (")
+    assert of == "5 participants in both, whose functions fit"
+    (warning,) = (one for one in analysis.warnings if "do not fit" in one)
+    assert "at the foot of the figure of participants" in warning
+    assert without.fitting is None
+
+
 def test_an_answer_more_or_less_points_nowhere(least: Analysis) -> None:
     blanks = [(20, 20)] * 6
     said = alarms_said(least, [(1, 0), (0, 1), *[(1, 1)] * 4], blanks)

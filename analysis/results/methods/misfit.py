@@ -22,6 +22,10 @@ Every such function is named, however many there are, and how many of so many fa
 chance stands beside: a correction for their number would hide one bad fit among many people.
 """
 _LEAST_P: Final = 1 / (1 + REPLICATES)
+_WITHOUT: Final = (
+    " methods.txt names them; what the group's results are without these people stands in the "
+    "answer's table, to be reported beside the others, not instead."
+)
 _NAMED: Final = 6
 _FEW: Final = 2
 
@@ -34,19 +38,27 @@ def misfits(thresholds: pd.DataFrame) -> Iterator[str]:
     >>> table = pd.DataFrame(rows, columns=["participant", "deviance_p"]).assign(condition="main")
     >>> print(*misfits(table))  # doctest: +ELLIPSIS
     1 of 2 psychometric functions does not fit (bootstrap p < 0.01; 0.02 expected by chance):
-    participant 2, p = 0.004. See its residuals: ...
+    participant 2, p = 0.004. Look at its residuals, ...
     """
     fits, refused = _refused(thresholds)
     if not refused:
         return
     some = len(refused) > 1
+    alone = len({*thresholds["participant"]}) == 1
+    figure = "figure of detection" if alone else "figure of participants"
     yield (
         f"{len(refused)} of {len(fits)} psychometric functions {'do' if some else 'does'} not fit "
         f"(bootstrap p < {REFUSED_P:g}; {REFUSED_P * len(fits):.2g} expected by chance): "
-        f"{_names(refused, thresholds)}. See {'their' if some else 'its'} residuals: answers that "
-        "drift or hang together, or keys and levels that changed, make a threshold's interval too "
-        "narrow"
+        f"{_names(refused, thresholds)}. Look at {'their' if some else 'its'} residuals, at the "
+        f"foot of the {figure}: answers that drift or hang together, or keys and levels that "
+        "changed, make a threshold's interval too narrow."
+        + (_WITHOUT if len({*thresholds["participant"]} - misfitting(thresholds)) > 1 else "")
     )
+
+
+def misfitting(thresholds: pd.DataFrame) -> set[str]:
+    """Return the participants with a function that does not fit."""
+    return {who for _, who, _ in _refused(thresholds)[1]}
 
 
 def misfit_words(thresholds: pd.DataFrame) -> str:
