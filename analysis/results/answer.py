@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Final
 from analysis.answers.counting import uncounted
 from analysis.answers.doubts import GUESSING, SWAPPED
 from analysis.axis import alike, half_widths, rounded, spread_of, with_limits
-from analysis.definitions import LAPSES_OFTEN
+from analysis.definitions import LAPSES_MANY, LAPSES_OFTEN
 from analysis.groups.group import FEW
 from analysis.groups.micrometres import in_micrometres, micrometres_row
 from analysis.reading.reasons import NEVER_ANSWERED
@@ -27,7 +27,7 @@ from analysis.results.compared import (
     without_words,
 )
 from analysis.results.methods.alarms import alarm_sentences, blank_rows, criterion_sentences
-from analysis.results.methods.misfit import lapses_words, steep_words
+from analysis.results.methods.misfit import at_bound_often, lapses_words, steep_words
 from analysis.results.methods.presented import unread_words
 from analysis.results.methods.task import hit_words
 from analysis.results.rows import population_text
@@ -394,6 +394,8 @@ def _left_out(analysis: Analysis) -> Iterator[str]:
         yield steep
     if lapses := lapses_words(analysis.thresholds):
         yield f"{lapses}, {LAPSES_OFTEN}"
+        if at_bound_often(analysis.thresholds) and len(analysis.groups):
+            yield LAPSES_MANY
     if analysis.warnings:
         yield f"see {number_of(len(analysis.warnings), 'warning')} below"
 

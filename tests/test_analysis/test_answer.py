@@ -470,7 +470,10 @@ SENTENCES: dict[str, Callable[[re.Match[str], Analysis], None]] = {
         lambda one: one.thresholds["status"].eq("separated").any()
     ),
     r"(?P<number>\d+) of (?P<of>\d+) functions? fits? best at the largest lapse rate allowed, 10 % "
-    r'\(status "lapse at bound".*?\), which is common, .+ leave a threshold out': lapsing,
+    r'\(status "lapse at bound".*?\), which is common .+ leave a threshold out': lapsing,
+    "so many are usual where few trials lie above the threshold, .+ in the second": is_true(
+        lambda one: one.thresholds["status"].eq("lapse_at_bound").sum() >= 0.3 * 5
+    ),
 }  # fmt: skip
 
 

@@ -28,6 +28,7 @@ _WITHOUT: Final = (
 )
 _NAMED: Final = 6
 _FEW: Final = 2
+_SEVERAL, _OFTEN = 5, 0.3
 
 
 def misfits(thresholds: pd.DataFrame) -> Iterator[str]:
@@ -97,6 +98,12 @@ def lapses_words(thresholds: pd.DataFrame) -> str:
         f"{len(rows)} of {fitted} function{some} {fit} best at the largest lapse rate allowed, "
         f'10 % (status "lapse at bound"{_named(rows, thresholds)})'
     )
+
+
+def at_bound_often(thresholds: pd.DataFrame) -> bool:
+    """Tell whether the largest lapse rate is the likeliest in many of several functions."""
+    fitted = thresholds.loc[thresholds["status"].isin(WITH_THRESHOLD), "status"]
+    return len(fitted) >= _SEVERAL and fitted.eq("lapse_at_bound").mean() >= _OFTEN
 
 
 def steep_words(thresholds: pd.DataFrame) -> str:
