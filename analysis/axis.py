@@ -73,8 +73,6 @@ def shortest(level: float) -> str:
 
 _PLAIN_DB = 20.0
 """Of a ratio with two decimals."""
-_SAME_DB = 0.1
-"""By which halves of an interval may differ and be told as one."""
 
 
 def times(difference_db: float, *limits_db: float) -> str:
@@ -141,24 +139,16 @@ def between(low: float, high: float, levels: Sequence[float], spread: float) -> 
     return f"{least} to {most}"
 
 
-def half_widths(low: float, at: float, high: float) -> str:
-    """Return how far limits lie below and above a level, in dB: once where that is the same.
+def half_width(low: float, high: float) -> str:
+    """Return half of how far limits lie apart, in dB; nothing of an open one.
 
-    The same is what differs by 0.1 dB at most; then their mean is told, which is half the width.
-    Nothing is told of an open limit, and of a level that is not above 0.
-
-    >>> half_widths(51.7, 61.8, 73.7), half_widths(48.9, 60.0, 70.0), half_widths(0.99, 1.0, 1.01)
-    ('+-1.5 dB', '-1.8/+1.3 dB', '+-0.09 dB')
-    >>> half_widths(-math.inf, 71.1, 88.2)
-    ''
+    >>> half_width(51.7, 73.7), half_width(0.99, 1.01), half_width(-math.inf, 88.2)
+    ('1.5 dB', '0.09 dB', '')
     """
-    if not (0 < low <= at <= high < math.inf):
+    if not 0 < low <= high < math.inf:
         return ""
-    below, above = 20 * math.log10(at / low), 20 * math.log10(high / at)
-    spread = below + above
-    if abs(above - below) <= _SAME_DB:
-        return f"+-{rounded(spread / 2, spread)} dB"
-    return f"-{rounded(below, spread)}/+{rounded(above, spread)} dB"
+    width = 20 * math.log10(high / low)
+    return f"{rounded(width / 2, width)} dB"
 
 
 def bounded(low: float, high: float, unit: str, levels: Sequence[float]) -> str:

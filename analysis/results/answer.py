@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from analysis.answers.counting import uncounted
 from analysis.answers.doubts import GUESSING, SWAPPED
-from analysis.axis import alike, half_widths, rounded, spread_of, with_limits
+from analysis.axis import alike, half_width, rounded, spread_of, with_limits
 from analysis.definitions import LAPSES_MANY, LAPSES_OFTEN
 from analysis.groups.group import FEW
 from analysis.groups.micrometres import in_micrometres, micrometres_row
@@ -168,8 +168,8 @@ def _in_db(analysis: Analysis, group: pd.Series[Any]) -> str:
     """Say how wide the interval of a group's threshold is, as a goal of `power` does."""
     if analysis.axis.x_scale != "log10" or group["status"] not in WITH_THRESHOLD:
         return ""
-    low, at, high = (float(group[f"threshold_{name}vpp"]) for name in ("low_", "", "high_"))
-    return half_widths(low, at, high)
+    width = half_width(*(float(group[f"threshold_{name}_vpp"]) for name in ("low", "high")))
+    return width and f"half-width {width}"
 
 
 def _thresholds(analysis: Analysis) -> Iterator[str]:
@@ -291,8 +291,6 @@ def _threshold_rows(analysis: Analysis) -> Iterator[tuple[str, str, str]]:
             of = _session(analysis, row["participant"], condition)
         trials = number_of(int(people["trials"].sum()), "trial")
         yield f"{name}{where}", _threshold_words(row), f"{of}, {trials} with {given}"
-        if number > 1 and (width := _in_db(analysis, group)):
-            yield f"Half-width of its interval{where}", width, "as in goals of power"
         yield from micrometres_row(row, people, where)
         without = _unswapped(analysis, condition)
         if number > 1 and without is not None and without["participants"] < number:
