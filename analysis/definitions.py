@@ -216,10 +216,9 @@ OFF_THE_PLATE: Final = (
 
 CRITERION: Final = (
     "Where false alarms differ, a difference of thresholds may in whole or in part be one of the "
-    "willingness to answer (the criterion) and not of what is felt. d' at single levels tells, see "
-    "Sensitivity. d' over all levels stands here, but does not: it mixes surely felt and never "
-    "felt ones, and where few false alarms meet levels at which nearly everything is felt it comes "
-    "out higher than the same sensitivity with more of them."
+    "willingness to answer (the criterion) and not of what is felt. d' at single levels tells (see "
+    "Sensitivity). d' over all levels, as in the tables of differences here, does not: the "
+    "criterion moves it, too."
 )
 """What false alarms and d' beside a difference are there for."""
 
@@ -233,9 +232,10 @@ D_PRIME_APART: Final = (
 """How to read d' of two conditions, as simulated (docs/statistics.md, section 11)."""
 
 D_PRIME: Final = (
-    "d' compares what was felt at a level with what was felt of blank trials; unlike a proportion "
-    "it does not rise with the willingness to answer. Rows 'all' have the mean of the "
-    "participants; d' of all levels together belongs to the mixture that was presented."
+    "d' compares what was felt at a level with what was felt of blank trials; unlike a proportion, "
+    "at one level it hardly moves with the willingness to answer (the criterion). Over all levels "
+    "together it does, and with the levels that were presented. Rows 'all' have the mean of the "
+    "participants."
 )
 
 POPULATION: Final = (

@@ -1,6 +1,7 @@
 """What stands beside a difference of thresholds: false alarms, d', and which condition came first.
 
-Where "none" can be answered, a threshold moves with the willingness to say "felt"; d' does not.
+Where "none" can be answered, a threshold moves with the willingness to say "felt"; d' at one level
+hardly does.
 """
 
 from __future__ import annotations

@@ -76,12 +76,16 @@ def _level(a: pd.DataFrame, b: pd.DataFrame, *, paired: bool) -> list[dict[str, 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LevelsApart:
-    """At which levels d' of b is lower or higher than that of a, and where it tells little."""
+    """At which levels d' of b is lower or higher than that of a, and where it tells little.
+
+    `most_felt` has the larger of both shares at each of the levels of which `nearly_all` was felt.
+    """
 
     lower: tuple[float, ...]
     higher: tuple[float, ...]
     not_apart: tuple[float, ...]
     nearly_all: tuple[float, ...]
+    most_felt: tuple[float, ...]
 
     @property
     def number(self) -> int:
@@ -105,7 +109,9 @@ def levels_apart(rows: pd.DataFrame) -> LevelsApart | None:
     nearly = (a > NEARLY_ALL) | (b > NEARLY_ALL)
     which = {"lower": high < 0, "higher": low > 0, "not_apart": (low <= 0) & (high >= 0)}
     told = {name: tuple(rows.loc[here & ~nearly, "level_vpp"]) for name, here in which.items()}
-    return LevelsApart(nearly_all=tuple(rows.loc[nearly, "level_vpp"]), **told)
+    most = np.maximum(a, b)[nearly]
+    at = rows.loc[nearly, "level_vpp"]
+    return LevelsApart(nearly_all=tuple(at), most_felt=tuple(most), **told)
 
 
 def d_prime_apart(

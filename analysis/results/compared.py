@@ -10,7 +10,7 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final
 
-from analysis.axis import shortest, times
+from analysis.axis import half_up, shortest, times
 from analysis.definitions import TOTAL
 from analysis.groups.criterion import MIXED
 from analysis.groups.sensitivity import NEARLY_ALL, SEVERAL, levels_apart
@@ -274,20 +274,10 @@ def difference_rows(
         order = f"; first: {first}" if told else ""
         yield name, difference_cell(one), one.of + order
         yield from _fitting_row(analysis, one)
-        a, b = (float(one.row[f"d_prime_{which}"]) for which in "ab")
-        if not math.isnan(a + b):
+        if levels := by_level(analysis, one):
             of = "mean of participants; " if one.row["participant"] == TOTAL else ""
-            names = isolated(one.a), isolated(one.b)
-            name = f"d' over all levels, {names[1]} against {names[0]}"
-            limits = (
-                "" if math.isnan(one.row["d_prime_difference_low"]) else _d_prime_apart(one.row)
-            )
-            value = f"{b:.2f} in {names[1]}, {a:.2f} in {names[0]}"
-            mixed = "depends on the levels and the criterion: not to be quoted"
-            if levels := by_level(analysis, one):
-                name_of = f"d' at single levels, {names[1]} against {names[0]}"
-                yield name_of, _level_cell(levels, analysis.axis.unit), f"{of}{sides}{_EACH}"
-            yield name, f"{value}{limits and ', '}{limits}", f"{of}{sides}{mixed}"
+            name = f"d' at single levels, {isolated(one.b)} against {isolated(one.a)}"
+            yield name, _level_cell(levels, analysis.axis.unit), f"{of}{sides}{_EACH}"
         if points := alarms_apart(one.row):
             name = f"False alarms in {isolated(one.b)} against {isolated(one.a)}"
             yield name, points, "mean of participants, by Student's t"
@@ -317,15 +307,18 @@ def without_words(some: Without) -> str:
 
 
 def _level_cell(told: LevelsApart, unit: str) -> str:
-    which = {
-        "lower": told.lower,
-        "higher": told.higher,
-        "not told apart": told.not_apart,
-        f"over {100 * NEARLY_ALL:.0f} % felt, tells little": told.nearly_all,
-    }
-    return "; ".join(
+    which = {"lower": told.lower, "higher": told.higher, "not told apart": told.not_apart}
+    each = [
         f"{words} at {', '.join(map(shortest, at))} {unit}" for words, at in which.items() if at
-    )
+    ]
+    if told.nearly_all:
+        most = f"tells little where over {100 * NEARLY_ALL:.0f} % were felt"
+        shares = zip(told.nearly_all, told.most_felt, strict=True)
+        at = ", ".join(
+            f"{shortest(level)} {unit} ({half_up(round(100 * p, 9), 1)} %)" for level, p in shares
+        )
+        each.append(f"{most}: {at}")
+    return "; ".join(each)
 
 
 def d_prime_level_rows(analysis: Analysis) -> Iterator[tuple[str, list[str], list[list[str]]]]:

@@ -259,6 +259,7 @@ def test_levels_at_which_nearly_all_is_felt_are_told_apart_from_the_others() -> 
     told = levels_apart(found[found["participant"].eq("all")])
     assert told is not None
     assert (told.nearly_all, told.number) == ((95.0,), 1)
+    assert told.most_felt == (29 / 30,)
     assert levels_apart(found.assign(d_prime_difference_low=math.nan)) is None
 
 

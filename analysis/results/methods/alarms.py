@@ -145,7 +145,7 @@ def criterion_sentences(analysis: Analysis) -> Iterator[str]:
                 f"may be one of criterion, in whole or in part{beside}"
             )
         else:
-            yield f"false alarms are not told apart ({which}){beside}"
+            yield f"false alarms are not told apart ({which})"
         return
     (one,), (told,) = pairs, found
     words = f"{_p_words(told.p)}, {told.test}"
@@ -158,7 +158,7 @@ def criterion_sentences(analysis: Analysis) -> Iterator[str]:
         if levels := by_level(analysis, one):
             yield level_words(levels, one)
     else:
-        yield f"false alarms are not told apart ({words}){beside}"
+        yield f"false alarms are not told apart ({words})"
         if push:
             yield f"if anything {push}"
 
