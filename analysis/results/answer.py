@@ -391,9 +391,8 @@ def _left_out(analysis: Analysis) -> Iterator[str]:
     if steep := steep_words(analysis.thresholds):
         yield steep
     if lapses := lapses_words(analysis.thresholds):
-        yield f"{lapses}, {LAPSES_OFTEN}"
-        if at_bound_often(analysis.thresholds) and len(analysis.groups):
-            yield LAPSES_MANY
+        many = at_bound_often(analysis.thresholds)
+        yield f"{lapses}, {LAPSES_MANY if many else LAPSES_OFTEN}"
     if analysis.warnings:
         yield f"see {number_of(len(analysis.warnings), 'warning')} below"
 

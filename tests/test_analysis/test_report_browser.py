@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 pytestmark = pytest.mark.process
-SCREENS = [(360, "screen"), (800, "screen"), (1280, "screen"), (718, "print")]
+SCREENS = [(360, "screen"), (800, "screen"), (1100, "screen"), (1280, "screen"), (718, "print")]
 """The last is a sheet of A4 with margins of a centimetre."""
 HOSTILE = (
     *("<script>alert(1)</script>", '"><img src=x onerror=alert(1)>', "=1+1", "אבגד-7", "W" * 64),
@@ -42,6 +42,8 @@ MEASURE = """
     boxes: [...document.querySelectorAll("*")].filter(
       (one) => one.closest(boxed) === null && one.scrollWidth > one.clientWidth + 1
         && getComputedStyle(one).overflowX !== "visible").length,
+    scrolled: [...document.querySelectorAll(".answer .scroll")].filter(
+      (one) => one.scrollWidth > one.clientWidth + 1).length,
     wide: wide.map((one) => one.outerHTML.slice(0, 80)),
     figures: images.length,
     hidden: images.filter((image) => !shown(image)).length,
@@ -121,7 +123,7 @@ def test_the_report_is_silent_asks_for_nothing_and_fits(
     figures = len([*report.parent.glob("*.svg")])
     assert figures >= 4
     expected = {"width": width_px, "wide": [], "boxes": 0, "figures": figures}
-    expected |= {"hidden": 0, "unnamed": 0, "scripts": 0}
+    expected |= {"hidden": 0, "unnamed": 0, "scripts": 0, "scrolled": 0}
     assert found == expected | {"scroll": found["scroll"]}
     assert said == set()
     assert [url for url in asked if not url.startswith("data:")] == [report.as_uri()]

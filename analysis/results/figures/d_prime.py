@@ -1,4 +1,4 @@
-"""The figure of d' against level: sensitivity that a willingness to answer does not move."""
+"""The figure of d' against level: sensitivity that a willingness to answer hardly moves."""
 
 from __future__ import annotations
 
@@ -37,7 +37,8 @@ def sheets(analysis: Analysis) -> list[Sheet]:
         Sheet(
             title="Sensitivity d' by level",
             caption="d' compares what was felt at a level with what was felt of blank trials: "
-            f"unlike a proportion it does not rise with the willingness to answer; {bars}.",
+            "unlike a proportion, at one level it hardly moves with the willingness to answer; "
+            f"{bars}.",
             alt=f"d' against level in {analysis.axis.label}, {of_people(people)}, with 95 % "
             "intervals; the numbers are in the table of sensitivity.",
             draw=partial(draw, analysis),
