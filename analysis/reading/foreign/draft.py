@@ -360,7 +360,8 @@ def _unanswered(table: Sample, name: str, word: str) -> str:
     """Say how many rows have no answer, what they count for, and how to leave them out."""
     skip = _entry(name, word, "").partition("  #")[0]
     rows = table.words(name)[word]
-    return f": {rows} rows, presented and not detected; to leave them out: [rows.skip] {skip}"
+    choice = "papers do this or leave them out, and say which"
+    return f": {rows} rows, presented and not detected; {choice}: [rows.skip] {skip}"
 
 
 def _put(
