@@ -165,9 +165,9 @@ MOST_PRESENTED = 10**12
 TOTAL = "all"
 
 GROUP_COVERS: Final = (
-    "The group's interval is of the mean of people like these, of whom few were seen. Near 0 and 1 "
-    "its far limit (the upper one near 0, the lower one near 1) is mostly the prior's where people "
-    "are few: how much others differ, who missed almost nothing can hardly tell. There it lies "
+    "The group's interval is of the mean of people like these. Of few people its far limit (the "
+    "upper one near 0, the lower one near 1) is mostly the prior's: where nearly all or nearly "
+    "nothing was felt the data hardly tell how much people differ. There it lies "
     "farther out than need be: in simulations of five and of six people no true mean below .12 "
     "or above .89 lay beyond it. In those of five to twelve people who differ by 2 to 6 dB the "
     "interval covered 87 to 97 % of true means from .1 to .98, of five very steep people as little "

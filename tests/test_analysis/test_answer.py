@@ -968,15 +968,18 @@ def test_intervals_of_equal_shares_are_said_to_differ_with_people(least: Analysi
     assert wider not in alarms_said(least, [(1, 0), (1, 0), (0, 5)], blanks, high_b=0.7)
 
 
-def alarms_said(least: Analysis, *counts: list[tuple[int, int]], high_b: float = 0.6) -> str:
+Pairs = list[tuple[int, int]]
+
+
+def alarms_said(least: Analysis, alarms: Pairs, blanks: Pairs, high_b: float = 0.6) -> str:
     """Return what is said of these false alarms."""
-    return plain(answer(with_alarms(least, *counts, high_b=high_b)).statements[1])
+    return plain(answer(with_alarms(least, alarms, blanks, high_b)).statements[1])
 
 
 def with_alarms(
     least: Analysis,
-    alarms: list[tuple[int, int]],
-    blanks: list[tuple[int, int]],
+    alarms: Pairs,
+    blanks: Pairs,
     high_b: float = 0.6,
 ) -> Analysis:
     """Return an analysis of conditions a, with the higher threshold, and b with false alarms."""

@@ -83,6 +83,7 @@ def test_methods_tell_task_counts_priors_intervals_and_what_is_left_out(tmp_path
         "The task was yes/no",
         "Condition palm had 5 levels (1 to 6.3 um), 20 trials of each for a participant, and 20 ",
         "as if felt in 2 of 40 (5.0 %) in condition palm, in 2 of 40 (5.0 %) in condition thumb.",
+        "after a false alarms in a participant's b = 20 blank (catch) trials, with a mean ",
         "gamma the false-alarm rate, lambda the lapse rate, sigma the width",
         "a mean (a + 1/2)/(b + 1) of 0.071; a function that is drawn has the posterior mean of ",
         "The mean difference had a normal prior with mean 0 and a standard deviation of 12 dB",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Final
 
+from analysis.definitions import TOTAL
 from analysis.reading.foreign import FORCED, YES_NO
 from analysis.thresholds.people import FORCED_CHOICE
 
@@ -89,7 +90,8 @@ _BASES: Final = {
 def guess_words(analysis: Analysis) -> Iterator[str]:
     """Say which value or prior gamma has, a sentence for each way in which it is known."""
     yes_no, one_side = is_yes_no(analysis), bool(analysis.one_side)
-    for basis, rates in analysis.thresholds.groupby("guess_basis", sort=False)["guess_rate"]:
+    bases = analysis.thresholds["guess_basis"].replace("few blanks", "blanks")
+    for basis, rates in analysis.thresholds.groupby(bases, sort=False)["guess_rate"]:
         low, high = (f"{rate:.2g}" for rate in (rates.min(), rates.max()))
         value = low if low == high else f"{low} to {high}"
         if basis == FORCED_CHOICE:
@@ -100,8 +102,7 @@ def guess_words(analysis: Analysis) -> Iterator[str]:
                 f"mean of {value}"
             )
         else:
-            few = " (fewer than 20)" if basis == "few blanks" else ""
-            blanks = f"b blank (catch) trials{few}"
+            blanks = f"b = {_blanks_of_each(analysis)} blank (catch) trials"
             after = (
                 f"a false alarms in a participant's {blanks}"
                 if yes_no or one_side
@@ -113,6 +114,12 @@ def guess_words(analysis: Analysis) -> Iterator[str]:
                 f"with a mean (a + 1/2)/(b + 1) of {value}; a function that is drawn has the "
                 "posterior mean of gamma, for which weak levels count, too"
             )
+
+
+def _blanks_of_each(analysis: Analysis) -> str:
+    """Return how many blank trials a participant has in a condition, the least and the most."""
+    each = analysis.blank.loc[analysis.blank["participant"].ne(TOTAL), "presented"]
+    return " to ".join(dict.fromkeys(str(int(one)) for one in (each.min(), each.max())))
 
 
 def hit_words(analysis: Analysis) -> str:
