@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -16,7 +17,7 @@ from analysis.thresholds.fit import BOUNDED, WITH_THRESHOLD
 from analysis.thresholds.table import WORDS, levels_of
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Collection, Sequence
 
     from numpy.typing import NDArray
 
@@ -42,6 +43,15 @@ GROUP: Final = "all"
 _ALONE: Final = "one participant tells nothing of others"
 _BELOW: Final = ("threshold_below_levels", "median_below_levels")
 _ABOVE: Final = ("threshold_above_levels", "median_above_levels")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Without:
+    """Groups and their differences, as the tables below have them, without some people."""
+
+    names: tuple[str, ...]
+    groups: pd.DataFrame
+    differences: pd.DataFrame
 
 
 def group_table(people: PersonCounts, thresholds: pd.DataFrame, axis: Axis) -> pd.DataFrame:
@@ -104,6 +114,21 @@ def difference_table(people: PersonCounts, axis: Axis) -> pd.DataFrame:
         for (a, rows_a), (b, rows_b) in itertools.combinations(_conditions(people).items(), 2):
             rows += [[a, b, *row] for row in _pair(people, rows_a, rows_b, axis)]
     return pd.DataFrame(rows, columns=list(DIFFERENCE_COLUMNS))
+
+
+def without_people(
+    names: Collection[str], people: PersonCounts, thresholds: pd.DataFrame, axis: Axis
+) -> Without | None:
+    """Return groups and differences without people of these names; ``None`` without any, or all."""
+    places = [i for i, (_, who) in enumerate(people.names) if who not in names]
+    if not names or not places:
+        return None
+    others = people.at(places)
+    return Without(
+        names=tuple(sorted(names, key=counted_up)),
+        groups=group_table(others, thresholds, axis),
+        differences=difference_table(others, axis),
+    )
 
 
 def _conditions(people: PersonCounts) -> dict[str, list[int]]:

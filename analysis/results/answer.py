@@ -27,8 +27,8 @@ from analysis.results.compared import (
     without_words,
 )
 from analysis.results.methods.alarms import alarm_sentences, blank_rows, criterion_sentences
+from analysis.results.methods.left_out import left_out_rows, left_out_words, unread_words
 from analysis.results.methods.misfit import at_bound_often, lapses_words, steep_words
-from analysis.results.methods.presented import unread_words
 from analysis.results.methods.task import hit_words
 from analysis.results.rows import population_text
 from analysis.thresholds.fit import WITH_THRESHOLD
@@ -44,19 +44,6 @@ if TYPE_CHECKING:
 ANSWER_HEAD: Final = ("What", "Value (95 % interval)", "From")
 _DOUBTS: Final = {SWAPPED: "sides look swapped", GUESSING: "answers cannot be told from guesses"}
 _MEDIAN: Final = "(posterior median, 95 % interval "
-REASONS: Final = {
-    "practice": "practice",
-    "control": "fingers off the plate",
-    "voided": "presented again",
-    "anticipated": "answered too early",
-    "unmasked": "without masking noise",
-    "unverified": "not measured as planned",
-    "never_answered": "nothing but time-outs in a condition",
-    "device_error": "device failed",
-    "indeterminate": "perhaps not felt",
-    "aborted": "cut off",
-}
-"""What a reason is called in a sentence, in the order in which they are told."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -93,7 +80,7 @@ def answer(analysis: Analysis) -> Answer:
             *difference_rows(analysis, either_side=bool(hit_words(analysis))),
             *blank_rows(analysis),
             *_spread_rows(analysis),
-            *_left_out_rows(analysis),
+            *left_out_rows(analysis),
         ),
     )
 
@@ -353,30 +340,6 @@ def _new_person(
     return at, *ends, levels
 
 
-def _reasons(analysis: Analysis) -> list[tuple[str, int]]:
-    """Return why trials are left out, and how many each."""
-    found = analysis.excluded.groupby("reason")["trials"].sum().to_dict()
-    order = [*REASONS]
-    return [
-        (REASONS.get(str(reason), str(reason)), int(found[reason]))
-        for reason in sorted(found, key=lambda one: order.index(one) if one in order else 99)
-    ]
-
-
-def left_out_words(analysis: Analysis) -> str:
-    """Say what was left out of the trials that were read, and why."""
-    counts = analysis.counts
-    if counts.trials and analysis.trials.empty:
-        return "counts were read, which do not tell what was left out of them"
-    if not counts.left_out:
-        if unread_words(analysis):
-            return f"all {counts.trials} trials that were read count"
-        return f"nothing was left out: all {counts.trials} trials count"
-    part = 100 * counts.left_out / counts.trials
-    told = ", ".join(f"{words} {number}" for words, number in _reasons(analysis))
-    return f"{counts.left_out} of {counts.trials} trials ({part:.1f} %) are left out: {told}"
-
-
 def _left_out(analysis: Analysis) -> Iterator[str]:
     trials = analysis.trials
     yield left_out_words(analysis)
@@ -395,14 +358,3 @@ def _left_out(analysis: Analysis) -> Iterator[str]:
         yield f"{lapses}, {LAPSES_MANY if many else LAPSES_OFTEN}"
     if analysis.warnings:
         yield f"see {number_of(len(analysis.warnings), 'warning')} below"
-
-
-def _left_out_rows(analysis: Analysis) -> Iterator[tuple[str, str, str]]:
-    counts = analysis.counts
-    told = ", ".join(f"{words} {number}" for words, number in _reasons(analysis))
-    row = f"{counts.left_out} of {counts.trials}", told or "none"
-    if counts.trials and analysis.trials.empty:
-        row = "n/a", "a table of counts"
-    yield "Trials left out", *row
-    if unread := unread_words(analysis):
-        yield "Left out by the map", unread, "besides; a paper has to say which and why"

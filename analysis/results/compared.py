@@ -21,7 +21,8 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from analysis.groups.sensitivity import LevelsApart
-    from analysis.results.tables import Analysis, Without
+    from analysis.groups.tables import Without
+    from analysis.results.tables import Analysis
 
 
 SPELLED: Final = 3

@@ -27,7 +27,7 @@ from analysis.definitions import (
     TOTAL,
     VARY,
 )
-from analysis.results.answer import ANSWER_HEAD, REASONS, answer
+from analysis.results.answer import ANSWER_HEAD, answer
 from analysis.results.compared import d_prime_level_rows, own_model_words
 from analysis.results.figures.confusion import stimulus
 from analysis.results.methods import (
@@ -38,6 +38,7 @@ from analysis.results.methods import (
     misfit_p_text,
     one_side_words,
 )
+from analysis.results.methods.left_out import REASONS
 from analysis.results.protocol import (
     Section,
     Table,

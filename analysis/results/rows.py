@@ -287,11 +287,10 @@ _COUNTS: Final = {
 
 def count_rows(analysis: Analysis, style: Style) -> list[list[str]]:
     """Return what was counted and how often; the last on the terminal is what was left out."""
-    named = {name: long if style.roomy else short for name, (short, long) in _COUNTS.items()}
-    counts = asdict(analysis.counts)
+    counts, head = asdict(analysis.counts), int(style.roomy)
     seldom = {"simulated", "without_device", "unread_files", "both" if analysis.one_place else ""}
-    told = {name for name in named if counts[name] or name not in seldom}
-    return [[words, str(counts[name])] for name, words in named.items() if words and name in told]
+    told = [name for name in _COUNTS if counts[name] or name not in seldom]
+    return [[_COUNTS[name][head], str(counts[name])] for name in told if _COUNTS[name][head]]
 
 
 def not_compared_words(names: Sequence[str]) -> str:

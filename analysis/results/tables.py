@@ -10,11 +10,11 @@ from analysis.answers.choice import choices, confusion_table
 from analysis.answers.counting import reaction_table
 from analysis.answers.doubts import SWAPPED
 from analysis.answers.dprime import sensitivity_table
-from analysis.definitions import METHODS, counted_up
+from analysis.definitions import METHODS
 from analysis.groups.criterion import with_criterion
 from analysis.groups.micrometres import with_micrometres
 from analysis.groups.sensitivity import d_prime_differences
-from analysis.groups.tables import difference_table, group_table
+from analysis.groups.tables import difference_table, group_table, without_people
 from analysis.reading.plans import contacts
 from analysis.reading.text import ResultFileError
 from analysis.results.methods.misfit import misfitting
@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from analysis.answers.doubts import Doubt
     from analysis.axis import Axis
     from analysis.groups.population import PopulationThreshold
+    from analysis.groups.tables import Without
     from analysis.reading.batch import InputFile
     from analysis.reading.load import LoadedTrials
     from analysis.thresholds.people import PersonCounts
@@ -55,15 +56,6 @@ class Counts:
     without_device: int  # trials of people on a mock device or an emulator
     unread: int = 0  # rows of tables made elsewhere that a map leaves out
     unread_files: int = 0  # files that it leaves out, whose rows nobody counted
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Without:
-    """Groups and their differences without some people, as `Analysis` has them of all."""
-
-    names: tuple[str, ...]
-    groups: pd.DataFrame
-    differences: pd.DataFrame
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -308,7 +300,7 @@ def analyse(
         doubts=doubts,
         task=loaded.task,
         unswapped=_unswapped(people, thresholds, doubts, loaded.axis),
-        fitting=_fitting(people, thresholds, loaded.axis),
+        fitting=without_people(misfitting(thresholds), people, thresholds, loaded.axis),
         ci=ci,
         seed=seed,
         axis=loaded.axis,
@@ -336,20 +328,6 @@ def _unswapped(
         return None
     places = [i for i, (_, who) in enumerate(people.names) if who not in swapped]
     return group_table(people.at(places), thresholds, axis)
-
-
-def _fitting(people: PersonCounts, thresholds: pd.DataFrame, axis: Axis) -> Without | None:
-    """Fit groups and differences without people of whom a function does not fit."""
-    names = misfitting(thresholds)
-    places = [i for i, (_, who) in enumerate(people.names) if who not in names]
-    if not names or not places:
-        return None
-    others = people.at(places)
-    return Without(
-        names=tuple(sorted(names, key=counted_up)),
-        groups=group_table(others, thresholds, axis),
-        differences=difference_table(others, axis),
-    )
 
 
 def _population(people: PersonCounts, axis: Axis) -> tuple[PopulationThreshold, ...]:

@@ -23,9 +23,10 @@ from analysis.axis import VOLTS, Axis, bounded, times, with_limits
 from analysis.groups.criterion import BESIDE_COLUMNS, rates_apart, same_rates_p
 from analysis.groups.sensitivity import BY_LEVEL_COLUMNS
 from analysis.groups.tables import DIFFERENCE_COLUMNS, GROUP_COLUMNS
-from analysis.results.answer import REASONS, Answer, answer
+from analysis.results.answer import Answer, answer
 from analysis.results.compared import pairs_of, plain
 from analysis.results.files import harmless
+from analysis.results.methods.left_out import REASONS
 from analysis.results.rows import PAGE, blank_cells, forced_choice
 from analysis.results.tables import Analysis, analyse
 from analysis.thresholds.fit import BOUNDED, WITH_THRESHOLD

@@ -7,10 +7,10 @@ from importlib.resources import files
 from typing import TYPE_CHECKING, ClassVar
 
 from analysis.definitions import TOTAL
-from analysis.results.answer import left_out_words
 from analysis.results.compared import isolated, number_of, own_model_words, plain
 from analysis.results.methods.alarms import compared_words, rates_words, short_alarm_words
 from analysis.results.methods.caption import caption_words
+from analysis.results.methods.left_out import left_out_for_paper
 from analysis.results.methods.looked import looked_words
 from analysis.results.methods.misfit import lapses_words, misfit_words
 from analysis.results.methods.presented import (
@@ -18,7 +18,6 @@ from analysis.results.methods.presented import (
     design_words,
     order_words,
     presented_words,
-    unread_words,
 )
 from analysis.results.methods.task import (
     detected_words,
@@ -100,7 +99,7 @@ def methods_of(analysis: Analysis, plans: Planned | None = None, *, drawn: bool 
         looked=looked_words(analysis),
         own_model=own_model_words(analysis),
         alarms=" ".join(compared_words(analysis)),
-        left_out=_left_out(analysis),
+        left_out=left_out_for_paper(analysis),
         same_people=len(paired) == pairs,
         other_people=paired.empty,
         versions=versions(),
@@ -110,17 +109,6 @@ def methods_of(analysis: Analysis, plans: Planned | None = None, *, drawn: bool 
     paragraphs = [part for part in parts if part and not part.startswith("* ")]
     cited = [part.removeprefix("* ") for part in parts if part.startswith("* ")]
     return Methods(paragraphs=tuple(paragraphs), references=tuple(cited))
-
-
-def _left_out(analysis: Analysis) -> str:
-    """Say what was left out, by a map as well, which knows no reason for it."""
-    unread = unread_words(analysis)
-    if not unread:
-        return left_out_words(analysis)
-    one = analysis.counts.unread + analysis.counts.unread_files == 1
-    by_map = f"{unread} of the tables {'was' if one else 'were'} left out [say which and why]"
-    told = analysis.counts.left_out or analysis.trials.empty
-    return f"{left_out_words(analysis)}; {by_map}" if told else by_map
 
 
 def counts_told(analysis: Analysis) -> str:

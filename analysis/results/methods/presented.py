@@ -135,10 +135,3 @@ def _begun(analysis: Analysis) -> Iterator[tuple[str, bool]]:
         wins = Counter(one for one in own["first"] if one in names)
         first = [name for name, number in wins.items() if number == len(names) - 1]
         yield (str(first[0]) if first else ""), bool(own["first"].eq(MIXED).any())
-
-
-def unread_words(analysis: Analysis) -> str:
-    """Return how many rows and files of the tables a map leaves out; empty text without any."""
-    counts = analysis.counts
-    of = (counts.unread, "row"), (counts.unread_files, "file")
-    return " and ".join(number_of(number, noun) for number, noun in of if number)
