@@ -435,8 +435,8 @@ SENTENCES: dict[str, Callable[[re.Match[str], Analysis], None]] = {
     ),
     "false alarms stand in the table": is_true(lambda one: len(totals(one)) > 3),
     r"false alarms: (?P<each>.+)": false_alarms,
-    "of equal shares, the interval is wider where participants differ more": is_true(
-        lambda one: len({*totals(one)["group_low"]}) > 1
+    "of equally many, the interval is wider where participants differ more": is_true(
+        lambda one: len({*totals(one)["group_high"]}) > 1
     ),
     "counts were read, which do not tell what was left out of them": is_true(
         lambda one: one.trials.empty and one.counts.trials
@@ -694,8 +694,9 @@ def test_every_kind_of_sentence_occurs_and_is_true(least: Analysis, tmp_path: Pa
     (tmp_path / "lost").mkdir()
     lost = analyse(loaded(tmp_path / "lost", LOST_BLANKS))
     used |= checked(answer(lost), lost)
-    rarer = with_alarms(least, [(1, 3), (2, 2)], [(20, 20)] * 2)
-    used |= checked(answer(rarer), rarer)
+    for alarms in ([(1, 3), (2, 2)], [(2, 2), (0, 0)]):
+        some = with_alarms(least, alarms, [(20, 20)] * 2, high_b=0.7)
+        used |= checked(answer(some), some)
     assert [one for one in SENTENCES if one not in used] == []
 
 
@@ -961,12 +962,13 @@ def test_an_answer_more_or_less_points_nowhere(least: Analysis) -> None:
     assert "If anything" in alarms_said(least, [(1, 3), *[(1, 1)] * 5], blanks)
 
 
-def test_intervals_of_equal_shares_are_said_to_differ_with_people(least: Analysis) -> None:
+def test_intervals_of_equal_counts_are_said_to_differ_with_people(least: Analysis) -> None:
     alarms, blanks = [(1, 0), (1, 0), (0, 2)], [(20, 20)] * 3
-    wider = "Of equal shares, the interval is wider where participants differ more."
+    wider = "Of equally many, the interval is wider where participants differ more."
     assert wider in alarms_said(least, alarms, blanks, high_b=0.7)
     assert wider not in alarms_said(least, alarms, blanks)
-    assert wider not in alarms_said(least, [(1, 0), (1, 0), (0, 5)], blanks, high_b=0.7)
+    assert wider not in alarms_said(least, [(1, 0), (1, 0), (0, 3)], blanks, high_b=0.7)
+    assert wider not in alarms_said(least, alarms, [(20, 19)] * 3, high_b=0.7)
 
 
 Pairs = list[tuple[int, int]]

@@ -37,6 +37,7 @@ if TYPE_CHECKING:
 
 
 _LEAST_P: Final = 0.001
+_ABOUT: Final = 1.05
 _AN_ANSWER: Final = 1 + 1e-9  # rounding of shares aside
 _TOTALS: Final = "Fisher's exact test of the totals"
 _WITHIN: Final = "exact Cochran-Mantel-Haenszel test within these participants"
@@ -80,14 +81,16 @@ def alarm_sentences(analysis: Analysis) -> Iterator[str]:
         each = (f"{_share(row)} of blank trials{_where(analysis, row, ' in')}" for row in rows)
         yield f"false alarms: {', '.join(each)}"
         if any(_alike(*two) for two in itertools.combinations(rows, 2)):
-            yield "of equal shares, the interval is wider where participants differ more"
+            yield "of equally many, the interval is wider where participants differ more"
 
 
 def _alike(one: pd.Series[Any], other: pd.Series[Any]) -> bool:
-    """Tell whether shares differ by an answer at most, and their intervals as they are printed."""
-    answers = abs(one["p"] - other["p"]) * min(one["presented"], other["presented"])
+    """Tell whether counts are equal, of about as many trials, and intervals as printed are not."""
+    counts = {round(row["p"] * row["presented"]) for row in (one, other)}
+    trials = sorted(row["presented"] for row in (one, other))
     of_people = not math.isnan(one["group_low"] + other["group_low"])
-    return bool(of_people and answers <= _AN_ANSWER and _limits(one) != _limits(other))
+    same = len(counts) == 1 and trials[1] <= _ABOUT * trials[0]
+    return of_people and same and _limits(one) != _limits(other)
 
 
 def _where(analysis: Analysis, row: pd.Series[Any], before: str) -> str:
