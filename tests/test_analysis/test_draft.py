@@ -177,6 +177,42 @@ def test_keys_1_and_2_of_two_intervals_are_no_sides(tmp_path: Path) -> None:
     assert 'detected = "key_resp.corr"' in draft(put(tmp_path / "t.csv", text))
 
 
+def test_tables_in_german_and_french_are_read_as_those_in_english(tmp_path: Path) -> None:
+    english = put(
+        tmp_path / "e.csv",
+        "participant,condition,trial,side,voltage,response,rt\n"
+        "P1,bare,1,left,60.5,right,0.51\nP1,bare,2,right,95,none,0.62\n"
+        "P1,bare,3,none,0,both,0.43\n",
+    )
+    german = put(
+        tmp_path / "g.csv",
+        "Versuchsperson;Bedingung;Durchgang;Seite;Spannung;Antwort;Reaktionszeit\n"
+        "P1;bare;1;links;60,5;rechts;0,51\nP1;bare;2;rechts;95;nichts;0,62\n"
+        "P1;bare;3;nichts;0;beide;0,43\n",
+    )
+    french = put(
+        tmp_path / "f.csv",
+        "Sujet;Condition;Essai;Côté;Tension;Réponse;Temps de réponse\n"
+        "P1;bare;1;gauche;60,5;droite;0,51\nP1;bare;2;droite;95;rien;0,62\n"
+        "P1;bare;3;rien;0;les deux;0,43\n",
+    )
+    first, *others = (
+        read_inputs([one], load_column_map(filled(one, tmp_path / f"{one.stem}.toml", {}))).trials
+        for one in (english, german, french)
+    )
+    same = ["participant", "trial", "kind", "side", "level_vpp", "response", "rt_s", "status"]
+    assert first["response"].tolist() == ["right", "none", "both"]
+    for other in others:
+        assert first[same].equals(other[same])
+
+
+def test_two_intervals_in_german_are_known_by_what_was_right(tmp_path: Path) -> None:
+    text = "VP;Intervall;Amplitude (µm);Antwort;Richtig\n1;1;0,4;2;0\n1;2;0,8;2;1\n"
+    told = draft(put(tmp_path / "t.csv", text))
+    assert 'detected = "Richtig"' in told
+    assert 'task = ""  # FILL IN' in told
+
+
 def test_buttons_that_jspsych_counts_are_not_taken_for_no_and_yes(tmp_path: Path) -> None:
     row = "html-button-response,1,900,k1,512,{},left,100\n"
     text = "trial_type,trial_index,time_elapsed,subject,rt,response,side,volume\n"

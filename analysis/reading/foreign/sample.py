@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import unicodedata
 from collections import Counter
 from dataclasses import dataclass
 from itertools import pairwise
@@ -106,12 +107,12 @@ def sample_of(
 
 
 def plain(name: str) -> str:
-    """Return the small letters and digits of a name.
+    """Return the small letters, without accents, and the digits of a name.
 
-    >>> plain("Trial No.")
-    'trialno'
+    >>> plain("Trial No."), plain("Réponse")
+    ('trialno', 'reponse')
     """
-    return re.sub("[^a-z0-9]", "", name.lower())
+    return re.sub("[^a-z0-9]", "", unicodedata.normalize("NFKD", name.lower()))
 
 
 def told_of(sample: Sample, name: str) -> str:
