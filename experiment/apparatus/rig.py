@@ -205,34 +205,39 @@ def asked_of(settings: DeviceSettings) -> str:
     )
 
 
-def full_scale_words(settings: DeviceSettings, highest_vpp: float) -> tuple[str, ...]:
-    """Say what a full scale comes to, and what is odd about it; nothing where none is used.
+def full_scale_words(settings: DeviceSettings, highest_vpp: float) -> dict[str, str]:
+    """Say what a full scale comes to, and note or warn of it, by heading; nothing if none is used.
 
     >>> from experiment.study.sections.equipment import DeviceSettings
     >>> card = DeviceSettings(driver="audio", volts_full_scale=30.0, ceiling_vpp=60.0)
-    >>> print(*full_scale_words(card, 52.0))
-    full scale 30 V peak = 60 V peak-to-peak; the highest level, 52 V, is -1.2 dB re that
+    >>> full_scale_words(card, 52.0)[""]
+    'full scale 30 V peak = 60 V peak-to-peak; the highest level, 52 V, is -1.2 dB re that'
     """
     peak_v, key = settings.volts_full_scale, "volts_full_scale"
     if peak_v is None or key not in NEEDS.get(settings.driver, (key,)):  # one's own may need it
-        return ()
-    level_db = round(20 * math.log10(highest_vpp / (2 * peak_v)), 1) + 0.0  # no minus before 0.0
-    words = (
-        f"full scale {peak_v:g} V peak = {2 * peak_v:g} V peak-to-peak; "
+        return {}
+    full_vpp, ceiling_vpp = 2 * peak_v, settings.ceiling_vpp
+    level_db = round(20 * math.log10(highest_vpp / full_vpp), 1) + 0.0  # no minus before 0.0
+    told = {
+        "": f"full scale {peak_v:g} V peak = {full_vpp:g} V peak-to-peak; "
         f"the highest level, {highest_vpp:g} V, is {level_db:.1f} dB re that"
-    )
-    doubt = (
-        f"ceiling_vpp = {settings.ceiling_vpp:g} V is not twice {key} = {peak_v:g} V: is that the "
-        "peak, half of what was measured from peak to peak? If so, a lower ceiling is fine"
-    )
-    if settings.ceiling_vpp > 2 * peak_v:
-        doubt = (
-            f"ceiling_vpp = {settings.ceiling_vpp:g} V is more than twice {key}, {2 * peak_v:g} V, "
-            "which limits the levels. If the amplifier bears more than card x gain reaches, write "
-            f"ceiling_vpp = {2 * peak_v:g}; or is {key} an effective value, not the peak?"
+    }
+    if math.isclose(ceiling_vpp, full_vpp, rel_tol=0.01):  # in round numbers
+        return told
+    if ceiling_vpp < full_vpp:
+        told["warning"] = (
+            f"anything else that the card plays, such as a system sound, reaches {full_vpp:g} V "
+            f"peak-to-peak at the actuator, more than ceiling_vpp = {ceiling_vpp:g} V allows: turn "
+            "the card down until full scale is at most that, docs/hardware.md; or, if "
+            f"{key} = {peak_v:g} was measured from peak to peak, write half of it"
         )
-    in_round_numbers = math.isclose(settings.ceiling_vpp, 2 * peak_v, rel_tol=0.01)
-    return (words,) if in_round_numbers else (words, doubt)
+    else:
+        told["note"] = (
+            f"ceiling_vpp = {ceiling_vpp:g} V is more than twice {key}, {full_vpp:g} V, "
+            "which limits the levels. If the amplifier bears more than card x gain reaches, write "
+            f"ceiling_vpp = {full_vpp:g}; or is {key} an effective value, not the peak?"
+        )
+    return told
 
 
 def shared_card(study: Study, settings: DeviceSettings) -> str | None:

@@ -353,8 +353,8 @@ def _tell_people(found: Findings, check: StudyCheck, device: DeviceSettings) -> 
 def _tell_devices(found: Findings, study: Study, device: DeviceSettings) -> None:
     """Tell what drives and what measures, and what a session would refuse or blame of them."""
     found.tell("device", _device_words(study, device), device=asdict(device))
-    for place, words in enumerate(full_scale_words(device, study.design.highest_vpp)):
-        found.tell("note" if place else "", words)
+    for heading, words in full_scale_words(device, study.design.highest_vpp).items():
+        found.tell(heading, words)
     refused = (
         ("", lacking_of(device)),
         ("", other_channels(device.driver, device.channels)),
