@@ -322,8 +322,10 @@ def _tell_plan(found: Findings, check: StudyCheck, device: DeviceSettings) -> No
     if check.audibility_trials or check.control_trials:
         found.tell(
             "fingers off",
-            f"{check.audibility_trials} trials before everything else, is the plate heard; "
-            f"{check.control_trials} at the end; all at {design.highest_vpp:g} Vpp",
+            f"{check.audibility_trials} trials before everything else"
+            f"{_in_each(study, design.audibility_trials)}, is the plate heard; "
+            f"{check.control_trials} at the end{_in_each(study, design.control_trials)}; "
+            f"all at {design.highest_vpp:g} Vpp",
         )
     found.tell(
         "session",
@@ -369,6 +371,12 @@ def _tell_devices(found: Findings, study: Study, device: DeviceSettings) -> None
         found.tell("monitor", monitor_words(study.monitor), monitor=asdict(study.monitor))
     if doubt := monitor_doubt(study.monitor):
         found.tell("warning", doubt)
+
+
+def _in_each(study: Study, trials: int) -> str:
+    """Say how many of all conditions' trials each has."""
+    conditions = len(study.conditions)
+    return f" ({trials} in each of {conditions} conditions)" if trials and conditions > 1 else ""
 
 
 def _part_of_both(design: Design) -> str:

@@ -195,6 +195,17 @@ def test_the_check_counts_them_apart_and_their_time(
     assert "about 9 min in 5 blocks" in told
 
 
+def test_trials_with_the_fingers_off_are_told_for_each_of_two_conditions(
+    make_study: Callable[[str], Study],
+) -> None:
+    study = make_study(TWO_CONDITIONS + "audibility_trials = 6\n")
+    told = check_findings(check_study(study, gains=()), "s.toml").text
+    assert (
+        "\nfingers off    12 trials before everything else (6 in each of 2 conditions), is the "
+        "plate heard; 0 at the end; all at 200 Vpp\n"
+    ) in told
+
+
 def test_a_simulated_participant_feels_nothing_with_the_fingers_off(
     make_study: Callable[[str], Study],
 ) -> None:
