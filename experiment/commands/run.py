@@ -394,7 +394,7 @@ def _report(ending: Ending, plan: Plan, unfelt: Path | None = None) -> None:
         click.echo(f"all {plan.trials_words()} are {end}: {ending.trials_path}")
     if unfelt is not None and ending.trials_path.read_bytes().count(b"\n") > 1:  # some trial
         given = f"{shlex.quote(str(unfelt))} --allow-simulated"
-        click.echo(f"nobody felt anything; analyzed all the same: tactstrip analyze {given}")
+        click.echo(f"nobody felt anything; to analyze it all the same: tactstrip analyze {given}")
     if not ending.finished:
         told = f"stopped early, {ending.trials_path} holds what is done; go on with --resume"
         raise CommandError(told, exit_code=STOPPED_EARLY, label="")

@@ -169,7 +169,7 @@ def block_words(design: Design) -> list[str]:
     >>> design = Design(order="balanced", blank_trials=60, responses=words, break_every=42)
     >>> print(*block_words(design), sep="\n")
     15 of 14 or 15 trials, each side and level once in each
-    shorter than break_every = 42, for all are alike; break_every = 43 gives 5 of 43
+    all alike, so shorter than break_every = 42; for 5 of 43 write break_every = 43
     """
     lengths = block_lengths(design)
     told = f"{len(lengths)} of {_range(lengths)} trials"
@@ -184,8 +184,8 @@ def block_words(design: Design) -> list[str]:
         longest = math.ceil(design.trials / fewer[-1])
         longer = block_lengths(replace(design, break_every=longest))
         lines.append(
-            f"shorter than break_every = {design.break_every}, for all are alike; "
-            f"break_every = {longest} gives {len(longer)} of {_range(longer)}"
+            f"all alike, so shorter than break_every = {design.break_every}; "
+            f"for {len(longer)} of {_range(longer)} write break_every = {longest}"
         )
     return lines
 

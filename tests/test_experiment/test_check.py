@@ -218,8 +218,8 @@ def test_the_check_tells_what_balanced_makes_of_the_blocks() -> None:
     )
     assert (
         "\nblocks         15 of 14 or 15 trials, each side and level once in each\n"
-        "               shorter than break_every = 42, for all are alike; "
-        "break_every = 43 gives 5 of 43\n"
+        "               all alike, so shorter than break_every = 42; "
+        "for 5 of 43 write break_every = 43\n"
     ) in checked(uneven).stdout
     assert report(RECOMMENDED)["block_trials"] == [43] * 5
 
