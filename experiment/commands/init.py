@@ -124,8 +124,9 @@ _CONDITIONS: Final = """\
 # name = "two-cycles"
 # cycles = 2
 """
+_UNSAID: Final = "# measured_as =\n"
 _ALIKE: Final = """\
-# measured_as = "as-left"              # not measured, assumed equal to the left one
+# measured_as = "as-left"              # or this alone: assumed equal to the left one
 """
 _SIZES: Final = ("shape", "diameter_mm", "length_x_mm", "length_y_mm")
 _INIT: Final = (
@@ -178,10 +179,7 @@ def _text(
         elif isinstance(table, tuple):
             first, *others = table
             sections.append(_section(f"[[{name}]]", first))
-            sections += [
-                f"[[{name}]]\n{_keys(other, commented=False)}{_remark(preset, first, other)}"
-                for other in others
-            ]
+            sections += [f"[[{name}]]\n{_offered(preset, first, other)}" for other in others]
         else:
             sections.append(_section(f"[{name}]", table, notes.get(name, "")))
     sections.append(_init(study, told, _TRIED if preset == PLATE else ()))
@@ -192,14 +190,16 @@ def _chosen_note(chosen: ChosenBurst | None) -> str:
     """Say in the file what a burst was chosen for."""
     if chosen is None:
         return ""
-    verdict = "It is unfit for this plate; " if chosen.found.verdict == "unfit" else "Chosen as "
-    return f"{verdict}{chosen.words}. `tactstrip bursts` compares others with it."
+    if chosen.found.verdict == "unfit":
+        return f"It is unfit for this plate; {chosen.words}. `tactstrip bursts` compares others."
+    return f"Chosen as {chosen.words}. Longer ones are felt more easily: `tactstrip bursts`."
 
 
-def _remark(preset: str, first: object, other: object) -> str:
-    """Offer that the right actuator of a plate moves as the left one, where they are alike."""
+def _offered(preset: str, first: object, other: object) -> str:
+    """Write the keys of the right actuator; of a plate, that it moves as a like one on the left."""
+    keys = _keys(other, commented=False)
     alike = all(getattr(first, key, None) == getattr(other, key, None) for key in _SIZES)
-    return _ALIKE if alike and preset == PLATE else ""
+    return keys.replace(_UNSAID, _ALIKE) if alike and preset == PLATE else keys
 
 
 def _init(study: Study, told: tuple[str, ...], tried: tuple[str, ...]) -> str:
@@ -225,7 +225,10 @@ def _section(heading: str, table: object, remark: str = "") -> str:
 
 
 def _keys(table: object, *, commented: bool) -> str:
-    """Write a table's keys; one that is not set stands as a comment, for who needs it."""
+    """Write a table's keys; one that is not set stands as a comment, for who needs it.
+
+    What they mean is said where they are `commented`: of several actuators once.
+    """
     from experiment.study.sections.table import file_keys
 
     lines = []
@@ -237,7 +240,7 @@ def _keys(table: object, *, commented: bool) -> str:
             line = _wrapped(key, value)
         if commented and comment:
             lines.append(_beside(line, comment))
-        elif commented or value is not None:
+        else:
             lines.append(line)
     return "".join(f"{line}\n" for line in lines)
 
@@ -292,7 +295,8 @@ def _told(study: Study, chosen: ChosenBurst | None, file: Path) -> None:
         found = chosen.found
         click.echo(f"burst   {'; '.join((f'{burst}: {found.verdict}', *found.reasons))}")
         click.echo(f"        {chosen.words}")
-        click.echo(f"        others beside it: tactstrip bursts {shlex.quote(str(file))}")
+        others = "longer ones are felt more easily" if found.verdict == "fit" else "others"
+        click.echo(f"        {others}: tactstrip bursts {shlex.quote(str(file))}")
     for heading, words in zip(("blocks", ""), block_words(study.design), strict=False):
         click.echo(f"{heading:8}{words}")
 

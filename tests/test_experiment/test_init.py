@@ -125,6 +125,9 @@ def test_of_two_like_discs_the_right_one_is_offered_what_was_measured_of_the_lef
     text = Path("study.toml").read_text("utf-8")
     right = text.rpartition("[[actuator]]")[2]
     assert '\n# measured_as = "as-left"  ' in right
+    keys = re.findall(r"^(?:# )?([a-z]\w+) =", right.partition("\n[burst]")[0], re.MULTILINE)
+    assert {"measured_displacement_um", "measured_by", "piezo_d31_pm_v"} <= set(keys)
+    assert len(keys) == len(set(keys))
     for key, value in (("displacement_um", 2.9), ("at_vpp", 100), ("at_hz", 200)):
         text = text.replace(f"# measured_{key} = ", f"measured_{key} = {value} ")
     Path("study.toml").write_text(text.replace('# measured_as = "', 'measured_as = "'), "utf-8")
