@@ -37,7 +37,10 @@ QUESTIONS: Final = {
     ),
     "actuator": (
         "--actuator",
-        "Actuators, in mm: disc:DIAMETER@X or rectangle:ALONGxACROSS@X, one at -X and one at X",
+        (
+            "Actuators, in mm: disc:DIAMETER@X (of the ceramic's electrode, not the metal) or "
+            "rectangle:ALONGxACROSS@X, one at -X and one at X"
+        ),
         ", such as disc:12.8@35. Or motor:ALONGxACROSS@X. Twice: each at its own X, left and right",
     ),
 }  # fmt: skip

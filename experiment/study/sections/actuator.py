@@ -86,7 +86,12 @@ class Actuator:
     shape: Shape = Field(default="disc", description="motor: over its contact")
     x_mm: _Place = Field(description="centre along the strip, from its middle, right positive")
     y_mm: _Place = Field(description="centre across, from one edge; default the middle")
-    diameter_mm: float | None = Field(default=None, ge=0.5, le=1000, description="of a disc")
+    diameter_mm: float | None = Field(
+        default=None,
+        ge=0.5,
+        le=1000,
+        description="of a disc: of its ceramic's electrode, not the metal",
+    )
     length_x_mm: _Side | None = Field(
         default=None, description="of a rectangle or motor, along the strip"
     )
