@@ -49,8 +49,9 @@ def check(
     The exit code is 0 if every burst keeps below the strip's cut-off or is accepted with a reason,
     1 if one does not, 2 if the study cannot be used. With --device, also 1 if the device does not
     suit the study, or a burst was not seen or not verified by the study's monitor, 3 if it fails.
-    Nobody may touch the plate then. What this machine lacks to run the study is a note, what `run`
-    would refuse of the device a warning: neither changes verdict or exit code.
+    Nobody may touch the plate then. What this machine lacks to run the study is a note; what `run`
+    would refuse of the device, and a card that exceeds its ceiling, a warning: neither changes
+    verdict or exit code.
     """
     from experiment.apparatus.rig import assemble, chosen_settings
     from experiment.preview.check import check_study, require_mock_suitable
