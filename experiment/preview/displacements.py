@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import math
 from dataclasses import asdict, replace
 from typing import TYPE_CHECKING, Any, Final
@@ -161,16 +160,21 @@ def edge_findings(check: StudyCheck) -> Findings:
     cutoff_hz = replace(study.plate, edge=edge).strip.cutoff_hz()
     facts: dict[str, Any] = {"edge": edge, "cutoff_hz": cutoff_hz}
     words = f"{edge_words(edge)} edges would give {cutoff_hz:.1f} Hz"
-    other = with_other_edge(study) if check.gains else None
+    other, refusal = with_other_edge(study) if check.gains else None, ""
     if other is not None:
-        with contextlib.suppress(ValueError):  # what was measured may not suit such a plate
+        try:
             tried = check_study(other)
             sides = ((0, 1), (1, 0))
             level_db = max(one.level_db(*pair) for one in tried.conditions for pair in sides)
             words += f" and {level_db:.1f} dB at the other finger"
             words += f", {tried.verdict}" * (tried.verdict != check.verdict)
             facts |= {"level_db": level_db, "verdict": tried.verdict}
+        except ValueError as error:  # what was measured may not suit such a plate
+            refusal = f"the level with them is not known: {error}"
+            facts |= {"refusal": str(error)}
     found.tell("", words, other_edge=facts)
+    if refusal:
+        found.tell("", refusal)
     inside_db = -study.burst.masking_limit_db - facts.get("level_db", -math.inf)
     if 0 <= inside_db < _NEAR_LIMIT_DB:
         found.tell("", f"that is {inside_db:.1f} dB inside the limit; for more: tactstrip bursts")

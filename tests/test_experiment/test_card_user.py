@@ -97,7 +97,7 @@ def test_a_monitor_that_the_driver_of_the_command_line_lacks_is_refused_offline(
 
 
 def test_check_tells_the_driver_in_use_and_what_run_would_refuse(run: Run, tmp_path: Path) -> None:
-    sessions = Sessions(tmp_path, TINY + CARD.format("mock", 125))
+    sessions = Sessions(tmp_path, TINY + CARD.format("mock", 100))
     result = run("check", sessions.study, "--driver", "audio")
     assert result.exit_code == 0
     lines = [line for line in result.stdout.splitlines() if line.startswith(("device", "warning"))]
@@ -172,6 +172,37 @@ def test_beside_a_computed_cut_off_stands_what_the_other_edge_gives() -> None:
         assert other["cutoff_hz"] == there["strip"]["cutoff_hz"]
         levels = there["conditions"][0]["displacements"]["actuators"]
         assert other["level_db"] == max(at["fingers"][0]["level_db"] for at in levels)
+
+
+@pytest.mark.slow
+def test_patches_that_count_have_the_other_edge_too() -> None:
+    patch = (
+        "diameter_mm = 9\npatch_counts = true\npiezo_thickness_mm = 0.13\n"
+        "piezo_youngs_modulus_gpa = 61\npiezo_poisson_ratio = 0.3\npiezo_d31_pm_v = -170\n"
+        "piezo_density_kg_m3 = 7700\n"
+    )
+    clamped, supported = (
+        check_study(
+            study_from_text(OWN.format(edge).replace("diameter_mm = 12.8\n", patch), "s.toml")
+        )
+        for edge in ("clamped", "simply-supported")
+    )
+    other = check_findings(clamped, "s.toml").facts["strip"]["other_edge"]
+    (there,) = supported.conditions
+    assert other["level_db"] == max(there.level_db(0, 1), there.level_db(1, 0))
+    assert other["level_db"] > clamped.conditions[0].level_db(0, 1) + 10
+
+
+@pytest.mark.slow
+def test_a_measurement_that_the_other_edge_cannot_have_is_named() -> None:
+    measured = (
+        "diameter_mm = 12.8\nmeasured_displacement_um = 2.9\nmeasured_at_vpp = 140\n"
+        "measured_at_hz = 1800\n"
+    )
+    text = OWN.format("clamped").replace("diameter_mm = 12.8\n", measured)
+    found = check_findings(check_study(study_from_text(text, "s.toml")), "s.toml")
+    assert "the level with them is not known: study " in found.text
+    assert "measured_at_hz must lie below" in found.facts["strip"]["other_edge"]["refusal"]
 
 
 def test_a_measured_cut_off_needs_no_other_edge() -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 from dataclasses import replace
 from typing import TYPE_CHECKING, Final
 
@@ -32,17 +31,9 @@ def other_edge(study: Study) -> EdgeBasis | None:
 
 
 def with_other_edge(study: Study) -> Study | None:
-    """Return the study with its other ideal edge.
-
-    None where there is none, where patches count, as that takes long, or where what was measured
-    does not suit such a plate.
-    """
+    """Return the study with its other ideal edge; None where there is none."""
     edge = other_edge(study)
-    if edge is None or any(one.patch_counts for one in study.actuators):
-        return None
-    with contextlib.suppress(ValueError):
-        return study.changed(strip=replace(study.plate, edge=edge))
-    return None
+    return None if edge is None else study.changed(strip=replace(study.plate, edge=edge))
 
 
 def edge_words(edge: str) -> str:

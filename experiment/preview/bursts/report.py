@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, Final
 
 from experiment.preview.bursts.compared import with_burst
-from experiment.preview.bursts.edges import edge_words, other_edge
+from experiment.preview.bursts.edges import edge_words
 from experiment.preview.findings import Findings
 from experiment.study.physics import LEAST_LOSS, MOST_LOSS
 from experiment.study.simulated import median_threshold, unmeasured
@@ -62,8 +62,6 @@ def _tell_edges(told: Findings, found: BurstComparison) -> None:
     told.tell("cut-off", words[0], edges=facts)
     if found.other is not None:
         told.tell("", f"{words[1]}: the other ideal edge; a real one lies between the two")
-    elif other_edge(study) is not None:
-        told.tell("", f"{edge_words(str(other_edge(study)))} edges were not tried on this plate")
     else:
         known = "stiffness is stated" if study.plate.edge == "elastic" else "cut-off was measured"
         told.tell("", f"no other edge is tried: its {known}")
