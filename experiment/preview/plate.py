@@ -35,14 +35,14 @@ class DriveLevels:
     """How strongly each actuator of a study is driven, in the study's order.
 
     >>> DriveLevels(names=("left", "right"), units=("N m/m", "N m/m"), amplitudes=(0.09, 0.08),
-    ...       bases=("your measurement", "computed"), level_vpp=200.0).basis
-    'left: your measurement, right: computed, at 200 Vpp'
+    ...       bases=("your measurement", "predicted"), level_vpp=200.0).basis
+    'left: your measurement, right: predicted, at 200 Vpp'
     """
 
     names: tuple[str, ...]
     units: tuple[str, ...]  # of each one's load
     amplitudes: tuple[float, ...]  # in that unit; unit loads where no level is stated
-    bases: tuple[str, ...]  # who measured each, or that it is computed; empty for unit loads
+    bases: tuple[str, ...]  # who measured each, or that it is predicted; empty for unit loads
     level_vpp: float | None  # none for unit loads
     unused: tuple[str, ...] = ()  # whose displacement is known, but not all others'
 

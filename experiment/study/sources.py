@@ -256,7 +256,7 @@ def displacement_source(study: Study, place: int) -> Source | None:
             return None
         layers = [getattr(actuator, key) for key in PIEZO_KEYS]
         return source(
-            f"{path}.piezo", layers, "computed", "displacement computed from its layers, yours"
+            f"{path}.piezo", layers, "computed", "displacement predicted from its layers, yours"
         )
     um, vpp, hz = (getattr(actuator, key) for key in MEASURED_KEYS)
     key = f"{path}.{MEASURED_KEYS[0]}"
@@ -361,7 +361,7 @@ def cutoff_source(plate: Plate, *, model: bool = False) -> Source:
 
 
 def in_short(source: Source, one: Plate | Actuator) -> str:
-    """Say in a few words who measured a value, or that it is computed: for titles and tables.
+    """Say in a few words who measured a value, or how well it is predicted: for titles and tables.
 
     >>> from experiment.study.read import paper_study
     >>> plate = paper_study().plate
@@ -374,7 +374,7 @@ def in_short(source: Source, one: Plate | Actuator) -> str:
         return f"measured by {one.measured_by}" if one.measured_by else "your measurement"
     if isinstance(one, Actuator) and one.alike:
         return f"assumed equal to the {one.alike} actuator's"
-    return "computed"
+    return "predicted from layers, to a factor of two"
 
 
 def _measured(one: Plate | Actuator) -> str:

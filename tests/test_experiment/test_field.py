@@ -22,6 +22,7 @@ from experiment.preview.field_report import field_csv, field_text, metres, strip
 from experiment.preview.plate import DriveLevels, plate_of
 from experiment.study.physics import field_strip, loads_of, study_gains
 from experiment.study.read import paper_study, study_from_text
+from experiment.study.sources import displacement_source
 from stimuli import Fingertip, ForceRectangle, Scene, displacement
 
 if TYPE_CHECKING:
@@ -287,7 +288,7 @@ def test_a_known_displacement_per_volt_changes_every_unit_and_says_its_basis() -
         names=("left", "right"),
         units=("N m/m", "N m/m"),
         amplitudes=(0.13, 0.13),
-        bases=("your measurement", "computed"),
+        bases=("your measurement", "predicted"),
         level_vpp=200.0,
     )
     found = plate_map(replace(plate(), drive=drive), 500.0)
@@ -295,7 +296,7 @@ def test_a_known_displacement_per_volt_changes_every_unit_and_says_its_basis() -
     assert "left_driven_abs_um," in head
     assert "per_unit_load" not in head
     for text in (first, field_text(found, "study.toml"), render(found, "svg").decode()):
-        assert "left: your measurement, right: computed, at 200 Vpp" in text
+        assert "left: your measurement, right: predicted, at 200 Vpp" in text
         assert "N m/m" not in text
 
 
@@ -306,6 +307,22 @@ def test_a_known_displacement_per_volt_changes_every_unit_and_says_its_basis() -
 def test_a_measurement_says_whose_it_is(keys: str, whose: str) -> None:
     study = study_from_text(f"[strip]\nmeasured_cutoff_hz = 2500\n{keys}", "s.toml")
     assert strip_text(plate_of(study)) == f"cut-off 2500 Hz ({whose}), elastic edges"
+
+
+def test_what_layers_predict_is_called_so_with_how_well() -> None:
+    layers = (
+        "piezo_thickness_mm = 0.13\npiezo_youngs_modulus_gpa = 61\npiezo_poisson_ratio = 0.3\n"
+        "piezo_d31_pm_v = -170\n"
+    )
+    discs = "".join(
+        f'[[actuator]]\nside = "{side}"\nx_mm = {x_mm}\ndiameter_mm = 9\n{layers}'
+        for side, x_mm in (("left", -40), ("right", 40))
+    )
+    found = plate(f"[design]\nlevels_vpp = [31, 113]\n{discs}")
+    assert found.drive.basis == "predicted from layers, to a factor of two, at 113 Vpp"
+    source = displacement_source(found.study, 1)
+    assert source is not None
+    assert source.words == "displacement predicted from its layers, yours"
 
 
 @pytest.mark.parametrize(
