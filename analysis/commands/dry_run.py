@@ -78,7 +78,8 @@ def dry_run(
     folder = new_folder(out)
     seed = secrets.randbits(32) if seed is None else seed
     click.echo(f"{participants} simulated participants, seed {seed}, in {folder}")
-    for words in (*people_words(study, check.gains[0].fingers()), unmeasured_words(study)):
+    fingers = [one.fingers() for one in check.gains]
+    for words in (*people_words(study, fingers), unmeasured_words(study)):
         if words:
             click.echo(textwrap.fill(words, _WIDTH, subsequent_indent="  "))
     _simulate(check, folder, participants, seed)

@@ -343,9 +343,16 @@ def _tell_people(found: Findings, check: StudyCheck, device: DeviceSettings) -> 
     study, label = check.study, "simulation"
     found.note(simulated_threshold=None)
     if check.gains:
-        fingers = check.gains[0].fingers()
-        found.note(simulated_threshold=median_threshold(study, fingers, device).facts)
-        for words in people_words(study, fingers, device):
+        every = [one.fingers() for one in check.gains]
+        medians = [median_threshold(study, one, device, place=k) for k, one in enumerate(every)]
+        found.note(simulated_threshold=medians[0].facts)
+        found.note(
+            simulated_thresholds_vpp={
+                condition.name: median.level_vpp
+                for condition, median in zip(study.conditions, medians, strict=True)
+            }
+        )
+        for words in people_words(study, every, device):
             found.tell(label, words)
             label = ""
     if words := unmeasured_words(study):

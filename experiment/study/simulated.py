@@ -14,6 +14,8 @@ from experiment.terms.curves import Vibration
 from stimuli import Burst
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from experiment.study.origins import Origin
     from experiment.study.sections.equipment import DeviceSettings
     from experiment.study.study import Study
@@ -39,10 +41,10 @@ def _um_per_vpp(gains: FingerGains) -> float:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MedianThreshold:
-    """What the median person feels half of the time of the first condition, and who says so.
+    """What the median person feels half of the time of a condition, and who says so.
 
-    `level_vpp` and `peak_um` are for the study's burst; `peak_um` is none where no displacement is
-    known. `known` is the number that the study has, in `unit`, and `known_for` what it is known
+    `level_vpp` and `peak_um` are for its burst; `peak_um` is none where no displacement is known.
+    `known` is the number that the study has, in `unit`, and `known_for` what it is known
     for, in words, if that is another vibration than the burst.
     """
 
@@ -65,26 +67,34 @@ class MedianThreshold:
 
     @property
     def words(self) -> str:
-        """The threshold in V, in um where that is known, and as the study has it."""
-        parts = [] if self.peak_um is None else [f"{self.peak_um:.3g} um"]
-        parts += [f"{self.known:g} {self.unit}{self.known_for}"] if self.known_for else []
-        known = f" ({'; '.join(parts)})" if parts else ""
-        return f"{self.level_vpp:.3g} V{known}"
+        """The threshold in V, and in um where that is known."""
+        peak = "" if self.peak_um is None else f" ({self.peak_um:.3g} um)"
+        return f"{self.level_vpp:.3g} V{peak}"
 
     @property
-    def doubt(self) -> str:
-        """What is wrong with it, and to be expected of levels on one side of it; or empty."""
-        told = []
-        if self.whose != YOURS[0] and self.unit == "V":
-            remedy = (
-                "what it is in volts on this one is unknown until a displacement is measured"
-                if self.peak_um is None
-                else "as displacements are known here, state simulation.threshold_um instead"
-            )
-            told.append(
-                f"It is the paper's, in volts of its own plate: {remedy}; 'Which levels for a new "
-                "plate', docs/plate.md, tells how."
-            )
+    def source_words(self) -> str:
+        """Who says so, and of which vibration, where that is another one."""
+        known = f", {self.known:g} {self.unit}{self.known_for}" if self.known_for else ""
+        return f"{'As the study states' if self.whose == YOURS[0] else 'Assumed'}{known}"
+
+    @property
+    def source_doubt(self) -> str:
+        """What is wrong with a number of another plate; or empty."""
+        if self.whose == YOURS[0] or self.unit != "V":
+            return ""
+        remedy = (
+            "what it is in volts on this one is unknown until a displacement is measured"
+            if self.peak_um is None
+            else "as displacements are known here, state simulation.threshold_um instead"
+        )
+        return (
+            f"It is the paper's, in volts of its own plate: {remedy}; 'Which levels for a new "
+            "plate', docs/plate.md, tells how."
+        )
+
+    @property
+    def levels_doubt(self) -> str:
+        """What is to be expected of levels on one side of it, or nearly so; or empty."""
         if self.levels_lie != "around":
             (highest_vpp, key), beyond, remedy = self.highest, "", ""
             if highest_vpp < self.level_vpp:
@@ -94,8 +104,8 @@ class MedianThreshold:
                     "or let the plate move more"
                 )
             expect = f"expect an open interval, or only a bound{remedy}"
-            told.append(f"All levels lie {self.levels_lie} that{beyond}: {expect}; {_SEE}")
-        return " ".join(told + ([self._barely] if self._barely else []))
+            return f"All levels lie {self.levels_lie} that{beyond}: {expect}; {_SEE}"
+        return self._barely
 
     @property
     def levels_db(self) -> tuple[float, float]:
@@ -148,18 +158,19 @@ class MedianThreshold:
 
 
 def median_threshold(
-    study: Study, gains: FingerGains, device: DeviceSettings | None = None
+    study: Study, gains: FingerGains, device: DeviceSettings | None = None, *, place: int = 0
 ) -> MedianThreshold:
-    """Return where simulated people's thresholds lie.
+    """Return where simulated people's thresholds lie for one of the conditions, by its place.
 
-    `gains` are those of the first condition, `device` the settings in use, where they are
-    others than the study's.
+    `gains` are those of that condition, `device` the settings in use, where they are others than
+    the study's.
     """
     people = study.simulation
     key, unit = ("threshold_vpp", "V") if people.threshold_um is None else ("threshold_um", "um")
-    both = vibrations(study).get(study.conditions[0].name, ())
-    shift = 10 ** (sum(people.known_for.shift_db(one) for one in both) / 2 / 20)
-    level_vpp = threshold_vpp(people, gains) * shift
+    both = vibrations(study).get(study.conditions[place].name, ())
+    shift_db = sum(people.known_for.shift_db(one) for one in both) / 2
+    shift_db += (people.difference_db or 0.0) * (place == 1)
+    level_vpp = threshold_vpp(people, gains) * 10 ** (shift_db / 20)
     return MedianThreshold(
         level_vpp=level_vpp,
         peak_um=None if gains.basis is None else level_vpp * _um_per_vpp(gains),
@@ -174,24 +185,30 @@ def median_threshold(
 
 
 def people_words(
-    study: Study, gains: FingerGains, device: DeviceSettings | None = None
+    study: Study, gains: Sequence[FingerGains], device: DeviceSettings | None = None
 ) -> tuple[str, ...]:
     """Say where simulated people's thresholds lie, who says so, and what it makes of the levels.
 
-    `gains` are those of the first condition, `device` the settings in use.
+    `gains` are those of each condition, `device` the settings in use.
 
     >>> from experiment.study.read import study_from_text
     >>> from experiment.terms.gains import OWN_FINGER_ONLY
     >>> text = "simulation = { threshold_vpp = 100 }"
-    >>> print(*people_words(study_from_text(text, "study.toml"), OWN_FINGER_ONLY))
+    >>> print(*people_words(study_from_text(text, "study.toml"), [OWN_FINGER_ONLY]))
     As the study states: median threshold 100 V, SD between people 1.5 dB.
     """
-    found = median_threshold(study, gains, device)
-    whose = "As the study states" if found.whose == YOURS[0] else "Assumed"
-    where = f" in condition {study.conditions[0].name}" if len(study.conditions) > 1 else ""
+    every = [
+        median_threshold(study, fingers, device, place=place) for place, fingers in enumerate(gains)
+    ]
+    medians, doubts = every[0].words, [every[0].source_doubt, every[0].levels_doubt]
+    if len(every) > 1:
+        named = list(zip((one.name for one in study.conditions), every, strict=True))
+        medians = ", ".join(f"{one.words} in {name}" for name, one in named)
+        doubts[1:] = [f"In {name}: {one.levels_doubt}" for name, one in named if one.levels_doubt]
     spread = f"SD between people {study.simulation.threshold_sd_db:g} dB"
-    words = f"{whose}: median threshold {found.words}{where}, {spread}."
-    return (words, found.doubt) if found.doubt else (words,)
+    words = f"{every[0].source_words}: median threshold {medians}, {spread}."
+    doubt = " ".join(filter(None, doubts))
+    return (words, doubt) if doubt else (words,)
 
 
 def people_for_burst(study: Study) -> Simulation:

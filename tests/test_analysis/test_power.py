@@ -416,7 +416,7 @@ def test_thresholds_known_for_another_vibration_are_those_of_the_dry_run() -> No
     planned = json.loads(
         json.loads(plan_text(study, (ALONE,), Goal.parse("half-width=2dB")))["study"]
     )
-    told = people_words(study, OWN_FINGER_ONLY)[0]
+    told = people_words(study, [OWN_FINGER_ONLY] * len(study.conditions))[0]
     assert f"median threshold {planned['simulation']['threshold_vpp']:.3g} V" in told
     assert planned["simulation"]["threshold_vpp"] > 22
     assert planned["simulation"]["threshold_at_hz"] is None

@@ -61,14 +61,14 @@ def test_a_threshold_in_volts_has_its_micrometres_where_they_are_known() -> None
     assert "median threshold 100 V (0.9 um)" in told(stated + BOTH).text
     assert "median threshold 100 V, SD" in told(stated + LEFT + RIGHT, HALF).text
     found = median_threshold(study_from_text(stated + BOTH, "study.toml"), KNOWN.fingers())
-    assert found.doubt == ""
+    assert (found.source_doubt, found.levels_doubt) == ("", "")
     recipe = "state simulation.threshold_um instead; 'Which levels for a new plate', docs/plate.md"
-    assert recipe in replace(found, whose=ASSUMED[0]).doubt
-    unmeasured = replace(found, whose=ASSUMED[0], peak_um=None).doubt
+    assert recipe in replace(found, whose=ASSUMED[0]).source_doubt
+    unmeasured = replace(found, whose=ASSUMED[0], peak_um=None).source_doubt
     assert "is unknown until a displacement is measured" in unmeasured
-    both = replace(found, whose=ASSUMED[0], levels_vpp=(1.0, 2.0)).doubt
-    assert "threshold_um" in both
-    assert "All levels lie below that" in both
+    both = told(f"[design]\nlevels_vpp = [1, 2]\n{LEFT}{RIGHT}", HALF).lines
+    (line,) = [one for one in both if "All levels lie below that" in one]
+    assert "It is the paper's, in volts of its own plate" in line
 
 
 @pytest.mark.parametrize(
@@ -111,15 +111,38 @@ def test_levels_that_hardly_reach_beyond_the_threshold_are_told_and_are_fit(
     levels: str, words: str
 ) -> None:
     text = f"[simulation]\nthreshold_um = 1.08\n[design]\nlevels_vpp = {levels}\n{BOTH}"
-    doubt = median_threshold(study_from_text(text, "study.toml"), KNOWN.fingers()).doubt
+    doubt = median_threshold(study_from_text(text, "study.toml"), KNOWN.fingers()).levels_doubt
     assert doubt.startswith(words)
     assert bool(doubt) is bool(words)
     assert "verdict        fit" in told(text).text
 
 
+def test_each_condition_has_the_median_that_its_people_have() -> None:
+    conditions = "".join(
+        f'[[condition]]\nname = "{name}"\ncycles = {cycles}\n'
+        for name, cycles in (("short", 2), ("long", 8))
+    )
+    people = "[simulation]\nthreshold_um = 1.08\nthreshold_at_s = 0.004\n"
+    text = f"[burst]\nwindow = 'hann'\n[design]\nlevels_vpp = [60, 180]\n{conditions}{people}"
+
+    def words(more: str = "") -> str:
+        study = study_from_text(text + more + BOTH, "study.toml")
+        weaker = replace(KNOWN, per_vpp=((0.0045, 0.0001), (0.0001, 0.0045)))
+        return " ".join(people_words(study, [KNOWN.fingers(), weaker.fingers()]))
+
+    # four times as long are 5.87 dB less by the curve, and half of the motion 6.02 dB more
+    assert words().startswith(
+        "As the study states, 1.08 um at 0.004 s: median threshold 120 V (1.08 um) in short, "
+        "122 V (0.548 um) in long, SD between people 1.5 dB."
+    )
+    assert "122 V (0.548 um) in long" not in words("difference_db = 6\n")
+    assert "243 V (1.09 um) in long" in words("difference_db = 6\n")
+    assert "In long: All levels lie below that" in words("difference_db = 6\n")
+
+
 def test_a_check_and_a_dry_run_say_the_same_of_the_threshold() -> None:
     study = study_from_text("[design]\nlevels_vpp = [60, 140]\n" + BOTH, "study.toml")
-    for words in people_words(study, KNOWN.fingers()):
+    for words in people_words(study, [KNOWN.fingers()]):
         assert words in told("[design]\nlevels_vpp = [60, 140]\n" + BOTH).text
     assert median_threshold(study, KNOWN.fingers()).levels_lie == "below"
 
@@ -227,7 +250,7 @@ def test_a_ceiling_near_twice_the_full_scale_is_that_in_round_numbers() -> None:
 def test_a_ceiling_below_the_threshold_has_a_remedy_and_every_end_its_recipe() -> None:
     def doubt(keys: str) -> str:
         study = study_from_text(keys + BOTH, "study.toml")
-        return median_threshold(study, KNOWN.fingers()).doubt
+        return median_threshold(study, KNOWN.fingers()).levels_doubt
 
     recipe = "see 'Which levels for a new plate', docs/plate.md."
     low = doubt("[design]\nlevels_vpp = [60, 140]\n[device]\nceiling_vpp = 150\n")
