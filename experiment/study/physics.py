@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from itertools import product
 from typing import TYPE_CHECKING, Final
@@ -110,6 +111,16 @@ def study_gains(
         )
         for condition in study.conditions
     )
+
+
+def own_per_load_m(study: Study) -> float:
+    """Return what unit loads do at their own fingers, in m, under the first condition's burst.
+
+    The geometric mean of left and right, which is known even where no displacement per volt is: it
+    compares bursts.
+    """
+    peaks_m = _felt_m(study, field_strip(study), fingertips_of(study), study.conditions[0])
+    return math.sqrt(peaks_m[0, 0] * peaks_m[1, 1])
 
 
 def loads_per_volt(

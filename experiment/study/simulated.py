@@ -249,21 +249,24 @@ def vibrations(study: Study) -> dict[str, tuple[Vibration, Vibration]]:
     """
     if not study.simulation.known_for.stated:
         return {}
-    found = {}
-    for condition in study.conditions:
-        burst = condition.drive
-        if not isinstance(burst, Burst):  # which a study refuses
-            continue
-        left, right = (
-            Vibration(
-                frequency_hz=burst.frequency_hz,
-                duration_s=burst.cycles / burst.frequency_hz,
-                area_cm2=math.pi * (100 * one.finger_diameter_m) ** 2 / 4,
-            )
-            for one in study.actuators[:2]
+    return {
+        one.name: vibrations_of(study, one.drive)
+        for one in study.conditions
+        if isinstance(one.drive, Burst)  # others are refused
+    }
+
+
+def vibrations_of(study: Study, burst: Burst) -> tuple[Vibration, Vibration]:
+    """Return what the left and the right finger of a study get of a burst."""
+    left, right = (
+        Vibration(
+            frequency_hz=burst.frequency_hz,
+            duration_s=burst.cycles / burst.frequency_hz,
+            area_cm2=math.pi * (100 * one.finger_diameter_m) ** 2 / 4,
         )
-        found[condition.name] = left, right
-    return found
+        for one in study.actuators[:2]
+    )
+    return left, right
 
 
 def unmeasured(study: Study) -> tuple[str, ...]:

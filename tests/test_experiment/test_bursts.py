@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import math
+import re
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -35,6 +37,7 @@ def study_text(edge: str = 'edge = "clamped"', *, thickness_mm: float = 0.5, mor
 
 
 MEASURED = "measured_displacement_um = 3.1\nmeasured_at_vpp = 200\nmeasured_at_hz = 100\n"
+PLAIN = "window = 'none'\ncycles = 1\naccept_unfit = 'control'"
 SUPPORTED = 'edge = "simply-supported"'
 PEOPLE = "[simulation]\nthreshold_um = 1.57\nthreshold_at_hz = 500\n"
 
@@ -90,7 +93,7 @@ def test_the_lines_of_the_best_burst_make_it_the_study_s(run: Run) -> None:
     own = study_text().replace("cycles = 1", "cycles = 3")
     Path("study.toml").write_text(own, "utf-8")
     again = run("bursts", "study.toml", *options).stdout
-    assert "study.toml has the shortest (*)" in again
+    assert "the shortest (*) is that of study.toml\n" in again
     assert "\n*200       3 " in again
     assert Path("study.toml").read_text("utf-8") == own
 
@@ -153,6 +156,48 @@ def test_edges_of_which_more_is_known_have_no_other_ones(edge: str, why: str, ru
     assert f"no other edge is tried: {why}" in said
     assert "\n*" not in said
     assert said.partition("\nshortest")[0].split()[-1] == "yes"
+
+
+def test_thresholds_are_compared_where_no_displacement_is_known_as_where_it_is(run: Run) -> None:
+    options = ("--frequency-hz", "140,200", "--cycles", "1,3")
+    of_own = "[simulation]\nthreshold_um = 1.13\nthreshold_at_hz = 200\nthreshold_at_s = 0.005\n"
+    in_volts = told(run, "bursts", *options, text=study_text(more=of_own))["bursts"]
+    in_db = told(run, "bursts", *options, text=study_text().replace(MEASURED, ""))["bursts"]
+    (own_vpp,) = [row["threshold_vpp"] for row in in_volts if row["is_of_study"]]
+    for volts, decibels in zip(in_volts, in_db, strict=True):
+        assert (volts["threshold_db"], decibels["threshold_vpp"]) == (None, None)
+        level_db = 20 * math.log10(volts["threshold_vpp"] / own_vpp)
+        assert decibels["threshold_db"] == pytest.approx(level_db, abs=0.005)
+    levels_db = [row["threshold_db"] for row in in_db]
+    assert max(levels_db) - min(levels_db) > 3
+
+
+def test_the_most_felt_is_named_re_the_study_s_where_no_displacement_is_known(run: Run) -> None:
+    Path("study.toml").write_text(study_text().replace(MEASURED, ""), "utf-8")
+    said = run("bursts", "study.toml", "--frequency-hz", "200", "--cycles", "1,3").stdout
+    assert "\nfelt           threshold in volts, dB re 1 cycle of 200 Hz; the lower, " in said
+    assert "estimated by published curves of sines, some beyond what was measured; docs/" in said
+    assert re.search(r"\n\*200 .* 0\.0   clamped\n", said)
+    assert re.search(
+        r"\nmost felt      3 cycles of 200 Hz, at -4\.\d dB re 1 cycle of 200 Hz\n", said
+    )
+
+
+def test_the_bursts_of_all_conditions_are_compared_and_marked(run: Run) -> None:
+    conditions = "".join(
+        f'[[condition]]\nname = "{name}"\n{keys}\n'
+        for name, keys in (("one", "cycles = 4"), ("two", "frequency_hz = 170"), ("none", PLAIN))
+    )
+    study = study_from_text(study_text(more=conditions), "study.toml")
+    assert {(200.0, 4), (170.0, 1), (170.0, 3)} <= set(grid_of(study))
+    Path("study.toml").write_text(study_text(more=conditions), "utf-8")
+    said = run("bursts", "study.toml", "--frequency-hz", "170,200", "--cycles", "1,4").stdout
+    assert "marked (*): conditions one, two\n" in said
+    assert "not among these bursts: condition none\n" in said
+    assert {line.split()[0] for line in said.splitlines() if line.startswith("*")} == {
+        *("*170", "*200")
+    }
+    assert "the shortest (*) is that of condition one of study.toml\n" in said
 
 
 def test_what_is_felt_most_easily_is_named_where_thresholds_are_known(run: Run) -> None:

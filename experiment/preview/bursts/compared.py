@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import contextlib
+import math
 from dataclasses import dataclass, replace
 from itertools import product
 from typing import TYPE_CHECKING, Final
 
 from experiment.preview.bursts.edges import with_other_edge
 from experiment.preview.check import check_study
-from experiment.study.simulated import median_threshold
+from experiment.study.physics import own_per_load_m
+from experiment.study.simulated import median_threshold, vibrations_of
 from experiment.study.study import UnusableStudyError
+from experiment.terms.curves import KnownFor
 from experiment.terms.gains import significant
 
 if TYPE_CHECKING:
@@ -73,6 +77,8 @@ class ComparedBurst:
     threshold_vpp : float or None
         Where the median simulated person feels it, if the study says for which vibration its
         threshold is known.
+    threshold_db : float or None
+        Else the threshold in volts re that of the burst in [burst], by the curves.
     """
 
     burst: Burst
@@ -80,6 +86,7 @@ class ComparedBurst:
     other: BurstAtEdge | None
     own_um: tuple[float | None, float | None] = (None, None)
     threshold_vpp: float | None = None
+    threshold_db: float | None = None
 
     @property
     def is_fit_with_all(self) -> bool:
@@ -94,6 +101,10 @@ class BurstComparison:
     study: Study
     other: Study | None
     rows: tuple[ComparedBurst, ...]
+
+    def has(self, row: ComparedBurst) -> list[str]:
+        """Return the names of the study's conditions that have a burst."""
+        return [one.name for one in self.study.conditions if one.drive == row.burst]
 
     @property
     def best(self) -> ComparedBurst | None:
@@ -146,9 +157,9 @@ def grid_of(
     >>> grid_of(paper_study(), (300, 100), (1,))
     ((100, 1), (300, 1))
     """
-    own = study.burst
-    every_hz = [*frequencies_hz] or [*FELT_HZ, own.frequency_hz or FELT_HZ[0]]
-    every_cycles = [*cycles] or [*CYCLES, own.cycles or CYCLES[0]]
+    own = [study.burst, *study.conditions]
+    every_hz = [*frequencies_hz] or [*FELT_HZ, *(one.frequency_hz or FELT_HZ[0] for one in own)]
+    every_cycles = [*cycles] or [*CYCLES, *(one.cycles or CYCLES[0] for one in own)]
     return tuple(product(sorted(set(every_hz)), sorted(set(every_cycles))))
 
 
@@ -172,12 +183,41 @@ def compare_bursts(
         If none of them can be checked.
     """
     every, rows = tuple(bursts), list[ComparedBurst]()
+    own_m = None
+    if not study.simulation.known_for.stated:
+        with contextlib.suppress(ValueError):  # others may do where the study's own does not
+            own_m = own_per_load_m(_own(study))
     for place, (frequency_hz, cycles) in enumerate(every):
         step(place, len(every))
-        rows.append(_compared(with_burst(study, frequency_hz, cycles)))
+        other = with_burst(study, frequency_hz, cycles)
+        row = _compared(other)
+        if own_m is not None and row.stated.level_db is not None:
+            row = replace(row, threshold_db=_threshold_db(other, known_for(study), own_m))
+        rows.append(row)
     if all(row.stated.found is None for row in rows):
         raise ValueError(rows[0].stated.refusal)
     return BurstComparison(study=study, other=with_other_edge(study), rows=tuple(rows))
+
+
+def _own(study: Study) -> Study:
+    """Return a study with [burst] alone."""
+    burst = study.burst
+    return with_burst(study, burst.frequency_hz or FELT_HZ[0], burst.cycles or CYCLES[0])
+
+
+def known_for(study: Study) -> KnownFor:
+    """Return of which vibration a threshold is known: as stated, else re that of [burst]."""
+    if study.simulation.known_for.stated:
+        return study.simulation.known_for
+    burst = _own(study).conditions[0].stated
+    return KnownFor(frequency_hz=burst.frequency_hz, duration_s=burst.cycles / burst.frequency_hz)
+
+
+def _threshold_db(study: Study, known: KnownFor, own_m: float) -> float:
+    """Return the threshold of a burst in volts: by the curves, and by how much the plate moves."""
+    both = vibrations_of(study, study.conditions[0].stated)
+    curve_db = sum(map(known.shift_db, both)) / len(both)
+    return curve_db - 20 * math.log10(own_per_load_m(study) / own_m)
 
 
 def _compared(study: Study) -> ComparedBurst:

@@ -4,15 +4,17 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, Final
 
-from experiment.preview.bursts.compared import with_burst
+from experiment.preview.bursts.compared import known_for
 from experiment.preview.bursts.edges import edge_words
 from experiment.preview.findings import Findings
 from experiment.study.physics import LEAST_LOSS, MOST_LOSS
-from experiment.study.simulated import median_threshold, unmeasured
+from experiment.study.simulated import median_threshold, vibrations_of
 from experiment.terms.gains import OWN_FINGERS
 
 if TYPE_CHECKING:
     from experiment.preview.bursts.compared import BurstAtEdge, BurstComparison, ComparedBurst
+    from experiment.study.sections.stimulus import SharedStimulus
+    from stimuli import Burst
 
 
 JSON_SCHEMA: Final = 1
@@ -71,7 +73,11 @@ def _tell_columns(told: Findings, found: BurstComparison) -> None:
     study = found.study
     told.tell("window", f"{study.burst.window}, as in [burst]", window=study.burst.window)
     if len(study.conditions) > 1:
-        told.tell("", "for [burst] alone: what each [[condition]] changes is left out")
+        marked = {name for row in found.rows for name in found.has(row)}
+        for words, has in (("marked (*)", True), ("not among these bursts", False)):
+            names = [one.name for one in study.conditions if (one.name in marked) is has]
+            if names:
+                told.tell("", f"{words}: {_conditions(names)}")
     limits = study.burst.max_energy_above_cutoff, study.burst.masking_limit_db
     told.tell(
         "above",
@@ -105,14 +111,17 @@ def _tell_columns(told: Findings, found: BurstComparison) -> None:
             f"{people.known_for};",
         )
         told.tell("", f"of each burst by published curves{_beyond(found)}")
+    if any(row.threshold_db is not None for row in found.rows):
+        own = _named(study.burst)
+        told.tell("felt", f"threshold in volts, dB re {own}; the lower, the more easily it is felt")
+        told.tell("", f"estimated by published curves of sines{_beyond(found)}; docs/model.md, 4")
 
 
 def _beyond(found: BurstComparison) -> str:
     """Say that curves were not measured for some of the bursts."""
-    every = [
-        with_burst(found.study, one.burst.frequency_hz, one.burst.cycles) for one in found.rows
-    ]
-    return ", some beyond what was measured" if any(map(unmeasured, every)) else ""
+    every = [one for row in found.rows for one in vibrations_of(found.study, row.burst)]
+    beyond = known_for(found.study).unmeasured(*every)
+    return ", some beyond what was measured" if beyond else ""
 
 
 def _knows_um(found: BurstComparison) -> bool:
@@ -134,6 +143,8 @@ def _columns(found: BurstComparison) -> list[list[str]]:
         every.append(["", "um", *(_um(row.own_um) for row in rows)])
     if any(row.threshold_vpp is not None for row in rows):
         every.append(["", "V", *(_number(row.threshold_vpp) for row in rows)])
+    if any(row.threshold_db is not None for row in rows):
+        every.append(["", "felt", *(_decibels(row.threshold_db) for row in rows)])
     words = [_fit_words(edges, row) for row in rows]
     every.append(["", "fit with" if edges[1:] else "fit", *words])
     widths = [max(map(len, column)) for column in every]
@@ -141,13 +152,11 @@ def _columns(found: BurstComparison) -> list[list[str]]:
 
 
 def _marked(found: BurstComparison, row: ComparedBurst) -> str:
-    return f"{'*' * _is_own(found, row)}{row.burst.frequency_hz:g}"
+    return f"{'*' * bool(found.has(row))}{row.burst.frequency_hz:g}"
 
 
-def _is_own(found: BurstComparison, row: ComparedBurst) -> bool:
-    """Tell whether it is the burst that the study has."""
-    own = found.study.burst
-    return (row.burst.frequency_hz, row.burst.cycles) == (own.frequency_hz, own.cycles)
+def _conditions(names: list[str]) -> str:
+    return f"condition{'s' * (len(names) > 1)} {', '.join(names)}"
 
 
 def _pair(energy: str, level: str) -> str:
@@ -169,6 +178,10 @@ def _number(value: float | None) -> str:
     return _UNKNOWN if value is None else f"{value:.3g}"
 
 
+def _decibels(level_db: float | None) -> str:
+    return _UNKNOWN if level_db is None else f"{round(level_db, 1) + 0.0:.1f}"
+
+
 def _fit_words(edges: list[str], row: ComparedBurst) -> str:
     """Say with which edges a burst is fit."""
     ends = [row.stated, *([] if row.other is None else [row.other])]
@@ -184,12 +197,13 @@ def _facts(found: BurstComparison, row: ComparedBurst) -> dict[str, Any]:
         "frequency_hz": row.burst.frequency_hz,
         "cycles": row.burst.cycles,
         "duration_s": row.burst.duration_s,
-        "is_of_study": _is_own(found, row),
+        "is_of_study": bool(found.has(row)),
         "edges": [
             {"edge": edge} | _end_facts(end) for edge, end in zip(_edges(found), ends, strict=True)
         ],
         "own_um": dict(zip(OWN_FINGERS, row.own_um, strict=True)),
         "threshold_vpp": row.threshold_vpp,
+        "threshold_db": row.threshold_db,
         "fit": row.is_fit_with_all,
     }
 
@@ -214,9 +228,9 @@ def _tell_refusals(told: Findings, found: BurstComparison) -> None:
         told.tell(_UNKNOWN, refusal)
 
 
-def _named(row: ComparedBurst) -> str:
-    cycles = "1 cycle" if row.burst.cycles == 1 else f"{row.burst.cycles} cycles"
-    return f"{cycles} of {row.burst.frequency_hz:g} Hz"
+def _named(burst: Burst | SharedStimulus) -> str:
+    cycles = "1 cycle" if burst.cycles == 1 else f"{burst.cycles} cycles"
+    return f"{cycles} of {burst.frequency_hz:g} Hz"
 
 
 def _tell_quietest(told: Findings, found: BurstComparison, best: ComparedBurst) -> None:
@@ -235,13 +249,23 @@ def _tell_quietest(told: Findings, found: BurstComparison, best: ComparedBurst) 
     where = " with the worse edges" if row.is_fit_with_all and row.other is not None else ""
     told.tell(
         "quietest",
-        f"{_named(row)}: {level_db:.1f} dB at the other finger{where}",
+        f"{_named(row.burst)}: {level_db:.1f} dB at the other finger{where}",
         quietest={
             "frequency_hz": row.burst.frequency_hz,
             "cycles": row.burst.cycles,
             "level_db": level_db,
         },
     )
+
+
+def _tell_most_felt(told: Findings, found: BurstComparison, alike: list[ComparedBurst]) -> None:
+    """Name the burst of the lowest threshold, of those that are as fit as the best."""
+    in_volts = [(row.threshold_vpp, row) for row in alike if row.threshold_vpp is not None]
+    in_db = [(row.threshold_db, row) for row in alike if row.threshold_db is not None]
+    if felt := in_volts or in_db:
+        least, row = min(felt, key=lambda one: one[0])
+        own = f"at {least:.1f} dB re {_named(found.study.burst)}"
+        told.tell("most felt", f"{_named(row.burst)}, {f'from {least:.3g} V' if in_volts else own}")
 
 
 def _tell_best(told: Findings, found: BurstComparison, file_name: str) -> None:
@@ -262,19 +286,21 @@ def _tell_best(told: Findings, found: BurstComparison, file_name: str) -> None:
     else:
         fit = f"fit with {stated} edges; none is fit with both"
     lines = {"frequency_hz": best.burst.frequency_hz, "cycles": best.burst.cycles}
-    told.tell("shortest", f"{_named(best)}: {fit}", best=lines | {"fit": best.is_fit_with_all})
+    told.tell(
+        "shortest", f"{_named(best.burst)}: {fit}", best=lines | {"fit": best.is_fit_with_all}
+    )
     if not best.is_fit_with_all:
         told.tell("", "measure the cut-off before it is used, docs/hardware.md")
     _tell_quietest(told, found, best)
     alike = [row for row in found.rows if row.is_fit_with_all == best.is_fit_with_all]
-    felt = [(row.threshold_vpp, row) for row in alike if row.threshold_vpp and row.stated.is_fit]
-    if felt:
-        vpp, row = min(felt, key=lambda one: one[0])
-        told.tell("most felt", f"{_named(row)}, from {vpp:.3g} V")
-    if _is_own(found, best):
-        told.tell("", f"{file_name} has the shortest (*)")
+    _tell_most_felt(told, found, [row for row in alike if row.stated.is_fit])
+    several = len(found.study.conditions) > 1
+    if names := found.has(best):
+        whose = f"{_conditions(names)} of {file_name}" if several else file_name
+        told.tell("", f"the shortest (*) is that of {whose}")
         return
-    told.tell("", f"to take the shortest, write into [burst] of {file_name}:")
+    where = "[burst] or a [[condition]]" if several else "[burst]"
+    told.tell("", f"to take the shortest, write into {where} of {file_name}:")
     told.space()
     for key, value in lines.items():
         told.lines.append(f"{key} = {value:g}")
