@@ -81,7 +81,8 @@ def dry_run(
     fingers = [one.fingers() for one in check.gains]
     for words in (*people_words(study, fingers), unmeasured_words(study)):
         if words:
-            click.echo(textwrap.fill(words, _WIDTH, subsequent_indent="  "))
+            told = textwrap.fill(words, _WIDTH, subsequent_indent="  ", break_on_hyphens=False)
+            click.echo(told)
     _simulate(check, folder, participants, seed)
     print_analysis(write_analysis([folder], folder / "analysis", seed=seed, bar=True), sys.stdout)
     if with_levels:
