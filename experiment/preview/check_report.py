@@ -13,6 +13,7 @@ from experiment.apparatus.rig import asked_of, full_scale_words, lacking_of, sha
 from experiment.preview.displacements import displacement_findings, edge_findings
 from experiment.preview.findings import Findings
 from experiment.study.origins import deciding_words, instead_of_trials
+from experiment.study.sections.design import levels_words, part_of_both
 from experiment.study.sections.presentation import key_doubts, unsaid_in, untyped_of
 from experiment.study.sections.stimulus import stimulus_facts
 from experiment.study.simulated import median_threshold, people_words, unmeasured, unmeasured_words
@@ -34,7 +35,6 @@ from stimuli import CLAMPED, SIMPLY_SUPPORTED, Burst
 
 if TYPE_CHECKING:
     from experiment.preview.check import ConditionCheck, StudyCheck
-    from experiment.study.sections.design import Design
     from experiment.study.sections.equipment import DeviceSettings
     from experiment.study.sections.stimulus import Condition
     from experiment.study.study import Study
@@ -302,11 +302,11 @@ def _tell_plan(found: Findings, check: StudyCheck, device: DeviceSettings) -> No
     )
     if untyped := untyped_of(study.keys, offered):
         found.tell("keys", f"not for --responder terminal: {untyped}", untyped_keys=untyped)
-    found.tell("levels", _levels_words(design))
+    found.tell("levels", levels_words(design))
     found.tell(
         "trials",
         f"{check.trials}: {each}{design.trials_per_side} left, {design.trials_per_side} right, "
-        f"{design.both_trials} both{_part_of_both(design)}, {design.blank_trials} blank; "
+        f"{design.both_trials} both{part_of_both(design)}, {design.blank_trials} blank; "
         f"{design.practice_trials} for practice before",
         trials=check.trials,
     )
@@ -345,13 +345,10 @@ def _tell_people(found: Findings, check: StudyCheck, device: DeviceSettings) -> 
     if check.gains:
         every = [one.fingers() for one in check.gains]
         medians = [median_threshold(study, one, device, place=k) for k, one in enumerate(every)]
+        volts = [one.level_vpp for one in medians]
+        names = [one.name for one in study.conditions]
         found.note(simulated_threshold=medians[0].facts)
-        found.note(
-            simulated_thresholds_vpp={
-                condition.name: median.level_vpp
-                for condition, median in zip(study.conditions, medians, strict=True)
-            }
-        )
+        found.note(simulated_thresholds_vpp=dict(zip(names, volts, strict=True)))
         for words in people_words(study, every, device):
             found.tell(label, words)
             label = ""
@@ -386,14 +383,6 @@ def _in_each(study: Study, trials: int) -> str:
     return f" ({trials} in each of {conditions} conditions)" if trials and conditions > 1 else ""
 
 
-def _part_of_both(design: Design) -> str:
-    """Say what a fraction that was asked for, or a number of trials, comes to."""
-    if not design.both_trials:
-        return ""
-    part = design.both_trials / (2 * design.trials_per_side + design.both_trials)
-    return f" ({part:.1%} of those with a stimulus)"
-
-
 def _device_words(study: Study, device: DeviceSettings) -> str:
     own = study.device.driver
     instead = "" if device.driver == own else f" instead of the study's {own}"
@@ -403,12 +392,3 @@ def _device_words(study: Study, device: DeviceSettings) -> str:
         f"{device.driver}{instead} at {device.sample_rate_hz:g} Hz; highest level "
         f"{max(study.design.levels_vpp):g} Vpp, {reaches} {most_vpp:g} Vpp"
     )
-
-
-def _levels_words(design: Design) -> str:
-    levels = " ".join(f"{level_vpp:g}" for level_vpp in design.levels_vpp)
-    share = design.trials_per_side / len(design.levels_vpp)
-    if design.order == "balanced":
-        return f"{levels} Vpp, balanced: {share:g} of each side and level"
-    spread = math.sqrt(share * (1 - 1 / len(design.levels_vpp)))
-    return f"{levels} Vpp, drawn at random: {share:.3g} +- {spread:.2g} of each side and level"

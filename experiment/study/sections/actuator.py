@@ -41,6 +41,8 @@ Shape = Literal["disc", "rectangle", "motor"]
 
 # Discs of piezo begin at some millimetres, contacts of motors at tenths, layers at films of 5 um.
 _Layer = Annotated[float, Field(ge=0.005, le=20)]
+_Micrometres = Annotated[float, Field(ge=1e-4, le=5000)]
+_Diameter = Annotated[float, Field(ge=0.5, le=1000)]
 _Side = Annotated[float, Field(ge=0.2, le=1000)]
 _Place = Annotated[float, Field(ge=-5000, le=5000)]
 _LayerRatio = Annotated[float, Field(ge=-0.999, le=0.5)]
@@ -86,11 +88,8 @@ class Actuator:
     shape: Shape = Field(default="disc", description="motor: over its contact")
     x_mm: _Place = Field(description="centre along the strip, from its middle, right positive")
     y_mm: _Place = Field(description="centre across, from one edge; default the middle")
-    diameter_mm: float | None = Field(
-        default=None,
-        ge=0.5,
-        le=1000,
-        description="of a disc: of its ceramic's electrode, not the metal",
+    diameter_mm: _Diameter | None = Field(
+        default=None, description="of a disc: of its ceramic's electrode, not the metal"
     )
     length_x_mm: _Side | None = Field(
         default=None, description="of a rectangle or motor, along the strip"
@@ -101,11 +100,8 @@ class Actuator:
     finger_diameter_mm: float = Field(
         default=10.0, ge=LEAST_FINGER_MM, le=50, description="contact of the fingertip above it"
     )
-    measured_displacement_um: float | None = Field(
-        default=None,
-        ge=1e-4,
-        le=5000,
-        description="at its centre, as measured, no finger on the plate",
+    measured_displacement_um: _Micrometres | None = Field(
+        default=None, description="at its centre, as measured, no finger on the plate"
     )
     measured_as: Literal["peak", "peak-to-peak", "as-left", "as-right"] | None = Field(
         default=None,

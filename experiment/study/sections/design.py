@@ -229,3 +229,21 @@ def _both_trials(fraction: float, single_trials: int) -> int:
         f"beside {single_trials} of one finger; got {fraction:g}, which gives {exact:.2f}; the "
         f"nearest are {named}"
     )
+
+
+def levels_words(design: Design) -> str:
+    """Say which levels there are, and how often each comes."""
+    levels = " ".join(f"{level_vpp:g}" for level_vpp in design.levels_vpp)
+    share = design.trials_per_side / len(design.levels_vpp)
+    if design.order == "balanced":
+        return f"{levels} Vpp, balanced: {share:g} of each side and level"
+    spread = math.sqrt(share * (1 - 1 / len(design.levels_vpp)))
+    return f"{levels} Vpp, drawn at random: {share:.3g} +- {spread:.2g} of each side and level"
+
+
+def part_of_both(design: Design) -> str:
+    """Say what a fraction that was asked for, or a number of trials, comes to."""
+    if not design.both_trials:
+        return ""
+    part = design.both_trials / (2 * design.trials_per_side + design.both_trials)
+    return f" ({part:.1%} of those with a stimulus)"
