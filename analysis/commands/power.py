@@ -140,7 +140,7 @@ def _predicted(least_s: float, most_s: float) -> str:
     default="half-width=1dB",
     show_default=True,
     metavar="GOAL",
-    help="half-width=1dB, difference=1dB, detection=10%@95V or false-alarms=5%.",
+    help="half-width=1dB, difference=1dB (of either sign), detection=10%@95V or false-alarms=5%.",
 )
 @click.option(
     "--participants",

@@ -77,7 +77,12 @@ class Goal:
         most = _MOST_DB if in_db else 0.5
         if not 0 < size <= most:
             unit = " dB" if in_db else ""
-            raise ValueError(f"goal {kind} must be > 0 and at most {most:g}{unit}; got {size:g}")
+            unsigned = ", without a sign: either is found alike" * (
+                kind == "difference" and size < 0
+            )
+            raise ValueError(
+                f"goal {kind} must be > 0 and at most {most:g}{unit}{unsigned}; got {size:g}"
+            )
         return cls(kind=kind, size=size, level_vpp=level)
 
     @property
