@@ -84,6 +84,7 @@ def plan_study(
             tried=tuple(trials.all()),
             levers=tuple(changes),
             people=people,
+            of_people=people.words(goal, gains),
             false_alarms=own,
             pilot_vpp=pilot_levels_vpp(study.changed(simulation=people_for_burst(study)), fingers),
             seed=seed,

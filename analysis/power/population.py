@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import asdict, dataclass
+from statistics import fmean
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -12,11 +13,11 @@ from analysis.groups.group import FEW, PeopleTables, group_draws
 from analysis.thresholds.people import people_of
 from experiment.study.sections.simulation import CURVE_KEYS
 from experiment.study.sections.table import stated_of
-from experiment.study.simulated import threshold_vpp
+from experiment.study.simulated import threshold_vpp, vibrations
 from experiment.terms.chances import answer_probabilities
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Iterable, Sequence
 
     import pandas as pd
 
@@ -24,7 +25,7 @@ if TYPE_CHECKING:
     from analysis.thresholds.people import PersonCounts
     from experiment.study.sections.simulation import Simulation
     from experiment.study.study import Study
-    from experiment.terms.gains import FingerGains
+    from experiment.terms.gains import ConditionGains, FingerGains
 
 
 SPREAD: Final = "threshold_sd_db"
@@ -87,6 +88,8 @@ class People:
     ----------
     study : Study
         With the population in its [simulation].
+    file : Study
+        As its file has it, of whose people a dry run is.
     whose : str
         Whose people these are, in words.
     numbers : tuple of Stated
@@ -97,12 +100,13 @@ class People:
     """
 
     study: Study
+    file: Study
     whose: str
     numbers: tuple[Stated, ...]
     draws: tuple[dict[str, float], ...] = ()
     warnings: tuple[str, ...] = ()
 
-    def words(self, goal: Goal) -> str:
+    def words(self, goal: Goal, gains: Sequence[ConditionGains]) -> str:
         """Say whose people these are, and which of their numbers a dry run of the file has not."""
         others = [
             f"{one.key} {_or_none(one.dry_run)} (here {one.value:g})"
@@ -110,13 +114,32 @@ class People:
             if one.dry_run != one.value
         ]
         copied = "; with the numbers below in [simulation] it has these" * bool(others)
-        own_db = self.study.simulation.difference_db
-        if goal.kind == "difference" and own_db != goal.size:
-            others.append(f"difference_db {_or_none(own_db)} (here {goal.size:g}, the goal's)")
+        if goal.kind == "difference":
+            own_db = dry_run_difference_db(self.file, gains)
+            if round(abs(own_db), 1) != round(goal.size, 1):
+                one, other = (condition.name for condition in self.file.conditions[:2])
+                others.append(
+                    f"a difference of {own_db:+.1f} dB from {one} to {other} (here {goal.size:g}, "
+                    "the goal's)"
+                )
         if not others:
             return f"They are {self.whose}, and a dry run of this file has the same."
         told = f"A dry run of this file has others: {', '.join(others)}{copied}."
         return f"They are {self.whose}. {told}"
+
+
+def dry_run_difference_db(study: Study, gains: Sequence[ConditionGains]) -> float:
+    """Return by how much the second condition's threshold of a dry run lies above the first's.
+
+    In dB of volts: what the study states, the curves of its people and the displacements add up.
+    """
+    people, both = study.simulation, vibrations(study)
+    first_db, second_db = (
+        20 * math.log10(threshold_vpp(people, of.fingers()))
+        + fmean([people.known_for.shift_db(one) for one in both.get(condition.name, ())] or [0.0])
+        for condition, of in zip(study.conditions[:2], gains, strict=False)
+    )
+    return second_db - first_db + (people.difference_db or 0.0)
 
 
 def _or_none(value: float | None) -> str:
@@ -135,7 +158,8 @@ def stated_people(study: Study, goal: Goal) -> People:
                 f"{_IF_UNKNOWN[key]} "
                 f'(in a file that tactstrip init wrote: add "simulation.{key}" to told in [init])'
             )
-    return People(study=study, whose="the study's", numbers=_numbers(study, goal, study, {}))
+    numbers = _numbers(study, goal, study, {})
+    return People(study=study, file=study, whose="the study's", numbers=numbers)
 
 
 _IF_UNKNOWN: Final = {
@@ -159,6 +183,7 @@ def literature_people(study: Study, goal: Goal) -> People:
     assumed = [one.key for one in numbers if taken.get(one.key, ("", ""))[1].startswith("assumed")]
     return People(
         study=changed,
+        file=study,
         whose="the literature's where the study states none",
         numbers=numbers,
         warnings=(_without_source(assumed),) if assumed else (),
@@ -194,6 +219,7 @@ def pilot_people(study: Study, goal: Goal, trials: pd.DataFrame, where: str) -> 
     changed = study.changed(simulation=section | {key: value for key, (value, _) in told.items()})
     return People(
         study=changed,
+        file=study,
         whose=f"those of the pilot in {where}, and else the study's",
         numbers=_numbers(changed, goal, study, told),
         draws=tuple(draws),

@@ -39,6 +39,8 @@ class Promise:
         The largest first.
     people : People
         The population, with the source of every number.
+    of_people : str
+        Whose they are, and what of them a dry run has not.
     false_alarms : float or None
         How often their blanks are answered, where the goal asks for it.
     pilot_vpp : tuple of float
@@ -62,6 +64,7 @@ class Promise:
     tried: tuple[Tried, ...]
     levers: tuple[Lever, ...]
     people: People
+    of_people: str
     false_alarms: float | None
     pilot_vpp: tuple[float, ...]
     seed: int
@@ -196,9 +199,9 @@ class Promise:
         return (
             f"The number of participants was chosen by simulation (tactstrip power, seed "
             f"{self.seed}). With {_people(self.best)}, {_design(self.best.point)}, "
-            f"{self.goal.words} is expected in {self.assurance:.0%} of such studies: of "
-            f"{fresh.studies} simulated ones that took no part in choosing this number, "
-            f"{_percent(fresh)} reached it. All were "
+            f"{self.goal.words} is expected: at least {self.assurance:.0%} of such studies were "
+            f"asked for, and of {fresh.studies} simulated ones that took no part in choosing this "
+            f"number {_percent(fresh)} reached it. All were "
             "analysed as the recorded data will be; of all "
             f"simulated intervals {covered:.0%} held the truth. Assumed of the population: "
             f"{people}. People who leave or are left out are not counted in this number."
@@ -232,7 +235,7 @@ def text(promise: Promise) -> str:
             f"{', not told apart from no change' if one.by_chance else ''}"
             for one in promise.levers
         ]
-    lines += ["", "People:", f"  {promise.people.words(promise.goal)}"]
+    lines += ["", "People:", f"  {promise.of_people}"]
     lines += [f"  {one.key} = {one.value:g} ({one.source})" for one in promise.people.numbers]
     lines += [f"Warning: {one}" for one in promise.people.warnings]
     if promise.ethics:
