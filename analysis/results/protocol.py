@@ -222,7 +222,9 @@ def cutoff_words(study: Study) -> str:
 
 def levels_words(study: Study) -> str:
     """Return the levels of a study in words."""
-    return ", ".join(f"{level_vpp:g}" for level_vpp in study.design.levels_vpp)
+    from experiment.study.sections.stimulus import levels_words as words
+
+    return words(study.design, study.conditions)
 
 
 def trials_words(study: Study) -> str:

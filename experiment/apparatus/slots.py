@@ -124,7 +124,7 @@ def require_suitable(study: Study, identity: Identity, told: DeviceLimits | None
             f"device.sample_rate_hz must be that of the device, {identity.sample_rate_hz:g}; "
             f"got {settings.sample_rate_hz:g}"
         )
-    highest_vpp = study.design.highest_vpp
+    highest_vpp = study.highest_vpp
     if highest_vpp > identity.ceiling_vpp:
         raise SuitabilityError(
             "design.levels_vpp must be at most the device's own ceiling, "

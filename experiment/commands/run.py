@@ -65,7 +65,7 @@ if TYPE_CHECKING:
     "levels_file",
     type=click.Path(path_type=Path),
     metavar="FILE",
-    help="Levels placed for this participant, instead of the study's.",
+    help="Levels placed for this participant, for each condition, instead of the study's.",
 )
 @click.option(
     "--lsl", is_flag=True, help="Send markers to EEG and MEG recordings: Lab Streaming Layer."
@@ -124,7 +124,6 @@ def run(
     from experiment.session.conduct import begin, completed, resume
     from experiment.session.markers import NoMarkers
     from experiment.session.setting import Setting, Sitting
-    from experiment.study.read import read_levels
 
     stop, requests = StopSignal(), Requests()
     responder_from = distribution_of(responder)
@@ -135,11 +134,10 @@ def run(
 
             require_window()
         folder = SessionFolder(out, participant, session)
-        levels_vpp = None if levels_file is None else read_levels(levels_file, participant)
         driver = MOCK if practice and driver is None and port is None else driver
         resuming = resuming or resume_anyway
         if resuming:
-            plan = _plan_to_resume(folder, study_file, seed, levels_vpp, facts)
+            plan = _plan_to_resume(folder, study_file, seed, levels_file, facts)
             _refuse_another_number(participant_number, plan)
             with _failures():
                 ending = completed(folder, plan, click.echo)
@@ -148,7 +146,7 @@ def run(
                 return
         else:
             plan = _new_plan(
-                folder, study_file, seed, levels_vpp, driver, participant_number=participant_number
+                folder, study_file, seed, levels_file, driver, participant_number=participant_number
             )
         study = folder.read_study(plan)
         if facts:
@@ -259,17 +257,18 @@ def _new_plan(
     folder: SessionFolder,
     study_file: Path,
     seed: int | None,
-    levels_vpp: tuple[float, ...] | None,
+    levels_file: Path | None,
     driver: str | None,
     *,
     participant_number: int | None,
 ) -> Plan:
     from experiment.preview.check import require_fit
-    from experiment.study.read import read_study
+    from experiment.study.read import read_levels, read_study
     from experiment.study.sections.presentation import key_doubts, unsaid_in
     from experiment.study.study import told_by_file
     from experiment.trial.draw import draw_plan
 
+    levels_vpp = read_levels(levels_file, folder.participant) if levels_file else None
     folder.refuse_existing()
     with working("Checking"), told_by_file(study_file):
         study = read_study(study_file)
@@ -287,15 +286,16 @@ def _new_plan(
     for doubt in key_doubts(study.texts, study.keys, study.design):
         click.echo(f"Note: {doubt}.")
     seed = secrets.randbits(32) if seed is None else seed
-    plan = draw_plan(
-        study,
-        participant=folder.participant,
-        session=folder.session,
-        seed=seed,
-        levels_vpp=levels_vpp,
-        gains=gains,
-        participant_number=participant_number,
-    )
+    with told_by_file(levels_file):
+        plan = draw_plan(
+            study,
+            participant=folder.participant,
+            session=folder.session,
+            seed=seed,
+            levels_vpp=levels_vpp,
+            gains=gains,
+            participant_number=participant_number,
+        )
     click.echo(f"seed {seed}")
     if balanced:
         order = ", ".join(plan.condition_order)
@@ -310,15 +310,15 @@ def _plan_to_resume(
     folder: SessionFolder,
     study_file: Path,
     seed: int | None,
-    levels_vpp: tuple[float, ...] | None,
+    levels_file: Path | None,
     facts: tuple[str, ...],
 ) -> Plan:
     """Return the session's plan; refuse options that say otherwise than it does."""
-    from experiment.study.read import is_recorded
+    from experiment.study.read import is_recorded, other_levels, read_levels
 
+    levels_vpp = read_levels(levels_file, folder.participant) if levels_file else None
     plan = folder.read_plan()
     folder.refuse_loss()
-    planned_vpp = folder.read_study(plan).design.levels_vpp
     if facts:
         raise CommandError(
             f"--fact must be given when a session begins; got {facts[0]!r} with --resume: "
@@ -331,10 +331,8 @@ def _plan_to_resume(
         )
     if seed is not None and seed != plan.seed:
         raise CommandError(f"--seed must be that of the session, {plan.seed}; got {seed}")
-    if levels_vpp is not None and levels_vpp != planned_vpp:
-        raise CommandError(
-            f"--levels must be those of the session, {planned_vpp}; got {levels_vpp}"
-        )
+    if levels_vpp is not None and (planned := other_levels(folder.read_study(plan), levels_vpp)):
+        raise CommandError(f"--levels must be those of the session, {planned}; got others")
     return plan
 
 

@@ -97,7 +97,7 @@ class StimulusOut:
     def arm(self, task: Task) -> Event:
         """Journal a new token, then arm the device with it."""
         trial = task.trial
-        level_vpp = trial.level_vpp or min(self._study.design.levels_vpp)
+        level_vpp = trial.level_vpp or min(self._study.design_of(trial.condition).levels_vpp)
         # Tokens rise, also where the calendar's clock was set back: the device relies on it.
         self._token = max(self._token + 1, time.time_ns())
         # On the disk before the device knows it: after a crash only the token tells what was felt.

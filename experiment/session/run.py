@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from device.clock import Clock
     from device.driver import BurstDevice
     from experiment.session.setting import Ending
+    from experiment.study.read import Levels
     from experiment.study.study import Study
     from experiment.terms.responder import Responder
 
@@ -44,7 +45,7 @@ def run_session(
     hardware_confirmed: bool = False,
     practice_without_device: bool = False,
     operator: str | None = None,
-    levels_vpp: tuple[float, ...] | None = None,
+    levels_vpp: Levels | None = None,
     lsl: bool = False,
     tell: Callable[[str], object] = print,
 ) -> Ending:
@@ -80,7 +81,7 @@ def run_session(
         session out unless they are told otherwise.
     operator : str, optional
         Who runs the session, for its header.
-    levels_vpp : tuple of float, optional
+    levels_vpp : tuple of float, or dict of them by the conditions' names, optional
         Placed for this participant, instead of the study's, when a session begins.
     lsl : bool
         Send markers over the Lab Streaming Layer; a recorder is waited for, at most 10 s.

@@ -10,19 +10,19 @@ import base64
 import json
 import re
 import tomllib
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from experiment.study.sections.design import Design
+from experiment.study.sections.stimulus import levels_words
 from experiment.study.sections.table import stated_of, with_stated
 from experiment.study.stated import as_stated, not_recorded, without_init
-from experiment.study.study import Study, StudyError
+from experiment.study.study import Study, StudyError, UnusableStudyError
 from experiment.terms.checks import NUMBERS, unknown_key
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from experiment.study.sections.stimulus import Condition
 
 
@@ -103,20 +103,25 @@ def study_from_canonical(text: str) -> Study:
     return study
 
 
-def with_levels(study: Study, levels_vpp: Sequence[float]) -> Study:
+Levels = Sequence[float] | Mapping[str, Sequence[float]]
+"""Levels of all conditions, or of each by its name."""
+
+
+def with_levels(study: Study, levels_vpp: Levels) -> Study:
     """Return the study with other levels, checked and with its own checksum.
 
     Parameters
     ----------
     study : Study
         The study.
-    levels_vpp : sequence of float
-        The new levels, increasing, above 0 and at most the device's ceiling.
+    levels_vpp : sequence of float, or mapping of them
+        The new levels, increasing, above 0 and at most the device's ceiling; of several conditions
+        those of each by its name, or of all if their bursts are the same.
 
     Raises
     ------
     StudyError
-        If the study cannot be run with them.
+        If the study cannot be run with them, or they are not those of its conditions.
 
     Examples
     --------
@@ -124,18 +129,66 @@ def with_levels(study: Study, levels_vpp: Sequence[float]) -> Study:
     (40.0, 50.0, 60.0)
     """
     tables = json.loads(study.canonical)
-    tables["design"]["levels_vpp"] = list(levels_vpp)
+    own = _levels_of_each(study, levels_vpp)
+    if len(own) == 1:
+        (levels_vpp,), own = own.values(), {}
+    for condition in tables["condition"]:
+        condition["levels_vpp"] = list(own[condition["name"]]) if own else None
+    if not own:
+        tables["design"]["levels_vpp"] = list(levels_vpp)
     placed = _study(tables, f"study {study.name} with other levels")
+    if own:
+        return as_stated(placed, study)
     return as_stated(placed, study, design={"levels_vpp": placed.design.levels_vpp})
 
 
-def read_levels(path: Path | str, participant: str) -> tuple[float, ...]:
+def _levels_of_each(study: Study, levels_vpp: Levels) -> Mapping[str, Sequence[float]]:
+    """Return the levels of each condition; empty where all have the same list.
+
+    UnusableStudyError where they are not those of its conditions, or one list is to serve several
+    whose bursts differ, and so do a person's thresholds.
+    """
+    names = [one.name for one in study.conditions]
+    if not isinstance(levels_vpp, Mapping):
+        if len({one.samples_base64 or one.drive for one in study.conditions}) > 1:
+            raise UnusableStudyError(
+                study.name,
+                f"levels_vpp must be a table with a list for each condition, {', '.join(names)}, "
+                "whose bursts differ; got one list",
+            )
+        return {}
+    for name in levels_vpp:
+        if name not in names:
+            raise UnusableStudyError(
+                study.name,
+                f"levels_vpp must be of its conditions, {', '.join(names)}; got {name}",
+            )
+    if missing := [name for name in names if name not in levels_vpp]:
+        raise UnusableStudyError(
+            study.name,
+            f"levels_vpp must have a list for each condition, {', '.join(names)}; got none for "
+            f"{', '.join(missing)}",
+        )
+    return levels_vpp
+
+
+def other_levels(study: Study, levels_vpp: Levels) -> str:
+    """Say a study's levels in words if others are given; else an empty text."""
+    own_vpp = {one.name: one.own(study.design).levels_vpp for one in study.conditions}
+    each_vpp = levels_vpp if isinstance(levels_vpp, Mapping) else dict.fromkeys(own_vpp, levels_vpp)
+    return "" if each_vpp == own_vpp else f"{levels_words(study.design, study.conditions)} V"
+
+
+def read_levels(
+    path: Path | str, participant: str
+) -> tuple[float, ...] | dict[str, tuple[float, ...]]:
     """Read the levels placed for one participant.
 
     Parameters
     ----------
     path : Path or str
-        A TOML file with ``levels_vpp`` and, if it is one person's, ``participant``.
+        A TOML file with ``levels_vpp``, a list or a table of lists by the conditions' names, and,
+        if it is one person's, ``participant``.
     participant : str
         Who is about to be tested.
 
@@ -153,12 +206,18 @@ def read_levels(path: Path | str, participant: str) -> tuple[float, ...]:
     if owner != participant:
         raise StudyError(f"{path}: participant must be {participant!r}; got {owner!r}")
     levels_vpp = table.get("levels_vpp")
+    if isinstance(levels_vpp, dict) and levels_vpp:
+        return {name: _levels(f"{path}: {name}: ", one) for name, one in levels_vpp.items()}
+    return _levels(f"{path}: ", levels_vpp)
+
+
+def _levels(where: str, levels_vpp: Any) -> tuple[float, ...]:
     if not isinstance(levels_vpp, list):
-        raise StudyError(f"{path}: levels_vpp must be a list of numbers; got {levels_vpp!r}")
+        raise StudyError(f"{where}levels_vpp must be a list of numbers; got {levels_vpp!r}")
     try:
         return Design(levels_vpp=tuple(levels_vpp)).levels_vpp
     except ValueError as error:
-        raise StudyError(f"{path}: {error}") from error
+        raise StudyError(f"{where}{error}") from error
 
 
 def read_text(path: Path) -> str:
@@ -296,6 +355,12 @@ def _completed(study: Study, folder: Path | None, recorded: tuple[Condition, ...
     In this order, and with the study checked in between: what a window must keep is worked out
     from the whole study, which must be fit to be computed with.
     """
+    for place, condition in enumerate(study.conditions):
+        if folder is not None and condition.levels_vpp is not None:
+            raise ValueError(
+                f"condition[{place}].levels_vpp is for levels that were placed for a person, in a "
+                "file of their own; write design.levels_vpp, which all conditions have"
+            )
     read = tuple(_with_samples(condition, study, folder) for condition in study.conditions)
     if read != study.conditions:
         study = study.changed(condition=read)
@@ -319,8 +384,9 @@ def _with_window(condition: Condition, study: Study, recorded: tuple[Condition, 
     if condition.is_found:
         return condition
     for before in recorded:
-        if replace(before, auto_cycles=None, auto_window=None) == condition:
-            return before
+        if replace(before, auto_cycles=None, auto_window=None, levels_vpp=None) == condition:
+            found = {"auto_cycles": before.auto_cycles, "auto_window": before.auto_window}
+            return _found(condition, **found)
     from experiment.study.window import chosen_window
 
     burst = chosen_window(study, condition).burst

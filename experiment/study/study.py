@@ -25,21 +25,18 @@ from experiment.study.sections.actuator import (
 )
 from experiment.study.sections.dataset import About, Dataset, Participants
 from experiment.study.sections.design import Design
-from experiment.study.sections.equipment import (
-    Contact,
-    DeviceSettings,
-    Masking,
-    MonitorSettings,
-)
+from experiment.study.sections.equipment import Contact, DeviceSettings, Masking, MonitorSettings
 from experiment.study.sections.finger import ROUNDING_M, FingerLoad, check_fingers
-from experiment.study.sections.plate import (
-    Plate,
-    is_as_measured,
-    is_papers_plate,
-)
+from experiment.study.sections.plate import Plate, is_as_measured, is_papers_plate
 from experiment.study.sections.presentation import Keys, Screen, Texts, instructions_of
 from experiment.study.sections.simulation import PAPER_THRESHOLD_UM, THRESHOLD_VPP, Simulation
-from experiment.study.sections.stimulus import Condition, SharedStimulus, completed
+from experiment.study.sections.stimulus import (
+    Condition,
+    SharedStimulus,
+    check_levels,
+    completed,
+    recorded,
+)
 from experiment.study.sections.table import (
     ASKED_FOR,
     FromTable,
@@ -201,10 +198,10 @@ class Study:
     def __post_init__(self) -> None:
         _check_places(self.actuators, self.strip)
         check_measured(self.plate, self.actuators)
-        self._check_displacements()
         names = [condition.name for condition in self.conditions]
         if not names or len(set(names)) != len(names):
             raise ValueError(f"condition names must be distinct, at least one; got {names}")
+        self._check_displacements()
         if self.simulation.threshold_um is not None and not displacements_are_known(self.actuators):
             raise ValueError(
                 "simulation.threshold_um needs the displacement or the layers of the left and the "
@@ -220,7 +217,7 @@ class Study:
 
     def _check_displacements(self) -> None:
         """Refuse micrometres per volt that no finger could feel, or that no plate could bear."""
-        highest_vpp, thickness_um = self.design.highest_vpp, 1e3 * self.plate.thickness_mm
+        highest_vpp, thickness_um = self.highest_vpp, 1e3 * self.plate.thickness_mm
         for place, actuator in enumerate(self.actuators):
             um, at_vpp = actuator.measured_displacement_um, actuator.measured_at_vpp
             if um is None or at_vpp is None:
@@ -240,17 +237,7 @@ class Study:
 
     def check_levels(self, device: DeviceSettings) -> None:
         """Refuse levels above what a device reaches, be it the study's or one instead of it."""
-        ceiling_vpp, key = device.highest
-        named = {f"levels_vpp[{i}]": level for i, level in enumerate(self.design.levels_vpp)}
-        named["both_level"] = self.design.both_level_vpp or 0.0
-        higher = replace(limits_of(DeviceSettings, "ceiling_vpp"), ge=max(named.values()))
-        for name, level_vpp in named.items():
-            if level_vpp > ceiling_vpp:
-                most = inward(ceiling_vpp, least=False, digits=12)
-                raise ValueError(
-                    f"design.{name} must be at most {key} = {most}; got {level_vpp:.12g}"
-                    f"{in_mind(key.removeprefix('device.'), ceiling_vpp, higher.hold)}"
-                )
+        check_levels(self.design, self.conditions, device)
 
     def _check_drives(self) -> None:
         window_s, rate_hz = self.design.response_window_s, self.device.sample_rate_hz
@@ -270,6 +257,16 @@ class Study:
                     f"got {condition.drive.duration_s:.10g} s"
                 )
             self.monitor.check_drive(condition.name, condition.drive, rate_hz, least_s)
+
+    def design_of(self, condition: str) -> Design:
+        """Return the design of a condition, with its own levels where some were placed for it."""
+        own = (one.own(self.design) for one in self.conditions if one.name == condition)
+        return next(own, self.design)
+
+    @property
+    def highest_vpp(self) -> float:
+        """The highest level that is ever presented."""
+        return max(one.own(self.design).highest_vpp for one in self.conditions)
 
     @property
     def name(self) -> str:
@@ -291,7 +288,7 @@ class Study:
     def canonical(self) -> str:
         """The complete study as JSON text with sorted keys, defaults filled in."""
         tables = {
-            name: [asdict(one) for one in table] if isinstance(table, tuple) else asdict(table)
+            name: [recorded(one) for one in table] if isinstance(table, tuple) else asdict(table)
             for name, table in self.sections().items()
         }
         return json.dumps(tables, sort_keys=True, separators=(",", ":"), ensure_ascii=False)

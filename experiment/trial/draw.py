@@ -23,6 +23,7 @@ from experiment.trial.plan import (
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
 
+    from experiment.study.read import Levels
     from experiment.study.sections.design import Design
     from experiment.study.sections.stimulus import Condition
     from experiment.study.study import Study
@@ -39,7 +40,7 @@ def draw_plan(
     participant: str,
     session: str,
     seed: int,
-    levels_vpp: Sequence[float] | None = None,
+    levels_vpp: Levels | None = None,
     gains: tuple[ConditionGains, ...] = (),
     participant_number: int | None = None,
 ) -> Plan:
@@ -51,7 +52,7 @@ def draw_plan(
         The study.
     participant, session : str
         Identifiers of the session's folder.
-    levels_vpp : sequence of float, optional
+    levels_vpp : sequence of float, or mapping of them by the conditions' names, optional
         Levels placed for this participant, instead of the study's.
     seed : int
         Seed, 0 or more; the same seed gives the same plan.
@@ -84,7 +85,7 @@ def draw_plan(
 
     rng = np.random.Generator(np.random.PCG64(seed))
     order = _order(study, number, rng)
-    trials = tuple(_number(_draw_trials(study.design, order, rng, _off_plate_generator(seed))))
+    trials = tuple(_number(_draw_trials(study, order, rng, _off_plate_generator(seed))))
     return seal(
         Plan(
             participant=participant,
@@ -224,7 +225,7 @@ def _order(study: Study, number: int | None, rng: np.random.Generator) -> list[C
 
 
 def _draw_trials(
-    design: Design,
+    study: Study,
     conditions: Sequence[Condition],
     rng: np.random.Generator,
     off_plate: np.random.Generator,
@@ -232,15 +233,17 @@ def _draw_trials(
     # The order of the draws is part of what a seed means: one draw more from `rng`, or two in
     # another order, and the whole plan is another. Hence the trials off the plate, which a study
     # may add or leave out without touching the others, draw from a stream of their own.
-    yield from _off_plate(design, conditions, AUDIBILITY_BLOCK, design.audibility_trials, off_plate)
-    yield from _practice(design, conditions[0], rng)
+    audibility, control = study.design.audibility_trials, study.design.control_trials
+    yield from _off_plate(study, conditions, AUDIBILITY_BLOCK, audibility, off_plate)
+    yield from _practice(study.design_of(conditions[0].name), conditions[0], rng)
     next_block = 1
     for condition in conditions:
+        design = study.design_of(condition.name)
         for stimuli in shuffled_blocks(design, rng):
             for stimulus in stimuli:
                 yield _trial(design, condition, next_block, stimulus, rng)
             next_block += 1
-    yield from _off_plate(design, conditions, next_block, design.control_trials, off_plate)
+    yield from _off_plate(study, conditions, next_block, control, off_plate)
 
 
 Stimulus = tuple[str, str, float | None]
@@ -304,7 +307,7 @@ def _practice(design: Design, condition: Condition, rng: np.random.Generator) ->
 
 
 def _off_plate(
-    design: Design,
+    study: Study,
     conditions: Sequence[Condition],
     block: int,
     trials: int,
@@ -312,12 +315,14 @@ def _off_plate(
 ) -> Iterator[Trial]:
     """Draw one block with the fingers off the plate: condition by condition, both sides alike."""
     for condition in conditions:
+        design = study.design_of(condition.name)
         for place in rng.permutation(trials):
             stimulus = (CONTROL, WARM_UP_SIDES[place % 2], design.highest_vpp)
             yield _trial(design, condition, block, stimulus, rng)
 
 
 def _warm_up(study: Study, planned: tuple[Trial, ...]) -> tuple[Trial, ...]:
+    design = study.design_of(planned[0].condition)
     return tuple(
         Trial(
             number=len(planned) + place,
@@ -325,8 +330,8 @@ def _warm_up(study: Study, planned: tuple[Trial, ...]) -> tuple[Trial, ...]:
             condition=planned[0].condition,
             kind="practice",
             side=side,
-            level_vpp=max(study.design.levels_vpp),
-            foreperiod_s=study.design.foreperiod_s[1],
+            level_vpp=max(design.levels_vpp),
+            foreperiod_s=design.foreperiod_s[1],
         )
         for place, side in enumerate(WARM_UP_SIDES, start=1)
     )

@@ -265,6 +265,38 @@ def test_placed_levels_are_sealed_and_kept_on_resume(sessions: Sessions, tmp_pat
     assert {row["level_vpp"] for row in sessions.rows()} <= {"70", "150"}
 
 
+@pytest.mark.process
+def test_levels_of_each_condition_are_kept_on_resume_and_verified(
+    sessions: Sessions, tmp_path: Path, run: Run
+) -> None:
+    sessions.write(sessions.text + CONDITIONS)
+    levels = tmp_path / "levels.toml"
+    levels.write_text('participant = "01"\nlevels_vpp = [70, 150]', encoding="utf-8")
+    told = refused(sessions, "--levels", str(levels))
+    assert "levels.toml: levels_vpp must be a table with a list for each condition, x, y" in told
+    assert not sessions.out.exists()
+    levels.write_text("[levels_vpp]\nx = [70, 150]\ny = [31, 41.5]\n", encoding="utf-8")
+    assert kill_after(sessions, 9, *SEED, "--levels", str(levels))
+    assert sessions.run(*RESUME, "--levels", str(levels)).exit_code == 0
+    found = {(row["condition"], row["level_vpp"]) for row in sessions.rows()} - {("x", "n/a")}
+    assert found - {("y", "n/a")} <= {("x", "70"), ("x", "150"), ("y", "31"), ("y", "41.5")}
+    assert {condition for condition, _ in found} == {"x", "y"}
+    assert run("verify", sessions.out).exit_code == 0
+    levels.write_text("[levels_vpp]\nx = [70, 150]\ny = [31, 42]\n", encoding="utf-8")
+    told = refused(sessions, "--resume", "--levels", str(levels))
+    assert "--levels must be those of the session, x 70, 150; y 31, 41.5 V; got others" in told
+
+
+CONDITIONS = """
+[[condition]]
+name = "x"
+cycles = 2
+[[condition]]
+name = "y"
+cycles = 3
+"""
+
+
 @pytest.mark.slow
 def test_resume_and_export_build_the_table_from_the_journal(sessions: Sessions, run: Run) -> None:
     sessions.run(*SEED)

@@ -18,6 +18,7 @@ from experiment.commands.init import write_study_text
 from experiment.preview.check import check_study
 from experiment.preview.check_report import check_findings
 from experiment.study.read import (
+    is_recorded,
     paper_study,
     read_levels,
     read_study,
@@ -35,6 +36,7 @@ from experiment.study.sections.presentation import (
     unsaid_in,
 )
 from experiment.study.study import StudyError
+from experiment.trial.draw import draw_plan
 from stimuli import (
     CLAMPED,
     SIMPLY_SUPPORTED,
@@ -491,6 +493,85 @@ def test_other_levels_make_another_study_and_the_same_ones_the_same() -> None:
     assert with_levels(other, study.design.levels_vpp) == study
 
 
+TWO_BURSTS = """
+[design]
+trials_per_side = 30
+audibility_trials = 2
+control_trials = 2
+practice_trials = 2
+order = "balanced"
+both_trials = 3
+condition_order = "listed"
+[[condition]]
+name = "b"
+cycles = 3
+[[condition]]
+name = "a"
+cycles = 2
+"""
+OF_EACH = {"a": (20.5, 33.0), "b": (70.0, 90.5, 140.0)}
+
+
+def test_levels_of_each_condition_are_sealed_with_the_study() -> None:
+    study = study_from_text(TWO_BURSTS, "s")
+    own = with_levels(study, OF_EACH)
+    assert {one.name: own.design_of(one.name).levels_vpp for one in own.conditions} == OF_EACH
+    assert own.highest_vpp == 140.0
+    assert study_from_canonical(own.canonical) == own
+    assert "levels_vpp" not in json.loads(study.canonical)["condition"][0]
+    assert with_levels(with_levels(study, OF_EACH), {**OF_EACH, "a": (1.0, 2.0)}) != own
+    alone = with_levels(paper_study(), {"main": (40.0, 50.5, 60.0)})
+    assert alone == with_levels(paper_study(), (40.0, 50.5, 60.0))
+
+
+def test_every_trial_has_a_level_of_its_own_condition() -> None:
+    study = study_from_text(TWO_BURSTS, "s")
+    plan = draw_plan(study, participant="01", session="01", seed=7, levels_vpp=OF_EACH)
+    of_kind: dict[tuple[str, str], set[float | None]] = {}
+    for trial in (*plan.trials, *plan.warm_up):
+        of_kind.setdefault((trial.condition, trial.kind), set()).add(trial.level_vpp)
+    assert of_kind["a", "single"] == set(OF_EACH["a"])
+    assert of_kind["b", "single"] == set(OF_EACH["b"])
+    assert of_kind["a", "both"] <= set(OF_EACH["a"])
+    assert (of_kind["a", "control"], of_kind["b", "control"]) == ({33.0}, {140.0})
+    assert of_kind["b", "practice"] == {140.0}  # warm-up, too
+    assert ("a", "practice") not in of_kind
+
+
+@pytest.mark.parametrize(
+    ("levels", "said"),
+    [
+        ((40.0, 50.0), "must be a table with a list for each condition, b, a, whose bursts differ"),
+        ({"b": (40.0, 50.0)}, "a list for each condition, b, a; got none for a$"),
+        (OF_EACH | {"c": (1.0,)}, "levels_vpp must be of its conditions, b, a; got c"),
+        (OF_EACH | {"a": (1.0, 201.0)}, r"condition\[1\].levels_vpp\[1\] must be at most device.c"),
+        (OF_EACH | {"a": (1.0, 2.0, 3.0, 4.0)}, "trials_per_side must be a multiple of the number"),
+    ],
+)
+def test_levels_that_are_not_those_of_the_conditions_are_refused(
+    levels: dict[str, tuple[float, ...]], said: str
+) -> None:
+    with pytest.raises(StudyError, match=said):
+        with_levels(study_from_text(TWO_BURSTS, "s"), levels)
+
+
+def test_one_list_serves_conditions_of_the_same_burst() -> None:
+    same = study_from_text(TWO_BURSTS.replace("cycles = 3", "cycles = 2"), "s")
+    assert with_levels(same, (40.0, 50.0)).design_of("a").levels_vpp == (40.0, 50.0)
+
+
+def test_a_study_file_has_no_levels_of_one_condition() -> None:
+    with pytest.raises(StudyError, match=r"\[1\].levels_vpp is for levels that were placed"):
+        study_from_text(TWO_BURSTS + "levels_vpp = [10, 20]", "s")
+
+
+def test_a_study_with_placed_levels_is_known_by_its_file(tmp_path: Path) -> None:
+    path = tmp_path / "study.toml"
+    path.write_text(TWO_BURSTS.replace("cycles = 3", 'window = "auto"\nwanted_level_db = -40'))
+    study = read_study(path)
+    assert is_recorded(path, with_levels(study, OF_EACH).canonical, study.sha256)
+
+
 @pytest.mark.parametrize("levels", [(60.0, 40.0), (), (40.0, 400.0), (float("nan"),), (True, 40.0)])
 def test_levels_that_cannot_be_run_are_refused_so_nothing_changed(
     levels: tuple[float, ...],
@@ -509,6 +590,8 @@ def test_levels_are_read_for_their_owner_only(tmp_path: Path) -> None:
         read_levels(path, "02")
     path.write_text("levels_vpp = [40, 50.5]\n")
     assert read_levels(path, "02") == (40.0, 50.5)
+    path.write_text("[levels_vpp]\none-cycle = [40, 50.5]\n'2' = [7.5]\n")
+    assert read_levels(path, "02") == {"one-cycle": (40.0, 50.5), "2": (7.5,)}
 
 
 @pytest.mark.parametrize(
@@ -518,6 +601,8 @@ def test_levels_are_read_for_their_owner_only(tmp_path: Path) -> None:
         ("", "levels_vpp must be a list of numbers; got None"),
         ("levels_vpp = 40", "levels_vpp must be a list of numbers; got 40"),
         ("levels_vpp = ['a']", r"levels_vpp\[0\] must be a finite number >= 0.1; got 'a'"),
+        ("levels_vpp = {}", "levels_vpp must be a list of numbers; got {}"),
+        ("levels_vpp = { a = [4], b = 5 }", "toml: b: levels_vpp must be a list of numbers; got 5"),
         ("levels_vpp = [50, 40]", r"levels_vpp\[1\] must be a finite number > 50"),
         ("participant = 1\nlevels_vpp = [50]", "participant must be '1'; got 1"),
         ("levels_vpp = [50", "levels.toml:1: "),

@@ -139,7 +139,7 @@ def _example(name: str, default: str, kind: str, limits: KeyRange | None) -> str
     if kind.startswith('"'):
         return kind.split(" or ", maxsplit=1)[0]
     if "number" in kind and limits is not None:
-        return _inside(limits)
+        return f"[{_inside(limits)}]" if kind.startswith("list") else _inside(limits)
     return '["..."]' if kind.startswith("list") else '"..."'
 
 

@@ -30,7 +30,7 @@ _FRACTION_DIGITS: Final = 4
 _FRACTION_ROUNDING: Final = 0.1
 """By so much of a fraction that is asked for may that of whole trials be off."""
 
-_Level = Annotated[float, Field(ge=LEAST_LEVEL_VPP)]
+Level = Annotated[float, Field(ge=LEAST_LEVEL_VPP)]
 _Wait = Annotated[float, Field(ge=0.01, le=60)]
 
 
@@ -44,7 +44,7 @@ class Design:
     # Two keys may be said in another way. What a plan holds is the number of trials that comes of
     # it, so that two files that ask for the same trials are the same study.
 
-    levels_vpp: tuple[_Level, ...] = Field(
+    levels_vpp: tuple[Level, ...] = Field(
         default=(60.0, 95.0, 130.0, 165.0, 200.0),
         strict=False,
         description="increasing; from peak to peak of the burst with its window, as it is played",
@@ -62,7 +62,7 @@ class Design:
         le=0.9,
         description="or: about this part of all trials with a stimulus",
     )
-    both_level: _Level | Literal["random"] = Field(
+    both_level: Level | Literal["random"] = Field(
         default="random", description="their level in Vpp; random: drawn from levels_vpp"
     )
     blank_trials: int = Field(

@@ -12,14 +12,18 @@ import numpy as np
 from pydantic import Field, model_validator
 from pydantic_core import ArgsKwargs
 
-from experiment.study.sections.table import filled, refuse_incomplete, section
-from experiment.terms.checks import NAME, NAME_RULE, is_line
+from experiment.study.sections.design import Level
+from experiment.study.sections.table import filled, limits_of, refuse_incomplete, section
+from experiment.terms.checks import NAME, NAME_RULE, in_mind, inward, is_line
 from stimuli import Burst, SampledDrive
 from stimuli.drive.windows import Window
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from numpy.typing import NDArray
 
+    from experiment.study.sections.design import Design
     from experiment.study.sections.equipment import DeviceSettings
 
 
@@ -105,8 +109,9 @@ class SharedStimulus(Stimulus):
 class Condition(Stimulus):
     """A stimulus that runs the whole design; what a file leaves out of it is taken from [burst].
 
-    The last four keys are what `window = "auto"` and `file` come to. They are filled in when a
-    study file is read, and never again: a plan holds the stimulus that is really played.
+    Four keys are what `window = "auto"` and `file` come to. They are filled in when a study file
+    is read, and never again: a plan holds the stimulus that is really played. So are the last one's
+    levels, when they are placed for a person.
     """
 
     name: str = Field(description="1 to 32 of A-Z a-z 0-9 _ -")
@@ -119,6 +124,9 @@ class Condition(Stimulus):
     )
     sample_rate_hz: float | None = Field(
         default=None, ge=1e-3, le=1e9, description="of these samples"
+    )
+    levels_vpp: tuple[Level, ...] | None = Field(
+        default=None, strict=False, description="placed for a person, in place of the design's"
     )
 
     def __post_init__(self) -> None:
@@ -149,6 +157,10 @@ class Condition(Stimulus):
             return self.stated
         return replace(self.stated, cycles=self.auto_cycles, window=self.auto_window)
 
+    def own(self, design: Design) -> Design:
+        """Return a design with the levels that were placed for this condition, if any were."""
+        return design if self.levels_vpp is None else replace(design, levels_vpp=self.levels_vpp)
+
     def _sampled(self) -> SampledDrive:
         if self.samples_base64 is None or self.sample_rate_hz is None:
             raise ValueError(f"file was not read; got {self.file!r}")
@@ -158,6 +170,41 @@ class Condition(Stimulus):
         except (binascii.Error, ValueError) as error:
             raise ValueError(f"samples_base64 must hold samples; got {error}") from error
         return SampledDrive(samples=samples.astype(np.float64), sample_rate_hz=self.sample_rate_hz)
+
+
+def recorded(table: Any) -> dict[str, Any]:
+    """Return a table of several, such as a condition, without levels where none were placed."""
+    keys = asdict(table)
+    return {key: value for key, value in keys.items() if key != "levels_vpp" or value is not None}
+
+
+def levels_words(design: Design, conditions: Sequence[Condition]) -> str:
+    """Return the levels of a study in words, those of each condition where they differ."""
+    each = {
+        one.name: ", ".join(f"{level_vpp:g}" for level_vpp in one.own(design).levels_vpp)
+        for one in conditions
+    }
+    if len(set(each.values())) == 1:
+        return next(iter(each.values()))
+    return "; ".join(f"{name} {levels}" for name, levels in each.items())
+
+
+def check_levels(design: Design, conditions: Sequence[Condition], device: DeviceSettings) -> None:
+    """Refuse levels above what a device reaches."""
+    ceiling_vpp, key = device.highest
+    named = {"design.both_level": design.both_level_vpp or 0.0}
+    for place, one in enumerate(conditions):
+        path = "design" if one.levels_vpp is None else f"condition[{place}]"
+        levels_vpp = one.own(design).levels_vpp
+        named |= {f"{path}.levels_vpp[{i}]": level for i, level in enumerate(levels_vpp)}
+    higher = replace(limits_of(type(device), "ceiling_vpp"), ge=max(named.values()))
+    for name, level_vpp in named.items():
+        if level_vpp > ceiling_vpp:
+            most = inward(ceiling_vpp, least=False, digits=12)
+            raise ValueError(
+                f"{name} must be at most {key} = {most}; got {level_vpp:.12g}"
+                f"{in_mind(key.removeprefix('device.'), ceiling_vpp, higher.hold)}"
+            )
 
 
 def completed(table: dict[str, Any], burst: SharedStimulus) -> dict[str, Any]:
