@@ -15,7 +15,7 @@ from experiment.terms.exits import CommandError, refusals
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from analysis.thresholds.levels import ExpectedError, Placement
+    from analysis.thresholds.levels import ExpectedError, LevelsError, Placement
     from experiment.study.study import Study
 
 
@@ -36,7 +36,11 @@ if TYPE_CHECKING:
     type=click.Path(path_type=Path),
     help=f"A new file for run --levels FILE; its name ends in {LEVELS_SUFFIX}.",
 )
-@click.option("--condition", metavar="NAME", help="Whose levels --write takes, of several.")
+@click.option(
+    "--condition",
+    metavar="NAME",
+    help="The one whose levels --write takes.  [default: each condition has its own]",
+)
 @refusals
 def levels(
     *,
@@ -75,12 +79,12 @@ def levels(
     )
     found = place_levels(own, participant, study)
     placements = [one for one in found if not isinstance(one, LevelsError)]
-    if len(placements) < len(found) and (len(found) == 1 or not placements):
-        raise next(one for one in found if isinstance(one, LevelsError))
-    chosen = _chosen(placements, condition) if target is not None else None
+    refused = [one for one in found if isinstance(one, LevelsError)]
+    if not placements:
+        raise refused[0]
     simulated = bool(own["simulated"].astype(bool).any())
-    if target is not None and chosen is not None:
-        write_levels(chosen, target, simulated=simulated)
+    if target is not None:
+        write_levels(_chosen(placements, refused, condition), target, simulated=simulated)
     for one in found:
         click.echo(str(one) if isinstance(one, LevelsError) else report(one))
     if simulated:
@@ -89,17 +93,20 @@ def levels(
         click.echo(f"Written to {target}; tactstrip run STUDY --levels {target} uses it")
 
 
-def _chosen(placements: Sequence[Placement], condition: str | None) -> Placement:
-    """Return the placement to write: the only one, or that of the condition."""
+def _chosen(
+    placements: Sequence[Placement], refused: Sequence[LevelsError], condition: str | None
+) -> Sequence[Placement]:
+    """Return the placements to write: all, none of which was refused, or that of the condition."""
     names = [one.condition for one in placements]
-    if condition is None and len(placements) == 1:
-        return placements[0]
-    if condition not in names:
+    if condition is None and refused:
         raise CommandError(
-            f"--condition must name the condition whose levels are written, one of "
-            f"{', '.join(names)}; got {condition or 'none'}"
+            f"{refused[0]}; --condition NAME writes the levels of one, {' or '.join(names)}, alone"
         )
-    return placements[names.index(condition)]
+    if condition is not None and condition not in names:
+        raise CommandError(
+            f"--condition must be one whose levels are placed, {', '.join(names)}; got {condition}"
+        )
+    return [one for one in placements if condition in {None, one.condition}]
 
 
 def _study_of(files: list[str]) -> Study:
@@ -150,9 +157,15 @@ def _error(error: ExpectedError) -> str:
 _SIMULATED: Final = "Participant and answers are simulated: these levels are for no person"
 
 
-def write_levels(found: Placement, target: Path, *, simulated: bool) -> None:
-    """Write the levels as `experiment.study.read.read_levels` reads them; never over a file."""
-    numbers = ", ".join(f"{level!r}" for level in found.levels_vpp)
+def write_levels(found: Sequence[Placement], target: Path, *, simulated: bool) -> None:
+    """Write a person's levels as `experiment.study.read.read_levels` reads them, into a new file.
+
+    Those of one condition are a list, those of several a table.
+    """
     text = f"# {_SIMULATED}.\n" * simulated
-    text += f"participant = {json.dumps(found.participant)}\nlevels_vpp = [{numbers}]\n"
+    text += f"participant = {json.dumps(found[0].participant)}\n"
+    text += "\n[levels_vpp]\n" * (len(found) > 1)
+    for one in found:
+        key = json.dumps(one.condition) if len(found) > 1 else "levels_vpp"
+        text += f"{key} = [{', '.join(f'{level!r}' for level in one.levels_vpp)}]\n"
     write_new(target, text.encode(), DISK)

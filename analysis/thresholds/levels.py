@@ -157,7 +157,7 @@ def _placement(people: PersonCounts, i: int, study: Study, seed: int) -> Placeme
         raise pilot
     function, (low, high) = pilot.function, pilot.threshold_limits_vpp
     levels_vpp = placed(function, *study.device.highest)
-    design = study.design
+    design = study.design_of(condition)
     drawn = _draws(pilot.surface, pilot.ruler, guess.mean, np.random.default_rng(seed))
     error, fixed_error = (
         expected_error(drawn, levels, 2 * design.trials_per_side, seed=seed)

@@ -243,6 +243,7 @@ def test_the_command_writes_what_run_reads(folder: Path, tmp_path: Path) -> None
     result = run("levels", folder, "--participant", name, "--write", target)
     assert (result.exit_code, result.stderr) == (0, "")
     levels = read_levels(target, name)
+    assert isinstance(levels, tuple)
     assert len(levels) == 5
     assert levels[0] < 85 < levels[-1]
     assert ") with these levels\n" in result.stdout
@@ -265,12 +266,35 @@ def test_one_condition_of_several_is_written(folder: Path, tmp_path: Path) -> No
     both = pd.concat([one, one.assign(condition="b", session="02")])
     both.to_csv(table, index=False)
     told = ["levels", table, "--participant", name, "--write", tmp_path / "l.toml"]
-    refused = run(*told)
+    refused = run(*told, "--condition", "c")
     assert refused.exit_code == 2
-    assert "--condition must name the condition whose levels are written" in refused.stderr
+    assert "--condition must be one whose levels are placed, b, main; got c" in refused.stderr
     assert not (tmp_path / "l.toml").exists()
     assert run(*told, "--condition", "b").exit_code == 0
-    assert len(read_levels(tmp_path / "l.toml", name)) == 5
+    alone = read_levels(tmp_path / "l.toml", name)
+    assert len(alone) == 5
+    told[-1] = tmp_path / "each.toml"
+    assert run(*told).exit_code == 0
+    assert read_levels(tmp_path / "each.toml", name) == {"b": alone, "main": alone}
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("few_studies")
+def test_no_file_lacks_a_condition_of_the_pilot(folder: Path, tmp_path: Path) -> None:
+    name = owner(folder)
+    (trials,) = folder.rglob("trials.csv")
+    one = pd.read_csv(trials, dtype=str, keep_default_na=False)
+    table = tmp_path / "alone" / "pilot.csv"
+    table.parent.mkdir()
+    unfelt = one.assign(condition="b", session="02", response="none", correct="false")
+    pd.concat([one, unfelt]).to_csv(table, index=False)
+    told = ["levels", table, "--participant", name, "--write", tmp_path / "l.toml"]
+    refused = run(*told)
+    assert refused.exit_code == 2
+    assert f"participant {name} in condition b cannot place levels" in refused.stderr
+    assert "; --condition NAME writes the levels of one, main, alone" in refused.stderr
+    assert not (tmp_path / "l.toml").exists()
+    assert run(*told, "--condition", "main").exit_code == 0
 
 
 @pytest.mark.slow
@@ -303,6 +327,7 @@ def test_placed_levels_stay_within_what_the_device_reaches_and_fit_its_study(
     assert result.exit_code == 0, result.stderr
     assert f"\nLevels (the device reaches {most_vpp:g} V = {key}):\n" in result.stdout
     levels_vpp = read_levels(target, name)
+    assert isinstance(levels_vpp, tuple)
     assert levels_vpp[-1] == 110.0
     with_levels(read_study(study), levels_vpp)  # as run --levels does
 

@@ -445,7 +445,7 @@ def test_a_command_that_tells_of_people_gives_others_no_right(
     result = run(*command.split())
     assert result.exit_code == 0, result.output
     found = cast("Placement", SimpleNamespace(participant="01", levels_vpp=[80.0]))
-    write_levels(found, Path("levels.toml"), simulated=True)
+    write_levels([found], Path("levels.toml"), simulated=True)
     written = set(Path().rglob("*")) - before
     assert len(written) > 5
     for path in written:
