@@ -170,7 +170,7 @@ def _predicted(least_s: float, most_s: float) -> str:
     type=click.Choice(["fixed", "placed"]),
     default="fixed",
     show_default=True,
-    help="The study's, or placed for each person after a pilot of 40 stimuli.",
+    help="The study's, or placed for each person, in each condition, after a pilot of 40 stimuli.",
 )
 @click.option(
     "--assurance",

@@ -56,12 +56,18 @@ class Session:
     rng: np.random.Generator
     shifts_db: tuple[float, ...] = (0.0,)
     """By how much the thresholds lie higher in each condition."""
+    own: tuple[Design, ...] = ()
+    """The design of each condition, where they have levels of their own."""
+
+    def design_in(self, condition: int) -> Design:
+        """Return the design of a condition."""
+        return self.own[condition] if self.own else self.design
 
 
 def draw_counts(sessions: Sequence[Session], gains: FingerGains) -> list[list[Counts]]:
     """Draw the counts of each session in each condition.
 
-    The designs may have levels of their own and are alike in all else.
+    The designs may have levels of their own, also in each condition, and are alike in all else.
     """
     one = sessions[0].person
     if any((one.drift_db, one.block_drift_db, one.wander_db, one.last_answer_db)):
@@ -70,21 +76,25 @@ def draw_counts(sessions: Sequence[Session], gains: FingerGains) -> list[list[Co
 
 
 def _at_once(sessions: Sequence[Session], gains: FingerGains) -> list[list[Counts]]:
-    most = max(len(one.design.levels_vpp) for one in sessions)
-    levels_vpp = np.zeros((len(sessions), most))
-    for i, one in enumerate(sessions):
-        levels_vpp[i, : len(one.design.levels_vpp)] = one.design.levels_vpp
     silent, responses = np.zeros((len(sessions), 1)), sessions[0].design.responses
     places = [responses.index(side) for side in _SIDES]
     found: list[list[Counts]] = [[] for _ in sessions]
-    for shift_db in zip(*(one.shifts_db for one in sessions), strict=True):
+    for place, shift_db in enumerate(zip(*(one.shifts_db for one in sessions), strict=True)):
+        levels_vpp = _levels_vpp([one.design_in(place) for one in sessions])
         left, right, blank = (
             _probabilities(sessions, levels, gains, np.array(shift_db)[:, None])
             for levels in ((levels_vpp, silent), (silent, levels_vpp), (silent, silent))
         )
         hits = np.minimum(np.stack([left[..., places[0]], right[..., places[1]]], axis=1), 1.0)
         for row, one in enumerate(sessions):
-            found[row].append(_drawn(one, hits[row], blank[row, 0]))
+            found[row].append(_drawn(one.design_in(place), hits[row], blank[row, 0], one.rng))
+    return found
+
+
+def _levels_vpp(designs: Sequence[Design]) -> Floats:
+    found = np.zeros((len(designs), max(len(one.levels_vpp) for one in designs)))
+    for row, one in zip(found, designs, strict=True):
+        row[: len(one.levels_vpp)] = one.levels_vpp
     return found
 
 
@@ -98,9 +108,8 @@ def _probabilities(
     )  # fmt: skip
 
 
-def _drawn(session: Session, hits: Floats, blank: Floats) -> Counts:
+def _drawn(design: Design, hits: Floats, blank: Floats, rng: np.random.Generator) -> Counts:
     """Draw a condition's counts by how often levels of each side are hit, and blanks answered."""
-    design, rng = session.design, session.rng
     levels = len(design.levels_vpp)
     detected, presented = np.zeros((2, levels), dtype=np.int64)
     for p in hits:
@@ -128,23 +137,30 @@ class _Course:
 
 
 def _course(session: Session) -> _Course:
-    design, rng = session.design, session.rng
-    place_of = {level_vpp: i for i, level_vpp in enumerate(design.levels_vpp)}
+    rng = session.rng
+    place_of = [
+        {level_vpp: i for i, level_vpp in enumerate(session.design_in(condition).levels_vpp)}
+        for condition in range(len(session.shifts_db))
+    ]
     order = rng.permutation(len(session.shifts_db)).tolist()
-    blocks = [(place, block) for place in order for block in shuffled_blocks(design, rng)]
+    blocks = [
+        (place, block)
+        for place in order
+        for block in shuffled_blocks(session.design_in(place), rng)
+    ]
     trials = [(place, number, *stimulus)
               for number, (place, block) in enumerate(blocks) for stimulus in block]  # fmt: skip
     condition, block_of, kind, side, level_vpp = zip(*trials, strict=True)
     told_vpp = np.array([one or 0.0 for one in level_vpp])
     is_side = {one: np.array(side) == one for one in _SIDES}
-    both, single = np.array(kind) == "both", np.array(kind) == "single"
+    both = np.array(kind) == "both"
     shift_db = np.array(session.shifts_db)[list(condition)]
     return _Course(
         condition=np.array(condition),
         left_vpp=told_vpp * (is_side["left"] | both),
         right_vpp=told_vpp * (is_side["right"] | both),
-        level=np.array([place_of[one] if is_single and one is not None else -1
-                        for one, is_single in zip(level_vpp, single, strict=True)]),
+        level=np.array([place_of[place][one] if of == "single" and one is not None else -1
+                        for place, of, one in zip(condition, kind, level_vpp, strict=True)]),
         blank=np.array(kind) == "blank",
         shift_db=shift_db + threshold_course_db(session.person, block_of, rng),
         chance=rng.random(len(trials)),
@@ -184,20 +200,20 @@ def _by_trial(sessions: Sequence[Session], gains: FingerGains) -> list[list[Coun
 def _counted(
     session: Session, course: _Course, answer: Integers, responses: Sequence[str]
 ) -> list[Counts]:
-    levels = len(session.design.levels_vpp)
     sided = np.where(course.left_vpp > 0, responses.index("left"), responses.index("right"))
     found = []
     for condition in range(len(session.shifts_db)):
+        design = session.design_in(condition)
         single = (course.condition == condition) & (course.level >= 0)
         presented, detected = (
-            np.bincount(course.level[which], minlength=levels)
+            np.bincount(course.level[which], minlength=len(design.levels_vpp))
             for which in (single, single & (answer == sided))
         )
         blank = answer[(course.condition == condition) & course.blank]
         words = Counter(dict(zip((*responses, None),
                                  np.bincount(blank, minlength=len(responses) + 1).tolist(),
                                  strict=True)))  # fmt: skip
-        found.append(_counts(session.design, detected.tolist(), presented.tolist(), words))
+        found.append(_counts(design, detected.tolist(), presented.tolist(), words))
     return found
 
 

@@ -135,12 +135,13 @@ class Promise:
         levels = " ".join(f"{level:g}" for level in self.pilot_vpp)
         own = " ".join(f"{level:g}" for level in self.people.study.design.levels_vpp)
         share = without / sum(people)
-        told = f"Levels are placed after a pilot of {PILOT_STIMULI} stimuli at {levels} V. "
+        each = " in each condition" * (self.goal.kind == "difference")
+        told = f"Levels are placed after a pilot of {PILOT_STIMULI} stimuli{each} at {levels} V. "
         if not without:
             return f"{told}Each of {sum(people)} pilots placed some."
         return (
-            f"{told}Of {sum(people)} pilots {share:.1%} placed none; their people have the "
-            f"study's levels, {own} V."
+            f"{told}Of {sum(people)} pilots {share:.1%} placed none{each and ' in some'}; their "
+            f"people have the study's levels{each and ' there'}, {own} V."
         )
 
     @property

@@ -142,7 +142,7 @@ def simulate(chunk: Chunk) -> dict[str, Any]:
         "covered": [int(one.covered) for one in outcomes],
     }
     if chunk.point.placed:  # people whose pilots placed no levels
-        own = [one.design is design for one in sessions]
+        own = [any(one is design for one in session.own) for session in sessions]
         told["unplaced"] = [
             sum(own[place * number : (place + 1) * number]) for place in range(chunk.number)
         ]
@@ -189,7 +189,8 @@ def _session(plan: _Plan, design: Design, root: int, study: int, i: int) -> Sess
 def _with_placed_levels(plan: _Plan, sessions: Sequence[Session]) -> list[Session]:
     """Place levels after a pilot session, as `tactstrip levels` does; where it cannot, the study's.
 
-    The pilot has 40 stimuli, and 12 blanks where they can be answered.
+    The pilot has 40 stimuli, and 12 blanks where they can be answered, in each condition, which
+    gets levels of its own.
     """
     design = sessions[0].design
     pilot = replace(
@@ -200,18 +201,18 @@ def _with_placed_levels(plan: _Plan, sessions: Sequence[Session]) -> list[Sessio
         order="balanced",
         break_every=0,
     )
-    pilots = draw_counts(
-        [replace(one, design=pilot, shifts_db=(0.0,)) for one in sessions], plan.gains
-    )
+    pilots = draw_counts([replace(one, design=pilot) for one in sessions], plan.gains)
+    every = [counts for of_person in pilots for counts in of_person]
     levels, detected, shown = (
-        np.array([getattr(counts, name) for (counts,) in pilots], dtype=np.float64)
+        np.array([getattr(counts, name) for counts in every], dtype=np.float64)
         for name in ("levels_vpp", "detected", "presented")
     )
-    guesses = [counts.guess for (counts,) in pilots]
-    found = pilot_functions(levels, detected, shown, guesses)
+    found = pilot_functions(levels, detected, shown, [counts.guess for counts in every])
+    designs = [_placed(plan, design, one) for one in found]
+    number = len(sessions[0].shifts_db)
     return [
-        replace(one, design=_placed(plan, design, pilot))
-        for one, pilot in zip(sessions, found, strict=True)
+        replace(one, own=tuple(designs[place * number : (place + 1) * number]))
+        for place, one in enumerate(sessions)
     ]
 
 

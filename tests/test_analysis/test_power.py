@@ -19,6 +19,7 @@ from scipy.stats import binom, chi2
 
 from analysis.answers.intervals import proportion_ci
 from analysis.commands.power import Progress, power
+from analysis.power.counts import draw_counts
 from analysis.power.goals import Goal
 from analysis.power.levers import Thumb, levers, thumb
 from analysis.power.planning import plan_study
@@ -31,7 +32,16 @@ from analysis.power.population import (
 from analysis.power.promise import text
 from analysis.power.search import MANY, PROBE, Trials, Tried, answers, smallest
 from analysis.power.so_far import Ahead, SoFar
-from analysis.power.studies import Chunk, Point, pilot_levels_vpp, plan_text, simulate
+from analysis.power.studies import (
+    Chunk,
+    Point,
+    _read,
+    _session,
+    design_of,
+    pilot_levels_vpp,
+    plan_text,
+    simulate,
+)
 from analysis.reading.load import read_trials
 from analysis.workers.chunks import spread
 from experiment.session.simulate import simulate_study
@@ -411,6 +421,27 @@ def test_the_goal_is_the_whole_difference_whatever_a_dry_run_has() -> None:
     assert 1.0 < np.median(found[0]["number"]) < 3.0
 
 
+@pytest.mark.parametrize("more", ["", "wander_db = 0.5\nwander_trials = 9.0"])
+def test_each_condition_has_levels_of_its_own_after_a_pilot(more: str) -> None:
+    """The study's levels would find neither threshold, nor one list of five both."""
+    study = study_of(
+        "levels_vpp = [190.0, 195.0]\ntrials_per_side = 10\nboth_trials = 0",
+        f"threshold_vpp = 30.0\nthreshold_sd_db = 1.0\nsigma = 0.11\n{more}",
+    )
+    plan = plan_text(study, (ALONE,), Goal.parse("difference=10dB"))
+    point = Point(participants=3, trials_per_side=15, blanks=0, placed=True)
+    found = simulate(Chunk(plan=plan, point=point, first=0, number=6, seed=5))
+    assert sum(found["unplaced"]) <= 3
+    assert np.median(found["number"]) == pytest.approx(10, abs=1.5)
+    assert sum(found["reached"]) >= 5
+    one = _read(plan)
+    session = _session(one, design_of(study.design, point), 5, 0, 0)
+    designs = [replace(session.design, levels_vpp=levels) for levels in ((20.0, 41.0), (7.5,))]
+    (both,) = draw_counts([replace(session, own=tuple(designs))], one.gains)
+    assert [counts.levels_vpp for counts in both] == [(20.0, 41.0), (7.5,)]
+    assert [sum(counts.presented) for counts in both] == [30, 30]
+
+
 def test_thresholds_known_for_another_vibration_are_those_of_the_dry_run() -> None:
     study = study_of("", "threshold_vpp = 20.0\nthreshold_at_hz = 250\nthreshold_at_s = 0.2")
     planned = json.loads(
@@ -471,7 +502,9 @@ def test_the_answer_is_the_smallest_number_that_exact_sums_allow(tmp_path: Path)
     assert exact[number] > 0.77
     assert exact[number - 1] < 0.83
     assert found["levers"][0]["change"] == "40 blanks instead of 20"
-    assert "is expected: at least 80% of such studies were asked for, and of 1000" in found["ethics"]
+    assert (
+        "is expected: at least 80% of such studies were asked for, and of 1000" in found["ethics"]
+    )
     assert figure.read_text().startswith("<?xml")
 
 
