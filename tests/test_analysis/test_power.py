@@ -425,21 +425,22 @@ def test_the_goal_is_the_whole_difference_whatever_a_dry_run_has() -> None:
 def test_each_condition_has_levels_of_its_own_after_a_pilot(more: str) -> None:
     """The study's levels would find neither threshold, nor one list of five both."""
     study = study_of(
-        "levels_vpp = [190.0, 195.0]\ntrials_per_side = 10\nboth_trials = 0",
-        f"threshold_vpp = 30.0\nthreshold_sd_db = 1.0\nsigma = 0.11\n{more}",
+        "levels_vpp = [190.0, 195.0]\ntrials_per_side = 10\nboth_trials = 0\nblank_trials = 20\n"
+        'responses = ["left", "right", "none"]',
+        f"threshold_vpp = 30.0\nthreshold_sd_db = 1.0\n{more}",
     )
     plan = plan_text(study, (ALONE,), Goal.parse("difference=10dB"))
-    point = Point(participants=3, trials_per_side=15, blanks=0, placed=True)
+    point = Point(participants=3, trials_per_side=30, blanks=20, placed=True)
     found = simulate(Chunk(plan=plan, point=point, first=0, number=6, seed=5))
-    assert sum(found["unplaced"]) <= 3
-    assert np.median(found["number"]) == pytest.approx(10, abs=1.5)
-    assert sum(found["reached"]) >= 5
+    assert sum(found["unplaced"]) <= 2
+    assert np.median(found["number"]) == pytest.approx(10, abs=0.6)
+    assert sum(found["reached"]) == 6
     one = _read(plan)
     session = _session(one, design_of(study.design, point), 5, 0, 0)
     designs = [replace(session.design, levels_vpp=levels) for levels in ((20.0, 41.0), (7.5,))]
     (both,) = draw_counts([replace(session, own=tuple(designs))], one.gains)
     assert [counts.levels_vpp for counts in both] == [(20.0, 41.0), (7.5,)]
-    assert [sum(counts.presented) for counts in both] == [30, 30]
+    assert [sum(counts.presented) for counts in both] == [60, 60]
 
 
 def test_thresholds_known_for_another_vibration_are_those_of_the_dry_run() -> None:
