@@ -77,8 +77,8 @@ def levers(
 ) -> tuple[Lever, ...]:
     """Return what changes of the design do to a study of fewer people, the largest gain first.
 
-    They begin with a part of the answer's people or, where no number does, with the most.
-    Changes that a `kind` of goal does not ask about are left out; `levels` is their number.
+    They begin with a part of the answer's people or, where no number does, with the most. Changes
+    that a `kind` of goal does not ask about are left out; `levels` is their number.
     """
     least, most = participants
     number = most

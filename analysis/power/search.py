@@ -2,7 +2,8 @@
 
 Each point is 200 studies, those near the answer 1000. All points have the same people (common
 random numbers), so that neighbours differ by less than their own errors say. The number that these
-studies choose passes in them by luck, too: what is told of it comes from 1000 others.
+studies choose passes in them by luck, too: what is told of it comes from 1000 others. One number by
+itself is no choice: where it is clearly enough, fewer do.
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Generator
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -32,6 +34,8 @@ FEW: Final = 200
 MANY: Final = 1000
 CHECKED: Final = 2 * MANY
 """Of the answer: those from `MANY` on take no part in the search."""
+FRESH: Final = 2 * FEW
+"""Of one number alone that is clearly enough: those from the ones on that say so are told of it."""
 _CLEAR: Final = 3.0
 """Standard errors from the assurance, from which a number of people is ruled out, or in."""
 _STRIDE: Final = 1.6
@@ -44,7 +48,7 @@ _GOLDEN: Final = 0.618
 """Whose multiples lie evenly between whole numbers, however many are taken."""
 _STUDY_S: Final = 0.005
 _PERSON_S: Final = 0.001
-_PLACED_S: Final = 0.002
+_PLACED_S: Final = 0.004
 """About what a study takes, each of its people, and placing levels for one: it sizes the chunks."""
 
 
@@ -191,7 +195,7 @@ class Trials:
         """Cut what is missing into chunks, always at the same places: a kept one is found again."""
         known = self._found.get(point, {})
         size = max(1, round(CHUNK_S / work_of(point, 1)))
-        for start, stop in ((0, PROBE), (PROBE, FEW), (FEW, MANY), (MANY, CHECKED)):
+        for start, stop in pairwise((0, PROBE, FEW, FRESH, MANY, CHECKED)):
             for first in range(start, min(stop, studies), size):
                 if first not in known:
                     yield Chunk(
@@ -237,6 +241,10 @@ def smallest(trials: Trials, at: Point, participants: tuple[int, int], assurance
     All else is as in the point `at`.
     """
     numbers = _Numbers(trials, at, *participants, assurance)
+    plain = yield from numbers.plainly()
+    if plain is not None:
+        alone = plain.point.participants
+        return Answer(point=at, participants=alone, low=alone, high=alone, checked=plain)
     number = yield from numbers.first()
     if number is None:
         return Answer(point=at, participants=None)
@@ -271,6 +279,25 @@ class _Numbers:
         """Ask for those within the bounds."""
         inside = sorted({number for number in numbers if self.least <= number <= self.most})
         return [(replace(self.at, participants=number), studies) for number in inside]
+
+    def plainly(self) -> Generator[_Asked, None, Tried | None]:
+        """Return how one number alone does in fresh studies, where few say that it is enough.
+
+        None where it is one of several, not enough, near the assurance, or ruled out by these: the
+        search goes on.
+        """
+        if self.least < self.most:
+            return None
+        for few, all_of_them in ((PROBE, FEW), (FEW, FRESH)):
+            yield self.asked([self.most], few)
+            said = self.of(self.most).clear(self.assurance)
+            if said < 0:
+                return None
+            if said > 0:
+                yield self.asked([self.most], all_of_them)
+                found = self.trials.tried(replace(self.at, participants=self.most), few)
+                return found if found.limits[1] >= self.assurance else None
+        return None
 
     def first(self) -> Generator[_Asked, None, int | None]:
         """Find the least number that reaches the assurance."""

@@ -6,6 +6,7 @@ import json
 import math
 import re
 from dataclasses import asdict, replace
+from itertools import groupby
 from pathlib import Path
 from statistics import NormalDist
 from typing import TYPE_CHECKING, Any
@@ -177,6 +178,57 @@ def test_the_search_finds_the_smallest_number_in_few_rounds(
             assert found.low <= found.participants <= found.high
 
 
+@pytest.mark.parametrize(
+    ("share", "studies", "told"),
+    [
+        (1.0, 200, 160),  # 40 of 40 are clear
+        (0.93, 400, 200),  # 37 of 40 are not, 186 of 200 are
+        (0.83, 2000, 1000),  # near the assurance: as a search
+        (0.5, 40, None),
+        (0.7, 200, None),
+    ],
+)
+def test_one_number_that_is_clearly_enough_takes_few_studies_and_tells_of_fresh_ones(
+    share: float, studies: int, told: int | None
+) -> None:
+    trials = evenly(lambda _: share)
+    at = Point(participants=1, trials_per_side=75, blanks=0)
+    (found,) = answers(trials, [smallest(trials, at, (17, 17), 0.8)])
+    (point,) = trials.all()
+    if share >= 0.8:
+        assert point.studies == studies
+    assert (found.checked.studies if found.checked else None) == told
+    if found.checked:
+        assert found.checked.assurance == pytest.approx(share, abs=0.01)
+        assert (found.participants, found.low, found.high) == (17, 17, 17)
+
+
+def test_what_is_told_of_one_number_is_not_chosen_by_its_luck() -> None:
+    """Its first studies only say that it is enough: what is told of it is no better for that."""
+    truth, told = 0.87, []
+    for seed in range(400):
+        trials = evenly(lambda _: truth, np.random.default_rng(seed))
+        at = Point(participants=1, trials_per_side=75, blanks=0)
+        (found,) = answers(trials, [smallest(trials, at, (5, 5), 0.8)])
+        assert found.checked is not None
+        told.append((found.checked.assurance, *found.checked.limits))
+    assert np.mean([share for share, *_ in told]) == pytest.approx(truth, abs=0.003)
+    assert np.mean([low <= truth <= high for _, low, high in told]) > 0.93
+
+
+def evenly(share: Callable[[int], float], rng: np.random.Generator | None = None) -> Trials:
+    """Trials of which so large a share reaches the goal, by the number of people."""
+
+    def known(_: object, chunks: Iterable[Chunk]) -> Iterator[Any]:
+        for one in chunks:
+            studies = np.arange(one.first, one.first + one.number)
+            luck = studies * 0.618 % 1 if rng is None else rng.random(one.number)
+            reached = (luck < share(one.point.participants)).tolist()
+            yield one, dict.fromkeys(("reached", "number", "covered"), reached)
+
+    return Trials(plan="", seed=1, spread=known)
+
+
 def searched(seed: int, slope: float) -> tuple[Answer, Trials]:
     """Search where each person more reaches the goal in so many more studies, 13.6 in 80 %."""
 
@@ -228,8 +280,9 @@ def test_a_number_that_fresh_studies_rule_out_is_not_the_answer() -> None:
 def test_a_search_under_way_tells_between_which_numbers_the_answer_lies() -> None:
     def drawn(_: object, chunks: Iterable[Chunk]) -> Iterator[Any]:
         for one in chunks:
-            rng = np.random.default_rng((one.point.participants, one.first))
-            reached = rng.random(one.number) < 0.8 + 0.05 * (one.point.participants - 13.6)
+            luck = np.random.default_rng(one.point.participants).random(2 * MANY)
+            luck = luck[one.first : one.first + one.number]
+            reached = luck < 0.8 + 0.05 * (one.point.participants - 13.6)
             yield one, dict.fromkeys(("reached", "number", "covered"), reached.tolist())
 
     at = Point(participants=1, trials_per_side=75, blanks=0)
@@ -241,7 +294,7 @@ def test_a_search_under_way_tells_between_which_numbers_the_answer_lies() -> Non
         trials.step = lambda _: words.append(so_far.words())
         (found,) = answers(trials, [smallest(trials, at, participants, 0.8)])
         so_far.answers = [found]
-        return found, [*dict.fromkeys(words), so_far.words()]
+        return found, [*(one for one, _ in groupby(words)), so_far.words()]
 
     found, words = told((2, 40))
     assert words[:2] == ["so far more than 2 participants", "so far more than 3 participants"]
@@ -585,6 +638,15 @@ def test_levers_begin_with_fewer_people_than_the_answer_and_say_why() -> None:
     assert re.search(
         r"Levers, beginning with 12 participants, of whose studies \d+% .*" + why, told
     )
+
+
+def test_one_number_that_is_clearly_enough_has_no_levers() -> None:
+    told = promised(lambda _: 0.97, (12, 12))
+    assert (told.levers, "Levers" in text(told)) == ((), False)
+    assert told.sentence.startswith("12 participants, ")
+    assert re.match(r"Of \d00 fresh studies, which took no part in the search, 9", told.reaching)
+    assert promised(lambda _: 0.81, (12, 12)).levers
+    assert promised(lambda _: 0.97, (12, 14)).levers
 
 
 def test_a_search_stopped_after_its_answer_tells_the_answer() -> None:
