@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import math
 import sys
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import product
@@ -183,20 +184,20 @@ def placed_sessions(
         trials_per_side=20,
         blank_trials=12 if "none" in study.design.responses else 0,
     )
-    pilot = study.changed(design=design, condition=study.conditions[:1])
+    pilot, last = study.changed(design=design), study.conditions[-1].name
     for number, child in enumerate(np.random.SeedSequence(seed).spawn(participants), start=1):
         of_person, of_pilot = (int(state) for state in child.generate_state(2))
         plan = _plan(study, number, of_person, gains)
         person = simulated_responder(study, plan, VirtualClock()).observer_facts
         person.pop("unmeasured")
         with TemporaryDirectory() as folder:
-            plan, clock = _plan(pilot, number, of_pilot, gains[:1]), VirtualClock()
-            of_trial = dict.fromkeys(
-                (trial.number for trial in plan.trials), plan.gains_of(gains[0].condition)
-            )
+            plan, clock = _plan(pilot, number, of_pilot, gains), VirtualClock()
+            of_trial = {trial.number: plan.gains_of(trial.condition) for trial in plan.trials}
+            own_db = person["difference_db"] * (len(study.conditions) > 1)
             responder = SimulatedResponder(
-                Observer(**person), clock, seed=plan.seed, gains=of_trial
-            )
+                Observer(**person), clock, seed=plan.seed, gains=of_trial,
+                shifts_db={t.number: (own_db, own_db) for t in plan.trials if t.condition == last},
+            )  # fmt: skip
             _run(pilot, Path(folder), plan, responder, clock)
             levels_vpp = _levels(read_trials([Path(folder)]), study)
         at_levels = with_levels(study, levels_vpp)
@@ -204,18 +205,19 @@ def placed_sessions(
         yield _run(at_levels, root, plan, simulated_responder(at_levels, plan, clock), clock)
 
 
-def _levels(pilot: pd.DataFrame, study: Study) -> tuple[float, ...]:
+def _levels(pilot: pd.DataFrame, study: Study) -> dict[str, tuple[float, ...]]:
     """Place levels as `tactstrip levels` does, without the second it takes to tell their error."""
     people = people_of(pilot)
-    (found,) = pilot_functions(
-        people.level_vpp, people.detected, people.presented, [people.guesses[0].rate]
+    functions = pilot_functions(
+        people.level_vpp, people.detected, people.presented, [one.rate for one in people.guesses]
     )
-    if isinstance(found, LevelsError):
-        return study.design.levels_vpp
-    try:
-        return placed(found.function, *study.device.highest)
-    except LevelsError:
-        return study.design.levels_vpp
+    levels_vpp = {}
+    for (condition, _), found in zip(people.names, functions, strict=True):
+        levels_vpp[condition] = study.design.levels_vpp
+        if not isinstance(found, LevelsError):
+            with suppress(LevelsError):
+                levels_vpp[condition] = placed(found.function, *study.device.highest)
+    return levels_vpp
 
 
 def _plan(study: Study, number: int, seed: int, gains: tuple[ConditionGains, ...]) -> SessionPlan:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -245,6 +246,21 @@ def test_a_plan_of_power_is_held_against_fresh_studies_and_sessions() -> None:
     assert len(power.plans()) == 40
     assert cells[:2] == ["false-alarms=9%", "1.5 dB"]
     assert [float(cell.split("%")[0]) >= 60 for cell in cells[6:9]] == [True] * 3
+
+
+@pytest.mark.slow
+def test_levels_of_each_condition_are_placed_by_a_pilot_session_of_both(tmp_path: Path) -> None:
+    study = power.Plan(goal="difference=12dB", spread_db=1.0, blanks=20, placed=True).study()
+    study = study.changed(simulation=replace(study.simulation, difference_db=-9.0))
+    apart_db = []
+    for folder in power.placed_sessions(
+        study, tmp_path, participants=4, seed=6, gains=study_gains(study)
+    ):
+        levels = read_trials([folder.path]).groupby("condition", sort=False)["level_vpp"]
+        middle = levels.apply(lambda of: sorted(of.dropna().unique())[2])
+        first, second = (middle[one.name] for one in study.conditions)
+        apart_db.append(20 * math.log10(second / first))
+    assert np.median(apart_db) == pytest.approx(-9, abs=3)
 
 
 @pytest.mark.slow
