@@ -26,7 +26,7 @@ from .sensitivity import (
     d_prime_differences,
     levels_apart,
 )
-from .tables import difference_table, group_table
+from .tables import Without, difference_table, group_table, without_people
 
 __all__ = [
     "FEW",
@@ -41,6 +41,7 @@ __all__ = [
     "Line",
     "PeopleTables",
     "PopulationThreshold",
+    "Without",
     "alarms_of",
     "compare_conditions",
     "d_prime_differences",
@@ -60,4 +61,5 @@ __all__ = [
     "with_criterion",
     "with_group_micrometres",
     "with_micrometres",
+    "without_people",
 ]

@@ -13,7 +13,7 @@ from experiment.apparatus.rig import asked_of, full_scale_words, lacking_of, sha
 from experiment.preview.displacements import displacement_findings, edge_findings
 from experiment.preview.findings import Findings
 from experiment.study.origins import deciding_words, instead_of_trials
-from experiment.study.sections.design import levels_words, part_of_both
+from experiment.study.sections.design import part_of_both, repeats_words
 from experiment.study.sections.presentation import key_doubts, unsaid_in, untyped_of
 from experiment.study.sections.stimulus import stimulus_facts
 from experiment.study.simulated import median_threshold, people_words, unmeasured, unmeasured_words
@@ -302,7 +302,7 @@ def _tell_plan(found: Findings, check: StudyCheck, device: DeviceSettings) -> No
     )
     if untyped := untyped_of(study.keys, offered):
         found.tell("keys", f"not for --responder terminal: {untyped}", untyped_keys=untyped)
-    found.tell("levels", levels_words(design))
+    found.tell("levels", repeats_words(design))
     found.tell(
         "trials",
         f"{check.trials}: {each}{design.trials_per_side} left, {design.trials_per_side} right, "

@@ -9,11 +9,14 @@ from .physics import (
     fingertips_of,
     loads_of,
     loads_per_volt,
+    own_per_load_m,
     patch_errors,
     study_gains,
 )
 from .read import (
+    Levels,
     is_recorded,
+    other_levels,
     paper_study,
     read_levels,
     read_study,
@@ -28,6 +31,7 @@ from .simulated import (
     unmeasured,
     unmeasured_words,
     vibrations,
+    vibrations_of,
 )
 from .sources import (
     cutoff_source,
@@ -51,6 +55,7 @@ __all__ = [
     "ASSUMED_LOSS",
     "LEAST_LOSS",
     "MOST_LOSS",
+    "Levels",
     "PatchErrors",
     "Source",
     "Study",
@@ -74,7 +79,9 @@ __all__ = [
     "louder_words",
     "measured_beside",
     "median_threshold",
+    "other_levels",
     "others_than_the_plates",
+    "own_per_load_m",
     "paper_study",
     "patch_errors",
     "patch_words",
@@ -94,6 +101,7 @@ __all__ = [
     "unmeasured",
     "unmeasured_words",
     "vibrations",
+    "vibrations_of",
     "with_levels",
     "words_of_the_others",
 ]

@@ -11,7 +11,15 @@ from .actuator import (
     paper_actuators,
 )
 from .dataset import About, Dataset, ParticipantColumn, Participants
-from .design import ASSUMED_ANSWER_S, EARLIEST_ANSWER_S, LEAST_LEVEL_VPP, MAX_TRIALS, Design
+from .design import (
+    ASSUMED_ANSWER_S,
+    EARLIEST_ANSWER_S,
+    LEAST_LEVEL_VPP,
+    MAX_TRIALS,
+    Design,
+    part_of_both,
+    repeats_words,
+)
 from .equipment import Contact, DeviceSettings, Masking, MonitorSettings
 from .finger import FINGER_KEYS, ROUNDING_M, FingerLoad, check_fingers
 from .plate import (
@@ -37,8 +45,11 @@ from .simulation import CURVE_KEYS, PAPER_THRESHOLD_UM, THRESHOLD_VPP, Simulatio
 from .stimulus import (
     Condition,
     SharedStimulus,
+    check_levels,
     completed,
     drive_samples,
+    levels_words,
+    recorded,
     stimulus_facts,
     unscaled_peak,
 )
@@ -100,6 +111,7 @@ __all__ = [
     "Table",
     "Texts",
     "check_fingers",
+    "check_levels",
     "check_measured",
     "completed",
     "displacements_are_known",
@@ -111,8 +123,12 @@ __all__ = [
     "is_as_measured",
     "is_papers_plate",
     "key_doubts",
+    "levels_words",
     "limits_of",
     "paper_actuators",
+    "part_of_both",
+    "recorded",
+    "repeats_words",
     "section",
     "stated_of",
     "stimulus_facts",

@@ -231,7 +231,7 @@ def _both_trials(fraction: float, single_trials: int) -> int:
     )
 
 
-def levels_words(design: Design) -> str:
+def repeats_words(design: Design) -> str:
     """Say which levels there are, and how often each comes."""
     levels = " ".join(f"{level_vpp:g}" for level_vpp in design.levels_vpp)
     share = design.trials_per_side / len(design.levels_vpp)
