@@ -13,7 +13,7 @@ from scipy.special import ndtr
 from analysis.axis import LARGEST, XScale
 from analysis.thresholds.density import Ruler
 from analysis.thresholds.grid import surfaces
-from analysis.thresholds.mle import Tables, at_upper_lapse, fit_lapsing, probabilities
+from analysis.thresholds.mle import Tables, at_upper_lapse, likeliest, probabilities
 from analysis.thresholds.people import GuessRate
 from analysis.thresholds.posterior import posterior, within_levels
 from analysis.thresholds.probit import Lines, deviance, fit_lines, increasing_exists, scale
@@ -277,19 +277,19 @@ def fit_many(
     likely = np.flatnonzero([word == "ok" for word in words])
     if len(likely):
         part = tables[likely]
-        best[likely] = fit_lapsing(part, known.best[likely], least_gain=_GAIN)
+        best[likely] = likeliest(part, known.starts[likely], least_gain=_GAIN)
         misfit[likely] = deviance(part.detected, part.presented, *probabilities(part, best[likely]))
         for row in likely[at_upper_lapse(best[likely])]:
             words[row] = "lapse_at_bound"
     for row, i in enumerate(many):
-        likeliest = (*best[row].tolist(), float(misfit[row]))
-        fits[i] = _fit(known, likeliest, row, rulers[row], words[row])
+        found_best = (*best[row].tolist(), float(misfit[row]))
+        fits[i] = _fit(known, found_best, row, rulers[row], words[row])
     return tuple(fits)
 
 
 def _fit(
     known: Posterior,
-    likeliest: tuple[float, float, float, float],
+    best: tuple[float, float, float, float],
     row: int,
     ruler: Ruler,
     status: FitStatus,
@@ -304,7 +304,7 @@ def _fit(
         return PsychometricFit(status=status, threshold_limits=limits)
     if status not in WITH_THRESHOLD:
         return PsychometricFit(status=status)
-    mu, log_sigma, lapse_rate, misfit = likeliest
+    mu, log_sigma, lapse_rate, misfit = best
     steep = status == "separated"
     return PsychometricFit(
         status=status,

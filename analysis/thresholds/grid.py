@@ -64,6 +64,10 @@ _ALONE: Final = 0.75
 """A single node of lambda with more of the posterior does not tell its shape."""
 
 
+STARTS: Final = 3
+"""Nodes near which the likeliest function is looked for."""
+
+
 STANDARD: Final = Nodes()
 """Limits within 0.03 dB; docs/benchmarks.md has error against time."""
 _ZOOMED: Final = Nodes(outside=0)
@@ -82,7 +86,7 @@ class Surface:
     by_kind: Floats  # times the prior of each of `kinds`: (kinds, mu, log sigma)
     lapse_rate: float  # posterior mean, as that of the guess rate
     guess_rate: float
-    best: tuple[float, float, float]  # the likeliest node: mu, log sigma, lambda
+    starts: Floats  # likeliest nodes: mu, log sigma and lambda, (STARTS, 3)
 
     @property
     def values(self) -> Floats:
@@ -196,7 +200,7 @@ def _zoomed(batch: _Batch, i: int) -> tuple[_Batch, Surface]:
     # No node of a grid that is too coarse need lie near the likeliest point.
     likeliest = fit_lapsing(
         Tables(u=np.array([asked.u]), detected=k, presented=n, guess_rate=np.array([guess.mean])),
-        np.array([batch.best(i)]),
+        batch.starts(i)[:1],
     )[0]
     one = replace(batch, log=batch.log[i : i + 1], guess_weight=batch.guess_weight[i : i + 1])
     ends: tuple[Floats, ...] = ()
@@ -302,12 +306,25 @@ class _Batch:
         weight = axes.guess_weight * np.exp(density - density.max(axis=1, keepdims=True))
         return cls(asked=asked, k=k, n=n, axes=axes, log=log, guess_weight=weight)
 
-    def best(self, i: int) -> tuple[float, float, float]:
-        """Return the likeliest node of a table: mu, log sigma, lambda."""
+    def starts(self, i: int) -> Floats:
+        """Return a table's likeliest nodes: mu, log sigma, lambda, the likeliest first.
+
+        At its mean guess rate, as at another one another function may be by far the likeliest: with
+        one high enough to account for weak levels, a step above them. One of each third of sigma,
+        as steep and flat functions may be likely and those between not.
+        """
         axes = self.axes
+        near = int(np.abs(axes.guess - self.asked.guesses[i].mean).argmin())
         shape = [len(one) for one in (axes.guess, axes.lapse, axes.mu, axes.log_sigma)]
-        _, lapse, mu, sigma = np.unravel_index(int(self.log[i].argmax()), shape)
-        return float(axes.mu[mu]), float(axes.log_sigma[sigma]), float(axes.lapse[lapse])
+        thirds = np.array_split(self.log[i].reshape(shape)[near], STARTS, axis=2)
+        firsts = np.cumsum([0, *(one.shape[2] for one in thirds)])
+        found = []
+        for third, first in zip(thirds, firsts, strict=False):
+            lapse, mu, sigma = np.unravel_index(int(third.argmax()), third.shape)
+            node = (axes.mu[mu], axes.log_sigma[first + sigma], axes.lapse[lapse])
+            found.append((float(third.max()), node))
+        found.sort(key=lambda one: -one[0])
+        return np.array([node for _, node in found])
 
     def surfaces(self) -> tuple[list[Surface], NDArray[np.bool_]]:
         """Return each table's likelihood over mu and log sigma, and whether it is too narrow."""
@@ -332,7 +349,7 @@ class _Batch:
                 mu=axes.mu, log_sigma=axes.log_sigma, by_kind=one,
                 lapse_rate=float(lapse_rate[i]),
                 guess_rate=float(guess_rate[i]),
-                best=self.best(i),
+                starts=self.starts(i),
             )
             for i, one in enumerate(by_kind)
         ]  # fmt: skip

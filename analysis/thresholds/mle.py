@@ -135,6 +135,15 @@ def fit_lapsing(tables: Tables, start: Floats, *, least_gain: float = 0.0) -> Fl
     return _with(np.log, at)
 
 
+def likeliest(tables: Tables, starts: Floats, *, least_gain: float = 0.0) -> Floats:
+    """Return the likeliest of what is found from several starts, (fits, starts, 3): (fits, 3)."""
+    found = [
+        fit_lapsing(tables, starts[:, i], least_gain=least_gain) for i in range(starts.shape[1])
+    ]
+    values = np.array([log_likelihood(tables, one) for one in found])
+    return np.asarray(np.array(found)[values.argmax(axis=0), np.arange(len(tables))])
+
+
 def _with(function: np.ufunc, parameters: Floats) -> Floats:
     """Return parameters with a function of the second."""
     return np.stack([parameters[:, 0], function(parameters[:, 1]), parameters[:, 2]], axis=1)

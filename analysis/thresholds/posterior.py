@@ -32,7 +32,7 @@ class Posterior:
     log_sigma: Floats
     lapse_rate: Floats  # mean: (fits,), as guess_rate
     guess_rate: Floats
-    best: Floats  # likeliest node of the grid, mu, log sigma and lambda: (fits, 3)
+    starts: Floats  # likeliest nodes of the grid, the likeliest first: (fits, nodes, 3)
 
 
 def posterior(found: Sequence[Surface], rulers: Sequence[Ruler]) -> Posterior:
@@ -52,7 +52,7 @@ def posterior(found: Sequence[Surface], rulers: Sequence[Ruler]) -> Posterior:
         log_sigma=log_sigma,
         lapse_rate=np.array([one.lapse_rate for one in found]),
         guess_rate=np.array([one.guess_rate for one in found]),
-        best=np.array([one.best for one in found]),
+        starts=np.array([one.starts for one in found]),
     )
 
 

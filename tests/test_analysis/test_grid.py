@@ -13,6 +13,7 @@ from scipy.stats import beta
 
 from analysis import GuessRate
 from analysis.thresholds.density import Ruler
+from analysis.thresholds.fit import PsychometricFit, fit_many
 from analysis.thresholds.grid import surfaces
 from analysis.thresholds.mle import (
     LOG_SIGMA,
@@ -29,6 +30,8 @@ from analysis.thresholds.posterior import Posterior, posterior
 from tests.test_analysis.shared import QUANTA, counts_at
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from numpy.typing import NDArray
 
     Floats = NDArray[np.float64]
@@ -153,7 +156,7 @@ def test_billions_of_trials_narrow_the_posterior_down_to_the_truth() -> None:
     found = known(table)
     assert found.mu[0] == pytest.approx(4, abs=1e-3)
     assert 1e-5 < np.ptp(found.mu[0]) < 1e-3
-    best = fit_lapsing(table, found.best)
+    best = fit_lapsing(table, found.starts[:, 0])
     assert best[0] == pytest.approx([4, np.log(2), 0.02], abs=1e-6)
 
 
@@ -184,7 +187,7 @@ def test_an_analysis_of_public_data_lies_near_psignifits() -> None:
 @given(tables_of_counts, st.sampled_from([0.0, 0.5]))
 def test_no_corner_or_neighbour_is_likelier(detected: list[int], guess_rate: float) -> None:
     table = counts_at(U, detected, 30, guess_rate)
-    best = fit_lapsing(table, known(table, GuessRate(mean=guess_rate)).best)
+    best = fit_lapsing(table, known(table, GuessRate(mean=guess_rate)).starts[:, 0])
     reached = log_likelihood(table, best)[0]
     lower, upper = table.bounds()
     rng = np.random.default_rng(sum(detected))
@@ -248,3 +251,41 @@ def test_levels_closer_than_a_step_and_one_level_alone_have_a_grid() -> None:
         )
         assert (np.diff(found.mu) > 0).all()
         assert np.isfinite(found.values).all()
+
+
+def told(detected: Sequence[int], presented: int, blanks: tuple[int, int]) -> PsychometricFit:
+    levels = np.log10([3.0, 5.0, 8.0, 13.0, 20.0, 32.0])
+    guess = GuessRate.after_blanks(answered=blanks[0], blanks=blanks[1])
+    shown = np.full((1, len(levels)), float(presented))
+    return fit_many(levels[None], np.array([detected], float), shown, guesses=(guess,))[0]
+
+
+def test_weak_levels_felt_often_do_not_hide_the_likeliest_function() -> None:
+    fit = told([2, 7, 5, 17, 18, 20], 20, (0, 24))  # a step, were the guess rate 0.2
+    assert fit.deviance == pytest.approx(8.044, abs=0.01)
+    assert 10**fit.mle_threshold == pytest.approx(8.23, abs=0.02)
+
+
+def test_no_function_of_a_fine_grid_is_likelier_than_what_is_told_as_likeliest() -> None:
+    rng, seen = np.random.default_rng(5), 0
+    mu, sigma, lapse = np.meshgrid(
+        np.linspace(0.4, 1.6, 60), np.geomspace(0.012, 1.5, 30), np.linspace(0, 0.1, 6)
+    )
+    levels = np.log10([3.0, 5.0, 8.0, 13.0, 20.0, 32.0])
+    felt = ndtr((levels - mu[..., None]) / sigma[..., None])
+    for _ in range(60):
+        guess, n = rng.choice([0.0, 0.05, 0.2, 0.3]), int(rng.choice([8, 16, 20]))
+        true = ndtr((levels - rng.uniform(0.5, 1.4)) / 10 ** rng.uniform(-2, -0.3))
+        k = rng.binomial(n, guess + (0.95 - guess) * true)
+        blanks = int(rng.binomial(24, guess)), 24
+        fit = told(k.tolist(), n, blanks)
+        if fit.status not in {"ok", "lapse_at_bound"}:
+            continue
+        seen += 1
+        rate = GuessRate.after_blanks(answered=blanks[0], blanks=24).mean
+        p = rate + (1 - rate - lapse[..., None]) * felt
+        q = lapse[..., None] + (1 - rate - lapse[..., None]) * (1 - felt)
+        of_grid = xlogy(k, np.maximum(p, 1e-300)) + xlogy(n - k, np.maximum(q, 1e-300))
+        best = xlogy(k, k / n) + xlogy(n - k, 1 - k / n) - of_grid
+        assert fit.deviance <= 2 * best.sum(axis=-1).min() + 1e-9, (k, n, blanks)
+    assert seen > 40
