@@ -65,7 +65,7 @@ def information(
     Miller and Madow add (rows + columns - cells - 1) / (2 n ln 2) with the numbers of those that
     are not empty (G. A. Miller, 1955). For p each table is drawn anew with its own sums of rows and
     columns, so that what only differs between participants is no information; neither the order of
-    the tables nor exchanging left and right changes it. Section 9 of docs/statistics.md.
+    the tables nor exchanging left and right changes it. Section 11 of docs/statistics.md.
 
     Two stimuli that are always told apart carry one bit:
 
