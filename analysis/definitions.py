@@ -173,7 +173,7 @@ GROUP_COVERS: Final = (
     "interval covered 87 to 97 % of true means from .1 to .98, of five very steep people as little "
     "as 86 %, and of means above .99 as little as 79 %."
 )
-"""What a reader of the interval has to know; measured as docs/statistics.md, section 3, tells."""
+"""What a reader of the interval has to know; measured as docs/explanation/evidence.md tells."""
 
 FAR_LIMIT: Final = (
     "of the mean of people like these; of few people its far limit near 0 and 1 is mostly the "
@@ -229,7 +229,7 @@ D_PRIME_APART: Final = (
     "which up to nine in ten stimuli are felt. Above, d' depends little on the level and mostly "
     "on the false alarms: it looks higher where these are fewer."
 )
-"""How to read d' of two conditions, as simulated (docs/statistics.md, section 11)."""
+"""How to read d' of two conditions, as simulated (docs/explanation/evidence.md)."""
 
 D_PRIME: Final = (
     "d' compares what was felt at a level with what was felt of blank trials; unlike a proportion, "
@@ -282,7 +282,7 @@ LAPSES_MANY: Final = (
     "time-outs, too: in simulations the group's threshold was at most 0.3 dB off in the first "
     "case, 0.1 to 0.6 dB too high in the second"
 )
-"""What a large share of such functions means for the group (docs/statistics.md, section 8)."""
+"""What a large share of such functions means for the group (docs/explanation/evidence.md)."""
 
 BLANK_INTERVALS: Final = (
     'To quote: the share of all with the interval under "Group, 95 %", which is of the mean of '

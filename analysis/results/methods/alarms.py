@@ -46,7 +46,7 @@ _CONSERVATIVE: Final = (
     "trials each and mean rates of 2 to 10 %, the mean lay above the upper limit in at most 0.4 % "
     "of studies, and below the lower one in at most 8 %, instead of 2.5 % each"
 )
-"""As docs/statistics.md, section 3, has it; pasted only into a study of such people and trials."""
+"""As docs/explanation/evidence.md has it; pasted only into a study of such people and trials."""
 _SIMULATED_PEOPLE: Final = range(6, 13)
 _SIMULATED_BLANKS: Final = 20
 
