@@ -250,11 +250,11 @@ class Found:
 
     @property
     def words(self) -> str:
-        """Share, limits by Wilson, and difference."""
+        """Share in %, and of how many where these are few."""
         if not self.of:
             return "none told"
-        low, high = proportion_ci(self.small, self.of)
-        return f"{100 * self.small / self.of:.1f} ({100 * low:.1f} to {100 * high:.1f})"
+        of = f" of {self.of}" if self.of < _FEW else ""
+        return f"{100 * self.small / self.of:.1f}{of}"
 
 
 def found(
@@ -334,41 +334,62 @@ LAST: Final[dict[str, tuple[Order, Observer]]] = {
 
 TABLES: Final = 400
 """Of people without an effect; of others half as many."""
+_FEW: Final = 20
+"""Tables, below which their number stands beside the share."""
 
 
-def _row(cells: tuple[Order, Observer], what: str, tables: int) -> str:
-    order, median = cells
-    told = found(order, median, tables)
-    names = ("felt", "correct", "side", "drift", "whole trials")
-    shares = [told[name].words for name in names if name != "side" or len(order.sides) > 1]
-    if len(order.sides) == 1:
-        shares.insert(2, "-")
-    beyond = f"{told['felt'].difference:+.3f}" if told["felt"].of else "-"
-    return f"| {order.words} | {order.people} | {what} | {beyond} | " + " | ".join(shares) + " |"
-
-
-def _what(median: Observer) -> str:
-    """Say what differs from the honest person."""
-    named = {
-        "lapse_rate": "lapses", "side_bias": "says left", "drift_db": "drift, dB",
-        "block_drift_db": "in each block, dB", "last_answer_db": "last answer, dB",
-        "wander_db": "wander, dB",
-    }  # fmt: skip
-    told = [
-        f"{words} {getattr(median, key):g}"
-        for key, words in named.items()
-        if getattr(median, key) != getattr(HONEST, key)
+def _row(order: Order, medians: list[Observer], tables: int) -> str:
+    """Return the row of an order, each of its cells with one value for each kind of people."""
+    told = [found(order, median, tables) for median in medians]
+    cells = [
+        ", ".join(f"{one['felt'].difference:+.3f}" if one["felt"].of else "-" for one in told)
     ]
-    return ", ".join(told)
+    for name in ("felt", "correct", "side", "drift", "whole trials"):
+        asked = name != "side" or len(order.sides) > 1
+        cells.append(", ".join(one[name].words for one in told) if asked else "-")
+    return f"| {order.words} | {order.people} | {_what(medians)} | {' | '.join(cells)} |"
+
+
+_NAMED: Final = {
+    "lapse_rate": "lapses", "side_bias": "says left", "drift_db": "drift, dB",
+    "block_drift_db": "in each block, dB", "last_answer_db": "last answer, dB",
+    "wander_db": "wander, dB",
+}  # fmt: skip
+
+
+def _what(medians: list[Observer]) -> str:
+    """Say what differs from the honest person."""
+    told = {
+        words: [f"{getattr(one, key):g}" for one in medians
+                if getattr(one, key) != getattr(HONEST, key)]
+        for key, words in _NAMED.items()
+    }  # fmt: skip
+    return "; ".join(f"{words} {', '.join(some)}" for words, some in told.items() if some)
+
+
+def _rows(every: dict[str, tuple[Order, Observer]], tables: int) -> str:
+    """Return a row of each order of honest people, and one of all others in that order."""
+    grouped: dict[tuple[Order, bool], list[Observer]] = {}
+    for order, median in every.values():
+        grouped.setdefault((order, median == HONEST), []).append(median)
+    return "\n".join(_row(order, some, tables) for (order, _), some in grouped.items())
+
+
+def _limits(share: float, number: int) -> str:
+    low, high = proportion_ci(round(share * number), number)
+    return f"{100 * low:.1f} to {100 * high:.1f}"
 
 
 _WORDS: Final = (
     "Simulated people (62 V, 1.5 dB between people, sigma 0.1, lapses 0.03, false alarms 0.05), a "
     f"session each, who can say none; levels {LEVELS_VPP[0]:g} to {LEVELS_VPP[-1]:g} V and blanks. "
-    "In how many of a hundred tables is p < 0.05 (95 % by Wilson) of `felt`, `correct` and `side`, "
-    "in how many sessions that of a drift, and in how many tables that of `felt` against random "
-    "orders of whole trials, which an analysis must not take; and the mean `difference` of `felt`. "
-    "See docs/statistics.md, section 11.\n"
+    "Mean `difference` of `felt`, then in how many of a hundred p is below 0.05: in tables of "
+    "`felt`, `correct` and `side`, in sessions of a drift, and in tables of `felt` against random "
+    "orders of whole trials, which an analysis must not take. 95 % limits (Wilson) of 5 % are "
+    f"{_limits(0.05, TABLES)} % by {TABLES} tables, {_limits(0.05, TABLES // 2)} % by "
+    f"{TABLES // 2}, {_limits(0.05, 5 * TABLES)} % by {5 * TABLES} sessions; of 50 %, "
+    f"{_limits(0.5, TABLES // 2)} % by {TABLES // 2} tables. The orders, and what follows: "
+    "[statistics.md](statistics.md#11-choices-and-reaction-times).\n"
 )
 
 
@@ -377,7 +398,7 @@ def section() -> str:
     head = "| order | people | | difference | felt | correct | side | drift | whole trials |"
     lines = [
         f"{words}: {tables} tables each.\n\n{head}\n|---|---|---|---|---|---|---|---|---|\n"
-        + "\n".join(_row(one, _what(one[1]), tables) for one in every.values())
+        + _rows(every, tables)
         + "\n"
         for words, every, tables in (
             ("No serial effect", NO_EFFECT, TABLES),
