@@ -359,7 +359,7 @@ def section() -> str:
             f"|{'---|' * 11}",
             *threshold_rows(),
             "",
-            f"{_BELOW}{', '.join(below_words())}. All of these are false, if only just at 60 V.",
+            f"{_BELOW}{', '.join(below_words())}.",
             "",
         ]
     )
@@ -368,27 +368,27 @@ def section() -> str:
 _CELL: Final = 30
 """Stimuli of a person at a level."""
 _INTERVALS: Final = (
-    f"{STUDIES} seeded studies for each number, the share that covers the truth (standard error "
-    "0.3 % where it is 98.7 %, 0.6 % at 95 %, 0.9 % at 86 %). "
-    f"{_CELL} stimuli a cell. Groups: 70 V in the middle, sigma {SIGMA:g}, of steep people a fifth "
-    "of it; a cell has the true mean and what the group's interval covers, in %, where thresholds "
-    "vary by 2, 4 and 6 dB between people."
+    f"The share of {STUDIES} seeded studies that covers the truth (standard error 0.3 % where it "
+    f"is 98.7 %, 0.6 % at 95 %, 0.9 % at 86 %), {_CELL} stimuli a cell. Groups: 70 V in the "
+    f"middle, sigma {SIGMA:g}, of steep people a fifth of it; a cell has the true mean and the "
+    "coverage of the group's interval, in %, where thresholds vary by 2, 4 and 6 dB between "
+    "people."
 )
 _THRESHOLDS: Final = (
-    "Thresholds of one observer at the paper's levels, at centred ones (49 to 91 V) and at others, "
-    "n stimuli each. All: median error and RMSE of the posterior median in dB, and coverage, of "
-    "all tables; printed: how many print a number (status ok, lapse_at_bound or separated), their "
-    "RMSE and coverage. Beside it, of the first 40 tables, RMSE and coverage of ours, of psignifit "
-    "(posterior mean, three free parameters, its default grid) and of statsmodels (the likeliest "
-    "probit line, limits by the delta method). Functions are normal unless another is named; every "
-    "printed number is checked to lie within the levels."
+    "Thresholds of one observer, n stimuli at each level; centred levels are 49 to 91 V. All: "
+    "median error and RMSE of the posterior median in dB, and coverage, of all tables. Printed: "
+    "how many print a number (status ok, lapse_at_bound or separated), their RMSE and coverage; "
+    "every printed number is checked to lie within the levels. Of the first 40 tables: RMSE and "
+    "coverage of ours, of psignifit (posterior mean, three free parameters, its default grid) "
+    "and of statsmodels (the likeliest probit line, limits by the delta method). Functions are "
+    "normal unless another is named."
 )
 _LAST: Final = (
-    "The last four are people of another function where it is wide, and answers at chance at most "
-    "levels: the half point of a Weibull function of sigma 0.1 lies a third of a decibel off that "
-    "of the nearest normal function. The rows are a choice among 29 that were run: of the other "
-    "ten, five have Weibull people of sigma 0.1, too; these and the two here cover 85.5 to 93.6 %; "
-    "the first 23 together had RMSEs of 1.03 and 0.95 dB."
+    "The last four are people of another function where it is wide, and answers at chance at "
+    "most levels: the half point of a Weibull function of sigma 0.1 lies a third of a decibel "
+    "off that of the nearest normal function. The rows are a choice of 29 that were run. Of the "
+    "other ten, five have such Weibull people, too; with the two here they cover 85.5 to 93.6 "
+    "%. The first 23 together had RMSEs of 1.03 and 0.95 dB."
 )
 _HEADER: Final = (
     "| levels, V | truth, V | shape, sigma | gamma | lapses | n | all | printed "
@@ -396,6 +396,6 @@ _HEADER: Final = (
 )
 _NAMES: Final[dict[tuple[float, ...], str]] = {PAPER: "paper's", CENTRED: "centred"}
 _BELOW: Final = (
-    "How often a session is told to be `< 60 V` at the paper's levels, over two guess rates (0.5, "
-    f"0.02) and three widths (0.05, 0.1, 0.2), {STUDIES} sessions for each threshold: "
+    "False bounds, if only just at 60 V: `< 60 V` is told at the paper's levels, over two guess "
+    f"rates (0.5, 0.02) and three widths (0.05, 0.1, 0.2), {STUDIES} sessions for each, in "
 )

@@ -107,10 +107,10 @@ def section() -> str:
 
 
 _WORDS: Final = (
-    "The middle M and the spread tau of ten groups: the largest difference, in dB, of their 2.5, "
-    "50 and 97.5 % points by the grid from those by NumPyro's no-U-turn sampler "
-    f"({SAMPLES} draws after {WARM_UP}), which has the same model but a continuous omega, and no "
-    "nodes; and the sampler's own standard error of its outer points."
+    "Middle M and spread tau of ten groups: the largest difference, in dB, of their 2.5, 50 and "
+    f"97.5 % points by the grid from those by NumPyro's no-U-turn sampler ({SAMPLES} draws after "
+    f"{WARM_UP}), which has the same model but a continuous omega and no nodes; in brackets the "
+    "sampler's own standard error of its outer points."
 )
 _HEADER: Final = (
     "| levels | people | between people | M (error) | tau (error) |",

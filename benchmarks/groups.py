@@ -260,21 +260,19 @@ _COLUMNS: Final = " | ".join(
     f"{name}: {number}" for name in ("the paper's", "centred") for number in PEOPLE
 )
 _GROUPS: Final = (
-    f"Groups of 3, 5 and 12 people, forced choices, {STUDIES} seeded studies for each cell: "
-    "coverage in % (standard "
-    "error 0.3 % at 99 %, 0.7 % at 95 %), then median width, bias and RMSE in dB. Thresholds have "
-    "a middle of 62 V, sigma 2 dB (varying by exp(0.3) between people), lapses 0.02, 5 x 30 "
-    "stimuli each, the paper's levels or centred ones, 49 to 91 V. Dispersion is how many times as "
-    "much as the binomial the answers of a person vary; `prior`: spread and middle are drawn from "
-    "their priors anew for each study. Limits are those of the posterior, whether or not they are "
-    "printed (outside the levels they are open)."
+    f"Forced choices, {STUDIES} seeded studies for each cell: coverage in % (standard error 0.3 "
+    "% at 99 %, 0.7 % at 95 %), median width, bias and RMSE in dB. Thresholds have a middle of "
+    "62 V, sigma 2 dB (varying by exp(0.3) between people), lapses 0.02, 5 x 30 stimuli each, "
+    "the paper's levels or centred ones, 49 to 91 V. Dispersion is how many times as much as "
+    "the binomial a person's answers vary; `prior`: spread and middle are drawn from their "
+    "priors for each study. Limits are those of the posterior, printed or not (outside the "
+    "levels they are open)."
 )
 _POPULATION: Final = (
     f"Beside statsmodels, {BESIDE} studies (standard error of coverage 1.4 to 2.7 %): 2 dB between "
     "people, centred levels, guess rate 0.02 (its model has neither guesses nor lapses)."
 )
 _DIFFERENCES: Final = (
-    f"Differences of two conditions of the same people, {STUDIES} studies for each cell: as above "
-    "with 2 dB between the people's middles; the difference varies between people, too. Open "
-    "limits count as covering."
+    "Differences of two conditions of the same people, as above, with 2 dB between the people's "
+    "middles; the difference varies between people, too. Open limits count as covering."
 )

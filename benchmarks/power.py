@@ -22,7 +22,6 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from analysis.answers.detection import blank_table, level_table
-from analysis.answers.intervals import proportion_ci
 from analysis.axis import VOLTS
 from analysis.groups.tables import GROUP, difference_table, group_table
 from analysis.power.goals import Goal
@@ -270,7 +269,9 @@ def row(plan: Plan, seed: int, spread: Any, *, fresh: int = FRESH, whole: int = 
     if answer is None:
         return f"{head} none to {plan.most} | - | - | - | - |"
     number = answer.participants or 0
-    people = f"{number} ({answer.low} to {answer.high or 'more'})"
+    people = f"{number}"
+    if (answer.low, answer.high) != (number, number):
+        people = f"{number} ({answer.low} to {answer.high or 'more'})"
     promised = answer.checked.assurance if answer.checked else math.nan
     kept = {"threshold_at_hz", "threshold_at_s", "threshold_at_cm2"}
     if goal.kind == "false-alarms":  # whose rate is what the plan states
@@ -295,13 +296,12 @@ def row(plan: Plan, seed: int, spread: Any, *, fresh: int = FRESH, whole: int = 
 
 
 def share(reached: int, studies: int) -> str:
-    """Return a share with its 95 % interval.
+    """Return a share, to a percent of few studies.
 
-    >>> share(80, 100)
-    '80.0% (71.1% to 86.7%)'
+    >>> share(80, 100), share(805, 1000)
+    ('80%', '80.5%')
     """
-    low, high = proportion_ci(reached, studies)
-    return f"{reached / studies:.1%} ({low:.1%} to {high:.1%})"
+    return f"{reached / studies:.{1 if studies >= FRESH else 0}%}"
 
 
 def main(path: str) -> None:

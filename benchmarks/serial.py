@@ -341,9 +341,7 @@ _FEW: Final = 20
 def _row(order: Order, medians: list[Observer], tables: int) -> str:
     """Return the row of an order, each of its cells with one value for each kind of people."""
     told = [found(order, median, tables) for median in medians]
-    cells = [
-        ", ".join(f"{one['felt'].difference:+.3f}" if one["felt"].of else "-" for one in told)
-    ]
+    cells = [", ".join(f"{one['felt'].difference:+.3f}" if one["felt"].of else "-" for one in told)]
     for name in ("felt", "correct", "side", "drift", "whole trials"):
         asked = name != "side" or len(order.sides) > 1
         cells.append(", ".join(one[name].words for one in told) if asked else "-")
