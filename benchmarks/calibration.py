@@ -108,11 +108,12 @@ class Scenario:
     def row(self) -> str:
         """Describe it in the first cells of a row."""
         levels = f"{len(self.levels_vpp)}, {self.levels_vpp[0]:g} to {self.levels_vpp[-1]:g}"
+        others = f", n {self.presented}" * (self.presented != _CELL)
+        others += f", lapses {self.lapse_rate:g}" * (self.lapse_rate != _LAPSES)
         shape = "" if self.shape == "normal" else f"{self.shape}, "
         return (
-            f"| {_NAMES.get(self.levels_vpp, levels)} | {self.threshold_vpp:g} | "
-            f"{shape}{self.sigma:g} | {self.guess_rate:g} | {self.lapse_rate:g} | "
-            f"{self.presented} |"
+            f"| {_NAMES.get(self.levels_vpp, levels)}{others} | {self.threshold_vpp:g} | "
+            f"{shape}{self.sigma:g} | {self.guess_rate:g} |"
         )
 
 
@@ -244,9 +245,10 @@ def threshold_rows() -> Iterator[str]:
             if BESIDE:
                 few = (("ours", found[:BESIDE]), *_beside(scenario, counts[:BESIDE]))
                 first |= {name: _Score.of(one, scenario).brief() for name, one in few}
+        number = "all" if given.all() else f"{given.sum()}: {chosen.brief()}"
         yield (
             f"{scenario.row()} {np.median(score.db):+.2f}, {score.brief()} | "
-            f"{given.sum()}: {chosen.brief()} | {' | '.join(first.values())} |"
+            f"{number} | {' | '.join(first.values())} |"
         )
     of_all, of_told = (
         f"{math.sqrt(float(np.mean([np.square(one).mean() for one in errors]))):.2f}"
@@ -356,7 +358,7 @@ def section() -> str:
             _THRESHOLDS,
             "",
             _HEADER,
-            f"|{'---|' * 11}",
+            f"|{'---|' * 9}",
             *threshold_rows(),
             "",
             f"{_BELOW}{', '.join(below_words())}.",
@@ -367,6 +369,8 @@ def section() -> str:
 
 _CELL: Final = 30
 """Stimuli of a person at a level."""
+_LAPSES: Final = 0.02
+"""Those of an observer, unless others are told."""
 _INTERVALS: Final = (
     f"The share of {STUDIES} seeded studies that covers the truth (standard error 0.3 % where it "
     f"is 98.7 %, 0.6 % at 95 %, 0.9 % at 86 %), {_CELL} stimuli a cell. Groups: 70 V in the "
@@ -375,7 +379,8 @@ _INTERVALS: Final = (
     "people."
 )
 _THRESHOLDS: Final = (
-    "Thresholds of one observer, n stimuli at each level; centred levels are 49 to 91 V. All: "
+    f"Thresholds of one observer, lapses {_LAPSES:g}, n = {_CELL} stimuli at each level unless "
+    "told; centred levels are 49 to 91 V. All: "
     "median error and RMSE of the posterior median in dB, and coverage, of all tables. Printed: "
     "how many print a number (status ok, lapse_at_bound or separated), their RMSE and coverage; "
     "every printed number is checked to lie within the levels. Of the first 40 tables: RMSE and "
@@ -391,7 +396,7 @@ _LAST: Final = (
     "%. The first 23 together had RMSEs of 1.03 and 0.95 dB."
 )
 _HEADER: Final = (
-    "| levels, V | truth, V | shape, sigma | gamma | lapses | n | all | printed "
+    "| levels, V | truth, V | shape, sigma | gamma | all | printed "
     "| first 40: ours | psignifit | statsmodels |"
 )
 _NAMES: Final[dict[tuple[float, ...], str]] = {PAPER: "paper's", CENTRED: "centred"}
