@@ -33,11 +33,10 @@ PAGE = Path(__file__).parent.parent / "docs" / "benchmarks.md"
 BY_HAND = "## Long runs\n"
 """The section that `make bench` does not measure: it stays, at the end of the page."""
 GUIDE = (
-    "First what commands and sessions take, then how exact and how fast the plate's field is "
-    "computed (Stability to Skipping), how often intervals hold the truth (Calibration to Groups "
-    "by another method), who is warned of, what long runs found, and what a power analysis is "
-    "worth. How a number is taken stands in the section's script in `benchmarks/`. No hardware and "
-    "no person took part.\n"
+    "First times of commands and sessions; then errors and times of the plate's field (Stability "
+    "to Skipping), coverage of intervals (Calibration to Groups by another method), warnings, long "
+    "runs and power. How a number is taken stands in the section's script in `benchmarks/`. No "
+    "hardware and no person took part.\n"
 )
 
 

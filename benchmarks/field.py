@@ -286,8 +286,8 @@ def section() -> str:
             (
                 "A plate of 200 x 25 x 0.5 mm with free short ends and a loss factor of 0.01, a "
                 "moment patch of 5 x 15 mm in its middle, two receivers; 500 frequencies from "
-                f"{_BAND_HZ[0]:g} to {_BAND_HZ[1]:g} Hz, or 500 Hz alone. Errors are relative to "
-                "each value, the largest of all, against our own at rtol "
+                f"{_BAND_HZ[0]:g} to {_BAND_HZ[1]:g} Hz, or 500 Hz alone. Errors are the "
+                "largest relative to each value, against our own at rtol "
                 f"{RTOLS[-1]:g}, which at 500 Hz differs from independently computed values by "
                 f"{', '.join(_proof())}. Times are medians from the scene to the result. Finite "
                 "elements: scikit-fem, Bogner-Fox-Schmit rectangles, solved at each frequency "
@@ -304,8 +304,8 @@ def section() -> str:
             "|---|---|---|---|---|---|",
             *(_ratios(*result) for result in results),
             "",
-            "Ours takes so many times as long as the bare exponentials that the series on simple "
-            "supports needs at 1e-6, in one `numpy.exp`: "
+            "Ours takes, in multiples of the bare exponentials that the series on simple supports "
+            "needs at 1e-6, in one `numpy.exp`: "
             + ", ".join(_times_exponentials(*result) for result in results)
             + ".",
             "",

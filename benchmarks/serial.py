@@ -334,18 +334,24 @@ LAST: Final[dict[str, tuple[Order, Observer]]] = {
 
 TABLES: Final = 400
 """Of people without an effect; of others half as many."""
+_ELSEWHERE: Final = {
+    "", "12 people", "many lapses", "few of a stimulus", "two", "shuffled", "breaks", "balanced",
+    "downward", "downward, few", "turns",
+}  # fmt: skip
+"""Of the orders of people without an effect, those that docs/statistics.md has in its table."""
 _FEW: Final = 20
 """Tables, below which their number stands beside the share."""
 
 
-def _row(order: Order, medians: list[Observer], tables: int) -> str:
+def _row(order: Order, medians: list[Observer], tables: int, above: str) -> str:
     """Return the row of an order, each of its cells with one value for each kind of people."""
     told = [found(order, median, tables) for median in medians]
     cells = [", ".join(f"{one['felt'].difference:+.3f}" if one["felt"].of else "-" for one in told)]
     for name in ("felt", "correct", "side", "drift", "whole trials"):
         asked = name != "side" or len(order.sides) > 1
         cells.append(", ".join(one[name].words for one in told) if asked else "-")
-    return f"| {order.words} | {order.people} | {_what(medians)} | {' | '.join(cells)} |"
+    what = "" if above else _what(medians)
+    return f"| {order.words} | {order.people} | {what} | {' | '.join(cells)} |"
 
 
 _NAMED: Final = {
@@ -365,12 +371,38 @@ def _what(medians: list[Observer]) -> str:
     return "; ".join(f"{words} {', '.join(some)}" for words, some in told.items() if some)
 
 
-def _rows(every: dict[str, tuple[Order, Observer]], tables: int) -> str:
-    """Return a row of each order of honest people, and one of all others in that order."""
+_HEAD: Final = """
+| order | people | | difference | felt | correct | side | drift | whole trials |
+|---|---|---|---|---|---|---|---|---|
+"""
+
+
+def _table(words: str, every: dict[str, tuple[Order, Observer]], tables: int) -> str:
+    """Return a row of each order of honest people, and one of all others in that order.
+
+    Who the others are stands above the table where they are the same in all orders.
+    """
     grouped: dict[tuple[Order, bool], list[Observer]] = {}
     for order, median in every.values():
         grouped.setdefault((order, median == HONEST), []).append(median)
-    return "\n".join(_row(order, some, tables) for (order, _), some in grouped.items())
+    whats = {_what(some) for some in grouped.values()}
+    above = whats.pop() if len(whats) == 1 else ""
+    rows = (_row(order, some, tables, above) for (order, _), some in grouped.items())
+    people = f"; in each cell {above}" if above else ""
+    return f"{words}, {tables} tables each{people}:\n{_HEAD}" + "\n".join(rows) + "\n"
+
+
+def _elsewhere() -> str:
+    """Return what docs/statistics.md does not say of the orders in its table."""
+    told = [
+        found(*NO_EFFECT[name], TABLES, compared=False) for name in NO_EFFECT if name in _ELSEWHERE
+    ]
+    shares = []
+    for name in ("correct", "side", "drift"):
+        some = [100 * one[name].small / one[name].of for one in told if one[name].of]
+        if some:
+            shares.append(f"{name} {min(some):.1f} to {max(some):.1f}")
+    return ", ".join(shares)
 
 
 def _limits(share: float, number: int) -> str:
@@ -386,22 +418,17 @@ _WORDS: Final = (
     "orders of whole trials, which an analysis must not take. 95 % limits (Wilson) of 5 % are "
     f"{_limits(0.05, TABLES)} % by {TABLES} tables, {_limits(0.05, TABLES // 2)} % by "
     f"{TABLES // 2}, {_limits(0.05, 5 * TABLES)} % by {5 * TABLES} sessions; of 50 %, "
-    f"{_limits(0.5, TABLES // 2)} % by {TABLES // 2} tables. The orders, and what follows: "
-    "[statistics.md](statistics.md#11-choices-and-reaction-times).\n"
+    f"{_limits(0.5, TABLES // 2)} % by {TABLES // 2} tables. More orders, and what follows: the "
+    "table in [statistics.md](statistics.md#11-choices-and-reaction-times).\n"
 )
 
 
 def section() -> str:
     """Return the section of the page."""
-    head = "| order | people | | difference | felt | correct | side | drift | whole trials |"
+    others = {name: one for name, one in NO_EFFECT.items() if name not in _ELSEWHERE}
     lines = [
-        f"{words}: {tables} tables each.\n\n{head}\n|---|---|---|---|---|---|---|---|---|\n"
-        + _rows(every, tables)
-        + "\n"
-        for words, every, tables in (
-            ("No serial effect", NO_EFFECT, TABLES),
-            ("None, but thresholds drift or wander", DRIFT, TABLES // 2),
-            ("Lower thresholds after something was felt", LAST, TABLES // 2),
-        )
+        _table(f"No serial effect (in the orders of that table {_elsewhere()})", others, TABLES),
+        _table("None, but thresholds drift or wander", DRIFT, TABLES // 2),
+        _table("Lower thresholds after something was felt", LAST, TABLES // 2),
     ]
     return "\n".join(["## Serial effects\n", _WORDS, *lines])

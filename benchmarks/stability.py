@@ -141,10 +141,10 @@ def section() -> str:
             "## Stability",
             "",
             (
-                "Relative error of one displacement against an evaluation in 62 digits and more "
-                "(`benchmarks/exact.py`), with every warning, overflow and NaN made an error. "
-                "The paper's plate; unless another one is said: point force at y = 0.4 W, field at "
-                "(10 mm, 0.6 W), no loss. A field below the least normal number counts as 0."
+                "Relative error of one displacement against 62 digits and more "
+                "(`benchmarks/exact.py`); every warning, overflow and NaN is made an error. Unless "
+                "told: the paper's plate, point force at y = 0.4 W, field at (10 mm, 0.6 W), no "
+                "loss. A field below the least normal number counts as 0."
             ),
             "",
             (
@@ -158,10 +158,10 @@ def section() -> str:
             (
                 "Beside a cut-off, at a detuning d, a frequency rounded to a double leaves the "
                 "field uncertain by "
-                f"{_ROUNDING:.1e}/(2 d) (dotted in the figure). The solver takes the numbers it is "
-                "given as exact and works there with long doubles; where these have 64 bits its "
-                "error stays some hundred times below that, but above a rtol of 1e-10 from "
-                "d = 1e-10 on, and the estimate says so. Without loss a cut-off itself is "
+                f"{_ROUNDING:.1e}/(2 d) (dotted in the figure). The solver takes its numbers as "
+                "exact and works there with long doubles; where these have 64 bits its error stays "
+                "some hundred times below that, but above a rtol of 1e-10 from d = 1e-10 on, and "
+                "the estimate says so. Without loss a cut-off itself is "
                 f"{_refusal()}."
             ),
             "",

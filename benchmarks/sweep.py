@@ -219,8 +219,9 @@ def section() -> str:
                 "clamped cut-off, where four waves are eigenvalues at each frequency; for a load "
                 "off the centre line, which moves two symmetries; and above some eleven first "
                 "cut-offs of the supported strip, where each frequency is solved. "
-                f"Left out, as they take at most {_most_alike(found):.2f} times as long as aluminium "
-                "on the same edges: steel of 0.3 mm, clamped, under a moment disc; glass across."
+                f"Left out, as they take at most {_most_alike(found):.2f} times as long as "
+                "aluminium on the same edges: steel of 0.3 mm, clamped, under a moment disc; glass "
+                "across."
             ),
             "",
         ]
