@@ -96,7 +96,7 @@ def rows() -> Iterator[str]:
             error = np.ptp(theirs) / 3.92 * 2.67 / math.sqrt(size)
             cells.append(f"{np.abs(ours - theirs).max():.2f} ({error:.2f})")
         name = "the paper's" if levels == PAPER else "centred"
-        yield f"| {name} | {number} | {spread_db:g} dB | {' | '.join(cells)} |"
+        yield f"| {name} | {number} | {spread_db:g} | {' | '.join(cells)} |"
 
 
 def section() -> str:
@@ -113,6 +113,6 @@ _WORDS: Final = (
     "sampler's own standard error of its outer points."
 )
 _HEADER: Final = (
-    "| levels | people | between people | M (error) | tau (error) |",
+    "| levels | people | between people, dB | M (error) | tau (error) |",
     "|---|---|---|---|---|",
 )

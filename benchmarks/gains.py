@@ -112,7 +112,6 @@ STUDIES: Final = {
     "clamped aluminium, 25 x 0.5 x 200 mm": _study(_plate(25, 0.5, 200, "clamped", "aluminium")),
     "simply supported steel, 20 x 0.3 x 160 mm": _study(_plate(20, 0.3, 160, BARE, "steel")),
     "clamped glass, 30 x 0.7 x 150 mm": _study(_plate(30, 0.7, 150, "clamped", "glass")),
-    "clamped PMMA, 25 x 1 x 300 mm": _study(_plate(25, 1, 300, "clamped", "pmma")),
     "clamped, 2 x 0.1 x 200 mm": _study(
         _plate(2, 0.1, 200, "clamped", "aluminium"), diameter_mm=1.5
     ),

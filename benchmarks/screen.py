@@ -28,9 +28,10 @@ def _flips(stage: Stage) -> tuple[str, ...]:
     renderer = stage.window.winHandle.context.get_info().get_renderer()
     return (
         f"| drawn by | {renderer} |",
-        f"| from flip to flip, median | {middle:.2f} ms |",
-        f"| 1st to 99th percentile | {low:.2f} to {high:.2f} ms |",
-        f"| longest of {FLIPS} | {steps_ms.max():.2f} ms |",
+        (
+            f"| from flip to flip: median, 1st to 99th percentile, longest of {FLIPS} | "
+            f"{middle:.2f}, {low:.2f} to {high:.2f}, {steps_ms.max():.2f} ms |"
+        ),
     )
 
 

@@ -208,10 +208,7 @@ def _session_lines() -> list[str]:
     return [
         "## Session",
         "",
-        (
-            "`run` over a pty with the emulator in a process of its own. Screen flips are not "
-            "measured here."
-        ),
+        ("`run` over a pty with the emulator in a process of its own."),
         "",
         "| what | median | 99 % | greatest |",
         "|---|---|---|---|",
@@ -229,7 +226,7 @@ def _session_lines() -> list[str]:
         "",
         (
             f"Share of one processor, over {WAIT_S:g} s: a session that awaits an answer at the "
-            f"terminal {waiting}, the operator's view beside one {view['idle']:.1%} more."
+            f"terminal {waiting}, the operator's view {view['idle']:.1%} more."
         ),
         "",
     ]

@@ -104,8 +104,8 @@ def section() -> str:
             _row("`tactstrip --help`", "--help"),
             _row("`tactstrip dry-run`: the paper's protocol, five participants, figures", *dry_run),
             "",
-            "Of a warm dry run: "
-            + "; ".join(f"{name} {seconds:.2f} s" for name, seconds in _phases())
+            "Of a warm dry run, in s: "
+            + "; ".join(f"{name} {seconds:.2f}" for name, seconds in _phases())
             + ".",
             "",
         ]
