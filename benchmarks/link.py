@@ -172,8 +172,8 @@ def section() -> str:
             *rows,
             "",
             (
-                "Upload of a burst of 1.2 s at 48 kHz to one slot, 7201 DATA, one by one or as many "
-                "under way as the device takes (8); and what the wire alone needs."
+                "Upload of a burst of 1.2 s at 48 kHz to one slot, 7201 DATA, one by one or as "
+                "many under way as the device takes (8); and what the wire alone needs."
             ),
             "",
             "| baud, modelled | one by one | 8 under way | the wire |",

@@ -343,11 +343,13 @@ _FEW: Final = 20
 """Tables, below which their number stands beside the share."""
 
 
-def _row(order: Order, medians: list[Observer], tables: int, above: str) -> str:
+def _row(
+    order: Order, medians: list[Observer], tables: int, above: str, columns: tuple[str, ...]
+) -> str:
     """Return the row of an order, each of its cells with one value for each kind of people."""
     told = [found(order, median, tables) for median in medians]
     cells = [", ".join(f"{one['felt'].difference:+.3f}" if one["felt"].of else "-" for one in told)]
-    for name in ("felt", "correct", "side", "drift", "whole trials"):
+    for name in columns:
         asked = name != "side" or len(order.sides) > 1
         cells.append(", ".join(one[name].words for one in told) if asked else "-")
     what = "" if above else _what(medians)
@@ -371,13 +373,15 @@ def _what(medians: list[Observer]) -> str:
     return "; ".join(f"{words} {', '.join(some)}" for words, some in told.items() if some)
 
 
-_HEAD: Final = """
-| order | people | | difference | felt | correct | side | drift | whole trials |
-|---|---|---|---|---|---|---|---|---|
-"""
+_COLUMNS: Final = ("felt", "correct", "side", "drift", "whole trials")
 
 
-def _table(words: str, every: dict[str, tuple[Order, Observer]], tables: int) -> str:
+def _table(
+    words: str,
+    every: dict[str, tuple[Order, Observer]],
+    tables: int,
+    columns: tuple[str, ...] = _COLUMNS,
+) -> str:
     """Return a row of each order of honest people, and one of all others in that order.
 
     Who the others are stands above the table where they are the same in all orders.
@@ -387,9 +391,11 @@ def _table(words: str, every: dict[str, tuple[Order, Observer]], tables: int) ->
         grouped.setdefault((order, median == HONEST), []).append(median)
     whats = {_what(some) for some in grouped.values()}
     above = whats.pop() if len(whats) == 1 else ""
-    rows = (_row(order, some, tables, above) for (order, _), some in grouped.items())
+    rows = (_row(order, some, tables, above, columns) for (order, _), some in grouped.items())
+    titles = ("order", "people", "", "difference", *columns)
+    head = f"\n| {' | '.join(titles)} |\n|{'---|' * len(titles)}\n"
     people = f"; in each cell {above}" if above else ""
-    return f"{words}, {tables} tables each{people}:\n{_HEAD}" + "\n".join(rows) + "\n"
+    return f"{words}, {tables} tables each{people}:\n{head}" + "\n".join(rows) + "\n"
 
 
 def _elsewhere() -> str:
@@ -429,6 +435,11 @@ def section() -> str:
     lines = [
         _table(f"No serial effect (in the orders of that table {_elsewhere()})", others, TABLES),
         _table("None, but thresholds drift or wander", DRIFT, TABLES // 2),
-        _table("Lower thresholds after something was felt", LAST, TABLES // 2),
+        _table(
+            "Lower thresholds after something was felt (`felt` and whole trials: there)",
+            LAST,
+            TABLES // 2,
+            ("correct", "side", "drift"),
+        ),
     ]
     return "\n".join(["## Serial effects\n", _WORDS, *lines])

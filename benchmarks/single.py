@@ -39,6 +39,8 @@ _ACTUATORS: Final[dict[str, tuple[tuple[float, float], ...]]] = {
     "4 rectangles, 3 beside it": ((-0.06, 0.3), (-0.02, 0.42), (0.02, 0.65), (0.06, 0.5)),
 }
 """Places in metres along the strip and in widths across it."""
+_BETWEEN: Final = "2 discs beside it"
+"""What has no column: it takes a time between those of one disc and of four rectangles."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -156,9 +158,10 @@ def section() -> str:
     bare_us = [1e6 * one.bare_s for one in every]
     errors, times = [one.error for one in every], [one.told / one.error for one in every]
     *first, last = (f"{part:g}" for part in _PARTS)
-    titles = ("plate", *_ACTUATORS)
+    shown = [i for i, actuators in enumerate(_ACTUATORS) if actuators != _BETWEEN]
+    titles = ("plate", *(tuple(_ACTUATORS)[i] for i in shown))
     rows = (
-        (plate, *(", ".join(f"{1e3 * s:.3g}" for s in one.seconds) for one in some))
+        (plate, *(", ".join(f"{1e3 * s:.3g}" for s in some[i].seconds) for i in shown))
         for plate, some in found.items()
         if plate not in _ALIKE
     )
