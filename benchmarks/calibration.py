@@ -375,8 +375,7 @@ _INTERVALS: Final = (
     f"The share of {STUDIES} seeded studies that covers the truth (standard error 0.3 % where it "
     f"is 98.7 %, 0.6 % at 95 %, 0.9 % at 86 %), {_CELL} stimuli a cell. Groups: 70 V in the "
     f"middle, sigma {SIGMA:g}, of steep people a fifth of it; a cell has the true mean and the "
-    "coverage of the group's interval, in %, where thresholds vary by 2, 4 and 6 dB between "
-    "people."
+    "coverage in %, where thresholds vary by 2, 4 and 6 dB between people."
 )
 _THRESHOLDS: Final = (
     f"Thresholds of one observer, lapses {_LAPSES:g}, n = {_CELL} stimuli at each level unless "

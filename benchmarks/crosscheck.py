@@ -77,9 +77,10 @@ def sampled(x: Floats, counts: Floats, presented: float, guess_rate: float) -> A
 
 
 def rows() -> Iterator[str]:
-    """Yield the points of middle and spread by both methods, of each set of data."""
+    """Yield the points of middle and spread by both methods, of each kind of group."""
     from numpyro.diagnostics import effective_sample_size
 
+    grouped: dict[str, list[tuple[str, ...]]] = {}
     for levels, number, spread_db in SETS:
         people = People(number=number, levels_vpp=levels, between_db=spread_db)
         rng = people.generator()
@@ -96,7 +97,9 @@ def rows() -> Iterator[str]:
             error = np.ptp(theirs) / 3.92 * 2.67 / math.sqrt(size)
             cells.append(f"{np.abs(ours - theirs).max():.2f} ({error:.2f})")
         name = "the paper's" if levels == PAPER else "centred"
-        yield f"| {name} | {number} | {spread_db:g} | {' | '.join(cells)} |"
+        grouped.setdefault(f"{name} | {number}", []).append((f"{spread_db:g}", *cells))
+    for kind, some in grouped.items():
+        yield f"| {kind} | {' | '.join(', '.join(cells) for cells in zip(*some, strict=True))} |"
 
 
 def section() -> str:

@@ -225,7 +225,7 @@ def _figure(results: list[tuple[str, int, list[Run]]]) -> None:
     figure.savefig(FIGURE, dpi=100)
 
 
-_TOLD: Final = (1, 4, 16, 50, 100, 1000, 5000)
+_TOLD: Final = (1, 16, 1000, 5000)
 """Of the counts, those in the table."""
 
 

@@ -419,9 +419,9 @@ def _limits(share: float, number: int) -> str:
 _WORDS: Final = (
     "Simulated people (62 V, 1.5 dB between people, sigma 0.1, lapses 0.03, false alarms 0.05), a "
     f"session each, who can say none; levels {LEVELS_VPP[0]:g} to {LEVELS_VPP[-1]:g} V and blanks. "
-    "Mean `difference` of `felt`, then in how many of a hundred p is below 0.05: in tables of "
-    "`felt`, `correct` and `side`, in sessions of a drift, and in tables of `felt` against random "
-    "orders of whole trials, which an analysis must not take. 95 % limits (Wilson) of 5 % are "
+    "Mean `difference` of `felt`, then the share (%) with p < 0.05: of tables by `felt`, `correct` "
+    "and `side`, of sessions by a drift, of tables by `felt` against random orders of whole "
+    "trials, which an analysis must not take. 95 % limits (Wilson) of 5 % are "
     f"{_limits(0.05, TABLES)} % by {TABLES} tables, {_limits(0.05, TABLES // 2)} % by "
     f"{TABLES // 2}, {_limits(0.05, 5 * TABLES)} % by {5 * TABLES} sessions; of 50 %, "
     f"{_limits(0.5, TABLES // 2)} % by {TABLES // 2} tables. More orders, and what follows: the "
@@ -436,7 +436,7 @@ def section() -> str:
         _table(f"No serial effect (in the orders of that table {_elsewhere()})", others, TABLES),
         _table("None, but thresholds drift or wander", DRIFT, TABLES // 2),
         _table(
-            "Lower thresholds after something was felt (`felt` and whole trials: there)",
+            "Lower thresholds after something was felt (`felt` and whole trials: in statistics.md)",
             LAST,
             TABLES // 2,
             ("correct", "side", "drift"),

@@ -184,9 +184,9 @@ def section() -> str:
             *(f"| {' | '.join(cells)} |" for cells in rows),
             "",
             (
-                "1.5 ms was asked for. Loads beside the centre line move two symmetries, each with "
-                "its own waves and paths; more of them, wherever they are, add little. Why held "
-                "edges with free ends take longer: [decision 8](decisions/0008-one-frequency.md). "
+                "1.5 ms was asked for. Loads beside the centre line move two symmetries. Why more "
+                "of them add little, and held edges with free ends take longer: [decision "
+                "8](decisions/0008-one-frequency.md). "
                 f"Left out, as they take at most {_most_alike(found):.2f} times as long as "
                 "aluminium on the same edges: endless steel, 30 x 0.3 mm, clamped; glass, 22 x "
                 "0.7 mm, on springs."

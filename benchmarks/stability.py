@@ -159,9 +159,9 @@ def section() -> str:
                 "Beside a cut-off, at a detuning d, a frequency rounded to a double leaves the "
                 "field uncertain by "
                 f"{_ROUNDING:.1e}/(2 d) (dotted in the figure). The solver takes its numbers as "
-                "exact and works there with long doubles; where these have 64 bits its error stays "
-                "some hundred times below that, but above a rtol of 1e-10 from d = 1e-10 on, and "
-                "the estimate says so. Without loss a cut-off itself is "
+                "exact; [its own error](accuracy.md#the-field-of-an-endless-strip) stays some "
+                "hundred times below that where long doubles have 64 bits, but above a rtol of "
+                "1e-10 from d = 1e-10 on, as the estimate says. Without loss a cut-off itself is "
                 f"{_refusal()}."
             ),
             "",
