@@ -33,10 +33,10 @@ PAGE = Path(__file__).parent.parent / "docs" / "benchmarks.md"
 BY_HAND = "## Long runs\n"
 """The section that `make bench` does not measure: it stays, at the end of the page."""
 GUIDE = (
-    "In this order: times of commands and sessions, errors and times of the plate's field (to "
-    "Skipping), link and analysis, coverage of intervals (Calibration to Groups by another method), "
-    "warnings, long runs, power. How a number is taken stands in the section's script in "
-    "`benchmarks/`. No hardware and no person took part.\n"
+    "Commands and sessions come first, then the plate's field (Stability to Skipping), coverage of "
+    "intervals (Calibration to Groups by another method), warnings, long runs and power. How a "
+    "number is taken stands in the section's script in `benchmarks/`. No hardware and no person "
+    "took part.\n"
 )
 
 
