@@ -250,11 +250,11 @@ class Found:
 
     @property
     def words(self) -> str:
-        """Share in %, and of how many where these are few."""
+        """Share, limits by Wilson, and difference."""
         if not self.of:
             return "none told"
-        of = f" of {self.of}" if self.of < _FEW else ""
-        return f"{100 * self.small / self.of:.1f}{of}"
+        low, high = proportion_ci(self.small, self.of)
+        return f"{100 * self.small / self.of:.1f} ({100 * low:.1f} to {100 * high:.1f})"
 
 
 def found(
@@ -334,112 +334,55 @@ LAST: Final[dict[str, tuple[Order, Observer]]] = {
 
 TABLES: Final = 400
 """Of people without an effect; of others half as many."""
-_ELSEWHERE: Final = {
-    "", "12 people", "many lapses", "few of a stimulus", "two", "shuffled", "breaks", "balanced",
-    "downward", "downward, few", "turns",
-}  # fmt: skip
-"""Of the orders of people without an effect, those that docs/statistics.md has in its table."""
-_FEW: Final = 20
-"""Tables, below which their number stands beside the share."""
 
 
-def _row(
-    order: Order, medians: list[Observer], tables: int, above: str, columns: tuple[str, ...]
-) -> str:
-    """Return the row of an order, each of its cells with one value for each kind of people."""
-    told = [found(order, median, tables) for median in medians]
-    cells = [", ".join(f"{one['felt'].difference:+.3f}" if one["felt"].of else "-" for one in told)]
-    for name in columns:
-        asked = name != "side" or len(order.sides) > 1
-        cells.append(", ".join(one[name].words for one in told) if asked else "-")
-    what = "" if above else _what(medians)
-    return f"| {order.words} | {order.people} | {what} | {' | '.join(cells)} |"
+def _row(cells: tuple[Order, Observer], what: str, tables: int) -> str:
+    order, median = cells
+    told = found(order, median, tables)
+    names = ("felt", "correct", "side", "drift", "whole trials")
+    shares = [told[name].words for name in names if name != "side" or len(order.sides) > 1]
+    if len(order.sides) == 1:
+        shares.insert(2, "-")
+    beyond = f"{told['felt'].difference:+.3f}" if told["felt"].of else "-"
+    return f"| {order.words} | {order.people} | {what} | {beyond} | " + " | ".join(shares) + " |"
 
 
-_NAMED: Final = {
-    "lapse_rate": "lapses", "side_bias": "says left", "drift_db": "drift, dB",
-    "block_drift_db": "in each block, dB", "last_answer_db": "last answer, dB",
-    "wander_db": "wander, dB",
-}  # fmt: skip
-
-
-def _what(medians: list[Observer]) -> str:
+def _what(median: Observer) -> str:
     """Say what differs from the honest person."""
-    told = {
-        words: [f"{getattr(one, key):g}" for one in medians
-                if getattr(one, key) != getattr(HONEST, key)]
-        for key, words in _NAMED.items()
+    named = {
+        "lapse_rate": "lapses", "side_bias": "says left", "drift_db": "drift, dB",
+        "block_drift_db": "in each block, dB", "last_answer_db": "last answer, dB",
+        "wander_db": "wander, dB",
     }  # fmt: skip
-    return "; ".join(f"{words} {', '.join(some)}" for words, some in told.items() if some)
-
-
-_COLUMNS: Final = ("felt", "correct", "side", "drift", "whole trials")
-
-
-def _table(
-    words: str,
-    every: dict[str, tuple[Order, Observer]],
-    tables: int,
-    columns: tuple[str, ...] = _COLUMNS,
-) -> str:
-    """Return a row of each order of honest people, and one of all others in that order.
-
-    Who the others are stands above the table where they are the same in all orders.
-    """
-    grouped: dict[tuple[Order, bool], list[Observer]] = {}
-    for order, median in every.values():
-        grouped.setdefault((order, median == HONEST), []).append(median)
-    whats = {_what(some) for some in grouped.values()}
-    above = whats.pop() if len(whats) == 1 else ""
-    rows = (_row(order, some, tables, above, columns) for (order, _), some in grouped.items())
-    titles = ("order", "people", "", "difference", *columns)
-    head = f"\n| {' | '.join(titles)} |\n|{'---|' * len(titles)}\n"
-    people = f"; in each cell {above}" if above else ""
-    return f"{words}, {tables} tables each{people}:\n{head}" + "\n".join(rows) + "\n"
-
-
-def _elsewhere() -> str:
-    """Return what docs/statistics.md does not say of the orders in its table."""
     told = [
-        found(*NO_EFFECT[name], TABLES, compared=False) for name in NO_EFFECT if name in _ELSEWHERE
+        f"{words} {getattr(median, key):g}"
+        for key, words in named.items()
+        if getattr(median, key) != getattr(HONEST, key)
     ]
-    shares = []
-    for name in ("correct", "side", "drift"):
-        some = [100 * one[name].small / one[name].of for one in told if one[name].of]
-        if some:
-            shares.append(f"{name} {min(some):.1f} to {max(some):.1f}")
-    return ", ".join(shares)
-
-
-def _limits(share: float, number: int) -> str:
-    low, high = proportion_ci(round(share * number), number)
-    return f"{100 * low:.1f} to {100 * high:.1f}"
+    return ", ".join(told)
 
 
 _WORDS: Final = (
     "Simulated people (62 V, 1.5 dB between people, sigma 0.1, lapses 0.03, false alarms 0.05), a "
     f"session each, who can say none; levels {LEVELS_VPP[0]:g} to {LEVELS_VPP[-1]:g} V and blanks. "
-    "Mean `difference` of `felt`, then the share (%) with p < 0.05: of tables by `felt`, `correct` "
-    "and `side`, of sessions by a drift, of tables by `felt` against random orders of whole "
-    "trials, which an analysis must not take. 95 % limits (Wilson) of 5 % are "
-    f"{_limits(0.05, TABLES)} % by {TABLES} tables, {_limits(0.05, TABLES // 2)} % by "
-    f"{TABLES // 2}, {_limits(0.05, 5 * TABLES)} % by {5 * TABLES} sessions; of 50 %, "
-    f"{_limits(0.5, TABLES // 2)} % by {TABLES // 2} tables. More orders, and what follows: the "
-    "table in [statistics.md](statistics.md#11-choices-and-reaction-times).\n"
+    "In how many of a hundred tables is p < 0.05 (95 % by Wilson) of `felt`, `correct` and `side`, "
+    "in how many sessions that of a drift, and in how many tables that of `felt` against random "
+    "orders of whole trials, which an analysis must not take; and the mean `difference` of `felt`. "
+    "See docs/statistics.md, section 11.\n"
 )
 
 
 def section() -> str:
     """Return the section of the page."""
-    others = {name: one for name, one in NO_EFFECT.items() if name not in _ELSEWHERE}
+    head = "| order | people | | difference | felt | correct | side | drift | whole trials |"
     lines = [
-        _table(f"No serial effect (in the orders of that table {_elsewhere()})", others, TABLES),
-        _table("None, but thresholds drift or wander", DRIFT, TABLES // 2),
-        _table(
-            "Lower thresholds after something was felt (`felt` and whole trials: in statistics.md)",
-            LAST,
-            TABLES // 2,
-            ("correct", "side", "drift"),
-        ),
+        f"{words}: {tables} tables each.\n\n{head}\n|---|---|---|---|---|---|---|---|---|\n"
+        + "\n".join(_row(one, _what(one[1]), tables) for one in every.values())
+        + "\n"
+        for words, every, tables in (
+            ("No serial effect", NO_EFFECT, TABLES),
+            ("None, but thresholds drift or wander", DRIFT, TABLES // 2),
+            ("Lower thresholds after something was felt", LAST, TABLES // 2),
+        )
     ]
     return "\n".join(["## Serial effects\n", _WORDS, *lines])
