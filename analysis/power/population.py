@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from experiment.terms.gains import ConditionGains, FingerGains
 
 
+ASSUMED: Final = "assumed by tactstrip"
 SPREAD: Final = "threshold_sd_db"
 DIFFERENCE_SPREAD: Final = "difference_sd_db"
 _NODES: Final = 31
@@ -280,7 +281,7 @@ def _numbers(
             if key in taken
             else "stated in the study"
             if key in keys
-            else "assumed by tactstrip",
+            else ASSUMED,
             dry_run=getattr(file.simulation, key),
         )
         for key, value in asdict(study.simulation).items()

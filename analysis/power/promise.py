@@ -7,6 +7,7 @@ import math
 from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING, Any
 
+from analysis.power.population import ASSUMED
 from analysis.power.studies import PILOT_STIMULI
 
 if TYPE_CHECKING:
@@ -14,7 +15,7 @@ if TYPE_CHECKING:
 
     from analysis.power.goals import Goal
     from analysis.power.levers import Lever, Thumb
-    from analysis.power.population import People
+    from analysis.power.population import People, Stated
     from analysis.power.search import Answer, Tried
     from analysis.power.studies import Point
 
@@ -251,11 +252,19 @@ def _assumed(people: People) -> str:
     decide = _DECIDING if any(key in told for key, *_ in _DECIDING) else _WITHOUT_THRESHOLD
     parts = [
         f"{words} = {told[key].value:g}{unit}{known if 'median' in words else ''} "
-        f"({told[key].source})"
+        f"({told[key].source}{_elsewhere(people, told[key])})"
         for key, words, unit in decide
         if key in told
     ]
     return f"The simulated people: {', '.join(parts)}"
+
+
+def _elsewhere(people: People, number: Stated) -> str:
+    """Say that assumed volts are another plate's; empty where they are not."""
+    own = number.key != "threshold_vpp" or number.source != ASSUMED
+    if own or people.study.plate.is_the_papers:
+        return ""
+    return ", in volts of the paper's plate; yours are not known, docs/plate.md"
 
 
 _DECIDING = (
