@@ -237,7 +237,7 @@ def level_words(told: LevelsApart, one: Pair) -> str:
     counts = [len(at) or "none" for at in (told.lower, told.higher)]
     return (
         f"of {number_of(told.number, 'level')}{where}, d' is lower in {b} than in {a} at "
-        f"{counts[0]} and higher at {counts[1]} (95 % intervals, each by itself){so}"
+        f"{counts[0]} of them and higher at {counts[1]} (95 % intervals, each by itself){so}"
     )
 
 

@@ -411,7 +411,8 @@ SENTENCES: dict[str, Callable[[re.Match[str], Analysis], None]] = {
         lambda one: one.detected_any is not None and len({*rates(one).values()}) > 1
     ),
     r"of (?P<number>\d+) levels?(?: at which at most 90 % were felt in both)?, d' is lower in \S+ "
-    r"than in \S+ at (?:\d+|none) and higher at (?:\d+|none) \(95 % intervals, each by itself\)"
+    r"than in \S+ at (?:\d+|none) of them and higher at (?:\d+|none) "
+    r"\(95 % intervals, each by itself\)"
     r"(?:, which a difference of criterion alone would hardly bring about|, and one level alone "
     r"decides nothing)?": is_true(lambda one: len(one.d_prime_differences)),
     "conditions are not compared, for a difference in dB needs a logarithmic axis": is_true(
@@ -947,7 +948,7 @@ def test_results_without_misfits_stand_beside_those_of_all(tmp_path: Path) -> No
     assert value.startswith(f"{without.differences.iloc[-1]['difference_db']:+.1f} dB (")
     assert of == "5 participants in both, whose functions fit"
     (warning,) = (one for one in analysis.warnings if "do not fit" in one)
-    assert "at the foot of the figure of participants" in warning
+    assert "below the panels of the figure of participants" in warning
     assert without.fitting is None
 
 

@@ -45,8 +45,8 @@ YES_NO, FORCED = "yes/no", "forced choice"
 _ALTERNATIVES = (2, 100)
 _FORCED_ONLY = f'alternatives: allowed beside task = "{FORCED}" only'
 _TASKLESS = (
-    'counts, and answers of 0 and 1, need task = "yes/no" (who felt nothing could say so) or '
-    'task = "forced choice" (who felt nothing had to guess) at the top of the map'
+    'counts, and answers of 0 and 1, need task = "yes/no" (people who felt nothing could say so) '
+    'or task = "forced choice" (they had to guess) at the top of the map'
 )
 # A table made elsewhere may lack these values; a trials.csv has them in every row.
 _OPTIONAL_ELSEWHERE = {"foreperiod_s", "study_sha256"}

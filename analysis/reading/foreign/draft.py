@@ -46,8 +46,10 @@ NOTE: Final = "# Note: "
 _ROWS: Final = ("rows.keep", "rows.skip")
 _DECIMAL: Final = 'decimal = ","  # guess: there are numbers with a comma'
 _ASIDE: Final = {"none": "blanks", "both": "in no threshold"}
-_PRINTED: Final = 'printed as written, as "µm" or "um peak-to-peak": nothing is converted'
-_TASK: Final = '"yes/no" if who felt nothing could say so, "forced choice" if they had to guess'
+_PRINTED: Final = 'printed as written, as "µm", "% FS" or "um peak-to-peak": nothing is converted'
+_TASK: Final = (
+    '"yes/no" if people who felt nothing could say so, "forced choice" if they had to guess'
+)
 
 
 def map_draft(sources: Sequence[InputTable]) -> tuple[str, list[str]]:
@@ -248,7 +250,10 @@ def _side(
     words = [WORDS.get(plain(word), word) for word in table.words(theirs)]
     places = {word for word in words if word != "none" and word.lower() not in NOTHING}
     blank = "none" in words or (level is not None and 0.0 in (table.numbers(level) or []))
-    if not where and blank and len(places) > 1:
+    if not where and len(places) == 1:
+        _put(sections, "constant", "side", "left", f"guess: {one_line(theirs)} has a single place, "
+             "and nothing depends on it")  # fmt: skip
+    elif not where and blank and len(places) > 1:
         _put(sections, "constant", "side", "left", "guess: felt or not was asked, not where; of "
              f"the places of {one_line(theirs)} none is told apart")  # fmt: skip
     else:

@@ -46,12 +46,16 @@ def misfits(thresholds: pd.DataFrame) -> Iterator[str]:
         return
     some = len(refused) > 1
     alone = len({*thresholds["participant"]}) == 1
-    figure = "figure of detection" if alone else "figure of participants"
+    where = (
+        "at the foot of the figure of detection"
+        if alone
+        else "below the panels of the figure of participants"
+    )
     yield (
         f"{len(refused)} of {len(fits)} psychometric functions {'do' if some else 'does'} not fit "
         f"(bootstrap p < {REFUSED_P:g}; {REFUSED_P * len(fits):.2g} expected by chance): "
-        f"{_names(refused, thresholds)}. Look at {'their' if some else 'its'} residuals, at the "
-        f"foot of the {figure}: answers that drift or hang together, or keys and levels that "
+        f"{_names(refused, thresholds)}. Look at {'their' if some else 'its'} residuals, "
+        f"{where}: answers that drift or hang together, or keys and levels that "
         "changed, make a threshold's interval too narrow."
         + (_WITHOUT if len({*thresholds["participant"]} - misfitting(thresholds)) > 1 else "")
     )
