@@ -29,7 +29,7 @@ SPELLED: Final = 3
 """Of more conditions, or pairs of them, a sentence says where they stand."""
 ALPHA: Final = 0.05
 """False alarms of few people differ where the test of the same rates has a smaller p."""
-FITTING: Final = "whose functions fit"
+FITTING: Final = "without misfits"
 _ROUNDED: Final = 0.05
 _EACH: Final = "95 % interval of each level, not corrected for several"
 _ISOLATE, _END = "\u2068", "\u2069"

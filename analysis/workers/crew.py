@@ -127,13 +127,14 @@ def processes(workers: int) -> Iterator[Processes]:
 def _ctrl_c_later() -> Iterator[None]:
     """Hold Ctrl-C back, where the system can, also from processes that are begun meanwhile.
 
-    They would tell of it with a traceback each: it reaches them before `_begin_worker` does.
+    They would tell of it with a traceback each: it reaches them before `_begin_worker` does. So is
+    SIGTERM, which stops a search in the same way: loky cannot be stopped while it begins a thread.
     """
     if not hasattr(signal, "pthread_sigmask"):
         yield
         return
     ensure_running()  # beginning this process of Python's would let Ctrl-C through again
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGTERM})
     try:
         yield
     finally:

@@ -943,10 +943,10 @@ def test_results_without_misfits_stand_beside_those_of_all(tmp_path: Path) -> No
         [(_, group)] = without.groups[without.groups["condition"].eq(condition)].iterrows()
         value, of = rows[f"The same without odd, condition {condition}"]
         assert value == group["printed"].partition("; between")[0]
-        assert of == "5 participants whose functions fit"
+        assert of == "5 participants without misfits"
     value, of = rows["The same without odd, b against a"]
     assert value.startswith(f"{without.differences.iloc[-1]['difference_db']:+.1f} dB (")
-    assert of == "5 participants in both, whose functions fit"
+    assert of == "5 participants in both, without misfits"
     (warning,) = (one for one in analysis.warnings if "do not fit" in one)
     assert "below the panels of the figure of participants" in warning
     assert without.fitting is None
