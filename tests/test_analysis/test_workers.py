@@ -414,8 +414,8 @@ for _ in range(100):
     np.ones(390_000)
 print(resource.getrusage(resource.RUSAGE_SELF).ru_minflt - before)
 """
-"""Arrays of 3 MB: larger than any gap that imports leave in the heap, from which arrays of 0.8 MB
-were once served without a fault; smaller than those for which NumPy asks for huge pages."""
+"""Arrays of 3 MB: too large for gaps that imports can leave in the heap, which would serve them
+without a fault; smaller than those for which NumPy asks for huge pages."""
 
 
 @pytest.mark.process
