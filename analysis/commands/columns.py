@@ -44,7 +44,9 @@ def columns(*, tables: tuple[Path, ...], target: Path | None) -> None:
     write_new(target, text.encode(), DISK)
     todo = f"fill in {', '.join(blanks)}, then " if blanks else "check its guesses, then "
     told = shlex.join(map(str, tables))
+    # beside raw data, not among them
+    out = " --out ../analysis" if any(one.is_dir() and one.samefile(".") for one in tables) else ""
     for line in text.splitlines():
         if line.startswith(NOTE):
             click.echo(line.removeprefix(NOTE))
-    click.echo(f"Written to {target}; {todo}tactstrip analyze {told} --columns {target}")
+    click.echo(f"Written to {target}; {todo}tactstrip analyze {told} --columns {target}{out}")

@@ -230,7 +230,7 @@ def text(promise: Promise) -> str:
         told = f"{_counted(base.point.participants)}, of whose studies {_percent(base)} reach it"
         number = promise.best.participants if promise.best else None
         if number is not None and base.point.participants < number:
-            told += f" (few of those of the answer, {number}, fail: a gain could hardly show)"
+            told += f" (of {number}, the answer, few studies fail, so that gains would hardly show)"
         lines += ["", f"Levers, beginning with {told}; the largest first:"]
         lines += [
             f"  {one.change}: {_percent(one.after)}"

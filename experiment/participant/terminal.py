@@ -111,7 +111,7 @@ class TerminalResponder:
         self._say("", *_broken(*told), "")
         pause = self._labels["pause"]
         self._say(*_broken(self._key_list()), "")
-        self._say(f"{pause} pauses the session, {pause} again stops it.", "")
+        self._say(f"In a trial {pause} pauses; in a pause, or on a page as this, it stops.", "")
         return self._goes_on()
 
     def _key_list(self) -> str:

@@ -336,6 +336,7 @@ def _tell_plan(found: Findings, check: StudyCheck, device: DeviceSettings) -> No
         blocks=check.blocks,
         duration_s=check.duration_s,
     )
+    found.tell("", "consent, instructions and longer rests come on top")
 
 
 def _tell_people(found: Findings, check: StudyCheck, device: DeviceSettings) -> None:

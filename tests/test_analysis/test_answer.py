@@ -65,7 +65,7 @@ BASIS = (
 )
 PUSH = (
     r"they were (?:more frequent in \S+, where the threshold is higher, and a laxer criterion "
-    r"there would make the difference too small, not bring it about|rarer in \S+, where the "
+    r"there would hide part of the difference rather than cause it|rarer in \S+, where the "
     r"threshold is higher, and a stricter criterion there may bring the difference about in "
     r"(?:whole or in )?part)"
 )

@@ -52,7 +52,7 @@ def test_a_yes_no_task_at_one_side_is_told_without_sides(tmp_path: Path) -> None
                    "peak-to-peak", "Guess rate", "plan "):  # fmt: skip
         assert absent not in page, absent
     for told in (
-        "All stimuli and all answers that name a side were of one side, right",
+        "All stimuli were of one side, right, and so was each answer that names a side",
         "The task was yes/no: whether a stimulus was felt.",
         "There were 4 levels (0.02 to 0.159 vol), 15 trials of each for a participant, and 18 ",
         "and 18 blank (catch) trials.",

@@ -189,7 +189,7 @@ def test_the_keys_are_those_of_the_study(sessions: Sessions) -> None:
     keys = '[keys]\nleft = ["f", "num_1"]\nright = ["j"]\nboth = ["f5"]\nnone = ["b"]\n'
     sessions.write(sessions.text + keys + 'pause = ["f10", "lalt"]\ngo_on = ["space"]\n')
     with Terminal(sessions, "--seed", "1") as terminal:
-        terminal.expect(b"f10 pauses the session, f10 again stops it.")
+        terminal.expect(b"In a trial f10 pauses; in a pause, or on a page as this, it stops.")
         terminal.go_on(b"space goes on, f10 stops the session.", b" ")
         terminal.expect(b"left   f or 1\r\n  right  j\r\n  both   f5\r\n")
         terminal.press(b" ")

@@ -96,18 +96,19 @@ def _notes(looked_at: Sample, trials: Sample, sections: Mapping[str, list[str]])
     if skipped := len(looked_at.rows) - len(trials.rows):
         kept = [f"[{name}] {line.partition('  # ')[0]}" for name in _ROWS
                 for line in sections.get(name, ())]  # fmt: skip
-        yield f"{skipped} of {len(looked_at.rows)} rows are skipped, by {', '.join(kept)}"
+        are = "is" if skipped == 1 else "are"
+        yield f"{skipped} of {len(looked_at.rows)} rows {are} skipped, by {', '.join(kept)}"
     level = _level(trials)
     levels = (level is not None and trials.numbers(level)) or []
     if (zeros := levels.count(0.0)) and min(levels) == 0:
         yield (
-            f'{zeros} rows have level 0: blanks, where the answer "none" is right (in a forced '
+            f'{zeros} {"row has" if zeros == 1 else "rows have"} level 0: blanks, where the answer "none" is right (in a forced '
             "choice [rows.skip] has to leave them out); each counts for its own condition only"
         )
     words = trials.words(side) if (side := trials.called(CALLED["side"])) else {}
     for ours, told in _ASIDE.items():
         if rows := sum(n for word, n in words.items() if WORDS.get(plain(word)) == ours):
-            yield f"{rows} rows have side {ours}: {told}"
+            yield f"{rows} {'row has' if rows == 1 else 'rows have'} side {ours}: {told}"
     for line in sections["columns"]:
         key, _, names = line.removeprefix("# ").partition(f"  # {_OFFERED}")
         if names:
@@ -365,8 +366,10 @@ def _unanswered(table: Sample, name: str, word: str) -> str:
     """Say how many rows have no answer, what they count for, and how to leave them out."""
     skip = _entry(name, word, "").partition("  #")[0]
     rows = table.words(name)[word]
-    choice = "papers do this or leave them out, and say which"
-    return f": {rows} rows, presented and not detected; {choice}: [rows.skip] {skip}"
+    choice = "the cautious choice; a paper says which; to leave them out"
+    return (
+        f": {rows} row{'s' * (rows != 1)}, presented and not detected, {choice}: [rows.skip] {skip}"
+    )
 
 
 def _put(

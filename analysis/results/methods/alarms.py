@@ -175,7 +175,7 @@ def _push(one: Pair, told: _Verdict) -> str:
     if (told.more > 0) == higher:
         return (
             f"they were more frequent in {where}, where the threshold is higher, and a laxer "
-            "criterion there would make the difference too small, not bring it about"
+            "criterion there would hide part of the difference rather than cause it"
         )
     part = "in whole or in part" if told.apart else "in part"
     return (

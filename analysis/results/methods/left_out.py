@@ -22,7 +22,7 @@ REASONS: Final = {
     "never_answered": "nothing but time-outs in a condition",
     "device_error": "device failed",
     "indeterminate": "perhaps not felt",
-    "aborted": "cut off",
+    "aborted": "given up before the stimulus",
 }
 """What a reason is called in a sentence, in the order in which they are told."""
 

@@ -233,10 +233,8 @@ def _named(burst: Burst | SharedStimulus) -> str:
     return f"{cycles} of {burst.frequency_hz:g} Hz"
 
 
-def _tell_quietest(told: Findings, found: BurstComparison, best: ComparedBurst) -> None:
+def _tell_quietest(told: Findings, alike: list[ComparedBurst]) -> ComparedBurst:
     """Name the burst that is weakest at the other finger, of those that are as fit."""
-    alike = [row for row in found.rows if row.stated.is_fit]
-    alike = [row for row in alike if row.is_fit_with_all == best.is_fit_with_all]
     levels_db = [
         max(
             end.level_db
@@ -250,28 +248,39 @@ def _tell_quietest(told: Findings, found: BurstComparison, best: ComparedBurst) 
     told.tell(
         "quietest",
         f"{_named(row.burst)}: {level_db:.1f} dB at the other finger{where}",
-        quietest={
-            "frequency_hz": row.burst.frequency_hz,
-            "cycles": row.burst.cycles,
-            "level_db": level_db,
-        },
+        quietest=_values(row.burst) | {"level_db": level_db},
     )
+    return row
 
 
-def _tell_most_felt(told: Findings, found: BurstComparison, alike: list[ComparedBurst]) -> None:
+def _tell_most_felt(
+    told: Findings, found: BurstComparison, alike: list[ComparedBurst]
+) -> ComparedBurst | None:
     """Name the burst of the lowest threshold, of those that are as fit as the best."""
     in_volts = [(row.threshold_vpp, row) for row in alike if row.threshold_vpp is not None]
     in_db = [(row.threshold_db, row) for row in alike if row.threshold_db is not None]
-    if felt := in_volts or in_db:
-        least, row = min(felt, key=lambda one: one[0])
-        own = f"at {least:.1f} dB re {_named(found.study.burst)}"
-        told.tell("most felt", f"{_named(row.burst)}, {f'from {least:.3g} V' if in_volts else own}")
+    told.note(most_felt=None)
+    if not (felt := in_volts or in_db):
+        return None
+    least, row = min(felt, key=lambda one: one[0])
+    own = f"at {least:.1f} dB re {_named(found.study.burst)}"
+    told.tell(
+        "most felt",
+        f"{_named(row.burst)}, {f'from {least:.3g} V' if in_volts else own}",
+        most_felt=_values(row.burst),
+    )
+    return row
+
+
+def _values(burst: Burst) -> dict[str, float]:
+    """Return the lines of ``[burst]`` in which the compared bursts differ."""
+    return {"frequency_hz": burst.frequency_hz, "cycles": burst.cycles}
 
 
 def _tell_best(told: Findings, found: BurstComparison, file_name: str) -> None:
-    """Name the best burst with the lines of the study file that make it the study's."""
+    """Name the best bursts with the lines of the study file that make one of them the study's."""
     best, edges = found.best, _edges(found)
-    told.note(best=None, quietest=None)
+    told.note(best=None, quietest=None, most_felt=None)
     if best is None:
         low_hz = min(edge.strip.cutoff_hz() for edge in (found.study, found.other) if edge)
         tried = ",".join(f"{float(f'{low_hz / part:.2g}'):g}" for part in (8, 4, 3, 2))
@@ -285,22 +294,36 @@ def _tell_best(told: Findings, found: BurstComparison, file_name: str) -> None:
         fit = "fit with both edges"
     else:
         fit = f"fit with {stated} edges; none is fit with both"
-    lines = {"frequency_hz": best.burst.frequency_hz, "cycles": best.burst.cycles}
     told.tell(
-        "shortest", f"{_named(best.burst)}: {fit}", best=lines | {"fit": best.is_fit_with_all}
+        "shortest",
+        f"{_named(best.burst)}: {fit}",
+        best=_values(best.burst) | {"fit": best.is_fit_with_all},
     )
     if not best.is_fit_with_all:
         told.tell("", "measure the cut-off before it is used, docs/hardware.md")
-    _tell_quietest(told, found, best)
-    alike = [row for row in found.rows if row.is_fit_with_all == best.is_fit_with_all]
-    _tell_most_felt(told, found, [row for row in alike if row.stated.is_fit])
-    several = len(found.study.conditions) > 1
-    if names := found.has(best):
-        whose = f"{_conditions(names)} of {file_name}" if several else file_name
-        told.tell("", f"the shortest (*) is that of {whose}")
-        return
-    where = "[burst] or a [[condition]]" if several else "[burst]"
-    told.tell("", f"to take the shortest, write into {where} of {file_name}:")
-    told.space()
-    for key, value in lines.items():
-        told.lines.append(f"{key} = {value:g}")
+    alike = [row for row in found.rows if row.stated.is_fit]
+    alike = [row for row in alike if row.is_fit_with_all == best.is_fit_with_all]
+    chosen = {"shortest": best, "quietest": _tell_quietest(told, alike)}
+    if felt := _tell_most_felt(told, found, alike):
+        chosen["most felt"] = felt
+    _tell_lines(told, found, chosen, file_name)
+
+
+def _tell_lines(
+    told: Findings, found: BurstComparison, chosen: dict[str, ComparedBurst], file_name: str
+) -> None:
+    """Say which of the bursts named are the study's, and give the lines of the others."""
+    several, others = len(found.study.conditions) > 1, dict[str, list[str]]()
+    for name, row in chosen.items():
+        if conditions := found.has(row):
+            whose = f"{_conditions(conditions)} of {file_name}" if several else file_name
+            told.tell("", f"the {name} (*) is that of {whose}")
+        else:
+            lines = "\n".join(f"{key} = {value:g}" for key, value in _values(row.burst).items())
+            others.setdefault(lines, []).append(name)
+    if others:
+        where = "[burst] or a [[condition]]" if several else "[burst]"
+        told.tell("", f"for another burst write its lines into {where} of {file_name}:")
+    for lines, names in others.items():
+        told.space()
+        told.lines += [f"# {', '.join(names)}", *lines.splitlines()]
