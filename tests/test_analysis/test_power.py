@@ -633,7 +633,8 @@ def test_levers_begin_with_fewer_people_than_the_answer_and_say_why() -> None:
     told = text(promised(lambda people: people / 25, (2, 40)))
     assert told.startswith("20 participants (20 to 21 by the simulation), ")
     why = (
-        r" reach it \(of 20, the answer, few studies fail, so that gains would hardly show\); the largest"
+        r" reach it \(of 20, the answer, few studies fail, so that gains would hardly show\)"
+        r"; the largest"
     )
     assert re.search(
         r"Levers, beginning with 12 participants, of whose studies \d+% .*" + why, told

@@ -27,8 +27,8 @@ def is_yes_no(analysis: Analysis) -> bool:
 def one_side_words(side: str) -> str:
     """Say why nothing is told of sides."""
     return (
-        f"All stimuli were of one side, {side}, and so was each answer that names a side: sides are "
-        "not compared"
+        f"All stimuli were of one side, {side}, and so was each answer that names a side: sides "
+        "are not compared"
     )
 
 
