@@ -103,8 +103,8 @@ def _notes(looked_at: Sample, trials: Sample, sections: Mapping[str, list[str]])
     if (zeros := levels.count(0.0)) and min(levels) == 0:
         yield (
             f"{zeros} {'row has' if zeros == 1 else 'rows have'} level 0: blanks, where the answer "
-            '"none" is right (in a forced choice [rows.skip] has to leave them out); each counts for '
-            "its own condition only"
+            '"none" is right (in a forced choice [rows.skip] has to leave them out); each counts '
+            "for its own condition only"
         )
     words = trials.words(side) if (side := trials.called(CALLED["side"])) else {}
     for ours, told in _ASIDE.items():
