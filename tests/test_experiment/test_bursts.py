@@ -94,6 +94,7 @@ def test_the_lines_of_the_best_burst_make_it_the_study_s(run: Run) -> None:
     Path("study.toml").write_text(own, "utf-8")
     again = run("bursts", "study.toml", *options).stdout
     assert "the shortest (*) is that of study.toml\n" in again
+    assert "# shortest" not in again
     assert "\n*200       3 " in again
     assert Path("study.toml").read_text("utf-8") == own
 
@@ -204,6 +205,12 @@ def test_what_is_felt_most_easily_is_named_where_thresholds_are_known(run: Run) 
     Path("study.toml").write_text(study_text(more=PEOPLE), "utf-8")
     said = run("bursts", "study.toml", "--frequency-hz", "100,200", "--cycles", "3").stdout
     assert "\nmost felt      3 cycles of 200 Hz, from " in said
+    lines = said.partition("for another burst write its lines into [burst] of study.toml:\n")[2]
+    named = {"shortest", "quietest", "most felt"}
+    assert named == {name for line in lines.splitlines() if line.startswith("# ")
+                     for name in line[2:].split(", ")}  # fmt: skip
+    of_felt = lines.partition("most felt")[2].splitlines()[1:3]
+    assert of_felt == ["frequency_hz = 200", "cycles = 3"]
 
 
 @pytest.mark.parametrize(
