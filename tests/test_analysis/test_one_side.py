@@ -70,7 +70,7 @@ def test_a_yes_no_task_at_one_side_is_told_without_sides(tmp_path: Path) -> None
     printed = io.StringIO()
     print_analysis(analysis, printed)
     assert "both other" not in printed.getvalue()
-    assert "one side, right: what" in printed.getvalue()
+    assert "were of one side, right, and" in printed.getvalue()
 
 
 @pytest.mark.slow
