@@ -126,7 +126,7 @@ def _bar(sources: Sequence[InputTable]) -> AbstractContextManager[Iterable[Input
     "--out",
     type=click.Path(path_type=Path),
     help="Folder for the results.  [default: analysis in the one folder given; for files, several "
-    "folders or a BIDS data set ./analysis]",
+    "folders, a BIDS data set or a table made elsewhere ./analysis]",
 )
 @click.option(
     "--columns", type=click.Path(path_type=Path), help="MAP.toml for a table made elsewhere."
@@ -190,8 +190,9 @@ def analyze(
 
     if pdf and no_figures:
         raise click.UsageError("--pdf writes figures: leave --no-figures out")
-    # A data set, mostly another lab's, stays as it is.
-    ours = len(paths) == 1 and paths[0].is_dir() and not (paths[0] / _BIDS).exists()
+    # Data that others wrote stay as they are.
+    ours = columns is None and len(paths) == 1 and paths[0].is_dir()
+    ours = ours and not (paths[0] / _BIDS).exists()
     target = out or (paths[0] if ours else Path()) / "analysis"
     analysis = write_analysis(
         paths,

@@ -84,6 +84,12 @@ class Pair:
         """Whether the interval, as it is printed, leaves out 0."""
         return self.ends_db[0] > 0 or self.ends_db[1] < 0
 
+    @property
+    def took_turns(self) -> bool:
+        """Whether trials or blocks of both conditions took turns in everybody."""
+        first = self.row["first"]
+        return isinstance(first, str) and "," not in first and first.partition(" ")[0] == MIXED
+
 
 def pairs_of(differences: pd.DataFrame) -> Iterator[Pair]:
     """Yield every two conditions; of one participant in both it is that one's difference."""
@@ -270,8 +276,7 @@ def difference_rows(
     for one in pairs_of(analysis.differences):
         name = f"Threshold in {isolated(one.b)} against {isolated(one.a)}"
         first = one.row["first"]
-        # That the conditions took turns in everybody says nothing of an order.
-        told = isinstance(first, str) and ("," in first or first.partition(" ")[0] != MIXED)
+        told = isinstance(first, str) and not one.took_turns  # which says nothing of an order
         order = f"; first: {first}" if told else ""
         yield name, difference_cell(one), one.of + order
         yield from _fitting_row(analysis, one)

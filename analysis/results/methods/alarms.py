@@ -149,8 +149,12 @@ def criterion_sentences(analysis: Analysis) -> Iterator[str]:
             )
         else:
             yield f"false alarms are not told apart ({which})"
-        return
-    (one,), (told,) = pairs, found
+    else:
+        yield from _of_two(analysis, pairs[0], found[0], beside)
+
+
+def _of_two(analysis: Analysis, one: Pair, told: _Verdict, beside: str) -> Iterator[str]:
+    """Say of two conditions whether false alarms differ, and what follows from it."""
     words = f"{_p_words(told.p)}, {told.test}"
     if told.points:
         at, _, limits = told.points.removesuffix(")").partition(" (")
@@ -162,8 +166,22 @@ def criterion_sentences(analysis: Analysis) -> Iterator[str]:
             yield level_words(levels, one)
     else:
         yield f"false alarms are not told apart ({words})"
-        if push:
+        if push and not one.took_turns:
             yield f"if anything {push}"
+    if one.took_turns:
+        yield _taken_together(analysis, one)
+
+
+def _taken_together(analysis: Analysis, one: Pair) -> str:
+    """Say what a blank trial's condition means where nobody knows which is coming."""
+    rows = [row for row in totals(analysis) if row["condition"] in (one.a, one.b)]
+    alarms = sum(round(row["p"] * row["presented"]) for row in rows)
+    blanks = sum(int(row["presented"]) for row in rows)
+    return (
+        "conditions took turns: if nothing told participants which was coming, blanks of both are "
+        "the same event, a difference of false alarms is chance, and their rate in all of them is "
+        f"to be quoted, {alarms} of {blanks} ({_percent(alarms / blanks)} %)"
+    )
 
 
 def _push(one: Pair, told: _Verdict) -> str:
