@@ -238,19 +238,20 @@ def test_the_interval_is_the_one_asked_for(tmp_path: Path, analyze: Analyze, met
 
 @pytest.mark.slow
 def test_results_go_into_the_folder_that_was_given_or_the_current_one(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    two_sessions: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    own = shutil.copytree(two_sessions, tmp_path / "own")
+    for _ in range(2):
+        assert run("analyze", own, "--no-figures", "--allow-simulated").exit_code == 0
+        assert {*files(own / "analysis")} >= BASIC
     path = table(tmp_path / "study" / "sub-1" / "ses-01" / "trials.csv", REAL)
     options = ("--no-figures", "--columns", put(tmp_path / "names.toml", ""))
-    assert run("analyze", tmp_path / "study", *options).exit_code == 0
-    before = files(tmp_path / "study" / "analysis")
-    assert set(before) >= BASIC
-    assert run("analyze", tmp_path / "study", *options).exit_code == 0
-    assert files(tmp_path / "study" / "analysis") == before
-    (tmp_path / "here").mkdir()
-    monkeypatch.chdir(tmp_path / "here")
-    assert run("analyze", path, *options).exit_code == 0
-    assert (tmp_path / "here" / "analysis" / "levels.csv").exists()
+    for name, given in (("a file", path), ("a folder made elsewhere", tmp_path / "study")):
+        (tmp_path / name).mkdir()
+        monkeypatch.chdir(tmp_path / name)
+        assert run("analyze", given, *options).exit_code == 0
+        assert (tmp_path / name / "analysis" / "levels.csv").exists()
+    assert not (tmp_path / "study" / "analysis").exists()
 
 
 @pytest.mark.slow

@@ -383,7 +383,7 @@ def test_a_draft_says_what_blanks_and_both_sides_count_for(tmp_path: Path) -> No
     rows = "A,left,60,left\nA,none,,none\nA,catch,,left\nA,both,80,both\n"
     told = draft(put(tmp_path / "t.csv", f"participant,side,driveVpp,response\n{rows}"))
     assert "# Note: 2 rows have side none: blanks\n" in told
-    assert "# Note: 1 rows have side both: in no threshold\n" in told
+    assert "# Note: 1 row has side both: in no threshold\n" in told
     assert "# its unit: V peak-to-peak, by the name; else state it, in [units]\n" in told
 
 
