@@ -52,7 +52,8 @@ DEFINITIONS: Final[Mapping[str, str]] = MappingProxyType(
         "takes part",
         "spread_db, spread_low_db, spread_high_db": "standard deviation of thresholds between "
         "participants, posterior median and 95 % limits, dB (on a linear axis the levels' unit); "
-        "below five participants mostly from its prior",
+        "in a row 'all' of differences.csv that of their differences, of the same people; below "
+        "five participants mostly from its prior",
         "new_low_vpp, new_high_vpp": "where another participant's threshold is expected, 95 %",
         "condition_a, condition_b": "of a difference: by how much b lies above a",
         "difference_db, low_db, high_db": "20 log10(threshold b / threshold a), posterior median "

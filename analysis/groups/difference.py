@@ -8,7 +8,7 @@ two tables that tell only bounds would be pulled to a difference of 0 by it.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Final, Literal
 
 import numpy as np
@@ -50,6 +50,7 @@ _SEEN: Final = 1e-7
 _SIGMAS: Final = LOG_SIGMA[0] + np.linspace(0, 1, 25) * (LOG_SIGMA[1] - LOG_SIGMA[0])
 _TINY: Final = 1e-300
 _PASSES: Final = 3
+_SPREAD_NODES: Final = 200
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -64,11 +65,18 @@ class Difference:
         20 log10(threshold b / threshold a), posterior median; NaN unless ``ok``.
     difference_limits_db : tuple of float
         95 % limits; an open end is -inf or inf.
+    spread_db : float
+        Standard deviation of people's differences, posterior median; NaN unless of a group of the
+        same people.
+    spread_limits_db : tuple of float
+        95 % limits.
     """
 
     status: DifferenceStatus
     difference_db: float
     difference_limits_db: tuple[float, float]
+    spread_db: float = math.nan
+    spread_limits_db: tuple[float, float] = (math.nan, math.nan)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -220,7 +228,25 @@ def _of_group(pairs: Sequence[_Pair], ruler: Ruler, people: Sequence[Difference]
             low + (high - low) * np.linspace(0, 1, n) ** power
             for (low, high), (n, power) in zip(boxes, counts, strict=True)
         )
-    return _told(shift, of_shift, open_ends)
+    cells *= _prior(shift)[:, None]
+    low_db, middle_db, high_db = _points_of_few(_margin(cells, axes, 3), between)
+    return replace(
+        _told(shift, of_shift, open_ends),
+        spread_db=float(middle_db),
+        spread_limits_db=(float(low_db), float(high_db)),
+    )
+
+
+def _points_of_few(density: Floats, x: Floats) -> Floats:
+    """Return the limits and the median of a density that is known at a dozen nodes only.
+
+    A curve through its logarithms tells limits better than lines between its values.
+    """
+    from scipy.interpolate import CubicSpline
+
+    nodes = np.linspace(x[0], x[-1], _SPREAD_NODES)
+    curve = CubicSpline(x, np.log(np.maximum(density, _TINY)))
+    return np.asarray(quantiles(np.exp(curve(nodes))[None], nodes)[0])
 
 
 def _margin(cells: Floats, axes: Sequence[Floats], kept: int) -> Floats:

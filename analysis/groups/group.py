@@ -88,10 +88,11 @@ class ConditionDifference:
     ----------
     status : str
         ``ok``; ``at_least`` or ``at_most`` where only one end is bounded; ``unknown``.
-    difference_db : float
-        20 log10(threshold b / threshold a) of the group, posterior median; NaN unless ``ok``.
-    difference_limits_db : tuple of float
-        95 % limits; an open end is -inf or inf.
+    difference_db, difference_limits_db : float, tuple of float
+        20 log10(threshold b / threshold a) of the group, posterior median, NaN unless ``ok``; its
+        95 % limits, of which an open end is -inf or inf.
+    spread_db, spread_limits_db : float, tuple of float
+        Standard deviation of people's differences and its 95 % limits; NaN of different people.
     people : tuple of Difference
         Each person's, where the same people took part in both conditions.
     """
@@ -99,6 +100,8 @@ class ConditionDifference:
     status: str
     difference_db: float
     difference_limits_db: tuple[float, float]
+    spread_db: float
+    spread_limits_db: tuple[float, float]
     people: tuple[Difference, ...] = ()
 
 
@@ -293,21 +296,19 @@ def difference_on_axis(
     a: PeopleTables, b: PeopleTables, *, same_people: bool
 ) -> ConditionDifference:
     """Return the difference of two conditions on a logarithmic axis."""
-    used = np.concatenate([one.x[one.presented > 0] for one in (a, b)])
-    ruler = Ruler.of(used, "log10")
-    found_a, found_b = a.surfaces(ruler), b.surfaces(ruler)
+    ruler = Ruler.of(np.concatenate([one.x[one.presented > 0] for one in (a, b)]), "log10")
+    found = a.surfaces(ruler), b.surfaces(ruler)
     people: list[Difference] = []
     if same_people:
-        group, people = paired_difference(found_a, found_b, ruler)
+        group, people = paired_difference(*found, ruler)
     else:
-        group = unpaired_difference(
-            hierarchy(found_a, ruler, prior_of_middle=False),
-            hierarchy(found_b, ruler, prior_of_middle=False),
-        )
+        group = unpaired_difference(*(hierarchy(o, ruler, prior_of_middle=False) for o in found))
     return ConditionDifference(
         status=group.status,
         difference_db=group.difference_db,
         difference_limits_db=group.difference_limits_db,
+        spread_db=group.spread_db,
+        spread_limits_db=group.spread_limits_db,
         people=tuple(people),
     )
 

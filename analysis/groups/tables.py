@@ -36,8 +36,8 @@ GROUP_COLUMNS: Final = (
     "new_high_vpp", "printed", "below", "above",
 )  # fmt: skip
 DIFFERENCE_COLUMNS: Final = (
-    "condition_a", "condition_b", "participant", "difference_db", "low_db", "high_db", "status",
-    "printed",
+    "condition_a", "condition_b", "participant", "difference_db", "low_db", "high_db",
+    "spread_db", "spread_low_db", "spread_high_db", "status", "printed",
 )  # fmt: skip
 GROUP: Final = "all"
 _ALONE: Final = "one participant tells nothing of others"
@@ -219,7 +219,7 @@ def _pair(
     rows = [[name, *_difference(one)] for name, one in zip(both, found.people, strict=True)]
     rows.sort(key=lambda row: counted_up(str(row[0])))
     alone = len(both) == 1 or (not both and min(len(rows_a), len(rows_b)) == 1)
-    group = [*[math.nan] * 3, "one_participant", _ALONE] if alone else _difference(found)
+    group = [*[math.nan] * 6, "one_participant", _ALONE] if alone else _difference(found)
     return [*rows, [GROUP, *group]]
 
 
@@ -234,6 +234,7 @@ def _difference(one: Difference | ConditionDifference) -> list[object]:
         one.difference_db,
         _known(low),
         _known(high),
+        *(_known(value) for value in (one.spread_db, *one.spread_limits_db)),
         one.status,
         {
             "ok": f"{told} dB ({low:+.1f} to {high:+.1f}), {times(one.difference_db, low, high)}",

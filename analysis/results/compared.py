@@ -280,6 +280,10 @@ def difference_rows(
         order = f"; first: {first}" if told else ""
         yield name, difference_cell(one), one.of + order
         yield from _fitting_row(analysis, one)
+        if not math.isnan(one.row["spread_db"]):
+            at, low, high = (one.row[f"spread_{end}db"] for end in ("", "low_", "high_"))
+            name = f"Spread of that difference (SD), {isolated(one.b)} against {isolated(one.a)}"
+            yield name, f"{at:.1f} dB ({low:.1f} to {high:.1f})", one.of
         if levels := by_level(analysis, one):
             of = "mean of participants; " if one.row["participant"] == TOTAL else ""
             name = f"d' at single levels, {isolated(one.b)} against {isolated(one.a)}"

@@ -101,11 +101,14 @@ def test_a_difference_of_normal_likelihoods_is_that_of_a_sum_over_the_hyperparam
     total = np.sqrt(2 * width**2 + spread**2)
     z = (d[:, None, None] - shift[:, None]) / total
     density = np.exp((-0.5 * z * z - np.log(total)).sum(axis=0) - 0.5 * (spread / 6) ** 2)
-    margin = density.sum(axis=1) * np.exp(-0.5 * (shift / 12) ** 2)
-    low, middle, high = np.interp([0.025, 0.5, 0.975], np.cumsum(margin) / margin.sum(), shift)
-    assert (*found.difference_limits_db, found.difference_db) == pytest.approx(
-        (low, high, middle), abs=0.06
-    )
+    density *= np.exp(-0.5 * (shift[:, None] / 12) ** 2)
+    for told, axis, margin in (
+        ((found.difference_limits_db, found.difference_db), shift, density.sum(axis=1)),
+        ((found.spread_limits_db, found.spread_db), spread, density.sum(axis=0)),
+    ):
+        low, middle, high = np.interp([0.025, 0.5, 0.975], np.cumsum(margin) / margin.sum(), axis)
+        assert (*told[0], told[1]) == pytest.approx((low, high, middle), abs=0.06)
+    assert all(math.isnan(one.spread_db) for one in people)
     half = 1.96 * math.sqrt(2) * width
     for one, at in zip(people, d, strict=True):
         assert one.difference_limits_db == pytest.approx((at - half, at + half), abs=0.06)
@@ -274,6 +277,7 @@ def test_the_tables_have_a_row_for_each_condition_and_each_pair() -> None:
     assert tuple(differences.columns) == DIFFERENCE_COLUMNS
     assert differences["participant"].tolist() == ["0", "1", "2", "all"]
     assert differences["difference_db"].iloc[-1] == pytest.approx(0, abs=1e-6)
+    assert differences["spread_db"].notna().tolist() == [False, False, False, True]
 
 
 def test_one_participant_is_no_group() -> None:
