@@ -234,8 +234,8 @@ def test_a_section_of_serial_effects_tells_how_often_one_is_found(
     for name in ("NO_EFFECT", "DRIFT", "LAST"):
         monkeypatch.setattr(serial, name, few)
     text = serial.section()
-    assert text.count("| each once a repetition, 1 place, 6 stimuli x 12 | 1 |  | ") == 3
-    assert "| staircase, 1 place, 40 trials | 1 |  | - | none told | none told | - |" in text
+    assert text.count("\n| each once, 6 x 12, one person | ") == 3
+    assert "| staircase, 40 trials, one person | none told | none told | - |" in text
 
 
 @pytest.mark.slow
