@@ -33,9 +33,8 @@ PAGE = Path(__file__).parent.parent / "docs" / "benchmarks.md"
 BY_HAND = "## Long runs\n"
 """The section that `make bench` does not measure: it stays, at the end of the page."""
 GUIDE = (
-    "Commands and sessions come first, then the plate's field (Stability to Skipping), coverage of "
-    "intervals (Calibration to Groups by another method), warnings, long runs and power. How "
-    "numbers are taken is in each script in `benchmarks/`. No hardware and no person took part.\n"
+    "How numbers are taken is in each script in `benchmarks/`. No hardware and no person took "
+    "part.\n"
 )
 
 

@@ -110,10 +110,10 @@ class Scenario:
         levels = f"{len(self.levels_vpp)}, {self.levels_vpp[0]:g} to {self.levels_vpp[-1]:g}"
         others = f", n {self.presented}" * (self.presented != _CELL)
         others += f", lapses {self.lapse_rate:g}" * (self.lapse_rate != _LAPSES)
-        shape = "" if self.shape == "normal" else f"{self.shape}, "
+        shape = "" if self.shape == "normal" else f" ({self.shape})"
         return (
-            f"| {_NAMES.get(self.levels_vpp, levels)}{others} | {self.threshold_vpp:g} | "
-            f"{shape}{self.sigma:g} | {self.guess_rate:g} |"
+            f"| {_NAMES.get(self.levels_vpp, levels)}{others} | "
+            f"{self.threshold_vpp:g}, {self.sigma:g}{shape}, {self.guess_rate:g} |"
         )
 
 
@@ -141,6 +141,10 @@ BEYOND: Final = (
     Scenario(levels_vpp=_SIX, threshold_vpp=80, lapse_rate=0.1, presented=10),
 )
 """What the model does not claim: people of another shape or flatness, told beside it."""
+
+
+_ALIKE: Final = tuple(SCENARIOS[i] for i in (8, 9, 10))
+"""What the page does not show: it is like its neighbours."""
 
 
 def ours(scenario: Scenario, counts: Floats, nodes: Nodes = STANDARD) -> Floats:
@@ -238,26 +242,29 @@ def threshold_rows() -> Iterator[str]:
         require_within(fits, scenario)
         found = ours(scenario, counts)
         score, chosen = _Score.of(found, scenario), _Score.of(found[given], scenario)
-        first = {"ours": "", "psignifit": "", "statsmodels": ""}
+        first: list[str] = []
         if scenario in SCENARIOS:
             every.append(score.db)
             told.append(chosen.db)
             if BESIDE:
                 few = (("ours", found[:BESIDE]), *_beside(scenario, counts[:BESIDE]))
-                first |= {name: _Score.of(one, scenario).brief() for name, one in few}
+                first = [_Score.of(one, scenario).brief() for _, one in few]
         number = "all" if given.all() else f"{given.sum()}: {chosen.brief()}"
-        yield (
-            f"{scenario.row()} {np.median(score.db):+.2f}, {score.brief()} | "
-            f"{number} | {' | '.join(first.values())} |"
-        )
+        if scenario not in _ALIKE:
+            yield (
+                f"{scenario.row()} {np.median(score.db):+.2f}, {score.brief()} | "
+                f"{number} | {'; '.join(first)} |"
+            ).replace("  ", " ")
     of_all, of_told = (
         f"{math.sqrt(float(np.mean([np.square(one).mean() for one in errors]))):.2f}"
         for errors in (every, told)
     )
     yield ""
+    alike = sum(scenario in _ALIKE for scenario in SCENARIOS)
+    unseen = ", and three like them that are not shown," * (alike == len(_ALIKE))
     yield (
-        f"The first {len(every)} together have an RMSE of {of_all} dB of all and {of_told} dB of "
-        f"what is printed. {_LAST}"
+        f"The first {len(every) - alike}{unseen} together have an RMSE of {of_all} dB of all and "
+        f"{of_told} dB of what is printed. {_LAST}"
     )
 
 
@@ -330,7 +337,10 @@ def group_rows(rng: np.random.Generator) -> Iterator[str]:
         for level, some in pooled_part.items()
     )
     yield ""
-    yield f"A pooled binomial interval, which ignores that participants differ, covers {covers}."
+    yield (
+        "A [pooled](explanation/intervals.md#trials-are-not-people) binomial interval covers "
+        f"{covers}."
+    )
 
 
 def share(inside: NDArray[np.bool_]) -> str:
@@ -358,7 +368,7 @@ def section() -> str:
             _THRESHOLDS,
             "",
             _HEADER,
-            f"|{'---|' * 9}",
+            f"|{'---|' * 5}",
             *threshold_rows(),
             "",
             f"{_BELOW}{', '.join(below_words())}.",
@@ -372,34 +382,31 @@ _CELL: Final = 30
 _LAPSES: Final = 0.02
 """Those of an observer, unless others are told."""
 _INTERVALS: Final = (
-    f"The share of {STUDIES} seeded studies that covers the truth (standard error 0.3 % where it "
-    f"is 98.7 %, 0.6 % at 95 %, 0.9 % at 86 %), {_CELL} stimuli a cell. Groups: 70 V in the "
-    f"middle, sigma {SIGMA:g}, of steep people a fifth of it; a cell has the true mean and the "
-    "coverage in %, where thresholds vary by 2, 4 and 6 dB between people."
+    f"Coverage by {STUDIES} seeded studies (standard error 0.3 % at 98.7 %, 0.6 % at 95 %, 0.9 % "
+    f"at 86 %), {_CELL} stimuli a cell. Of groups, with 70 V in the middle and sigma {SIGMA:g} (of "
+    "steep people a fifth of it), a cell has the true mean and the coverage in %, where "
+    "thresholds vary by 2, 4 and 6 dB between people."
 )
 _THRESHOLDS: Final = (
-    f"Thresholds of one observer, lapses {_LAPSES:g}, n = {_CELL} stimuli at each level unless "
-    "told; centred levels are 49 to 91 V. All: "
-    "median error and RMSE of the posterior median in dB, and coverage, of all tables. Printed: "
-    "how many print a number (status ok, lapse_at_bound or separated), their RMSE and coverage; "
-    "every printed number is checked to lie within the levels. Of the first 40 tables: RMSE and "
-    "coverage of ours, of psignifit (posterior mean, three free parameters, its default grid) "
-    "and of statsmodels (the likeliest probit line, limits by the delta method). Functions are "
-    "normal unless another is named."
+    f"Thresholds of one observer with a normal function, lapses {_LAPSES:g} and {_CELL} stimuli at "
+    "each level unless told; centred levels are 49 to 91 V. All: median error and RMSE of the "
+    "posterior median in dB, and coverage. Printed: how many tables print a number, their RMSE and "
+    "coverage; every number lies within the levels. Of the first 40 tables: RMSE and coverage of "
+    "ours, psignifit (posterior mean, three free parameters, its default grid) and statsmodels "
+    "(the likeliest probit line, limits by the delta method)."
 )
 _LAST: Final = (
-    "The last four are people of another function where it is wide, and answers at chance at "
-    "most levels: the half point of a Weibull function of sigma 0.1 lies a third of a decibel "
-    "off that of the nearest normal function. The rows are a choice of 29 that were run. Of the "
-    "other ten, five have such Weibull people, too; with the two here they cover 85.5 to 93.6 "
-    "%. The first 23 together had RMSEs of 1.03 and 0.95 dB."
+    "The last four are people of another function where it is wide (the half point of a Weibull "
+    "function of sigma 0.1 lies a third of a decibel off that of the nearest normal one), and "
+    "answers at chance at most levels. All are a choice of 29, the first 23 of which had RMSEs of "
+    "1.03 and 0.95 dB; the seven with such Weibull people are covered in 85.5 to 93.6 %."
 )
 _HEADER: Final = (
-    "| levels, V | truth, V | shape, sigma | gamma | all | printed "
-    "| first 40: ours | psignifit | statsmodels |"
+    "| levels, V | truth in V, sigma, gamma | all | printed "
+    "| first 40: ours; psignifit; statsmodels |"
 )
 _NAMES: Final[dict[tuple[float, ...], str]] = {PAPER: "paper's", CENTRED: "centred"}
 _BELOW: Final = (
-    "False bounds, if only just at 60 V: `< 60 V` is told at the paper's levels, over two guess "
-    f"rates (0.5, 0.02) and three widths (0.05, 0.1, 0.2), {STUDIES} sessions for each, in "
+    "False bounds (at 60 V only just false): at the paper's levels, over two guess rates (0.5, "
+    f"0.02) and three widths (0.05, 0.1, 0.2), {STUDIES} sessions each, `< 60 V` is told in "
 )

@@ -97,9 +97,9 @@ def rows() -> Iterator[str]:
             error = np.ptp(theirs) / 3.92 * 2.67 / math.sqrt(size)
             cells.append(f"{np.abs(ours - theirs).max():.2f} ({error:.2f})")
         name = "the paper's" if levels == PAPER else "centred"
-        grouped.setdefault(f"{name} | {number}", []).append((f"{spread_db:g}", *cells))
-    for kind, some in grouped.items():
-        yield f"| {kind} | {' | '.join(', '.join(cells) for cells in zip(*some, strict=True))} |"
+        grouped.setdefault(name, []).append((f"{number}", f"{spread_db:g}", *cells))
+    for name, some in grouped.items():
+        yield f"| {name} | {' | '.join(', '.join(cells) for cells in zip(*some, strict=True))} |"
 
 
 def section() -> str:
@@ -112,8 +112,8 @@ def section() -> str:
 _WORDS: Final = (
     "Middle M and spread tau of ten groups: the largest difference, in dB, of their 2.5, 50 and "
     f"97.5 % points by the grid from those by NumPyro's no-U-turn sampler ({SAMPLES} draws after "
-    f"{WARM_UP}), which has the same model but a continuous omega and no nodes; in brackets the "
-    "sampler's own standard error of its outer points."
+    f"{WARM_UP}), with the same model but a continuous omega and no nodes; in brackets the "
+    "sampler's standard error of its outer points."
 )
 _HEADER: Final = (
     "| levels | people | between people, dB | M (error) | tau (error) |",

@@ -217,9 +217,10 @@ def doubt_rows() -> Iterator[str]:
 
 
 _WORDS: Final = (
-    f"Of {SESSIONS} simulated people (62 V, 1.5 dB between people, fingers that differ by 1 dB, "
-    "sigma 0.1, lapses 0.03, false alarms 0.05), one session each, how many are warned of as "
-    "swapped, at chance and drifting.\n"
+    f"How many of {SESSIONS} simulated people (62 V, 1.5 dB between people, fingers that differ by "
+    "1 dB, sigma 0.1, lapses 0.03, false alarms 0.05) are [warned "
+    "of](statistics.md#12-people-who-are-named) as swapped, at chance and drifting, a session "
+    "each.\n"
 )
 
 

@@ -131,8 +131,8 @@ def together() -> str:
         for name, some in taken.items()
     )
     return (
-        f"Of 5, 8 and 12 people with five levels of 30 stimuli and 2 dB between them, {told} of "
-        "processor time, their people's own fits included."
+        f"Of 5 to 12 people, 2 dB apart, with five levels of 30 stimuli, {told} of processor time, "
+        "people's own fits included."
     )
 
 
@@ -168,8 +168,8 @@ def section() -> str:
 _DRAWN_ONLY: Final = "33 x 11 x 4"
 """A grid that the figure has, and the table not."""
 _TIMES: Final = (
-    "Processor time of one posterior against the largest error of its three points, beside a grid "
-    f"of {FINEST.between + 2 * FINEST.outside} x {FINEST.log_sigma} x {FINEST.lapse} cut off at "
-    "the levels; forced choice, centred levels, one thread. psignifit's error is that of its "
+    "Processor time of one posterior against the largest error of its limits and median, beside a "
+    f"grid of {FINEST.between + 2 * FINEST.outside} x {FINEST.log_sigma} x {FINEST.lapse}, cut off "
+    "at the levels; forced choice, centred levels, one thread. psignifit's error is that of its "
     "limits beside a finer grid of its own, median of four tables."
 )

@@ -18,7 +18,7 @@ FLIPS = 300
 WAIT_S = 5.0
 
 
-def _flips(stage: Stage) -> tuple[str, ...]:
+def _flips(stage: Stage) -> str:
     times_s = np.empty(FLIPS)
     for i in range(FLIPS):
         stage.show(())
@@ -27,26 +27,23 @@ def _flips(stage: Stage) -> tuple[str, ...]:
     low, middle, high = np.percentile(steps_ms, (1, 50, 99))
     renderer = stage.window.winHandle.context.get_info().get_renderer()
     return (
-        f"| drawn by | {renderer} |",
-        (
-            f"| from flip to flip: median, 1st to 99th percentile, longest of {FLIPS} | "
-            f"{middle:.2f}, {low:.2f} to {high:.2f}, {steps_ms.max():.2f} ms |"
-        ),
+        f"by {renderer}. From flip to flip it takes {middle:.2f} ms (median; 1st to 99th "
+        f"percentile {low:.2f} to {high:.2f} ms, longest of {FLIPS} {steps_ms.max():.2f} ms)."
     )
 
 
-def _waiting(responder: ScreenResponder, clock: MonotonicClock) -> tuple[str, ...]:
+def _waiting(responder: ScreenResponder, clock: MonotonicClock) -> str:
     responder.cue(Progress(done=0, planned=1, part=SessionPart.MAIN))
     until_s, before_s = clock.now_s() + WAIT_S, time.process_time()
     responder.wait(until_s)
     share = (time.process_time() - before_s) / WAIT_S
     return (
-        f"| CPU of a waiting window | {100 * share:.1f} % of a core |",
-        f"| a foreperiod ends late by | {1e3 * (clock.now_s() - until_s):.2f} ms |",
+        f"A waiting window takes {100 * share:.1f} % of a core; a foreperiod ends late by "
+        f"{1e3 * (clock.now_s() - until_s):.2f} ms."
     )
 
 
-def _rows() -> tuple[str, ...]:
+def _words() -> str:
     clock, screen = MonotonicClock(), Screen(full_screen=False)
     settings = ResponderSettings(
         responses=("left", "right", "both"), screen=screen, keys=Keys(), texts=Texts()
@@ -55,7 +52,7 @@ def _rows() -> tuple[str, ...]:
         waiting = _waiting(responder, clock)
     stage = Stage(screen)
     try:
-        return (*_flips(stage), *waiting)
+        return f"{_flips(stage)} {waiting}"
     finally:
         stage.close()
 
@@ -64,11 +61,11 @@ def section() -> str:
     """Measure and return the section of docs/benchmarks.md."""
     head = ["## Window", ""]
     try:
-        rows = _rows()
+        words = _words()
     except NoScreenError as error:
         return "\n".join([*head, f"Not measured: {error}.", ""])
-    told = (
-        f"On display {os.environ.get('DISPLAY', 'of the system')}. Xvfb has no refresh: its flips "
-        "return when they are drawn."
+    display = (
+        f"On display {os.environ.get('DISPLAY', 'of the system')} (Xvfb has no refresh: its flips "
+        "return when they are drawn),"
     )
-    return "\n".join([*head, told, "", "| what | value |", "|---|---|", *rows, ""])
+    return "\n".join([*head, f"{display} {words}", ""])

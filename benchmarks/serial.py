@@ -65,7 +65,7 @@ class Order:
             stimuli = f"{len(self.each) * self.repeats} trials"
         places = ", two places" * (len(self.sides) > 1)
         people = {1: ", one person", _PEOPLE: ""}.get(self.people, f", {self.people} people")
-        return f"{self.how}{places}, {stimuli}{people}"
+        return f"{self.how.removesuffix(' a repetition')}{places}, {stimuli}{people}"
 
 
 Stimuli = list[tuple[str, float]]
@@ -104,7 +104,7 @@ def _continuous(order: Order, rng: np.random.Generator) -> Stimuli:
 
 
 _DRAWN: Final = {
-    "each once": _repetitions,
+    "each once a repetition": _repetitions,
     "shuffled": _shuffled,
     "shuffled, breaks": _shuffled,
     "balanced": _repetitions,
@@ -292,7 +292,7 @@ def found(
 
 
 SIDES_BOTH: Final = ("left", "right")
-_ONCE: Final = Order(how="each once", repeats=12)
+_ONCE: Final = Order(how="each once a repetition", repeats=12)
 NO_EFFECT: Final[dict[str, tuple[Order, Observer]]] = {
     "": (_ONCE, HONEST),
     "one person": (replace(_ONCE, people=1), HONEST),
@@ -325,11 +325,11 @@ DRIFT: Final[dict[str, tuple[Order, Observer]]] = {
         ("block drift", replace(HONEST, block_drift_db=2.0)),
         ("wander", replace(HONEST, wander_db=1.4, wander_trials=11.0)),
     )
-    for name in ("", "shuffled", "breaks", "balanced")
+    for name in ("", "breaks", "balanced")
 }
 LAST: Final[dict[str, tuple[Order, Observer]]] = {
     f"{name}, {db}": (NO_EFFECT[name][0], replace(HONEST, last_answer_db=db))
-    for name in ("", "12 people", "few of a stimulus", "shuffled", "balanced")
+    for name in ("", "12 people", "few of a stimulus", "balanced")
     for db in (0.35, 1.0, 2.0)
 }
 
@@ -349,49 +349,80 @@ def _what(median: Observer) -> str:
     return "".join(told)
 
 
-_SHARES: Final = ("felt", "correct", "side", "drift", "whole trials")
+_UNTOLD: Final = "downward"
+"""Of those without an effect, which the tests have and the page has not."""
 
 
-def _table(kinds: dict[str, tuple[Order, Observer]], tables: int) -> list[str]:
+def _cell(name: str, one: dict[str, Found], tables: int) -> str:
+    if name == "difference":
+        return f"{one['felt'].difference:+.3f}"
+    return one[name].words(tables)
+
+
+def _beside(name: str, told: list[dict[str, Found]], tables: int) -> str:
+    """Return least and most of what has no column, where most tables tell it."""
+    key = "felt" if name == "difference" else name
+    some = [one for one in told if 2 * one[key].of >= max(tables, 1)]
+    cells = sorted((_cell(name, one, tables) for one in some), key=float)
+    return f"`{name}` {cells[0]} to {cells[-1]}" if cells else f"`{name}` of none"
+
+
+def _table(
+    title: str,
+    kinds: dict[str, tuple[Order, Observer]],
+    tables: int,
+    columns: tuple[str, ...],
+    others: tuple[str, ...],
+) -> list[str]:
     """Return the lines of a table: a row for each order, in a cell a number for each people."""
-    rows: dict[tuple[str, int], list[dict[str, Found]]] = {}
+    rows: dict[str, list[dict[str, Found]]] = {}
     for order, median in kinds.values():
-        told = rows.setdefault((order.words + _what(median), len(order.sides)), [])
-        told.append(found(order, median, tables))
-    lines = [f"| order | {' | '.join(_SHARES)} | difference |", "|---" * 7 + "|"]
-    for (words, sides), told in rows.items():
-        cells = [", ".join(one[name].words(tables) for one in told) for name in _SHARES]
-        if sides == 1:
-            cells[_SHARES.index("side")] = "-"
-        cells.append(", ".join(f"{one['felt'].difference:+.3f}" for one in told))
-        lines.append(f"| {words} | {' | '.join(cells)} |".replace("+nan", "-"))
-    return lines
+        told = rows.setdefault(order.words + _what(median), [])
+        told.append(found(order, median, tables, compared="whole trials" in columns))
+    every = [one for told in rows.values() for one in told]
+    beside = ", ".join(_beside(name, every, tables) for name in others)
+    return [
+        "",
+        f"{title}, {tables} tables each ({beside}):",
+        "",
+        f"| order | {' | '.join(columns)} |",
+        "|---" * (1 + len(columns)) + "|",
+        *(
+            f"| {words} | "
+            + " | ".join(", ".join(_cell(name, one, tables) for one in told) for name in columns)
+            + " |"
+            for words, told in rows.items()
+        ),
+    ]
 
 
 _WORDS: Final = (
     "Simulated people (62 V, 1.5 dB between people, sigma 0.1, lapses 0.03, false alarms 0.05) who "
     f"can say none, a session each; levels {LEVELS_VPP[0]:g} to {LEVELS_VPP[-1]:g} V (where there "
-    f"are 13 stimuli, {SPARSE_VPP[0]:g} to {SPARSE_VPP[-1]:g} V) and blanks. Beside each order "
-    "stand its number of stimuli x trials of each; unless told there is one place, and a table has "
-    f"{_PEOPLE} people. The columns say in what per cent of tables p < 0.05 of `felt`, `correct` "
-    "and `side`, in what per cent of sessions that of a drift, and in what per cent of tables that "
-    "of `felt` against [random orders of whole trials](explanation/evidence.md#serial-effects), "
-    "which an analysis must not take; last, the mean `difference` of `felt`. 95 % limits (Wilson) "
-    "of 5 % are 3.3 to 7.6 % by 400 tables and 2.7 to 9.0 % by 200, of 50 % 45.1 to 54.9 and 43.1 "
-    "to 56.9 %; those of a drift are narrower."
+    f"are 13 stimuli, {SPARSE_VPP[0]:g} to {SPARSE_VPP[-1]:g} V) and blanks. With each order "
+    "stands how many stimuli it has x trials of each; unless told there is one place, and a table "
+    "has five people. Columns: in what per cent of tables p < 0.05 of `felt`, `correct` and "
+    "`side`, in what per cent of sessions that of a `drift`, in what per cent of tables that of "
+    "`felt` against [random orders of whole trials](explanation/evidence.md#serial-effects), which "
+    "an analysis must not take; the mean `difference` of `felt`. 95 % limits (Wilson) of 5 % are "
+    "3.3 to 7.6 % by 400 tables and 2.7 to 9.0 % by 200, of 50 % 45 to 55 and 43 to 57 %; those of "
+    "a drift are narrower."
 )
 
 
 def section() -> str:
     """Return the section of the page."""
-    lines = ["## Serial effects", "", _WORDS]
-    for words, kinds, tables in (
-        ("No serial effect", NO_EFFECT, TABLES),
-        (_DRIFTING, DRIFT, TABLES // 2),
-        (_LOWER, LAST, TABLES // 2),
-    ):
-        lines += ["", f"{words}, {tables} tables each:", "", *_table(kinds, tables)]
-    return "\n".join([*lines, ""])
+    few = TABLES // 2
+    none = {name: one for name, one in NO_EFFECT.items() if name != _UNTOLD}
+    lines = [
+        *_table(
+            "No serial effect", none, TABLES,
+            ("felt", "correct", "drift", "whole trials"), ("side", "difference"),
+        ),
+        *_table(_DRIFTING, DRIFT, few, ("felt", "correct", "drift", "difference"), ("side",)),
+        *_table(_LOWER, LAST, few, ("felt", "correct", "difference"), ("side", "drift")),
+    ]  # fmt: skip
+    return "\n".join(["## Serial effects", "", _WORDS, *lines, ""])
 
 
 _DRIFTING: Final = (

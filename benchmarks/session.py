@@ -198,8 +198,8 @@ def _storage_words(path: dict[str, Any]) -> str:
         return f"{calls}."
     others = path["bytes_all"] - path["bytes_awaited"]
     return (
-        f"{calls}, {path['bytes_awaited']} bytes to or from storage by any thread as the system "
-        f"counts them ({others} in the rest of the same trials)."
+        f"{calls}, {path['bytes_awaited']} bytes to or from storage by any thread "
+        f"({others} in the rest of these trials)."
     )
 
 
@@ -225,8 +225,8 @@ def _session_lines() -> list[str]:
         _storage_words(path),
         "",
         (
-            f"Share of one processor, over {WAIT_S:g} s: a session that awaits an answer at the "
-            f"terminal {waiting}, the operator's view {view['idle']:.1%} more."
+            f"A session that awaits an answer at the terminal takes {waiting} of one processor, "
+            f"the operator's view {view['idle']:.1%} more."
         ),
         "",
     ]
@@ -244,16 +244,10 @@ def section() -> str:
             "## Trial",
             "",
             (
-                f"Median of {REPEATS} sessions of the paper's {trials} trials, per trial, "
-                "without fsync."
-            ),
-            "",
-            "| what | time |",
-            "|---|---|",
-            f"| trial engine alone | {engine_s * 1e6:.0f} us |",
-            (
-                "| whole simulated session: plan, engine, mock device, observer, journal, "
-                f"trials.csv | {session_s * 1e6:.0f} us |"
+                f"Of {REPEATS} sessions of the paper's {trials} trials without fsync, the median "
+                f"per trial: {engine_s * 1e6:.0f} us for the trial engine alone, "
+                f"{session_s * 1e6:.0f} us for the whole simulated session (plan, engine, mock "
+                "device, observer, journal, trials.csv)."
             ),
             "",
             *_session_lines(),

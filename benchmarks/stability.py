@@ -71,7 +71,7 @@ def _summary(sweep: Sweep, found: list[Measured]) -> str:
     largest = [max(m.errors[i] for m in found) for i in range(len(RTOLS))]
     first, last = sweep.cases[0].label, sweep.cases[-1].label
     return (
-        f"| {sweep.name} | {first} to {last} | {len(found)} | "
+        f"| {sweep.name} | {first} to {last} | "
         + " | ".join(f"{error:.1e}" for error in largest)
         + f" | {min(ratios):.2g}, {np.median(ratios):.2g}, {max(ratios):.2g} |"
     )
@@ -136,31 +136,33 @@ def section() -> str:
     """Measure and return the section of docs/benchmarks.md."""
     results = [(sweep, [measured(case) for case in sweep.cases]) for sweep in sweeps()]
     _figure(results)
+    sizes = [len(found) for _, found in results]
     return "\n".join(
         [
             "## Stability",
             "",
             (
                 "Relative error of one displacement against 62 digits and more "
-                "(`benchmarks/exact.py`); every warning, overflow and NaN is made an error. Unless "
+                "(`benchmarks/exact.py`); a warning, overflow or NaN is an error. Unless "
                 "told: the paper's plate, point force at y = 0.4 W, field at (10 mm, 0.6 W), no "
-                "loss. A field below the least normal number counts as 0."
+                "loss. A field below the least normal number counts as 0. Each sweep has "
+                f"{min(sizes)} to {max(sizes)} values."
             ),
             "",
             (
-                "| sweep | range | values | "
+                "| sweep | range | "
                 + " | ".join(f"largest error, rtol {rtol:g}" for rtol in RTOLS)
                 + " | estimate / error: least, median, greatest |"
             ),
-            "|---|---|---|---|---|---|",
+            "|---|---|---|---|---|",
             *(_summary(sweep, found) for sweep, found in results),
             "",
             (
                 "Beside a cut-off, at a detuning d, a frequency rounded to a double leaves the "
                 "field uncertain by "
-                f"{_ROUNDING:.1e}/(2 d) (dotted in the figure). The solver takes its numbers as "
-                "exact; [its own error](accuracy.md#the-field-of-an-endless-strip) stays some "
-                "hundred times below that where long doubles have 64 bits, but above a rtol of "
+                f"{_ROUNDING:.1e}/(2 d) (dotted in the figure). [The solver's own "
+                "error](accuracy.md#the-field-of-an-endless-strip) stays some hundred times below "
+                "that where long doubles have 64 bits, but above a rtol of "
                 "1e-10 from d = 1e-10 on, as the estimate says. Without loss a cut-off itself is "
                 f"{_refusal()}."
             ),

@@ -97,7 +97,10 @@ def section() -> str:
         [
             "## Start",
             "",
-            f"New processes: one with the page cache dropped, the median of {REPEATS} with it.",
+            (
+                "New processes: one with the page cache dropped (cold), the median of "
+                f"{REPEATS} with it (warm)."
+            ),
             "",
             "| what | cold | warm |",
             "|---|---|---|",
