@@ -170,13 +170,10 @@ def crossing(g: Complex, across: Real, span: Span, sign: int) -> Crossing:
     flat = np.abs(g) < _FLAT
     some = bool(flat.any())
     given, g = g, np.where(flat, 1.0, g) if some else g
-    up, down, fall = np.exp(-g * (0.5 - across)), np.exp(-g * (0.5 + across)), np.exp(-g)
     above = np.exp(-g * (0.5 - span.high))
     off_centre = bool(np.any(span.centre))
     below = np.exp(-g * (0.5 + span.low)) if off_centre else above
-    less = _less_one if span.length > _LONG else np.expm1
-    whole: Complex | float = -less(-g * span.length) / g if span.length else 1.0
-    near, far = _images(g, across, span, places=(up, down), ends=(above, below), whole=whole)
+    near, far, up, down, fall, whole = _exponentials(g, across, span, (above, below))
     if not off_centre:
         parts = (1 + sign) * (near - far)
     else:
@@ -184,7 +181,7 @@ def crossing(g: Complex, across: Real, span: Span, sign: int) -> Crossing:
         parts = near - images[1] + sign * (images[0] - far)
     end: Complex = np.asarray(0.5 * (1 + sign * fall))
     found = Crossing(
-        kernel=parts / (8 * g * end),
+        kernel=parts * (0.125 / (g * end)),
         shape=0.5 * (up + sign * down),
         load=0.5 * (above + sign * below) * whole,
         end=end,
@@ -193,6 +190,34 @@ def crossing(g: Complex, across: Real, span: Span, sign: int) -> Crossing:
     if some:
         _flattened(found, given, across, span, sign)
     return found
+
+
+def _exponentials(
+    g: Complex, across: Real, span: Span, ends: tuple[Complex, Complex]
+) -> tuple[Complex, Complex, Complex, Complex, Complex, Complex | float]:
+    """Return what `_images` does, exp of the ways from places to edges and across, and the load.
+
+    Where all places lie within the span, or a load at a point on one side of all, ways to the edges
+    lead over its ends: products take the place of exponentials.
+    """
+    above, below = ends
+    low, high = span.low, span.high
+    if span.length > _LONG and np.all((across > low) & (across < high)):
+        start, stop = np.exp(-g * (across - low)), np.exp(-g * (high - across))
+        passed = (start * stop)[..., : g.shape[-1]]  # the same for all places
+        whole, one, other = ((1 - part) / g for part in (passed, start, stop))
+        up, down = above * stop, below * start
+        far = up * below * one + down * above * other
+        return one + other, far, up, down, above * below * passed, whole
+    if not span.length and np.all(across <= low):
+        near = np.exp(-g * (low - across))
+        up, down = above * near, np.exp(-g * (0.5 + across))
+        return near, down * above, up, down, above * below, 1.0
+    up, down, fall = np.exp(-g * (0.5 - across)), np.exp(-g * (0.5 + across)), np.exp(-g)
+    less = _less_one if span.length > _LONG else np.expm1
+    whole: Complex | float = -less(-g * span.length) / g if span.length else 1.0
+    near, far = _images(g, across, span, places=(up, down), ends=ends, whole=whole)
+    return near, far, up, down, fall, whole
 
 
 def _flattened(found: Crossing, g: Complex, across: Real, span: Span, sign: int) -> None:

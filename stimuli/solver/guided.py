@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from stimuli.solver.across import faded, shape, shape_integral, slope
+from stimuli.strip.clamped import clamped_roots
 from stimuli.strip.dispersion import relation
 from stimuli.strip.roots import section_roots
 
@@ -219,14 +220,17 @@ def guided(k: Exact | Complex, hold: Exact | Complex, n_modes: int, sign: int) -
     if np.isinf(hold).all():
         return _supported(k, n_modes, sign)
     rough_k, rough_hold = k.astype(np.complex128), hold.astype(np.complex128)
-    x = section_roots(
-        (rough_k / 2) ** 2,
-        2 * rough_hold,
-        n_modes,
-        symmetric=sign > 0,
-        spare=_SPARE,
-        settled=_SETTLED,
-    )
+    bending = (rough_k / 2) ** 2
+    x = None if rough_hold.any() else clamped_roots(bending, n_modes, symmetric=sign > 0)
+    if x is None:
+        x = section_roots(
+            bending,
+            2 * rough_hold,
+            n_modes,
+            symmetric=sign > 0,
+            spare=_SPARE,
+            settled=_SETTLED,
+        )
     z = _near_cutoff(-4 * x, k, hold, sign)
     p = _outgoing(z)
     order = np.arange(len(p))[:, np.newaxis], _slowest_first(p)[:, :n_modes]
