@@ -207,7 +207,7 @@ def _without_waves(
     def alone(rows: NDArray[np.bool_]) -> Answered:
         return _tabled(scene, frequencies_hz[rows], rtol, jobs, _Tally())
 
-    found, nodes_hz, poor = without_waves(scene.strip, way, rtol, jobs, alone)
+    found, nodes_hz, poor = without_waves(way, rtol, jobs, alone)
     return found, np.append(nodes_hz, frequencies_hz[poor])
 
 

@@ -14,9 +14,10 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from stimuli.field.jobs import dimensionless, hold_at_rest, is_supported
+from stimuli.field.jobs import dimensionless, hold_at_rest, is_supported, stiffness_factors
 from stimuli.solver.leading import Grid, grid_nodes, over_frequency
 from stimuli.solver.source import Answered
+from stimuli.strip.edge import ElasticEdge
 from stimuli.strip.waves import supported_cutoff_hz
 
 if TYPE_CHECKING:
@@ -24,7 +25,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from stimuli.arrays import Real
+    from stimuli.arrays import Complex, Real
     from stimuli.field.jobs import Job
     from stimuli.strip.strip import Strip
 
@@ -67,6 +68,9 @@ _LOWEST: Final = 0.003
 _MORE: Final = 2
 """Nodes that are added if too few were taken."""
 
+_SLANT: Final = 0.1
+"""Imaginary part of places, which run from -1 to 1, up to which nodes need not have the loss."""
+
 _FEW: Final = 0.02
 """Part of the frequencies that are rather solved by themselves."""
 
@@ -78,8 +82,9 @@ _NODES, _VALUES = 600, 200_000
 class Parted:
     """A band of an endless strip without its first waves, smooth in a power of the frequency."""
 
+    strip: Strip  # whose field is solved at the nodes: without loss where that tells all
     rows: NDArray[np.intp]  # which of the asked frequencies: (n,)
-    places: Real  # of these, from -1 to 1 or a little beyond: (n,)
+    places: Real | Complex  # of these, near -1 to 1: (n,)
     top_hz: float
     low: float  # lower end, as a part of the upper one
     power: int
@@ -138,13 +143,23 @@ def _up_to(
     low = min(max(low, _LEAST_PART ** (3 - power)), _MOST_PART) ** power
     centre = (2 * (singular_hz / top_hz) ** power - 1 - low) / (1 - low)
     ratio = 1 / (centre + math.sqrt(centre**2 - 1))
+    places = (2 * (some_hz / top_hz) ** power - 1 - low) / (1 - low)
+    nodes_of = strip
+    if _is_turned(strip):
+        # D U depends on k^4 alone, of which loss makes a complex number: nodes need none
+        bare = replace(strip, material=replace(strip.material, loss_factor=0.0))
+        turned = (places + (1 + low) / (1 - low)) / stiffness_factors(strip, some_hz)
+        turned = turned - (1 + low) / (1 - low)
+        if np.max(np.abs(turned.imag)) < _SLANT:
+            places, nodes_of = turned, bare
     size = _SIZES[not is_supported(strip)]
     count = max(math.ceil(math.log(size / rtol) / -math.log(ratio)), _FEWEST_NODES)
     if rows.size <= _WORTH * count:
         return None
     return Parted(
+        strip=nodes_of,
         rows=rows,
-        places=(2 * (some_hz / top_hz) ** power - 1 - low) / (1 - low),
+        places=places,
         top_hz=top_hz,
         low=low,
         power=power,
@@ -154,6 +169,14 @@ def _up_to(
         rtol=rtol,
         alone=some_hz >= _LOWEST * supported_hz,
     )
+
+
+def _is_turned(strip: Strip) -> bool:
+    """Return whether loss changes nothing of D U but k, and its part of k^4 no frequency."""
+    edge, material = strip.edge, strip.material
+    if isinstance(edge, ElasticEdge) and edge.lossless and not is_supported(strip):
+        return False
+    return material.loss_factor > 0 and not material.viscous_time_s
 
 
 def _pairs(strip: Strip, sign: int, top_hz: float) -> int:
@@ -179,20 +202,19 @@ def _singular_hz(strip: Strip, sign: int, count: int) -> float:
 
 
 def swept(
-    strip: Strip,
     way: Parted,
     rtol: float,
     jobs: tuple[Job, ...],
     alone: Callable[[NDArray[np.bool_]], Answered],
 ) -> tuple[Answered, Real, NDArray[np.bool_]]:
     """Return D U of all jobs' pairs, the nodes, and which of the frequencies were solved alone."""
-    used_hz, parts, good = [way.nodes_hz[::2]], [], way.places > -np.inf
+    used_hz, parts, good = [way.nodes_hz[::2]], [], np.ones(way.places.size, dtype=np.bool_)
     for job in jobs:
-        part = _solved(strip, job, way, np.arange(job.distance.size))
+        part = _solved(job, way, np.arange(job.distance.size))
         fine = part.error <= rtol * part.sizes()
         if np.count_nonzero(np.all(fine, axis=1)) < (1 - _FEW) * good.size:
             places, wider = np.flatnonzero(~np.all(fine, axis=0)), way.wider()
-            better = _solved(strip, job, wider, places)
+            better = _solved(job, wider, places)
             part.value[:, places], part.error[:, places] = better.value, better.error
             used_hz.append(wider.nodes_hz[::2])
         good &= part.relative() <= rtol
@@ -208,10 +230,10 @@ def swept(
     return found, np.unique(np.concatenate(used_hz)), poor
 
 
-def _solved(strip: Strip, job: Job, way: Parted, places: NDArray[np.intp]) -> Answered:
+def _solved(job: Job, way: Parted, places: NDArray[np.intp]) -> Answered:
     """Return D U of a job's pairs at some places, in portions that fit the cache."""
     nodes_hz, grid = way.nodes_hz, way.grid()
-    question = job.question(*dimensionless(strip, nodes_hz.astype(np.complex128)), rtol=way.rtol)
+    question = job.question(*dimensionless(way.strip, nodes_hz.astype(np.complex128)), rtol=way.rtol)
     n_parts = math.ceil(places.size * max(nodes_hz.size / _NODES, way.places.size / _VALUES))
     if n_parts == 1:
         return over_frequency(question.at(places), job.signs, grid)

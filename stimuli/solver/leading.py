@@ -73,16 +73,16 @@ class Grid:
 
     counts: dict[int, int]  # how many pairs of waves are taken out of each symmetry
     ratio: float  # of successive coefficients
-    fine: Real  # from values at all nodes to the asked places: (n, n_nodes)
-    coarse: Real  # the same from every other node
+    fine: Real | Complex  # from values at all nodes to the asked places: (n, n_nodes)
+    coarse: Real | Complex  # the same from every other node
     fine_last: Real  # from values to the last two Chebyshev coefficients: (2, n_nodes)
     coarse_last: Real  # the same for every other node, to the last two or three: (2 or 3, n_other)
     rest: Real  # the first term left out, over its coefficient: (n,)
 
     @classmethod
-    def over(cls, places: Real, count: int, *, counts: dict[int, int], ratio: float) -> Grid:
-        """Return the grid for places from -1 to 1 or a little beyond."""
-        series = np.empty((2 * count - 1, places.size))
+    def over(cls, places: Real | Complex, count: int, *, counts: dict[int, int], ratio: float) -> Grid:
+        """Return the grid for places near -1 to 1."""
+        series = np.empty((2 * count - 1, places.size), dtype=places.dtype)
         series[0], series[1] = 1.0, places
         for order in range(2, len(series)):
             series[order] = 2 * places * series[order - 1] - series[order - 2]
@@ -131,7 +131,7 @@ def over_frequency(question: Question, signs: tuple[int, ...], grid: Grid) -> An
         ),
         [waves.at(_EVERY_OTHER) for waves in found],
     )
-    value, error = solved.value, np.sqrt(grid.coarse**2 @ solved.error**2)
+    value, error = solved.value, np.sqrt(np.abs(grid.coarse) ** 2 @ solved.error**2)
     parts = []
     for waves in found:
         count = grid.counts[waves.known.sign]
@@ -247,8 +247,9 @@ def _block(question: Question, p: Complex, residues: Complex, grid: Grid) -> Ans
     whole = whole[:, 1:]
     coefficients: _Numbers = whole.real if question.lossless else whole
 
-    matrix = np.zeros((len(grid.fine), count, count), dtype=coefficients.dtype)
-    matrix[:, 0] = -(grid.fine @ coefficients)
+    found = grid.fine @ coefficients
+    matrix = np.zeros((len(found), count, count), dtype=found.dtype)
+    matrix[:, 0] = -found
     matrix[:, np.arange(1, count), np.arange(count - 1)] = 1.0
     root = np.linalg.eigvals(matrix).astype(np.complex128)
     p = _outgoing(centre + scale * root)
