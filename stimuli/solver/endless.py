@@ -64,21 +64,26 @@ class Waves:
 
     known: Guided  # are summed
     every: Guided  # these and those that follow, for the estimate of the error
-    strength: Complex  # i Phi / N: (n_frequencies, n_every, n_points or 1)
+    strength: Complex  # i Phi phi / N: (n_frequencies, n_every, n_points)
 
     @classmethod
     def of(cls, question: Question, sign: int, least: int = 0) -> Waves:
         """Return the waves of a load, no fewer than `least`."""
         count = max(n_waves(question.k), least)
-        known = guided(question.exact_k, question.exact_hold, count, sign)
-        return cls.driven(question, known)
+        if np.isinf(question.hold).all():
+            every = guided(question.exact_k, question.exact_hold, count + 2 * _FOLLOWING, sign)
+            return cls._moved(question, every.first(count), every)
+        return cls.driven(question, guided(question.exact_k, question.exact_hold, count, sign))
 
     @classmethod
     def driven(cls, question: Question, known: Guided) -> Waves:
         """Return what a load makes of waves."""
-        k = question.k[:, np.newaxis]
-        every = known.followed(k, _FOLLOWING)
-        strength = every.strengths(k, question.source, known.p.shape[1])
+        return cls._moved(question, known, known.followed(question.k[:, np.newaxis], _FOLLOWING))
+
+    @classmethod
+    def _moved(cls, question: Question, known: Guided, every: Guided) -> Waves:
+        k, n_known = question.k[:, np.newaxis], known.p.shape[1]
+        strength = every.moved(k, question.source, question.across, n_known)
         return cls(known=known, every=every, strength=strength)
 
     def at(self, rows: slice) -> Waves:
@@ -88,14 +93,12 @@ class Waves:
 
     def among(self, points: NDArray[np.bool_]) -> Waves:
         """Return the waves with what the loads of some of the points make of them."""
-        if self.strength.shape[2] == 1:
-            return self
         return replace(self, strength=self.strength[..., points])
 
     def terms(self, question: Question) -> Complex:
         """Return each wave at the points, shape (n_frequencies, n_every, n_points)."""
         along = question.source.along(self.every.p[..., np.newaxis], question.distance)
-        return self.strength * self.every.shapes(question.across) * along
+        return self.strength * along
 
     def incoming(self, question: Question) -> Waves | None:
         """Return the waves that propagate as they come in from afar, with opposite residues."""

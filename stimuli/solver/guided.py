@@ -6,8 +6,8 @@ Everything is in units of the strip's width W: k W, p W, kappa W, Y = y / W - 1/
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
-from functools import lru_cache
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -43,7 +43,7 @@ _LOW: Final = 2.0
 """2 (k W)^2 below which the closed form of the norms loses digits."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Guided:
     """Guided waves of one symmetry, the slowest decay first: arrays (n_frequencies, n_modes)."""
 
@@ -53,18 +53,17 @@ class Guided:
     sign: int  # +1 symmetric, -1 antisymmetric
     # between simple supports, 1 or 2: which branch a wave is, all of it; else none
     branch: NDArray[np.int_] | None = None
-    weights: tuple[Complex, Complex] = field(init=False, repr=False)
-    """What of `shape` of either branch a wave is made of."""
 
-    def __post_init__(self) -> None:
+    @cached_property
+    def weights(self) -> tuple[Complex, Complex]:
+        """What of `shape` of either branch a wave is made of."""
         # A sine as the difference of both branches is 0/0 where orders n and m of either branch
         # meet, (n^2 - m^2) f_1 / 2, m = 0 included: so it is told which of them it is.
         if self.branch is None:
             one, two = (shape(g, _END, self.sign) for g in (self.g1, self.g2))
-            weights = -two, one
-        else:
-            weights = tuple((self.branch == i).astype(np.complex128) for i in (1, 2))
-        object.__setattr__(self, "weights", weights)
+            return -two, one
+        one, two = ((self.branch == i).astype(np.complex128) for i in (1, 2))
+        return one, two
 
     def shapes(self, across: Real) -> Complex:
         """Return the shapes at places Y: shape (n_frequencies, n_modes, n_places)."""
@@ -89,6 +88,24 @@ class Guided:
     def strengths(self, k: Complex, source: Source, n_exact: int | None = None) -> Complex:
         """Return i Phi / N of (47), what a load makes of each wave; as `excited` and `norms`."""
         return self.excited(k, source) * (1j / self.norms(k, n_exact))[..., np.newaxis]
+
+    def moved(
+        self, k: Complex, source: Source, across: Real, n_exact: int | None = None
+    ) -> Complex:
+        """Return i Phi phi / N of (47), each wave at places Y: (n_frequencies, n_modes, n_places).
+
+        Of sines, whose norm is +-2 p k^2, in closed form.
+        """
+        if self.branch is None:
+            return self.strengths(k, source, n_exact) * self.shapes(across)
+        first = self.branch == 1
+        q = np.where(first, self.g1, self.g2).imag[..., np.newaxis]
+        one, two = source.branch_weights(k)
+        sine, span = np.cos if self.sign > 0 else np.sin, source.span
+        seen = sine(q * across) * sine(q * ((span.low + span.high) / 2))
+        if span.length:
+            seen *= 2 / q * np.sin(q * ((span.high - span.low) / 2))
+        return np.asarray((np.where(first, one, -two) * 0.5j / (self.p * k * k))[..., np.newaxis] * seen)
 
     def at(self, rows: NDArray[np.intp] | slice) -> Guided:
         """Return the waves at some of the frequencies."""

@@ -159,11 +159,12 @@ def _taken(question: Question, waves: Waves, count: int) -> tuple[Complex, Compl
     """
     known = waves.known
     if known.branch is None:
-        first, strength = known.first(2 * count), waves.strength[:, : 2 * count]
+        p, strength = known.p[:, : 2 * count], waves.strength[:, : 2 * count]
     else:
         first = supported(question.exact_k, count, known.sign)
-        strength = first.strengths(question.k[:, np.newaxis], question.source)
-    return first.p, first.p[..., np.newaxis] * strength * first.shapes(question.across)
+        p = first.p
+        strength = first.moved(question.k[:, np.newaxis], question.source, question.across)
+    return p, p[..., np.newaxis] * strength
 
 
 def _pairs(question: Question, p: Complex, residues: Complex, grid: Grid) -> Answered:
