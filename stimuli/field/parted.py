@@ -44,7 +44,13 @@ _LATER, _SOFTER = 1.9, 20.0
 """How much later, in first cut-offs of the supported strip, the second wave between clamped edges
 meets the third than between simple supports, and how this falls with 1 / (kappa W)."""
 
-_FEWEST_NODES: Final = 3
+_FEWEST_NODES: Final = {1: 4, 2: 3}
+"""Fewest nodes with all solved, by their step among all nodes."""
+
+_PLAIN: Final = 4.0
+"""Top, in first cut-offs of the supported strip, up to which its waves need no more nodes: the
+squares p^2 of sines are linear in f^2, and no disc is wide against the waves."""
+
 _BEYOND: Final = 1.0137
 """Top of a band over the highest frequency asked for, and again if too few nodes were taken: one
 may be asked for because waves meet there, and a node there would lose digits."""
@@ -58,7 +64,7 @@ loss its square, since the band is not stretched there."""
 
 _MOST_PART: Final = 0.9
 
-_SIZES: Final = (0.3, 1.5)
+_SIZES: Final = (1.0, 1.5)
 """Size of its coefficients over that of the field and the powers of their ratio: between simple
 supports and other edges."""
 
@@ -89,6 +95,7 @@ class Parted:
     low: float  # lower end, as a part of the upper one
     power: int
     count: int  # how many nodes are enough
+    step: int  # every how many-th of the nodes has all solved, the others the waves
     counts: dict[int, int]  # how many pairs of waves are taken out of each symmetry
     ratio: float  # of successive coefficients
     rtol: float
@@ -96,8 +103,8 @@ class Parted:
 
     @property
     def nodes_hz(self) -> Real:
-        """Frequencies of the nodes, of which every other one has all solved."""
-        part = (1 + self.low + (1 - self.low) * grid_nodes(self.count)) / 2
+        """Frequencies of the nodes, of which every `step`th has all solved."""
+        part = (1 + self.low + (1 - self.low) * grid_nodes(self.count, self.step)) / 2
         return np.asarray(self.top_hz * part ** (1 / self.power))
 
     def wider(self) -> Parted:
@@ -108,7 +115,9 @@ class Parted:
 
     def grid(self) -> Grid:
         """Return what makes values at the asked frequencies of those at the nodes."""
-        return Grid.over(self.places, self.count, counts=self.counts, ratio=self.ratio)
+        return Grid.over(
+            self.places, self.count, step=self.step, counts=self.counts, ratio=self.ratio
+        )
 
 
 def parted(
@@ -131,7 +140,7 @@ def _up_to(
     strip: Strip, frequencies_hz: Real, rows: NDArray[np.intp], rtol: float, signs: tuple[int, ...]
 ) -> Parted | None:
     """Return the same for some of the frequencies."""
-    if rows.size <= _WORTH * _FEWEST_NODES:
+    if rows.size <= _WORTH * min(_FEWEST_NODES.values()):
         return None
     supported_hz = supported_cutoff_hz(strip.material, strip.width_m, strip.thickness_m)
     some_hz = frequencies_hz[rows]
@@ -152,8 +161,10 @@ def _up_to(
         turned = turned - (1 + low) / (1 - low)
         if np.max(np.abs(turned.imag)) < _SLANT:
             places, nodes_of = turned, bare
-    size = _SIZES[not is_supported(strip)]
-    count = max(math.ceil(math.log(size / rtol) / -math.log(ratio)), _FEWEST_NODES)
+    held = not is_supported(strip)
+    step = 2 if held or top_hz > _PLAIN * supported_hz else 1
+    count = math.ceil(math.log(_SIZES[held] / rtol) / -math.log(ratio))
+    count = max(count, _FEWEST_NODES[step])
     if rows.size <= _WORTH * count:
         return None
     return Parted(
@@ -164,6 +175,7 @@ def _up_to(
         low=low,
         power=power,
         count=count,
+        step=step,
         counts=counts,
         ratio=ratio,
         rtol=rtol,
@@ -208,7 +220,7 @@ def swept(
     alone: Callable[[NDArray[np.bool_]], Answered],
 ) -> tuple[Answered, Real, NDArray[np.bool_]]:
     """Return D U of all jobs' pairs, the nodes, and which of the frequencies were solved alone."""
-    used_hz, parts, good = [way.nodes_hz[::2]], [], np.ones(way.places.size, dtype=np.bool_)
+    used_hz, parts, good = [way.nodes_hz[:: way.step]], [], np.ones(way.places.size, dtype=np.bool_)
     for job in jobs:
         part = _solved(job, way, np.arange(job.distance.size))
         fine = part.error <= rtol * part.sizes()
@@ -216,7 +228,7 @@ def swept(
             places, wider = np.flatnonzero(~np.all(fine, axis=0)), way.wider()
             better = _solved(job, wider, places)
             part.value[:, places], part.error[:, places] = better.value, better.error
-            used_hz.append(wider.nodes_hz[::2])
+            used_hz.append(wider.nodes_hz[:: wider.step])
         good &= part.relative() <= rtol
         parts.append(part)
     found = Answered(

@@ -64,33 +64,35 @@ _LOOSER: Final = 6.0
 _MOST_RTOL: Final = 0.1
 _TINIEST: Final = 1e-300
 _EPS: Final = 8 * float(np.finfo(np.float64).eps)
-_EVERY_OTHER: Final = slice(None, None, 2)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Grid:
-    """Nodes of which every other one has all solved, the others the waves, and what follows."""
+    """Nodes of which every `step`th has all solved, the others the waves, and what follows."""
 
+    step: int
     counts: dict[int, int]  # how many pairs of waves are taken out of each symmetry
     ratio: float  # of successive coefficients
     fine: Real | Complex  # from values at all nodes to the asked places: (n, n_nodes)
-    coarse: Real | Complex  # the same from every other node
+    coarse: Real | Complex  # the same from those with all solved
     fine_last: Real  # from values to the last two Chebyshev coefficients: (2, n_nodes)
-    coarse_last: Real  # the same for every other node, to the last two or three: (2 or 3, n_other)
+    coarse_last: Real  # the same of those with all solved, to the last two or three
     rest: Real  # the first term left out, over its coefficient: (n,)
 
     @classmethod
-    def over(cls, places: Real | Complex, count: int, *, counts: dict[int, int], ratio: float) -> Grid:
+    def over(cls, places: Real | Complex, count: int, *, step: int, counts: dict[int, int], ratio: float) -> Grid:
         """Return the grid for places near -1 to 1."""
-        series = np.empty((2 * count - 1, places.size), dtype=places.dtype)
+        n_nodes = step * (count - 1) + 1
+        series = np.empty((max(n_nodes, count + 1), places.size), dtype=places.dtype)
         series[0], series[1] = 1.0, places
         for order in range(2, len(series)):
             series[order] = 2 * places * series[order - 1] - series[order - 2]
-        fine, coarse = _to_series(len(series)), _to_series(count)
+        fine, coarse = _to_series(n_nodes), _to_series(count)
         return cls(
+            step=step,
             counts=counts,
             ratio=ratio,
-            fine=series.T @ fine,
+            fine=series[:n_nodes].T @ fine,
             coarse=series[:count].T @ coarse,
             fine_last=fine[-2:],
             coarse_last=coarse[max(count - 3, 1) :],
@@ -103,13 +105,14 @@ class Grid:
         return np.asarray(_CAUTION * self.ratio * np.maximum(newer, older * self.ratio))
 
 
-def grid_nodes(count: int) -> Real:
-    """Return the places of the nodes of a grid, so many with all solved.
+def grid_nodes(count: int, step: int) -> Real:
+    """Return the places of the nodes of a grid, so many with all solved, and others between these.
 
-    >>> grid_nodes(3).round(3).tolist()
+    >>> grid_nodes(3, 2).round(3).tolist()
     [1.0, 0.707, 0.0, -0.707, -1.0]
     """
-    return np.asarray(np.sin(np.pi * np.arange(count - 1, -count, -1) / (2 * count - 2)))
+    last = step * (count - 1)
+    return np.asarray(np.sin(np.pi / 2 * np.arange(last, -last - 1, -2) / last))
 
 
 @lru_cache(maxsize=64)
@@ -123,13 +126,14 @@ def _to_series(count: int) -> Real:
 
 def over_frequency(question: Question, signs: tuple[int, ...], grid: Grid) -> Answered:
     """Return D U / W^2 at the places of a grid, equations (86) and (87); nodes are asked for."""
-    k, hold = question.exact_k[_EVERY_OTHER], question.exact_hold[_EVERY_OTHER]
+    rows = slice(None, None, grid.step)
+    k, hold = question.exact_k[rows], question.exact_hold[rows]
     found = [Waves.of(question, sign, 2 * grid.counts[sign]) for sign in signs]
     solved = summed(
         replace(
             question, exact_k=k, exact_hold=hold, rtol=min(_LOOSER * question.rtol, _MOST_RTOL)
         ),
-        [waves.at(_EVERY_OTHER) for waves in found],
+        [waves.at(rows) for waves in found],
     )
     value, error = solved.value, np.sqrt(np.abs(grid.coarse) ** 2 @ solved.error**2)
     parts = []
@@ -138,7 +142,7 @@ def over_frequency(question: Question, signs: tuple[int, ...], grid: Grid) -> An
         if count:
             p, residues = _taken(question, waves, count)
             carried = residues * _carried(question.source, p, question.distance)
-            value = value - carried[_EVERY_OTHER].sum(axis=1)
+            value = value - carried[rows].sum(axis=1)
             way = _pairs if count == 1 or waves.known.branch is not None else _block
             parts.append(way(question, p, residues, grid))
     last = np.abs(grid.coarse_last @ value)
