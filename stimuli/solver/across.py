@@ -37,7 +37,7 @@ class Span:
 
     Examples
     --------
-    >>> float(Span(centre=0.1, length=0.2).high)
+    >>> Span(centre=0.1, length=0.2).high
     0.2
     """
 
@@ -45,14 +45,18 @@ class Span:
     length: float = 0.0
 
     @property
-    def low(self) -> Real:
+    def low(self) -> float | Real:
         """Lower end, not beyond the edge."""
-        return np.asarray(np.maximum(self.centre - self.length / 2, -0.5))
+        if isinstance(self.centre, np.ndarray):
+            return np.maximum(self.centre - self.length / 2, -0.5)
+        return max(self.centre - self.length / 2, -0.5)
 
     @property
-    def high(self) -> Real:
+    def high(self) -> float | Real:
         """Upper end, not beyond the edge."""
-        return np.asarray(np.minimum(self.centre + self.length / 2, 0.5))
+        if isinstance(self.centre, np.ndarray):
+            return np.minimum(self.centre + self.length / 2, 0.5)
+        return min(self.centre + self.length / 2, 0.5)
 
     def at(self, points: NDArray[np.bool_] | NDArray[np.intp]) -> Span:
         """Return the spans of some of the points."""
@@ -128,13 +132,16 @@ def shape_integral(g: Complex, span: Span, sign: int) -> Complex:
     if not span.length:
         return shape(g, np.asarray(span.centre), sign)
     # a sum or difference over the ends is a product: no digit is lost where the branch is flat
-    middle, rest = (span.low + span.high) / 2, (1 - (span.high - span.low)) / 2
-    if sign > 0:
+    low, high = span.low, span.high
+    middle, rest = (low + high) / 2, (1 - (high - low)) / 2
+    if sign > 0 and isinstance(middle, float) and middle == 0:
+        both = 2 * np.exp(-g * rest)
+    elif sign > 0:
         both = np.exp(-g * (rest - middle)) + np.exp(-g * (rest + middle))
     else:
         size = np.abs(middle)
         both = np.sign(middle) * np.exp(-g * (rest - size)) * faded(g, 2 * size)
-    return np.asarray(0.5 * both * faded(g, span.high - span.low))
+    return np.asarray(0.5 * both * faded(g, high - low))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

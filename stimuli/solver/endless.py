@@ -329,7 +329,7 @@ def _integral(question: Question, path: Contour, sign: int) -> Answered:
     cut = np.zeros(logarithm.shape)
     if question.source.radius:
         kernel, logarithm, cut = _without_logarithm(kernel, path, question, sign)
-    along = question.source.along(s, question.distance) * path.weight[..., np.newaxis]
+    along = question.source.along_fast(s, question.distance) * path.weight[..., np.newaxis]
     terms = kernel * along
     value = terms.sum(axis=1)
     if path.mirrored:

@@ -67,23 +67,29 @@ class Guided:
 
     def shapes(self, across: Real) -> Complex:
         """Return the shapes at places Y: shape (n_frequencies, n_modes, n_places)."""
-        g1, g2, one, two = (a[..., np.newaxis] for a in (self.g1, self.g2, *self.weights))
-        return one * shape(g1, across, self.sign) + two * shape(g2, across, self.sign)
+        one, two = self._weighted(shape(self._both[..., np.newaxis], across, self.sign))
+        return one + two
 
     def slopes(self, across: Real) -> Complex:
         """Return the derivatives of the shapes by Y."""
-        g1, g2, one, two = (a[..., np.newaxis] for a in (self.g1, self.g2, *self.weights))
-        return one * slope(g1, across, self.sign) + two * slope(g2, across, self.sign)
+        one, two = self._weighted(slope(self._both[..., np.newaxis], across, self.sign))
+        return one + two
 
     def excited(self, k: Complex, source: Source) -> Complex:
         """Return the load's integral over each shape, (n_frequencies, n_modes, n_points or 1)."""
-        weights = zip(self.weights, source.branch_weights(k), (self.g1, self.g2), strict=True)
-        far, near = (
-            (weight * load)[..., np.newaxis]
-            * shape_integral(g[..., np.newaxis], source.span, self.sign)
-            for weight, load, g in weights
-        )
-        return near + far
+        one, two = source.branch_weights(k)
+        far, near = self._weighted(shape_integral(self._both[..., np.newaxis], source.span, self.sign))
+        return one[..., np.newaxis] * far + two[..., np.newaxis] * near
+
+    @property
+    def _both(self) -> Complex:
+        """Decay constants of both branches, the first axis."""
+        return np.stack([self.g1, self.g2])
+
+    def _weighted(self, parts: Complex) -> tuple[Complex, Complex]:
+        """Return what of both branches' parts, the first axis, a wave has."""
+        one, two = self.weights
+        return one[..., np.newaxis] * parts[0], two[..., np.newaxis] * parts[1]
 
     def strengths(self, k: Complex, source: Source, n_exact: int | None = None) -> Complex:
         """Return i Phi / N of (47), what a load makes of each wave; as `excited` and `norms`."""

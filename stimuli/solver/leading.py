@@ -49,9 +49,6 @@ _STILL: Final = 1e-12
 _BACKWARD: Final = 0.01
 """Im p below minus this part of Re p is no rounding: the other root is the outgoing one."""
 
-_SHORTEST: Final = 1e-3
-"""Half length of a load in widths from which exponentials may be subtracted."""
-
 _FEW: Final = 8
 """Places among which equal distances are not looked for."""
 
@@ -299,11 +296,5 @@ def _carried(source: Source, p: Complex, distance: Real) -> Complex:
         different, places = np.unique(distance, return_inverse=True)
         if 2 * different.size < distance.size:
             return _carried(source, p, different)[..., places]
-    p, c = p[..., np.newaxis], source.half_length
-    if c < _SHORTEST:
-        return np.asarray(source.along(p, distance) / p)
-    turn = 1j * p
-    inside = distance < c
-    near = np.exp(turn * np.abs(distance - c))
-    value = np.exp(turn * (distance + c)) - np.where(inside, 2 - near, near)
-    return np.asarray(value / (turn * p))
+    p = p[..., np.newaxis]
+    return np.asarray(source.along_fast(p, distance) / p)

@@ -23,6 +23,9 @@ LEAST_RTOL: Final = 1e-12
 """Least relative error that may be asked for."""
 
 _SERIES_TERMS: Final = 12
+_SHORTEST: Final = 0.02
+"""Half length of a load in widths from which exponentials may be subtracted."""
+
 _SERIES_REACH: Final = 3.0
 """Largest |k R| of the power series."""
 
@@ -147,6 +150,30 @@ class Source:
             some = np.broadcast_to(turn, value.shape)[..., inside]
             value[..., inside] = np.expm1(some * ways[0]) + np.expm1(some * ways[1])
         return np.asarray(value / turn)
+
+    def along_fast(self, s: Complex, distance: Real) -> Complex:
+        """Return `along` with fewer exponentials, where no s is so small that these cancel.
+
+        Examples
+        --------
+        >>> source, s = Source(span=Span(centre=0.0), half_length=0.1), np.array([[2 + 1j], [9j]])
+        >>> places = np.array([0.0, 0.04, 0.7])
+        >>> bool(np.allclose(source.along_fast(s, places), source.along(s, places), rtol=1e-14))
+        True
+        """
+        c = self.half_length
+        if c < _SHORTEST:
+            return self.along(s, distance)
+        turn, inside = 1j * s, distance < c
+        half, near = np.exp(turn * c), np.exp(turn * np.abs(distance - c))
+        far = near * half * half
+        if inside.any():
+            far = np.where(inside, near, far)
+            beside = inside & (distance > 0)
+            if beside.any():
+                far[..., beside] = np.exp(turn * (distance[beside] + c))
+            near = np.where(inside, 2 - near, near)
+        return np.asarray((far - near) / turn)
 
 
 def disc_weights(k: Complex, radius: float) -> tuple[Complex, Complex]:
