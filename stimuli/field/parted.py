@@ -8,9 +8,10 @@ too large have more nodes, single frequencies are solved by themselves.
 
 from __future__ import annotations
 
+import cmath
 import math
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
@@ -33,6 +34,9 @@ if TYPE_CHECKING:
 _ROOM: Final = 1.4
 """Least part of the next singularity to the top of a band without its first waves."""
 
+_LESS_ROOM: Final = 1.2
+"""The same where waves meet, less singular than a cut-off, and the band is bent before that."""
+
 _MOST_PAIRS: Final = 4
 """Pairs taken out between edges that are no simple supports: roots of one polynomial, which loses
 digits. Between those each is known by itself: any number will do."""
@@ -44,13 +48,7 @@ _LATER, _SOFTER = 1.9, 20.0
 """How much later, in first cut-offs of the supported strip, the second wave between clamped edges
 meets the third than between simple supports, and how this falls with 1 / (kappa W)."""
 
-_FEWEST_NODES: Final = {1: 4, 2: 3}
-"""Fewest nodes with all solved, by their step among all nodes."""
-
-_PLAIN: Final = 4.0
-"""Top, in first cut-offs of the supported strip, up to which its waves need no more nodes: the
-squares p^2 of sines are linear in f^2, and no disc is wide against the waves."""
-
+_FEWEST_NODES: Final = 3
 _BEYOND: Final = 1.0137
 """Top of a band over the highest frequency asked for, and again if too few nodes were taken: one
 may be asked for because waves meet there, and a node there would lose digits."""
@@ -64,9 +62,9 @@ loss its square, since the band is not stretched there."""
 
 _MOST_PART: Final = 0.9
 
-_SIZES: Final = (1.0, 1.5)
-"""Size of its coefficients over that of the field and the powers of their ratio: between simple
-supports and other edges."""
+_SIZES: Final = {1: 1.5, 2: 150.0}
+"""Size of its coefficients over that of the field and the powers of their ratio, by the power of
+frequency: bent before the next singularity they fall so fast that a null asks for another one."""
 
 _LOWEST: Final = 0.003
 """Below this part of that cut-off no frequency is solved by itself."""
@@ -74,7 +72,7 @@ _LOWEST: Final = 0.003
 _MORE: Final = 2
 """Nodes that are added if too few were taken."""
 
-_SLANT: Final = 0.1
+_SLANT: Final = 0.3
 """Imaginary part of places, which run from -1 to 1, up to which nodes need not have the loss."""
 
 _FEW: Final = 0.02
@@ -90,12 +88,13 @@ class Parted:
 
     strip: Strip  # whose field is solved at the nodes: without loss where that tells all
     rows: NDArray[np.intp]  # which of the asked frequencies: (n,)
-    places: Real | Complex  # of these, near -1 to 1: (n,)
+    # (f / top)^power of these, over what loss makes of the stiffness where nodes have none: (n,)
+    powers: Real | Complex
     top_hz: float
-    low: float  # lower end, as a part of the upper one
+    low: float  # lower end, as a part of the upper one, to that power
     power: int
+    end: float  # where the next singularity is, likewise; none is minded if it is infinite
     count: int  # how many nodes are enough
-    step: int  # every how many-th of the nodes has all solved, the others the waves
     counts: dict[int, int]  # how many pairs of waves are taken out of each symmetry
     ratio: float  # of successive coefficients
     rtol: float
@@ -103,21 +102,28 @@ class Parted:
 
     @property
     def nodes_hz(self) -> Real:
-        """Frequencies of the nodes, of which every `step`th has all solved."""
-        part = (1 + self.low + (1 - self.low) * grid_nodes(self.count, self.step)) / 2
+        """Frequencies of the nodes, of which every other one has all solved."""
+        low, high = _bent(self.low, self.end), _bent(1.0, self.end)
+        part = (low + high + (high - low) * grid_nodes(self.count)) / 2
+        if math.isfinite(self.end):
+            part = 4 * self.end * part / (1 + part) ** 2
         return np.asarray(self.top_hz * part ** (1 / self.power))
 
     def wider(self) -> Parted:
         """Return a band with more nodes, all elsewhere."""
-        middle, half = (1 + self.low) / 2, (1 - self.low) / 2
-        places = ((self.places * half + middle) / _BEYOND**self.power - middle) / half
-        return replace(self, places=places, top_hz=_BEYOND * self.top_hz, count=self.count + _MORE)
+        more = _BEYOND**self.power
+        return replace(
+            self,
+            powers=self.powers / more,
+            top_hz=_BEYOND * self.top_hz,
+            end=self.end / more,
+            count=self.count + _MORE,
+        )
 
     def grid(self) -> Grid:
         """Return what makes values at the asked frequencies of those at the nodes."""
-        return Grid.over(
-            self.places, self.count, step=self.step, counts=self.counts, ratio=self.ratio
-        )
+        places = _places(self.powers, self.low, self.end)
+        return Grid.over(places, self.count, counts=self.counts, ratio=self.ratio)
 
 
 def parted(
@@ -129,7 +135,7 @@ def parted(
         return _up_to(strip, frequencies_hz, every, rtol, signs)
     for most in range(_MOST_PAIRS, 0, -1):
         end_hz = min(_singular_hz(strip, sign, most) for sign in signs)
-        rows = every[frequencies_hz * _BEYOND * _ROOM <= end_hz]
+        rows = every[frequencies_hz * _BEYOND * _room(strip, most) <= end_hz]
         found = _up_to(strip, frequencies_hz, rows, rtol, signs)
         if found is not None:
             return found
@@ -140,42 +146,40 @@ def _up_to(
     strip: Strip, frequencies_hz: Real, rows: NDArray[np.intp], rtol: float, signs: tuple[int, ...]
 ) -> Parted | None:
     """Return the same for some of the frequencies."""
-    if rows.size <= _WORTH * min(_FEWEST_NODES.values()):
+    if rows.size <= _WORTH * _FEWEST_NODES:
         return None
     supported_hz = supported_cutoff_hz(strip.material, strip.width_m, strip.thickness_m)
     some_hz = frequencies_hz[rows]
     top_hz = _BEYOND * max(float(np.max(some_hz)), _LEAST_TOP * supported_hz)
     counts = {sign: _pairs(strip, sign, top_hz) for sign in signs}
     singular_hz = min(_singular_hz(strip, sign, count) for sign, count in counts.items())
-    power = 1 if strip.material.viscous_time_s > 0 else 2
-    low = float(np.min(some_hz)) / (_BEYOND * top_hz)
-    low = min(max(low, _LEAST_PART ** (3 - power)), _MOST_PART) ** power
-    centre = (2 * (singular_hz / top_hz) ** power - 1 - low) / (1 - low)
-    ratio = 1 / (centre + math.sqrt(centre**2 - 1))
-    places = (2 * (some_hz / top_hz) ** power - 1 - low) / (1 - low)
-    nodes_of = strip
-    if _is_turned(strip):
-        # D U depends on k^4 alone, of which loss makes a complex number: nodes need none
-        bare = replace(strip, material=replace(strip.material, loss_factor=0.0))
-        turned = (places + (1 + low) / (1 - low)) / stiffness_factors(strip, some_hz)
-        turned = turned - (1 + low) / (1 - low)
-        if np.max(np.abs(turned.imag)) < _SLANT:
-            places, nodes_of = turned, bare
-    held = not is_supported(strip)
-    step = 2 if held or top_hz > _PLAIN * supported_hz else 1
-    count = math.ceil(math.log(_SIZES[held] / rtol) / -math.log(ratio))
-    count = max(count, _FEWEST_NODES[step])
+    least = max(float(np.min(some_hz)) / (_BEYOND * top_hz), _LEAST_PART)
+    low, end, power = min(least, _MOST_PART) ** 2, (singular_hz / top_hz) ** 2, 2
+    powers, met, bare = (some_hz / top_hz) ** 2, complex(end), _without_loss(strip)
+    if bare is not None:
+        powers = powers / stiffness_factors(strip, some_hz)
+        if np.max(np.abs(_places(powers, low, end).imag)) > _SLANT:
+            bare = None
+    if bare is None and strip.material.viscous_time_s > 0:
+        least = max(least, _LEAST_PART**2)
+        low, end, power = min(least, _MOST_PART), math.inf, 1
+        powers, met = some_hz / top_hz, complex(singular_hz / top_hz)
+    elif bare is None:
+        powers, met = (some_hz / top_hz) ** 2, end * (1 - 1j * strip.material.loss_factor)
+    ratio = _ratio(complex(_places(np.array([met]), low, end)[0]))
+    count = math.ceil(math.log(_SIZES[power] / rtol) / -math.log(ratio))
+    count = max(count, _FEWEST_NODES)
     if rows.size <= _WORTH * count:
         return None
     return Parted(
-        strip=nodes_of,
+        strip=strip if bare is None else bare,
         rows=rows,
-        places=places,
+        powers=powers,
         top_hz=top_hz,
         low=low,
         power=power,
+        end=end,
         count=count,
-        step=step,
         counts=counts,
         ratio=ratio,
         rtol=rtol,
@@ -183,20 +187,47 @@ def _up_to(
     )
 
 
-def _is_turned(strip: Strip) -> bool:
-    """Return whether loss changes nothing of D U but k, and its part of k^4 no frequency."""
+def _without_loss(strip: Strip) -> Strip | None:
+    """Return a strip without loss whose D U at a complex k^4 is that with loss, if there is one."""
     edge, material = strip.edge, strip.material
-    if isinstance(edge, ElasticEdge) and edge.lossless and not is_supported(strip):
-        return False
-    return material.loss_factor > 0 and not material.viscous_time_s
+    lossless_spring = isinstance(edge, ElasticEdge) and edge.lossless and not is_supported(strip)
+    if lossless_spring or not (material.loss_factor or material.viscous_time_s):
+        return None
+    return replace(strip, material=replace(material, loss_factor=0.0, viscous_time_s=0.0))
+
+
+def _bent(powers: Any, end: float) -> Any:
+    """Return what maps a plane cut from a singularity to infinity onto a disc, 0 onto 0, (90)."""
+    if math.isinf(end):
+        return powers
+    part = powers / end
+    return part / (1 + np.sqrt(1 - part)) ** 2
+
+
+def _places(powers: Real | Complex, low: float, end: float) -> Real | Complex:
+    """Return powers of frequencies as places, -1 at the lower end of the band and 1 at its top."""
+    least, most = _bent(low, end), _bent(1.0, end)
+    return np.asarray((2 * _bent(powers, end) - least - most) / (most - least))
+
+
+def _ratio(place: complex) -> float:
+    """Return the ratio of Chebyshev coefficients of what is singular at a place."""
+    root = cmath.sqrt(place * place - 1)
+    return 1 / max(abs(place + root), abs(place - root))
 
 
 def _pairs(strip: Strip, sign: int, top_hz: float) -> int:
     """Return how many pairs of waves of a symmetry have to be taken out up to a frequency."""
     count = 1 if sign > 0 else 0
-    while _singular_hz(strip, sign, count) < _ROOM * top_hz:
+    while _singular_hz(strip, sign, count) < _room(strip, count) * top_hz:
         count += 1
     return count
+
+
+def _room(strip: Strip, count: int) -> float:
+    """Return the least part of a singularity to the top, so many pairs of waves taken out."""
+    cutoff = is_supported(strip) or not count
+    return _ROOM if cutoff or strip.material.viscous_time_s > 0 else _LESS_ROOM
 
 
 def _singular_hz(strip: Strip, sign: int, count: int) -> float:
@@ -220,7 +251,7 @@ def swept(
     alone: Callable[[NDArray[np.bool_]], Answered],
 ) -> tuple[Answered, Real, NDArray[np.bool_]]:
     """Return D U of all jobs' pairs, the nodes, and which of the frequencies were solved alone."""
-    used_hz, parts, good = [way.nodes_hz[:: way.step]], [], np.ones(way.places.size, dtype=np.bool_)
+    used_hz, parts, good = [way.nodes_hz[::2]], [], np.ones(way.powers.size, dtype=np.bool_)
     for job in jobs:
         part = _solved(job, way, np.arange(job.distance.size))
         fine = part.error <= rtol * part.sizes()
@@ -228,7 +259,7 @@ def swept(
             places, wider = np.flatnonzero(~np.all(fine, axis=0)), way.wider()
             better = _solved(job, wider, places)
             part.value[:, places], part.error[:, places] = better.value, better.error
-            used_hz.append(wider.nodes_hz[:: wider.step])
+            used_hz.append(wider.nodes_hz[::2])
         good &= part.relative() <= rtol
         parts.append(part)
     found = Answered(
@@ -246,7 +277,7 @@ def _solved(job: Job, way: Parted, places: NDArray[np.intp]) -> Answered:
     """Return D U of a job's pairs at some places, in portions that fit the cache."""
     nodes_hz, grid = way.nodes_hz, way.grid()
     question = job.question(*dimensionless(way.strip, nodes_hz.astype(np.complex128)), rtol=way.rtol)
-    n_parts = math.ceil(places.size * max(nodes_hz.size / _NODES, way.places.size / _VALUES))
+    n_parts = math.ceil(places.size * max(nodes_hz.size / _NODES, way.powers.size / _VALUES))
     if n_parts == 1:
         return over_frequency(question.at(places), job.signs, grid)
     parts = [

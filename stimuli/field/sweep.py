@@ -134,7 +134,7 @@ def bands(
         if way is not None:
             reason = "without its first waves the field is smooth in frequency"
             found.append(
-                Band(rows=way.rows, solved_hz=way.nodes_hz[:: way.step], reason=reason, parted=way)
+                Band(rows=way.rows, solved_hz=way.nodes_hz[::2], reason=reason, parted=way)
             )
             done[way.rows] = True
     if skip and rational and strip.length_m is not None and _is_lossy(strip):

@@ -60,56 +60,60 @@ _LOOSER: Final = 6.0
 
 _MOST_RTOL: Final = 0.1
 _TINIEST: Final = 1e-300
+_EVERY_OTHER: Final = slice(None, None, 2)
 _EPS: Final = 8 * float(np.finfo(np.float64).eps)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Grid:
-    """Nodes of which every `step`th has all solved, the others the waves, and what follows."""
+    """Nodes of which every other one has all solved, the others the waves, and what follows."""
 
-    step: int
     counts: dict[int, int]  # how many pairs of waves are taken out of each symmetry
     ratio: float  # of successive coefficients
     fine: Real | Complex  # from values at all nodes to the asked places: (n, n_nodes)
-    coarse: Real | Complex  # the same from those with all solved
+    coarse: Real | Complex  # the same from every other node
     fine_last: Real  # from values to the last two Chebyshev coefficients: (2, n_nodes)
-    coarse_last: Real  # the same of those with all solved, to the last two or three
+    coarse_last: Real  # the same for every other node, to the last two or three: (2 or 3, n_other)
     rest: Real  # the first term left out, over its coefficient: (n,)
+    # what series grow by off the axis, of the first term that all nodes leave out: (n,) or (1,)
+    growth: Real
 
     @classmethod
-    def over(cls, places: Real | Complex, count: int, *, step: int, counts: dict[int, int], ratio: float) -> Grid:
+    def over(cls, places: Real | Complex, count: int, *, counts: dict[int, int], ratio: float) -> Grid:
         """Return the grid for places near -1 to 1."""
-        n_nodes = step * (count - 1) + 1
-        series = np.empty((max(n_nodes, count + 1), places.size), dtype=places.dtype)
+        series = np.empty((2 * count - 1, places.size), dtype=places.dtype)
         series[0], series[1] = 1.0, places
         for order in range(2, len(series)):
             series[order] = 2 * places * series[order - 1] - series[order - 2]
-        fine, coarse = _to_series(n_nodes), _to_series(count)
+        fine, coarse = _to_series(len(series)), _to_series(count)
+        growth = np.ones(1)
+        if np.iscomplexobj(places):
+            growth = np.maximum(np.abs(series[-1]), 1.0) ** (1 + 1 / (2 * count - 2))
         return cls(
-            step=step,
             counts=counts,
             ratio=ratio,
-            fine=series[:n_nodes].T @ fine,
+            fine=series.T @ fine,
             coarse=series[:count].T @ coarse,
             fine_last=fine[-2:],
             coarse_last=coarse[max(count - 3, 1) :],
             rest=_CAUTION * (np.abs(series[count] - series[count - 2]) + ratio),
+            growth=growth,
         )
 
     def left_out(self, values: _Numbers) -> Real:
-        """Return the size of what all nodes do not tell."""
+        """Return the size of what all nodes do not tell: (n or 1, n_values)."""
         older, newer = np.abs(self.fine_last @ values)
-        return np.asarray(_CAUTION * self.ratio * np.maximum(newer, older * self.ratio))
+        missing = _CAUTION * self.ratio * np.maximum(newer, older * self.ratio)
+        return np.multiply.outer(self.growth, missing)
 
 
-def grid_nodes(count: int, step: int) -> Real:
-    """Return the places of the nodes of a grid, so many with all solved, and others between these.
+def grid_nodes(count: int) -> Real:
+    """Return the places of the nodes of a grid, so many with all solved.
 
-    >>> grid_nodes(3, 2).round(3).tolist()
+    >>> grid_nodes(3).round(3).tolist()
     [1.0, 0.707, 0.0, -0.707, -1.0]
     """
-    last = step * (count - 1)
-    return np.asarray(np.sin(np.pi / 2 * np.arange(last, -last - 1, -2) / last))
+    return np.asarray(np.sin(np.pi * np.arange(count - 1, -count, -1) / (2 * count - 2)))
 
 
 @lru_cache(maxsize=64)
@@ -123,14 +127,13 @@ def _to_series(count: int) -> Real:
 
 def over_frequency(question: Question, signs: tuple[int, ...], grid: Grid) -> Answered:
     """Return D U / W^2 at the places of a grid, equations (86) and (87); nodes are asked for."""
-    rows = slice(None, None, grid.step)
-    k, hold = question.exact_k[rows], question.exact_hold[rows]
+    k, hold = question.exact_k[_EVERY_OTHER], question.exact_hold[_EVERY_OTHER]
     found = [Waves.of(question, sign, 2 * grid.counts[sign]) for sign in signs]
     solved = summed(
         replace(
             question, exact_k=k, exact_hold=hold, rtol=min(_LOOSER * question.rtol, _MOST_RTOL)
         ),
-        [waves.at(rows) for waves in found],
+        [waves.at(_EVERY_OTHER) for waves in found],
     )
     value, error = solved.value, np.sqrt(np.abs(grid.coarse) ** 2 @ solved.error**2)
     parts = []
@@ -139,7 +142,7 @@ def over_frequency(question: Question, signs: tuple[int, ...], grid: Grid) -> An
         if count:
             p, residues = _taken(question, waves, count)
             carried = residues * _carried(question.source, p, question.distance)
-            value = value - carried[rows].sum(axis=1)
+            value = value - carried[_EVERY_OTHER].sum(axis=1)
             way = _pairs if count == 1 or waves.known.branch is not None else _block
             parts.append(way(question, p, residues, grid))
     last = np.abs(grid.coarse_last @ value)
@@ -193,11 +196,11 @@ def _pairs(question: Question, p: Complex, residues: Complex, grid: Grid) -> Ans
     amount = np.abs(first) + np.abs(second)
     steep = _steepness(question, np.minimum(size[:, :count], size[:, count:]))
     missing, size = grid.left_out(squares), 1 + np.abs(middle)
-    about = (missing[:count] + _EPS * size)[..., np.newaxis]
-    about = about + (missing[count:] + _EPS * size**2)[..., np.newaxis] * steep
+    about = (missing[:, :count] + _EPS * size)[..., np.newaxis]
+    about = about + (missing[:, count:] + _EPS * size**2)[..., np.newaxis] * steep
     missing = grid.left_out(flat)
-    error = amount * steep * about + np.abs(mean) * missing[:width].reshape(shape)
-    error += np.abs(slope) * missing[width:].reshape(shape)
+    error = amount * steep * about + np.abs(mean) * missing[:, :width].reshape(shape)
+    error += np.abs(slope) * missing[:, width:].reshape(shape)
     return Answered(value=(first + second).sum(axis=1), error=error.sum(axis=1))
 
 
@@ -269,8 +272,9 @@ def _block(question: Question, p: Complex, residues: Complex, grid: Grid) -> Ans
 
     amount = np.abs(terms)
     alone = (nearest / (nearest + _APART))[..., np.newaxis]
-    moved = float(np.sum(grid.left_out(coefficients))) + count * _EPS
-    missing = grid.left_out(numerators).reshape(count, -1).sum(axis=0)
+    moved = grid.left_out(coefficients).sum(axis=1)[:, np.newaxis, np.newaxis] + count * _EPS
+    missing = grid.left_out(numerators).reshape(-1, count, question.distance.size)
+    missing = missing.sum(axis=1, keepdims=True)
     error = amount * alone**2 * scale * moved / np.abs(slope) * _steepness(question, np.abs(p))
     error += np.abs(wave) * alone * missing + _EPS * amount
     error[np.any(nearest < _TOUCHING, axis=1)] = np.inf
