@@ -155,9 +155,10 @@ def _up_to(
     singular_hz = min(_singular_hz(strip, sign, count) for sign, count in counts.items())
     least = max(float(np.min(some_hz)) / (_BEYOND * top_hz), _LEAST_PART)
     low, end, power = min(least, _MOST_PART) ** 2, (singular_hz / top_hz) ** 2, 2
-    powers, met, bare = (some_hz / top_hz) ** 2, complex(end), _without_loss(strip)
+    powers: Real | Complex = (some_hz / top_hz) ** 2
+    met, bare = complex(end), _without_loss(strip)
     if bare is not None:
-        powers = powers / stiffness_factors(strip, some_hz)
+        powers = powers / stiffness_factors(strip, some_hz.astype(np.complex128))
         if np.max(np.abs(_places(powers, low, end).imag)) > _SLANT:
             bare = None
     if bare is None and strip.material.viscous_time_s > 0:
@@ -276,7 +277,9 @@ def swept(
 def _solved(job: Job, way: Parted, places: NDArray[np.intp]) -> Answered:
     """Return D U of a job's pairs at some places, in portions that fit the cache."""
     nodes_hz, grid = way.nodes_hz, way.grid()
-    question = job.question(*dimensionless(way.strip, nodes_hz.astype(np.complex128)), rtol=way.rtol)
+    question = job.question(
+        *dimensionless(way.strip, nodes_hz.astype(np.complex128)), rtol=way.rtol
+    )
     n_parts = math.ceil(places.size * max(nodes_hz.size / _NODES, way.powers.size / _VALUES))
     if n_parts == 1:
         return over_frequency(question.at(places), job.signs, grid)

@@ -212,10 +212,10 @@ def _exponentials(
     if span.length > _LONG and np.all((across > low) & (across < high)):
         start, stop = np.exp(-g * (across - low)), np.exp(-g * (high - across))
         passed = (start * stop)[..., : g.shape[-1]]  # the same for all places
-        whole, one, other = ((1 - part) / g for part in (passed, start, stop))
+        one, other = (1 - start) / g, (1 - stop) / g
         up, down = above * stop, below * start
         far = up * below * one + down * above * other
-        return one + other, far, up, down, above * below * passed, whole
+        return one + other, far, up, down, above * below * passed, (1 - passed) / g
     if not span.length and np.all(across <= low):
         near = np.exp(-g * (low - across))
         up, down = above * near, np.exp(-g * (0.5 + across))

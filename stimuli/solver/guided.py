@@ -13,9 +13,8 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from stimuli.solver.across import faded, shape, shape_integral, slope
-from stimuli.strip.clamped import clamped_roots
 from stimuli.strip.dispersion import relation
-from stimuli.strip.roots import section_roots
+from stimuli.strip.roots import clamped_roots, section_roots
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -78,7 +77,9 @@ class Guided:
     def excited(self, k: Complex, source: Source) -> Complex:
         """Return the load's integral over each shape, (n_frequencies, n_modes, n_points or 1)."""
         one, two = source.branch_weights(k)
-        far, near = self._weighted(shape_integral(self._both[..., np.newaxis], source.span, self.sign))
+        far, near = self._weighted(
+            shape_integral(self._both[..., np.newaxis], source.span, self.sign)
+        )
         return one[..., np.newaxis] * far + two[..., np.newaxis] * near
 
     @property
@@ -111,7 +112,9 @@ class Guided:
         seen = sine(q * across) * sine(q * ((span.low + span.high) / 2))
         if span.length:
             seen *= 2 / q * np.sin(q * ((span.high - span.low) / 2))
-        return np.asarray((np.where(first, one, -two) * 0.5j / (self.p * k * k))[..., np.newaxis] * seen)
+        return np.asarray(
+            (np.where(first, one, -two) * 0.5j / (self.p * k * k))[..., np.newaxis] * seen
+        )
 
     def at(self, rows: NDArray[np.intp] | slice) -> Guided:
         """Return the waves at some of the frequencies."""

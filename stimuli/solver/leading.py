@@ -70,8 +70,8 @@ class Grid:
 
     counts: dict[int, int]  # how many pairs of waves are taken out of each symmetry
     ratio: float  # of successive coefficients
-    fine: Real | Complex  # from values at all nodes to the asked places: (n, n_nodes)
-    coarse: Real | Complex  # the same from every other node
+    fine: _Numbers  # from values at all nodes to the asked places: (n, n_nodes)
+    coarse: _Numbers  # the same from every other node
     fine_last: Real  # from values to the last two Chebyshev coefficients: (2, n_nodes)
     coarse_last: Real  # the same for every other node, to the last two or three: (2 or 3, n_other)
     rest: Real  # the first term left out, over its coefficient: (n,)
@@ -79,9 +79,9 @@ class Grid:
     growth: Real
 
     @classmethod
-    def over(cls, places: Real | Complex, count: int, *, counts: dict[int, int], ratio: float) -> Grid:
+    def over(cls, places: _Numbers, count: int, *, counts: dict[int, int], ratio: float) -> Grid:
         """Return the grid for places near -1 to 1."""
-        series = np.empty((2 * count - 1, places.size), dtype=places.dtype)
+        series: _Numbers = np.empty((2 * count - 1, places.size), dtype=places.dtype)
         series[0], series[1] = 1.0, places
         for order in range(2, len(series)):
             series[order] = 2 * places * series[order - 1] - series[order - 2]
@@ -92,8 +92,8 @@ class Grid:
         return cls(
             counts=counts,
             ratio=ratio,
-            fine=series.T @ fine,
-            coarse=series[:count].T @ coarse,
+            fine=np.asarray(series.T @ fine),
+            coarse=np.asarray(series[:count].T @ coarse),
             fine_last=fine[-2:],
             coarse_last=coarse[max(count - 3, 1) :],
             rest=_CAUTION * (np.abs(series[count] - series[count - 2]) + ratio),
@@ -104,7 +104,7 @@ class Grid:
         """Return the size of what all nodes do not tell: (n or 1, n_values)."""
         older, newer = np.abs(self.fine_last @ values)
         missing = _CAUTION * self.ratio * np.maximum(newer, older * self.ratio)
-        return np.multiply.outer(self.growth, missing)
+        return np.asarray(np.multiply.outer(self.growth, missing))
 
 
 def grid_nodes(count: int) -> Real:

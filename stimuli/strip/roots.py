@@ -49,6 +49,20 @@ values need not know."""
 _LITTLE: Final = 1e-4
 """Bending below which its quotient in `_stiffness_below` is taken by the limit at 0."""
 
+_CLAMPED_TOP: Final = 5.2 * (math.pi / 2) ** 2
+"""Largest bending of the table between clamps: at 5.9 first cut-offs of the supported strip the
+second wave meets the third."""
+
+_CLAMPED_PAIRS: Final = 4
+_CLAMPED_NODES: Final = 32
+"""Of these the last coefficients are rounding: each falls to a quarter of the one before."""
+
+_ROUNDING: Final = 1e-15
+"""Part of the largest coefficient below which others are rounding, and would grow off the axis."""
+
+_SLANT: Final = 0.01
+"""Largest imaginary part of the bending, over itself: farther from the axis the series grows."""
+
 
 def decays_squared(section: Section, count: int) -> Complex:
     """Return the squares x = -(p W / 2)^2 of the first waves, ordered by their p.
@@ -297,3 +311,45 @@ def _mirrored(x: Complex, bending: Real) -> Complex:
     partner = np.argmin(distance, axis=2)
     paired = np.min(distance, axis=2) < near
     return np.where(paired, (x + np.take_along_axis(x, partner, axis=1).conj()) / 2, x)
+
+
+def clamped_roots(bending: Complex, count: int, *, symmetric: bool) -> Complex | None:
+    """Return the first roots between clamps from a table, or None beyond it.
+
+    They depend on the bending alone, and means and squared half distances of pairs that meet only
+    one another are smooth in its square, (86). Shape (n_sections, 8), pair by pair; without loss
+    real or exactly conjugate.
+
+    Examples
+    --------
+    >>> x = clamped_roots(np.zeros(1) + 0j, 2, symmetric=True)[0, :2]
+    >>> s = 2 * np.sqrt(x)
+    >>> s.round(6), bool(np.all(abs(s + np.sin(s)) < 1e-13))
+    (array([4.212392-2.250729j, 4.212392+2.250729j]), True)
+    """
+    if count > 2 * _CLAMPED_PAIRS or np.any(np.abs(bending) > _CLAMPED_TOP):
+        return None
+    if np.any(np.abs(bending.imag) > _SLANT * np.abs(bending.real)):
+        return None
+    lossless = not bending.imag.any()
+    place = 2 * ((bending.real if lossless else bending) / _CLAMPED_TOP) ** 2 - 1
+    turns = np.multiply.outer(np.arccos(place), np.arange(_CLAMPED_NODES))
+    found = np.cos(turns) @ _clamped_table(symmetric=symmetric)
+    mean, half = found[:, :_CLAMPED_PAIRS], np.sqrt(found[:, _CLAMPED_PAIRS:].astype(np.complex128))
+    roots = np.stack([mean - half, mean + half], axis=2)
+    return np.asarray(roots.reshape(len(bending), -1), dtype=np.complex128)
+
+
+@lru_cache(maxsize=2)
+def _clamped_table(*, symmetric: bool) -> Real:
+    """Return coefficients of means and squared half distances, shape (n_nodes, 2 n_pairs)."""
+    odd = 2 * np.arange(_CLAMPED_NODES) + 1
+    bending = np.asarray(_CLAMPED_TOP * np.cos(np.pi * odd / (4 * _CLAMPED_NODES)), np.complex128)
+    x = section_roots(bending, np.zeros_like(bending), 2 * _CLAMPED_PAIRS, symmetric=symmetric)
+    one, two = x[:, ::2], x[:, 1::2]
+    values = np.concatenate([(one + two).real / 2, ((one - two) ** 2).real / 4], axis=1)
+    turns = np.multiply.outer(np.arange(_CLAMPED_NODES), odd) % (4 * _CLAMPED_NODES)
+    series = np.cos(np.pi * turns / (2 * _CLAMPED_NODES))
+    series[0] /= 2
+    found = 2 / _CLAMPED_NODES * series @ values
+    return np.where(np.abs(found) < _ROUNDING * np.max(np.abs(found), axis=0), 0.0, found)

@@ -213,7 +213,7 @@ def _collocation(
     span = question.source.span
     finest = min(gaps, default=1.0)
     borders = [0.5 * _halves(float(functions.beyond[-1]) / 2)]
-    places = {0.5 - abs(span.low), 0.5 - abs(span.high)}
+    places = {0.5 - abs(float(span.low)), 0.5 - abs(float(span.high))}
     borders += [place + side * _halves(gap) for gap in gaps for place in places for side in (-1, 1)]
     borders.append(np.array(list(places)) if gaps else np.array([]))
     rough = np.concatenate(borders)
