@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from stimuli import CLAMPED, ElasticEdge, Strip
 from stimuli.strip.dispersion import dispersion
-from stimuli.strip.roots import decays_squared
+from stimuli.strip.roots import clamped_roots, decays_squared, section_roots
 from stimuli.strip.waves import Section, cross_waves, outgoing_root
 from tests.test_stimuli.plates import FIRM, PLATE, SOFT, SUPPORTED, Edge, each_edge, on
 
@@ -426,3 +426,29 @@ def test_an_antisymmetric_shape_keeps_its_digits_where_one_wave_across_is_flat()
     exact = np.sin(a * inner) / math.sin(a) - inner
     shape = strip.wave_shape(p, frequency_hz, y, "antisymmetric")
     np.testing.assert_allclose(shape / shape[0], exact / exact[0], rtol=1e-12)
+
+
+@pytest.mark.parametrize("slant", [0.0, 1e-3, -0.01])
+@pytest.mark.parametrize("symmetric", [True, False])
+def test_roots_between_clamps_from_the_table_are_those_sought_one_by_one(
+    symmetric: bool, slant: float
+) -> None:
+    bending = 12.8 * np.sqrt(np.linspace(0.0, 1.0, 400)) * (1 + 1j * slant)
+    found = clamped_roots(bending, 7, symmetric=symmetric)
+    sought = section_roots(bending, np.zeros_like(bending), 8, symmetric=symmetric)
+    assert found is not None
+    # of a pair the mean and the square of the half distance are what can be known
+    for one, other in ((found, sought), (sought, found)):
+        size = np.abs(other).reshape(len(bending), 4, 2).max(axis=2)
+        means = [(x[:, ::2] + x[:, 1::2]) / 2 for x in (one, other)]
+        squares = [((x[:, ::2] - x[:, 1::2]) / 2) ** 2 for x in (one, other)]
+        assert np.max(np.abs(means[0] - means[1]) / size) < 1e-13
+        assert np.max(np.abs(squares[0] - squares[1]) / size**2) < 1e-13
+    if not slant:
+        paired = np.sort_complex(found.conj()) == np.sort_complex(found)
+        assert np.all(paired)
+
+
+def test_beyond_the_table_roots_between_clamps_are_sought() -> None:
+    for bending, count in ((13.0, 4), (1.0, 9), (1.0 + 0.02j, 4)):
+        assert clamped_roots(np.array([bending + 0j]), count, symmetric=True) is None
