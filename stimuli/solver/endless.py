@@ -73,7 +73,8 @@ class Waves:
         if np.isinf(question.hold).all():
             every = guided(question.exact_k, question.exact_hold, count + 2 * _FOLLOWING, sign)
             return cls._moved(question, every.first(count), every)
-        return cls.driven(question, guided(question.exact_k, question.exact_hold, count, sign))
+        known = guided(question.exact_k, question.exact_hold, count, sign, question.rtol)
+        return cls.driven(question, known)
 
     @classmethod
     def driven(cls, question: Question, known: Guided) -> Waves:

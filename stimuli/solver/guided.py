@@ -29,6 +29,9 @@ _SPARE: Final = 1
 """Waves sought beyond those asked for: the last may be one of a pair. More would only cost time,
 since what their order hides lies where the waves are faint."""
 
+_ROUGH: Final = 1e-9
+"""Wanted error from which a table is exact enough: where branches cancel it lacks 2e-13."""
+
 _SETTLED: Final = 1e-14
 """What the faintest wave may lack of its p^2; the others are known better."""
 
@@ -229,7 +232,9 @@ def _arched(g: Complex, difference: Complex) -> Complex:
     return np.where(flat, np.exp(-g) / 2 * series, difference / np.where(flat, 1, g * g))
 
 
-def guided(k: Exact | Complex, hold: Exact | Complex, n_modes: int, sign: int) -> Guided:
+def guided(
+    k: Exact | Complex, hold: Exact | Complex, n_modes: int, sign: int, rtol: float = 0.0
+) -> Guided:
     """Return the guided waves of one symmetry, equation (45); hold is 1 / (kappa W).
 
     It is 0 for clamped and infinite for simply supported edges, which have closed forms; k W is
@@ -247,7 +252,9 @@ def guided(k: Exact | Complex, hold: Exact | Complex, n_modes: int, sign: int) -
         return _supported(k, n_modes, sign)
     rough_k, rough_hold = k.astype(np.complex128), hold.astype(np.complex128)
     bending = (rough_k / 2) ** 2
-    x = None if rough_hold.any() else clamped_roots(bending, n_modes, symmetric=sign > 0)
+    x = None
+    if rtol >= _ROUGH and not rough_hold.any():
+        x = clamped_roots(bending, n_modes, symmetric=sign > 0)
     if x is None:
         x = section_roots(
             bending,

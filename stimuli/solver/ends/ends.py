@@ -139,7 +139,8 @@ def end_waves(question: Question, ends: Ends, signs: tuple[int, ...]) -> tuple[G
         wanted = max(_HELD_WAVES, seen + 2 + _BEHIND - EXTRA_WAVES)
         wanted += _FINER_WAVES * (question.rtol < FINE)
     count = n_waves(question.k) + wanted
-    return tuple(guided(question.exact_k, question.exact_hold, count, sign) for sign in signs)
+    asked = question.exact_k, question.exact_hold, count
+    return tuple(guided(*asked, sign, question.rtol) for sign in signs)
 
 
 def _digits(rtol: float) -> float:
