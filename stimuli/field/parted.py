@@ -2,7 +2,7 @@
 
 Waves that begin to propagate or meet are what makes a field vary with frequency. Those up to a
 little above the highest frequency are taken out, see `stimuli.solver.leading`; how many nodes the
-rest needs follows from where its next singularity is. Places where the estimate of the error is
+rest needs follows from where its next singularity is, before which the band is bent. Places where the estimate of the error is
 too large have more nodes, single frequencies are solved by themselves.
 """
 
@@ -198,7 +198,7 @@ def _without_loss(strip: Strip) -> Strip | None:
 
 
 def _bent(powers: Any, end: float) -> Any:
-    """Return what maps a plane cut from a singularity to infinity onto a disc, 0 onto 0, (90)."""
+    """Return what maps a plane cut from a singularity to infinity onto a disc, 0 onto 0, (92)."""
     if math.isinf(end):
         return powers
     part = powers / end
