@@ -2,8 +2,8 @@
 
 Waves that begin to propagate or meet are what makes a field vary with frequency. Those up to a
 little above the highest frequency are taken out, see `stimuli.solver.leading`; how many nodes the
-rest needs follows from where its next singularity is, before which the band is bent. Places where the estimate of the error is
-too large have more nodes, single frequencies are solved by themselves.
+rest needs follows from where its next singularity is, before which the band is bent. Places where
+the estimate of the error is too large have more nodes, single frequencies are solved by themselves.
 """
 
 from __future__ import annotations
@@ -90,6 +90,7 @@ class Parted:
     rows: NDArray[np.intp]  # which of the asked frequencies: (n,)
     # (f / top)^power of these, over what loss makes of the stiffness where nodes have none: (n,)
     powers: Real | Complex
+    places: Real | Complex  # what nodes from -1 to 1 make of that, (92): (n,)
     top_hz: float
     low: float  # lower end, as a part of the upper one, to that power
     power: int
@@ -112,18 +113,19 @@ class Parted:
     def wider(self) -> Parted:
         """Return a band with more nodes, all elsewhere."""
         more = _BEYOND**self.power
+        powers, end = self.powers / more, self.end / more
         return replace(
             self,
-            powers=self.powers / more,
+            powers=powers,
+            places=_places(powers, self.low, end),
             top_hz=_BEYOND * self.top_hz,
-            end=self.end / more,
+            end=end,
             count=self.count + _MORE,
         )
 
     def grid(self) -> Grid:
         """Return what makes values at the asked frequencies of those at the nodes."""
-        places = _places(self.powers, self.low, self.end)
-        return Grid.over(places, self.count, counts=self.counts, ratio=self.ratio)
+        return Grid.over(self.places, self.count, counts=self.counts, ratio=self.ratio)
 
 
 def parted(
@@ -159,7 +161,8 @@ def _up_to(
     met, bare = complex(end), _without_loss(strip)
     if bare is not None:
         powers = powers / stiffness_factors(strip, some_hz.astype(np.complex128))
-        if np.max(np.abs(_places(powers, low, end).imag)) > _SLANT:
+        places = _places(powers, low, end)
+        if np.max(np.abs(places.imag)) > _SLANT:
             bare = None
     if bare is None and strip.material.viscous_time_s > 0:
         least = max(least, _LEAST_PART**2)
@@ -167,6 +170,8 @@ def _up_to(
         powers, met = some_hz / top_hz, complex(singular_hz / top_hz)
     elif bare is None:
         powers, met = (some_hz / top_hz) ** 2, end * (1 - 1j * strip.material.loss_factor)
+    if bare is None:
+        places = _places(powers, low, end)
     ratio = _ratio(complex(_places(np.array([met]), low, end)[0]))
     count = math.ceil(math.log(_SIZES[power] / rtol) / -math.log(ratio))
     count = max(count, _FEWEST_NODES)
@@ -176,6 +181,7 @@ def _up_to(
         strip=strip if bare is None else bare,
         rows=rows,
         powers=powers,
+        places=places,
         top_hz=top_hz,
         low=low,
         power=power,

@@ -209,14 +209,17 @@ def _exponentials(
     """
     above, below = ends
     low, high = span.low, span.high
-    if span.length > _LONG and np.all((across > low) & (across < high)):
+    left, right = across <= low, across >= high
+    if span.length > _LONG and not (left | right).any():
         start, stop = np.exp(-g * (across - low)), np.exp(-g * (high - across))
         passed = (start * stop)[..., : g.shape[-1]]  # the same for all places
         one, other = (1 - start) / g, (1 - stop) / g
         up, down = above * stop, below * start
         far = up * below * one + down * above * other
         return one + other, far, up, down, above * below * passed, (1 - passed) / g
-    if not span.length and np.all(across <= low):
+    if span.length > _LONG and g.shape[-1] == 1 and not isinstance(span.centre, np.ndarray):
+        return _apart(g, across, span, ends, (left, right))
+    if not span.length and left.all():
         near = np.exp(-g * (low - across))
         up, down = above * near, np.exp(-g * (0.5 + across))
         return near, down * above, up, down, above * below, 1.0
@@ -225,6 +228,35 @@ def _exponentials(
     whole: Complex | float = -less(-g * span.length) / g if span.length else 1.0
     near, far = _images(g, across, span, places=(up, down), ends=ends, whole=whole)
     return near, far, up, down, fall, whole
+
+
+def _apart(
+    g: Complex,
+    across: Real,
+    span: Span,
+    ends: tuple[Complex, Complex],
+    sides: tuple[NDArray[np.bool_], NDArray[np.bool_]],
+) -> tuple[Complex, Complex, Complex, Complex, Complex, Complex]:
+    """Return what `_exponentials` does for places within one span and on either side of it."""
+    above, below = ends
+    passed = np.exp(-g * (span.high - span.low))
+    whole = (1 - passed) / g
+    parts = np.empty((4, *g.shape[:-1], across.size), dtype=np.complex128)
+    left, right = sides
+    inside = ~(left | right)
+    if inside.any():
+        parts[..., inside] = _exponentials(g, across[inside], span, ends)[:4]
+    for some, way, rest, edge, order in (
+        (left, span.low - across, 0.5 + across, above, (0, 1, 2, 3)),
+        (right, across - span.high, 0.5 - across, below, (0, 1, 3, 2)),
+    ):
+        if some.any():
+            near, distant = np.exp(-g * way[some]), np.exp(-g * rest[some])
+            found = near * whole, distant * edge * whole, edge * passed * near, distant
+            for place, value in zip(order, found, strict=True):
+                parts[place][..., some] = value
+    near, far, up, down = parts
+    return near, far, up, down, above * below * passed, whole
 
 
 def _flattened(found: Crossing, g: Complex, across: Real, span: Span, sign: int) -> None:

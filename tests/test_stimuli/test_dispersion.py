@@ -431,7 +431,7 @@ def test_an_antisymmetric_shape_keeps_its_digits_where_one_wave_across_is_flat()
 @pytest.mark.parametrize("slant", [0.0, 1e-3, -0.01])
 @pytest.mark.parametrize("symmetric", [True, False])
 def test_roots_between_clamps_from_the_table_are_those_sought_one_by_one(
-    symmetric: bool, slant: float
+    *, symmetric: bool, slant: float
 ) -> None:
     bending = 12.8 * np.sqrt(np.linspace(0.0, 1.0, 400)) * (1 + 1j * slant)
     found = clamped_roots(bending, 7, symmetric=symmetric)
