@@ -215,11 +215,11 @@ def section() -> str:
             *(row(name, pair) for name, pair in found.items() if name not in _ALIKE),
             "",
             (
-                "Five times the exponentials was asked for. More is needed [with "
-                "loss](decisions/0008-one-frequency.md), across a clamped cut-off (four waves are "
-                "eigenvalues at each frequency), for a load off the centre line (two symmetries), "
-                "and above some eleven first cut-offs of the supported strip (each frequency is "
-                "solved). "
+                "Five times the exponentials was asked for. More is needed for a load off the "
+                "centre line between springs (two symmetries, whose roots are sought at each "
+                "node), and above some eleven first cut-offs of a clamped strip (each frequency "
+                "is solved). Why loss and a cut-off cost no more: [decision "
+                "8](decisions/0008-one-frequency.md). "
                 f"Left out, as they take at most {_most_alike(found):.2f} times as long: the "
                 "supported strip across, beside below; steel of 0.3 mm, clamped, under a moment "
                 "disc, and glass across, beside aluminium."

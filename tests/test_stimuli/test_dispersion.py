@@ -433,7 +433,8 @@ def test_an_antisymmetric_shape_keeps_its_digits_where_one_wave_across_is_flat()
 def test_roots_between_clamps_from_the_table_are_those_sought_one_by_one(
     *, symmetric: bool, slant: float
 ) -> None:
-    bending = 12.8 * np.sqrt(np.linspace(0.0, 1.0, 400)) * (1 + 1j * slant)
+    bending: Complex = 12.8 * np.sqrt(np.linspace(0.0, 1.0, 400)).astype(np.complex128)
+    bending *= 1 + 1j * slant
     found = clamped_roots(bending, 7, symmetric=symmetric)
     sought = section_roots(bending, np.zeros_like(bending), 8, symmetric=symmetric)
     assert found is not None

@@ -86,9 +86,9 @@ def test_loads_in_different_places_across_give_what_each_gives_alone(
 def test_loads_in_different_places_across_share_the_waves(monkeypatch: pytest.MonkeyPatch) -> None:
     solved: list[int] = []
 
-    def counted(k: Any, hold: Any, count: int, sign: int) -> Any:
+    def counted(k: Any, hold: Any, count: int, sign: int, rtol: float) -> Any:
         solved.append(sign)
-        return guided(k, hold, count, sign)
+        return guided(k, hold, count, sign, rtol)
 
     monkeypatch.setattr("stimuli.solver.ends.ends.guided", counted)
     loads = tuple(disc(0.004, x_m=x_m, y_m=y_m) for x_m, y_m in BESIDE)
