@@ -262,12 +262,14 @@ def swept(
     for job in jobs:
         part = _solved(job, way, np.arange(job.distance.size))
         fine = part.error <= rtol * part.sizes()
-        if np.count_nonzero(np.all(fine, axis=1)) < (1 - _FEW) * good.size:
+        kept = np.all(fine, axis=1)
+        if np.count_nonzero(kept) < (1 - _FEW) * good.size:
             places, wider = np.flatnonzero(~np.all(fine, axis=0)), way.wider()
             better = _solved(job, wider, places)
             part.value[:, places], part.error[:, places] = better.value, better.error
             used_hz.append(wider.nodes_hz[::2])
-        good &= part.relative() <= rtol
+            kept = part.relative() <= rtol
+        good &= kept
         parts.append(part)
     found = Answered(
         value=np.concatenate([part.value for part in parts], axis=1),

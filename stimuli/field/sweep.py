@@ -120,6 +120,12 @@ def bands(
     every = np.arange(frequencies_hz.size)
     if every.size < _FEWEST and frequencies_hz.min(initial=np.inf) >= _LOWEST_MOST * supported_hz:
         return (Band(rows=every, solved_hz=frequencies_hz),) if every.size else ()
+    found = _without_waves(strip, frequencies_hz, rtol, signs) if skip else []
+    done = np.zeros(frequencies_hz.size, dtype=np.bool_)
+    for band in found:
+        done[band.rows] = True
+    if done.all():
+        return tuple(found)
     viscous = strip.material.viscous_time_s > 0
     singular_hz = _first_singular_hz(strip)
     top_hz = _UPPER * singular_hz
@@ -127,20 +133,9 @@ def bands(
     part = float(np.clip(_LOWEST_REACH / max(distance, 1e-9), *_LOWEST_TOPS))
     part = min(part, top_hz / supported_hz)
     least_hz = max(_LOWEST[0], _LOWEST[1] * part) * supported_hz
-    found = []
-    done = np.zeros(frequencies_hz.size, dtype=np.bool_)
-    if skip and signs and strip.length_m is None:
-        way = parted(strip, frequencies_hz, rtol, signs)
-        if way is not None:
-            reason = "without its first waves the field is smooth in frequency"
-            found.append(
-                Band(rows=way.rows, solved_hz=way.nodes_hz[::2], reason=reason, parted=way)
-            )
-            done[way.rows] = True
     if skip and rational and strip.length_m is not None and _is_lossy(strip):
         found += _rational(strip, frequencies_hz, least_hz)
-        for band in found:
-            done[band.rows] = True
+        done[np.concatenate([every[:0], *(band.rows for band in found)])] = True
         below = below[~done[below]]
     if skip and below.size and distance <= _FARTHEST and strip.length_m is not None:
         most_hz = max(float(np.max(frequencies_hz[below])), part * supported_hz)
@@ -181,6 +176,17 @@ def bands(
     if rest.size:
         found.append(Band(rows=rest, solved_hz=frequencies_hz[rest]))
     return tuple(found)
+
+
+def _without_waves(
+    strip: Strip, frequencies_hz: Real, rtol: float, signs: tuple[int, ...]
+) -> list[Band]:
+    """Return the band of an endless strip without its first waves, where that saves work."""
+    way = parted(strip, frequencies_hz, rtol, signs) if signs and strip.length_m is None else None
+    if way is None:
+        return []
+    reason = "without its first waves the field is smooth in frequency"
+    return [Band(rows=way.rows, solved_hz=way.nodes_hz[::2], reason=reason, parted=way)]
 
 
 def _is_lossy(strip: Strip) -> bool:

@@ -82,9 +82,10 @@ class Grid:
     def over(cls, places: _Numbers, count: int, *, counts: dict[int, int], ratio: float) -> Grid:
         """Return the grid for places near -1 to 1."""
         series: _Numbers = np.empty((2 * count - 1, places.size), dtype=places.dtype)
-        series[0], series[1] = 1.0, places
+        series[0], series[1], twice = 1.0, places, 2 * places
         for order in range(2, len(series)):
-            series[order] = 2 * places * series[order - 1] - series[order - 2]
+            np.multiply(twice, series[order - 1], out=series[order])
+            series[order] -= series[order - 2]
         fine, coarse = _to_series(len(series)), _to_series(count)
         growth = np.ones(1)
         if np.iscomplexobj(places):
