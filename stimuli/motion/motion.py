@@ -294,13 +294,13 @@ def _bare_patched(scene: Scene, highest_hz: float, within_hz: float, *, centred:
     bearing = _with_places(scene.strip, scene.loads)
     groups = patched_modes(bearing, highest_hz, centred=centred, within_hz=within_hz)
     in_functions = [_in_functions(scene, group.functions, within_hz) for group in groups]
-    both = list(zip(groups, in_functions, strict=True))
-    rests = [group.at_rest_m(at_points, pushes) for group, (at_points, pushes) in both]
+    answers = [one.answers(*rows) for one, rows in zip(groups, in_functions, strict=True)]
+    moved, pushed, rests_m = zip(*answers, strict=True)
     return Bare(
         groups=groups,
-        moved=[group.moved(at_points)[np.newaxis] for group, (at_points, _) in both],
-        pushed=[group.moved(pushes)[np.newaxis] for group, (_, pushes) in both],
-        static_m=np.sum(rests, axis=0),
+        moved=[one[np.newaxis] for one in moved],
+        pushed=[one[np.newaxis] for one in pushed],
+        static_m=np.sum(rests_m, axis=0),
     )
 
 

@@ -65,14 +65,13 @@ class Functions:
         """How many are functions of the whole plate."""
         return len(self.pairs[0])
 
-    def fewer(self, most_rad_m: float) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-        """Return the numbers of fewer functions of the plate, up to a wave's, and of patches."""
+    def fewer(self, most_rad_m: float) -> tuple[NDArray[np.intp], list[NDArray[np.intp]]]:
+        """Return the numbers of fewer functions of the plate, up to a wave's, and of each patch."""
         if self.wavenumbers_rad_m is None:
             plate = _within(self.along, self.across, self.odd, most_rad_m)[self.pairs]
         else:
             plate = self.wavenumbers_rad_m <= math.sqrt(_HELD) * most_rad_m
-        local = np.concatenate([one.is_coarse for one in self.around])
-        return np.flatnonzero(plate), self.n_plate + np.flatnonzero(local)
+        return np.flatnonzero(plate), [np.flatnonzero(one.is_coarse) for one in self.around]
 
     def at(self, points_m: Real, *, laplacian: bool = False) -> Real:
         """Return all functions at points, or their Laplacians: (1, n_points, n_functions)."""

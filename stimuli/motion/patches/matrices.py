@@ -37,47 +37,51 @@ _ORDERS: Final = ((0, 0), (1, 1), (2, 2), (0, 2), (2, 0))
 """Derivatives of two functions along, and across, whose products count."""
 
 
-class Matrices(NamedTuple):
-    """Of all functions: springs along the edges, if any, stiffness with these, mass.
+STIFFNESS, MASS, OVERLAP, SPRINGS = range(4)
+"""Stiffness with that of springs along the edges, mass, integrals over the plate of functions with
+functions, and springs, if there are any: what is kept of all pairs of functions, in this order."""
 
-    `overlap` are the integrals over the plate of all functions with all.
+
+class OfPatch(NamedTuple):
+    """Of the functions of one patch, which have nothing in common with those of another.
+
+    `crossed` are those of the plate with them, (n_kinds, n_plate, n), `own` (n_kinds, n, n).
     """
 
-    springs: Real | None
-    stiffness: Real
-    mass: Real
-    overlap: Real
+    crossed: Real
+    own: Real
+
+
+class Matrices(NamedTuple):
+    """Of the functions of the plate with each other, (n_kinds, n_plate, n_plate), and of patches'.
+
+    >>> STIFFNESS, MASS, OVERLAP, SPRINGS
+    (0, 1, 2, 3)
+    """
+
+    plate: Real
+    patches: tuple[OfPatch, ...]
 
 
 def matrices(strip: Strip, functions: Functions) -> Matrices:
     """Return the matrices of a plate with patches."""
-    plate = layer_of(strip.material, strip.thickness_m)
-    bare, n = laminate([plate]), functions.n_plate
-    blocks, size = [], n
-    for one in functions.around:
-        blocks.append(_Block(functions, one, size))
-        size = blocks[-1].end
-    stiffness, mass = np.zeros((size, size)), np.zeros((size, size))
-    own, held = alone(strip, functions)
-    stiffness[:n, :n] = own
-    mass[:n, :n] = bare.mass_kg_m2 * _overlap(functions)
-    for block in blocks:
-        block.add_plate(stiffness, mass, bare)
-    mass[n:, :n] = mass[:n, n:].T
-    overlap = mass / bare.mass_kg_m2
+    layer, n = layer_of(strip.material, strip.thickness_m), functions.n_plate
+    bare = laminate([layer])
+    held_n = strip.edge.stiffness_n if isinstance(strip.edge, ElasticEdge) else None
+    plate = np.empty((3 if held_n is None else 4, n, n))
+    plate[STIFFNESS], held = alone(strip, functions)
+    plate[OVERLAP] = _overlap(functions)
+    plate[MASS] = bare.mass_kg_m2 * plate[OVERLAP]
+    if held_n is not None:
+        plate[SPRINGS] = held
+        plate[STIFFNESS] += held
+    blocks = [_Block(functions, one, plate) for one in functions.around]
     for block, one in zip(blocks, functions.around, strict=True):
-        block.add_patch(stiffness, mass, bare, laminate([plate, *one.patch.layers]))
-    springs = None
-    if isinstance(strip.edge, ElasticEdge):
-        springs = np.zeros((size, size))
-        springs[:n, :n] = held
-        for block in blocks:
-            block.add_springs(springs, strip.edge.stiffness_n)
-        springs[n:, :n] = springs[:n, n:].T
-        stiffness += springs
-    for matrix in (stiffness, mass):
-        matrix[n:, :n] = matrix[:n, n:].T
-    return Matrices(springs=springs, stiffness=stiffness, mass=mass, overlap=overlap)
+        block.add_plate(bare)
+        if held_n is not None:
+            block.add_springs(held_n)
+        block.add_patch(bare, laminate([layer, *one.patch.layers]))
+    return Matrices(plate, tuple(OfPatch(block.crossed, block.own) for block in blocks))
 
 
 def alone(strip: Strip, functions: Functions) -> tuple[Real, Real | float]:
@@ -105,35 +109,32 @@ def _overlap(functions: Functions) -> Real:
 
 
 class _Block:
-    """What belongs to one patch, whose functions have numbers from `first` on.
+    """What belongs to one patch: of its functions, and what it adds to those of the plate."""
 
-    What functions of the plate have with those of a patch is added above the diagonal only.
-    """
-
-    def __init__(self, functions: Functions, around: Around, first: int) -> None:
-        self._functions, self._around = functions, around
+    def __init__(self, functions: Functions, around: Around, plate: Real) -> None:
+        self._functions, self._around, self._plate = functions, around, plate
         # the patch on the right stands for its image on the left as well
         self._fold = 2.0 if functions.odd[0] is not None and around.patch.x_m > 0 else 1.0
-        box = slice(first, first + len(around.pairs[0]))
-        self._rows = slice(0, functions.n_plate), box
         self._pairs = functions.pairs, around.pairs
-        self.end = box.stop + around.n_disc
+        self._n_box = len(around.pairs[0])
+        n = self._n_box + around.n_disc
+        self.crossed, self.own = (np.zeros((len(plate), rows, n)) for rows in (plate.shape[1], n))
 
-    def add_plate(self, stiffness: Real, mass: Real, bare: Laminate) -> None:
+    def add_plate(self, bare: Laminate) -> None:
         """Add what the plate alone gives to the functions of the patch."""
-        self._on_lines(stiffness, mass, bare, [(_PLATE, _BOX), (_BOX, _BOX)])
-        if not self._around.patch.is_disc:
-            return
-        plate, box = self._rows
-        own, n_other = slice(box.stop, self.end), plate.stop + box.stop - box.start
-        for matrix, rows in zip((stiffness, mass), self._over_disc(bare), strict=True):
-            part = rows.T @ rows[:, n_other:]
-            matrix[plate, own] += part[: plate.stop]
-            matrix[box, own] += part[plate.stop : n_other]
-            matrix[own, box] += part[plate.stop : n_other].T
-            matrix[own, own] += part[n_other:]
+        self._on_lines(bare, [(_PLATE, _BOX), (_BOX, _BOX)])
+        if self._around.patch.is_disc:
+            n, n_box = self._plate.shape[1], self._n_box
+            for kind, rows in zip((STIFFNESS, MASS), self._over_disc(bare), strict=True):
+                part = rows.T @ rows[:, n + n_box :]
+                self.crossed[kind, :, n_box:] += part[:n]
+                self.own[kind, :n_box, n_box:] += part[n : n + n_box]
+                self.own[kind, n_box:, :n_box] += part[n : n + n_box].T
+                self.own[kind, n_box:, n_box:] += part[n + n_box :]
+        for one in (self.crossed, self.own):
+            one[OVERLAP] = one[MASS] / bare.mass_kg_m2
 
-    def add_patch(self, stiffness: Real, mass: Real, bare: Laminate, whole: Laminate) -> None:
+    def add_patch(self, bare: Laminate, whole: Laminate) -> None:
         """Add what the patch adds to all functions: it takes no stiffness or mass away."""
         added = Laminate(
             biaxial_n_m=max(whole.biaxial_n_m - bare.biaxial_n_m, 0.0),
@@ -143,17 +144,16 @@ class _Block:
         )
         if not self._around.patch.is_disc:
             pairs = [(_PLATE, _PLATE), (_PLATE, _BOX), (_BOX, _BOX)]
-            self._on_lines(stiffness, mass, added, pairs, inside=True)
+            self._on_lines(added, pairs, inside=True)
             return
-        plate, box = self._rows
-        mine = slice(box.start, self.end)
-        for matrix, rows in zip((stiffness, mass), self._over_disc(added), strict=True):
+        n = self._plate.shape[1]
+        for kind, rows in zip((STIFFNESS, MASS), self._over_disc(added), strict=True):
             part = rows.T @ rows
-            matrix[plate, plate] += part[: plate.stop, : plate.stop]
-            matrix[plate, mine] += part[: plate.stop, plate.stop :]
-            matrix[mine, mine] += part[plate.stop :, plate.stop :]
+            self._plate[kind] += part[:n, :n]
+            self.crossed[kind] += part[:n, n:]
+            self.own[kind] += part[n:, n:]
 
-    def add_springs(self, springs: Real, held_n: float) -> None:
+    def add_springs(self, held_n: float) -> None:
         """Add what springs along the edges hold of functions that turn there."""
         rings, width_m = self._around.rings[1], 2 * self._functions.across.half_m
         edges_m = [y_m for y_m, ring in zip((0.0, width_m), rings, strict=True) if ring.free]
@@ -166,7 +166,15 @@ class _Block:
             along_both = self._fold * held_n * along[one].T @ along[_BOX]
             terms = [(along_both, slopes[one].T @ slopes[_BOX])]
             found = self._both(terms, one, _BOX)
-            springs[self._rows[one], self._rows[_BOX]] += found
+            for kind in (SPRINGS, STIFFNESS):
+                self._of(kind, one, _BOX)[...] += found
+
+    def _of(self, kind: int, one: int, other: int) -> Real:
+        """Return the place of one kind of functions with another."""
+        if other == _PLATE:
+            return np.asarray(self._plate[kind])
+        matrix = self.crossed if one == _PLATE else self.own[:, : self._n_box]
+        return np.asarray(matrix[kind, :, : self._n_box])
 
     def _n_nodes(self, axis: int) -> int:
         """Return how many nodes along an axis an integral over the patch or a ring needs."""
@@ -193,13 +201,7 @@ class _Block:
         ]
 
     def _on_lines(
-        self,
-        stiffness: Real,
-        mass: Real,
-        stiff: Laminate,
-        pairs: Sequence[tuple[int, int]],
-        *,
-        inside: bool = False,
+        self, stiff: Laminate, pairs: Sequence[tuple[int, int]], *, inside: bool = False
     ) -> None:
         """Add integrals over the cells, or a rectangle, of functions that are products of two."""
         found = []
@@ -212,11 +214,10 @@ class _Block:
                 (i, j): (along[i][one].T @ along[j][other], across[i][one].T @ across[j][other])
                 for i, j in _ORDERS
             }
-            rows, columns = self._rows[one], self._rows[other]
             bends = [(self._fold * x, y) for x, y in _bending(terms, stiff)]
             moves = [(self._fold * stiff.mass_kg_m2 * terms[VALUE][0], terms[VALUE][1])]
-            stiffness[rows, columns] += self._both(bends, one, other)
-            mass[rows, columns] += self._both(moves, one, other)
+            self._of(STIFFNESS, one, other)[...] += self._both(bends, one, other)
+            self._of(MASS, one, other)[...] += self._both(moves, one, other)
 
     def _both(self, terms: Sequence[tuple[Real, Real]], one: int, other: int) -> Real:
         return _both(terms, self._pairs[one], self._pairs[other])
