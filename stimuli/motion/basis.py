@@ -44,29 +44,29 @@ class Polynomials:
     def jet(self, place: Real, orders: Sequence[int]) -> list[Real]:
         """Return several derivatives of all functions at places: (n_places, n_functions) each."""
         n = self.series.shape[1]
-        derived: list[Real] = [np.asarray(legvander(place, n - 1), dtype=np.float64)]
-        while len(derived) <= max(orders):
-            derived.append(_next_derivative(derived[-1]))
-        found = []
-        for order in orders:
-            legendre = derived[order] * (_norms(n) / self.half_m ** (order + 0.5))
-            one = self.degrees
-            found.append(legendre @ self.series.T if one is None else legendre[:, one])
-        return found
+        legendre = np.asarray(legvander(place, n - 1)) * (_norms(n) / math.sqrt(self.half_m))
+        derived = _derivatives(self, max(orders))
+        one = self.degrees
+        return [
+            legendre[:, one] if order == 0 and one is not None
+            else legendre @ derived[order].T / self.half_m**order
+            for order in orders
+        ]  # fmt: skip
 
     def products(self, one: int, other: int) -> Real:
         """Return the integrals of two derivatives over the length: (n_functions, n_functions).
 
-        Of the same derivatives, or of the functions with their second ones.
+        Of at most second order each.
         """
-        every = _products(self.series.shape[1], one, other)
-        if self.degrees is None:
-            every = self.series @ every @ self.series.T
-        else:
-            every = every[np.ix_(self.degrees, self.degrees)]
-        return np.asarray(every / self.half_m ** (one + other))
+        derived = _derivatives(self, max(one, other))
+        found = np.zeros((len(self.series), len(self.series)))
+        for parity in (0, 1):  # of even and odd functions one is 0
+            left, right = (derived[order][:, parity::2] for order in (one, other))
+            if np.any(left):
+                found += left @ right.T
+        return np.asarray(found / self.half_m ** (one + other))
 
-    def part(self, some: slice) -> Polynomials:
+    def part(self, some: slice | NDArray[np.intp]) -> Polynomials:
         """Return some of the functions."""
         degrees = None if self.degrees is None else self.degrees[some]
         return replace(self, series=self.series[some], degrees=degrees)
@@ -130,41 +130,20 @@ def _norms(n: int) -> Real:
     return np.asarray(np.sqrt(np.arange(n) + 0.5))
 
 
-def _next_derivative(values: Real) -> Real:
-    """Return the derivatives of Legendre polynomials of which values are known, (n_places, n).
+@lru_cache(maxsize=16)
+def _derivatives(functions: Polynomials, order: int) -> list[Real]:
+    """Return functions and their derivatives over a half length of 1, in orthonormal polynomials.
 
     P_k' is the sum of (2 j + 1) P_j over j = k - 1, k - 3, ...
     """
-    n = values.shape[1]
-    weighed, found = values * (2.0 * np.arange(n) + 1), np.zeros_like(values)
-    for parity in (0, 1):
-        below = weighed[:, parity : n - 1 : 2]
-        np.cumsum(below, axis=1, out=found[:, parity + 1 :: 2])
+    found, norms = [functions.series], _norms(functions.series.shape[1])
+    for _ in range(order):
+        weighed, derived = found[-1] * norms, np.zeros_like(found[-1])
+        for parity in (0, 1):
+            above = weighed[:, parity + 1 :: 2][:, ::-1]
+            derived[:, parity : parity + 2 * above.shape[1] : 2] = np.cumsum(above, axis=1)[:, ::-1]
+        found.append(2 * norms * derived)
     return found
-
-
-@lru_cache(maxsize=32)
-def _products(n: int, one: int, other: int) -> Real:
-    """Return the integrals of derivatives of orthonormal Legendre polynomials: (n, n).
-
-    By parts, with their derivatives at 1. Those of an even one and an odd one are 0.
-    """
-    if (one, other) == (0, 0):
-        return np.eye(n)
-    if (one, other) == (2, 0):
-        return np.asarray(_products(n, 0, 2).T)
-    i, j = np.indices((n, n)).astype(np.float64)
-    low, high = np.minimum(i, j), np.maximum(i, j)
-    slope = low * (low + 1)
-    if (one, other) == (1, 1):
-        found = slope
-    elif (one, other) == (0, 2):
-        found = np.where(i < j, high * (high + 1) - slope, 0.0)
-    else:
-        bent = slope * (low - 1) * (low + 2)
-        found = bent * (high * (high + 1) / 8 - (low - 2) * (low + 3) / 24)
-    root = _norms(n)
-    return np.where((i + j) % 2 == 0, root[:, np.newaxis] * found * root, 0.0)
 
 
 def half_waves(wavenumber_rad_m: float, half_m: float, *, digits: float = 10.0) -> int:

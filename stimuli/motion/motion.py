@@ -19,7 +19,13 @@ from stimuli.motion.multiples import upwards
 from stimuli.motion.oscillators import Oscillators, swung
 from stimuli.motion.patches.patched import PatchedModes, has_room, patched_modes
 from stimuli.motion.section import ECHOED, without_far_ends
-from stimuli.motion.standing_waves import Waves, nodes_of, strip_waves, wavenumber_rad_m
+from stimuli.motion.standing_waves import (
+    Waves,
+    nodes_of,
+    rim_of,
+    strip_waves,
+    wavenumber_rad_m,
+)
 from stimuli.strip.edge import ElasticEdge
 from stimuli.strip.patch import BondedPatch, Layer
 
@@ -307,7 +313,7 @@ def _bare_patched(scene: Scene, highest_hz: float, within_hz: float, *, centred:
 @lru_cache(maxsize=8)
 def _in_functions(scene: Scene, functions: Functions, highest_hz: float) -> tuple[Real, Real]:
     """Return functions at the points, and the works of the loads on them: (n, n_functions) each."""
-    (at_points,) = functions.at(np.array(scene.points_m))
+    at_points = functions.at(np.array(scene.points_m))
     most_rad_m = wavenumber_rad_m(scene.strip, highest_hz)
     driven = scene.driven or (True,) * len(scene.loads)
     works = [
@@ -319,10 +325,15 @@ def _in_functions(scene: Scene, functions: Functions, highest_hz: float) -> tupl
 
 @lru_cache(maxsize=32)
 def _work(load: Load, functions: Functions, most_rad_m: float) -> Real:
-    """Return the work of a load on functions, the same in all scenes: (n_functions,)."""
+    """Return the work of a load on functions, the same in all scenes: (n_functions,).
+
+    A moment bends what it covers by what it turns the rim.
+    """
+    if load.is_moment:
+        rim_m, along_m, across_m = rim_of(load, most_rad_m)
+        return np.asarray(functions.slopes(rim_m, along_m, across_m).sum(axis=0))
     nodes_m, weights = nodes_of(load, most_rad_m)
-    (values,) = functions.at(nodes_m, laplacian=load.is_moment)
-    return np.asarray(weights @ values)
+    return np.asarray(weights @ functions.at(nodes_m))
 
 
 @lru_cache(maxsize=4)

@@ -153,3 +153,25 @@ def nodes_of(load: Load, most_rad_m: float) -> tuple[Real, Real]:
         x, y = np.meshgrid(half_x_m * nodes, half_y_m * nodes)
         share = np.multiply.outer(weights, weights) * half_x_m * half_y_m / load.area_m2
     return np.stack([load.x_m + x.ravel(), load.y_m + y.ravel()], axis=1), share.ravel()
+
+
+def rim_of(load: Load, most_rad_m: float) -> tuple[Real, Real, Real]:
+    """Return places on a load's rim, (n, 2), and what sums slopes there, along and across.
+
+    Their sum is that of the Laplacian over what the load covers.
+    """
+    half_x_m, half_y_m = load.half_size_m
+    n = 10 + math.ceil(most_rad_m * max(half_x_m, half_y_m))
+    if isinstance(load, DISCS):
+        angle = math.pi / n * (np.arange(n) + 0.5)
+        cosine, sine = np.tile(np.cos(angle), 2), np.outer((1.0, -1.0), np.sin(angle)).ravel()
+        share_m = math.pi / n * half_x_m
+        rim_m = np.stack([load.x_m + half_x_m * cosine, load.y_m + half_x_m * sine], axis=1)
+        return rim_m, share_m * cosine, share_m * sine
+    nodes, weights = leggauss(n)
+    one, none = np.ones(n), np.zeros(n)
+    x = np.concatenate([one, -one, nodes, nodes])
+    y = np.concatenate([nodes, nodes, one, -one])
+    along_m = half_y_m * np.concatenate([weights, -weights, none, none])
+    across_m = half_x_m * np.concatenate([none, none, weights, -weights])
+    return np.stack([load.x_m + half_x_m * x, load.y_m + half_y_m * y], axis=1), along_m, across_m

@@ -45,6 +45,7 @@ def in_waves(strip: Strip, functions: Functions, highest_hz: float) -> Functions
         return functions
     held = strip.edge.stiffness_n if isinstance(strip.edge, ElasticEdge) else 0.0
     found: list[_Waves] = []
+    kinds: list[int] = []
     for across in functions.halves(1):
         slopes = across.values(np.array([-1.0, 1.0]), 1)
         bent = across.products(2, 2) + held / strip.bending_stiffness_n_m * slopes.T @ slopes
@@ -52,15 +53,21 @@ def in_waves(strip: Strip, functions: Functions, highest_hz: float) -> Functions
         section = _Section(across.combined(turn), fourth, strip)
         for along in functions.halves(0):
             ends = np.stack([along.values(np.ones(1), order)[0] for order in (0, 1)], axis=1)
+            kind = kinds[-1] + 1 if kinds else 0
             for number in range(fourth.size):
-                found += section.waves(along, ends, number, highest_hz)
-    every = np.arange(sum(one.wavenumbers_rad_m.size for one in found))
+                some = section.waves(along, ends, number, highest_hz)
+                found += some
+                kinds += [kind] * sum(one.wavenumbers_rad_m.size for one in some)
+    wavenumbers_rad_m = np.concatenate([one.wavenumbers_rad_m for one in found])
+    order = np.argsort(wavenumbers_rad_m, kind="stable")
+    alike = np.array(kinds)[order]
     return dataclasses.replace(
         functions,
-        along=joined([one.along for one in found]),
-        across=joined([one.across for one in found]),
-        pairs=(every, every),
-        wavenumbers_rad_m=np.concatenate([one.wavenumbers_rad_m for one in found]),
+        along=joined([one.along for one in found]).part(order),
+        across=joined([one.across for one in found]).part(order),
+        pairs=(np.arange(order.size), np.arange(order.size)),
+        wavenumbers_rad_m=wavenumbers_rad_m[order],
+        alike=tuple(np.flatnonzero(alike == kind) for kind in np.unique(alike)),
     )
 
 
@@ -94,17 +101,24 @@ class _Section:
         own = along.products(2, 2)
         own += self._poisson * self._bends[number, number] * (bends + bends.T)
         own += 2 * (1 - self._poisson) * self._slants[number, number] * slant
-        fourth, vectors = np.linalg.eigh(own)
-        fourth += self._fourth[number]
-        kept = fourth <= wavenumber_rad_m(self._strip, highest_held_hz(highest_hz)) ** 4
-        swung, finer = vectors[:, kept], vectors[:, ~kept]
+        most = wavenumber_rad_m(self._strip, highest_held_hz(highest_hz)) ** 4
+        swung, fourth = np.zeros((len(own), 0)), np.zeros(0)
+        if self._fourth[number] < most:
+            fourth, vectors = np.linalg.eigh(own)
+            n_kept = int(np.searchsorted(fourth, most - self._fourth[number], side="right"))
+            fourth, swung = fourth[:n_kept] + self._fourth[number], vectors[:, :n_kept]
         found = []
-        if np.any(kept):
+        if fourth.size:
             square = np.einsum("ik,ij,jk->k", swung, slant, swung, optimize=True)
             across = self._across.combined(self._shapes(square, number))
-            found = [_Waves(along.combined(swung), across, np.sqrt(np.sqrt(fourth[kept])))]
-        if finer.shape[1] > _AT_ENDS:
-            yields, _ = np.linalg.qr(finer @ ((finer.T @ ends) / fourth[~kept, np.newaxis]))
+            found = [_Waves(along.combined(swung), across, np.sqrt(np.sqrt(fourth)))]
+        if len(own) - fourth.size > _AT_ENDS:
+            # all that these leave of what the ends do at rest
+            own[np.diag_indices_from(own)] += self._fourth[number]
+            at_rest = np.linalg.solve(own, ends) - swung @ (
+                (swung.T @ ends) / fourth[:, np.newaxis]
+            )
+            yields, _ = np.linalg.qr(at_rest)
             resting = self._across.combined(np.repeat(rest, _AT_ENDS, axis=1))
             found.append(_Waves(along.combined(yields), resting, np.zeros(_AT_ENDS)))
         return found

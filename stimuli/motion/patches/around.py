@@ -56,6 +56,7 @@ _RIM: Final = 1 + 1e-7
 """Where a half or a ring ends: a patch may lie on an edge but for rounding."""
 
 VALUE: Final = (0, 0)
+SLOPES: Final = ((1, 0), (0, 1))
 BENDS: Final = ((2, 0), (0, 2), (1, 1))
 """Orders of derivatives along and across."""
 
@@ -180,9 +181,14 @@ class Around:
         """Return nodes (n, 2) and weights over a disc."""
         rings, weights = disc_rings(n_nodes)
         reach_m = self.patch.half_size_m[0] * rings
-        angle = math.pi / n_nodes * (np.arange(2 * n_nodes) + 0.5)  # none on the middle line
-        x_m = self.patch.x_m + np.multiply.outer(reach_m, np.cos(angle))
-        y_m = self.patch.y_m + np.multiply.outer(reach_m, np.sin(angle))
+        angle = math.pi / n_nodes * (np.arange(n_nodes) + 0.5)  # none on the middle line
+        both = np.array([[1.0], [1.0]]), np.array([[1.0], [-1.0]])
+        x_m, y_m = (
+            centre_m + reach_m[:, np.newaxis] * (sign * wave(angle)).ravel()
+            for centre_m, sign, wave in zip(
+                (self.patch.x_m, self.patch.y_m), both, (np.cos, np.sin), strict=True
+            )
+        )
         share = weights * self.patch.half_size_m[0] ** 2 * math.pi / n_nodes
         return np.stack([x_m.ravel(), y_m.ravel()], axis=1), np.repeat(share, 2 * n_nodes)
 

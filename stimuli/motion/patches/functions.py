@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from stimuli.motion.basis import Polynomials, free_basis, half_waves, held_basis, sided
-from stimuli.motion.patches.around import BENDS, VALUE, Around, Sides, rings_of
+from stimuli.motion.patches.around import SLOPES, VALUE, Around, Sides, rings_of
 from stimuli.strip.edge import CLAMPED
 
 if TYPE_CHECKING:
@@ -23,9 +23,6 @@ if TYPE_CHECKING:
 _DIGITS: Final = 2.3
 """To which waves are held by the plate's polynomials: what is fine is near the patches, which have
 functions of their own."""
-
-_BENT: Final = 2
-"""The highest order of a derivative."""
 
 _HELD: Final = 2.0
 """Waves of the plate without patches are enough up to so many times the highest frequency."""
@@ -50,7 +47,10 @@ class Functions:
         Numbers of the factors of each: together no finer than the finest along or across.
     around : tuple of Around
     wavenumbers_rad_m : ndarray of float64, shape (n_plate,), or None
-        Of waves as fast in a plate without edges; none of polynomials.
+        Of waves as fast in a plate without edges, the slowest first; none of polynomials.
+    alike : tuple of ndarrays of int
+        Numbers of waves that are odd or even alike: the plate alone has nothing in common of two
+        that are not. None of polynomials.
     """
 
     along: Polynomials
@@ -59,31 +59,50 @@ class Functions:
     pairs: tuple[NDArray[np.intp], NDArray[np.intp]]
     around: tuple[Around, ...]
     wavenumbers_rad_m: Real | None = None
+    alike: tuple[NDArray[np.intp], ...] = ()
 
     @property
     def n_plate(self) -> int:
         """How many are functions of the whole plate."""
         return len(self.pairs[0])
 
+    def slower(self, most_rad_m: float) -> int:
+        """Return how many of the waves are no faster than one; all polynomials."""
+        if self.wavenumbers_rad_m is None:
+            return self.n_plate
+        return int(np.searchsorted(self.wavenumbers_rad_m, most_rad_m, side="right"))
+
     def fewer(self, most_rad_m: float) -> tuple[NDArray[np.intp], list[NDArray[np.intp]]]:
         """Return the numbers of fewer functions of the plate, up to a wave's, and of each patch."""
         if self.wavenumbers_rad_m is None:
-            plate = _within(self.along, self.across, self.odd, most_rad_m)[self.pairs]
+            within = _within(self.along, self.across, self.odd, most_rad_m)[self.pairs]
+            plate = np.flatnonzero(within)
         else:
-            plate = self.wavenumbers_rad_m <= math.sqrt(_HELD) * most_rad_m
-        return np.flatnonzero(plate), [np.flatnonzero(one.is_coarse) for one in self.around]
+            plate = np.arange(self.slower(math.sqrt(_HELD) * most_rad_m))
+        return plate, [np.flatnonzero(one.is_coarse) for one in self.around]
 
-    def at(self, points_m: Real, *, laplacian: bool = False) -> Real:
-        """Return all functions at points, or their Laplacians: (1, n_points, n_functions)."""
-        orders = BENDS[:2] if laplacian else (VALUE,)
-        plate, local = self.plate(points_m, orders), self._local(points_m, orders)
-        both = np.concatenate([sum(plate), sum(local)], axis=1)
-        return np.asarray(both[np.newaxis])
+    def at(self, points_m: Real) -> Real:
+        """Return all functions at points: (n_points, n_functions)."""
+        (found,) = self._all(points_m, (VALUE,))
+        return found
+
+    def slopes(self, points_m: Real, along: Real, across: Real) -> Real:
+        """Return their slopes at points, in directions whose parts are given: (n_points, n)."""
+        in_x, in_y = self._all(points_m, SLOPES)
+        return np.asarray(along[:, np.newaxis] * in_x + across[:, np.newaxis] * in_y)
 
     def plate(self, points_m: Real, every: Sequence[tuple[int, int]]) -> list[Real]:
         """Return derivatives of the plate's functions at points."""
-        along = self.along.jet(points_m[:, 0] / self.along.half_m, range(_BENT + 1))
-        across = self.across.jet(points_m[:, 1] / self.across.half_m - 1, range(_BENT + 1))
+        found = []
+        for axis, one in enumerate((self.along, self.across)):
+            orders = sorted({order[axis] for order in every})
+            # points on rings share places
+            places_m, rows = np.unique(points_m[:, axis], return_inverse=True)
+            values = one.jet(places_m / one.half_m - axis, orders)
+            found.append({n: value[rows] for n, value in zip(orders, values, strict=True)})
+        along, across = found
+        if self.wavenumbers_rad_m is not None:
+            return [along[x] * across[y] for x, y in every]
         i, j = self.pairs
         return [along[x][:, i] * across[y][:, j] for x, y in every]
 
@@ -94,6 +113,10 @@ class Functions:
             return [one]
         middle = len(one.series) // 2
         return [one.part(slice(middle)), one.part(slice(middle, None))]
+
+    def _all(self, points_m: Real, every: Sequence[tuple[int, int]]) -> list[Real]:
+        plate, local = self.plate(points_m, every), self._local(points_m, every)
+        return [np.concatenate(both, axis=1) for both in zip(plate, local, strict=True)]
 
     def _local(self, points_m: Real, every: Sequence[tuple[int, int]]) -> list[Real]:
         """Return the same of the patches' functions, mirrored to the left."""

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from stimuli.arrays import Real
+    from stimuli.motion.basis import Polynomials
     from stimuli.motion.patches.around import Around
     from stimuli.motion.patches.functions import Functions
     from stimuli.strip.strip import Strip
@@ -26,6 +27,9 @@ if TYPE_CHECKING:
 
 _NODES: Final = 4
 """Nodes of an integral, beside the phase of the finest polynomial over half of it."""
+
+_LEAST: Final = 15
+"""At least so many over a disc: products of its own functions have up to 28 degrees."""
 
 _MANY: Final = 4
 """Of so many times more pairs of factors than are asked for only those are summed."""
@@ -37,9 +41,9 @@ _ORDERS: Final = ((0, 0), (1, 1), (2, 2), (0, 2), (2, 0))
 """Derivatives of two functions along, and across, whose products count."""
 
 
-STIFFNESS, MASS, OVERLAP, SPRINGS = range(4)
-"""Stiffness with that of springs along the edges, mass, integrals over the plate of functions with
-functions, and springs, if there are any: what is kept of all pairs of functions, in this order."""
+STIFFNESS, MASS, SPRINGS = range(3)
+"""Stiffness with that of springs along the edges, mass, and springs, if these have no loss: what is
+kept of all pairs of functions, in this order."""
 
 
 class OfPatch(NamedTuple):
@@ -55,8 +59,8 @@ class OfPatch(NamedTuple):
 class Matrices(NamedTuple):
     """Of the functions of the plate with each other, (n_kinds, n_plate, n_plate), and of patches'.
 
-    >>> STIFFNESS, MASS, OVERLAP, SPRINGS
-    (0, 1, 2, 3)
+    >>> STIFFNESS, MASS, SPRINGS
+    (0, 1, 2)
     """
 
     plate: Real
@@ -65,47 +69,48 @@ class Matrices(NamedTuple):
 
 def matrices(strip: Strip, functions: Functions) -> Matrices:
     """Return the matrices of a plate with patches."""
-    layer, n = layer_of(strip.material, strip.thickness_m), functions.n_plate
-    bare = laminate([layer])
-    held_n = strip.edge.stiffness_n if isinstance(strip.edge, ElasticEdge) else None
-    plate = np.empty((3 if held_n is None else 4, n, n))
-    plate[STIFFNESS], held = alone(strip, functions)
-    plate[OVERLAP] = _overlap(functions)
-    plate[MASS] = bare.mass_kg_m2 * plate[OVERLAP]
-    if held_n is not None:
-        plate[SPRINGS] = held
-        plate[STIFFNESS] += held
+    layer = layer_of(strip.material, strip.thickness_m)
+    plate, bare = _alone(strip, functions), laminate([layer])
     blocks = [_Block(functions, one, plate) for one in functions.around]
     for block, one in zip(blocks, functions.around, strict=True):
         block.add_plate(bare)
-        if held_n is not None:
-            block.add_springs(held_n)
+        if isinstance(strip.edge, ElasticEdge):
+            block.add_springs(strip.edge.stiffness_n)
         block.add_patch(bare, laminate([layer, *one.patch.layers]))
     return Matrices(plate, tuple(OfPatch(block.crossed, block.own) for block in blocks))
 
 
-def alone(strip: Strip, functions: Functions) -> tuple[Real, Real | float]:
-    """Return the stiffness of a plate without patches, and that of springs along its edges."""
+def _alone(strip: Strip, functions: Functions) -> Real:
+    """Return the matrices of a plate without patches."""
+    apart = isinstance(strip.edge, ElasticEdge) and strip.edge.lossless
+    n = functions.n_plate
+    if not functions.alike:
+        return _of_kind(strip, functions.along, functions.across, functions.pairs, apart=apart)
+    found = np.zeros((3 if apart else 2, n, n))
+    for some in functions.alike:
+        along, across = functions.along.part(some), functions.across.part(some)
+        every = np.arange(some.size), np.arange(some.size)
+        rows = some[:, np.newaxis]
+        found[:, rows, some] = _of_kind(strip, along, across, every, apart=apart)
+    return found
+
+
+def _of_kind(
+    strip: Strip, along: Polynomials, across: Polynomials, pairs: Pairs, *, apart: bool
+) -> Real:
+    """Return the matrices of some functions of a plate, with springs apart or not."""
     bare = laminate([layer_of(strip.material, strip.thickness_m)])
-    along, across = functions.along, functions.across
-    pairs = functions.pairs
-    held: Real | float = 0.0
+    terms = {orders: (along.products(*orders), across.products(*orders)) for orders in _ORDERS}
+    found = [_both(_bending(terms, bare), pairs, pairs)]
+    found.append(bare.mass_kg_m2 * _both([terms[VALUE]], pairs, pairs))
     if isinstance(strip.edge, ElasticEdge):
         slopes = across.values(np.array([-1.0, 1.0]), 1)
-        springs = strip.edge.stiffness_n * along.products(*VALUE), slopes.T @ slopes
-        held = _both([springs], pairs, pairs)
-    terms = {orders: (along.products(*orders), across.products(*orders)) for orders in _ORDERS}
-    if functions.wavenumbers_rad_m is None:
-        terms[VALUE] = np.eye(len(along.series)), np.eye(len(across.series))  # but for rounding
-    return _both(_bending(terms, bare), pairs, pairs), held
-
-
-def _overlap(functions: Functions) -> Real:
-    """Return the integrals of the plate's functions with each other; polynomials: orthonormal."""
-    if functions.wavenumbers_rad_m is None:
-        return np.eye(functions.n_plate)
-    terms = [(functions.along.products(*VALUE), functions.across.products(*VALUE))]
-    return _both(terms, functions.pairs, functions.pairs)
+        held = strip.edge.stiffness_n * terms[VALUE][0], slopes.T @ slopes
+        springs = _both([held], pairs, pairs)
+        found[STIFFNESS] += springs
+        if apart:
+            found.append(springs)
+    return np.stack(found)
 
 
 class _Block:
@@ -131,8 +136,6 @@ class _Block:
                 self.own[kind, :n_box, n_box:] += part[n : n + n_box]
                 self.own[kind, n_box:, :n_box] += part[n : n + n_box].T
                 self.own[kind, n_box:, n_box:] += part[n + n_box :]
-        for one in (self.crossed, self.own):
-            one[OVERLAP] = one[MASS] / bare.mass_kg_m2
 
     def add_patch(self, bare: Laminate, whole: Laminate) -> None:
         """Add what the patch adds to all functions: it takes no stiffness or mass away."""
@@ -166,7 +169,7 @@ class _Block:
             along_both = self._fold * held_n * along[one].T @ along[_BOX]
             terms = [(along_both, slopes[one].T @ slopes[_BOX])]
             found = self._both(terms, one, _BOX)
-            for kind in (SPRINGS, STIFFNESS):
+            for kind in (STIFFNESS, SPRINGS)[: len(self.own) - 1]:
                 self._of(kind, one, _BOX)[...] += found
 
     def _of(self, kind: int, one: int, other: int) -> Real:
@@ -176,10 +179,10 @@ class _Block:
         matrix = self.crossed if one == _PLATE else self.own[:, : self._n_box]
         return np.asarray(matrix[kind, :, : self._n_box])
 
-    def _n_nodes(self, axis: int) -> int:
-        """Return how many nodes along an axis an integral over the patch or a ring needs."""
+    def _n_nodes(self, axis: int, reach_m: float | None = None) -> int:
+        """Return how many nodes along an axis an integral over half a patch or a ring needs."""
         one = (self._functions.along, self._functions.across)[axis]
-        part = min(self._around.reach_m(axis) / one.half_m, 1.0)
+        part = min((reach_m or self._around.reach_m(axis)) / one.half_m, 1.0)
         n_degrees: int = one.series.shape[1]
         return _NODES + math.ceil(n_degrees * part)
 
@@ -226,7 +229,9 @@ class _Block:
     def _on_disc(self) -> tuple[Real, Real]:
         """Sum and difference of curvatures, and twist, over a disc, and values: times weights."""
         around = self._around
-        points_m, weights = around.area(max(self._n_nodes(0), self._n_nodes(1)))
+        radius_m = around.patch.half_size_m[0]
+        n_nodes = max(_LEAST, *(self._n_nodes(axis, radius_m) for axis in (0, 1)))
+        points_m, weights = around.area(n_nodes)
         if around.odd[1] is not None:  # a product of two is the same in the other half
             upper = points_m[:, 1] > around.patch.y_m
             points_m, weights = points_m[upper], 2 * weights[upper]

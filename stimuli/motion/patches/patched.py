@@ -12,11 +12,10 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from stimuli.motion.patches.alone import in_waves
-from stimuli.motion.patches.following import Following, following
+from stimuli.motion.patches.following import Following, bordered, following, independent
 from stimuli.motion.patches.functions import Functions, functions_of, n_plate
 from stimuli.motion.patches.matrices import (
     MASS,
-    OVERLAP,
     SPRINGS,
     STIFFNESS,
     Matrices,
@@ -38,11 +37,13 @@ if TYPE_CHECKING:
 _MOST_FUNCTIONS: Final = 1800
 """Functions of one symmetry, those of patches aside: some seconds."""
 
+_BESIDE_POLYNOMIALS, _BESIDE_WAVES, _OF_WAVES = 1e-11, 1e-9, 1e-6
+"""Part of the energy that slower functions give to those of patches and to finer waves, and that is
+left to follow at rest. With 1e-5 of waves levels of -40 dB differed by 0.004 dB, with 1e-4 of -50
+by 1 dB; with 1e-9 beside polynomials one of -17 dB by 0.002 dB."""
+
 _LEAST: Final = 8.0
 """First cut-offs up to which the plate's polynomials hold waves at least."""
-
-_DEPENDENT: Final = 1e-7
-"""Part of a function of a patch that those of the plate must not have already."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -59,13 +60,17 @@ class PatchedModes:
         Numbers of the functions of the plate that were taken.
     local : tuple of ndarrays of int
         The same of each patch, among all functions.
-    following : tuple of Following
+    patches : tuple of Following
         Which combinations of those are enough, for each patch.
-    kept : ndarray of float64, shape (n_local, n_kept)
-        Combinations of these that the functions of the plate are not already.
-    series : ndarray of float64, shape (n_plate + n_kept, n_modes)
+    n_slow : int
+        How many of the plate's functions do not follow others, the first ones.
+    fine : Following or None
+        What follows these and the patches' combinations.
+    chosen : ndarray of int
+        Numbers of those, of the patches' and of the fine ones' combinations, that are independent.
+    series : ndarray of float64, shape (n_chosen, n_modes)
         The modes in those.
-    factor : ndarray of float64, shape (n_plate + n_kept, n_plate + n_kept)
+    factor : ndarray of float64, shape (n_chosen, n_chosen)
         Cholesky's, below the diagonal, of the plate's stiffness, springs included.
     """
 
@@ -74,8 +79,10 @@ class PatchedModes:
     functions: Functions
     plate: NDArray[np.intp]
     local: tuple[NDArray[np.intp], ...]
-    following: tuple[Following, ...]
-    kept: Real
+    patches: tuple[Following, ...]
+    n_slow: int
+    fine: Following | None
+    chosen: NDArray[np.intp]
     series: Real
     factor: Real
 
@@ -96,14 +103,16 @@ class PatchedModes:
 
     def _taken(self, of_functions: Real) -> tuple[Real, Real]:
         """Return what works on the functions of the modes, and on those that are not kept."""
-        parts = [
-            one.parts(of_functions[:, some])
-            for some, one in zip(self.local, self.following, strict=True)
-        ]
-        kept, led, beside = zip(*parts, strict=True)
+        both = zip(self.local, self.patches, strict=True)
+        parts = [one.parts(of_functions[:, some]) for some, one in both]
+        kept, led, beside = (list(some) for some in zip(*parts, strict=True))
         plate = of_functions[:, self.plate] + np.sum(led, axis=0)
-        local = np.concatenate(kept, axis=1) @ self.kept
-        return np.concatenate([plate, local], axis=1), np.concatenate(beside, axis=1)
+        taken = np.concatenate([plate[:, : self.n_slow], *kept], axis=1)
+        if self.fine is not None:
+            fine, pulled, more = self.fine.parts(plate[:, self.n_slow :])
+            taken = np.concatenate([taken + pulled, fine], axis=1)
+            beside.append(more)
+        return taken[:, self.chosen], np.concatenate(beside, axis=1)
 
 
 def patched_modes(
@@ -168,7 +177,7 @@ def _modes(
     functions: Functions, of_all: Matrices, highest_hz: float, most_rad_m: float, *, fewer: bool
 ) -> PatchedModes:
     """Return the modes of one symmetry up to a frequency, in all functions or in fewer."""
-    from scipy.linalg import cholesky
+    from scipy.linalg import cholesky, eigh
 
     highest = (2 * math.pi * highest_hz) ** 2
     plate = np.arange(functions.n_plate)
@@ -177,103 +186,71 @@ def _modes(
     if fewer:
         plate, local = functions.fewer(most_rad_m)
         of_all = _some(of_all, plate, local)
-    swings = np.diagonal(of_all.plate, axis1=1, axis2=2)
-    squared = swings[STIFFNESS] / swings[MASS]
-    led = [following(one.own, one.crossed, squared, highest) for one in of_all.patches]
-    every, kept = _together(of_all, led)
-    fine = np.zeros(every.shape[1], dtype=bool)
-    if functions.wavenumbers_rad_m is not None:
-        fine[: plate.size] = functions.wavenumbers_rad_m[plate] > most_rad_m
-    squared, bent, series = _swinging(every, fine, highest)
+    n_slow = min(functions.slower(most_rad_m), plate.size)
+    left = _BESIDE_POLYNOMIALS if functions.wavenumbers_rad_m is None else _BESIDE_WAVES
+    patches, fine, every = _led(of_all, n_slow, highest, left)
+    chosen = independent(every[MASS])
+    if chosen.size < len(every[MASS]):
+        every = every[:, chosen[:, np.newaxis], chosen]
+    # divide and conquer finds all of them sooner than other ways some
+    squared, vectors = eigh(every[STIFFNESS], every[MASS], driver="gvd", check_finite=False)
+    n_modes = int(np.searchsorted(squared, highest, side="right"))
+    squared, vectors = squared[:n_modes], vectors[:, :n_modes]
+    bent = squared
+    if len(every) > SPRINGS:
+        bent = np.diag(squared) - vectors.T @ every[SPRINGS] @ vectors
     return PatchedModes(
         squared=squared,
         bent=bent,
         functions=functions,
         plate=plate,
         local=tuple(start + some for start, some in zip(first[:-1], local, strict=True)),
-        following=tuple(led),
-        kept=kept,
-        series=series,
+        patches=tuple(patches),
+        n_slow=n_slow,
+        fine=fine,
+        chosen=chosen,
+        series=vectors,
         factor=cholesky(every[STIFFNESS], lower=True, check_finite=False),
     )
 
 
-def _swinging(every: Real, fine: NDArray[np.bool_], highest: float) -> tuple[Real, Real, Real]:
-    """Return squares of frequencies, what is bent of them, and modes in all functions.
-
-    What is fine follows the rest.
-    """
-    from scipy.linalg import eigh
-
-    if np.any(fine):
-        swung, led = np.flatnonzero(~fine), np.flatnonzero(fine)
-        n = swung.size
-        slow, crossed, own = (
-            every[:, rows[:, np.newaxis], columns]
-            for rows, columns in ((swung, swung), (swung, led), (led, led))
-        )
-        swings = np.diagonal(slow, axis1=1, axis2=2)
-        one = following(own, crossed, swings[STIFFNESS] / swings[MASS], highest)
-        small = np.empty((len(every), *2 * (n + one.kept.shape[1],)))
-        small[:, :n, :n], small[:, :n, n:] = slow, crossed @ one.kept
-        small[:, n:, :n] = small[:, :n, n:].transpose(0, 2, 1)
-        small[:, n:, n:] = one.kept.T @ own @ one.kept
-    else:
-        small = every
-    # divide and conquer finds all of them sooner than other ways some
-    squared, vectors = eigh(small[STIFFNESS], small[MASS], driver="gvd", check_finite=False)
-    n_modes = int(np.searchsorted(squared, highest, side="right"))
-    squared, vectors = squared[:n_modes], vectors[:, :n_modes]
-    bent = np.diag(squared)
-    if len(small) > SPRINGS:
-        bent -= vectors.T @ small[SPRINGS] @ vectors
-    series = vectors
-    if np.any(fine):
-        series = np.empty((fine.size, n_modes))
-        series[swung], series[led] = vectors[:n], one.kept @ vectors[n:]
-    return squared, bent, series
-
-
 def _some(of_all: Matrices, plate: NDArray[np.intp], local: Sequence[NDArray[np.intp]]) -> Matrices:
     """Return the matrices of some functions."""
+    rows: NDArray[np.intp] | slice = plate
+    if np.array_equal(plate, np.arange(plate.size)):
+        rows = slice(plate.size)  # no copy
     return Matrices(
-        of_all.plate[:, plate[:, np.newaxis], plate],
+        of_all.plate[:, rows][:, :, rows],
         tuple(
-            OfPatch(
-                one.crossed[:, plate[:, np.newaxis], some], one.own[:, some[:, np.newaxis], some]
-            )
+            OfPatch(one.crossed[:, rows][:, :, some], one.own[:, some[:, np.newaxis], some])
             for one, some in zip(of_all.patches, local, strict=True)
         ),
     )
 
 
-def _together(of_all: Matrices, led: Sequence[Following]) -> tuple[Real, Real]:
-    """Return the matrices of the plate's functions and of what is kept of the patches'.
+def _led(
+    of_all: Matrices, n_slow: int, highest: float, left: float
+) -> tuple[list[Following], Following | None, Real]:
+    """Return what follows of the patches' functions and of the plate's, and what is left.
 
-    And of which combinations of those they are: they are independent of the plate's.
+    That are the matrices of those of the plate that follow none and of the combinations kept.
     """
     from scipy.linalg import block_diag
 
-    both = list(zip(of_all.patches, led, strict=True))
+    plate = of_all.plate
+    patches = [following(one.own, one.crossed, plate, highest, left) for one in of_all.patches]
+    both = list(zip(of_all.patches, patches, strict=True))
     crossed = np.concatenate([of.crossed @ one.kept for of, one in both], axis=2)
     blocks = [one.kept.T @ of.own @ one.kept for of, one in both]
     own = np.stack([block_diag(*kind) for kind in zip(*blocks, strict=True)])
-    kept = _independent(of_all.plate[OVERLAP], crossed[OVERLAP], own[OVERLAP])
-    n_plate, size = crossed.shape[1], crossed.shape[1] + kept.shape[1]
-    every = np.empty((len(own), size, size))
-    every[:, :n_plate, :n_plate], every[:, :n_plate, n_plate:] = of_all.plate, crossed @ kept
-    every[:, n_plate:, :n_plate] = every[:, :n_plate, n_plate:].transpose(0, 2, 1)
-    every[:, n_plate:, n_plate:] = kept.T @ own @ kept
-    return every, kept
-
-
-def _independent(plate: Real, crossed: Real, own: Real) -> Real:
-    """Return combinations of functions of patches without those that the plate's nearly are."""
-    from scipy.linalg import cholesky, solve_triangular
-
-    root = cholesky(plate, lower=True, check_finite=False)
-    crossed = solve_triangular(root, crossed, lower=True, check_finite=False)
-    scale = 1 / np.sqrt(np.diag(own))
-    share, vectors = np.linalg.eigh(scale[:, np.newaxis] * (own - crossed.T @ crossed) * scale)
-    kept = share > _DEPENDENT
-    return np.asarray(scale[:, np.newaxis] * vectors[:, kept] / np.sqrt(share[kept]))
+    slow = bordered(plate[:, :n_slow, :n_slow], crossed[:, :n_slow], own)
+    if n_slow == plate.shape[1]:
+        return patches, None, slow
+    quick = plate[:, n_slow:, n_slow:]
+    pulls = np.concatenate(
+        [plate[:, :n_slow, n_slow:], crossed[:, n_slow:].transpose(0, 2, 1)], axis=1
+    )
+    fine = following(quick, pulls, slow, highest, _OF_WAVES)
+    fine.relieve(slow, n_slow)
+    own = fine.kept.T @ quick @ fine.kept
+    return patches, fine, bordered(slow, pulls @ fine.kept, own)
