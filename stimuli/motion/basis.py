@@ -45,13 +45,15 @@ class Polynomials:
         """Return several derivatives of all functions at places: (n_places, n_functions) each."""
         n = self.series.shape[1]
         legendre = np.asarray(legvander(place, n - 1)) * (_norms(n) / math.sqrt(self.half_m))
-        derived = _derivatives(self, max(orders))
-        one = self.degrees
-        return [
-            legendre[:, one] if order == 0 and one is not None
-            else legendre @ derived[order].T / self.half_m**order
-            for order in orders
-        ]  # fmt: skip
+        derived, one = _derivatives(self, max(orders)), self.degrees
+        found = []
+        for order in orders:
+            if order == 0 and one is not None:
+                found.append(legendre[:, one])
+                continue
+            parts = [legendre[:, parity::2] @ part.T for parity, part in derived[order].items()]
+            found.append(sum(parts[1:], parts[0]) / self.half_m**order)
+        return found
 
     def products(self, one: int, other: int) -> Real:
         """Return the integrals of two derivatives over the length: (n_functions, n_functions).
@@ -59,12 +61,11 @@ class Polynomials:
         Of at most second order each.
         """
         derived = _derivatives(self, max(one, other))
-        found = np.zeros((len(self.series), len(self.series)))
-        for parity in (0, 1):  # of even and odd functions one is 0
-            left, right = (derived[order][:, parity::2] for order in (one, other))
-            if np.any(left):
-                found += left @ right.T
-        return np.asarray(found / self.half_m ** (one + other))
+        both = [(part, derived[other].get(parity)) for parity, part in derived[one].items()]
+        parts = [left @ right.T for left, right in both if right is not None]
+        found = sum(parts[1:], parts[0]) if parts else np.zeros(2 * (len(self.series),))
+        found /= self.half_m ** (one + other)
+        return found
 
     def part(self, some: slice | NDArray[np.intp]) -> Polynomials:
         """Return some of the functions."""
@@ -131,18 +132,25 @@ def _norms(n: int) -> Real:
 
 
 @lru_cache(maxsize=16)
-def _derivatives(functions: Polynomials, order: int) -> list[Real]:
+def _derivatives(functions: Polynomials, order: int) -> list[dict[int, Real]]:
     """Return functions and their derivatives over a half length of 1, in orthonormal polynomials.
 
-    P_k' is the sum of (2 j + 1) P_j over j = k - 1, k - 3, ...
+    Even (0) and odd ones (1) of these apart, where there are any. P_k' is the sum of (2 j + 1) P_j
+    over j = k - 1, k - 3, ...
     """
-    found, norms = [functions.series], _norms(functions.series.shape[1])
+    halves = {parity: functions.series[:, parity::2] for parity in (0, 1)}
+    found = [{parity: half for parity, half in halves.items() if np.any(half)} or halves]
+    norms = _norms(functions.series.shape[1])
     for _ in range(order):
-        weighed, derived = found[-1] * norms, np.zeros_like(found[-1])
-        for parity in (0, 1):
-            above = weighed[:, parity + 1 :: 2][:, ::-1]
-            derived[:, parity : parity + 2 * above.shape[1] : 2] = np.cumsum(above, axis=1)[:, ::-1]
-        found.append(2 * norms * derived)
+        below = {}
+        for parity, part in found[-1].items():
+            weighed = (part * norms[parity::2])[:, ::-1]
+            above = np.cumsum(weighed, axis=1, out=weighed)[:, ::-1][:, 1 - parity :]
+            derived = np.zeros((len(part), halves[1 - parity].shape[1]))
+            n = above.shape[1]
+            np.multiply(above, 2 * norms[1 - parity :: 2][:n], out=derived[:, :n])
+            below[1 - parity] = derived
+        found.append(below)
     return found
 
 
