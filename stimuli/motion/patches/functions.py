@@ -81,6 +81,13 @@ class Functions:
             plate = np.arange(self.slower(math.sqrt(_HELD) * most_rad_m))
         return plate, [np.flatnonzero(one.is_coarse) for one in self.around]
 
+    def kinds(self, plate: NDArray[np.intp]) -> list[NDArray[np.intp]]:
+        """Return places among some polynomials of those that are odd or even alike."""
+        kind = np.zeros(plate.size, dtype=int)
+        for one, sign, numbers in zip((self.along, self.across), self.odd, self.pairs, strict=True):
+            kind = 2 * kind + (sign is None) * (2 * numbers[plate] >= len(one.series))
+        return [np.flatnonzero(kind == number) for number in np.unique(kind)]
+
     def at(self, points_m: Real) -> Real:
         """Return all functions at points: (n_points, n_functions)."""
         (found,) = self._all(points_m, (VALUE,))

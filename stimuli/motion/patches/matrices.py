@@ -65,19 +65,22 @@ class Matrices(NamedTuple):
 
     plate: Real
     patches: tuple[OfPatch, ...]
+    alone: Real | None = None  # stiffness over mass without patches, of polynomials
 
 
 def matrices(strip: Strip, functions: Functions) -> Matrices:
     """Return the matrices of a plate with patches."""
     layer = layer_of(strip.material, strip.thickness_m)
     plate, bare = _alone(strip, functions), laminate([layer])
+    alone = None if functions.alike else plate[STIFFNESS] / bare.mass_kg_m2
     blocks = [_Block(functions, one, plate) for one in functions.around]
     for block, one in zip(blocks, functions.around, strict=True):
         block.add_plate(bare)
         if isinstance(strip.edge, ElasticEdge):
             block.add_springs(strip.edge.stiffness_n)
         block.add_patch(bare, laminate([layer, *one.patch.layers]))
-    return Matrices(plate, tuple(OfPatch(block.crossed, block.own) for block in blocks))
+    of_patches = tuple(OfPatch(block.crossed, block.own) for block in blocks)
+    return Matrices(plate, of_patches, alone)
 
 
 def _alone(strip: Strip, functions: Functions) -> Real:

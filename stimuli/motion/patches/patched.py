@@ -22,6 +22,7 @@ from stimuli.motion.patches.matrices import (
     OfPatch,
     matrices,
 )
+from stimuli.motion.patches.turned import Turn, turned
 from stimuli.motion.standing_waves import wavenumber_rad_m
 
 if TYPE_CHECKING:
@@ -37,10 +38,16 @@ if TYPE_CHECKING:
 _MOST_FUNCTIONS: Final = 1800
 """Functions of one symmetry, those of patches aside: some seconds."""
 
-_BESIDE_POLYNOMIALS, _BESIDE_WAVES, _OF_WAVES = 1e-11, 1e-9, 1e-6
-"""Part of the energy that slower functions give to those of patches and to finer waves, and that is
-left to follow at rest. With 1e-5 of waves levels of -40 dB differed by 0.004 dB, with 1e-4 of -50
-by 1 dB; with 1e-9 beside polynomials one of -17 dB by 0.002 dB."""
+_OF_POLYNOMIALS, _OF_WAVES, _OF_MODES = (1e-11, 0.0), (1e-9, 1e-6), (1e-9, 1e-7)
+"""Part of the energy that slower functions give to those of patches, and to finer ones of the
+plate, that is left to follow at rest, by what those of the plate are.
+
+With 1e-5 of waves levels of -40 dB differed by 0.004 dB, with 1e-4 of -50 by 1 dB; with 1e-9 beside
+polynomials one of -17 dB by 0.002; with 1e-6 of modes an own finger by 2e-4.
+"""
+
+_MANY: Final = 150
+"""So many polynomials of several symmetries take longer to turn into modes than is saved."""
 
 _LEAST: Final = 8.0
 """First cut-offs up to which the plate's polynomials hold waves at least."""
@@ -62,6 +69,8 @@ class PatchedModes:
         The same of each patch, among all functions.
     patches : tuple of Following
         Which combinations of those are enough, for each patch.
+    turn : Turn or None
+        If many polynomials were taken, to modes of the plate alone instead.
     n_slow : int
         How many of the plate's functions do not follow others, the first ones.
     fine : Following or None
@@ -80,6 +89,7 @@ class PatchedModes:
     plate: NDArray[np.intp]
     local: tuple[NDArray[np.intp], ...]
     patches: tuple[Following, ...]
+    turn: Turn | None
     n_slow: int
     fine: Following | None
     chosen: NDArray[np.intp]
@@ -106,7 +116,8 @@ class PatchedModes:
         both = zip(self.local, self.patches, strict=True)
         parts = [one.parts(of_functions[:, some]) for some, one in both]
         kept, led, beside = (list(some) for some in zip(*parts, strict=True))
-        plate = of_functions[:, self.plate] + np.sum(led, axis=0)
+        plate = of_functions[:, self.plate]
+        plate = (plate if self.turn is None else self.turn.rows(plate)) + np.sum(led, axis=0)
         taken = np.concatenate([plate[:, : self.n_slow], *kept], axis=1)
         if self.fine is not None:
             fine, pulled, more = self.fine.parts(plate[:, self.n_slow :])
@@ -177,7 +188,7 @@ def _modes(
     functions: Functions, of_all: Matrices, highest_hz: float, most_rad_m: float, *, fewer: bool
 ) -> PatchedModes:
     """Return the modes of one symmetry up to a frequency, in all functions or in fewer."""
-    from scipy.linalg import cholesky, eigh
+    from scipy.linalg import cholesky
 
     highest = (2 * math.pi * highest_hz) ** 2
     plate = np.arange(functions.n_plate)
@@ -186,19 +197,17 @@ def _modes(
     if fewer:
         plate, local = functions.fewer(most_rad_m)
         of_all = _some(of_all, plate, local)
-    n_slow = min(functions.slower(most_rad_m), plate.size)
-    left = _BESIDE_POLYNOMIALS if functions.wavenumbers_rad_m is None else _BESIDE_WAVES
+    of_all, turn = _turned(functions, of_all, plate)
+    n_slow, left = min(functions.slower(most_rad_m), plate.size), _OF_WAVES
+    if turn is not None:
+        n_slow, left = int(np.searchsorted(turn.squared, highest, side="right")), _OF_MODES
+    elif functions.wavenumbers_rad_m is None:
+        left = _OF_POLYNOMIALS
     patches, fine, every = _led(of_all, n_slow, highest, left)
     chosen = independent(every[MASS])
     if chosen.size < len(every[MASS]):
         every = every[:, chosen[:, np.newaxis], chosen]
-    # divide and conquer finds all of them sooner than other ways some
-    squared, vectors = eigh(every[STIFFNESS], every[MASS], driver="gvd", check_finite=False)
-    n_modes = int(np.searchsorted(squared, highest, side="right"))
-    squared, vectors = squared[:n_modes], vectors[:, :n_modes]
-    bent = squared
-    if len(every) > SPRINGS:
-        bent = np.diag(squared) - vectors.T @ every[SPRINGS] @ vectors
+    squared, bent, series = _swinging(every, highest)
     return PatchedModes(
         squared=squared,
         bent=bent,
@@ -206,12 +215,26 @@ def _modes(
         plate=plate,
         local=tuple(start + some for start, some in zip(first[:-1], local, strict=True)),
         patches=tuple(patches),
+        turn=turn,
         n_slow=n_slow,
         fine=fine,
         chosen=chosen,
-        series=vectors,
+        series=series,
         factor=cholesky(every[STIFFNESS], lower=True, check_finite=False),
     )
+
+
+def _swinging(every: Real, highest: float) -> tuple[Real, Real, Real]:
+    """Return squares of angular frequencies up to one, what is bent of them, and modes."""
+    from scipy.linalg import eigh
+
+    # divide and conquer finds all of them sooner than other ways some
+    squared, vectors = eigh(every[STIFFNESS], every[MASS], driver="gvd", check_finite=False)
+    n_modes = int(np.searchsorted(squared, highest, side="right"))
+    squared, vectors = squared[:n_modes], vectors[:, :n_modes]
+    if len(every) <= SPRINGS:
+        return squared, squared, vectors
+    return squared, np.diag(squared) - vectors.T @ every[SPRINGS] @ vectors, vectors
 
 
 def _some(of_all: Matrices, plate: NDArray[np.intp], local: Sequence[NDArray[np.intp]]) -> Matrices:
@@ -225,11 +248,29 @@ def _some(of_all: Matrices, plate: NDArray[np.intp], local: Sequence[NDArray[np.
             OfPatch(one.crossed[:, rows][:, :, some], one.own[:, some[:, np.newaxis], some])
             for one, some in zip(of_all.patches, local, strict=True)
         ),
+        None if of_all.alone is None else of_all.alone[:, rows][rows],
     )
 
 
+def _turned(
+    functions: Functions, of_all: Matrices, plate: NDArray[np.intp]
+) -> tuple[Matrices, Turn | None]:
+    """Return the matrices of the plate's modes instead of its polynomials, if these are many."""
+    if of_all.alone is None or plate.size < _MANY:
+        return of_all, None
+    kinds = functions.kinds(plate)
+    if len(kinds) == 1:
+        return of_all, None
+    turn = turned(of_all.alone, kinds)
+    patches = tuple(
+        one._replace(crossed=np.swapaxes(turn.rows(np.swapaxes(one.crossed, 1, 2)), 1, 2))
+        for one in of_all.patches
+    )
+    return Matrices(turn.both(of_all.plate), patches), turn
+
+
 def _led(
-    of_all: Matrices, n_slow: int, highest: float, left: float
+    of_all: Matrices, n_slow: int, highest: float, left: tuple[float, float]
 ) -> tuple[list[Following], Following | None, Real]:
     """Return what follows of the patches' functions and of the plate's, and what is left.
 
@@ -238,7 +279,7 @@ def _led(
     from scipy.linalg import block_diag
 
     plate = of_all.plate
-    patches = [following(one.own, one.crossed, plate, highest, left) for one in of_all.patches]
+    patches = [following(one.own, one.crossed, plate, highest, left[0]) for one in of_all.patches]
     both = list(zip(of_all.patches, patches, strict=True))
     crossed = np.concatenate([of.crossed @ one.kept for of, one in both], axis=2)
     blocks = [one.kept.T @ of.own @ one.kept for of, one in both]
@@ -250,7 +291,7 @@ def _led(
     pulls = np.concatenate(
         [plate[:, :n_slow, n_slow:], crossed[:, n_slow:].transpose(0, 2, 1)], axis=1
     )
-    fine = following(quick, pulls, slow, highest, _OF_WAVES)
+    fine = following(quick, pulls, slow, highest, left[1])
     fine.relieve(slow, n_slow)
     own = fine.kept.T @ quick @ fine.kept
     return patches, fine, bordered(slow, pulls @ fine.kept, own)
