@@ -158,7 +158,14 @@ def nodes_of(load: Load, most_rad_m: float) -> tuple[Real, Real]:
 def rim_of(load: Load, most_rad_m: float) -> tuple[Real, Real, Real]:
     """Return places on a load's rim, (n, 2), and what sums slopes there, along and across.
 
-    Their sum is that of the Laplacian over what the load covers.
+    Their sum is that of the Laplacian over what the load covers, here of x^2 + y^2:
+
+    >>> from stimuli.load import MomentDisc
+    >>> disc = MomentDisc(x_m=0.01, y_m=0.02, radius_m=0.005)
+    >>> rim_m, along_m, across_m = rim_of(disc, 100.0)
+    >>> bent = 2 * (along_m @ rim_m[:, 0] + across_m @ rim_m[:, 1])
+    >>> bool(np.isclose(bent, 4 * math.pi * disc.radius_m**2))
+    True
     """
     half_x_m, half_y_m = load.half_size_m
     n = 10 + math.ceil(most_rad_m * max(half_x_m, half_y_m))

@@ -34,7 +34,7 @@ from stimuli import (
 from stimuli.fingers.fingertip import felt_error
 from stimuli.motion.modes import plate_modes
 from stimuli.motion.motion import motion_of, steady
-from stimuli.motion.patches.patched import patched_modes
+from stimuli.motion.patches.patched import _patched_modes, patched_modes
 from stimuli.strip.material import MATERIALS
 from stimuli.strip.patch import laminate, layer_of
 from tests.test_stimuli.plates import FIRM, PLATE, SUPPORTED, W, on
@@ -211,6 +211,33 @@ def test_load_and_point_may_be_exchanged() -> None:
     loads = tuple(PointForce(x_m=x, y_m=y) for x, y in places)
     found = steady(Scene(strip=strip, loads=loads, points_m=tuple(places)), 700.0)
     assert found[0, 1] == pytest.approx(found[1, 0], rel=1e-9)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("edge", [CLAMPED, SIMPLY_SUPPORTED])
+@pytest.mark.parametrize("is_disc", [True, False])
+def test_few_combinations_of_fine_functions_do_what_all_do(
+    edge: IdealEdge, is_disc: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    patches = [
+        dataclasses.replace(disc(x_m), y_m=y_m, is_disc=is_disc)
+        for x_m, y_m in ((-0.03, 0.014), (0.025, 0.012))
+    ]
+    strip = dataclasses.replace(bearing(on(FIRM, 0.2), *patches), edge=edge)
+    highest_hz = 8 * strip.cutoff_hz()
+
+    def modes() -> Real:
+        _patched_modes.cache_clear()
+        (group,) = patched_modes(strip, highest_hz, centred=False)
+        return np.sqrt(group.squared)
+
+    few = modes()
+    for name in ("_OF_WAVES", "_OF_MODES"):
+        monkeypatch.setattr(f"stimuli.motion.patches.patched.{name}", (0.0, 0.0))
+    every = modes()
+    _patched_modes.cache_clear()
+    half = every.size // 2
+    assert few[:half] == pytest.approx(every[:half], rel=2e-5)
 
 
 @pytest.mark.slow

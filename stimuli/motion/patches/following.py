@@ -109,7 +109,11 @@ def following(own: Real, crossed: Real, leading: Real, highest: float, left: flo
 
 
 def independent(mass: Real) -> NDArray[np.intp]:
-    """Return numbers of functions that others do not make up."""
+    """Return numbers of functions that others do not make up.
+
+    >>> independent(np.array([[2.0, 0.0, 2.0], [0.0, 1.0, 0.0], [2.0, 0.0, 2.0]])).size
+    2
+    """
     scale = 1 / np.sqrt(np.diag(mass))
     some, _ = _spanning(scale[:, np.newaxis] * mass * scale, _HEAVY)
     return np.sort(some)
