@@ -215,12 +215,12 @@ def test_load_and_point_may_be_exchanged() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("edge", [CLAMPED, SIMPLY_SUPPORTED])
-@pytest.mark.parametrize("is_disc", [True, False])
+@pytest.mark.parametrize("shape", ["discs", "squares"])
 def test_few_combinations_of_fine_functions_do_what_all_do(
-    edge: IdealEdge, is_disc: bool, monkeypatch: pytest.MonkeyPatch
+    edge: IdealEdge, shape: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     patches = [
-        dataclasses.replace(disc(x_m), y_m=y_m, is_disc=is_disc)
+        dataclasses.replace(disc(x_m), y_m=y_m, is_disc=shape == "discs")
         for x_m, y_m in ((-0.03, 0.014), (0.025, 0.012))
     ]
     strip = dataclasses.replace(bearing(on(FIRM, 0.2), *patches), edge=edge)
