@@ -28,7 +28,14 @@ def test_a_folder_holds_three_to_ten_modules(folder: Folder) -> None:
 LATER = {
     *("fingers/pressed.py", "fingers/dampers.py", "fingers/unpressed.py", "sections/finger.py"),
     *("fingers/impedance.py", "motion/multiples.py"),
-    *("motion", "patches", "field/rational.py", "strip/patch.py", "preview/displacements.py"),
+    *(
+        "motion",
+        "patches",
+        "ringing",
+        "field/rational.py",
+        "strip/patch.py",
+        "preview/displacements.py",
+    ),
     *("integrity", "commands/verify.py", "trial/order.py"),
     "scpi/visa.py",
     *("groups", "thresholds/density.py", "thresholds/grid.py", "foreign", "commands/columns.py"),

@@ -1,17 +1,13 @@
-"""What oscillators answer to a drive, look by look, and the peaks of what slow bursts leave."""
+"""What oscillators answer to a drive, look by look."""
 
 from __future__ import annotations
 
 import math
-from itertools import count
-from typing import TYPE_CHECKING, Final, NamedTuple, TypeGuard
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from stimuli.drive.burst import Burst
 from stimuli.drive.sampled import SampledDrive
-from stimuli.drive.windows import sines
-from stimuli.field.synthesis import MOST_TIME_S
 from stimuli.motion.motion import is_slow
 from stimuli.motion.oscillators import followed, step_weights
 
@@ -39,16 +35,6 @@ _FEWEST: Final = 256
 
 BLOCK: Final = 256
 """Looks at what swings freely that are computed at once."""
-
-_BESIDE: Final = 2
-"""Blocks share so many looks, so that no peak is at the end of both."""
-
-_GLANCES: Final = 64
-_FAINT: Final = 1e-6
-"""Part of what was found that is left out of what rings."""
-
-_AT_ONCE: Final = 1e-6
-"""Looks after which what follows at once does so where the plate has no relaxation time."""
 
 LATE: Final = 0.75
 MOST_WAITS: Final = 8.0
@@ -139,39 +125,6 @@ def _played(drive: Drive, least_rate_hz: float) -> tuple[Real, float, bool]:
     return samples, 1 / (fine * drive.sample_rate_hz), drive.held
 
 
-class Part(NamedTuple):
-    """A part of a slow burst, or what comes after it: there nothing drives the oscillators."""
-
-    duration_s: float
-    omegas: Real  # angular frequencies of its sines
-    sine: Complex  # how the oscillators follow them, (n_poles, n_sines) each
-    cosine: Complex
-    phase: Real  # of the sines where it begins
-    left: Complex  # what beside that decays freely, where it begins, (n_poles,)
-
-
-def parts_of(poles: Complex, burst: Burst) -> Iterator[Part]:
-    """Yield the parts of a burst as what oscillators do under them, the last without an end.
-
-    Under a sin(omega t) an oscillator follows by A sin + B cos with A = -a p / (p^2 + omega^2) and
-    B = -a omega / (p^2 + omega^2); what it does else decays as exp(p t).
-    """
-    state = np.zeros(poles.size, dtype=np.complex128)
-    duration_s = burst.duration_s
-    for one in sines(burst.window, burst.cycles):
-        omegas = 2 * math.pi * np.array(one.ys) / duration_s
-        driven = -np.array(one.amplitudes) / (poles[:, np.newaxis] ** 2 + omegas**2)
-        sine, cosine = driven * poles[:, np.newaxis], driven * omegas
-        phase = 2 * math.pi * np.array(one.ys) * one.begin
-        left = state - sine @ np.sin(phase) - cosine @ np.cos(phase)
-        long_s = (one.end - one.begin) * duration_s
-        yield Part(long_s, omegas, sine, cosine, phase, left)
-        phase = 2 * math.pi * np.array(one.ys) * one.end
-        state = left * np.exp(poles * long_s) + sine @ np.sin(phase) + cosine @ np.cos(phase)
-    none = np.zeros((poles.size, 0), dtype=np.complex128)
-    yield Part(math.inf, none[0].real, none, none, none[0].real, state)
-
-
 def widened(near: NDArray[np.bool_]) -> NDArray[np.intp]:
     """Return the numbers of looks that are near a peak, and of those beside them."""
     if not np.any(near):
@@ -188,132 +141,13 @@ def crests(size: Real, looks: NDArray[np.intp] | None = None) -> Real:
     `looks` are the numbers of the looks where they are not all of them: a parabola goes through
     neighbours only.
     """
-    top = np.clip(np.argmax(size, axis=-1), 1, size.shape[-1] - 2)
-    before, at, after = (
-        np.take_along_axis(size, (top + shift)[..., np.newaxis], axis=-1)[..., 0]
-        for shift in (-1, 0, 1)
-    )
+    lines = size.reshape(-1, size.shape[-1])
+    top = np.minimum(np.maximum(np.argmax(lines, axis=-1), 1), size.shape[-1] - 2)
+    every = np.arange(len(lines))
+    before, at, after = (lines[every, top + shift] for shift in (-1, 0, 1))
     bend = np.maximum(2 * at - before - after, np.finfo(np.float64).tiny)
     inside = (at >= before) & (at >= after)
     if looks is not None:
         inside &= looks[top + 1] - looks[top - 1] == NEIGHBOURS
-    return np.asarray(
-        np.where(inside, at + (after - before) ** 2 / (8 * bend), np.max(size, axis=-1))
-    )
-
-
-class Rows(NamedTuple):
-    """Displacements, each of some oscillators with weights, in groups whose largest counts."""
-
-    weights: Complex  # (n_rows, n_poles)
-    rest_m: Real  # what follows at once, (n_rows,)
-    group: NDArray[np.intp]  # numbers from 0 on, (n_rows,)
-
-
-def leaves_ringing(drive: Drive, reference_hz: float) -> TypeGuard[Burst]:
-    """Tell whether a drive is a slow burst that is a sum of sines between its corners."""
-    if not isinstance(drive, Burst):
-        return False
-    return is_slow(drive, reference_hz) and bool(sines(drive.window, drive.cycles))
-
-
-def ringing_peaks(motion: Motion, burst: Burst, rows: Rows, *, wait_s: float) -> Real:
-    """Return the largest displacement of each group under a slow burst and after it: (n_groups,).
-
-    All follow a slow burst but for what rings after each of its corners. At any time that adds no
-    more than the sum of all sizes, which decay: only what can be the largest then is looked at.
-    How long after the burst is told in `peaks_of`.
-    """
-    look_s = 1 / (LOOKS * motion.reference_hz)
-    lag_s = motion.viscous_s or _AT_ONCE * look_s
-    poles = np.append(motion.oscillators.poles, -1 / lag_s)
-    weights = np.concatenate([rows.weights, rows.rest_m[:, np.newaxis] / lag_s], axis=1)
-    search = _Search(poles, rows._replace(weights=weights), look_s)
-    *driven, after = parts_of(poles, burst)
-    for part in driven:
-        search.enter(part)
-        for first in range(0, math.ceil(part.duration_s / look_s), BLOCK):
-            search.look(math.floor(part.duration_s / look_s) + 1 - first)
-    search.enter(after)
-    decays, latest = bool(np.all(motion.oscillators.poles.real < 0)), 0.0
-    for block in count(1):
-        may_grow, grew = search.look(BLOCK)
-        waited_s = block * BLOCK * look_s
-        latest = waited_s if grew else latest
-        if decays and not may_grow:
-            break
-        if waited_s > MOST_TIME_S or (not decays and waited_s >= MOST_WAITS * wait_s):
-            break
-        if not decays and waited_s >= wait_s and latest <= LATE * waited_s:
-            break
-    return search.found
-
-
-class _Search:
-    """The largest displacements of groups of rows, block by block of looks."""
-
-    def __init__(self, poles: Complex, rows: Rows, look_s: float) -> None:
-        self.found = np.zeros(int(rows.group.max()) + 1)
-        self._rows, self._sizes, self._look_s = rows, np.abs(rows.weights), look_s
-        self._turns = np.exp(np.multiply.outer(poles, look_s * np.arange(BLOCK + _BESIDE)))
-
-    def enter(self, part: Part) -> None:
-        """Begin with a part; what the rows do without ringing, less that, is found at once."""
-        weights = self._rows.weights
-        self._part, self._state, self._since_s = part, part.left, 0.0
-        self._sine, self._cosine = (weights @ part.sine).real, (weights @ part.cosine).real
-        self._steepest = np.hypot(self._sine, self._cosine) @ part.omegas
-        self._ringing = self._sizes @ np.abs(part.left)
-        if part.omegas.size:
-            n_looks = math.floor(part.duration_s / self._look_s)
-            times_s = self._look_s * np.round(np.linspace(0.0, n_looks, _GLANCES)).astype(
-                np.float64
-            )
-            least = np.max(np.abs(self._smooth(times_s)), axis=1) - self._ringing
-            np.maximum.at(self.found, self._rows.group, least)
-
-    def _smooth(self, times_s: Real, some: NDArray[np.intp] | None = None) -> Real:
-        """Return what rows do without ringing: (n_rows, n_times)."""
-        angle = np.multiply.outer(self._part.omegas, times_s) + self._part.phase[:, np.newaxis]
-        sine, cosine = self._sine, self._cosine
-        if some is not None:
-            sine, cosine = sine[some], cosine[some]
-        return np.asarray(sine @ np.sin(angle) + cosine @ np.cos(angle))
-
-    def look(self, n_left: int) -> tuple[bool, bool]:
-        """Take the next block into account; tell whether anything could have grown, and did."""
-        n, group = min(n_left, BLOCK + _BESIDE), self._rows.group
-        span_s, grew = n * self._look_s, False
-        middle = np.abs(self._smooth(np.array([self._since_s + span_s / 2]))[:, 0])
-        most = middle + self._steepest * span_s / 2
-        if np.any(most + self._ringing > self.found[group]):
-            self._ringing = self._sizes @ np.abs(self._state)
-        some = np.flatnonzero(most + self._ringing > self.found[group])
-        if some.size and n > _BESIDE:
-            grew = self._look_at(some, n)
-        self._state = self._state * self._turns[:, BLOCK]
-        self._since_s += BLOCK * self._look_s
-        return bool(some.size), grew
-
-    def _look_at(self, some: NDArray[np.intp], n: int) -> bool:
-        group = self._rows.group[some]
-        before = self.found[group]
-        smooth = self._smooth(self._since_s + self._look_s * np.arange(n, dtype=np.float64), some)
-        high = np.abs(smooth) + self._ringing[some, np.newaxis] > before[:, np.newaxis]
-        looks = widened(np.any(high, axis=0))
-        if not looks.size:
-            return False
-        counting = self._counting(some, before)
-        free = self._rows.weights[np.ix_(some, counting)] * self._state[counting]
-        turns = self._turns[np.ix_(counting, looks)]
-        ringing = free.real @ turns.real - free.imag @ turns.imag
-        np.maximum.at(self.found, group, crests(np.abs(smooth[:, looks] + ringing), looks))
-        return bool(np.any(self.found[group] > before))
-
-    def _counting(self, some: NDArray[np.intp], found: Real) -> NDArray[np.intp]:
-        """Return the oscillators that count for some rows."""
-        if not np.all(found > 0):
-            return np.arange(self._state.size)
-        part = np.max(self._sizes[some] / found[:, np.newaxis], axis=0) * np.abs(self._state)
-        order = np.argsort(part)
-        return np.sort(order[np.cumsum(part[order]) > _FAINT])
+    found = np.where(inside, at + (after - before) ** 2 / (8 * bend), np.max(lines, axis=-1))
+    return np.asarray(found.reshape(size.shape[:-1]))

@@ -4,24 +4,16 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from itertools import count, product
+from itertools import count
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
 from stimuli.field.synthesis import MOST_TIME_S
-from stimuli.motion.course import (
-    BLOCK,
-    LATE,
-    MOST_WAITS,
-    Course,
-    Rows,
-    crests,
-    leaves_ringing,
-    ringing_peaks,
-    widened,
-)
+from stimuli.motion.course import BLOCK, LATE, MOST_WAITS, Course, crests, widened
 from stimuli.motion.patches.around import sliver_doubt
+from stimuli.motion.ringing.parts import leaves_ringing
+from stimuli.motion.ringing.search import UNSOUGHT, ringing_peaks
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
@@ -113,7 +105,9 @@ def peaks_of(
     with_error : bool
         Whether the error is asked for; else it is left 0.
     """
+    unsought = 0.0
     if leaves_ringing(drive, motion.reference_hz):
+        unsought = UNSOUGHT
         found, doubted = _ringing(motion, groups, drive, wait_s, with_error=with_error)
     else:
         found, doubted = _swinging(motion, groups, drive, wait_s, with_error=with_error)
@@ -122,7 +116,7 @@ def peaks_of(
         return Peaks(peak_m=found, error_m=none_m, around_m=none_m)
     apart = np.abs(doubted[1:] - doubted[0]).reshape(2, 2, *found.shape)
     inertia_m, around_m = apart.max(axis=1)
-    error_m = inertia_m + around_m + INTERPOLATED * found
+    error_m = inertia_m + around_m + INTERPOLATED * found + unsought * np.max(found, axis=0)
     if motion.coarser:
         half, octave = (
             np.abs(
@@ -166,25 +160,9 @@ def _ringing(
     with_error: bool,
 ) -> tuple[Real, Real]:
     """Return the same under a slow burst."""
-    n_loads = len(motion.oscillators.rest_m)
-    some = []
-    for points, load in product(groups, range(n_loads)):
-        weights, rest_m = motion.oscillators.weights(load), motion.oscillators.rest_m[load]
-        some.append((weights[points], rest_m[points]))
-        if with_error:
-            checked = points[::_CHECKED]
-            moved = weights[checked], rest_m[checked]
-            signed = [(s * w, s * r) for w, r in doubts_of(motion, load, checked) for s in (1, -1)]
-            signed += [(0 * moved[0], 0 * moved[1])] * (2 * _DOUBTS - len(signed))
-            some += [moved, *((moved[0] + w, moved[1] + r) for w, r in signed)]
-    rows = Rows(
-        weights=np.concatenate([w for w, _ in some]),
-        rest_m=np.concatenate([r for _, r in some]),
-        group=np.repeat(np.arange(len(some)), [len(r) for _, r in some]),
-    )
-    found = ringing_peaks(motion, drive, rows, wait_s=wait_s)
-    every = np.moveaxis(found.reshape(len(groups), n_loads, -1), -1, 0)
-    return every[0], every[1:]
+    found = ringing_peaks(motion, drive, groups, wait_s=wait_s, with_error=with_error)
+    none = [found[1]] * (1 + 2 * _DOUBTS - len(found[1:])) if with_error else []
+    return found[0], np.concatenate([found[1:], *[one[np.newaxis] for one in none]])
 
 
 def _near(size: Real, found: float) -> NDArray[np.intp]:

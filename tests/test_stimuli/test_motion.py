@@ -51,8 +51,9 @@ if TYPE_CHECKING:
     from stimuli.motion.modes import Modes
 
 # the modules, whose names their functions have
-COURSE, MODES, MOTION, PEAKS = (
-    sys.modules[f"stimuli.motion.{name}"] for name in ("course", "modes", "motion", "peaks")
+COURSE, MODES, MOTION, PEAKS, PARTS = (
+    sys.modules[f"stimuli.motion.{name}"]
+    for name in ("course", "modes", "motion", "peaks", "ringing.parts")
 )
 
 K_2900, K_2500 = ElasticEdge(stiffness_n=141.72083994908), ElasticEdge(stiffness_n=63.9264884979218)
@@ -419,7 +420,8 @@ def test_what_rings_after_a_slow_burst_is_found_without_looking_all_the_time(
     motion = motion_of(scene, strip.cutoff_hz(), 4.0)
     groups = [np.arange(3), np.arange(3, 6)]
     fast = peaks_of(motion, groups, drive, wait_s=2e-3)
-    monkeypatch.setattr(COURSE, "is_slow", lambda *_: False)
+    for module in (COURSE, PARTS):
+        monkeypatch.setattr(module, "is_slow", lambda *_: False)
     monkeypatch.setattr(COURSE, "_STEPS", 2048)  # with a step that ends where the burst does
     monkeypatch.setattr(PEAKS, "_NEAR", 0.0)  # at all points all the time
     slow = peaks_of(motion, groups, drive, wait_s=2e-3)
