@@ -6,14 +6,12 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
-from stimuli.motion.oscillators import poles
+from stimuli.motion.oscillators import swung
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from stimuli.arrays import Complex, Real
-
-    Values = NDArray[np.float64] | NDArray[np.complex128]
 
 
 _FREE: Final = 1e-14
@@ -63,22 +61,29 @@ class Lossy(NamedTuple):
     ties: Ties
 
 
-def coupled_poles(squared: Real, damping: Real | Lossy) -> tuple[Complex, Complex, Complex]:
-    """Return poles, modes and drives of modes with a matrix of their loss, or with ties."""
+def coupled_poles(
+    squared: Real, damping: Real | Lossy, rows: tuple[Real, Real]
+) -> tuple[Complex, Complex, Complex]:
+    """Return poles of modes with a matrix of their loss, or with ties, and what they move.
+
+    `rows` are the modes at points and under loads, (n, n_modes) each; what is returned of them is
+    how the poles move the points, and how the loads drive the poles: (n, n_poles) each.
+    """
     if not isinstance(damping, Lossy):
-        return poles(squared, damping, 1.0)
+        return swung(squared, damping, 1.0, rows)
     lost, ties = damping
-    found = tied_poles(squared, lost, ties)
+    found = tied_poles(squared, lost, ties, rows)
     if found is None:
         springs, dampers = ties.weights
         stiff, turn = np.linalg.eigh(np.diag(squared) + springs * ties.every)
         every = turn.T @ (np.diag(lost) + dampers * ties.every) @ turn
-        values, modes, drives = poles(stiff, every, 1.0)
-        return values, turn @ modes, drives @ turn.T
+        return swung(stiff, every, 1.0, (rows[0] @ turn, rows[1] @ turn))
     return found
 
 
-def tied_poles(squared: Real, lost: Real, ties: Ties) -> tuple[Complex, Complex, Complex] | None:
+def tied_poles(
+    squared: Real, lost: Real, ties: Ties, rows: tuple[Real, Real]
+) -> tuple[Complex, Complex, Complex] | None:
     """Return what `oscillators.poles` does, where few ties couple modes, equation (91).
 
     The modes' amplitudes obey q'' + (L + c G' C G) q' + (K + k G' C G) q = f with diagonal K, L and
@@ -94,38 +99,32 @@ def tied_poles(squared: Real, lost: Real, ties: Ties) -> tuple[Complex, Complex,
         What each mode loses without ties, L.
     ties : Ties
         What couples the modes.
+    rows : tuple of two ndarray of float64, shapes (n_points, n_modes) and (n_loads, n_modes)
+        The modes at points and under loads.
 
     Examples
     --------
     The sum of all poles is what is lost:
 
     >>> squared, ties = np.array([1.0, 4.0, 9.0]), Ties(np.array([[0.3, 0.5, 0.2]]), np.ones(1))
-    >>> found, *_ = tied_poles(squared, 0.01 * squared, ties)
+    >>> found, *_ = tied_poles(squared, 0.01 * squared, ties, (np.eye(3), np.eye(3)))
     >>> bool(np.isclose(2 * found.real.sum(), -0.01 * 14 - ties.each.sum()))
     True
     """
     springs, dampers = ties.weights
     grips, one, other, angle = _apart(squared, ties.grips)
+    moved, pushed = (_with_turned(some, one, other, angle) for some in rows)
     ties, size = ties._replace(grips=grips), np.sqrt(squared)
     taken = np.abs(ties.values) @ grips**2
     tied = (springs / np.maximum(size, 1.0) + dampers) * taken > _FREE * size
-    parts = [(np.flatnonzero(~tied), *_alone(squared[~tied], lost[~tied]))]
+    parts = [_alone(squared[~tied], lost[~tied], (moved[:, ~tied], pushed[:, ~tied]))]
     if np.any(tied):
-        some = _tied(squared[tied], lost[tied], ties.of(tied))
+        some = _tied(squared[tied], lost[tied], ties.of(tied), (moved[:, tied], pushed[:, tied]))
         if some is None:
             return None
-        parts.append((np.flatnonzero(tied), *some))
-    found = np.concatenate([part[1] for part in parts])
-    modes = np.zeros((squared.size, found.size), dtype=np.complex128)
-    drives, first = np.zeros((found.size, squared.size), dtype=np.complex128), 0
-    for rows, own, its_modes, its_drives in parts:
-        columns = np.arange(first, first + own.size)
-        modes[np.ix_(rows, columns)], drives[np.ix_(columns, rows)] = its_modes, its_drives
-        first += own.size
-    modes[one], modes[other] = _turned(modes[one], modes[other], -angle)
-    both = _turned(drives[:, one].T, drives[:, other].T, -angle)
-    drives[:, one], drives[:, other] = both.transpose(0, 2, 1)
-    return found, modes, drives
+        parts.append(some)
+    found, moving, driven = (np.concatenate(each, axis=-1) for each in zip(*parts, strict=True))
+    return found, moving, driven
 
 
 def _apart(squared: Real, grips: Real) -> tuple[Real, NDArray[np.intp], NDArray[np.intp], Real]:
@@ -139,16 +138,15 @@ def _apart(squared: Real, grips: Real) -> tuple[Real, NDArray[np.intp], NDArray[
     one, other = order[same], order[same + 1]
     first, second = grips[:, one], grips[:, other]
     angle = np.arctan2(2 * (first * second).sum(axis=0), (first**2 - second**2).sum(axis=0)) / 2
-    turned = grips.copy()
-    turned[:, one], turned[:, other] = _turned(first.T, second.T, angle).transpose(0, 2, 1)
-    return turned, one, other, angle
+    return _with_turned(grips, one, other, angle), one, other, angle
 
 
-def _turned(one: Values, other: Values, angle: Real) -> Values:
-    """Return rows turned into each other: (2, n_pairs, n)."""
-    cos, sin = np.cos(angle)[:, np.newaxis], np.sin(angle)[:, np.newaxis]
-    both = cos * one + sin * other, cos * other - sin * one
-    return np.stack(both)  # type: ignore[return-value]  # complex only if they are
+def _with_turned(rows: Real, one: NDArray[np.intp], other: NDArray[np.intp], angle: Real) -> Real:
+    """Return rows of modes of which some are turned into others."""
+    turned, cos, sin = rows.copy(), np.cos(angle), np.sin(angle)
+    turned[:, one] = cos * rows[:, one] + sin * rows[:, other]
+    turned[:, other] = cos * rows[:, other] - sin * rows[:, one]
+    return turned
 
 
 def _pairs(squared: Real, damping: Real) -> tuple[Complex, Complex]:
@@ -158,22 +156,26 @@ def _pairs(squared: Real, damping: Real) -> tuple[Complex, Complex]:
     return np.asarray(squared / one, dtype=np.complex128), np.asarray(one, dtype=np.complex128)
 
 
-def _alone(squared: Real, damping: Real) -> tuple[Complex, Complex, Complex]:
-    """Return poles, modes and drives of what no damper takes anything from."""
+def _alone(
+    squared: Real, damping: Real, rows: tuple[Real, Real]
+) -> tuple[Complex, Complex, Complex]:
+    """Return poles of what no damper takes anything from, and what they move."""
     upper, lower = _pairs(squared, damping)
-    creeping = np.flatnonzero(upper.imag == 0)
-    one = np.eye(squared.size, dtype=np.complex128)
-    swings = np.where(upper.imag == 0, 1, 2) / (upper - lower)
+    creeping = upper.imag == 0
+    moved, pushed = rows
+    swings = np.where(creeping, 1, 2) / (upper - lower)
     back = 1 / (lower - upper)[creeping]
     return (
         np.append(upper, lower[creeping]),
-        np.concatenate([one, one[:, creeping]], axis=1),
-        np.concatenate([np.diag(swings), back[:, np.newaxis] * one[creeping]]),
+        np.concatenate([moved, moved[:, creeping]], axis=1).astype(np.complex128),
+        np.concatenate([pushed * swings, pushed[:, creeping] * back], axis=1),
     )
 
 
-def _tied(squared: Real, lost: Real, ties: Ties) -> tuple[Complex, Complex, Complex] | None:
-    """Return poles, modes and drives of what ties couple, if all are found."""
+def _tied(
+    squared: Real, lost: Real, ties: Ties, rows: tuple[Real, Real]
+) -> tuple[Complex, Complex, Complex] | None:
+    """Return poles of what ties couple, and what they move, if all are found."""
     springs, dampers = ties.weights
     bare, near, own = np.stack(_pairs(squared, lost)), squared, lost + dampers * ties.each
     if springs:
@@ -187,7 +189,8 @@ def _tied(squared: Real, lost: Real, ties: Ties) -> tuple[Complex, Complex, Comp
     if not abs(missing) <= _LOST * np.abs(found).sum():
         return None
     shapes, norms = _shapes(found, bare, ties, lost)
-    return found, shapes, (shapes * (times / norms)).T
+    moved, pushed = rows
+    return found, moved @ shapes, pushed @ shapes * (times / norms)
 
 
 def _coupling(ties: Ties) -> Real:
@@ -236,21 +239,34 @@ def _settled(
         product = (s - bare[0]) * (s - bare[1])
         if not np.all(product):
             return None, moving
-        inverse, slope = 1 / product, 2 * s - middle
-        shared, bent = inverse @ coupling, (inverse * inverse * slope) @ coupling
+        inverse = 1 / product
+        sloped = inverse * (2 * s - middle)
+        shared, bent = inverse @ coupling, (inverse * sloped) @ coupling
         weight = springs + dampers * s
         matrix = np.eye(n) + (weight * shared).reshape(-1, n, n)
         turned = np.linalg.solve(matrix, (dampers * shared - weight * bent).reshape(-1, n, n))
-        growth = np.einsum("jii->j", turned) + (inverse * slope).sum(axis=1)
-        apart = s - found
-        apart[np.arange(moving.size), moving] = np.inf
-        images = s - found[: paired.size].conj()
-        step = 1 / (growth - (1 / apart).sum(axis=1) - (1 / images).sum(axis=1))
+        growth = np.einsum("jii->j", turned) + sloped.sum(axis=1)
+        step = 1 / (growth - _drawn(found, moving, paired.size))
         if not np.all(np.isfinite(step)):
             return None, moving
         found[moving] -= step
         moving = moving[np.abs(step) > _SETTLED * np.abs(found[moving])]
     return found, moving
+
+
+def _drawn(found: Complex, moving: NDArray[np.intp], n_paired: int) -> Complex:
+    """Return the sum of 1 / (s - z) over all other zeros z, and over images of the first ones.
+
+    A zero and its image are one fraction, as quotients of complex numbers are slow.
+    """
+    s = found[moving, np.newaxis]
+    apart, images = s - found, s - found[:n_paired].conj()
+    own = np.arange(moving.size), moving
+    apart[own] = 1.0
+    alone = 1 / apart[:, n_paired:]
+    apart = apart[:, :n_paired]
+    both = (apart + images) / (apart * images)
+    return np.asarray(both.sum(axis=1) + alone.sum(axis=1) - 1)
 
 
 def _shapes(found: Complex, bare: Complex, ties: Ties, lost: Real) -> tuple[Complex, Complex]:

@@ -256,11 +256,12 @@ def _coupled(
         rest_m=bare.static_m - (pushed / squared[kept]) @ moved.T,
     )
     loaded = pressed_on(plate, pressed, viscous_s)
-    found, modes, drives = coupled_poles(loaded.squared, loaded.damping)
+    rows = loaded.moved, loaded.pushed
+    found, moving, driven = coupled_poles(loaded.squared, loaded.damping, rows)
     return Oscillators(
         poles=found,
-        at_points=(loaded.moved @ modes)[np.newaxis],
-        of_loads=(loaded.pushed @ drives.T)[np.newaxis],
+        at_points=moving[np.newaxis],
+        of_loads=driven[np.newaxis],
         rest_m=loaded.rest_m,
     )
 

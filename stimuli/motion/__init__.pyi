@@ -15,7 +15,7 @@ from .motion import (
     without_loss,
 )
 from .multiples import Upwards, first_known, upwards
-from .oscillators import Oscillators, poles
+from .oscillators import Oscillators, swung
 from .peaks import (
     TOO_MANY_FOR_PATCHES,
     PatchesUnknownError,
@@ -48,12 +48,12 @@ __all__ = [
     "multiples_of",
     "patched_peaks",
     "peaks_of",
-    "poles",
     "reference_of",
     "refuse_above_first_mode",
     "repeated",
     "springs_lose",
     "steady",
+    "swung",
     "transient",
     "transient_work",
     "upwards",

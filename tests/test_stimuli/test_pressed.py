@@ -224,7 +224,8 @@ def test_poles_on_dampers_are_those_of_the_whole_matrix(dampers: tuple[float, fl
     grips = rng.normal(size=(2, 40)) / 6
     grips[:, 3] = 0.0
     loss = 1e-3 * np.diag(squared) + (grips.T * dampers) @ grips
-    found = coupled_poles(squared, Lossy(1e-3 * squared, Ties(grips, np.array(dampers))))
+    ties = Ties(grips, np.array(dampers))
+    found = coupled_poles(squared, Lossy(1e-3 * squared, ties), (np.eye(40), np.eye(40)))
     assert _differs(found, loss, np.diag(squared), rng.normal(size=40)) < 1e-9
 
 
@@ -241,14 +242,15 @@ def test_poles_on_springs_are_those_of_the_whole_matrices(
         grips[1] = 0.0
     ties = Ties(grips, np.array([40.0, 7.0]), (1.0, late_s))
     monkeypatch.setattr(np.linalg, "eig", None)  # what is returned is sought pole by pole
-    found = coupled_poles(squared, Lossy(lost, ties))
+    found = coupled_poles(squared, Lossy(lost, ties), (np.eye(40), np.eye(40)))
     loss, stiff = np.diag(lost) + late_s * ties.every, np.diag(squared) + ties.every
     assert _differs(found, loss, stiff, rng.normal(size=40)) < 1e-9
 
 
 def _differs(found: tuple[Complex, Complex, Complex], loss: Real, stiff: Real, push: Real) -> float:
     """Return by what part poles move modes differently than their matrices at frequencies."""
-    poles, modes, drives = found
+    poles, modes, pushes = found
+    drives = pushes.T
     parts = []
     for s in (0.3 + 2j, 7j, 31.7j):
         whole = np.linalg.solve(s**2 * np.eye(push.size) + s * loss + stiff, push)
