@@ -163,7 +163,9 @@ class StudyCheck:
         return edge.stiffness_n if isinstance(edge, ElasticEdge) else None
 
 
-def check_study(study: Study, gains: tuple[ConditionGains, ...] | None = None) -> StudyCheck:
+def check_study(
+    study: Study, gains: tuple[ConditionGains, ...] | None = None, *, levels_only: bool = False
+) -> StudyCheck:
     """Check every burst of a study against its strip and fingers, and count its trials.
 
     Parameters
@@ -172,6 +174,9 @@ def check_study(study: Study, gains: tuple[ConditionGains, ...] | None = None) -
         The study.
     gains : tuple of ConditionGains, optional
         The gain matrices as a plan holds them, even if none; computed by default.
+    levels_only : bool
+        Whether no plan is made of it, so that where levels are those of other losses or without
+        fingers the first of these stand for its gain matrices.
 
     Raises
     ------
@@ -205,11 +210,12 @@ def check_study(study: Study, gains: tuple[ConditionGains, ...] | None = None) -
             study_gains,
         )
 
-        gains = study_gains(study)
         stated, load = study.plate.is_loss_stated, study.finger_load.impedance
         losses = (ASSUMED_LOSS,) if stated else (LEAST_LOSS, MOST_LOSS)
         loaded = [load is not None and load.holds_for(one.drive) for one in study.conditions]
         rests = any(loaded)
+        planned = not levels_only or (stated and not rests)
+        gains = study_gains(study) if planned else None
         if rests or not stated:
             bracket = tuple(
                 TriedGains(
@@ -219,12 +225,13 @@ def check_study(study: Study, gains: tuple[ConditionGains, ...] | None = None) -
                 for bare in ((False, True) if rests else (True,))
                 for one, holds in zip(study_gains(study, loss, bare=bare), loaded, strict=True)
             )
-        tried = dict.fromkeys((ASSUMED_LOSS, *losses))
+        gains = tuple(one.gains for one in bracket) if gains is None else gains
+        tried = dict.fromkeys((*[ASSUMED_LOSS] * planned, *losses))
         errors = [
             patch_errors(study, one, tried, (False, True) if holds else (False,))
             for one, holds in zip(study.conditions, loaded, strict=True)
         ]
-    gains_of = {one.condition: one for one in gains}
+    gains_of = {one.condition: one for one in reversed(gains)}
     conditions = tuple(
         ConditionCheck(
             condition=condition,

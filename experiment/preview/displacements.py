@@ -26,12 +26,7 @@ def displacement_findings(
     check: StudyCheck, one: ConditionCheck, gains: ConditionGains
 ) -> Findings:
     """Tell what the fingers get at the highest level, and what that was computed with."""
-    from experiment.study.physics import (
-        field_strip,
-        fingertips_of,
-        loads_of,
-    )  # fmt: skip
-    from stimuli import felt_work
+    from experiment.study.physics import felt_of, field_strip, fingertips_of, loads_of
 
     strip, level_vpp = field_strip(check.study), check.study.design.highest_vpp
     of_strip = "an endless strip" if strip.length_m is None else "the plate with its free ends"
@@ -44,7 +39,7 @@ def displacement_findings(
         strip_length_m=strip.length_m,
     )
     study, columns = check.study, range(len(gains.actuators))
-    work = felt_work(strip, loads_of(study), fingertips_of(study), one.condition.drive)
+    work = felt_of(strip, loads_of(study), fingertips_of(study), one.condition.drive).work
     found.tell("", f"computed by {work.words}", computed_by=asdict(work))
     found.parts("actuators", [_moved(study, one, gains, column) for column in columns])
     known = gains.bases[: len(OWN_FINGERS)]
@@ -163,7 +158,7 @@ def edge_findings(check: StudyCheck) -> Findings:
     other, refusal = with_other_edge(study) if check.gains else None, ""
     if other is not None:
         try:
-            tried = check_study(other)
+            tried = check_study(other, levels_only=True)
             sides = ((0, 1), (1, 0))
             level_db = max(one.level_db(*pair) for one in tried.conditions for pair in sides)
             words += f" and {level_db:.1f} dB at the other finger"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from itertools import product
 from typing import TYPE_CHECKING, Final
 
@@ -24,6 +25,8 @@ if TYPE_CHECKING:
     from experiment.study.sections.actuator import Actuator
     from experiment.study.sections.stimulus import Condition
     from experiment.study.study import Study
+    from stimuli.drive.sampled import Drive
+    from stimuli.fingers.work import Felt
 
 
 ASSUMED_LOSS: Final = 0.01
@@ -198,17 +201,29 @@ def _felt_m(
 ) -> NDArray[np.float64]:
     """Return the peaks of unit loads driven by the burst as it is played: with a peak of 1."""
     from experiment.study.sections.stimulus import unscaled_peak
-    from stimuli import felt
 
     try:
-        peaks_m = felt(strip, loads_of(study), tips, condition.drive)
+        found = felt_of(strip, loads_of(study), tips, condition.drive)
     except ValueError as error:
         raise UnusableStudyError(
             study.name,
             f"condition {condition.name}: the displacement: {_in_keys(study, condition, error)}",
         ) from error
-    scaled: NDArray[np.float64] = peaks_m / unscaled_peak(condition, study.device)
+    scaled: NDArray[np.float64] = found.peak_m / unscaled_peak(condition, study.device)
     return scaled
+
+
+@lru_cache(maxsize=16)
+def felt_of(
+    strip: Strip, loads: tuple[Load, ...], tips: tuple[Fingertip, ...], drive: Drive
+) -> Felt:
+    """Return what fingertips feel, kept for all that a check asks of the same plate.
+
+    ValueError as for `felt`.
+    """
+    from stimuli.fingers.work import felt_known
+
+    return felt_known(strip, loads, tips, drive)
 
 
 def _in_keys(study: Study, condition: Condition, refusal: ValueError) -> str:
@@ -352,17 +367,15 @@ def patch_errors(
 
     The worst of several loss factors, where the study states none, with and without the fingers.
     """
-    from stimuli import felt
-    from stimuli.fingers.fingertip import felt_error
-
     strips = tuple(dict.fromkeys(field_strip(study, loss) for loss in losses))
     if not strips[0].patches:
         return None
     parts = []
     for strip, without in product(strips, bare):
         tips = fingertips_of(study, bare=without)
-        scene = strip, loads_of(study), tips, condition.drive
-        parts.append(felt_error(*scene) / felt(*scene))
+        found = felt_of(strip, loads_of(study), tips, condition.drive)
+        if found.error_m is not None:
+            parts.append(found.error_m / found.peak_m)
     part = np.max(parts, axis=0)
     levels_db = 20 * np.log10((1 + part) * (1 + np.diag(part)))
     return PatchErrors(own=float(np.max(np.diag(part))), levels_db=levels_db)

@@ -1,10 +1,11 @@
 from .actuator import LoadPerVolt, MeasuredDisplacement, PiezoLayers, load_per_volt
-from .fingertip import Fingertip, causal, felt, felt_error
+from .fingertip import Fingertip, causal, felt
 from .impedance import Impedance
 from .level import WindowChoice, level_db, shortest_window
-from .work import FeltWork, felt_work
+from .work import Felt, FeltWork, felt_known, felt_work
 
 __all__ = [
+    "Felt",
     "FeltWork",
     "Fingertip",
     "Impedance",
@@ -14,7 +15,7 @@ __all__ = [
     "WindowChoice",
     "causal",
     "felt",
-    "felt_error",
+    "felt_known",
     "felt_work",
     "level_db",
     "load_per_volt",

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -127,17 +128,28 @@ class Fingertip:
                 f"x_m and y_m must lie on the strip, abs(x_m) <= {end_m:g} and "
                 f"y_m <= {strip.width_m:g}, got {self!r}"
             )
-        found = {(self.x_m, self.y_m): None}
-        for along_m, across_m in _rings(self.radius_m, strip.width_m):
-            x_m = min(max(round(self.x_m + along_m, _DIGITS), -end_m), end_m)
-            y_m = round(self.y_m + across_m, _DIGITS)
-            if 0 < y_m < strip.width_m:
-                found[x_m, y_m] = None
-        return tuple(found)
+        return _area(self.x_m, self.y_m, self.radius_m, strip.width_m, end_m)
 
 
-def _rings(radius_m: float, width_m: float) -> Iterator[tuple[float, float]]:
-    """Yield places on rings about 0, exactly the same in each quadrant."""
+@lru_cache(maxsize=32)  # a check asks for those of the same fingertips again and again
+def _area(
+    x_m: float, y_m: float, radius_m: float, width_m: float, end_m: float
+) -> tuple[tuple[float, float], ...]:
+    """Return the points of a contact area on a strip that goes as far as `end_m`."""
+    found = {(x_m, y_m): None}
+    for along_m, across_m in _rings(radius_m, width_m):
+        if 0 < (there_m := round(y_m + across_m, _DIGITS)) < width_m:
+            found[min(max(round(x_m + along_m, _DIGITS), -end_m), end_m), there_m] = None
+    return tuple(found)
+
+
+@lru_cache(maxsize=8)
+def _rings(radius_m: float, width_m: float) -> tuple[tuple[float, float], ...]:
+    """Return places on rings about 0 that may lie on a strip, exactly the same in each quadrant."""
+    return tuple(place for place in _on_rings(radius_m, width_m) if abs(place[1]) < width_m)
+
+
+def _on_rings(radius_m: float, width_m: float) -> Iterator[tuple[float, float]]:
     rings = max(_LEAST_RINGS, math.ceil(_RINGS_PER_WIDTH * radius_m / width_m - 1e-9))
     for ring in range(1, rings + 1 if radius_m else 1):
         reach_m, quarter = radius_m * ring / rings, _POINTS_PER_RING * ring // 4
@@ -176,7 +188,7 @@ def felt(
     rtol : float
         Wanted relative error of the displacement over time; bursts without a window take much
         longer where it is small. Levels below -60 dB are known less well, with impedances those
-        below -50 dB. On a strip with patches see `felt_error`.
+        below -50 dB. On a strip with patches `felt_known` tells how well.
 
     Returns
     -------
@@ -218,26 +230,7 @@ def felt(
     if strip.patches:
         return by_patched_modes(scene, places, drive, far_m)[0].peak_m
     found = by_modes(scene, places, drive, rtol, far_m)
-    return by_spectra(scene, places, drive, rtol, far_m) if found is None else found[0]
-
-
-@on_one_thread
-def felt_error(
-    strip: Strip, loads: Sequence[Load], fingertips: Sequence[Fingertip], drive: Drive
-) -> Real:
-    """Return how well `felt` knows each displacement of a strip with patches: its shape, in metres.
-
-    No other method knows patches, so that `rtol` has no say there. The error is what the largest
-    values change by where the modes are sought in more functions and further up, with what is
-    left out of those, (84).
-
-    ValueError as for `felt`.
-    """
-    scene, places, far_m = asked(strip, loads, fingertips, drive)
-    pressed = pressed_of(strip, fingertips, drive)
-    if pressed:
-        return pressed_peaks(scene, places, drive, pressed, rtol=RTOL, far_m=far_m)[0].error_m
-    return by_patched_modes(scene, places, drive, far_m)[0].error_m
+    return by_spectra(scene, places, drive, rtol, far_m) if found is None else found[0].peak_m
 
 
 def pressed_of(strip: Strip, tips: Sequence[Fingertip], drive: Drive) -> tuple[Pressed, ...]:

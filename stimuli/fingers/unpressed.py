@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+import math
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -9,7 +11,7 @@ import numpy as np
 from stimuli.motion.motion import is_enough, motion_of, motions, reference_of
 from stimuli.motion.multiples import first_known
 from stimuli.motion.peaks import patched_peaks, peaks_of, wait_of
-from stimuli.motion.section import ECHOED, echoless, repeated
+from stimuli.motion.section import ECHOED, echoless, repeated, sections
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -27,13 +29,17 @@ _QUIET: Final = 1e-3
 """What a finger feels at less than this part of another one is known to `rtol` of that part only,
 0.3 dB at -80."""
 
+_WORTH: Final = 2.0
+"""A plate that is not so many times as long as the shortest section is sooner computed as a whole:
+two sections have to agree before the shorter one is taken."""
+
 _ECHO_POINTS: Final = 5
 """Every so many points of an area tell whether an echo counts."""
 
 
 def by_modes(
     scene: Scene, places: Sequence[NDArray[np.intp]], drive: Drive, rtol: float, far_m: float
-) -> tuple[Real, Motion, Scene] | None:
+) -> tuple[Peaks, Motion, Scene] | None:
     """Return the greatest absolute values and whose modes they are of; none if none are enough."""
     section = heard(scene, places, drive, rtol, far_m)
     wait_s = wait_of(section.strip, far_m)
@@ -47,7 +53,7 @@ def by_modes(
         return found, float(np.max(error_m / counts_m)) / rtol
 
     found = first_known(motions(endless, drive, period_m), look)
-    return None if found is None else (found[0].peak_m, found[1], section)
+    return None if found is None else (*found, section)
 
 
 def by_patched_modes(
@@ -61,15 +67,27 @@ def by_patched_modes(
 def heard(
     scene: Scene, places: Sequence[NDArray[np.intp]], drive: Drive, rtol: float, far_m: float
 ) -> Scene:
-    """Return the part of a plate whose echoes count."""
+    """Return the part of a plate whose echoes count, or all of a plate that is hardly longer."""
+    shortest = next(sections(scene))
+    if (scene.strip.length_m or math.inf) < _WORTH * (shortest.strip.length_m or 0.0):
+        return scene
+    some, numbers = np.unique(
+        np.concatenate([place[::_ECHO_POINTS] for place in places]), return_inverse=True
+    )
+    groups = np.split(numbers, np.cumsum([len(place[::_ECHO_POINTS]) for place in places])[:-1])
 
     def quickly(section: Scene) -> Real | None:
         reference_hz = reference_of(section, drive)
         if not is_enough(section.strip, ECHOED * reference_hz):
             return None
         endless, period_m = repeated(section, scene)
-        motion = motion_of(endless, reference_hz, ECHOED, period_m=period_m)
-        wait_s, some = wait_of(section.strip, far_m), [place[::_ECHO_POINTS] for place in places]
-        return peaks_of(motion, some, drive, wait_s=wait_s, with_error=False).peak_m
+        motion = motion_of(_at(endless, some), reference_hz, ECHOED, period_m=period_m)
+        wait_s = wait_of(section.strip, far_m)
+        return peaks_of(motion, groups, drive, wait_s=wait_s, with_error=False).peak_m
 
     return echoless(scene, quickly, rtol, _QUIET)
+
+
+def _at(scene: Scene, some: NDArray[np.intp]) -> Scene:
+    """Return a scene with some of its points only."""
+    return dataclasses.replace(scene, points_m=tuple(scene.points_m[one] for one in some))

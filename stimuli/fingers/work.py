@@ -8,13 +8,19 @@ from typing import TYPE_CHECKING
 from stimuli.fingers.fingertip import RTOL, asked, pressed_of
 from stimuli.fingers.pressed import pressed_peaks
 from stimuli.fingers.unpressed import by_modes, by_patched_modes
+from stimuli.motion.history import by_spectra
+from stimuli.threads import on_one_thread
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from stimuli.arrays import Real
     from stimuli.drive.sampled import Drive
+    from stimuli.field.scene import Scene
     from stimuli.fingers.fingertip import Fingertip
     from stimuli.load import Load
+    from stimuli.motion.motion import Motion
+    from stimuli.motion.peaks import Peaks
     from stimuli.strip.strip import Strip
 
 
@@ -54,6 +60,28 @@ class FeltWork:
         return f"{words}, of {self.length_m * 1e3:.4g} mm of it: no echo from farther away counts"
 
 
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Felt:
+    """What fingertips feel, how well that is known, and how it was computed.
+
+    Attributes
+    ----------
+    peak_m : ndarray of float64, shape (n_fingertips, n_loads)
+        As `felt` returns it.
+    error_m : ndarray of float64, same shape, or None
+        How well each is known on a strip with patches, in metres; else none. No other method
+        knows patches, so that `rtol` has no say there. It is what the largest values change by
+        where the modes are sought in more functions and further up, with what is left out of
+        those, (84).
+    work : FeltWork
+        As `felt_work` does.
+    """
+
+    peak_m: Real
+    error_m: Real | None
+    work: FeltWork
+
+
 def felt_work(
     strip: Strip,
     loads: Sequence[Load],
@@ -69,20 +97,55 @@ def felt_work(
     >>> felt_work(strip, [disc], [finger], Burst(frequency_hz=500.0, cycles=1)).modes > 100
     True
     """
+    found = _by_modes(strip, loads, fingertips, drive, rtol)
+    return _by_spectra(strip) if found is None else found.work
+
+
+@on_one_thread
+def felt_known(
+    strip: Strip,
+    loads: Sequence[Load],
+    fingertips: Sequence[Fingertip],
+    drive: Drive,
+    rtol: float = RTOL,
+) -> Felt:
+    """Return what `felt` and `felt_work` do with the same arguments, and how well it is known."""
+    found = _by_modes(strip, loads, fingertips, drive, rtol)
+    if found is not None:
+        return found
+    scene, places, far_m = asked(strip, loads, fingertips, drive)
+    peak_m = by_spectra(scene, places, drive, rtol, far_m)
+    return Felt(peak_m=peak_m, error_m=None, work=_by_spectra(strip))
+
+
+def _by_spectra(strip: Strip) -> FeltWork:
+    return FeltWork(modes=0, highest_hz=0.0, length_m=strip.length_m, is_whole=True)
+
+
+def _by_modes(
+    strip: Strip,
+    loads: Sequence[Load],
+    fingertips: Sequence[Fingertip],
+    drive: Drive,
+    rtol: float,
+) -> Felt | None:
+    """Return what fingertips feel by modes; none if no modes are enough."""
     scene, places, far_m = asked(strip, loads, fingertips, drive)
     pressed = pressed_of(strip, fingertips, drive)
+    found: tuple[Peaks, Motion, Scene] | None
     if pressed:
-        _, motion, section = pressed_peaks(scene, places, drive, pressed, rtol=rtol, far_m=far_m)
+        found = pressed_peaks(scene, places, drive, pressed, rtol=rtol, far_m=far_m)
     elif strip.patches:
-        (_, motion), section = by_patched_modes(scene, places, drive, far_m), scene
+        found = *by_patched_modes(scene, places, drive, far_m), scene
     else:
         found = by_modes(scene, places, drive, rtol, far_m)
-        if found is None:
-            return FeltWork(modes=0, highest_hz=0.0, length_m=strip.length_m, is_whole=True)
-        _, motion, section = found
-    return FeltWork(
+    if found is None:
+        return None
+    peaks, motion, section = found
+    work = FeltWork(
         modes=motion.oscillators.poles.size,
         highest_hz=motion.highest_hz,
         length_m=section.strip.length_m,
         is_whole=section is scene,
     )
+    return Felt(peak_m=peaks.peak_m, error_m=peaks.error_m if strip.patches else None, work=work)

@@ -24,7 +24,7 @@ from .peaks import (
     peaks_of,
     wait_of,
 )
-from .section import ECHOED, echoless, repeated
+from .section import ECHOED, echoless, repeated, sections
 
 __all__ = [
     "ECHOED",
@@ -51,6 +51,7 @@ __all__ = [
     "reference_of",
     "refuse_above_first_mode",
     "repeated",
+    "sections",
     "springs_lose",
     "steady",
     "swung",

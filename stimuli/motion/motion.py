@@ -197,10 +197,8 @@ def motion_of(
     oscillators = Oscillators(
         poles=found, at_points=at_points, of_loads=of_loads, rest_m=bare.static_m
     )
-    alone_m = [
-        (oscillators.weights(load) / -oscillators.poles).sum(axis=1).real
-        for load in range(len(scene.loads))
-    ]
+    driven = (of_loads / -found).transpose(0, 2, 1)
+    alone_m = np.sum(at_points @ driven, axis=0).real.T
     turned = [group.turned for group in bare.groups if isinstance(group, Waves)]
     return Motion(
         oscillators=dataclasses.replace(oscillators, rest_m=bare.static_m - alone_m),
@@ -336,10 +334,20 @@ def _work(load: Load, functions: Functions, most_rad_m: float) -> Real:
     return np.asarray(weights @ functions.at(nodes_m))
 
 
-@lru_cache(maxsize=4)
 def _at_rest_m(scene: Scene) -> Real:
     """Return the static field: of all sections of a long plate it is the same."""
-    return at_rest(scene, _STATIC_RTOL)
+    known = _known_at_rest_m(dataclasses.replace(scene, points_m=scene.points_m[:1]))
+    new = tuple(point for point in scene.points_m if point not in known)
+    if new:
+        found_m = at_rest(dataclasses.replace(scene, points_m=new), _STATIC_RTOL)
+        known.update(zip(new, found_m.T, strict=True))
+    return np.stack([known[point] for point in scene.points_m], axis=1)
+
+
+@lru_cache(maxsize=4)
+def _known_at_rest_m(_: Scene) -> dict[tuple[float, float], Real]:
+    """Return what is known of the static field of a scene, whatever its points: of each its own."""
+    return {}
 
 
 def _all_nodes(scene: Scene, highest_hz: float) -> list[tuple[Real, Real]]:

@@ -253,7 +253,7 @@ def test_what_is_not_known_with_fingers_is_refused_by_the_users_keys(
     def unknown(*_: object, **__: object) -> None:
         raise ValueError("fingertips must have no impedance where modes do not give rtol = 0.003")
 
-    monkeypatch.setattr("stimuli.felt", unknown)
+    monkeypatch.setattr("experiment.study.physics.felt_of", unknown)
     with pytest.raises(StudyError, match=r"\[finger_load\] on this .* length_mm$") as caught:
         study_gains(study_from_text(LONG, "s.toml"))
     assert "rtol" not in str(caught.value)

@@ -258,7 +258,7 @@ def test_a_drive_that_ends_too_sharply_is_told_what_helps(monkeypatch: pytest.Mo
     def refused(*_: Any) -> Any:
         raise ValueError("rtol must be at least 0.1 for this drive and scene, got 0.003")
 
-    monkeypatch.setattr("stimuli.felt", refused)
+    monkeypatch.setattr("experiment.study.physics.felt_of", refused)
     with pytest.raises(StudyError, match=r"ends too sharply .* fade the file out") as caught:
         study_gains(paper_study())
     assert "rtol" not in str(caught.value)

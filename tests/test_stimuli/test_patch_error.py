@@ -23,7 +23,8 @@ from stimuli import (
     causal,
     felt,
 )
-from stimuli.fingers.fingertip import asked, felt_error
+from stimuli.fingers.fingertip import asked
+from stimuli.fingers.work import felt_known
 from stimuli.motion.motion import motion_of, reference_of
 from stimuli.motion.patches import around, functions, matrices
 from stimuli.motion.peaks import peaks_of, wait_of
@@ -104,7 +105,8 @@ def by_elements(plate: Plate, size_m: float) -> Real:
 @pytest.mark.parametrize("seed", range(3))
 def test_rectangles_are_known_as_well_as_told_by_finite_elements(seed: int) -> None:
     plate = drawn(seed, round_ones=False)
-    found, told = felt(*plate), felt_error(*plate)
+    found, told = felt(*plate), felt_known(*plate).error_m
+    assert told is not None
     true = by_elements(plate, plate[0].width_m / 20)
     assert np.all(abs(found - true) <= told)
     assert np.all(np.diag(told) <= 0.01 * np.diag(found))
@@ -132,7 +134,8 @@ def finer(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
 def test_discs_are_known_as_well_as_told(seed: int, request: pytest.FixtureRequest) -> None:
     plate = drawn(seed, round_ones=True)
     strip, _, _, burst = plate
-    found, told = felt(*plate), felt_error(*plate)
+    found, told = felt(*plate), felt_known(*plate).error_m
+    assert told is not None
     request.getfixturevalue("finer")
     scene, places, far_m = asked(*plate)
     motion = motion_of(scene, reference_of(scene, burst), 11.0)

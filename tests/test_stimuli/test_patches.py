@@ -31,7 +31,7 @@ from stimuli import (
     load_per_volt,
     transient,
 )
-from stimuli.fingers.fingertip import felt_error
+from stimuli.fingers.work import felt_known
 from stimuli.motion.modes import plate_modes
 from stimuli.motion.motion import motion_of, steady
 from stimuli.motion.patches.patched import _patched_modes, patched_modes
@@ -328,7 +328,8 @@ def test_the_estimate_is_above_the_error(patches: tuple[BondedPatch, ...]) -> No
     strip = bearing(on(FIRM, LENGTH_M, viscous_s=5e-7), *patches)
     loads = [moment(one) for one in patches]
     tips = [Fingertip(x_m=one.x_m, y_m=one.y_m) for one in patches]
-    found, error = felt(strip, loads, tips, BURST), felt_error(strip, loads, tips, BURST)
+    found, error = felt(strip, loads, tips, BURST), felt_known(strip, loads, tips, BURST).error_m
+    assert error is not None
     scene, places, far_m = asked(strip, loads, tips, BURST)
     wait_s = wait_of(strip, far_m)
     finer = peaks_of(motion_of(scene, 2900.0, 22.0), places, BURST, wait_s=wait_s).peak_m
