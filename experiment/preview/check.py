@@ -221,8 +221,8 @@ def check_study(
                 TriedGains(
                     gains=one, loss_factor=None if stated else loss, loaded=holds and not bare
                 )
-                for loss in losses
                 for bare in ((False, True) if rests else (True,))
+                for loss in losses
                 for one, holds in zip(study_gains(study, loss, bare=bare), loaded, strict=True)
             )
         gains = tuple(one.gains for one in bracket) if gains is None else gains

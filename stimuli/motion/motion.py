@@ -271,7 +271,7 @@ class Bare(NamedTuple):
         )
 
 
-@lru_cache(maxsize=4)
+@lru_cache(maxsize=8)
 def bare_of(
     scene: Scene, highest_hz: float, within_hz: float, period_m: float | None = None
 ) -> Bare:
