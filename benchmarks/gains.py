@@ -226,9 +226,10 @@ def distribution() -> list[str]:
 
 REASONS: Final = """\
 What takes more than wanted, and why:
-[decision 11](decisions/0011-time-of-a-gain-matrix.md). On plates of 2 mm the cut-off is a hundred
-kilohertz and more: what rings after a corner is looked at thousands of times in each millisecond
-until it has decayed. The level at the other finger is -70 dB and less there.
+[decision 11](decisions/0011-time-of-a-gain-matrix.md), also before and after of narrow plates with
+fingers. On plates of 2 mm the cut-off is a hundred kilohertz and more: what rings after a corner
+has to be looked at until it is known to be lower than what was found. The level at the other finger
+is -70 dB and less there.
 """
 
 
