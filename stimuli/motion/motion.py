@@ -19,13 +19,7 @@ from stimuli.motion.multiples import upwards
 from stimuli.motion.oscillators import Oscillators, swung
 from stimuli.motion.patches.patched import PatchedModes, has_room, patched_modes
 from stimuli.motion.section import ECHOED, without_far_ends
-from stimuli.motion.standing_waves import (
-    Waves,
-    nodes_of,
-    rim_of,
-    strip_waves,
-    wavenumber_rad_m,
-)
+from stimuli.motion.standing_waves import Waves, nodes_of, rim_of, strip_waves, wavenumber_rad_m
 from stimuli.strip.edge import ElasticEdge
 from stimuli.strip.patch import BondedPatch, Layer
 
