@@ -10,7 +10,7 @@ from collections import deque
 from contextlib import ExitStack, contextmanager
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 import click
 
@@ -317,15 +317,27 @@ def _stopped(tell: Callable[[Promise], str]) -> Iterator[Callable[[Promise], obj
         raise
 
 
+_STATE_INSTEAD: Final = (
+    "--pilot reads sessions that tactstrip recorded: after a table made elsewhere state "
+    "threshold_vpp, threshold_sd_db and, for a difference, difference_sd_db under [simulation], as "
+    "its report tells them (docs/power.md, 2)"
+)
+
+
 def _people(study: Study, goal: Goal, pilot: Path | None, whose: str) -> People:
     """Return the people of a pilot, of the study, or of the literature."""
     from analysis.power.population import literature_people, pilot_people, stated_people
     from analysis.reading.load import read_trials
+    from analysis.reading.text import ELSEWHERE, ResultFileError
 
     if pilot is not None and whose != "stated":
         raise CommandError("--pilot and --people literature exclude each other; got both")
     if pilot is not None:
-        return pilot_people(study, goal, read_trials([pilot]), str(pilot))
+        try:
+            trials = read_trials([pilot])
+        except ResultFileError as error:
+            raise CommandError(str(error).replace(ELSEWHERE, _STATE_INSTEAD)) from error
+        return pilot_people(study, goal, trials, str(pilot))
     return literature_people(study, goal) if whose == "literature" else stated_people(study, goal)
 
 

@@ -88,8 +88,8 @@ class MedianThreshold:
             else "as displacements are known here, state simulation.threshold_um instead"
         )
         return (
-            f"It is the paper's, in volts of its own plate: {remedy}; 'Which levels for a new "
-            "plate', docs/plate.md, tells how."
+            f"It is the paper's, of one cycle of 500 Hz in volts of its own plate: {remedy}; "
+            "'Which levels for a new plate', docs/plate.md, tells how."
         )
 
     @property
@@ -104,6 +104,8 @@ class MedianThreshold:
                     "or let the plate move more"
                 )
             expect = f"expect an open interval, or only a bound{remedy}"
+            if self.source_doubt:
+                expect = "a dry run has an open interval, or only a bound; people may well differ"
             return f"All levels lie {self.levels_lie} that{beyond}: {expect}; {_SEE}"
         return self._barely
 

@@ -2,7 +2,7 @@ from .dispersion import relation
 from .edge import CLAMPED, SIMPLY_SUPPORTED, ElasticEdge, IdealEdge
 from .material import ALUMINIUM, MATERIALS, Material
 from .patch import BondedPatch, Laminate, Layer, cutoff_factor, laminate, layer_of
-from .roots import section_roots
+from .roots import clamped_roots, section_roots
 from .strip import Strip
 from .waves import ratio, supported_cutoff_hz
 
@@ -18,6 +18,7 @@ __all__ = [
     "Layer",
     "Material",
     "Strip",
+    "clamped_roots",
     "cutoff_factor",
     "laminate",
     "layer_of",

@@ -68,7 +68,8 @@ def test_a_threshold_in_volts_has_its_micrometres_where_they_are_known() -> None
     assert "is unknown until a displacement is measured" in unmeasured
     both = told(f"[design]\nlevels_vpp = [1, 2]\n{LEFT}{RIGHT}", HALF).lines
     (line,) = [one for one in both if "All levels lie below that" in one]
-    assert "It is the paper's, in volts of its own plate" in line
+    assert "It is the paper's, of one cycle of 500 Hz in volts of its own plate" in line
+    assert "a dry run has an open interval" in line
 
 
 @pytest.mark.parametrize(

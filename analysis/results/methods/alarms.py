@@ -166,7 +166,7 @@ def _of_two(analysis: Analysis, one: Pair, told: _Verdict, beside: str) -> Itera
             yield level_words(levels, one)
     else:
         yield f"false alarms are not told apart ({words})"
-        if push and not one.took_turns:
+        if push:
             yield f"if anything {push}"
     if one.took_turns:
         yield _taken_together(analysis, one)
@@ -178,9 +178,9 @@ def _taken_together(analysis: Analysis, one: Pair) -> str:
     alarms = sum(round(row["p"] * row["presented"]) for row in rows)
     blanks = sum(int(row["presented"]) for row in rows)
     return (
-        "conditions took turns: if nothing told participants which was coming, blanks of both are "
-        "the same event, a difference of false alarms is chance, and their rate in all of them is "
-        f"to be quoted, {alarms} of {blanks} ({_percent(alarms / blanks)} %)"
+        "conditions took turns: if nothing told participants which was coming, a difference of "
+        "false alarms is chance, as blanks of both are the same event, and the rate in all of them "
+        f"is to be quoted, {alarms} of {blanks} ({_percent(alarms / blanks)} %)"
     )
 
 
