@@ -270,15 +270,15 @@ def section(count: int = PLATES) -> str:
     draw(rows, slow_s, elements)
     lines += [
         "The paper's plates by the modes up to so many first cut-offs: level beside that by modes",
-        "up to forty, and processor time ([figure](motion.png)):",
+        "up to forty, and processor time, in dB and ms ([figure](motion.png)):",
         "",
         f"| | {' | '.join(f'{m:g} x' for m in TOLD)} | spectra |",
         f"|---|{'---|' * (len(TOLD) + 1)}",
     ]
     for name, points in rows.items():
         some = [point for m, point in zip(MULTIPLES, points, strict=True) if m in TOLD]
-        cells = " | ".join(f"{error:.2g} dB, {duration(took_s)}" for took_s, error in some)
-        lines.append(f"| {name} | {cells} | {duration(slow_s[name])} |")
+        cells = " | ".join(f"{error:.2g}, {1e3 * took_s:.3g}" for took_s, error in some)
+        lines.append(f"| {name} | {cells} | {1e3 * slow_s[name]:.0f} |")
     shown = [i for i, size_mm in enumerate(GRIDS_MM) if size_mm in GRIDS_TOLD_MM]
     grids = " | ".join(f"{GRIDS_MM[i]:g} mm" for i in shown)
     lines += [
@@ -289,6 +289,6 @@ def section(count: int = PLATES) -> str:
         f"|---|{'---|' * len(shown)}",
     ]
     for name, points in elements.items():
-        cells = " | ".join(f"{points[i][1]:.2g} dB, {duration(points[i][0])}" for i in shown)
+        cells = " | ".join(f"{points[i][1]:.2g}, {1e3 * points[i][0]:.0f}" for i in shown)
         lines.append(f"| {name} | {cells} |")
     return "\n".join([*lines, ""])

@@ -97,7 +97,7 @@ class Promise:
     @property
     def wanted(self) -> str:
         """Say what was asked for."""
-        return f"{self.goal.words}, in {self.assurance:.0%} of studies"
+        return f"{self.goal.words}, in at least {self.assurance:.0%} of studies"
 
     @property
     def reaching(self) -> str:

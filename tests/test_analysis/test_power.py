@@ -591,7 +591,7 @@ def test_a_goal_out_of_reach_is_an_answer_and_no_error(tmp_path: Path) -> None:
     answer, closest = done.stdout.splitlines()[:2]
     assert answer == (
         "No number within the bounds, 1 to 2 participants, is enough: false alarms bounded at 1 % "
-        "(95 %), in 80% of studies."
+        "(95 %), in at least 80% of studies."
     )
     assert re.fullmatch(
         r"Of 200 studies with 2 participants 0% \(0% to 2%\) reach it: with the rates below people "
