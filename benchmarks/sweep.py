@@ -220,8 +220,8 @@ def section() -> str:
                 "node), and above some eleven first cut-offs of a clamped strip (each frequency "
                 "is solved). Why loss and a cut-off cost no more: [decision "
                 "8](decisions/0008-one-frequency.md). "
-                f"Steel and glass take at most {_most_alike(found):.2f} times as long as aluminium, "
-                "and the supported strip across as below."
+                f"Steel and glass take at most {_most_alike(found):.2f} times as long as "
+                "aluminium, and the supported strip across as below."
             ),
             "",
         ]
