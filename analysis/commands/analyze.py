@@ -208,6 +208,6 @@ def analyze(
         bar=True,
     )
     print_analysis(analysis, sys.stdout)
-    click.echo(f"Written to {target}")
+    click.echo(f"Written to {target}{'' if pdf or no_figures else '; --pdf: figures as PDF, too'}")
     if strict and analysis.warnings:
         click.get_current_context().exit(ANSWER_IS_NO)

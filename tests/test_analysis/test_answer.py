@@ -472,7 +472,7 @@ SENTENCES: dict[str, Callable[[re.Match[str], Analysis], None]] = {
     ),
     r"(?P<number>\d+) of (?P<of>\d+) functions? fits? best at the largest lapse rate allowed, 10 % "
     r'\(status "lapse at bound".*?\), (?:which is common .+ leave a threshold out|(?P<many>'
-    r"no reason .+ in the second))": lapsing,
+    r"no reason .+ 0.6 dB too high))": lapsing,
 }  # fmt: skip
 
 

@@ -6,6 +6,7 @@ import math
 from typing import TYPE_CHECKING, Any, Final
 
 from analysis.axis import half_up
+from analysis.definitions import LAPSES_ERROR
 from analysis.thresholds.fit import WITH_THRESHOLD
 from analysis.thresholds.goodness import REPLICATES
 
@@ -102,6 +103,12 @@ def lapses_words(thresholds: pd.DataFrame) -> str:
         f"{len(rows)} of {fitted} function{some} {fit} best at the largest lapse rate allowed, "
         f'10 % (status "lapse at bound"{_named(rows, thresholds)})'
     )
+
+
+def lapses_for_paper(thresholds: pd.DataFrame) -> str:
+    """Say the same, and of a large share what it means for the group."""
+    told = lapses_words(thresholds)
+    return f"{told}; {LAPSES_ERROR}" if told and at_bound_often(thresholds) else told
 
 
 def at_bound_often(thresholds: pd.DataFrame) -> bool:

@@ -12,7 +12,7 @@ from analysis.results.methods.alarms import compared_words, rates_words, short_a
 from analysis.results.methods.caption import caption_words
 from analysis.results.methods.left_out import left_out_for_paper
 from analysis.results.methods.looked import looked_words
-from analysis.results.methods.misfit import lapses_words, misfit_words
+from analysis.results.methods.misfit import lapses_for_paper, misfit_words
 from analysis.results.methods.presented import (
     both_words,
     design_words,
@@ -95,7 +95,7 @@ def methods_of(analysis: Analysis, plans: Planned | None = None, *, drawn: bool 
         short_alarms=short_alarm_words(analysis),
         hits=hit_words(analysis),
         misfit=misfit_words(analysis.thresholds),
-        lapses=lapses_words(analysis.thresholds),
+        lapses=lapses_for_paper(analysis.thresholds),
         looked=looked_words(analysis),
         own_model=own_model_words(analysis),
         alarms=" ".join(compared_words(analysis)),
