@@ -142,12 +142,15 @@ def _view_facts() -> dict[str, Any]:
 
 
 def _until_asked(far: int) -> None:
-    """Read a terminal until the session awaits an answer there."""
-    seen, until_s = b"", time.monotonic() + PATIENCE_S
+    """Leaf through the pages at a terminal until the session awaits an answer there."""
+    seen, pages, until_s = b"", 0, time.monotonic() + PATIENCE_S
     while b" ?" not in seen:
         if not select.select([far], [], [], max(0.0, until_s - time.monotonic()))[0]:
             raise TimeoutError(f"no answer was asked for; got {seen!r}")
         seen += os.read(far, 4096)
+        if seen.count(b"Enter goes on") > pages:
+            pages += 1
+            os.write(far, b"\n")
 
 
 def _processor_s(pid: int) -> float:
