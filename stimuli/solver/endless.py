@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from stimuli.solver.contour import contour
-from stimuli.solver.guided import Guided, guided
+from stimuli.solver.guided import Guided, guided, near_cutoff
 from stimuli.solver.source import Answered, Question, far_clearance, inside_excess, transformed
 
 if TYPE_CHECKING:
@@ -31,7 +31,7 @@ _FAINTEST: Final = 30.0
 """Nepers over which a wave that comes in from afar dies out before it counts."""
 
 _LEAST_ROOM: Final = 1e-6
-_TINY: Final = 0.02
+_TINY: Final = 0.06
 """Rounding grows as this over the size of a small load in widths."""
 
 _FOLLOWING: Final = 8
@@ -204,8 +204,7 @@ def _far(question: Question, waves: Waves) -> _Sum:
 def _near(question: Question, waves: Waves) -> _Sum:
     """Return the guided waves below a path and the integral along it, (47) and (48)."""
     source, modes = question.source, waves.known
-    sizes = (2 * source.half_length, source.span.length, source.radius, 1.0)
-    finest = min(size for size in sizes if size > 0)
+    finest = _finest(source)
     rtol = question.rtol * _room(question) ** 2
     nearest = max(float(np.min(question.distance)) - source.half_length, 0.0)
     path = contour(
@@ -228,6 +227,12 @@ def _near(question: Question, waves: Waves) -> _Sum:
     error = rest.error + _UNSIGNED * amount + _rounding(question, modes, terms)
     error += _EPS * _TINY / finest * np.abs(rest.value)
     return _Sum(value=terms.sum(axis=1) + rest.value, drift=leaked.sum(axis=1), error=error)
+
+
+def _finest(source: Source) -> float:
+    """Return the least length of a load in widths, 1 of one at a point."""
+    sizes = (2 * source.half_length, source.span.length, source.radius, 1.0)
+    return min(size for size in sizes if size > 0)
 
 
 def _room(question: Question) -> float:
@@ -314,8 +319,14 @@ def _rounding(question: Question, modes: Guided, terms: Complex) -> Real:
         apart = k2 / size
     pairing = 1 + size / np.maximum(apart, 1e-12 * size)
     relative = _EPS * (2 * pairing + _CANCELLATION * size / k2)
-    relative += 2 * _EXACT_EPS * k2 / np.maximum(size, 1e-150) ** 2
-    turning = (_EPS * pairing * size)[..., np.newaxis] * question.distance
+    relative += _EPS * _TINY / _finest(question.source)
+    relative += 4 * _EXACT_EPS * k2 / np.maximum(size, 1e-150) ** 2
+    turning = _EPS * pairing * size
+    if modes.lack:
+        lack = np.where(near_cutoff(size**2, question.k[:, np.newaxis]), 0, modes.lack * pairing)
+        relative += lack / np.maximum(size, 1e-150) ** 2
+        turning += lack / np.maximum(size, 1e-150)
+    turning = turning[..., np.newaxis] * question.distance
     return np.asarray((np.abs(terms) * (relative[..., np.newaxis] + turning)).sum(axis=1))
 
 

@@ -145,7 +145,7 @@ def over_frequency(question: Question, signs: tuple[int, ...], grid: Grid) -> An
             carried = residues * _carried(question.source, p, question.distance)
             value = value - carried[_EVERY_OTHER].sum(axis=1)
             way = _pairs if count == 1 or waves.known.branch is not None else _block
-            parts.append(way(question, p, residues, grid))
+            parts.append(way(question, p, residues, grid, waves.known.lack))
     last = np.abs(grid.coarse_last @ value)
     fall = np.max(last[1:] / np.maximum(last[:-1], _TINIEST), axis=0)
     fall = np.clip(fall, grid.ratio, 1.0)
@@ -172,7 +172,7 @@ def _taken(question: Question, waves: Waves, count: int) -> tuple[Complex, Compl
     return p, p[..., np.newaxis] * strength
 
 
-def _pairs(question: Question, p: Complex, residues: Complex, grid: Grid) -> Answered:
+def _pairs(question: Question, p: Complex, residues: Complex, grid: Grid, lack: float) -> Answered:
     """Return the sum of pairs of waves at all places, each pair by its quadratic, (87)."""
     count = p.shape[1] // 2
     z, shape = p * p, (-1, count, question.distance.size)
@@ -197,8 +197,9 @@ def _pairs(question: Question, p: Complex, residues: Complex, grid: Grid) -> Ans
     amount = np.abs(first) + np.abs(second)
     steep = _steepness(question, np.minimum(size[:, :count], size[:, count:]))
     missing, size = grid.left_out(squares), 1 + np.abs(middle)
-    about = (missing[:, :count] + _EPS * size)[..., np.newaxis]
-    about = about + (missing[:, count:] + _EPS * size**2)[..., np.newaxis] * steep
+    rounding = _EPS * size + lack
+    about = (missing[:, :count] + rounding)[..., np.newaxis]
+    about = about + (missing[:, count:] + rounding * size)[..., np.newaxis] * steep
     missing = grid.left_out(flat)
     error = amount * steep * about + np.abs(mean) * missing[:, :width].reshape(shape)
     error += np.abs(slope) * missing[:, width:].reshape(shape)
@@ -234,7 +235,7 @@ def _both(
     return mean, slope
 
 
-def _block(question: Question, p: Complex, residues: Complex, grid: Grid) -> Answered:
+def _block(question: Question, p: Complex, residues: Complex, grid: Grid, lack: float) -> Answered:
     """Return the sum of more waves at all places, as roots of one polynomial, (87)."""
     z = p * p
     n, count = z.shape
@@ -273,7 +274,8 @@ def _block(question: Question, p: Complex, residues: Complex, grid: Grid) -> Ans
 
     amount = np.abs(terms)
     alone = (nearest / (nearest + _APART))[..., np.newaxis]
-    moved = grid.left_out(coefficients).sum(axis=1)[:, np.newaxis, np.newaxis] + count * _EPS
+    moved = grid.left_out(coefficients).sum(axis=1)[:, np.newaxis, np.newaxis]
+    moved = moved + count * (_EPS + lack / scale)
     missing = grid.left_out(numerators).reshape(-1, count, question.distance.size)
     missing = missing.sum(axis=1, keepdims=True)
     error = amount * alone**2 * scale * moved / np.abs(slope) * _steepness(question, np.abs(p))

@@ -93,6 +93,21 @@ class Tally:
         assert np.mean(self.narrow) >= 0.99
 
 
+@pytest.mark.parametrize("loss", [0.0, 1e-6, 0.009])
+@pytest.mark.parametrize("sign", [1, -1])
+def test_waves_between_clamps_from_the_table_lack_no_more_than_they_say(
+    sign: int, loss: float
+) -> None:
+    k = (np.linspace(0.05, 7.1, 500) * (1 - 0.25j * loss)).astype(np.complex128)
+    found, sought = (guided(k, np.zeros_like(k), 4, sign, rtol) for rtol in (1e-6, 0.0))
+    assert found.lack > sought.lack == 0.0
+    apart = np.abs(np.diff(sought.p, axis=1, prepend=np.inf, append=np.inf))
+    pairing = 1 + np.abs(sought.p) / np.minimum(apart[:, 1:], apart[:, :-1])
+    # two waves of a pair may come in either order
+    missing = np.abs(found.p[:, :, np.newaxis] ** 2 - sought.p[:, np.newaxis] ** 2).min(axis=1)
+    assert np.all(missing <= found.lack * pairing)
+
+
 @pytest.mark.slow
 def test_the_estimate_is_no_less_than_the_error_and_at_most_a_hundred_times_it() -> None:
     rng, tally = np.random.default_rng(21), Tally()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -15,7 +16,9 @@ from stimuli import (
     CLAMPED,
     SIMPLY_SUPPORTED,
     ElasticEdge,
+    ForceRectangle,
     Load,
+    Material,
     PressureDisc,
     PressureRectangle,
     Strip,
@@ -101,6 +104,42 @@ def test_hard_values_are_right_and_beside_a_cutoff_the_estimate_tells_the_digits
     else:
         # at a detuning of 1e-12 the field is known to the rounding of a long double over that
         assert estimate_m < 20 * LONG_EPS / 1e-12 * abs(true_m)
+
+
+def drawn_plate(rng: np.random.Generator, edge: Edge, loss: float) -> Strip:
+    width_m = rng.uniform(0.005, 0.1)
+    material = Material(
+        youngs_modulus_pa=10 ** rng.uniform(9, 11.5),
+        poisson_ratio=rng.uniform(0.05, 0.45),
+        density_kg_m3=rng.uniform(900, 9000),
+        loss_factor=loss,
+    )
+    thickness_m = width_m * rng.uniform(0.005, 0.05)
+    return Strip(width_m=width_m, thickness_m=thickness_m, material=material, edge=edge)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(12))
+def test_on_drawn_plates_the_estimate_lies_above_the_error(seed: int) -> None:
+    """Next to a cut-off, many widths away, and under a load of next to no size."""
+    rng = np.random.default_rng(seed)
+    edge, kind = (HELD, HELD, FREE)[seed // 4], seed % 4
+    strip = drawn_plate(rng, edge, 10 ** rng.uniform(-13, -2) if kind == 1 else 0.0)
+    width_m, lossless = strip.width_m, replace(strip.material, loss_factor=0.0)
+    cutoff_hz = replace(strip, material=lossless).cutoff_hz()
+    y_m, place_m = rng.uniform(0.15, 0.85, 2) * width_m
+    load, frequency_hz, x_m = force(0.0, y_m), cutoff_hz * rng.uniform(0.05, 5), 3 * width_m
+    if kind < 2:
+        frequency_hz = cutoff_hz * (1 + rng.choice([-1, 1]) * 10 ** rng.uniform(-13, -8))
+    elif kind == 2:
+        x_m = width_m * 10 ** rng.uniform(-1, 3)
+    else:
+        size_m, x_m = width_m * 10 ** rng.uniform(-7, -4), width_m * rng.uniform(0, 1)
+        load = patch(size_m, size_m, y_m=y_m, kind=ForceRectangle)
+    true_m = complex(exact(strip, load, x_m, place_m, frequency_hz))
+    for rtol in (1e-6, 1e-10):
+        found = strict(strip, load, x_m, place_m, frequency_hz, rtol)
+        assert abs(found.displacement_m[0, 0, 0] - true_m) <= found.error_m[0, 0, 0]
 
 
 @pytest.mark.slow
