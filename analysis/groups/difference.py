@@ -94,7 +94,21 @@ def paired_difference(
     """Return the difference of a group, and of each of its people, who took part in both."""
     pairs = _pairs(found_a, found_b, ruler)
     people = [_told(one.d, trapezoid(one.m) @ one.values) for one in pairs]
-    return _of_group(pairs, ruler, people), people
+    return _of_group(pairs, ruler, people)[0], people
+
+
+def drawn_spreads(
+    found: tuple[Sequence[Surface], Sequence[Surface]],
+    ruler: Ruler,
+    number: int,
+    rng: np.random.Generator,
+) -> Floats:
+    """Draw tau_d of the same people's surfaces in two conditions from its posterior, in dB."""
+    pairs = _pairs(*found, ruler)
+    people = [_told(one.d, trapezoid(one.m) @ one.values) for one in pairs]
+    nodes, density = _of_group(pairs, ruler, people)[1]
+    steps = np.concatenate([[0.0], np.cumsum((density[1:] + density[:-1]) / 2 * np.diff(nodes))])
+    return np.asarray(np.interp(rng.random(number) * steps[-1], steps, nodes))
 
 
 def unpaired_difference(a: Hierarchy, b: Hierarchy) -> Difference:
@@ -199,7 +213,10 @@ def _laid(a: tuple[Floats, Floats], b: tuple[Floats, Floats], m: Floats, d: Floa
     return _Pair(m=m, d=d, values=values / max(values.max(), _TINY))
 
 
-def _of_group(pairs: Sequence[_Pair], ruler: Ruler, people: Sequence[Difference]) -> Difference:
+def _of_group(
+    pairs: Sequence[_Pair], ruler: Ruler, people: Sequence[Difference]
+) -> tuple[Difference, tuple[Floats, Floats]]:
+    """Return the group's difference, and the density of tau_d over its nodes."""
     middle = np.linspace(ruler.low - REACH, ruler.high + REACH, 17)
     spread = 0.1 + 14.0 * np.linspace(0, 1, 5) ** 1.7
     shift = np.linspace(-_FARTHEST, _FARTHEST, 33)
@@ -229,16 +246,18 @@ def _of_group(pairs: Sequence[_Pair], ruler: Ruler, people: Sequence[Difference]
             for (low, high), (n, power) in zip(boxes, counts, strict=True)
         )
     cells *= _prior(shift)[:, None]
-    low_db, middle_db, high_db = _points_of_few(_margin(cells, axes, 3), between)
-    return replace(
+    nodes, density = _finer(_margin(cells, axes, 3), between)
+    low_db, middle_db, high_db = quantiles(density[None], nodes)[0]
+    difference = replace(
         _told(shift, of_shift, open_ends),
         spread_db=float(middle_db),
         spread_limits_db=(float(low_db), float(high_db)),
     )
+    return difference, (nodes, density)
 
 
-def _points_of_few(density: Floats, x: Floats) -> Floats:
-    """Return the limits and the median of a density that is known at a dozen nodes only.
+def _finer(density: Floats, x: Floats) -> tuple[Floats, Floats]:
+    """Return nodes and a density there that is known at a dozen nodes only.
 
     A curve through its logarithms tells limits better than lines between its values.
     """
@@ -246,7 +265,7 @@ def _points_of_few(density: Floats, x: Floats) -> Floats:
 
     nodes = np.linspace(x[0], x[-1], _SPREAD_NODES)
     curve = CubicSpline(x, np.log(np.maximum(density, _TINY)))
-    return np.asarray(quantiles(np.exp(curve(nodes))[None], nodes)[0])
+    return nodes, np.exp(curve(nodes))
 
 
 def _margin(cells: Floats, axes: Sequence[Floats], kept: int) -> Floats:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from analysis.answers.intervals import checked_counts
-from analysis.groups.difference import paired_difference, unpaired_difference
+from analysis.groups.difference import drawn_spreads, paired_difference, unpaired_difference
 from analysis.groups.hierarchy import hierarchy
 from analysis.thresholds.density import Ruler
 from analysis.thresholds.fit import (
@@ -216,6 +216,17 @@ def group_draws(
     return middle * ruler.step, spread * ruler.step, log_sigma + math.log(ruler.step)
 
 
+def difference_spread_draws(
+    a: PeopleTables, b: PeopleTables, number: int, rng: np.random.Generator
+) -> Floats:
+    """Draw how much the same people's difference of two conditions differs, in dB.
+
+    From its posterior, on a logarithmic axis.
+    """
+    ruler = _ruler_of(a, b)
+    return drawn_spreads((a.surfaces(ruler), b.surfaces(ruler)), ruler, number, rng)
+
+
 @on_one_thread
 def compare_conditions(
     levels_vpp: ArrayLike,
@@ -296,7 +307,7 @@ def difference_on_axis(
     a: PeopleTables, b: PeopleTables, *, same_people: bool
 ) -> ConditionDifference:
     """Return the difference of two conditions on a logarithmic axis."""
-    ruler = Ruler.of(np.concatenate([one.x[one.presented > 0] for one in (a, b)]), "log10")
+    ruler = _ruler_of(a, b)
     found = a.surfaces(ruler), b.surfaces(ruler)
     people: list[Difference] = []
     if same_people:
@@ -311,6 +322,10 @@ def difference_on_axis(
         spread_limits_db=group.spread_limits_db,
         people=tuple(people),
     )
+
+
+def _ruler_of(a: PeopleTables, b: PeopleTables) -> Ruler:
+    return Ruler.of(np.concatenate([one.x[one.presented > 0] for one in (a, b)]), "log10")
 
 
 def _told(

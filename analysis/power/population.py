@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from analysis.groups.group import FEW, PeopleTables, group_draws
+from analysis.groups.group import FEW, PeopleTables, difference_spread_draws, group_draws
 from analysis.thresholds.people import people_of
 from experiment.study.sections.simulation import CURVE_KEYS
 from experiment.study.sections.table import stated_of
@@ -201,8 +201,8 @@ def _without_source(keys: Iterable[str]) -> str:
 def pilot_people(study: Study, goal: Goal, trials: pd.DataFrame, where: str) -> People:
     """Return people as a pilot's group tells them: draws of its posterior take turns.
 
-    Threshold, spread and slope are the group fit's; false alarms those of the pilot's blanks; the
-    rest is what the study has.
+    Threshold, spread and slope are the group fit's; false alarms those of the pilot's blanks; how
+    much differences differ is that of people with both conditions; the rest is what the study has.
     """
     people = people_of(trials)
     conditions = sorted({condition for condition, _ in people.names})
@@ -214,8 +214,19 @@ def pilot_people(study: Study, goal: Goal, trials: pd.DataFrame, where: str) -> 
             f"--pilot must hold two people or more in condition {name}; got {len(rows)} in {where}"
         )
     draws = _pilot_draws(people.at(rows), trials, name)
-    source = f"pilot of {len(rows)} people in {where}, median of {_DRAWS} draws"
-    told = {key: (float(np.median([one[key] for one in draws])), source) for key in draws[0]}
+    number = dict.fromkeys(draws[0], len(rows))
+    if goal.kind == "difference":
+        spreads, number[DIFFERENCE_SPREAD] = _difference_spreads(study, people, where)
+        for one, spread in zip(draws, spreads, strict=False):
+            one[DIFFERENCE_SPREAD] = spread
+    source = "pilot of {} people in {}, median of {} draws"
+    told = {
+        key: (
+            float(np.median([one[key] for one in draws])),
+            source.format(number[key], where, _DRAWS),
+        )
+        for key in draws[0]
+    }
     section = asdict(study.simulation) | _KNOWN_ELSEWHERE
     changed = study.changed(simulation=section | {key: value for key, (value, _) in told.items()})
     return People(
@@ -224,12 +235,33 @@ def pilot_people(study: Study, goal: Goal, trials: pd.DataFrame, where: str) -> 
         whose=f"those of the pilot in {where}, and else the study's",
         numbers=_numbers(changed, goal, study, told),
         draws=tuple(draws),
-        warnings=_few(len(rows)),
+        warnings=_few(min(number.values())),
     )
 
 
 _KNOWN_ELSEWHERE: Final = dict.fromkeys(("threshold_um", *CURVE_KEYS))
 """What a pilot's threshold, which is in volts and of this very burst, stands in for."""
+
+
+def _difference_spreads(study: Study, people: PersonCounts, where: str) -> tuple[list[float], int]:
+    """Return draws of how much differences differ, and of how many people; none if it is stated.
+
+    What the pilot tells of it goes before what the study states, as of all else.
+    """
+    one, other = (condition.name for condition in study.conditions[:2])
+    places = {name: i for i, name in enumerate(people.names)}
+    both = [who for condition, who in people.names if condition == one and (other, who) in places]
+    if len(both) < 2:  # noqa: PLR2004
+        if DIFFERENCE_SPREAD in (stated_of(study.simulation).keys or {}):
+            return [], FEW
+        raise ValueError(
+            f"simulation.{DIFFERENCE_SPREAD} must be stated, {_MEANT[DIFFERENCE_SPREAD]}, in dB, "
+            f"or --pilot hold two people or more in both conditions {one} and {other}; got "
+            f"{len(both)} in {where}"
+        )
+    tables = [_tables(people.at([places[name, who] for who in both])) for name in (one, other)]
+    spreads = difference_spread_draws(tables[0], tables[1], _DRAWS, np.random.default_rng(1))
+    return [float(min(spread, 40)) for spread in spreads], len(both)
 
 
 def _few(number: int) -> tuple[str, ...]:
@@ -239,16 +271,19 @@ def _few(number: int) -> tuple[str, ...]:
     return (f"{told} that is mostly the analysis' prior",)
 
 
-def _pilot_draws(people: PersonCounts, trials: pd.DataFrame, name: str) -> list[dict[str, float]]:
-    tables = PeopleTables(
+def _tables(people: PersonCounts) -> PeopleTables:
+    return PeopleTables(
         x=np.log10(people.level_vpp),
         detected=people.detected,
         presented=people.presented,
         guesses=[one.rate for one in people.guesses],
         x_scale="log10",
     )
+
+
+def _pilot_draws(people: PersonCounts, trials: pd.DataFrame, name: str) -> list[dict[str, float]]:
     rng = np.random.default_rng(0)
-    middle, spread, log_sigma = group_draws(tables, _DRAWS, rng)
+    middle, spread, log_sigma = group_draws(_tables(people), _DRAWS, rng)
     blank = trials[trials["kind"].eq("blank") & trials["condition"].eq(name)]
     blank = blank[blank["reason"].eq("")]
     alarms = int(blank["response"].isin(["left", "right", "both"]).sum())

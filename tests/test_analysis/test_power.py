@@ -858,6 +858,45 @@ def test_a_pilot_gives_people_like_its_own(tmp_path: Path) -> None:
     assert "pilot of 12 people" in people.numbers[0].source
 
 
+TWO = """
+[[condition]]
+name = "bare"
+[[condition]]
+name = "glove"
+"""
+
+
+def two_conditions(people: str) -> Study:
+    return study_from_text(
+        "[design]\nlevels_vpp = [30.0, 50.0, 70.0, 100.0, 150.0, 200.0]\ntrials_per_side = 60\n"
+        f"[simulation]\nthreshold_vpp = 70.0\nthreshold_sd_db = 3.0\n{people}\n{TWO}",
+        "study.toml",
+    )
+
+
+@pytest.mark.slow
+def test_a_pilot_of_two_conditions_tells_how_much_their_difference_differs(tmp_path: Path) -> None:
+    true = two_conditions("difference_db = 3.0\ndifference_sd_db = 2.5")
+    for _ in simulate_study(true, tmp_path, participants=14, seed=3):
+        pass
+    goal, trials = Goal.parse("difference=2dB"), read_trials([tmp_path])
+    people = pilot_people(two_conditions(""), goal, trials, "there")
+    drawn = [one["difference_sd_db"] for one in people.draws]
+    low, high = np.quantile(drawn, (0.025, 0.975))
+    assert 1.2 < low < 2.5 < high < 5.0
+    (told,) = (one for one in people.numbers if one.key == "difference_sd_db")
+    assert told.value == np.median(drawn)
+    assert told.source == "pilot of 14 people in there, median of 400 draws"
+    # of one condition a pilot does not tell it: it has to be stated, and is then as stated
+    one = trials[trials["condition"].eq("bare")]
+    with pytest.raises(ValueError, match=r"difference_sd_db must be stated, .* got 0 in there"):
+        pilot_people(two_conditions(""), goal, one, "there")
+    stated = pilot_people(two_conditions("difference_sd_db = 0.7"), goal, one, "there")
+    assert "difference_sd_db" not in stated.draws[0]
+    assert stated.study.simulation.difference_sd_db == 0.7
+    assert "difference_sd_db" not in pilot_people(true, HALF_WIDTH, trials, "there").draws[0]
+
+
 @pytest.mark.parametrize(
     ("goal", "study", "told"),
     [
