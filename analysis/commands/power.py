@@ -10,7 +10,7 @@ from collections import deque
 from contextlib import ExitStack, contextmanager
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -44,7 +44,7 @@ _IN_SECONDS_S = 55.0
 _GROUPS = {
     "What is asked": ("goal_text", "participants", "assurance"),
     "The design": ("trials", "blanks", "levels"),
-    "The people": ("pilot", "whose"),
+    "The people": ("pilot", "columns", "whose"),
     "Where it is computed": ("seed", "workers", "scheduler", "keep"),
 }
 
@@ -184,7 +184,13 @@ def _predicted(least_s: float, most_s: float) -> str:
     "--pilot",
     type=click.Path(path_type=Path),
     metavar="DIR",
-    help="Take the people from the sessions of a pilot.",
+    help="Take the people from the sessions of a pilot, or from a table made elsewhere.",
+)
+@click.option(
+    "--columns",
+    type=click.Path(path_type=Path),
+    metavar="MAP.toml",
+    help="Of a --pilot made elsewhere, as for analyze; its volts are the study's.",
 )
 @click.option(
     "--people",
@@ -228,6 +234,7 @@ def power(
     levels: str,
     assurance: float,
     pilot: Path | None,
+    columns: Path | None,
     whose: str,
     seed: int | None,
     workers: int,
@@ -254,7 +261,7 @@ def power(
     if seed is None:
         seed = int((computed_in(keep) if keep else {}).get("seed", secrets.randbits(32)))
     with told_by_file(study_file):
-        people = _people(read_study(study_file), goal, pilot, whose)
+        people = _people(read_study(study_file), goal, pilot, columns, whose)
     computed = {"study": people.study.sha256, "goal": goal_text, "seed": seed}
     tell = told_as_json if as_json else text
     spreading = _spreading(workers, scheduler, keep, computed)
@@ -317,28 +324,22 @@ def _stopped(tell: Callable[[Promise], str]) -> Iterator[Callable[[Promise], obj
         raise
 
 
-_STATE_INSTEAD: Final = (
-    "--pilot reads sessions that tactstrip recorded: after a table made elsewhere state "
-    "threshold_vpp, threshold_sd_db and, for a difference, difference_sd_db under [simulation], as "
-    "its report tells them (docs/power.md, 2)"
-)
-
-
-def _people(study: Study, goal: Goal, pilot: Path | None, whose: str) -> People:
+def _people(
+    study: Study, goal: Goal, pilot: Path | None, columns: Path | None, whose: str
+) -> People:
     """Return the people of a pilot, of the study, or of the literature."""
     from analysis.power.population import literature_people, pilot_people, stated_people
-    from analysis.reading.load import read_trials
-    from analysis.reading.text import ELSEWHERE, ResultFileError
+    from analysis.reading.foreign.columns import load_column_map
+    from analysis.reading.load import read_inputs
 
     if pilot is not None and whose != "stated":
         raise CommandError("--pilot and --people literature exclude each other; got both")
-    if pilot is not None:
-        try:
-            trials = read_trials([pilot])
-        except ResultFileError as error:
-            raise CommandError(str(error).replace(ELSEWHERE, _STATE_INSTEAD)) from error
-        return pilot_people(study, goal, trials, str(pilot))
-    return literature_people(study, goal) if whose == "literature" else stated_people(study, goal)
+    if columns is not None and pilot is None:
+        raise CommandError("--columns needs --pilot, the tables that it maps; got none")
+    if pilot is None:
+        return (literature_people if whose == "literature" else stated_people)(study, goal)
+    loaded = read_inputs([pilot], load_column_map(columns) if columns else None)
+    return pilot_people(study, goal, loaded, str(pilot))
 
 
 @contextmanager

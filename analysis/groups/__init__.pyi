@@ -1,5 +1,6 @@
 from .criterion import MIXED, alarms_of, same_rates_p, with_criterion
 from .difference import Difference
+from .draws import difference_spread_draws, group_draws
 from .functions import Function, Line, group_function, person_function
 from .group import (
     FEW,
@@ -8,9 +9,7 @@ from .group import (
     PeopleTables,
     compare_conditions,
     difference_on_axis,
-    difference_spread_draws,
     fit_group,
-    group_draws,
     threshold_on_axis,
 )
 from .micrometres import (

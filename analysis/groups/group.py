@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from analysis.answers.intervals import checked_counts
-from analysis.groups.difference import drawn_spreads, paired_difference, unpaired_difference
+from analysis.groups.difference import paired_difference, unpaired_difference
 from analysis.groups.hierarchy import hierarchy
 from analysis.thresholds.density import Ruler
 from analysis.thresholds.fit import (
@@ -120,6 +120,10 @@ class PeopleTables:
         used = self.x[self.presented > 0]
         return Ruler.of(used, self.x_scale) if self.x_scale == "log10" or np.ptp(used) else None
 
+    def ruler_with(self, other: PeopleTables) -> Ruler:
+        """Return the ruler of these and other tables, on a logarithmic axis."""
+        return Ruler.of(np.concatenate([o.x[o.presented > 0] for o in (self, other)]), "log10")
+
     def surfaces(self, ruler: Ruler) -> list[Surface]:
         """Return the likelihood of each person on a common ruler."""
         counts = (self.x / ruler.step, self.detected, self.presented)
@@ -204,29 +208,6 @@ def threshold_on_axis(
     return _told(tables, ruler, hierarchy(tables.surfaces(ruler), ruler), statuses)
 
 
-def group_draws(
-    tables: PeopleTables, number: int, rng: np.random.Generator
-) -> tuple[Floats, Floats, Floats]:
-    """Draw the middle and the spread of a group on a logarithmic axis, and S of ln(sigma).
-
-    From their posterior, anywhere between its nodes; in log10 units.
-    """
-    ruler = Ruler.of(tables.x[tables.presented > 0], "log10")
-    middle, spread, log_sigma = hierarchy(tables.surfaces(ruler), ruler).drawn(number, rng)
-    return middle * ruler.step, spread * ruler.step, log_sigma + math.log(ruler.step)
-
-
-def difference_spread_draws(
-    a: PeopleTables, b: PeopleTables, number: int, rng: np.random.Generator
-) -> Floats:
-    """Draw how much the same people's difference of two conditions differs, in dB.
-
-    From its posterior, on a logarithmic axis.
-    """
-    ruler = _ruler_of(a, b)
-    return drawn_spreads((a.surfaces(ruler), b.surfaces(ruler)), ruler, number, rng)
-
-
 @on_one_thread
 def compare_conditions(
     levels_vpp: ArrayLike,
@@ -307,7 +288,7 @@ def difference_on_axis(
     a: PeopleTables, b: PeopleTables, *, same_people: bool
 ) -> ConditionDifference:
     """Return the difference of two conditions on a logarithmic axis."""
-    ruler = _ruler_of(a, b)
+    ruler = a.ruler_with(b)
     found = a.surfaces(ruler), b.surfaces(ruler)
     people: list[Difference] = []
     if same_people:
@@ -322,10 +303,6 @@ def difference_on_axis(
         spread_limits_db=group.spread_limits_db,
         people=tuple(people),
     )
-
-
-def _ruler_of(a: PeopleTables, b: PeopleTables) -> Ruler:
-    return Ruler.of(np.concatenate([one.x[one.presented > 0] for one in (a, b)]), "log10")
 
 
 def _told(

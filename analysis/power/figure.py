@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from textwrap import fill
 from typing import TYPE_CHECKING, Final
 
 from analysis.results.figures.drawing import COLOURS, GROUP, MARKERS, panels, written
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
 
 
 _HEIGHT_IN: Final = 3.4
+_TITLE_CHARACTERS: Final = 58
 
 
 def write_figure(promise: Promise, path: Path) -> None:
@@ -42,7 +44,7 @@ def _draw(promise: Promise) -> Figure:
     axes.set_xlabel("Participants")
     axes.set_ylabel("Studies that reach the goal")
     axes.set_ylim(0, 1.03)
-    axes.set_title(promise.goal.words, fontsize=9)
+    axes.set_title(fill(promise.goal.words, _TITLE_CHARACTERS), fontsize=9)
     axes.yaxis.set_major_formatter(lambda value, _: f"{value:.0%}")
     axes.xaxis.set_major_locator(MaxNLocator(integer=True))
     axes.legend(fontsize=8, frameon=False, loc="best")

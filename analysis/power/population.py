@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from analysis.groups.group import FEW, PeopleTables, difference_spread_draws, group_draws
+from analysis.groups.draws import difference_spread_draws, group_draws
+from analysis.groups.group import FEW, PeopleTables
 from analysis.thresholds.people import people_of
 from experiment.study.sections.simulation import CURVE_KEYS
 from experiment.study.sections.table import stated_of
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from analysis.power.goals import Goal
+    from analysis.reading.load import LoadedTrials
     from analysis.thresholds.people import PersonCounts
     from experiment.study.sections.simulation import Simulation
     from experiment.study.study import Study
@@ -198,20 +200,29 @@ def _without_source(keys: Iterable[str]) -> str:
     )
 
 
-def pilot_people(study: Study, goal: Goal, trials: pd.DataFrame, where: str) -> People:
+def pilot_people(study: Study, goal: Goal, loaded: LoadedTrials, where: str) -> People:
     """Return people as a pilot's group tells them: draws of its posterior take turns.
 
     Threshold, spread and slope are the group fit's; false alarms those of the pilot's blanks; how
     much differences differ is that of people with both conditions; the rest is what the study has.
     """
-    people = people_of(trials)
+    axis, trials = loaded.axis, loaded.trials
+    if loaded.cells is not None or axis.x_scale != "log10" or not axis.unit.startswith("V"):
+        what = "a table of counts" if loaded.cells is not None else f"{axis.unit}, {axis.x_scale}"
+        raise ValueError(
+            f"--pilot must hold trials with levels in volts, as the study; got {what} in {where}: "
+            "else state threshold_vpp, threshold_sd_db and, for a difference, difference_sd_db "
+            "under [simulation], as the report tells them (docs/power.md, 2)"
+        )
+    people = people_of(trials, loaded.alternatives)
     conditions = sorted({condition for condition, _ in people.names})
     name = study.conditions[0].name
     name = name if name in conditions or len(conditions) != 1 else conditions[0]
     rows = [i for i, (condition, _) in enumerate(people.names) if condition == name]
     if len(rows) < 2:  # noqa: PLR2004
         raise ValueError(
-            f"--pilot must hold two people or more in condition {name}; got {len(rows)} in {where}"
+            f"--pilot must hold two people or more in condition {name}; got {len(rows)} in "
+            f"{where}, with condition {', '.join(conditions)}"
         )
     draws = _pilot_draws(people.at(rows), trials, name)
     number = dict.fromkeys(draws[0], len(rows))

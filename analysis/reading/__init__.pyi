@@ -3,10 +3,9 @@ from .load import LoadedTrials, no_search_for_circles, read_inputs, read_trials
 from .plans import contacts, read_plan
 from .reasons import NEVER_ANSWERED
 from .sources import TABLE, InputTable, find_sources, read_regular, unreadable
-from .text import ELSEWHERE, ResultFileError, TextFormat, named, one_line, shown, text_chunks
+from .text import ResultFileError, TextFormat, named, one_line, shown, text_chunks
 
 __all__ = [
-    "ELSEWHERE",
     "NEVER_ANSWERED",
     "TABLE",
     "InputFile",

@@ -17,11 +17,11 @@ from analysis.groups.group import FEW
 from analysis.groups.micrometres import in_micrometres, micrometres_row
 from analysis.reading.reasons import NEVER_ANSWERED
 from analysis.results.compared import (
-    FITTING,
     SPELLED,
     and_words,
     compared,
     difference_rows,
+    fitting_words,
     isolated,
     number_of,
     without_words,
@@ -276,6 +276,8 @@ def _threshold_rows(analysis: Analysis) -> Iterator[tuple[str, str, str]]:
             row = _one(analysis, condition)
             name = f"Threshold of participant {isolated(row['participant'])}"
             of = _session(analysis, row["participant"], condition)
+        elif number > 1:
+            of += _beyond(people)
         trials = number_of(int(people["trials"].sum()), "trial")
         yield f"{name}{where}", _threshold_words(row), f"{of}, {trials} with {given}"
         yield from micrometres_row(row, people, where)
@@ -289,6 +291,21 @@ def _threshold_rows(analysis: Analysis) -> Iterator[tuple[str, str, str]]:
             yield name, row["varied_printed"], "a sensitivity, not from these data"
 
 
+def _beyond(people: pd.DataFrame) -> str:
+    """Say how many people's own thresholds lie beyond the levels; empty text if none does.
+
+    >>> import pandas as pd
+    >>> print(_beyond(pd.DataFrame({"status": ["ok", "median_above_levels", "flat"]})))
+    , 1 of them above the levels
+    """
+    told = [
+        f"{number} of them {side} the levels"
+        for side in ("above", "below")
+        if (number := int(people["status"].str.endswith(f"_{side}_levels").sum()))
+    ]
+    return f", {' and '.join(told)}" if told else ""
+
+
 def _fitting_row(analysis: Analysis, condition: str, number: int) -> Iterator[tuple[str, str, str]]:
     """Yield the group's threshold without people whose functions do not fit, if there are any."""
     table = None if analysis.fitting is None else analysis.fitting.groups
@@ -297,7 +314,11 @@ def _fitting_row(analysis: Analysis, condition: str, number: int) -> Iterator[tu
     for _, row in table[table["condition"].eq(condition)].iterrows():
         if 1 < (left := int(row["participants"])) < number:
             name = f"The same {without_words(analysis.fitting)}{_where(analysis, condition, ',')}"
-            yield name, _threshold_words(row), f"{_people(analysis, left)} {FITTING}"
+            yield (
+                name,
+                _threshold_words(row),
+                f"{_people(analysis, left)} {fitting_words(analysis)}",
+            )
 
 
 def _population_rows(analysis: Analysis) -> Iterator[tuple[str, str, str]]:

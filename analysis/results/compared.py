@@ -90,6 +90,14 @@ class Pair:
         first = self.row["first"]
         return isinstance(first, str) and "," not in first and first.partition(" ")[0] == MIXED
 
+    @property
+    def always_first(self) -> tuple[str, int]:
+        """The condition that all of several people had first, and their number; or none."""
+        told = self.row["first"]
+        name, _, number = (told if isinstance(told, str) else "").rpartition(" ")
+        alone = name in (self.a, self.b) and number.isdecimal() and int(number) > 1
+        return (name, int(number)) if alone else ("", 0)
+
 
 def pairs_of(differences: pd.DataFrame) -> Iterator[Pair]:
     """Yield every two conditions; of one participant in both it is that one's difference."""
@@ -219,10 +227,23 @@ def compared(analysis: Analysis) -> Iterator[str]:
         alike = len(pairs) == 1 and told and _tells(told[0], _ratio_of_groups(analysis, told[0]))
         if told and not alike:
             yield own_model_words(analysis)
+        yield from _always_first(pairs)
     if len(pairs) > 1:
         yield f"these intervals are not corrected for {len(pairs)} comparisons"
     if not pairs and len(analysis.groups) > 1:
         yield "conditions are not compared, for a difference in dB needs a logarithmic axis"
+
+
+def _always_first(pairs: Sequence[Pair]) -> Iterator[str]:
+    """Say where order and condition cannot be told apart."""
+    for one in pairs:
+        name, number = one.always_first
+        if name:
+            of = f" of {isolated(one.a)} and {isolated(one.b)}" if len(pairs) > 1 else ""
+            yield (
+                f"all {number} participants had condition {isolated(name)} first: practice, "
+                f"fatigue and what else changed in between are part of the difference{of}"
+            )
 
 
 def level_words(told: LevelsApart, one: Pair) -> str:
@@ -278,6 +299,8 @@ def difference_rows(
         first = one.row["first"]
         told = isinstance(first, str) and not one.took_turns  # which says nothing of an order
         order = f"; first: {first}" if told else ""
+        if one.always_first[0]:
+            order = f"; {isolated(one.always_first[0])} first in all of them"
         yield name, difference_cell(one), one.of + order
         yield from _fitting_row(analysis, one)
         if not math.isnan(one.row["spread_db"]):
@@ -306,8 +329,13 @@ def _fitting_row(analysis: Analysis, one: Pair) -> Iterator[tuple[str, str, str]
             yield (
                 f"{name} against {isolated(one.a)}",
                 difference_cell(other),
-                other.of.replace(" in both", f" in both, {FITTING}"),
+                other.of.replace(" in both", f" in both, {fitting_words(analysis)}"),
             )
+
+
+def fitting_words(analysis: Analysis) -> str:
+    """Say who is left where those whose functions do not fit are not."""
+    return f"{FITTING} in any condition" if len(analysis.groups) > 1 else FITTING
 
 
 def without_words(some: Without) -> str:

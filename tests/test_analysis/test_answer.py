@@ -20,6 +20,7 @@ from scipy.stats import fisher_exact
 from analysis import ColumnMap, print_analysis, write_analysis
 from analysis.answers.doubts import Doubt
 from analysis.axis import VOLTS, Axis, bounded, times, with_limits
+from analysis.definitions import TOTAL
 from analysis.groups.criterion import BESIDE_COLUMNS, rates_apart, same_rates_p
 from analysis.groups.sensitivity import BY_LEVEL_COLUMNS
 from analysis.groups.tables import DIFFERENCE_COLUMNS, GROUP_COLUMNS
@@ -63,6 +64,7 @@ BASIS = (
     rf"\((?:{TEST}|95 % intervals in the table(?:; {TEST})?|"
     rf"{NUMBER} points, 95 % interval {NUMBER} to {NUMBER} by Student's t)\)"
 )
+FUNCTIONS = r"functions?(?: with a threshold)?"
 PUSH = (
     r"they were (?:more frequent in \S+, where the threshold is higher, and a laxer criterion "
     r"there would hide part of the difference rather than cause it|rarer in \S+, where the "
@@ -353,6 +355,14 @@ def some_blank(analysis: Analysis) -> bool:
     return len(analysis.trials) > 0 and "blank" in {*analysis.trials["kind"]}
 
 
+def always_first(match: re.Match[str], analysis: Analysis) -> None:
+    table = analysis.differences
+    people = table[table["participant"].ne(TOTAL)]
+    said = [own for _, own in people.groupby(["condition_a", "condition_b"])
+            if {*own["first"]} == {match["first"]}]  # fmt: skip
+    assert int(match["number"]) in [len(own) for own in said]
+
+
 SENTENCES: dict[str, Callable[[re.Match[str], Analysis], None]] = {
     r"(?:in condition (?P<condition>\S+) )?(?:it|the threshold of (?P<who>.+?)) "
     r"(?P<said>(?:is|cannot be told:) .+?)(?P<session> in (?:this session|these \d+ sessions))?":
@@ -415,6 +425,8 @@ SENTENCES: dict[str, Callable[[re.Match[str], Analysis], None]] = {
     r"\(95 % intervals, each by itself\)"
     r"(?:, which a difference of criterion alone would hardly bring about|, and one level alone "
     r"decides nothing)?": is_true(lambda one: len(one.d_prime_differences)),
+    r"all (?P<number>\d+) participants had condition (?P<first>\S+) first: practice, fatigue and "
+    r"what else changed in between are part of the difference(?: of \S+ and \S+)?": always_first,
     "conditions are not compared, for a difference in dB needs a logarithmic axis": is_true(
         lambda one: one.axis.signed and len(one.groups) > 1
     ),
@@ -466,13 +478,13 @@ SENTENCES: dict[str, Callable[[re.Match[str], Analysis], None]] = {
     r"(?:the difference is|(?P<several>differences are)) estimated "
     r"(?P<within>within participants )?by (?:a model of its|models of their) own and need not "
     rf"equal the ratios? of the (?:two )?thresholds(?:, here (?P<ratio>{NUMBER}))?": own_model,
-    r"\d+ of \d+ functions? rises? in one step \(status \"separated\".*?\): (?:it|they) cannot be "
-    r"tested for fit, and the intervals? of .+ on the prior of the slope": is_true(
+    rf"\d+ of \d+ {FUNCTIONS} rises? in one step \(status \"separated\".*?\): (?:it|they) "
+    r"cannot be tested for fit, and the intervals? of .+ on the prior of the slope": is_true(
         lambda one: one.thresholds["status"].eq("separated").any()
     ),
-    r"(?P<number>\d+) of (?P<of>\d+) functions? fits? best at the largest lapse rate allowed, 10 % "
-    r'\(status "lapse at bound".*?\), (?:which is common .+ leave a threshold out|(?P<many>'
-    r"no reason .+ 0.6 dB too high))": lapsing,
+    rf"(?P<number>\d+) of (?P<of>\d+) {FUNCTIONS} fits? best at the largest lapse rate allowed, "
+    r'10 % \(status "lapse at bound".*?\), (?:which is common .+ leave a threshold out|'
+    r"(?P<many>no reason .+ 0.6 dB too high))": lapsing,
 }  # fmt: skip
 
 
@@ -695,6 +707,8 @@ def test_every_kind_of_sentence_occurs_and_is_true(least: Analysis, tmp_path: Pa
     (tmp_path / "lost").mkdir()
     lost = analyse(loaded(tmp_path / "lost", LOST_BLANKS))
     used |= checked(answer(lost), lost)
+    first = analyse(loaded(tmp_path, study({"a": 60.0, "b": 95.0}, 3, kind="none")))
+    used |= checked(answer(first), first)
     for alarms in ([(1, 3), (2, 2)], [(2, 2), (0, 0)]):
         some = with_alarms(least, alarms, [(20, 20)] * 2, high_b=0.7)
         used |= checked(answer(some), some)
@@ -945,10 +959,10 @@ def test_results_without_misfits_stand_beside_those_of_all(tmp_path: Path) -> No
         [(_, group)] = without.groups[without.groups["condition"].eq(condition)].iterrows()
         value, of = rows[f"The same without odd, condition {condition}"]
         assert value == group["printed"].partition("; between")[0]
-        assert of == "5 participants without misfits"
+        assert of == "5 participants without misfits in any condition"
     value, of = rows["The same without odd, b against a"]
     assert value.startswith(f"{without.differences.iloc[-1]['difference_db']:+.1f} dB (")
-    assert of == "5 participants in both, without misfits"
+    assert of == "5 participants in both, without misfits in any condition"
     (warning,) = (one for one in analysis.warnings if "do not fit" in one)
     assert "below the panels of the figure of participants" in warning
     assert without.fitting is None

@@ -233,6 +233,7 @@ def test_no_guess_rate_is_drawn_where_no_blank_trial_told_it(*, forced_choice: b
     assert [one.start for one in person_curves(analysis, "S00").values()] == [None]
 
 
+@pytest.mark.slow
 def test_the_only_person_of_a_condition_has_residuals_on_the_scale_of_the_others_means() -> None:
     trials = [felt([3, 9, 14], n=15, participant=f"S{n}", condition="a") for n in range(3)]
     trials.append(felt([2, 7, 13], n=15, participant="S0", condition="b"))

@@ -266,6 +266,7 @@ def test_weak_levels_felt_often_do_not_hide_the_likeliest_function() -> None:
     assert 10**fit.mle_threshold == pytest.approx(8.23, abs=0.02)
 
 
+@pytest.mark.slow
 def test_no_function_of_a_fine_grid_is_likelier_than_what_is_told_as_likeliest() -> None:
     rng, seen = np.random.default_rng(5), 0
     mu, sigma, lapse = np.meshgrid(

@@ -43,7 +43,8 @@ from analysis.power.studies import (
     plan_text,
     simulate,
 )
-from analysis.reading.load import read_trials
+from analysis.reading.foreign.columns import load_column_map
+from analysis.reading.load import read_inputs
 from analysis.workers.chunks import spread
 from experiment.session.simulate import simulate_study
 from experiment.study.read import study_from_text
@@ -203,6 +204,7 @@ def test_one_number_that_is_clearly_enough_takes_few_studies_and_tells_of_fresh_
         assert (found.participants, found.low, found.high) == (17, 17, 17)
 
 
+@pytest.mark.slow
 def test_what_is_told_of_one_number_is_not_chosen_by_its_luck() -> None:
     """Its first studies only say that it is enough: what is told of it is no better for that."""
     truth, told = 0.87, []
@@ -474,6 +476,7 @@ def test_the_goal_is_the_whole_difference_whatever_a_dry_run_has() -> None:
     assert 1.0 < np.median(found[0]["number"]) < 3.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("more", ["", "wander_db = 0.5\nwander_trials = 9.0"])
 def test_each_condition_has_levels_of_its_own_after_a_pilot(more: str) -> None:
     """The study's levels would find neither threshold, nor one list of five both."""
@@ -612,7 +615,11 @@ def test_a_no_to_a_program_is_one_object_and_the_exit_code(tmp_path: Path) -> No
     assert json.loads(done.stdout)["answer"] is None
 
 
-def promised(share: Callable[[int], float], participants: tuple[int, int]) -> Promise:
+def promised(
+    share: Callable[[int], float],
+    participants: tuple[int, int],
+    step: Callable[[float, float, Callable[[], str]], object] = lambda *_: None,
+) -> Promise:
     """Plan where so large a share of the studies of a number of people reaches the goal."""
 
     def known(_: object, chunks: Iterable[Chunk]) -> Iterator[Any]:
@@ -625,8 +632,23 @@ def promised(share: Callable[[int], float], participants: tuple[int, int]) -> Pr
     return plan_study(
         stated_people(NONE_OFFERED, goal), goal, participants=participants, trials_per_side=None,
         blanks=None, placed=False, assurance=0.8, seed=1, spread=known,
-        predicted=lambda *_: None, step=lambda *_: None,
+        predicted=lambda *_: None, step=step,
     )  # fmt: skip
+
+
+@pytest.mark.slow
+def test_what_other_designs_take_is_told_once_the_answer_is_known() -> None:
+    """Whose number is hardly enough: from more studies one may seem clear that had none before."""
+    told: list[tuple[float, float]] = []
+
+    def step(part: float, ahead: float, so_far: Callable[[], str]) -> None:
+        if so_far().endswith("now other designs"):
+            told.append((part, ahead))
+
+    assert promised(lambda _: 0.83, (12, 12), step).levers
+    done = np.cumsum([part for part, _ in told])
+    left = [ahead for _, ahead in told[:-1]]
+    assert np.allclose(left, done[-1] - done[:-1], rtol=0.2)
 
 
 def test_levers_begin_with_fewer_people_than_the_answer_and_say_why() -> None:
@@ -641,6 +663,7 @@ def test_levers_begin_with_fewer_people_than_the_answer_and_say_why() -> None:
     )
 
 
+@pytest.mark.slow
 def test_one_number_that_is_clearly_enough_has_no_levers() -> None:
     told = promised(lambda _: 0.97, (12, 12))
     assert (told.levers, "Levers" in text(told)) == ((), False)
@@ -848,7 +871,7 @@ def test_a_pilot_gives_people_like_its_own(tmp_path: Path) -> None:
     )
     for _ in simulate_study(true, tmp_path, participants=12, seed=4):
         pass
-    people = pilot_people(study_of(""), HALF_WIDTH, read_trials([tmp_path]), str(tmp_path))
+    people = pilot_people(study_of(""), HALF_WIDTH, read_inputs([tmp_path]), "there")
     assert not people.warnings
     thresholds = 20 * np.log10([one["threshold_vpp"] / 80 for one in people.draws])
     assert abs(np.median(thresholds)) < 3 * 3 / math.sqrt(12)
@@ -879,7 +902,7 @@ def test_a_pilot_of_two_conditions_tells_how_much_their_difference_differs(tmp_p
     true = two_conditions("difference_db = 3.0\ndifference_sd_db = 2.5")
     for _ in simulate_study(true, tmp_path, participants=14, seed=3):
         pass
-    goal, trials = Goal.parse("difference=2dB"), read_trials([tmp_path])
+    goal, trials = Goal.parse("difference=2dB"), read_inputs([tmp_path])
     people = pilot_people(two_conditions(""), goal, trials, "there")
     drawn = [one["difference_sd_db"] for one in people.draws]
     low, high = np.quantile(drawn, (0.025, 0.975))
@@ -888,13 +911,57 @@ def test_a_pilot_of_two_conditions_tells_how_much_their_difference_differs(tmp_p
     assert told.value == np.median(drawn)
     assert told.source == "pilot of 14 people in there, median of 400 draws"
     # of one condition a pilot does not tell it: it has to be stated, and is then as stated
-    one = trials[trials["condition"].eq("bare")]
+    one = replace(trials, trials=trials.trials[trials.trials["condition"].eq("bare")])
     with pytest.raises(ValueError, match=r"difference_sd_db must be stated, .* got 0 in there"):
         pilot_people(two_conditions(""), goal, one, "there")
     stated = pilot_people(two_conditions("difference_sd_db = 0.7"), goal, one, "there")
     assert "difference_sd_db" not in stated.draws[0]
     assert stated.study.simulation.difference_sd_db == 0.7
     assert "difference_sd_db" not in pilot_people(true, HALF_WIDTH, trials, "there").draws[0]
+
+
+MAP = """task = "yes/no"
+[columns]
+level_vpp = "v"
+detected = "felt"
+[constant]
+side = "left"
+[axis]
+unit = "{}"
+"""
+
+
+@pytest.mark.slow
+def test_a_table_made_elsewhere_is_a_pilot_where_its_levels_are_volts(tmp_path: Path) -> None:
+    rng, rows = np.random.default_rng(7), ["participant,condition,v,felt"]
+    for person in range(8):
+        for name, threshold in (("bare", 70.0), ("glove", 90.0)):
+            own = threshold * 10 ** (rng.normal(0, 2.0) / 20)
+            for level in [30.0, 50.0, 70.0, 100.0, 150.0, 200.0] * 15 + [0.0] * 20:
+                felt = 0.1 + 0.88 * ndtr(math.log10(level / own) / 0.1) if level else 0.1
+                rows.append(f"{person},{name},{level:g},{int(rng.random() < felt)}")
+    (tmp_path / "data").mkdir()
+    (tmp_path / "data" / "all.csv").write_text("\n".join(rows) + "\n")
+    (tmp_path / "map.toml").write_text(MAP.format("V"))
+    (tmp_path / "um.toml").write_text(MAP.format("um"))
+    loaded = read_inputs([tmp_path / "data"], load_column_map(tmp_path / "map.toml"))
+    people = pilot_people(two_conditions(""), Goal.parse("difference=2dB"), loaded, "there")
+    medians = {key: np.median([one[key] for one in people.draws]) for key in people.draws[0]}
+    assert 55 < medians["threshold_vpp"] < 90
+    assert 0.06 < medians["false_alarm_rate"] < 0.16  # a yes to a blank, wherever it was felt
+    assert 0.5 < medians["difference_sd_db"] < 5.0
+    study = tmp_path / "study.toml"
+    study.write_text(f"[simulation]\nthreshold_sd_db = 2.0\n{TWO}")
+    asked = [str(study), "--goal", "difference=2dB", "--participants", "4", "4"]
+    pilot = ["--pilot", str(tmp_path / "data")]
+    for more, told in (
+        (pilot, "needs --columns MAP.toml"),
+        ([*pilot, "--columns", str(tmp_path / "um.toml")], "volts, as the study; got um, log10"),
+        (["--columns", str(tmp_path / "map.toml")], "--columns needs --pilot"),
+    ):
+        done = CliRunner().invoke(power, [*asked, *more])
+        assert (done.exit_code, done.stdout) == (2, "")
+        assert told in done.stderr
 
 
 @pytest.mark.parametrize(

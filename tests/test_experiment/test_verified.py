@@ -323,6 +323,7 @@ def test_a_table_that_was_changed_is_named_and_built_anew(tmp_path: Path) -> Non
     assert path.read_bytes() == written
 
 
+@pytest.mark.slow
 def test_an_answer_whose_burst_was_not_verified_is_no_ok_after_a_kill(tmp_path: Path) -> None:
     wired = Wired(tmp_path)
     wired.at_ask = lambda trial: wired.cut()

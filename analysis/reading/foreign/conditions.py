@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Final
 
 from analysis.reading.foreign.bids import FILE
 from analysis.reading.foreign.factors import MOST, factor_words, roles_by_name
+from analysis.reading.foreign.names import CALLED
 from analysis.reading.foreign.sample import listed, plain, sample_of
 
 if TYPE_CHECKING:
@@ -30,9 +31,10 @@ def may_be_conditions(
 
     These are a few words, each there twice or more, or a few numbers that are a factor. No known
     column has all of the words, as that of the answers has those of the right answers; nor do they
-    only name sides, as files left.wav and right.wav. Numbers that only say over again what another
-    such column says are not yielded.
+    only name sides, as files left.wav and right.wav. What only says over again what the side is is
+    not yielded, nor numbers that so follow another such column.
     """
+    side = table.called(CALLED["side"])
     taken = [{*table.words(name)} for name in known if name in table.header]
     found: list[str] = []
     names = [*dict.fromkeys(table.header)]
@@ -46,7 +48,13 @@ def may_be_conditions(
             told = factor_words(table, name, roles)
             if not told or any(_same(table, name, one) for one in found):
                 continue
-        elif name in roles.answers or plain(name) in _NONE or sides or _within(words, taken):
+        elif (
+            name in roles.answers
+            or plain(name) in _NONE
+            or sides
+            or _within(words, taken)
+            or (side and _same(table, name, side))
+        ):
             continue
         else:
             told = [*words]

@@ -34,7 +34,7 @@ _MOST_WORDS: Final = 12
 _MOST_LEVELS: Final = 20
 _PART: Final = re.compile("[A-Z]?[a-z]+|[A-Z]+")
 _BARE: Final = re.compile(r"[A-Za-z0-9_-]+")
-_VOLTS: Final = re.compile("volt|vpp$|spannung|tension")
+_VOLTS: Final = re.compile("volt|spannung|tension")
 _UNIT: Final = re.compile(r"[_ .(\[](um|µm|nm|mm|pct|percent)[)\]]?$", re.IGNORECASE)
 _UNITS: Final = {"pct": "%", "percent": "%"}
 _NO_TRIAL: Final = re.compile("pract|train|instr|demo|warm.?up|welcome", re.IGNORECASE)
@@ -47,6 +47,8 @@ _ROWS: Final = ("rows.keep", "rows.skip")
 _DECIMAL: Final = 'decimal = ","  # guess: there are numbers with a comma'
 _ASIDE: Final = {"none": "blanks", "both": "in no threshold"}
 _PRINTED: Final = 'printed as written, as "µm", "% FS" or "um peak-to-peak": nothing is converted'
+_PEAKS: Final = "# its unit: V peak-to-peak, by the name; else state it, in [units]"
+_OF_FILE: Final = "; the name of the file without its ending, to be used like a column"
 _TASK: Final = (
     '"yes/no" if people who felt nothing could say so, "forced choice" if they had to guess'
 )
@@ -215,16 +217,17 @@ def _trial(table: Sample, sections: dict[str, list[str]]) -> None:
 
 def _unit(sections: dict[str, list[str]], level: str) -> None:
     """Ask for the unit of levels, unless their column is named after one."""
-    named = _UNIT.search(level)
-    if named:
-        told = f"guess, by the name; {_PRINTED}"
-        _put(sections, "axis", "unit", _UNITS.get(named[1].lower(), named[1]), told)
-    elif not level or not _VOLTS.search(plain(level)):
-        _put(sections, "axis", "unit", "", f"{_FILL}the unit of the levels; {_PRINTED}")
+    name = plain(level)
+    if named := _UNIT.search(level):
+        unit, told = _UNITS.get(named[1].lower(), named[1]), f"guess, by the name; {_PRINTED}"
+    elif name.endswith("vpp"):
+        sections["columns"].append(_PEAKS)
+        return
+    elif _VOLTS.search(name):
+        unit, told = "V", f"guess; {_PRINTED}, so say peak or peak-to-peak if you know"
     else:
-        sections["columns"].append(
-            "# its unit: V peak-to-peak, by the name; else state it, in [units]"
-        )
+        unit, told = "", f"{_FILL}the unit of the levels; {_PRINTED}"
+    _put(sections, "axis", "unit", unit, told)
 
 
 def _answers(table: Sample) -> tuple[str | None, str | None]:
@@ -256,8 +259,8 @@ def _side(
         _put(sections, "constant", "side", "left", f"guess: {one_line(theirs)} has a single place, "
              "and nothing depends on it")  # fmt: skip
     elif not where and blank and len(places) > 1:
-        _put(sections, "constant", "side", "left", "guess: felt or not was asked, not where; of "
-             f"the places of {one_line(theirs)} none is told apart")  # fmt: skip
+        _put(sections, "constant", "side", "left", "guess: felt or not was asked, not where, so "
+             f"that all places of {one_line(theirs)} count as one")  # fmt: skip
     else:
         _named(table, "side", theirs, sections)
 
@@ -392,9 +395,6 @@ def _told(table: Sample, looked_at: Sample) -> Iterator[str]:
     """Say what stands in each column, of the rows that are read."""
     for name in dict.fromkeys(table.header):
         if name:
-            file = "; the name of the file without its ending, to be used like a column" * (
-                name == FILE
-            )
             told = told_of(table, name)
             read = " in the rows that are read" * (EMPTY == told != told_of(looked_at, name))
-            yield f"{one_line(name)}: {told}{read}{file}"
+            yield f"{one_line(name)}: {told}{read}{_OF_FILE * (name == FILE)}"

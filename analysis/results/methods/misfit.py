@@ -91,16 +91,17 @@ def lapses_words(thresholds: pd.DataFrame) -> str:
     >>> import pandas as pd
     >>> table = pd.DataFrame({"status": ["ok", "lapse_at_bound", "flat"], "participant": [*"ABC"]})
     >>> print(lapses_words(table.assign(condition="main")))
-    1 of 2 functions fits best at the largest lapse rate allowed, 10 % (status "lapse at bound",
-    participant B)
+    1 of 2 functions with a threshold fits best at the largest lapse rate allowed, 10 % (status
+    "lapse at bound", participant B)
     """
     fitted = thresholds["status"].isin(WITH_THRESHOLD).sum()
     rows = thresholds[thresholds["status"].eq("lapse_at_bound")]
     if rows.empty:
         return ""
-    some, fit = "" if fitted == 1 else "s", "fits" if len(rows) == 1 else "fit"
+    of = _functions(fitted, thresholds)
+    fit = "fits" if len(rows) == 1 else "fit"
     return (
-        f"{len(rows)} of {fitted} function{some} {fit} best at the largest lapse rate allowed, "
+        f"{len(rows)} of {of} {fit} best at the largest lapse rate allowed, "
         f'10 % (status "lapse at bound"{_named(rows, thresholds)})'
     )
 
@@ -123,8 +124,8 @@ def steep_words(thresholds: pd.DataFrame) -> str:
     >>> import pandas as pd
     >>> table = pd.DataFrame({"status": ["ok", "separated", "flat"], "participant": [*"ABC"]})
     >>> print(steep_words(table.assign(condition="main")))
-    1 of 2 functions rises in one step (status "separated", participant B): it cannot be tested for
-    fit, and the interval of its threshold rests on the prior of the slope
+    1 of 2 functions with a threshold rises in one step (status "separated", participant B): it
+    cannot be tested for fit, and the interval of its threshold rests on the prior of the slope
     """
     fitted = thresholds["status"].isin(WITH_THRESHOLD).sum()
     rows = thresholds[thresholds["status"].eq("separated")]
@@ -133,11 +134,17 @@ def steep_words(thresholds: pd.DataFrame) -> str:
     one = len(rows) == 1
     it, its = ("it", "its threshold") if one else ("they", "their thresholds")
     return (
-        f"{len(rows)} of {fitted} function{'' if fitted == 1 else 's'} rise{'s' if one else ''} in "
+        f"{len(rows)} of {_functions(fitted, thresholds)} rise{'s' if one else ''} in "
         f'one step (status "separated"{_named(rows, thresholds)}): {it} cannot be tested for fit, '
         f"and the interval{'' if one else 's'} of {its} rest{'s' if one else ''} on the prior of "
         "the slope"
     )
+
+
+def _functions(number: int, thresholds: pd.DataFrame) -> str:
+    """Say how many functions these are, and why not all where some are not among them."""
+    told = f"{number} function{'' if number == 1 else 's'}"
+    return told if number == len(thresholds) else f"{told} with a threshold"
 
 
 def _named(rows: pd.DataFrame, thresholds: pd.DataFrame) -> str:
