@@ -39,9 +39,10 @@ settings.load_profile("repeatable")
 FAST = "not slow and not process and not gallery and not firmware and not long"
 """The fast lane as pyproject.toml gives it to ``-m``; another ``-m`` on the command line wins."""
 LANES = ("slow", "process", "gallery", "firmware", "long")
-MOST_S = 1.0
-"""Processor time of a test of the fast lane, which everybody runs all the time: twice the half
-second that is asked, for a slow or busy machine must not fail what is well."""
+MOST_S = 2.0
+"""Processor time of a test of the fast lane, which everybody runs all the time: four times the half
+second that is asked, for a slow and busy machine must not fail what is well: servers of two
+generations differed by a factor of 2.7."""
 PROCESSES = {"emulator_server", "kill_at", "null_sink"}
 """Fixtures that start a process: whoever asks for one is in the lane ``process``."""
 SLOW_DOCTESTS = {
