@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 _HEIGHT_IN: Final = 3.4
-_TITLE_CHARACTERS: Final = 58
+_TITLE_CHARACTERS: Final = 48
 
 
 def write_figure(promise: Promise, path: Path) -> None:
@@ -46,6 +46,9 @@ def _draw(promise: Promise) -> Figure:
     axes.set_ylim(0, 1.03)
     axes.set_title(fill(promise.goal.words, _TITLE_CHARACTERS), fontsize=9)
     axes.yaxis.set_major_formatter(lambda value, _: f"{value:.0%}")
+    people = [one.point.participants for one in promise.tried]
+    if max(people) - min(people) <= 1:
+        axes.set_xlim(min(people) - 2, max(people) + 2)
     axes.xaxis.set_major_locator(MaxNLocator(integer=True))
     axes.legend(fontsize=8, frameon=False, loc="best")
     return figure
