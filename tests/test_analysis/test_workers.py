@@ -353,13 +353,12 @@ def power(folder: Path, *arguments: str) -> Result:
     return CliRunner().invoke(main, ["power", str(folder / "study.toml"), *ASKED, *arguments])
 
 
-def test_a_pilot_made_elsewhere_is_told_what_to_state(tmp_path: Path) -> None:
+def test_a_pilot_made_elsewhere_is_told_what_it_needs(tmp_path: Path) -> None:
     (tmp_path / "data").mkdir()
     (tmp_path / "data" / "p1.csv").write_text("intensity,key\n1,left\n2,left\n")
     result = power(tmp_path, "--pilot", str(tmp_path / "data"))
     assert (result.exit_code, result.stdout, result.stderr.count("\n")) == (2, "", 1)
-    assert "after a table made elsewhere state threshold_vpp" in result.stderr
-    assert "--columns" not in result.stderr
+    assert "a table made elsewhere needs --columns MAP.toml" in result.stderr
 
 
 def answer(result: Result) -> str:
