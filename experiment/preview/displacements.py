@@ -83,9 +83,10 @@ def _moved(study: Study, one: ConditionCheck, gains: ConditionGains, column: int
         for row, side in enumerate(OWN_FINGERS)
         if row != column
     ]
+    # Of an assumed loss the level is that of the worse one and the micrometres are the plan's.
     told = [
-        f"{_micrometres(at['peak_um'])}{at['level_db']:.1f} dB at the {at['finger']} finger"
-        f"{_with_loss(at['level_of'])}"
+        f"{'' if (loss := _with_loss(at['level_of'])) else _micrometres(at['peak_um'])}"
+        f"{at['level_db']:.1f} dB at the {at['finger']} finger{loss}"
         for at in others
     ]
     source = displacement_source(study, column)

@@ -307,11 +307,11 @@ def displacements(text: str) -> dict[str, dict[str, Any]]:
 
 @pytest.mark.slow
 def test_the_check_tells_displacements_and_levels_of_both_fingers() -> None:
-    assert re.search(
-        r"  left +5\.\d+ um peak, computed from the paper's measurement at 300 Hz; 0\.\d+ um, "
-        r"-\d+\.\d dB at the right ",
-        checked("").stdout,
-    )
+    own = r"  left +5\.\d+ um peak, computed from the paper's measurement at 300 Hz; "
+    level = r"-\d+\.\d dB at the right finger"
+    assert re.search(rf"{own}{level} \(loss factor 0\.005\)", checked("").stdout)
+    lossy = checked("[strip]\nloss_factor = 0.01").stdout  # one loss, to which both belong
+    assert re.search(rf"{own}0\.\d+ um, {level}$", lossy, re.MULTILINE)
     stated, assumed = (displacements(text)["left"] for text in ("[strip]\nloss_factor = 0.01", ""))
     (at,), (worst,) = stated["fingers"], assumed["fingers"]
     assert (at["finger"], at["level_of"]) == ("right", None)
