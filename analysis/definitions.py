@@ -177,8 +177,8 @@ GROUP_COVERS: Final = (
 """What a reader of the interval has to know; measured as docs/explanation/evidence.md tells."""
 
 FAR_LIMIT: Final = (
-    "of the mean of people like these; of few people its far limit near 0 and 1 is mostly the "
-    "prior's"
+    "of the mean of people like these; of few people the upper limit near 0 and the lower near 1 "
+    "are mostly the prior's"
 )
 """The same in half a sentence."""
 

@@ -448,9 +448,8 @@ SENTENCES: dict[str, Callable[[re.Match[str], Analysis], None]] = {
     ),
     "false alarms stand in the table": is_true(lambda one: len(totals(one)) > 3),
     r"false alarms: (?P<each>.+)": false_alarms,
-    "of equally many, the interval is wider where participants differ more": is_true(
-        lambda one: len({*totals(one)["group_high"]}) > 1
-    ),
+    "equal counts have unequal intervals where participants differ more in one condition":
+        is_true(lambda one: len({*totals(one)["group_high"]}) > 1),
     "counts were read, which do not tell what was left out of them": is_true(
         lambda one: one.trials.empty and one.counts.trials
     ),
@@ -734,7 +733,9 @@ def test_the_table_of_the_answer_has_the_numbers_of_the_tables(least: Analysis) 
             assert f"{shown}, {times(row['difference_db'], *limits_db)}" in values
         for what, _, of in rows:
             if what.startswith("False alarms") and " against " not in what:
-                assert ("interval to quote, of people like these" in of) == (Made(seed).people > 1)
+                assert ("interval to quote, wider the more people differ" in of) == (
+                    Made(seed).people > 1
+                )
         varied = [row for row in rows if row[0].startswith("The same if answers vary 2.8 times")]
         alone = analysis.groups["participants"].eq(1).any()
         assert [row[1] for row in varied] == ["50 to 150 V"] * (len(analysis.groups) * alone)
@@ -981,7 +982,7 @@ def test_an_answer_more_or_less_points_nowhere(least: Analysis) -> None:
 
 def test_intervals_of_equal_counts_are_said_to_differ_with_people(least: Analysis) -> None:
     alarms, blanks = [(1, 0), (1, 0), (0, 2)], [(20, 20)] * 3
-    wider = "Of equally many, the interval is wider where participants differ more."
+    wider = "Equal counts have unequal intervals where participants differ more in one condition."
     assert wider in alarms_said(least, alarms, blanks, high_b=0.7)
     assert wider not in alarms_said(least, alarms, blanks)
     assert wider not in alarms_said(least, [(1, 0), (1, 0), (0, 3)], blanks, high_b=0.7)

@@ -325,6 +325,24 @@ def test_volts_are_peak_to_peak_only_where_their_name_says_so(tmp_path: Path, na
     assert ('unit = "V"  # guess; printed as written' in told) == (name in ("volts", "Voltage"))
 
 
+@pytest.mark.parametrize("name", ["side", "stim_side"])
+@pytest.mark.parametrize("places", ["left right none", "left left none"])
+def test_a_side_that_was_not_asked_for_is_left_out_and_the_draft_is_read(
+    tmp_path: Path, name: str, places: str
+) -> None:
+    rows = "".join(
+        f"{who},{place},{60 if place != 'none' else 0},{key}\n"
+        for who in "AB"
+        for place in places.split()
+        for key in "yn"
+    )
+    table = put(tmp_path / "t.csv", f"participant,{name},intensity_um,key\n{rows}")
+    told = draft(table).replace('task = ""', 'task = "yes/no"')
+    columns = load_column_map(put(tmp_path / "map.toml", told))
+    kinds = read_inputs([table], columns).trials["kind"]
+    assert (kinds.eq("single").sum(), kinds.eq("blank").sum(), len(kinds)) == (8, 4, 12)
+
+
 @pytest.mark.parametrize("name", ["driveVpp", "piezo_volts", "Amp left"])
 def test_a_part_of_a_name_tells_the_level_of_a_few_numbers(tmp_path: Path, name: str) -> None:
     rows = "A,left,60,left\nA,right,80,right\n"

@@ -254,13 +254,13 @@ def _side(
     level = _level(table)
     words = [WORDS.get(plain(word), word) for word in table.words(theirs)]
     places = {word for word in words if word != "none" and word.lower() not in NOTHING}
-    blank = "none" in words or (level is not None and 0.0 in (table.numbers(level) or []))
-    if not where and len(places) == 1:
-        _put(sections, "constant", "side", "left", f"guess: {one_line(theirs)} has a single place, "
-             "and nothing depends on it")  # fmt: skip
-    elif not where and blank and len(places) > 1:
-        _put(sections, "constant", "side", "left", "guess: felt or not was asked, not where, so "
-             f"that all places of {one_line(theirs)} count as one")  # fmt: skip
+    blank = "none" in words or bool(level and 0.0 in (table.numbers(level) or []))
+    told = f"felt or not was asked, not where: all places of {one_line(theirs)} count as one"
+    told = told if len(places) > 1 else f"{one_line(theirs)} has a single place"
+    if not where and places and (blank or len(places) == 1):
+        _put(sections, "constant", "side", "left", f"guess: {told}")
+        if theirs == "side":
+            _put(sections, "columns", "side", "", "left out, for the constant below")
     else:
         _named(table, "side", theirs, sections)
 

@@ -81,7 +81,10 @@ def alarm_sentences(analysis: Analysis) -> Iterator[str]:
         each = (f"{_share(row)} of blank trials{_where(analysis, row, ' in')}" for row in rows)
         yield f"false alarms: {', '.join(each)}"
         if any(_alike(*two) for two in itertools.combinations(rows, 2)):
-            yield "of equally many, the interval is wider where participants differ more"
+            yield (
+                "equal counts have unequal intervals where participants differ more in one "
+                "condition"
+            )
 
 
 def _alike(one: pd.Series[Any], other: pd.Series[Any]) -> bool:
@@ -117,11 +120,15 @@ def _percent(share: float) -> str:
 
 def blank_rows(analysis: Analysis) -> Iterator[tuple[str, str, str]]:
     """Yield the rows of false alarms in the answer's table."""
+    turns = any(one.took_turns for one in pairs_of(analysis.differences))
+    quoted = (
+        "to be quoted is the rate of all blanks; this one is" if turns else "the interval to quote"
+    )
     for row in totals(analysis) if analysis.detected_any is not None else ():
         # Counts made elsewhere do not tell the sides.
         of = f"{row['p'] * row['presented']:.0f} of {row['presented']} blank trials"
         if not math.isnan(row["group_low"]):
-            of += "; the interval to quote, of people like these, wider the more they differ"
+            of += f"; {quoted}, wider the more people differ, its upper limit cautious"
         yield f"False alarms{_where(analysis, row, ',')}", _share(row), of
 
 
