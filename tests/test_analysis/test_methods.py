@@ -288,7 +288,7 @@ def test_a_caption_tells_the_signs_that_the_figure_has(tmp_path: Path) -> None:
         "small symbols are single participants",
         "pointwise 95 % credible bands",
         "at the left edge are mean false-alarm rates as counted (the share of blank (catch) ",
-        "trials answered as felt); the functions start at their posterior means",
+        "trials answered as felt); the functions start at their posterior means and end below 1",
         "with 95 % credible intervals (thick bars",
         "thinner, where another participant's is expected (95 %); at the foot, the means less",
     ):

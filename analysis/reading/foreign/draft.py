@@ -255,7 +255,9 @@ def _side(
     words = [WORDS.get(plain(word), word) for word in table.words(theirs)]
     places = {word for word in words if word != "none" and word.lower() not in NOTHING}
     blank = "none" in words or bool(level and 0.0 in (table.numbers(level) or []))
-    told = f"felt or not was asked, not where: all places of {one_line(theirs)} count as one"
+    told = (
+        f"felt or not was asked, not where: leave it, the places of {one_line(theirs)} are pooled"
+    )
     told = told if len(places) > 1 else f"{one_line(theirs)} has a single place"
     if not where and places and (blank or len(places) == 1):
         _put(sections, "constant", "side", "left", f"guess: {told}")

@@ -97,7 +97,8 @@ def _starts(analysis: Analysis, *, alone: bool) -> Iterator[str]:
             what = "the share of blank (catch) trials answered as felt"
         rate = "false-alarm rates" if is_yes_no(analysis) else "guess rates"
         rate = f"{rate} with 95 % intervals" if alone else f"mean {rate}"
-        start = "; the functions start at their posterior means" * _has_function(analysis)
+        start = "; the functions start at their posterior means and end below 1 by the lapse rates'"
+        start *= _has_function(analysis)
         yield f"filled symbols at the left edge are {rate} as counted ({what}){start}"
     if table["guess_basis"].eq(FORCED_CHOICE).all() and table["guess_rate"].nunique() == 1:
         yield "the thin dashed line is the rate of guessing"

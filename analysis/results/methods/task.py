@@ -66,6 +66,8 @@ def short_words(analysis: Analysis) -> str:
     told = f"{felt[0].upper()}{felt[1:]}."
     if is_yes_no(analysis):
         told = "The task was yes/no: a stimulus was detected where the answer was that it was felt."
+        if not analysis.side_told:
+            told += " [If stimuli were given at several places, say which: they are pooled here.]"
     elif analysis.task == FORCED:
         told = "The task was a forced choice: a stimulus was detected where the answer was correct."
     elif analysis.detected_any is not None:
