@@ -49,6 +49,9 @@ def displacement_findings(
         found.tell("", "simulated people have a threshold in V: docs/plate.md")
         found.tell("", ALIKE)
     found.tell("", f"{-one.masking_limit_db:g} dB at the other finger is the limit")
+    moved = found.facts["actuators"]
+    if any(at["level_db"] < _IDEAL_DB for one_of in moved for at in one_of["fingers"]):
+        found.tell("", _IDEAL)
     errors = one.patch_errors
     found.note(patch_error=None if errors is None else errors.facts)
     if errors is not None:
@@ -118,6 +121,12 @@ def _with_loss(level_of: dict[str, Any] | None) -> str:
     loss_factor = None if level_of is None else level_of["loss_factor"]
     return "" if loss_factor is None else f" (loss factor {loss_factor:g})"
 
+
+_IDEAL_DB: Final = -60.0
+_IDEAL: Final = (
+    "below about -60 dB crosstalk, bars and table carry more: docs/explanation/limits.md"
+)
+"""Of levels that are those of an ideal plate."""
 
 _PLASTICS: Final = ("pmma", "polycarbonate")
 
