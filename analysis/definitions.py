@@ -57,7 +57,8 @@ DEFINITIONS: Final[Mapping[str, str]] = MappingProxyType(
         "new_low_vpp, new_high_vpp": "where another participant's threshold is expected, 95 %",
         "condition_a, condition_b": "of a difference: by how much b lies above a",
         "difference_db, low_db, high_db": "20 log10(threshold b / threshold a), posterior median "
-        "and 95 % limits, without the thresholds' priors; n/a where an end is open",
+        "and 95 % limits, without the thresholds' priors, and so not their ratio; of a participant "
+        "from the own answers, only the slope drawn towards the others'; n/a where an end is open",
         "first": "of a difference: the condition that was over before the other began; "
         "'interleaved' where they take turns; in a row 'all' how many participants had which first",
         "false_alarms, blanks": "blank trials answered left, right or both; blank trials that "

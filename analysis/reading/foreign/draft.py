@@ -255,10 +255,8 @@ def _side(
     words = [WORDS.get(plain(word), word) for word in table.words(theirs)]
     places = {word for word in words if word != "none" and word.lower() not in NOTHING}
     blank = "none" in words or bool(level and 0.0 in (table.numbers(level) or []))
-    told = (
-        f"felt or not was asked, not where: leave it, the places of {one_line(theirs)} are pooled"
-    )
-    told = told if len(places) > 1 else f"{one_line(theirs)} has a single place"
+    told = "felt or not was asked, not where: leave it, the places of {} are pooled"
+    told = (told if len(places) > 1 else "{} has a single place").format(one_line(theirs))
     if not where and places and (blank or len(places) == 1):
         _put(sections, "constant", "side", "left", f"guess: {told}")
         if theirs == "side":

@@ -41,8 +41,9 @@ _WORDS_COLOUR = "#595959"
 _NAMED = 60
 _OF_PAIRS = (
     " Below, by how much the threshold of each participant differs between two conditions, with "
-    "its 95 % interval and that of the mean of people like them; each is drawn towards the mean, "
-    "the more so the less is known of it."
+    "its 95 % interval and that of the mean of people like them. Each is of that participant's own "
+    "answers, drawn towards the others in the slope only, and may lie on either side of the ratio "
+    "of both thresholds, which have priors."
 )
 _ROW_IN = 0.21
 _TALLEST_IN = 9.0
