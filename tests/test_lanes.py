@@ -28,15 +28,15 @@ def spin(seconds):
         pass
 
 def test_first_import(counted=[]):
-    spin(0.0 if counted else 1.1)
+    spin(0.0 if counted else 2.1)
     counted.append(1)
 
 def test_always(tmp_path):
-    spin(1.1)
+    spin(2.1)
 
 def square():
     '''
-    >>> spin(1.1)
+    >>> spin(2.1)
     >>> 2 * 2
     4
     '''
@@ -91,7 +91,7 @@ def test_a_test_of_the_fast_lane_that_is_slow_twice_fails(
     monkeypatch.setattr(os, "nice", lambda _: 0)
     (project.path / "tests/test_a.py").write_text(SPINS)
     done = project.runpytest_inprocess("-p", "no:cacheprovider")
-    done.stdout.fnmatch_lines(["*1.?? s of processor time, twice over 1.0 s: make it faster*"])
+    done.stdout.fnmatch_lines(["*2.?? s of processor time, twice over 2.0 s: make it faster*"])
     done.assert_outcomes(passed=2, failed=2)
     done.stdout.fnmatch_lines(["*3 slow once*"])
 
