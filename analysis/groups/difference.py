@@ -92,9 +92,8 @@ def paired_difference(
     found_a: Sequence[Surface], found_b: Sequence[Surface], ruler: Ruler
 ) -> tuple[Difference, list[Difference]]:
     """Return the difference of a group, and of each of its people, who took part in both."""
-    pairs = _pairs(found_a, found_b, ruler)
-    people = [_told(one.d, trapezoid(one.m) @ one.values) for one in pairs]
-    return _of_group(pairs, ruler, people)[0], people
+    group, people, _ = _paired(found_a, found_b, ruler)
+    return group, people
 
 
 def drawn_spreads(
@@ -104,11 +103,19 @@ def drawn_spreads(
     rng: np.random.Generator,
 ) -> Floats:
     """Draw tau_d of the same people's surfaces in two conditions from its posterior, in dB."""
-    pairs = _pairs(*found, ruler)
-    people = [_told(one.d, trapezoid(one.m) @ one.values) for one in pairs]
-    nodes, density = _of_group(pairs, ruler, people)[1]
+    _, _, (nodes, density) = _paired(*found, ruler)
     steps = np.concatenate([[0.0], np.cumsum((density[1:] + density[:-1]) / 2 * np.diff(nodes))])
     return np.asarray(np.interp(rng.random(number) * steps[-1], steps, nodes))
+
+
+def _paired(
+    found_a: Sequence[Surface], found_b: Sequence[Surface], ruler: Ruler
+) -> tuple[Difference, list[Difference], tuple[Floats, Floats]]:
+    """Return the group's difference, that of each person, and the density of tau_d."""
+    pairs = _pairs(found_a, found_b, ruler)
+    people = [_told(one.d, trapezoid(one.m) @ one.values) for one in pairs]
+    group, spread = _of_group(pairs, ruler, people)
+    return group, people, spread
 
 
 def unpaired_difference(a: Hierarchy, b: Hierarchy) -> Difference:

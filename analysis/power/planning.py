@@ -120,6 +120,7 @@ def plan_study(
     trials.begun, trials.step = begun, done
     try:
         so_far.answers = searched(trials)
+        # What is ahead is now what other designs take, by the answers that were found.
         ahead.search = lambda by: changed(by, so_far.answers)
         return promise(changed(trials, so_far.answers))
     except (KeyboardInterrupt, StoppedError):

@@ -124,7 +124,8 @@ def _with_loss(level_of: dict[str, Any] | None) -> str:
 
 _IDEAL_DB: Final = -60.0
 _IDEAL: Final = (
-    "below about -60 dB crosstalk, bars and table carry more: docs/explanation/limits.md"
+    f"below about {_IDEAL_DB:g} dB (assumed) crosstalk, bars and table may carry more: "
+    "docs/explanation/limits.md"
 )
 """Of levels that are those of an ideal plate."""
 

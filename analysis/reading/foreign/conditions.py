@@ -31,8 +31,8 @@ def may_be_conditions(
 
     These are a few words, each there twice or more, or a few numbers that are a factor. No known
     column has all of the words, as that of the answers has those of the right answers; nor do they
-    only name sides, as files left.wav and right.wav. What only says over again what the side is is
-    not yielded, nor numbers that so follow another such column.
+    only name sides, as files left.wav and right.wav. A column that only
+    repeats the side is not yielded, nor numbers that so repeat another such column.
     """
     side = table.called(CALLED["side"])
     taken = [{*table.words(name)} for name in known if name in table.header]

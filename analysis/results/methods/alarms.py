@@ -120,15 +120,16 @@ def _percent(share: float) -> str:
 
 def blank_rows(analysis: Analysis) -> Iterator[tuple[str, str, str]]:
     """Yield the rows of false alarms in the answer's table."""
-    turns = any(one.took_turns for one in pairs_of(analysis.differences))
-    quoted = (
-        "to be quoted is the rate of all blanks; this one is" if turns else "the interval to quote"
-    )
+    quoted = "the interval to quote, wider the more people differ, its upper limit cautious"
+    if any(one.took_turns for one in pairs_of(analysis.differences)):
+        quoted = (
+            "to be quoted is the rate of all blanks, if nothing told which condition was coming"
+        )
     for row in totals(analysis) if analysis.detected_any is not None else ():
         # Counts made elsewhere do not tell the sides.
         of = f"{row['p'] * row['presented']:.0f} of {row['presented']} blank trials"
         if not math.isnan(row["group_low"]):
-            of += f"; {quoted}, wider the more people differ, its upper limit cautious"
+            of += f"; {quoted}"
         yield f"False alarms{_where(analysis, row, ',')}", _share(row), of
 
 
