@@ -19,7 +19,19 @@ from analysis.reading.foreign.bids import FILE, STANDS_FOR
 from analysis.reading.foreign.conditions import MOST_FILES, may_be_conditions
 from analysis.reading.foreign.factors import float_of, roles_by_name, with_unit
 from analysis.reading.foreign.form import RowFilter, guessed_encoding, text_format
-from analysis.reading.foreign.names import CALLED, COUNTS, FELT, HITS, LEVELS, OF, OF_VOLTS, WORDS
+from analysis.reading.foreign.names import (
+    CALLED,
+    COUNTS,
+    FELT,
+    HITS,
+    OF,
+    WORDS,
+    given,
+    has_buttons,
+    is_hit,
+    level_of,
+    only_key,
+)
 from analysis.reading.foreign.sample import EMPTY, NUMBER, Sample, listed, plain, sample_of, told_of
 from analysis.reading.text import one_line
 from experiment.terms.record import COLUMNS
@@ -31,8 +43,6 @@ if TYPE_CHECKING:
 
 
 _MOST_WORDS: Final = 12
-_MOST_LEVELS: Final = 20
-_PART: Final = re.compile("[A-Z]?[a-z]+|[A-Z]+")
 _BARE: Final = re.compile(r"[A-Za-z0-9_-]+")
 _VOLTS: Final = re.compile("volt|spannung|tension")
 _UNIT: Final = re.compile(r"[_ .(\[](um|µm|nm|mm|pct|percent)[)\]]?$", re.IGNORECASE)
@@ -49,6 +59,7 @@ _ASIDE: Final = {"none": "blanks", "both": "in no threshold"}
 _PRINTED: Final = 'printed as written, as "µm", "% FS" or "um peak-to-peak": nothing is converted'
 _PEAKS: Final = "# its unit: V peak-to-peak, by the name; else state it, in [units]"
 _OF_FILE: Final = "; the name of the file without its ending, to be used like a column"
+_GO: Final = "guess: the only key, pressed if felt"
 _TASK: Final = (
     '"yes/no" if people who felt nothing could say so, "forced choice" if they had to guess'
 )
@@ -78,7 +89,9 @@ def map_draft(sources: Sequence[InputTable]) -> tuple[str, list[str]]:
     _columns(table, sections)
     lines += [f"{NOTE}{words}" for words in _notes(looked_at, table, sections)]
     needs_task = "table" in sections or any("detected" in line for line in sections["columns"])
-    if needs_task:
+    if needs_task and _GO in "".join(sections.get("values.detected", [])):
+        lines.append(_entry("task", "yes/no", "guess: who felt nothing pressed no key (go/no-go)"))
+    elif needs_task:
         lines.append(_entry("task", "", f"{_FILL}{_TASK}"))
     else:
         lines.append(f'# task: nothing to state if some answered "none"; if nobody, {_TASK}')
@@ -100,7 +113,7 @@ def _notes(looked_at: Sample, trials: Sample, sections: Mapping[str, list[str]])
                 for line in sections.get(name, ())]  # fmt: skip
         are = "is" if skipped == 1 else "are"
         yield f"{skipped} of {len(looked_at.rows)} rows {are} skipped, by {', '.join(kept)}"
-    level = _level(trials)
+    level = level_of(trials)
     levels = (level is not None and trials.numbers(level)) or []
     if (zeros := levels.count(0.0)) and min(levels) == 0:
         yield (
@@ -157,7 +170,7 @@ def _columns(table: Sample, sections: dict[str, list[str]]) -> None:
     for ours, names in CALLED.items():
         if counted and ours in ("trial", "response", "rt_s", "side"):
             continue
-        theirs = _level(table) if ours == "level_vpp" else table.called(names)
+        theirs = level_of(table) if ours == "level_vpp" else table.called(names)
         if ours == "trial":
             _trial(table, sections)
         elif ours == "response":
@@ -168,17 +181,6 @@ def _columns(table: Sample, sections: dict[str, list[str]]) -> None:
             _named(table, ours, theirs, sections)
         else:
             _absent(table, ours, sections)
-
-
-def _level(table: Sample) -> str | None:
-    """Return the column of the level: by its name or, if it has a few numbers, by a part of it."""
-    if named := table.called(CALLED["level_vpp"]):
-        return named
-    for name in table.header:
-        of_levels = {part.lower() for part in _PART.findall(name)} & {*LEVELS, *OF_VOLTS}
-        if of_levels and 1 < len({*(table.numbers(name) or ())}) <= _MOST_LEVELS:
-            return name
-    return None
 
 
 def _absent(table: Sample, ours: str, sections: dict[str, list[str]]) -> None:
@@ -233,12 +235,12 @@ def _unit(sections: dict[str, list[str]], level: str) -> None:
 def _answers(table: Sample) -> tuple[str | None, str | None]:
     """Return the column of the answers, and that of whether something was detected."""
     response, hit = table.called(CALLED["response"]), table.called(HITS)
-    both = hit if hit and _is_hit(table, hit) else None
-    if response and _has_buttons(table):
+    both = hit if hit and is_hit(table, hit) else None
+    if response and has_buttons(table):
         return response, None
-    if response and _is_hit(table, response):
+    if response and (is_hit(table, response) or (only_key(table, response) and not both)):
         return response, response
-    if both and response and all(map(str.isdecimal, _given(table, response))):
+    if both and response and all(map(str.isdecimal, given(table, response))):
         return both, both  # of two intervals the keys 1 and 2 are no sides
     return response, both
 
@@ -251,7 +253,7 @@ def _side(
         _put(sections, "constant", "side", "", f"{_FILL}\"left\" will do for a single place, "
              "nothing depends on it; of several name the column in [columns]")  # fmt: skip
         return
-    level = _level(table)
+    level = level_of(table)
     words = [WORDS.get(plain(word), word) for word in table.words(theirs)]
     places = {word for word in words if word != "none" and word.lower() not in NOTHING}
     blank = "none" in words or bool(level and 0.0 in (table.numbers(level) or []))
@@ -273,7 +275,7 @@ def _conditions(table: Sample, sections: dict[str, list[str]]) -> None:
     ours = {name for names in CALLED.values() for name in (table.called(names),) if name}
     person = table.called(CALLED["participant"]) or STANDS_FOR["participant"]
     whose = person if person in table.header else FILE
-    roles = roles_by_name(table, whose, _level(table))
+    roles = roles_by_name(table, whose, level_of(table))
     for name, words in may_be_conditions(table, ours, roles):
         told = f"{_OFFERED}{listed(words)}"
         sections["columns"].append(f"# {_entry('condition', name, told)}")
@@ -281,22 +283,6 @@ def _conditions(table: Sample, sections: dict[str, list[str]]) -> None:
             told = f"to print so, where {one_line(name)} is the condition"
             line = f"# {_entry(word, with_unit(word, name), told)}"
             sections.setdefault("values.condition", []).append(line)
-
-
-def _has_buttons(table: Sample) -> bool:
-    """Tell whether the answers are jsPsych's buttons: it counts them from 0."""
-    return {"trial_type", "time_elapsed"} <= {*table.header} and any(
-        "button" in kind for kind in table.words("trial_type")
-    )
-
-
-def _given(table: Sample, name: str) -> list[str]:
-    return [word for word in table.words(name) if word.lower() not in NOTHING]
-
-
-def _is_hit(table: Sample, name: str) -> bool:
-    words = {word.lower() for word in table.words(name)} - {*NOTHING}
-    return bool(words) and words <= {*FELT}
 
 
 def _answer(
@@ -312,7 +298,11 @@ def _answer(
         _put(sections, "columns", "detected", hit, f"guess; {told_of(table, hit)}")
         if "response" in table.header:
             _put(sections, "columns", "response", "", "its 0 and 1 are no sides")
+        key = only_key(table, hit)
         for word in table.words(hit):
+            if key:
+                _go_or_no_go(table, hit, word, sections)
+                continue
             ours = "timeout" if word.lower() in NOTHING else FELT[word.lower()]
             if word not in (*TRUTHS, "0", "1"):
                 told = _unanswered(table, hit, word) if ours == "timeout" else ""
@@ -321,6 +311,16 @@ def _answer(
         _named(table, "response", response, sections)
     else:
         _put(sections, "columns", "response", "", f"{_FILL}the column of the answer")
+
+
+def _go_or_no_go(table: Sample, name: str, word: str, sections: dict[str, list[str]]) -> None:
+    """Say what a cell is where a single key tells that something was felt, and no key that not."""
+    if word.lower() in NOTHING:
+        rows = table.words(name)[word]
+        told = f': {rows} rows without it, nothing felt; if no key is an answer missed, "timeout"'
+        _put(sections, "values.detected", word, "0", f"guess{told}")
+    else:
+        _put(sections, "values.detected", word, "1", _GO)
 
 
 def _named(table: Sample, ours: str, theirs: str, sections: dict[str, list[str]]) -> None:
@@ -360,7 +360,7 @@ def _words(table: Sample, ours: str, theirs: str, sections: dict[str, list[str]]
     words = [word for word in table.words(theirs) if word not in known]
     for word in words[:_MOST_WORDS]:
         guess = missing if word.lower() in NOTHING else WORDS.get(plain(word), "")
-        button = "the button that jsPsych counts so, the first is 0: " * _has_buttons(table)
+        button = "the button that jsPsych counts so, the first is 0: " * has_buttons(table)
         told = _unanswered(table, theirs, word) if guess == "timeout" else ""
         what = f"guess{told}" if guess else f"{_FILL}{button}{', '.join(known)}"
         _put(sections, f"values.{ours}", word, guess, what)

@@ -1,14 +1,20 @@
 """What others call our columns and our words, in small letters without accents, and digits.
 
-In English, German and French.
+In English, German and French; and what the words of a column of answers are, therefore.
 """
 
 from __future__ import annotations
 
+import re
 from typing import TYPE_CHECKING, Final
+
+from analysis.reading.cells import NOTHING
+from analysis.reading.foreign.sample import plain
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
+
+    from analysis.reading.foreign.sample import Sample
 
 
 LEVELS: Final = (
@@ -69,3 +75,46 @@ FELT: Final[Mapping[str, str]] = {
     **dict.fromkeys(("true", "yes", "y", "ja", "j", "oui", "o", "1"), "1"),
     **dict.fromkeys(("false", "no", "n", "nein", "non", "0"), "0"),
 }
+_PART: Final = re.compile("[A-Z]?[a-z]+|[A-Z]+")
+_MOST_LEVELS: Final = 20
+
+
+def level_of(table: Sample) -> str | None:
+    """Return the column of the level: by its name or, if it has a few numbers, by a part of it."""
+    if named := table.called(CALLED["level_vpp"]):
+        return named
+    for name in table.header:
+        of_levels = {part.lower() for part in _PART.findall(name)} & {*LEVELS, *OF_VOLTS}
+        if of_levels and 1 < len({*(table.numbers(name) or ())}) <= _MOST_LEVELS:
+            return name
+    return None
+
+
+def has_buttons(table: Sample) -> bool:
+    """Tell whether the answers are jsPsych's buttons: it counts them from 0."""
+    return {"trial_type", "time_elapsed"} <= {*table.header} and any(
+        "button" in kind for kind in table.words("trial_type")
+    )
+
+
+def given(table: Sample, name: str) -> list[str]:
+    """Return the words of a column of answers that are answers."""
+    return [word for word in table.words(name) if word.lower() not in NOTHING]
+
+
+def is_hit(table: Sample, name: str) -> bool:
+    """Tell whether a column says yes and no only."""
+    words = {word.lower() for word in given(table, name)}
+    return bool(words) and words <= {*FELT}
+
+
+def only_key(table: Sample, name: str) -> str:
+    """Return the only key of a go/no-go task, pressed where something was felt; else nothing.
+
+    >>> from analysis.reading.foreign.sample import Sample
+    >>> only_key(Sample(header=["key"], rows=[["space"], ["None"]]), "key")
+    'space'
+    """
+    keys = given(table, name)
+    told = len(keys) == 1 and (plain(keys[0]) in WORDS or FELT.get(keys[0].lower()) == "0")
+    return keys[0] if len(keys) == 1 < len(table.words(name)) and not told else ""
