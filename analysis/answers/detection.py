@@ -204,19 +204,20 @@ def blank_table(
         return _blank_of(blanks, ci)
     counts = _answer_counts(trials, "blank", {answer: (answer,) for answer in _FELT})
     counts["felt"] = counts[list(_FELT)].sum(axis="columns")
-    table = _with_group(_with_interval(counts, "felt", ci), "felt")
+    table = _with_group(_with_interval(counts, "felt", ci), "felt", false_alarms=True)
     return _leading(trials, table, _BLANK)
 
 
 def _blank_of(blanks: pd.DataFrame, ci: str) -> pd.DataFrame:
     people = blanks[["condition", "participant", "felt", "presented"]]
-    table = _with_group(_with_interval(_with_totals(people), "felt", ci), "felt")
+    with_ends = _with_interval(_with_totals(people), "felt", ci)
+    table = _with_group(with_ends, "felt", false_alarms=True)
     table = table.assign(**dict.fromkeys(_FELT, np.nan))
     several = len({*blanks["condition"]}) > 1
     return table[["condition", *_BLANK] if several else [*_BLANK]]
 
 
-def _with_group(table: pd.DataFrame, hits: str) -> pd.DataFrame:
+def _with_group(table: pd.DataFrame, hits: str, *, false_alarms: bool = False) -> pd.DataFrame:
     """Give the total of each condition the interval of the mean of people."""
     total = table["participant"].eq(TOTAL)
     limits = np.full((len(table), 2), np.nan)
@@ -224,7 +225,8 @@ def _with_group(table: pd.DataFrame, hits: str) -> pd.DataFrame:
         same = table["condition"].eq(table["condition"].iloc[at])
         people = table[same & ~total & table["presented"].gt(0)]
         if len(people):
-            limits[at] = group_interval(people[hits].to_numpy(), people["presented"].to_numpy())
+            counts = people[hits].to_numpy(), people["presented"].to_numpy()
+            limits[at] = group_interval(*counts, false_alarms=false_alarms)
     return table.assign(group_low=limits[:, 0], group_high=limits[:, 1])
 
 

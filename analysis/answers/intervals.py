@@ -81,18 +81,24 @@ def proportion_ci(
     return (float(lower), float(upper)) if lower.ndim == 0 else (lower, upper)
 
 
-def group_interval(detected: ArrayLike, presented: ArrayLike) -> tuple[float, float]:
+def group_interval(
+    detected: ArrayLike, presented: ArrayLike, *, false_alarms: bool = False
+) -> tuple[float, float]:
     """Return the 95 % interval of a group's detection probability, participants differing.
 
     Of the mean m of people whose probabilities are Beta distributed with the variance v m (1 - m):
     the 2.5 % and 97.5 % points of its posterior, or the pooled proportion or the people's mean
     where these lie farther out. Before the counts are known, m and the square root of v are uniform
-    from 0 to 1 (docs/statistics.md, section 3).
+    from 0 to 1; of false alarms v / (m (1 - m)) is the square of a half-Cauchy variate of scale 1
+    (docs/statistics.md, section 3).
 
     Parameters
     ----------
     detected, presented : array_like, shape (P,)
         Detected and presented stimuli of each participant; each has at least one.
+    false_alarms : bool
+        Whether the counts are answers to blank trials: people whose mean is near 0 are then not
+        expected to be some who never answer and some who always do, as near a steep threshold.
 
     Returns
     -------
@@ -112,6 +118,9 @@ def group_interval(detected: ArrayLike, presented: ArrayLike) -> tuple[float, fl
     >>> different = group_interval([5, 15, 25], [30, 30, 30])
     >>> different[0] < alike[0] < 0.5 < alike[1] < different[1]
     True
+    >>> k, n = [0, 1, 0, 2, 0, 1], [20] * 6
+    >>> group_interval(k, n, false_alarms=True)[1] < group_interval(k, n)[1]
+    True
     """
     k, n = checked_counts(detected, presented)
     if k.ndim != 1 or k.size == 0 or not np.all(n > 0):
@@ -121,7 +130,8 @@ def group_interval(detected: ArrayLike, presented: ArrayLike) -> tuple[float, fl
     ends = [(0.0, math.pi / 2), (0.0, 1.0)]
     for _ in range(_PASSES):
         edges = [np.linspace(*end, count + 1) for end, count in zip(ends, _NODES, strict=True)]
-        log = _log_posterior(k, n, *((edge[1:] + edge[:-1]) / 2 for edge in edges))
+        angle, t = ((edge[1:] + edge[:-1]) / 2 for edge in edges)
+        log = _log_posterior(k, n, angle, _spread_of_rates(angle, t) if false_alarms else t)
         near = log > log.max() - _MATTERS
         cells = [np.flatnonzero(near.any(axis=1 - i)) for i in range(2)]
         ends = [(edge[at[0]], edge[at[-1] + 1]) for edge, at in zip(edges, cells, strict=True)]
@@ -134,13 +144,22 @@ def group_interval(detected: ArrayLike, presented: ArrayLike) -> tuple[float, fl
     return min(float(lower), *told), max(float(upper), *told)
 
 
+def _spread_of_rates(angle: NDArray[np.float64], t: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return sqrt(v) at the shares t of its prior below it, for each mean.
+
+    sqrt(v / (m (1 - m))) is about the standard deviation of people's log odds.
+    """
+    scale = np.sin(2 * angle)[:, None] / 2
+    return np.asarray(scale * np.tan(t * np.arctan(1 / scale)))
+
+
 def _log_posterior(
     k: NDArray[np.float64],
     n: NDArray[np.float64],
     angle: NDArray[np.float64],
     spread: NDArray[np.float64],
 ) -> NDArray[np.float64]:
-    """Return it over arcsin(sqrt(m)) and sqrt(v), but for a constant."""
+    """Return it over arcsin(sqrt(m)) and what sqrt(v) comes from, but for a constant."""
     from scipy.special import betaln
 
     alike = 1 / spread**2 - 1

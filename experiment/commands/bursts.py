@@ -14,6 +14,8 @@ from experiment.terms.exits import ANSWER_IS_NO, CommandError, refusals
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from stimuli.drive import Window
+
 
 def _listed(kind: Callable[[str], Any], what: str) -> Callable[..., tuple[Any, ...]]:
     """Return what reads numbers with commas between them."""
@@ -36,7 +38,7 @@ def _by_options(refusal: str) -> str:
     '--frequency-hz must be >= 5; if these are kilohertz, write --frequency-hz 3000'
     """
     refusal = re.sub(r"\bfrequency_hz( =)?", "--frequency-hz", refusal)
-    return re.sub(r"^cycles\b", "--cycles", refusal).removeprefix("condition main: ")
+    return re.sub(r"^(cycles|window)\b", r"--\1", refusal).removeprefix("condition main: ")
 
 
 @click.command(epilog="Example: tactstrip bursts study.toml --frequency-hz 200,300 --cycles 1,2")
@@ -54,6 +56,11 @@ def _by_options(refusal: str) -> str:
     callback=_listed(int, "whole numbers"),
     help="Each with so many.  [default: 1,2,3 and the study's]",
 )
+@click.option(
+    "--window",
+    metavar="NAME",
+    help="Of all of them: none, hann, tukey, gaussian.  [default: that of [burst]]",
+)
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object instead.")
 @refusals
 def bursts(
@@ -61,13 +68,14 @@ def bursts(
     study_file: Path,
     frequencies_hz: tuple[float, ...],
     cycles: tuple[int, ...],
+    window: Window | None,
     as_json: bool,
 ) -> None:
     """Compare bursts on a study's plate: which are fit, and which is the shortest of them.
 
-    Each is checked as `check` does it, with the window of [burst]; where edges are ideal ones and
-    no cut-off was measured, also with the other ideal edge. The exit code is 0 if one is fit, 1 if
-    none is. The study file is left as it is.
+    Each is checked as `check` does it, with the window of [burst] unless another is given; where
+    edges are ideal ones and no cut-off was measured, also with the other ideal edge. The exit code
+    is 0 if one is fit, 1 if none is. The study file is left as it is.
     """
     from experiment.preview.bursts import bursts_findings, compare_bursts, grid_of
     from experiment.study.read import read_study
@@ -76,7 +84,9 @@ def bursts(
     study = read_study(study_file)
     with working("Comparing bursts") as step, told_by_file(study_file):
         try:
-            found = compare_bursts(study, grid_of(study, frequencies_hz, cycles), step)
+            found = compare_bursts(
+                study, grid_of(study, frequencies_hz, cycles), step, window=window
+            )
         except UnusableStudyError:
             raise
         except ValueError as error:

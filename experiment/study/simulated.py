@@ -263,7 +263,7 @@ def vibrations_of(study: Study, burst: Burst) -> tuple[Vibration, Vibration]:
     left, right = (
         Vibration(
             frequency_hz=burst.frequency_hz,
-            duration_s=burst.cycles / burst.frequency_hz,
+            duration_s=burst.energy_duration_s,
             area_cm2=math.pi * (100 * one.finger_diameter_m) ** 2 / 4,
         )
         for one in study.actuators[:2]

@@ -23,7 +23,7 @@ class Vibration:
     """What a threshold is of."""
 
     frequency_hz: float
-    duration_s: float
+    duration_s: float  # of a sine without window of the same greatest value and energy
     area_cm2: float
 
 
@@ -36,6 +36,7 @@ class _Reach:
     key: str  # of the study, what a threshold is known for
     least: float
     most: float
+    of: str = ""  # what exactly the values are
 
 
 # The frequency curve is of Verrillo's thenar eminence; above 500 Hz nothing was found that could be
@@ -44,7 +45,14 @@ _REACHES: Final = {
     "frequency_hz": _Reach(
         what="frequencies", unit="Hz", key="threshold_at_hz", least=20.0, most=500.0
     ),
-    "duration_s": _Reach(what="durations", unit="s", key="threshold_at_s", least=0.01, most=1.0),
+    "duration_s": _Reach(
+        what="durations",
+        unit="s",
+        key="threshold_at_s",
+        least=0.01,
+        most=1.0,
+        of=" (a window counts by what it leaves of the energy)",
+    ),
     "area_cm2": _Reach(what="areas", unit="cm2", key="threshold_at_cm2", least=0.005, most=5.1),
 }
 
@@ -69,7 +77,8 @@ def duration_db(duration_s: float, frequency_hz: float) -> float:
 
     J. J. Zwislocki's theory of temporal summation, J. Acoust. Soc. Am. 32 (1960) 1046-1060; found
     in touch at high frequencies only (G. A. Gescheider, Sensory Processes 1 (1976) 68-76). Short
-    vibrations follow their energy:
+    vibrations follow their energy, so t is the duration of a sine without window of the same
+    greatest value and energy (`stimuli.Burst.energy_duration_s`):
 
     >>> round(duration_db(0.004, 250) - duration_db(0.002, 250), 1), duration_db(0.01, 20)
     (-3.0, 0.0)
@@ -139,12 +148,13 @@ class KnownFor:
         return threshold_db(vibration) - threshold_db(replace(vibration, **self.stated))
 
     def unmeasured(self, *vibrations: Vibration) -> tuple[str, ...]:
-        """Say where curves that are used were not measured, each curve once.
+        r"""Say where curves that are used were not measured, each curve once.
 
         >>> short = Vibration(frequency_hz=500.0, duration_s=0.002, area_cm2=0.8)
-        >>> KnownFor(duration_s=1.0).unmeasured(short, short)
-        ('durations of 0.01 to 1 s were measured, got 0.002 s for the burst',)
-        >>> KnownFor(duration_s=0.003).unmeasured(short)[0].partition(", ")[2]
+        >>> print(*KnownFor(duration_s=1.0).unmeasured(short, short)[0].split(", "), sep=",\n")
+        durations of 0.01 to 1 s were measured (a window counts by what it leaves of the energy),
+        got 0.002 s for the burst
+        >>> KnownFor(duration_s=0.003).unmeasured(short)[0].partition("), ")[2]
         'got 0.002 s for the burst and 0.003 s in threshold_at_s'
         """
         told = []
@@ -160,7 +170,7 @@ class KnownFor:
                 got.append(f"{known:.3g} {reach.unit} in {reach.key}")
             if got and vibrations:
                 told.append(
-                    f"{reach.what} of {reach.least:g} to {reach.most:g} {reach.unit} were measured,"
-                    f" got {' and '.join(got)}"
+                    f"{reach.what} of {reach.least:g} to {reach.most:g} {reach.unit} were measured"
+                    f"{reach.of}, got {' and '.join(got)}"
                 )
         return tuple(told)

@@ -3,10 +3,11 @@ from .energy import staircase_energy_above
 from .fit import BurstCheck, check_burst
 from .noise import LEAST_LEVEL_DBFS, pink_loop
 from .sampled import Drive, SampledDrive, exponential_sums
-from .windows import Window, sines
+from .windows import WINDOWS, Window, sines
 
 __all__ = [
     "LEAST_LEVEL_DBFS",
+    "WINDOWS",
     "Burst",
     "BurstCheck",
     "Drive",

@@ -17,7 +17,7 @@ import pandas as pd
 import pytest
 from scipy.stats import fisher_exact
 
-from analysis import ColumnMap, print_analysis, write_analysis
+from analysis import ColumnMap, group_interval, print_analysis, write_analysis
 from analysis.answers.doubts import Doubt
 from analysis.axis import VOLTS, Axis, bounded, times, with_limits
 from analysis.definitions import TOTAL
@@ -896,8 +896,9 @@ def test_criterion_is_spoken_of_only_where_false_alarms_differ(
     apart = {"status": "ok", "difference_db": 3.0, "low_db": 1.0, "high_db": 5.0}
     row = {"condition_a": "a", "condition_b": "b", "participant": "all", "first": "interleaved 8"}
     blank = pd.DataFrame(
-        {"condition": ["a", "b"], "participant": "all", "presented": 60, "p": rates, "low": 0.05,
-         "high": 0.3, "group_low": math.nan, "group_high": math.nan}
+        {"condition": ["a", "a", "b", "b"], "participant": ["S1", "all", "S2", "all"],
+         "presented": 60, "p": [rates[0]] * 2 + [rates[1]] * 2, "low": 0.05, "high": 0.3,
+         "group_low": math.nan, "group_high": math.nan}
     )  # fmt: skip
     analysis = replace(
         least, counts=replace(least.counts, conditions=2), blank=blank,
@@ -917,7 +918,13 @@ def test_criterion_is_spoken_of_only_where_false_alarms_differ(
     assert said.count(" % (5.0 to 30.0 %)") == 2
     assert not any("interleaved" in of for _, _, of in found.rows)
     alarms = round(60 * rates[0]) + round(60 * rates[1])
-    assert f"is to be quoted, {alarms} of 120 ({alarms / 1.2:.1f} %)" in said
+    felt = [round(60 * rate) for rate in rates]
+    low, high = (100 * end for end in group_interval(felt, [60, 60], false_alarms=True))
+    quoted = f"{alarms / 1.2:.1f} % ({low:.1f} to {high:.1f} %)"
+    assert f"is to be quoted, {quoted}, {alarms} of 120 blank trials" in said
+    told = [row for row in found.rows if row[0] == "False alarms, all"]
+    assert [row[1] for row in told] == [quoted]
+    assert "the interval to quote, if nothing told which condition" in told[0][2]
 
 
 @pytest.mark.parametrize(("number", "basis"), [(6, "interval"), (4, "test")])

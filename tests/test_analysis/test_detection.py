@@ -86,7 +86,7 @@ def test_false_alarms_of_several_people_have_the_group_interval_and_each_its_own
     ]
     made = blank_table(pd.concat(parts, ignore_index=True))
     ends = made[["group_low", "group_high"]]
-    assert ends.iloc[-1].tolist() == [*group_interval([1, 2], [4, 7])]
+    assert ends.iloc[-1].tolist() == [*group_interval([1, 2], [4, 7], false_alarms=True)]
     assert ends.iloc[:-1].isna().all(axis=None)
     assert blank_table(parts[0])["group_low"].isna().all()
 

@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.special import ndtr
-from scipy.stats import betabinom
+from scipy.stats import betabinom, cauchy
 
 from analysis import group_interval, proportion_ci
 from analysis.definitions import METHODS
@@ -167,6 +167,47 @@ def test_the_group_interval_is_that_of_a_plain_sum_over_beta_binomials(
     below = np.cumsum(np.exp(log).sum(axis=1))
     expected = np.interp([0.025, 0.975], below / below[-1], m + 0.5 / 1500)
     assert group_interval(k, n) == pytest.approx(expected, abs=2e-3)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("k", "n"), [([0, 1, 0, 2, 0, 1], [20] * 6), ([0] * 5, [12] * 5), ([20, 0, 1], [20, 25, 30])]
+)
+def test_the_interval_of_false_alarms_is_that_of_a_plain_sum_with_cauchy_log_odds(
+    k: list[int], n: list[int]
+) -> None:
+    means, tenths = (np.arange(nodes) / nodes + 0.5 / nodes for nodes in (1500, 400))
+    weight = np.zeros(len(means))
+    for at, m in enumerate(means):
+        most = 1 / math.sqrt(m * (1 - m))  # where v is 1
+        odds = most * tenths
+        size = 1 / (odds**2 * m * (1 - m)) - 1
+        log = sum(
+            betabinom.logpmf(felt, shown, m * size, (1 - m) * size)
+            for felt, shown in zip(k, n, strict=True)
+        )
+        prior = cauchy.pdf(odds)
+        weight[at] = (np.exp(log) * prior).sum() / prior.sum()
+    below = np.cumsum(weight)
+    expected = np.interp([0.025, 0.975], below / below[-1], means + 0.5 / len(means))
+    assert group_interval(k, n, false_alarms=True) == pytest.approx(expected, abs=2e-3)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("mean", "spread"), [(0.05, 1.0), (0.1, 1.75)])
+def test_the_interval_of_false_alarms_covers_and_is_narrower_than_that_of_levels(
+    mean: float, spread: float
+) -> None:
+    rng = np.random.default_rng(3)
+    size = (1 - mean) / (spread**2 * mean) - 1
+    k = rng.binomial(20, rng.beta(mean * size, (1 - mean) * size, size=(300, 12)))
+    ends = np.array([group_interval(one, [20] * 12, false_alarms=True) for one in k])
+    others = np.array([group_interval(one, [20] * 12) for one in k])
+    assert 0.91 < np.mean((ends[:, 0] <= mean) & (mean <= ends[:, 1])) < 0.985
+    assert (
+        np.ptp(ends, axis=1).mean()
+        < (0.85 if spread == 1 else 0.97) * np.ptp(others, axis=1).mean()
+    )
 
 
 def test_alike_participants_tell_nearly_as_much_as_their_trials_and_one_has_no_interval() -> None:

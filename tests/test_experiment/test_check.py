@@ -661,7 +661,8 @@ window = "none"
 
 def test_a_threshold_curve_beyond_what_was_measured_is_told(run: Run) -> None:
     assert run("init", "ours.toml", "--preset", "realistic").exit_code == 0
-    words = "durations of 0.01 to 1 s were measured, got 0.002 s for the burst"
+    words = "durations of 0.01 to 1 s were measured (a window counts by what it leaves of the "
+    words += "energy), got 0.00148 s for the burst and 0.002 s in threshold_at_s"
     told = f"The threshold lies outside published curves: {words}. A pilot tells the true one."
     assert " ".join(run("check", "ours.toml").stdout.split()).count(told) == 1
     facts = json.loads(run("check", "ours.toml", "--json").stdout)

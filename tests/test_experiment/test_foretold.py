@@ -131,13 +131,14 @@ def test_each_condition_has_the_median_that_its_people_have() -> None:
         weaker = replace(KNOWN, per_vpp=((0.0045, 0.0001), (0.0001, 0.0045)))
         return " ".join(people_words(study, [KNOWN.fingers(), weaker.fingers()]))
 
-    # four times as long are 5.87 dB less by the curve, and half of the motion 6.02 dB more
+    # Hann's window leaves 0.496 of a sine's energy in 2 cycles and 0.382 in 8: 3.02 dB more than
+    # without, and 4.85 dB less for four times as long; half of the motion is 6.02 dB more.
     assert words().startswith(
-        "As the study states, 1.08 um at 0.004 s: median threshold 120 V (1.08 um) in short, "
-        "122 V (0.548 um) in long, SD between people 1.5 dB."
+        "As the study states, 1.08 um at 0.004 s: median threshold 170 V (1.53 um) in short, "
+        "195 V (0.876 um) in long, SD between people 1.5 dB."
     )
-    assert "122 V (0.548 um) in long" not in words("difference_db = 6\n")
-    assert "243 V (1.09 um) in long" in words("difference_db = 6\n")
+    assert "195 V (0.876 um) in long" not in words("difference_db = 6\n")
+    assert "388 V (1.75 um) in long" in words("difference_db = 6\n")
     assert "In long: All levels lie below that" in words("difference_db = 6\n")
 
 
@@ -268,7 +269,8 @@ def test_curves_that_do_not_reach_the_burst_are_told_in_one_line() -> None:
     people = "[simulation]\nthreshold_um = 1.57\nthreshold_at_hz = 500\nthreshold_at_s = 0.002\n"
     burst = "[burst]\nfrequency_hz = 300\ncycles = 2\n"
     study = study_from_text(people + burst + BOTH, "study.toml")
-    words = "durations of 0.01 to 1 s were measured, got 0.00667 s for the burst and 0.002 s "
+    words = "durations of 0.01 to 1 s were measured (a window counts by what it leaves of the "
+    words += "energy), got 0.00667 s for the burst and 0.002 s "
     words += "in threshold_at_s"
     assert unmeasured(study) == (words,)
     (line,) = [one for one in told(people + burst + BOTH).lines if "were measured" in one]

@@ -3,14 +3,20 @@
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.integrate import quad
+from scipy.optimize import minimize_scalar
 
 from stimuli import Burst
 from stimuli.drive.windows import WINDOWS, Window
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
 
 PAPER = Burst(frequency_hz=500.0, cycles=1, window="none")
 """The paper's burst (section IV-A)."""
@@ -111,3 +117,30 @@ def test_every_half_cycle_is_an_exact_zero() -> None:
 def test_a_burst_is_one_cycle_without_a_window_unless_told_otherwise() -> None:
     assert Burst(frequency_hz=500) == PAPER
     assert Burst(frequency_hz=250.0, cycles=3, window="hann").duration_s == 0.012
+
+
+@pytest.mark.parametrize("window", WINDOWS)
+@pytest.mark.parametrize("cycles", [1, 2, 5, 40])
+def test_the_energy_duration_is_that_of_the_sine_of_equal_peak_and_energy(
+    window: Window, cycles: int
+) -> None:
+    shape: Callable[[float], float] = {
+        "none": lambda t: 1.0,
+        "hann": lambda t: math.sin(math.pi * t) ** 2,
+        "tukey": lambda t: math.sin(2 * math.pi * min(t, 1 - t, 0.25)) ** 2,
+        "gaussian": lambda t: math.exp(-18 * (t - 0.5) ** 2),
+    }[window]
+
+    def value(t: float) -> float:
+        return shape(t) * math.sin(2 * math.pi * cycles * t)
+
+    energy, _ = quad(lambda t: value(t) ** 2, 0, 1, limit=1000, epsabs=1e-11)
+    at = np.linspace(0, 1, 40 * cycles + 1)
+    near = at[np.argmax([abs(value(t)) for t in at])]
+    ends = (max(near - 0.03 / cycles, 0.0), min(near + 0.03 / cycles, 1.0))
+    peak = -minimize_scalar(lambda t: -abs(value(t)), bounds=ends, method="bounded").fun
+    burst = Burst(frequency_hz=170.0, cycles=cycles, window=window)
+    expected_s = 2 * energy / peak**2 * cycles / 170.0
+    assert burst.energy_duration_s == pytest.approx(expected_s, rel=2e-5)
+    if window == "none":
+        assert burst.energy_duration_s == pytest.approx(burst.duration_s, rel=1e-12)

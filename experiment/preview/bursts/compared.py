@@ -15,6 +15,7 @@ from experiment.study.simulated import median_threshold, vibrations_of
 from experiment.study.study import UnusableStudyError
 from experiment.terms.curves import KnownFor
 from experiment.terms.gains import significant
+from stimuli.drive import WINDOWS
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
     from experiment.preview.check import ConditionCheck
     from experiment.study.study import Study
     from stimuli import Burst
+    from stimuli.drive import Window
 
 
 FELT_HZ: Final = (200.0, 250.0, 300.0, 400.0, 500.0)
@@ -96,11 +98,12 @@ class ComparedBurst:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BurstComparison:
-    """Bursts on the plate of a study, and the study with its other ideal edge, where tried."""
+    """Bursts of one window on the plate of a study; that with its other ideal edge, where tried."""
 
     study: Study
     other: Study | None
     rows: tuple[ComparedBurst, ...]
+    window: Window
 
     def has(self, row: ComparedBurst) -> list[str]:
         """Return the names of the study's conditions that have a burst."""
@@ -131,10 +134,13 @@ def by_length(burst: Burst) -> tuple[float, float]:
     return round(burst.duration_s, _DIGITS), burst.frequency_hz
 
 
-def with_burst(study: Study, frequency_hz: float, cycles: int) -> Study:
-    """Return a study with another sine of the same window in [burst], and no other conditions.
+def with_burst(
+    study: Study, frequency_hz: float, cycles: int, window: Window | None = None
+) -> Study:
+    """Return a study with another sine in [burst], and no other conditions.
 
-    ValueError where its window is no given one, or the burst does not suit the study.
+    Its window is that of [burst] unless another is given. ValueError where [burst] has no window
+    of its own, or the burst does not suit the study.
     """
     burst = study.burst
     if burst.file is not None or burst.window == "auto":
@@ -144,7 +150,10 @@ def with_burst(study: Study, frequency_hz: float, cycles: int) -> Study:
             f"bursts of one window are compared, and [burst] has {what}; "
             'state window = "hann" with frequency_hz and cycles there',
         )
-    other = replace(burst, frequency_hz=frequency_hz, cycles=cycles, accept_unfit=None)
+    window = window or burst.window
+    other = replace(
+        burst, frequency_hz=frequency_hz, cycles=cycles, window=window, accept_unfit=None
+    )
     return study.changed(burst=other, condition=[{"name": "main"}])
 
 
@@ -164,7 +173,11 @@ def grid_of(
 
 
 def compare_bursts(
-    study: Study, bursts: Iterable[tuple[float, int]], step: Callable[[int, int], object]
+    study: Study,
+    bursts: Iterable[tuple[float, int]],
+    step: Callable[[int, int], object],
+    *,
+    window: Window | None = None,
 ) -> BurstComparison:
     """Check bursts on the plate of a study, with its edges and with the other ideal ones.
 
@@ -176,12 +189,16 @@ def compare_bursts(
         Frequencies in Hz and cycles.
     step : callable
         Told how many of how many are done.
+    window : str, optional
+        Of all of them, in place of that in [burst].
 
     Raises
     ------
     ValueError
-        If none of them can be checked.
+        If none of them can be checked, and for an unknown window.
     """
+    if window is not None and window not in WINDOWS:
+        raise ValueError(f"window must be one of {', '.join(WINDOWS)}; got {window!r}")
     every, rows = tuple(bursts), list[ComparedBurst]()
     own_m = None
     if not study.simulation.known_for.stated:
@@ -189,14 +206,16 @@ def compare_bursts(
             own_m = own_per_load_m(_own(study))
     for place, (frequency_hz, cycles) in enumerate(every):
         step(place, len(every))
-        other = with_burst(study, frequency_hz, cycles)
+        other = with_burst(study, frequency_hz, cycles, window)
         row = _compared(other)
         if own_m is not None and row.stated.level_db is not None:
             row = replace(row, threshold_db=_threshold_db(other, known_for(study), own_m))
         rows.append(row)
     if all(row.stated.found is None for row in rows):
         raise ValueError(rows[0].stated.refusal)
-    return BurstComparison(study=study, other=with_other_edge(study), rows=tuple(rows))
+    return BurstComparison(
+        study=study, other=with_other_edge(study), rows=tuple(rows), window=rows[0].burst.window
+    )
 
 
 def _own(study: Study) -> Study:
@@ -210,7 +229,7 @@ def known_for(study: Study) -> KnownFor:
     if study.simulation.known_for.stated:
         return study.simulation.known_for
     burst = _own(study).conditions[0].stated
-    return KnownFor(frequency_hz=burst.frequency_hz, duration_s=burst.cycles / burst.frequency_hz)
+    return KnownFor(frequency_hz=burst.frequency_hz, duration_s=burst.energy_duration_s)
 
 
 def _threshold_db(study: Study, known: KnownFor, own_m: float) -> float:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, Final
 
-from experiment.preview.bursts.compared import known_for
+from experiment.preview.bursts.compared import by_length, known_for
 from experiment.preview.bursts.edges import edge_words
 from experiment.preview.findings import Findings
 from experiment.study.physics import LEAST_LOSS, MOST_LOSS
@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 
 JSON_SCHEMA: Final = 1
 _UNKNOWN: Final = "n/a"
+ROOM: Final = 4
+"""How many times the threshold the ceiling should be: levels reach from half of it to twice it."""
 
 
 def bursts_findings(found: BurstComparison, file_name: str) -> Findings:
@@ -71,7 +73,8 @@ def _tell_edges(told: Findings, found: BurstComparison) -> None:
 
 def _tell_columns(told: Findings, found: BurstComparison) -> None:
     study = found.study
-    told.tell("window", f"{study.burst.window}, as in [burst]", window=study.burst.window)
+    where = "as in [burst]" if _has_own_window(found) else f"where [burst] has {study.burst.window}"
+    told.tell("window", f"{found.window}, {where}", window=found.window)
     if len(study.conditions) > 1:
         marked = {name for row in found.rows for name in found.has(row)}
         for words, has in (("marked (*)", True), ("not among these bursts", False)):
@@ -115,6 +118,10 @@ def _tell_columns(told: Findings, found: BurstComparison) -> None:
         own = _named(study.burst)
         told.tell("felt", f"threshold in volts, dB re {own}; the lower, the more easily it is felt")
         told.tell("", f"estimated by published curves of sines{_beyond(found)}; docs/model.md, 4")
+
+
+def _has_own_window(found: BurstComparison) -> bool:
+    return found.window == found.study.burst.window
 
 
 def _beyond(found: BurstComparison) -> str:
@@ -272,6 +279,30 @@ def _tell_most_felt(
     return row
 
 
+def _tell_with_room(
+    told: Findings, found: BurstComparison, alike: list[ComparedBurst]
+) -> ComparedBurst | None:
+    """Name the shortest burst that is felt far below what no level may exceed."""
+    told.note(with_room=None)
+    if not any(row.threshold_vpp is not None for row in alike):
+        return None
+    highest_vpp, key = found.study.device.highest
+    most_vpp = highest_vpp / ROOM
+    words = f"a quarter of {key}, {most_vpp:.3g} V"
+    some = [row for row in alike if (row.threshold_vpp or highest_vpp) <= most_vpp]
+    if not some:
+        told.tell("with room", f"none of these is felt below {words}: list longer ones, --cycles")
+        return None
+    row = min(some, key=lambda one: by_length(one.burst))
+    told.tell(
+        "with room",
+        f"{_named(row.burst)}: the shortest felt below {words},",
+        with_room=_values(row.burst),
+    )
+    told.tell("", "which leaves levels on either side of the threshold")
+    return row
+
+
 def _values(burst: Burst) -> dict[str, float]:
     """Return the lines of ``[burst]`` in which the compared bursts differ."""
     return {"frequency_hz": burst.frequency_hz, "cycles": burst.cycles}
@@ -280,7 +311,7 @@ def _values(burst: Burst) -> dict[str, float]:
 def _tell_best(told: Findings, found: BurstComparison, file_name: str) -> None:
     """Name the best bursts with the lines of the study file that make one of them the study's."""
     best, edges = found.best, _edges(found)
-    told.note(best=None, quietest=None, most_felt=None)
+    told.note(best=None, quietest=None, most_felt=None, with_room=None)
     if best is None:
         low_hz = min(edge.strip.cutoff_hz() for edge in (found.study, found.other) if edge)
         tried = ",".join(f"{float(f'{low_hz / part:.2g}'):g}" for part in (8, 4, 3, 2))
@@ -306,6 +337,8 @@ def _tell_best(told: Findings, found: BurstComparison, file_name: str) -> None:
     chosen = {"shortest": best, "quietest": _tell_quietest(told, alike)}
     if felt := _tell_most_felt(told, found, alike):
         chosen["most felt"] = felt
+    if room := _tell_with_room(told, found, alike):
+        chosen["with room"] = room
     _tell_lines(told, found, chosen, file_name)
 
 
@@ -320,6 +353,8 @@ def _tell_lines(
             told.tell("", f"the {name} (*) is that of {whose}")
         else:
             lines = "\n".join(f"{key} = {value:g}" for key, value in _values(row.burst).items())
+            if not _has_own_window(found):
+                lines += f'\nwindow = "{found.window}"'
             others.setdefault(lines, []).append(name)
     if others:
         where = "[burst] or a [[condition]]" if several else "[burst]"
