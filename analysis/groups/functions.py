@@ -2,8 +2,9 @@
 
 The line is the function of the values that are told; the band is of the function at each level by
 itself, 95 % of its posterior. A group's function is the mean of the functions of people of its
-kind, gamma + (1 - gamma - lambda) Phi((x - M) / sqrt(sigma^2 + tau^2)), with sigma at exp(S) and
-the means of its people's gamma and lambda (docs/statistics.md, section 8).
+kind, gamma + (1 - gamma - lambda) Phi((x - M) / sqrt(sigma^2 + tau^2)), with sigma at exp(S), the
+mean of its people's gamma, and that of their lambda by the kind of lapses that all have in common
+(docs/statistics.md, section 8).
 """
 
 from __future__ import annotations
@@ -38,6 +39,8 @@ _OF_GROUP, _OF_PERSON = (31, 25), (49, 21)
 _MATTERS: Final = 1e-3
 """Of the greatest weight: what has less moves no line that can be seen."""
 _BINS: Final = 4000
+_THREE: Final = ((-math.sqrt(3), 1 / 6), (0.0, 2 / 3), (math.sqrt(3), 1 / 6))
+"""Points that stand for a distribution, in standard deviations, and their shares."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -115,10 +118,19 @@ def group_function(people: PersonCounts, rows: Sequence[int], axis: Axis) -> Fun
     )
     width = np.hypot(np.exp(log_sigma), spread)
     gamma = math.fsum(one.guess_rate for one in each) / len(each)
-    lapse = math.fsum(one.lapse_rate for one in each) / len(each)
+    # What all have in common tells more of lapses than each person's few strong stimuli.
+    lapses, variances = np.mean([one.lapse_by_kind for one in each], axis=0)
+    lapse = float(found.of_kind @ lapses)
     drawn_at, level_vpp = _places(people.level_vpp[chosen][used], axis)
     z = (drawn_at[:, None] / ruler.step - middle) / width
-    low, high = _limits(gamma + (1 - gamma - lapse) * ndtr(z), weight[near])
+    felt, values, shares = ndtr(z), [], []
+    for mean, spread, of_kind in zip(
+        lapses, np.sqrt(variances / len(each)), found.of_kind, strict=True
+    ):
+        for at, share in _THREE if of_kind > _MATTERS else ():
+            values.append(gamma + (1 - gamma - max(mean + at * spread, 0.0)) * felt)
+            shares.append(of_kind * share * weight[near])
+    low, high = _limits(np.concatenate(values, axis=1), np.concatenate(shares))
     line = Line(
         mu=float(found.of_middle()[1]) * ruler.step,
         sigma=_median(width, weight[near]) * ruler.step,
@@ -176,8 +188,8 @@ def _of_person(
     mean = gamma + rest * felt
     variance = of_gamma + (2 * mixed + of_rest * felt) * felt - mean**2
     spread = np.sqrt(np.maximum(variance, 0.0))
-    points = [mean + sign * math.sqrt(3) * spread for sign in (-1, 0, 1)]
-    shares = np.concatenate([share * weight[near] for share in (1 / 6, 2 / 3, 1 / 6)])
+    points = [mean + at * spread for at, _ in _THREE]
+    shares = np.concatenate([share * weight[near] for _, share in _THREE])
     return _limits(np.clip(np.concatenate(points, axis=1), 0.0, 1.0), shares)
 
 

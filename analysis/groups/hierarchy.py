@@ -52,6 +52,7 @@ class Hierarchy:
     density: Floats  # (middle, spread), priors included
     log_sigma: Floats  # S
     cells: Floats  # (middle, spread, log_sigma): the density before S is integrated out
+    of_kind: Floats  # how probable it is that all people are of each of `density.kinds`
 
     def of_middle(self) -> Floats:
         """Return the points of `density.QUANTILES` of M."""
@@ -119,10 +120,11 @@ def hierarchy(found: Sequence[Surface], ruler: Ruler, *, prior_of_middle: bool =
         total = _log_likelihood(found, middle, spread, log_sigma)
         of_spread = np.exp(-0.5 * (spread / SPREAD) ** 2)
         of_omega = np.exp(-0.5 * (OMEGA / OMEGA_SPREAD) ** 2)
-        cells = np.exp(total - total.max()).sum(axis=0) @ of_omega
+        prior = of_spread[:, None] * sigma_prior(log_sigma)
         if prior_of_middle:
-            cells *= ruler.mu_prior(middle)[:, None, None]
-        cells *= of_spread[:, None] * sigma_prior(log_sigma)
+            prior = prior * ruler.mu_prior(middle)[:, None, None]
+        by_kind = (np.exp(total - total.max()) @ of_omega) * prior
+        cells = by_kind.sum(axis=0)
         in_middle, in_spread = trapezoid(middle), trapezoid(spread)
         in_sigma = trapezoid(log_sigma)
         density = cells @ in_sigma
@@ -142,9 +144,11 @@ def hierarchy(found: Sequence[Surface], ruler: Ruler, *, prior_of_middle: bool =
         )
         # The density of a small spread is the narrowest.
         spread = spread[0] + (spread - spread[0]) ** 1.5 / np.sqrt(np.ptp(spread))
+    of_kind = np.einsum("kmts,m,t,s->k", by_kind, in_middle, in_spread, in_sigma)
     return Hierarchy(
-        middle=middle, spread=spread, density=density, log_sigma=log_sigma, cells=cells
-    )
+        middle=middle, spread=spread, density=density, log_sigma=log_sigma, cells=cells,
+        of_kind=of_kind / of_kind.sum(),
+    )  # fmt: skip
 
 
 def _log_likelihood(

@@ -44,6 +44,7 @@ _OF_BLANKS: Final = (
     "reaction_time_least_s", "reaction_time_doubt",
 )  # fmt: skip
 """Keys that false alarms hang on: nothing is felt, so no threshold."""
+_LEAST_VPP, _MOST_VPP = 0.1, 1000.0
 _OF_NONE: Final = ("false_alarm_rate", "last_answer_db")
 """Keys that only tell of people who may answer "none"."""
 _GRUND: Final = "Grund et al. 2022, electrical pulses, docs/model.md, section 4"
@@ -207,14 +208,15 @@ def pilot_people(study: Study, goal: Goal, loaded: LoadedTrials, where: str) -> 
     much differences differ is that of people with both conditions; the rest is what the study has.
     """
     axis, trials = loaded.axis, loaded.trials
-    if loaded.cells is not None or axis.x_scale != "log10" or not axis.unit.startswith("V"):
+    if loaded.cells is not None or axis.x_scale != "log10":
         what = "a table of counts" if loaded.cells is not None else f"{axis.unit}, {axis.x_scale}"
         raise ValueError(
-            f"--pilot must hold trials with levels in volts, as the study; got {what} in {where}: "
+            f"--pilot must hold trials, with levels on a logarithmic axis; got {what} in {where}: "
             "else state threshold_vpp, threshold_sd_db and, for a difference, difference_sd_db "
             "under [simulation], as the report tells them (docs/power.md, 2)"
         )
     people = people_of(trials, loaded.alternatives)
+    in_its_unit = _in_its_unit(study, axis.unit, people, where)
     conditions = sorted({condition for condition, _ in people.names})
     name = study.conditions[0].name
     name = name if name in conditions or len(conditions) != 1 else conditions[0]
@@ -246,8 +248,27 @@ def pilot_people(study: Study, goal: Goal, loaded: LoadedTrials, where: str) -> 
         whose=f"those of the pilot in {where}, and else the study's",
         numbers=_numbers(changed, goal, study, told),
         draws=tuple(draws),
-        warnings=_few(min(number.values())),
+        warnings=(*_few(min(number.values())), *in_its_unit),
     )
+
+
+def _in_its_unit(study: Study, unit: str, people: PersonCounts, where: str) -> tuple[str, ...]:
+    """Say that the study's levels are taken as the pilot's are, in another unit than volts.
+
+    Only ratios of levels count. Refuse a study whose levels are not among the pilot's.
+    """
+    if unit.startswith("V"):
+        return ()
+    low, high = float(people.level_vpp.min()), float(people.level_vpp.max())
+    levels = study.design.levels_vpp
+    if max(levels) < low or min(levels) > high or not _LEAST_VPP <= low < high <= _MOST_VPP:
+        raise ValueError(
+            f"design.levels_vpp must be in {unit}, as the levels of --pilot, which go from "
+            f"{low:g} to {high:g} in {where}; got {min(levels):g} to {max(levels):g}: write a "
+            f"study with levels in {unit}, or multiply those of the pilot by [scale] level_vpp in "
+            f"its map, to lie between {_LEAST_VPP:g} and {_MOST_VPP:g} (only ratios count)"
+        )
+    return (f"levels of {where} are in {unit}: those of the study are read as {unit}, too",)
 
 
 _KNOWN_ELSEWHERE: Final = dict.fromkeys(("threshold_um", *CURVE_KEYS))
@@ -301,7 +322,7 @@ def _pilot_draws(people: PersonCounts, trials: pd.DataFrame, name: str) -> list[
     rates = rng.beta(0.5 + alarms, 0.5 + len(blank) - alarms, _DRAWS)
     return [
         {
-            "threshold_vpp": float(np.clip(10 ** middle[i], 0.1, 1000)),
+            "threshold_vpp": float(np.clip(10 ** middle[i], _LEAST_VPP, _MOST_VPP)),
             SPREAD: float(min(20 * spread[i], 40)),
             "sigma": float(min(math.exp(log_sigma[i]), 10)),
             "sigma_spread": _OMEGA,

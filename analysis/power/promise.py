@@ -83,7 +83,7 @@ class Promise:
     def sentence(self) -> str:
         """Say the answer."""
         if self.best is not None:
-            told = f"{_people(self.best)}, {_design(self.best.point)}: {self.wanted}."
+            told = f"{self.people_of(self.best)}, {_design(self.best.point)}: {self.wanted}."
             return f"{told} Stopped before other designs were tried." if self.partial else told
         if self.partial:
             return f"Stopped, so this is partial: {self.partial} ({self.wanted})."
@@ -93,6 +93,20 @@ class Promise:
         return (
             f"No number within the bounds, {least} to {_counted(most)}, is enough: {self.wanted}."
         )
+
+    def people_of(self, one: Answer) -> str:
+        """Return the number of people of an answer, and between which numbers it lies."""
+        if one.participants is None:
+            return "no number of participants"
+        told = _counted(one.participants)
+        least, most = self.participants
+        if least == most:
+            return f"{told} (no other number was tried)"
+        if one.high is None:
+            return f"{told} (at least {one.low} by the simulation)"
+        if one.low == one.high:
+            return told
+        return f"{told} ({one.low} to {one.high} by the simulation)"
 
     @property
     def wanted(self) -> str:
@@ -150,6 +164,8 @@ class Promise:
         """Say which numbers to ask next, where the answer lies beyond those that were tried."""
         if self.partial and self.best is not None:
             return ""
+        if self.partial and self.left == self.participants:
+            return "The same command tells more if it may go on; --keep FILE keeps what is done."
         if self.partial and self.left is not None:
             return f"Try --participants {self.left[0]} {self.left[1]} next."
         return self.thumb.words if self.thumb else ""
@@ -197,16 +213,17 @@ class Promise:
         fresh = self.best.checked
         covered = sum(one.covered * one.studies for one in self.tried)
         covered /= sum(one.studies for one in self.tried)
-        people = ", ".join(f"{one.key} = {one.value:g}" for one in self.people.numbers)
+        people = ", ".join(f"{one.key} = {one.value:.4g}" for one in self.people.numbers)
+        of = "; those of the pilot are medians of draws that took turns" * bool(self.people.draws)
         return (
             f"The number of participants was chosen by simulation (tactstrip power, seed "
-            f"{self.seed}). With {_people(self.best)}, {_design(self.best.point)}, "
+            f"{self.seed}). With {self.people_of(self.best)}, {_design(self.best.point)}, "
             f"{self.goal.words} is expected: at least {self.assurance:.0%} of such studies were "
             f"asked for, and of {fresh.studies} simulated ones that took no part in choosing this "
             f"number {_percent(fresh)} reached it. All were "
             "analysed as the recorded data will be; of all "
             f"simulated intervals {covered:.0%} held the truth. Assumed of the population: "
-            f"{people}. People who leave or are left out are not counted in this number."
+            f"{people}{of}. People who leave or are left out are not counted in this number."
         )
 
 
@@ -219,10 +236,11 @@ def best_of(answers: Sequence[Answer]) -> Answer | None:
 def text(promise: Promise) -> str:
     """Return a promise for a terminal: the answer first."""
     lines = [one for one in (promise.sentence, promise.reaching, promise.ask_next) if one]
-    lines += [f"{_assumed(promise.people)}; all are listed below."]
+    known = "" if promise.people.draws else _AS_KNOWN
+    lines += [f"{_assumed(promise.people)}; all are listed below{known}."]
     if len(promise.answers) > 1:
         lines += ["", "For each design:"]
-        lines += [f"  {_people(one)}, {_design(one.point)}" for one in promise.answers]
+        lines += [f"  {promise.people_of(one)}, {_design(one.point)}" for one in promise.answers]
     lines += ["", *_table(promise.tried, promise.goal)]
     lines += [promise.pilots] * bool(promise.pilots)
     if promise.levers:
@@ -238,7 +256,7 @@ def text(promise: Promise) -> str:
             for one in promise.levers
         ]
     lines += ["", "People:", f"  {promise.of_people}"]
-    lines += [f"  {one.key} = {one.value:g} ({one.source})" for one in promise.people.numbers]
+    lines += [f"  {one.key} = {one.value:.4g} ({one.source})" for one in promise.people.numbers]
     lines += [f"Warning: {one}" for one in promise.people.warnings]
     if promise.ethics:
         lines += ["", "For the ethics form:", promise.ethics]
@@ -267,6 +285,9 @@ def _elsewhere(people: People, number: Stated) -> str:
     return ", in volts of the paper's plate; yours are not known, docs/plate.md"
 
 
+_AS_KNOWN = (
+    " and taken as exactly known: if few people told them, try the ends of their intervals, too"
+)
 _DECIDING = (
     ("threshold_um", "median threshold", " um"),
     ("threshold_vpp", "median threshold", " V"),
@@ -361,15 +382,6 @@ def _number(value: float, goal: Goal) -> str:
 
 def _trials(one: Answer) -> int:
     return (one.participants or 0) * (2 * one.point.trials_per_side + one.point.blanks)
-
-
-def _people(one: Answer) -> str:
-    if one.participants is None:
-        return "no number of participants"
-    told = _counted(one.participants)
-    if one.high is None:
-        return f"{told} (at least {one.low} by the simulation)"
-    return told if one.low == one.high else f"{told} ({one.low} to {one.high} by the simulation)"
 
 
 def _counted(people: int) -> str:

@@ -86,6 +86,7 @@ class Surface:
     by_kind: Floats  # times the prior of each of `kinds`: (kinds, mu, log sigma)
     lapse_rate: float  # posterior mean, as that of the guess rate
     guess_rate: float
+    lapse_by_kind: Floats  # mean and variance of lambda if this person is of each kind, (2, kinds)
     starts: Floats  # likeliest nodes: mu, log sigma and lambda, (STARTS, 3)
 
     @property
@@ -338,7 +339,12 @@ class _Batch:
         values = by_kind.sum(axis=1)
         mu = trapezoid(axes.mu) * self.asked.ruler.mu_prior(axes.mu)
         sigma = in_sigma(axes.log_sigma)
-        shares = weight.sum(axis=1) * (cells @ np.outer(mu, sigma).ravel())
+        each = weight * (cells @ np.outer(mu, sigma).ravel())[:, None]
+        of_lapse = each.reshape(*each.shape[:2], len(axes.guess), -1).sum(axis=2)
+        of_lapse /= of_lapse.sum(axis=2, keepdims=True)
+        mean, square = (of_lapse @ one for one in (axes.lapse, axes.lapse**2))
+        lapse_by_kind = np.stack([mean, np.maximum(square - mean**2, 0.0)], axis=1)
+        shares = each.sum(axis=1)
         shares /= shares.sum(axis=1, keepdims=True)
         shares = shares.reshape(-1, len(axes.guess), len(axes.lapse))
         lapse_rate, guess_rate = shares.sum(axis=1) @ axes.lapse, shares.sum(axis=2) @ axes.guess
@@ -349,6 +355,7 @@ class _Batch:
                 mu=axes.mu, log_sigma=axes.log_sigma, by_kind=one,
                 lapse_rate=float(lapse_rate[i]),
                 guess_rate=float(guess_rate[i]),
+                lapse_by_kind=lapse_by_kind[i],
                 starts=self.starts(i),
             )
             for i, one in enumerate(by_kind)

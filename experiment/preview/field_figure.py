@@ -205,7 +205,7 @@ def _map_keys(plate: PlatePreview) -> list[Line2D]:
 
     limit = f"−{plate.masking_limit_db:g} dB, the masking limit, re the largest (tone)"
     return [
-        *outline_keys(),
+        *outline_keys(plate),
         Line2D([], [], color="black", lw=1.4, label=limit),
     ]
 
@@ -378,7 +378,7 @@ def _still_figure(motion: PlateMotion, unit: str, largest: float) -> tuple[Figur
     words = f"{burst_words(plate.study.conditions[0])}; slowed {slowed(motion):g} times"
     _head(figure, plate, words)
     lines = [(_OWN, "above the actuator"), (_OTHERS[0], "other finger")]
-    keys: list[Artist] = [*outline_keys(), *(_key(what, style) for style, what in lines)]
+    keys: list[Artist] = [*outline_keys(plate), *(_key(what, style) for style, what in lines)]
     keys.append(Patch(color=_DRIVEN, label="while driven"))
     _legend(figure, keys, f"{plate.basis}; each actuator driven alone")
     figure.draw_without_rendering()

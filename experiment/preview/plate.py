@@ -248,8 +248,8 @@ def _outline(axes: Axes, shape: Patch, *, dashed: bool) -> None:
     axes.add_patch(shape)
 
 
-def outline_keys() -> list[Line2D]:
-    """Return what explains them in a legend."""
+def outline_keys(plate: PlatePreview) -> list[Line2D]:
+    """Return what explains them in a legend; a contact that a disc's edge hides has no line."""
     from matplotlib.lines import Line2D
     from matplotlib.patheffects import withStroke
 
@@ -258,6 +258,9 @@ def outline_keys() -> list[Line2D]:
         "lw": 1.2,
         "path_effects": [withStroke(linewidth=2.4, foreground="black")],
     }
+    edges = {(one.x_m, one.y_m, (one.diameter_m or 0.0) / 2) for one in plate.study.actuators}
+    if edges >= {(one.x_m, one.y_m, one.radius_m) for one in plate.fingers}:
+        return [Line2D([], [], label="actuator and fingertip's contact", **style)]
     return [
         Line2D([], [], label="actuator", **style),
         Line2D([], [], label="fingertip's contact", ls=_DASHES, **style),

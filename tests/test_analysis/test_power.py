@@ -667,7 +667,7 @@ def test_levers_begin_with_fewer_people_than_the_answer_and_say_why() -> None:
 def test_one_number_that_is_clearly_enough_has_no_levers() -> None:
     told = promised(lambda _: 0.97, (12, 12))
     assert (told.levers, "Levers" in text(told)) == ((), False)
-    assert told.sentence.startswith("12 participants, ")
+    assert told.sentence.startswith("12 participants (no other number was tried), ")
     assert re.match(r"Of \d00 fresh studies, which took no part in the search, 9", told.reaching)
     assert promised(lambda _: 0.81, (12, 12)).levers
     assert promised(lambda _: 0.97, (12, 14)).levers
@@ -932,7 +932,7 @@ unit = "{}"
 
 
 @pytest.mark.slow
-def test_a_table_made_elsewhere_is_a_pilot_where_its_levels_are_volts(tmp_path: Path) -> None:
+def test_a_table_made_elsewhere_is_a_pilot_whatever_the_unit_of_its_levels(tmp_path: Path) -> None:
     rng, rows = np.random.default_rng(7), ["participant,condition,v,felt"]
     for person in range(8):
         for name, threshold in (("bare", 70.0), ("glove", 90.0)):
@@ -943,11 +943,19 @@ def test_a_table_made_elsewhere_is_a_pilot_where_its_levels_are_volts(tmp_path: 
     (tmp_path / "data").mkdir()
     (tmp_path / "data" / "all.csv").write_text("\n".join(rows) + "\n")
     (tmp_path / "map.toml").write_text(MAP.format("V"))
-    (tmp_path / "um.toml").write_text(MAP.format("um"))
+    in_nm = MAP.format("nm") + "[scale]\nlevel_vpp = 100\n"
+    (tmp_path / "nm.toml").write_text(in_nm)
+    in_um = MAP.format("um") + "[scale]\nlevel_vpp = 1.0\n"
+    (tmp_path / "um.toml").write_text(in_um)
     loaded = read_inputs([tmp_path / "data"], load_column_map(tmp_path / "map.toml"))
     people = pilot_people(two_conditions(""), Goal.parse("difference=2dB"), loaded, "there")
     medians = {key: np.median([one[key] for one in people.draws]) for key in people.draws[0]}
     assert 55 < medians["threshold_vpp"] < 90
+    assert people.warnings == ()
+    in_um = read_inputs([tmp_path / "data"], load_column_map(tmp_path / "um.toml"))
+    same = pilot_people(two_conditions(""), Goal.parse("difference=2dB"), in_um, "there")
+    assert same.draws == people.draws  # only numbers count
+    assert same.warnings == ("levels of there are in um: those of the study are read as um, too",)
     assert 0.06 < medians["false_alarm_rate"] < 0.16  # a yes to a blank, wherever it was felt
     assert 0.5 < medians["difference_sd_db"] < 5.0
     study = tmp_path / "study.toml"
@@ -956,7 +964,13 @@ def test_a_table_made_elsewhere_is_a_pilot_where_its_levels_are_volts(tmp_path: 
     pilot = ["--pilot", str(tmp_path / "data")]
     for more, told in (
         (pilot, "needs --columns MAP.toml"),
-        ([*pilot, "--columns", str(tmp_path / "um.toml")], "volts, as the study; got um, log10"),
+        (
+            [*pilot, "--columns", str(tmp_path / "nm.toml")],
+            (
+                "design.levels_vpp must be in nm, as the levels of --pilot, which go from 3000 to "
+                f"20000 in {tmp_path / 'data'}; got "
+            ),
+        ),
         (["--columns", str(tmp_path / "map.toml")], "--columns needs --pilot"),
     ):
         done = CliRunner().invoke(power, [*asked, *more])
