@@ -19,7 +19,7 @@ pytest.importorskip("termios", reason="pages are run by bash, on pseudo-terminal
 pytestmark = pytest.mark.gallery
 ROOT = Path(__file__).resolve().parents[1]
 DOCS = ROOT / "docs"
-PAGES = sorted([*DOCS.glob("tutorial.md"), *DOCS.glob("howto/*.md")])
+PAGES = sorted([DOCS / "tutorial.md", DOCS / "plate.md", *DOCS.glob("howto/*.md")])
 MOST_S = 150.0
 """Processor time of a page, of which the tutorial takes 25 to 80 s: an older server needs 2.7 times
 as long as a newer one, and more beside others."""

@@ -72,9 +72,8 @@ def plan_study(
 
     def changed(by: Trials, found: Sequence[Answer]) -> tuple[Lever, ...]:
         first = next((one for one in found if one.participants is not None), found[0])
-        enough = first.checked is not None and first.checked.clear(assurance) > 0
-        if enough and participants[0] == participants[1]:  # where little is left to gain
-            return ()
+        if first.participants is not None and participants[0] == participants[1]:
+            return ()  # one number was asked about, and is enough
         return levers(by, first, participants, goal.kind, levels)
 
     def promise(changes: Sequence[Lever] = (), partial: str = "") -> Promise:
