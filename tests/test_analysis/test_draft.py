@@ -426,3 +426,34 @@ def test_a_column_is_called_empty_only_of_the_rows_that_are_read(tmp_path: Path)
     assert "#   practice.thisN: empty in the rows that are read\n" in told
     assert "#   notes: empty\n" in told
     assert "#   level: 3 values: 5, 9, 26\n" in told
+
+
+def go_no_go(cells: str) -> str:
+    """Return a table of one person who pressed a key at the higher level only."""
+    head = "participant,amp_um,finger,key_resp.keys\n"
+    shown = [("0", "none"), ("0.4", "left"), ("3.4", "right"), ("3.4", "left"), ("0.4", "right")]
+    rows = [f"1,{level},{side},{'space' if level == '3.4' else cells}" for level, side in shown]
+    return head + "\n".join(rows) + "\n"
+
+
+@pytest.mark.parametrize("no_key", ["None", ""])
+def test_a_single_key_is_drafted_as_felt_and_no_key_as_not_felt(
+    tmp_path: Path, no_key: str
+) -> None:
+    table = put(tmp_path / "t.csv", go_no_go(no_key))
+    text, blanks = map_draft(find_sources([table], foreign=True).tables)
+    assert blanks == []
+    told = tomllib.loads(text)
+    assert told["task"] == "yes/no"
+    assert told["columns"]["detected"] == "key_resp.keys"
+    assert told["values"]["detected"] == {no_key: "0", "space": "1"}
+    read = read_inputs([table], load_column_map(put(tmp_path / "m.toml", text))).trials
+    assert read["response"].tolist().count("none") == 3
+    assert "timeout" not in read["response"].tolist()
+
+
+@pytest.mark.parametrize("word", ["left", "no", "n"])
+def test_a_single_word_that_says_more_than_felt_is_no_go_key(tmp_path: Path, word: str) -> None:
+    table = put(tmp_path / "t.csv", go_no_go("None").replace("space", word))
+    text, _ = map_draft(find_sources([table], foreign=True).tables)
+    assert "the only key" not in text

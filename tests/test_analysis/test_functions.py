@@ -104,3 +104,13 @@ def test_a_group_s_line_is_halfway_at_the_group_s_threshold() -> None:
     assert float(one.at(np.array(at))) == pytest.approx(half, abs=1e-12)
     inside = (one.low - 0.01 < one.at(one.level_vpp)) & (one.at(one.level_vpp) < one.high + 0.01)
     assert inside.all()
+
+
+def test_a_group_whose_people_never_miss_ends_where_few_lapses_do() -> None:
+    never = people(*[[2, 5, 20, 30, 30]] * 8, guess=GuessRate.after_blanks(answered=1, blanks=40))
+    often = people(*[[2, 5, 20, 27, 27]] * 8, guess=GuessRate.after_blanks(answered=1, blanks=40))
+    ends = [group_function(one, range(8), VOLTS) for one in (never, often)]
+    assert float(ends[0].at(np.array([200.0]))[0]) > 0.975
+    assert ends[0].high[-1] > 0.985
+    assert float(ends[1].at(np.array([200.0]))[0]) < 0.94
+    assert ends[1].high[-1] < ends[0].low[-1]
