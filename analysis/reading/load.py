@@ -13,7 +13,7 @@ import pandas as pd
 from analysis.axis import Axis, axis_of
 from analysis.reading.batch import InputFile, batches, read_batch
 from analysis.reading.checks import check_together, in_seconds
-from analysis.reading.foreign.conditions import pooled
+from analysis.reading.foreign.conditions import pooled, refuse_lost_sides
 from analysis.reading.foreign.counts import read_counted
 from analysis.reading.foreign.form import RowFilter
 from analysis.reading.foreign.table import count_columns
@@ -215,6 +215,8 @@ def read_inputs(
             for one in read_batch(batch, columns, kept=kept, accept_altered=accept_altered)
         ]
     kept.refuse_unmet(str(paths[0]))
+    if columns:
+        refuse_lost_sides(sources, columns)
     without = left_out(found, accept_altered=accept_altered)
     tables = [table for one in read for table in one.tables]
     _check_copies(tables)

@@ -457,3 +457,41 @@ def test_a_single_word_that_says_more_than_felt_is_no_go_key(tmp_path: Path, wor
     table = put(tmp_path / "t.csv", go_no_go("None").replace("space", word))
     text, _ = map_draft(find_sources([table], foreign=True).tables)
     assert "the only key" not in text
+
+
+def localised(heading: str = "target") -> str:
+    """Return a table of one person who names the finger, under a heading that is no known one."""
+    shown = [("0", "none"), ("4", "left"), ("9", "right"), ("9", "left"), ("4", "right")]
+    rows = [f"1,{level},{side},{'down' if level == '0' else side}" for level, side in shown]
+    return f"participant,amp_um,{heading},key_resp.keys\n" + "\n".join(rows) + "\n"
+
+
+@pytest.mark.parametrize("heading", ["target", "corrAns", "where"])
+def test_a_column_that_says_left_and_right_is_the_side_whatever_it_is_called(
+    tmp_path: Path, heading: str
+) -> None:
+    table = put(tmp_path / "t.csv", localised(heading))
+    text, blanks = map_draft(find_sources([table], foreign=True).tables)
+    assert blanks == ["down"]
+    told = tomllib.loads(text)
+    assert told["columns"]["side"] == heading
+    assert told["columns"]["response"] == "key_resp.keys"
+    assert f'condition = "{heading}"' not in text
+    both = put(tmp_path / "two.csv", localised().replace("amp_um", "corrAns,amp_um", 1).replace(
+        "1,", "1,left,").replace("1,left,9,right", "1,right,9,right"))  # fmt: skip
+    assert tomllib.loads(map_draft(find_sources([both], foreign=True).tables)[0])["columns"][
+        "side"
+    ] == "target"  # fmt: skip
+
+
+def test_one_place_for_all_is_refused_where_a_column_and_the_answers_tell_two(
+    tmp_path: Path,
+) -> None:
+    table = put(tmp_path / "t.csv", localised())
+    one = (
+        '[columns]\nlevel_vpp = "amp_um"\nresponse = "key_resp.keys"\n'
+        '[values.response]\ndown = "none"\n[constant]\nside = "left"\n[axis]\nunit = "um"\n'
+    )
+    said = str(refused(table, columns=load_column_map(put(tmp_path / "map.toml", one))))
+    assert "column target says none, left, right, and answers name left and right" in said
+    assert said.endswith('[columns] side = "target" in its stead')

@@ -1,6 +1,6 @@
 from .bids import about, bids_tables, plain_tables
 from .columns import FORCED, YES_NO, ColumnMap, load_column_map
-from .conditions import pooled
+from .conditions import pooled, refuse_lost_sides
 from .counts import read_counted
 from .draft import NOTE, map_draft
 from .form import RowFilter, foreign_chunks
@@ -21,4 +21,5 @@ __all__ = [
     "plain_tables",
     "pooled",
     "read_counted",
+    "refuse_lost_sides",
 ]

@@ -1,4 +1,4 @@
-"""Which columns of tables made elsewhere may tell conditions apart."""
+"""Which columns of tables made elsewhere may tell conditions apart, or sides, unknown to a map."""
 
 from __future__ import annotations
 
@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, Final
 
 from analysis.reading.foreign.bids import FILE
 from analysis.reading.foreign.factors import MOST, factor_words, roles_by_name
-from analysis.reading.foreign.names import CALLED
+from analysis.reading.foreign.names import WORDS, side_of
 from analysis.reading.foreign.sample import listed, plain, sample_of
+from analysis.reading.text import ResultFileError
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterator, Sequence
@@ -34,7 +35,7 @@ def may_be_conditions(
     only name sides, as files left.wav and right.wav. A column that only
     repeats the side is not yielded, nor numbers that so repeat another such column.
     """
-    side = table.called(CALLED["side"])
+    side = side_of(table)
     taken = [{*table.words(name)} for name in known if name in table.header]
     found: list[str] = []
     names = [*dict.fromkeys(table.header)]
@@ -87,4 +88,27 @@ def pooled(sources: Sequence[InputTable], columns: ColumnMap) -> Iterator[str]:
             f"column {name} ({listed(words)}) is no condition here: its trials are analysed "
             f'together; [columns] condition = "{name}" compares them, condition = "" says that '
             "there is none"
+        )
+
+
+def refuse_lost_sides(sources: Sequence[InputTable], columns: ColumnMap) -> None:
+    """Refuse a map with one place for all stimuli where a column tells several, as answers do.
+
+    Else each answer to the other place would count as a stimulus that was not felt.
+    """
+    answers = {*columns.values.get("response", {}).values()}
+    if "side" not in columns.constant or "response" not in columns.columns:
+        return
+    table = sample_of(sources[:MOST_FILES], columns.form, columns.filter)
+    theirs = columns.columns["response"]
+    if theirs in table.header:
+        answers |= {WORDS.get(plain(word), "") for word in table.words(theirs)}
+    side = side_of(table)
+    if side and side != theirs and {"left", "right"} <= answers:
+        raise ResultFileError(
+            columns.name or str(sources[0].path),
+            None,
+            f'[constant] side = "{columns.constant["side"]}" gives all stimuli one place, but '
+            f"column {side} says {listed([*table.words(side)])}, and answers name left and right: "
+            f'[columns] side = "{side}" in its stead',
         )

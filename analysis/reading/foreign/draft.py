@@ -23,14 +23,13 @@ from analysis.reading.foreign.names import (
     CALLED,
     COUNTS,
     FELT,
-    HITS,
     OF,
     WORDS,
-    given,
+    answers_of,
     has_buttons,
-    is_hit,
     level_of,
     only_key,
+    side_of,
 )
 from analysis.reading.foreign.sample import EMPTY, NUMBER, Sample, listed, plain, sample_of, told_of
 from analysis.reading.text import one_line
@@ -121,7 +120,7 @@ def _notes(looked_at: Sample, trials: Sample, sections: Mapping[str, list[str]])
             '"none" is right (in a forced choice [rows.skip] has to leave them out); each counts '
             "for its own condition only"
         )
-    words = trials.words(side) if (side := trials.called(CALLED["side"])) else {}
+    words = trials.words(side) if (side := side_of(trials)) else {}
     for ours, told in _ASIDE.items():
         if rows := sum(n for word, n in words.items() if WORDS.get(plain(word)) == ours):
             yield f"{rows} {'row has' if rows == 1 else 'rows have'} side {ours}: {told}"
@@ -163,14 +162,15 @@ def _columns(table: Sample, sections: dict[str, list[str]]) -> None:
     sections["columns"] = []
     k, n = table.called(COUNTS), table.called(OF)
     counted = bool(k and n and k != n and table.numbers(k) and table.numbers(n))
-    response, both = (None, None) if counted else _answers(table)
+    response, both = (None, None) if counted else answers_of(table)
     if counted:
         _put(sections, "table", "detected", k or "", "guess")
         _put(sections, "table", "presented", n or "", "guess")
     for ours, names in CALLED.items():
         if counted and ours in ("trial", "response", "rt_s", "side"):
             continue
-        theirs = level_of(table) if ours == "level_vpp" else table.called(names)
+        by_words = {"level_vpp": level_of, "side": side_of}.get(ours)
+        theirs = by_words(table) if by_words else table.called(names)
         if ours == "trial":
             _trial(table, sections)
         elif ours == "response":
@@ -232,19 +232,6 @@ def _unit(sections: dict[str, list[str]], level: str) -> None:
     _put(sections, "axis", "unit", unit, told)
 
 
-def _answers(table: Sample) -> tuple[str | None, str | None]:
-    """Return the column of the answers, and that of whether something was detected."""
-    response, hit = table.called(CALLED["response"]), table.called(HITS)
-    both = hit if hit and is_hit(table, hit) else None
-    if response and has_buttons(table):
-        return response, None
-    if response and (is_hit(table, response) or (only_key(table, response) and not both)):
-        return response, response
-    if both and response and all(map(str.isdecimal, given(table, response))):
-        return both, both  # of two intervals the keys 1 and 2 are no sides
-    return response, both
-
-
 def _side(
     table: Sample, theirs: str | None, sections: dict[str, list[str]], *, where: bool
 ) -> None:
@@ -276,7 +263,7 @@ def _conditions(table: Sample, sections: dict[str, list[str]]) -> None:
     person = table.called(CALLED["participant"]) or STANDS_FOR["participant"]
     whose = person if person in table.header else FILE
     roles = roles_by_name(table, whose, level_of(table))
-    for name, words in may_be_conditions(table, ours, roles):
+    for name, words in may_be_conditions(table, {*ours, side_of(table) or whose}, roles):
         told = f"{_OFFERED}{listed(words)}"
         sections["columns"].append(f"# {_entry('condition', name, told)}")
         for word in sorted(words, key=float_of) if table.numbers(name) else ():

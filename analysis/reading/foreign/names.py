@@ -77,6 +77,7 @@ FELT: Final[Mapping[str, str]] = {
 }
 _PART: Final = re.compile("[A-Z]?[a-z]+|[A-Z]+")
 _MOST_LEVELS: Final = 20
+_RIGHT: Final = re.compile("corr|ans|richtig")
 
 
 def level_of(table: Sample) -> str | None:
@@ -88,6 +89,22 @@ def level_of(table: Sample) -> str | None:
         if of_levels and 1 < len({*(table.numbers(name) or ())}) <= _MOST_LEVELS:
             return name
     return None
+
+
+def side_of(table: Sample) -> str | None:
+    """Return the column of the side: by its name or, if it says left and right, by its words.
+
+    Of the latter the answers are none, and a column of right answers only if there is no other.
+    """
+    if named := table.called(CALLED["side"]):
+        return named
+    answers = {*table.named(CALLED["response"])}
+    found = []
+    for name in dict.fromkeys(table.header):
+        words = {WORDS.get(plain(word), "") for word in given(table, name)}
+        if {"left", "right"} <= words and "" not in words and name not in answers:
+            found.append((bool(_RIGHT.search(name.lower())), name))
+    return min(found, key=lambda one: one[0])[1] if found else None
 
 
 def has_buttons(table: Sample) -> bool:
@@ -118,3 +135,16 @@ def only_key(table: Sample, name: str) -> str:
     keys = given(table, name)
     told = len(keys) == 1 and (plain(keys[0]) in WORDS or FELT.get(keys[0].lower()) == "0")
     return keys[0] if len(keys) == 1 < len(table.words(name)) and not told else ""
+
+
+def answers_of(table: Sample) -> tuple[str | None, str | None]:
+    """Return the column of the answers, and that of whether something was detected."""
+    response, hit = table.called(CALLED["response"]), table.called(HITS)
+    both = hit if hit and is_hit(table, hit) else None
+    if response and has_buttons(table):
+        return response, None
+    if response and (is_hit(table, response) or (only_key(table, response) and not both)):
+        return response, response
+    if both and response and all(map(str.isdecimal, given(table, response))):
+        return both, both  # of two intervals the keys 1 and 2 are no sides
+    return response, both
