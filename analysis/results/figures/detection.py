@@ -182,5 +182,7 @@ def _explain(axes: Axes, analysis: Analysis, curves: Mapping[str, Curve], *, alo
     axes.plot([], [], color=grey, marker=marker, ls="", ms=3, alpha=0.5, mew=0,
               label=f"each of {number} participants")  # fmt: skip
     if any(curve.mark.new is not None for curve in curves.values()):
+        axes.plot([], [], color=grey, marker="|", lw=4.2, ms=5.5,
+                  label="threshold of the group, 95 % interval")  # fmt: skip
         axes.plot([], [], color=grey, marker="|", lw=1.7, ms=5, alpha=0.5,
                   label="another person's threshold, 95 %")  # fmt: skip
