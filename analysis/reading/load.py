@@ -80,6 +80,8 @@ class LoadedTrials:
         Rows that a map leaves out.
     left_out_files : int
         Files that a map leaves out by what their names tell; their rows are not counted.
+    left_out_by : str
+        The keys of the map that leave out rows.
     numbered : bool
         Whether the tables number their trials, or else the order of their rows does.
     side_told : bool
@@ -102,6 +104,7 @@ class LoadedTrials:
     changed: tuple[str, ...] = ()
     left_out: int = 0
     left_out_files: int = 0
+    left_out_by: str = ""
     numbered: bool = True
     side_told: bool = True
 
@@ -207,6 +210,7 @@ def read_inputs(
             blanks=counted.blanks,
             left_out=counted.left_out,
             left_out_files=unread_files,
+            left_out_by=kept.told() if counted.left_out else "",
         )
     with unchanged(files), watched(sources) as asked, no_search_for_circles():
         read = [
@@ -250,6 +254,7 @@ def read_inputs(
         changed=(*changed, *pooled(sources, columns)) if columns else changed,
         left_out=unread,
         left_out_files=unread_files,
+        left_out_by=kept.told() if unread else "",
         numbered=numbered,
         side_told=columns is None or "side" not in columns.constant,
     )

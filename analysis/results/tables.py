@@ -122,6 +122,8 @@ class Analysis:
         Without the people with a function that does not fit; ``None`` where there are none.
     side_told : bool
         As `LoadedTrials.side_told`.
+    left_out_by : str
+        As `LoadedTrials.left_out_by`.
     """
 
     levels: pd.DataFrame
@@ -159,6 +161,7 @@ class Analysis:
     unswapped: pd.DataFrame | None = None
     fitting: Without | None = None
     side_told: bool = True
+    left_out_by: str = ""
 
     def __post_init__(self) -> None:
         if self.ci not in METHODS:
@@ -312,6 +315,7 @@ def analyse(
         not_compared=loaded.not_compared,
         contacts=stated,
         side_told=loaded.side_told,
+        left_out_by=loaded.left_out_by,
     )
 
 

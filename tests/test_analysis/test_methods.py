@@ -123,7 +123,7 @@ def test_what_a_map_leaves_out_is_never_called_nothing(tmp_path: Path) -> None:
         words = skipped(tmp_path / name, text, columns, **skip)
         assert "othing was left out" not in words, name
         assert f"he map leaves out {told} more" in words, name
-        assert re.search(rf"; {told} of the tables (was|were) left out \[say which and", words), (
+        assert re.search(rf"; {told} of the tables (was|were) left out \[say what was in", words), (
             name
         )
     statuses = {"test": "ok", "practice": "voided"}
@@ -144,7 +144,7 @@ def test_files_that_a_map_leaves_out_are_told_by_number(tmp_path: Path) -> None:
     analysis = analyse(read_inputs([tmp_path], whole))
     assert (analysis.counts.unread, analysis.counts.unread_files) == (0, 1)
     assert "The map leaves out 1 file more." in answer(analysis).statements[2]
-    assert "1 file of the tables was left out [say which and" in methods_of(analysis).paragraphs[0]
+    assert "1 file of the tables was left out [say what was" in methods_of(analysis).paragraphs[0]
 
 
 def test_who_is_cited_is_who_the_citation_file_names() -> None:
@@ -159,7 +159,7 @@ def test_methods_begin_with_a_short_version_that_stands_alone(tmp_path: Path) ->
     short, details, *others = methods.paragraphs
     assert details == methods.DETAILS
     assert len(others) >= 5
-    assert "were analysed; 4 rows of the tables were left out [say which and why]. " in short
+    assert "were analysed; 4 rows of the tables were left out [say what was in them" in short
     assert len(re.findall(r"\.(?: |$)", short)) == 11  # sentences
     for words in (
         "In each a participant had 5 levels (1 to 6.3 um) with 20 trials of each.",

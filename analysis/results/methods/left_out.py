@@ -57,7 +57,9 @@ def left_out_for_paper(analysis: Analysis) -> str:
     if not unread:
         return left_out_words(analysis)
     one = analysis.counts.unread + analysis.counts.unread_files == 1
-    by_map = f"{unread} of the tables {'was' if one else 'were'} left out [say which and why]"
+    rule = f", by {analysis.left_out_by}" if analysis.left_out_by else ""
+    were = "was" if one else "were"
+    by_map = f"{unread} of the tables {were} left out [say what was in them{rule}]"
     told = analysis.counts.left_out or analysis.trials.empty
     return f"{left_out_words(analysis)}; {by_map}" if told else by_map
 
@@ -78,4 +80,5 @@ def left_out_rows(analysis: Analysis) -> Iterator[tuple[str, str, str]]:
         row = "n/a", "a table of counts"
     yield "Trials left out", *row
     if unread := unread_words(analysis):
-        yield "Left out by the map", unread, "besides; a paper has to say which and why"
+        by = f", by {analysis.left_out_by}" if analysis.left_out_by else ""
+        yield "Left out by the map", unread, f"besides{by}; a paper has to say what they are"
