@@ -227,9 +227,13 @@ def _difference(one: Difference | ConditionDifference) -> list[object]:
     low, high = one.difference_limits_db
     least, most = (round(end, 1) for end in (low, high))
     # A sign at the beginning, or after a comma, would look like a formula to a spreadsheet.
-    told = f"not told apart: {round(one.difference_db, 1) + 0.0:+.1f}"
+    told = (
+        f"not told apart: {round(one.difference_db, 1) + 0.0:+.1f} dB ({low:+.1f} to {high:+.1f})"
+    )
     if least > 0 or most < 0:
-        told = f"{'lower' if most < 0 else 'higher'} by {abs(one.difference_db):.1f}"
+        near, far = sorted((abs(low), abs(high)))
+        more = "lower" if most < 0 else "higher"
+        told = f"{more} by {abs(one.difference_db):.1f} dB ({near:.1f} to {far:.1f})"
     return [
         one.difference_db,
         _known(low),
@@ -237,7 +241,7 @@ def _difference(one: Difference | ConditionDifference) -> list[object]:
         *(_known(value) for value in (one.spread_db, *one.spread_limits_db)),
         one.status,
         {
-            "ok": f"{told} dB ({low:+.1f} to {high:+.1f}), {times(one.difference_db, low, high)}",
+            "ok": f"{told}, {times(one.difference_db, low, high)}",
             "at_least": f"at least {low:+.1f} dB (95 %)",
             "at_most": f"at most {high:+.1f} dB (95 %)",
             "unknown": "not bounded by these levels",

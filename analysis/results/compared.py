@@ -187,14 +187,14 @@ def own_model_words(analysis: Analysis) -> str:
     how = f"estimated {'within participants ' if each else ''}by"
     if len(told) > 1:
         return (
-            f"differences are {how} models of their own and need not equal the ratios of the "
-            "thresholds"
+            f"differences are {how} models of their own, which are those to quote; ratios of the "
+            "thresholds need not equal them"
         )
     ratio = _ratio_of_groups(analysis, told[0])
-    beside = f", here {ratio}" if ratio and not _tells(told[0], ratio) else ""
+    beside = f", here {ratio}, " if ratio and not _tells(told[0], ratio) else " "
     return (
-        f"the difference is {how} a model of its own and need not equal the ratio of the two "
-        f"thresholds{beside}"
+        f"the difference is {how} a model of its own and is to be quoted; the ratio of the two "
+        f"thresholds{beside}need not equal it"
     )
 
 

@@ -24,7 +24,7 @@ LEAST_SAMPLES_PER_CYCLE: Final = 4
 """Twice Nyquist's rate: the carrier and the upper half of its main lobe stay below rate / 2."""
 
 MOST_SAMPLES: Final = 10_000_000
-_FINE_PER_CYCLE: Final = 1200
+_FINE_PER_CYCLE: Final = 600
 _ALIKE_CYCLES: Final = 1000
 """Of more cycles the share of the energy differs by less than 1e-6."""
 

@@ -255,7 +255,8 @@ def test_a_draft_says_which_rows_are_skipped_and_which_are_blanks(tmp_path: Path
     target = tmp_path / "map.toml"
     table = EXAMPLES / "psychopy-trials.csv"
     told = run("columns", table, "--write", target).stdout.splitlines()
-    assert told[0] == '7 of 119 rows are skipped, by [rows.skip] "trials.thisN" = ""'
+    skipped = "7 of 119 rows are skipped (4 with a level, 3 without), by [rows.skip]"
+    assert told[0] == f'{skipped} "trials.thisN" = ""'
     assert told[1].startswith("32 rows have level 0: blanks, where the answer")
     text = target.read_text(encoding="utf-8")
     assert all(f"# Note: {line}\n" in text for line in told[:2])

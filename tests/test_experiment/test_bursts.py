@@ -308,6 +308,7 @@ def test_a_study_of_ideal_edges_has_another_one() -> None:
     assert with_other_edge(other) == study
 
 
+@pytest.mark.slow
 def test_another_window_is_compared_and_its_line_is_printed(run: Run) -> None:
     Path("study.toml").write_text(study_text(more=PEOPLE), "utf-8")
     options = ("--frequency-hz", "100,200", "--cycles", "1", "--window")
@@ -345,7 +346,9 @@ def test_the_shortest_burst_with_room_for_levels_is_named(run: Run) -> None:
     }
     said = run("bursts", "study.toml", *options).stdout
     assert (
-        "\nwith room      2 cycles of 200 Hz: the shortest felt below a quarter of device." in said
+        "\nwith room      2 cycles of 200 Hz: the shortest of these felt below a quarter of device."
+        in said
     )
     few = run("bursts", "study.toml", "--frequency-hz", "200", "--cycles", "1").stdout
     assert "\nwith room      none of these is felt below a quarter of device.ceiling_vpp, " in few
+    assert " V: about 2 cycles of 200 Hz would be, by --cycles\n" in few

@@ -93,7 +93,7 @@ def map_draft(sources: Sequence[InputTable]) -> tuple[str, list[str]]:
     elif needs_task:
         lines.append(_entry("task", "", f"{_FILL}{_TASK}"))
     else:
-        lines.append(f'# task: nothing to state if some answered "none"; if nobody, {_TASK}')
+        lines.append(f'# task: nothing to state if a key below means "none"; if none does, {_TASK}')
     order = ("file", "rows.keep", "rows.skip", "columns", "values.condition", "values.side",
              "values.level_vpp", "values.response", "values.detected", "values.rt_s", "constant",
              "units", "axis", "table")  # fmt: skip
@@ -111,7 +111,11 @@ def _notes(looked_at: Sample, trials: Sample, sections: Mapping[str, list[str]])
         kept = [f"[{name}] {line.partition('  # ')[0]}" for name in _ROWS
                 for line in sections.get(name, ())]  # fmt: skip
         are = "is" if skipped == 1 else "are"
-        yield f"{skipped} of {len(looked_at.rows)} rows {are} skipped, by {', '.join(kept)}"
+        level = level_of(looked_at)
+        words = {} if level is None else looked_at.words(level) - trials.words(level)
+        with_level = sum(n for word, n in words.items() if word.lower() not in NOTHING)
+        of = f" ({with_level} with a level, {skipped - with_level} without)" if with_level else ""
+        yield f"{skipped} of {len(looked_at.rows)} rows {are} skipped{of}, by {', '.join(kept)}"
     level = level_of(trials)
     levels = (level is not None and trials.numbers(level)) or []
     if (zeros := levels.count(0.0)) and min(levels) == 0:
@@ -228,7 +232,7 @@ def _unit(sections: dict[str, list[str]], level: str) -> None:
     elif _VOLTS.search(name):
         unit, told = "V", f"guess; {_PRINTED}, so say peak or peak-to-peak if you know"
     else:
-        unit, told = "", f"{_FILL}the unit of the levels; {_PRINTED}"
+        unit, told = "", f"{_FILL}the unit of the levels, or what they are (gain); {_PRINTED}"
     _put(sections, "axis", "unit", unit, told)
 
 
@@ -357,9 +361,9 @@ def _unanswered(table: Sample, name: str, word: str) -> str:
     """Say how many rows have no answer, what they count for, and how to leave them out."""
     skip = _entry(name, word, "").partition("  #")[0]
     rows = table.words(name)[word]
-    choice = "the cautious choice; a paper says which; to leave them out"
     return (
-        f": {rows} row{'s' * (rows != 1)}, presented and not detected, {choice}: [rows.skip] {skip}"
+        f": {rows} row{'s' * (rows != 1)}, counted as not detected; a paper says so; to leave them "
+        f"out: [rows.skip] {skip}"
     )
 
 

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import math
+from bisect import bisect_left
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Final
 
 from experiment.preview.bursts.compared import by_length, known_for
@@ -19,6 +22,7 @@ if TYPE_CHECKING:
 
 JSON_SCHEMA: Final = 1
 _UNKNOWN: Final = "n/a"
+_MOST_CYCLES: Final = 200
 ROOM: Final = 4
 """How many times the threshold the ceiling should be: levels reach from half of it to twice it."""
 
@@ -291,16 +295,36 @@ def _tell_with_room(
     words = f"a quarter of {key}, {most_vpp:.3g} V"
     some = [row for row in alike if (row.threshold_vpp or highest_vpp) <= most_vpp]
     if not some:
-        told.tell("with room", f"none of these is felt below {words}: list longer ones, --cycles")
+        told.tell(
+            "with room", f"none of these is felt below {words}: {_longer(found, alike, most_vpp)}"
+        )
         return None
     row = min(some, key=lambda one: by_length(one.burst))
     told.tell(
         "with room",
-        f"{_named(row.burst)}: the shortest felt below {words},",
+        f"{_named(row.burst)}: the shortest of these felt below {words},",
         with_room=_values(row.burst),
     )
     told.tell("", "which leaves levels on either side of the threshold")
     return row
+
+
+def _longer(found: BurstComparison, alike: list[ComparedBurst], most_vpp: float) -> str:
+    """Say about how many cycles would do, of the frequency that is felt most easily."""
+    told = [row for row in alike if row.threshold_vpp is not None]
+    row = min(told, key=lambda one: one.threshold_vpp or 0.0)
+
+    def shift_db(burst: Burst) -> float:
+        return sum(map(known_for(found.study).shift_db, vibrations_of(found.study, burst))) / 2
+
+    wanted_db = 20 * math.log10(most_vpp / (row.threshold_vpp or most_vpp)) + shift_db(row.burst)
+    longer = range(row.burst.cycles + 1, _MOST_CYCLES)
+    place = bisect_left(
+        longer, -wanted_db, key=lambda cycles: -shift_db(replace(row.burst, cycles=cycles))
+    )
+    if place == len(longer):
+        return "nor would longer ones be"
+    return f"about {longer[place]} cycles of {row.burst.frequency_hz:g} Hz would be, by --cycles"
 
 
 def _values(burst: Burst) -> dict[str, float]:
