@@ -496,3 +496,14 @@ def test_one_place_for_all_is_refused_where_a_column_and_the_answers_tell_two(
     said = str(refused(table, columns=load_column_map(put(tmp_path / "map.toml", one))))
     assert "column target says none, left, right, and answers name left and right" in said
     assert said.endswith('[columns] side = "target" in its stead')
+
+
+def test_a_single_column_of_few_numbers_in_a_unit_is_the_level(tmp_path: Path) -> None:
+    table = put(tmp_path / "t.csv", localised().replace("amp_um", "drive_pct", 1))
+    told = tomllib.loads(map_draft(find_sources([table], foreign=True).tables)[0])
+    assert (told["columns"]["level_vpp"], told["axis"]["unit"]) == ("drive_pct", "%")
+    two = localised().replace("amp_um", "drive_pct,gap_um", 1)
+    for level in "049":
+        two = two.replace(f"1,{level},", f"1,{level},{level}1,")
+    told = tomllib.loads(map_draft(find_sources([put(table, two)], foreign=True).tables)[0])
+    assert told["columns"]["level_vpp"] == ""

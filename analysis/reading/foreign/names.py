@@ -77,18 +77,28 @@ FELT: Final[Mapping[str, str]] = {
 }
 _PART: Final = re.compile("[A-Z]?[a-z]+|[A-Z]+")
 _MOST_LEVELS: Final = 20
+_IN_UNIT: Final = re.compile(r"[_ .(\[](um|µm|nm|pct|percent)[)\]]?$", re.IGNORECASE)
 _RIGHT: Final = re.compile("corr|ans|richtig")
 
 
 def level_of(table: Sample) -> str | None:
-    """Return the column of the level: by its name or, if it has a few numbers, by a part of it."""
+    """Return the column of the level: by its name or, if it has a few numbers, by a part of it.
+
+    That is a word such as "volts" or, of a single column, a unit of levels at the end.
+    """
     if named := table.called(CALLED["level_vpp"]):
         return named
     for name in table.header:
         of_levels = {part.lower() for part in _PART.findall(name)} & {*LEVELS, *OF_VOLTS}
-        if of_levels and 1 < len({*(table.numbers(name) or ())}) <= _MOST_LEVELS:
+        if of_levels and _has_few_numbers(table, name):
             return name
-    return None
+    in_unit = [name for name in dict.fromkeys(table.header)
+               if _IN_UNIT.search(name) and _has_few_numbers(table, name)]  # fmt: skip
+    return in_unit[0] if len(in_unit) == 1 else None
+
+
+def _has_few_numbers(table: Sample, name: str) -> bool:
+    return 1 < len({*(table.numbers(name) or ())}) <= _MOST_LEVELS
 
 
 def side_of(table: Sample) -> str | None:
