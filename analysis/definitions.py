@@ -60,7 +60,8 @@ DEFINITIONS: Final[Mapping[str, str]] = MappingProxyType(
         "and 95 % limits, without the thresholds' priors, and so not their ratio; of a participant "
         "from the own answers, only the slope drawn towards the others'; n/a where an end is open",
         "first": "of a difference: the condition that was over before the other began; "
-        "'interleaved' where they take turns; in a row 'all' how many participants had which first",
+        "'interleaved' where trials or blocks of both alternate; in a row 'all' how many "
+        "participants had which first",
         "false_alarms, blanks": "blank trials answered left, right or both; blank trials that "
         "count; with _a and _b of the conditions of a difference",
         "false_alarm_difference, false_alarm_difference_low, false_alarm_difference_high": "in a "
@@ -293,9 +294,10 @@ LAPSES_MANY: Final = (
 
 BLANK_INTERVALS: Final = (
     'To quote: the share of all with the interval under "Group, 95 %", which is of the mean of '
-    "people like these and stands in the answer; of one participant the share with that one's "
-    "interval. Of few people the upper limit of the group's is mostly its prior's. The {} interval "
-    "of a row 'all' is narrower, for it ignores that participants differ."
+    "people like these and stands in the answer (where conditions were interleaved and nothing "
+    "told which was coming, that of all blanks there); of one participant the share with that "
+    "one's interval. Of few people the upper limit of the group's is mostly its prior's. The {} "
+    "interval of a row 'all' is narrower, for it ignores that participants differ."
 )
 """Which interval of false alarms to report."""
 

@@ -14,10 +14,12 @@ if TYPE_CHECKING:
 
 
 _LOWER, _UPPER = LIMITS
-_NODES = (64, 24)
+_NODES, _NODES_OF_ALARMS = (64, 24), (64, 48)
 """Of the mean and the spread of a group, on the part that matters."""
 _MATTERS = 15.0
 """Of log posterior below the greatest."""
+_FEW_ALARMS = 4.0
+"""False alarms are expected to be few: the prior of their mean is Beta(1, 5)."""
 _FILLED, _PASSES = 0.6, 16
 
 
@@ -89,16 +91,16 @@ def group_interval(
     Of the mean m of people whose probabilities are Beta distributed with the variance v m (1 - m):
     the 2.5 % and 97.5 % points of its posterior, or the pooled proportion or the people's mean
     where these lie farther out. Before the counts are known, m and the square root of v are uniform
-    from 0 to 1; of false alarms v / (m (1 - m)) is the square of a half-Cauchy variate of scale 1
-    (docs/statistics.md, section 3).
+    from 0 to 1; of false alarms m is Beta(1, 5), and v / (m (1 - m)) the square of a half-Cauchy
+    variate of scale 1 (docs/statistics.md, section 3).
 
     Parameters
     ----------
     detected, presented : array_like, shape (P,)
         Detected and presented stimuli of each participant; each has at least one.
     false_alarms : bool
-        Whether the counts are answers to blank trials: people whose mean is near 0 are then not
-        expected to be some who never answer and some who always do, as near a steep threshold.
+        Whether the counts are answers to blank trials: these are expected to be few, and people not
+        to be some who never answer and some who always do, as near a steep threshold.
 
     Returns
     -------
@@ -128,10 +130,15 @@ def group_interval(
     if k.size == 1:
         return float("nan"), float("nan")
     ends = [(0.0, math.pi / 2), (0.0, 1.0)]
+    nodes = _NODES_OF_ALARMS if false_alarms else _NODES
     for _ in range(_PASSES):
-        edges = [np.linspace(*end, count + 1) for end, count in zip(ends, _NODES, strict=True)]
+        edges = [np.linspace(*end, count + 1) for end, count in zip(ends, nodes, strict=True)]
         angle, t = ((edge[1:] + edge[:-1]) / 2 for edge in edges)
-        log = _log_posterior(k, n, angle, _spread_of_rates(angle, t) if false_alarms else t)
+        if false_alarms:
+            log = _log_posterior(k, n, angle, _spread_of_rates(angle, t))
+            log = log + 2 * _FEW_ALARMS * np.log(np.cos(angle))[:, None]
+        else:
+            log = _log_posterior(k, n, angle, t)
         near = log > log.max() - _MATTERS
         cells = [np.flatnonzero(near.any(axis=1 - i)) for i in range(2)]
         ends = [(edge[at[0]], edge[at[-1] + 1]) for edge, at in zip(edges, cells, strict=True)]

@@ -925,7 +925,7 @@ def test_criterion_is_spoken_of_only_where_false_alarms_differ(
     assert f"is to be quoted, {quoted}, {alarms} of 120 blank trials" in said
     told = [row for row in found.rows if row[0] == "False alarms, all"]
     assert [row[1] for row in told] == [quoted]
-    assert "the interval to quote, if nothing told which condition" in told[0][2]
+    assert "; to quote, if nothing told which condition was coming" in told[0][2]
 
 
 @pytest.mark.parametrize(("number", "basis"), [(6, "interval"), (4, "test")])

@@ -187,7 +187,7 @@ def test_the_interval_of_false_alarms_is_that_of_a_plain_sum_with_cauchy_log_odd
             for felt, shown in zip(k, n, strict=True)
         )
         prior = cauchy.pdf(odds)
-        weight[at] = (np.exp(log) * prior).sum() / prior.sum()
+        weight[at] = (1 - m) ** 4 * (np.exp(log) * prior).sum() / prior.sum()
     below = np.cumsum(weight)
     expected = np.interp([0.025, 0.975], below / below[-1], means + 0.5 / len(means))
     assert group_interval(k, n, false_alarms=True) == pytest.approx(expected, abs=2e-3)

@@ -256,11 +256,12 @@ def test_with_which_condition_participants_began_is_told_where_it_is_known(tmp_p
     assert "began with" not in methods_of(same).text
     assert not order_words(replace(same, differences=ordered({"1": (None,)})))
     turns, one, other, none = ("interleaved",), ("a",), ("b",), (None,)
+    how = "[say how, at random or in blocks]"
     for words, firsts in (
         ("1 participant began with condition a, 2 with b.", (one, other, other)),
         ("1 participant began with condition a.", (("a", None, "a"),)),
-        ("In 2 participants conditions took turns.", (turns, turns)),
-        ("1 participant began with condition b, in 2 conditions took turns.",
+        (f"In 2 participants they were interleaved {how}.", (turns, turns)),
+        (f"1 participant began with condition b, in 2 they were interleaved {how}.",
          (turns, other, turns)),
         ("1 participant began with condition b, of 1 the order is not known.", (other, none)),
     ):  # fmt: skip

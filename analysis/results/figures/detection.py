@@ -158,6 +158,7 @@ def _explain(axes: Axes, analysis: Analysis, curves: Mapping[str, Curve], *, alo
         colour, marker, line = curve.look
         told = people.first()[condition] if people.size()[condition] == 1 else of_group[condition]
         where = f"{short(condition)}: " if len(curves) > 1 else "threshold "
+        where = "" if where == "threshold " and str(told).startswith("no threshold") else where
         line = line if curve.function is not None else ""
         axes.plot([], [], color=colour, marker=marker, ls=line, mfc="white", ms=5,
                   label=where + str(told).split(";")[0])  # fmt: skip

@@ -190,7 +190,7 @@ def _compare(axes: Axes, rows: list[_Mark], unit: str) -> None:
     axes.set_axisbelow(True)
     axes.axvline(0.0, color="black", lw=0.8)
     _draw_rows(axes, rows, (left, right))
-    axes.set_xlabel(f"Difference of thresholds ({unit}), above 0: higher in the one named first")
+    axes.set_xlabel(f"Difference of thresholds ({unit})\nabove 0: higher in the one named first")
 
 
 def _draw_rows(axes: Axes, rows: list[_Mark], outside: tuple[float, float]) -> None:
