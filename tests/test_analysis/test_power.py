@@ -952,8 +952,8 @@ def test_a_table_made_elsewhere_is_a_pilot_whatever_the_unit_of_its_levels(tmp_p
     medians = {key: np.median([one[key] for one in people.draws]) for key in people.draws[0]}
     assert 55 < medians["threshold_vpp"] < 90
     assert people.warnings == ()
-    in_um = read_inputs([tmp_path / "data"], load_column_map(tmp_path / "um.toml"))
-    same = pilot_people(two_conditions(""), Goal.parse("difference=2dB"), in_um, "there")
+    read_um = read_inputs([tmp_path / "data"], load_column_map(tmp_path / "um.toml"))
+    same = pilot_people(two_conditions(""), Goal.parse("difference=2dB"), read_um, "there")
     assert same.draws == people.draws  # only numbers count
     assert same.warnings == ("levels of there are in um: those of the study are read as um, too",)
     assert 0.06 < medians["false_alarm_rate"] < 0.16  # a yes to a blank, wherever it was felt
