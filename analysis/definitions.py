@@ -27,8 +27,8 @@ DEFINITIONS: Final[Mapping[str, str]] = MappingProxyType(
         "p_pooled": "detected / presented over all participants",
         "group_low, group_high": "95 % interval of the mean of people like the participants, if "
         "their p are Beta distributed: of its posterior, with flat priors of the mean and of their "
-        "spread, which mostly tell the far limit near 0 and 1 where people are few; none for one "
-        "participant; of blank trials in a row 'all'",
+        "spread (in blank.csv, in a row 'all', with priors of few false alarms), which mostly tell "
+        "the far limit near 0 and 1 where people are few; none for one participant",
         "over_report": "single stimuli answered both",
         "mislocalised": "single stimuli answered with the other side",
         "timeouts": "single stimuli (in control.csv: control trials) without an answer in time",

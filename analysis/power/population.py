@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import asdict, dataclass
 from statistics import fmean
 from typing import TYPE_CHECKING, Final
@@ -45,6 +46,7 @@ _OF_BLANKS: Final = (
 )  # fmt: skip
 """Keys that false alarms hang on: nothing is felt, so no threshold."""
 _LEAST_VPP, _MOST_VPP = 0.1, 1000.0
+_VOLTS: Final = re.compile(r"V(pp|\b)")
 _OF_NONE: Final = ("false_alarm_rate", "last_answer_db")
 """Keys that only tell of people who may answer "none"."""
 _GRUND: Final = "Grund et al. 2022, electrical pulses, docs/model.md, section 4"
@@ -101,6 +103,8 @@ class People:
     draws : tuple of dict
         Keys of [simulation] that take turns from study to study; none where they are known.
     warnings : tuple of str
+    unit : str
+        Of the levels: V, or that of a pilot.
     """
 
     study: Study
@@ -109,11 +113,12 @@ class People:
     numbers: tuple[Stated, ...]
     draws: tuple[dict[str, float], ...] = ()
     warnings: tuple[str, ...] = ()
+    unit: str = "V"
 
     def words(self, goal: Goal, gains: Sequence[ConditionGains]) -> str:
         """Say whose people these are, and which of their numbers a dry run of the file has not."""
         others = [
-            f"{one.key} {_or_none(one.dry_run)} (here {one.value:g})"
+            f"{one.key} {_or_none(one.dry_run)} (here {one.value:.4g})"
             for one in self.numbers
             if one.dry_run != one.value
         ]
@@ -249,6 +254,7 @@ def pilot_people(study: Study, goal: Goal, loaded: LoadedTrials, where: str) -> 
         numbers=_numbers(changed, goal, study, told),
         draws=tuple(draws),
         warnings=(*_few(min(number.values())), *in_its_unit),
+        unit=axis.unit if in_its_unit else "V",
     )
 
 
@@ -257,16 +263,18 @@ def _in_its_unit(study: Study, unit: str, people: PersonCounts, where: str) -> t
 
     Only ratios of levels count. Refuse a study whose levels are not among the pilot's.
     """
-    if unit.startswith("V"):
+    if _VOLTS.match(unit):
         return ()
     low, high = float(people.level_vpp.min()), float(people.level_vpp.max())
     levels = study.design.levels_vpp
-    if max(levels) < low or min(levels) > high or not _LEAST_VPP <= low < high <= _MOST_VPP:
+    scale = "[scale] level_vpp in its map multiplies them, as only ratios count"
+    if not _LEAST_VPP <= low <= high <= _MOST_VPP:
+        span = f"{_LEAST_VPP:g} to {_MOST_VPP:g}; got {low:g} to {high:g} {unit} in {where}"
+        raise ValueError(f"--pilot must have levels from {span}: {scale}")
+    if max(levels) < low or min(levels) > high:
+        told = f"{low:g} to {high:g} in {where}; got {min(levels):g} to {max(levels):g}: {scale}"
         raise ValueError(
-            f"design.levels_vpp must be in {unit}, as the levels of --pilot, which go from "
-            f"{low:g} to {high:g} in {where}; got {min(levels):g} to {max(levels):g}: write a "
-            f"study with levels in {unit}, or multiply those of the pilot by [scale] level_vpp in "
-            f"its map, to lie between {_LEAST_VPP:g} and {_MOST_VPP:g} (only ratios count)"
+            f"design.levels_vpp must be in {unit}, as the levels of --pilot, which go from {told}"
         )
     return (f"levels of {where} are in {unit}: those of the study are read as {unit}, too",)
 

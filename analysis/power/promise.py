@@ -215,12 +215,15 @@ class Promise:
         covered /= sum(one.studies for one in self.tried)
         people = ", ".join(f"{one.key} = {one.value:.4g}" for one in self.people.numbers)
         of = "; those of the pilot are medians of draws that took turns" * bool(self.people.draws)
+        one = self.participants[0] == self.participants[1]
+        told = _counted(self.best.participants or 0) if one else self.people_of(self.best)
         return (
-            f"The number of participants was chosen by simulation (tactstrip power, seed "
-            f"{self.seed}). With {self.people_of(self.best)}, {_design(self.best.point)}, "
+            f"The number of participants was {'checked' if one else 'chosen'} by simulation "
+            f"(tactstrip power, seed {self.seed}). With {told}, {_design(self.best.point)}, "
             f"{self.goal.words} is expected: at least {self.assurance:.0%} of such studies were "
-            f"asked for, and of {fresh.studies} simulated ones that took no part in choosing this "
-            f"number {_percent(fresh)} reached it. All were "
+            f"asked for, and of {fresh.studies} {'fresh' * one or 'simulated'} ones"
+            f"{'' if one else ' that took no part in choosing this number'} {_percent(fresh)} "
+            "reached it. All were "
             "analysed as the recorded data will be; of all "
             f"simulated intervals {covered:.0%} held the truth. Assumed of the population: "
             f"{people}{of}. People who leave or are left out are not counted in this number."
@@ -269,7 +272,8 @@ def _assumed(people: People) -> str:
     known = people.study.simulation.known_for.words
     decide = _DECIDING if any(key in told for key, *_ in _DECIDING) else _WITHOUT_THRESHOLD
     parts = [
-        f"{words} = {told[key].value:g}{unit}{known if 'median' in words else ''} "
+        f"{words} = {told[key].value:.4g}{unit.replace('V', people.unit)}"
+        f"{known if 'median' in words else ''} "
         f"({told[key].source}{_elsewhere(people, told[key])})"
         for key, words, unit in decide
         if key in told

@@ -187,7 +187,7 @@ def own_model_words(analysis: Analysis) -> str:
     how = f"estimated {'within participants ' if each else ''}by"
     if len(told) > 1:
         return (
-            f"differences are {how} models of their own, which are those to quote; ratios of the "
+            f"differences are {how} models of their own and are to be quoted; ratios of the "
             "thresholds need not equal them"
         )
     ratio = _ratio_of_groups(analysis, told[0])

@@ -475,8 +475,8 @@ SENTENCES: dict[str, Callable[[re.Match[str], Analysis], None]] = {
     r"(?P<said>(?:is|cannot be told:) .+)": unswapped,
     r"there is no threshold in conditions? (?P<which>.+), where nobody answered": silent,
     r"(?:the difference is|(?P<several>differences are)) estimated "
-    r"(?P<within>within participants )?by (?:a model of its|models of their) own(?: and is to be "
-    r"quoted|, which are those to quote); (?:the ratio of the two|ratios of the) thresholds"
+    r"(?P<within>within participants )?by (?:a model of its|models of their) own and (?:is|are) "
+    r"to be quoted; (?:the ratio of the two|ratios of the) thresholds"
     rf"(?:, here (?P<ratio>{NUMBER}),)? need not equal (?:it|them)": own_model,
     rf"\d+ of \d+ {FUNCTIONS} rises? in one step \(status \"separated\".*?\): (?:it|they) "
     r"cannot be tested for fit, and the intervals? of .+ on the prior of the slope": is_true(

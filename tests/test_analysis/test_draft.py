@@ -495,7 +495,33 @@ def test_one_place_for_all_is_refused_where_a_column_and_the_answers_tell_two(
     )
     said = str(refused(table, columns=load_column_map(put(tmp_path / "map.toml", one))))
     assert "column target says none, left, right, and answers name left and right" in said
-    assert said.endswith('[columns] side = "target" in its stead')
+    assert '[columns] side = "target" in its stead; if only "felt" was asked' in said
+    keys = one.replace('down = "none"', 'down = "none"\nleft = "none"\nright = "left"')
+    read_inputs([table], load_column_map(put(tmp_path / "keys.toml", keys)))  # yes/no by arrows
+
+
+@pytest.mark.parametrize(
+    ("head", "cells", "side"),
+    [
+        ("handedness,corrAns", "{hand},{side}", "corrAns"),
+        ("handedness,transducer", "{hand},{side}", "transducer"),
+        ("button_pressed,where", "{side},{side}", "where"),
+        ("emplacement", "{side}", "emplacement"),
+        ("one,other", "{side},{side}", None),
+        ("handedness", "{hand}", None),
+    ],
+)
+def test_a_handedness_or_an_answer_is_no_side(
+    tmp_path: Path, head: str, cells: str, side: str | None
+) -> None:
+    rows = [
+        f"{who},{level}," + cells.format(hand=hand, side=where) + ",down"
+        for who, hand in (("1", "left"), ("2", "right"), ("3", "right"))
+        for level, where in (("0", "aucunes"), ("4", "left"), ("9", "right"), ("9", "left"))
+    ]
+    table = put(tmp_path / "t.csv", f"participant,level,{head},key\n" + "\n".join(rows) + "\n")
+    told = tomllib.loads(map_draft(find_sources([table], foreign=True).tables)[0])
+    assert told["columns"].get("side") == side
 
 
 def test_a_single_column_of_few_numbers_in_a_unit_is_the_level(tmp_path: Path) -> None:

@@ -945,6 +945,7 @@ def test_a_table_made_elsewhere_is_a_pilot_whatever_the_unit_of_its_levels(tmp_p
     (tmp_path / "map.toml").write_text(MAP.format("V"))
     in_nm = MAP.format("nm") + "[scale]\nlevel_vpp = 100\n"
     (tmp_path / "nm.toml").write_text(in_nm)
+    (tmp_path / "low.toml").write_text(in_nm.replace("= 100\n", "= 0.01\n"))
     in_um = MAP.format("um") + "[scale]\nlevel_vpp = 1.0\n"
     (tmp_path / "um.toml").write_text(in_um)
     loaded = read_inputs([tmp_path / "data"], load_column_map(tmp_path / "map.toml"))
@@ -966,10 +967,11 @@ def test_a_table_made_elsewhere_is_a_pilot_whatever_the_unit_of_its_levels(tmp_p
         (pilot, "needs --columns MAP.toml"),
         (
             [*pilot, "--columns", str(tmp_path / "nm.toml")],
-            (
-                "design.levels_vpp must be in nm, as the levels of --pilot, which go from 3000 to "
-                f"20000 in {tmp_path / 'data'}; got "
-            ),
+            "--pilot must have levels from 0.1 to 1000; got 3000 to 20000 nm in ",
+        ),
+        (
+            [*pilot, "--columns", str(tmp_path / "low.toml")],
+            "design.levels_vpp must be in nm, as the levels of --pilot, which go from 0.3 to 2 in ",
         ),
         (["--columns", str(tmp_path / "map.toml")], "--columns needs --pilot"),
     ):

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Final
 
 from analysis.reading.foreign.bids import FILE
 from analysis.reading.foreign.factors import MOST, factor_words, roles_by_name
-from analysis.reading.foreign.names import WORDS, side_of
+from analysis.reading.foreign.names import side_of
 from analysis.reading.foreign.sample import listed, plain, sample_of
 from analysis.reading.text import ResultFileError
 
@@ -96,13 +96,13 @@ def refuse_lost_sides(sources: Sequence[InputTable], columns: ColumnMap) -> None
 
     Else each answer to the other place would count as a stimulus that was not felt.
     """
-    answers = {*columns.values.get("response", {}).values()}
     if "side" not in columns.constant or "response" not in columns.columns:
         return
     table = sample_of(sources[:MOST_FILES], columns.form, columns.filter)
     theirs = columns.columns["response"]
-    if theirs in table.header:
-        answers |= {WORDS.get(plain(word), "") for word in table.words(theirs)}
+    ours = columns.values.get("response", {})
+    words = table.words(theirs) if theirs in table.header else ()
+    answers = {ours.get(word, word) for word in words}
     side = side_of(table)
     if side and side != theirs and {"left", "right"} <= answers:
         raise ResultFileError(
@@ -110,5 +110,6 @@ def refuse_lost_sides(sources: Sequence[InputTable], columns: ColumnMap) -> None
             None,
             f'[constant] side = "{columns.constant["side"]}" gives all stimuli one place, but '
             f"column {side} says {listed([*table.words(side)])}, and answers name left and right: "
-            f'[columns] side = "{side}" in its stead',
+            f'[columns] side = "{side}" in its stead; if only "felt" was asked, map detected '
+            "instead of response",
         )

@@ -69,7 +69,23 @@ WORDS: Final[Mapping[str, str]] = {
     **dict.fromkeys(("l", "left", "arrowleft", "leftarrow", "links", "gauche"), "left"),
     **dict.fromkeys(("r", "right", "arrowright", "rightarrow", "rechts", "droite"), "right"),
     **dict.fromkeys(("b", "both", "beide", "lesdeux"), "both"),
-    **dict.fromkeys(("no", "nothing", "blank", "catch", "null", "none", "nichts", "rien"), "none"),
+    **dict.fromkeys(
+        (
+            "no",
+            "nothing",
+            "blank",
+            "catch",
+            "null",
+            "none",
+            "nichts",
+            "rien",
+            "keine",
+            "aucun",
+            "aucune",
+            "catchtrial",
+        ),
+        "none",
+    ),
 }
 FELT: Final[Mapping[str, str]] = {
     **dict.fromkeys(("true", "yes", "y", "ja", "j", "oui", "o", "1"), "1"),
@@ -78,7 +94,8 @@ FELT: Final[Mapping[str, str]] = {
 _PART: Final = re.compile("[A-Z]?[a-z]+|[A-Z]+")
 _MOST_LEVELS: Final = 20
 _IN_UNIT: Final = re.compile(r"[_ .(\[](um|µm|nm|pct|percent)[)\]]?$", re.IGNORECASE)
-_RIGHT: Final = re.compile("corr|ans|richtig")
+_RIGHT: Final = re.compile("^[cC]orr|[._a-z][cC]orr|richtig|Richtig")
+_ANSWERED: Final = re.compile("key|resp|answer|antwort|choice|button|taste|reponse")
 
 
 def level_of(table: Sample) -> str | None:
@@ -102,19 +119,27 @@ def _has_few_numbers(table: Sample, name: str) -> bool:
 
 
 def side_of(table: Sample) -> str | None:
-    """Return the column of the side: by its name or, if it says left and right, by its words.
+    """Return the column of the side: by its name or, if there is a single one, by its words.
 
-    Of the latter the answers are none, and a column of right answers only if there is no other.
+    These are left and right, with at most one that is not known, and change within a participant,
+    as a handedness does not. A column of answers is none, one of right answers only without others.
     """
     if named := table.called(CALLED["side"]):
         return named
     answers = {*table.named(CALLED["response"])}
-    found = []
+    who = table.called(CALLED["participant"])
+    found: dict[bool, list[str]] = {False: [], True: []}
     for name in dict.fromkeys(table.header):
-        words = {WORDS.get(plain(word), "") for word in given(table, name)}
-        if {"left", "right"} <= words and "" not in words and name not in answers:
-            found.append((bool(_RIGHT.search(name.lower())), name))
-    return min(found, key=lambda one: one[0])[1] if found else None
+        words = [WORDS.get(plain(word), "") for word in given(table, name)]
+        told = {"left", "right"} <= {*words} and words.count("") <= 1
+        right = bool(_RIGHT.search(name))
+        if told and name not in answers and (right or not _ANSWERED.search(name.lower())):
+            pairs = {(row[table.header.index(who)] if who else "", row[table.header.index(name)])
+                     for row in table.rows}  # fmt: skip
+            if len(pairs) > len({one for one, _ in pairs}) * 2 - 1:
+                found[right].append(name)
+    one = found[False] or found[True]
+    return one[0] if len(one) == 1 else None
 
 
 def has_buttons(table: Sample) -> bool:

@@ -20,7 +20,6 @@ from analysis.results.compared import (
     ALPHA,
     SPELLED,
     alarms_apart,
-    and_words,
     by_level,
     isolated,
     level_words,
@@ -46,14 +45,16 @@ _WITHIN: Final = "exact Cochran-Mantel-Haenszel test within these participants"
 _COVERED: Final = (
     "; in simulations of 6 and of 12 people with 20 blank trials each and mean rates of 2 to 10 %, "
     "such intervals held the mean in 94 to 99 % of studies: it lay below the lower limit in at "
-    "most 6 %, and above the upper one in none of 6 people and at most 4 % of 12, instead of 2.5 % "
-    "each"
+    "most 6 %, and above the upper one in none of the studies of 6 people and in at most 4 % of "
+    "those of 12, instead of 2.5 % each"
 )
 """As docs/explanation/evidence.md has it; pasted only into a study of such people and trials."""
 _SIMULATED_PEOPLE: Final = range(6, 13)
 _SIMULATED_BLANKS: Final = 20
 _FEW_PEOPLE: Final = 10
 """Of fewer the upper limit of their false alarms was never too low in simulations."""
+_FEW_ALARMS: Final = 0.1
+"""So far these simulations went."""
 
 
 class _Verdict(NamedTuple):
@@ -130,14 +131,11 @@ def blank_rows(analysis: Analysis) -> Iterator[tuple[str, str, str]]:
     """
     if analysis.detected_any is None:
         return
-    turns = [one for one in pairs_of(analysis.differences) if one.took_turns]
-    together = {name for one in turns for name in (one.a, one.b)}
-    told = {row["condition"] for row in totals(analysis) if "condition" in row}
-    if together and together <= told:
+    together = _interleaved(analysis)
+    if together:
         share, of = _all_blanks(analysis, together)
-        what = "all" if together == told else f"conditions {and_words(sorted(together))}"
         yield (
-            f"False alarms, {what}",
+            "False alarms, all",
             share,
             f"{of}; to quote, if nothing told which condition was coming",
         )
@@ -146,7 +144,8 @@ def blank_rows(analysis: Analysis) -> Iterator[tuple[str, str, str]]:
         of = f"{row['p'] * row['presented']:.0f} of {row['presented']} blank trials"
         if not math.isnan(row["group_low"]) and row.get("condition") not in together:
             of += "; the interval to quote, wider the more people differ"
-            if analysis.participants["participant"].nunique() < _FEW_PEOPLE:
+            few = analysis.participants["participant"].nunique() < _FEW_PEOPLE
+            if few and row["p"] <= _FEW_ALARMS:
                 of += ", its upper limit cautious, as they are few"
         yield f"False alarms{_where(analysis, row, ',')}", _share(row), of
 
@@ -177,6 +176,8 @@ def criterion_sentences(analysis: Analysis) -> Iterator[str]:
             yield f"false alarms are not told apart ({which})"
     else:
         yield from _of_two(analysis, pairs[0], found[0], beside)
+    if together := _interleaved(analysis):
+        yield _taken_together(analysis, together)
 
 
 def _of_two(analysis: Analysis, one: Pair, told: _Verdict, beside: str) -> Iterator[str]:
@@ -194,18 +195,25 @@ def _of_two(analysis: Analysis, one: Pair, told: _Verdict, beside: str) -> Itera
         yield f"false alarms are not told apart ({words})"
         if push:
             yield f"if anything {push}"
-    if one.took_turns:
-        yield _taken_together(analysis, one)
 
 
-def _taken_together(analysis: Analysis, one: Pair) -> str:
+def _interleaved(analysis: Analysis) -> set[str]:
+    """Return all conditions where every two of them were interleaved and have blanks; else none."""
+    pairs = [*pairs_of(analysis.differences)]
+    names = {name for one in pairs for name in (one.a, one.b)}
+    told = {row["condition"] for row in totals(analysis) if "condition" in row}
+    every = bool(pairs) and all(one.took_turns for one in pairs)
+    return names if every and names == told else set()
+
+
+def _taken_together(analysis: Analysis, conditions: Collection[str]) -> str:
     """Say what a blank trial's condition means where nobody knows which is coming."""
-    share, of = _all_blanks(analysis, {one.a, one.b})
+    share, of = _all_blanks(analysis, conditions)
     return (
         "conditions were interleaved: if nothing told participants which was coming, a difference "
-        "of false alarms is chance, as blanks of both are the same event, and the rate in all of "
-        f"them is to be quoted, {share}, {of}; if they could tell, both rates and their difference "
-        "are"
+        "of false alarms is chance, as their blanks are the same event, and the rate in all of "
+        f"them is to be quoted, {share}, {of}; if they could tell, the rates of each "
+        "and their differences are"
     )
 
 
@@ -286,6 +294,9 @@ def rates_words(analysis: Analysis) -> str:
         + (f" in condition {isolated(row['condition'])}" if "condition" in row else "")
         for row in rows
     ]
+    if together := _interleaved(analysis):
+        share, of = _all_blanks(analysis, together)
+        each.append(f"all of them, as conditions were interleaved, {of}, {share}")
     return f"Blank (catch) trials were answered as if felt in {', in '.join(each)}."
 
 
@@ -317,6 +328,8 @@ def _as_simulated(analysis: Analysis) -> bool:
     """Tell whether there are as many people, and blank trials of each, as were simulated."""
     each = analysis.blank.loc[analysis.blank["participant"].ne(TOTAL)]
     people = each["participant"].nunique()
+    if any(row["p"] > _FEW_ALARMS for row in totals(analysis)):
+        return False
     return people in _SIMULATED_PEOPLE and bool(each["presented"].eq(_SIMULATED_BLANKS).all())
 
 

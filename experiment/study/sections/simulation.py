@@ -88,7 +88,10 @@ class Simulation:
         default=None, ge=5, le=2000, description="the threshold's frequency; a burst's own differs"
     )
     threshold_at_s: float | None = Field(
-        default=None, ge=1e-4, le=10, description="the same by duration, measured from 0.01 to 1 s"
+        default=None,
+        ge=1e-4,
+        le=10,
+        description="the same by duration, of a sine of that peak and energy without window",
     )
     threshold_at_cm2: float | None = Field(
         default=None, ge=1e-3, le=20, description="the same by area, that of a fingertip's contact"
