@@ -398,3 +398,14 @@ def test_an_order_that_tables_do_not_number_is_not_told() -> None:
                                  "false_alarms", "blanks", "d_prime"])  # fmt: skip
     told = [with_criterion(pair, trials, none, numbered=one)["first"][0] for one in (True, False)]
     assert told == ["a", None]
+
+
+def test_a_misfit_that_residuals_do_not_show_is_told_as_one_of_the_guess_rate() -> None:
+    rows = [("1", 0.3, 0.03, 0.2), ("2", 0.004, 0.031, 0.147), ("3", 0.002, 0.03, 0.04)]
+    names = ["participant", "deviance_p", "guess_rate", "guess_posterior"]
+    (told,) = misfits(pd.DataFrame(rows, columns=names).assign(condition="main"))
+    assert told.count("the test holds the guess rate at") == 1
+    assert (
+        "Of participant 2 the test holds the guess rate at 3.1 %, as blank trials tell it; the "
+        "function drawn starts at 14.7 %, by the weak levels too" in told
+    )

@@ -28,6 +28,7 @@ _WITHOUT: Final = (
     "answer's table, to be reported beside the others, not instead."
 )
 _NAMED: Final = 6
+_APART: Final = 0.03
 _FEW: Final = 2
 _SEVERAL, _OFTEN = 5, 0.3
 
@@ -58,8 +59,29 @@ def misfits(thresholds: pd.DataFrame) -> Iterator[str]:
         f"{_names(refused, thresholds)}. Look at {'their' if some else 'its'} residuals, "
         f"{where}: answers that drift or hang together, or keys and levels that "
         "changed, make a threshold's interval too narrow."
+        + "".join(_held(thresholds, refused))
         + (_WITHOUT if len({*thresholds["participant"]} - misfitting(thresholds)) > 1 else "")
     )
+
+
+def _held(thresholds: pd.DataFrame, refused: list[tuple[float, str, str]]) -> Iterator[str]:
+    """Say where the function drawn starts higher than the tested one, so that it shows no misfit.
+
+    The test holds the guess rate at what blank trials tell; the function drawn takes weak levels.
+    """
+    if "guess_posterior" not in thresholds:
+        return
+    for _, who, condition in refused[:_NAMED]:
+        row = thresholds[
+            thresholds["participant"].eq(who) & thresholds["condition"].eq(condition)
+        ].iloc[0]
+        held, drawn = float(row["guess_rate"]), float(row["guess_posterior"])
+        if drawn - held > _APART:
+            yield (
+                f" Of {_where(who, condition, thresholds)} the test holds the guess rate at "
+                f"{100 * held:.1f} %, as blank trials tell it; the function drawn starts at "
+                f"{100 * drawn:.1f} %, by the weak levels too, and its residuals show less."
+            )
 
 
 def misfitting(thresholds: pd.DataFrame) -> set[str]:
