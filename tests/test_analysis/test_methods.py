@@ -285,7 +285,7 @@ def test_a_caption_tells_the_signs_that_the_figure_has(tmp_path: Path) -> None:
     for words in (
         "Detection probability by level (um) of 2 participants in conditions palm (circles, solid ",
         "line) and thumb (squares, dashed line), side by side at each level. Open symbols are ",
-        "means of the participants with 95 % credible intervals for the population mean (bars)",
+        "means of the participants with 95 % credible intervals for the population mean (bars; ",
         "small symbols are single participants",
         "pointwise 95 % credible bands",
         "at the left edge are mean false-alarm rates as counted (the share of blank (catch) ",

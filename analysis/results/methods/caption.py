@@ -67,7 +67,8 @@ def _signs(analysis: Analysis, *, alone: bool) -> Iterator[str]:
             where = " at the levels that everybody was tested at"
         means = (
             f"Open symbols are means of the participants{where} with 95 % credible intervals for "
-            "the population mean (bars)"
+            "the population mean (bars; of few people their far limit near 0 or 1 is mostly the "
+            "prior's)"
         )
         single = analysis.groups.loc[analysis.groups["participants"].eq(1), "condition"]
         for name in single:
