@@ -260,8 +260,8 @@ def test_with_which_condition_participants_began_is_told_where_it_is_known(tmp_p
     for words, firsts in (
         ("1 participant began with condition a, 2 with b.", (one, other, other)),
         ("1 participant began with condition a.", (("a", None, "a"),)),
-        (f"In 2 participants they were interleaved {how}.", (turns, turns)),
-        (f"1 participant began with condition b, in 2 they were interleaved {how}.",
+        (f"In 2 participants the conditions were interleaved {how}.", (turns, turns)),
+        (f"1 participant began with condition b, in 2 the conditions were interleaved {how}.",
          (turns, other, turns)),
         ("1 participant began with condition b, of 1 the order is not known.", (other, none)),
     ):  # fmt: skip

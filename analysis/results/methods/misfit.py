@@ -29,6 +29,7 @@ _WITHOUT: Final = (
 )
 _NAMED: Final = 6
 _APART: Final = 0.03
+"""Guess rates that differ by less leave the residuals of the function drawn much as tested."""
 _FEW: Final = 2
 _SEVERAL, _OFTEN = 5, 0.3
 

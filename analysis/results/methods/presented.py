@@ -119,7 +119,7 @@ def order_words(analysis: Analysis) -> str:
         told.append(f"{number} with {isolated(condition)}" if told else f"{people} began {named}")
     if mixed:
         people = str(mixed) if told else number_of(mixed, "participant")
-        told.append(f"{'in' if told else 'In'} {people} they were interleaved"
+        told.append(f"{'in' if told else 'In'} {people} the conditions were interleaved"
                     " [say how, at random or in blocks]")  # fmt: skip
     unknown = len(found) - began.total() - mixed
     if told and unknown:
