@@ -7,7 +7,8 @@ and line as if each table had been read alone.
 from __future__ import annotations
 
 import hashlib
-from dataclasses import dataclass, replace
+from collections import Counter
+from dataclasses import dataclass, field, replace
 from itertools import accumulate, pairwise
 from typing import TYPE_CHECKING, Any, BinaryIO
 
@@ -70,7 +71,7 @@ class ReadTable:
 
     path: Path
     trials: int  # its rows
-    left_out: int = 0  # rows that a map leaves out
+    left_out: Counter[str] = field(default_factory=Counter)  # rows that a map leaves out, by key
     file: InputFile  # its name and checksum
     plan: InputFile | None = None  # those of the plan beside it, where there is one
     progress: SessionProgress | None = None  # how far that plan came
@@ -95,7 +96,7 @@ class _Rows:
     header: list[str]
     lines: list[int]
     rows: list[list[str]]
-    left_out: int  # those that a map leaves out
+    left_out: Counter[str]  # those that a map leaves out, by its key
 
 
 def batches(sources: Iterable[InputTable]) -> Iterator[list[InputTable]]:
@@ -156,7 +157,8 @@ def _read(
     # checked as one table. The plans are read before and held to afterwards, table by table,
     # because only a plan knows its own trials.
     records = [read_record(source.path, accept_altered=accept_altered) for source in sources]
-    counts, left_out = [0] * len(sources), [0] * len(sources)
+    counts = [0] * len(sources)
+    left_out: list[Counter[str]] = [Counter() for _ in sources]
     frames = []
     for parts in _joined(_parts(sources, records, columns, kept)):
         frames.append(_typed(parts, columns))
@@ -178,7 +180,7 @@ def _read(
 
 
 def _table(
-    source: InputTable, record: SessionRecord, told: Sequence[Any], left_out: int
+    source: InputTable, record: SessionRecord, told: Sequence[Any], left_out: Counter[str]
 ) -> ReadTable:
     """Check the rows of a table against its plan, where there is one that is not in doubt."""
     plan, sha256 = record.plan, record.plan_file_sha256
@@ -226,7 +228,7 @@ def _chunks(
     record: SessionRecord,
     columns: ColumnMap | None,
     kept: RowFilter | None,
-) -> tuple[list[str], Iterator[tuple[Chunk, int]]]:
+) -> tuple[list[str], Iterator[tuple[Chunk, Counter[str]]]]:
     file = str(source.path)
     if columns is not None:
         form = columns.form(source.path.suffix)
@@ -239,7 +241,7 @@ def _chunks(
         form=EXPORTED if source.path.suffix == EXPORTED_SUFFIX else None,
         empty_allowed=record.plan is not None,
     )
-    return header, ((chunk, 0) for chunk in chunks)
+    return header, ((chunk, Counter()) for chunk in chunks)
 
 
 def _set_schema(header: list[str], rows: list[list[str]]) -> None:

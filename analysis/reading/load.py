@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+from collections import Counter
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -81,7 +82,7 @@ class LoadedTrials:
     left_out_files : int
         Files that a map leaves out by what their names tell; their rows are not counted.
     left_out_by : str
-        The keys of the map that leave out rows.
+        The keys of the map that leave out rows and, of several, how many each.
     numbered : bool
         Whether the tables number their trials, or else the order of their rows does.
     side_told : bool
@@ -208,9 +209,9 @@ def read_inputs(
             task=columns.task,
             cells=counted.cells,
             blanks=counted.blanks,
-            left_out=counted.left_out,
+            left_out=counted.left_out.total(),
             left_out_files=unread_files,
-            left_out_by=kept.told() if counted.left_out else "",
+            left_out_by=kept.told(counted.left_out) if counted.left_out else "",
         )
     with unchanged(files), watched(sources) as asked, no_search_for_circles():
         read = [
@@ -224,7 +225,8 @@ def read_inputs(
     without = left_out(found, accept_altered=accept_altered)
     tables = [table for one in read for table in one.tables]
     _check_copies(tables)
-    unread = sum(table.left_out for table in tables)
+    by = sum((table.left_out for table in tables), Counter[str]())
+    unread = by.total()
     if not any(table.trials for table in tables):
         empty = f"all {unread} rows are left out by {kept.told()}" if unread else _NOTHING_YET
         raise ResultFileError(tables[0].path, 1, empty)
@@ -254,7 +256,7 @@ def read_inputs(
         changed=(*changed, *pooled(sources, columns)) if columns else changed,
         left_out=unread,
         left_out_files=unread_files,
-        left_out_by=kept.told() if unread else "",
+        left_out_by=kept.told(by) if unread else "",
         numbered=numbered,
         side_told=columns is None or "side" not in columns.constant,
     )

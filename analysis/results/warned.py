@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
+
+import pandas as pd
 
 from analysis.answers import counting
 from analysis.answers.doubts import doubtful, doubtful_counts
 from analysis.reading.reasons import NEVER_ANSWERED
 from analysis.reading.text import named
+from analysis.results.compared import SPELLED
 from analysis.results.methods.misfit import misfits
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Mapping
-
-    import pandas as pd
+    from collections.abc import Collection, Iterable, Iterator, Mapping
 
     from analysis.answers.doubts import Doubt
     from analysis.reading.load import LoadedTrials
@@ -22,6 +23,8 @@ if TYPE_CHECKING:
 # Left out as planned, or presented again: nothing to warn of.
 _EXPECTED = ("practice", "control", "voided")
 _NO_STUDY = "n/a"
+_NEARLY: Final = 0.9
+_SEVERAL: Final = 3
 
 
 def warnings_of(
@@ -118,6 +121,35 @@ def _incomplete(loaded: LoadedTrials) -> Iterator[str]:
         if (row.participant, row.session) not in planned:
             where = _session(row.participant, row.session)
             yield f"{where}: trials without a valid attempt: {row.missing}"
+    yield from _broken_off(trials, planned)
+
+
+def _broken_off(trials: pd.DataFrame, planned: Collection[tuple[str, str]]) -> Iterator[str]:
+    """Name who has fewer trials of a condition than most, where no plan tells how many there are.
+
+    These have all the same number, and nine tenths of it may be an answer too late now and then.
+    """
+    key = ["participant", "session"]
+    known = pd.MultiIndex.from_frame(trials[key].astype(str)).isin([*planned])
+    number = trials[~known].astype({"condition": str}).groupby(["condition", "participant"]).size()
+    for condition, own in number.groupby(level="condition"):
+        usual = int(own.mode().max())
+        same = int(own.eq(usual).sum())
+        fewer = own[own.lt(_NEARLY * usual)].droplevel("condition")
+        if fewer.empty or 2 * same <= len(own) or same < _SEVERAL:
+            continue
+        where = f" in condition {condition}" if len({*trials["condition"]}) > 1 else ""
+        if len(fewer) > SPELLED:
+            yield (
+                f"{len(fewer)} participants have {fewer.min()} to {fewer.max()} trials{where}, "
+                f"{same} of {len(own)} have {usual}: were sessions broken off?"
+            )
+            continue
+        for who, few in fewer.items():
+            yield (
+                f"participant {who} has {few} trials{where}, {same} of {len(own)} have {usual}: "
+                "was a session broken off?"
+            )
 
 
 def _session(participant: object, session: object) -> str:

@@ -226,9 +226,11 @@ def test_a_column_that_may_be_the_condition_is_offered_and_not_taken(tmp_path: P
         f"{who},left,60,left,{plate},day {who}\n" for who in "AB" for plate in ("steel", "wood")
     )
     told = draft(put(tmp_path / "t.csv", text))
-    assert '# condition = "plate"  # guess: take the first # away to compare steel, wood' in told
+    assert '# condition = "plate"  # guess: delete the first # to compare steel, wood' in told
     assert told.count("\n# condition = ") == 1
-    assert '# Note: condition = "plate" compares steel, wood once its # is away; else all' in told
+    assert (
+        '# Note: condition = "plate" compares steel, wood once its # is deleted; else all' in told
+    )
     assert "condition" not in tomllib.loads(told)["columns"]
 
 
@@ -427,6 +429,18 @@ def test_a_column_is_called_empty_only_of_the_rows_that_are_read(tmp_path: Path)
     assert "#   practice.thisN: empty in the rows that are read\n" in told
     assert "#   notes: empty\n" in told
     assert "#   level: 3 values: 5, 9, 26\n" in told
+
+
+def test_practice_within_the_loop_of_trials_is_skipped(tmp_path: Path) -> None:
+    rows = "".join(
+        f"{n},{phase},{noise},5,vibrodemo\n"
+        for n, (phase, noise) in enumerate([("Practice", ""), ("main", "on"), ("main", "off")] * 4)
+    )
+    told = draft(put(tmp_path / "a.csv", f"trials.thisN,phase,noise,level,expName\n{rows}"))
+    assert 'phase = ["Practice"]  # guess; there are: Practice, main\n' in told
+    assert "expName = [" not in told  # all are of the demonstration: none is told apart
+    assert '# condition = "noise"' in told
+    assert '# condition = "phase"' not in told
 
 
 def go_no_go(cells: str) -> str:

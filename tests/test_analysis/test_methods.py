@@ -92,7 +92,7 @@ def test_methods_tell_task_counts_priors_intervals_and_what_is_left_out(tmp_path
     ):
         assert words in told, words
     assert "plan" not in told
-    assert "left" not in told.replace("were left out", "")
+    assert "left" not in told.replace("left out", "")
 
 
 def skipped(folder: Path, text: str, columns: ColumnMap, **skip: str | list[str]) -> str:
@@ -135,6 +135,37 @@ def test_what_a_map_leaves_out_is_never_called_nothing(tmp_path: Path) -> None:
     words = skipped(tmp_path / "both", rows, both, participant="a")
     assert "voided" not in words
     assert "2 of 242 trials (0.8 %) are left out: presented again 2; 242 rows of the" in words
+
+
+def unfinished(folder: Path) -> Analysis:
+    """Return an analysis of five people, c of whom broke off after half of the trials."""
+    rows = [
+        f"{who},{phase},{level},{'yes' if level > 2 or (level, who, n) == (0, 'b', 3) else 'no'}\n"
+        for who in "abcde"
+        for n in range(6 if who == "c" else 12)
+        for phase, level in (("warm", 4), ("main", 0), ("main", 1), ("main", 2.5), ("main", 4))
+    ]
+    data = "".join(["participant,phase,um,felt\n", *rows, "a,pause,4,no\n"])
+    return analyse(loaded(folder, data, replace(
+        MAP, columns={"level_vpp": "um", "detected": "felt"},
+        rows={"keep": {"phase": ["warm", "main"]}, "skip": {"phase": "warm"}},
+    )))  # fmt: skip
+
+
+def test_who_broke_off_and_whose_false_alarms_are_the_most_is_told(tmp_path: Path) -> None:
+    analysis = unfinished(tmp_path)
+    told = methods_of(analysis)
+    assert "(1 to 4 um) with 12 (6 for 1 of 5 participants) trials of each." in told.paragraphs[0]
+    assert analysis.left_out_by == "[rows.keep] phase (1) and [rows.skip] phase (54)"
+    assert (
+        "55 rows of the tables were left out [say what was in them; left out by rows.keep"
+        in (told.paragraphs[0])
+    )
+    assert analysis.warnings == (
+        "participant c has 24 trials, 4 of 5 have 48: was a session broken off?",
+    )
+    of = next(row[2] for row in answer(analysis).rows if row[0] == "False alarms")
+    assert plain(of).startswith("1 of 54 blank trials, b the most with 1 of 12")
 
 
 def test_files_that_a_map_leaves_out_are_told_by_number(tmp_path: Path) -> None:
@@ -340,7 +371,7 @@ def test_what_was_looked_for_is_told_and_whom_it_names(tmp_path: Path) -> None:
     told = looked_words(replace(analysis, doubts=()))
     assert told.startswith("Looked for in each of 2 participants: answers no better than guessing")
     assert "sides" not in told  # there is one place only
-    assert "None of these was found. Not looked for: many false alarms, the same data" in told
+    assert "None of these was found. Not looked for: many false alarms (see each one" in told
     odd = {"0": 0, "1": 12, "1.6": 0, "2.5": 20, "4": 4, "6.3": 20}
     named = plain(looked_words(of(tmp_path, odd, ("a",))))
     assert named.startswith("Looked for in the one participant: ")

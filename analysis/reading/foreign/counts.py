@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -49,14 +50,14 @@ class Counted:
         One row per condition and participant with presentations without a stimulus: ``felt`` of
         ``presented``, and among how many ``sides`` an answer had to choose.
     inputs : list of InputFile
-    left_out : int
-        Rows that the map's ``[rows]`` leaves out.
+    left_out : Counter of str
+        Rows that the map's ``[rows]`` leaves out, by its key.
     """
 
     cells: pd.DataFrame
     blanks: pd.DataFrame
     inputs: list[InputFile]
-    left_out: int
+    left_out: Counter[str]
 
 
 def read_counted(
@@ -72,7 +73,7 @@ def read_counted(
     """
     frames: list[pd.DataFrame] = []
     inputs: list[InputFile] = []
-    left_out = 0
+    left_out: Counter[str] = Counter()
     first = ""
     for source in sources:
         first = first or str(source.path)
@@ -89,7 +90,7 @@ def read_counted(
     rows = rows[rows["presented"].gt(0)]
     single, blank = rows[rows["kind"].eq("single")], rows[rows["kind"].eq("blank")]
     if single.empty:
-        out = f"; {left_out} are left out by {kept.told()}" if left_out else ""
+        out = f"; {left_out.total()} are left out by {kept.told()}" if left_out else ""
         message = f"nothing was presented in any row{out}"
         raise ResultFileError(first, None, message)
     cells = single.groupby(CELL, as_index=False)[["detected", "presented"]].sum()
@@ -112,7 +113,7 @@ def _blanks(single: pd.DataFrame, blank: pd.DataFrame) -> pd.DataFrame:
 
 def _frames(
     source: InputTable, columns: ColumnMap, counts: CountColumns, kept: RowFilter
-) -> Iterator[tuple[pd.DataFrame, int]]:
+) -> Iterator[tuple[pd.DataFrame, Counter[str]]]:
     file = str(source.path)
     signed = axis_of(columns.axis).signed
     with source.path.open("rb") as stream:

@@ -49,7 +49,7 @@ _UNITS: Final = {"pct": "%", "percent": "%"}
 _NO_TRIAL: Final = re.compile("pract|train|instr|demo|warm.?up|welcome", re.IGNORECASE)
 _BLOCK: Final = re.compile(r"\.thisN$|^(block|run)_?(n|nr|no|num|number|index|id)?$", re.IGNORECASE)
 _FILL: Final = "FILL IN: "
-_OFFERED: Final = "guess: take the first # away to compare "
+_OFFERED: Final = "guess: delete the first # to compare "
 NOTE: Final = "# Note: "
 """How a line of a draft begins that says what becomes of rows."""
 _ROWS: Final = ("rows.keep", "rows.skip")
@@ -131,18 +131,18 @@ def _notes(looked_at: Sample, trials: Sample, sections: Mapping[str, list[str]])
     for line in sections["columns"]:
         key, _, names = line.removeprefix("# ").partition(f"  # {_OFFERED}")
         if names:
-            yield f"{key} compares {names} once its # is away; else all are analysed together"
+            yield f"{key} compares {names} once its # is deleted; else all are analysed together"
 
 
 def _rows(table: Sample, sections: dict[str, list[str]]) -> Sample:
     """Guess which rows are trials: those of a loop of PsychoPy, of a plugin of jsPsych."""
-    loops = [name for name in table.header if name.endswith(".thisN")]
+    loops, loop = [name for name in table.header if name.endswith(".thisN")], ""
     if loops:
         of_trials = [name for name in loops if not _NO_TRIAL.search(name)] or loops
         innermost = max(of_trials, key=table.changes)
         loop = "trials.thisN" if "trials.thisN" in loops else innermost
         _put(sections, "rows.skip", loop, "", f"guess: outside this loop; loops: {listed(loops)}")
-        return table.without(loop, "")
+        table = table.without(loop, "")
     if {"trial_type", "time_elapsed", "rt"} <= {*table.header}:
         kinds = table.words("trial_type")
         place, times = (table.header.index(name) for name in ("trial_type", "rt"))
@@ -153,9 +153,10 @@ def _rows(table: Sample, sections: dict[str, list[str]]) -> Sample:
             table = table if kind == most else table.without("trial_type", kind)
     for name in dict.fromkeys(table.header):
         words = table.words(name)
-        if len(words) > _MOST_WORDS or name.endswith("-"):
+        if len(words) > _MOST_WORDS or name.endswith("-") or name == loop:
             continue
-        if skipped := [word for word in words if _NO_TRIAL.search(word)]:
+        skipped = [word for word in words if _NO_TRIAL.search(word)]
+        if skipped and any(word not in skipped and word.lower() not in NOTHING for word in words):
             _put(sections, "rows.skip", name, skipped, f"guess; there are: {listed([*words])}")
             for word in skipped:
                 table = table.without(name, word)

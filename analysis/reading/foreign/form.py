@@ -5,6 +5,7 @@ from __future__ import annotations
 import codecs
 import re
 import tomllib
+from collections import Counter
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, BinaryIO, Final
 
@@ -105,9 +106,9 @@ class RowFilter:
     A name that ends in ``-`` is told by the file's name, see `analysis.reading.foreign.bids.about`;
     a file that does not tell it has empty text there. `met` has what stood in these columns so far.
 
-    >>> kept = RowFilter(skip={"trials.thisN": ("",)}).rule(["trials.thisN"], "t.csv")
-    >>> kept(["0"]), kept([""])
-    (True, False)
+    >>> leaves_out = RowFilter(skip={"trials.thisN": ("",)}).rule(["trials.thisN"], "t.csv")
+    >>> leaves_out(["0"]), leaves_out([""])
+    ('', '[rows.skip] trials.thisN')
     """
 
     keep: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
@@ -121,26 +122,29 @@ class RowFilter:
             self.met.setdefault(name, set()).add(about.get(name, ""))
         return all((about.get(name, "") in words) is wanted for name, words, wanted in tests)
 
-    def rule(self, header: list[str], file: str) -> Callable[[list[str]], bool]:
-        """Return the test that each row has to pass.
+    def rule(self, header: list[str], file: str) -> Callable[[list[str]], str]:
+        """Return what names the key that leaves out a row, the first; empty text for one to read.
 
         Raises ResultFileError for a column that the table does not have.
         """
         tests = []
-        for name, words, wanted in self._tests():
+        for key, (name, words, wanted) in zip(self._keys(), self._tests(), strict=True):
             if name in header:
-                tests.append((header.index(name), words, wanted))
+                tests.append((key, header.index(name), words, wanted))
             elif not name.endswith("-"):
                 message = f"no column {shown(name)}, named by [rows]; it has {', '.join(header)}"
                 raise ResultFileError(file, 1, message)
-        met = [(at, self.met.setdefault(header[at], set())) for at, _, _ in tests]
+        met = [(at, self.met.setdefault(header[at], set())) for _, at, _, _ in tests]
 
-        def reads(row: list[str]) -> bool:
+        def leaves_out(row: list[str]) -> str:
             for at, words in met:
                 words.add(row[at])
-            return all((row[at] in words) is wanted for at, words, wanted in tests)
+            for key, at, allowed, wanted in tests:
+                if (row[at] in allowed) is not wanted:
+                    return key
+            return ""
 
-        return reads
+        return leaves_out
 
     def refuse_unmet(self, file: str) -> None:
         """Refuse a word that stood in no row so far: it is misspelled, or of another data set.
@@ -165,13 +169,19 @@ class RowFilter:
                     )
                     raise ResultFileError(file, None, message)
 
-    def told(self) -> str:
-        """Name the keys, for what is said of the rows that they leave out.
+    def told(self, rows: Mapping[str, int] | None = None) -> str:
+        """Name the keys, for what is said of the `rows` that they leave out, if several do so.
 
-        >>> RowFilter(keep={"phase": ("main",)}, skip={"n": ("",)}).told()
+        >>> kept = RowFilter(keep={"phase": ("main",)}, skip={"n": ("",)})
+        >>> kept.told()
         '[rows.keep] phase and [rows.skip] n'
+        >>> kept.told({"[rows.skip] n": 22, "[rows.keep] phase": 44})
+        '[rows.keep] phase (44) and [rows.skip] n (22)'
         """
-        return " and ".join(self._keys())
+        keys = self._keys()
+        if rows and len(keys) > 1:
+            keys = [f"{key} ({rows[key]})" for key in keys if rows.get(key)]
+        return " and ".join(keys)
 
     def _keys(self) -> list[str]:
         return [
@@ -231,11 +241,11 @@ def foreign_chunks(
     form: TextFormat,
     rows: RowFilter,
     about: Mapping[str, str],
-) -> tuple[list[str], Iterator[tuple[Chunk, int]]]:
+) -> tuple[list[str], Iterator[tuple[Chunk, Counter[str]]]]:
     """Read a table made elsewhere, with what its name tells as further columns.
 
-    Each chunk comes with the number of rows that `rows` leaves out of it. Raises ResultFileError as
-    `text_chunks` and `RowFilter.rule`.
+    Each chunk comes with how many rows each key of `rows` leaves out of it. Raises ResultFileError
+    as `text_chunks` and `RowFilter.rule`.
     """
     header, chunks = text_chunks(stream, file, form=form)
     told = {name: word for name, word in about.items() if name not in header}
@@ -244,12 +254,14 @@ def foreign_chunks(
 
 
 def _kept(
-    chunks: Iterator[Chunk], told: list[str], wanted: Callable[[list[str]], bool]
-) -> Iterator[tuple[Chunk, int]]:
+    chunks: Iterator[Chunk], told: list[str], leaves_out: Callable[[list[str]], str]
+) -> Iterator[tuple[Chunk, Counter[str]]]:
     for lines, rows in chunks:
         whole = [(line, [*row, *told]) for line, row in zip(lines, rows, strict=True)]
-        kept = [(line, row) for line, row in whole if wanted(row)]
-        yield ([line for line, _ in kept], [row for _, row in kept]), len(whole) - len(kept)
+        by = [leaves_out(row) for _, row in whole]
+        kept = [one for one, key in zip(whole, by, strict=True) if not key]
+        out = Counter(key for key in by if key)
+        yield ([line for line, _ in kept], [row for _, row in kept]), out
 
 
 def guessed_encoding(paths: Iterable[Path]) -> str:

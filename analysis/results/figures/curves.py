@@ -184,7 +184,7 @@ def start_label(analysis: Analysis, *, of_mean: bool = False) -> str:
     mean = "mean " if of_mean else ""
     if is_yes_no(analysis) or analysis.one_side:
         return f"left edge: {mean}false-alarm rate, as counted"
-    return f"left edge: {mean}guess rate, as counted\n(half of the false alarms at one side)"
+    return f"left edge: half of the {mean}false-alarm\nrate, as counted: guesses at one side"
 
 
 def start_words(analysis: Analysis) -> str:

@@ -142,12 +142,26 @@ def blank_rows(analysis: Analysis) -> Iterator[tuple[str, str, str]]:
     for row in totals(analysis):
         # Counts made elsewhere do not tell the sides.
         of = f"{row['p'] * row['presented']:.0f} of {row['presented']} blank trials"
+        of += _most(analysis, row)
         if not math.isnan(row["group_low"]) and row.get("condition") not in together:
             of += "; the interval to quote, wider the more people differ"
             few = analysis.participants["participant"].nunique() < _FEW_PEOPLE
             if few and row["p"] <= _FEW_ALARMS:
                 of += ", its upper limit cautious, as they are few"
         yield f"False alarms{_where(analysis, row, ',')}", _share(row), of
+
+
+def _most(analysis: Analysis, total: pd.Series[Any]) -> str:
+    """Say whose share of blank trials is the largest; empty text of one person, or of several."""
+    rows = analysis.blank[analysis.blank["participant"].ne(TOTAL)]
+    if "condition" in rows:
+        rows = rows[rows["condition"].eq(total["condition"])]
+    most = rows[rows["p"].eq(rows["p"].max())]
+    if len(most) > 1 or len(most) == len(rows):
+        return ""
+    row = most.iloc[0]
+    of = f"{row['p'] * row['presented']:.0f} of {row['presented']}"
+    return f", {isolated(row['participant'])} the most with {of}"
 
 
 def criterion_sentences(analysis: Analysis) -> Iterator[str]:

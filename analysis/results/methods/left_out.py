@@ -58,7 +58,7 @@ def left_out_for_paper(analysis: Analysis) -> str:
         return left_out_words(analysis)
     one = analysis.counts.unread + analysis.counts.unread_files == 1
     keys = analysis.left_out_by.replace("[", "").replace("]", "")
-    rule = f"; {keys} leaves them out" if keys else ""
+    rule = f"; left out by {keys}" if keys else ""
     were = "was" if one else "were"
     by_map = f"{unread} of the tables {were} left out [say what was in them{rule}]"
     told = analysis.counts.left_out or analysis.trials.empty

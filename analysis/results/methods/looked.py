@@ -30,7 +30,7 @@ def looked_words(analysis: Analysis) -> str:
     looked = dict(_looked(analysis))
     named = {what: sorted(who, key=counted_up) for what, who in looked.items() if who}
     found = [f"{what} ({', '.join(map(isolated, who))})" for what, who in named.items()]
-    missed = ["many false alarms"] if len(analysis.blank) else []
+    missed = ["many false alarms (see each one's blank trials)"] if len(analysis.blank) else []
     if not analysis.one_side and len(analysis.trials):
         missed.append("a preference for one side")
     if analysis.reaction_times["n"].gt(0).any():

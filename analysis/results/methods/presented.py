@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 from analysis.axis import shortest
 from analysis.definitions import TOTAL
@@ -18,6 +18,9 @@ if TYPE_CHECKING:
     from analysis.results.tables import Analysis
 
 
+_FEW_OF_ALL: Final = 0.25
+
+
 def presented_words(analysis: Analysis) -> Iterator[str]:
     """Say of conditions, levels and trials what tables without a plan tell."""
     for name, rows in analysis.participants.groupby("condition"):
@@ -28,7 +31,8 @@ def presented_words(analysis: Analysis) -> Iterator[str]:
         people = [*rows["participant"].unique()]
         more = [*_catch(analysis, condition, people), *_both(analysis, condition, people)]
         parts = [f"{number_of(rows['level_vpp'].nunique(), 'level')} ({_ends(rows, analysis)})"]
-        parts += [f"{_trials(rows['presented'])} of each for a participant", *more[:-1]]
+        number = rows.set_index("participant")["presented"]
+        parts += [f"{_trials(number)} of each for a participant", *more[:-1]]
         yield f"{told}{', '.join(parts)}{f', and {more[-1]}' if more else ''}."
 
 
@@ -47,11 +51,9 @@ def design_words(analysis: Analysis) -> str:
     number = rows.groupby(["condition", "participant"])["level_vpp"].nunique()
     levels = " to ".join(dict.fromkeys(str(int(one)) for one in (number.min(), number.max())))
     noun = "level" if number.eq(1).all() else "levels"
+    trials = _trials(rows.set_index("participant")["presented"])
     of = "A participant had" if not several else "In each a participant had"
-    return (
-        f"{told}{of} {levels} {noun} ({_ends(rows, analysis)}) with {_trials(rows['presented'])} "
-        "of each."
-    )
+    return f"{told}{of} {levels} {noun} ({_ends(rows, analysis)}) with {trials} of each."
 
 
 def _catch(analysis: Analysis, condition: str, people: Sequence[str]) -> Iterator[str]:
@@ -89,14 +91,27 @@ def _ends(rows: pd.DataFrame, analysis: Analysis) -> str:
 
 
 def _trials(numbers: pd.Series[int], kind: str = "") -> str:
-    """Return so many trials, the least and the most of a participant.
+    """Return so many trials, the least and the most of a participant, by whom they are indexed.
+
+    Few people with others than the rest, such as one who broke off, are told apart.
 
     >>> import pandas as pd
     >>> _trials(pd.Series([20, 18])), _trials(pd.Series([1, 1]), "blank ")
     ('18 to 20 trials', '1 blank trial')
+    >>> _trials(pd.Series([20, 12, 20, 20, 20]))
+    '20 (12 for 1 of 5 participants) trials'
     """
-    told = " to ".join(dict.fromkeys(str(int(one)) for one in (numbers.min(), numbers.max())))
-    return f"{told} {kind}trial{'' if numbers.eq(1).all() else 's'}"
+    usual = numbers.eq(numbers.mode().iloc[0])
+    people, others = numbers.index.nunique(), numbers[~usual].index.nunique()
+    noun = f"{kind}trial{'' if numbers.eq(1).all() else 's'}"
+    if 0 < others <= _FEW_OF_ALL * people:
+        few = f"({_span(numbers[~usual])} for {others} of {people} participants)"
+        return f"{_span(numbers[usual])} {few} {noun}"
+    return f"{_span(numbers)} {noun}"
+
+
+def _span(numbers: pd.Series[int]) -> str:
+    return " to ".join(dict.fromkeys(str(int(one)) for one in (numbers.min(), numbers.max())))
 
 
 def both_words(analysis: Analysis) -> str:
