@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import asdict, replace
+from itertools import product
 from typing import TYPE_CHECKING, Any, Final
 
 from experiment.preview.bursts.edges import edge_words, other_edge, with_other_edge
@@ -55,7 +56,13 @@ def displacement_findings(
     errors = one.patch_errors
     found.note(patch_error=None if errors is None else errors.facts)
     if errors is not None:
-        found.tell("", errors.words)
+        places = product(range(len(OWN_FINGERS)), columns)
+        most_db = max(
+            one.level_db(row, column) + errors.levels_db[row, column]
+            for row, column in places
+            if row != column
+        )
+        found.tell("", f"{errors.words}: {most_db:.1f} dB at most")
     _tell_loss(found, check, one)
     load = study.finger_load
     rests = load.impedance is not None and load.impedance.holds_for(one.condition.drive)

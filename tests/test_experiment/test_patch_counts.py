@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import re
 from typing import TYPE_CHECKING
 
 import pytest
@@ -84,6 +85,10 @@ def test_the_check_tells_what_patches_do_and_how_well_it_is_known() -> None:
     error = condition["displacements"]["patch_error"]
     assert 0 < error["own"] < 0.01
     assert 0 < error["level_db"] < 0.17
+    most = re.search(r"levels within [\d.]+ dB: (\S+) dB at most", found.text)
+    others = [at["fingers"][0]["level_db"] for at in condition["displacements"]["actuators"]]
+    assert most is not None
+    assert float(most[1]) == pytest.approx(max(others) + error["level_db"], abs=0.06)
     assert all(one["patch_counts"] for one in found.facts["actuators"])
     told = {one.key: one.origin for one in study_sources(study())}
     counted = next(one for one in study_sources(study()) if one.key.endswith("patch_counts"))

@@ -305,7 +305,7 @@ def _tell_with_room(
         f"{_named(row.burst)}: the shortest of these felt below {words},",
         with_room=_values(row.burst),
     )
-    told.tell("", "which leaves levels on either side of the threshold")
+    told.tell("", "a factor of two for levels above the threshold, and one for its estimate")
     return row
 
 
