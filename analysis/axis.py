@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 
 
 XScale = Literal["log10", "linear"]
+LevelScale = Literal["log10", "dB", "linear"]
+_DB = 20.0
 _MOST_UNIT = 16
 _MOST_DECIMALS = 12
 LARGEST = 1e300
@@ -139,18 +141,6 @@ def between(low: float, high: float, levels: Sequence[float], spread: float) -> 
     return f"{least} to {most}"
 
 
-def half_width(low: float, high: float) -> str:
-    """Return half of how far limits lie apart, in dB; nothing of an open one.
-
-    >>> half_width(51.7, 73.7), half_width(0.99, 1.01), half_width(-math.inf, 88.2)
-    ('1.5 dB', '0.09 dB', '')
-    """
-    if not 0 < low <= high < math.inf:
-        return ""
-    width = 20 * math.log10(high / low)
-    return f"{rounded(width / 2, width)} dB"
-
-
 def bounded(low: float, high: float, unit: str, levels: Sequence[float]) -> str:
     """Return what two limits say of a level that lies outside the tested ones.
 
@@ -187,19 +177,27 @@ class Axis:
 
     >>> Axis(x_scale="linear", unit="cm/s").signed, Axis().signed
     (True, False)
+    >>> Axis(x_scale="dB", unit="dB SL").on_axis(20.0), Axis(x_scale="dB", unit="dB SL").level(1.0)
+    (1.0, 20.0)
     """
 
-    x_scale: XScale = "log10"  # log10 for levels above 0; linear for levels of any sign
+    # log10 for levels above 0; dB for 20 log10 of such levels; linear for others of any sign
+    x_scale: LevelScale = "log10"
     unit: str = "V"  # stands behind a level; V: volts peak-to-peak
 
     def __post_init__(self) -> None:
-        if self.x_scale not in get_args(XScale):
-            raise ValueError(f"[axis] x_scale: allowed log10, linear, got {self.x_scale!r}")
+        if self.x_scale not in get_args(LevelScale):
+            raise ValueError(f"[axis] x_scale: allowed log10, dB, linear, got {self.x_scale!r}")
         unit: object = self.unit
         if not (isinstance(unit, str) and 0 < len(unit) <= _MOST_UNIT and unit.isprintable()):
             raise ValueError(f"[axis] unit: printable text of 1 to {_MOST_UNIT}, got {unit!r}")
+        if unit.lower().startswith("db") != (self.x_scale == "dB"):
+            raise ValueError(
+                '[axis] x_scale = "dB" needs a unit such as "dB" or "dB SL", and such a unit '
+                f'needs x_scale = "dB"; got unit = "{unit}" and x_scale = "{self.x_scale}"'
+            )
 
-    def on_axis(self, levels: Floats) -> Floats:
+    def on_axis(self, levels: Any) -> Any:
         """Return where levels lie on the axis.
 
         >>> import numpy as np
@@ -208,6 +206,8 @@ class Axis:
         """
         import numpy as np
 
+        if self.x_scale == "dB":
+            return levels / _DB
         return np.log10(levels) if self.x_scale == "log10" else levels
 
     def level(self, x: float) -> float:
@@ -216,7 +216,40 @@ class Axis:
         >>> Axis().level(2.0)
         100.0
         """
+        if self.x_scale == "dB":
+            return _DB * x
         return float(10.0**x) if self.x_scale == "log10" else x
+
+    def width(self, sigma: float) -> float:
+        """Return a width on the axis as it is told: in log10 units, or in the unit of levels.
+
+        >>> Axis().width(0.1), Axis(x_scale="dB", unit="dB").width(0.1)
+        (0.1, 2.0)
+        """
+        return _DB * sigma if self.x_scale == "dB" else sigma
+
+    def half_width(self, low: float, high: float) -> str:
+        """Return half of how far limits lie apart in dB; nothing of an open one, or without dB.
+
+        >>> Axis().half_width(51.7, 73.7), Axis(x_scale="dB", unit="dB").half_width(-4.0, -1.0)
+        ('1.5 dB', '1.5 dB')
+        >>> Axis().half_width(0.99, 1.01), Axis().half_width(-math.inf, 88.2)
+        ('0.09 dB', '')
+        """
+        if not self.is_logarithmic or not math.isfinite(low + high):
+            return ""
+        width = _DB * float(self.on_axis(high) - self.on_axis(low))
+        return f"{rounded(width / 2, width)} dB"
+
+    @property
+    def is_logarithmic(self) -> bool:
+        """Whether levels are compared by their ratio, in dB."""
+        return self.x_scale != "linear"
+
+    @property
+    def fitted(self) -> XScale:
+        """The scale on which functions are fitted: one of dB is one of log10, in other units."""
+        return "log10" if self.is_logarithmic else "linear"
 
     @property
     def label(self) -> str:
@@ -230,7 +263,7 @@ class Axis:
     @property
     def signed(self) -> bool:
         """Whether levels may have any sign."""
-        return self.x_scale == "linear"
+        return self.x_scale != "log10"
 
 
 def axis_of(section: Mapping[str, Any]) -> Axis:

@@ -83,8 +83,8 @@ DEFINITIONS: Final[Mapping[str, str]] = MappingProxyType(
         "threshold_db, threshold_low_db, threshold_high_db": "the same in dB re 1 V peak-to-peak",
         "status": "ok, or why there is no threshold or how it is limited",
         "printed": "the threshold as a reader is told it",
-        "sigma": "width of the psychometric function, posterior median: log10 units, or volts on a "
-        "linear axis",
+        "sigma": "width of the psychometric function, posterior median: log10 units, or the "
+        "levels' unit on an axis of dB or a linear one",
         "lapse_rate": "share of felt stimuli that are missed, posterior mean",
         "mle_threshold_vpp, mle_sigma, mle_lapse_rate": "the likeliest values",
         "deviance, deviance_p": "misfit at the likeliest values, and the share of tables drawn "

@@ -65,7 +65,7 @@ def _words(rows: pd.DataFrame, steps: float, axis: Axis) -> str:
     if len(set(rows["level_vpp"])) == 1:
         return told
     moved = f"{abs(steps):.1f} dB"
-    if axis.x_scale != "log10":
+    if not axis.is_logarithmic:
         moved = f"{abs(steps) * _step(rows, axis):.3g} {axis.unit}"
     which = "rose" if steps > 0 else "fell"
     return f"{told}, as if the threshold {which} by {moved} from the first trial to the last"
@@ -129,7 +129,7 @@ def drift_p(single: pd.DataFrame) -> tuple[Floats, pd.Series[int]]:
 
 def _step(rows: pd.DataFrame, axis: Axis) -> float:
     """Return a dB on the axis, or an eighth of a linear one's range."""
-    if axis.x_scale == "log10":
+    if axis.is_logarithmic:
         return 1 / 20
     return float(np.ptp(rows["level_vpp"].to_numpy(float))) / 8 or 1.0
 

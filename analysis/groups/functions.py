@@ -85,7 +85,7 @@ def person_function(people: PersonCounts, row: int, line: Line, axis: Axis) -> F
     """Return the function of one of the people, who has several levels; its line is told."""
     used = people.presented[row] > 0
     x = axis.on_axis(people.level_vpp[row, used])
-    ruler = Ruler.of(x, axis.x_scale)
+    ruler = Ruler.of(x, axis.fitted)
     table = (x / ruler.step, people.detected[row, used], people.presented[row, used])
     at, level_vpp = _places(people.level_vpp[row, used], axis)
     low, high = _of_person(table, ruler, people.guesses[row].rate, at / ruler.step)
@@ -100,10 +100,10 @@ def group_function(people: PersonCounts, rows: Sequence[int], axis: Axis) -> Fun
         detected=people.detected[chosen],
         presented=people.presented[chosen],
         guesses=[people.guesses[i].rate for i in chosen],
-        x_scale=axis.x_scale,
+        x_scale=axis.fitted,
     )
     used = tables.presented > 0
-    ruler = Ruler.of(tables.x[used], axis.x_scale)
+    ruler = Ruler.of(tables.x[used], axis.fitted)
     each = tables.surfaces(ruler)
     found = hierarchy(each, ruler)
     spread_at, between = _finer(found.spread, found.spread[[0, -1]], _OF_GROUP[0])

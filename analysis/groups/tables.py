@@ -110,7 +110,7 @@ def difference_table(people: PersonCounts, axis: Axis) -> pd.DataFrame:
     """
     people = people.by_content()
     rows: list[list[object]] = []
-    if axis.x_scale == "log10":
+    if axis.is_logarithmic:
         for (a, rows_a), (b, rows_b) in itertools.combinations(_conditions(people).items(), 2):
             rows += [[a, b, *row] for row in _pair(people, rows_a, rows_b, axis)]
     return pd.DataFrame(rows, columns=list(DIFFERENCE_COLUMNS))
@@ -147,7 +147,7 @@ def _tables(people: PersonCounts, rows: Sequence[int], axis: Axis) -> PeopleTabl
         detected=people.detected[chosen],
         presented=people.presented[chosen],
         guesses=[people.guesses[i].rate for i in chosen],
-        x_scale=axis.x_scale,
+        x_scale=axis.fitted,
     )
 
 
@@ -198,7 +198,7 @@ def _group_words(
     if fit.status not in WITH_THRESHOLD:
         return WORDS[fit.status]
     words = with_limits(axis.level(fit.threshold), low, high, axis.unit, levels_vpp, spread=spread)
-    unit = "dB" if axis.x_scale == "log10" else axis.unit
+    unit = "dB" if axis.is_logarithmic else axis.unit
     least, most = fit.spread_limits_db
     told = [rounded(value, most - least) for value in (fit.spread_db, least, most)]
     words += f"; between people {told[0]} {unit} ({told[1]} to {told[2]})"
@@ -216,14 +216,16 @@ def _pair(
     )
     a, b = (_tables(people, rows, axis) for rows in chosen)
     found = difference_on_axis(a, b, same_people=bool(both))
-    rows = [[name, *_difference(one)] for name, one in zip(both, found.people, strict=True)]
+    rows = [[name, *_difference(one, axis)] for name, one in zip(both, found.people, strict=True)]
     rows.sort(key=lambda row: counted_up(str(row[0])))
     alone = len(both) == 1 or (not both and min(len(rows_a), len(rows_b)) == 1)
-    group = [*[math.nan] * 6, "one_participant", _ALONE] if alone else _difference(found)
+    group = [*[math.nan] * 6, "one_participant", _ALONE] if alone else _difference(found, axis)
     return [*rows, [GROUP, *group]]
 
 
-def _difference(one: Difference | ConditionDifference) -> list[object]:
+def _difference(one: Difference | ConditionDifference, axis: Axis) -> list[object]:
+    # Of levels in dB nobody asks for the ratio of what they are the level of.
+    ratio = "" if axis.signed else f", {times(one.difference_db, *one.difference_limits_db)}"
     low, high = one.difference_limits_db
     least, most = (round(end, 1) for end in (low, high))
     # A sign at the beginning, or after a comma, would look like a formula to a spreadsheet.
@@ -241,7 +243,7 @@ def _difference(one: Difference | ConditionDifference) -> list[object]:
         *(_known(value) for value in (one.spread_db, *one.spread_limits_db)),
         one.status,
         {
-            "ok": f"{told}, {times(one.difference_db, low, high)}",
+            "ok": f"{told}{ratio}",
             "at_least": f"at least {low:+.1f} dB (95 %)",
             "at_most": f"at most {high:+.1f} dB (95 %)",
             "unknown": "not bounded by these levels",

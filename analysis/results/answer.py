@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from analysis.answers.counting import uncounted
 from analysis.answers.doubts import GUESSING, SWAPPED
-from analysis.axis import alike, half_width, rounded, spread_of, with_limits
+from analysis.axis import alike, rounded, spread_of, with_limits
 from analysis.definitions import LAPSES_MANY, LAPSES_OFTEN
 from analysis.groups.group import FEW
 from analysis.groups.micrometres import in_micrometres, micrometres_row
@@ -153,9 +153,10 @@ def _threshold_words(row: pd.Series[Any]) -> str:
 
 def _in_db(analysis: Analysis, group: pd.Series[Any]) -> str:
     """Say how wide the interval of a group's threshold is, as a goal of `power` does."""
-    if analysis.axis.x_scale != "log10" or group["status"] not in WITH_THRESHOLD:
+    if group["status"] not in WITH_THRESHOLD:
         return ""
-    width = half_width(*(float(group[f"threshold_{name}_vpp"]) for name in ("low", "high")))
+    ends = (float(group[f"threshold_{name}_vpp"]) for name in ("low", "high"))
+    width = analysis.axis.half_width(*ends)
     return width and f"half-width {width}"
 
 
@@ -346,7 +347,7 @@ def _spread_rows(analysis: Analysis) -> Iterator[tuple[str, str, str]]:
 def _spread(group: pd.Series[Any], analysis: Analysis) -> str:
     at, low, high = (float(group[f"spread_{name}db"]) for name in ("", "low_", "high_"))
     told = [rounded(value, high - low) for value in (at, low, high)]
-    unit = "dB" if analysis.axis.x_scale == "log10" else analysis.axis.unit
+    unit = "dB" if analysis.axis.is_logarithmic else analysis.axis.unit
     return f"{told[0]} {unit} ({told[1]} to {told[2]})"
 
 

@@ -10,7 +10,7 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final
 
-from analysis.axis import half_up, shortest, times
+from analysis.axis import half_up, shortest
 from analysis.definitions import TOTAL
 from analysis.groups.criterion import MIXED
 from analysis.groups.sensitivity import NEARLY_ALL, SEVERAL, levels_apart
@@ -85,6 +85,11 @@ class Pair:
         return self.ends_db[0] > 0 or self.ends_db[1] < 0
 
     @property
+    def ratio(self) -> str:
+        """The ratio of both thresholds, as it is printed; empty text of levels in dB."""
+        return str(self.row["printed"]).partition(", ")[2] if self.row["status"] == "ok" else ""
+
+    @property
     def took_turns(self) -> bool:
         """Whether trials or blocks of both conditions took turns in everybody."""
         first = self.row["first"]
@@ -117,7 +122,8 @@ def difference_words(one: Pair) -> str:
 
     >>> import pandas as pd
     >>> def told(status, at, low, high):
-    ...     row = {"status": status, "difference_db": at, "low_db": low, "high_db": high}
+    ...     row = {"status": status, "difference_db": at, "low_db": low, "high_db": high,
+    ...         "printed": "higher by 2.1 dB (0.4 to 3.9), 1.28 times (1.05 to 1.57)"}
     ...     return plain(difference_words(Pair(a="A", b="B", row=pd.Series(row), of="8 in both")))
     >>> print(told("ok", 2.14, 0.42, 3.91))
     the threshold in condition B is 2.1 dB higher than in A, 1.28 times (1.05 to 1.57) as high
@@ -150,10 +156,10 @@ def difference_words(one: Pair) -> str:
     more = "higher" if low > 0 else "lower"
     if status == "ok":
         at = float(one.row["difference_db"])
+        ratio = f", {one.ratio} as high " if one.ratio else " "
         return (
-            f"the threshold in condition {b} is {abs(at):.1f} dB {more} than in {a}, "
-            f"{_times(one)} as high (posterior median, 95 % interval {low:+.1f} to {high:+.1f} dB; "
-            f"{one.of})"
+            f"the threshold in condition {b} is {abs(at):.1f} dB {more} than in {a}"
+            f"{ratio}(posterior median, 95 % interval {low:+.1f} to {high:+.1f} dB; {one.of})"
         )
     return (
         f"the threshold in condition {b} is {more} than in {a} by at least "
@@ -168,47 +174,49 @@ def difference_cell(one: Pair) -> str:
     low, high = one.ends_db
     found = float(one.row["difference_db"])
     at = round(found, 1) + 0.0  # no minus before 0
-    return f"{at:+.1f} dB ({low:+.1f} to {high:+.1f}), {_times(one)}"
-
-
-def _times(one: Pair) -> str:
-    return times(*(float(one.row[name]) for name in ("difference_db", "low_db", "high_db")))
+    ratio = f", {one.ratio}" if one.ratio else ""
+    return f"{at:+.1f} dB ({low:+.1f} to {high:+.1f}){ratio}"
 
 
 def own_model_words(analysis: Analysis) -> str:
     """Say why thresholds need not have the ratio that a difference has; empty text without one.
 
-    Of two conditions, the ratio of the groups' thresholds stands beside where it is another.
+    Of two conditions, the ratio of the groups' thresholds stands beside where it is another; of
+    levels in dB it is their difference.
     """
     told = [one for one in pairs_of(analysis.differences) if one.row["status"] == "ok"]
     if not told:
         return ""
     each = any(one.of.endswith("in both") for one in told)
+    noun = "difference" if analysis.axis.signed else "ratio"
     how = f"estimated {'within participants ' if each else ''}by"
     if len(told) > 1:
         return (
-            f"differences are {how} models of their own and are to be quoted; ratios of the "
+            f"differences are {how} models of their own and are to be quoted; {noun}s of the "
             "thresholds need not equal them"
         )
     ratio = _ratio_of_groups(analysis, told[0])
     beside = f", here {ratio}, " if ratio and not _tells(told[0], ratio) else " "
     return (
-        f"the difference is {how} a model of its own and is to be quoted; the ratio of the two "
+        f"the difference is {how} a model of its own and is to be quoted; the {noun} of the two "
         f"thresholds{beside}need not equal it"
     )
 
 
 def _ratio_of_groups(analysis: Analysis, one: Pair) -> str:
-    """Return the ratio of the thresholds of two groups, as it is printed; empty without one."""
+    """Return how the thresholds of two groups compare, as it is printed; empty without both."""
     at = analysis.groups.set_index("condition")["threshold_vpp"].astype(float).dropna()
     if one.row["participant"] != TOTAL or not {one.a, one.b} <= {*at.index}:
         return ""
+    if analysis.axis.signed:
+        return f"{at[one.b] - at[one.a]:+.1f} dB"
     return f"{at[one.b] / at[one.a]:.2f}"
 
 
-def _tells(one: Pair, ratio: str) -> bool:
-    """Tell whether a difference is printed as that ratio."""
-    return one.apart and _times(one).startswith(f"{ratio} ")
+def _tells(one: Pair, told: str) -> bool:
+    """Tell whether a difference is printed as that."""
+    cells = (difference_cell(one), one.ratio)
+    return one.apart and any(cell.startswith(f"{told} ") for cell in cells)
 
 
 def compared(analysis: Analysis) -> Iterator[str]:
@@ -231,7 +239,10 @@ def compared(analysis: Analysis) -> Iterator[str]:
     if len(pairs) > 1:
         yield f"these intervals are not corrected for {len(pairs)} comparisons"
     if not pairs and len(analysis.groups) > 1:
-        yield "conditions are not compared, for a difference in dB needs a logarithmic axis"
+        yield (
+            "conditions are not compared, for a difference in dB needs levels above 0, or in dB "
+            '([axis] x_scale = "log10" or "dB")'
+        )
 
 
 def _always_first(pairs: Sequence[Pair]) -> Iterator[str]:

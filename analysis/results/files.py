@@ -11,7 +11,6 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
 import pandas as pd
 from filelock import Timeout
 
@@ -299,9 +298,9 @@ def _with_groups(analysis: Analysis) -> pd.DataFrame:
             for name in groups["condition"]
         ],
     )
-    if not analysis.axis.signed:
+    if analysis.axis.is_logarithmic:
         for name in ("threshold", "threshold_low", "threshold_high"):
-            rows[f"{name}_db"] = 20 * np.log10(rows[f"{name}_vpp"].astype(float))
+            rows[f"{name}_db"] = 20 * analysis.axis.on_axis(rows[f"{name}_vpp"].astype(float))
     columns = list(thresholds.columns)
     records = [*thresholds.to_dict("records"), *rows.to_dict("records")]
     table = pd.DataFrame(records, columns=columns)

@@ -339,7 +339,7 @@ def population_spread(one: PopulationThreshold, axis: Axis) -> str:
     """Return the standard deviation of people's thresholds, in dB on a logarithmic axis."""
     if math.isnan(one.between_sd):
         return "n/a"
-    if axis.x_scale == "log10":
+    if axis.is_logarithmic:
         return f"{20 * one.between_sd:.1f} dB"
     return f"{rounded(one.between_sd, one.between_sd)} {axis.unit}"
 

@@ -107,7 +107,7 @@ def thresholds_of(people: PersonCounts, *, seed: int, axis: Axis) -> pd.DataFram
     x = axis.on_axis(people.level_vpp)
     counts = (people.detected, people.presented)
     rates = [one.rate for one in people.guesses]
-    scale = axis.x_scale
+    scale = axis.fitted
     fits = fit_many(x, *counts, guesses=rates, x_scale=scale)
     others = [
         fit_many(x, *counts, guesses=[GuessRate(mean=rate)] * len(rates), x_scale=scale)
@@ -173,7 +173,7 @@ def _varied(
     if not rows:
         return found
     x, shown = axis.on_axis(people.level_vpp[rows]), people.presented[rows]
-    rulers = [Ruler.of(one[of > 0], axis.x_scale) for one, of in zip(x, shown, strict=True)]
+    rulers = [Ruler.of(one[of > 0], axis.fitted) for one, of in zip(x, shown, strict=True)]
     tables = surfaces(
         x / np.array([[ruler.step] for ruler in rulers]),
         people.detected[rows] / VARIED,
@@ -195,7 +195,7 @@ def _numbers(fit: PsychometricFit, axis: Axis) -> dict[str, object]:
     low, high = (end if math.isfinite(end) else math.nan for end in fit.threshold_limits)
     at = [axis.level(value) for value in (fit.threshold, low, high)]
     decibel = [
-        20 * value if axis.x_scale == "log10" else math.nan for value in (fit.threshold, low, high)
+        20 * value if axis.is_logarithmic else math.nan for value in (fit.threshold, low, high)
     ]
     return {
         "status": fit.status,
@@ -203,10 +203,10 @@ def _numbers(fit: PsychometricFit, axis: Axis) -> dict[str, object]:
         **dict(
             zip(("threshold_db", "threshold_low_db", "threshold_high_db"), decibel, strict=True)
         ),
-        "sigma": fit.sigma,
+        "sigma": axis.width(fit.sigma),
         "lapse_rate": fit.lapse_rate,
         "mle_threshold_vpp": axis.level(fit.mle_threshold),
-        "mle_sigma": fit.mle_sigma,
+        "mle_sigma": axis.width(fit.mle_sigma),
         "mle_lapse_rate": fit.mle_lapse_rate,
         "deviance": fit.deviance,
     }

@@ -86,14 +86,14 @@ def is_end(told: str, limit: float, open_word: str, level: float) -> bool:
     return close(told, limit)
 
 
-def check_width(told: str, low: float, high: float) -> None:
+def check_width(told: str, low: float, high: float, axis: Axis = VOLTS) -> None:
     """Check what is told to be half of how far limits lie apart."""
     half = re.fullmatch(rf"half-width ({NUMBER}) dB", told)
     assert half
-    assert close(half[1], 10 * math.log10(high / low))
+    assert close(half[1], (high - low) / 2 if axis.signed else 10 * math.log10(high / low))
 
 
-def check_value(said: str, row: pd.Series[Any], *, in_db: bool) -> None:
+def check_value(said: str, row: pd.Series[Any], *, axis: Axis | None) -> None:
     """Check what is said of a threshold against its row."""
     status = row["status"]
     at, low, high = (row[f"threshold_{name}vpp"] for name in ("", "low_", "high_"))
@@ -108,9 +108,9 @@ def check_value(said: str, row: pd.Series[Any], *, in_db: bool) -> None:
         assert is_end(value[2], low, "below", LEVELS[0])
         assert is_end(value[3], high, "above", LEVELS[-1])
         assert bool(value[5]) == (status == "separated")
-        assert bool(value[4]) == (in_db and not math.isnan(low + high))
-        if value[4]:
-            check_width(value[4], low, high)
+        assert bool(value[4]) == (axis is not None and not math.isnan(low + high))
+        if value[4] and axis:
+            check_width(value[4], low, high, axis)
     elif found := re.fullmatch(rf"is at (most|least) ({NUMBER}) \S+ \(end of the 95 % .*", said):
         limit, other = (high, low) if found[1] == "most" else (low, high)
         assert status in BOUNDED
@@ -141,7 +141,7 @@ def threshold(found: re.Match[str], analysis: Analysis) -> None:
     check_value(
         found["said"],
         people.iloc[0] if alone else group,
-        in_db=not alone and not analysis.axis.signed,
+        axis=None if alone or not analysis.axis.is_logarithmic else analysis.axis,
     )
     if found["who"]:
         share = analysis.counts.simulated / analysis.counts.trials
@@ -177,7 +177,8 @@ def apart(found: re.Match[str], analysis: Analysis) -> None:
     sign = 1 if found["more"] == "higher" else -1
     assert close(found["at"], sign * row["difference_db"])
     for name, of in (("times", "difference"), ("least", "low"), ("most", "high")):
-        assert close(found[name], 10 ** (row[f"{of}_db"] / 20))
+        assert bool(found[name]) is not analysis.axis.signed
+        assert analysis.axis.signed or close(found[name], 10 ** (row[f"{of}_db"] / 20))
     assert close(found["low"], row["low_db"])
     assert close(found["high"], row["high_db"])
     assert min(sign * float(found["low"]), sign * float(found["high"])) > 0
@@ -214,7 +215,8 @@ def own_model(found: re.Match[str], analysis: Analysis) -> None:
     assert bool(found["within"]) == any("participants in both" in one.of for one in told)
     if found["ratio"]:
         at = analysis.groups.set_index("condition")["threshold_vpp"]
-        assert close(found["ratio"], at[told[0].b] / at[told[0].a])
+        a, b = at[told[0].a], at[told[0].b]
+        assert close(found["ratio"], b - a if analysis.axis.signed else b / a)
 
 
 def lapsing(found: re.Match[str], analysis: Analysis) -> None:
@@ -319,7 +321,7 @@ def unswapped(found: re.Match[str], analysis: Analysis) -> None:
     assert analysis.unswapped is not None
     condition = found["condition"] or analysis.groups["condition"].iloc[0]
     [(_, row)] = analysis.unswapped[analysis.unswapped["condition"].eq(condition)].iterrows()
-    check_value(found["said"], row, in_db=not analysis.axis.signed)
+    check_value(found["said"], row, axis=analysis.axis if analysis.axis.is_logarithmic else None)
 
 
 def silent(found: re.Match[str], analysis: Analysis) -> None:
@@ -382,8 +384,8 @@ SENTENCES: dict[str, Callable[[re.Match[str], Analysis], None]] = {
     r"with fewer than five participants(?: in conditions? (?P<which>.+))? it is mostly the prior "
     "that says how much people differ": mostly_prior,
     rf"the threshold in condition (?P<b>\S+) is (?P<at>{NUMBER}) dB (?P<more>higher|lower) than in "
-    rf"(?P<a>\S+), (?P<times>{NUMBER}) times "
-    rf"\((?P<least>{NUMBER}) to (?P<most>{NUMBER})\) as high \(posterior median, 95 % interval "
+    rf"(?P<a>[^\s,]+)(?:, (?P<times>{NUMBER}) times \((?P<least>{NUMBER}) to "
+    rf"(?P<most>{NUMBER})\) as high)? \(posterior median, 95 % interval "
     rf"(?P<low>{NUMBER}) to (?P<high>{NUMBER}) dB; "
     r"(?P<of>.+)\)": apart,
     r"conditions (?P<a>\S+) and (?P<b>\S+) cannot be told apart with these data: between "
@@ -427,8 +429,9 @@ SENTENCES: dict[str, Callable[[re.Match[str], Analysis], None]] = {
     r"decides nothing)?": is_true(lambda one: len(one.d_prime_differences)),
     r"all (?P<number>\d+) participants had condition (?P<first>\S+) first: practice, fatigue and "
     r"what else changed in between are part of the difference(?: of \S+ and \S+)?": always_first,
-    "conditions are not compared, for a difference in dB needs a logarithmic axis": is_true(
-        lambda one: one.axis.signed and len(one.groups) > 1
+    r"conditions are not compared, for a difference in dB needs levels above 0, or in dB "
+    r'\(\[axis\] x_scale = "log10" or "dB"\)': is_true(
+        lambda one: one.axis.x_scale == "linear" and len(one.groups) > 1
     ),
     'false alarms are not told, for "none" was not an answer as far as the files tell': is_true(
         lambda one: one.detected_any is None and not some_offered(one) and not one.task
@@ -476,8 +479,8 @@ SENTENCES: dict[str, Callable[[re.Match[str], Analysis], None]] = {
     r"there is no threshold in conditions? (?P<which>.+), where nobody answered": silent,
     r"(?:the difference is|(?P<several>differences are)) estimated "
     r"(?P<within>within participants )?by (?:a model of its|models of their) own and (?:is|are) "
-    r"to be quoted; (?:the ratio of the two|ratios of the) thresholds"
-    rf"(?:, here (?P<ratio>{NUMBER}),)? need not equal (?:it|them)": own_model,
+    r"to be quoted; (?:the (?:ratio|difference) of the two|(?:ratio|difference)s of the) thresholds"
+    rf"(?:, here (?P<ratio>{NUMBER})(?: dB)?,)? need not equal (?:it|them)": own_model,
     rf"\d+ of \d+ {FUNCTIONS} rises? in one step \(status \"separated\".*?\): (?:it|they) "
     r"cannot be tested for fit, and the intervals? of .+ on the prior of the slope": is_true(
         lambda one: one.thresholds["status"].eq("separated").any()
@@ -579,7 +582,7 @@ class Made:
         ]
         return pd.DataFrame(rows, columns=list(THRESHOLD_COLUMNS))
 
-    def difference(self) -> dict[str, Any]:
+    def difference(self, axis: Axis) -> dict[str, Any]:
         rng = self.rng
         status = rng.choice(("ok", "ok", "ok", "at_least", "at_most", "unknown"))
         low, at, high = sorted(rng.uniform(-6, 6) for _ in range(3))
@@ -591,17 +594,18 @@ class Made:
             low = low if status == "at_least" else math.nan
             high = high if status == "at_most" else math.nan
         d_prime = rng.choice((math.nan, rng.uniform(0, 3)))
+        ratio = "" if axis.signed or status != "ok" else f", {times(at, low, high)}"
         return {"status": status, "difference_db": at, "low_db": low, "high_db": high,
-                "printed": "words", "first": rng.choice((None, "a 2, b 1")),
+                "printed": f"words{ratio}", "first": rng.choice((None, "a 2, b 1")),
                 "d_prime_a": d_prime, "d_prime_b": d_prime / 2}  # fmt: skip
 
     def differences(self, axis: Axis) -> pd.DataFrame:
         rows: list[dict[str, Any]] = []
-        for a, b in itertools.combinations(self.conditions, 2) if not axis.signed else ():
+        for a, b in itertools.combinations(self.conditions, 2 if axis.is_logarithmic else 99):
             pair = {"condition_a": a, "condition_b": b}
             both = self.rng.choice((0, self.people))
-            rows += [pair | {"participant": f"S{n}"} | self.difference() for n in range(both)]
-            group = self.difference()
+            rows += [pair | {"participant": f"S{n}"} | self.difference(axis) for n in range(both)]
+            group = self.difference(axis)
             if both == 1 or (not both and self.people == 1):
                 group = dict.fromkeys(group, math.nan) | {"status": "one_participant"}
             rows.append(pair | {"participant": "all"} | group)
@@ -624,7 +628,7 @@ class Made:
 
     def analysis(self, least: Analysis) -> Analysis:
         rng = self.rng
-        axis = rng.choice((VOLTS, VOLTS, Axis(x_scale="linear")))
+        axis = rng.choice((VOLTS, VOLTS, Axis(x_scale="linear"), Axis(x_scale="dB", unit="dB")))
         reasons = rng.sample([*REASONS], rng.choice((0, 1, 3, 8)))
         excluded = pd.DataFrame(
             [("S0", reason, rng.randrange(1, 40)) for reason in reasons],
@@ -724,14 +728,14 @@ def test_the_table_of_the_answer_has_the_numbers_of_the_tables(least: Analysis) 
         for _, group in analysis.groups.iterrows():
             if group["participants"] > 1:
                 assert str(group["printed"]).partition("; between")[0] in values
-                told = "2.0 dB (0.5 to 4.5)" in values or analysis.axis.signed
+                told = "2.0 dB (0.5 to 4.5)" in values or not analysis.axis.is_logarithmic
                 assert told or math.isnan(group["spread_db"])
         ok = analysis.differences["status"].eq("ok") & analysis.differences["participant"].eq("all")
         for _, row in analysis.differences[ok].iterrows():
             low, high = (round(row[name], 1) + 0.0 for name in ("low_db", "high_db"))
             shown = f"{row['difference_db']:+.1f} dB ({low:+.1f} to {high:+.1f})"
-            limits_db = row["low_db"], row["high_db"]
-            assert f"{shown}, {times(row['difference_db'], *limits_db)}" in values
+            ratio = f", {times(row['difference_db'], row['low_db'], row['high_db'])}"
+            assert f"{shown}{ratio * (not analysis.axis.signed)}" in values
         for what, _, of in rows:
             if what.startswith("False alarms") and " against " not in what:
                 assert ("interval to quote, wider the more people differ" in of) == (
@@ -1022,6 +1026,7 @@ def with_alarms(
     ).assign(low=0.01, high=0.6, group_low=0.01)  # fmt: skip
     told = dict(zip(BESIDE_COLUMNS[5:8], rates_apart(alarms, blanks), strict=True))
     row = {"condition_a": "a", "condition_b": "b", "participant": "all", "status": "ok",
+           "printed": "lower by 3.0 dB (1.0 to 5.0), 0.71 times (0.56 to 0.89)",
            "difference_db": -3.0, "low_db": -5.0, "high_db": -1.0, **told}  # fmt: skip
     return replace(
         least, counts=replace(least.counts, conditions=2), blank=blank, detected_any=least.levels,

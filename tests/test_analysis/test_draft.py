@@ -117,7 +117,7 @@ def test_a_table_of_counts_needs_its_task_alone(tmp_path: Path) -> None:
 
 def test_answers_of_0_and_1_need_their_task_and_what_has_no_column(tmp_path: Path) -> None:
     table = put(tmp_path / "p7.csv", "amp,correct,rt\n" + "60,1,480\n-95,0,510\n" * 3)
-    words = {"task": "forced choice", "side": "left", "unit": "dB"}
+    words = {"task": "forced choice", "side": "left", "unit": "deg"}
     columns = load_column_map(filled(table, tmp_path / "m.toml", words))
     read = read_inputs([table], columns)
     assert {*read.trials["participant"]} == {"p7"}
@@ -441,6 +441,48 @@ def test_practice_within_the_loop_of_trials_is_skipped(tmp_path: Path) -> None:
     assert "expName = [" not in told  # all are of the demonstration: none is told apart
     assert '# condition = "noise"' in told
     assert '# condition = "phase"' not in told
+
+
+def in_db(*, signal: bool) -> str:
+    """Return a table of two people with levels in dB, none of them in blank trials."""
+    rows = [f"{who},{grip},{level},{n % 2},{'yn'[n % 3 > 0]}" for who in "ab" for n in range(3)
+            for grip in ("loose", "tight") for level in ("-12", "0", "")]  # fmt: skip
+    if signal:
+        rows = [f"{one},{int(',,' not in one)}" for one in rows]
+    return "\n".join([f"participant,grip,level_dB,n,key{',signal' * signal}", *rows]) + "\n"
+
+
+@pytest.mark.parametrize("signal", [True, False])
+def test_levels_in_db_are_drafted_and_blanks_are_rows_without(
+    tmp_path: Path, *, signal: bool
+) -> None:
+    table = put(tmp_path / "a.csv", in_db(signal=signal))
+    told = draft(table)
+    by = "signal" if signal else "level_dB"
+    assert f'side = "{by}"  # guess: 12 rows without a level are blanks\n' in told
+    assert 'x_scale = "dB"  # guess, by the name: 0 is a level\nunit = "dB"' in told
+    assert "level 0" not in told
+    text = told.replace('task = ""', 'task = "yes/no"').replace(
+        '# condition = "g', 'condition = "g'
+    )
+    read = read_inputs([table], load_column_map(put(tmp_path / "m.toml", text)))
+    assert read.trials["kind"].eq("blank").sum() == 12
+    assert sorted({*read.trials["level_vpp"].dropna()}) == [-12.0, 0.0]
+
+
+def test_other_levels_are_0_where_they_are_empty(tmp_path: Path) -> None:
+    text = (
+        in_db(signal=False)
+        .replace("level_dB", "level_um")
+        .replace("-12", "5")
+        .replace(",0,", ",9,")
+    )
+    table = put(tmp_path / "a.csv", text)
+    told = draft(table)
+    assert '[values.level_vpp]\n"" = "0"  # guess: 12 rows without a level are blanks\n' in told
+    told = told.replace('task = ""', 'task = "yes/no"').replace('side = ""', 'side = "left"')
+    read = read_inputs([table], load_column_map(put(tmp_path / "m.toml", told)))
+    assert read.trials["kind"].eq("blank").sum() == 12
 
 
 def go_no_go(cells: str) -> str:

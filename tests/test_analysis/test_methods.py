@@ -168,6 +168,51 @@ def test_who_broke_off_and_whose_false_alarms_are_the_most_is_told(tmp_path: Pat
     assert plain(of).startswith("1 of 54 blank trials, b the most with 1 of 12")
 
 
+def test_levels_in_db_give_what_their_amplitudes_give(tmp_path: Path) -> None:
+    levels_db = {0.0: 1, 4.0: 2, 8.0: 6, 12.0: 12, 16.0: 18, 20.0: 19}
+    rows = [
+        f"{who},{place},{shown if scale == 'dB' else 10 ** (shown / 20)!r},{scale},{int(at < k)}"
+        for scale in ("dB", "um") for who in "abc" for place in ("thumb", "palm")
+        for shown, k in levels_db.items() for at in range(20 - 3 * (place == "palm"))
+    ]  # fmt: skip
+    rows += [f"{who},{place},n/a,{scale},{int(at < 1)}" for scale in ("dB", "um") for who in "abc"
+             for place in ("thumb", "palm") for at in range(20)]  # fmt: skip
+    found = []
+    for unit, x_scale in (("dB", "dB"), ("um", "log10")):
+        columns = ColumnMap(
+            task="yes/no",
+            columns={"condition": "place", "level_vpp": "level", "side": "level"},
+            values={
+                "side": {"n/a": "none"}
+                | {row.split(",")[2]: "left" for row in rows if ",n/a," not in row},
+            },
+            rows={"keep": {"scale": unit}},
+            axis={"unit": unit, "x_scale": x_scale},
+        )
+        text = "participant,place,level,scale,detected\n" + "\n".join(rows) + "\n"
+        found.append(analyse(loaded(tmp_path, text, columns)))
+    in_db, amplitudes = found
+    for table in ("thresholds", "differences"):
+        some = getattr(in_db, table).filter(regex="_db$|status|lapse|deviance|guess")
+        others = getattr(amplitudes, table)[some.columns]
+        alike = some.columns.str.startswith("threshold_guess")
+        pd.testing.assert_frame_equal(some.loc[:, ~alike], others.loc[:, ~alike], rtol=1e-6)
+    for name in ("threshold_vpp", "threshold_low_vpp", "new_high_vpp"):
+        as_db = 20 * amplitudes.groups[name].map(math.log10)
+        pd.testing.assert_series_equal(in_db.groups[name], as_db, rtol=1e-6)
+    assert in_db.thresholds["sigma"].tolist() == pytest.approx(
+        (20 * amplitudes.thresholds["sigma"]).tolist(), rel=1e-6
+    )
+    assert " times (" in str(answer(amplitudes))
+    told = str(answer(in_db)) + methods_of(in_db).text
+    assert " times (" not in told
+    assert "Thresholds and their differences are posterior medians" in told
+    assert "by a factor e every 3 dB" in told
+    widths = re.findall(r"half-width [\d.]+ dB", str(answer(in_db)))
+    assert len(widths) == 2
+    assert re.findall(r"half-width [\d.]+ dB", str(answer(amplitudes))) == widths
+
+
 def test_files_that_a_map_leaves_out_are_told_by_number(tmp_path: Path) -> None:
     for who in ("a", "b"):
         put(tmp_path / f"{who}.csv", made(FELT, who))
@@ -218,7 +263,10 @@ def test_the_short_version_says_what_was_asked_of_tasks_with_sides(tmp_path: Pat
 def test_the_test_of_false_alarms_is_in_the_methods_where_the_answer_has_it(tmp_path: Path) -> None:
     same = of(tmp_path)
     assert "exact test" not in methods_of(same).text
-    table = same.differences.assign(status="ok", difference_db=3.0, low_db=1.0, high_db=5.0)
+    printed = "higher by 3.0 dB (1.0 to 5.0), 1.41 times (1.12 to 1.78)"
+    table = same.differences.assign(
+        status="ok", difference_db=3.0, low_db=1.0, high_db=5.0, printed=printed
+    )
     apart = methods_of(replace(same, differences=table)).text
     assert "by the exact Cochran-Mantel-Haenszel test (two-sided, a stratum for each" in apart
     assert "for want of enough participants on it rests whether they differ" in apart
@@ -351,7 +399,10 @@ def test_the_ratio_of_thresholds_is_told_where_it_is_not_that_of_the_difference(
     tmp_path: Path,
 ) -> None:
     same = of(tmp_path)
-    table = same.differences.assign(status="ok", difference_db=3.0, low_db=1.0, high_db=5.0)
+    printed = "higher by 3.0 dB (1.0 to 5.0), 1.41 times (1.12 to 1.78)"
+    table = same.differences.assign(
+        status="ok", difference_db=3.0, low_db=1.0, high_db=5.0, printed=printed
+    )
     for threshold_vpp, other in ((2.0, False), (1.3, True)):  # 3 dB are 1.41 times
         found = {"palm": 2.0 / 1.41, "thumb": threshold_vpp}
         groups = same.groups.assign(threshold_vpp=same.groups["condition"].map(found))

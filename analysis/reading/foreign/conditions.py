@@ -5,11 +5,12 @@ from __future__ import annotations
 import re
 from typing import TYPE_CHECKING, Final
 
-from analysis.reading.foreign.bids import FILE
-from analysis.reading.foreign.factors import MOST, factor_words, roles_by_name
-from analysis.reading.foreign.names import side_of
+from analysis.reading.foreign.bids import FILE, STANDS_FOR
+from analysis.reading.foreign.factors import MOST, factor_words, float_of, roles_by_name, with_unit
+from analysis.reading.foreign.form import toml_entry
+from analysis.reading.foreign.names import CALLED, level_of, side_of
 from analysis.reading.foreign.sample import listed, plain, sample_of
-from analysis.reading.text import ResultFileError
+from analysis.reading.text import ResultFileError, one_line
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterator, Sequence
@@ -19,6 +20,8 @@ if TYPE_CHECKING:
     from analysis.reading.foreign.sample import Sample
     from analysis.reading.sources import InputTable
 
+OFFERED: Final = "guess: delete the first # to compare "
+"""How the comment of a condition that is offered begins."""
 MOST_FILES: Final = 40
 """Files that are looked at, for a guess or a remark."""
 _SIDE: Final = re.compile("left|right")
@@ -61,6 +64,22 @@ def may_be_conditions(
             told = [*words]
         found.append(name)
         yield name, told
+
+
+def offered_conditions(table: Sample) -> Iterator[tuple[str, str]]:
+    """Yield lines of a draft, with their section, that would make a column the condition.
+
+    For numbers a line each says what may be printed in their place.
+    """
+    known = {name for names in CALLED.values() for name in (table.called(names),) if name}
+    person = table.called(CALLED["participant"]) or STANDS_FOR["participant"]
+    whose = person if person in table.header else FILE
+    roles = roles_by_name(table, whose, level_of(table))
+    for name, words in may_be_conditions(table, {*known, side_of(table) or whose}, roles):
+        yield "columns", f"# {toml_entry('condition', name, f'{OFFERED}{listed(words)}')}"
+        for word in sorted(words, key=float_of) if table.numbers(name) else ():
+            told = f"to print so, where {one_line(name)} is the condition"
+            yield "values.condition", f"# {toml_entry(word, with_unit(word, name), told)}"
 
 
 def _within(words: Collection[str], taken: list[set[str]]) -> bool:

@@ -6,7 +6,6 @@ be guessed is left empty, and refused by the key's name until somebody fills it 
 
 from __future__ import annotations
 
-import json
 import re
 from collections import Counter
 from functools import partial
@@ -16,9 +15,8 @@ from typing import TYPE_CHECKING, Final
 from analysis.reading.cells import NOTHING, TRUTHS
 from analysis.reading.checks import MAX_MEDIAN_RT_S
 from analysis.reading.foreign.bids import FILE, STANDS_FOR
-from analysis.reading.foreign.conditions import MOST_FILES, may_be_conditions
-from analysis.reading.foreign.factors import float_of, roles_by_name, with_unit
-from analysis.reading.foreign.form import RowFilter, guessed_encoding, text_format
+from analysis.reading.foreign.conditions import MOST_FILES, OFFERED, offered_conditions
+from analysis.reading.foreign.form import RowFilter, guessed_encoding, text_format, toml_entry
 from analysis.reading.foreign.names import (
     CALLED,
     COUNTS,
@@ -26,10 +24,13 @@ from analysis.reading.foreign.names import (
     OF,
     WORDS,
     answers_of,
+    blank_words,
     has_buttons,
+    in_db,
     level_of,
     only_key,
     side_of,
+    unit_of,
 )
 from analysis.reading.foreign.sample import EMPTY, NUMBER, Sample, listed, plain, sample_of, told_of
 from analysis.reading.text import one_line
@@ -42,14 +43,9 @@ if TYPE_CHECKING:
 
 
 _MOST_WORDS: Final = 12
-_BARE: Final = re.compile(r"[A-Za-z0-9_-]+")
-_VOLTS: Final = re.compile("volt|spannung|tension")
-_UNIT: Final = re.compile(r"[_ .(\[](um|µm|nm|mm|pct|percent)[)\]]?$", re.IGNORECASE)
-_UNITS: Final = {"pct": "%", "percent": "%"}
 _NO_TRIAL: Final = re.compile("pract|train|instr|demo|warm.?up|welcome", re.IGNORECASE)
 _BLOCK: Final = re.compile(r"\.thisN$|^(block|run)_?(n|nr|no|num|number|index|id)?$", re.IGNORECASE)
 _FILL: Final = "FILL IN: "
-_OFFERED: Final = "guess: delete the first # to compare "
 NOTE: Final = "# Note: "
 """How a line of a draft begins that says what becomes of rows."""
 _ROWS: Final = ("rows.keep", "rows.skip")
@@ -89,9 +85,11 @@ def map_draft(sources: Sequence[InputTable]) -> tuple[str, list[str]]:
     lines += [f"{NOTE}{words}" for words in _notes(looked_at, table, sections)]
     needs_task = "table" in sections or any("detected" in line for line in sections["columns"])
     if needs_task and _GO in "".join(sections.get("values.detected", [])):
-        lines.append(_entry("task", "yes/no", "guess: who felt nothing pressed no key (go/no-go)"))
+        lines.append(
+            toml_entry("task", "yes/no", "guess: who felt nothing pressed no key (go/no-go)")
+        )
     elif needs_task:
-        lines.append(_entry("task", "", f"{_FILL}{_TASK}"))
+        lines.append(toml_entry("task", "", f"{_FILL}{_TASK}"))
     else:
         lines.append(f'# task: nothing to state if a key below means "none"; if none does, {_TASK}')
     order = ("file", "rows.keep", "rows.skip", "columns", "values.condition", "values.side",
@@ -118,7 +116,7 @@ def _notes(looked_at: Sample, trials: Sample, sections: Mapping[str, list[str]])
         yield f"{skipped} of {len(looked_at.rows)} rows {are} skipped{of}, by {', '.join(kept)}"
     level = level_of(trials)
     levels = (level is not None and trials.numbers(level)) or []
-    if (zeros := levels.count(0.0)) and min(levels) == 0:
+    if (zeros := levels.count(0.0)) and min(levels) == 0 and not in_db(level or ""):
         yield (
             f"{zeros} {'row has' if zeros == 1 else 'rows have'} level 0: blanks, where the answer "
             '"none" is right (in a forced choice [rows.skip] has to leave them out); each counts '
@@ -129,7 +127,7 @@ def _notes(looked_at: Sample, trials: Sample, sections: Mapping[str, list[str]])
         if rows := sum(n for word, n in words.items() if WORDS.get(plain(word)) == ours):
             yield f"{rows} {'row has' if rows == 1 else 'rows have'} side {ours}: {told}"
     for line in sections["columns"]:
-        key, _, names = line.removeprefix("# ").partition(f"  # {_OFFERED}")
+        key, _, names = line.removeprefix("# ").partition(f"  # {OFFERED}")
         if names:
             yield f"{key} compares {names} once its # is deleted; else all are analysed together"
 
@@ -196,7 +194,8 @@ def _absent(table: Sample, ours: str, sections: dict[str, list[str]]) -> None:
         _put(sections, "columns", ours, "", f"{_FILL}the column of the level")
         _unit(sections, "")
     elif ours == "condition":
-        _conditions(table, sections)
+        for section, line in offered_conditions(table):
+            sections.setdefault(section, []).append(line)
 
 
 def _trial(table: Sample, sections: dict[str, list[str]]) -> None:
@@ -224,23 +223,24 @@ def _trial(table: Sample, sections: dict[str, list[str]]) -> None:
 
 def _unit(sections: dict[str, list[str]], level: str) -> None:
     """Ask for the unit of levels, unless their column is named after one."""
-    name = plain(level)
-    if named := _UNIT.search(level):
-        unit, told = _UNITS.get(named[1].lower(), named[1]), f"guess, by the name; {_PRINTED}"
-    elif name.endswith("vpp"):
+    unit = unit_of(level)
+    if unit == "Vpp":
         sections["columns"].append(_PEAKS)
         return
-    elif _VOLTS.search(name):
-        unit, told = "V", f"guess; {_PRINTED}, so say peak or peak-to-peak if you know"
-    else:
-        unit, told = "", f"{_FILL}the unit of the levels, or what they are (gain); {_PRINTED}"
-    _put(sections, "axis", "unit", unit, told)
+    told = {
+        "V": f"guess; {_PRINTED}, so say peak or peak-to-peak if you know",
+        "dB": 'guess, by the name; printed as written, as "dB SL" or "dB re 1 um"',
+        "": f"{_FILL}the unit of the levels, or what they are (gain); {_PRINTED}",
+    }
+    _put(sections, "axis", "unit", unit, told.get(unit, f"guess, by the name; {_PRINTED}"))
 
 
 def _side(
     table: Sample, theirs: str | None, sections: dict[str, list[str]], *, where: bool
 ) -> None:
     """Guess the side; if not `where` was asked, a yes to a blank trial names none of several."""
+    if _by_blanks(table, theirs, sections):
+        return
     if theirs is None:
         _put(sections, "constant", "side", "", f"{_FILL}\"left\" will do for a single place, "
              "nothing depends on it; of several name the column in [columns]")  # fmt: skip
@@ -259,22 +259,31 @@ def _side(
         _named(table, "side", theirs, sections)
 
 
-def _conditions(table: Sample, sections: dict[str, list[str]]) -> None:
-    """Offer columns that may tell stimuli apart: without one all are one condition.
+def _by_blanks(table: Sample, theirs: str | None, sections: dict[str, list[str]]) -> bool:
+    """Tell blanks by a column that names rows without a level, where 0 is a level."""
+    level = level_of(table)
+    if level is None or not _signed(table, level) or (theirs and len(table.words(theirs)) > 1):
+        return False
+    name, words = blank_words(table, level)
+    if not name:
+        return False
+    rows = sum(table.words(name)[word] for word in words)
+    _put(sections, "columns", "side", name, f"guess: {rows} rows without a level are blanks")
+    for word in table.words(name):
+        ours, told = ("none", "guess") if word in words else ("left", "guess: of a single place")
+        _put(sections, "values.side", word, ours, told)
+    return True
 
-    For numbers a line each says what may be printed in their place.
-    """
-    ours = {name for names in CALLED.values() for name in (table.called(names),) if name}
-    person = table.called(CALLED["participant"]) or STANDS_FOR["participant"]
-    whose = person if person in table.header else FILE
-    roles = roles_by_name(table, whose, level_of(table))
-    for name, words in may_be_conditions(table, {*ours, side_of(table) or whose}, roles):
-        told = f"{_OFFERED}{listed(words)}"
-        sections["columns"].append(f"# {_entry('condition', name, told)}")
-        for word in sorted(words, key=float_of) if table.numbers(name) else ():
-            told = f"to print so, where {one_line(name)} is the condition"
-            line = f"# {_entry(word, with_unit(word, name), told)}"
-            sections.setdefault("values.condition", []).append(line)
+
+def _signed(table: Sample, level: str) -> bool:
+    """Tell whether 0 is a level."""
+    return in_db(level) or min(table.numbers(level) or [0]) < 0
+
+
+def _names_blanks(table: Sample) -> bool:
+    """Tell whether a column of sides says where there is no stimulus."""
+    words = table.words(side) if (side := side_of(table)) else {}
+    return any(word.lower() in NOTHING or WORDS.get(plain(word)) == "none" for word in words)
 
 
 def _answer(
@@ -330,13 +339,20 @@ def _named(table: Sample, ours: str, theirs: str, sections: dict[str, list[str]]
 def _numbers(table: Sample, ours: str, theirs: str, sections: dict[str, list[str]]) -> None:
     """Say what the numbers of a column are in, and which of its words are none."""
     words, numbers = table.words(theirs), table.numbers(theirs)
+    is_blank = ours == "level_vpp" and not _signed(table, theirs) and not _names_blanks(table)
     for word in words:
-        if word.lower() in NOTHING and word not in ("", "n/a"):
+        if word.lower() in NOTHING and is_blank:
+            told = f"guess: {words[word]} rows without a level are blanks"
+            _put(sections, "values.level_vpp", word, "0", told)
+        elif word.lower() in NOTHING and word not in ("", "n/a"):
             _put(sections, f"values.{ours}", word, "n/a", "guess")
     if numbers and any("," in word for word in words) and _DECIMAL not in sections.get("file", []):
         sections.setdefault("file", []).append(_DECIMAL)
-    if ours == "level_vpp" and numbers and min(numbers) < 0:
-        _put(sections, "axis", "x_scale", "linear", "guess: levels below 0")
+    if ours == "level_vpp" and in_db(theirs):
+        _put(sections, "axis", "x_scale", "dB", "guess, by the name: 0 is a level")
+    elif ours == "level_vpp" and numbers and min(numbers) < 0:
+        told = 'guess: levels below 0; "dB", if that is what they are in'
+        _put(sections, "axis", "x_scale", "linear", told)
     if ours == "level_vpp":
         _unit(sections, theirs)
     if ours == "rt_s" and "time_elapsed" in table.header:
@@ -360,7 +376,7 @@ def _words(table: Sample, ours: str, theirs: str, sections: dict[str, list[str]]
 
 def _unanswered(table: Sample, name: str, word: str) -> str:
     """Say how many rows have no answer, what they count for, and how to leave them out."""
-    skip = _entry(name, word, "").partition("  #")[0]
+    skip = toml_entry(name, word, "").partition("  #")[0]
     rows = table.words(name)[word]
     return (
         f": {rows} row{'s' * (rows != 1)}, counted as not detected; a paper says so; to leave them "
@@ -371,16 +387,7 @@ def _unanswered(table: Sample, name: str, word: str) -> str:
 def _put(
     sections: dict[str, list[str]], section: str, key: str, value: str | list[str], comment: str
 ) -> None:
-    sections.setdefault(section, []).append(_entry(key, value, comment))
-
-
-def _entry(key: str, value: str | list[str], comment: str) -> str:
-    name = key if _BARE.fullmatch(key) else _quoted(key)
-    return f"{name} = {_quoted(value)}  # {comment}"
-
-
-def _quoted(value: str | list[str]) -> str:
-    return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
+    sections.setdefault(section, []).append(toml_entry(key, value, comment))
 
 
 def _told(table: Sample, looked_at: Sample) -> Iterator[str]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import codecs
+import json
 import re
 import tomllib
 from collections import Counter
@@ -36,6 +37,7 @@ _UTF_16: Final = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE, codecs.BOM_UTF32_BE)
 _LONGEST_WORD: Final = 60
 
 
+_BARE_KEY: Final = re.compile(r"[A-Za-z0-9_-]+")
 _BARE: Final = re.compile(r"\s*([^=#]+?)\s*=\s*((?:[^\W\d_][^#\"']*?)?)\s*(?:#.*)?")
 """A key of TOML with a word, or nothing, in the place of its value."""
 
@@ -57,6 +59,20 @@ def toml_document(text: str) -> dict[str, Any]:
         key, value = one_line(found[1]), one_line(found[2][:_LONGEST_WORD]) or "..."
         message = f'{error}; {key}: text needs quotation marks, {key} = "{value}"'
         raise ValueError(message) from None
+
+
+def toml_entry(key: str, value: str | list[str], comment: str) -> str:
+    """Write a key of TOML with its value and a comment.
+
+    >>> print(toml_entry("resp.keys", "None", "guess"))
+    "resp.keys" = "None"  # guess
+    """
+    name = key if _BARE_KEY.fullmatch(key) else _quoted(key)
+    return f"{name} = {_quoted(value)}  # {comment}"
+
+
+def _quoted(value: str | list[str]) -> str:
+    return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
 
 
 def check_file(section: Mapping[str, Any]) -> None:

@@ -93,7 +93,12 @@ FELT: Final[Mapping[str, str]] = {
 }
 _PART: Final = re.compile("[A-Z]?[a-z]+|[A-Z]+")
 _MOST_LEVELS: Final = 20
-_IN_UNIT: Final = re.compile(r"[_ .(\[](um|µm|nm|pct|percent)[)\]]?$", re.IGNORECASE)
+_FEW_WORDS: Final = 4
+_VOLTS: Final = re.compile("volt|spannung|tension")
+_UNIT: Final = re.compile(r"[_ .(\[](um|µm|nm|mm|pct|percent)[)\]]?$", re.IGNORECASE)
+_UNITS: Final = {"pct": "%", "percent": "%"}
+_IN_UNIT: Final = re.compile(r"[_ .(\[](um|µm|nm|pct|percent|dB)[)\]]?$", re.IGNORECASE)
+_IN_DB: Final = re.compile(r"(?:^|[^A-Za-z])d[Bb](?=$|[^A-Za-z]|[A-Z])|[a-z]dB$")
 _RIGHT: Final = re.compile("^[cC]orr|[._a-z][cC]orr|richtig|Richtig")
 _ANSWERED: Final = re.compile("key|resp|answer|antwort|choice|button|taste|reponse")
 
@@ -116,6 +121,48 @@ def level_of(table: Sample) -> str | None:
 
 def _has_few_numbers(table: Sample, name: str) -> bool:
     return 1 < len({*(table.numbers(name) or ())}) <= _MOST_LEVELS
+
+
+def in_db(name: str) -> bool:
+    """Tell whether a column is named after dB.
+
+    >>> [in_db(name) for name in ("level_dB", "dB SL", "leveldB", "gain.db", "feedback", "dbl")]
+    [True, True, True, True, False, False]
+    """
+    return bool(_IN_DB.search(name))
+
+
+def blank_words(table: Sample, level: str) -> tuple[str, list[str]]:
+    """Return the column that tells rows without a level, and its words there.
+
+    It has a few words, of which each stands there or elsewhere only; if there is none it is that of
+    the level itself. Empty text where all rows have a level.
+    """
+    at = table.header.index(level)
+    empty = [row[at].lower() in NOTHING for row in table.rows]
+    if not any(empty) or all(empty):
+        return "", []
+    answers = {*table.named(CALLED["response"]), *table.named(HITS), *table.named(CALLED["rt_s"])}
+    for name in dict.fromkeys(table.header):
+        place = table.header.index(name)
+        pairs = {(row[place], there) for row, there in zip(table.rows, empty, strict=True)}
+        told = len({word for word, _ in pairs}) == len(pairs) <= _FEW_WORDS
+        if told and name not in answers and name != level:
+            return name, [word for word, there in pairs if there]
+    return level, [word for word in table.words(level) if word.lower() in NOTHING]
+
+
+def unit_of(level: str) -> str:
+    """Return what levels are in by the name of their column; Vpp is V from peak to peak.
+
+    >>> [unit_of(name) for name in ("amp_um", "drive_pct", "Spannung", "level_vpp", "amp dB", "x")]
+    ['um', '%', 'V', 'Vpp', 'dB', '']
+    """
+    if in_db(level):
+        return "dB"
+    if named := _UNIT.search(level):
+        return _UNITS.get(named[1].lower(), named[1])
+    return "Vpp" if plain(level).endswith("vpp") else "V" * bool(_VOLTS.search(plain(level)))
 
 
 def side_of(table: Sample) -> str | None:

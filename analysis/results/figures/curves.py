@@ -64,7 +64,8 @@ def person_curves(analysis: Analysis, participant: str) -> dict[str, Curve]:
         function = residuals = None
         if row["status"] in DRAWN:
             line = Line(
-                mu=float(analysis.axis.on_axis(row["threshold_vpp"])), sigma=float(row["sigma"]),
+                mu=float(analysis.axis.on_axis(row["threshold_vpp"])),
+                sigma=float(row["sigma"]) / analysis.axis.width(1.0),
                 lapse_rate=float(row["lapse_rate"]), guess_rate=float(row["guess_posterior"]),
             )  # fmt: skip
             function = person_function(analysis.people, rows[condition], line, analysis.axis)

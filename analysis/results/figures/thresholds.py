@@ -104,7 +104,7 @@ def draw(analysis: Analysis) -> Figure:
         key(panel, columns=1)
     for panel, each, title in zip(axes[len(rows) :], apart, titles, strict=True):
         panel.set_title(title, fontsize=11)
-        _compare(panel, each, "dB" if not analysis.axis.signed else analysis.axis.label)
+        _compare(panel, each, "dB" if analysis.axis.is_logarithmic else analysis.axis.label)
     return figure
 
 

@@ -57,7 +57,7 @@ def _looked(analysis: Analysis) -> Iterator[tuple[str, set[str]]]:
             of[GUESSING],
         )
     if len(analysis.trials):
-        unit = "dB" if analysis.axis.x_scale == "log10" else "eighths of the range of levels"
+        unit = "dB" if analysis.axis.is_logarithmic else "eighths of the range of levels"
         yield (
             f"a threshold that drifts within a session (p < 0.001 and at least {STRONG:g} {unit})",
             of[DRIFTING],
