@@ -153,8 +153,8 @@ _UNKNOWN: Final = "n/a, its displacement is not stated"
 
 
 _WHY: Final = {
-    "simply-supported": "glue and tape hold less than clamps",
-    "clamped": "a real edge lies between the two",
+    "simply-supported": "glue and tape hold less than clamps, soft rubber less than either",
+    "clamped": "a real edge lies between the two, unless it moves up and down, as on soft rubber",
 }
 
 

@@ -69,7 +69,8 @@ def _tell_edges(told: Findings, found: BurstComparison) -> None:
     facts = [{"edge": one.plate.edge, "cutoff_hz": one.strip.cutoff_hz()} for one in tried]
     told.tell("cut-off", words[0], edges=facts)
     if found.other is not None:
-        told.tell("", f"{words[1]}: the other ideal edge; a real one lies between the two")
+        told.tell("", f"{words[1]}: the other ideal edge; a real one lies between the two,")
+        told.tell("", "unless it moves up and down, as on soft rubber: docs/plate.md")
     else:
         known = "stiffness is stated" if study.plate.edge == "elastic" else "cut-off was measured"
         told.tell("", f"no other edge is tried: its {known}")

@@ -295,11 +295,12 @@ class Plate:
             return
         too_high = cutoff_hz >= most_hz
         name, end_hz = found[too_high]
+        soft = "" if too_high else "; if the edges move, as on soft rubber, state that width"
         raise ValueError(
             f"measured_cutoff_hz must lie above {inward(least_hz, least=True)} Hz (simply "
             f"supported) and below {inward(most_hz, least=False)} Hz (clamped); got "
             f"{cutoff_hz:.10g}: {name}, {cutoff_hz:.6g} Hz "
-            f"{self._sizes_within(cutoff_hz / end_hz, thicker=too_high)}"
+            f"{self._sizes_within(cutoff_hz / end_hz, thicker=too_high)}{soft}"
         )
 
     def fitting(self, cutoff_hz: float, wanted_hz: float) -> str:
