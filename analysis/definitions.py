@@ -60,14 +60,15 @@ DEFINITIONS: Final[Mapping[str, str]] = MappingProxyType(
         "and 95 % limits, without the thresholds' priors, and so not their ratio; of a participant "
         "from the own answers, only the slope drawn towards the others'; n/a where an end is open",
         "first": "of a difference: the condition that was over before the other began; "
-        "'interleaved' where trials or blocks of both alternate; in a row 'all' how many "
-        "participants had which first",
+        "'interleaved' where trials of both take turns, 'alternated' where blocks do; in a row "
+        "'all' how many participants had which first",
         "false_alarms, blanks": "blank trials answered left, right or both; blank trials that "
         "count; with _a and _b of the conditions of a difference",
         "false_alarm_difference, false_alarm_difference_low, false_alarm_difference_high": "in a "
         "row 'all' of a difference: false alarms / blanks in b less those in a, mean of the "
-        "participants with blank trials in both, with 95 % limits by Student's t; n/a in other "
-        "rows, and the limits where there is one such participant or all differ by the same",
+        "participants with blank trials in both, with 95 % limits by Student's t, or the "
+        "difference of the means of different ones, by Welch's; n/a in other rows, and the limits "
+        "where there is one such participant or all differ by the same",
         "felt": "single stimuli answered left, right or both; with _a and _b of the conditions of "
         "a difference, as presented",
         "d_prime, d_prime_low, d_prime_high": "z(felt) - z(false alarms), with half a trial more "

@@ -1,4 +1,4 @@
-from .criterion import MIXED, alarms_of, same_rates_p, with_criterion
+from .criterion import ALTERNATED, MIXED, alarms_of, same_rates_p, with_criterion
 from .difference import Difference
 from .draws import difference_spread_draws, group_draws
 from .functions import Function, Line, group_function, person_function
@@ -29,6 +29,7 @@ from .sensitivity import (
 from .tables import Without, difference_table, group_table, without_people
 
 __all__ = [
+    "ALTERNATED",
     "FEW",
     "MIXED",
     "NEARLY_ALL",

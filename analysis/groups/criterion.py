@@ -8,6 +8,9 @@ from __future__ import annotations
 
 import math
 from collections import defaultdict
+from itertools import groupby
+from operator import itemgetter
+from statistics import median
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -21,6 +24,8 @@ from analysis.groups.sensitivity import d_prime_apart
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
+    from numpy.typing import NDArray
+
 
 BESIDE_COLUMNS: Final = (
     "first", "false_alarms_a", "blanks_a", "false_alarms_b", "blanks_b",
@@ -32,7 +37,10 @@ _ALARMS_APART: Final = BESIDE_COLUMNS[5:8]
 _MOST_EXACT: Final = 10_000
 """Of more false alarms the test is that of the normal distribution."""
 MIXED: Final = "interleaved"
-"""What came first where trials or blocks of both conditions take turns."""
+"""What came first where trials of both conditions take turns."""
+ALTERNATED: Final = "alternated"
+"""The same of blocks: half of the runs of either condition are `_BLOCK` trials or longer."""
+_BLOCK: Final = 4
 
 
 def with_criterion(
@@ -83,15 +91,22 @@ def _places(trials: pd.DataFrame, *, numbered: bool) -> dict[tuple[str, str], se
 
 
 def _first(
-    places: dict[tuple[str, str], set[Any]], name: str, pair: tuple[str, str], *, numbered: bool
+    held: dict[tuple[str, str], set[Any]], name: str, pair: tuple[str, str], *, numbered: bool
 ) -> str | None:
     """Return the condition that ended before the other began; None where that is not known."""
-    a, b = (places.get((name, condition)) for condition in pair)
+    a, b = (held.get((name, condition)) for condition in pair)
     if a is None or b is None:
         return None
     if max(a) < min(b) or max(b) < min(a):
         return pair[0] if max(a) < min(b) else pair[1]
-    return MIXED if numbered or a.isdisjoint(b) else None
+    if not numbered:
+        return ALTERNATED if a.isdisjoint(b) else None
+    runs: list[list[int]] = [[], []]
+    for of_b, places in groupby(
+        sorted([*((at, 0) for at in a), *((at, 1) for at in b)]), itemgetter(1)
+    ):
+        runs[of_b].append(len([*places]))
+    return ALTERNATED if min(median(each) for each in runs) >= _BLOCK else MIXED
 
 
 def _count(firsts: Iterable[str | None]) -> str | None:
@@ -147,11 +162,15 @@ def _beside(
 
 
 def _alarms_apart(blank: pd.DataFrame | None, a: str, b: str) -> dict[str, float]:
-    """Return by how much false alarms of people in both conditions differ; empty without any."""
+    """Return by how much false alarms differ: of people in both conditions, or else of groups."""
     if blank is None or not {a, b} <= {*blank.get("condition", ())}:
         return {}
     people, alarms, presented = alarms_of(blank, a, b)
-    return dict(zip(_ALARMS_APART, rates_apart(alarms, presented), strict=True)) if people else {}
+    if people:
+        return dict(zip(_ALARMS_APART, rates_apart(alarms, presented), strict=True))
+    rows = blank[blank["participant"].ne(TOTAL) & blank["presented"].gt(0)]
+    shares = (rows.loc[rows["condition"].eq(name), "p"].to_numpy(float) for name in (a, b))
+    return dict(zip(_ALARMS_APART, means_apart(*shares), strict=True))
 
 
 def alarms_of(
@@ -191,6 +210,28 @@ def rates_apart(
     if number < 2 or np.ptp(differences) == 0:  # noqa: PLR2004
         return middle, math.nan, math.nan
     half = float(t.ppf(LIMITS[1], number - 1) * differences.std(ddof=1)) / number**0.5
+    return middle, middle - half, middle + half
+
+
+def means_apart(a: NDArray[np.float64], b: NDArray[np.float64]) -> tuple[float, float, float]:
+    """Return by how much the mean of b lies above that of a, with 95 % limits by Welch's t.
+
+    The limits are NaN where either has one value, or all of each are the same.
+
+    >>> apart = means_apart(np.array([0.0, 0.1, 0.05]), np.array([0.1, 0.3, 0.2, 0.2]))
+    >>> [round(one, 3) for one in apart]
+    [0.15, 0.021, 0.279]
+    """
+    from scipy.stats import t
+
+    middle = float(b.mean() - a.mean())
+    if min(len(a), len(b)) < 2 or np.ptp(a) + np.ptp(b) == 0:  # noqa: PLR2004
+        return middle, math.nan, math.nan
+    parts = [float(one.var(ddof=1)) / len(one) for one in (a, b)]
+    free = sum(parts) ** 2 / sum(
+        part**2 / (len(one) - 1) for part, one in zip(parts, (a, b), strict=True)
+    )
+    half = float(t.ppf(LIMITS[1], free)) * sum(parts) ** 0.5
     return middle, middle - half, middle + half
 
 

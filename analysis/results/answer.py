@@ -16,20 +16,13 @@ from analysis.definitions import LAPSES_MANY, LAPSES_OFTEN
 from analysis.groups.group import FEW
 from analysis.groups.micrometres import in_micrometres, micrometres_row
 from analysis.reading.reasons import NEVER_ANSWERED
-from analysis.results.compared import (
-    SPELLED,
-    and_words,
-    compared,
-    difference_rows,
-    fitting_words,
-    isolated,
-    number_of,
-    without_words,
-)
-from analysis.results.methods.alarms import alarm_sentences, blank_rows, criterion_sentences
+from analysis.results.compared import compared, difference_rows, fitting_words, without_words
+from analysis.results.methods.alarms import alarm_sentences, blank_rows
+from analysis.results.methods.criterion import criterion_sentences
 from analysis.results.methods.left_out import left_out_rows, left_out_words, unread_words
 from analysis.results.methods.misfit import at_bound_often, lapses_words, steep_words
 from analysis.results.methods.task import hit_words
+from analysis.results.methods.words import SPELLED, and_words, isolated, number_of
 from analysis.results.rows import population_text
 from analysis.thresholds.fit import WITH_THRESHOLD
 

@@ -12,8 +12,9 @@ from typing import TYPE_CHECKING, Any, Final
 
 from analysis.axis import half_up, shortest
 from analysis.definitions import TOTAL
-from analysis.groups.criterion import MIXED
+from analysis.groups.criterion import ALTERNATED, MIXED
 from analysis.groups.sensitivity import NEARLY_ALL, SEVERAL, levels_apart
+from analysis.results.methods.words import SPELLED, and_words, isolated, number_of, plain
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -25,43 +26,12 @@ if TYPE_CHECKING:
     from analysis.results.tables import Analysis
 
 
-SPELLED: Final = 3
-"""Of more conditions, or pairs of them, a sentence says where they stand."""
 ALPHA: Final = 0.05
 """False alarms of few people differ where the test of the same rates has a smaller p."""
 FITTING: Final = "without misfits"
 _ROUNDED: Final = 0.05
 _EACH: Final = "95 % interval of each level, not corrected for several"
-_ISOLATE, _END = "\u2068", "\u2069"
-
-
-def isolated(name: object) -> str:
-    """Return a name whose letters stay within it, should they run right to left."""
-    return f"{_ISOLATE}{name}{_END}"
-
-
-def plain(text: str) -> str:
-    """Return a text without the signs that isolate names.
-
-    >>> plain(f"in condition {isolated('main')}")
-    'in condition main'
-    """
-    return text.replace(_ISOLATE, "").replace(_END, "")
-
-
-def and_words(names: Sequence[str]) -> str:
-    """Enumerate names."""
-    *first, last = map(isolated, names)
-    return f"{', '.join(first)} and {last}" if first else last
-
-
-def number_of(number: int, noun: str) -> str:
-    """Return a number of something.
-
-    >>> number_of(1, "trial"), number_of(2, "trial")
-    ('1 trial', '2 trials')
-    """
-    return f"{number} {noun}{'' if number == 1 else 's'}"
+_OTHERS: Final = "different participants in each"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -90,10 +60,21 @@ class Pair:
         return str(self.row["printed"]).partition(", ")[2] if self.row["status"] == "ok" else ""
 
     @property
-    def took_turns(self) -> bool:
-        """Whether trials or blocks of both conditions took turns in everybody."""
+    def t_test(self) -> str:
+        """By which t the means of participants are compared."""
+        return "Welch's t" if self.of == _OTHERS else "Student's t"
+
+    @property
+    def turns(self) -> str:
+        """How trials, or else blocks, of both conditions took turns in everybody; or nothing."""
         first = self.row["first"]
-        return isinstance(first, str) and "," not in first and first.partition(" ")[0] == MIXED
+        told = first.partition(" ")[0] if isinstance(first, str) and "," not in first else ""
+        return told if told in (MIXED, ALTERNATED) else ""
+
+    @property
+    def took_turns(self) -> bool:
+        """Whether trials of both conditions took turns in everybody."""
+        return self.turns == MIXED
 
     @property
     def always_first(self) -> tuple[str, int]:
@@ -113,7 +94,7 @@ def pairs_of(differences: pd.DataFrame) -> Iterator[Pair]:
             row = people.iloc[0]
             of = f"participant {isolated(row['participant'])} only, in these sessions"
         elif people.empty:
-            of = "different participants in each"
+            of = _OTHERS
         yield Pair(a=str(a), b=str(b), row=row, of=of)
 
 
@@ -308,8 +289,9 @@ def difference_rows(
     for one in pairs_of(analysis.differences):
         name = f"Threshold in {isolated(one.b)} against {isolated(one.a)}"
         first = one.row["first"]
-        told = isinstance(first, str) and not one.took_turns  # which says nothing of an order
-        order = f"; first: {first}" if told else ""
+        order = f"; first: {first}" if isinstance(first, str) and not one.turns else ""
+        if one.turns == ALTERNATED:
+            order = "; blocks alternated"
         if one.always_first[0]:
             order = f"; {isolated(one.always_first[0])} first in all of them"
         yield name, difference_cell(one), one.of + order
@@ -324,7 +306,7 @@ def difference_rows(
             yield name, _level_cell(levels, analysis.axis.unit), f"{of}{sides}{_EACH}"
         if points := alarms_apart(one.row):
             name = f"False alarms in {isolated(one.b)} against {isolated(one.a)}"
-            yield name, points, "mean of participants, by Student's t"
+            yield name, points, f"mean of participants, by {one.t_test}"
 
 
 def _fitting_row(analysis: Analysis, one: Pair) -> Iterator[tuple[str, str, str]]:

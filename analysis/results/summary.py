@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from analysis.axis import VOLTS
 from analysis.definitions import OF_ONE_PLACE, OF_SIDES, definitions_in
 from analysis.results.answer import answer
-from analysis.results.compared import plain
+from analysis.results.methods.words import plain
 from analysis.results.rows import levels_told
 from experiment.terms.record import NOT_AVAILABLE
 

@@ -10,8 +10,8 @@ from analysis.answers import counting
 from analysis.answers.doubts import doubtful, doubtful_counts
 from analysis.reading.reasons import NEVER_ANSWERED
 from analysis.reading.text import named
-from analysis.results.compared import SPELLED
 from analysis.results.methods.misfit import misfits
+from analysis.results.methods.words import SPELLED
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Iterator, Mapping

@@ -25,9 +25,10 @@ from analysis.groups.criterion import BESIDE_COLUMNS, rates_apart, same_rates_p
 from analysis.groups.sensitivity import BY_LEVEL_COLUMNS
 from analysis.groups.tables import DIFFERENCE_COLUMNS, GROUP_COLUMNS
 from analysis.results.answer import Answer, answer
-from analysis.results.compared import pairs_of, plain
+from analysis.results.compared import pairs_of
 from analysis.results.files import harmless
 from analysis.results.methods.left_out import REASONS
+from analysis.results.methods.words import plain
 from analysis.results.rows import PAGE, blank_cells, forced_choice
 from analysis.results.tables import Analysis, analyse
 from analysis.thresholds.fit import BOUNDED, WITH_THRESHOLD
@@ -1030,7 +1031,10 @@ def with_alarms(
            "difference_db": -3.0, "low_db": -5.0, "high_db": -1.0, **told}  # fmt: skip
     return replace(
         least, counts=replace(least.counts, conditions=2), blank=blank, detected_any=least.levels,
-        differences=pd.DataFrame([row], columns=[*DIFFERENCE_COLUMNS, *BESIDE_COLUMNS]),
+        differences=pd.DataFrame(
+            [*(row | {"participant": name} for name in names), row],
+            columns=[*DIFFERENCE_COLUMNS, *BESIDE_COLUMNS],
+        ),
     )  # fmt: skip
 
 

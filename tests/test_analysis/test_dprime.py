@@ -121,7 +121,7 @@ def test_beside_a_difference_stand_false_alarms_and_d_prime_of_common_levels() -
     [
         ({"a": [("01", 1)], "b": [("01", 2)]}, "a"),
         ({"a": [("02", 1)], "b": [("01", 9)]}, "b"),
-        ({"a": [("01", 1), ("01", 3)], "b": [("01", 2)]}, "interleaved"),
+        ({"a": [("01", 1), ("01", 3)], "b": [("01", 2)]}, "alternated"),
         ({"a": [("01", 1)], "b": [("01", 1)]}, "a"),
         ({"b": [("01", 1)], "a": [("01", 1)]}, "b"),
     ],
@@ -140,9 +140,22 @@ def test_the_condition_that_was_over_first_is_named(
 
 
 @pytest.mark.parametrize(
+    ("run", "first"),
+    [(1, "interleaved"), (3, "interleaved"), (4, "alternated"), (10, "alternated")],
+)
+def test_conditions_are_interleaved_by_trials_and_alternate_by_blocks(run: int, first: str) -> None:
+    trials = study(felt([10], [60.0], condition="a"), felt([10], [60.0], condition="b"))
+    turn = np.arange(len(trials) // 2)
+    of_a = turn // run * 2 * run + turn % run + 1
+    trials["trial"] = [*of_a, *(of_a + run)]
+    found = with_criterion(pair("1"), trials, sensitivity_table(trials))
+    assert found["first"].tolist() == [first]
+
+
+@pytest.mark.parametrize(
     ("places", "first"),
     [
-        ({"a": [("01", 1), ("01", 3)], "b": [("01", 2)]}, "interleaved"),
+        ({"a": [("01", 1), ("01", 3)], "b": [("01", 2)]}, "alternated"),
         ({"a": [("01", 1)], "b": [("01", 2), ("02", 1)]}, "a"),
         ({"a": [("01", 1), ("01", 2)], "b": [("01", 2)]}, None),
     ],

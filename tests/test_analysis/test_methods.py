@@ -16,12 +16,13 @@ from analysis import ColumnMap, write_analysis
 from analysis.groups.criterion import with_criterion
 from analysis.reading.load import read_inputs
 from analysis.results.answer import answer
-from analysis.results.compared import compared, own_model_words, plain
+from analysis.results.compared import compared, own_model_words
 from analysis.results.figures.composed import LOOKS
 from analysis.results.methods import looked_words, methods_of, misfits
 from analysis.results.methods.caption import LOOK_WORDS, caption_words
 from analysis.results.methods.presented import order_words
 from analysis.results.methods.task import detected_words
+from analysis.results.methods.words import plain
 from analysis.results.summary import versions
 from analysis.results.tables import analyse
 from tests.test_analysis.shared import LEAST, felt, files, loaded, put
@@ -335,11 +336,12 @@ def test_with_which_condition_participants_began_is_told_where_it_is_known(tmp_p
     assert "began with" not in methods_of(same).text
     assert not order_words(replace(same, differences=ordered({"1": (None,)})))
     turns, one, other, none = ("interleaved",), ("a",), ("b",), (None,)
-    how = "[say how, at random or in blocks]"
+    how = "[say how]"
     for words, firsts in (
         ("1 participant began with condition a, 2 with b.", (one, other, other)),
         ("1 participant began with condition a.", (("a", None, "a"),)),
         (f"In 2 participants the conditions were interleaved {how}.", (turns, turns)),
+        (f"In 1 participant blocks of the conditions alternated {how}.", (("alternated",),)),
         (f"1 participant began with condition b, in 2 the conditions were interleaved {how}.",
          (turns, other, turns)),
         ("1 participant began with condition b, of 1 the order is not known.", (other, none)),

@@ -1,4 +1,5 @@
-from .alarms import alarm_sentences, blank_rows, criterion_sentences
+from .alarms import alarm_sentences, blank_rows
+from .criterion import criterion_sentences
 from .left_out import REASONS, left_out_rows, left_out_words, unread_words
 from .looked import looked_words
 from .misfit import (
@@ -12,16 +13,20 @@ from .misfit import (
 )
 from .paragraphs import counts_told, methods_of
 from .task import hit_words, is_yes_no, one_side_words
+from .words import SPELLED, and_words, isolated, number_of, plain
 
 __all__ = [
     "REASONS",
+    "SPELLED",
     "alarm_sentences",
+    "and_words",
     "at_bound_often",
     "blank_rows",
     "counts_told",
     "criterion_sentences",
     "hit_words",
     "is_yes_no",
+    "isolated",
     "lapses_words",
     "left_out_rows",
     "left_out_words",
@@ -31,7 +36,9 @@ __all__ = [
     "misfit_words",
     "misfits",
     "misfitting",
+    "number_of",
     "one_side_words",
+    "plain",
     "steep_words",
     "unread_words",
 ]

@@ -1,31 +1,17 @@
-"""What blank trials tell: how often they were answered as felt, and whether conditions differ.
-
-Whether false alarms differ between two conditions rests on one number: of several participants on
-the interval of the mean of their differences, of few on an exact test (docs/statistics.md, 8).
-"""
+"""What blank trials tell: how often they were answered as felt."""
 
 from __future__ import annotations
 
 import itertools
 import math
-from typing import TYPE_CHECKING, Any, Final, NamedTuple
+from typing import TYPE_CHECKING, Any, Final
 
 from analysis.answers.intervals import group_interval, proportion_ci
 from analysis.axis import half_up
 from analysis.definitions import TOTAL
-from analysis.groups.criterion import alarms_of, same_rates_p
-from analysis.groups.group import FEW
 from analysis.reading.foreign import FORCED
-from analysis.results.compared import (
-    ALPHA,
-    SPELLED,
-    alarms_apart,
-    by_level,
-    isolated,
-    level_words,
-    pairs_of,
-    totals,
-)
+from analysis.results.compared import pairs_of, totals
+from analysis.results.methods.words import SPELLED, isolated
 from analysis.results.rows import none_in_part
 
 if TYPE_CHECKING:
@@ -33,15 +19,10 @@ if TYPE_CHECKING:
 
     import pandas as pd
 
-    from analysis.results.compared import Pair
     from analysis.results.tables import Analysis
 
 
-_LEAST_P: Final = 0.001
 _ABOUT: Final = 1.05
-_AN_ANSWER: Final = 1 + 1e-9  # rounding of shares aside
-_TOTALS: Final = "Fisher's exact test of the totals"
-_WITHIN: Final = "exact Cochran-Mantel-Haenszel test within these participants"
 _COVERED: Final = (
     "; in simulations of 6 and of 12 people with 20 blank trials each and mean rates of 2 to 10 %, "
     "such intervals held the mean in 94 to 99 % of studies: it lay below the lower limit in at "
@@ -55,16 +36,6 @@ _FEW_PEOPLE: Final = 10
 """Of fewer the upper limit of their false alarms was never too low in simulations."""
 _FEW_ALARMS: Final = 0.1
 """So far these simulations went."""
-
-
-class _Verdict(NamedTuple):
-    """Whether false alarms of two conditions differ, on what that rests, and by which sign."""
-
-    apart: bool
-    p: float
-    test: str
-    points: str  # the mean difference with its limits, where the verdict rests on these
-    more: int  # 1 where they were more frequent in the second condition, -1 where rarer, else 0
 
 
 def alarm_sentences(analysis: Analysis) -> Iterator[str]:
@@ -131,7 +102,7 @@ def blank_rows(analysis: Analysis) -> Iterator[tuple[str, str, str]]:
     """
     if analysis.detected_any is None:
         return
-    together = _interleaved(analysis)
+    together = interleaved(analysis)
     if together:
         share, of = _all_blanks(analysis, together)
         yield (
@@ -164,54 +135,7 @@ def _most(analysis: Analysis, total: pd.Series[Any]) -> str:
     return f", {isolated(row['participant'])} the most with {of}"
 
 
-def criterion_sentences(analysis: Analysis) -> Iterator[str]:
-    """Say of conditions that differ whether false alarms do so, or are not known."""
-    pairs = [one for one in pairs_of(analysis.differences) if one.apart]
-    if not pairs or analysis.detected_any is None:
-        return
-    beside = "; d' at single levels is in the table" if len(analysis.d_prime_differences) else ""
-    if not _all_told(analysis, pairs):
-        yield f"a difference may be one of criterion, of which only blank trials can tell{beside}"
-        return
-    found = [_verdict(analysis.blank, one) for one in pairs]
-    often = sum(one.apart for one in found)
-    if len(pairs) > 1:
-        which = "95 % intervals in the table"
-        if least := min((one for one in found if not one.points), key=lambda o: o.p, default=None):
-            others = f"{which}; " if any(one.points for one in found) else ""
-            which = f"{others}least {_p_words(least.p)}, {least.test}"
-        if often:
-            yield (
-                f"false alarms were not equally frequent in {often} of these {len(pairs)} pairs of "
-                f"conditions ({which}); where they are rarer at the higher threshold, a difference "
-                f"may be one of criterion, in whole or in part{beside}"
-            )
-        else:
-            yield f"false alarms are not told apart ({which})"
-    else:
-        yield from _of_two(analysis, pairs[0], found[0], beside)
-    if together := _interleaved(analysis):
-        yield _taken_together(analysis, together)
-
-
-def _of_two(analysis: Analysis, one: Pair, told: _Verdict, beside: str) -> Iterator[str]:
-    """Say of two conditions whether false alarms differ, and what follows from it."""
-    words = f"{_p_words(told.p)}, {told.test}"
-    if told.points:
-        at, _, limits = told.points.removesuffix(")").partition(" (")
-        words = f"{at}, 95 % interval {limits} by Student's t"
-    push = _push(one, told)
-    if told.apart:
-        yield f"false alarms were not equally frequent ({words}): {push}{beside}"
-        if levels := by_level(analysis, one):
-            yield level_words(levels, one)
-    else:
-        yield f"false alarms are not told apart ({words})"
-        if push:
-            yield f"if anything {push}"
-
-
-def _interleaved(analysis: Analysis) -> set[str]:
+def interleaved(analysis: Analysis) -> set[str]:
     """Return all conditions where every two of them were interleaved and have blanks; else none."""
     pairs = [*pairs_of(analysis.differences)]
     names = {name for one in pairs for name in (one.a, one.b)}
@@ -220,7 +144,7 @@ def _interleaved(analysis: Analysis) -> set[str]:
     return names if every and names == told else set()
 
 
-def _taken_together(analysis: Analysis, conditions: Collection[str]) -> str:
+def taken_together(analysis: Analysis, conditions: Collection[str]) -> str:
     """Say what a blank trial's condition means where nobody knows which is coming."""
     share, of = _all_blanks(analysis, conditions)
     return (
@@ -249,55 +173,6 @@ def _all_blanks(analysis: Analysis, conditions: Collection[str]) -> tuple[str, s
     return f"{_percent(k / n)} % ({ends} %)", f"{k} of {n} blank trials"
 
 
-def _push(one: Pair, told: _Verdict) -> str:
-    """Say which way false alarms move a difference of thresholds; empty text without a sign."""
-    if not told.more:
-        return ""
-    higher = one.ends_db[0] > 0
-    where = isolated(one.b if higher else one.a)
-    if (told.more > 0) == higher:
-        return (
-            f"they were more frequent in {where}, where the threshold is higher, and a laxer "
-            "criterion there would hide part of the difference rather than cause it"
-        )
-    part = "in whole or in part" if told.apart else "in part"
-    return (
-        f"they were rarer in {where}, where the threshold is higher, and a stricter criterion "
-        f"there may bring the difference about {part}"
-    )
-
-
-def _all_told(analysis: Analysis, pairs: list[Pair]) -> bool:
-    told = {row["condition"] for row in totals(analysis) if "condition" in row}
-    return all({one.a, one.b} <= told for one in pairs)
-
-
-def _verdict(blank: pd.DataFrame, one: Pair) -> _Verdict:
-    """Decide whether false alarms differ, of people in both conditions or else of totals.
-
-    Of at least `FEW` people that is so where the interval of the mean difference, as it is printed,
-    leaves out 0.
-    """
-    people, alarms, presented = alarms_of(blank, one.a, one.b)
-    p = same_rates_p(alarms, presented)
-    each = [b / of_b - a / of_a for (a, b), (of_a, of_b) in zip(alarms, presented, strict=True)]
-    more = math.fsum(each) / len(each)
-    points = alarms_apart(one.row) if len(people) >= FEW else ""
-    apart = p < ALPHA
-    if points:
-        low, high = (round(100 * float(one.row[f"false_alarm_difference_{end}"]), 1)
-                     for end in ("low", "high"))  # fmt: skip
-        apart = low > 0 or high < 0
-    # What one answer would turn round points nowhere.
-    answers = abs(more) * min(map(sum, zip(*presented, strict=True)))
-    sign = int(math.copysign(1, more)) if apart or answers > _AN_ANSWER else 0
-    return _Verdict(apart=apart, p=p, test=_WITHIN if people else _TOTALS, points=points, more=sign)
-
-
-def _p_words(p: float) -> str:
-    return "p < 0.001" if p < _LEAST_P else f"p = {p:.3f}"
-
-
 def rates_words(analysis: Analysis) -> str:
     """Say how many blank trials were answered as felt: plain counts; empty text without any."""
     rows = [*totals(analysis)] if analysis.detected_any is not None else []
@@ -308,7 +183,7 @@ def rates_words(analysis: Analysis) -> str:
         + (f" in condition {isolated(row['condition'])}" if "condition" in row else "")
         for row in rows
     ]
-    if together := _interleaved(analysis):
+    if together := interleaved(analysis):
         share, of = _all_blanks(analysis, together)
         each.append(f"all of them, as conditions were interleaved, {of}, {share}")
     return f"Blank (catch) trials were answered as if felt in {', in '.join(each)}."
@@ -323,19 +198,7 @@ def short_alarm_words(analysis: Analysis) -> str:
     if any(not math.isnan(row["group_low"]) for row in rows):
         told += ", with 95 % credible intervals for the population mean"
         told += _COVERED if _as_simulated(analysis) else ""
-    compared = ""
-    found = _verdicts(analysis)
-    if any(one.points for _, one in found) or (not found and _differences(analysis)):
-        compared = (
-            " Those of two conditions were compared by the mean of the participants' differences, "
-            "with a 95 % interval by Student's t."
-        )
-    elif found:
-        which = f"the two-sided {_WITHIN}"
-        compared = f" Those of two conditions were compared by {which}."
-        if {one.test for _, one in found} == {_TOTALS}:
-            compared = f" Those of two conditions were compared by {_TOTALS}."
-    return f"{told}.{compared}"
+    return f"{told}."
 
 
 def _as_simulated(analysis: Analysis) -> bool:
@@ -345,52 +208,3 @@ def _as_simulated(analysis: Analysis) -> bool:
     if any(row["p"] > _FEW_ALARMS for row in totals(analysis)):
         return False
     return people in _SIMULATED_PEOPLE and bool(each["presented"].eq(_SIMULATED_BLANKS).all())
-
-
-def _verdicts(analysis: Analysis) -> list[tuple[Pair, _Verdict]]:
-    """Return those that the answer tells: of pairs of conditions whose thresholds differ."""
-    pairs = [one for one in pairs_of(analysis.differences) if one.apart]
-    if analysis.detected_any is None or not pairs or not _all_told(analysis, pairs):
-        return []
-    return [(one, _verdict(analysis.blank, one)) for one in pairs]
-
-
-def _differences(analysis: Analysis) -> list[str]:
-    return [
-        f"{points.replace('points', 'percentage points')} in {isolated(one.b)} against "
-        f"{isolated(one.a)}"
-        for one in pairs_of(analysis.differences) if (points := alarms_apart(one.row))
-    ]  # fmt: skip
-
-
-def compared_words(analysis: Analysis) -> Iterator[str]:
-    """Say how false alarms of two conditions were compared, and on what the verdict rests."""
-    found, told = _verdicts(analysis), _differences(analysis)
-    by_t = any(one.points for _, one in found)
-    if told:
-        each = ": " + ", ".join(told) if len(told) <= SPELLED else ""
-        yield (
-            "By how much false alarms are more frequent in one of two conditions is the mean of "
-            "the participants' differences of their shares of blank trials, with a 95 % interval "
-            f"by Student's t, which is of people like the participants{each}."
-        )
-    if by_t:
-        yield "Whether false alarms are said to differ rests on this interval."
-    if not found:
-        return
-    each = ", ".join(
-        f"{_p_words(of.p)} of {isolated(one.b)} against {isolated(one.a)}" for one, of in found
-    )
-    if {of.test for _, of in found} == {_TOTALS}:
-        yield (
-            f"False alarms of two conditions were compared by {_TOTALS} (two-sided; {each}), which "
-            "ignores that participants differ."
-        )
-        return
-    rests = "" if by_t else ", for want of enough participants on it rests whether they differ"
-    yield (
-        f"{'Beside it, conditional' if by_t else 'Conditional'} on these participants, false "
-        "alarms were compared by the exact Cochran-Mantel-Haenszel test (two-sided, a stratum for "
-        "each participant: given the false alarms in both conditions together, those in one are "
-        f"hypergeometric, and are summed over participants; {each}){rests}."
-    )

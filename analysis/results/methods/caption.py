@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Final
 
-from analysis.results.compared import isolated, number_of
 from analysis.results.figures.composed import ABOVE, BELOW
 from analysis.results.figures.curves import DRAWN, OF_BLANKS, conditions_of, shared_levels
 from analysis.results.methods.task import is_yes_no
+from analysis.results.methods.words import isolated, number_of
 from analysis.thresholds.people import FORCED_CHOICE
 
 if TYPE_CHECKING:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Final
 
-from analysis.results.compared import number_of
+from analysis.results.methods.words import number_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -8,8 +8,8 @@ from analysis.answers.doubts import DRIFTING, FEWEST, GUESSING, SWAPPED
 from analysis.answers.drift import STRONG
 from analysis.definitions import counted_up
 from analysis.reading.reasons import NEVER_ANSWERED
-from analysis.results.compared import isolated
 from analysis.results.methods.misfit import REFUSED_P
+from analysis.results.methods.words import isolated
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -7,9 +7,10 @@ from importlib.resources import files
 from typing import TYPE_CHECKING, ClassVar
 
 from analysis.definitions import TOTAL
-from analysis.results.compared import isolated, number_of, own_model_words, plain
-from analysis.results.methods.alarms import compared_words, rates_words, short_alarm_words
+from analysis.results.compared import own_model_words
+from analysis.results.methods.alarms import rates_words, short_alarm_words
 from analysis.results.methods.caption import caption_words
+from analysis.results.methods.criterion import compared_words, how_compared
 from analysis.results.methods.left_out import left_out_for_paper
 from analysis.results.methods.looked import looked_words
 from analysis.results.methods.misfit import lapses_for_paper, misfit_words
@@ -28,6 +29,7 @@ from analysis.results.methods.task import (
     task_words,
     unanswered_words,
 )
+from analysis.results.methods.words import isolated, number_of, plain
 from analysis.results.protocol import IN_METHODS, planned
 from analysis.results.summary import versions
 
@@ -92,7 +94,7 @@ def methods_of(analysis: Analysis, plans: Planned | None = None, *, drawn: bool 
         yes_no=is_yes_no(analysis),
         guesses=[*guess_words(analysis)],
         false_alarms=rates_words(analysis),
-        short_alarms=short_alarm_words(analysis),
+        short_alarms=" ".join(filter(None, (short_alarm_words(analysis), how_compared(analysis)))),
         hits=hit_words(analysis),
         misfit=misfit_words(analysis.thresholds),
         lapses=lapses_for_paper(analysis.thresholds),

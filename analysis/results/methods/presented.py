@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Final
 
 from analysis.axis import shortest
 from analysis.definitions import TOTAL
-from analysis.groups.criterion import MIXED
-from analysis.results.compared import SPELLED, isolated, number_of
+from analysis.groups.criterion import ALTERNATED, MIXED
+from analysis.results.methods.words import SPELLED, isolated, number_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -19,6 +19,10 @@ if TYPE_CHECKING:
 
 
 _FEW_OF_ALL: Final = 0.25
+_TURNS: Final = {
+    MIXED: "the conditions were interleaved [say how]",
+    ALTERNATED: "blocks of the conditions alternated [say how]",
+}
 
 
 def presented_words(analysis: Analysis) -> Iterator[str]:
@@ -127,27 +131,28 @@ def order_words(analysis: Analysis) -> str:
     """Say how many participants began with which condition; empty text where that is not known."""
     found = [*_begun(analysis)]
     began = Counter(condition for condition, _ in found if condition)
-    mixed = sum(turns for condition, turns in found if not condition)
+    turns = Counter(how for condition, how in found if how and not condition)
     told: list[str] = []
     for condition, number in sorted(began.items()):
         people, named = number_of(number, "participant"), f"with condition {isolated(condition)}"
         told.append(f"{number} with {isolated(condition)}" if told else f"{people} began {named}")
-    if mixed:
-        people = str(mixed) if told else number_of(mixed, "participant")
-        told.append(f"{'in' if told else 'In'} {people} the conditions were interleaved"
-                    " [say how, at random or in blocks]")  # fmt: skip
-    unknown = len(found) - began.total() - mixed
+    for how, words in _TURNS.items():
+        if turns[how]:
+            people = str(turns[how]) if told else number_of(turns[how], "participant")
+            told.append(f"{'in' if told else 'In'} {people} {words}")
+    unknown = len(found) - began.total() - turns.total()
     if told and unknown:
         told.append(f"of {unknown} the order is not known")
     return f"{', '.join(told)}." if told else ""
 
 
-def _begun(analysis: Analysis) -> Iterator[tuple[str, bool]]:
-    """Yield of each in several conditions which was over before all others began, or took turns."""
+def _begun(analysis: Analysis) -> Iterator[tuple[str, str]]:
+    """Yield of each in several conditions which was over before all others began, or the turns."""
     rows = analysis.differences
     rows = rows[rows["participant"].ne(TOTAL)]
     for _, own in rows.groupby("participant"):
         names = {*own["condition_a"], *own["condition_b"]}
         wins = Counter(one for one in own["first"] if one in names)
         first = [name for name, number in wins.items() if number == len(names) - 1]
-        yield (str(first[0]) if first else ""), bool(own["first"].eq(MIXED).any())
+        turns = next((one for one in (MIXED, ALTERNATED) if own["first"].eq(one).any()), "")
+        yield (str(first[0]) if first else ""), turns
