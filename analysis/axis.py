@@ -228,6 +228,11 @@ class Axis:
         """
         return _DB * sigma if self.x_scale == "dB" else sigma
 
+    @property
+    def width_unit(self) -> str:
+        """What a width is told in."""
+        return {"log10": "log10 units", "dB": "dB"}.get(self.x_scale, self.unit)
+
     def half_width(self, low: float, high: float) -> str:
         """Return half of how far limits lie apart in dB; nothing of an open one, or without dB.
 

@@ -14,7 +14,7 @@ import pandas as pd
 from analysis.axis import Axis, axis_of
 from analysis.reading.batch import InputFile, batches, read_batch
 from analysis.reading.checks import check_together, in_seconds
-from analysis.reading.foreign.conditions import pooled, refuse_lost_sides
+from analysis.reading.foreign.conditions import has_one_place, pooled, refuse_lost_sides
 from analysis.reading.foreign.counts import read_counted
 from analysis.reading.foreign.form import RowFilter
 from analysis.reading.foreign.table import count_columns
@@ -258,7 +258,7 @@ def read_inputs(
         left_out_files=unread_files,
         left_out_by=kept.told(by) if unread else "",
         numbered=numbered,
-        side_told=columns is None or "side" not in columns.constant,
+        side_told=columns is None or not has_one_place(columns, {*trials["side"]}),
     )
 
 

@@ -228,7 +228,7 @@ def _thresholds(analysis: Analysis) -> Iterator[Section]:
         header = ["Condition", "Participants", "Threshold (95 %)", "Between people (SD)", "Remark"]
         cells = [population_cells(one, analysis.axis) for one in analysis.population]
         tables.append(Table(caption=caption, header=header, rows=cells, texts=words))
-    width = analysis.axis.unit if analysis.axis.signed else "log10 units"
+    width = analysis.axis.width_unit
     # What another rate would give is of no use where blank trials tell the rate.
     zero = "" if analysis.thresholds["guess_basis"].eq("blanks").all() else f"If {chance.lower()} 0"
     third = "" if is_yes_no(analysis) or not zero else f"If {chance.lower()} 1/3"

@@ -299,7 +299,8 @@ def analyse(
         control=counting.control_table(trials),
         counts=_counts(loaded) if loaded.cells is None else _counts_of(loaded, loaded.cells),
         inputs=loaded.inputs,
-        warnings=tuple(warnings_of(loaded, excluded, stated, doubts, thresholds)),
+        warnings=tuple(warnings_of(loaded, excluded, stated, doubts=doubts,
+                                   thresholds=thresholds, people=people)),  # fmt: skip
         doubts=doubts,
         task=loaded.task,
         unswapped=_unswapped(people, thresholds, doubts, loaded.axis),

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
     from analysis.answers.doubts import Doubt
     from analysis.reading.load import LoadedTrials
+    from analysis.thresholds.people import PersonCounts
 
 
 # Left out as planned, or presented again: nothing to warn of.
@@ -31,13 +32,15 @@ def warnings_of(
     loaded: LoadedTrials,
     excluded: pd.DataFrame,
     stated: Mapping[str, tuple[str, ...]],
+    *,
     doubts: Iterable[Doubt],
     thresholds: pd.DataFrame,
+    people: PersonCounts,
 ) -> Iterator[str]:
     """Yield a sentence for everything about trials that a reader has to be told.
 
     `excluded` is what is left out, `stated` how the fingers lay, in words and by session,
-    `doubts` are `doubts_of` the same, and `thresholds` those that were fitted.
+    `doubts` are `doubts_of` the same, and `thresholds` those that were fitted to `people`.
     """
     trials = loaded.trials
     counted = trials[trials["reason"].eq("")]
@@ -69,7 +72,7 @@ def warnings_of(
     yield from _silent(trials)
     yield from _about_none(counted)
     yield from map(str, doubts)
-    yield from misfits(thresholds)
+    yield from misfits(thresholds, people, loaded.axis)
 
 
 def doubts_of(loaded: LoadedTrials) -> Iterator[Doubt]:

@@ -11,7 +11,7 @@ from .fit import (
     probit_mle,
     status_of,
 )
-from .goodness import REPLICATES
+from .goodness import REPLICATES, deviance_residuals
 from .grid import Surface, rates_of, surfaces
 from .levels import (
     ExpectedError,
@@ -50,6 +50,7 @@ __all__ = [
     "Ruler",
     "Surface",
     "checked_levels",
+    "deviance_residuals",
     "fit_many",
     "fit_psychometric",
     "guessing",

@@ -104,6 +104,19 @@ def bootstrap_p(tables: Tables, best: Floats, *, seed: int, replicates: int = RE
     return np.asarray((1 + as_much) / (1 + done))
 
 
+def deviance_residuals(detected: Floats, presented: Floats, p: Floats) -> Floats:
+    """Return the signed roots of what each proportion adds to the deviance of p.
+
+    >>> deviance_residuals(np.array([5.0, 9.0]), np.array([10.0, 10.0]), np.array(0.5)).round(3)
+    array([0.   , 2.713])
+    """
+    from scipy.special import xlogy
+
+    q = detected / presented
+    parts = xlogy(detected, q / p) + xlogy(presented - detected, (1 - q) / (1 - p))
+    return np.asarray(np.sign(q - p) * np.sqrt(np.maximum(2 * parts, 0.0)))
+
+
 def _drawn(tables: Tables, p: Floats, row: int, seed: int, replicates: int) -> NDArray[np.int64]:
     """Return counts of one table drawn again and again, shape (replicates, levels)."""
     used = tables.presented[row] > 0

@@ -139,6 +139,23 @@ def test_the_condition_that_was_over_first_is_named(
     assert found["d_prime_a"].isna().all()
 
 
+def test_false_alarms_of_different_people_are_compared_by_welchs_t() -> None:
+    rows = [("a", name, k, 40) for name, k in zip("123", (1, 6, 2), strict=True)]
+    rows += [("b", name, k, 40) for name, k in zip("4567", (9, 3, 8, 8), strict=True)]
+    table = pd.DataFrame(rows, columns=["condition", "participant", "felt", "presented"])
+    total = table.groupby("condition", as_index=False).sum(numeric_only=True)
+    blank = pd.concat([table, total.assign(participant="all")])
+    blank = blank.assign(p=blank["felt"] / blank["presented"])
+    trials = study(felt([3], [60.0], condition="a"))
+    (found,) = with_criterion(pair("all"), trials, sensitivity_table(trials), blank=blank).to_dict(
+        "records"
+    )
+    shares = [table.loc[table["condition"].eq(name), "felt"] / 40 for name in "ba"]
+    limits = ttest_ind(*shares, equal_var=False).confidence_interval()
+    told = [found[f"false_alarm_difference{end}"] for end in ("", "_low", "_high")]
+    assert told == pytest.approx([shares[0].mean() - shares[1].mean(), *limits])
+
+
 @pytest.mark.parametrize(
     ("run", "first"),
     [(1, "interleaved"), (3, "interleaved"), (4, "alternated"), (10, "alternated")],

@@ -253,6 +253,25 @@ def test_who_takes_no_condition_is_warned_of_those_there_may_be(
         assert changed[0].startswith("column plate (steel, wood) is no condition here")
 
 
+@pytest.mark.parametrize("within", [True, False])
+def test_beside_a_condition_those_that_vary_within_it_are_warned_of(
+    tmp_path: Path, *, within: bool
+) -> None:
+    text = "participant,side,level,response,plate,grip\n" + "".join(
+        f"{who},{side},60,{side},{plate},{grip if within else who + 'x'}\n"
+        for who in "AB" for plate in ("steel", "wood") for side in ("left", "right")
+        for grip in ("loose", "tight")
+    )  # fmt: skip
+    table = put(tmp_path / "t.csv", text)
+    named = '[columns]\ntrial = ""\nlevel_vpp = "level"\ncondition = "plate"\n'
+    changed = read_inputs([table], load_column_map(put(tmp_path / "map.toml", named))).changed
+    told = (
+        "column grip (loose, tight) varies within plate, which is the condition here: its trials "
+        'are analysed together; one part of them is taken by [rows.keep] grip = "loose"'
+    )
+    assert changed == ((told,) if within else ())
+
+
 def test_a_draft_says_which_rows_are_skipped_and_which_are_blanks(tmp_path: Path) -> None:
     target = tmp_path / "map.toml"
     table = EXAMPLES / "psychopy-trials.csv"

@@ -24,7 +24,7 @@ from analysis.answers.doubts import Doubt
 from analysis.answers.dprime import sensitivity_table
 from analysis.axis import VOLTS, Axis
 from analysis.groups.tables import difference_table, group_table
-from analysis.results.figures.composed import START, deviance_residuals
+from analysis.results.figures.composed import START
 from analysis.results.figures.confusion import draw as draw_confusion
 from analysis.results.figures.curves import group_curves, person_curves
 from analysis.results.figures.d_prime import sheets as draw_d_prime
@@ -35,6 +35,7 @@ from analysis.results.figures.participants import sheets as draw_participants
 from analysis.results.figures.reaction import draw as draw_reaction
 from analysis.results.figures.thresholds import draw as draw_thresholds
 from analysis.results.tables import Analysis, analyse
+from analysis.thresholds.goodness import deviance_residuals
 from analysis.thresholds.people import people_of
 from analysis.thresholds.probit import deviance
 from analysis.thresholds.table import thresholds_of

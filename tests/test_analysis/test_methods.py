@@ -9,10 +9,12 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 import pandas as pd
 import pytest
 
 from analysis import ColumnMap, write_analysis
+from analysis.axis import Axis
 from analysis.groups.criterion import with_criterion
 from analysis.reading.load import read_inputs
 from analysis.results.answer import answer
@@ -25,6 +27,7 @@ from analysis.results.methods.task import detected_words
 from analysis.results.methods.words import plain
 from analysis.results.summary import versions
 from analysis.results.tables import analyse
+from analysis.thresholds.people import Guessing, GuessRate, PersonCounts
 from tests.test_analysis.shared import LEAST, felt, files, loaded, put
 
 if TYPE_CHECKING:
@@ -471,6 +474,19 @@ def test_of_many_functions_that_do_not_fit_the_worst_are_named() -> None:
     (told,) = misfits(table)
     assert "participant 5, p = 0.003; and 3 more; 0.002 is the least that" in told
     assert not [*misfits(table.assign(deviance_p=0.01))]
+
+
+def test_a_misfit_is_said_to_be_where_counts_and_function_lie_furthest_apart() -> None:
+    guess = Guessing(rate=GuessRate(mean=0.2), basis="blanks")
+    people = PersonCounts(
+        names=(("main", "1"),), level_vpp=np.array([[0.0, 20.0, 40.0]]),
+        detected=np.array([[0.0, 9.0, 20.0]]), presented=np.full((1, 3), 20.0), guesses=(guess,),
+    )  # fmt: skip
+    row = {"participant": "1", "condition": "main", "deviance_p": 0.002, "guess_rate": 0.2,
+           "mle_threshold_vpp": 20.0, "mle_sigma": 4.0, "mle_lapse_rate": 0.0}  # fmt: skip
+    (told,) = misfits(pd.DataFrame([row]), people, Axis(x_scale="dB", unit="dB"))
+    # 20 (0.2 + 0.8 Phi(-5)) = 4.0, and of the middle 20 (0.2 + 0.8 / 2) = 12, as near as z = 1.4
+    assert "with the guess rate that blank trials tell: at 0 dB 0 of 20 instead of 4.0." in told
 
 
 def test_an_order_that_tables_do_not_number_is_not_told() -> None:

@@ -1,6 +1,6 @@
 from .bids import about, bids_tables, plain_tables
 from .columns import FORCED, YES_NO, ColumnMap, load_column_map
-from .conditions import pooled, refuse_lost_sides
+from .conditions import has_one_place, pooled, refuse_lost_sides
 from .counts import read_counted
 from .draft import NOTE, map_draft
 from .form import RowFilter, foreign_chunks
@@ -16,6 +16,7 @@ __all__ = [
     "bids_tables",
     "count_columns",
     "foreign_chunks",
+    "has_one_place",
     "load_column_map",
     "map_draft",
     "plain_tables",

@@ -94,20 +94,56 @@ def _same(table: Sample, one: str, other: str) -> bool:
 
 
 def pooled(sources: Sequence[InputTable], columns: ColumnMap) -> Iterator[str]:
-    """Say which columns a map leaves aside that may be conditions, unless it names one or none."""
-    if {"condition"} & {*columns.columns, *columns.constant}:
+    """Say which columns a map leaves aside that may be conditions, unless it says there is none.
+
+    Beside one that it names these are those that vary within participants and its words.
+    """
+    if "condition" in columns.constant or columns.columns.get("condition") == "":
         return
     table = sample_of(sources[:MOST_FILES], columns.form, columns.filter)
-    if "condition" in table.header:
-        return
     found = dict(columns.sources(table.header, str(sources[0].path)))
     roles = roles_by_name(table, found.get("participant", FILE), found.get("level_vpp"))
+    taken = found.get("condition")
+    key = [name for name in (found.get("participant"), taken) if name in table.header]
     for name, words in may_be_conditions(table, {*found.values()}, roles):
-        yield (
-            f"column {name} ({listed(words)}) is no condition here: its trials are analysed "
-            f'together; [columns] condition = "{name}" compares them, condition = "" says that '
-            "there is none"
-        )
+        told = f"column {name} ({listed(words)})"
+        if taken is None:
+            yield (
+                f"{told} is no condition here: its trials are analysed together; [columns] "
+                f'condition = "{name}" compares them, condition = "" says that there is none'
+            )
+        elif _varies(table, name, key):
+            yield (
+                f"{told} varies within {taken}, which is the condition here: its trials are "
+                f"analysed together; one part of them is taken by {_kept(name, words[0])}"
+            )
+
+
+def _varies(table: Sample, name: str, within: Sequence[str]) -> bool:
+    """Tell whether a column varies in most of the parts of a table that agree in others."""
+    at, *places = (table.header.index(one) for one in (name, *within))
+    words: dict[tuple[str, ...], set[str]] = {}
+    for row in table.rows:
+        words.setdefault(tuple([row[place] for place in places]), set()).add(row[at])
+    return 2 * sum(len(one) > 1 for one in words.values()) > len(words)
+
+
+def _kept(name: str, word: str) -> str:
+    """Say what keeps the rows that have a word in a column."""
+    return f"[rows.keep] {toml_entry(name, word, '').partition('  #')[0]}"
+
+
+def has_one_place(columns: ColumnMap, sides: Collection[str]) -> bool:
+    """Tell whether the only side that was read is a word of the map's, for a single place.
+
+    >>> from analysis.reading.foreign.columns import ColumnMap
+    >>> has_one_place(ColumnMap(values={"side": {"1": "left", "0": "none"}}), {"left", "none"})
+    True
+    """
+    if "side" in columns.constant:
+        return True
+    told = {*columns.values.get("side", {}).values()} - {"none"}
+    return len(told) == 1 and "response" not in columns.columns and {*sides} <= {*told, "none"}
 
 
 def refuse_lost_sides(sources: Sequence[InputTable], columns: ColumnMap) -> None:

@@ -229,7 +229,7 @@ def _unit(sections: dict[str, list[str]], level: str) -> None:
         return
     told = {
         "V": f"guess; {_PRINTED}, so say peak or peak-to-peak if you know",
-        "dB": 'guess, by the name; printed as written, as "dB SL" or "dB re 1 um"',
+        "dB": 'guess, by the name; may be "dB SL" or "dB re 1 um": it is only printed',
         "": f"{_FILL}the unit of the levels, or what they are (gain); {_PRINTED}",
     }
     _put(sections, "axis", "unit", unit, told.get(unit, f"guess, by the name; {_PRINTED}"))

@@ -104,19 +104,6 @@ def of_means(curves: Iterable[Curve]) -> Scale:
     return PROBABILITY if widest <= PROBABILITY.most else _COARSE
 
 
-def deviance_residuals(detected: Floats, presented: Floats, p: Floats) -> Floats:
-    """Return the signed roots of what each proportion adds to the deviance of p.
-
-    >>> deviance_residuals(np.array([5.0, 9.0]), np.array([10.0, 10.0]), np.array(0.5)).round(3)
-    array([0.   , 2.713])
-    """
-    from scipy.special import xlogy
-
-    q = detected / presented
-    parts = xlogy(detected, q / p) + xlogy(presented - detected, (1 - q) / (1 - p))
-    return np.asarray(np.sign(q - p) * np.sqrt(np.maximum(2 * parts, 0.0)))
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Foot:
     """Where residuals stand: the height of 0, and of a unit."""

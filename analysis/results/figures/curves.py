@@ -16,9 +16,9 @@ from analysis.results.figures.composed import (
     Curve,
     Mark,
     Residuals,
-    deviance_residuals,
 )
 from analysis.results.methods.task import is_yes_no
+from analysis.thresholds.goodness import deviance_residuals
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -5,15 +5,21 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Any, Final
 
-from analysis.axis import half_up
+import numpy as np
+from scipy.special import ndtr
+
+from analysis.axis import VOLTS, half_up, shortest
 from analysis.definitions import LAPSES_ERROR
 from analysis.thresholds.fit import WITH_THRESHOLD
-from analysis.thresholds.goodness import REPLICATES
+from analysis.thresholds.goodness import REPLICATES, deviance_residuals
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     import pandas as pd
+
+    from analysis.axis import Axis
+    from analysis.thresholds.people import PersonCounts
 
 
 REFUSED_P: Final = 0.01
@@ -31,11 +37,14 @@ _NAMED: Final = 6
 _APART: Final = 0.03
 """Guess rates that differ by less leave the residuals of the function drawn much as tested."""
 _FEW: Final = 2
+_FAR, _FEW_LEVELS = 1.96, 3
 _SEVERAL, _OFTEN = 5, 0.3
 
 
-def misfits(thresholds: pd.DataFrame) -> Iterator[str]:
-    """Yield a warning where functions do not fit.
+def misfits(
+    thresholds: pd.DataFrame, people: PersonCounts | None = None, axis: Axis = VOLTS
+) -> Iterator[str]:
+    """Yield a warning where functions do not fit, and where they do not if their counts are told.
 
     >>> import pandas as pd
     >>> rows = [("1", 0.3), ("2", 0.004), ("3", float("nan"))]
@@ -58,11 +67,48 @@ def misfits(thresholds: pd.DataFrame) -> Iterator[str]:
         f"{len(refused)} of {len(fits)} psychometric functions {'do' if some else 'does'} not fit "
         f"(bootstrap p < {REFUSED_P:g}; {REFUSED_P * len(fits):.2g} expected by chance): "
         f"{_names(refused, thresholds)}. Look at {'their' if some else 'its'} residuals, "
-        f"{where}: answers that drift or hang together, or keys and levels that "
+        f"{where}: answers that drift or hang together, or keys, levels and criteria that "
         "changed, make a threshold's interval too narrow."
+        + "".join(_most_apart(thresholds, refused, people, axis) if people else ())
         + "".join(_held(thresholds, refused))
         + (_WITHOUT if len({*thresholds["participant"]} - misfitting(thresholds)) > 1 else "")
     )
+
+
+def _most_apart(
+    thresholds: pd.DataFrame,
+    refused: list[tuple[float, str, str]],
+    people: PersonCounts,
+    axis: Axis,
+) -> Iterator[str]:
+    """Say at which levels counts and the tested function lie furthest apart."""
+    for _, who, condition in refused[:_NAMED]:
+        row = _row(thresholds, who, condition)
+        at = people.names.index((condition, who))
+        used = people.presented[at] > 0
+        levels, k, n = (
+            of[at, used] for of in (people.level_vpp, people.detected, people.presented)
+        )
+        far = axis.on_axis(levels) - axis.on_axis(float(row["mle_threshold_vpp"]))
+        guess, lapse = float(row["guess_rate"]), float(row["mle_lapse_rate"])
+        p = guess + (1 - guess - lapse) * ndtr(far * axis.width(1.0) / float(row["mle_sigma"]))
+        size = np.abs(deviance_residuals(k, n, p))
+        most = np.flatnonzero(size >= min(_FAR, float(size.max())))
+        worst = sorted(most, key=lambda one: -size[one])[:_FEW_LEVELS]
+        told = ", ".join(
+            f"at {shortest(levels[i])} {axis.unit} {k[i]:.0f} of {n[i]:.0f} instead of "
+            f"{n[i] * p[i]:.1f}"
+            for i in sorted(worst)
+        )
+        yield (
+            f" Of {_where(who, condition, thresholds)} furthest from the likeliest function with "
+            f"the guess rate that blank trials tell: {told}."
+        )
+
+
+def _row(thresholds: pd.DataFrame, who: str, condition: str) -> pd.Series[Any]:
+    one = thresholds["participant"].eq(who) & thresholds["condition"].eq(condition)
+    return thresholds[one].iloc[0]
 
 
 def _held(thresholds: pd.DataFrame, refused: list[tuple[float, str, str]]) -> Iterator[str]:
@@ -73,9 +119,7 @@ def _held(thresholds: pd.DataFrame, refused: list[tuple[float, str, str]]) -> It
     if "guess_posterior" not in thresholds:
         return
     for _, who, condition in refused[:_NAMED]:
-        row = thresholds[
-            thresholds["participant"].eq(who) & thresholds["condition"].eq(condition)
-        ].iloc[0]
+        row = _row(thresholds, who, condition)
         held, drawn = float(row["guess_rate"]), float(row["guess_posterior"])
         if drawn - held > _APART:
             yield (
