@@ -273,6 +273,7 @@ def analyse(
     thresholds = with_micrometres(fitted, trials, loaded.axis) if loaded.side_told else fitted
     sensitivity = sensitivity_table(trials)
     blank, detected_any = detection.blank_table(trials, ci, loaded.blanks), _detected_any(loaded)
+    told = warnings_of(loaded, excluded, stated, doubts=doubts, people=people, fits=thresholds)
     return Analysis(
         levels=detection.levels_of(cells),
         participants=detection.participants_of(cells, ci),
@@ -299,8 +300,7 @@ def analyse(
         control=counting.control_table(trials),
         counts=_counts(loaded) if loaded.cells is None else _counts_of(loaded, loaded.cells),
         inputs=loaded.inputs,
-        warnings=tuple(warnings_of(loaded, excluded, stated, doubts=doubts,
-                                   thresholds=thresholds, people=people)),  # fmt: skip
+        warnings=tuple(told),
         doubts=doubts,
         task=loaded.task,
         unswapped=_unswapped(people, thresholds, doubts, loaded.axis),

@@ -34,13 +34,13 @@ def warnings_of(
     stated: Mapping[str, tuple[str, ...]],
     *,
     doubts: Iterable[Doubt],
-    thresholds: pd.DataFrame,
     people: PersonCounts,
+    fits: pd.DataFrame,
 ) -> Iterator[str]:
     """Yield a sentence for everything about trials that a reader has to be told.
 
     `excluded` is what is left out, `stated` how the fingers lay, in words and by session,
-    `doubts` are `doubts_of` the same, and `thresholds` those that were fitted to `people`.
+    `doubts` are `doubts_of` the same, and `fits` the thresholds that were fitted to `people`.
     """
     trials = loaded.trials
     counted = trials[trials["reason"].eq("")]
@@ -72,7 +72,7 @@ def warnings_of(
     yield from _silent(trials)
     yield from _about_none(counted)
     yield from map(str, doubts)
-    yield from misfits(thresholds, people, loaded.axis)
+    yield from misfits(fits, people, loaded.axis)
 
 
 def doubts_of(loaded: LoadedTrials) -> Iterator[Doubt]:

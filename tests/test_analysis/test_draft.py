@@ -504,6 +504,25 @@ def test_other_levels_are_0_where_they_are_empty(tmp_path: Path) -> None:
     assert read.trials["kind"].eq("blank").sum() == 12
 
 
+def test_keys_are_the_sides_at_which_they_are_right(tmp_path: Path) -> None:
+    rows = [("L", "0.5", "f", "f"), ("R", "0.5", "j", "n"), ("-", "0", "n", "n"),
+            ("L", "0.2", "f", "j"), ("R", "0.2", "j", "None")]  # fmt: skip
+    head = "participant,loc,drive,corrAns,key_resp.keys\n"
+    told = draft(
+        put(tmp_path / "a.csv", head + "".join(f"1,{','.join(row)}\n" for row in rows * 2))
+    )
+    assert 'level_vpp = "drive"  # guess' in told
+    for line in ('- = "none"  # guess', 'f = "left"  # guess', 'j = "right"  # guess',
+                 'n = "none"  # guess'):  # fmt: skip
+        assert f"\n{line}\n" in told, line
+    felt = [(loc, "0.1" if loc == "-" else um, right, key) for loc, um, right, key in rows]
+    told = draft(
+        put(tmp_path / "b.csv", head + "".join(f"1,{','.join(row)}\n" for row in felt * 2))
+    )
+    assert '\n- = ""  # FILL IN' in told  # a place of stimuli: nobody knows which
+    assert '\nn = ""  # FILL IN' in told
+
+
 def go_no_go(cells: str) -> str:
     """Return a table of one person who pressed a key at the higher level only."""
     head = "participant,amp_um,finger,key_resp.keys\n"
@@ -600,10 +619,10 @@ def test_a_handedness_or_an_answer_is_no_side(
 
 
 def test_a_single_column_of_few_numbers_in_a_unit_is_the_level(tmp_path: Path) -> None:
-    table = put(tmp_path / "t.csv", localised().replace("amp_um", "drive_pct", 1))
+    table = put(tmp_path / "t.csv", localised().replace("amp_um", "load_pct", 1))
     told = tomllib.loads(map_draft(find_sources([table], foreign=True).tables)[0])
-    assert (told["columns"]["level_vpp"], told["axis"]["unit"]) == ("drive_pct", "%")
-    two = localised().replace("amp_um", "drive_pct,gap_um", 1)
+    assert (told["columns"]["level_vpp"], told["axis"]["unit"]) == ("load_pct", "%")
+    two = localised().replace("amp_um", "load_pct,gap_um", 1)
     for level in "049":
         two = two.replace(f"1,{level},", f"1,{level},{level}1,")
     told = tomllib.loads(map_draft(find_sources([put(table, two)], foreign=True).tables)[0])

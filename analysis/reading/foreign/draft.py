@@ -25,6 +25,7 @@ from analysis.reading.foreign.names import (
     WORDS,
     answers_of,
     blank_words,
+    guess_of,
     has_buttons,
     in_db,
     level_of,
@@ -364,10 +365,9 @@ def _numbers(table: Sample, ours: str, theirs: str, sections: dict[str, list[str
 def _words(table: Sample, ours: str, theirs: str, sections: dict[str, list[str]]) -> None:
     """Say what each word of theirs is, where it is known or must be told."""
     known = next(column.choices for column in COLUMNS if column.name == ours)
-    missing = "timeout" if ours == "response" else "none"
     words = [word for word in table.words(theirs) if word not in known]
     for word in words[:_MOST_WORDS]:
-        guess = missing if word.lower() in NOTHING else WORDS.get(plain(word), "")
+        guess = guess_of(table, ours, theirs, word)
         button = "the button that jsPsych counts so, the first is 0: " * has_buttons(table)
         told = _unanswered(table, theirs, word) if guess == "timeout" else ""
         what = f"guess{told}" if guess else f"{_FILL}{button}{', '.join(known)}"

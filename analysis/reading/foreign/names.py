@@ -9,16 +9,14 @@ import re
 from typing import TYPE_CHECKING, Final
 
 from analysis.reading.cells import NOTHING
-from analysis.reading.foreign.sample import plain
+from analysis.reading.foreign.sample import Sample, plain
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from analysis.reading.foreign.sample import Sample
-
 
 LEVELS: Final = (
-    *("level", "stimlevel", "intensity", "stimintensity", "amplitude", "amp"),
+    *("level", "stimlevel", "intensity", "stimintensity", "amplitude", "amp", "drive", "magnitude"),
     *("pegel", "stufe", "intensitat", "intensite", "niveau"),
 )
 OF_VOLTS: Final = ("vpp", "volt", "volts", "voltage", "spannung", "tension")
@@ -187,6 +185,30 @@ def side_of(table: Sample) -> str | None:
                 found[right].append(name)
     one = found[False] or found[True]
     return one[0] if len(one) == 1 else None
+
+
+def guess_of(table: Sample, ours: str, theirs: str, word: str) -> str:
+    """Guess what a word of a column of sides or of answers is; empty text where it must be told.
+
+    A key is the side where it is the right answer; a side without a letter, where no level is above
+    0, is none.
+    """
+    if word.lower() in NOTHING:
+        return "timeout" if ours == "response" else "none"
+    if plain(word) in WORDS:
+        return WORDS[plain(word)]
+    side, level = side_of(table), level_of(table)
+    if ours == "side" and level and not plain(word):
+        at, beside = table.header.index(theirs), table.header.index(level)
+        shown = Sample(header=[level], rows=[[r[beside]] for r in table.rows if r[at] == word])
+        return "" if any(shown.numbers(level) or []) else "none"
+    rights = [name for name in dict.fromkeys(table.header) if _RIGHT.search(name)]
+    rights = [one for one in rights if {*given(table, one)} <= {*table.words(theirs)}]
+    if ours != "response" or side is None or len(rights) != 1:
+        return ""
+    at, beside = table.header.index(rights[0]), table.header.index(side)
+    where = {row[beside] for row in table.rows if row[at] == word}
+    return guess_of(table, "side", side, where.pop()) if len(where) == 1 else ""
 
 
 def has_buttons(table: Sample) -> bool:
