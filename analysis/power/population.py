@@ -216,7 +216,7 @@ def pilot_people(study: Study, goal: Goal, loaded: LoadedTrials, where: str) -> 
     if loaded.cells is not None or axis.x_scale != "log10":
         what = "a table of counts" if loaded.cells is not None else f"{axis.unit}, {axis.x_scale}"
         raise ValueError(
-            f"--pilot must hold trials, with levels on a logarithmic axis; got {what} in {where}: "
+            f"--pilot must hold trials, with levels on an axis log10; got {what} in {where}: "
             "else state threshold_vpp, threshold_sd_db and, for a difference, difference_sd_db "
             "under [simulation], as the report tells them (docs/power.md, 2)"
         )

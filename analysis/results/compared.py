@@ -343,7 +343,7 @@ def _level_cell(told: LevelsApart, unit: str) -> str:
         f"{words} at {', '.join(map(shortest, at))} {unit}" for words, at in which.items() if at
     ]
     if told.nearly_all:
-        most = f"tells little where over {100 * NEARLY_ALL:.0f} % were felt"
+        most = f"tells little where over {100 * NEARLY_ALL:.0f} % were felt in either"
         shares = zip(told.nearly_all, told.most_felt, strict=True)
         at = ", ".join(
             f"{shortest(level)} {unit} ({half_up(round(100 * p, 9), 1)} %)" for level, p in shares

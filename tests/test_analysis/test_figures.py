@@ -455,7 +455,7 @@ def test_reaction_times_are_of_each_side_in_seconds() -> None:
     shown = analysis_of(reaction_times=pd.DataFrame(rows, columns=list(REACTION_COLUMNS)))
     svg = written(lambda: draw_reaction(shown))[1].decode()
     assert "Reaction time of correct answers (s)" in svg
-    assert "left: median, 10–90 % of answers" in svg
+    assert re.search(r"left: median, 10–90 % of \d+(?: to \d+)? answers a level", svg)
     assert "right: median" in svg
     assert "finger" not in svg
     assert "<!-- 220 -->" not in svg

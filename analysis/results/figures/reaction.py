@@ -82,6 +82,8 @@ def _draw_side(axes: Axes, one: pd.DataFrame, name: str, look: tuple[str, str, f
     from matplotlib.transforms import ScaledTranslation
 
     colour, marker, shift_pt = look
+    some = one["n"][one["n"].gt(0)]
+    number = " to ".join(dict.fromkeys(f"{n}" for n in (some.min(), some.max())))
     figure = axes.get_figure(root=True)
     assert figure is not None
     aside = axes.transData + ScaledTranslation(shift_pt / 72, 0, figure.dpi_scale_trans)
@@ -91,5 +93,5 @@ def _draw_side(axes: Axes, one: pd.DataFrame, name: str, look: tuple[str, str, f
                   transform=aside)  # fmt: skip
     axes.plot(
         one["level_vpp"], one["median"], color=colour, marker=marker, ms=5, lw=1.2,
-        transform=aside, label=f"{name}median, 10–90 % of answers",
+        transform=aside, label=f"{name}median, 10–90 % of {number} answers a level",
     )  # fmt: skip
