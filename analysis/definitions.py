@@ -275,8 +275,8 @@ LAPSES: Final = (
 )
 
 LAPSES_OFTEN: Final = (
-    "which is common where few trials lie above the threshold, and no reason to leave a threshold "
-    "out"
+    "which is common where few trials lie above the threshold or some strong stimuli are missed, "
+    "and no reason to leave a threshold out"
 )
 """The same in half a sentence."""
 

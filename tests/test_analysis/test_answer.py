@@ -63,7 +63,7 @@ TEST = (
 )
 BASIS = (
     rf"\((?:{TEST}|95 % intervals in the table(?:; {TEST})?|"
-    rf"{NUMBER} points, 95 % interval {NUMBER} to {NUMBER} by Student's t)\)"
+    rf"{NUMBER} points in \S+ against \S+, 95 % interval {NUMBER} to {NUMBER} by Student's t)\)"
 )
 FUNCTIONS = r"functions?(?: with a threshold)?"
 PUSH = (
@@ -945,7 +945,10 @@ def test_false_alarms_of_several_people_rest_on_their_interval(
         "hey were rarer in a, where the threshold is higher, and a stricter criterion there may "
     )
     if basis == "interval":
-        assert "not told apart (+8.3 points, 95 % interval -13.1 to +29.8 by Student's t)" in said
+        assert (
+            "not told apart (+8.3 points in b against a, 95 % interval -13.1 to +29.8 by "
+            "Student's t)" in said
+        )
         assert f"If anything t{rarer}bring the difference about in part." in said
     else:
         within = "exact Cochran-Mantel-Haenszel test within these participants"
@@ -985,7 +988,10 @@ def test_results_without_misfits_stand_beside_those_of_all(tmp_path: Path) -> No
 def test_an_answer_more_or_less_points_nowhere(least: Analysis) -> None:
     blanks = [(20, 20)] * 6
     said = alarms_said(least, [(1, 0), (0, 1), *[(1, 1)] * 4], blanks)
-    assert "not told apart (0.0 points, 95 % interval -3.3 to +3.3 by Student's t)" in said
+    assert (
+        "not told apart (0.0 points in b against a, 95 % interval -3.3 to +3.3 by Student's t)"
+        in said
+    )
     assert "If anything" not in said
     fewer = [(20, 19), *blanks[1:]]  # equally many false alarms, of other numbers of blanks
     assert "If anything" not in alarms_said(least, [(1, 1), (0, 1), (1, 0), *[(1, 1)] * 3], fewer)

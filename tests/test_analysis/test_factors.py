@@ -147,7 +147,7 @@ def test_where_the_target_was_is_not_offered(
 def test_a_factor_of_numbers_is_offered_with_names_to_print_and_warned_of(tmp_path: Path) -> None:
     path = table(tmp_path / "t.csv", "freq_Hz", lambda r: (63, 200)[r["factor"]], blocked=False)
     text, _ = map_draft(find_sources([path], foreign=True).tables)
-    assert '# 63 = "63 Hz"  # to print so, where freq_Hz is the condition\n' in text
+    assert '# 63 = "63 Hz"  # to print so, or as you like, where freq_Hz is the condition\n' in text
     assert '# Note: condition = "freq_Hz" compares' in text
     text = text.replace('task = ""', 'task = "yes/no"').replace('unit = ""', 'unit = "µm"')
     text = text.replace('side = ""', 'side = "left"')

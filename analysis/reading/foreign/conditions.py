@@ -78,7 +78,7 @@ def offered_conditions(table: Sample) -> Iterator[tuple[str, str]]:
     for name, words in may_be_conditions(table, {*known, side_of(table) or whose}, roles):
         yield "columns", f"# {toml_entry('condition', name, f'{OFFERED}{listed(words)}')}"
         for word in sorted(words, key=float_of) if table.numbers(name) else ():
-            told = f"to print so, where {one_line(name)} is the condition"
+            told = f"to print so, or as you like, where {one_line(name)} is the condition"
             yield "values.condition", f"# {toml_entry(word, with_unit(word, name), told)}"
 
 

@@ -52,7 +52,7 @@ NOTE: Final = "# Note: "
 _ROWS: Final = ("rows.keep", "rows.skip")
 _DECIMAL: Final = 'decimal = ","  # guess: there are numbers with a comma'
 _ASIDE: Final = {"none": "blanks", "both": "in no threshold"}
-_PRINTED: Final = 'printed as written, as "µm", "% FS" or "um peak-to-peak": nothing is converted'
+_PRINTED: Final = 'printed as written, as "µm", "of full drive" or "um peak": nothing is converted'
 _PEAKS: Final = "# its unit: V peak-to-peak, by the name; else state it, in [units]"
 _OF_FILE: Final = "; the name of the file without its ending, to be used like a column"
 _GO: Final = "guess: the only key, pressed if felt"

@@ -123,15 +123,17 @@ def blank_rows(analysis: Analysis) -> Iterator[tuple[str, str, str]]:
 
 
 def _most(analysis: Analysis, total: pd.Series[Any]) -> str:
-    """Say whose share of blank trials is the largest; empty text of one person, or of several."""
+    """Say whose share of blank trials is the largest; empty text where all have the same."""
     rows = analysis.blank[analysis.blank["participant"].ne(TOTAL)]
     if "condition" in rows:
         rows = rows[rows["condition"].eq(total["condition"])]
     most = rows[rows["p"].eq(rows["p"].max())]
-    if len(most) > 1 or len(most) == len(rows):
+    if len(most) == len(rows):
         return ""
     row = most.iloc[0]
     of = f"{row['p'] * row['presented']:.0f} of {row['presented']}"
+    if len(most) > 1:
+        return f", of a participant at most {of}"
     return f", {isolated(row['participant'])} the most with {of}"
 
 

@@ -87,7 +87,8 @@ def _of_two(analysis: Analysis, one: Pair, told: _Verdict, beside: str) -> Itera
     words = f"{_p_words(told.p)}, {told.test}"
     if told.points:
         at, _, limits = told.points.removesuffix(")").partition(" (")
-        words = f"{at}, 95 % interval {limits} by {one.t_test}"
+        which = f"in {isolated(one.b)} against {isolated(one.a)}"
+        words = f"{at} {which}, 95 % interval {limits} by {one.t_test}"
     push = _push(one, told)
     if told.apart:
         yield f"false alarms were not equally frequent ({words}): {push}{beside}"

@@ -37,7 +37,7 @@ _NAMED: Final = 6
 _APART: Final = 0.03
 """Guess rates that differ by less leave the residuals of the function drawn much as tested."""
 _FEW: Final = 2
-_FAR, _FEW_LEVELS = 1.96, 3
+_MOST, _FEW_LEVELS = 0.8, 4
 _SEVERAL, _OFTEN = 5, 0.3
 
 
@@ -81,7 +81,7 @@ def _most_apart(
     people: PersonCounts,
     axis: Axis,
 ) -> Iterator[str]:
-    """Say at which levels counts and the tested function lie furthest apart."""
+    """Say at which levels most of the tested function's deviance is."""
     for _, who, condition in refused[:_NAMED]:
         row = _row(thresholds, who, condition)
         at = people.names.index((condition, who))
@@ -93,16 +93,17 @@ def _most_apart(
         guess, lapse = float(row["guess_rate"]), float(row["mle_lapse_rate"])
         p = guess + (1 - guess - lapse) * ndtr(far * axis.width(1.0) / float(row["mle_sigma"]))
         size = np.abs(deviance_residuals(k, n, p))
-        most = np.flatnonzero(size >= min(_FAR, float(size.max())))
-        worst = sorted(most, key=lambda one: -size[one])[:_FEW_LEVELS]
+        order = np.argsort(-size, kind="stable")
+        part = np.cumsum(size[order] ** 2) / np.sum(size**2)
+        worst = order[: min(int(np.searchsorted(part, _MOST)) + 1, _FEW_LEVELS)]
         told = ", ".join(
             f"at {shortest(levels[i])} {axis.unit} {k[i]:.0f} of {n[i]:.0f} instead of "
             f"{n[i] * p[i]:.1f}"
-            for i in sorted(worst)
+            for i in sorted(worst, key=lambda i: levels[i])
         )
         yield (
-            f" Of {_where(who, condition, thresholds)} furthest from the likeliest function with "
-            f"the guess rate that blank trials tell: {told}."
+            f" Of {_where(who, condition, thresholds)} most of the deviance from the likeliest "
+            f"function with the guess rate that blank trials tell: {told}."
         )
 
 
