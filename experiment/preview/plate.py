@@ -147,7 +147,7 @@ class PlatePreview:
         if not self.study.plate.is_loss_stated:
             words += f"; loss factor {ASSUMED_LOSS:g} assumed"
         if any(actuator.patch_counts for actuator in self.study.actuators):
-            words += "; patches neither stiffen nor load the plate here (patch_counts)"
+            words += "; patch_counts is left out: patches do not stiffen or load the plate here"
         if self.study.finger_load.impedance is not None:
             words += "; without the finger load"
         return words

@@ -139,8 +139,12 @@ class KnownFor:
 
         >>> KnownFor(frequency_hz=500.0, duration_s=0.002).words, KnownFor().words
         (' at 500 Hz, 0.002 s', '')
+        >>> KnownFor(frequency_hz=500.0).words
+        ' at 500 Hz, of whatever duration (no threshold_at_s)'
         """
         told = [f"{value:g} {_REACHES[name].unit}" for name, value in self.stated.items()]
+        if told and self.duration_s is None:
+            told.append("of whatever duration (no threshold_at_s)")
         return f" at {', '.join(told)}" if told else ""
 
     def shift_db(self, vibration: Vibration) -> float:

@@ -106,7 +106,9 @@ def test_plan_and_check_have_the_same_gains() -> None:
 def test_the_field_says_that_it_leaves_patches_out() -> None:
     plate = plate_of(study())
     assert plate.strip.patches == ()
-    assert "patches neither stiffen nor load the plate here (patch_counts)" in plate.remark
+    assert (
+        "; patch_counts is left out: patches do not stiffen or load the plate here" in plate.remark
+    )
     assert "patch" not in plate_of(study(MEASURED)).remark
     bare = [load for load, _ in loads_per_volt(study(MEASURED))]
     assert [load for load, _ in loads_per_volt(study(), bare_strip(study()))] == bare
@@ -128,7 +130,7 @@ def test_the_field_says_that_it_leaves_patches_out() -> None:
             "carrier_density_kg_m3 is missing; carrier_thickness_mm needs it",
         ),
         (D31 + LAYERS, "", "patch_counts = true is missing; piezo_density_kg_m3 needs it"),
-        (MEASURED + COUNTS + D31, "", "exclude each other"),
+        (MEASURED + COUNTS + D31, "", "displacement_um and piezo_d31_pm_v exclude each other"),
         (
             MEASURED + COUNTS.replace("7800", "7.8"),
             "",

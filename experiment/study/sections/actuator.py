@@ -163,9 +163,9 @@ class Actuator:
     def _check_basis(self) -> None:
         """Refuse half a basis, two, or one that the shape cannot have."""
         self._check_patch()
+        piezo = tuple(sorted(PIEZO_KEYS)) if self.patch_counts else PIEZO_KEYS  # d31, its only one
         as_patch = self.patch_counts and self.piezo_d31_pm_v is None
-        bases = (MEASURED_KEYS,) if as_patch else (MEASURED_KEYS, PIEZO_KEYS)
-        basis = refuse_incomplete(self, *bases)
+        basis = refuse_incomplete(self, MEASURED_KEYS, *([] if as_patch else [piezo]))
         refuse_orphans(self, MEASURED_KEYS[0])
         if self.measured_as is not None and self.measured_displacement_um is None:
             raise ValueError(f"{MEASURED_KEYS[0]} is missing; measured_as needs it")
