@@ -108,7 +108,7 @@ def section() -> str:
             "",
             (
                 f"Simulated sessions of the paper's protocol, {trials} trials each, with plan and "
-                "journal beside every table; each line is a process of its own, on one thread. "
+                "journal beside every table; each line is its own process, on one thread. "
                 "Memory is the largest resident set."
             ),
             "",

@@ -261,7 +261,7 @@ def threshold_rows() -> Iterator[str]:
     )
     yield ""
     alike = sum(scenario in _ALIKE for scenario in SCENARIOS)
-    unseen = ", and three like them that are not shown," * (alike == len(_ALIKE))
+    unseen = ", and three like them not shown," * (alike == len(_ALIKE))
     yield (
         f"The first {len(every) - alike}{unseen} together have an RMSE of {of_all} dB of all and "
         f"{of_told} dB of what is printed. {_LAST}"
@@ -391,9 +391,9 @@ _THRESHOLDS: Final = (
     f"Thresholds of one observer with a normal function, lapses {_LAPSES:g} and {_CELL} stimuli at "
     "each level unless told; centred levels are 49 to 91 V. All: median error and RMSE of the "
     "posterior median in dB, and coverage. Printed: how many tables print a number, their RMSE and "
-    "coverage; every number lies within the levels. Of the first 40 tables: RMSE and coverage of "
-    "ours, psignifit (posterior mean, three free parameters, its default grid) and statsmodels "
-    "(the likeliest probit line, limits by the delta method)."
+    "coverage. Of the first 40 tables: RMSE and coverage of ours, psignifit (posterior mean, three "
+    "free parameters, its default grid) and statsmodels (the likeliest probit line, limits by the "
+    "delta method)."
 )
 _LAST: Final = (
     "The last four are people of another function where it is wide (the half point of a Weibull "

@@ -266,17 +266,15 @@ _GROUPS: Final = (
     f"Forced choices, {STUDIES} seeded studies a cell: coverage in % (standard error 0.3 % at 99 "
     "%, 0.7 % at 95 %), median width, bias and RMSE in dB. The middle of thresholds is 62 V, "
     "sigma 2 dB (varying by exp(0.3) between people), lapses 0.02; five levels, the paper's or "
-    "centred ones (49 to 91 V), with 30 stimuli each. With a dispersion of 3 a person's answers "
-    "vary three times as much as the binomial; `prior`: spread and middle are drawn from their "
-    "priors for each study. Limits are those of the posterior, printed or not (outside the levels "
-    "they are open). Left out, as their neighbours show them: 4 dB between people, and "
-    "differences of 2 dB that vary by 2 dB."
+    "centred ones, with 30 stimuli each. With a dispersion of 3 a person's answers vary three "
+    "times as much as the binomial; `prior`: spread and middle are drawn from their priors for "
+    "each study. Limits are the posterior's, printed or not (open outside the levels). Left out, "
+    "as their neighbours show them: 4 dB between people, and differences of 2 dB that vary by 2 dB."
 )
 _POPULATION: Final = (
     f"Beside statsmodels, {BESIDE} studies (standard error of coverage 1.4 to 2.7 %): 2 dB between "
     "people, centred levels, guess rate 0.02 (its model has neither guesses nor lapses)."
 )
 _DIFFERENCES: Final = (
-    "Differences of two conditions, of people as above, 2 dB apart; their differences vary, too. "
-    "Open limits count as covering."
+    "Differences of two conditions, of people as above, 2 dB apart. Open limits count as covering."
 )

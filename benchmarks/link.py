@@ -162,9 +162,9 @@ def section() -> str:
             "## Link",
             "",
             (
-                f"The emulator in a process of its own; medians of {REPEATS}. Upload: one slot of "
-                f"two 97-sample waveforms. The heartbeat takes {100 * beating:.1f} % of an idle "
-                "host's processor. Not tried on hardware."
+                f"The emulator in its own process; medians of {REPEATS}. Upload: one slot of two "
+                f"97-sample waveforms. The heartbeat takes {100 * beating:.1f} % of an idle "
+                "host's processor."
             ),
             "",
             "| line | ping | fire | upload |",

@@ -399,14 +399,13 @@ def _table(
 _WORDS: Final = (
     "Simulated people (62 V, 1.5 dB between people, sigma 0.1, lapses 0.03, false alarms 0.05) who "
     f"can say none, a session each; levels {LEVELS_VPP[0]:g} to {LEVELS_VPP[-1]:g} V (where there "
-    f"are 13 stimuli, {SPARSE_VPP[0]:g} to {SPARSE_VPP[-1]:g} V) and blanks. With each order "
-    "stands how many stimuli it has x trials of each; unless told there is one place, and a table "
-    "has five people. Columns: in what per cent of tables p < 0.05 of `felt`, `correct` and "
-    "`side`, in what per cent of sessions that of a `drift`, in what per cent of tables that of "
-    "`felt` against [random orders of whole trials](explanation/evidence.md#serial-effects), which "
-    "an analysis must not take; the mean `difference` of `felt`. 95 % limits (Wilson) of 5 % are "
-    "3.3 to 7.6 % by 400 tables and 2.7 to 9.0 % by 200, of 50 % 45 to 55 and 43 to 57 %; those of "
-    "a drift are narrower."
+    f"are 13 stimuli, {SPARSE_VPP[0]:g} to {SPARSE_VPP[-1]:g} V) and blanks. Beside each order: "
+    "stimuli x trials of each; unless told there is one place, and a table has five people. "
+    "Columns: per cent of tables with p < 0.05 of `felt`, `correct` and `side`, of sessions with "
+    "that of a `drift`, of tables with that of `felt` against [random orders of whole "
+    "trials](explanation/evidence.md#serial-effects); the mean `difference` of `felt`. 95 % limits "
+    "(Wilson) of 5 % are 3.3 to 7.6 % by 400 tables and 2.7 to 9.0 % by 200, of 50 % 45 to 55 and "
+    "43 to 57 %; those of a drift are narrower."
 )
 
 
@@ -428,4 +427,4 @@ def section() -> str:
 _DRIFTING: Final = (
     "None, but thresholds that drift by 4 dB, drift by 2 dB in each block, or wander by 1.4 dB"
 )
-_LOWER: Final = "Thresholds that are lower after something was felt, by 0.35, 1 and 2 dB"
+_LOWER: Final = "Thresholds lower after something was felt, by 0.35, 1 and 2 dB"

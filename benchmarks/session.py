@@ -211,7 +211,7 @@ def _session_lines() -> list[str]:
     return [
         "## Session",
         "",
-        ("`run` over a pty with the emulator in a process of its own."),
+        ("`run` over a pty with the emulator in its own process."),
         "",
         "| what | median | 99 % | greatest |",
         "|---|---|---|---|",
@@ -222,7 +222,7 @@ def _session_lines() -> list[str]:
         ),
         f"| `OperatorView.show` | {_spread(view['show_s'])} |",
         f"| a sleep of 1 ms is late by, without a view | {_spread(view['late_bare_s'])} |",
-        f"| ... beside a view that is drawn all the time | {_spread(view['late_beside_s'])} |",
+        f"| ... beside a view drawn all the time | {_spread(view['late_beside_s'])} |",
         f"| ... beside a view while an answer is awaited | {_spread(view['late_answer_s'])} |",
         "",
         _storage_words(path),

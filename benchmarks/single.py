@@ -170,7 +170,7 @@ def section() -> str:
             "## One frequency",
             "",
             (
-                "A frequency that was not asked before, a new scene, two receivers, rtol "
+                "A frequency not asked before, a new scene, two receivers, rtol "
                 f"{RTOL:g}. Least processor times in ms at {', '.join(first)} and {last} first "
                 f"cut-offs; {_EXPONENTIALS} bare exponentials in one `numpy.exp` took "
                 f" {min(bare_us):.0f} to {max(bare_us):.0f} us. Against rtol "
@@ -184,8 +184,8 @@ def section() -> str:
             *(f"| {' | '.join(cells)} |" for cells in rows),
             "",
             (
-                "1.5 ms was asked for. Loads beside the centre line move two symmetries. Why more "
-                "of them add little, and held edges with free ends take longer: [decision "
+                "1.5 ms was asked for. Why loads beside the centre line take longer, more of them "
+                "add little, and held edges with free ends take longer: [decision "
                 "8](decisions/0008-one-frequency.md). "
                 f"Endless steel and glass take at most {_most_alike(found):.2f} times as long as "
                 "aluminium."

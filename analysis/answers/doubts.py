@@ -1,8 +1,8 @@
 """People whose answers a reader should look at: sides swapped, no better than guessing, drifting.
 
 The tests are exact where they decide on a person, so that an honest one is hardly ever named;
-docs/statistics.md, section 12, has how often, and how many of the others are found. Nothing is left
-out or turned around because of them.
+docs/benchmarks.md, "Who is named", has how often, and how many of the others are found. Nothing is
+left out or turned around because of them.
 """
 
 from __future__ import annotations
