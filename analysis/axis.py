@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from decimal import ROUND_HALF_UP, Decimal
-from typing import TYPE_CHECKING, Any, Literal, get_args
+from typing import TYPE_CHECKING, Any, Literal, get_args, overload
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -197,7 +197,11 @@ class Axis:
                 f'needs x_scale = "dB"; got unit = "{unit}" and x_scale = "{self.x_scale}"'
             )
 
-    def on_axis(self, levels: Any) -> Any:
+    @overload
+    def on_axis(self, levels: float) -> float: ...
+    @overload
+    def on_axis(self, levels: Floats) -> Floats: ...
+    def on_axis(self, levels: float | Floats) -> float | Floats:
         """Return where levels lie on the axis.
 
         >>> import numpy as np

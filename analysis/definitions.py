@@ -131,7 +131,8 @@ def definitions_in(unit: str) -> Mapping[str, str]:
     """
     if unit == "V":
         return DEFINITIONS
-    volts = ("dB re 1 V peak-to-peak", f"dB re 1 {unit}"), ("volts peak-to-peak", unit)
+    in_db = unit if unit.lower().startswith("db") else f"dB re 1 {unit}"
+    volts = ("dB re 1 V peak-to-peak", in_db), ("volts peak-to-peak", unit)
     told = {names.replace("_vpp", ""): text for names, text in DEFINITIONS.items()}
     for words, own in (*volts, ("or volts on a linear", f"or {unit} on a linear")):
         told = {names: text.replace(words, own) for names, text in told.items()}

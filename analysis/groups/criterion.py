@@ -70,7 +70,7 @@ def with_criterion(
             told = each.get(name, {})
             first = _count(order.values()) if name == TOTAL else order[name]
             rows.append({"first": first} | told)
-        rows[-1] |= _alarms_apart(blank, str(a), str(b))
+        rows[-1] |= _alarms_apart(blank, str(a), str(b), paired=bool(people))
     beside = pd.DataFrame(rows, columns=list(BESIDE_COLUMNS), index=differences.index)
     return pd.concat([differences, beside], axis="columns")
 
@@ -161,13 +161,14 @@ def _beside(
     return found
 
 
-def _alarms_apart(blank: pd.DataFrame | None, a: str, b: str) -> dict[str, float]:
-    """Return by how much false alarms differ: of people in both conditions, or else of groups."""
+def _alarms_apart(blank: pd.DataFrame | None, a: str, b: str, *, paired: bool) -> dict[str, float]:
+    """Return by how much false alarms differ: within people, or else between groups of them."""
     if blank is None or not {a, b} <= {*blank.get("condition", ())}:
         return {}
     people, alarms, presented = alarms_of(blank, a, b)
-    if people:
-        return dict(zip(_ALARMS_APART, rates_apart(alarms, presented), strict=True))
+    if people or paired:
+        found = rates_apart(alarms, presented) if people else ()
+        return dict(zip(_ALARMS_APART, found, strict=False))
     rows = blank[blank["participant"].ne(TOTAL) & blank["presented"].gt(0)]
     shares = (rows.loc[rows["condition"].eq(name), "p"].to_numpy(float) for name in (a, b))
     return dict(zip(_ALARMS_APART, means_apart(*shares), strict=True))

@@ -14,7 +14,12 @@ import pandas as pd
 from analysis.axis import Axis, axis_of
 from analysis.reading.batch import InputFile, batches, read_batch
 from analysis.reading.checks import check_together, in_seconds
-from analysis.reading.foreign.conditions import has_one_place, pooled, refuse_lost_sides
+from analysis.reading.foreign.conditions import (
+    has_one_place,
+    pooled,
+    refuse_blank_levels,
+    refuse_lost_sides,
+)
 from analysis.reading.foreign.counts import read_counted
 from analysis.reading.foreign.form import RowFilter
 from analysis.reading.foreign.table import count_columns
@@ -191,6 +196,8 @@ def read_inputs(
         why = [*without.told.values(), *(one for lines in without.lost.values() for one in lines)]
         message = f"no session in this folder has a {TABLE}; {why[0]}"
         raise ResultFileError(paths[0], None, message)
+    if columns is not None:
+        refuse_blank_levels(columns, str(paths[0]))
     files = [path for one in sources for path in (one.path, one.path.with_name(PLAN))]
     counts = count_columns(columns.table) if columns else None
     if columns and counts:

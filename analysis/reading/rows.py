@@ -141,7 +141,7 @@ def _without_stimulus(rows: pd.DataFrame, task: str) -> pd.DataFrame:
     if task == FORCED:
         message = (
             "the level is 0, and a forced choice has no trials without a stimulus; [rows.skip] of "
-            'a map leaves them out, [axis] x_scale = "linear" takes 0 for a level'
+            'a map leaves them out, [axis] x_scale = "dB" or "linear" takes 0 for a level'
         )
         raise ResultFileError(rows["file"][zero].iloc[0], int(rows["line"][zero].iloc[0]), message)
     return rows.assign(side=rows["side"].mask(zero, "none"))

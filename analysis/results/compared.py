@@ -306,7 +306,8 @@ def difference_rows(
             yield name, _level_cell(levels, analysis.axis.unit), f"{of}{sides}{_EACH}"
         if points := alarms_apart(one.row):
             name = f"False alarms in {isolated(one.b)} against {isolated(one.a)}"
-            yield name, points, f"mean of participants, by {one.t_test}"
+            what = "mean of participants" if one.of != _OTHERS else "difference of two means"
+            yield name, points, f"{what}, by {one.t_test}"
 
 
 def _fitting_row(analysis: Analysis, one: Pair) -> Iterator[tuple[str, str, str]]:

@@ -300,7 +300,7 @@ def _with_groups(analysis: Analysis) -> pd.DataFrame:
     )
     if analysis.axis.is_logarithmic:
         for name in ("threshold", "threshold_low", "threshold_high"):
-            rows[f"{name}_db"] = 20 * analysis.axis.on_axis(rows[f"{name}_vpp"].astype(float))
+            rows[f"{name}_db"] = 20 * analysis.axis.on_axis(rows[f"{name}_vpp"].to_numpy(float))
     columns = list(thresholds.columns)
     records = [*thresholds.to_dict("records"), *rows.to_dict("records")]
     table = pd.DataFrame(records, columns=columns)

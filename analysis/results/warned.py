@@ -26,6 +26,7 @@ _EXPECTED = ("practice", "control", "voided")
 _NO_STUDY = "n/a"
 _NEARLY: Final = 0.9
 _SEVERAL: Final = 3
+_FEW_OF_ALL: Final = 0.25
 
 
 def warnings_of(
@@ -130,22 +131,24 @@ def _incomplete(loaded: LoadedTrials) -> Iterator[str]:
 def _broken_off(trials: pd.DataFrame, planned: Collection[tuple[str, str]]) -> Iterator[str]:
     """Name who has fewer trials of a condition than most, where no plan tells how many there are.
 
-    These have all the same number, and nine tenths of it may be an answer too late now and then.
+    Those are a quarter at most, and have less than nine tenths of what several others have in each
+    session: of more it may be a design.
     """
     key = ["participant", "session"]
     known = pd.MultiIndex.from_frame(trials[key].astype(str)).isin([*planned])
-    number = trials[~known].astype({"condition": str}).groupby(["condition", "participant"]).size()
+    each = ["condition", "participant", "session"]
+    number = trials[~known].astype({"condition": str}).groupby(each).size()
     for condition, own in number.groupby(level="condition"):
         usual = int(own.mode().max())
         same = int(own.eq(usual).sum())
-        fewer = own[own.lt(_NEARLY * usual)].droplevel("condition")
-        if fewer.empty or 2 * same <= len(own) or same < _SEVERAL:
+        fewer = own[own.lt(_NEARLY * usual)].groupby("participant").min()
+        if fewer.empty or len(fewer) > _FEW_OF_ALL * len(own) or same < _SEVERAL:
             continue
         where = f" in condition {condition}" if len({*trials["condition"]}) > 1 else ""
         if len(fewer) > SPELLED:
             yield (
-                f"{len(fewer)} participants have {fewer.min()} to {fewer.max()} trials{where}, "
-                f"{same} of {len(own)} have {usual}: were sessions broken off?"
+                f"{len(fewer)} participants have fewer than {usual} trials{where}, which {same} of "
+                f"{len(own)} have: were sessions broken off?"
             )
             continue
         for who, few in fewer.items():

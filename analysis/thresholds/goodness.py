@@ -110,10 +110,10 @@ def deviance_residuals(detected: Floats, presented: Floats, p: Floats) -> Floats
     >>> deviance_residuals(np.array([5.0, 9.0]), np.array([10.0, 10.0]), np.array(0.5)).round(3)
     array([0.   , 2.713])
     """
-    from scipy.special import xlogy
+    from scipy.special import rel_entr
 
     q = detected / presented
-    parts = xlogy(detected, q / p) + xlogy(presented - detected, (1 - q) / (1 - p))
+    parts = presented * (rel_entr(q, p) + rel_entr(1 - q, 1 - p))
     return np.asarray(np.sign(q - p) * np.sqrt(np.maximum(2 * parts, 0.0)))
 
 

@@ -523,6 +523,86 @@ def test_keys_are_the_sides_at_which_they_are_right(tmp_path: Path) -> None:
     assert '\nn = ""  # FILL IN' in told
 
 
+@pytest.mark.parametrize("keys", [("up", "down"), ("1", "2"), ("z", "m")])
+def test_keys_of_a_single_place_are_no_sides(tmp_path: Path, keys: tuple[str, str]) -> None:
+    rows = [f"p1,left,{um},{right},{key}" for um in (10, 20, 40) for right in keys for key in keys]
+    head = "participant,finger,intensity,corrAns,key\n"
+    told = draft(put(tmp_path / "a.csv", head + "\n".join(rows) + "\n"))
+    assert all(f'\n{key} = ""  # FILL IN' in told for key in keys)
+
+
+def test_rows_without_a_level_and_without_an_answer_are_no_blanks(tmp_path: Path) -> None:
+    rows = ["10,0", "20,1", "40,1", ",", "10,0", "20,0", "40,1", ","]
+    head = "subject,trial,level,felt\n"
+    text = head + "".join(f"p1,{n},{row}\n" for n, row in enumerate(rows, 1))
+    told = draft(put(tmp_path / "a.csv", text))
+    assert 'level = [""]  # guess: 2 rows without a level and without an answer' in told
+    assert "# Note: 2 of 8 rows are skipped" in told
+    assert "blanks" not in told
+    some = draft(put(tmp_path / "b.csv", text.replace("p1,8,,", "p1,8,,1")))
+    assert "blanks" not in some  # of a fixation and a blank nobody knows which is which
+    assert "\n[rows.skip]" not in some
+    blanks = draft(put(tmp_path / "c.csv", text.replace(",,", ",,0")))
+    assert '"" = "0"  # guess: 2 rows without a level are blanks' in blanks
+    assert "# Note: 2 rows without a level are blanks\n" in blanks
+
+
+@pytest.mark.parametrize(
+    ("head", "words", "skipped"),
+    [
+        ("kind", ("train", "single"), None),  # of pulses
+        ("condition", ("baseline", "post_training"), None),
+        ("phase", ("Practice", "main", "main"), '["Practice"]'),
+        ("part", ("training_1", "test", "test"), '["training_1"]'),
+        ("is_practice", ("true", "false", "false"), '["true"]'),
+        ("is_practice", ("0", "1", "0"), '["1"]'),
+    ],
+)
+def test_practice_is_skipped_and_no_condition(
+    tmp_path: Path, head: str, words: tuple[str, ...], skipped: str | None
+) -> None:
+    rows = [f"{who},{word},{level},y" for who in ("Ann", "Pract") for level in (5, 9) * 3
+            for word in words]  # fmt: skip
+    told = draft(
+        put(tmp_path / "a.csv", f"participant,{head},level,key\n" + "\n".join(rows) + "\n")
+    )
+    assert (f"{head} = {skipped}  # guess; there are" in told) is (skipped is not None)
+    assert ("[rows.skip]" in told) is (skipped is not None)
+
+
+@pytest.mark.parametrize(
+    ("columns", "level"),
+    [("drive,volts", "volts"), ("drive,x", "drive"), ("x,dB", "dB"), ("dB SL,x", "dB SL")],
+)
+def test_levels_are_found_under_these_names(tmp_path: Path, columns: str, level: str) -> None:
+    rows = "".join(f"p1,{n % 2 + 1},{n % 3 + 3},{n % 2}\n" for n in range(12))
+    told = draft(put(tmp_path / "a.csv", f"subject,{columns},felt\n{rows}"))
+    assert f'level_vpp = "{level}"  # guess' in told
+
+
+def test_an_empty_level_is_not_0_where_that_is_a_level(tmp_path: Path) -> None:
+    table = put(tmp_path / "a.csv", "participant,intensity,detected\np,0,1\np,,0\np,10,1\n")
+    named = (
+        'task = "yes/no"\n[columns]\nlevel_vpp = "intensity"\n[constant]\nside = "left"\n'
+        '[values.level_vpp]\n"" = "0"\n[axis]\nx_scale = "dB"\nunit = "dB SL"\n'
+    )
+    error = refused(table, columns=load_column_map(put(tmp_path / "m.toml", named)))
+    assert '"" = "0": 0 is a level where x_scale = "dB"; blanks are told by a side' in str(error)
+
+
+def test_what_says_the_stimulus_or_the_answer_again_is_no_factor(tmp_path: Path) -> None:
+    rows = [
+        f"{who},{grip},{level},{key},{'blank' if level == '0' else 'stimulus'},vib_{level}.wav,"
+        f"{'hit' if key == 'left' else 'miss'}"
+        for who in "AB" for grip in ("loose", "tight") for level in ("0", "5", "9") for key in
+        ("left", "none") * 2
+    ]  # fmt: skip
+    head = "participant,condition,level,response,stim_type,soundfile,sdt,side\n"
+    table = put(tmp_path / "a.csv", head + "".join(f"{row},left\n" for row in rows))
+    named = load_column_map(put(tmp_path / "m.toml", '[columns]\nlevel_vpp = "level"\n'))
+    assert read_inputs([table], named).changed == ()
+
+
 def go_no_go(cells: str) -> str:
     """Return a table of one person who pressed a key at the higher level only."""
     head = "participant,amp_um,finger,key_resp.keys\n"

@@ -483,10 +483,14 @@ def test_a_misfit_is_said_to_be_where_counts_and_function_lie_furthest_apart() -
         detected=np.array([[0.0, 9.0, 20.0]]), presented=np.full((1, 3), 20.0), guesses=(guess,),
     )  # fmt: skip
     row = {"participant": "1", "condition": "main", "deviance_p": 0.002, "guess_rate": 0.2,
-           "mle_threshold_vpp": 20.0, "mle_sigma": 4.0, "mle_lapse_rate": 0.0}  # fmt: skip
+           "mle_threshold_vpp": 20.0, "mle_sigma": 4.0, "mle_lapse_rate": 0.0,
+           "guess_basis": "blanks"}  # fmt: skip
     (told,) = misfits(pd.DataFrame([row]), people, Axis(x_scale="dB", unit="dB"))
     # 20 (0.2 + 0.8 Phi(-5)) = 4.0, and of the middle 20 (0.2 + 0.8 / 2) = 12, as near as z = 1.4
     assert "with the guess rate that blank trials tell: at 0 dB 0 of 20 instead of 4.0." in told
+    row |= {"guess_basis": "forced choice", "mle_sigma": 1e-3}  # a step: 0/0 at the highest level
+    (told,) = misfits(pd.DataFrame([row]), people, Axis(x_scale="dB", unit="dB"))
+    assert "with the guess rate of guessing: at 0 dB 0 of 20 instead of 4.0" in told
 
 
 def test_an_order_that_tables_do_not_number_is_not_told() -> None:

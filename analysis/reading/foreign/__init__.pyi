@@ -1,6 +1,6 @@
 from .bids import about, bids_tables, plain_tables
 from .columns import FORCED, YES_NO, ColumnMap, load_column_map
-from .conditions import has_one_place, pooled, refuse_lost_sides
+from .conditions import has_one_place, pooled, refuse_blank_levels, refuse_lost_sides
 from .counts import read_counted
 from .draft import NOTE, map_draft
 from .form import RowFilter, foreign_chunks
@@ -22,5 +22,6 @@ __all__ = [
     "plain_tables",
     "pooled",
     "read_counted",
+    "refuse_blank_levels",
     "refuse_lost_sides",
 ]

@@ -87,7 +87,7 @@ class ColumnMap:
     rows : mapping
         ``keep`` and ``skip``: their column to a word or to words, see `row_filter`.
     axis : mapping of str to str
-        ``x_scale``, ``log10`` or ``linear``, and ``unit``, see `analysis.axis.Axis`.
+        ``x_scale``, ``log10``, ``dB`` or ``linear``, and ``unit``, see `analysis.axis.Axis`.
     table : mapping
         For counts instead of trials: ``detected``, ``presented``, ``group``, see
         `analysis.reading.foreign.table.CountColumns`.

@@ -5,10 +5,20 @@ from __future__ import annotations
 import re
 from typing import TYPE_CHECKING, Final
 
+from analysis.axis import axis_of
+from analysis.reading.cells import NOTHING
 from analysis.reading.foreign.bids import FILE, STANDS_FOR
 from analysis.reading.foreign.factors import MOST, factor_words, float_of, roles_by_name, with_unit
 from analysis.reading.foreign.form import toml_entry
-from analysis.reading.foreign.names import CALLED, level_of, side_of
+from analysis.reading.foreign.names import (
+    CALLED,
+    WORDS,
+    blank_words,
+    in_db,
+    level_of,
+    side_of,
+    without_level,
+)
 from analysis.reading.foreign.sample import listed, plain, sample_of
 from analysis.reading.text import ResultFileError, one_line
 
@@ -24,6 +34,10 @@ OFFERED: Final = "guess: delete the first # to compare "
 """How the comment of a condition that is offered begins."""
 MOST_FILES: Final = 40
 """Files that are looked at, for a guess or a remark."""
+BLANKS: Final = "rows without a level are blanks"
+_ANSWERED: Final = 0.8
+_FORETELLING: Final = ("level_vpp", "side", "response", "detected")
+"""What also tells a stimulus from a blank, or a hit from a miss, as others' columns say again."""
 _SIDE: Final = re.compile("left|right")
 _NONE: Final = ("date", "time", "expname", "expstart", "psychopyversion", "corrans")
 
@@ -72,6 +86,7 @@ def offered_conditions(table: Sample) -> Iterator[tuple[str, str]]:
     For numbers a line each says what may be printed in their place.
     """
     known = {name for names in CALLED.values() for name in (table.called(names),) if name}
+    known |= {blank_words(table, level)[0]} if (level := without_level(table)[0]) else set()
     person = table.called(CALLED["participant"]) or STANDS_FOR["participant"]
     whose = person if person in table.header else FILE
     roles = roles_by_name(table, whose, level_of(table))
@@ -80,6 +95,33 @@ def offered_conditions(table: Sample) -> Iterator[tuple[str, str]]:
         for word in sorted(words, key=float_of) if table.numbers(name) else ():
             told = f"to print so, or as you like, where {one_line(name)} is the condition"
             yield "values.condition", f"# {toml_entry(word, with_unit(word, name), told)}"
+
+
+def blank_entries(
+    table: Sample, theirs: str | None, *, where: bool
+) -> list[tuple[str, str, str, str]]:
+    """Return what a draft says of rows without a level that have answers: they are blanks.
+
+    Section, key, value and comment each. Where 0 is a level they are told by a side, of a column
+    that names them; `theirs` does not if it has several places and `where` it was is asked.
+    """
+    level, rows, answered = without_level(table)
+    if not rows or answered < _ANSWERED:
+        return []
+    told = f"guess: {rows} {BLANKS}"
+    sides = table.words(theirs) if theirs else {}
+    named = any(word.lower() in NOTHING or WORDS.get(plain(word)) == "none" for word in sides)
+    if not in_db(level) and min(table.numbers(level) or [0]) >= 0:
+        empty = [word for word in table.words(level) if word.lower() in NOTHING]
+        return [] if named else [("values.level_vpp", word, "0", told) for word in empty]
+    if named or (where and len(sides) > 1):
+        return []
+    name, words = blank_words(table, level)
+    found = [("columns", "side", name, told)]
+    for word in table.words(name):
+        ours, why = ("none", "guess") if word in words else ("left", "guess: of a single place")
+        found.append(("values.side", word, ours, why))
+    return found
 
 
 def _within(words: Collection[str], taken: list[set[str]]) -> bool:
@@ -104,7 +146,8 @@ def pooled(sources: Sequence[InputTable], columns: ColumnMap) -> Iterator[str]:
     found = dict(columns.sources(table.header, str(sources[0].path)))
     roles = roles_by_name(table, found.get("participant", FILE), found.get("level_vpp"))
     taken = found.get("condition")
-    key = [name for name in (found.get("participant"), taken) if name in table.header]
+    known = [found.get(ours) for ours in ("participant", "condition", *_FORETELLING)]
+    key = [name for name in known if name in table.header]
     for name, words in may_be_conditions(table, {*found.values()}, roles):
         told = f"column {name} ({listed(words)})"
         if taken is None:
@@ -122,10 +165,11 @@ def pooled(sources: Sequence[InputTable], columns: ColumnMap) -> Iterator[str]:
 def _varies(table: Sample, name: str, within: Sequence[str]) -> bool:
     """Tell whether a column varies in most of the parts of a table that agree in others."""
     at, *places = (table.header.index(one) for one in (name, *within))
-    words: dict[tuple[str, ...], set[str]] = {}
+    words: dict[tuple[str, ...], list[str]] = {}
     for row in table.rows:
-        words.setdefault(tuple([row[place] for place in places]), set()).add(row[at])
-    return 2 * sum(len(one) > 1 for one in words.values()) > len(words)
+        words.setdefault(tuple([row[place] for place in places]), []).append(row[at])
+    several = [{*one} for one in words.values() if len(one) > 1]
+    return 2 * sum(len(one) > 1 for one in several) > len(several)
 
 
 def _kept(name: str, word: str) -> str:
@@ -144,6 +188,20 @@ def has_one_place(columns: ColumnMap, sides: Collection[str]) -> bool:
         return True
     told = {*columns.values.get("side", {}).values()} - {"none"}
     return len(told) == 1 and "response" not in columns.columns and {*sides} <= {*told, "none"}
+
+
+def refuse_blank_levels(columns: ColumnMap, file: str) -> None:
+    """Refuse a map that makes an empty level 0 where 0 is a level: its blanks would be stimuli."""
+    for word, ours in columns.values.get("level_vpp", {}).items():
+        if word.lower() in NOTHING and ours == "0" and axis_of(columns.axis).signed:
+            raise ResultFileError(
+                columns.name or file,
+                None,
+                f'[values.level_vpp] "{word}" = "0": 0 is a level where x_scale = '
+                f'"{columns.axis["x_scale"]}"; blanks are told by a side: [columns] side names a '
+                f'column, as that of the level itself, and [values.side] has "{word}" = "none" '
+                'and "left" for its other words',
+            )
 
 
 def refuse_lost_sides(sources: Sequence[InputTable], columns: ColumnMap) -> None:

@@ -15,7 +15,13 @@ from typing import TYPE_CHECKING, Final
 from analysis.reading.cells import NOTHING, TRUTHS
 from analysis.reading.checks import MAX_MEDIAN_RT_S
 from analysis.reading.foreign.bids import FILE, STANDS_FOR
-from analysis.reading.foreign.conditions import MOST_FILES, OFFERED, offered_conditions
+from analysis.reading.foreign.conditions import (
+    BLANKS,
+    MOST_FILES,
+    OFFERED,
+    blank_entries,
+    offered_conditions,
+)
 from analysis.reading.foreign.form import RowFilter, guessed_encoding, text_format, toml_entry
 from analysis.reading.foreign.names import (
     CALLED,
@@ -24,14 +30,15 @@ from analysis.reading.foreign.names import (
     OF,
     WORDS,
     answers_of,
-    blank_words,
     guess_of,
     has_buttons,
     in_db,
     level_of,
+    no_trials,
     only_key,
     side_of,
     unit_of,
+    without_level,
 )
 from analysis.reading.foreign.sample import EMPTY, NUMBER, Sample, listed, plain, sample_of, told_of
 from analysis.reading.text import one_line
@@ -44,7 +51,7 @@ if TYPE_CHECKING:
 
 
 _MOST_WORDS: Final = 12
-_NO_TRIAL: Final = re.compile("pract|train|instr|demo|warm.?up|welcome", re.IGNORECASE)
+_NO_LOOP: Final = re.compile("pract|train|instr|demo|warm.?up|welcome", re.IGNORECASE)
 _BLOCK: Final = re.compile(r"\.thisN$|^(block|run)_?(n|nr|no|num|number|index|id)?$", re.IGNORECASE)
 _FILL: Final = "FILL IN: "
 NOTE: Final = "# Note: "
@@ -127,7 +134,9 @@ def _notes(looked_at: Sample, trials: Sample, sections: Mapping[str, list[str]])
     for ours, told in _ASIDE.items():
         if rows := sum(n for word, n in words.items() if WORDS.get(plain(word)) == ours):
             yield f"{rows} {'row has' if rows == 1 else 'rows have'} side {ours}: {told}"
-    for line in sections["columns"]:
+    for line in (*sections.get("values.level_vpp", ()), *sections["columns"]):
+        if line.endswith(BLANKS):
+            yield line.partition("  # guess: ")[2]
         key, _, names = line.removeprefix("# ").partition(f"  # {OFFERED}")
         if names:
             yield f"{key} compares {names} once its # is deleted; else all are analysed together"
@@ -137,7 +146,7 @@ def _rows(table: Sample, sections: dict[str, list[str]]) -> Sample:
     """Guess which rows are trials: those of a loop of PsychoPy, of a plugin of jsPsych."""
     loops, loop = [name for name in table.header if name.endswith(".thisN")], ""
     if loops:
-        of_trials = [name for name in loops if not _NO_TRIAL.search(name)] or loops
+        of_trials = [name for name in loops if not _NO_LOOP.search(name)] or loops
         innermost = max(of_trials, key=table.changes)
         loop = "trials.thisN" if "trials.thisN" in loops else innermost
         _put(sections, "rows.skip", loop, "", f"guess: outside this loop; loops: {listed(loops)}")
@@ -154,11 +163,17 @@ def _rows(table: Sample, sections: dict[str, list[str]]) -> Sample:
         words = table.words(name)
         if len(words) > _MOST_WORDS or name.endswith("-") or name == loop:
             continue
-        skipped = [word for word in words if _NO_TRIAL.search(word)]
-        if skipped and any(word not in skipped and word.lower() not in NOTHING for word in words):
+        if skipped := no_trials(table, name):
             _put(sections, "rows.skip", name, skipped, f"guess; there are: {listed([*words])}")
-            for word in skipped:
-                table = table.without(name, word)
+        for word in skipped:
+            table = table.without(name, word)
+    level, rows, answered = without_level(table)
+    if rows and not answered:
+        empty = [word for word in table.words(level) if word.lower() in NOTHING]
+        told = f"guess: {rows} rows without a level and without an answer"
+        _put(sections, "rows.skip", level, empty, told)
+        for word in empty:
+            table = table.without(level, word)
     return table
 
 
@@ -240,7 +255,9 @@ def _side(
     table: Sample, theirs: str | None, sections: dict[str, list[str]], *, where: bool
 ) -> None:
     """Guess the side; if not `where` was asked, a yes to a blank trial names none of several."""
-    if _by_blanks(table, theirs, sections):
+    for section, *entry in (entries := blank_entries(table, theirs, where=where)):
+        _put(sections, section, *entry)
+    if any(section == "columns" for section, *_ in entries):
         return
     if theirs is None:
         _put(sections, "constant", "side", "", f"{_FILL}\"left\" will do for a single place, "
@@ -258,33 +275,6 @@ def _side(
             _put(sections, "columns", "side", "", "left out, for the constant below")
     else:
         _named(table, "side", theirs, sections)
-
-
-def _by_blanks(table: Sample, theirs: str | None, sections: dict[str, list[str]]) -> bool:
-    """Tell blanks by a column that names rows without a level, where 0 is a level."""
-    level = level_of(table)
-    if level is None or not _signed(table, level) or (theirs and len(table.words(theirs)) > 1):
-        return False
-    name, words = blank_words(table, level)
-    if not name:
-        return False
-    rows = sum(table.words(name)[word] for word in words)
-    _put(sections, "columns", "side", name, f"guess: {rows} rows without a level are blanks")
-    for word in table.words(name):
-        ours, told = ("none", "guess") if word in words else ("left", "guess: of a single place")
-        _put(sections, "values.side", word, ours, told)
-    return True
-
-
-def _signed(table: Sample, level: str) -> bool:
-    """Tell whether 0 is a level."""
-    return in_db(level) or min(table.numbers(level) or [0]) < 0
-
-
-def _names_blanks(table: Sample) -> bool:
-    """Tell whether a column of sides says where there is no stimulus."""
-    words = table.words(side) if (side := side_of(table)) else {}
-    return any(word.lower() in NOTHING or WORDS.get(plain(word)) == "none" for word in words)
 
 
 def _answer(
@@ -340,12 +330,8 @@ def _named(table: Sample, ours: str, theirs: str, sections: dict[str, list[str]]
 def _numbers(table: Sample, ours: str, theirs: str, sections: dict[str, list[str]]) -> None:
     """Say what the numbers of a column are in, and which of its words are none."""
     words, numbers = table.words(theirs), table.numbers(theirs)
-    is_blank = ours == "level_vpp" and not _signed(table, theirs) and not _names_blanks(table)
-    for word in words:
-        if word.lower() in NOTHING and is_blank:
-            told = f"guess: {words[word]} rows without a level are blanks"
-            _put(sections, "values.level_vpp", word, "0", told)
-        elif word.lower() in NOTHING and word not in ("", "n/a"):
+    for word in () if f"values.{ours}" in sections else words:
+        if word.lower() in NOTHING and word not in ("", "n/a"):
             _put(sections, f"values.{ours}", word, "n/a", "guess")
     if numbers and any("," in word for word in words) and _DECIMAL not in sections.get("file", []):
         sections.setdefault("file", []).append(_DECIMAL)

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 LEVELS: Final = (
-    *("level", "stimlevel", "intensity", "stimintensity", "amplitude", "amp", "drive", "magnitude"),
+    *("level", "stimlevel", "intensity", "stimintensity", "amplitude", "amp"),
     *("pegel", "stufe", "intensitat", "intensite", "niveau"),
 )
 OF_VOLTS: Final = ("vpp", "volt", "volts", "voltage", "spannung", "tension")
@@ -92,10 +92,17 @@ FELT: Final[Mapping[str, str]] = {
 _PART: Final = re.compile("[A-Z]?[a-z]+|[A-Z]+")
 _MOST_LEVELS: Final = 20
 _FEW_WORDS: Final = 4
+_SIDES: Final = 2
 _VOLTS: Final = re.compile("volt|spannung|tension")
 _UNIT: Final = re.compile(r"[_ .(\[](um|µm|nm|mm|pct|percent)[)\]]?$", re.IGNORECASE)
 _UNITS: Final = {"pct": "%", "percent": "%"}
-_IN_UNIT: Final = re.compile(r"[_ .(\[](um|µm|nm|pct|percent|dB)[)\]]?$", re.IGNORECASE)
+_IN_UNIT: Final = re.compile(r"[_ .(\[](um|µm|nm|pct|percent)[)\]]?$", re.IGNORECASE)
+_OF_DRIVES: Final = {"drive", "magnitude"}
+_NO_TRIAL: Final = re.compile(
+    "(?<![a-z])(practi[cs]e|prac|training|instructions?|demo|warm.?up|welcome)(?![a-z])",
+    re.IGNORECASE,
+)
+_MOST_PRACTICE: Final = 0.5
 _IN_DB: Final = re.compile(r"(?:^|[^A-Za-z])d[Bb](?=$|[^A-Za-z]|[A-Z])|[a-z]dB$")
 _RIGHT: Final = re.compile("^[cC]orr|[._a-z][cC]orr|richtig|Richtig")
 _ANSWERED: Final = re.compile("key|resp|answer|antwort|choice|button|taste|reponse")
@@ -104,16 +111,17 @@ _ANSWERED: Final = re.compile("key|resp|answer|antwort|choice|button|taste|repon
 def level_of(table: Sample) -> str | None:
     """Return the column of the level: by its name or, if it has a few numbers, by a part of it.
 
-    That is a word such as "volts" or, of a single column, a unit of levels at the end.
+    That is a word such as "volts", or else "drive" or, of a single column, a unit of levels.
     """
     if named := table.called(CALLED["level_vpp"]):
         return named
-    for name in table.header:
-        of_levels = {part.lower() for part in _PART.findall(name)} & {*LEVELS, *OF_VOLTS}
-        if of_levels and _has_few_numbers(table, name):
-            return name
-    in_unit = [name for name in dict.fromkeys(table.header)
-               if _IN_UNIT.search(name) and _has_few_numbers(table, name)]  # fmt: skip
+    for words in ({*LEVELS, *OF_VOLTS}, _OF_DRIVES):
+        for name in table.header:
+            of_levels = {part.lower() for part in _PART.findall(name)} & words
+            if of_levels and _has_few_numbers(table, name):
+                return name
+    units = [name for name in dict.fromkeys(table.header) if in_db(name) or _IN_UNIT.search(name)]
+    in_unit = [name for name in units if _has_few_numbers(table, name)]
     return in_unit[0] if len(in_unit) == 1 else None
 
 
@@ -141,13 +149,50 @@ def blank_words(table: Sample, level: str) -> tuple[str, list[str]]:
     if not any(empty) or all(empty):
         return "", []
     answers = {*table.named(CALLED["response"]), *table.named(HITS), *table.named(CALLED["rt_s"])}
+    found: dict[int, tuple[str, list[str]]] = {}
     for name in dict.fromkeys(table.header):
         place = table.header.index(name)
         pairs = {(row[place], there) for row, there in zip(table.rows, empty, strict=True)}
         told = len({word for word, _ in pairs}) == len(pairs) <= _FEW_WORDS
         if told and name not in answers and name != level:
-            return name, [word for word, there in pairs if there]
-    return level, [word for word in table.words(level) if word.lower() in NOTHING]
+            found.setdefault(len(pairs), (name, [word for word, there in pairs if there]))
+    itself = level, [word for word in table.words(level) if word.lower() in NOTHING]
+    return found[min(found)] if found else itself
+
+
+def without_level(table: Sample) -> tuple[str, int, float]:
+    """Return the column of the level, how many rows have none, and which part of them an answer.
+
+    Where a single key is pressed if something was felt no row tells that it was not answered.
+    """
+    level, answers = level_of(table), [name for name in answers_of(table) if name]
+    if level is None or not answers or any(only_key(table, name) for name in answers):
+        return level or "", 0, 0.0
+    at, places = table.header.index(level), [table.header.index(name) for name in answers]
+    rows = [row for row in table.rows if row[at].lower() in NOTHING]
+    if len(rows) == len(table.rows):
+        return level, 0, 0.0
+    answered = [any(row[place].lower() not in NOTHING for place in places) for row in rows]
+    return level, len(rows), sum(answered) / max(len(rows), 1)
+
+
+def no_trials(table: Sample, name: str) -> list[str]:
+    """Return the words of a column that say that rows are practice and the like.
+
+    None of a column that says what a participant is: each word of it has to be one of several in
+    who has it, and they are less than half of the rows. Of a column called practice true is such.
+    """
+    who = table.called(CALLED["participant"])
+    if name in (who, table.called(CALLED["condition"]), table.called(CALLED["session"])):
+        return []
+    words = table.words(name)
+    found = [word for word in words if _NO_TRIAL.search(word.replace("_", " "))]
+    if _NO_TRIAL.search(re.sub("[_.]", " ", name)) and {w.lower() for w in words} <= {*FELT, ""}:
+        found = [word for word in words if FELT.get(word.lower()) == "1"]
+    others = [row for row in table.rows if row[table.header.index(name)] not in found]
+    if who and {row[table.header.index(who)] for row in others} != {*table.words(who)}:
+        return []
+    return found if len(others) > _MOST_PRACTICE * len(table.rows) else []
 
 
 def unit_of(level: str) -> str:
@@ -202,13 +247,23 @@ def guess_of(table: Sample, ours: str, theirs: str, word: str) -> str:
         at, beside = table.header.index(theirs), table.header.index(level)
         shown = Sample(header=[level], rows=[[r[beside]] for r in table.rows if r[at] == word])
         return "" if any(shown.numbers(level) or []) else "none"
+    return _keys_of(table, side, theirs).get(word, "") if ours == "response" and side else ""
+
+
+def _keys_of(table: Sample, side: str, theirs: str) -> dict[str, str]:
+    """Return the keys that are the right answer at one side each, of both sides."""
     rights = [name for name in dict.fromkeys(table.header) if _RIGHT.search(name)]
     rights = [one for one in rights if {*given(table, one)} <= {*table.words(theirs)}]
-    if ours != "response" or side is None or len(rights) != 1:
-        return ""
+    if len(rights) != 1 or len(given(table, rights[0])) < _SIDES:
+        return {}
     at, beside = table.header.index(rights[0]), table.header.index(side)
-    where = {row[beside] for row in table.rows if row[at] == word}
-    return guess_of(table, "side", side, where.pop()) if len(where) == 1 else ""
+    where: dict[str, set[str]] = {}
+    for row in table.rows:
+        where.setdefault(row[at], set()).add(row[beside])
+    alone = {key: next(iter(one)) for key, one in where.items() if len(one) == 1}
+    found = {key: guess_of(table, "side", side, one) for key, one in alone.items()}
+    named = [*found.values()]
+    return found if {"left", "right"} <= {*named} and len(named) == len({*named}) else {}
 
 
 def has_buttons(table: Sample) -> bool:

@@ -10,6 +10,7 @@ from scipy.special import ndtr
 
 from analysis.axis import VOLTS, half_up, shortest
 from analysis.definitions import LAPSES_ERROR
+from analysis.thresholds import FORCED_CHOICE
 from analysis.thresholds.fit import WITH_THRESHOLD
 from analysis.thresholds.goodness import REPLICATES, deviance_residuals
 
@@ -37,6 +38,12 @@ _NAMED: Final = 6
 _APART: Final = 0.03
 """Guess rates that differ by less leave the residuals of the function drawn much as tested."""
 _FEW: Final = 2
+_BY: Final = {
+    "blanks": "that blank trials tell",
+    "few blanks": "that blank trials tell",
+    "assumed": "assumed",
+    FORCED_CHOICE: "of guessing",
+}
 _MOST, _FEW_LEVELS = 0.8, 4
 _SEVERAL, _OFTEN = 5, 0.3
 
@@ -103,7 +110,7 @@ def _most_apart(
         )
         yield (
             f" Of {_where(who, condition, thresholds)} most of the deviance from the likeliest "
-            f"function with the guess rate that blank trials tell: {told}."
+            f"function with the guess rate {_BY.get(str(row.get('guess_basis')), 'held')}: {told}."
         )
 
 
