@@ -698,6 +698,13 @@ def test_a_handedness_or_an_answer_is_no_side(
     assert told["columns"].get("side") == side
 
 
+def test_a_handedness_beside_a_finger_is_no_side(tmp_path: Path) -> None:
+    rows = [f"{who},{hand},{um},{finger},{finger}" for who, hand in (("1", "left"), ("2", "right"))
+            for um, finger in (("5", "left"), ("9", "right"), ("9", "left"))]  # fmt: skip
+    text = "participant,hand,level,finger,key\n" + "\n".join(rows) + "\n"
+    assert 'side = "finger"  # guess' in draft(put(tmp_path / "t.csv", text))
+
+
 def test_a_single_column_of_few_numbers_in_a_unit_is_the_level(tmp_path: Path) -> None:
     table = put(tmp_path / "t.csv", localised().replace("amp_um", "load_pct", 1))
     told = tomllib.loads(map_draft(find_sources([table], foreign=True).tables)[0])

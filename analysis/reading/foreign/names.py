@@ -94,7 +94,7 @@ _MOST_LEVELS: Final = 20
 _FEW_WORDS: Final = 4
 _SIDES: Final = 2
 _VOLTS: Final = re.compile("volt|spannung|tension")
-_UNIT: Final = re.compile(r"[_ .(\[](um|µm|nm|mm|pct|percent)[)\]]?$", re.IGNORECASE)
+_UNIT: Final = re.compile(r"[_ .(\[]((?-i:V|mV)|um|µm|nm|mm|pct|percent)[)\]]?$", re.IGNORECASE)
 _UNITS: Final = {"pct": "%", "percent": "%"}
 _IN_UNIT: Final = re.compile(r"[_ .(\[](um|µm|nm|pct|percent)[)\]]?$", re.IGNORECASE)
 _OF_DRIVES: Final = {"drive", "magnitude"}
@@ -200,6 +200,8 @@ def unit_of(level: str) -> str:
 
     >>> [unit_of(name) for name in ("amp_um", "drive_pct", "Spannung", "level_vpp", "amp dB", "x")]
     ['um', '%', 'V', 'Vpp', 'dB', '']
+    >>> unit_of("amplitude_V"), unit_of("amp (mV)"), unit_of("x_v")
+    ('V', 'mV', '')
     """
     if in_db(level):
         return "dB"
@@ -214,22 +216,29 @@ def side_of(table: Sample) -> str | None:
     These are left and right, with at most one that is not known, and change within a participant,
     as a handedness does not. A column of answers is none, one of right answers only without others.
     """
-    if named := table.called(CALLED["side"]):
-        return named
+    named = [*table.named(CALLED["side"])]
+    if told := next((name for name in named if not _of_person(table, name)), None):
+        return told
     answers = {*table.named(CALLED["response"])}
-    who = table.called(CALLED["participant"])
     found: dict[bool, list[str]] = {False: [], True: []}
     for name in dict.fromkeys(table.header):
         words = [WORDS.get(plain(word), "") for word in given(table, name)]
         told = {"left", "right"} <= {*words} and words.count("") <= 1
         right = bool(_RIGHT.search(name))
-        if told and name not in answers and (right or not _ANSWERED.search(name.lower())):
-            pairs = {(row[table.header.index(who)] if who else "", row[table.header.index(name)])
-                     for row in table.rows}  # fmt: skip
-            if len(pairs) > len({one for one, _ in pairs}) * 2 - 1:
-                found[right].append(name)
+        free = name not in answers and (right or not _ANSWERED.search(name.lower()))
+        if told and free and not _of_person(table, name):
+            found[right].append(name)
     one = found[False] or found[True]
     return one[0] if len(one) == 1 else None
+
+
+def _of_person(table: Sample, name: str) -> bool:
+    """Tell whether a column has several words, but not in everybody, as a handedness does."""
+    who = table.called(CALLED["participant"])
+    pairs = {(row[table.header.index(who)] if who else "", row[table.header.index(name)])
+             for row in table.rows}  # fmt: skip
+    words = {word for _, word in pairs}
+    return len(words) > 1 and len(pairs) < 2 * len({one for one, _ in pairs})
 
 
 def guess_of(table: Sample, ours: str, theirs: str, word: str) -> str:
