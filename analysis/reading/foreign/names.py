@@ -217,8 +217,8 @@ def side_of(table: Sample) -> str | None:
     as a handedness does not. A column of answers is none, one of right answers only without others.
     """
     named = [*table.named(CALLED["side"])]
-    if told := next((name for name in named if not _of_person(table, name)), None):
-        return told
+    if called := next((name for name in named if not _of_person(table, name)), None):
+        return called
     answers = {*table.named(CALLED["response"])}
     found: dict[bool, list[str]] = {False: [], True: []}
     for name in dict.fromkeys(table.header):
