@@ -35,8 +35,8 @@ TRUTHS: Mapping[str, str] = MappingProxyType(
     dict.fromkeys(("true", "True", "TRUE"), "1") | dict.fromkeys(("false", "False", "FALSE"), "0")
 )
 """How jsPsych, Python and R write whether something was detected."""
-NOTHING = ("", "none", "null", "n/a", "na", "nan")
-"""How others write that there is no value, small letters."""
+NOTHING = ("", "none", "null", "n/a", "na", "nan", "-inf", "-infinity")
+"""How others write that there is no value, small letters; of a level in dB, 0 of an amplitude."""
 UNANSWERED = Column(
     name="unanswered",
     type="bool",

@@ -471,11 +471,11 @@ def in_db(*, signal: bool) -> str:
     return "\n".join([f"participant,grip,level_dB,n,key{',signal' * signal}", *rows]) + "\n"
 
 
-@pytest.mark.parametrize("signal", [True, False])
+@pytest.mark.parametrize(("signal", "empty"), [(True, ""), (False, ""), (False, "-Inf")])
 def test_levels_in_db_are_drafted_and_blanks_are_rows_without(
-    tmp_path: Path, *, signal: bool
+    tmp_path: Path, empty: str, *, signal: bool
 ) -> None:
-    table = put(tmp_path / "a.csv", in_db(signal=signal))
+    table = put(tmp_path / "a.csv", in_db(signal=signal).replace(",,", f",{empty},"))
     told = draft(table)
     by = "signal" if signal else "level_dB"
     assert f'side = "{by}"  # guess: 12 rows without a level are blanks\n' in told
