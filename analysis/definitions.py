@@ -298,7 +298,7 @@ BLANK_INTERVALS: Final = (
     'To quote: the share of all with the interval under "Group, 95 %", which is of the mean of '
     "people like these and stands in the answer (where conditions were interleaved and nothing "
     "told which was coming, that of all blanks there); of one participant the share with that "
-    "one's interval. Of few people the upper limit of the group's is mostly its prior's. The {} "
+    "one's interval. Of few people the upper limit of the group's is cautious. The {} "
     "interval of a row 'all' is narrower, for it ignores that participants differ."
 )
 """Which interval of false alarms to report."""

@@ -31,7 +31,9 @@ from analysis.results.answer import ANSWER_HEAD, answer
 from analysis.results.compared import d_prime_level_rows, own_model_words
 from analysis.results.figures.confusion import stimulus
 from analysis.results.methods import (
+    EACH,
     counts_told,
+    each_participant,
     is_yes_no,
     looked_words,
     methods_of,
@@ -144,13 +146,16 @@ def report_html(analysis: Analysis, pictures: Iterable[Picture]) -> str:
             *_reaction_times(analysis),
             *_both_and_blank(analysis),
         ],
-        looked=looked_words(analysis),
+        looked=" ".join(filter(None, (looked_words(analysis), _EACH * len(analysis.trials[:1])))),
         methods=methods_of(analysis, plans, drawn=bool(drawn)),
         definitions=definitions_of(analysis),
         folded=[*folded_tables(analysis, plans)],
         most_rows=_MOST_ROWS,
         longest=_LONGEST,
     )
+
+
+_EACH: Final = f'The table "{EACH}" shows them, but for the last.'
 
 
 def _text(name: str) -> str:
@@ -324,12 +329,14 @@ def _answers(analysis: Analysis) -> Iterator[Section]:
             words = ["Value", "Remark"]
             tables.append(Table(caption=caption, header=header, rows=cells, texts=words))
     told = [
-        "What the answers of every participant tell stands in summary.json under choice.",
+        "What the answers of each tell stands in summary.json under choice.",
         "Where something comes again, p is two-sided, by exchanging answers among equal stimuli.",
         "No p here is corrected for the number of them.",
     ]
     if side and not place:
         told.append(f"{one_side_words(side)}, also the figure of answers to each stimulus.")
+    header, cells = each_participant(analysis)
+    tables.append(Table(caption=EACH, header=header, rows=cells))
     yield Section(title="Answers", texts=told, tables=tables)
 
 

@@ -7,7 +7,8 @@ import math
 import re
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from types import SimpleNamespace
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 import pandas as pd
@@ -20,7 +21,7 @@ from analysis.reading.load import read_inputs
 from analysis.results.answer import answer
 from analysis.results.compared import compared, own_model_words
 from analysis.results.figures.composed import LOOKS
-from analysis.results.methods import looked_words, methods_of, misfits
+from analysis.results.methods import each_participant, looked_words, methods_of, misfits
 from analysis.results.methods.caption import LOOK_WORDS, caption_words
 from analysis.results.methods.presented import order_words
 from analysis.results.methods.task import detected_words
@@ -28,7 +29,7 @@ from analysis.results.methods.words import plain
 from analysis.results.summary import versions
 from analysis.results.tables import analyse
 from analysis.thresholds.people import Guessing, GuessRate, PersonCounts
-from tests.test_analysis.shared import LEAST, felt, files, loaded, put
+from tests.test_analysis.shared import LEAST, SINGLE, felt, files, loaded, put
 
 if TYPE_CHECKING:
     from analysis.results.tables import Analysis
@@ -418,6 +419,28 @@ def test_the_ratio_of_thresholds_is_told_where_it_is_not_that_of_the_difference(
         assert (", here" in own_model_words(analysis)) is other
 
 
+def test_what_is_not_looked_for_stands_in_a_table_of_each_participant() -> None:
+    rows = [
+        SINGLE | {"participant": who, "side": side, "response": said, "rt_s": t,
+                  "kind": "blank" if side == "none" else "single"}
+        for who, side, said, t in (
+            ("10", "left", "left", 0.5), ("10", "right", "left", 0.9), ("10", "none", "right", 0.7),
+            ("9", "right", "right", 0.25), ("9", "right", "right", 0.5), ("9", "none", "none", 1.0),
+            ("9", "left", "timeout", math.nan),
+        )
+    ]  # fmt: skip
+    both = SimpleNamespace(
+        trials=pd.DataFrame(rows), one_side="", detected_any=pd.DataFrame(),
+        counts=SimpleNamespace(conditions=1),
+    )  # fmt: skip
+    heads, cells = each_participant(cast("Analysis", both))
+    assert heads[2:5] == ["False alarms", "The other side", "Said left : right"]
+    assert cells == [
+        ["9", "4", "0 of 1", "0 of 3", "0 : 2", "1", "0.375"],
+        ["10", "3", "1 of 1", "1 of 2", "2 : 1", "0", "0.500"],
+    ]
+
+
 @pytest.mark.slow
 def test_what_was_looked_for_is_told_and_whom_it_names(tmp_path: Path) -> None:
     analysis = of(tmp_path)  # whose rows begin with every yes
@@ -427,7 +450,7 @@ def test_what_was_looked_for_is_told_and_whom_it_names(tmp_path: Path) -> None:
     told = looked_words(replace(analysis, doubts=()))
     assert told.startswith("Looked for in each of 2 participants: answers no better than guessing")
     assert "sides" not in told  # there is one place only
-    assert "None of these was found. Not looked for: many false alarms (see each one" in told
+    assert "None of these was found. Not looked for: many false alarms, the same data" in told
     odd = {"0": 0, "1": 12, "1.6": 0, "2.5": 20, "4": 4, "6.3": 20}
     named = plain(looked_words(of(tmp_path, odd, ("a",))))
     assert named.startswith("Looked for in the one participant: ")

@@ -1,7 +1,7 @@
 from .alarms import alarm_sentences, blank_rows
 from .criterion import criterion_sentences
 from .left_out import REASONS, left_out_rows, left_out_words, unread_words
-from .looked import looked_words
+from .looked import EACH, each_participant, looked_words
 from .misfit import (
     at_bound_often,
     lapses_words,
@@ -16,6 +16,7 @@ from .task import hit_words, is_yes_no, one_side_words
 from .words import SPELLED, and_words, isolated, number_of, plain
 
 __all__ = [
+    "EACH",
     "REASONS",
     "SPELLED",
     "alarm_sentences",
@@ -24,6 +25,7 @@ __all__ = [
     "blank_rows",
     "counts_told",
     "criterion_sentences",
+    "each_participant",
     "hit_words",
     "is_yes_no",
     "isolated",

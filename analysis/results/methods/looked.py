@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+import math
+from typing import TYPE_CHECKING, Final
 
 from analysis.answers.doubts import DRIFTING, FEWEST, GUESSING, SWAPPED
 from analysis.answers.drift import STRONG
@@ -15,6 +16,10 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from analysis.results.tables import Analysis
+
+
+EACH: Final = "Each participant's answers"
+"""The caption of a table of the report."""
 
 
 def looked_words(analysis: Analysis) -> str:
@@ -30,7 +35,7 @@ def looked_words(analysis: Analysis) -> str:
     looked = dict(_looked(analysis))
     named = {what: sorted(who, key=counted_up) for what, who in looked.items() if who}
     found = [f"{what} ({', '.join(map(isolated, who))})" for what, who in named.items()]
-    missed = ["many false alarms (see each one's blank trials)"] if len(analysis.blank) else []
+    missed = ["many false alarms"] if len(analysis.blank) else []
     if not analysis.one_side and len(analysis.trials):
         missed.append("a preference for one side")
     if analysis.reaction_times["n"].gt(0).any():
@@ -41,6 +46,41 @@ def looked_words(analysis: Analysis) -> str:
         f"{'Found: ' + '; '.join(found) if found else 'None of these was found'}. "
         f"Not looked for: {', '.join(missed)}."
     )
+
+
+def each_participant(analysis: Analysis) -> tuple[list[str], list[list[str]]]:
+    """Return a table of what was not looked for: heads, and a row for each in each condition.
+
+    Blank trials answered as felt, single stimuli answered with the other side, how often either
+    side was the answer, answers not in time, and the median reaction time of right ones.
+    """
+    counted = analysis.trials[analysis.trials["reason"].eq("")].astype({"response": object})
+    sides = not analysis.one_side
+    alarms = analysis.detected_any is not None
+    heads = ["Participant", "Trials", *["False alarms"] * alarms]
+    heads += ["The other side", "Said left : right"] * sides
+    heads += ["Not in time", "Median reaction time (s)"]
+    several = analysis.counts.conditions > 1
+    rows = []
+    keys = ["participant", "condition"]
+    for (who, condition), own in counted.groupby(keys, observed=True):
+        single, blank = (own[own["kind"].eq(kind)] for kind in ("single", "blank"))
+        side, said = single["side"].astype(str), single["response"].astype(str)
+        other = (said.isin(["left", "right"]) & said.ne(side)).sum()
+        felt = blank["response"].isin(["left", "right", "both"]).sum()
+        left, right = (int(own["response"].eq(name).sum()) for name in ("left", "right"))
+        time_s = float(single.loc[said.eq(side), "rt_s"].median())
+        rows.append(
+            [
+                f"{who}, {condition}" if several else str(who),
+                str(len(own)),
+                *[f"{felt} of {len(blank)}"] * alarms,
+                *[f"{other} of {len(single)}", f"{left} : {right}"] * sides,
+                str(own["response"].eq("timeout").sum()),
+                "n/a" if math.isnan(time_s) else f"{time_s:.3f}",
+            ]
+        )
+    return heads, sorted(rows, key=lambda row: counted_up(row[0]))
 
 
 def _looked(analysis: Analysis) -> Iterator[tuple[str, set[str]]]:
