@@ -185,7 +185,7 @@ def start_label(analysis: Analysis, *, of_mean: bool = False) -> str:
     mean = "mean " if of_mean else ""
     if is_yes_no(analysis) or analysis.one_side:
         return f"left edge: {mean}false-alarm rate, as counted"
-    return f"left edge: half of the {mean}false-alarm\nrate, as counted: guesses at one side"
+    return f"left edge: half of the {mean}share of blanks\nanswered left or right, as counted"
 
 
 def start_words(analysis: Analysis) -> str:
