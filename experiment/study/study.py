@@ -205,7 +205,8 @@ class Study:
         if self.simulation.threshold_um is not None and not displacements_are_known(self.actuators):
             raise ValueError(
                 "simulation.threshold_um needs the displacement or the layers of the left and the "
-                'right actuator (such as measured_as = "as-left", docs/plate.md); else give threshold_vpp'
+                'right actuator (such as measured_as = "as-left", docs/plate.md); else give '
+                "threshold_vpp"
             )
         self.simulation.check_played([one.name for one in self.conditions if one.file is not None])
         if self.finger_load.impedance is not None:
