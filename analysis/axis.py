@@ -183,7 +183,8 @@ class Axis:
 
     # log10 for levels above 0; dB for 20 log10 of such levels; linear for others of any sign
     x_scale: LevelScale = "log10"
-    unit: str = "V"  # stands behind a level; V: volts peak-to-peak
+    unit: str = "V"  # stands behind a level
+    peak_to_peak: bool = True  # what V are; of a map that states them nobody knows
 
     def __post_init__(self) -> None:
         if self.x_scale not in get_args(LevelScale):
@@ -264,10 +265,15 @@ class Axis:
     def label(self) -> str:
         """What stands at the axis of a figure behind the level.
 
-        >>> Axis().label, Axis(x_scale="linear", unit="cm/s").label
-        ('V peak-to-peak', 'cm/s')
+        >>> Axis().label, Axis(x_scale="linear", unit="cm/s").label, axis_of({"unit": "V"}).label
+        ('V peak-to-peak', 'cm/s', 'V')
         """
-        return "V peak-to-peak" if self.unit == "V" else self.unit
+        return "V peak-to-peak" if self.is_vpp else self.unit
+
+    @property
+    def is_vpp(self) -> bool:
+        """Whether levels are volts peak-to-peak."""
+        return self.unit == VOLTS.unit and self.peak_to_peak
 
     @property
     def signed(self) -> bool:
@@ -286,7 +292,7 @@ def axis_of(section: Mapping[str, Any]) -> Axis:
     for key in section:
         if key not in ("x_scale", "unit"):
             raise ValueError(f"[axis] {key}: allowed x_scale, unit")
-    return Axis(**section)
+    return Axis(**section, peak_to_peak="unit" not in section)
 
 
 VOLTS = Axis()

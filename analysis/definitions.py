@@ -124,13 +124,11 @@ def in_order(column: pd.Series) -> pd.Series:
 
 
 def definitions_in(unit: str) -> Mapping[str, str]:
-    """Return `DEFINITIONS` for levels of a unit; V are volts peak-to-peak.
+    """Return `DEFINITIONS` for levels of a unit that are no volts peak-to-peak.
 
     >>> definitions_in("vol")["threshold_db, threshold_low_db, threshold_high_db"]
     'the same in dB re 1 vol'
     """
-    if unit == "V":
-        return DEFINITIONS
     in_db = unit if unit.lower().startswith("db") else f"dB re 1 {unit}"
     volts = ("dB re 1 V peak-to-peak", in_db), ("volts peak-to-peak", unit)
     told = {names.replace("_vpp", ""): text for names, text in DEFINITIONS.items()}

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import pandas as pd
 
-from analysis.axis import VOLTS, alone
+from analysis.axis import alone
 from analysis.thresholds.fit import WITH_THRESHOLD
 
 if TYPE_CHECKING:
@@ -51,10 +51,11 @@ def with_micrometres(thresholds: pd.DataFrame, trials: pd.DataFrame, axis: Axis)
     ...     "displacement_basis": "measured"})
     >>> table = pd.DataFrame({"participant": ["1"], "condition": ["main"], "status": ["ok"],
     ...     "threshold_vpp": [60.0]})
+    >>> from analysis.axis import VOLTS
     >>> with_micrometres(table, trials, VOLTS)[[*UM_COLUMNS]].to_numpy().tolist()
     [[1.2, 1.08, 'measured']]
     """
-    moved = _per_volt(trials) if axis.unit == VOLTS.unit else {}
+    moved = _per_volt(trials) if axis.is_vpp else {}
     rows: list[dict[str, object]] = []
     for _, row in thresholds.iterrows():
         left, right, basis = moved.get((row["participant"], row["condition"]), _UNKNOWN)

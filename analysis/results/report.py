@@ -8,7 +8,7 @@ from dataclasses import replace
 from importlib.resources import files
 from typing import TYPE_CHECKING, Any, Final
 
-from analysis.axis import VOLTS, shortest
+from analysis.axis import shortest
 from analysis.definitions import (
     BLANK_INTERVALS,
     BOTH_INTERVALS,
@@ -111,7 +111,7 @@ def report_html(analysis: Analysis, pictures: Iterable[Picture]) -> str:
     # Pages of many people come after what is told of all of them.
     several = [one for one in drawn if one.figure == "participants"]
     of_people = several if len(several) > 1 else []
-    unit = "V: volts peak-to-peak; " if analysis.axis.unit == VOLTS.unit else ""
+    unit = "V: volts peak-to-peak; " if analysis.axis.is_vpp else ""
     return pages.get_template("report.html.jinja").render(
         analysis=analysis,
         title=_TITLE,

@@ -7,7 +7,7 @@ from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any, Final
 
 from analysis.answers.counting import AUDIBILITY, CONTROL_COLUMNS
-from analysis.axis import VOLTS, Axis, alone, half_up, rounded, shortest, with_limits
+from analysis.axis import Axis, alone, half_up, rounded, shortest, with_limits
 from analysis.definitions import TOTAL
 from analysis.reading.foreign import FORCED
 from analysis.reading.text import named
@@ -73,7 +73,7 @@ def level_text(value: float, unit: str) -> str:
 def width_text(sigma: float, axis: Axis) -> str:
     """Return a width: of a logarithm to three decimals, of levels to three digits.
 
-    >>> width_text(0.1234, VOLTS), width_text(0.000123, Axis(x_scale="linear", unit="mm"))
+    >>> width_text(0.1234, Axis()), width_text(0.000123, Axis(x_scale="linear", unit="mm"))
     ('0.123', '0.000123')
     """
     return p_text(sigma) if not axis.signed or math.isnan(sigma) else rounded(sigma, sigma / 10)
@@ -181,7 +181,7 @@ def forced_choice(analysis: Analysis, what: str) -> str:
 
 def level_head(analysis: Analysis, style: Style) -> str:
     """Return the head of a column of levels."""
-    volts = analysis.axis.unit == VOLTS.unit
+    volts = analysis.axis.is_vpp
     if style.roomy:
         return "Level (p-p)" if volts else "Level"
     return "V p-p" if volts else analysis.axis.unit

@@ -9,8 +9,7 @@ from dataclasses import asdict
 from importlib.metadata import version
 from typing import TYPE_CHECKING
 
-from analysis.axis import VOLTS
-from analysis.definitions import OF_ONE_PLACE, OF_SIDES, definitions_in
+from analysis.definitions import DEFINITIONS, OF_ONE_PLACE, OF_SIDES, definitions_in
 from analysis.results.answer import answer
 from analysis.results.methods.words import plain
 from analysis.results.rows import levels_told
@@ -35,7 +34,7 @@ def summary_text(analysis: Analysis) -> str:
         "inputs": [asdict(file) for file in analysis.inputs],
         "versions": versions(),
         "seed": analysis.seed,
-        "axis": asdict(analysis.axis),
+        "axis": {"x_scale": analysis.axis.x_scale, "unit": analysis.axis.unit},
         "counts": asdict(analysis.counts),
         "mark": analysis.mark,
         "answer": [plain(statement) for statement in answer(analysis).statements],
@@ -66,8 +65,9 @@ def summary_text(analysis: Analysis) -> str:
 def in_own_words(table: pd.DataFrame, analysis: Analysis) -> pd.DataFrame:
     """Return a table of results with a lab's own unit and place.
 
-    Where levels are not in V, columns lose their ``_vpp`` and a last one tells the unit. Where a
-    table made elsewhere has one place, whose side only the map states, no side is told.
+    Where levels are no volts peak-to-peak, columns lose their ``_vpp`` and a last one tells the
+    unit. Where a table made elsewhere has one place, whose side only the map states, no side is
+    told.
     """
     side, unit = analysis.one_place, analysis.axis.unit
     if side:
@@ -77,7 +77,7 @@ def in_own_words(table: pd.DataFrame, analysis: Analysis) -> pd.DataFrame:
         table = table.drop(columns=[name for name in table if name in sided]).rename(columns=felt)
         if "response" in table:
             table = table.assign(response=table["response"].astype(object).replace(felt))
-    if unit != VOLTS.unit and any(str(name).endswith("_vpp") for name in table):
+    if not analysis.axis.is_vpp and any(str(name).endswith("_vpp") for name in table):
         names = {name: str(name).removesuffix("_vpp") for name in table}
         table = table.rename(columns=names).assign(unit=unit)
     return table
@@ -85,7 +85,8 @@ def in_own_words(table: pd.DataFrame, analysis: Analysis) -> pd.DataFrame:
 
 def definitions_of(analysis: Analysis) -> dict[str, str]:
     """Return what the columns mean, of `in_own_words`."""
-    told = dict(definitions_in(analysis.axis.unit))
+    axis = analysis.axis
+    told = dict(DEFINITIONS if axis.is_vpp else definitions_in(axis.unit))
     if analysis.one_place:
         told = {names: text for names, text in told.items() if names not in OF_SIDES}
         told.update(OF_ONE_PLACE)

@@ -9,6 +9,8 @@ import pandas as pd
 import pytest
 
 from analysis import ColumnMap, load_column_map, read_trials
+from analysis.results.summary import in_own_words
+from analysis.results.tables import analyse
 from tests.test_analysis.shared import LEAST, loaded, put, refused
 
 if TYPE_CHECKING:
@@ -312,3 +314,16 @@ def test_a_linear_axis_has_levels_of_any_sign(tmp_path: Path) -> None:
     assert found.trials["level_vpp"].tolist()[:3] == [-60.0, 0.0, 1e7]
     assert found.trials["level_vpp"].isna().tolist() == [False, False, False, True]
     assert (found.axis.x_scale, found.axis.unit) == ("linear", "deg")
+
+
+@pytest.mark.parametrize(
+    ("axis", "label", "name"),
+    [({}, "V peak-to-peak", "threshold_vpp"), ({"unit": "V"}, "V", "unit")],
+)
+def test_volts_that_a_map_states_are_not_said_to_be_from_peak_to_peak(
+    tmp_path: Path, axis: dict[str, str], label: str, name: str
+) -> None:
+    table = put(tmp_path / "t.csv", LEAST + "1,left,60,left\n1,left,40,none\n")
+    analysis = analyse(read_inputs([table], ColumnMap(axis=axis)))
+    assert analysis.axis.label == label
+    assert name in in_own_words(analysis.thresholds, analysis)
