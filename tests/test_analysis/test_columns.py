@@ -9,6 +9,7 @@ import pandas as pd
 import pytest
 
 from analysis import ColumnMap, load_column_map, read_trials
+from analysis.reading.load import read_inputs
 from analysis.results.summary import in_own_words
 from analysis.results.tables import analyse
 from tests.test_analysis.shared import LEAST, loaded, put, refused
