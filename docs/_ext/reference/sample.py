@@ -17,6 +17,7 @@ PLATE = (
 )
 """A plate of one's own, as the README has it."""
 _TABLE = Path(__file__).parents[2] / "examples" / "paper-table1.csv"
+CONDITIONS = ("one-cycle", "two-cycles", "main")
 _CONDITIONS = """
 [[condition]]
 name = "one-cycle"
@@ -32,7 +33,8 @@ class Sample:
     """What the commands wrote and printed."""
 
     results: Path
-    check: Any
+    checks: tuple[Any, ...]
+    bursts: Any
     audit: Any
     printed: tuple[tuple[str, str], ...]
     field: Path
@@ -73,14 +75,17 @@ def make_sample(folder: Path) -> Sample:
         text = text.replace(f"\n{key} = 0", f"\n{key} = 10")
     head, init, rest = text.partition("[init]")
     path.write_text(f"{head}{init}{rest}{_CONDITIONS}", encoding="utf-8")
-    check = tactstrip(folder, "check", "plate.toml", "--json")
+    _done(folder, "init", "paper.toml")
+    checks = [tactstrip(folder, "check", one, "--json") for one in ("plate.toml", "paper.toml")]
+    few = ("--frequency-hz", "250,500", "--cycles", "1,2", "--json")
     printed.append(_done(folder, "check", "plate.toml"))
     printed.append(_done(folder, "field", "plate.toml", "--out", "field.png"))
     people = ("--participants", "5", "--seed", "7", "--out", "results")
     printed.append(_done(folder, "dry-run", "plate.toml", *people))
     return Sample(
         results=folder / "results",
-        check=json.loads(check.stdout),
+        checks=tuple(json.loads(one.stdout) for one in checks),
+        bursts=json.loads(tactstrip(folder, "bursts", "plate.toml", *few).stdout),
         audit=json.loads(tactstrip(folder, "audit", str(_TABLE), "--json").stdout),
         printed=tuple(printed),
         field=folder / "field.png",

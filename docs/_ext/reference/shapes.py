@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from analysis.definitions import DEFINITIONS
 from reference.markdown import literal, table
+from reference.sample import CONDITIONS
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -17,24 +18,30 @@ _TYPES: Final = {
     str: "text", bool: "true or false", int: "whole number", float: "number",
     type(None): "null", list: "list", dict: "object",
 }  # fmt: skip
+_FEW: Final = 5
+"""A study in a plan has all its keys, which have a page of their own."""
 
 
-def members(value: Any, path: str = "") -> dict[str, str]:
-    """Return every member of a JSON value by its path, with the types that it has.
+def members(*values: Any) -> dict[str, str]:
+    """Return every member of JSON values by its path, with the types that it has in any of them.
 
-    >>> members({"a": [{"b": 1}, {"b": None}], "c": []})
-    {'a[].b': 'whole number or null', 'c': 'list'}
+    >>> members({"a": [{"b": 1}, {"b": None}], "c": []}, {"c": ["x"]})
+    {'a[].b': 'whole number or null', 'c': 'list', 'c[]': 'text'}
     """
     found: dict[str, dict[str, None]] = {}
-    for place, kind in _walk(value, path):
-        found.setdefault(place, {})[kind] = None
+    for value in values:
+        for place, kind in _walk(value, ""):
+            found.setdefault(place, {})[kind] = None
     return {place: " or ".join(kinds) for place, kinds in found.items()}
 
 
 def _walk(value: Any, path: str) -> Iterator[tuple[str, str]]:
     inside: list[tuple[str, Any]] = []
     if isinstance(value, dict):
-        inside = [(f"{path}.{name}".removeprefix("."), one) for name, one in value.items()]
+        inside = [
+            (f"{path}.{'CONDITION' if name in CONDITIONS else name}".removeprefix("."), one)
+            for name, one in value.items()
+        ]
     elif isinstance(value, list):
         inside = [(f"{path}[]", one) for one in value]
     if not inside:
@@ -49,22 +56,25 @@ def page(sample: Sample) -> str:
     told = [
         "# JSON that is written and printed\n",
         (
-            "Every member with its type, as a study of two conditions has them; `[]` stands for "
-            "each item of a list. A version of the layout, `schema`, stands in each file; a file "
-            "of another version is refused.\n"
+            "Every member with its type, as a study of two conditions has them, what a check "
+            "prints also of the paper's; `[]` stands for each item of a list, `CONDITION` for the "
+            "name of one. A version of the layout, `schema`, stands in each file; a file of "
+            "another version is refused. What is not known is null, or for one kind of study "
+            "only.\n"
         ),
     ]
     shapes = {
-        "tactstrip check --json": sample.check,
-        "tactstrip audit --json": sample.audit,
-        "plan.json": _read(sample.session / "plan.json"),
-        "header.json": _read(sample.session / "header.json"),
-        "summary.json": _read(sample.analysis / "summary.json"),
+        "tactstrip check --json": sample.checks,
+        "tactstrip bursts --json": [sample.bursts],
+        "tactstrip audit --json": [sample.audit],
+        "plan.json": [_read(sample.session / "plan.json")],
+        "header.json": [_read(sample.session / "header.json")],
+        "summary.json": [_read(sample.analysis / "summary.json")],
     }
-    for name, value in shapes.items():
+    for name, values in shapes.items():
         rows = [
             (literal(path), kind, known.get(path.rsplit(".", maxsplit=1)[-1], ""))
-            for path, kind in members(_shortened(value)).items()
+            for path, kind in members(*map(_shortened, values)).items()
         ]
         told += [f"## {name}\n", table(("member", "type", "meaning"), rows)]
     return "\n".join(told)
@@ -73,7 +83,7 @@ def page(sample: Sample) -> str:
 def _shortened(value: Any) -> Any:
     """Leave out what other pages list: the keys of the study, the definitions of columns."""
     return {
-        name: {} if name in {"definitions", "study"} and isinstance(one, dict) else one
+        name: {} if name == "definitions" or (name == "study" and len(one) > _FEW) else one
         for name, one in value.items()
     }
 
