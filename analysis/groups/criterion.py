@@ -19,12 +19,10 @@ import pandas as pd
 from analysis.answers.counting import COUNTED_KINDS
 from analysis.answers.dprime import d_prime_limits, z_of
 from analysis.definitions import LIMITS, TOTAL
-from analysis.groups.sensitivity import d_prime_apart
+from analysis.groups.sensitivity import d_prime_apart, means_apart
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
-
-    from numpy.typing import NDArray
 
 
 BESIDE_COLUMNS: Final = (
@@ -211,28 +209,6 @@ def rates_apart(
     if number < 2 or np.ptp(differences) == 0:  # noqa: PLR2004
         return middle, math.nan, math.nan
     half = float(t.ppf(LIMITS[1], number - 1) * differences.std(ddof=1)) / number**0.5
-    return middle, middle - half, middle + half
-
-
-def means_apart(a: NDArray[np.float64], b: NDArray[np.float64]) -> tuple[float, float, float]:
-    """Return by how much the mean of b lies above that of a, with 95 % limits by Welch's t.
-
-    The limits are NaN where either has one value, or all of each are the same.
-
-    >>> apart = means_apart(np.array([0.0, 0.1, 0.05]), np.array([0.1, 0.3, 0.2, 0.2]))
-    >>> [round(one, 3) for one in apart]
-    [0.15, 0.021, 0.279]
-    """
-    from scipy.stats import t
-
-    middle = float(b.mean() - a.mean())
-    if min(len(a), len(b)) < 2 or np.ptp(a) + np.ptp(b) == 0:  # noqa: PLR2004
-        return middle, math.nan, math.nan
-    parts = [float(one.var(ddof=1)) / len(one) for one in (a, b)]
-    free = sum(parts) ** 2 / sum(
-        part**2 / (len(one) - 1) for part, one in zip(parts, (a, b), strict=True)
-    )
-    half = float(t.ppf(LIMITS[1], free)) * sum(parts) ** 0.5
     return middle, middle - half, middle + half
 
 

@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import itertools
+import math
 from dataclasses import dataclass
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 import pandas as pd
 
 from analysis.definitions import LIMITS, TOTAL, counted_up
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
 
 BY_LEVEL_COLUMNS: Final = (
     "condition_a", "condition_b", "participant", "level_vpp",
@@ -114,6 +118,29 @@ def levels_apart(rows: pd.DataFrame) -> LevelsApart | None:
     return LevelsApart(nearly_all=tuple(at), most_felt=tuple(most), **told)
 
 
+def means_apart(a: NDArray[np.float64], b: NDArray[np.float64]) -> tuple[float, float, float]:
+    """Return by how much the mean of b lies above that of a, with 95 % limits by Welch's t.
+
+    The limits are NaN where either has one value, or all of each are the same, and all where one
+    has none.
+
+    >>> apart = means_apart(np.array([0.0, 0.1, 0.05]), np.array([0.1, 0.3, 0.2, 0.2]))
+    >>> [round(one, 3) for one in apart]
+    [0.15, 0.021, 0.279]
+    """
+    from scipy.stats import t
+
+    middle = float(b.mean() - a.mean()) if len(a) and len(b) else math.nan
+    if min(len(a), len(b)) < 2 or np.ptp(a) + np.ptp(b) == 0:  # noqa: PLR2004
+        return middle, math.nan, math.nan
+    parts = [float(one.var(ddof=1)) / len(one) for one in (a, b)]
+    free = sum(parts) ** 2 / sum(
+        part**2 / (len(one) - 1) for part, one in zip(parts, (a, b), strict=True)
+    )
+    half = float(t.ppf(LIMITS[1], free)) * sum(parts) ** 0.5
+    return middle, middle - half, middle + half
+
+
 def d_prime_apart(
     a: pd.DataFrame, b: pd.DataFrame, *, paired: bool
 ) -> dict[str, tuple[float, float, float]]:
@@ -126,30 +153,19 @@ def d_prime_apart(
 
     if a.empty or b.empty:
         return {}
-    found: dict[str, tuple[float, float, float]] = {}
-    if paired:
-        one, other = (table.loc[a.index.intersection(b.index)] for table in (a, b))
-        at = other["at"] - one["at"]
-        if at.empty:
-            return {}
-        low = at - np.hypot(other["at"] - other["low"], one["high"] - one["at"])
-        high = at + np.hypot(other["high"] - other["at"], one["at"] - one["low"])
-        found = {
-            str(name): (float(x), float(least), float(most))
-            for name, x, least, most in zip(at.index, at, low, high, strict=True)
-        }
-        parts, free = [at.var() / len(at)], len(at) - 1.0
-        middle = float(at.mean())
-    else:
-        parts = [float(table["at"].var()) / len(table) for table in (a, b)]
-        known = [
-            part**2 / (len(table) - 1)
-            for part, table in zip(parts, (a, b), strict=True)
-            if len(table) > 1
-        ]
-        free = sum(parts) ** 2 / sum(known) if len(known) > 1 and sum(known) > 0 else 0.0
-        middle = float(b["at"].mean() - a["at"].mean())
-    if sum(parts) == 0:  # all alike tells no spread
-        free = 0.0
-    half = t.ppf(LIMITS[1], free) * sum(parts) ** 0.5 if free > 0 else np.nan
+    if not paired:
+        return {TOTAL: means_apart(*(table["at"].dropna().to_numpy(float) for table in (a, b)))}
+    one, other = (table.loc[a.index.intersection(b.index)] for table in (a, b))
+    at = other["at"] - one["at"]
+    if at.empty:
+        return {}
+    low = at - np.hypot(other["at"] - other["low"], one["high"] - one["at"])
+    high = at + np.hypot(other["high"] - other["at"], one["at"] - one["low"])
+    found = {
+        str(name): (float(x), float(least), float(most))
+        for name, x, least, most in zip(at.index, at, low, high, strict=True)
+    }
+    middle, variance, free = float(at.mean()), at.var() / len(at), len(at) - 1.0
+    # All alike tells no spread.
+    half = t.ppf(LIMITS[1], free) * variance**0.5 if free > 0 and variance > 0 else np.nan
     return found | {TOTAL: (middle, float(middle - half), float(middle + half))}
