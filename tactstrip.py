@@ -43,6 +43,32 @@ COMMANDS = {
 ``tactstrip dry-run`` is the function ``dry_run`` of ``<package>/commands/dry_run.py``.
 """
 
+OTHER_WORDS = {
+    "demo": "example intro tour tutorial",
+    "init": "config create new setup template",
+    "check": "calibrate validate",
+    "bursts": "compare stimulus waveform",
+    "dry-run": "mock simulate simulation test",
+    "run": "experiment record resume session start",
+    "analyze": "figure figures fit graph plot report results statistics stats threshold",
+    "columns": "import map read",
+    "power": "participants sample-size",
+    "levels": "adaptive pilot staircase",
+    "field": "displacement draw figure map plot response",
+    "devices": "list ports scan",
+    "emulate": "server",
+    "export": "bids convert save",
+    "verify": "integrity validate",
+    "withdraw": "delete erase forget remove",
+    "--help": "commands help",
+    "--version": "version",
+}
+"""Command or option: words that people use for what it does.
+
+A misspelt command is found by its letters and needs none. A word may stand at two commands: both
+are named then.
+"""
+
 
 FIRST_STEPS = """\
 tactstrip runs left / right / both detection experiments on narrow plates.
@@ -87,10 +113,8 @@ class _FrontDoor(click.Group):
     ) -> tuple[str | None, click.Command | None, list[str]]:
         name = args[0]
         if name not in COMMANDS and not name.startswith("-") and not ctx.resilient_parsing:
-            from difflib import get_close_matches
-
-            near = get_close_matches(name.lower().replace("_", "-"), COMMANDS, n=1)
-            hint = f" Did you mean {near[0]}?" if near else ""
+            meant = " or ".join(_meant(name.lower().replace("_", "-")))
+            hint = f" Did you mean {meant}?" if meant else ""
             ctx.fail(f"No such command {name!r}.{hint}")
         return super().resolve_command(ctx, args)
 
@@ -111,6 +135,14 @@ class _FrontDoor(click.Group):
     def invoke(self, ctx: click.Context) -> Any:
         with _one_line(ctx.command_path):
             return super().invoke(ctx)
+
+
+def _meant(typed: str) -> list[str]:
+    """List the commands that do what was typed, else that which is spelt most like it."""
+    from difflib import get_close_matches
+
+    said = [command for command, words in OTHER_WORDS.items() if typed in words.split()]
+    return said or get_close_matches(typed, COMMANDS, n=1)
 
 
 def _hidden_package() -> str | None:

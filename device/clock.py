@@ -29,10 +29,22 @@ class Clock(Protocol):
     """
 
     def now_s(self) -> float:
-        """Return the time in seconds; it never goes back."""
+        """Return the time; it never goes back.
+
+        Returns
+        -------
+        float
+            In seconds.
+        """
 
     def wait(self, duration_s: float) -> None:
-        """Return when `duration_s` seconds (0 or more) have passed on this clock."""
+        """Return when a time has passed on this clock.
+
+        Parameters
+        ----------
+        duration_s : float
+            In seconds, 0 or more.
+        """
 
 
 class MonotonicClock:
@@ -48,11 +60,22 @@ class MonotonicClock:
     """
 
     def now_s(self) -> float:
-        """Return the machine's monotonic time in seconds."""
+        """Return the machine's monotonic time.
+
+        Returns
+        -------
+        float
+            In seconds.
+        """
         return time.monotonic()
 
     def wait(self, duration_s: float) -> None:
-        """Sleep for `duration_s` seconds.
+        """Sleep.
+
+        Parameters
+        ----------
+        duration_s : float
+            In seconds, 0 or more.
 
         Raises
         ------
@@ -71,6 +94,11 @@ class VirtualClock:
     start_s : float
         What it shows first, in seconds.
 
+    Raises
+    ------
+    ValueError
+        `start_s` is not finite.
+
     Examples
     --------
     >>> clock = VirtualClock(start_s=10.0)
@@ -84,11 +112,22 @@ class VirtualClock:
         self._now_s = float(start_s)
 
     def now_s(self) -> float:
-        """Return the time in seconds: the start plus all waits so far."""
+        """Return the start plus all waits so far.
+
+        Returns
+        -------
+        float
+            In seconds.
+        """
         return self._now_s
 
     def wait(self, duration_s: float) -> None:
-        """Move the clock on by `duration_s` seconds.
+        """Move the clock on.
+
+        Parameters
+        ----------
+        duration_s : float
+            In seconds, 0 or more.
 
         Raises
         ------

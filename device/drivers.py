@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING, Any, Final, TypeVar
 from device.clock import MonotonicClock
 from device.core.host import HostDriver
 from device.core.output import OutputStage
-from device.driver import BurstDevice, Delivery, DeviceError, Identity, LinkError
+from device.driver import BurstDevice, Delivery, Identity
 from device.emulate.mock import DEVICE_LIMITS, MODEL, MockDevice
+from device.errors import DeviceError, LinkError
 from device.installed import DRIVERS, Installed, lookup, require_whole
 from device.wire.channels import USUAL, LineSettings
 
@@ -62,6 +63,13 @@ class DriverSettings:
         Rate and patience of a serial line.
     recorder : Recorder or None
         What is to hear the inputs of the sound card that drives, on one clock with its outputs.
+
+    Examples
+    --------
+    >>> from device.limits import Limits
+    >>> settings = DriverSettings(limits=Limits(ceiling_vpp=200.0), port="/dev/ttyACM0")
+    >>> settings.sample_rate_hz, settings.channels
+    (48000.0, (1, 2))
     """
 
     limits: Limits

@@ -15,10 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from device.checks import require_positive, require_real, require_whole
-from device.driver import FloatArray, Refusal, rejection
+from device.errors import Refusal, rejection
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
+
+    from device.driver import FloatArray
 
 _LARGEST_GAIN = 1e6
 _LEAST_RATIO = 1e-6
@@ -136,7 +138,7 @@ def check_waveforms(left: FloatArray, right: FloatArray, limits: Limits) -> tupl
     (1.0, 0.0)
     >>> check_waveforms(sine, abs(sine), limits)
     Traceback (most recent call last):
-    device.driver.LimitExceeded: the waveform has a DC part (a unipolar click has one): right
+    device.errors.LimitExceeded: the waveform has a DC part (a unipolar click has one): right
     """
     _check_lengths(left.size, right.size, limits)
     peaks = (_check_waveform("left", left, limits), _check_waveform("right", right, limits))
@@ -195,7 +197,7 @@ def check_ceiling(peak: float, level_vpp: float, limits: Limits) -> None:
     >>> check_ceiling(0.5, 400.0, limits)
     >>> check_ceiling(1.0, 200.00000000000003, limits)
     Traceback (most recent call last):
-    device.driver.LimitExceeded: peak x level x gain is above the ceiling: 1 x 200 x 1 > 200 Vpp
+    device.errors.LimitExceeded: peak x level x gain is above the ceiling: 1 x 200 x 1 > 200 Vpp
     """
     _require_at_most(limits.ceiling_vpp, peak, level_vpp, limits.gain)
 
@@ -256,7 +258,7 @@ def check_rest(*, since_onset_us: int, duration_us: int, limits: Limits) -> None
     >>> check_rest(since_onset_us=52_000, duration_us=2_000, limits=limits)
     >>> check_rest(since_onset_us=51_999, duration_us=2_000, limits=limits)
     Traceback (most recent call last):
-    device.driver.LimitExceeded: the last burst ended too short a time ago: 49.999 of 50 ms
+    device.errors.LimitExceeded: the last burst ended too short a time ago: 49.999 of 50 ms
     """
     rest_us = since_onset_us - duration_us
     least_us = limits.least_interval_us
@@ -280,7 +282,7 @@ def check_memory(held: int, n_samples: int, limits: Limits) -> None:
     >>> check_memory(100, 28, Limits(ceiling_vpp=200.0, memory_samples=128))
     >>> check_memory(100, 29, Limits(ceiling_vpp=200.0, memory_samples=128))
     Traceback (most recent call last):
-    device.driver.LimitExceeded: the waveforms in all slots together are too long: 129 of 128 ...
+    device.errors.LimitExceeded: the waveforms in all slots together are too long: 129 of 128 ...
     """
     total = held + n_samples
     if total > limits.memory_samples:

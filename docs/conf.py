@@ -11,9 +11,13 @@ import sys
 from importlib.metadata import version as version_of
 from pathlib import Path
 
+from numpydoc.xref import DEFAULT_LINKS
+
 HERE = Path(__file__).resolve().parent
 sys.path[:0] = [str(HERE / "_ext"), str(HERE / "gallery")]
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+from reference import python  # noqa: E402 - where it is, stands in the lines above
 
 project = "tactstrip"
 author = "The tactstrip developers"
@@ -39,6 +43,10 @@ myst_enable_extensions = ["colon_fence"]
 
 autodoc_typehints = "none"  # the docstrings say it, with units
 numpydoc_show_class_members = False
+numpydoc_xref_param_type = True
+# a type with a page is a link to it; those of other projects are none, without a network
+numpydoc_xref_aliases = {word: word for word in DEFAULT_LINKS} | python.aliases()
+numpydoc_xref_ignore = "all"
 
 sphinx_gallery_conf = {
     "examples_dirs": "gallery",

@@ -222,7 +222,12 @@ class ForceRectangle(_Rectangle):
 
 
 Load = PointForce | PressureDisc | PressureRectangle | MomentDisc | MomentRectangle | ForceRectangle
-"""Any load of this module."""
+"""What may drive a strip: any of the loads below, each of unit size.
+
+>>> from stimuli import Load, PointForce
+>>> isinstance(PointForce(x_m=0.0, y_m=0.0125), Load)
+True
+"""
 
 LOADS: Final = (
     PointForce,

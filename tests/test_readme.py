@@ -1,4 +1,4 @@
-"""The README is short, its links lead somewhere, and its commands do what stands beside them."""
+"""The README is short, and its commands do what stands beside them."""
 
 from __future__ import annotations
 
@@ -37,11 +37,6 @@ def commands_of(text: str) -> list[str]:
     return [line for line in lines if not line.startswith(SET_UP)]
 
 
-def place_of(heading: str) -> str:
-    """Return the name by which a heading is linked to."""
-    return re.sub(r"[^\w\- ]", "", heading.strip().lower()).replace(" ", "-")
-
-
 def test_the_lines_that_install_end_as_ci_looks_for_them() -> None:
     ends = re.findall(r'command_of "(.+)"', (ROOT / ".ci" / "run").read_text(encoding="utf-8"))
     lines = [line for line in README.splitlines() if line.startswith(SET_UP)]
@@ -50,16 +45,6 @@ def test_the_lines_that_install_end_as_ci_looks_for_them() -> None:
 
 def test_it_has_at_most_120_lines() -> None:
     assert README.count("\n") <= 120
-
-
-@pytest.mark.parametrize("link", sorted({*re.findall(r"\]\(([^)]+)\)", README)}))
-def test_each_link_leads_to_a_file_and_a_heading_in_it(link: str) -> None:
-    name, _, place = link.partition("#")
-    assert (ROOT / name).exists()
-    if place:
-        text = (ROOT / name).read_text(encoding="utf-8")
-        headings = re.findall(r"^#+ (.+)$", text, re.MULTILINE)
-        assert place in {place_of(heading) for heading in headings}
 
 
 @pytest.mark.parametrize("text", [README, *PAGES.values()], ids=["README.md", *PAGES])

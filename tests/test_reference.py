@@ -3,19 +3,27 @@
 from __future__ import annotations
 
 import ast
+import dataclasses
 import doctest
+import enum
 import importlib
+import inspect
 import re
+import textwrap
 import tomllib
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from types import UnionType
+from typing import TYPE_CHECKING, Annotated, Any, Final, NamedTuple
 
 import pytest
+from numpydoc.docscrape import NumpyDocString
 from pydantic import TypeAdapter, ValidationError
 
-from experiment.archive.journal import EVENTS
 from experiment.commands.init import write_study_text
 from experiment.study.sections.table import file_keys
+from experiment.terms.entries import EVENTS
+from stimuli import MATERIALS
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -109,6 +117,11 @@ def test_every_event_that_a_session_writes_is_told() -> None:
     assert appended == set(EVENTS)
 
 
+def test_a_member_without_a_meaning_ends_the_build() -> None:
+    with pytest.raises(ValueError, match=r"not told.*'`hue`'"):
+        module("shapes").rows("tactstrip audit --json", [{"hue": 1}])
+
+
 def test_the_exit_codes_are_told() -> None:
     codes = module("commands").exit_codes()
     assert [code for code, _ in codes] == [0, 1, 2, 3, 4, 130]
@@ -131,3 +144,154 @@ def test_every_command_is_told_with_its_help() -> None:
 @pytest.mark.parametrize("name", MODULES)
 def test_examples_of_the_generators_hold(name: str) -> None:
     assert doctest.testmod(module(name)).failed == 0
+
+
+# What a stranger reads of a face: its docstrings, by numpydoc's own parser, and generated tables.
+
+NAMED: Final = ("Parameters", "Other Parameters", "Attributes")
+IMPLICIT: Final = {"self", "cls"}
+
+
+class Told(NamedTuple):
+    """Something with a docstring of its own on a page of the reference."""
+
+    name: str
+    value: Any
+    sections: NumpyDocString
+
+    def named(self) -> set[str]:
+        """The parameters and attributes that are described."""
+        entries = [entry for section in NAMED for entry in self.sections[section]]
+        return {name.strip().lstrip("*") for entry in entries for name in entry.name.split(",")}
+
+
+def told(name: str, value: Any) -> Told:
+    return Told(name, value, NumpyDocString(inspect.getdoc(value) or ""))
+
+
+def offered() -> list[tuple[str, Any]]:
+    """Every name of the faces with its value."""
+    python = module("python")
+    return [
+        (f"{package}.{name}", getattr(importlib.import_module(package), name))
+        for package in python.PACKAGES
+        for name in python.names(package)
+    ]
+
+
+def classes() -> list[Told]:
+    return [told(name, value) for name, value in offered() if inspect.isclass(value)]
+
+
+def routines() -> list[Told]:
+    """Every function of the faces, and every method that a class's page shows."""
+    found = [told(name, value) for name, value in offered() if inspect.isroutine(value)]
+    for one in classes():
+        for member in module("python").shown(*one.name.split("."), one.value):
+            method = getattr(one.value, member)
+            if inspect.isfunction(method) or inspect.ismethod(method):
+                found.append(told(f"{one.name}.{member}", method))
+    return found
+
+
+def constants_of_the_faces() -> list[tuple[str, Any]]:
+    return [
+        (name, value)
+        for name, value in offered()
+        if not inspect.isclass(value) and not inspect.isroutine(value)
+    ]
+
+
+def accepted(kind: type) -> set[str]:
+    """What a class is made of: the fields of a value, else the parameters of its own `__init__`."""
+    if dataclasses.is_dataclass(kind) and "__init__" not in inspect.getsource(kind):
+        return {field.name for field in dataclasses.fields(kind) if field.init}
+    made = next(base for base in kind.__mro__ if "__init__" in vars(base))
+    ours = made.__module__.partition(".")[0] in module("python").PACKAGES
+    plain = ours and not getattr(kind, "_is_protocol", False) and not issubclass(kind, enum.Enum)
+    return {*inspect.signature(vars(made)["__init__"]).parameters} - IMPLICIT if plain else set()
+
+
+def raises(value: Any) -> bool:
+    """Whether the source of a function or of a class's checks has a `raise` of its own."""
+    body = ast.parse(textwrap.dedent(inspect.getsource(value)))
+    return any(isinstance(node, ast.Raise) and node.exc is not None for node in ast.walk(body))
+
+
+def test_every_parameter_of_a_function_of_a_face_is_described_and_no_other() -> None:
+    for one in routines():
+        assert one.named() == {*inspect.signature(one.value).parameters} - IMPLICIT, one.name
+
+
+def test_every_field_of_a_class_of_a_face_is_described() -> None:
+    for one in classes():
+        in_fields = dataclasses.is_dataclass(one.value) and module("held").described(one.value)
+        described = one.named() | {field.name for field in in_fields or ()}
+        assert accepted(one.value) - described == set(), one.name
+
+
+def test_whatever_a_function_of_a_face_returns_is_described() -> None:
+    for one in routines():
+        nothing = inspect.signature(one.value).return_annotation in {"None", None}
+        described = bool(one.sections["Returns"] or one.sections["Yields"])
+        assert described != nothing, one.name
+
+
+def test_whatever_a_face_refuses_is_described() -> None:
+    for one in routines():
+        assert one.sections["Raises"] or not raises(one.value), one.name
+    for one in classes():
+        check = vars(one.value).get("__post_init__")
+        assert one.sections["Raises"] or check is None, one.name
+
+
+def test_every_function_and_class_of_a_face_has_an_example() -> None:
+    functions = [one for one in routines() if one.name.count(".") == 1]
+    assert [one.name for one in (*functions, *classes()) if not one.sections["Examples"]] == []
+
+
+def test_the_page_of_a_constant_lists_what_it_holds() -> None:
+    pages, literal = module("python").pages(), "``{}``".format
+    for name, value in constants_of_the_faces():
+        page = pages[f"api/{name}.rst"]
+        if isinstance(value, UnionType):
+            held = [f":obj:`~{name.partition('.')[0]}.{kind.__name__}`" for kind in value.__args__]
+        elif isinstance(value, enum.Enum):
+            held = [literal(f'"{value.value}"')]
+        elif isinstance(value, Mapping):
+            held = [literal(f'"{key}"') for key in value]
+        elif isinstance(value, tuple):
+            held = [literal(one.name) for one in value]
+        else:
+            held = [literal(field.name) for field in dataclasses.fields(value)]
+        assert held, name
+        assert [one for one in held if page.count(one) != 1] == [], name
+
+
+def test_the_page_of_an_enumeration_lists_its_members_with_their_meaning() -> None:
+    pages = module("python").pages()
+    for one in classes():
+        if issubclass(one.value, enum.Enum):
+            rows = re.findall(r"\* - ``(\w+)``\n +- (.+)\n +- (.+)\n", pages[f"api/{one.name}.rst"])
+            assert [name for name, _, _ in rows] == [*one.value.__members__]
+
+
+def test_the_materials_are_listed_with_their_values_and_sources() -> None:
+    page = module("python").pages()["api/stimuli.MATERIALS.rst"]
+    for name, one in MATERIALS.items():
+        row = page.partition(f'``"{name}"``')[2].partition("* -")[0]
+        told = (one.material.poisson_ratio, one.material.density_kg_m3, one.source)
+        for value in told:
+            words = f"{value:g}" if isinstance(value, float) else value
+            assert words in row, name
+
+
+def test_the_examples_below_the_constants_hold() -> None:
+    python = module("python")
+    runner, parser = doctest.DocTestRunner(), doctest.DocTestParser()
+    for name, _ in constants_of_the_faces():
+        package, _, short = name.partition(".")
+        text = python.text(python.names(package)[short], short)
+        test = parser.get_doctest(text, {}, name, None, 0)
+        assert test.examples, name
+        assert runner.run(test).failed == 0

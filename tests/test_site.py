@@ -9,7 +9,7 @@ from __future__ import annotations
 import os
 from html.parser import HTMLParser
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 from urllib.parse import unquote, urlsplit
 
 import pytest
@@ -40,6 +40,20 @@ new Promise((done) => {
 })
 """
 """Results come one by one; what is there after ten seconds is what the test gets."""
+LAID_OUT = """
+new Promise((done) => {{
+  const page = document.documentElement;
+  const dark = matchMedia("(prefers-color-scheme: dark)");
+  const look = (frames) => {{
+    const scheme = page.dataset.theme ?? (dark.matches ? "dark" : "light");
+    scheme === "{scheme}" || frames === 0
+      ? done({{ width: page.scrollWidth, scheme }})
+      : requestAnimationFrame(() => look(frames - 1));
+  }};
+  look(60);
+}})
+"""
+"""The theme follows the screen within a frame or two; a report has none, and its style does so."""
 
 
 @pytest.fixture(scope="module")
@@ -54,34 +68,42 @@ def show(browser: Browser, url: str, width_px: int, scheme: str) -> None:
         "Emulation.setDeviceMetricsOverride",
         width=width_px, height=800, deviceScaleFactor=1, mobile=width_px < 600,
     )  # fmt: skip
-    features = [{"name": "prefers-color-scheme", "value": scheme}]
-    browser.ask("Emulation.setEmulatedMedia", media="screen", features=features)
+    turn(browser, scheme)
     browser.events.clear()
     browser.ask("Page.navigate", url=url)
     browser.wait_for("Page.loadEventFired")
 
 
-def value(browser: Browser, expression: str) -> object:
-    found = browser.ask("Runtime.evaluate", expression=expression, returnByValue=True)
-    told: object = found["result"]["value"]
-    return told
+def turn(browser: Browser, scheme: str) -> None:
+    """Make the screen light or dark; a page that is shown is not loaded again."""
+    features = [{"name": "prefers-color-scheme", "value": scheme}]
+    browser.ask("Emulation.setEmulatedMedia", media="screen", features=features)
 
 
-@pytest.mark.parametrize(("width_px", "scheme"), [(360, "light"), (1280, "dark")])
+def value(browser: Browser, expression: str) -> Any:
+    found = browser.ask(
+        "Runtime.evaluate", expression=expression, awaitPromise=True, returnByValue=True
+    )
+    return found["result"]["value"]
+
+
+@pytest.mark.parametrize(("width_px", "schemes"), [(360, ("light", "dark")), (1280, ("dark",))])
 def test_every_page_is_silent_asks_for_nothing_outside_and_fits(
-    browser: Browser, width_px: int, scheme: str
+    browser: Browser, width_px: int, schemes: tuple[str, ...]
 ) -> None:
     for page in PAGES:
         name = page.relative_to(SITE).as_posix()
-        show(browser, page.as_uri(), width_px, scheme)
-        width = value(browser, "document.documentElement.scrollWidth")
-        assert isinstance(width, int), name
-        assert width <= width_px, name
+        show(browser, page.as_uri(), width_px, schemes[0])
+        for scheme in schemes:
+            turn(browser, scheme)
+            laid_out = value(browser, LAID_OUT.format(scheme=scheme))
+            assert laid_out["scheme"] == scheme, name
+            assert laid_out["width"] <= width_px, (name, scheme)
+            keep_screenshot(browser, f"{name.replace('/', '-')}-{scheme}-{width_px}")
         asked = {e["params"]["request"]["url"] for e in browser.events if e["method"] == REQUEST}
         assert not [u for u in asked if not u.startswith((SITE.as_uri(), "data:"))], name
         said = [event for event in browser.events if event["method"] in SAID]
         assert said == [], name
-        keep_screenshot(browser, f"{name.replace('/', '-')}-{scheme}-{width_px}")
 
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])
@@ -92,10 +114,7 @@ def test_pages_are_light_or_dark_as_the_screen_is(browser: Browser, scheme: str)
 
 def test_the_search_finds_a_key_of_the_study(browser: Browser) -> None:
     show(browser, f"{(SITE / 'search.html').as_uri()}?q=foreperiod_s", 1280, "light")
-    found = browser.ask(
-        "Runtime.evaluate", expression=RESULTS, awaitPromise=True, returnByValue=True
-    )
-    assert "Keys of study.toml" in found["result"]["value"]
+    assert "Keys of study.toml" in value(browser, RESULTS)
 
 
 class _Links(HTMLParser):

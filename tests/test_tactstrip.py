@@ -17,9 +17,9 @@ import pytest
 from click.testing import CliRunner, Result
 
 import tactstrip
-from device.driver import LinkError
+from device.errors import LinkError
 from experiment.terms import exits
-from tactstrip import COMMANDS, PACKAGES, main
+from tactstrip import COMMANDS, OTHER_WORDS, PACKAGES, main
 
 ROOT = Path(__file__).parent.parent
 HEAVY = {"numpy", "scipy", "pandas", "pydantic", "rich", "matplotlib", "statsmodels", "psychopy",
@@ -168,6 +168,34 @@ def test_of_an_unknown_command_the_nearest_is_named(typed: str, meant: str) -> N
     assert "mean" not in run("xyzzy").stderr
 
 
+@pytest.mark.parametrize(
+    ("typed", "meant"),
+    [
+        ("simulate", "dry-run"),
+        ("plot", "analyze or field"),
+        ("Figure", "analyze or field"),
+        ("calibrate", "check"),
+        ("validate", "check or verify"),
+        ("sample_size", "power"),
+        ("help", "--help"),
+    ],
+)
+def test_of_a_word_for_what_a_command_does_the_command_is_named(typed: str, meant: str) -> None:
+    assert f" {typed!r}. Did you mean {meant}? See " in run(typed).stderr
+
+
+def test_a_command_that_lacks_a_letter_is_still_found_by_its_letters() -> None:
+    short = {name[:at] + name[at + 1 :]: name for name in COMMANDS for at in range(len(name))}
+    assert {typed: told for typed, name in short.items()
+            if f"mean {name}?" not in (told := run(typed).stderr)} == {}  # fmt: skip
+
+
+def test_other_words_are_no_commands_and_lead_to_some() -> None:
+    words = {word for listed in OTHER_WORDS.values() for word in listed.split()}
+    assert not words & {*COMMANDS}
+    assert {*OTHER_WORDS} <= {*COMMANDS, "--help", "--version"}
+
+
 def example_of(command: str) -> list[str]:
     """Return the arguments of the example with which a command's help ends."""
     last = run(command, "--help").output.splitlines()[-1]
@@ -206,21 +234,6 @@ def test_the_examples_work_one_after_the_other(
     assert run(*example_of("columns")).exit_code == 0
     assert CliRunner().invoke(main, example_of("withdraw"), input="01\n").exit_code == 0
     assert not Path("results/sub-01").exists()
-
-
-@pytest.mark.process
-@pytest.mark.parametrize(("typed", "offered"), [("ver", "verify"), ("check st --js", "--json")])
-def test_a_shell_completes_words(typed: str, offered: str, tmp_path: Path) -> None:
-    words = f"tactstrip {typed}"
-    asked = {
-        "_TACTSTRIP_COMPLETE": "bash_complete",
-        "COMP_WORDS": words,
-        "COMP_CWORD": str(len(words.split()) - 1),
-    }
-    program = "from tactstrip import main; main(prog_name='tactstrip')"
-    ended, out, _ = python("-c", program, folder=tmp_path, more=asked)
-    assert (ended, out.splitlines()) == (0, [f"plain,{offered}"])
-    assert "_TACTSTRIP_COMPLETE=bash_source" in run("--help").output
 
 
 @pytest.mark.slow

@@ -91,8 +91,10 @@ def level_table(trials: pd.DataFrame) -> pd.DataFrame:
     Returns
     -------
     pandas.DataFrame
-        Columns `LEVEL_COLUMNS`, defined in docs/statistics.md, section 4. ``group_low`` and
-        ``group_high`` are NaN for a single participant, ``p_answered`` where nobody answered.
+        Columns ``condition level_vpp detected presented p_min p_mean p_max p_pooled group_low
+        group_high over_report mislocalised timeouts p_answered``, defined in docs/statistics.md,
+        section 4; levels in peak-to-peak volts. ``group_low`` and ``group_high`` are NaN for a
+        single participant, ``p_answered`` where nobody answered.
 
     Examples
     --------

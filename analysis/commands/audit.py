@@ -181,6 +181,7 @@ def audit_json(found: Audit) -> str:
         for one in found.rows
     ]
     told = {
+        "schema": 1,
         "possible": found.possible,
         "decimals": found.decimals,
         "readings": list(READINGS),

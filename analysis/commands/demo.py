@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Any, Final
 import click
 
 from analysis.commands.dry_run import new_folder
+from experiment.commands.options import working
 from experiment.terms.exits import INTERRUPTED, STOPPED_EARLY, CommandError, refusals
 
 if TYPE_CHECKING:
@@ -48,6 +49,20 @@ Now and then one of them is driven for 2 ms, and you say which: {left} or {right
 Here nothing moves, so guess."""
 placement = "This is where you would lay your fingers on the plate."
 '''
+SIMULATED: Final = """\
+# The same plate and burst. Levels lie on both sides of the threshold that simulated people are
+# assumed to have, and "none" is an answer: so a threshold can come out, and false alarms.
+[study]
+name = "demo-simulated"
+
+[design]
+levels_vpp = [30, 42, 59, 83, 117]
+trials_per_side = 50
+both_trials = 0
+blank_trials = 50
+order = "balanced"
+responses = ["left", "right", "none"]
+"""
 SESSION: Final = ("run", "study.toml", "--participant", "01", "--practice-without-device")
 CUT_IN_TRIAL: Final = 3
 _SHOWN_OF_CHECK: Final = ("strip", "cut-off", "burst", "above", "left", "right", "verdict")
@@ -99,7 +114,7 @@ def _folder(out: Path | None) -> Iterator[Path]:
 def _tell(folder: Path) -> None:
     """Run the steps, with what each shows."""
     _head("1. Does the burst stay where the finger is?")
-    lines = _told(folder, "check", "study.toml").splitlines()
+    lines = _told(folder, "Checking", "check", "study.toml").splitlines()
     for line in lines:
         if line.split()[:1] and line.split()[0] in _SHOWN_OF_CHECK:
             click.echo(line)
@@ -119,12 +134,17 @@ def _tell(folder: Path) -> None:
 
     _head("4. The record: no trial is lost, and none is repeated in silence.")
     _print_trials(folder / "results" / "sub-01" / "ses-01" / "trials.csv")
-    click.echo(_told(folder, "verify", "results").rstrip())
+    click.echo(_told(folder, "Comparing", "verify", "results").rstrip())
 
-    _head("5. An analysis: the answer of five simulated people, 775 trials.")
-    told = _told(folder, "dry-run", "--seed", "7", "--out", "simulated")
-    answer = told.split("\n\n")[:2]  # the sentences and their table; figures and report are files
+    _head("5. An analysis: the answer of five simulated people, 750 trials.")
+    (folder / "simulated.toml").write_text(SIMULATED, encoding="utf-8")
+    words = ("dry-run", "simulated.toml", "--seed", "7", "--out", "simulated")
+    answer = _told(folder, "Simulating", *words).split("\n\n")[:2]  # files have the rest
     click.echo("\n\n".join(answer))
+    click.echo(
+        "\nThe people are simulated, so what should come out is known: the median that is\n"
+        "assumed above. It lies within the interval."
+    )
 
 
 def _head(text: str) -> None:
@@ -137,17 +157,18 @@ def _command(*words: str) -> list[str]:
     return [sys.executable, "-P", "-m", "tactstrip", *words]
 
 
-def _told(folder: Path, *words: str) -> str:
-    """Run a command and return what it prints."""
+def _told(folder: Path, what: str, *words: str) -> str:
+    """Run a command and return what it prints; meanwhile show what it is doing."""
     click.echo(f"$ tactstrip {' '.join(words)}")
-    done = subprocess.run(  # noqa: S603 - our own command
-        _command(*words),
-        cwd=folder,
-        stdin=subprocess.DEVNULL,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    with working(what):
+        done = subprocess.run(  # noqa: S603 - our own command
+            _command(*words),
+            cwd=folder,
+            stdin=subprocess.DEVNULL,
+            capture_output=True,
+            text=True,
+            check=False,
+        )
     if done.returncode:
         raise CommandError(done.stderr.removeprefix("error: ").strip(), exit_code=done.returncode)
     return done.stdout

@@ -3,15 +3,14 @@ from .difference import Difference
 from .draws import difference_spread_draws, group_draws
 from .functions import Function, Line, group_function, person_function
 from .group import (
-    FEW,
     ConditionDifference,
     GroupFit,
-    PeopleTables,
     compare_conditions,
     difference_on_axis,
     fit_group,
     threshold_on_axis,
 )
+from .hierarchy import FEW, PeopleTables
 from .micrometres import (
     in_micrometres,
     micrometres_row,

@@ -59,8 +59,8 @@ class Difference:
 
     Attributes
     ----------
-    status : str
-        ``ok``; ``at_least`` or ``at_most`` where only one end is bounded; ``unknown``.
+    status : {"ok", "at_least", "at_most", "unknown"}
+        Whether both ends are bounded, only the lower, only the upper, or none.
     difference_db : float
         20 log10(threshold b / threshold a), posterior median; NaN unless ``ok``.
     difference_limits_db : tuple of float
@@ -69,7 +69,19 @@ class Difference:
         Standard deviation of people's differences, posterior median; NaN unless of a group of the
         same people.
     spread_limits_db : tuple of float
-        95 % limits.
+        Its 95 % limits.
+
+    Notes
+    -----
+    Equation, priors and coverage: docs/statistics.md, section 8.
+
+    Examples
+    --------
+    `ConditionDifference.people` has one of each person. 12 dB are a factor of 4:
+
+    >>> found = Difference(status="ok", difference_db=12.04, difference_limits_db=(9.5, 14.4))
+    >>> round(10 ** (found.difference_db / 20), 3)
+    3.999
     """
 
     status: DifferenceStatus

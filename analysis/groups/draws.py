@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from analysis.groups.group import PeopleTables
+    from analysis.groups.hierarchy import PeopleTables
 
     Floats = NDArray[np.float64]
 

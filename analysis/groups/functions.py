@@ -17,8 +17,7 @@ import numpy as np
 from scipy.special import ndtr
 
 from analysis.definitions import LIMITS
-from analysis.groups.group import PeopleTables
-from analysis.groups.hierarchy import hierarchy, matters
+from analysis.groups.hierarchy import PeopleTables, hierarchy, matters
 from analysis.thresholds.density import Ruler, sigma_prior, trapezoid
 from analysis.thresholds.grid import rates_of
 

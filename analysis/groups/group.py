@@ -10,17 +10,14 @@ import numpy as np
 
 from analysis.answers.intervals import checked_counts
 from analysis.groups.difference import paired_difference, unpaired_difference
-from analysis.groups.hierarchy import hierarchy
-from analysis.thresholds.density import Ruler
+from analysis.groups.hierarchy import PeopleTables, hierarchy
 from analysis.thresholds.fit import (
     BOUNDED,
     PsychometricFit,
     checked_levels,
-    fit_many,
     in_volts,
     status_of,
 )
-from analysis.thresholds.grid import surfaces
 from analysis.thresholds.people import GuessRate
 from analysis.thresholds.posterior import within_levels
 from stimuli.threads import on_one_thread
@@ -33,8 +30,8 @@ if TYPE_CHECKING:
     from analysis.axis import XScale
     from analysis.groups.difference import Difference
     from analysis.groups.hierarchy import Hierarchy
+    from analysis.thresholds.density import Ruler
     from analysis.thresholds.fit import FitStatus
-    from analysis.thresholds.grid import Surface
 
     Floats = NDArray[np.float64]
 
@@ -42,8 +39,6 @@ if TYPE_CHECKING:
 _NAN: Final = float("nan")
 LEVEL: Final = ("decreasing", "flat")
 """Statuses of tables that do not rise with level."""
-FEW: Final = 5
-"""Of fewer people the spread comes mostly from its prior."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -53,8 +48,8 @@ class GroupFit:
     Attributes
     ----------
     status : str
-        A word of `analysis.thresholds.fit.FitStatus`, of the pooled table and the group's median;
-        ``flat`` and ``decreasing`` only where nobody's table rises.
+        A word as of `PsychometricFit`, of the pooled table and the group's median; ``flat`` and
+        ``decreasing`` only where nobody's table rises.
     threshold : float
         Middle of the people's thresholds, posterior median, in the levels' unit; NaN where the
         status tells none.
@@ -69,6 +64,16 @@ class GroupFit:
         Where the threshold of another person is expected with 95 %; ends open as above.
     people : tuple of PsychometricFit
         Each person by themselves.
+
+    Examples
+    --------
+    `fit_group` gives one. Of people who differ more another person is known less well:
+
+    >>> levels, presented = [60, 85, 120, 170, 240], np.full((3, 5), 30)
+    >>> alike, apart = (fit_group(levels, people, presented, guess_rate=0.0) for people in (
+    ...     [[2, 9, 22, 29, 30]] * 3, [[9, 22, 29, 30, 30], [2, 9, 22, 29, 30], [0, 2, 9, 22, 29]]))
+    >>> bool(np.ptp(alike.new_person_limits) < np.ptp(apart.new_person_limits))
+    True
     """
 
     status: FitStatus
@@ -86,8 +91,8 @@ class ConditionDifference:
 
     Attributes
     ----------
-    status : str
-        ``ok``; ``at_least`` or ``at_most`` where only one end is bounded; ``unknown``.
+    status : {"ok", "at_least", "at_most", "unknown"}
+        Whether both ends are bounded, only the lower, only the upper, or none.
     difference_db, difference_limits_db : float, tuple of float
         20 log10(threshold b / threshold a) of the group, posterior median, NaN unless ``ok``; its
         95 % limits, of which an open end is -inf or inf.
@@ -95,6 +100,15 @@ class ConditionDifference:
         Standard deviation of people's differences and its 95 % limits; NaN of different people.
     people : tuple of Difference
         Each person's, where the same people took part in both conditions.
+
+    Examples
+    --------
+    `compare_conditions` gives one; of the same answers in both conditions it is 0 dB:
+
+    >>> answers = [60, 85, 120, 170], [[3, 9, 22, 29]] * 2, [[30] * 4] * 2
+    >>> found = compare_conditions(*answers, *answers[1:], guess_rate=0.0)
+    >>> found.status, bool(abs(found.difference_db) < 0.01)
+    ('ok', True)
     """
 
     status: str
@@ -103,37 +117,6 @@ class ConditionDifference:
     spread_db: float
     spread_limits_db: tuple[float, float]
     people: tuple[Difference, ...] = ()
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class PeopleTables:
-    """Counts of people on the axis, (people, levels), and their guess rates."""
-
-    x: Floats
-    detected: Floats
-    presented: Floats
-    guesses: Sequence[GuessRate]
-    x_scale: XScale
-
-    def ruler(self) -> Ruler | None:
-        """Measure the levels of all; one level of a linear axis measures nothing."""
-        used = self.x[self.presented > 0]
-        return Ruler.of(used, self.x_scale) if self.x_scale == "log10" or np.ptp(used) else None
-
-    def ruler_with(self, other: PeopleTables) -> Ruler:
-        """Return the ruler of these and other tables, on a logarithmic axis."""
-        return Ruler.of(np.concatenate([o.x[o.presented > 0] for o in (self, other)]), "log10")
-
-    def surfaces(self, ruler: Ruler) -> list[Surface]:
-        """Return the likelihood of each person on a common ruler."""
-        counts = (self.x / ruler.step, self.detected, self.presented)
-        rulers = [ruler] * len(self.x)
-        return surfaces(*counts, rulers=rulers, guesses=self.guesses)
-
-    def fits(self) -> tuple[PsychometricFit, ...]:
-        """Fit each person by themselves."""
-        counts = (self.x, self.detected, self.presented)
-        return fit_many(*counts, guesses=self.guesses, x_scale=self.x_scale)
 
 
 @on_one_thread

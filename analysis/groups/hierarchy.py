@@ -14,7 +14,9 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 from scipy.special import ndtr
 
-from analysis.thresholds.density import kind_prior, quantiles, sigma_prior, trapezoid
+from analysis.thresholds.density import Ruler, kind_prior, quantiles, sigma_prior, trapezoid
+from analysis.thresholds.fit import fit_many
+from analysis.thresholds.grid import surfaces
 from analysis.thresholds.mle import SIGMA_FACTOR, SIGMA_MEDIAN
 
 if TYPE_CHECKING:
@@ -22,14 +24,18 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from analysis.thresholds.density import Ruler
+    from analysis.axis import XScale
+    from analysis.thresholds.fit import PsychometricFit
     from analysis.thresholds.grid import Surface
+    from analysis.thresholds.people import GuessRate
 
     Floats = NDArray[np.float64]
 
 
 SPREAD: Final = 6.0
 """Half-normal prior of tau, steps; smaller ones cover too little where people differ much."""
+FEW: Final = 5
+"""Of fewer people the spread comes mostly from its prior."""
 _LEAST_SPREAD: Final = 0.05
 OMEGA: Final = np.array([0.15, 0.4, 0.8])
 """log sigma of people varies by this; half-normal prior of 0.5. Three values are enough."""
@@ -41,6 +47,37 @@ _MATTERS: Final = 1e-5
 _PASSES: Final = 12
 _SETTLED: Final = 0.6
 _SQRT_2PI: Final = math.sqrt(2 * math.pi)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class PeopleTables:
+    """Counts of people on the axis, (people, levels), and their guess rates."""
+
+    x: Floats
+    detected: Floats
+    presented: Floats
+    guesses: Sequence[GuessRate]
+    x_scale: XScale
+
+    def ruler(self) -> Ruler | None:
+        """Measure the levels of all; one level of a linear axis measures nothing."""
+        used = self.x[self.presented > 0]
+        return Ruler.of(used, self.x_scale) if self.x_scale == "log10" or np.ptp(used) else None
+
+    def ruler_with(self, other: PeopleTables) -> Ruler:
+        """Return the ruler of these and other tables, on a logarithmic axis."""
+        return Ruler.of(np.concatenate([o.x[o.presented > 0] for o in (self, other)]), "log10")
+
+    def surfaces(self, ruler: Ruler) -> list[Surface]:
+        """Return the likelihood of each person on a common ruler."""
+        counts = (self.x / ruler.step, self.detected, self.presented)
+        rulers = [ruler] * len(self.x)
+        return surfaces(*counts, rulers=rulers, guesses=self.guesses)
+
+    def fits(self) -> tuple[PsychometricFit, ...]:
+        """Fit each person by themselves."""
+        counts = (self.x, self.detected, self.presented)
+        return fit_many(*counts, guesses=self.guesses, x_scale=self.x_scale)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

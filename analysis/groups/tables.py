@@ -12,7 +12,8 @@ import pandas as pd
 
 from analysis.axis import alike, bounded, rounded, spread_of, times, with_limits
 from analysis.definitions import counted_up
-from analysis.groups.group import FEW, PeopleTables, difference_on_axis, threshold_on_axis
+from analysis.groups.group import difference_on_axis, threshold_on_axis
+from analysis.groups.hierarchy import FEW, PeopleTables
 from analysis.thresholds.fit import BOUNDED, WITH_THRESHOLD
 from analysis.thresholds.table import WORDS, levels_of
 

@@ -14,7 +14,8 @@ from typing import TYPE_CHECKING, Final, Literal, NamedTuple, get_args
 import numpy as np
 
 from analysis.answers.intervals import group_interval, proportion_ci
-from analysis.groups.group import PeopleTables, difference_on_axis, threshold_on_axis
+from analysis.groups.group import difference_on_axis, threshold_on_axis
+from analysis.groups.hierarchy import PeopleTables
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

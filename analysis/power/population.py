@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from analysis.groups.draws import difference_spread_draws, group_draws
-from analysis.groups.group import FEW, PeopleTables
+from analysis.groups.hierarchy import FEW, PeopleTables
 from analysis.thresholds.people import people_of
 from experiment.study.sections.simulation import CURVE_KEYS
 from experiment.study.sections.table import stated_of

@@ -1,4 +1,5 @@
 from .batch import InputFile
+from .counts import Counts, counts_of, without_device
 from .load import LoadedTrials, no_search_for_circles, read_inputs, read_trials
 from .plans import contacts, read_plan
 from .reasons import NEVER_ANSWERED
@@ -8,12 +9,14 @@ from .text import ResultFileError, TextFormat, named, one_line, shown, text_chun
 __all__ = [
     "NEVER_ANSWERED",
     "TABLE",
+    "Counts",
     "InputFile",
     "InputTable",
     "LoadedTrials",
     "ResultFileError",
     "TextFormat",
     "contacts",
+    "counts_of",
     "find_sources",
     "named",
     "no_search_for_circles",
@@ -25,4 +28,5 @@ __all__ = [
     "shown",
     "text_chunks",
     "unreadable",
+    "without_device",
 ]

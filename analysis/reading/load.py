@@ -129,14 +129,14 @@ def read_trials(paths: Sequence[str | Path], columns: ColumnMap | None = None) -
     Returns
     -------
     pandas.DataFrame
-        One row per trial. The columns of `experiment.terms.record.COLUMNS`: text for identifiers,
-        categoricals for words, int64, float64 (NaN where there is no value), bool, nullable boolean
-        for ``correct`` and ``noise_ok``. ``level_vpp`` is NaN where there is no stimulus. Then
-        ``file`` and ``line``, where the row stands, and ``none_offered``, whether "none" could be
-        answered: by the plan beside the file; without one true where the map says yes or no, or
-        anybody gave this answer in the same condition of the same study; else unknown. ``reason``,
-        why the trial does not count, is empty text where it does; ``fault`` is what is amiss with
-        it whatever its kind.
+        One row per trial. The columns of `experiment.COLUMNS`: text for identifiers, categoricals
+        for words, int64, float64 (NaN where there is no value), bool, nullable boolean for
+        ``correct`` and ``noise_ok``. ``level_vpp`` is NaN where there is no stimulus. Then ``file``
+        and ``line``, where the row stands, and ``none_offered``, whether "none" could be answered:
+        by the plan beside the file; without one true where the map says yes or no, or anybody gave
+        this answer in the same condition of the same study; else unknown. ``reason``, why the trial
+        does not count, is empty text where it does; ``fault`` is what is amiss with it whatever its
+        kind.
 
     Raises
     ------

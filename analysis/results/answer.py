@@ -13,7 +13,7 @@ from analysis.answers.counting import uncounted
 from analysis.answers.doubts import GUESSING, SWAPPED
 from analysis.axis import alike, rounded, spread_of, with_limits
 from analysis.definitions import LAPSES_MANY, LAPSES_OFTEN
-from analysis.groups.group import FEW
+from analysis.groups.hierarchy import FEW
 from analysis.groups.micrometres import in_micrometres, micrometres_row
 from analysis.reading.reasons import NEVER_ANSWERED
 from analysis.results.compared import compared, difference_rows, fitting_words, without_words

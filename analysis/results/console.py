@@ -46,7 +46,7 @@ _LEGEND_ANY = " any: answered left, right or both."
 
 
 def print_analysis(analysis: Analysis, file: TextIO | None) -> None:
-    """Print the answer, the table of levels, what was left out, and warnings.
+    r"""Print the answer, the table of levels, what was left out, and warnings.
 
     Parameters
     ----------
@@ -54,6 +54,23 @@ def print_analysis(analysis: Analysis, file: TextIO | None) -> None:
         What came out.
     file : text file or None
         Where to print; ``None``, which `sys.stdout` is where it was closed, prints nothing.
+
+    Examples
+    --------
+    >>> import io
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> from analysis import ColumnMap
+    >>> from analysis.reading.load import read_inputs
+    >>> from analysis.results.tables import analyse
+    >>> with TemporaryDirectory() as folder:
+    ...     table = Path(folder) / "table.csv"
+    ...     _ = table.write_text("participant,side,level_vpp,response\n1,left,60,left\n")
+    ...     analysis = analyse(read_inputs([table], ColumnMap()))
+    >>> printed = io.StringIO()
+    >>> print_analysis(analysis, printed)
+    >>> max(map(len, printed.getvalue().splitlines())) <= 80
+    True
     """
     if file is None:
         return

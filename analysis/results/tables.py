@@ -15,10 +15,11 @@ from analysis.groups.criterion import with_criterion
 from analysis.groups.micrometres import with_micrometres
 from analysis.groups.sensitivity import d_prime_differences
 from analysis.groups.tables import difference_table, group_table, without_people
+from analysis.reading.counts import counts_of, without_device
 from analysis.reading.plans import contacts
 from analysis.reading.text import ResultFileError
 from analysis.results.methods.misfit import misfitting
-from analysis.results.warned import doubts_of, warnings_of, without_device
+from analysis.results.warned import doubts_of, warnings_of
 from analysis.thresholds.people import people_in
 from analysis.thresholds.table import thresholds_of
 
@@ -33,61 +34,52 @@ if TYPE_CHECKING:
     from analysis.groups.population import PopulationThreshold
     from analysis.groups.tables import Without
     from analysis.reading.batch import InputFile
+    from analysis.reading.counts import Counts
     from analysis.reading.load import LoadedTrials
     from analysis.thresholds.people import PersonCounts
     from experiment.terms.record import MeasuredRow
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Counts:
-    """How many of what; every trial is in exactly one of single, both, blank and left_out."""
-
-    trials: int  # all that were read
-    single: int  # counted ones by kind
-    both: int
-    blank: int
-    left_out: int
-    timeouts: int  # among the counted trials, as `invalid`
-    invalid: int
-    participants: int  # different ones among all trials read, as the next two
-    sessions: int  # each belongs to a participant
-    conditions: int
-    simulated: int  # trials of simulated participants
-    without_device: int  # trials of people on a mock device or an emulator
-    unread: int = 0  # rows of tables made elsewhere that a map leaves out
-    unread_files: int = 0  # files that it leaves out, whose rows nobody counted
-
-
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Analysis:
-    """What came out of a set of trials.
+    r"""What came out of a set of trials.
+
+    `write_analysis` returns one. Its tables have the columns of the CSV files of the same names,
+    which docs/reference/tables.md defines; levels are peak-to-peak volts unless `axis` says else.
 
     Attributes
     ----------
-    levels, participants, both, blank, excluded : pandas.DataFrame
-        As `analysis.answers.detection` and `analysis.answers.counting` return them.
+    levels, participants : pandas.DataFrame
+        Detection probabilities over participants, and of each of them, at every level.
+    both, blank : pandas.DataFrame
+        What was answered in both-finger and in blank trials.
+    excluded : pandas.DataFrame
+        What does not count: columns ``participant reason trials``, the last how many.
     thresholds : pandas.DataFrame
-        As `analysis.thresholds.table.thresholds_of` returns it, `with_micrometres`.
-    groups, differences : pandas.DataFrame
-        As `analysis.groups.tables` returns them; differences `with_criterion`.
-    sensitivity : pandas.DataFrame
-        As `analysis.answers.dprime.sensitivity_table` returns it.
-    d_prime_differences : pandas.DataFrame
-        As `analysis.groups.sensitivity.d_prime_differences` returns it.
+        The threshold of every participant in every condition.
+    groups : pandas.DataFrame
+        The threshold of the group in every condition, with columns as in ``thresholds`` and
+        ``differences``.
+    differences : pandas.DataFrame
+        By how many dB thresholds differ between conditions.
+    sensitivity, d_prime_differences : pandas.DataFrame
+        d' and criterion, and by how much d' differs between conditions.
     population : tuple of PopulationThreshold
-        As `population_thresholds` returns it; empty unless asked for.
+        The threshold of all people of a condition as one population; empty unless asked for.
     confusion : pandas.DataFrame
-        As `analysis.answers.choice.confusion_table` returns it.
+        Answers by kind and side of the stimulus.
     choice : tuple of Choices
-        As `analysis.answers.choice.choices` returns it.
+        What each participant answered, and all of them: shares, information, d'.
     reaction_times : pandas.DataFrame
-        As `analysis.answers.counting.reaction_table` returns it.
+        Median, 10 % and 90 % points of the times of correct answers in seconds: columns
+        ``condition level_vpp side n median p10 p90``.
     trials : pandas.DataFrame
-        All trials as read.
+        All trials as `read_trials` returns them.
     detected_any : pandas.DataFrame or None
-        As `analysis.answers.detection.detected_any`; ``None`` where "none" could not be answered.
+        Stimuli that were felt at all: columns ``condition level_vpp detected_any``; None where
+        "none" could not be answered.
     control : pandas.DataFrame
-        As `analysis.answers.counting.control_table`: trials that are in none of the other tables.
+        Trials with the fingers off the plate, which are in none of the other tables.
     counts : Counts
         How many trials these are.
     inputs : tuple of InputFile
@@ -102,28 +94,50 @@ class Analysis:
         What the levels are.
     people : PersonCounts
         What everybody was shown and detected, as the thresholds are of.
-    studies : tuple of str
-        Canonical texts of the studies in the plans beside the tables, each once.
+    studies : tuple of (str, str)
+        Canonical texts of the studies in the plans beside the tables, each once, with the sources
+        of their numbers.
+    measured : tuple of MeasuredRow
+        What a monitor measured of the bursts, a row of measured.csv each.
     altered : mapping of str to tuple of str
-        As `LoadedTrials.altered`: sessions that are not as they were recorded.
+        Sessions that are not as they were recorded: the path of each table, and what differs.
     lost : mapping of str to tuple of str
-        As `LoadedTrials.lost`: such sessions of which no table is left.
+        Such sessions of which no table is left.
     not_compared : tuple of str
         Tables of sessions without a journal.
     contacts : mapping of str to tuple of str
-        As `analysis.reading.plans.contacts`.
+        How the fingers lay on the plate, as studies state it, with the sessions of each.
     doubts : tuple of Doubt
-        As `analysis.answers.doubts.doubtful`.
+        People who look as if they guessed or drifted, or had their sides swapped.
     task : str
-        As `LoadedTrials.task`.
+        ``yes/no`` or ``forced choice`` where a map states it; else empty.
     unswapped : pandas.DataFrame or None
         `groups` without the people whose sides look swapped; ``None`` where there are none.
     fitting : Without or None
         Without the people with a function that does not fit; ``None`` where there are none.
     side_told : bool
-        As `LoadedTrials.side_told`.
+        Whether the tables tell a side; false where a map states one for all rows.
     left_out_by : str
-        As `LoadedTrials.left_out_by`.
+        The keys of a map that leave out rows and, of several, how many each.
+
+    Raises
+    ------
+    ValueError
+        If `ci` is no method of `proportion_ci`.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> from analysis import ColumnMap
+    >>> from analysis.reading.load import read_inputs
+    >>> from analysis.results.tables import analyse
+    >>> with TemporaryDirectory() as folder:
+    ...     table = Path(folder) / "table.csv"
+    ...     _ = table.write_text("participant,side,level_vpp,response\n1,left,60,left\n")
+    ...     found = analyse(read_inputs([table], ColumnMap()))
+    >>> found.counts.trials, found.levels["p_mean"].tolist()
+    (1, [1.0])
     """
 
     levels: pd.DataFrame
@@ -298,7 +312,7 @@ def analyse(
         trials=trials,
         detected_any=detected_any,
         control=counting.control_table(trials),
-        counts=_counts(loaded) if loaded.cells is None else _counts_of(loaded, loaded.cells),
+        counts=counts_of(loaded),
         inputs=loaded.inputs,
         warnings=tuple(told),
         doubts=doubts,
@@ -347,50 +361,6 @@ def _detected_any(loaded: LoadedTrials) -> pd.DataFrame | None:
     if cells is not None:
         return detection.detected_any_of(cells) if cells["none_offered"].all() else None
     return detection.detected_any(trials) if counting.offers_none(trials) else None
-
-
-def _counts_of(loaded: LoadedTrials, cells: pd.DataFrame) -> Counts:
-    """Count what a table of counts presented: single stimuli and blanks, each person a session."""
-    presented, people = int(cells["presented"].sum()), cells["participant"].nunique()
-    blanks = 0 if loaded.blanks is None else int(loaded.blanks["presented"].sum())
-    return Counts(
-        trials=presented + blanks,
-        single=presented,
-        both=0,
-        blank=blanks,
-        left_out=0,
-        timeouts=0,
-        invalid=0,
-        participants=people,
-        sessions=people,
-        conditions=cells["condition"].nunique(),
-        simulated=0,
-        without_device=0,
-        unread=loaded.left_out,
-        unread_files=loaded.left_out_files,
-    )
-
-
-def _counts(loaded: LoadedTrials) -> Counts:
-    trials = loaded.trials
-    counted = trials[trials["reason"].eq("")]
-    kinds, answers = counted["kind"].astype(object), counted["response"].astype(object)
-    return Counts(
-        trials=len(trials),
-        single=int(kinds.eq("single").sum()),
-        both=int(kinds.eq("both").sum()),
-        blank=int(kinds.eq("blank").sum()),
-        left_out=len(trials) - len(counted),
-        timeouts=int(answers.eq("timeout").sum()),
-        invalid=int(answers.eq("invalid").sum()),
-        participants=trials["participant"].nunique(),
-        sessions=len(trials[["participant", "session"]].drop_duplicates()),
-        conditions=trials["condition"].nunique(),
-        simulated=int(trials["simulated"].sum()),
-        without_device=int(without_device(trials).sum()),
-        unread=loaded.left_out,
-        unread_files=loaded.left_out_files,
-    )
 
 
 def _sessions_of(trials: pd.DataFrame) -> list[tuple[str, str]]:

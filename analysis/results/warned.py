@@ -8,6 +8,7 @@ import pandas as pd
 
 from analysis.answers import counting
 from analysis.answers.doubts import doubtful, doubtful_counts
+from analysis.reading.counts import without_device
 from analysis.reading.reasons import NEVER_ANSWERED
 from analysis.reading.text import named
 from analysis.results.methods.misfit import misfits
@@ -81,17 +82,6 @@ def doubts_of(loaded: LoadedTrials) -> Iterator[Doubt]:
     if loaded.cells is None:
         return doubtful(loaded.trials, loaded.axis, loaded.alternatives)
     return doubtful_counts(loaded.cells, loaded.blanks, loaded.alternatives)
-
-
-def without_device(trials: pd.DataFrame) -> pd.Series[bool]:
-    """Tell which trials are of a person whose device moves nothing.
-
-    >>> import pandas as pd
-    >>> kinds = {"simulated": [False, False, True], "device_kind": ["mock", None, "mock"]}
-    >>> without_device(pd.DataFrame(kinds)).tolist()
-    [True, False, False]
-    """
-    return ~trials["simulated"].astype(bool) & trials["device_kind"].isin(["mock", "emulated"])
 
 
 def _studies(loaded: LoadedTrials) -> int:

@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Final, Literal, get_args
 
 import numpy as np
-from scipy.special import ndtr
 
 from analysis.axis import LARGEST, XScale
 from analysis.thresholds.density import Ruler
@@ -16,7 +15,7 @@ from analysis.thresholds.grid import surfaces
 from analysis.thresholds.mle import Tables, at_upper_lapse, likeliest, probabilities
 from analysis.thresholds.people import GuessRate
 from analysis.thresholds.posterior import posterior, within_levels
-from analysis.thresholds.probit import Lines, deviance, fit_lines, increasing_exists, scale
+from analysis.thresholds.probit import deviance, fit_lines, increasing_exists, scale, slope_p
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -76,8 +75,10 @@ class PsychometricFit:
     Attributes
     ----------
     status : str
-        A word of `FitStatus`; where it is not in `WITH_THRESHOLD` the numbers below are NaN, but
-        for the limits of those in `BOUNDED`.
+        With a threshold: ``ok``, ``lapse_at_bound``, ``separated``. With a bound as one of the
+        limits: ``threshold_below_levels``, ``threshold_above_levels``, ``median_below_levels``,
+        ``median_above_levels``. With neither: ``one_level``, ``decreasing``, ``flat``. What is not
+        known is NaN. What each means: docs/statistics.md, section 8.
     threshold : float
         Level felt half of the time, posterior median, in the levels' unit.
     threshold_limits : tuple of float
@@ -91,6 +92,14 @@ class PsychometricFit:
         The likeliest values, sigma and lambda within their priors' bounds; NaN where ``separated``.
     deviance : float
         At these.
+
+    Examples
+    --------
+    `fit_psychometric` gives one. Where everything was felt it knows only a bound:
+
+    >>> fit = fit_psychometric([60, 200], [30, 30], [30, 30], guess_rate=0.5)
+    >>> fit.status, fit.threshold, fit.threshold_limits[0]
+    ('threshold_below_levels', nan, -inf)
     """
 
     status: FitStatus
@@ -120,6 +129,7 @@ def probit_mle(x: ArrayLike, detected: ArrayLike, presented: ArrayLike) -> Probi
     Returns
     -------
     ProbitFit
+        ``mu`` and ``sigma`` in the units of x, and the ``deviance``.
 
     Raises
     ------
@@ -170,6 +180,8 @@ def fit_psychometric(
 ) -> PsychometricFit:
     """Fit p = gamma + (1 - gamma - lambda) Phi((x - mu)/sigma) to one table of counts.
 
+    Priors, method and coverage: docs/statistics.md, section 8.
+
     Parameters
     ----------
     levels_vpp : array_like, shape (levels,)
@@ -196,8 +208,6 @@ def fit_psychometric(
     >>> fit = fit_psychometric(levels_vpp, [1, 7, 26, 48, 50], presented, guess_rate=0.0)
     >>> fit.status, fit.threshold_limits[0] < 100 < fit.threshold_limits[1]
     ('ok', True)
-    >>> fit_psychometric([60, 200], [30, 30], [30, 30], guess_rate=0.5).status
-    'threshold_below_levels'
     """
     x, k, n = _table(levels_vpp, detected, presented, name="levels_vpp")
     axis = checked_levels("levels_vpp", x, x_scale)
@@ -346,7 +356,7 @@ def _statuses(tables: Tables, mu: Floats, rulers: Sequence[Ruler]) -> list[FitSt
     line: answers at chance may have other reasons than levels that are too low.
     """
     k, n = tables.detected, tables.presented
-    p_rise, p_fall = _slope_p(fit_lines(scale(tables.u, n).u, k, n))
+    p_rise, p_fall = slope_p(fit_lines(scale(tables.u, n).u, k, n))
     low, high = np.array([[one.low, one.high] for one in rulers]).T
     rows: list[tuple[NDArray[np.bool_], FitStatus]] = [
         ((k == n).all(axis=1), "threshold_below_levels"),
@@ -361,13 +371,6 @@ def _statuses(tables: Tables, mu: Floats, rulers: Sequence[Ruler]) -> list[FitSt
     ]
     chosen = np.argmax([holds for holds, _ in rows], axis=0)
     return [rows[i][1] for i in chosen]
-
-
-def _slope_p(lines: Lines) -> tuple[Floats, Floats]:
-    """Return the one-sided p of a rise and of a fall, by the likelihood ratio of the slope."""
-    root = np.sqrt(np.maximum(lines.flat_deviance - lines.deviance, 0.0))
-    root = np.where(lines.slope < 0, -root, root)
-    return np.asarray(ndtr(-root)), np.asarray(ndtr(root))
 
 
 def _table(

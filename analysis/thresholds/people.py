@@ -73,7 +73,25 @@ class GuessRate:
     def after_blanks(cls, *, answered: float, blanks: int) -> GuessRate:
         """Return what blank trials tell, Beta(1/2 + answered, 1/2 + blanks - answered).
 
-        Where there was none, half an answer in ten is assumed: Beta(1, 10).
+        Parameters
+        ----------
+        answered : float
+            Blank trials that were answered with the side in question.
+        blanks : int
+            Blank trials; where there was none, half an answer in ten is assumed: Beta(1, 10).
+
+        Returns
+        -------
+        GuessRate
+
+        Examples
+        --------
+        Ten times the trials tell it three times as well:
+
+        >>> few, many = (GuessRate.after_blanks(answered=n, blanks=20 * n).beta for n in (1, 10))
+        >>> spreads = [(a * b / (a + b + 1)) ** 0.5 / (a + b) for a, b in (few, many)]
+        >>> 2.5 < spreads[0] / spreads[1] < 4
+        True
         """
         if not blanks:
             answered, blanks = _ASSUMED

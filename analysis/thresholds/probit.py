@@ -181,3 +181,10 @@ def scale(x: Floats, presented: Floats) -> Scaled:
     width = np.ptp(at, axis=1)
     u = (at - lowest[:, None]) / np.where(width > 0, width, 1.0)[:, None]
     return Scaled(u=u, low=lowest, width=width)
+
+
+def slope_p(lines: Lines) -> tuple[Floats, Floats]:
+    """Return the one-sided p of a rise and of a fall, by the likelihood ratio of the slope."""
+    root = np.sqrt(np.maximum(lines.flat_deviance - lines.deviance, 0.0))
+    root = np.where(lines.slope < 0, -root, root)
+    return np.asarray(ndtr(-root)), np.asarray(ndtr(root))

@@ -78,14 +78,16 @@ def threshold_table(trials: pd.DataFrame, *, seed: int, axis: Axis = VOLTS) -> p
     trials : pandas.DataFrame
         From `analysis.read_trials`.
     seed : int
-        Of the bootstrap behind ``deviance_p``.
+        Of the bootstrap behind ``deviance_p``, 0 or more.
     axis : Axis
-        Of the psychometric function.
+        What the levels are, see `analysis.axis.Axis`: by default peak-to-peak volts, the function
+        normal in their logarithm.
 
     Returns
     -------
     pandas.DataFrame
-        Columns `THRESHOLD_COLUMNS`, defined in docs/statistics.md, section 8. dB are re 1 Vpp.
+        A row for each, with the columns of thresholds.csv: docs/reference/tables.md tells them,
+        docs/statistics.md, section 8, defines them. dB are re 1 Vpp.
 
     Examples
     --------

@@ -49,7 +49,7 @@ def devices(*, ports: tuple[str, ...], baud: int) -> None:
 
 def _who(port: str, line: LineSettings) -> str:
     """Tell in one line what answers on a port."""
-    from device.driver import LinkError
+    from device.errors import LinkError
     from device.scpi.generator import identify_generator
     from device.wire.serial import identify
 

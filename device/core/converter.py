@@ -13,7 +13,8 @@ from device.core.local import HostedCore
 from device.core.messages import Arm, Enable, Message
 from device.core.output import OutputStage
 from device.core.tokens import Exchange, Fate, Record, Reply
-from device.driver import DeviceError, Identity, LinkError, Outcome
+from device.driver import Identity, Outcome
+from device.errors import DeviceError, LinkError
 from device.installed import require_whole
 
 if TYPE_CHECKING:
@@ -43,6 +44,20 @@ class Converter(Protocol):
         Whether no actuator can move.
     cannot : tuple of str
         What it cannot promise, each to be read after "it cannot"; told before a session.
+
+    Examples
+    --------
+    `converter_device` makes a device around one; docs/own-device.md has it in 40 lines:
+
+    >>> from device import Converter, Outcome
+    >>> class Silent:
+    ...     name, serial_number, sample_rate_hz, bits = "silent", "1", 48_000.0, 16
+    ...     full_scale_v, emulated, cannot = 100.0, True, ("be felt",)
+    ...     def connect(self): pass
+    ...     def play(self, left_v, right_v): return Outcome.FIRED
+    ...     def zero(self): pass
+    ...     def disconnect(self): pass
+    >>> converter: Converter = Silent()
     """
 
     name: str
@@ -59,8 +74,16 @@ class Converter(Protocol):
     def play(self, left_v: FloatArray, right_v: FloatArray) -> Outcome:
         """Play volts at the actuators once, return when they are over, and say what is known.
 
-        FIRED only where all of it surely came out, NOT_FIRED where surely nothing did. Whatever is
-        raised counts as INDETERMINATE.
+        Parameters
+        ----------
+        left_v, right_v : ndarray of float64, shape (n,)
+            Volts at both actuators, a value for each period of `sample_rate_hz`.
+
+        Returns
+        -------
+        Outcome
+            FIRED only where all of it surely came out, NOT_FIRED where surely nothing did.
+            Whatever is raised counts as INDETERMINATE.
         """
 
     def zero(self) -> None:

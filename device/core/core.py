@@ -34,7 +34,8 @@ from device.core.output import Emission, OutputStage
 from device.core.reports import OURS, About, DeviceLimits, Health, Measurement
 from device.core.states import ILLEGAL, TRANSITIONS, State, Step
 from device.core.tokens import Fate, Record, Reply, TokenHistory
-from device.driver import LARGEST_TOKEN, FloatArray, Refusal, rejection
+from device.driver import LARGEST_TOKEN, FloatArray
+from device.errors import Refusal, rejection
 from device.limits import (
     Limits,
     check_codes,

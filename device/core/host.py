@@ -31,17 +31,7 @@ from device.core.messages import (
 )
 from device.core.states import State, Step, require_legal
 from device.core.tokens import Exchange, Fate, Record, Reply, delivery
-from device.driver import (
-    Delivery,
-    DeviceError,
-    FloatArray,
-    Identity,
-    LinkError,
-    Refusal,
-    RefusedError,
-    StateError,
-    rejection,
-)
+from device.errors import DeviceError, LinkError, Refusal, RefusedError, StateError, rejection
 from device.limits import (
     Limits,
     check_burst,
@@ -54,6 +44,7 @@ from device.limits import (
 if TYPE_CHECKING:
     from device.clock import Clock
     from device.core.reports import DeviceLimits, Health, Measurement
+    from device.driver import Delivery, FloatArray, Identity
 
 
 class Link(Protocol):
@@ -103,7 +94,7 @@ class HostDriver:
     >>> device: HostDriver = MockDevice(VirtualClock(), limits=Limits(ceiling_vpp=200.0))
     >>> device.fire(1)
     Traceback (most recent call last):
-    device.driver.StateError: the device is not open
+    device.errors.StateError: the device is not open
     """
 
     def __init__(self, link: Link, *, limits: Limits, clock: Clock) -> None:

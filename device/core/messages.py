@@ -18,7 +18,8 @@ from numpy.typing import ArrayLike, NDArray
 from device.checks import is_real, is_whole
 from device.core.reports import DeviceLimits, Health, Measurement
 from device.core.tokens import Record, Reply
-from device.driver import LARGEST_TOKEN, FloatArray, Refusal, rejection
+from device.driver import LARGEST_TOKEN, FloatArray
+from device.errors import Refusal, rejection
 
 CodeArray: TypeAlias = NDArray[np.int32]
 
@@ -169,7 +170,7 @@ class Arm(Message[None]):
 
     >>> Arm(token=0, slot=0, time_to_live_us=1000)
     Traceback (most recent call last):
-    device.driver.Rejected: a token must be an integer from 1 to 2**64 - 1: got 0
+    device.errors.Rejected: a token must be an integer from 1 to 2**64 - 1: got 0
     """
 
     token: int

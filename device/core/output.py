@@ -148,7 +148,7 @@ class Emission:
     Raises
     ------
     ValueError
-        The arrays differ in shape.
+        The arrays are no rows of one length, or the rate is not above 0.
 
     Examples
     --------
@@ -184,7 +184,17 @@ class Emission:
         return -(-self.left_v.size * 10**9 // round(self.sample_rate_hz * 1000))
 
     def cut(self, at_us: int) -> Emission:
-        """Return the burst as a stop at device time `at_us` left it: zero from there on.
+        """Return the burst as a stop left it: zero from there on.
+
+        Parameters
+        ----------
+        at_us : int
+            When it was stopped, in microseconds on the device's clock.
+
+        Returns
+        -------
+        Emission
+            The same burst with `cut_us`; its arrays keep their length.
 
         Raises
         ------

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from enum import StrEnum
 
-from device.driver import Refusal, StateError
+from device.errors import Refusal, StateError
 
 
 class State(StrEnum):
@@ -95,7 +95,7 @@ def require_legal(known: State, step: Step) -> None:
     >>> require_legal(State.FIRED, Step.ARM)        # the burst may be over by now
     >>> require_legal(State.LOADED, Step.ARM)
     Traceback (most recent call last):
-    device.driver.StateError: the output is not enabled: arm
+    device.errors.StateError: the output is not enabled: arm
     """
     later = (TRANSITIONS.get((known, event)) for event in SPONTANEOUS)
     if not any((state, step) in TRANSITIONS for state in (known, *later)):

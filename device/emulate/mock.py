@@ -35,6 +35,8 @@ OUTPUT_STAGE = OutputStage()
 class MockDevice(HostDriver):
     """A `BurstDevice` without hardware that keeps what it really emitted.
 
+    It has the methods of `BurstDevice`, and those below.
+
     The host's checks and the device's are both made, each with its own limits, as they are over a
     wire. While it is open the host's heart beats every 100 ms, however far the clock jumps, until
     `silence` stops it.
@@ -112,7 +114,13 @@ class MockDevice(HostDriver):
         return self._bench.emitted()
 
     def sense(self, sensed: Health) -> None:
-        """Have switch and amplifier report something else from now on."""
+        """Have switch and amplifier report something else from now on.
+
+        Parameters
+        ----------
+        sensed : Health
+            What they report, see `device.core.reports.Health`.
+        """
         self._bench.sense(sensed)
 
     def silence(self) -> None:

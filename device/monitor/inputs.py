@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Final
 from scipy import signal
 
 from device.checks import require_real
-from device.driver import LinkError
+from device.errors import LinkError
 from device.monitor.delays import LONGEST_OWN_S, Delays, OwnDelay
 from device.monitor.matching import Template
 from device.monitor.measured import Fault, Measured, Planned, Tap, Tolerances, judge, void

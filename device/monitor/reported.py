@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Final
 
-from device.driver import LinkError, Refusal, RefusedError
+from device.errors import LinkError, Refusal, RefusedError
 from device.monitor.delays import Delays
 from device.monitor.measured import Fault, Measured, Planned, Tap, Tolerances, void
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Final
 
 from device.clock import Clock, MonotonicClock
 from device.core.host import HostDriver
-from device.driver import LinkError
+from device.errors import LinkError
 from device.scpi.dialects import dialect_of
 from device.scpi.line import ScpiLine
 from device.scpi.link import GeneratorLink
@@ -69,7 +69,7 @@ def generator_device(
     >>> generator_device("/no/such/port", limits=Limits(ceiling_vpp=200.0), clock=MonotonicClock(),
     ...                  amplifier_gain=27.5, sample_rate_hz=48e3).open()
     Traceback (most recent call last):
-    device.driver.LinkError: cannot open /no/such/port: ...
+    device.errors.LinkError: cannot open /no/such/port: ...
     """
     return GeneratorDevice(
         lambda: open_instrument(port, clock, line),

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from device.core.messages import CodeArray, full_scale
-from device.driver import LinkError, SettingError
+from device.errors import LinkError, SettingError
 
 if TYPE_CHECKING:
     from device.clock import Clock

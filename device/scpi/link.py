@@ -21,7 +21,8 @@ from device.core.local import HostedCore
 from device.core.messages import Arm, Disarm, Enable, Levels, LoadSlot, Message
 from device.core.output import OutputStage
 from device.core.tokens import Exchange, Fate, Record, Reply
-from device.driver import DeviceError, Identity, LinkError, Refusal, SettingError, rejection
+from device.driver import Identity
+from device.errors import DeviceError, LinkError, Refusal, SettingError, rejection
 from device.scpi.dialects import EMULATED, Dialect, ReadBack, dialect_of
 from device.scpi.line import BITS, ScpiLine, Wave, decimals, encode, matches
 

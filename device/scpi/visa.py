@@ -14,7 +14,8 @@ from importlib.util import find_spec
 from threading import Lock
 from typing import TYPE_CHECKING, Final
 
-from device.driver import Lack, LinkError, installing
+from device.driver import Lack, installing
+from device.errors import LinkError
 from device.wire.channels import USUAL, Channel, LineSettings, open_channel, port_lack
 
 if TYPE_CHECKING:
@@ -42,7 +43,7 @@ class VisaChannel:
     >>> from device.clock import MonotonicClock
     >>> VisaChannel("visa:nothing", MonotonicClock())
     Traceback (most recent call last):
-    device.driver.LinkError: cannot open visa:nothing: ...
+    device.errors.LinkError: cannot open visa:nothing: ...
     """
 
     def __init__(self, port: str, clock: Clock) -> None:
@@ -129,7 +130,7 @@ def open_instrument(port: str, clock: Clock, line: LineSettings = USUAL) -> Chan
     >>> from device.clock import MonotonicClock
     >>> open_instrument("TCPIP::192.168.1.5::INSTR", MonotonicClock())
     Traceback (most recent call last):
-    device.driver.LinkError: cannot open TCPIP::192.168.1.5::INSTR: a VISA resource is written
+    device.errors.LinkError: cannot open TCPIP::192.168.1.5::INSTR: a VISA resource is written
     visa:TCPIP::192.168.1.5::INSTR
     """
     if _names_a_resource(port):

@@ -18,7 +18,8 @@ from device.core.local import HostedCore
 from device.core.messages import Arm, Enable, Message, full_scale
 from device.core.output import OutputStage
 from device.core.tokens import Exchange, Fate, Record, Reply
-from device.driver import Identity, LinkError
+from device.driver import Identity
+from device.errors import LinkError
 from device.sound.player import Frames, Played, Player
 from device.sound.stream import CHANNELS, Callback, Stream, open_duplex, open_stream
 

@@ -13,7 +13,8 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, Literal, Protocol, TypeAlias, TypeVar
 
-from device.driver import Lack, LinkError, installing
+from device.driver import Lack, installing
+from device.errors import LinkError
 from device.sound.player import Frames
 
 if TYPE_CHECKING:

@@ -13,7 +13,8 @@ from typing import TYPE_CHECKING, Final, Protocol
 from urllib.parse import urlsplit
 
 from device.checks import require_real, require_whole
-from device.driver import Lack, LinkError
+from device.driver import Lack
+from device.errors import LinkError
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -133,7 +134,7 @@ class SocketChannel:
 
     >>> SocketChannel("socket://nowhere")
     Traceback (most recent call last):
-    device.driver.LinkError: cannot open socket://nowhere: it must be socket://host:port
+    device.errors.LinkError: cannot open socket://nowhere: it must be socket://host:port
     """
 
     def __init__(self, url: str) -> None:
@@ -191,7 +192,7 @@ class SerialChannel:
     >>> from device.clock import MonotonicClock
     >>> SerialChannel("/no/such/port", MonotonicClock())
     Traceback (most recent call last):
-    device.driver.LinkError: cannot open /no/such/port: ...
+    device.errors.LinkError: cannot open /no/such/port: ...
     """
 
     def __init__(self, port: str, clock: Clock, line: LineSettings = USUAL) -> None:
@@ -244,7 +245,7 @@ def open_channel(port: str, clock: Clock, line: LineSettings = USUAL) -> Channel
     >>> from device.clock import MonotonicClock
     >>> open_channel("socket://127.0.0.1:1", MonotonicClock())
     Traceback (most recent call last):
-    device.driver.LinkError: cannot open socket://127.0.0.1:1: ...
+    device.errors.LinkError: cannot open socket://127.0.0.1:1: ...
     """
     return SocketChannel(port) if port.startswith(SCHEME) else SerialChannel(port, clock, line)
 

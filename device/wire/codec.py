@@ -29,7 +29,8 @@ from device.core.messages import (
 from device.core.reports import TAPS, UNITS, DeviceLimits, Entropy, Health, Measurement
 from device.core.states import State
 from device.core.tokens import Fate, Record
-from device.driver import Identity, Refusal, rejection
+from device.driver import Identity
+from device.errors import Refusal, rejection
 from device.wire.forms import LONG_TEXT, REST, TEXT, TIME, U8, U16, U32, U64, Form, Layout
 from device.wire.frames import MINOR, VERSION
 from device.wire.upload import Begin, Commit, Data

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, Final, TypeVar
 from device.clock import Clock, ClockSync, Sample
 from device.core.messages import Beat, Enable, Message, Stop
 from device.core.states import State
-from device.driver import LinkError, Refusal, Rejected, rejection
+from device.errors import LinkError, Refusal, Rejected, rejection
 from device.wire import codec
 from device.wire.codec import AnswerPayload, Hello, Kind
 from device.wire.frames import MAKER, MINOR, QUESTION, VERSION, Decoder, Frame, encode

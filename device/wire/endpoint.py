@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from device.core.messages import Beat, Message, Stop
 from device.core.states import State
-from device.driver import Identity, Refusal, Rejected, rejection
+from device.errors import Refusal, Rejected, rejection
 from device.wire import codec
 from device.wire.codec import AnswerPayload, Greeting, Kind
 from device.wire.frames import Decoder, Frame, IdentityLine, encode
@@ -18,6 +18,7 @@ from device.wire.upload import Begin, Commit, Data, Uploads
 
 if TYPE_CHECKING:
     from device.core.core import DeviceCore
+    from device.driver import Identity
 
 _HALF_TURN: Final = 0x8000
 _GREETINGS: Final = 16

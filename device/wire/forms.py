@@ -8,7 +8,7 @@ from __future__ import annotations
 import struct
 from typing import TYPE_CHECKING, Any, Final, Generic, NamedTuple, Protocol, TypeVar
 
-from device.driver import Refusal, rejection
+from device.errors import Refusal, rejection
 
 if TYPE_CHECKING:
     from collections.abc import Callable

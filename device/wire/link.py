@@ -27,7 +27,7 @@ from device.core.messages import (
 )
 from device.core.states import State
 from device.core.tokens import Exchange, Fate, Record, Reply
-from device.driver import Identity, LinkError, Refusal, Rejected, rejection
+from device.errors import LinkError, Refusal, Rejected, rejection
 from device.wire import codec
 from device.wire.channels import USUAL, Channel, Heart, LineSettings
 from device.wire.codec import AnswerPayload, Hello, Kind
@@ -47,6 +47,8 @@ from device.wire.upload import Begin, Commit, Window, data_of, octets_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable
+
+    from device.driver import Identity
 
 _AHEAD_S: Final = 0.1
 """So much of the line's time may DATA take that are under way."""
@@ -83,7 +85,7 @@ class FrameLink(Dialogue):
     ...     raise LinkError("no such port")
     >>> FrameLink(unplugged, VirtualClock()).hello()
     Traceback (most recent call last):
-    device.driver.LinkError: no such port
+    device.errors.LinkError: no such port
     """
 
     def __init__(

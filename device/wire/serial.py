@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Final
 from device.clock import Clock, MonotonicClock
 from device.core.host import HostDriver
 from device.core.messages import AskHealth, AskLimits
-from device.driver import Identity, LinkError
+from device.errors import LinkError
 from device.wire.channels import USUAL, Channel, LineSettings, open_channel
 from device.wire.dialogue import plain_answer
 from device.wire.frames import MAKER
@@ -16,6 +16,7 @@ from device.wire.link import FrameLink
 
 if TYPE_CHECKING:
     from device.core.reports import DeviceLimits, Health
+    from device.driver import Identity
     from device.limits import Limits
 
 _IDENTIFY_WITHIN_S: Final = 0.3
@@ -32,7 +33,7 @@ def serial_device(
     ...                        clock=MonotonicClock())
     >>> device.open()
     Traceback (most recent call last):
-    device.driver.LinkError: cannot open /no/such/port: ...
+    device.errors.LinkError: cannot open /no/such/port: ...
     """
     link = FrameLink(lambda: open_channel(port, clock, line), clock, line=line)
     return HostDriver(link, limits=limits, clock=clock)

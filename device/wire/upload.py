@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from device.core.messages import LoadSlot, Message
-from device.driver import Refusal, rejection
+from device.errors import Refusal, rejection
 from device.limits import check_memory, check_slot
 
 if TYPE_CHECKING:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from device.core.host import HostDriver
-from device.driver import LinkError
+from device.errors import LinkError
 from experiment.study.sections.stimulus import drive_samples
 from experiment.study.study import StudyError
 from experiment.terms.record import NOT_AVAILABLE

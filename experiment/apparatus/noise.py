@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Final, Protocol
 
 import numpy as np
 
-from device.driver import LinkError
+from device.errors import LinkError
 from device.sound.player import LoopPlayer
 from device.sound.stream import in_a_thread, open_stream, stderr_kept
 from stimuli.drive.noise import pink_loop

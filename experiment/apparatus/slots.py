@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from device.core.host import HostDriver
-from device.driver import Rejected
+from device.errors import Rejected
 from device.limits import Limits, check_waveforms
 from experiment.study.sections.stimulus import drive_samples
 

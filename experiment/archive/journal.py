@@ -23,8 +23,7 @@ import time
 import zlib
 from dataclasses import dataclass
 from itertools import repeat
-from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, Final, NamedTuple, Self
+from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
 from device.clock import uptime_s
 from experiment.archive.disk import DISK, write_new
@@ -37,28 +36,6 @@ if TYPE_CHECKING:
 
 
 SCHEMA = 2
-EVENTS: Final[Mapping[str, str]] = MappingProxyType(
-    {
-        "session_open": "the session begins: who, which plan, on which host and device",
-        "session_resume": "it goes on after an interruption: the same, and the state of its clock",
-        "marker": "other recordings were told that the session begins",
-        "block_start": "a block begins",
-        "trial_armed": "the device is about to be told of a stimulus, under this token",
-        "stimulus_commanded": "the device is about to be told to emit it",
-        "stimulus_confirmed": "what the device said of it: fired or not, when, at which levels",
-        "stimulus_measured": "what a monitor measured of the burst",
-        "response": "the answer",
-        "trial_end": "the trial is over, and whether it counts",
-        "block_end": "a block is over",
-        "break": "the participant rests",
-        "pause": "the session stands still, and who wished it or why",
-        "noise_status": "the masking noise does not play as it did, or does again",
-        "fault": "the device, or its link, failed",
-        "note": "what the operator noted",
-        "session_close": "the session ends: finished, or to be resumed",
-    }
-)
-"""What a line can tell of, about in the order of a session."""
 ROOT = "0" * 64
 """What the first line has for the hash of the line before."""
 _LINE = re.compile(rb'\{"crc":"([0-9a-f]{8})",')
@@ -95,7 +72,7 @@ class JournalWriteError(JournalError):
 
 
 class Entry(NamedTuple):
-    """One line of a journal; there are thousands of them."""
+    """One line of a journal; there are thousands of them. `terms.entries` lists what each tells."""
 
     event: str
     t_s: float  # on the session's clock

@@ -35,6 +35,16 @@ class ResponderSettings:
         The operator's wishes; notes that are left there come into the journal.
     stop : StopSignal
         May be asked to stop the session; ends every wait.
+
+    Examples
+    --------
+    >>> from experiment import paper_study
+    >>> study = paper_study()
+    >>> settings = ResponderSettings(responses=study.design.responses, screen=study.screen,
+    ...                              keys=study.keys, texts=study.shown_texts)
+    >>> settings.requests.note("pressed twice")
+    >>> settings.requests.notes()
+    ('pressed twice',)
     """
 
     responses: tuple[str, ...]

@@ -5,9 +5,10 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Final, TypeVar
 
-from device.driver import DeviceError
+from device.errors import DeviceError
+from device.installed import require_whole
 from experiment.operator.requests import StopRequested
-from experiment.terms.responder import ESCAPE, AwaitedAnswer, Press, ResponderError
+from experiment.terms.responder import ESCAPE, AwaitedAnswer, Press, Responder, ResponderError
 from experiment.trial.events import Event, Key
 
 if TYPE_CHECKING:
@@ -19,6 +20,14 @@ if TYPE_CHECKING:
 
 
 _Given = TypeVar("_Given")
+
+
+def require_responder(responder: Responder) -> None:
+    """Refuse what lacks a part of a responder; whether anybody is there, every row keeps."""
+    try:
+        require_whole(responder, Responder)
+    except ValueError as error:
+        raise ResponderError(str(error)) from error
 
 
 class Attendance:

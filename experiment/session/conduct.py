@@ -3,40 +3,30 @@
 from __future__ import annotations
 
 import contextlib
-from dataclasses import replace
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING
 
 from device.clock import elapsed_s, machine_time
-from device.driver import Outcome
-from device.installed import require_whole
 from experiment.apparatus.rig import device_kind, require_confirmed, require_device
 from experiment.apparatus.slots import require_suitable, told_limits
 from experiment.archive.files import HEADS, ArchiveError
 from experiment.archive.journal import JournalWriteError
 from experiment.integrity.heads import SessionHead, enter_head, read_heads
 from experiment.integrity.sessions import refuse_altered
+from experiment.session.attendance import require_responder
+from experiment.session.outputs import settle_open_trial
 from experiment.session.session import Session
-from experiment.session.setting import (
-    Ending,
-    Setting,
-    delivery_facts,
-    header,
-    opening,
-    place,
-    resuming,
-    trial_name,
-)
+from experiment.session.setting import Ending, Setting, header, opening, place, resuming
 from experiment.study.read import study_from_canonical
-from experiment.terms.responder import Responder, ResponderError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
-    from device.driver import BurstDevice, DeviceError, Identity
+    from device.driver import Identity
+    from device.errors import DeviceError
     from experiment.apparatus.noise import NoisePlayer
     from experiment.archive.folders import SessionFolder
-    from experiment.archive.history import History, OpenTrial
+    from experiment.archive.history import History
     from experiment.archive.journal import Journal
     from experiment.study.study import Study
     from experiment.trial.plan import Plan
@@ -52,49 +42,9 @@ CLOCK_BROKEN = (
 """What is noted where the session's clock does not go on."""
 
 
-def settle_open_trial(
-    open_trial: OpenTrial, study: Study, journal: Journal, device: BurstDevice, *, same_boot: bool
-) -> None:
-    """Write the end of the trial in which the session was interrupted.
-
-    An answer that was still written stands, unless it was anticipated, or its burst not verified,
-    and the study repeats such trials. A stimulus that went out is voided, one that did not is
-    aborted; where the device cannot tell, or was started anew, the trial is indeterminate.
-    """
-    name = trial_name(open_trial.task)
-    outcome = open_trial.outcome
-    if outcome is None:
-        device.disarm(open_trial.token)
-        delivery = device.query(open_trial.token)
-        if delivery.outcome is Outcome.NOT_FIRED and not same_boot:
-            delivery = replace(delivery, outcome=Outcome.INDETERMINATE)
-        journal.append("stimulus_confirmed", name | delivery_facts(delivery, None))
-        outcome = delivery.outcome
-    again = open_trial.anticipated and study.design.anticipated == "requeue"
-    refused = open_trial.verified == "false" and study.monitor.disagreement == "repeat"
-    if outcome == Outcome.FIRED and not (refused and open_trial.response is not None):
-        status = "ok" if open_trial.response is not None and not again else "voided"
-    else:
-        status = "aborted" if outcome == Outcome.NOT_FIRED else "indeterminate"
-    end = {
-        "status": status,
-        "anticipated": open_trial.anticipated,
-        "noise_ok": open_trial.noise_ok,
-    }
-    journal.append("trial_end", name | end, sync=True)
-
-
 def interruption_s(history: History) -> float | None:
     """Return for how long a session was interrupted; None where nobody can tell."""
     return elapsed_s(history.last, machine_time())
-
-
-def require_responder(responder: Responder) -> None:
-    """Refuse what lacks a part of a responder; whether anybody is there, every row keeps."""
-    try:
-        require_whole(responder, Responder)
-    except ValueError as error:
-        raise ResponderError(str(error)) from error
 
 
 def refuse_another_place(history: History, identity: Identity, setting: Setting) -> None:
@@ -132,10 +82,29 @@ def refuse_another_place(history: History, identity: Identity, setting: Setting)
 
 
 def begin(folder: SessionFolder, plan: Plan, setting: Setting) -> Ending:
-    """Create a session's folder and run the session.
+    r"""Create a session's folder and run the session.
+
+    `run_session` is easier: it makes plan and setting, and checks the stimuli against the plate.
+
+    Parameters
+    ----------
+    folder : SessionFolder
+        Where the session is kept; it must not exist yet.
+    plan : Plan
+        The session's trials, with the study in it.
+    setting : Setting
+        Device, responder and what else it is run with.
+
+    Returns
+    -------
+    Ending
+        Whether every planned trial is done, what the device failed with if it did, where trials.csv
+        is, and the hash of the journal's last line.
 
     Raises
     ------
+    ResponderError
+        If the responder lacks a method, or fails.
     ArchiveError
         If the session exists already, or another process holds it.
     NoDeviceError
@@ -147,6 +116,30 @@ def begin(folder: SessionFolder, plan: Plan, setting: Setting) -> Ending:
         If the device cannot be opened, or the noise not be played; no session is created then.
     JournalWriteError
         If the record cannot be kept.
+
+    Examples
+    --------
+    A simulated person on the mock device, with the clock that a dry run has:
+
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> from device import VirtualClock
+    >>> from experiment import Setting, draw_plan, paper_study
+    >>> from experiment.apparatus.noise import SilentNoise
+    >>> from experiment.apparatus.rig import mock_device
+    >>> from experiment.archive.folders import SessionFolder
+    >>> from experiment.operator.requests import StopSignal
+    >>> from experiment.session.simulate import simulated_responder
+    >>> study = paper_study().changed(design={"trials_per_side": 5, "both_trials": 0},
+    ...                               simulation={"threshold_vpp": 100.0})
+    >>> plan, clock = draw_plan(study, participant="01", session="01", seed=1), VirtualClock()
+    >>> setting = Setting(device=mock_device(study, clock), clock=clock, stop=StopSignal(),
+    ...                   responder=simulated_responder(study, plan, clock),
+    ...                   noise=SilentNoise(study.masking))
+    >>> with TemporaryDirectory() as results:
+    ...     ending = begin(SessionFolder(Path(results), "01", "01"), plan, setting)
+    ...     ending.finished, ending.trials_path.read_text().count("\n") - 1
+    (True, 10)
     """
     require_responder(setting.responder)
     folder.refuse_existing()
@@ -172,8 +165,26 @@ def _refuse_kept(folder: SessionFolder) -> None:
 def resume(folder: SessionFolder, setting: Setting) -> Ending:
     """Go on with a session that was interrupted; a finished one only gets its trials.csv again.
 
+    The trial in which it was interrupted is settled by what the device knows of it, and repeated
+    unless its answer was written already. Done trials stay as they are.
+
+    Parameters
+    ----------
+    folder : SessionFolder
+        Where the session is kept; plan, study and levels are those that it was begun with.
+    setting : Setting
+        Device, responder and what else it is run with: the same kind of participant, on the same
+        host and device unless `Setting.resume_anyway`.
+
+    Returns
+    -------
+    Ending
+        As of `begin`.
+
     Raises
     ------
+    ResponderError
+        If the responder lacks a method, or fails.
     ArchiveError
         If there is no session, another process holds it, or it may not go on here and now.
     JournalError, PlanError
@@ -186,6 +197,30 @@ def resume(folder: SessionFolder, setting: Setting) -> Ending:
         If the device cannot be opened, or the noise not be played.
     JournalWriteError
         If the record cannot be kept.
+
+    Examples
+    --------
+    Of a session that has come to its end nothing is done again:
+
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> from device import VirtualClock
+    >>> from experiment import Setting, paper_study, simulate_study
+    >>> from experiment.apparatus.noise import SilentNoise
+    >>> from experiment.apparatus.rig import mock_device
+    >>> from experiment.operator.requests import StopSignal
+    >>> from experiment.session.simulate import simulated_responder
+    >>> study = paper_study().changed(design={"trials_per_side": 5, "both_trials": 0},
+    ...                               simulation={"threshold_vpp": 100.0})
+    >>> clock = VirtualClock()
+    >>> with TemporaryDirectory() as results:
+    ...     folder, = simulate_study(study, Path(results), participants=1, seed=1, gains=())
+    ...     before = folder.journal_path.read_bytes()
+    ...     setting = Setting(device=mock_device(study, clock), clock=clock, stop=StopSignal(),
+    ...                       responder=simulated_responder(study, folder.read_plan(), clock),
+    ...                       noise=SilentNoise(study.masking))
+    ...     resume(folder, setting).finished, folder.journal_path.read_bytes() == before
+    (True, True)
     """
     require_responder(setting.responder)
     plan = folder.read_plan()

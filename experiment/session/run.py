@@ -13,7 +13,8 @@ from experiment.apparatus.rig import confirmed_now
 from experiment.archive.folders import SessionFolder
 from experiment.operator.requests import StopSignal
 from experiment.preview.check import require_fit
-from experiment.session.conduct import begin, require_responder, resume
+from experiment.session.attendance import require_responder
+from experiment.session.conduct import begin, resume
 from experiment.session.markers import LslMarkers, Markers, NoMarkers, await_recorder
 from experiment.session.setting import Setting, Sitting
 from experiment.trial.draw import draw_plan

@@ -5,7 +5,8 @@ from __future__ import annotations
 import contextlib
 from typing import TYPE_CHECKING, Final
 
-from device.driver import DeviceError, Outcome
+from device.driver import Outcome
+from device.errors import DeviceError
 from experiment.session.attendance import Attendance
 from experiment.session.markers import RECORDING_START, UNHEARD, response_marker, stimulus_marker
 from experiment.session.outputs import BurstWatch, NoiseWatch, StimulusOut, measured_facts

@@ -29,7 +29,8 @@ if TYPE_CHECKING:
 
     from device.clock import Clock
     from device.core.reports import DeviceLimits, Health
-    from device.driver import BurstDevice, Delivery, DeviceError, Identity
+    from device.driver import BurstDevice, Delivery, Identity
+    from device.errors import DeviceError
     from device.monitor.measured import Monitor
     from experiment.apparatus.noise import NoiseFacts, NoisePlayer
     from experiment.apparatus.rig import Confirmation
@@ -179,7 +180,6 @@ def header(study: Study, plan: Plan, setting: Setting, identity: Identity) -> di
         "platform": platform.platform(),
         "python": platform.python_version(),
         "versions": {name: version(name) for name in ("tactstrip", "numpy")},
-        "calibration": NOT_AVAILABLE,
         "contact": asdict(study.contact) | {"words": study.contact.words},
     }
 
@@ -335,6 +335,22 @@ class Setting:
         Where markers for other recordings go.
     monitor : Monitor or None
         What measures every burst; without one nothing is verified.
+
+    Examples
+    --------
+    >>> from device import VirtualClock
+    >>> from experiment import draw_plan, paper_study
+    >>> from experiment.apparatus.noise import SilentNoise
+    >>> from experiment.apparatus.rig import mock_device
+    >>> from experiment.operator.requests import StopSignal
+    >>> from experiment.session.simulate import simulated_responder
+    >>> study, clock = paper_study(), VirtualClock()
+    >>> plan = draw_plan(study, participant="01", session="01", seed=1)
+    >>> setting = Setting(device=mock_device(study, clock), clock=clock, stop=StopSignal(),
+    ...                   responder=simulated_responder(study, plan, clock),
+    ...                   noise=SilentNoise(study.masking))
+    >>> setting.resume_anyway, setting.practice, setting.monitor
+    (False, False, None)
     """
 
     device: BurstDevice

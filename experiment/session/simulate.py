@@ -216,6 +216,23 @@ def simulate_study(
     ------
     SimulationError
         If the mock device refuses a stimulus.
+
+    Examples
+    --------
+    The same seed gives the same people, who give the same answers:
+
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> from experiment import paper_study
+    >>> study = paper_study().changed(design={"trials_per_side": 5, "both_trials": 0},
+    ...                               simulation={"threshold_vpp": 100.0})
+    >>> tables = []
+    >>> for _ in range(2):
+    ...     with TemporaryDirectory() as results:
+    ...         one, = simulate_study(study, Path(results), participants=1, seed=7, gains=())
+    ...         tables.append(one.trials_path.read_bytes())
+    >>> tables[0] == tables[1]
+    True
     """
     gains = study_gains(study) if gains is None else gains
     children = np.random.SeedSequence(seed).spawn(participants)

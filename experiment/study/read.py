@@ -13,14 +13,14 @@ import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any
 
 from experiment.study.sections.design import Design
 from experiment.study.sections.stimulus import levels_words
 from experiment.study.sections.table import stated_of, with_stated
 from experiment.study.stated import as_stated, not_recorded, without_init
 from experiment.study.study import Study, StudyError, UnusableStudyError
-from experiment.terms.checks import NUMBERS, unknown_key
+from experiment.terms.checks import meant_line, unknown_key
 
 if TYPE_CHECKING:
     from experiment.study.sections.stimulus import Condition
@@ -32,6 +32,12 @@ _TOML_PLACE = re.compile(r" \(at line (?P<line>\d+), column (?P<column>\d+)\)$")
 def paper_study() -> Study:
     """Return the paper's protocol, which is what an empty study file says.
 
+    Returns
+    -------
+    Study
+        Plate, actuators, burst, levels and trials of the paper's experiment (sections II-B, III
+        and IV).
+
     Examples
     --------
     >>> study = paper_study()
@@ -42,18 +48,34 @@ def paper_study() -> Study:
 
 
 def read_study(path: Path | str) -> Study:
-    """Read a study file.
+    r"""Read a study file.
 
     Parameters
     ----------
     path : Path or str
-        A TOML file in UTF-8.
+        A TOML file in UTF-8; docs/reference/study.md has every key. What it leaves out is as in
+        the paper's protocol.
+
+    Returns
+    -------
+    Study
+        What it states, with defaults and the clicks that it names.
 
     Raises
     ------
     StudyError
         If there is no such file or it is not a study; one line that names file, key, what is
         allowed and what it got.
+
+    Examples
+    --------
+    >>> from tempfile import TemporaryDirectory
+    >>> with TemporaryDirectory() as folder:
+    ...     path = Path(folder) / "study.toml"
+    ...     _ = path.write_text("[design]\nlevels_vpp = [40, 50, 60]")
+    ...     study = read_study(path)
+    >>> study.design.levels_vpp, study.burst == paper_study().burst
+    ((40.0, 50.0, 60.0), True)
     """
     return study_from_text(read_text(Path(path)), str(path))
 
@@ -245,64 +267,8 @@ def parsed(text: str, file_name: str) -> dict[str, Any]:
         raise StudyError(f"{file_name}: nested too deeply") from error
     except ValueError as error:
         what, line, column = _place(str(error), text)
-        slip = _slip(text.splitlines()[line - 1 : line], what)
+        slip = meant_line(text.splitlines()[line - 1 : line], what)
         raise StudyError(f"{file_name}:{line}: {slip or what + column}") from error
-
-
-_KEY: Final = r"(?P<key>[\w.-]+)\s*=\s*"
-_END: Final = r"\s*(?:#.*)?"
-# What a line that is no TOML was meant to be, by its form: the first that fits is told.
-_MEANT: Final = tuple(
-    (re.compile(_KEY + value + _END), words)
-    for value, words in (
-        ("", "{key} has no value; write one behind the =, or # before the key"),
-        (
-            r"(?P<whole>[-+]?\d+),(?P<part>\d+)",
-            "{key} has a decimal comma; write {key} = {whole}.{part}; got {whole},{part}",
-        ),
-        (
-            r"(?P<sign>[-+]?)\.(?P<part>\d+)",
-            "{key} needs a digit before its point; write {key} = {sign}0.{part}",
-        ),
-        (r"(?P<whole>[-+]?\d+)\.", "{key} needs a digit after its point; write {key} = {whole}.0"),
-        (
-            r"\d{1,2}[./]\d{1,2}[./]\d{2,4}",
-            "{key} must be a day as year-month-day, such as 2026-05-04",
-        ),
-        ("True", "{key} must be true or false; write {key} = true"),
-        ("False", "{key} must be true or false; write {key} = false"),
-        (
-            r"(?P<sign>[-+]?)0+(?P<whole>\d+(?:\.\d+)?)",
-            "{key} begins with a 0; write {key} = {sign}{whole}",
-        ),
-        (
-            r"(?P<number>[-+]?[\d.]+)\s*%",
-            "{key} is in per cent; write {key} = {number}e-2",
-        ),
-        (
-            r"(?P<number>[-+]?[\d.]+)\s*[^\W\d_][\w/]*",
-            "{key} has its unit in its name; write {key} = {number}",
-        ),
-    )
-)
-_UNQUOTED: Final = re.compile(_KEY + r"([^\W\d][^\"'#,=\[\]{}]*?)" + _END)
-
-
-def _slip(lines: list[str], message: str) -> str:
-    """Say what to write in a line that is no TOML, where that can be told."""
-    line = lines[0].strip() if lines else ""
-    if message.startswith("Cannot overwrite"):
-        what = "[actuator] and [condition] are written [[actuator]] and [[condition]]"
-        return f"{line.split('=')[0].strip()} is given twice; keep one" if "=" in line else what
-    for form, words in _MEANT:
-        if found := form.fullmatch(line):
-            return words.format(**found.groupdict())
-    found = _UNQUOTED.fullmatch(line)
-    if found is None or found[2] in {"true", "false", "inf", "nan"}:
-        return ""
-    if found["key"].endswith(NUMBERS) and " " not in found[2]:
-        return f'{found["key"]} must be a number, or a word in quotes, "{found[2]}"; got {found[2]}'
-    return f'{found["key"]} has a text without quotes; write {found["key"]} = "{found[2]}"'
 
 
 def _place(message: str, text: str) -> tuple[str, int, str]:

@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import hashlib
 import json
-import math
 from contextlib import contextmanager
 from dataclasses import asdict, replace
 from functools import cached_property
-from itertools import combinations
 from typing import TYPE_CHECKING, Any, Final, Self
 
 from pydantic import Field, ValidationInfo, field_validator, model_validator
@@ -26,7 +24,7 @@ from experiment.study.sections.actuator import (
 from experiment.study.sections.dataset import About, Dataset, Participants
 from experiment.study.sections.design import Design
 from experiment.study.sections.equipment import Contact, DeviceSettings, Masking, MonitorSettings
-from experiment.study.sections.finger import ROUNDING_M, FingerLoad, check_fingers
+from experiment.study.sections.finger import FingerLoad, check_fingers, check_places
 from experiment.study.sections.plate import Plate, is_as_measured, is_papers_plate
 from experiment.study.sections.presentation import Keys, Screen, Texts, instructions_of
 from experiment.study.sections.simulation import PAPER_THRESHOLD_UM, THRESHOLD_VPP, Simulation
@@ -46,7 +44,7 @@ from experiment.study.sections.table import (
     limits_of,
     section,
 )
-from experiment.terms.checks import in_metres, in_mind, inward
+from experiment.terms.checks import in_mind
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -58,12 +56,17 @@ if TYPE_CHECKING:
 LEAST_UM_PER_VPP: Final = 1e-4
 """Less stays below a tenth of a micrometre, the least that is felt, at all levels to 1000 Vpp."""
 
-_REACH_M: Final = 1.0
-"""Two fingers farther apart are not laid on a plate at ease; its field would take minutes."""
-
 
 class StudyError(ValueError):
-    """A study file, or a file of levels, that cannot be used; the message is one line."""
+    """A study file, or a file of levels, that cannot be used; the message is one line.
+
+    Examples
+    --------
+    >>> from experiment import read_study
+    >>> read_study("nowhere.toml")
+    Traceback (most recent call last):
+    experiment.study.study.StudyError: nowhere.toml: No such file or directory
+    """
 
 
 class UnusableStudyError(StudyError):
@@ -103,9 +106,41 @@ def _one_condition() -> list[dict[str, Any]]:
 class Study:
     """Everything that is fixed before the first participant comes.
 
-    Its fields are the sections of a study file, its actuators sorted: left and right, under the
-    two fingers, then the others, which no session drives. Nothing is left out of it but a file
-    that was not read yet and a window that was not chosen yet, see `experiment.study.read`.
+    `read_study` and `paper_study` make one. Its attributes are the sections of a study file, whose
+    keys, with their units and ranges, are those of docs/reference/study.md. Nothing is left out of
+    it but a file that was not read yet and a window that was not chosen yet.
+
+    Attributes
+    ----------
+    about : About
+        Section ``[study]``: what it is called, and what its participants agree to.
+    plate : Plate
+        Section ``[strip]``: the plate; as the physics has it, it is the property `strip`.
+    actuators : tuple of Actuator
+        Tables ``[[actuator]]``: left and right, under the two fingers, then the others, which no
+        session drives.
+    finger_load : FingerLoad
+        What the two fingertips oppose to the plate.
+    burst : SharedStimulus
+        What drives the actuators, unless a condition says otherwise.
+    conditions : tuple of Condition
+        Tables ``[[condition]]``: stimuli, each of which runs the whole design; at least one.
+    design : Design
+        What is presented, how often, and what may be answered.
+    device : DeviceSettings
+        What drives the actuators, and what it may do.
+    monitor : MonitorSettings
+        What measures each burst beside the device.
+    masking : Masking
+        The noise in the headphones that hides the sound of the actuators.
+    contact : Contact
+        How the fingers lay on the plate.
+    screen, keys, texts : Screen, Keys, Texts
+        The participant's window, the keys of each answer, and what is read.
+    participants, dataset : Participants, Dataset
+        What participants.tsv has beside the identifier, and what an exported data set says.
+    simulation : Simulation
+        The people that a dry run simulates.
 
     Raises
     ------
@@ -113,6 +148,17 @@ class Study:
         If a value is out of its range, or two do not go together: patches off the strip, levels
         above the device's ceiling, bursts longer than the time for an answer, conditions of the
         same name.
+
+    Examples
+    --------
+    Its checksum tells one study from another, whatever else its file says:
+
+    >>> from experiment import paper_study
+    >>> study = paper_study()
+    >>> study.changed(design={"levels_vpp": (60.0, 95.0)}).sha256 == study.sha256
+    False
+    >>> study.changed().sha256 == study.sha256
+    True
     """
 
     about: FromTable[About] = Field(default_factory=About, alias="study")
@@ -196,7 +242,7 @@ class Study:
         return filled(table, threshold_vpp=THRESHOLD_VPP)
 
     def __post_init__(self) -> None:
-        _check_places(self.actuators, self.strip)
+        check_places(self.actuators, self.strip)
         check_measured(self.plate, self.actuators)
         names = [condition.name for condition in self.conditions]
         if not names or len(set(names)) != len(names):
@@ -237,7 +283,18 @@ class Study:
                 )
 
     def check_levels(self, device: DeviceSettings) -> None:
-        """Refuse levels above what a device reaches, be it the study's or one instead of it."""
+        """Refuse levels above what a device reaches, be it the study's or one instead of it.
+
+        Parameters
+        ----------
+        device : DeviceSettings
+            The device: its ceiling counts.
+
+        Raises
+        ------
+        ValueError
+            If some level is too high for it.
+        """
         check_levels(self.design, self.conditions, device)
 
     def _check_drives(self) -> None:
@@ -260,7 +317,17 @@ class Study:
             self.monitor.check_drive(condition.name, condition.drive, rate_hz, least_s)
 
     def design_of(self, condition: str) -> Design:
-        """Return the design of a condition, with its own levels where some were placed for it."""
+        """Return the design of a condition, with its own levels where some were placed for it.
+
+        Parameters
+        ----------
+        condition : str
+            Its name.
+
+        Returns
+        -------
+        Design
+        """
         own = (one.own(self.design) for one in self.conditions if one.name == condition)
         return next(own, self.design)
 
@@ -300,95 +367,31 @@ class Study:
         return hashlib.sha256(self.canonical.encode()).hexdigest()
 
     def sections(self) -> dict[str, Any]:
-        """Return the sections by their names in a file, in the order of `tactstrip init`."""
+        """Return the sections by their names in a file, in the order of `tactstrip init`.
+
+        Returns
+        -------
+        dict of str
+            To each name its section; of actuators and conditions a tuple.
+        """
         names = zip(file_keys(type(self)), self.__dataclass_fields__, strict=True)
         return {in_file: getattr(self, name) for in_file, name in names}
 
     def changed(self, **sections: Any) -> Self:
-        """Return the study with other sections, named as in a file, and checked anew."""
+        """Return the study with other sections, checked anew.
+
+        Parameters
+        ----------
+        **sections : sections, or dict of their keys
+            By their names in a file, such as ``design``; a dict leaves other keys at their default.
+
+        Returns
+        -------
+        Study
+
+        Raises
+        ------
+        ValueError
+            As for the study itself.
+        """
         return type(self)(**self.sections() | sections)
-
-
-def _check_places(actuators: tuple[Actuator, ...], strip: Strip) -> None:
-    """Refuse a missing side, patches over an edge of the strip, and patches over each other."""
-    sides = [actuator.side for actuator in actuators]
-    if sides[:2] != ["left", "right"] or set(sides[2:]) - {"other"}:
-        raise ValueError(
-            "actuator sides must be left and right, each once, and other for more; "
-            f"got {', '.join(sides)}"
-        )
-    names = [actuator.name for actuator in actuators[2:]]
-    if len(set(names)) != len(names):
-        raise ValueError(f"actuator names must be distinct; got {', '.join(map(str, names))}")
-    left, right, *_ = actuators
-    end_m = math.inf if strip.length_m is None else strip.length_m / 2
-    along_m = -end_m, end_m
-    for actuator in actuators:
-        _check_patch(actuator, strip)
-        _check_span(actuator, "y_m", actuator.span_y_m, (0.0, strip.width_m))
-        _check_span(actuator, "x_m", actuator.span_x_m, along_m)
-    for one, two in combinations(actuators, 2):
-        if (one.x_m, one.y_m) == (two.x_m, two.y_m):
-            raise ValueError(
-                f"the actuators {one.label} and {two.label} are in one place, x_mm = "
-                f"{one.x_mm:g} and y_mm = {one.y_mm:g}; give each its own x_mm"
-            )
-    if left.span_x_m[1] > right.span_x_m[0]:
-        both = [(one.x_m, (one.span_x_m[1] - one.span_x_m[0]) / 2) for one in (left, right)]
-        raise ValueError(
-            "the left actuator must end, along the strip, before the right one begins at "
-            f"{_mm(right.span_x_m[0])}; got an end at {_mm(left.span_x_m[1])}"
-            f"{in_metres('x_mm', both, along_m)}"
-        )
-    if right.x_m - left.x_m > _REACH_M:
-        raise ValueError(
-            f"the left and right actuators must be at most {_mm(_REACH_M)} apart along the strip, "
-            f"within one person's reach; got {_mm(right.x_m - left.x_m)}"
-        )
-    for one, two in combinations(actuators, 2):
-        if _overlap(one.span_x_m, two.span_x_m) and _overlap(one.span_y_m, two.span_y_m):
-            raise ValueError(
-                f"the actuators {one.label} and {two.label} must not overlap; got centres at "
-                f"x = {_mm(one.x_m)} and {_mm(two.x_m)}"
-            )
-
-
-def _check_patch(actuator: Actuator, strip: Strip) -> None:
-    """Refuse a patch that counts on a plate without ends, of which no modes are sought."""
-    if actuator.patch_counts and strip.length_m is None:
-        raise ValueError(
-            f"the {actuator.label} actuator's patch_counts needs a plate with ends: "
-            'strip.length_mm must be a number; got "endless"'
-        )
-
-
-def _overlap(one_m: tuple[float, float], two_m: tuple[float, float]) -> bool:
-    """Tell whether two spans have more than an end in common."""
-    return min(one_m[1], two_m[1]) - max(one_m[0], two_m[0]) > ROUNDING_M
-
-
-def _check_span(
-    actuator: Actuator, axis: str, span_m: tuple[float, float], limits_m: tuple[float, float]
-) -> None:
-    if _is_within(span_m, limits_m):
-        return
-    key, half_m = f"{axis[0]}_mm", (span_m[1] - span_m[0]) / 2
-    least, most = (
-        inward(1e3 * (limit_m + sign * half_m), least=sign > 0)
-        for limit_m, sign in zip(limits_m, (1, -1), strict=True)
-    )
-    fits = f"{key} from {least} to {most} is" if float(least) <= float(most) else f"no {key} is"
-    raise ValueError(
-        f"the {actuator.label} actuator must lie on the strip, which goes from "
-        f"{axis[0]} = {_mm(limits_m[0])} to {_mm(limits_m[1])}; "
-        f"got a {actuator.shape} from {_mm(span_m[0])} to {_mm(span_m[1])}: {fits} on it"
-        f"{in_metres(key, [(getattr(actuator, axis), half_m)], limits_m)}"
-    )
-
-
-def _is_within(span_m: tuple[float, float], limits_m: tuple[float, float]) -> bool:
-    return span_m[0] >= limits_m[0] - ROUNDING_M and span_m[1] <= limits_m[1] + ROUNDING_M
-
-
-def _mm(length_m: float) -> str:
-    return f"{length_m * 1e3:.6g} mm"

@@ -77,7 +77,18 @@ class _Presented:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrialRow(_Presented):
-    """One presented trial, one row of trials.csv; the fields are the columns, in their order."""
+    """One presented trial, one row of trials.csv.
+
+    Its fields are the columns of `COLUMNS`, in their order, each with its unit as suffix; None is
+    ``n/a`` in the table.
+
+    Examples
+    --------
+    >>> from dataclasses import fields
+    >>> from experiment import COLUMNS
+    >>> [one.name for one in fields(TrialRow)] == [column.name for column in COLUMNS]
+    True
+    """
 
     kind: str = _column("what sort of trial it is", *KINDS)
     side: str = _column("where the stimulus was", *SIDES)
@@ -151,7 +162,15 @@ def _describe() -> tuple[Column, ...]:
 
 
 COLUMNS: tuple[Column, ...] = _describe()
-"""The columns of trials.csv, in their order."""
+"""The columns of trials.csv, in their order, which are the fields of `TrialRow`.
+
+Units are the suffixes of the names; ``optional`` tells where ``n/a`` may stand, ``choices`` the
+words that may.
+
+>>> from experiment import COLUMNS
+>>> [column.name for column in COLUMNS if column.type == "bool"]
+['correct', 'anticipated', 'noise_ok', 'simulated']
+"""
 _READ: dict[str, Callable[[str], Any]] = {"int": int, "float": float, "str": str}
 
 

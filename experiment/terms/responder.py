@@ -11,13 +11,24 @@ ESCAPE = "escape"
 
 
 class SessionPart(StrEnum):
-    """A part of a session, by what a person is told before it."""
+    """A part of a session, by what a person is told before it.
 
-    AUDIBILITY = "audibility"  # fingers off the plate, noise on: is anything heard?
-    PRACTICE = "practice"  # with feedback
-    WARM_UP = "warm_up"  # a few trials after a resume, not counted
-    MAIN = "main"  # the task
-    CONTROL = "control"  # fingers off the plate, the task as before
+    Examples
+    --------
+    >>> [part.value for part in SessionPart if part.hands_off]
+    ['audibility', 'control']
+    """
+
+    AUDIBILITY = "audibility"
+    """Fingers off the plate, noise on: is anything heard?"""
+    PRACTICE = "practice"
+    """Trials with feedback."""
+    WARM_UP = "warm_up"
+    """A few trials after a resume, not counted."""
+    MAIN = "main"
+    """The task."""
+    CONTROL = "control"
+    """Fingers off the plate, the task as before."""
 
     @property
     def hands_off(self) -> bool:
@@ -25,10 +36,21 @@ class SessionPart(StrEnum):
         return self in {SessionPart.AUDIBILITY, SessionPart.CONTROL}
 
     def answers(self, responses: tuple[str, ...]) -> tuple[str, ...]:
-        """Return the answers that count, of a study that offers `responses`.
+        """Return the answers that count in this part.
 
-        Where the fingers are off the plate nothing may be noticed, so that can always be said.
+        Parameters
+        ----------
+        responses : tuple of str
+            Those that the study offers.
 
+        Returns
+        -------
+        tuple of str
+            The same; where the fingers are off the plate nothing may be noticed, so ``none`` is
+            among them.
+
+        Examples
+        --------
         >>> SessionPart.CONTROL.answers(("left", "right")), SessionPart.MAIN.answers(("left",))
         (('left', 'right', 'none'), ('left',))
         """
@@ -42,9 +64,15 @@ class Press:
     Attributes
     ----------
     response : str
-        One of `record.ANSWERS`, `ESCAPE`, or the name of a key that means neither.
+        ``left``, ``right``, ``both`` or ``none``; ``escape``, which asks for a pause; or the name
+        of a key that means neither.
     time_s : float
-        When, on the clock that the responder was given.
+        When, on the clock that the responder was given, in seconds.
+
+    Examples
+    --------
+    >>> Press("left", 12.25).response
+    'left'
     """
 
     response: str
@@ -62,6 +90,12 @@ class Progress:
         a warm-up they are those of the part that goes on behind it.
     part : SessionPart
         What the current trial belongs to, in a break the one before it; at the end the task.
+
+    Examples
+    --------
+    >>> progress = Progress(done=31, planned=155, part=SessionPart.MAIN)
+    >>> f"{progress.done / progress.planned:.0%}"
+    '20%'
     """
 
     done: int
@@ -78,13 +112,22 @@ class AwaitedAnswer:
     trial, attempt : int
         Which trial it is. Not for a person's eyes.
     level_left_vpp, level_right_vpp : float
-        What the device set. Not for a person's eyes.
+        What the device set, in peak-to-peak volts. Not for a person's eyes.
     onset_s : float
-        Onset on the responder's clock.
+        Onset on the responder's clock, in seconds.
     window_s : float
-        How long after the onset an answer counts.
+        How many seconds after the onset an answer counts.
     answers : tuple of str
         Those that count.
+
+    Examples
+    --------
+    An answer half a second after the onset is a press at that time:
+
+    >>> question = AwaitedAnswer(trial=3, attempt=1, level_left_vpp=130.0, level_right_vpp=0.0,
+    ...                          onset_s=12.0, window_s=3.0, answers=("left", "right", "both"))
+    >>> Press(question.answers[0], question.onset_s + 0.5)
+    Press(response='left', time_s=12.5)
     """
 
     trial: int
@@ -101,7 +144,33 @@ class ResponderError(RuntimeError):
 
 
 class Responder(Protocol):
-    """A participant as a session sees one."""
+    """A participant as a session sees one.
+
+    docs/own-device.md has one in 26 lines. Whatever it raises ends the session, which can be
+    resumed.
+
+    Examples
+    --------
+    Somebody who always answers left, half a second after the onset:
+
+    >>> class Left:
+    ...     simulated = True
+    ...     def __init__(self, clock): self.clock = clock
+    ...     def begin(self, progress): return True
+    ...     def introduce(self, part, progress): return True
+    ...     def cue(self, progress): pass
+    ...     def wait(self, until_s): self.clock.wait(until_s - self.clock.now_s())
+    ...     def ask(self, question):
+    ...         self.clock.wait(0.5)
+    ...         return Press("left", self.clock.now_s())
+    ...     def feedback(self, *, correct): pass
+    ...     def pause(self, progress, *, paused, minimum_s): return True
+    ...     def end(self, progress, *, finished): pass
+    >>> from device import VirtualClock
+    >>> somebody: Responder = Left(VirtualClock())
+    >>> somebody.wait(2.0), somebody.clock.now_s()
+    (None, 2.0)
+    """
 
     @property
     def simulated(self) -> bool:
@@ -109,44 +178,121 @@ class Responder(Protocol):
         ...
 
     def begin(self, progress: Progress) -> bool:
-        """Welcome and instruct, before the first trial of a sitting; ``False`` means stop."""
+        """Welcome and instruct, before the first trial of a sitting.
+
+        Parameters
+        ----------
+        progress : Progress
+            How far the session has come, perhaps in earlier sittings.
+
+        Returns
+        -------
+        bool
+            Whether to go on; False ends the sitting.
+        """
         ...
 
     def introduce(self, part: SessionPart, progress: Progress) -> bool:
-        """Tell what the next part asks for, where the fingers lie; ``False`` means stop."""
+        """Tell what the next part asks for, and where the fingers lie.
+
+        Parameters
+        ----------
+        part : SessionPart
+            The part that begins.
+        progress : Progress
+            How far the session has come.
+
+        Returns
+        -------
+        bool
+            Whether to go on; False ends the sitting.
+        """
         ...
 
     def cue(self, progress: Progress) -> None:
-        """Show that a trial begins."""
+        """Show that a trial begins; what was pressed before is to be forgotten.
+
+        Parameters
+        ----------
+        progress : Progress
+            How far the session has come.
+        """
         ...
 
     def wait(self, until_s: float) -> Press | None:
         """Let the foreperiod pass; return early with a key that was pressed in it.
 
         Called again for the rest of it where the key is none of an answer that counts.
+
+        Parameters
+        ----------
+        until_s : float
+            When it ends, on the clock that the responder was given, in seconds.
+
+        Returns
+        -------
+        Press or None
+            The key; None if the time is over.
         """
         ...
 
     def ask(self, question: AwaitedAnswer) -> Press | None:
-        """Wait for an answer; ``None`` if the time is over.
+        """Wait for an answer.
 
         Called again with the same question where the key is none of an answer that counts.
+
+        Parameters
+        ----------
+        question : AwaitedAnswer
+            The stimulus, and how long an answer to it counts.
+
+        Returns
+        -------
+        Press or None
+            The answer; None if the time is over.
         """
         ...
 
     def feedback(self, *, correct: bool) -> None:
-        """Tell whether a practice answer was right."""
+        """Tell whether a practice answer was right.
+
+        Parameters
+        ----------
+        correct : bool
+            Whether it was.
+        """
         ...
 
     def pause(self, progress: Progress, *, paused: bool, minimum_s: float) -> bool:
-        """Hold a pause, or offer a break of a least length; ``False`` means stop.
+        """Hold a pause, or offer a break.
 
-        The operator ends a pause, too: see `operator.Requests`.
+        Parameters
+        ----------
+        progress : Progress
+            How far the session has come.
+        paused : bool
+            Whether a pause was asked for, rather than a break planned. The operator ends it, too:
+            see `ResponderSettings.requests`.
+        minimum_s : float
+            Least length of a break, in seconds.
+
+        Returns
+        -------
+        bool
+            Whether to go on; False ends the sitting.
         """
         ...
 
     def end(self, progress: Progress, *, finished: bool) -> None:
-        """Thank and say good-bye; ``finished`` is false where the session was stopped early."""
+        """Thank and say good-bye.
+
+        Parameters
+        ----------
+        progress : Progress
+            How far the session came.
+        finished : bool
+            Whether it came to its end; false where it was stopped early.
+        """
         ...
 
 

@@ -51,22 +51,37 @@ def draw_plan(
     study : Study
         The study.
     participant, session : str
-        Identifiers of the session's folder.
-    levels_vpp : sequence of float, or mapping of them by the conditions' names, optional
-        Levels placed for this participant, instead of the study's.
+        Identifiers of the session's folder, 1 to 32 letters or digits each.
     seed : int
         Seed, 0 or more; the same seed gives the same plan.
+    levels_vpp : sequence of float, or mapping of them by the conditions' names, optional
+        Levels placed for this participant, instead of the study's, in peak-to-peak volts.
     gains : tuple of ConditionGains
         The study's gain matrix, to be sealed with the trials; without it no displacement is told.
     participant_number : int, optional
         Counted from 1; needed where the order of conditions is balanced, else it says nothing.
 
+    Returns
+    -------
+    Plan
+        Every trial with its wait, those of practice and warm-up included, sealed by a checksum.
+
     Raises
     ------
     PlanError
-        If the design cannot be drawn as the study asks.
+        If the design cannot be drawn as the study asks, or the seed is none.
     StudyError
         If the study cannot be run at these levels.
+
+    Examples
+    --------
+    The same seed gives the same plan, another one another order:
+
+    >>> from experiment import draw_plan, paper_study
+    >>> one, same, other = (draw_plan(paper_study(), participant="01", session="01", seed=seed)
+    ...                     for seed in (7, 7, 8))
+    >>> one == same, one.trials == other.trials, len(one.trials)
+    (True, False, 155)
     """
     if isinstance(seed, bool) or not isinstance(seed, int) or seed < 0:
         raise PlanError(f"seed must be a whole number >= 0; got {seed!r}")

@@ -33,12 +33,27 @@ class Trial:
         Block, counted from 1; 0 is practice and warm-up, -1 the audibility check.
     condition : str
         Name of the study's condition.
-    kind, side : str
-        A word of `record.KINDS` and of `record.SIDES`.
+    kind : {"single", "both", "blank", "practice", "control"}
+        What sort of trial it is.
+    side : {"left", "right", "both", "none"}
+        Where the stimulus is.
     level_vpp : float or None
         Peak-to-peak volts at the actuator; none for a blank trial.
     foreperiod_s : float
-        Wait between the cue and the stimulus.
+        Wait between the cue and the stimulus, in seconds.
+
+    Raises
+    ------
+    PlanError
+        If a word is none of these, a blank trial has a level or another none, or the block is none
+        of its kind.
+
+    Examples
+    --------
+    >>> Trial(number=1, block=1, condition="main", kind="blank", side="none", level_vpp=60.0,
+    ...       foreperiod_s=1.5)
+    Traceback (most recent call last):
+    experiment.trial.plan.PlanError: a blank trial cannot have level_vpp = 60.0
     """
 
     number: int
@@ -101,6 +116,19 @@ class Plan:
         By which the order of conditions was chosen, where it is balanced.
     sha256 : str
         Checksum over the canonical form of everything above.
+
+    Examples
+    --------
+    `draw_plan` makes one. What was changed after it was sealed is refused:
+
+    >>> from experiment import draw_plan, paper_study
+    >>> from experiment.trial.plan import plan_from_json
+    >>> plan = draw_plan(paper_study(), participant="01", session="01", seed=7)
+    >>> plan_from_json(plan.to_json()) == plan
+    True
+    >>> plan_from_json(plan.to_json().replace('"seed": 7', '"seed": 8'))
+    Traceback (most recent call last):
+    experiment.trial.plan.PlanError: the plan's sha256 must be ...
     """
 
     participant: str
@@ -126,13 +154,30 @@ class Plan:
         ----------
         trial : Trial
             One of the plan's.
+
+        Returns
+        -------
+        tuple of str
+            Words of `responses`, and perhaps ``none``.
         """
         if trial.kind != CONTROL or "none" in self.responses:
             return self.responses
         return (*self.responses, "none")
 
     def gains_of(self, condition: str) -> FingerGains:
-        """Return what the two fingers get in a condition; `OWN_FINGER_ONLY` if it is not known."""
+        """Return what the two fingers get in a condition.
+
+        Parameters
+        ----------
+        condition : str
+            Its name.
+
+        Returns
+        -------
+        FingerGains
+            Micrometres per Vpp of both actuators at both fingers; `OWN_FINGER_ONLY` where they are
+            not known.
+        """
         for gains in self.gains:
             if gains.condition == condition:
                 return gains.fingers()
@@ -145,13 +190,25 @@ class Plan:
         return tuple(dict.fromkeys(trial.condition for trial in blocks))
 
     def trials_words(self) -> str:
-        """Say how many trials there are; those of practice are counted apart."""
+        """Say how many trials there are.
+
+        Returns
+        -------
+        str
+            Those of practice are counted apart.
+        """
         practice = sum(trial.kind == "practice" for trial in self.trials)
         of_practice = f" and {practice} of practice" if practice else ""
         return f"{len(self.trials) - practice} trials{of_practice}"
 
     def to_json(self) -> str:
-        """Write the plan as the text of plan.json, checksum included."""
+        """Write the plan as the text of plan.json.
+
+        Returns
+        -------
+        str
+            JSON, checksum included.
+        """
         return (
             json.dumps(_contents(self) | {"sha256": self.sha256}, ensure_ascii=False, indent=1)
             + "\n"

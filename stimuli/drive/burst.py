@@ -166,6 +166,11 @@ class Burst:
     def peak_hz(self) -> float:
         """Return the frequency of the largest absolute value of the spectrum.
 
+        Returns
+        -------
+        float
+            In Hz.
+
         Examples
         --------
         The fewer the cycles, the further the peak lies from the carrier:
@@ -177,7 +182,12 @@ class Burst:
         return peak_hz(self)
 
     def band_hz(self) -> tuple[float, float]:
-        """Return the half-power band: lower and upper edge about the peak.
+        """Return the half-power band about the peak.
+
+        Returns
+        -------
+        tuple of float
+            Lower and upper edge in Hz.
 
         Examples
         --------

@@ -35,6 +35,11 @@ class BurstCheck:
     sample_rate_hz : float
         Sample rate of the device.
 
+    Raises
+    ------
+    ValueError
+        If a fraction is not from 0 to 1.
+
     Examples
     --------
     >>> check = BurstCheck(cutoff_hz=2900.0, peak_hz=419.0, band_hz=(206.0, 654.0),

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final, Protocol, runtime_checkable
 
@@ -10,7 +9,7 @@ import numpy as np
 from numpy.polynomial.chebyshev import Chebyshev
 
 from stimuli.checks import finite, finite_array, instance, upper_half_plane
-from stimuli.drive.energy import panels
+from stimuli.drive.energy import exponential_sums, panels
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -18,52 +17,6 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from stimuli.arrays import Complex, Real
-
-
-_MOST_TERMS: Final = 2_000_000
-"""Numbers of the inner products that are held at once."""
-
-
-def exponential_sums(coefficients: Complex | Real, turns: Complex | Real) -> Complex:
-    """Return the sums over k of c_k exp(2 pi i k turns), equation (65).
-
-    With k = j B + b the exponentials are those of the b and of the j alone: n values of k and m
-    places need m sqrt(n) exponentials, not m n, and two products of matrices.
-
-    Parameters
-    ----------
-    coefficients : ndarray of float64 or complex128, shape (n, n_sums)
-        Coefficients c_k, k from 0.
-    turns : ndarray of float64 or complex128, shape (n_places,)
-        Angles in turns, Im >= 0 where they are complex.
-
-    Returns
-    -------
-    ndarray of complex128, shape (n_places, n_sums)
-
-    Examples
-    --------
-    A quarter of a turn:
-
-    >>> exponential_sums(np.array([[1.0], [1.0], [1.0]]), np.array([0.25])).round(9)
-    array([[0.+1.j]])
-    """
-    n, n_sums = coefficients.shape
-    length = max(1, math.isqrt(n))
-    n_blocks = -(-n // length)
-    padded = np.zeros((n_blocks * length, n_sums), dtype=coefficients.dtype)
-    padded[:n] = coefficients
-    # one row for each b, for it the sums of each block
-    inner = padded.reshape(n_blocks, length, n_sums).transpose(1, 0, 2).reshape(length, -1)
-    values = np.empty((turns.size, n_sums), dtype=np.complex128)
-    n_at_once = max(1, _MOST_TERMS // (n_blocks * n_sums + length))
-    for start in range(0, turns.size, n_at_once):
-        some = turns[start : start + n_at_once, np.newaxis]
-        within = np.exp(2j * np.pi * some * np.arange(length)) @ inner
-        across = np.exp(2j * np.pi * some * (length * np.arange(n_blocks)))
-        blocks = within.reshape(some.shape[0], n_blocks, n_sums)
-        values[start : start + n_at_once] = (across[:, np.newaxis, :] @ blocks)[:, 0]
-    return values
 
 
 MOST_SAMPLES: Final = 1_000_000
@@ -81,7 +34,13 @@ _REAL: Final = 1e-6
 class Drive(Protocol):
     """What a load may be driven with: a signal of unit amplitude that begins at t = 0 and ends.
 
-    `stimuli.Burst` and `SampledDrive` are drives.
+    `stimuli.Burst` and `SampledDrive` are drives, and whatever else has these methods.
+
+    Examples
+    --------
+    >>> from stimuli import Burst, Drive
+    >>> isinstance(Burst(frequency_hz=500.0), Drive)
+    True
     """
 
     @property
@@ -89,19 +48,61 @@ class Drive(Protocol):
         """Time after which the signal is 0."""
 
     def spectrum(self, frequencies_hz: ArrayLike) -> Complex:
-        """Return int s(t) exp(+i omega t) dt in seconds, Im f >= 0."""
+        """Return int s(t) exp(+i omega t) dt, in seconds.
+
+        Parameters
+        ----------
+        frequencies_hz : array_like of float or complex
+            Frequencies, real or above the real axis.
+
+        Returns
+        -------
+        ndarray of complex128, shape of `frequencies_hz`
+        """
 
     def peak_hz(self) -> float:
-        """Return the frequency of the largest absolute value of the spectrum."""
+        """Return the frequency of the largest absolute value of the spectrum, in Hz.
+
+        Returns
+        -------
+        float
+        """
 
     def band_hz(self) -> tuple[float, float]:
-        """Return the half-power band about the peak: lower and upper edge."""
+        """Return the half-power band about the peak.
+
+        Returns
+        -------
+        tuple of float
+            Lower and upper edge in Hz.
+        """
 
     def energy_above(self, frequency_hz: float) -> float:
-        """Return the fraction of the energy above a frequency."""
+        """Return the fraction, from 0 to 1, of the one-sided energy above a frequency.
+
+        Parameters
+        ----------
+        frequency_hz : float
+            Frequency, at least 0.
+
+        Returns
+        -------
+        float
+        """
 
     def samples(self, sample_rate_hz: float) -> Real:
-        """Return the samples that a converter of this rate is given."""
+        """Return the samples that a converter of this rate is given.
+
+        Parameters
+        ----------
+        sample_rate_hz : float
+            Its rate.
+
+        Returns
+        -------
+        ndarray of float64, shape (n_samples,)
+            From -1 to 1.
+        """
 
 
 @dataclass(frozen=True, slots=True, init=False)
@@ -124,8 +125,6 @@ class SampledDrive:
     ----------
     values : tuple of float
         The samples.
-    sample_rate_hz : float
-    held : bool
 
     Raises
     ------
@@ -239,7 +238,11 @@ class SampledDrive:
         return (sums * one / self.sample_rate_hz).reshape(frequencies.shape)
 
     def peak_hz(self) -> float:
-        """Return the frequency of the largest absolute value of the spectrum.
+        """Return the frequency of the largest absolute value of the spectrum, in Hz.
+
+        Returns
+        -------
+        float
 
         Examples
         --------
@@ -251,9 +254,12 @@ class SampledDrive:
         return self._peak()[0]
 
     def band_hz(self) -> tuple[float, float]:
-        """Return the half-power band: lower and upper edge about the peak.
+        """Return the half-power band about the peak.
 
-        The lower edge is 0 where the band reaches down to 0 Hz.
+        Returns
+        -------
+        tuple of float
+            Lower and upper edge in Hz; the lower is 0 where the band reaches down to 0 Hz.
 
         Examples
         --------

@@ -59,6 +59,19 @@ class Response:
         Estimate of its error.
     work : Work
         What was computed.
+
+    Examples
+    --------
+    `response` gives one; its estimate of the error keeps what was asked for:
+
+    >>> from stimuli import ALUMINIUM, SIMPLY_SUPPORTED, PointForce, Strip
+    >>> strip = Strip(width_m=0.025, thickness_m=0.0005, material=ALUMINIUM,
+    ...               edge=SIMPLY_SUPPORTED)
+    >>> scene = Scene(strip=strip, loads=(PointForce(x_m=0.0, y_m=0.0125),),
+    ...               points_m=((0.0, 0.0125),))
+    >>> found = response(scene, [300.0, 500.0], rtol=1e-4)
+    >>> found.displacement_m.shape, bool((found.error_m <= 1e-4 * abs(found.displacement_m)).all())
+    ((2, 1, 1), True)
     """
 
     displacement_m: Complex
@@ -130,12 +143,17 @@ def response(scene: Scene, frequencies_hz: ArrayLike, rtol: float = 1e-6) -> Res
 
     Parameters
     ----------
-    scene, frequencies_hz, rtol
-        As for `displacement`.
+    scene : Scene
+        Strip, loads and points.
+    frequencies_hz : array_like of float, shape (n_frequencies,)
+        Frequencies from 0.
+    rtol : float
+        Wanted relative error, from 1e-12 to 0.1, as for `displacement`.
 
     Returns
     -------
     Response
+        Displacement, error and work.
 
     Raises
     ------

@@ -34,6 +34,18 @@ class DisplacementMap:
     displacement_m : ndarray of complex128, shape (n_loads, n_x, n_y)
         Metres per unit load (1 N, 1 Pa, 1 N m/m), time factor exp(-i omega t); exactly 0 on the
         held edges.
+
+    Examples
+    --------
+    `displacement_map` gives one, also far from the load, where it is smaller:
+
+    >>> from stimuli import ALUMINIUM, CLAMPED, PointForce, Strip
+    >>> strip = Strip(width_m=0.025, thickness_m=0.0005, material=ALUMINIUM, edge=CLAMPED)
+    >>> found = displacement_map(strip, PointForce(x_m=0.0, y_m=0.0125), 500.0, x_m=[0.0, 0.07],
+    ...                          y_m=[0.0125])
+    >>> near_m, far_m = abs(found.displacement_m[0, :, 0])
+    >>> bool(far_m < 1e-2 * near_m)
+    True
     """
 
     frequency_hz: float
@@ -75,6 +87,7 @@ def displacement_map(
     Returns
     -------
     DisplacementMap
+        Places, and the displacement at each for each load.
 
     Raises
     ------

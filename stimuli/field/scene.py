@@ -55,6 +55,17 @@ class Work:
         Whether the edges are anything else than simple supports.
     skipped : tuple of str
         What is left out and why.
+
+    Examples
+    --------
+    `Scene.work` gives one; on simple supports no wall correction is needed:
+
+    >>> from stimuli import ALUMINIUM, SIMPLY_SUPPORTED, PointForce
+    >>> strip = Strip(width_m=0.025, thickness_m=0.0005, material=ALUMINIUM,
+    ...               edge=SIMPLY_SUPPORTED)
+    >>> force = PointForce(x_m=0.0, y_m=0.0125)
+    >>> Scene(strip=strip, loads=(force,), points_m=((0.0, 0.0125),)).work([300.0]).wall_correction
+    False
     """
 
     frequencies_asked: int
@@ -136,13 +147,14 @@ class Scene:
         Parameters
         ----------
         frequencies_hz : array_like of float, shape (n_frequencies,)
-            Frequencies.
+            Frequencies from 0.
         rtol : float
-            Wanted relative error.
+            Wanted relative error, from 1e-12 to 0.1.
 
         Returns
         -------
         Work
+            Numbers of what is asked for and of what is solved, and the reasons.
 
         Raises
         ------

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from stimuli.checks import finite, finite_array, instance
-from stimuli.drive.sampled import Drive, exponential_sums
+from stimuli.drive.energy import exponential_sums
+from stimuli.drive.sampled import Drive
 from stimuli.field.panels import PanelSweep, line_for, swept
 from stimuli.field.scene import Scene
 from stimuli.field.tail import limits_hz
@@ -57,6 +58,19 @@ class TransientWork:
         What is left out and why.
     modes : int
         How many modes of the plate took the place of all bins; 0 where none did.
+
+    Examples
+    --------
+    `transient_work` gives one; where no great precision is asked for, modes take the place of bins:
+
+    >>> from stimuli import ALUMINIUM, CLAMPED, Burst, MomentDisc, Strip, transient_work
+    >>> strip = Strip(width_m=0.025, thickness_m=0.0005, material=ALUMINIUM, edge=CLAMPED)
+    >>> disc = MomentDisc(x_m=0.0, y_m=0.0125, radius_m=0.0064)
+    >>> scene = Scene(strip=strip, loads=(disc,), points_m=((0.0, 0.0125),))
+    >>> burst = Burst(frequency_hz=500.0, cycles=2, window="hann")
+    >>> work = transient_work(scene, burst, [0.004], rtol=1e-2)
+    >>> work.modes > 0, work.bins_asked
+    (True, 0)
     """
 
     bins_asked: int

@@ -72,7 +72,26 @@ class Impedance:
             object.__setattr__(self, name, value)
 
     def holds_for(self, drive: Drive) -> bool:
-        """Tell whether a drive's band at half power lies within that of the values."""
+        """Tell whether a drive's band at half power lies within that of the values.
+
+        Parameters
+        ----------
+        drive : Drive
+            A burst or any other drive.
+
+        Returns
+        -------
+        bool
+            Whether its upper edge is at most `holds_up_to_hz`.
+
+        Examples
+        --------
+        >>> from stimuli import Burst
+        >>> finger = Impedance(mass_kg=1e-4, stiffness_n_m=500.0, damping_n_s_m=1.0,
+        ...                    holds_up_to_hz=800.0)
+        >>> [finger.holds_for(Burst(frequency_hz=hz)) for hz in (500.0, 1000.0)]
+        [True, False]
+        """
         return drive.band_hz()[1] <= self.holds_up_to_hz
 
 

@@ -91,6 +91,19 @@ class WindowChoice:
         How much longer it lasts than the asked burst; 0 if only its window differs.
     louder : tuple of (Burst, float)
         What was tried before it, each with the level at which it was found not quiet enough.
+
+    Examples
+    --------
+    `shortest_window` gives one, beside what was too loud:
+
+    >>> from stimuli import ALUMINIUM, CLAMPED, Fingertip, MomentDisc, Strip
+    >>> plate = Strip(width_m=0.025, thickness_m=0.0005, material=ALUMINIUM, edge=CLAMPED)
+    >>> discs = [MomentDisc(x_m=x, y_m=0.0125, radius_m=0.0064) for x in (-0.035, 0.035)]
+    >>> fingers = [Fingertip(x_m=x, y_m=0.0125, radius_m=0.0) for x in (-0.035, 0.035)]
+    >>> one = Burst(frequency_hz=500.0, cycles=1, window="none")
+    >>> choice = shortest_window(plate, discs, fingers, one, wanted_db=-60.0)
+    >>> choice.burst.window, [burst.window for burst, _ in choice.louder], choice.extra_s
+    ('gaussian', ['none', 'tukey'], 0.0)
     """
 
     burst: Burst

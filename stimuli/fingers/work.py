@@ -38,6 +38,13 @@ class FeltWork:
         Length of the part of the plate that has these modes; none without ends.
     is_whole : bool
         Whether that is all of the plate.
+
+    Examples
+    --------
+    `felt_work` gives one:
+
+    >>> FeltWork(modes=0, highest_hz=0.0, length_m=None, is_whole=True).words
+    'spectra, which take minutes: no modes of the plate are enough'
     """
 
     modes: int
@@ -91,6 +98,34 @@ def felt_work(
 ) -> FeltWork:
     """Return how `felt` computes with the same arguments, without the spectra's minutes.
 
+    That is by modes of the plate, equations (78) to (82), where they are enough, and else by
+    spectra, equations (63) to (66), which take minutes. This tells beforehand which it will be.
+
+    Parameters
+    ----------
+    strip : Strip
+        The strip, as for `felt`.
+    loads : tuple or list of Load
+        Loads, each driven by itself.
+    fingertips : tuple or list of Fingertip
+        Fingertips on the strip, at least one.
+    drive : Drive
+        A burst or any other drive, with the amplitude 1.
+    rtol : float
+        Wanted relative error of the displacement over time.
+
+    Returns
+    -------
+    FeltWork
+        How many modes it takes, up to which frequency, and of how much of the plate.
+
+    Raises
+    ------
+    ValueError
+        As for `felt`.
+
+    Examples
+    --------
     >>> from stimuli import ALUMINIUM, CLAMPED, Burst, Fingertip, MomentDisc, Strip
     >>> strip = Strip(width_m=0.025, thickness_m=0.0005, material=ALUMINIUM, edge=CLAMPED)
     >>> disc, finger = MomentDisc(x_m=0, y_m=0.0125, radius_m=0.0064), Fingertip(x_m=0, y_m=0.0125)

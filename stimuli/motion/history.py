@@ -109,12 +109,19 @@ def transient_work(
 
     Parameters
     ----------
-    scene, burst, times_s, rtol
-        As for `transient`.
+    scene : Scene
+        Strip, loads and points.
+    burst : Drive
+        What each load is driven with, from t = 0.
+    times_s : array_like of float, shape (n_times,)
+        Times from -1 to 1 s.
+    rtol : float
+        Wanted error, from 1e-10 to 0.1, as for `transient`.
 
     Returns
     -------
     TransientWork
+        Bins and frequencies, or modes, and the reasons.
 
     Raises
     ------

@@ -16,6 +16,10 @@ _CONTRACTIONS: Final = 25
 class IdealEdge(Enum):
     """The two limits of an elastic edge: no moment, and no slope.
 
+    Notes
+    -----
+    Equation (16) with K = 0 and with K without bound; the paper's plate lies between them.
+
     Examples
     --------
     >>> IdealEdge("clamped") is CLAMPED
@@ -23,13 +27,27 @@ class IdealEdge(Enum):
     """
 
     SIMPLY_SUPPORTED = "simply-supported"
+    """It cannot move, and turns freely."""
     CLAMPED = "clamped"
+    """It can neither move nor turn."""
 
 
 SIMPLY_SUPPORTED: Final = IdealEdge.SIMPLY_SUPPORTED
-"""An edge that cannot move and turns freely."""
+"""An edge that cannot move and turns freely: the lowest cut-offs of a strip.
+
+>>> from stimuli import SIMPLY_SUPPORTED, ElasticEdge
+>>> SIMPLY_SUPPORTED != ElasticEdge(stiffness_n=0.0)  # by another name, with the same cut-offs
+True
+"""
 CLAMPED: Final = IdealEdge.CLAMPED
-"""An edge that can neither move nor turn."""
+"""An edge that can neither move nor turn: the highest cut-offs of a strip.
+
+>>> from stimuli import ALUMINIUM, CLAMPED, SIMPLY_SUPPORTED, Strip
+>>> held, free = (Strip(width_m=0.025, thickness_m=0.0005, material=ALUMINIUM, edge=edge)
+...               for edge in (CLAMPED, SIMPLY_SUPPORTED))
+>>> round(held.cutoff_hz() / free.cutoff_hz(), 3)
+2.267
+"""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -92,7 +92,15 @@ class Material:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Handbook:
-    """A material by its name, without loss, and where its values are from."""
+    """A material by its name, without loss, and where its values are from.
+
+    Attributes
+    ----------
+    material : Material
+        Its values.
+    source : str
+        The standards, data sheets and books that have them.
+    """
 
     material: Material
     source: str
@@ -144,7 +152,23 @@ MATERIALS: Final[dict[str, Handbook]] = {
         2.4, 0.38, 1200, "Makrolon UV data sheet, ISO 527; Poisson's ratio Trident Plastics"
     ),
 }  # fmt: skip
-"""Materials by their names, for a plate of which nothing else was measured."""
+"""Materials by their names, for a plate of which nothing else was measured.
+
+Each has its values as `material`, a `Material` without loss, and says as `source` where they are
+from. Moduli are in pascals.
+
+>>> from stimuli import MATERIALS
+>>> MATERIALS["steel"].material.density_kg_m3
+7850.0
+"""
 
 ALUMINIUM: Final = Material(youngs_modulus_pa=67e9, poisson_ratio=0.346, density_kg_m3=2700.0)
-"""The paper's aluminium (section II-B; its 67 MPa and kg/m2 are misprints, docs/model.md)."""
+"""The paper's aluminium, without loss.
+
+Source: paper, section II-B, whose MPa and kg/m2 are misprints of GPa and kg/m3 (docs/model.md).
+That of handbooks is in `MATERIALS`.
+
+>>> from stimuli import ALUMINIUM, MATERIALS
+>>> ALUMINIUM.youngs_modulus_pa < MATERIALS["aluminium"].material.youngs_modulus_pa
+True
+"""

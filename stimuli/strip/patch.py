@@ -137,7 +137,28 @@ class BondedPatch:
         return self.length_x_m / 2, self.length_y_m / 2
 
     def gaps_m(self, other: BondedPatch) -> tuple[float, float]:
-        """Return how far the rectangles about two patches are apart, along and across."""
+        """Return how far the rectangles about two patches are apart, along and across.
+
+        Parameters
+        ----------
+        other : BondedPatch
+            The other one.
+
+        Returns
+        -------
+        tuple of float
+            In metres, along and across the strip; negative where they overlap in that direction.
+
+        Examples
+        --------
+        >>> layers = (Layer(thickness_m=0.2e-3, youngs_modulus_pa=63e9, poisson_ratio=0.31),)
+        >>> one, other = (BondedPatch(x_m=x, y_m=0.01, length_x_m=0.01, length_y_m=0.02,
+        ...                           layers=layers) for x in (0.0, 0.03))
+        >>> [round(gap_m, 9) for gap_m in one.gaps_m(other)]
+        [0.02, -0.02]
+        >>> one.gaps_m(other) == other.gaps_m(one)
+        True
+        """
         (half_x_m, half_y_m), (others_x_m, others_y_m) = self.half_size_m, other.half_size_m
         gap_x_m = abs(self.x_m - other.x_m) - half_x_m - others_x_m
         return gap_x_m, abs(self.y_m - other.y_m) - half_y_m - others_y_m

@@ -160,7 +160,8 @@ def test_the_command_answers_no_with_exit_1() -> None:
     result = run("audit", TABLE_1, "--json")
     assert result.exit_code == 1
     told = json.loads(result.stdout)
-    assert (told["possible"], told["decimals"], told["exchange_fits"]) == (False, 2, [])
+    assert (told["schema"], told["possible"]) == (1, False)
+    assert (told["decimals"], told["exchange_fits"]) == (2, [])
     assert [one["label"] for one in told["rows"] if not one["possible"]] == ["60", "95", "165"]
     assert told["rows"][0]["n"] == [20, 40]
 

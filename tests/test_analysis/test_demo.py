@@ -85,8 +85,11 @@ def test_a_person_sees_a_session_killed_resumed_verified_and_analyzed(tmp_path: 
     steps = re.findall(r"^\S*(\d)\. ", told, re.MULTILINE)
     assert steps == ["1", "2", "3", "4", "5"]
     for words in ("-23.7 dB at the right finger", "Killed", "--resume", "as it was recorded",
-                  "Threshold of the group"):  # fmt: skip
+                  "Simulating", "Threshold of the group", "within the interval"):  # fmt: skip
         assert words in told
+    (assumed,) = re.findall(r"median threshold ([\d.]+) V", told)
+    ((lower, upper),) = re.findall(r"95 % interval ([\d.]+) to ([\d.]+)", told)
+    assert float(lower) < float(assumed) < float(upper)
     rows = rows_of(tmp_path / "kept")
     ok = [row for row in rows if row["status"] == "ok"]
     assert sorted(row["trial"] for row in ok) == list("123456")

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 
-from device.driver import Delivery, FloatArray, Identity, Refusal, RefusedError
+from device.driver import Delivery, FloatArray, Identity
+from device.errors import Refusal, RefusedError
 
 if TYPE_CHECKING:
     from collections.abc import Callable

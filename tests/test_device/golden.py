@@ -36,7 +36,7 @@ from device.core.messages import (
 )
 from device.core.output import Emission, OutputStage
 from device.core.reports import TAPS, UNITS, About, DeviceLimits, Entropy, Health, Measurement
-from device.driver import Refusal
+from device.errors import Refusal
 from device.limits import Limits
 from device.wire import codec
 from device.wire.codec import Hello, Kind

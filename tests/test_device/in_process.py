@@ -14,8 +14,8 @@ import numpy as np
 from device.clock import VirtualClock
 from device.core.core import DeviceCore
 from device.core.output import OutputStage
-from device.driver import LinkError
 from device.emulate.emulator import TICK_S, Emulator, Nature, Truth
+from device.errors import LinkError
 from device.limits import Limits
 from device.scpi.generator import GeneratorDevice
 from device.sound.audio import AudioDevice

@@ -10,11 +10,11 @@ from device.clock import VirtualClock
 from device.core.host import HostDriver
 from device.core.output import OutputStage
 from device.core.reports import Health, Measurement
-from device.driver import Refusal
 from device.emulate.amplifier import Adc, Amplifier
 from device.emulate.emulator import Nature
 from device.emulate.faults import Faults, FaultScript
 from device.emulate.mock import MockDevice
+from device.errors import Refusal
 from tests.test_device.bursts import BURST, play, ready, refusal
 from tests.test_device.in_process import InProcess
 from tests.test_device.trials import LIMITS

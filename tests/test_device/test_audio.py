@@ -17,7 +17,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from device.clock import MonotonicClock
-from device.driver import LinkError, Outcome, Refusal, RefusedError
+from device.driver import Outcome
+from device.errors import LinkError, Refusal, RefusedError
 from device.limits import Limits
 from device.sound.audio import AudioDevice, audio_device
 from device.sound.recorder import Recorder

@@ -10,7 +10,8 @@ from click.testing import CliRunner
 
 from device.clock import MonotonicClock
 from device.core.host import HostDriver
-from device.driver import LinkError, Outcome
+from device.driver import Outcome
+from device.errors import LinkError
 from device.wire.channels import LineSettings, SerialChannel
 from device.wire.dialogue import too_slow, why_silent
 from device.wire.serial import identify, serial_device

@@ -10,9 +10,10 @@ from device.clock import VirtualClock
 from device.core.core import DeviceCore
 from device.core.messages import Arm, Enable, Fire, Levels, LoadSlot, Stop, to_codes
 from device.core.output import Emission, OutputStage
-from device.driver import FloatArray, LimitExceeded, Refusal
+from device.driver import FloatArray
 from device.emulate.emulator import Nature
 from device.emulate.faults import Faults, FaultScript
+from device.errors import LimitExceeded, Refusal
 from device.limits import Limits, check_ceiling
 from tests.test_device.bursts import sine
 from tests.test_device.in_process import InProcess

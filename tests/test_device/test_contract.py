@@ -44,19 +44,11 @@ from device.core.messages import (
 from device.core.output import Emission, OutputStage
 from device.core.states import State
 from device.core.tokens import delivery
-from device.driver import (
-    BurstDevice,
-    Delivery,
-    FloatArray,
-    Identity,
-    LimitExceeded,
-    Outcome,
-    Refusal,
-    RefusedError,
-)
+from device.driver import BurstDevice, Delivery, FloatArray, Identity, Outcome
 from device.drivers import DriverSettings, make_device
 from device.emulate.generator import EmulatedGenerator
 from device.emulate.mock import MockDevice
+from device.errors import LimitExceeded, Refusal, RefusedError
 from device.scpi.generator import GeneratorDevice
 from device.sound.audio import AudioDevice
 from device.wire.channels import open_channel

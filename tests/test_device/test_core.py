@@ -31,7 +31,7 @@ from device.core.output import Emission, OutputStage
 from device.core.reports import Health, Measurement
 from device.core.states import ILLEGAL, TRANSITIONS, State, Step
 from device.core.tokens import Fate, Record
-from device.driver import Refusal, Rejected
+from device.errors import Refusal, Rejected
 from device.limits import Limits
 from tests.test_device.bursts import refusal, sine
 

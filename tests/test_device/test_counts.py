@@ -22,7 +22,7 @@ from device.core.messages import (
     to_microseconds,
     to_millivolts,
 )
-from device.driver import Refusal, Rejected
+from device.errors import Refusal, Rejected
 from tests.test_device.bursts import refusal
 
 ZEROS = np.zeros(2, dtype=np.int32)

@@ -7,9 +7,9 @@ import pytest
 import device
 from device.clock import MonotonicClock, VirtualClock
 from device.core.host import HostDriver
-from device.driver import LinkError
 from device.drivers import NEEDS, DriverSettings, is_emulated, make_device
 from device.emulate.mock import MockDevice
+from device.errors import LinkError
 from device.limits import Limits
 from device.scpi.generator import GeneratorDevice
 from device.sound.audio import AudioDevice

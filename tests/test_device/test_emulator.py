@@ -18,8 +18,9 @@ import pytest
 
 from device.clock import MonotonicClock
 from device.core.host import HostDriver
-from device.driver import LinkError, Outcome
+from device.driver import Outcome
 from device.emulate.emulator import SERIAL_NUMBER
+from device.errors import LinkError
 from device.wire.channels import Channel, LineSettings, SocketChannel, open_channel
 from device.wire.frames import MAKER
 from device.wire.link import FrameLink

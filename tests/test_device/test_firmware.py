@@ -19,7 +19,7 @@ import pytest
 from device.clock import MonotonicClock
 from device.core.host import HostDriver
 from device.core.messages import AskMeasured, to_codes
-from device.driver import Refusal, RefusedError
+from device.errors import Refusal, RefusedError
 from device.limits import Limits
 from device.wire.channels import open_channel
 from device.wire.codec import ANSWER, HEAD, AnswerPayload, Kind

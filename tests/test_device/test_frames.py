@@ -31,7 +31,7 @@ from device.core.messages import (
 from device.core.reports import TAPS, UNITS, DeviceLimits, Entropy, Health, Measurement
 from device.core.states import State
 from device.core.tokens import Fate, Record
-from device.driver import Refusal, Rejected
+from device.errors import Refusal, Rejected
 from device.wire import codec, frames
 from device.wire.codec import (
     FATES,

@@ -14,11 +14,12 @@ from hypothesis import strategies as st
 
 from device.clock import MonotonicClock, VirtualClock
 from device.core.output import Emission
-from device.driver import LinkError, Outcome, Refusal, RefusedError, SettingError
+from device.driver import Outcome
 from device.emulate.generator import IDENTITY, EmulatedGenerator, GeneratorEmulator
 from device.emulate.instrument import Reader
 from device.emulate.lines import PtyLine, TcpLine
 from device.emulate.mock import MockDevice
+from device.errors import LinkError, Refusal, RefusedError, SettingError
 from device.limits import Limits
 from device.scpi import dialects
 from device.scpi.dialects import KEYSIGHT, Dialect, ReadBack, dialect_of

@@ -9,7 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from device.core.reports import About, DeviceLimits
-from device.driver import FloatArray, LimitExceeded, Refusal, Rejected
+from device.driver import FloatArray
+from device.errors import LimitExceeded, Refusal, Rejected
 from device.limits import (
     Limits,
     check_burst,

@@ -23,9 +23,10 @@ from device.core.host import HostDriver
 from device.core.messages import Arm, AskLimits, Beat, Enable, Levels, Message, Ping, Stop, to_codes
 from device.core.output import Emission, OutputStage
 from device.core.states import State
-from device.driver import DeviceError, LinkError, Outcome, Refusal, Rejected
+from device.driver import Outcome
 from device.emulate.emulator import Nature
 from device.emulate.faults import Faults, FaultScript
+from device.errors import DeviceError, LinkError, Refusal, Rejected
 from device.wire import codec
 from device.wire.channels import LineSettings
 from device.wire.codec import Kind

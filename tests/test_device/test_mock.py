@@ -12,18 +12,9 @@ from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, 
 
 from device.clock import MonotonicClock, VirtualClock
 from device.core.output import OutputStage
-from device.driver import (
-    BurstDevice,
-    DeviceError,
-    FloatArray,
-    LimitExceeded,
-    LinkError,
-    Outcome,
-    Refusal,
-    Rejected,
-    StateError,
-)
+from device.driver import BurstDevice, FloatArray, Outcome
 from device.emulate.mock import MockDevice
+from device.errors import DeviceError, LimitExceeded, LinkError, Refusal, Rejected, StateError
 from device.limits import Limits
 from tests.test_device.bursts import BURST, SILENCE, changed, play, ready, refusal
 

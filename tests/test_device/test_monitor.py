@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from device.clock import VirtualClock
-from device.driver import LinkError, Outcome
+from device.driver import Outcome
+from device.errors import LinkError
 from device.monitor.inputs import Calibration, InputMonitor
 from device.monitor.matching import Found, Template
 from device.monitor.measured import Fault, Measured, Tap, Tolerances, void

@@ -13,7 +13,8 @@ import numpy as np
 import pytest
 
 from device.clock import MonotonicClock
-from device.driver import DeviceError, Outcome
+from device.driver import Outcome
+from device.errors import DeviceError
 from device.monitor.inputs import Calibration, InputMonitor
 from device.monitor.measured import Measured, Tap, Tolerances
 from device.sound.recorder import Recorder

@@ -14,7 +14,8 @@ import numpy as np
 import pytest
 
 from device.clock import MonotonicClock
-from device.driver import LinkError, Outcome
+from device.driver import Outcome
+from device.errors import LinkError
 from device.monitor.inputs import QUIET_S, Calibration, InputMonitor
 from device.monitor.matching import Template
 from device.monitor.measured import Measured, Tap, Tolerances

@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 
 from device.core.messages import Levels, full_scale, to_codes
 from device.core.output import Emission, OutputStage
-from device.driver import FloatArray, LimitExceeded
+from device.driver import FloatArray
+from device.errors import LimitExceeded
 from device.limits import Limits, check_ceiling
 from tests.test_device.bursts import BURST
 

@@ -3,7 +3,7 @@
 import pytest
 
 from device.core.states import ILLEGAL, SPONTANEOUS, TRANSITIONS, State, Step, require_legal
-from device.driver import StateError
+from device.errors import StateError
 from tests.test_device.bursts import refusal
 
 

@@ -12,8 +12,9 @@ import numpy as np
 import pytest
 
 from device.clock import MonotonicClock
-from device.driver import LinkError, Outcome, SettingError, installing
+from device.driver import Outcome, installing
 from device.emulate.generator import IDENTITY
+from device.errors import LinkError, SettingError
 from device.scpi.generator import GeneratorDevice, generator_device, identify_generator
 from device.scpi.line import ScpiLine
 from device.scpi.visa import instrument_lack, open_instrument

@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 from device.core.host import HostDriver
-from device.driver import Delivery, DeviceError, LinkError, Outcome, RefusedError
+from device.driver import Delivery, Outcome
+from device.errors import DeviceError, LinkError, RefusedError
 from device.limits import Limits
 from tests.test_device.bursts import sine
 

@@ -13,7 +13,8 @@ import pytest
 
 from device.clock import VirtualClock
 from device.core.reports import Health
-from device.driver import LinkError, Outcome, Refusal, rejection
+from device.driver import Outcome
+from device.errors import LinkError, Refusal, rejection
 from experiment.apparatus.noise import NoiseError, NoiseHealth
 from experiment.apparatus.rig import NoDeviceError, mock_device
 from experiment.apparatus.slots import SuitabilityError

@@ -13,7 +13,7 @@ import pytest
 
 from analysis.commands.dry_run import new_folder
 from analysis.commands.levels import write_levels
-from device.driver import LinkError
+from device.errors import LinkError
 from experiment.archive.bids import export_bids
 from experiment.archive.disk import SystemDisk, lock_on, make_folder
 from experiment.archive.files import replaced, write_atomically

@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 from device.clock import MonotonicClock, VirtualClock
-from device.driver import LinkError
+from device.errors import LinkError
 from experiment.apparatus.noise import (
     FADE_IN_S,
     FADE_OUT_S,

@@ -18,8 +18,9 @@ import pytest
 
 from device.clock import VirtualClock
 from device.core.converter import converter_device
-from device.driver import LimitExceeded, LinkError, Outcome
+from device.driver import Outcome
 from device.drivers import DriverSettings, make_device
+from device.errors import LimitExceeded, LinkError
 from device.limits import Limits
 from experiment.session.run import run_session
 from experiment.study.read import study_from_text

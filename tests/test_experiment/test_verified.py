@@ -21,9 +21,9 @@ from analysis.results.protocol import measured_rows, monitored
 from analysis.results.tables import analyse
 from device.clock import VirtualClock
 from device.core.reports import Health
-from device.driver import LinkError
 from device.emulate.amplifier import Adc
 from device.emulate.mock import MockDevice
+from device.errors import LinkError
 from device.monitor import inputs, matching
 from device.scpi.dialects import DIALECTS
 from device.sound.audio import AudioDevice

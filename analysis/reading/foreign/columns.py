@@ -63,7 +63,9 @@ _TWO_ANSWERS = "response and detected both tell the answer; [columns] must name 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ColumnMap:
-    """Where the columns of trials.csv come from in a table made elsewhere.
+    """Where the columns of trials.csv come from in a table made elsewhere: `read_trials` takes it.
+
+    docs/howto/foreign-table.md goes through one, docs/statistics.md, section 5, has all words.
 
     Parameters
     ----------
@@ -77,20 +79,18 @@ class ColumnMap:
         Our column to the one value that it has in every row, in our unit; a level only where there
         is a stimulus.
     units : mapping of str to str
-        Our column to their unit, see `units_of`. ``V`` and ``mV`` are peak-to-peak; ``V-peak`` is
-        an amplitude, so that it counts twice.
+        Our column to their unit: ``s``, ``ms``, ``us`` of times, and of levels ``V`` and ``mV``,
+        which are peak-to-peak, or ``V-peak`` and ``mV-peak``, amplitudes, so that they count twice.
     scale : mapping of str to float
-        Our column to the factor that brings a number of theirs to our unit, where it is none of
-        `units_of`.
+        Our column to the factor that brings a number of theirs to our unit, where it is no other.
     file : mapping of str to str
-        ``delimiter``, ``decimal``, ``encoding``, see `analysis.reading.foreign.form`.
+        ``delimiter``, ``decimal``, ``encoding``.
     rows : mapping
-        ``keep`` and ``skip``: their column to a word or to words, see `row_filter`.
+        ``keep`` and ``skip``: their column to a word or to words; which rows are read.
     axis : mapping of str to str
-        ``x_scale``, ``log10``, ``dB`` or ``linear``, and ``unit``, see `analysis.axis.Axis`.
+        ``x_scale``, ``log10``, ``dB`` or ``linear``, and ``unit``.
     table : mapping
-        For counts instead of trials: ``detected``, ``presented``, ``group``, see
-        `analysis.reading.foreign.table.CountColumns`.
+        For counts instead of trials: ``detected``, ``presented``, ``group``, their columns.
     task : str
         ``yes/no`` or ``forced choice``; needed for counts, and where the answer is ``detected``.
     alternatives : int
@@ -107,8 +107,9 @@ class ColumnMap:
     Examples
     --------
     >>> elsewhere = ColumnMap(columns={"response": "key"}, values={"response": {"l": "left"}})
-    >>> elsewhere.reader("response").read(pd.Series(["l", "none", ""])).tolist()
-    ['left', 'none', nan]
+    >>> ColumnMap(values={"response": {"l": "links"}})
+    Traceback (most recent call last):
+    ValueError: [values.response] 'l': allowed left, right, both, none, ..., got 'links'
     """
 
     columns: Mapping[str, str] = field(default_factory=dict)

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 
 from analysis.definitions import TOTAL
 from analysis.groups.criterion import alarms_of, same_rates_p
-from analysis.groups.group import FEW
+from analysis.groups.hierarchy import FEW
 from analysis.results.compared import ALPHA, alarms_apart, by_level, level_words, pairs_of, totals
 from analysis.results.methods.alarms import interleaved, taken_together
 from analysis.results.methods.words import SPELLED, isolated

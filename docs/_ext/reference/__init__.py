@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from reference import commands, example, journal, python, refusals, shapes, study, tables
 from reference.sample import make_sample
@@ -63,7 +63,14 @@ def put(path: Path, data: bytes) -> None:
         path.write_bytes(data)
 
 
+def _link(*told: Any) -> None:
+    """Make links in the lines of a docstring, the last of what Sphinx tells of it."""
+    lines = told[-1]
+    lines[:] = python.link(lines)
+
+
 def setup(app: Sphinx) -> dict[str, bool]:
     """Write the pages before Sphinx looks for them."""
     app.connect("config-inited", lambda app, _: write_reference(Path(app.srcdir) / "reference"))
+    app.connect("autodoc-process-docstring", _link)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

@@ -4,14 +4,42 @@ from __future__ import annotations
 
 import ast
 import inspect
+import re
+import textwrap
+from dataclasses import is_dataclass
+from enum import Enum
 from importlib import import_module
 from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from reference.constants import constants
+from reference.held import attributes, held, members
 from reference.markdown import prose, table
 
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
 PACKAGES: Final = ("stimuli", "device", "experiment", "analysis")
+# Methods that modules of the same package call. They are no part of what is offered: their values
+# have no page, and they may change.
+INSIDE: Final = {
+    "stimuli.Scene": ("bands", "checked", "counted", "jobs", "near"),
+    "analysis.ColumnMap": ("conditions", "filter", "form", "ours", "reader", "sources"),
+    "analysis.GuessRate": ("log_density", "nodes"),
+}
+_OFFERED: Final = """\
+# Python
+
+What the four packages offer to a program of yours. Whatever is not named here may change.
+
+The end of a name is its unit, in SI: `width_m` is in metres, `frequency_hz` in hertz,
+`youngs_modulus_pa` in pascals, `density_kg_m3` in kilograms per cubic metre; `level_vpp` is in
+volts peak to peak at the actuator, `_db` in decibels relative to what the docstring says. Numbers
+without such an end have no unit. Equations are numbered as in [the model](/model.md), sections and
+figures of "the paper" are those of [its page](/paper.md).
+"""
+_EQUATIONS: Final = re.compile(r"[Ee]quations? \(\d+\)(?:(?:,| and| to) \(\d+\))*")
+_PAGE: Final = re.compile(r"docs/([\w/-]+)\.md")
 
 
 def names(package: str) -> dict[str, str]:
@@ -28,10 +56,7 @@ def names(package: str) -> dict[str, str]:
 def pages() -> dict[str, str]:
     """Write a page for each name, a list for each package and one of all."""
     lists = "\n".join(f"api/{package}" for package in PACKAGES)
-    told = {
-        "python.md": "# Python\n\nWhat the four packages offer to a program of yours. Whatever is "
-        f"not named here may change.\n\n```{{toctree}}\n:maxdepth: 1\n\n{lists}\n```\n"
-    }
+    told = {"python.md": f"{_OFFERED}\n```{{toctree}}\n:maxdepth: 1\n\n{lists}\n```\n"}
     for package in PACKAGES:
         about = (import_module(package).__doc__ or "").strip()
         rows, listed = [], []
@@ -56,12 +81,78 @@ def text(module: str, name: str) -> str:
     return constants(module).get(name, "")
 
 
+def aliases() -> dict[str, str]:
+    """Return what each name of a face is called in full, so that a type in a docstring is a link.
+
+    >>> aliases()["Strip"]
+    'stimuli.Strip'
+    """
+    return {name: f"{package}.{name}" for package in PACKAGES for name in names(package)}
+
+
+def link(lines: Iterable[str]) -> list[str]:
+    """Make links of the equations and the pages that a docstring names; its examples stay.
+
+    >>> link(["See docs/plate.md and equation (37).", ">>> # docs/plate.md"])
+    ['See :doc:`docs/plate.md </plate>` and :doc:`equation (37) </model>`.', '>>> # docs/plate.md']
+    """
+    return [line if line.lstrip().startswith((">>>", "...")) else _linked(line) for line in lines]
+
+
+def _linked(line: str) -> str:
+    line = _EQUATIONS.sub(r":doc:`\g<0> </model>`", line)
+    return _PAGE.sub(r":doc:`\g<0> </\1>`", line)
+
+
+def shown(package: str, name: str, value: type) -> list[str]:
+    """Return the methods and properties of a class that its page shows.
+
+    >>> from stimuli import Scene
+    >>> shown("stimuli", "Scene", Scene)
+    ['is_supported', 'work']
+    """
+    inside = INSIDE.get(f"{package}.{name}", ())
+    owners = [one for one in value.__mro__ if one is value or is_dataclass(one)]
+    found = {
+        member
+        for owner in owners
+        for member, one in vars(owner).items()
+        if member[0] != "_" and (isinstance(one, property | classmethod) or inspect.isroutine(one))
+    }
+    return sorted(member for member in found - {*inside} if inspect.getdoc(getattr(value, member)))
+
+
 def _page(package: str, module: str, name: str) -> str:
     found = getattr(import_module(module), name)
     title = f"{package}.{name}"
     head = f"{title}\n{'=' * len(title)}\n\n"
     if inspect.isclass(found):
-        return f"{head}.. autoclass:: {title}\n   :members:\n"
+        return f"{head}.. autoclass:: {title}\n{_options(title, found)}\n{_of_class(found)}"
     if inspect.isroutine(found):
         return f"{head}.. autofunction:: {title}\n"
-    return f"{head}.. py:data:: {title}\n\n   {text(module, name)}\n"
+    said = "\n".join(link([*text(module, name).splitlines(), "", *held(found).splitlines()]))
+    return f"{head}.. py:data:: {title}\n\n{_indented(said)}\n"
+
+
+def _options(title: str, kind: type) -> str:
+    """Write which members a class's page shows; those of an enumeration are in its table."""
+    enumerated = [*kind.__members__] if issubclass(kind, Enum) else []
+    left_out = ", ".join([*INSIDE.get(title, ()), *enumerated])
+    told = ["   :members:"]
+    if is_dataclass(kind):
+        told.append("   :inherited-members:")
+    if left_out:
+        told.append(f"   :exclude-members: {left_out}")
+    return "\n".join(told) + "\n"
+
+
+def _of_class(kind: type) -> str:
+    """Write what is read from a class itself: members, and fields that carry their meaning."""
+    if issubclass(kind, Enum):
+        return _indented(f".. rubric:: Members\n\n{members(kind)}")
+    listed = attributes(kind) if is_dataclass(kind) else ""
+    return _indented(f".. rubric:: Attributes\n\n{listed}") if listed else ""
+
+
+def _indented(content: str) -> str:
+    return textwrap.indent(content, "   ")

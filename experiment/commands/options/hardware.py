@@ -158,13 +158,13 @@ def device_failures() -> Iterator[None]:
 
     Examples
     --------
-    >>> from device.driver import LinkError
+    >>> from device.errors import LinkError
     >>> with device_failures():
     ...     raise LinkError("the line is gone")
     Traceback (most recent call last):
     experiment.terms.exits.CommandError: device: the line is gone
     """
-    from device.driver import DeviceError
+    from device.errors import DeviceError
 
     try:
         yield

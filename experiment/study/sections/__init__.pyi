@@ -21,7 +21,7 @@ from .design import (
     repeats_words,
 )
 from .equipment import Contact, DeviceSettings, Masking, MonitorSettings
-from .finger import FINGER_KEYS, ROUNDING_M, FingerLoad, check_fingers
+from .finger import FINGER_KEYS, FingerLoad, check_fingers, check_places
 from .plate import (
     PAPER_CUTOFF_HZ,
     PAPER_LENGTH_MM,
@@ -82,7 +82,6 @@ __all__ = [
     "PAPER_THRESHOLD_UM",
     "PATCH_KEYS",
     "PIEZO_KEYS",
-    "ROUNDING_M",
     "SIDES",
     "THRESHOLD_VPP",
     "TYPED",
@@ -113,6 +112,7 @@ __all__ = [
     "check_fingers",
     "check_levels",
     "check_measured",
+    "check_places",
     "completed",
     "displacements_are_known",
     "drive_samples",
