@@ -45,16 +45,16 @@ COMMANDS = {
 
 OTHER_WORDS = {
     "demo": "example intro tour tutorial",
-    "init": "config create new setup template",
-    "check": "calibrate validate",
-    "bursts": "compare stimulus waveform",
+    "init": "config create design new settings setup template",
+    "check": "calibrate calibration noise validate",
+    "bursts": "stimulus waveform",
     "dry-run": "mock simulate simulation test",
-    "run": "experiment record resume session start",
+    "run": "continue experiment gui record resume screen session start",
     "analyze": "figure figures fit graph plot report results statistics stats threshold",
-    "columns": "import map read",
-    "power": "participants sample-size",
-    "levels": "adaptive pilot staircase",
-    "field": "displacement draw figure map plot response",
+    "columns": "import map",
+    "power": "plan planning sample-size",
+    "levels": "pilot",
+    "field": "displacement draw figure map plot",
     "devices": "list ports scan",
     "emulate": "server",
     "export": "bids convert save",
@@ -65,10 +65,12 @@ OTHER_WORDS = {
 }
 """Command or option: words that people use for what it does.
 
-A misspelt command is found by its letters and needs none. A word may stand at two commands: both
-are named then.
+A word may stand at two commands: both are named then.
 """
 
+
+_LIKE = 0.8
+"""What is spelt more like a command than this is that command, whatever else it is like."""
 
 FIRST_STEPS = """\
 tactstrip runs left / right / both detection experiments on narrow plates.
@@ -138,11 +140,19 @@ class _FrontDoor(click.Group):
 
 
 def _meant(typed: str) -> list[str]:
-    """List the commands that do what was typed, else that which is spelt most like it."""
+    """List the commands that do what was typed, or what is spelt most like it."""
     from difflib import get_close_matches
 
-    said = [command for command, words in OTHER_WORDS.items() if typed in words.split()]
-    return said or get_close_matches(typed, COMMANDS, n=1)
+    said: dict[str, list[str]] = {command: [command] for command in COMMANDS}
+    for command, words in OTHER_WORDS.items():
+        for word in words.split():
+            said.setdefault(word, []).append(command)
+    near = (
+        [typed] * (typed in said)
+        or get_close_matches(typed, COMMANDS, cutoff=_LIKE)
+        or get_close_matches(typed, said)
+    )
+    return said[near[0]] if near else []
 
 
 def _hidden_package() -> str | None:

@@ -56,7 +56,7 @@ class Outcome(StrEnum):
     """
 
     FIRED = "fired"
-    """It surely came out, all of it."""
+    """It surely began; nothing but a stop can have cut it short."""
     NOT_FIRED = "not_fired"
     """It surely did not come out, and never will."""
     INDETERMINATE = "indeterminate"
@@ -230,7 +230,7 @@ class BurstDevice(Protocol):
         """
 
     def load(self, slot: int, left: FloatArray, right: FloatArray) -> None:
-        """Store the waveforms of both channels, in units of the level that they are played at.
+        """Store the waveforms of both channels; played at a level, 1 is half of its volts.
 
         Parameters
         ----------
@@ -271,7 +271,7 @@ class BurstDevice(Protocol):
         Parameters
         ----------
         token : int
-            The armed one, or one that was fired.
+            The armed one, or the last one that was fired.
 
         Returns
         -------
@@ -285,7 +285,7 @@ class BurstDevice(Protocol):
         Parameters
         ----------
         token : int
-            Whichever it is.
+            The armed one, or any other.
         """
 
     def query(self, token: int) -> Delivery:
@@ -294,7 +294,7 @@ class BurstDevice(Protocol):
         Parameters
         ----------
         token : int
-            Whichever it is.
+            The armed one, or any other.
 
         Returns
         -------

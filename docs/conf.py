@@ -17,7 +17,7 @@ HERE = Path(__file__).resolve().parent
 sys.path[:0] = [str(HERE / "_ext"), str(HERE / "gallery")]
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
-from reference import python  # noqa: E402 - where it is, stands in the lines above
+from reference.api import python  # noqa: E402 - where it is, stands in the lines above
 
 project = "tactstrip"
 author = "The tactstrip developers"

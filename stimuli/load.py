@@ -222,7 +222,7 @@ class ForceRectangle(_Rectangle):
 
 
 Load = PointForce | PressureDisc | PressureRectangle | MomentDisc | MomentRectangle | ForceRectangle
-"""What may drive a strip: any of the loads below, each of unit size.
+"""What may drive a strip: any of these loads, each of unit size.
 
 >>> from stimuli import Load, PointForce
 >>> isinstance(PointForce(x_m=0.0, y_m=0.0125), Load)

@@ -30,7 +30,11 @@ if TYPE_CHECKING:
 
 ROOT = Path(__file__).parent.parent
 FOLDER = ROOT / "docs" / "_ext"
-MODULES = sorted(path.stem for path in (FOLDER / "reference").glob("*.py") if path.stem[0] != "_")
+MODULES = sorted(
+    ".".join(path.relative_to(FOLDER / "reference").with_suffix("").parts)
+    for path in (FOLDER / "reference").rglob("*.py")
+    if path.stem[0] != "_"
+)
 
 
 @pytest.fixture(autouse=True)
@@ -119,7 +123,7 @@ def test_every_event_that_a_session_writes_is_told() -> None:
 
 def test_a_member_without_a_meaning_ends_the_build() -> None:
     with pytest.raises(ValueError, match=r"not told.*'`hue`'"):
-        module("shapes").rows("tactstrip audit --json", [{"hue": 1}])
+        module("records.shapes").rows("tactstrip audit --json", [{"hue": 1}])
 
 
 def test_the_exit_codes_are_told() -> None:
@@ -128,7 +132,7 @@ def test_the_exit_codes_are_told() -> None:
 
 
 def test_every_name_of_a_face_has_a_page_that_says_what_it_is() -> None:
-    python = module("python")
+    python = module("api.python")
     for package in python.PACKAGES:
         names = python.names(package)
         assert sorted(names) == sorted(importlib.import_module(package).__all__)
@@ -171,7 +175,7 @@ def told(name: str, value: Any) -> Told:
 
 def offered() -> list[tuple[str, Any]]:
     """Every name of the faces with its value."""
-    python = module("python")
+    python = module("api.python")
     return [
         (f"{package}.{name}", getattr(importlib.import_module(package), name))
         for package in python.PACKAGES
@@ -187,7 +191,7 @@ def routines() -> list[Told]:
     """Every function of the faces, and every method that a class's page shows."""
     found = [told(name, value) for name, value in offered() if inspect.isroutine(value)]
     for one in classes():
-        for member in module("python").shown(*one.name.split("."), one.value):
+        for member in module("api.python").shown(*one.name.split("."), one.value):
             method = getattr(one.value, member)
             if inspect.isfunction(method) or inspect.ismethod(method):
                 found.append(told(f"{one.name}.{member}", method))
@@ -207,7 +211,7 @@ def accepted(kind: type) -> set[str]:
     if dataclasses.is_dataclass(kind) and "__init__" not in inspect.getsource(kind):
         return {field.name for field in dataclasses.fields(kind) if field.init}
     made = next(base for base in kind.__mro__ if "__init__" in vars(base))
-    ours = made.__module__.partition(".")[0] in module("python").PACKAGES
+    ours = made.__module__.partition(".")[0] in module("api.python").PACKAGES
     plain = ours and not getattr(kind, "_is_protocol", False) and not issubclass(kind, enum.Enum)
     return {*inspect.signature(vars(made)["__init__"]).parameters} - IMPLICIT if plain else set()
 
@@ -225,7 +229,7 @@ def test_every_parameter_of_a_function_of_a_face_is_described_and_no_other() -> 
 
 def test_every_field_of_a_class_of_a_face_is_described() -> None:
     for one in classes():
-        in_fields = dataclasses.is_dataclass(one.value) and module("held").described(one.value)
+        in_fields = dataclasses.is_dataclass(one.value) and module("api.held").described(one.value)
         described = one.named() | {field.name for field in in_fields or ()}
         assert accepted(one.value) - described == set(), one.name
 
@@ -251,7 +255,7 @@ def test_every_function_and_class_of_a_face_has_an_example() -> None:
 
 
 def test_the_page_of_a_constant_lists_what_it_holds() -> None:
-    pages, literal = module("python").pages(), "``{}``".format
+    pages, literal = module("api.python").pages(), "``{}``".format
     for name, value in constants_of_the_faces():
         page = pages[f"api/{name}.rst"]
         if isinstance(value, UnionType):
@@ -269,7 +273,7 @@ def test_the_page_of_a_constant_lists_what_it_holds() -> None:
 
 
 def test_the_page_of_an_enumeration_lists_its_members_with_their_meaning() -> None:
-    pages = module("python").pages()
+    pages = module("api.python").pages()
     for one in classes():
         if issubclass(one.value, enum.Enum):
             rows = re.findall(r"\* - ``(\w+)``\n +- (.+)\n +- (.+)\n", pages[f"api/{one.name}.rst"])
@@ -277,7 +281,7 @@ def test_the_page_of_an_enumeration_lists_its_members_with_their_meaning() -> No
 
 
 def test_the_materials_are_listed_with_their_values_and_sources() -> None:
-    page = module("python").pages()["api/stimuli.MATERIALS.rst"]
+    page = module("api.python").pages()["api/stimuli.MATERIALS.rst"]
     for name, one in MATERIALS.items():
         row = page.partition(f'``"{name}"``')[2].partition("* -")[0]
         told = (one.material.poisson_ratio, one.material.density_kg_m3, one.source)
@@ -287,7 +291,7 @@ def test_the_materials_are_listed_with_their_values_and_sources() -> None:
 
 
 def test_the_examples_below_the_constants_hold() -> None:
-    python = module("python")
+    python = module("api.python")
     runner, parser = doctest.DocTestRunner(), doctest.DocTestParser()
     for name, _ in constants_of_the_faces():
         package, _, short = name.partition(".")

@@ -172,6 +172,9 @@ def test_of_an_unknown_command_the_nearest_is_named(typed: str, meant: str) -> N
     ("typed", "meant"),
     [
         ("simulate", "dry-run"),
+        ("simulations", "dry-run"),
+        ("reports", "analyze"),
+        ("settings", "init"),
         ("plot", "analyze or field"),
         ("Figure", "analyze or field"),
         ("calibrate", "check"),

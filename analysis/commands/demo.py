@@ -142,8 +142,8 @@ def _tell(folder: Path) -> None:
     answer = _told(folder, "Simulating", *words).split("\n\n")[:2]  # files have the rest
     click.echo("\n\n".join(answer))
     click.echo(
-        "\nThe people are simulated, so what should come out is known: the median that is\n"
-        "assumed above. It lies within the interval."
+        "\nThe people are simulated, so that what should come out is known: the median that\n"
+        "is assumed above, which should lie within the interval."
     )
 
 

@@ -19,14 +19,24 @@ class Counts:
     ----------
     trials : int
         All trials that were read.
-    single, both, blank : int
-        Trials that count, by their kind.
+    single : int
+        Single stimuli that count.
+    both : int
+        Both-finger trials that count.
+    blank : int
+        Blank trials that count.
     left_out : int
         Trials that do not count.
-    timeouts, invalid : int
-        Of the trials that count: without an answer in time, and with another key.
-    participants, sessions, conditions : int
-        Different ones among all trials read; a session belongs to a participant.
+    timeouts : int
+        Trials that count, without an answer in time.
+    invalid : int
+        Trials that count, with another key.
+    participants : int
+        Different ones among all trials read.
+    sessions : int
+        Their sessions; each belongs to a participant.
+    conditions : int
+        Different ones among all trials read.
     simulated : int
         Trials of simulated participants.
     without_device : int

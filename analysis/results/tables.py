@@ -44,8 +44,9 @@ if TYPE_CHECKING:
 class Analysis:
     r"""What came out of a set of trials.
 
-    `write_analysis` returns one. Its tables have the columns of the CSV files of the same names,
-    which docs/reference/tables.md defines; levels are peak-to-peak volts unless `axis` says else.
+    `write_analysis` returns one. Its tables have the columns of the files of the same names, where
+    there is one; `analysis.definitions` says what they mean. Levels are peak-to-peak volts unless
+    `axis` says otherwise.
 
     Attributes
     ----------
@@ -58,8 +59,8 @@ class Analysis:
     thresholds : pandas.DataFrame
         The threshold of every participant in every condition.
     groups : pandas.DataFrame
-        The threshold of the group in every condition, with columns as in ``thresholds`` and
-        ``differences``.
+        The threshold of the group in every condition: the rows all of thresholds.csv, with the
+        number of participants, and of those below and above the levels.
     differences : pandas.DataFrame
         By how many dB thresholds differ between conditions.
     sensitivity, d_prime_differences : pandas.DataFrame

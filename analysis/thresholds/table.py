@@ -86,8 +86,8 @@ def threshold_table(trials: pd.DataFrame, *, seed: int, axis: Axis = VOLTS) -> p
     Returns
     -------
     pandas.DataFrame
-        A row for each, with the columns of thresholds.csv: docs/reference/tables.md tells them,
-        docs/statistics.md, section 8, defines them. dB are re 1 Vpp.
+        A row for each participant in each condition, with the columns of thresholds.csv but those
+        in micrometres: docs/statistics.md, section 8, defines them. dB are re 1 Vpp.
 
     Examples
     --------

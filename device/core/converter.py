@@ -54,7 +54,7 @@ class Converter(Protocol):
     ...     name, serial_number, sample_rate_hz, bits = "silent", "1", 48_000.0, 16
     ...     full_scale_v, emulated, cannot = 100.0, True, ("be felt",)
     ...     def connect(self): pass
-    ...     def play(self, left_v, right_v): return Outcome.FIRED
+    ...     def play(self, left_v, right_v): return Outcome.NOT_FIRED
     ...     def zero(self): pass
     ...     def disconnect(self): pass
     >>> converter: Converter = Silent()
@@ -82,7 +82,7 @@ class Converter(Protocol):
         Returns
         -------
         Outcome
-            FIRED only where all of it surely came out, NOT_FIRED where surely nothing did.
+            FIRED only where it surely came out as a whole, NOT_FIRED where surely nothing did.
             Whatever is raised counts as INDETERMINATE.
         """
 

@@ -148,7 +148,7 @@ class Emission:
     Raises
     ------
     ValueError
-        The arrays are no rows of one length, or the rate is not above 0.
+        The arrays are not one-dimensional and of one length, or the rate is not above 0.
 
     Examples
     --------

@@ -14,9 +14,9 @@ from experiment.archive.journal import JournalWriteError
 from experiment.integrity.heads import SessionHead, enter_head, read_heads
 from experiment.integrity.sessions import refuse_altered
 from experiment.session.attendance import require_responder
-from experiment.session.outputs import settle_open_trial
 from experiment.session.session import Session
 from experiment.session.setting import Ending, Setting, header, opening, place, resuming
+from experiment.session.settled import settle_open_trial
 from experiment.study.read import study_from_canonical
 
 if TYPE_CHECKING:
@@ -165,8 +165,8 @@ def _refuse_kept(folder: SessionFolder) -> None:
 def resume(folder: SessionFolder, setting: Setting) -> Ending:
     """Go on with a session that was interrupted; a finished one only gets its trials.csv again.
 
-    The trial in which it was interrupted is settled by what the device knows of it, and repeated
-    unless its answer was written already. Done trials stay as they are.
+    The trial in which it was interrupted is settled by what the device knows of it. It is repeated
+    unless its answer was written already and counts. Done trials stay as they are.
 
     Parameters
     ----------
@@ -174,7 +174,7 @@ def resume(folder: SessionFolder, setting: Setting) -> Ending:
         Where the session is kept; plan, study and levels are those that it was begun with.
     setting : Setting
         Device, responder and what else it is run with: the same kind of participant, on the same
-        host and device unless `Setting.resume_anyway`.
+        host and device and within half an hour, unless `Setting.resume_anyway`.
 
     Returns
     -------

@@ -18,9 +18,10 @@ from typing import TYPE_CHECKING, Any
 from experiment.study.sections.design import Design
 from experiment.study.sections.stimulus import levels_words
 from experiment.study.sections.table import stated_of, with_stated
+from experiment.study.slips import meant_line
 from experiment.study.stated import as_stated, not_recorded, without_init
 from experiment.study.study import Study, StudyError, UnusableStudyError
-from experiment.terms.checks import meant_line, unknown_key
+from experiment.terms.checks import unknown_key
 
 if TYPE_CHECKING:
     from experiment.study.sections.stimulus import Condition
@@ -53,8 +54,8 @@ def read_study(path: Path | str) -> Study:
     Parameters
     ----------
     path : Path or str
-        A TOML file in UTF-8; docs/reference/study.md has every key. What it leaves out is as in
-        the paper's protocol.
+        A TOML file in UTF-8, as `tactstrip init` writes it. What it leaves out is as in the paper's
+        protocol.
 
     Returns
     -------

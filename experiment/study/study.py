@@ -106,8 +106,8 @@ def _one_condition() -> list[dict[str, Any]]:
 class Study:
     """Everything that is fixed before the first participant comes.
 
-    `read_study` and `paper_study` make one. Its attributes are the sections of a study file, whose
-    keys, with their units and ranges, are those of docs/reference/study.md. Nothing is left out of
+    `read_study` and `paper_study` make one. Its attributes are the sections of a study file;
+    `tactstrip init` writes one with every key, its unit and what it means. Nothing is left out of
     it but a file that was not read yet and a window that was not chosen yet.
 
     Attributes
@@ -288,7 +288,7 @@ class Study:
         Parameters
         ----------
         device : DeviceSettings
-            The device: its ceiling counts.
+            The device, with its ceiling and, where it has one, its full scale.
 
         Raises
         ------

@@ -78,7 +78,7 @@ EVENTS: Final[Mapping[str, EventKind]] = MappingProxyType(
             ("ok", "words", "frames?", "underruns?"),
         ),
         "fault": EventKind("the device, or its link, failed", ("error", "message")),
-        "note": EventKind("what the operator noted", ("text",)),
+        "note": EventKind("what the operator or the program noted", ("text",)),
         "session_close": EventKind(
             "the session ends: finished, or to be resumed",
             ("finished", "trials_sha256?", "measured_sha256?"),

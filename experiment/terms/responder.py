@@ -271,8 +271,9 @@ class Responder(Protocol):
         progress : Progress
             How far the session has come.
         paused : bool
-            Whether a pause was asked for, rather than a break planned. The operator ends it, too:
-            see `ResponderSettings.requests`.
+            Whether it is a pause, not a planned break: somebody asked for it, keys came too early,
+            or noise or bursts were not as they should be. The operator ends it, too: see
+            `ResponderSettings.requests`.
         minimum_s : float
             Least length of a break, in seconds.
 

@@ -69,7 +69,7 @@ def draw_plan(
     Raises
     ------
     PlanError
-        If the design cannot be drawn as the study asks, or the seed is none.
+        If the design cannot be drawn as the study asks, or the seed is below 0.
     StudyError
         If the study cannot be run at these levels.
 

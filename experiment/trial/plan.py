@@ -45,8 +45,8 @@ class Trial:
     Raises
     ------
     PlanError
-        If a word is none of these, a blank trial has a level or another none, or the block is none
-        of its kind.
+        If kind or side is another word, a blank trial has a level or another one has none, a
+        control trial is not on one side, or a kind cannot stand in that block.
 
     Examples
     --------
@@ -175,8 +175,8 @@ class Plan:
         Returns
         -------
         FingerGains
-            Micrometres per Vpp of both actuators at both fingers; `OWN_FINGER_ONLY` where they are
-            not known.
+            Of both actuators at both fingers: micrometres per Vpp, or, where its ``basis`` is None,
+            parts of what the own finger gets. `OWN_FINGER_ONLY` where the plan has no gains.
         """
         for gains in self.gains:
             if gains.condition == condition:

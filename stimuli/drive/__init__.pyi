@@ -1,8 +1,9 @@
 from .burst import Burst
-from .energy import exponential_sums, staircase_energy_above
+from .energy import staircase_energy_above
 from .fit import BurstCheck, check_burst
 from .noise import LEAST_LEVEL_DBFS, pink_loop
 from .sampled import Drive, SampledDrive
+from .sums import exponential_sums
 from .windows import WINDOWS, Window, sines
 
 __all__ = [

@@ -9,7 +9,8 @@ import numpy as np
 from numpy.polynomial.chebyshev import Chebyshev
 
 from stimuli.checks import finite, finite_array, instance, upper_half_plane
-from stimuli.drive.energy import exponential_sums, panels
+from stimuli.drive.energy import panels
+from stimuli.drive.sums import exponential_sums
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -101,7 +102,7 @@ class Drive(Protocol):
         Returns
         -------
         ndarray of float64, shape (n_samples,)
-            From -1 to 1.
+            In units of the load; a burst's lie from -1 to 1.
         """
 
 

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from stimuli.checks import finite, finite_array, instance
-from stimuli.drive.energy import exponential_sums
 from stimuli.drive.sampled import Drive
+from stimuli.drive.sums import exponential_sums
 from stimuli.field.panels import PanelSweep, line_for, swept
 from stimuli.field.scene import Scene
 from stimuli.field.tail import limits_hz

@@ -20,7 +20,7 @@ from stimuli import (
     check_burst,
     staircase_energy_above,
 )
-from stimuli.drive.energy import exponential_sums
+from stimuli.drive.sums import exponential_sums
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -82,7 +82,7 @@ class ColumnMap:
         Our column to their unit: ``s``, ``ms``, ``us`` of times, and of levels ``V`` and ``mV``,
         which are peak-to-peak, or ``V-peak`` and ``mV-peak``, amplitudes, so that they count twice.
     scale : mapping of str to float
-        Our column to the factor that brings a number of theirs to our unit, where it is no other.
+        Our column to the factor from their unit to ours, where they differ.
     file : mapping of str to str
         ``delimiter``, ``decimal``, ``encoding``.
     rows : mapping
@@ -106,7 +106,8 @@ class ColumnMap:
 
     Examples
     --------
-    >>> elsewhere = ColumnMap(columns={"response": "key"}, values={"response": {"l": "left"}})
+    >>> ColumnMap(columns={"response": "key"}, values={"response": {"l": "left"}}).task
+    ''
     >>> ColumnMap(values={"response": {"l": "links"}})
     Traceback (most recent call last):
     ValueError: [values.response] 'l': allowed left, right, both, none, ..., got 'links'

@@ -6,7 +6,9 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
-from reference import commands, example, journal, python, refusals, shapes, study, tables
+from reference import commands, example, refusals, study, tables
+from reference.api import python
+from reference.records import journal, shapes
 from reference.sample import make_sample
 
 if TYPE_CHECKING:

@@ -7,7 +7,7 @@ from importlib import import_module
 from click.testing import CliRunner
 
 import tactstrip
-from reference.constants import constants
+from reference.api.constants import constants
 from reference.markdown import code, table
 
 

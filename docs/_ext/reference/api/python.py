@@ -12,8 +12,8 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-from reference.constants import constants
-from reference.held import attributes, held, members
+from reference.api.constants import constants
+from reference.api.held import attributes, enumerated, held
 from reference.markdown import prose, table
 
 if TYPE_CHECKING:
@@ -136,8 +136,8 @@ def _page(package: str, module: str, name: str) -> str:
 
 def _options(title: str, kind: type) -> str:
     """Write which members a class's page shows; those of an enumeration are in its table."""
-    enumerated = [*kind.__members__] if issubclass(kind, Enum) else []
-    left_out = ", ".join([*INSIDE.get(title, ()), *enumerated])
+    in_its_table = [*kind.__members__] if issubclass(kind, Enum) else []
+    left_out = ", ".join([*INSIDE.get(title, ()), *in_its_table])
     told = ["   :members:"]
     if is_dataclass(kind):
         told.append("   :inherited-members:")
@@ -149,7 +149,7 @@ def _options(title: str, kind: type) -> str:
 def _of_class(kind: type) -> str:
     """Write what is read from a class itself: members, and fields that carry their meaning."""
     if issubclass(kind, Enum):
-        return _indented(f".. rubric:: Members\n\n{members(kind)}")
+        return _indented(f".. rubric:: Members\n\n{enumerated(kind)}")
     listed = attributes(kind) if is_dataclass(kind) else ""
     return _indented(f".. rubric:: Attributes\n\n{listed}") if listed else ""
 

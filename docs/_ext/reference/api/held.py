@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from numpydoc.docscrape import NumpyDocString
 
-from reference.constants import below
+from reference.api.constants import below
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -42,11 +42,11 @@ def held(value: Any) -> str:
     return _table(("attribute", "value", "meaning"), rows)
 
 
-def members(kind: type[Enum]) -> str:
+def enumerated(kind: type[Enum]) -> str:
     """Write the members of an enumeration: their names, their values, and what they mean.
 
     >>> from stimuli import IdealEdge
-    >>> "clamped" in members(IdealEdge)
+    >>> "clamped" in enumerated(IdealEdge)
     True
     """
     body = ast.parse(textwrap.dedent(inspect.getsource(kind))).body[0]

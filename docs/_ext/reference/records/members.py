@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import inspect
 import re
 import tomllib
 from dataclasses import dataclass
@@ -11,9 +10,8 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from numpydoc.docscrape import NumpyDocString
-
 from analysis.definitions import DEFINITIONS
+from reference.api.held import meanings
 from reference.markdown import literal
 from reference.study import study_keys
 
@@ -42,7 +40,7 @@ class About:
     classes : mapping of str to str
         Objects that a class of the program holds, as ``module:Class``.
     types : mapping of str to str
-        Types of what none of the samples has.
+        Types of which the samples have none, or not all.
     meanings : mapping of str to str
         What is told by hand, by path or by how a path ends.
     """
@@ -79,8 +77,8 @@ class About:
         return told | {path: kind for path, kind in self.types.items() if path not in told}
 
     def kind(self, path: str, kind: str) -> str:
-        """Return a member's type; where no sample has a value, as it is told."""
-        return self.types.get(path, kind) if kind in {"null", "list", "object"} else kind
+        """Return a member's type: as it is told, or as the samples have it."""
+        return self.types.get(path, kind)
 
     def meaning(self, path: str) -> str:
         """Return what a member means; nothing where nobody says it."""
@@ -111,7 +109,7 @@ class About:
     def _held(self, path: str) -> str | None:
         """Return what a class says of a member that it holds."""
         before, _, name = path.rpartition(".")
-        of = attributes(self.classes[before]) if before in self.classes else {}
+        of = _of_class(self.classes[before]) if before in self.classes else {}
         return of.get(re.sub(r"(\[\])+$", "", name))
 
 
@@ -169,17 +167,12 @@ def _in_json(text: str) -> str:
 
 
 @cache
-def attributes(name: str) -> dict[str, str]:
-    """Return what the attributes of a class are.
+def _of_class(name: str) -> dict[str, str]:
+    """Return what a class, ``module:Class``, says of what it holds, by name.
 
-    >>> attributes("device.driver:Identity")["bits"]
+    >>> _of_class("device.driver:Identity")["bits"]
     'of its converters'
     """
-    module, _, cls = name.partition(":")
-    found = getattr(import_module(module), cls)
-    text = NumpyDocString(inspect.getdoc(found) or "")
-    return {
-        key: _in_json(" ".join(one.desc))
-        for one in (*text["Attributes"], *text["Parameters"])
-        for key in one.name.split(", ")
-    }
+    module, _, kind = name.partition(":")
+    told = meanings(getattr(import_module(module), kind))
+    return {one: _in_json(text) for one, text in told.items()}

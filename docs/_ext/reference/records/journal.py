@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any, Final
 from experiment.archive import journal
 from experiment.terms.entries import EVENTS, EventKind
 from experiment.terms.record import COLUMNS, MeasuredRow
-from reference import members
 from reference.markdown import code, literal, prose, table
-from reference.shapes import kind_of
+from reference.records import members
+from reference.records.shapes import kind_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

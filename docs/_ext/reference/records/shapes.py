@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import re
 from itertools import accumulate
 from typing import TYPE_CHECKING, Any, Final
 
-from reference import members
 from reference.markdown import literal, table
+from reference.records import members
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -23,7 +24,7 @@ _INTRODUCTION: Final = """\
 Every member with its type, as studies of several kinds have them. `[]` stands for each item of a
 list, a word in capitals for names: `CONDITION`, for example, for that of a condition. What is not
 known, or belongs to another kind of study, is null, `n/a` in header.json, or left out. `schema` is
-the version of the layout; a file of another version is refused.
+the version of the layout; a plan of another version is refused.
 """
 
 
@@ -109,7 +110,8 @@ def page(sample: Sample) -> str:
 def rows(name: str, values: list[Any]) -> list[tuple[str, str, str]]:
     """Return the members of a file or of what a command prints, each with type and meaning.
 
-    ValueError where one has none, and where a meaning is told that none has.
+    ValueError where one has none, where its meaning speaks of null and its type does not, and where
+    a meaning is told that none has.
     """
     about = members.about(name)
     whole = shape(*map(about.without_the_study, values), named=about.named)
@@ -117,7 +119,13 @@ def rows(name: str, values: list[Any]) -> list[tuple[str, str, str]]:
         (literal(path), about.kind(path, kind), about.meaning(path))
         for path, kind in about.shortened(whole).items()
     ]
-    wrong = [path for path, kind, meaning in found if not meaning or kind in {"null", "list"}]
+    wrong = [
+        path
+        for path, kind, meaning in found
+        if not meaning
+        or kind in {"null", "list"}
+        or (re.search(r"\bnull\b", meaning) and "null" not in kind)
+    ]
     if wrong := wrong + about.unused(whole):
         raise ValueError(f"{members.TOLD.name}: of {name} not told, or told in vain: {wrong}")
     return found

@@ -1,0 +1,1 @@
+"""The Python API, a page for each name."""
