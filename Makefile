@@ -9,7 +9,7 @@ setup:  ## make .venv with everything that development needs
 	python3 -m venv .venv
 	.venv/bin/pip install -c constraints.txt -e ".[dev]"
 
-test:  ## the fast lane: tests and doctests in under a minute
+test:  ## the fast lane: tests and doctests in one to two minutes
 	$(PYTHON) -m pytest -q -n 2
 
 lint:  ## format, lint, types, import directions

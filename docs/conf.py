@@ -31,6 +31,7 @@ extensions = [
     "sphinx_gallery.gen_gallery",
     "drawn",
     "reference",
+    "stacked",
 ]
 exclude_patterns = ["_ext", "gallery", "examples"]
 suppress_warnings = ["config.cache"]  # the gallery's scraper is an object; it is never cached

@@ -95,6 +95,13 @@ def test_every_example_and_default_is_what_its_field_takes() -> None:
             assert default == stated, key
 
 
+def test_every_key_has_an_example_that_somebody_would_write() -> None:
+    shown = [(key.section, key.example) for key, _ in described() if "..." in key.example]
+    assert shown == [("condition", 'samples_base64 = "..."')]
+    names = {key.name for key, _ in described()}
+    assert {*tomllib.loads(module("study").EXAMPLES.read_text(encoding="utf-8"))} <= names
+
+
 def test_every_range_ends_where_the_field_does() -> None:
     for key, field in described():
         if key.type.startswith("list"):

@@ -40,6 +40,12 @@ new Promise((done) => {
 })
 """
 """Results come one by one; what is there after ten seconds is what the test gets."""
+CELLS = "document.querySelectorAll('.stacked td:not(.is-empty)').length"
+CELLS_IN_SIGHT = """
+[...document.querySelectorAll(".stacked td:not(.is-empty)")].filter(
+  (cell) => cell.getBoundingClientRect().right <= 360 && cell.scrollWidth <= cell.clientWidth
+).length
+"""
 LAID_OUT = """
 new Promise((done) => {{
   const page = document.documentElement;
@@ -104,6 +110,13 @@ def test_every_page_is_silent_asks_for_nothing_outside_and_fits(
         assert not [u for u in asked if not u.startswith((SITE.as_uri(), "data:"))], name
         said = [event for event in browser.events if event["method"] in SAID]
         assert said == [], name
+
+
+def test_every_cell_of_the_reference_is_in_sight_on_a_phone(browser: Browser) -> None:
+    for name in ("json", "journal", "study", "tables", "api/stimuli.MATERIALS"):
+        show(browser, (SITE / f"reference/{name}.html").as_uri(), 360, "dark")
+        assert value(browser, CELLS) > 0, name
+        assert value(browser, f"{CELLS} - {CELLS_IN_SIGHT}") == 0, name
 
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])

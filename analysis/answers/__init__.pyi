@@ -5,9 +5,11 @@ from .counting import (
     AUDIBILITY,
     CONTROL_COLUMNS,
     COUNTED_KINDS,
+    NEEDED,
     clean_table,
     counted,
     reaction_table,
+    require_columns,
     uncounted,
 )
 from .detection import cells, level_table
@@ -25,6 +27,7 @@ __all__ = [
     "DRIFTING",
     "FEWEST",
     "GUESSING",
+    "NEEDED",
     "STRONG",
     "SWAPPED",
     "Choices",
@@ -47,6 +50,7 @@ __all__ = [
     "level_table",
     "proportion_ci",
     "reaction_table",
+    "require_columns",
     "sensitivity_table",
     "uncounted",
     "z_of",

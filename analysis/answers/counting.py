@@ -15,6 +15,23 @@ if TYPE_CHECKING:
     from collections.abc import Iterable
 
 COUNTED_KINDS = ("single", "both", "blank")
+NEEDED = ("participant", "condition", "kind", "side", "level_vpp", "response", "reason")
+"""Columns of trials that a count of answers takes."""
+
+
+def require_columns(trials: pd.DataFrame, names: Iterable[str]) -> None:
+    """Refuse a table of trials that lacks a column.
+
+    >>> require_columns(pd.DataFrame({"kind": ["single"]}), ("kind", "reason"))
+    Traceback (most recent call last):
+    ValueError: trials must be a table that analysis.read_trials returned; got one without reason
+    """
+    missing = [name for name in names if name not in trials]
+    if missing:
+        raise ValueError(
+            "trials must be a table that analysis.read_trials returned; got one without "
+            f"{', '.join(missing)}"
+        )
 
 
 def excluded_table(trials: pd.DataFrame) -> pd.DataFrame:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pandas as pd
 
-from analysis.answers.counting import counted, offers_none
+from analysis.answers.counting import NEEDED, counted, offers_none, require_columns
 from analysis.answers.intervals import group_interval, proportion_ci
 from analysis.definitions import TOTAL, in_order
 
@@ -96,6 +96,11 @@ def level_table(trials: pd.DataFrame) -> pd.DataFrame:
         section 4; levels in peak-to-peak volts. ``group_low`` and ``group_high`` are NaN for a
         single participant, ``p_answered`` where nobody answered.
 
+    Raises
+    ------
+    ValueError
+        For a table without a column that is needed, as `analysis.read_trials` gives them.
+
     Examples
     --------
     >>> trials = pd.DataFrame({"participant": ["1", "1"], "condition": "main", "kind": "single",
@@ -103,6 +108,7 @@ def level_table(trials: pd.DataFrame) -> pd.DataFrame:
     >>> level_table(trials)[["detected", "presented", "over_report", "p_mean"]].to_numpy().tolist()
     [[1.0, 2.0, 1.0, 0.5]]
     """
+    require_columns(trials, NEEDED)
     return levels_of(cells(trials))
 
 

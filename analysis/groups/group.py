@@ -228,6 +228,8 @@ def compare_conditions(
     Returns
     -------
     ConditionDifference
+        The group's difference in dB with its 95 % limits, whether either end is bounded, how much
+        people differ in it, and each person's difference where the same people took part.
 
     Raises
     ------

@@ -35,8 +35,10 @@ TRUTHS: Mapping[str, str] = MappingProxyType(
     dict.fromkeys(("true", "True", "TRUE"), "1") | dict.fromkeys(("false", "False", "FALSE"), "0")
 )
 """How jsPsych, Python and R write whether something was detected."""
-NOTHING = ("", "none", "null", "n/a", "na", "nan", "-inf", "-infinity")
-"""How others write that there is no value, small letters; of a level in dB, 0 of an amplitude."""
+SILENT = ("-inf", "-infinity")
+"""Levels, in small letters, of no stimulus where 0 is a level, as in dB: of an amplitude of 0."""
+NOTHING = ("", "none", "null", "n/a", "na", "nan", *SILENT)
+"""How others write that there is no value, small letters."""
 UNANSWERED = Column(
     name="unanswered",
     type="bool",
@@ -102,7 +104,12 @@ class CellFault:
 
 
 ANY = -math.inf
-"""The least value of a number that may have any sign."""
+"""The least value of a level that may have any sign, and that of a trial without a stimulus."""
+
+
+_WORDING_OF: Mapping[float, tuple[str, ...]] = MappingProxyType(
+    {ANY: ("a finite number", "in a blank trial -inf")}
+)
 
 
 def allowed(column: Column, *, least: float | None = None) -> str:
@@ -112,7 +119,7 @@ def allowed(column: Column, *, least: float | None = None) -> str:
     >>> [allowed(c) for c in COLUMNS if c.name in {"trial", "noise_ok"}]
     ['a whole number of at least 1', 'true, false or n/a']
     """
-    wording = _WORDING.get(column.name, ()) if least is None else ()
+    wording = _WORDING.get(column.name, ()) if least is None else _WORDING_OF.get(least, ())
     least = _LEAST.get(column.name, ANY) if least is None else least
     bound = "" if least == ANY else f" of at least {least}"
     kinds = {
@@ -130,7 +137,8 @@ def allowed(column: Column, *, least: float | None = None) -> str:
 def parse(column: Column, text: str, *, least: float | None = None) -> object:
     """Read one cell; ``None`` for ``n/a`` where the column may have it.
 
-    A number is of at least `least` or, without one, of what the column has by itself.
+    A number is of at least `least` or, without one, of what the column has by itself. Where it may
+    have any sign, -inf is the level of a blank trial.
 
     Of texts, marks of direction and other signs without a form are spelled out.
 
@@ -164,6 +172,8 @@ def _told(text: str) -> str:
 
 def _number(column: Column, text: str, least: float | None) -> float | int:
     whole = column.type == "int"
+    if least == ANY and text.lower() in SILENT:
+        return ANY
     if (_WHOLE if whole else _NUMBER).fullmatch(text):
         number = float(text)
         most = _MOST.get(column.name, _LARGEST_WHOLE) if whole else LARGEST

@@ -78,7 +78,9 @@ def participant_rule(rows: pd.DataFrame) -> Rule:
     )
 
 
-_BLANK: Final = '; blanks whose level is empty: in the map [values.level_vpp] "" = "0"'
+_NO_LEVEL: Final = (
+    '; blanks without a level: in the map [values.level_vpp] "" = "{}", or what stands there for ""'
+)
 
 
 def _stimulus_rules(rows: pd.DataFrame, *, signed: bool) -> Iterator[Rule]:
@@ -112,7 +114,7 @@ def level_rule(level: pd.Series[float], stimulus: pd.Series[bool], *, signed: bo
     least, most = (-math.inf, math.inf) if signed else (LEAST_LEVEL_VPP, MOST_LEVEL_VPP)
     bounds = "" if signed else f" from {least:g} to {most:g}"
     # Of a table whose blanks have no level, and no side that says so.
-    blank = "" if signed or not (stimulus & level.isna()).any() else _BLANK
+    blank = _NO_LEVEL.format("-inf" if signed else "0") if (stimulus & level.isna()).any() else ""
     return Rule(
         column="level_vpp",
         must=f"a number{bounds} where there is a stimulus{blank}",

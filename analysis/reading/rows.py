@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from analysis.axis import axis_of
-from analysis.reading.cells import CellFault, CellReader, first_fault
+from analysis.reading.cells import ANY, CellFault, CellReader, first_fault
 from analysis.reading.foreign.columns import FORCED, YES_NO
 from analysis.reading.text import ELSEWHERE, ResultFileError, shown
 from experiment.terms.record import (
@@ -103,10 +103,11 @@ def mapped_rows(text: pd.DataFrame, file: str, columns: ColumnMap) -> pd.DataFra
 
     As `own_rows`, but ``detected`` may stand in the place of ``response``, and ``trial`` is
     `UNNUMBERED` where the table does not number its trials. Where ``unanswered`` is true, the
-    answer is ``timeout``. Without ``kind``, a level of 0 is a blank trial, whatever its side.
+    answer is ``timeout``. Without ``kind``, a level of 0 is a blank trial, whatever its side; where
+    0 is a level, as in dB, -inf is.
 
     Raises ResultFileError for a column that the map names and the table lacks, a required column
-    without a source, the first cell that cannot be read, and a level of 0 in a forced choice.
+    without a source, the first cell that cannot be read, and a blank trial in a forced choice.
 
     >>> from analysis.reading.foreign.columns import ColumnMap
     >>> text = pd.DataFrame({"participant": "007", "side": "left", "level_vpp": "60",
@@ -116,9 +117,9 @@ def mapped_rows(text: pd.DataFrame, file: str, columns: ColumnMap) -> pd.DataFra
     """
     ours = columns.ours(text, file)
     rows = typed(ours, [columns.reader(str(name)) for name in ours.columns], file)
+    silent, rows = silent_rows(rows, columns)
     if "kind" not in rows:
-        if not axis_of(columns.axis).signed:
-            rows = _without_stimulus(rows, columns.task)
+        rows = _without_stimulus(rows, silent, columns)
         kinds = [_KIND_OF_SIDE.get(side, "single") for side in rows["side"]]
         rows["kind"] = pd.Categorical(kinds, categories=list(KINDS))
     absent = [name for name in _NAMES if name not in rows and name != "response"]
@@ -133,18 +134,38 @@ def mapped_rows(text: pd.DataFrame, file: str, columns: ColumnMap) -> pd.DataFra
     return rows
 
 
-def _without_stimulus(rows: pd.DataFrame, task: str) -> pd.DataFrame:
-    """Make blank trials of those of level 0, as others code them beside a side."""
-    zero = rows["level_vpp"].eq(0) & rows["side"].ne("none")
-    if not zero.any():
+def silent_rows(rows: pd.DataFrame, columns: ColumnMap) -> tuple[pd.Series[bool], pd.DataFrame]:
+    """Tell which rows have the level of no stimulus: 0, or -inf where 0 is a level.
+
+    Returns that, and the rows with n/a in place of -inf.
+
+    >>> from analysis.reading.foreign.columns import ColumnMap
+    >>> rows = pd.DataFrame({"level_vpp": [0.0, ANY]})
+    >>> [*silent_rows(rows, ColumnMap(axis={"x_scale": "dB", "unit": "dB"}))[0]]
+    [False, True]
+    """
+    level = rows["level_vpp"]
+    silent = level.eq(ANY if axis_of(columns.axis).signed else 0)
+    return silent, rows.assign(level_vpp=level.mask(level.eq(ANY)))
+
+
+def _without_stimulus(
+    rows: pd.DataFrame, silent: pd.Series[bool], columns: ColumnMap
+) -> pd.DataFrame:
+    """Make blank trials of those of no level, as others code them beside a side."""
+    silent = silent & rows["side"].ne("none")
+    if not silent.any():
         return rows
-    if task == FORCED:
+    if columns.task == FORCED:
+        signed = axis_of(columns.axis).signed
+        other = "" if signed else ', [axis] x_scale = "dB" or "linear" takes 0 for a level'
         message = (
-            "the level is 0, and a forced choice has no trials without a stimulus; [rows.skip] of "
-            'a map leaves them out, [axis] x_scale = "dB" or "linear" takes 0 for a level'
+            f"the level is {ANY if signed else 0}, and a forced choice has no trials without a "
+            f"stimulus; [rows.skip] of a map leaves them out{other}"
         )
-        raise ResultFileError(rows["file"][zero].iloc[0], int(rows["line"][zero].iloc[0]), message)
-    return rows.assign(side=rows["side"].mask(zero, "none"))
+        first = rows[silent].iloc[0]
+        raise ResultFileError(first["file"], int(first["line"]), message)
+    return rows.assign(side=rows["side"].mask(silent, "none"))
 
 
 def typed(text: pd.DataFrame, readers: list[CellReader], file: str) -> pd.DataFrame:

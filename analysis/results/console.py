@@ -53,7 +53,13 @@ def print_analysis(analysis: Analysis, file: TextIO | None) -> None:
     analysis : Analysis
         What came out.
     file : text file or None
-        Where to print; ``None``, which `sys.stdout` is where it was closed, prints nothing.
+        Where to print; ``None``, which `sys.stdout` is where it was closed, prints nothing. What
+        its encoding does not have is written as an escape.
+
+    Raises
+    ------
+    OSError, ValueError
+        As the file does where it cannot be written to, or is closed.
 
     Examples
     --------

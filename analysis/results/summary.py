@@ -54,7 +54,7 @@ def summary_text(analysis: Analysis) -> str:
         "differences": _records(analysis.differences, analysis),
         "sensitivity": _records(analysis.sensitivity, analysis),
         "d_prime_differences": _records(analysis.d_prime_differences, analysis),
-        "population": [_population(one) for one in analysis.population],
+        "population": [_population(one, analysis) for one in analysis.population],
         "choice": [asdict(one) for one in analysis.choice],
         "reaction_times": _records(analysis.reaction_times, analysis),
         "warnings": list(analysis.warnings),
@@ -115,10 +115,14 @@ def devices(trials: pd.DataFrame) -> dict[str, int]:
     return {str(kind): int(counts[kind]) for kind in sorted(counts.index)}
 
 
-def _population(one: PopulationThreshold) -> dict[str, object]:
-    low, high = one.threshold_limits_vpp
-    told = asdict(one) | {"threshold_limits_vpp": [_known(low), _known(high)]}
-    return {name: _known(value) for name, value in told.items()}
+def _population(one: PopulationThreshold, analysis: Analysis) -> dict[str, object]:
+    limits = [_known(limit) for limit in one.threshold_limits_vpp]
+    told = {n: _known(value) for n, value in asdict(one).items()} | {"threshold_limits_vpp": limits}
+    if analysis.axis.is_vpp:
+        return told
+    return {n.removesuffix("_vpp"): value for n, value in told.items()} | {
+        "unit": analysis.axis.unit
+    }
 
 
 def _known(value: object) -> object:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 import pandas as pd
 
+from analysis.answers.counting import NEEDED, require_columns
 from analysis.axis import VOLTS, alike, between, bounded, spread_of, with_limits
 from analysis.definitions import in_order
 from analysis.thresholds.density import Ruler
@@ -22,6 +23,7 @@ from analysis.thresholds.goodness import deviance_p
 from analysis.thresholds.grid import surfaces
 from analysis.thresholds.people import FORCED_CHOICE, GuessRate, people_of
 from analysis.thresholds.posterior import posterior, within_levels
+from experiment.terms.checks import require_whole
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -89,6 +91,12 @@ def threshold_table(trials: pd.DataFrame, *, seed: int, axis: Axis = VOLTS) -> p
         A row for each participant in each condition, with the columns of thresholds.csv but those
         in micrometres: docs/statistics.md, section 8, defines them. dB are re 1 Vpp.
 
+    Raises
+    ------
+    ValueError
+        For a table without a column that is needed, as `analysis.read_trials` gives them, and a
+        seed that is no whole number of at least 0.
+
     Examples
     --------
     >>> import numpy as np
@@ -98,6 +106,8 @@ def threshold_table(trials: pd.DataFrame, *, seed: int, axis: Axis = VOLTS) -> p
     >>> threshold_table(trials, seed=1)[["participant", "status", "printed"]].to_numpy().tolist()
     [['1', 'ok', '89.5 V (79.6 to 95.4)']]
     """
+    require_columns(trials, (*NEEDED, "none_offered"))
+    require_whole("seed", seed, 0)
     return thresholds_of(people_of(trials), seed=seed, axis=axis)
 
 

@@ -10,7 +10,6 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import os
-import re
 import secrets
 import shutil
 from dataclasses import replace
@@ -19,7 +18,7 @@ from typing import TYPE_CHECKING, Final
 
 from experiment.archive import manifest
 from experiment.archive.disk import DISK, FOLDER_MODE, make_folder, write_new
-from experiment.terms.checks import RESERVED
+from experiment.terms.checks import require_identifier
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -30,11 +29,6 @@ if TYPE_CHECKING:
 
 TEMPORARY = ".tmp"
 """How the name of a file ends that is still being written."""
-_TOTALS = "all"
-"""What the analysis calls its rows of totals: nobody's name."""
-_IDENTIFIER = re.compile(rf"(?!(?:{RESERVED}|{_TOTALS})\Z)[A-Za-z0-9]{{1,32}}")
-
-
 HEADS: Final = "sessions.tsv"
 """What a person's folder has beside the sessions: the hash of each one's last journal line."""
 
@@ -54,14 +48,12 @@ class LinkError(ArchiveError):
 def check_identifier(name: str, value: str) -> str:
     """Return a participant's or session's identifier.
 
-    ArchiveError unless it consists of 1 to 32 letters a-z, A-Z and digits, and is neither ``all``
-    nor a name that Windows reserves.
+    ArchiveError where `require_identifier` refuses it.
     """
-    if not _IDENTIFIER.fullmatch(value):
-        raise ArchiveError(
-            f"{name} must be 1 to 32 letters (a-z, A-Z) or digits, and not {_TOTALS!r} or a name "
-            f"that Windows reserves, such as CON or COM1; got {value!r}"
-        )
+    try:
+        require_identifier(name, value)
+    except ValueError as error:
+        raise ArchiveError(str(error)) from None
     return value
 
 

@@ -18,6 +18,7 @@ from experiment.session.conduct import begin
 from experiment.session.setting import Setting
 from experiment.study.physics import study_gains
 from experiment.study.simulated import unmeasured, vibrations
+from experiment.terms.checks import require_whole
 from experiment.terms.people import threshold_course_db
 from experiment.terms.responder import Press
 from experiment.trial.draw import draw_plan
@@ -203,7 +204,7 @@ def simulate_study(
     participants : int
         How many, at least 1.
     seed : int
-        The same seed gives the same trials.csv.
+        Seed, 0 or more; the same seed gives the same trials.csv.
     gains : tuple of ConditionGains, optional
         The study's gain matrix, where it was computed already.
 
@@ -214,6 +215,8 @@ def simulate_study(
 
     Raises
     ------
+    ValueError
+        For less than one participant and a seed below 0, when it is called.
     SimulationError
         If the mock device refuses a stimulus.
 
@@ -234,6 +237,18 @@ def simulate_study(
     >>> tables[0] == tables[1]
     True
     """
+    require_whole("participants", participants, 1)
+    require_whole("seed", seed, 0)
+    return _simulated(study, root, participants, seed, gains)
+
+
+def _simulated(
+    study: Study,
+    root: Path,
+    participants: int,
+    seed: int,
+    gains: tuple[ConditionGains, ...] | None,
+) -> Iterator[SessionFolder]:
     gains = study_gains(study) if gains is None else gains
     children = np.random.SeedSequence(seed).spawn(participants)
     for number, child in enumerate(children, start=1):

@@ -110,21 +110,24 @@ class Study:
     `tactstrip init` writes one with every key, its unit and what it means. Nothing is left out of
     it but a file that was not read yet and a window that was not chosen yet.
 
+    The constructor has a parameter for each attribute, of the same name but where it is told.
+
     Attributes
     ----------
     about : About
-        Section ``[study]``: what it is called, and what its participants agree to.
+        Parameter ``study``, section ``[study]``: its name, and what its participants agree to.
     plate : Plate
-        Section ``[strip]``: the plate; as the physics has it, it is the property `strip`.
+        Parameter ``strip``, section ``[strip]``: the plate; the property `strip` has its physics.
     actuators : tuple of Actuator
-        Tables ``[[actuator]]``: left and right, under the two fingers, then the others, which no
-        session drives.
+        Parameter ``actuator``, tables ``[[actuator]]``: left and right, under the two fingers,
+        then the others, which no session drives.
     finger_load : FingerLoad
         What the two fingertips oppose to the plate.
     burst : SharedStimulus
         What drives the actuators, unless a condition says otherwise.
     conditions : tuple of Condition
-        Tables ``[[condition]]``: stimuli, each of which runs the whole design; at least one.
+        Parameter ``condition``, tables ``[[condition]]``: stimuli, each of which runs the whole
+        design; at least one.
     design : Design
         What is presented, how often, and what may be answered.
     device : DeviceSettings

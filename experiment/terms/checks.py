@@ -7,6 +7,7 @@ import re
 import unicodedata
 from decimal import ROUND_CEILING, ROUND_FLOOR, Context, Decimal
 from itertools import pairwise
+from numbers import Integral
 from typing import TYPE_CHECKING, Final
 
 if TYPE_CHECKING:
@@ -115,9 +116,40 @@ def unknown_key(path: str, known: Iterable[str]) -> str:
     return f"unknown key {path}" + (f"; did you mean {near[0]}?" if near else "")
 
 
-RESERVED = r"(?i:CON|PRN|AUX|NUL|COM[0-9]|LPT[0-9])"
+_RESERVED = r"(?i:CON|PRN|AUX|NUL|COM[0-9]|LPT[0-9])"
 """Pattern of the names that Windows keeps for devices: a file or folder of one cannot be read."""
-NAME = re.compile(rf"(?!{RESERVED}\Z)[A-Za-z0-9_-]{{1,32}}")
+_TOTALS: Final = "all"
+"""What the analysis calls its rows of totals: nobody's name."""
+_IDENTIFIER: Final = re.compile(rf"(?!(?:{_RESERVED}|{_TOTALS})\Z)[A-Za-z0-9]{{1,32}}")
+
+
+def require_identifier(name: str, value: str) -> None:
+    """Refuse what cannot be a participant's or session's identifier, a part of a folder's name.
+
+    ValueError unless it consists of 1 to 32 letters a-z, A-Z and digits, and is neither ``all``
+    nor a name that Windows reserves.
+
+    >>> require_identifier("participant", "01")
+    """
+    if not isinstance(value, str) or not _IDENTIFIER.fullmatch(value):
+        raise ValueError(
+            f"{name} must be 1 to 32 letters (a-z, A-Z) or digits, and not {_TOTALS!r} or a name "
+            f"that Windows reserves, such as CON or COM1; got {value!r}"
+        )
+
+
+def require_whole(name: str, value: object, least: int) -> None:
+    """Refuse what is no whole number of at least so many.
+
+    >>> require_whole("participants", 0, 1)
+    Traceback (most recent call last):
+    ValueError: participants must be a whole number >= 1; got 0
+    """
+    if isinstance(value, bool) or not isinstance(value, Integral) or int(value) < least:
+        raise ValueError(f"{name} must be a whole number >= {least}; got {value!r}")
+
+
+NAME = re.compile(rf"(?!{_RESERVED}\Z)[A-Za-z0-9_-]{{1,32}}")
 NAME_RULE = "1 to 32 of the characters A-Z a-z 0-9 _ -, and none that Windows reserves, as CON"
 
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from experiment.study.sections.design import MAX_TRIALS
+from experiment.terms.checks import require_identifier, require_whole
 from experiment.trial.order import balanced_order
 from experiment.trial.plan import (
     AUDIBILITY_BLOCK,
@@ -69,7 +70,8 @@ def draw_plan(
     Raises
     ------
     PlanError
-        If the design cannot be drawn as the study asks, or the seed is below 0.
+        If the design cannot be drawn as the study asks, the seed is below 0, or participant or
+        session is no identifier: ``all``, a name that Windows reserves, or other characters.
     StudyError
         If the study cannot be run at these levels.
 
@@ -83,8 +85,7 @@ def draw_plan(
     >>> one == same, one.trials == other.trials, len(one.trials)
     (True, False, 155)
     """
-    if isinstance(seed, bool) or not isinstance(seed, int) or seed < 0:
-        raise PlanError(f"seed must be a whole number >= 0; got {seed!r}")
+    _refuse_unfit(participant, session, seed)
     number = participant_number if study.design.condition_order == "balanced" else None
     if study.design.condition_order == "balanced" and (number is None or number < 1):
         raise PlanError(
@@ -119,6 +120,16 @@ def draw_plan(
             participant_number=number,
         )
     )
+
+
+def _refuse_unfit(participant: str, session: str, seed: int) -> None:
+    """Refuse identifiers that no session's folder can have, and a seed that is none."""
+    try:
+        require_identifier("participant", participant)
+        require_identifier("session", session)
+        require_whole("seed", seed, 0)
+    except ValueError as error:
+        raise PlanError(str(error)) from None
 
 
 def block_count(design: Design) -> int:

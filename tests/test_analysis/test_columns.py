@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 FELT = "participant,side,level_vpp,detected\n"
 YES_NO = {"task": "yes/no"}
 LINEAR = {"axis": {"x_scale": "linear"}}
+FORCED_DB = {"axis": {"x_scale": "dB", "unit": "dB"}, "task": "forced choice"}
 
 
 def read(folder: Path, table: str, columns: ColumnMap | None = None) -> pd.DataFrame:
@@ -220,8 +221,15 @@ def test_the_map_is_listed_among_the_inputs(tmp_path: Path) -> None:
         (LEAST + "1,left,60,left\n1,left,1e-7,left\n", {}, 3, "a number from 1e-06 to 1e+06"),
         (LEAST + "1,left,60,left\n1,left,1.1e6,left\n", {}, 3, "a number from 1e-06 to 1e+06"),
         (LEAST + "1,left,-60,left\n", {}, 2, "column 'level_vpp' holds '-60'"),
-        (LEAST + "1,left,nan,left\n", LINEAR, 2, "'nan'; allowed: a finite number or n/a"),
-        (LEAST + "1,left,,left\n", LINEAR, 2, "n/a; it must be a number where there is"),
+        (
+            LEAST + "1,left,nan,left\n",
+            LINEAR,
+            2,
+            "a finite number, in a blank trial -inf",
+        ),
+        (LEAST + "1,left,,left\n", LINEAR, 2, '[values.level_vpp] "" = "-inf", or what stands'),
+        (LEAST + "1,left,-inf,left\n", {}, 2, "column 'level_vpp' holds '-inf'"),
+        (LEAST + "1,left,-inf,left\n", FORCED_DB, 2, "the level is -inf, and a forced choice"),
         (LEAST + "1,none,-60,none\n", LINEAR, 2, "-60; it must be 0 or n/a where there is no"),
         (LEAST[:-1] + ",trial\n1,left,60,left,a\n", {}, 2, "'a'"),
         (LEAST + "1,left,60,left\n", {"columns": {"side": ""}}, 1, "no column side"),

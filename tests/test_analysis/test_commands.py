@@ -540,6 +540,17 @@ def test_a_population_is_fitted_only_on_request(example: Path, tmp_path: Path) -
 
 
 @pytest.mark.slow
+def test_a_population_in_another_unit_says_which(tmp_path: Path) -> None:
+    trials = put(tmp_path / "t.csv", LEAST + "1,left,60,left\n1,left,90,left\n")
+    names = put(tmp_path / "map.toml", '[axis]\nunit = "um"\n')
+    out = tmp_path / "out"
+    run("analyze", trials, "--columns", names, "--no-figures", "--population", "--out", out)
+    [one] = summary(out)["population"]
+    assert (one["unit"], one["threshold"], one["threshold_limits"]) == ("um", None, [None, None])
+    assert not [name for name in one if name.endswith("_vpp")]
+
+
+@pytest.mark.slow
 def test_a_population_that_cannot_be_fitted_has_a_reason(tmp_path: Path) -> None:
     text = LEAST + "1,left,60,left\n1,left,90,left\n"
     analysis = analysed(tmp_path, text, population=True)

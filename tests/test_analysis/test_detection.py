@@ -12,8 +12,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from analysis import group_interval, level_table, proportion_ci
-from analysis.answers.counting import excluded_table, offers_none
+from analysis import group_interval, level_table, proportion_ci, threshold_table
+from analysis.answers.counting import NEEDED, excluded_table, offers_none
 from analysis.answers.detection import (
     LEVEL_COLUMNS,
     blank_table,
@@ -299,3 +299,14 @@ def test_both_finger_trials_have_the_interval_of_people_in_their_total() -> None
     last = found.iloc[-1]
     assert (last["group_low"], last["group_high"]) == group_interval([8, 3, 8], [8, 8, 8])
     assert last["group_low"] < last["low"]
+
+
+def test_a_table_that_lacks_columns_is_refused_by_its_columns() -> None:
+    told = "trials must be a table that analysis.read_trials returned; got one without "
+    with pytest.raises(ValueError, match=f"{told}participant, condition, kind"):
+        level_table(pd.DataFrame())
+    few = pd.DataFrame(columns=[*NEEDED])
+    with pytest.raises(ValueError, match=f"{told}none_offered"):
+        threshold_table(few, seed=1)
+    with pytest.raises(ValueError, match="seed must be a whole number >= 0; got -1"):
+        threshold_table(few.assign(none_offered=True), seed=-1)

@@ -471,16 +471,18 @@ def in_db(*, signal: bool) -> str:
     return "\n".join([f"participant,grip,level_dB,n,key{',signal' * signal}", *rows]) + "\n"
 
 
-@pytest.mark.parametrize(("signal", "empty"), [(True, ""), (False, ""), (False, "-Inf")])
+@pytest.mark.parametrize(("signal", "empty"), [(True, ""), (False, ""), (False, "NA")])
 def test_levels_in_db_are_drafted_and_blanks_are_rows_without(
     tmp_path: Path, empty: str, *, signal: bool
 ) -> None:
     table = put(tmp_path / "a.csv", in_db(signal=signal).replace(",,", f",{empty},"))
     told = draft(table)
-    by = "signal" if signal else "level_dB"
-    assert f'side = "{by}"  # guess: 12 rows without a level are blanks\n' in told
+    assert f'"{empty}" = "-inf"'.replace('"NA"', "NA") in told
+    assert "# Note: 12 rows without a level are blanks\n" in told
     assert 'x_scale = "dB"  # guess, by the name: 0 is a level\nunit = "dB"' in told
     assert "level 0" not in told
+    assert '# condition = "signal"' not in told
+    told = told.replace('side = ""', 'side = "left"')
     text = told.replace('task = ""', 'task = "yes/no"').replace(
         '# condition = "g', 'condition = "g'
     )
@@ -587,7 +589,7 @@ def test_an_empty_level_is_not_0_where_that_is_a_level(tmp_path: Path) -> None:
         '[values.level_vpp]\n"" = "0"\n[axis]\nx_scale = "dB"\nunit = "dB SL"\n'
     )
     error = refused(table, columns=load_column_map(put(tmp_path / "m.toml", named)))
-    assert '"" = "0": 0 is a level where x_scale = "dB"; blanks are told by a side' in str(error)
+    assert '"" = "0": 0 is a level where x_scale = "dB"; "" = "-inf" makes blanks' in str(error)
 
 
 def test_what_says_the_stimulus_or_the_answer_again_is_no_factor(tmp_path: Path) -> None:

@@ -282,3 +282,19 @@ def test_a_curve_moves_the_threshold_of_another_burst_only() -> None:
     twice_as_long_db = 10 * math.log10(math.expm1(-0.002 / 0.2) / math.expm1(-0.004 / 0.2))
     assert found["two"] == pytest.approx((twice_as_long_db,) * 2)
     assert found["low"] == pytest.approx((twice_as_long_db - 9.0,) * 2)  # 250 Hz, 4 ms
+
+
+@pytest.mark.parametrize(
+    ("changed", "told"),
+    [
+        ({"participants": 0}, "participants must be a whole number >= 1; got 0"),
+        ({"participants": 1.5}, "participants must be a whole number >= 1; got 1.5"),
+        ({"seed": -1}, "seed must be a whole number >= 0; got -1"),
+    ],
+)
+def test_nobody_and_a_seed_below_0_are_refused_before_anything_is_written(
+    tmp_path: Path, changed: dict[str, Any], told: str
+) -> None:
+    with pytest.raises(ValueError, match=told):
+        simulate_study(paper_study(), tmp_path, **{"participants": 1, "seed": 1} | changed)
+    assert not [*tmp_path.iterdir()]

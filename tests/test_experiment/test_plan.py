@@ -6,12 +6,13 @@ import itertools
 import json
 from collections import Counter
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
+from experiment.archive.files import ArchiveError, check_identifier
 from experiment.study.read import study_from_text
 from experiment.trial.draw import block_count, block_lengths, draw_plan
 from experiment.trial.plan import PlanError, plan_from_json, verify
@@ -46,6 +47,18 @@ def test_same_seed_gives_the_same_plan_and_another_seed_another() -> None:
     plan = json.loads(draw("", 7).to_json())
     assert plan["seed"] == 7
     assert plan["generator"].startswith("PCG64 of numpy ")
+
+
+@pytest.mark.parametrize("name", ["Jane Doe", "", "all", "COM1", "é", "x" * 33, 1])
+@pytest.mark.parametrize("what", ["participant", "session"])
+def test_a_name_that_no_folder_can_have_is_refused_as_by_the_archive(what: str, name: str) -> None:
+    names: dict[str, Any] = {"participant": "01", "session": "01", what: name}
+    with pytest.raises(PlanError) as refused:
+        draw_plan(study_from_text("", "study.toml"), seed=1, **names)
+    with pytest.raises(ArchiveError) as by_archive:
+        check_identifier(what, name)
+    assert str(refused.value) == str(by_archive.value)
+    assert f"{what} must be 1 to 32 letters" in str(refused.value)
 
 
 def test_warm_up_is_one_easy_trial_a_side_after_the_longest_wait() -> None:

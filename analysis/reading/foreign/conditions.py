@@ -6,20 +6,26 @@ import re
 from typing import TYPE_CHECKING, Final
 
 from analysis.axis import axis_of
-from analysis.reading.cells import NOTHING
+from analysis.reading.cells import NOTHING, SILENT
 from analysis.reading.foreign.bids import FILE, STANDS_FOR
 from analysis.reading.foreign.factors import MOST, factor_words, float_of, roles_by_name, with_unit
 from analysis.reading.foreign.form import toml_entry
 from analysis.reading.foreign.names import (
     CALLED,
+    CATCH,
+    CODE,
+    FELT,
     WORDS,
     blank_words,
-    in_db,
+    given,
+    is_hit,
+    is_signed,
     level_of,
+    may_be_answers,
     side_of,
     without_level,
 )
-from analysis.reading.foreign.sample import listed, plain, sample_of
+from analysis.reading.foreign.sample import NUMBER, listed, plain, sample_of
 from analysis.reading.text import ResultFileError, one_line
 
 if TYPE_CHECKING:
@@ -87,6 +93,7 @@ def offered_conditions(table: Sample) -> Iterator[tuple[str, str]]:
     """
     known = {name for names in CALLED.values() for name in (table.called(names),) if name}
     known |= {blank_words(table, level)[0]} if (level := without_level(table)[0]) else set()
+    known |= {*may_be_answers(table), *table.named(CATCH)}
     person = table.called(CALLED["participant"]) or STANDS_FOR["participant"]
     whose = person if person in table.header else FILE
     roles = roles_by_name(table, whose, level_of(table))
@@ -97,31 +104,69 @@ def offered_conditions(table: Sample) -> Iterator[tuple[str, str]]:
             yield "values.condition", f"# {toml_entry(word, with_unit(word, name), told)}"
 
 
-def blank_entries(
-    table: Sample, theirs: str | None, *, where: bool
-) -> list[tuple[str, str, str, str]]:
+def blank_entries(table: Sample, side: str | None) -> list[tuple[str, str, str, str]]:
     """Return what a draft says of rows without a level that have answers: they are blanks.
 
-    Section, key, value and comment each. Where 0 is a level they are told by a side, of a column
-    that names them; `theirs` does not if it has several places and `where` it was is asked.
+    Section, key, value and comment each; none where a column of the side says so.
     """
     level, rows, answered = without_level(table)
-    if not rows or answered < _ANSWERED:
-        return []
-    told = f"guess: {rows} {BLANKS}"
-    sides = table.words(theirs) if theirs else {}
+    sides = table.words(side) if side else {}
     named = any(word.lower() in NOTHING or WORDS.get(plain(word)) == "none" for word in sides)
-    if not in_db(level) and min(table.numbers(level) or [0]) >= 0:
-        empty = [word for word in table.words(level) if word.lower() in NOTHING]
-        return [] if named else [("values.level_vpp", word, "0", told) for word in empty]
-    if named or (where and len(sides) > 1):
+    if named or not rows or answered < _ANSWERED:
         return []
-    name, words = blank_words(table, level)
-    found = [("columns", "side", name, told)]
-    for word in table.words(name):
-        ours, why = ("none", "guess") if word in words else ("left", "guess: of a single place")
-        found.append(("values.side", word, ours, why))
-    return found
+    ours, known = ("-inf", SILENT) if is_signed(table, level) else ("0", ())
+    words = {word: n for word, n in table.words(level).items() if word.lower() in NOTHING}
+    return [("values.level_vpp", word, ours, f"guess: {n} {BLANKS}")
+            for word, n in words.items() if word.lower() not in known]  # fmt: skip
+
+
+def without_stimulus(table: Sample) -> dict[str, int]:
+    """Count the rows by their words for the level of no stimulus: 0, or -inf where 0 is a level."""
+    level = level_of(table)
+    if level is None or not table.numbers(level):
+        return {}
+    signed, words = is_signed(table, level), table.words(level)
+    return {
+        word: rows
+        for word, rows in words.items()
+        if (word.lower() in SILENT if signed else NUMBER.fullmatch(word) and not float_of(word))
+    }
+
+
+def blank_notes(table: Sample, side: str | None, *, where: bool) -> Iterator[str]:
+    """Say which rows are blanks by their level, and which may be, so that only a person can tell.
+
+    `where` it was is asked, or only whether something was felt.
+    """
+    level, silent = level_of(table), without_stimulus(table)
+    if rows := sum(silent.values()):
+        yield (
+            f"{rows} {'row has' if rows == 1 else 'rows have'} level {next(iter(silent))}: blanks, "
+            'where the answer "none" is right (in a forced choice [rows.skip] has to leave them '
+            "out); each counts for its own condition only"
+        )
+    ours = "-inf" if level and is_signed(table, level) else "0"
+    for word in filter(CODE.fullmatch, table.words(level) if level else ()):
+        yield (
+            f"level {word} may be a code for no stimulus: if it is, [values.level_vpp] "
+            f"{_entry(word, ours)} makes blanks of its rows; else it is a level"
+        )
+    catch = table.called(CATCH)
+    if level is None or catch is None or not is_hit(table, catch):
+        return
+    words = {FELT[word.lower()]: word for word in given(table, catch)}
+    at, place = table.header.index(catch), table.header.index(level)
+    levels = {row[place] for row in table.rows if row[at] == words.get("1")} - {*silent}
+    if len(words) == 1 or not any(map(NUMBER.fullmatch, levels)):
+        return
+    places = {*table.words(side)} if side else set()
+    yield f"column {one_line(catch)} may tell blanks: if it does, " + (
+        f"[rows.skip] {_entry(catch, words['1'])} leaves them out, or let column "
+        f"{one_line(side or '')} say none in their rows"
+        if where and len(places) > 1
+        else f"in place of another side [columns] {_entry('side', catch)}, [values.side] "
+        f"{_entry(words['1'], 'none')} and {_entry(words['0'], 'left')}"
+    )
 
 
 def _within(words: Collection[str], taken: list[set[str]]) -> bool:
@@ -174,7 +219,11 @@ def _varies(table: Sample, name: str, within: Sequence[str]) -> bool:
 
 def _kept(name: str, word: str) -> str:
     """Say what keeps the rows that have a word in a column."""
-    return f"[rows.keep] {toml_entry(name, word, '').partition('  #')[0]}"
+    return f"[rows.keep] {_entry(name, word)}"
+
+
+def _entry(key: str, value: str) -> str:
+    return toml_entry(key, value, "").partition("  #")[0]
 
 
 def has_one_place(columns: ColumnMap, sides: Collection[str]) -> bool:
@@ -198,9 +247,7 @@ def refuse_blank_levels(columns: ColumnMap, file: str) -> None:
                 columns.name or file,
                 None,
                 f'[values.level_vpp] "{word}" = "0": 0 is a level where x_scale = '
-                f'"{columns.axis["x_scale"]}"; blanks are told by a side: [columns] side names a '
-                f'column, as that of the level itself, and [values.side] has "{word}" = "none" '
-                'and "left" for its other words',
+                f'"{columns.axis["x_scale"]}"; "{word}" = "-inf" makes blanks of these rows',
             )
 
 

@@ -17,7 +17,7 @@ from analysis.reading.checks import Rule, level_rule, participant_rule, refuse_b
 from analysis.reading.foreign.columns import YES_NO
 from analysis.reading.foreign.form import foreign_chunks
 from analysis.reading.foreign.table import COUNTED_COLUMNS
-from analysis.reading.rows import DEFAULTS, typed
+from analysis.reading.rows import DEFAULTS, silent_rows, typed
 from analysis.reading.sources import unreadable
 from analysis.reading.text import ResultFileError, shown
 from experiment.terms.record import Column
@@ -127,10 +127,10 @@ def _frames(
         for (lines, cells), left_out in chunks:
             text = pd.DataFrame(cells, columns=header, index=lines, dtype=object)
             rows = _typed(text, file, columns, counts)
+            silent, rows = silent_rows(rows, columns)
             if "kind" not in rows:
                 blank = rows["side"].eq("none") if "side" in rows else False
-                at_zero = rows["level_vpp"].eq(0) & (not signed)
-                rows["kind"] = np.where(blank | at_zero, "blank", "single")
+                rows["kind"] = np.where(blank | silent, "blank", "single")
             refuse_broken(rows, _rules(rows, counts, signed=signed))
             yield rows, left_out
 

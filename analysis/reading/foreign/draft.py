@@ -20,7 +20,9 @@ from analysis.reading.foreign.conditions import (
     MOST_FILES,
     OFFERED,
     blank_entries,
+    blank_notes,
     offered_conditions,
+    without_stimulus,
 )
 from analysis.reading.foreign.form import RowFilter, guessed_encoding, text_format, toml_entry
 from analysis.reading.foreign.names import (
@@ -33,6 +35,7 @@ from analysis.reading.foreign.names import (
     guess_of,
     has_buttons,
     in_db,
+    is_signed,
     level_of,
     no_trials,
     only_key,
@@ -122,15 +125,9 @@ def _notes(looked_at: Sample, trials: Sample, sections: Mapping[str, list[str]])
         with_level = sum(n for word, n in words.items() if word.lower() not in NOTHING)
         of = f" ({with_level} with a level, {skipped - with_level} without)" if with_level else ""
         yield f"{skipped} of {len(looked_at.rows)} rows {are} skipped{of}, by {', '.join(kept)}"
-    level = level_of(trials)
-    levels = (level is not None and trials.numbers(level)) or []
-    if (zeros := levels.count(0.0)) and min(levels) == 0 and not in_db(level or ""):
-        yield (
-            f"{zeros} {'row has' if zeros == 1 else 'rows have'} level 0: blanks, where the answer "
-            '"none" is right (in a forced choice [rows.skip] has to leave them out); each counts '
-            "for its own condition only"
-        )
-    words = trials.words(side) if (side := side_of(trials)) else {}
+    side, (response, hit) = side_of(trials), answers_of(trials)
+    yield from blank_notes(trials, side, where=response is None or hit != response)
+    words = trials.words(side) if side else {}
     for ours, told in _ASIDE.items():
         if rows := sum(n for word, n in words.items() if WORDS.get(plain(word)) == ours):
             yield f"{rows} {'row has' if rows == 1 else 'rows have'} side {ours}: {told}"
@@ -255,18 +252,15 @@ def _side(
     table: Sample, theirs: str | None, sections: dict[str, list[str]], *, where: bool
 ) -> None:
     """Guess the side; if not `where` was asked, a yes to a blank trial names none of several."""
-    for section, *entry in (entries := blank_entries(table, theirs, where=where)):
+    for section, *entry in (entries := blank_entries(table, theirs)):
         _put(sections, section, *entry)
-    if any(section == "columns" for section, *_ in entries):
-        return
     if theirs is None:
         _put(sections, "constant", "side", "", f"{_FILL}\"left\" will do for a single place, "
              "nothing depends on it; of several name the column in [columns]")  # fmt: skip
         return
-    level = level_of(table)
     words = [WORDS.get(plain(word), word) for word in table.words(theirs)]
     places = {word for word in words if word != "none" and word.lower() not in NOTHING}
-    blank = "none" in words or bool(level and 0.0 in (table.numbers(level) or []))
+    blank = "none" in words or bool(entries or without_stimulus(table))
     told = "felt or not was asked, not where: leave it, the places of {} are pooled"
     told = (told if len(places) > 1 else "{} has a single place").format(one_line(theirs))
     if not where and places and (blank or len(places) == 1):
@@ -330,14 +324,16 @@ def _named(table: Sample, ours: str, theirs: str, sections: dict[str, list[str]]
 def _numbers(table: Sample, ours: str, theirs: str, sections: dict[str, list[str]]) -> None:
     """Say what the numbers of a column are in, and which of its words are none."""
     words, numbers = table.words(theirs), table.numbers(theirs)
+    signed = ours == "level_vpp" and is_signed(table, theirs)
+    read = {"", "n/a", *(without_stimulus(table) if signed else ())}
     for word in () if f"values.{ours}" in sections else words:
-        if word.lower() in NOTHING and word not in ("", "n/a"):
+        if word.lower() in NOTHING and word not in read:
             _put(sections, f"values.{ours}", word, "n/a", "guess")
     if numbers and any("," in word for word in words) and _DECIMAL not in sections.get("file", []):
         sections.setdefault("file", []).append(_DECIMAL)
     if ours == "level_vpp" and in_db(theirs):
         _put(sections, "axis", "x_scale", "dB", "guess, by the name: 0 is a level")
-    elif ours == "level_vpp" and numbers and min(numbers) < 0:
+    elif signed:
         told = 'guess: levels below 0; "dB", if that is what they are in'
         _put(sections, "axis", "x_scale", "linear", told)
     if ours == "level_vpp":

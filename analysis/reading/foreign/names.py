@@ -22,7 +22,18 @@ LEVELS: Final = (
 OF_VOLTS: Final = ("vpp", "volt", "volts", "voltage", "spannung", "tension")
 CALLED: Final[Mapping[str, tuple[str, ...]]] = {
     "participant": (
-        *("participant", "participantid", "subject", "subjectid", "subj", "subjid", "sub", "ppid"),
+        *(
+            "participant",
+            "participantid",
+            "person",
+            "personid",
+            "subject",
+            "subjectid",
+            "subj",
+            "subjid",
+            "sub",
+            "ppid",
+        ),
         *("pid", "observer", "subjectnr", "subjectnumber", "participantnumber", "vp", "vpn", "id"),
         *("versuchsperson", "proband", "teilnehmer", "sujet"),
     ),
@@ -48,7 +59,8 @@ CALLED: Final[Mapping[str, tuple[str, ...]]] = {
         *("soa", *(f"{name}{unit}" for unit in ("um", "m", "nm", "mm", "pct") for name in LEVELS)),
     ),
     "response": (
-        *("response", "resp", "answer", "keys", "choice", "keypress", "key"),
+        *("response", "resp", "answer", "keys", "choice", "keypress", "key", "ans", "reply"),
+        *("judgment", "judgement", "percept", "report", "verdict"),
         *("antwort", "taste", "reponse", "touche"),
     ),
     "rt_s": (
@@ -93,6 +105,12 @@ _PART: Final = re.compile("[A-Z]?[a-z]+|[A-Z]+")
 _MOST_LEVELS: Final = 20
 _FEW_WORDS: Final = 4
 _SIDES: Final = 2
+CODE: Final = re.compile(r"-99|-?9{3,}")
+"""Numbers that others write where there is none."""
+CATCH: Final = (
+    *("catch", "catchtrial", "iscatch", "blank", "blanktrial", "isblank", "nulltrial"),
+    *("leer", "leerversuch", "essaiblanc"),
+)
 _VOLTS: Final = re.compile("volt|spannung|tension")
 _UNIT: Final = re.compile(r"[_ .(\[]((?-i:V|mV)|um|µm|nm|mm|pct|percent)[)\]]?$", re.IGNORECASE)
 _UNITS: Final = {"pct": "%", "percent": "%"}
@@ -138,6 +156,16 @@ def in_db(name: str) -> bool:
     return bool(_IN_DB.search(name))
 
 
+def is_signed(table: Sample, level: str) -> bool:
+    """Tell whether 0 is a level: in dB by the name, or where others are below; codes are none.
+
+    >>> is_signed(Sample(header=["amp"], rows=[["-6"], ["0"]]), "amp")
+    True
+    """
+    numbers = table.numbers(level) or []
+    return in_db(level) or any(one < 0 and not CODE.fullmatch(f"{one:g}") for one in numbers)
+
+
 def blank_words(table: Sample, level: str) -> tuple[str, list[str]]:
     """Return the column that tells rows without a level, and its words there.
 
@@ -163,16 +191,19 @@ def blank_words(table: Sample, level: str) -> tuple[str, list[str]]:
 def without_level(table: Sample) -> tuple[str, int, float]:
     """Return the column of the level, how many rows have none, and which part of them an answer.
 
-    Where a single key is pressed if something was felt no row tells that it was not answered.
+    Where a single key is pressed if something was felt no row tells that it was not answered. The
+    word "none" is an answer, as in our tables; PsychoPy's None is not.
     """
-    level, answers = level_of(table), [name for name in answers_of(table) if name]
+    level = level_of(table)
+    answers = [name for name in answers_of(table) if name] or may_be_answers(table)
     if level is None or not answers or any(only_key(table, name) for name in answers):
         return level or "", 0, 0.0
     at, places = table.header.index(level), [table.header.index(name) for name in answers]
     rows = [row for row in table.rows if row[at].lower() in NOTHING]
     if len(rows) == len(table.rows):
         return level, 0, 0.0
-    answered = [any(row[place].lower() not in NOTHING for place in places) for row in rows]
+    said = [{row[place] for place in places} for row in rows]
+    answered = [any(word == "none" or word.lower() not in NOTHING for word in one) for one in said]
     return level, len(rows), sum(answered) / max(len(rows), 1)
 
 
@@ -303,6 +334,19 @@ def only_key(table: Sample, name: str) -> str:
     keys = given(table, name)
     told = len(keys) == 1 and (plain(keys[0]) in WORDS or FELT.get(keys[0].lower()) == "0")
     return keys[0] if len(keys) == 1 < len(table.words(name)) and not told else ""
+
+
+def may_be_answers(table: Sample) -> list[str]:
+    """List the columns whose words may be answers, where none is called so.
+
+    >>> may_be_answers(Sample(header=["n", "said"], rows=[["1", "yes"], ["2", "no"]]))
+    ['said']
+    """
+    if any(answers_of(table)):
+        return []
+    known = {*WORDS, *(word for word in FELT if word.isalpha())}
+    words = {name: {*map(plain, given(table, name))} for name in dict.fromkeys(table.header)}
+    return [name for name, one in words.items() if len(one) > 1 and one <= known]
 
 
 def answers_of(table: Sample) -> tuple[str | None, str | None]:

@@ -14,11 +14,12 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Slip:
-    """Something that goes wrong often: what is typed, with which study, why, what helps."""
+    """Something that goes wrong often: what is typed, with which study or map, why, what helps."""
 
     title: str
     command: str
     study: str = ""
+    columns: str = ""
     cause: str
     cure: str
 
@@ -92,6 +93,18 @@ SLIPS = (
         "`tactstrip analyze foreign.csv --columns map.toml`.",
     ),
     Slip(
+        title="Blanks without a level",
+        command="analyze blanks.csv --columns map.toml",
+        columns='[columns]\nparticipant = "subject"\nlevel_vpp = "amp_db"\nresponse = "ans"\n\n'
+        '[values.response]\nyes = "left"\nno = "none"\n\n[constant]\nside = "left"\n\n'
+        '[axis]\nx_scale = "dB"\nunit = "dB SL"\n',
+        cause="A row has neither a level nor a side that says that there was no stimulus, and a "
+        "level that got lost would look the same.",
+        cure='Where such rows are blanks, write `"" = "-inf"` under `[values.level_vpp]`; of '
+        'amplitudes, as in V or µm, `"" = "0"`. Where they are no trials, leave them out: '
+        '`[rows.skip]` `amp_db = ""`. `tactstrip columns` drafts which of the two it seems to be.',
+    ),
+    Slip(
         title="Nothing to analyse",
         command="analyze empty",
         cause="The folder holds no trials.csv and no table.",
@@ -120,6 +133,9 @@ def provoke(folder: Path, slip: Slip) -> tuple[int, str]:
     (place / "study.toml").write_text(slip.study, encoding="utf-8")
     foreign = "subject,stimulus,key,seconds\nA,L,f,0.61\nA,R,j,0.48\n"
     (place / "foreign.csv").write_text(foreign, encoding="utf-8")
+    (place / "map.toml").write_text(slip.columns, encoding="utf-8")
+    blanks = "subject,amp_db,ans\nA,-12,yes\nA,,no\n"
+    (place / "blanks.csv").write_text(blanks, encoding="utf-8")
     words = [word.strip('"') for word in slip.command.replace('"Jane Doe"', "Jane_Doe").split()]
     done = tactstrip(place, *(word.replace("Jane_Doe", "Jane Doe") for word in words))
     return done.returncode, done.stderr.strip() or done.stdout.strip()
@@ -131,7 +147,7 @@ def page(folder: Path) -> str:
         "# Messages, their causes and cures\n",
         (
             "Each message is one line on stderr; nothing was written when it appears. What a study "
-            "file holds is shown as far as it matters.\n"
+            "file or a map holds is shown as far as it matters.\n"
         ),
     ]
     for slip in SLIPS:
@@ -139,8 +155,8 @@ def page(folder: Path) -> str:
         if not message.startswith("error: ") or "\n" in message:
             raise RuntimeError(f"{slip.title}: no error, or not one line: {message}")
         told.append(f"## {slip.title}\n")
-        if slip.study:
-            told.append(code(slip.study, "toml"))
+        if toml := slip.study or slip.columns:
+            told.append(code(toml, "toml"))
         shown = f":class: message\n\n$ tactstrip {slip.command}\n{message}"
         told.append(code(shown, "{code-block} text"))
         told.append(f"Exit code {exit_code}. {slip.cause}\n\n**What helps.** {slip.cure}\n")

@@ -19,7 +19,9 @@ PLATE = (
     *("--ceiling-vpp", "113"),
 )
 """A plate of one's own, as the README has it."""
-_TABLE = Path(__file__).parents[2] / "examples" / "paper-table1.csv"
+_EXAMPLES = Path(__file__).parents[2] / "examples"
+_ELSEWHERE = (_EXAMPLES / "jspsych", _EXAMPLES / "synthetic", Path("one-place"))
+"""Tables made elsewhere: in per cent, in volts, and of one place in micrometres."""
 STUDIES = Path(__file__).parent / "studies"
 """Studies that have what those of `tactstrip init` have not."""
 _CONDITIONS = """
@@ -31,11 +33,9 @@ name = "two-cycles"
 cycles = 2
 """
 _BURSTS = ("--frequency-hz", "250,500", "--cycles", "1,2")
-_GOALS = (
-    ("layered.toml", "--goal", "false-alarms=45%", "--participants", "3", "4"),
-    ("paper.toml", "--goal", "half-width=9dB", "--participants", "3", "3", "--levels", "placed"),
-)
-"""One that is reached and one that is not."""
+_OF_THREE = ("--participants", "3", "3", "--people", "literature", "--seed", "7")
+_GOALS = ("false-alarms=10%", "detection=45%@100V")
+"""One that three people do not reach and one that they do."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -43,13 +43,14 @@ class Sample:
     """What the commands wrote and printed.
 
     `results` is the folder of the plate of one's own, which the example is of; `printed` its
-    commands, each with what it prints. `shapes` has, by the name of a file or command, the JSON
-    of all studies.
+    commands, each with what it prints. `elsewhere` has the analyses of tables made elsewhere;
+    `shapes`, by the name of a file or command, the JSON of all studies.
     """
 
     results: Path
     printed: tuple[tuple[str, str], ...]
     field: Path
+    elsewhere: Path
     shapes: dict[str, list[Any]]
 
     @property
@@ -93,6 +94,7 @@ def make_sample(folder: Path) -> Sample:
         results=folder / "results",
         printed=tuple(printed),
         field=folder / "field.png",
+        elsewhere=folder / "elsewhere",
         shapes={
             **shapes,
             **{name: _written(folder, name) for name in ("plan.json", "summary.json")},
@@ -114,14 +116,17 @@ def _told(folder: Path) -> dict[str, list[Any]]:
     _simulated(folder, "layered", people=3, out="layered")
     _simulated(folder, "paper", people=2, out="paper")
     _done(folder, "analyze", "layered", "--allow-simulated", "--population", "--out", "population")
+    for table in _ELSEWHERE:
+        out = ("--out", f"elsewhere/{table.name}", "--population", "--no-figures")
+        _done(folder, "analyze", f"{table}-trials.csv", "--columns", f"{table}-columns.toml", *out)
     commands: dict[str, list[tuple[str, ...]]] = {
         "check": [
             *((f"{name}.toml",) for name in ("plate", "paper", "special")),
             ("layered.toml", "--device", "--driver", "mock"),
         ],
         "bursts": [(f"{name}.toml", *_BURSTS) for name in ("plate", "paper", "layered")],
-        "power": [(*one, "--people", "literature", "--seed", "7") for one in _GOALS],
-        "audit": [(str(_TABLE),)],
+        "power": [("layered.toml", "--goal", goal, *_OF_THREE) for goal in _GOALS],
+        "audit": [(str(_EXAMPLES / "paper-table1.csv"),)],
     }
     return {
         f"tactstrip {name} --json": [

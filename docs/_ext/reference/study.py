@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import json
+import tomllib
 from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
 from types import NoneType, UnionType
 from typing import TYPE_CHECKING, Annotated, Any, Final, Literal, Union, get_args, get_origin
 
@@ -26,13 +29,7 @@ _UNITS: Final = {
 }  # fmt: skip
 """By how a key ends, the longest ending first."""
 _PLAIN: Final = {str: "text", int: "whole number", float: "number", bool: "true or false"}
-_EXAMPLES: Final = {
-    "material": '"steel"', "length_mm": "150", "edge": '"clamped"', "side": '"left"',
-    "channels": "[1, 2]", "columns": '[{ name = "handedness", description = "by questionnaire" }]',
-    "authors": '["A. Author"]', "measured_on": '"2026-05-04"', "file": '"click.wav"',
-    "port": '"/dev/ttyACM0"', "delay_ms": "[1.2, 1.2]", "per_unit": "[10, 10]",
-    "per_volt": "[0.1, 0.1]",
-}  # fmt: skip
+EXAMPLES: Final = Path(__file__).with_name("examples.toml")
 """Of keys whose default shows nothing."""
 
 
@@ -132,15 +129,33 @@ def _toml(value: Any) -> str:
 
 
 def _example(name: str, default: str, kind: str, limits: KeyRange | None) -> str:
-    if name in _EXAMPLES:
-        return _EXAMPLES[name]
     if default not in {"", '""', "[]"}:
         return default
+    if name in (known := _examples()):
+        return _inline(known[name])
     if kind.startswith('"'):
         return kind.split(" or ", maxsplit=1)[0]
     if "number" in kind and limits is not None:
         return f"[{_inside(limits)}]" if kind.startswith("list") else _inside(limits)
     return '["..."]' if kind.startswith("list") else '"..."'
+
+
+@cache
+def _examples() -> dict[str, Any]:
+    return tomllib.loads(EXAMPLES.read_text(encoding="utf-8"))
+
+
+def _inline(value: Any) -> str:
+    """Write a value of TOML in a line.
+
+    >>> _inline([{"name": "one"}]), _inline([1.5, 2])
+    ('[{ name = "one" }]', '[1.5, 2]')
+    """
+    if isinstance(value, list):
+        return f"[{', '.join(map(_inline, value))}]"
+    if isinstance(value, dict):
+        return f"{{ {', '.join(f'{key} = {_inline(one)}' for key, one in value.items())} }}"
+    return _toml(value)
 
 
 def _inside(limits: KeyRange) -> str:

@@ -10,10 +10,10 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from analysis.definitions import DEFINITIONS
 from reference.api.held import meanings
 from reference.markdown import literal
 from reference.study import study_keys
+from reference.tables import defined
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -151,8 +151,7 @@ def _keys(section: str) -> frozenset[str]:
 @cache
 def _defined() -> dict[str, str]:
     """Return what the columns of an analysis mean, by their names, with _a and _b of conditions."""
-    ours = {name: text for names, text in DEFINITIONS.items() for name in names.split(", ")}
-    return {f"{name}{end}": text for end in ("_a", "_b", "") for name, text in ours.items()}
+    return {f"{name}{end}": text for end in ("_a", "_b", "") for name, text in defined().items()}
 
 
 def _in_json(text: str) -> str:
