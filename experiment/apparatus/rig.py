@@ -229,7 +229,7 @@ def full_scale_words(settings: DeviceSettings, highest_vpp: float) -> dict[str, 
             f"anything else that the card plays, such as a system sound, reaches {full_vpp:g} V "
             f"peak-to-peak at the actuator, more than ceiling_vpp = {ceiling_vpp:g} V allows: turn "
             "the card down until full scale is at most that, docs/hardware.md; or, if "
-            f"{key} = {peak_v:g} was measured from peak to peak, write half of it"
+            f"{key} = {peak_v:g} was measured from peak to peak (only then), write half of it"
         )
     else:
         told["note"] = (

@@ -219,7 +219,7 @@ def test_a_card_that_can_exceed_the_ceiling_is_warned_of_and_changes_no_verdict(
         "anything else that the card plays, such as a system sound, reaches 95 V peak-to-peak at "
         "the actuator, more than ceiling_vpp = 60 V allows: turn the card down until full scale "
         "is at most that, docs/hardware.md; or, if volts_full_scale = 47.5 was measured from peak "
-        "to peak, write half of it"
+        "to peak (only then), write half of it"
     )
     assert f"warning        {words}\n" in found.text
     assert found.facts["verdict"] == "fit"
