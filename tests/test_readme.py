@@ -118,7 +118,7 @@ def test_its_commands_run_as_they_stand(tmp_path: Path) -> None:
     of_plate = ["init", "check", "field", "run"]
     assert done == [*of_table, *of_plate, "init", "check", "dry-run", "analyze"]
     told = (
-        "analysis/report.html",
+        "mine/report.html",
         "results/analysis/report.html",
         "tryout/sub-01/ses-01/plan.json",
     )

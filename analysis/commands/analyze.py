@@ -11,7 +11,7 @@ import click
 
 from analysis.definitions import METHODS
 from experiment.commands.options import working
-from experiment.terms.exits import ANSWER_IS_NO, refusals
+from experiment.terms.exits import ANSWER_IS_NO, CommandError, refusals
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -194,6 +194,8 @@ def analyze(
     ours = columns is None and len(paths) == 1 and paths[0].is_dir()
     ours = ours and not (paths[0] / _BIDS).exists()
     target = out or (paths[0] if ours else Path()) / "analysis"
+    if out is None:
+        _refuse_a_folder_of_others(target)
     analysis = write_analysis(
         paths,
         target,
@@ -211,3 +213,15 @@ def analyze(
     click.echo(f"Written to {target}{'' if pdf or no_figures else '; --pdf: figures as PDF, too'}")
     if strict and analysis.warnings:
         click.get_current_context().exit(ANSWER_IS_NO)
+
+
+def _refuse_a_folder_of_others(target: Path) -> None:
+    """Refuse a folder that nobody named and that has files, none of which an analysis wrote."""
+    from experiment.archive import manifest
+
+    if target.is_dir() and not (target / manifest.NAME).exists() and any(target.iterdir()):
+        first = min(path.name for path in target.iterdir())
+        raise CommandError(
+            f"{target}: has files that no analysis wrote, such as {first}; --out DIR names another "
+            "folder"
+        )

@@ -5,21 +5,20 @@ from __future__ import annotations
 import math
 import re
 from dataclasses import asdict, dataclass
-from statistics import fmean
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
 from analysis.groups.draws import difference_spread_draws, group_draws
 from analysis.groups.hierarchy import FEW, PeopleTables
-from analysis.thresholds.people import people_of
+from analysis.thresholds.people import as_amplitudes, people_of
 from experiment.study.sections.simulation import CURVE_KEYS
 from experiment.study.sections.table import stated_of
-from experiment.study.simulated import threshold_vpp, vibrations
+from experiment.study.simulated import dry_run_difference_db, threshold_vpp
 from experiment.terms.chances import answer_probabilities
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Iterable, Iterator, Sequence
 
     import pandas as pd
 
@@ -66,6 +65,8 @@ _WITH_NONE: Final[dict[str, tuple[float, str]]] = {
     "last_answer_db": (0.35, _GRUND),
 }
 """The same where "none" can be answered: forced choice need not follow."""
+_WIDEST: Final = 0.5
+"""Width, log10 units, that hardly anybody has: 10 dB."""
 _DRAWS: Final = 400
 """Of a pilot's posterior."""
 _OMEGA: Final = 0.4
@@ -137,20 +138,6 @@ class People:
         return f"They are {self.whose}. {told}"
 
 
-def dry_run_difference_db(study: Study, gains: Sequence[ConditionGains]) -> float:
-    """Return by how much the second condition's threshold of a dry run lies above the first's.
-
-    In dB of volts: what the study states, the curves of its people and the displacements add up.
-    """
-    people, both = study.simulation, vibrations(study)
-    first_db, second_db = (
-        20 * math.log10(threshold_vpp(people, of.fingers()))
-        + fmean([people.known_for.shift_db(one) for one in both.get(condition.name, ())] or [0.0])
-        for condition, of in zip(study.conditions[:2], gains, strict=False)
-    )
-    return second_db - first_db + (people.difference_db or 0.0)
-
-
 def _or_none(value: float | None) -> str:
     return "none" if value is None else f"{value:g}"
 
@@ -167,8 +154,17 @@ def stated_people(study: Study, goal: Goal) -> People:
                 f"{_IF_UNKNOWN[key]} "
                 f'(in a file that tactstrip init wrote: add "simulation.{key}" to told in [init])'
             )
-    numbers = _numbers(study, goal, study, {})
-    return People(study=study, file=study, whose="the study's", numbers=numbers)
+    numbers, warnings = _numbers(study, goal, study, {}), (*_wide(study),)
+    return People(study=study, file=study, whose="the study's", numbers=numbers, warnings=warnings)
+
+
+def _wide(study: Study) -> Iterator[str]:
+    """Warn of a width that is more likely one in dB, as a report on levels in dB tells it."""
+    if (sigma := study.simulation.sigma) > _WIDEST:
+        yield (
+            f"simulation.sigma = {sigma:g} is in log10 units, {20 * sigma:g} dB: if it is the "
+            f"sigma of a report whose levels are in dB, write a twentieth of it, {sigma / 20:.3g}"
+        )
 
 
 _IF_UNKNOWN: Final = {
@@ -213,15 +209,15 @@ def pilot_people(study: Study, goal: Goal, loaded: LoadedTrials, where: str) -> 
     much differences differ is that of people with both conditions; the rest is what the study has.
     """
     axis, trials = loaded.axis, loaded.trials
-    if loaded.cells is not None or axis.x_scale != "log10":
+    if loaded.cells is not None or axis.x_scale == "linear":
         what = "a table of counts" if loaded.cells is not None else f"{axis.unit}, {axis.x_scale}"
         raise ValueError(
-            f"--pilot must hold trials, with levels on an axis log10; got {what} in {where}: "
+            f"--pilot must hold trials, with levels on an axis log10 or dB; got {what} in {where}: "
             "else state threshold_vpp, threshold_sd_db and, for a difference, difference_sd_db "
             "under [simulation], as the report tells them (docs/power.md, 2)"
         )
-    people = people_of(trials, loaded.alternatives)
-    in_its_unit = _in_its_unit(study, axis.unit, people, where)
+    people, unit = as_amplitudes(people_of(trials, loaded.alternatives), axis)
+    in_its_unit = _in_its_unit(study, unit, people, where)
     conditions = sorted({condition for condition, _ in people.names})
     name = study.conditions[0].name
     name = name if name in conditions or len(conditions) != 1 else conditions[0]
@@ -254,7 +250,7 @@ def pilot_people(study: Study, goal: Goal, loaded: LoadedTrials, where: str) -> 
         numbers=_numbers(changed, goal, study, told),
         draws=tuple(draws),
         warnings=(*_few(min(number.values())), *in_its_unit),
-        unit=axis.unit if in_its_unit else "V",
+        unit=unit if in_its_unit else "V",
     )
 
 

@@ -23,7 +23,16 @@ from .levels import (
     placed,
 )
 from .mle import LOG_SIGMA, REACH, SIGMA_FACTOR, SIGMA_MEDIAN
-from .people import FORCED_CHOICE, Guessing, GuessRate, PersonCounts, guessing, people_in, people_of
+from .people import (
+    FORCED_CHOICE,
+    Guessing,
+    GuessRate,
+    PersonCounts,
+    as_amplitudes,
+    guessing,
+    people_in,
+    people_of,
+)
 from .posterior import within_levels
 from .probit import increasing_exists
 from .table import WORDS, levels_of, threshold_table, thresholds_of
@@ -49,6 +58,7 @@ __all__ = [
     "PsychometricFit",
     "Ruler",
     "Surface",
+    "as_amplitudes",
     "checked_levels",
     "deviance_residuals",
     "fit_many",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import count
 from typing import TYPE_CHECKING, Final
 
@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     import pandas as pd
     from numpy.typing import NDArray
 
+    from analysis.axis import Axis
     from analysis.reading.load import LoadedTrials
 
     Floats = NDArray[np.float64]
@@ -214,6 +215,17 @@ class PersonCounts:
         rate = self.guesses[i].rate
         counts = (self.level_vpp[i], self.detected[i], self.presented[i])
         return (*(one.tolist() for one in counts), [rate.mean, *(rate.beta or ())])
+
+
+def as_amplitudes(people: PersonCounts, axis: Axis) -> tuple[PersonCounts, str]:
+    """Return people with levels in dB as amplitudes, and the unit: per cent of 0 dB.
+
+    Levels in another unit stay as they are.
+    """
+    if axis.x_scale != "dB":
+        return people, axis.unit
+    amplitudes = 100 * 10 ** (people.level_vpp / 20)
+    return replace(people, level_vpp=amplitudes), f"% of 0 {axis.unit}"
 
 
 def people_of(trials: pd.DataFrame, alternatives: int = 2) -> PersonCounts:

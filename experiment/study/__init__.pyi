@@ -25,6 +25,7 @@ from .read import (
     with_levels,
 )
 from .simulated import (
+    dry_run_difference_db,
     median_threshold,
     people_for_burst,
     people_words,
@@ -68,6 +69,7 @@ __all__ = [
     "cutoff_source",
     "deciding_words",
     "displacement_source",
+    "dry_run_difference_db",
     "felt_of",
     "field_strip",
     "finger_words",

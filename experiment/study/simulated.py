@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from experiment.study.origins import Origin
     from experiment.study.sections.equipment import DeviceSettings
     from experiment.study.study import Study
-    from experiment.terms.gains import FingerGains
+    from experiment.terms.gains import ConditionGains, FingerGains
 
 
 _NEAR_DB: Final = 3.0
@@ -269,6 +269,20 @@ def vibrations_of(study: Study, burst: Burst) -> tuple[Vibration, Vibration]:
         for one in study.actuators[:2]
     )
     return left, right
+
+
+def dry_run_difference_db(study: Study, gains: Sequence[ConditionGains]) -> float:
+    """Return by how much the second condition's threshold of a dry run lies above the first's.
+
+    In dB of volts: what the study states, the curves of its people and the displacements add up.
+    """
+    people, both = study.simulation, vibrations(study)
+    first_db, second_db = (
+        20 * math.log10(threshold_vpp(people, of.fingers()))
+        + fmean([people.known_for.shift_db(one) for one in both.get(condition.name, ())] or [0.0])
+        for condition, of in zip(study.conditions[:2], gains, strict=False)
+    )
+    return second_db - first_db + (people.difference_db or 0.0)
 
 
 def unmeasured(study: Study) -> tuple[str, ...]:

@@ -162,7 +162,8 @@ def test_beside_two_places_such_a_column_can_only_leave_rows_out(tmp_path: Path)
 def test_a_row_without_a_level_is_refused_with_what_would_make_it_a_blank(tmp_path: Path) -> None:
     text = drafted(tmp_path, one_place(""), task="yes/no", side="left")
     put(tmp_path / "map.toml", text.replace('\n"" = "-inf"', "\n# "))
-    done = run("analyze", tmp_path / "t.csv", "--columns", tmp_path / "map.toml")
+    names = ("--columns", tmp_path / "map.toml")
+    done = run("analyze", tmp_path / "t.csv", *names, "--out", tmp_path / "out")
     assert done.exit_code == 2
     assert done.stderr.endswith(
         "t.csv:52: column 'level_vpp' is n/a; it must be a number where there is a stimulus; "

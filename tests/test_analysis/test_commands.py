@@ -94,6 +94,18 @@ def earlier(example: Path, tmp_path: Path) -> Path:
 
 
 @pytest.mark.slow
+def test_a_folder_of_others_that_nobody_named_is_left_alone(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "analysis").mkdir()
+    put(tmp_path / "analysis" / "axis.py", "")
+    monkeypatch.chdir(tmp_path)
+    done = run("analyze", *EXAMPLE, "--no-figures")
+    assert (done.exit_code, done.stdout) == (2, "")
+    assert "analysis: has files that no analysis wrote, such as axis.py; --out DIR" in done.stderr
+    assert [path.name for path in (tmp_path / "analysis").iterdir()] == ["axis.py"]
+
+
 def test_the_example_gives_every_file(example: Path) -> None:
     absent = {"control.csv", "differences.csv", "d_prime_differences.csv"}  # one condition
     absent |= {name for name in NAMES if name.startswith("participants-")}  # more than eight people

@@ -55,6 +55,20 @@ def test_a_draft_that_is_filled_in_reads_as_the_map_by_hand(
     assert drafted.left_out == by_hand.left_out
 
 
+def test_a_column_with_our_name_and_no_numbers_is_left_out(tmp_path: Path) -> None:
+    rows = "".join(
+        f"{who},{skin},{skin},{level},{'y' if level > 20 else 'n'}\n"
+        for who in (1, 2)
+        for skin in ("bare", "glove")
+        for level in (0, 10, 20, 30, 40)
+    )
+    table = put(tmp_path / "t.csv", f"subject,block,skin,level,felt\n{rows}")
+    words = {"task": "yes/no", "side": "left", "unit": "%"}
+    columns = load_column_map(filled(table, tmp_path / "map.toml", words))
+    assert columns.columns["block"] == ""
+    assert read_inputs([table], columns).trials["block"].eq(1).all()
+
+
 def test_the_examples_of_other_programs_have_the_counts_of_their_rows() -> None:
     with (EXAMPLES / "psychopy-trials.csv").open(encoding="utf-8-sig", newline="") as stream:
         felt = [r for r in csv.DictReader(stream) if r["trials.thisN"] and r["intensity"] != "0"]

@@ -931,6 +931,30 @@ unit = "{}"
 """
 
 
+def _in_db(folder: Path, rows: list[str]) -> Path:
+    """Write a table with its volts in dB re 100 V, and its map; return the table."""
+    lines = [rows[0]]
+    for row in rows[1:]:
+        person, name, level, felt = row.split(",")
+        in_db = 20 * math.log10(float(level) / 100) if float(level) else -math.inf
+        lines.append(f"{person},{name},{in_db!r},{felt}")
+    table = folder / "db.csv"
+    table.write_text("\n".join(lines) + "\n")
+    words = MAP.format("dB re 100 V").replace("[axis]", '[axis]\nx_scale = "dB"')
+    (folder / "db.toml").write_text(words)
+    return table
+
+
+@pytest.mark.parametrize(("sigma", "warned"), [(0.1, False), (0.5, False), (2.0, True)])
+def test_a_width_that_is_likely_one_in_db_is_warned_of(sigma: float, *, warned: bool) -> None:
+    study = study_of("", f"threshold_sd_db = 2.0\nsigma = {sigma}\n")
+    told = stated_people(study, HALF_WIDTH).warnings
+    assert bool(told) is warned
+    if warned:
+        assert "simulation.sigma = 2 is in log10 units, 40 dB" in told[0]
+        assert told[0].endswith("write a twentieth of it, 0.1")
+
+
 @pytest.mark.slow
 def test_a_table_made_elsewhere_is_a_pilot_whatever_the_unit_of_its_levels(tmp_path: Path) -> None:
     rng, rows = np.random.default_rng(7), ["participant,condition,v,felt"]
@@ -957,6 +981,12 @@ def test_a_table_made_elsewhere_is_a_pilot_whatever_the_unit_of_its_levels(tmp_p
     same = pilot_people(two_conditions(""), Goal.parse("difference=2dB"), read_um, "there")
     assert same.draws == people.draws  # only numbers count
     assert same.warnings == ("levels of there are in um: those of the study are read as um, too",)
+    in_db = read_inputs([_in_db(tmp_path, rows)], load_column_map(tmp_path / "db.toml"))
+    as_db = pilot_people(two_conditions(""), Goal.parse("difference=2dB"), in_db, "there")
+    assert as_db.unit == "% of 0 dB re 100 V"
+    for one, other in zip(people.draws, as_db.draws, strict=True):
+        assert one.keys() == other.keys()
+        assert [*other.values()] == pytest.approx([*one.values()], rel=1e-6)
     assert 0.06 < medians["false_alarm_rate"] < 0.16  # a yes to a blank, wherever it was felt
     assert 0.5 < medians["difference_sd_db"] < 5.0
     study = tmp_path / "study.toml"

@@ -12,7 +12,7 @@ from functools import partial
 from statistics import median
 from typing import TYPE_CHECKING, Final
 
-from analysis.reading.cells import NOTHING, TRUTHS
+from analysis.reading.cells import NOTHING, SILENT, TRUTHS
 from analysis.reading.checks import MAX_MEDIAN_RT_S
 from analysis.reading.foreign.bids import FILE, STANDS_FOR
 from analysis.reading.foreign.conditions import (
@@ -123,7 +123,10 @@ def _notes(looked_at: Sample, trials: Sample, sections: Mapping[str, list[str]])
         level = level_of(looked_at)
         words = {} if level is None else looked_at.words(level) - trials.words(level)
         with_level = sum(n for word, n in words.items() if word.lower() not in NOTHING)
-        of = f" ({with_level} with a level, {skipped - with_level} without)" if with_level else ""
+        silent = sum(n for word, n in words.items() if word.lower() in SILENT)
+        of_silent = f"{silent} of -inf, " * bool(silent)
+        rest = skipped - with_level - silent
+        of = f" ({with_level} with a level, {of_silent}{rest} without)" if with_level else ""
         yield f"{skipped} of {len(looked_at.rows)} rows {are} skipped{of}, by {', '.join(kept)}"
     side, (response, hit) = side_of(trials), answers_of(trials)
     yield from blank_notes(trials, side, where=response is None or hit != response)
@@ -197,6 +200,7 @@ def _columns(table: Sample, sections: dict[str, list[str]]) -> None:
             _named(table, ours, theirs, sections)
         else:
             _absent(table, ours, sections)
+    _ours_unread(table, sections)
 
 
 def _absent(table: Sample, ours: str, sections: dict[str, list[str]]) -> None:
@@ -209,6 +213,18 @@ def _absent(table: Sample, ours: str, sections: dict[str, list[str]]) -> None:
     elif ours == "condition":
         for section, line in offered_conditions(table):
             sections.setdefault(section, []).append(line)
+
+
+def _ours_unread(table: Sample, sections: dict[str, list[str]]) -> None:
+    """Leave out columns that have our names and not our values, as a block with a word for name."""
+    taken = "\n".join(line.removeprefix("# ") for line in sections["columns"])
+    for column in COLUMNS:
+        if column.name not in table.header or re.search(rf"^{column.name} = ", taken, re.MULTILINE):
+            continue
+        words = [word for word in table.words(column.name) if word.lower() not in NOTHING]
+        if column.type != "str" and not all(map(NUMBER.fullmatch, words)):
+            told = f"has our name and no numbers, such as {one_line(words[0])}: left out"
+            _put(sections, "columns", column.name, "", told)
 
 
 def _trial(table: Sample, sections: dict[str, list[str]]) -> None:
