@@ -64,6 +64,8 @@ def test_a_column_with_our_name_and_no_numbers_is_left_out(tmp_path: Path) -> No
     )
     table = put(tmp_path / "t.csv", f"subject,block,skin,level,felt\n{rows}")
     words = {"task": "yes/no", "side": "left", "unit": "%"}
+    drafted = map_draft(find_sources([table], foreign=True).tables)[0]
+    assert "to compare bare, glove (in every row as block)" in drafted
     columns = load_column_map(filled(table, tmp_path / "map.toml", words))
     assert columns.columns["block"] == ""
     assert read_inputs([table], columns).trials["block"].eq(1).all()

@@ -97,8 +97,12 @@ def offered_conditions(table: Sample) -> Iterator[tuple[str, str]]:
     person = table.called(CALLED["participant"]) or STANDS_FOR["participant"]
     whose = person if person in table.header else FILE
     roles = roles_by_name(table, whose, level_of(table))
+    same: dict[tuple[str, ...], str] = {}
     for name, words in may_be_conditions(table, {*known, side_of(table) or whose}, roles):
-        yield "columns", f"# {toml_entry('condition', name, f'{OFFERED}{listed(words)}')}"
+        at = table.header.index(name)
+        first = same.setdefault(tuple(row[at] for row in table.rows), name)
+        as_well = "" if first == name else f" (in every row as {one_line(first)})"
+        yield "columns", f"# {toml_entry('condition', name, f'{OFFERED}{listed(words)}{as_well}')}"
         for word in sorted(words, key=float_of) if table.numbers(name) else ():
             told = f"to print so, or as you like, where {one_line(name)} is the condition"
             yield "values.condition", f"# {toml_entry(word, with_unit(word, name), told)}"
