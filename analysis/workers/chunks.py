@@ -92,6 +92,7 @@ def spread(
                 yield from work.finished()
         while work:
             yield from work.finished()
+        work.pass_on_news()
 
 
 class _UnderWay(Generic[_Chunk]):
@@ -117,10 +118,14 @@ class _UnderWay(Generic[_Chunk]):
         self._begun[future] = chunk, losses
         future.add_done_callback(self._done.put)
 
-    def finished(self) -> Iterator[tuple[_Chunk, Any]]:
-        """Wait a little for the next result, and keep it; or have what was lost computed again."""
+    def pass_on_news(self) -> None:
+        """Tell what the crew has heard meanwhile."""
         while self._tell and self._crew.news:
             self._tell(self._crew.news.popleft())
+
+    def finished(self) -> Iterator[tuple[_Chunk, Any]]:
+        """Wait a little for the next result, and keep it; or have what was lost computed again."""
+        self.pass_on_news()
         try:
             future = self._done.get(timeout=_LOOK_S)
         except Empty:

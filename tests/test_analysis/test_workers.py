@@ -9,7 +9,7 @@ import signal
 import subprocess
 import sys
 import time
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -19,13 +19,14 @@ from click.testing import CliRunner
 
 from analysis.workers import cluster
 from analysis.workers.chunks import spread
-from analysis.workers.crew import StoppedError
+from analysis.workers.crew import Alone, StoppedError
 from analysis.workers.kept import Kept
 from tactstrip import main
 from tests.test_analysis.toy import STUDIES, Studies, chunks, draw, end_the_process
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
+    from concurrent.futures import Future
 
     from click.testing import Result
 
@@ -63,6 +64,17 @@ def scheduler() -> Iterator[tuple[str, subprocess.Popen[str]]]:
         yield next(found[1] for found in at if found), process
 
 
+def joined(address: str, workers: int) -> None:
+    """Wait until so many workers have joined: Python with all its imports takes seconds to start.
+
+    A worker killed before it joined had nothing to lose, and no scheduler tells of it.
+    """
+    from distributed import Client
+
+    with Client(address) as client:
+        client.wait_for_workers(workers, timeout=60)
+
+
 def worker(address: str, path: Path = ROOT) -> Any:
     return dask("worker", address, "--no-nanny", "--nthreads", "1", path=path)
 
@@ -77,6 +89,17 @@ def test_chunks_are_taken_as_they_are_needed() -> None:
     results = spread(draw, (Studies(0, first, 2) for first in endless))
     assert next(results)[1] == next(results)[1]
     results.close()
+
+
+def test_news_of_the_last_moment_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    class LastMinute(Alone):
+        def result(self, future: Future[Any]) -> Any:
+            self.news.append("a worker was lost")
+            return super().result(future)
+
+    monkeypatch.setattr("analysis.workers.chunks._crew", lambda *_: nullcontext(LastMinute()))
+    told: list[str] = []
+    assert len(list(spread(draw, chunks(STUDIES)[:1], tell=told.append))) == len(told) == 1
 
 
 def test_a_run_that_was_stopped_goes_on_from_its_file(tmp_path: Path) -> None:
@@ -199,7 +222,8 @@ def test_a_local_cluster_computes_what_one_process_does(processes: bool) -> None
 def test_a_worker_killed_in_the_middle_changes_nothing() -> None:
     told: list[str] = []
     with scheduler() as (address, _), worker(address) as one, worker(address):
-        results = spread(draw, chunks(3, 0.05), scheduler=address, tell=told.append)
+        joined(address, 2)
+        results = spread(draw, chunks(1, 0.05), scheduler=address, tell=told.append)
         found = [next(results) for _ in range(6)]
         one.kill()
         assert numbers([*found, *results]) == ALONE
@@ -237,13 +261,13 @@ def test_a_worker_with_another_version_is_refused(tmp_path: Path) -> None:
         assert numbers(spread(draw, chunks(5), scheduler=address)) == ALONE
         one.kill()
         one.wait()
-        joined = []
+        later = []
 
         def join(line: str) -> None:
             assert line == "the cluster has no workers yet: waiting for the first"
             process = worker(address, tmp_path)
             process.__enter__()
-            joined.append(process)
+            later.append(process)
 
         try:
             with pytest.raises(ValueError, match=r"worker tcp://\S+ has tactstrip 9\.9, this comp"):
@@ -251,7 +275,7 @@ def test_a_worker_with_another_version_is_refused(tmp_path: Path) -> None:
             with pytest.raises(ValueError, match=r"worker tcp://\S+ has tactstrip 9\.9, this comp"):
                 list(spread(draw, chunks(5), scheduler=address))
         finally:
-            for process in joined:
+            for process in later:
                 process.__exit__(None, None, None)
 
 
