@@ -15,7 +15,7 @@ import click
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-# No threads that nobody uses: see stimuli/threads.py, which scripts have instead. Who sets the
+# No threads that nobody uses: see stimuli/tuned.py, which scripts have instead. Who sets the
 # variable is left alone.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 

@@ -69,7 +69,7 @@ LATER = {
     "wire/forms.py",
     "commands/demo.py",
     *("commands/bursts.py", "bursts"),
-    *("methods", "study/window.py", "stimuli/threads.py"),
+    *("methods", "study/window.py", "stimuli/tuned.py"),
     *("device/installed.py", "core/converter.py", "participant/settings.py", "session/run.py"),
     *(
         "session/markers.py",

@@ -354,7 +354,7 @@ def _spreading(
     from analysis.workers.chunks import spread
     from analysis.workers.crew import StoppedError
     from analysis.workers.kept import Kept
-    from analysis.workers.memory import keep_freed_memory
+    from stimuli.tuned import keep_freed_memory
 
     keep_freed_memory()
     if scheduler and workers > 1:

@@ -20,7 +20,7 @@ from analysis.thresholds.fit import (
 )
 from analysis.thresholds.people import GuessRate
 from analysis.thresholds.posterior import within_levels
-from stimuli.threads import on_one_thread
+from stimuli.tuned import tuned
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -119,7 +119,7 @@ class ConditionDifference:
     people: tuple[Difference, ...] = ()
 
 
-@on_one_thread
+@tuned
 def fit_group(
     levels_vpp: ArrayLike,
     detected: ArrayLike,
@@ -191,7 +191,7 @@ def threshold_on_axis(
     return _told(tables, ruler, hierarchy(tables.surfaces(ruler), ruler), statuses)
 
 
-@on_one_thread
+@tuned
 def compare_conditions(
     levels_vpp: ArrayLike,
     detected_a: ArrayLike,

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, Final, TypeVar
 
 from analysis.workers.crew import StoppedError
 from analysis.workers.kept import DECIDES, versions
-from analysis.workers.memory import keep_freed_memory
+from stimuli.tuned import keep_freed_memory
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator

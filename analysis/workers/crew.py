@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from multiprocessing.resource_tracker import ensure_running
 from typing import TYPE_CHECKING, Any, Final, Protocol, TypeVar
 
-from analysis.workers.memory import keep_freed_memory
+from stimuli.tuned import keep_freed_memory
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator

@@ -17,7 +17,7 @@ from stimuli.solver.endless import Waves, n_waves, solved, summed
 from stimuli.solver.ends.ends import ResonanceError, end_waves, with_ends
 from stimuli.solver.source import LEAST_RTOL, Answered
 from stimuli.strip.waves import supported_cutoff_hz
-from stimuli.threads import on_one_thread
+from stimuli.tuned import tuned
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
@@ -137,7 +137,7 @@ def at_rest(scene: Scene, rtol: float) -> Real:
     return np.asarray(solve(scene, np.array([low_hz], dtype=np.complex128), rtol).value[0].real)
 
 
-@on_one_thread
+@tuned
 def response(scene: Scene, frequencies_hz: ArrayLike, rtol: float = 1e-6) -> Response:
     """Return the displacement with an estimate of its error and the work done.
 

@@ -10,7 +10,7 @@ from stimuli.checks import finite, finite_array
 from stimuli.field.field import displacement
 from stimuli.field.scene import Scene
 from stimuli.load import LOADS, Load
-from stimuli.threads import on_one_thread
+from stimuli.tuned import tuned
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -54,7 +54,7 @@ class DisplacementMap:
     displacement_m: Complex
 
 
-@on_one_thread
+@tuned
 def displacement_map(
     strip: Strip,
     loads: Load | tuple[Load, ...],

@@ -13,7 +13,7 @@ from stimuli.load import DISCS, LOADS
 from stimuli.motion.modes import refuse_above_first_mode
 from stimuli.motion.motion import steady
 from stimuli.strip.patch import Layer, laminate, layer_of
-from stimuli.threads import on_one_thread
+from stimuli.tuned import tuned
 
 if TYPE_CHECKING:
     from stimuli.load import Load
@@ -186,7 +186,7 @@ class LoadPerVolt:
             raise ValueError(f'basis must be "measured" or "predicted", got {self.basis!r}')
 
 
-@on_one_thread
+@tuned
 @lru_cache(maxsize=16)  # asked for with every stimulus and every assumed loss
 def load_per_volt(
     strip: Strip, load: Load, basis: MeasuredDisplacement | PiezoLayers

@@ -20,7 +20,7 @@ from stimuli.load import LOADS, Load
 from stimuli.motion.history import by_spectra
 from stimuli.strip.patch import cutoff_factor
 from stimuli.strip.strip import Strip
-from stimuli.threads import on_one_thread
+from stimuli.tuned import tuned
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -164,7 +164,7 @@ RTOL: Final = 3e-3
 """Wanted relative error of a displacement over time: 0.03 dB, less than the sampling adds."""
 
 
-@on_one_thread
+@tuned
 def felt(
     strip: Strip,
     loads: Sequence[Load],

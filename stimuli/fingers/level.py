@@ -13,7 +13,7 @@ import numpy as np
 from stimuli.checks import finite, finite_array, instance, whole
 from stimuli.drive.burst import Burst
 from stimuli.fingers.fingertip import checked_fingertips, felt
-from stimuli.threads import on_one_thread
+from stimuli.tuned import tuned
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -112,7 +112,7 @@ class WindowChoice:
     louder: tuple[tuple[Burst, float], ...] = ()
 
 
-@on_one_thread
+@tuned
 def shortest_window(
     strip: Strip,
     loads: Sequence[Load],

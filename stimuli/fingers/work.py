@@ -9,7 +9,7 @@ from stimuli.fingers.fingertip import RTOL, asked, pressed_of
 from stimuli.fingers.pressed import pressed_peaks
 from stimuli.fingers.unpressed import by_modes, by_patched_modes
 from stimuli.motion.history import by_spectra
-from stimuli.threads import on_one_thread
+from stimuli.tuned import tuned
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -136,7 +136,7 @@ def felt_work(
     return _by_spectra(strip) if found is None else found.work
 
 
-@on_one_thread
+@tuned
 def felt_known(
     strip: Strip,
     loads: Sequence[Load],

@@ -19,7 +19,7 @@ from stimuli.motion.motion import is_enough, motion_of, motions, reference_of
 from stimuli.motion.oscillators import moved
 from stimuli.motion.peaks import INTERPOLATED, doubts_of, wait_of
 from stimuli.motion.section import AGREED, sections, unpatched
-from stimuli.threads import on_one_thread
+from stimuli.tuned import tuned
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -51,7 +51,7 @@ _MULTIPLES: Final = (4.0, 2.0)
 the longest section of the plate for which there is."""
 
 
-@on_one_thread
+@tuned
 def transient(scene: Scene, burst: Drive, times_s: ArrayLike, rtol: float = 1e-6) -> Real:
     """Return the displacement over time under a drive, equations (63) to (66), (78) to (82).
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import platform
 import re
 import signal
 import subprocess
@@ -432,31 +431,3 @@ def test_power_is_the_same_on_a_cluster(tmp_path: Path) -> None:
     both = power(tmp_path, "--workers", "2", "--scheduler", address)
     assert both.exit_code == 2
     assert "--workers is of this computer" in both.stderr
-
-
-FAULTS = """
-import resource
-import sys
-import numpy as np
-from analysis.workers.memory import keep_freed_memory
-if sys.argv[1:]:
-    keep_freed_memory()
-before = resource.getrusage(resource.RUSAGE_SELF).ru_minflt
-for _ in range(100):
-    np.ones(390_000)
-print(resource.getrusage(resource.RUSAGE_SELF).ru_minflt - before)
-"""
-"""Arrays of 3 MB: too large for gaps that imports can leave in the heap, which would serve them
-without a fault; smaller than those for which NumPy asks for huge pages."""
-
-
-@pytest.mark.process
-@pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="another C library has no mallopt")
-def test_arrays_are_not_fetched_from_the_system_again_and_again() -> None:
-    asked = os.environ | {"MALLOC_TRIM_THRESHOLD_": "65536"}  # as Dask's nanny asks for
-    faults = [
-        int(subprocess.check_output([sys.executable, "-c", FAULTS, *more], env=asked, cwd=ROOT))
-        for more in ([], ["keep"])
-    ]
-    assert faults[0] > 20 * faults[1]
-    assert faults[0] > 50_000  # 762 pages each time

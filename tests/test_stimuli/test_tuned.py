@@ -1,7 +1,12 @@
-"""Linear algebra of small matrices runs on one thread, whoever calls."""
+"""Linear algebra of small matrices runs on one thread, and memory is kept, whoever calls."""
 
 from __future__ import annotations
 
+import os
+import platform
+import subprocess
+import sys
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -23,11 +28,12 @@ from stimuli import (
     response,
     transient,
 )
-from stimuli.threads import on_one_thread
+from stimuli.tuned import tuned
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
+ROOT = Path(__file__).parents[2]
 STRIP = Strip(width_m=0.025, thickness_m=5e-4, material=ALUMINIUM, edge=CLAMPED)
 DISC = MomentDisc(x_m=0.0, y_m=0.0125, radius_m=0.006)
 SCENE = Scene(strip=STRIP, loads=(DISC,), points_m=((0.0, 0.0125),))
@@ -52,7 +58,7 @@ def two_threads() -> Iterator[None]:
 
 @pytest.mark.usefixtures("two_threads")
 def test_a_function_has_one_thread_and_leaves_as_many_as_there_were() -> None:
-    assert on_one_thread(threads)() == {1}
+    assert tuned(threads)() == {1}
     assert threads() == {2}
 
 
@@ -77,7 +83,7 @@ def test_an_error_leaves_as_many_as_there_were() -> None:
         ),
     ],
 )
-def test_what_a_script_calls_computes_on_one_thread(
+def test_what_a_script_calls_computes_tuned(
     call: Callable[[], object], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     seen: set[int] = set()
@@ -93,3 +99,49 @@ def test_what_a_script_calls_computes_on_one_thread(
     monkeypatch.undo()
     assert seen == {1}
     assert threads() == {2}
+
+
+FAULTS = """
+import resource
+import sys
+import numpy as np
+from stimuli.tuned import keep_freed_memory
+if sys.argv[2:]:
+    keep_freed_memory()
+before = resource.getrusage(resource.RUSAGE_SELF).ru_minflt
+kept = []
+for _ in range(100):
+    kept.append(np.ones(390_000))
+    del kept[: -int(sys.argv[1])]
+print(resource.getrusage(resource.RUSAGE_SELF).ru_minflt - before)
+"""
+"""Arrays of 3 MB: too large for gaps that imports can leave in the heap, which would serve them
+without a fault; smaller than those for which NumPy asks for huge pages."""
+
+
+def faults(held: int, *more: str) -> int:
+    """Count page faults of 100 arrays of which so many are held at a time."""
+    asked = os.environ | {"MALLOC_TRIM_THRESHOLD_": "65536"}  # as Dask's nanny asks for
+    command = [sys.executable, "-c", FAULTS, str(held), *more]
+    return int(subprocess.check_output(command, env=asked, cwd=ROOT))
+
+
+@pytest.mark.process
+@pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="another C library has no mallopt")
+def test_arrays_are_not_fetched_from_the_system_again_and_again() -> None:
+    again = faults(1)
+    assert again > 20 * faults(1, "keep")
+    assert again > 50_000  # 762 pages each time
+
+
+LARGE_PAGES = Path("/sys/kernel/mm/transparent_hugepage/enabled")
+
+
+@pytest.mark.process
+@pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="another C library has no mallopt")
+@pytest.mark.skipif(
+    not LARGE_PAGES.exists() or "[never]" in LARGE_PAGES.read_text(encoding="utf-8"),
+    reason="this system gives no large pages",
+)
+def test_what_is_used_first_comes_in_large_pages() -> None:
+    assert faults(15, "keep") < 15 * 762 / 4  # 45 MB at the same time
