@@ -261,7 +261,8 @@ def _in_its_unit(study: Study, unit: str, people: PersonCounts, where: str) -> t
     """
     if _VOLTS.match(unit):
         return ()
-    low, high = float(people.level_vpp.min()), float(people.level_vpp.max())
+    shown = people.level_vpp[people.presented > 0]
+    low, high = float(shown.min()), float(shown.max())
     levels = study.design.levels_vpp
     scale = "[scale] level_vpp in its map multiplies them, as only ratios count"
     if not _LEAST_VPP <= low <= high <= _MOST_VPP:
