@@ -42,7 +42,7 @@ if TYPE_CHECKING:
 
 JSON_SCHEMA: Final = 1
 _VERDICTS: Final = {
-    "fit": "fit: below the strip's cut-off, and masked at the other finger",
+    "fit": "fit: below the strip's cut-off, and at most {limit_db:g} dB at the other finger",
     "accepted": "unfit, and accepted by the study: the other finger may feel it too",
     "unfit": (
         "UNFIT: change [burst], the actuators' places or the device's sample rate, "
@@ -80,7 +80,7 @@ def check_findings(
     >>> from experiment.preview.check import check_study
     >>> found = check_findings(check_study(paper_study(), gains=()), "study.toml")
     >>> print(found.text.splitlines()[-1])
-    verdict        fit: below the strip's cut-off, and masked at the other finger
+    verdict        fit: below the strip's cut-off, and at most -20 dB at the other finger
     >>> found.facts["verdict"], round(found.facts["strip"]["cutoff_hz"], 6)
     ('fit', 2900.0)
     """
@@ -117,7 +117,11 @@ def check_findings(
     if machine is not None:
         found.take(machine)
     found.space()
-    found.tell("verdict", _VERDICTS[check.verdict], verdict=check.verdict)
+    found.tell(
+        "verdict",
+        _VERDICTS[check.verdict].format(limit_db=-study.burst.masking_limit_db),
+        verdict=check.verdict,
+    )
     return found
 
 
