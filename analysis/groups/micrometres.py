@@ -9,6 +9,7 @@ import pandas as pd
 
 from analysis.axis import alone
 from analysis.thresholds.fit import WITH_THRESHOLD
+from experiment.terms.gains import UNEQUAL_DB
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -142,7 +143,10 @@ def in_micrometres(row: pd.Series[Any], thresholds: pd.DataFrame) -> str:
     """
     left, right, basis = group_per_volt(thresholds)
     told = _sides(left, right, lambda one: alone(one * float(row["threshold_vpp"]), "um"))
-    return f"; at the fingers {told}, {basis}" if row["status"] in WITH_THRESHOLD and told else ""
+    if not told or row["status"] not in WITH_THRESHOLD:
+        return ""
+    verb = "these volts give the fingers" if _apart(left, right) else "at the fingers"
+    return f"; {verb} {told}, {basis}"
 
 
 def micrometres_row(
@@ -159,7 +163,42 @@ def micrometres_row(
 
     told = _sides(left, right, words) if row["status"] in WITH_THRESHOLD else ""
     if told:
-        yield f"The same at the fingers{where}", told, f"{basis} displacement per volt"
+        name = (
+            "What these volts give the fingers"
+            if _apart(left, right)
+            else "The same at the fingers"
+        )
+        yield f"{name}{where}", told, f"{basis} displacement per volt"
+
+
+def unequal_sides(trials: pd.DataFrame, axis: Axis) -> Iterator[str]:
+    """Say of whom the same volts move one finger more than the other, as no threshold is either's.
+
+    >>> trials = pd.DataFrame({"participant": "1", "condition": "main", "kind": "single",
+    ...     "side": ["left", "right"], "level_vpp": 100.0, "reason": "",
+    ...     "peak_left_um": [1.0, 0.1], "peak_right_um": [0.1, 1.5],
+    ...     "displacement_basis": "measured"})
+    >>> from analysis.axis import VOLTS
+    >>> print(*unequal_sides(trials, VOLTS))
+    the same volts move the right finger 3.5 dB more than the left: a threshold in volts is that \
+of both sides together, between those of the two, and the function is flatter than either's
+    """
+    moved = _per_volt(trials).values() if axis.is_vpp else ()
+    apart_db = [20 * math.log10(right / left) for left, right, _ in moved if _apart(left, right)]
+    if not (apart_db := [one for one in apart_db if abs(one) >= UNEQUAL_DB]):
+        return
+    most_db, some = max(apart_db, key=abs), " (of some people)" * (len(apart_db) < len(moved))
+    more, less = _SIDES[:: -1 if most_db > 0 else 1]
+    yield (
+        f"the same volts move the {more} finger {abs(most_db):.1f} dB more than the {less}{some}: "
+        "a threshold in volts is that of both sides together, between those of the two, and the "
+        "function is flatter than either's"
+    )
+
+
+def _apart(left: float, right: float) -> bool:
+    """Tell whether both sides are known, and differ."""
+    return left > 0 and right > 0 and math.isnan(_only([left, right]))
 
 
 def _sides(left: float, right: float, words: Callable[[float], str]) -> str:

@@ -8,6 +8,7 @@ import pandas as pd
 
 from analysis.answers import counting
 from analysis.answers.doubts import doubtful, doubtful_counts
+from analysis.groups.micrometres import unequal_sides
 from analysis.reading.counts import without_device
 from analysis.reading.reasons import NEVER_ANSWERED
 from analysis.reading.text import named
@@ -75,6 +76,7 @@ def warnings_of(
     yield from _about_none(counted)
     yield from map(str, doubts)
     yield from misfits(fits, people, loaded.axis)
+    yield from unequal_sides(trials, loaded.axis) if loaded.side_told else ()
 
 
 def doubts_of(loaded: LoadedTrials) -> Iterator[Doubt]:

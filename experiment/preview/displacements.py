@@ -11,7 +11,7 @@ from experiment.preview.bursts.edges import edge_words, other_edge, with_other_e
 from experiment.preview.findings import Findings
 from experiment.preview.plate import ALIKE
 from experiment.study.sources import displacement_source, finger_words
-from experiment.terms.gains import OWN_FINGERS, significant
+from experiment.terms.gains import OWN_FINGERS, UNEQUAL_DB, significant
 from stimuli import ElasticEdge
 from stimuli.strip.patch import cutoff_factor
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from experiment.preview.check import ConditionCheck, StudyCheck
     from experiment.study.origins import Source
     from experiment.study.study import Study
-    from experiment.terms.gains import ConditionGains
+    from experiment.terms.gains import ConditionGains, FingerGains
     from stimuli import Strip
 
 
@@ -49,6 +49,7 @@ def displacement_findings(
         found.tell("", f"with none of the {missing} actuator, trials.csv has no micrometres, and")
         found.tell("", "simulated people have a threshold in V: docs/plate.md")
         found.tell("", ALIKE)
+    _tell_unequal(found, gains.fingers())
     found.tell("", f"{-one.masking_limit_db:g} dB at the other finger is the limit")
     moved = found.facts["actuators"]
     if any(at["level_db"] < _IDEAL_DB for one_of in moved for at in one_of["fingers"]):
@@ -70,6 +71,16 @@ def displacement_findings(
     for words in finger_words(study, one.condition):
         found.tell("", words)
     return found
+
+
+def _tell_unequal(found: Findings, gains: FingerGains) -> None:
+    """Tell by how much the same volts move one finger more than the other."""
+    more_db = None if gains.basis is None else gains.right_re_left_db
+    found.note(right_re_left_db=more_db)
+    if more_db is not None and abs(more_db) >= UNEQUAL_DB:
+        more, less = OWN_FINGERS[:: -1 if more_db > 0 else 1]
+        found.tell("", f"the same volts move the {more} finger {abs(more_db):.1f} dB more than the")
+        found.tell("", f"{less}: a threshold in V is that of both sides together, between the two")
 
 
 def _moved(study: Study, one: ConditionCheck, gains: ConditionGains, column: int) -> Findings:

@@ -11,6 +11,7 @@ from experiment.study.origins import ASSUMED, YOURS, stated
 from experiment.study.sections.simulation import CURVE_KEYS, Simulation
 from experiment.study.study import UnusableStudyError
 from experiment.terms.curves import Vibration
+from experiment.terms.gains import UNEQUAL_DB
 from stimuli import Burst
 
 if TYPE_CHECKING:
@@ -44,12 +45,15 @@ class MedianThreshold:
     """What the median person feels half of the time of a condition, and who says so.
 
     `level_vpp` and `peak_um` are for its burst; `peak_um` is none where no displacement is known.
+    Where the same volts move the right finger more, by `right_re_left_db`, the level is between
+    those of the two.
     `known` is the number that the study has, in `unit`, and `known_for` what it is known
     for, in words, if that is another vibration than the burst.
     """
 
     level_vpp: float
     peak_um: float | None
+    right_re_left_db: float
     whose: Origin
     known: float
     unit: str
@@ -68,8 +72,12 @@ class MedianThreshold:
     @property
     def words(self) -> str:
         """The threshold in V, and in um where that is known."""
-        peak = "" if self.peak_um is None else f" ({self.peak_um:.3g} um)"
-        return f"{self.level_vpp:.3g} V{peak}"
+        if self.peak_um is None:
+            return f"{self.level_vpp:.3g} V"
+        each = [self.level_vpp * 10 ** (sign * self.right_re_left_db / 40) for sign in (1, -1)]
+        apart = ": {:.3g} V left, {:.3g} V right".format(*each)
+        told = apart if abs(self.right_re_left_db) >= UNEQUAL_DB else ""
+        return f"{self.level_vpp:.3g} V ({self.peak_um:.3g} um{told})"
 
     @property
     def source_words(self) -> str:
@@ -176,6 +184,7 @@ def median_threshold(
     return MedianThreshold(
         level_vpp=level_vpp,
         peak_um=None if gains.basis is None else level_vpp * _um_per_vpp(gains),
+        right_re_left_db=gains.right_re_left_db,
         whose=(stated(people, key, by_value=False) or ASSUMED)[0],
         known=getattr(people, key),
         unit=unit,

@@ -6,6 +6,7 @@ after that: by the simulated participant, by trials.csv, and by the check.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final
 
@@ -19,6 +20,9 @@ if TYPE_CHECKING:
 SIGNIFICANT_DIGITS: Final = 4
 """Digits of a gain and of a displacement in trials.csv. What is computed is good to about 1 %; the
 others keep equal steps of level equal, and the last bit of a machine shows in none of them."""
+
+UNEQUAL_DB: Final = 1.0
+"""From here on it is told that the same volts move one finger more; people differ by 1.5 to 3."""
 
 OWN_FINGERS: Final = ("left", "right")
 """The actuators under the two fingers: the first two of every matrix."""
@@ -63,6 +67,16 @@ class FingerGains:
     right: tuple[float, float]
     basis: str | None
     bases: tuple[str, str] | None = None
+
+    @property
+    def right_re_left_db(self) -> float:
+        """How much more the same volts move the right finger than the left, each by its own.
+
+        >>> gains = FingerGains(left=(0.02, 0), right=(0, 0.03), basis="measured")
+        >>> round(gains.right_re_left_db, 1)
+        3.5
+        """
+        return 20 * math.log10(self.right[1] / self.left[0])
 
     def amplitudes(self, level_left_vpp: float, level_right_vpp: float) -> tuple[float, float]:
         """Return the greatest displacement at the left and at the right finger.

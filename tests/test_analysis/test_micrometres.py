@@ -17,6 +17,7 @@ from analysis.groups.micrometres import (
     group_per_volt,
     in_micrometres,
     micrometres_row,
+    unequal_sides,
     with_group_micrometres,
     with_micrometres,
 )
@@ -55,8 +56,34 @@ def test_what_is_the_same_of_both_sides_is_said_once_and_what_differs_of_each() 
         ("The same at the fingers", "1.20 um (1.00 to 1.44)", "measured displacement per volt")
     ]
     words, rows = said(trials(0.02, 0.018), threshold())
-    assert words == "; at the fingers 1.20 um left and 1.08 um right, measured"
+    assert words == "; these volts give the fingers 1.20 um left and 1.08 um right, measured"
     assert rows[0][1] == "1.20 um (1.00 to 1.44) left and 1.08 um (0.900 to 1.30) right"
+    assert rows[0][0] == "What these volts give the fingers"
+
+
+@pytest.mark.parametrize(
+    ("left", "right", "begins"),
+    [
+        (0.02, 0.0225, "the same volts move the right finger 1.0 dB more than the left: a thres"),
+        (0.0225, 0.02, "the same volts move the left finger 1.0 dB more than the right: a thres"),
+        (0.02, 0.0223, None),
+        (0.02, 0.02, None),
+        (0.02, math.nan, None),
+    ],
+)
+def test_volts_that_move_one_finger_more_are_warned_of(
+    left: float, right: float, begins: str | None
+) -> None:
+    told = list(unequal_sides(trials(left, right), VOLTS))
+    assert len(told) == (begins is not None)
+    assert begins is None or told[0].startswith(begins)
+    assert not list(unequal_sides(trials(left, right), Axis(x_scale="linear", unit="mm")))
+
+
+def test_it_is_said_that_only_some_have_such_a_plate() -> None:
+    of = pd.concat([trials(0.02, 0.03), trials(0.02, 0.02, participant="2")])
+    (told,) = unequal_sides(of, VOLTS)
+    assert " 3.5 dB more than the left (of some people): " in told
 
 
 def test_what_is_predicted_is_not_called_measured() -> None:
