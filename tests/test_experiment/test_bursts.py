@@ -349,6 +349,10 @@ def test_the_shortest_burst_with_room_for_levels_is_named(run: Run) -> None:
         "\nwith room      2 cycles of 200 Hz: the shortest of these felt below a quarter of device."
         in said
     )
+    assert "would be" not in said
+    many = run("bursts", "study.toml", "--frequency-hz", "200", "--cycles", "1,9").stdout
+    assert "\nwith room      9 cycles of 200 Hz: " in many
+    assert "\n               about 2 cycles of 200 Hz would be, too: --cycles 2\n" in many
     few = run("bursts", "study.toml", "--frequency-hz", "200", "--cycles", "1").stdout
     assert "\nwith room      none of these is felt below a quarter of device.ceiling_vpp, " in few
     assert " V: about 2 cycles of 200 Hz would be, by --cycles\n" in few

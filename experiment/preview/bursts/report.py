@@ -295,9 +295,12 @@ def _tell_with_room(
     most_vpp = highest_vpp / ROOM
     words = f"a quarter of {key}, {most_vpp:.3g} V"
     some = [row for row in alike if (row.threshold_vpp or highest_vpp) <= most_vpp]
+    other = _with_room(found, alike, most_vpp)
     if not some:
+        would = f"about {_named(other)} would be, by --cycles" if other else ""
         told.tell(
-            "with room", f"none of these is felt below {words}: {_longer(found, alike, most_vpp)}"
+            "with room",
+            f"none of these is felt below {words}: {would or 'nor would longer ones be'}",
         )
         return None
     row = min(some, key=lambda one: by_length(one.burst))
@@ -307,11 +310,13 @@ def _tell_with_room(
         with_room=_values(row.burst),
     )
     told.tell("", "a factor of two for levels above the threshold, and one for its estimate")
+    if other and by_length(other) < by_length(row.burst):
+        told.tell("", f"about {_named(other)} would be, too: --cycles {other.cycles}")
     return row
 
 
-def _longer(found: BurstComparison, alike: list[ComparedBurst], most_vpp: float) -> str:
-    """Say about how many cycles would do, of the frequency that is felt most easily."""
+def _with_room(found: BurstComparison, alike: list[ComparedBurst], most_vpp: float) -> Burst | None:
+    """Return about how short a burst would do, of the frequency that is felt most easily."""
     told = [row for row in alike if row.threshold_vpp is not None]
     row = min(told, key=lambda one: one.threshold_vpp or 0.0)
 
@@ -319,13 +324,11 @@ def _longer(found: BurstComparison, alike: list[ComparedBurst], most_vpp: float)
         return sum(map(known_for(found.study).shift_db, vibrations_of(found.study, burst))) / 2
 
     wanted_db = 20 * math.log10(most_vpp / (row.threshold_vpp or most_vpp)) + shift_db(row.burst)
-    longer = range(row.burst.cycles + 1, _MOST_CYCLES)
+    cycles = range(1, _MOST_CYCLES)
     place = bisect_left(
-        longer, -wanted_db, key=lambda cycles: -shift_db(replace(row.burst, cycles=cycles))
+        cycles, -wanted_db, key=lambda number: -shift_db(replace(row.burst, cycles=number))
     )
-    if place == len(longer):
-        return "nor would longer ones be"
-    return f"about {longer[place]} cycles of {row.burst.frequency_hz:g} Hz would be, by --cycles"
+    return replace(row.burst, cycles=cycles[place]) if place < len(cycles) else None
 
 
 def _values(burst: Burst) -> dict[str, float]:
