@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import contextlib
 import io
+import math
 import tempfile
 import warnings
 from pathlib import Path
@@ -72,6 +73,9 @@ _LEAST_PART: Final = 1e-7
 
 _FEW_DECADES: Final = 100.0
 """Axes that span less than this factor have ticks between the powers of ten."""
+
+_LEAST_DECIMAL: Final = 1e-4
+"""Axes that begin here or higher have decimal numbers."""
 
 _LABELLED: Final = 0.04
 """Cut-offs nearer to each other than this part of the axis share the first one's label."""
@@ -187,14 +191,9 @@ def _draw_level(axes: Axes, field: PlateMap, driven: int) -> AxesImage:
         extent=(x_mm[0] - half_x, x_mm[-1] + half_x, y_mm[0] - half_y, y_mm[-1] + half_y),
     )  # fmt: skip
     axes.contour(
-        x_mm,
-        y_mm,
-        level.T,
-        levels=[-field.plate.masking_limit_db],
-        colors="black",
-        linewidths=1.4,
-        linestyles="solid",
-    )
+        x_mm, y_mm, level.T, levels=[-field.plate.masking_limit_db], colors="black",
+        linewidths=1.4, linestyles="solid",
+    )  # fmt: skip
     axes.set_xlim(x_mm[0], x_mm[-1])
     axes.set_ylim(y_mm[0], y_mm[-1])
     return image
@@ -204,10 +203,7 @@ def _map_keys(plate: PlatePreview) -> list[Line2D]:
     from matplotlib.lines import Line2D
 
     limit = f"−{plate.masking_limit_db:g} dB, the masking limit, re the largest (tone)"
-    return [
-        *outline_keys(plate),
-        Line2D([], [], color="black", lw=1.4, label=limit),
-    ]
+    return [*outline_keys(plate), Line2D([], [], color="black", lw=1.4, label=limit)]
 
 
 def _head(figure: Figure, plate: PlatePreview, what: str) -> None:
@@ -267,6 +263,12 @@ def _draw_cutoffs(axes: Axes, field: PlateBand) -> None:
     top.set_xticks(labelled_hz, labels, rotation=90 if len(labels) > 1 else 0, fontsize=8)
 
 
+def _power(value: float) -> str:
+    """Write a power of ten; formulas are off, as study names may have dollar signs."""
+    raised = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+    return "10" + f"{round(math.log10(value))}".translate(raised)
+
+
 def _dress(axes: Axes, field: PlateBand, largest: float) -> None:
     from matplotlib.ticker import LogLocator, NullFormatter
 
@@ -275,7 +277,8 @@ def _dress(axes: Axes, field: PlateBand, largest: float) -> None:
     axes.set_ylim(bottom=lowest)
     few = largest / lowest < _FEW_DECADES
     axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if few else (1.0,)))
-    axes.yaxis.set_major_formatter(lambda value, _: f"{value:g}")
+    in_powers = lowest < _LEAST_DECIMAL and not few
+    axes.yaxis.set_major_formatter(lambda value, _: _power(value) if in_powers else f"{value:g}")
     axes.yaxis.set_minor_formatter(NullFormatter())
     axes.set_xlim(*field.band_hz)
     axes.set_xlabel("Frequency (Hz)")

@@ -50,16 +50,20 @@ def draw(analysis: Analysis) -> Figure:
     """Draw the mean d' of the participants at each level, conditions over each other."""
     table = analysis.sensitivity[analysis.sensitivity["level_vpp"].notna()]
     conditions = [one for one in conditions_of(analysis) if table["condition"].eq(one).any()]
-    figure, (axes,) = panels([""], [_HEIGHT_IN + _ROW_IN * len(conditions)], analysis.mark)
+    several = len({*table["participant"]} - {TOTAL}) > 1
+    figure, (axes,) = panels(
+        [""], [_HEIGHT_IN + _ROW_IN * (len(conditions) + several)], analysis.mark
+    )
     level_axis(axes, table["level_vpp"], analysis.axis, beyond=0.09)
     axes.axhline(0, color="#808080", lw=0.8, zorder=1)
     for place, condition in enumerate(conditions):
         rows = table[table["condition"].eq(condition)]
         _draw(axes, rows, look_of(analysis, condition), beside(axes, place, len(conditions)))
         _name(axes, analysis, condition, alone=len({*rows["participant"]} - {TOTAL}) == 1)
+    if several:
+        axes.scatter([], [], s=9, color="#606060", alpha=0.6, label="each participant")
     # Of two or three people the limits may be so far away that nothing else could be seen.
     low, high = table["d_prime"].min(), table["d_prime"].max()
-    several = len({*table["participant"]} - {TOTAL}) > 1
     bars = table[table["participant"].eq(TOTAL) == several]
     least, most = (max(bars["d_prime_low"].fillna(low).min(), low - _BEYOND),
                    min(bars["d_prime_high"].fillna(high).max(), high + _BEYOND))  # fmt: skip
