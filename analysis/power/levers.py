@@ -74,11 +74,14 @@ def levers(
     participants: tuple[int, int],
     kind: str,
     levels: int,
+    *,
+    in_volts: bool,
 ) -> tuple[Lever, ...]:
     """Return what changes of the design do to a study of fewer people, the largest gain first.
 
     They begin with a part of the answer's people or, where no number does, with the most. Changes
-    that a `kind` of goal does not ask about are left out; `levels` is their number.
+    that a `kind` of goal does not ask about are left out; `levels` is their number. Levels are
+    placed `in_volts` only, as a pilot goes up to the device's highest.
     """
     least, most = participants
     number = most
@@ -96,7 +99,7 @@ def levers(
         changes[f"{2 * base.blanks} blanks instead of {base.blanks}"] = replace(
             base, blanks=2 * base.blanks
         )
-    if kind in {"half-width", "difference"}:
+    if kind in {"half-width", "difference"} and in_volts:
         told = "the study's levels" if base.placed else "levels placed for each person"
         changes[f"{told} instead"] = replace(base, placed=not base.placed)
     studies = PROBE if answer.participants is None else FEW

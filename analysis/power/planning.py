@@ -56,7 +56,12 @@ def plan_study(
     about how much is ahead, with what tells the answer that is known so far, in words. `stopped`
     is given what is known where Ctrl-C, or the loss of all workers, ends it.
     """
-    study = people.study
+    study, in_volts = people.study, people.unit == "V"
+    if placed and not in_volts:
+        raise ValueError(
+            "--levels placed needs levels in V, as pilots go up to the device's highest; got "
+            f"{people.unit}: leave it out"
+        )
     points = _points(study, goal, trials_per_side, blanks, placed=placed)
     gains = study_gains(study)
     plan = plan_text(study, gains, goal, people.draws)
@@ -74,7 +79,7 @@ def plan_study(
         first = next((one for one in found if one.participants is not None), found[0])
         if first.participants is not None and participants[0] == participants[1]:
             return ()  # one number was asked about, and is enough
-        return levers(by, first, participants, goal.kind, levels)
+        return levers(by, first, participants, goal.kind, levels, in_volts=in_volts)
 
     def promise(changes: Sequence[Lever] = (), partial: str = "") -> Promise:
         found = Promise(

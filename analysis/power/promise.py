@@ -220,8 +220,9 @@ class Promise:
         return (
             f"The number of participants was {'checked' if one else 'chosen'} by simulation "
             f"(tactstrip power, seed {self.seed}). With {told}, {_design(self.best.point)}, "
-            f"{self.goal.words} is expected: at least {self.assurance:.0%} of such studies were "
-            f"asked for, and of {fresh.studies} {'fresh' * one or 'simulated'} ones"
+            f"the goal is expected to be reached, {self.goal.words}: at least "
+            f"{self.assurance:.0%} of such studies were asked for, and of {fresh.studies} "
+            f"{'fresh' * one or 'simulated'} ones"
             f"{'' if one else ' that took no part in choosing this number'} {_percent(fresh)} "
             "reached it. All were "
             "analysed as the recorded data will be; of all "

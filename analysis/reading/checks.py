@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from operator import itemgetter
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -207,8 +208,21 @@ def _refuse_median(rows: pd.DataFrame, person: str, median_s: float, unit: str |
     raise ResultFileError(row["file"], int(row["line"]), message)
 
 
-def check_together(trials: pd.DataFrame, *, hint: str = "") -> None:
+_NUMBERED_ANEW: Final = (
+    '; where trials are numbered anew in each block, the map needs [columns] trial = "" (their '
+    "order is taken); session is for another day"
+)
+_BEGUN_ANEW: Final = (
+    '; where one of the files was begun anew, leave the other out with [rows.skip] file- = "{}"; '
+    'where both count, the map needs [columns] session = "file-", or, if they are parts of one '
+    'session, trial = "" (the order of rows is taken)'
+)
+
+
+def check_together(trials: pd.DataFrame, *, foreign: bool = False) -> None:
     """Refuse trials of one or several files that are told twice, with what would help.
+
+    Of `foreign` tables that is what their map can say.
 
     Raises ResultFileError where participant, session, trial and attempt repeat, or where two
     attempts of one trial both have the status ok; practice may be repeated, as warm-up after every
@@ -222,12 +236,16 @@ def check_together(trials: pd.DataFrame, *, hint: str = "") -> None:
     analysis.reading.text.ResultFileError: t.csv:9: participant 1, session 01, trial 5: status ok,
     although another attempt of this trial has it at t.csv:6
     """
-    refuse_repeat(trials, KEY, "the same participant, session, trial and attempt as", hint)
+    refuse_repeat(
+        trials, KEY, "the same participant, session, trial and attempt as", foreign=foreign
+    )
     valid = trials[trials["status"].eq("ok") & trials["kind"].ne("practice")]
     refuse_repeat(valid, KEY[:-1], "status ok, although another attempt of this trial has it at")
 
 
-def refuse_repeat(trials: pd.DataFrame, key: list[str], what: str, hint: str = "") -> None:
+def refuse_repeat(
+    trials: pd.DataFrame, key: list[str], what: str, *, foreign: bool = False
+) -> None:
     """Refuse the first row that has the key of an earlier one.
 
     >>> refuse_repeat(pd.DataFrame({"trial": [1, 2]}), ["trial"], "the same trial as")
@@ -239,5 +257,10 @@ def refuse_repeat(trials: pd.DataFrame, key: list[str], what: str, hint: str = "
     same = trials[key].eq(second[key]).all(axis="columns")
     first = trials[same].iloc[0]
     told = ", ".join(f"{name} {second[name]}" for name in key)
+    hint = _NUMBERED_ANEW if foreign else ""
+    if foreign and first["file"] != second["file"]:
+        here = trials[trials["file"].isin([first["file"], second["file"]])]
+        shorter = Path(here["file"].astype(str).value_counts(ascending=True).index[0])
+        hint = _BEGUN_ANEW.format(one_line(shorter.stem))
     message = f"{told}: {what} {one_line(first['file'])}:{first['line']}{hint}"
     raise ResultFileError(second["file"], int(second["line"]), message)

@@ -21,6 +21,7 @@ from analysis.reading.foreign.conditions import (
     refuse_lost_sides,
 )
 from analysis.reading.foreign.counts import read_counted
+from analysis.reading.foreign.files import begun_anew, both_files
 from analysis.reading.foreign.form import RowFilter
 from analysis.reading.foreign.table import count_columns
 from analysis.reading.plans import PLAN, left_out
@@ -39,10 +40,6 @@ if TYPE_CHECKING:
     from analysis.reading.sources import InputTable
 
 
-_NUMBERED_ANEW = (
-    '; where trials are numbered anew in each block, the map needs [columns] trial = "" (their '
-    "order is taken); session is for another day"
-)
 _NOTHING_YET = "no session here has a trial yet"
 
 
@@ -239,14 +236,14 @@ def read_inputs(
         raise ResultFileError(tables[0].path, 1, empty)
     told = [one.rows for one in read if not one.rows.empty]
     trials = pd.concat(told, ignore_index=True)
-    numbered = bool(trials["trial"].ne(UNNUMBERED).all())
+    numbered = bool(trials["trial"].ne(UNNUMBERED).all()) or _rows_in_order(trials, columns)
     trials = _numbered(trials)
     trials["none_offered"] = offered_to_all(trials)
     planned = frozenset(str(table.path) for table in tables if table.plan)
     unit = None if columns is None else columns.units.get("rt_s", "s")
     trials, changed = in_seconds(trials, planned=planned, unit=unit)
     trials = without_silence(with_reasons(trials))
-    check_together(trials, hint="" if columns is None else _NUMBERED_ANEW)
+    check_together(trials, foreign=columns is not None)
     inputs = [file for table in tables for file in (table.file, table.plan) if file is not None]
     return LoadedTrials(
         trials=trials,
@@ -260,7 +257,7 @@ def read_inputs(
         task="" if columns is None else columns.task,
         altered={str(table.path): table.altered for table in tables if table.altered},
         not_compared=_not_compared(tables) if columns is None else (),
-        changed=(*changed, *pooled(sources, columns)) if columns else changed,
+        changed=(*changed, *pooled(sources, columns), *_one_of_two(trials)) if columns else changed,
         left_out=unread,
         left_out_files=unread_files,
         left_out_by=kept.told(by) if unread else "",
@@ -306,6 +303,26 @@ def _check_copies(tables: Sequence[ReadTable]) -> None:
             message = f"the same contents as {one_line(str(first[sha256]))}"
             raise ResultFileError(table.path, None, message)
         first[sha256] = table.path
+
+
+def _rows_in_order(trials: pd.DataFrame, columns: ColumnMap | None) -> bool:
+    """Tell whether a map takes the order of rows, none of which is that of files."""
+    if columns is None or columns.columns.get("trial") != "":
+        return False
+    return bool(trials.groupby(["participant", "session"])["file"].nunique().eq(1).all())
+
+
+def _one_of_two(trials: pd.DataFrame) -> Iterator[str]:
+    """Say whose session is in several files, where most are in one: a run begun anew, perhaps."""
+    sessions = zip(trials["participant"].astype(str), trials["session"].astype(str), strict=True)
+    files = (Path(name).stem for name in trials["file"].astype(str))
+    again = begun_anew(zip(sessions, files, strict=True))
+    if again:
+        yield (
+            f"two files are read as one session, {both_files(again)}: if the shorter was begun "
+            'anew, [rows.skip] file- leaves it out; if both count, session = "file-" tells them '
+            "apart"
+        )
 
 
 def _numbered(trials: pd.DataFrame) -> pd.DataFrame:

@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from analysis.reading.foreign.bids import about, bids_tables, plain_tables
+from analysis.reading.foreign.files import about, bids_tables, plain_tables
 from analysis.reading.text import ELSEWHERE, ResultFileError, one_line
 from experiment.archive.files import LinkError, refuse_link
 from experiment.integrity.heads import person_of
@@ -36,7 +36,7 @@ class InputTable:
         Printable, relative to the one folder that was asked for, or to the folder that holds
         everything that was asked for: the same wherever that lies.
     about : mapping of str to str
-        What the file's name tells, see `analysis.reading.foreign.bids.about`.
+        What the file's name tells, see `analysis.reading.foreign.files.about`.
     """
 
     path: Path

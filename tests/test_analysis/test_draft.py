@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import csv
 import tomllib
+from itertools import product
 from typing import TYPE_CHECKING
 
 import pytest
@@ -14,7 +15,7 @@ from hypothesis import strategies as st
 from analysis import ColumnMap, load_column_map
 from analysis.answers.detection import level_table
 from analysis.reading.foreign.columns import KEYS, SECTIONS
-from analysis.reading.foreign.draft import map_draft
+from analysis.reading.foreign.draft import NOTE, map_draft
 from analysis.reading.load import read_inputs
 from analysis.reading.sources import find_sources
 from tests.test_analysis.shared import EXAMPLES, LEAST, put, refused, run
@@ -144,7 +145,7 @@ def test_answers_of_0_and_1_need_their_task_and_what_has_no_column(tmp_path: Pat
 def test_true_and_false_beside_keys_are_told_as_they_stand(tmp_path: Path) -> None:
     text = "subject,side,volume,response,correct\ns,left,60,f,true\ns,right,60,f,false\n"
     draft, _ = map_draft(find_sources([put(tmp_path / "t.csv", text)], foreign=True).tables)
-    assert 'response = "response"  # guess; correct has 2 values: true, false' in draft
+    assert 'response = "response"  # guess; correct (true, false) does not say where' in draft
     asked = text.replace("response", "asked").replace(",f,", ",x,")
     draft, _ = map_draft(find_sources([put(tmp_path / "u.csv", asked)], foreign=True).tables)
     assert 'detected = "correct"  # guess; 2 values: true, false' in draft
@@ -732,3 +733,65 @@ def test_a_single_column_of_few_numbers_in_a_unit_is_the_level(tmp_path: Path) -
         two = two.replace(f"1,{level},", f"1,{level},{level}1,")
     told = tomllib.loads(map_draft(find_sources([put(table, two)], foreign=True).tables)[0])
     assert told["columns"]["level_vpp"] == ""
+
+
+def begun_again(folder: Path, *, people: int = 4) -> Path:
+    """Write a file for each person, and one more of the last, who broke off after two trials."""
+    head = "participant,session,trials.thisN,level_um,side,key_resp.keys,skin"
+    rows = [
+        f"{n},{level},{side},{side},{'dry' if n < 4 else 'moist'}"
+        for n, (level, side) in enumerate(product((0.5, 1, 2, 4), ("left", "right")))
+    ]
+    for person in range(people):
+        for name, number in (("b", 8), ("a", 2))[: 1 + (person == people - 1)]:
+            own = "\n".join(f"p{person},001,{row}" for row in rows[:number])
+            put(folder / f"p{person}_{name}.csv", f"{head}\n{own}\n")
+    return folder
+
+
+def test_a_run_begun_anew_is_named_and_pooled_with_no_other(tmp_path: Path) -> None:
+    data = begun_again(tmp_path / "data")
+    told = draft(data)
+    both = "two files have the same session and trial numbers, p3, 001: p3_a (2 rows) and p3_b (8 "
+    assert f"{NOTE}{both}rows): if the shorter was begun anew, delete the # before file- " in told
+    assert '\n# file- = "p3_a"  # two files' in told
+    assert 'trial = "trials.thisN"' in told
+    words = told.replace('down = ""', 'down = "none"')
+    columns = load_column_map(put(tmp_path / "as-drafted.toml", words))
+    error = str(refused(data, columns=columns))
+    assert "p3_b.csv:2: participant p3, session 001, trial 1, attempt 1: the same" in error
+    assert (
+        'leave the other out with [rows.skip] file- = "p3_a"; where both count, the map ' in error
+    )
+    for change, rows, warned in (
+        (("# file-", "file-"), 32, 0),
+        (("# session: ", 'session = "file-"  # '), 34, 0),
+        (('trial = "trials.thisN"', 'trial = ""'), 34, 1),
+    ):
+        text = words.replace(*change)
+        read = read_inputs([data], load_column_map(put(tmp_path / "changed.toml", text)))
+        assert len(read.trials) == rows
+        pooled = [one for one in read.changed if one.startswith("two files are read as one sess")]
+        assert len(pooled) == warned
+        assert read.numbered is not bool(warned)
+
+
+def test_two_persons_begin_anew(tmp_path: Path) -> None:
+    data = begun_again(tmp_path / "data")
+    put(data / "p0_c.csv", (data / "p3_a.csv").read_text(encoding="utf-8").replace("p3", "p0"))
+    assert '\n# file- = ["p0_c", "p3_a"]  # two files' in draft(data)
+
+
+def test_the_order_of_rows_is_that_of_conditions_within_a_file_only(tmp_path: Path) -> None:
+    data = begun_again(tmp_path / "data", people=2)
+    (data / "p1_a.csv").unlink()
+    text = draft(data).replace('trial = "trials.thisN"', 'trial = ""')
+    columns = load_column_map(put(tmp_path / "map.toml", text))
+    assert read_inputs([data], columns).numbered
+    for path in [*data.iterdir()]:
+        head, *rows = path.read_text(encoding="utf-8").splitlines()
+        for skin in ("dry", "moist"):
+            own = [row for row in rows if row.endswith(skin)]
+            put(path.with_name(f"{path.stem}{skin}.csv"), "\n".join([head, *own]) + "\n")
+        path.unlink()
+    assert not read_inputs([data], columns).numbered

@@ -351,7 +351,7 @@ def test_the_work_that_is_told_is_about_that_which_it_takes(middle: int, slope: 
 
     def search(trials: Trials) -> None:
         found = answers(trials, [smallest(trials, at, (least, most), 0.8)])
-        levers(trials, found[0], (least, most), kind, 5)
+        levers(trials, found[0], (least, most), kind, 5, in_volts=True)
 
     trials = Trials(plan="", seed=1, spread=known)
     ahead = Ahead(
@@ -559,9 +559,7 @@ def test_the_answer_is_the_smallest_number_that_exact_sums_allow(tmp_path: Path)
     assert exact[number] > 0.77
     assert exact[number - 1] < 0.83
     assert found["levers"][0]["change"] == "40 blanks instead of 20"
-    assert (
-        "is expected: at least 80% of such studies were asked for, and of 1000" in found["ethics"]
-    )
+    assert ": at least 80% of such studies were asked for, and of 1000" in found["ethics"]
     assert figure.read_text().startswith("<?xml")
 
 
@@ -1005,6 +1003,10 @@ def test_a_table_made_elsewhere_is_a_pilot_whatever_the_unit_of_its_levels(tmp_p
             "design.levels_vpp must be in nm, as the levels of --pilot, which go from 0.3 to 2 in ",
         ),
         (["--columns", str(tmp_path / "map.toml")], "--columns needs --pilot"),
+        (
+            [*pilot, "--columns", str(tmp_path / "um.toml"), "--levels", "placed"],
+            "--levels placed needs levels in V, as pilots go up to the device's highest; got um: ",
+        ),
     ):
         done = CliRunner().invoke(power, [*asked, *more])
         assert (done.exit_code, done.stdout) == (2, "")

@@ -1,8 +1,8 @@
-from .bids import about, bids_tables, plain_tables
 from .columns import FORCED, YES_NO, ColumnMap, load_column_map
 from .conditions import has_one_place, pooled, refuse_blank_levels, refuse_lost_sides
 from .counts import read_counted
 from .draft import NOTE, map_draft
+from .files import about, bids_tables, plain_tables
 from .form import RowFilter, foreign_chunks
 from .table import count_columns
 

@@ -14,7 +14,7 @@ import pandas as pd
 
 from analysis.axis import axis_of
 from analysis.reading.cells import ANY, DETECTED, UNANSWERED, CellReader, allowed, parse, units_of
-from analysis.reading.foreign.bids import STANDS_FOR
+from analysis.reading.foreign.files import STANDS_FOR
 from analysis.reading.foreign.form import (
     check_file,
     refuse_doubled,

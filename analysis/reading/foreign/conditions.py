@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Final
 
 from analysis.axis import axis_of
 from analysis.reading.cells import NOTHING, SILENT
-from analysis.reading.foreign.bids import FILE, STANDS_FOR
 from analysis.reading.foreign.factors import MOST, factor_words, float_of, roles_by_name, with_unit
+from analysis.reading.foreign.files import FILE, STANDS_FOR
 from analysis.reading.foreign.form import toml_entry
 from analysis.reading.foreign.names import (
     CALLED,

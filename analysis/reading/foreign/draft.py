@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING, Final
 
 from analysis.reading.cells import NOTHING, SILENT, TRUTHS
 from analysis.reading.checks import MAX_MEDIAN_RT_S
-from analysis.reading.foreign.bids import FILE, STANDS_FOR
 from analysis.reading.foreign.conditions import (
     BLANKS,
     MOST_FILES,
@@ -23,6 +22,13 @@ from analysis.reading.foreign.conditions import (
     blank_notes,
     offered_conditions,
     without_stimulus,
+)
+from analysis.reading.foreign.files import (
+    FILE,
+    STANDS_FOR,
+    begun_anew,
+    begun_anew_words,
+    shorter_files,
 )
 from analysis.reading.foreign.form import RowFilter, guessed_encoding, text_format, toml_entry
 from analysis.reading.foreign.names import (
@@ -43,7 +49,16 @@ from analysis.reading.foreign.names import (
     unit_of,
     without_level,
 )
-from analysis.reading.foreign.sample import EMPTY, NUMBER, Sample, listed, plain, sample_of, told_of
+from analysis.reading.foreign.sample import (
+    NUMBER,
+    Sample,
+    columns_told,
+    listed,
+    plain,
+    sample_of,
+    told_of,
+    unanswered,
+)
 from analysis.reading.text import one_line
 from experiment.terms.record import COLUMNS
 
@@ -62,13 +77,10 @@ NOTE: Final = "# Note: "
 _ROWS: Final = ("rows.keep", "rows.skip")
 _DECIMAL: Final = 'decimal = ","  # guess: there are numbers with a comma'
 _ASIDE: Final = {"none": "blanks", "both": "in no threshold"}
-_PRINTED: Final = 'printed as written, as "µm", "of full drive" or "um peak": nothing is converted'
+_PRINTED: Final = 'printed as written, as "um peak" or "of full drive": levels are not converted'
 _PEAKS: Final = "# its unit: V peak-to-peak, by the name; else state it, in [units]"
-_OF_FILE: Final = "; the name of the file without its ending, to be used like a column"
 _GO: Final = "guess: the only key, pressed if felt"
-_TASK: Final = (
-    '"yes/no" if people who felt nothing could say so, "forced choice" if they had to guess'
-)
+_TASK: Final = '"yes/no" if people who felt nothing could say so, "forced choice" if they guessed'
 
 
 def map_draft(sources: Sequence[InputTable]) -> tuple[str, list[str]]:
@@ -77,7 +89,7 @@ def map_draft(sources: Sequence[InputTable]) -> tuple[str, list[str]]:
     Of a data set with several tasks the tables of the first are looked at. Raises ResultFileError
     for a table that cannot be read as text.
     """
-    tasks = list(dict.fromkeys(one.about.get("task-", "") for one in sources))
+    tasks = [*dict.fromkeys(one.about.get("task-", "") for one in sources)]
     chosen = [one for one in sources if one.about.get("task-", "") == tasks[0]]
     encoding = guessed_encoding([one.path for one in chosen[:MOST_FILES]])
     form = partial(text_format, {"encoding": encoding})
@@ -102,14 +114,16 @@ def map_draft(sources: Sequence[InputTable]) -> tuple[str, list[str]]:
     elif needs_task:
         lines.append(toml_entry("task", "", f"{_FILL}{_TASK}"))
     else:
-        lines.append(f'# task: nothing to state if a key below means "none"; if none does, {_TASK}')
+        lines.append(
+            f'# task: not needed where a key below stands for "none"; where no key does, {_TASK}'
+        )
     order = ("file", "rows.keep", "rows.skip", "columns", "values.condition", "values.side",
              "values.level_vpp", "values.response", "values.detected", "values.rt_s", "constant",
              "units", "axis", "table")  # fmt: skip
     for name in order:
         if sections.get(name):
             lines += ["", f"[{name}]", *sections[name]]
-    lines += ["", "# All columns:", *(f"#   {line}" for line in _told(table, looked_at))]
+    lines += ["", "# All columns:", *(f"#   {line}" for line in columns_told(table, looked_at))]
     blanks = [line.split(" = ")[0] for line in lines if f"# {_FILL}" in line]
     return "\n".join(lines) + "\n", blanks
 
@@ -118,7 +132,7 @@ def _notes(looked_at: Sample, trials: Sample, sections: Mapping[str, list[str]])
     """Say how many rows are skipped and by what, and what becomes of blanks and both sides."""
     if skipped := len(looked_at.rows) - len(trials.rows):
         kept = [f"[{name}] {line.partition('  # ')[0]}" for name in _ROWS
-                for line in sections.get(name, ())]  # fmt: skip
+                for line in sections.get(name, ()) if not line.startswith("#")]  # fmt: skip
         are = "is" if skipped == 1 else "are"
         level = level_of(looked_at)
         words = {} if level is None else looked_at.words(level) - trials.words(level)
@@ -128,6 +142,8 @@ def _notes(looked_at: Sample, trials: Sample, sections: Mapping[str, list[str]])
         rest = skipped - with_level - silent
         of = f" ({with_level} with a level, {of_silent}{rest} without)" if with_level else ""
         yield f"{skipped} of {len(looked_at.rows)} rows {are} skipped{of}, by {', '.join(kept)}"
+    for line in sections.get("rows.skip", ()):
+        yield from [line.partition("  # ")[2]] * line.startswith("#")
     side, (response, hit) = side_of(trials), answers_of(trials)
     yield from blank_notes(trials, side, where=response is None or hit != response)
     words = trials.words(side) if side else {}
@@ -235,6 +251,11 @@ def _trial(table: Sample, sections: dict[str, list[str]]) -> None:
     of_person = [name for name in (person, session, "attempt") if name in table.header]
     within = of_person if person in table.header else [*of_person, FILE]
     numbered = next((name for name in columns if table.unique(name, within)), None)
+    if numbered is None and (again := begun_anew(table.of(within, FILE))):
+        numbered = next((name for name in columns if table.unique(name, [*within, FILE])), None)
+        if numbered is not None:
+            line = toml_entry(FILE, shorter_files(again), begun_anew_words(again))
+            sections.setdefault("rows.skip", []).append(f"# {line}")
     if numbered is not None:
         _named(table, "trial", numbered, sections)
     elif columns:
@@ -293,8 +314,8 @@ def _answer(
     if "table" in sections:
         return
     if hit is not None and hit != response and response is not None:
-        told = told_of(table, hit)
-        _put(sections, "columns", "response", response, f"guess; {one_line(hit)} has {told}")
+        told = f"guess; {one_line(hit)} ({listed([*table.words(hit)])}) does not say where"
+        _put(sections, "columns", "response", response, told)
         _words(table, "response", response, sections)
     elif hit is not None:
         _put(sections, "columns", "detected", hit, f"guess; {told_of(table, hit)}")
@@ -307,7 +328,7 @@ def _answer(
                 continue
             ours = "timeout" if word.lower() in NOTHING else FELT[word.lower()]
             if word not in (*TRUTHS, "0", "1"):
-                told = _unanswered(table, hit, word) if ours == "timeout" else ""
+                told = unanswered(table, hit, word) if ours == "timeout" else ""
                 _put(sections, "values.detected", word, ours, f"guess{told}")
     elif response is not None:
         _named(table, "response", response, sections)
@@ -367,31 +388,12 @@ def _words(table: Sample, ours: str, theirs: str, sections: dict[str, list[str]]
     for word in words[:_MOST_WORDS]:
         guess = guess_of(table, ours, theirs, word)
         button = "the button that jsPsych counts so, the first is 0: " * has_buttons(table)
-        told = _unanswered(table, theirs, word) if guess == "timeout" else ""
+        told = unanswered(table, theirs, word) if guess == "timeout" else ""
         what = f"guess{told}" if guess else f"{_FILL}{button}{', '.join(known)}"
         _put(sections, f"values.{ours}", word, guess, what)
-
-
-def _unanswered(table: Sample, name: str, word: str) -> str:
-    """Say how many rows have no answer, what they count for, and how to leave them out."""
-    skip = toml_entry(name, word, "").partition("  #")[0]
-    rows = table.words(name)[word]
-    return (
-        f": {rows} row{'s' * (rows != 1)}, counted as not detected; a paper says so; to leave them "
-        f"out: [rows.skip] {skip}"
-    )
 
 
 def _put(
     sections: dict[str, list[str]], section: str, key: str, value: str | list[str], comment: str
 ) -> None:
     sections.setdefault(section, []).append(toml_entry(key, value, comment))
-
-
-def _told(table: Sample, looked_at: Sample) -> Iterator[str]:
-    """Say what stands in each column, of the rows that are read."""
-    for name in dict.fromkeys(table.header):
-        if name:
-            told = told_of(table, name)
-            read = " in the rows that are read" * (EMPTY == told != told_of(looked_at, name))
-            yield f"{one_line(name)}: {told}{read}{_OF_FILE * (name == FILE)}"

@@ -119,8 +119,8 @@ def text_format(section: Mapping[str, str], suffix: str) -> TextFormat:
 class RowFilter:
     """Which rows are read: with one of the words in each column of `keep`, in none of `skip`.
 
-    A name that ends in ``-`` is told by the file's name, see `analysis.reading.foreign.bids.about`;
-    a file that does not tell it has empty text there. `met` has what stood in these columns so far.
+    A name that ends in ``-`` is told by the file's name (`analysis.reading.foreign.files.about`); a
+    file that does not tell it has empty text there. `met` has what stood in these columns so far.
 
     >>> leaves_out = RowFilter(skip={"trials.thisN": ("",)}).rule(["trials.thisN"], "t.csv")
     >>> leaves_out(["0"]), leaves_out([""])

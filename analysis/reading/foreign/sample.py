@@ -10,7 +10,8 @@ from itertools import pairwise
 from typing import TYPE_CHECKING, Final
 
 from analysis.reading.cells import NOTHING
-from analysis.reading.foreign.form import foreign_chunks
+from analysis.reading.foreign.files import FILE
+from analysis.reading.foreign.form import foreign_chunks, toml_entry
 from analysis.reading.sources import unreadable
 from analysis.reading.text import one_line
 
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
 NUMBER: Final = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)([eE][+-]?\d+)?", re.ASCII)
 _PADDED: Final = re.compile(r"0\d")
 _SHOWN: Final = 8
+_OF_FILE: Final = "; the name of the file without its ending, to be used like a column"
 EMPTY: Final = "empty"
 """What stands in a column without a value."""
 
@@ -69,6 +71,11 @@ class Sample:
         """Count the rows that differ from the one above: most in the innermost of nested loops."""
         place = self.header.index(name)
         return sum(one[place] != other[place] for one, other in pairwise(self.rows))
+
+    def of(self, names: Sequence[str], other: str) -> Iterator[tuple[tuple[str, ...], str]]:
+        """Yield what each row has in some columns, and in another."""
+        *places, at = (self.header.index(name) for name in (*names, other))
+        return ((tuple([row[place] for place in places]), row[at]) for row in self.rows)
 
     def unique(self, name: str, within: Sequence[str]) -> bool:
         """Tell whether no two rows that agree in the columns `within` agree in this one.
@@ -135,6 +142,25 @@ def told_of(sample: Sample, name: str) -> str:
     if all(map(NUMBER.fullmatch, values)):
         values.sort(key=lambda word: float(word.replace(",", ".")))
     return f"{len(values)} value{'s'[: len(values) != 1]}: {listed(values)}{empty}"
+
+
+def columns_told(table: Sample, looked_at: Sample) -> Iterator[str]:
+    """Say what stands in each column, of the rows that are read."""
+    for name in dict.fromkeys(table.header):
+        if name:
+            told = told_of(table, name)
+            read = " in the rows that are read" * (EMPTY == told != told_of(looked_at, name))
+            yield f"{one_line(name)}: {told}{read}{_OF_FILE * (name == FILE)}"
+
+
+def unanswered(table: Sample, name: str, word: str) -> str:
+    """Say how many rows have no answer, what they count for, and how to leave them out."""
+    skip = toml_entry(name, word, "").partition("  #")[0]
+    rows = table.words(name)[word]
+    return (
+        f": {rows} row{'s' * (rows != 1)}, counted as not detected; a paper says so; to leave them "
+        f"out: [rows.skip] {skip}"
+    )
 
 
 def listed(words: Sequence[str]) -> str:
