@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import csv
+import random
 import tomllib
 from itertools import product
 from typing import TYPE_CHECKING
@@ -795,3 +796,52 @@ def test_the_order_of_rows_is_that_of_conditions_within_a_file_only(tmp_path: Pa
             put(path.with_name(f"{path.stem}{skin}.csv"), "\n".join([head, *own]) + "\n")
         path.unlink()
     assert not read_inputs([data], columns).numbered
+
+
+def two_frequencies(folder: Path, keys: tuple[str, str, str], *, told: bool = True) -> Path:
+    """Write a table of four people, two frequencies in random order, and which key was right."""
+    rng = random.Random(3)
+    key = dict(zip(("left", "right", "none"), keys, strict=True))
+    shown = [
+        (hz, side, level) for hz in (60, 200) for side in ("left", "right") for level in (1, 2, 4)
+    ]
+    shown += [(hz, "none", 0) for hz in (60, 200)]
+    head = "participant,gender,trials.thisN,finger,level_um,freq,resp.keys,resp.corr"
+    rows = []
+    for person in range(4):
+        order = [one for _ in range(8) for one in rng.sample(shown, len(shown))]
+        for n, (hz, side, level) in enumerate(order):
+            said = side if rng.random() < level / 4 else "none"
+            right = f",{key[side]}" * told
+            row = (
+                f"{person},{'mf'[person % 2]},{n},{side},{level},{hz},{key[said]},{said == side:d}"
+            )
+            rows.append(row + right)
+    return put(folder / "t.csv", "\n".join([head + ",correctAns" * told, *rows]) + "\n")
+
+
+def test_a_frequency_in_random_order_is_offered_and_a_gender_is_not(tmp_path: Path) -> None:
+    told = draft(two_frequencies(tmp_path, ("a", "l", "space")))
+    assert '\n# condition = "freq"  # guess: delete the first # to compare 60, 200\n' in told
+    assert "gender compares" not in told
+    assert 'condition = "gender"' not in told
+
+
+@pytest.mark.parametrize(
+    ("keys", "told", "guessed"),
+    [
+        (("a", "l", "space"), True, ("left", "right", "none")),
+        (("l", "r", "space"), True, ("left", "right", "none")),
+        (("r", "l", "space"), True, ("left", "right", "none")),  # whatever their names
+        (("right", "left", "down"), True, ("left", "right", "none")),
+        (("l", "r", "space"), False, ("left", "right", "")),
+        (("a", "l", "space"), False, ("", "", "")),
+    ],
+)
+def test_a_key_is_the_side_where_it_is_right_whatever_its_name(
+    tmp_path: Path, keys: tuple[str, str, str], *, told: bool, guessed: tuple[str, str, str]
+) -> None:
+    text = draft(two_frequencies(tmp_path, keys, told=told))
+    for key, side in zip(keys, guessed, strict=True):
+        line = "" if key == side else f'\n{key} = "{side}"  # {"guess" if side else "FILL IN"}'
+        assert line in text

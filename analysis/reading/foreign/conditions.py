@@ -45,7 +45,8 @@ _ANSWERED: Final = 0.8
 _FORETELLING: Final = ("level_vpp", "side", "response", "detected")
 """What also tells a stimulus from a blank, or a hit from a miss, as others' columns say again."""
 _SIDE: Final = re.compile("left|right")
-_NONE: Final = ("date", "time", "expname", "expstart", "psychopyversion", "corrans")
+_NONE: Final = ("date", "time", "expname", "expstart", "psychopyversion", "corrans",
+                "gender", "sex", "geschlecht", "sexe")  # fmt: skip
 
 
 def may_be_conditions(

@@ -384,9 +384,10 @@ def _numbers(table: Sample, ours: str, theirs: str, sections: dict[str, list[str
 def _words(table: Sample, ours: str, theirs: str, sections: dict[str, list[str]]) -> None:
     """Say what each word of theirs is, where it is known or must be told."""
     known = next(column.choices for column in COLUMNS if column.name == ours)
-    words = [word for word in table.words(theirs) if word not in known]
+    guesses = {word: guess_of(table, ours, theirs, word) for word in table.words(theirs)}
+    words = [w for w, one in guesses.items() if w not in known or {w, one} == {"left", "right"}]
     for word in words[:_MOST_WORDS]:
-        guess = guess_of(table, ours, theirs, word)
+        guess = guesses[word]
         button = "the button that jsPsych counts so, the first is 0: " * has_buttons(table)
         told = unanswered(table, theirs, word) if guess == "timeout" else ""
         what = f"guess{told}" if guess else f"{_FILL}{button}{', '.join(known)}"

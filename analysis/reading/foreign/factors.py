@@ -27,6 +27,7 @@ _TOLD: Final = 0.95  # of rows that other columns foretell
 _CELL: Final = 4  # rows of a cell from which that can be seen
 _EVEN: Final = 0.5  # of the scatter of counts by chance: a plan, no draw
 _RARE: Final = -2.33  # standard deviations: one draw in a hundred
+_USUAL: Final = 0.6  # of the answers to a value, more than one of two that come as often
 _PART: Final = re.compile("[A-Z]?[a-z]+|[A-Z]+")
 _PARTED: Final = re.compile(r"[_ .(\[]+")
 _UNIT: Final = re.compile(
@@ -261,7 +262,11 @@ def _is_target(rows: Sequence[_Row]) -> bool:
         cells: dict[str, Counter[str]] = defaultdict(Counter)
         for word, answers in high:
             cells[word][answers[at]] += 1
-        if len({cell.most_common(1)[0][0] for cell in cells.values()}) > 1:
+        usual = [cell.most_common(1)[0] for cell in cells.values()]
+        clear = all(
+            n > _USUAL * cell.total() for (_, n), cell in zip(usual, cells.values(), strict=True)
+        )
+        if clear and len({answer for answer, _ in usual}) > 1:
             return True
     return False
 

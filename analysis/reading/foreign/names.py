@@ -101,6 +101,8 @@ FELT: Final[Mapping[str, str]] = {
     **dict.fromkeys(("true", "yes", "y", "ja", "j", "oui", "o", "1"), "1"),
     **dict.fromkeys(("false", "no", "n", "nein", "non", "0"), "0"),
 }
+_INITIALS: Final = {"l", "r"}
+"""Keys that are the initials of sides only beside each other."""
 _PART: Final = re.compile("[A-Z]?[a-z]+|[A-Z]+")
 _MOST_LEVELS: Final = 20
 _FEW_WORDS: Final = 4
@@ -275,19 +277,23 @@ def _of_person(table: Sample, name: str) -> bool:
 def guess_of(table: Sample, ours: str, theirs: str, word: str) -> str:
     """Guess what a word of a column of sides or of answers is; empty text where it must be told.
 
-    A key is the side where it is the right answer; a side without a letter, where no level is above
-    0, is none.
+    A key is the side where it is the right answer, whatever its name: l may be the right one beside
+    a. A side without a letter, where no level is above 0, is none.
     """
     if word.lower() in NOTHING:
         return "timeout" if ours == "response" else "none"
-    if plain(word) in WORDS:
-        return WORDS[plain(word)]
     side, level = side_of(table), level_of(table)
+    if ours == "response" and side and (keys := _keys_of(table, side, theirs)):
+        return keys.get(word, "")
+    if plain(word) in WORDS:
+        alone = ours == "response" and plain(word) in _INITIALS
+        others = {plain(one) for one in table.words(theirs)} if alone else _INITIALS
+        return WORDS[plain(word)] if others >= _INITIALS else ""
     if ours == "side" and level and not plain(word):
         at, beside = table.header.index(theirs), table.header.index(level)
         shown = Sample(header=[level], rows=[[r[beside]] for r in table.rows if r[at] == word])
         return "" if any(shown.numbers(level) or []) else "none"
-    return _keys_of(table, side, theirs).get(word, "") if ours == "response" and side else ""
+    return ""
 
 
 def _keys_of(table: Sample, side: str, theirs: str) -> dict[str, str]:
