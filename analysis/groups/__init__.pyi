@@ -14,6 +14,7 @@ from .hierarchy import FEW, PeopleTables
 from .micrometres import (
     in_micrometres,
     micrometres_row,
+    unequal_sides,
     with_group_micrometres,
     with_micrometres,
 )
@@ -59,6 +60,7 @@ __all__ = [
     "population_thresholds",
     "same_rates_p",
     "threshold_on_axis",
+    "unequal_sides",
     "with_criterion",
     "with_group_micrometres",
     "with_micrometres",

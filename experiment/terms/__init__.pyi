@@ -19,6 +19,7 @@ from .exits import ANSWER_IS_NO, DEVICE_FAILED, INTERRUPTED, STOPPED_EARLY, Comm
 from .gains import (
     OWN_FINGER_ONLY,
     OWN_FINGERS,
+    UNEQUAL_DB,
     ConditionGains,
     FingerGains,
     gains_from_json,
@@ -76,6 +77,7 @@ __all__ = [
     "SCHEMA",
     "SIDES",
     "STOPPED_EARLY",
+    "UNEQUAL_DB",
     "AwaitedAnswer",
     "Column",
     "CommandError",

@@ -2,7 +2,7 @@ from .columns import FORCED, YES_NO, ColumnMap, load_column_map
 from .conditions import has_one_place, pooled, refuse_blank_levels, refuse_lost_sides
 from .counts import read_counted
 from .draft import NOTE, map_draft
-from .files import about, bids_tables, plain_tables
+from .files import about, begun_anew, bids_tables, both_files, plain_tables
 from .form import RowFilter, foreign_chunks
 from .table import count_columns
 
@@ -13,7 +13,9 @@ __all__ = [
     "ColumnMap",
     "RowFilter",
     "about",
+    "begun_anew",
     "bids_tables",
+    "both_files",
     "count_columns",
     "foreign_chunks",
     "has_one_place",
