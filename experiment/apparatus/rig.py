@@ -198,7 +198,12 @@ def asked_of(settings: DeviceSettings) -> str:
     ('a person needs a real device (--driver, -', 'you are asked whether the hardware is saf')
     """
     if settings.driver == MOCK:
-        return "a person needs a real device (--driver, --port), or --practice-without-device"
+        keys = dict.fromkeys(key for needed in NEEDS.values() for key in needed)
+        unused = [key for key in keys if getattr(settings, key) is not None]
+        told = f'; driver = "mock" uses no {" and no ".join(unused)}' if unused else ""
+        return (
+            f"a person needs a real device (--driver, --port), or --practice-without-device{told}"
+        )
     return (
         f"you are asked whether the hardware is safe, {len(QUESTION)} things (docs/hardware.md), "
         "unless an emulator answers; --confirm-hardware says yes"

@@ -255,10 +255,27 @@ def _loudest(field: PlateBand, driven: int, other: int) -> str:
     limit_db = field.plate.masking_limit_db
     loudest = int(np.argmax(level > np.max(level) - _PLATEAU_DB))
     above = np.flatnonzero(level > -limit_db)
-    first = f"first at {hertz(asked_hz[above[0]])}" if above.size else "nowhere"
+    first = (
+        f"first at {hertz(_crossing_hz(asked_hz, level, -limit_db))}" if above.size else "nowhere"
+    )
     most = f"tone largest {decibels(level[loudest])}, at {hertz(asked_hz[loudest])}"
     levels = f"{_burst(field, driven)}{most}; above -{limit_db:g} dB {first}"
     return f"{field.plate.places[other]}: {levels}"
+
+
+def _crossing_hz(
+    asked_hz: NDArray[np.float64], level_db: NDArray[np.float64], limit_db: float
+) -> float:
+    """Return where a level first comes above a limit, on the line between two frequencies.
+
+    >>> round(_crossing_hz(np.array([100.0, 110.0]), np.array([-24.0, -19.0]), -20.0), 1)
+    108.0
+    """
+    after = int(np.argmax(level_db > limit_db))
+    if not after:
+        return float(asked_hz[0])
+    ends = slice(after - 1, after + 1)
+    return float(np.round(np.interp(limit_db, level_db[ends], asked_hz[ends]), 1))
 
 
 def strip_text(plate: PlatePreview) -> str:
