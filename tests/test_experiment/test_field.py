@@ -523,7 +523,7 @@ def test_progress_is_on_a_terminal_only_and_not_for_what_is_over_at_once(
 
 def test_where_a_band_exceeds_the_limit_does_not_depend_on_its_steps() -> None:
     first_hz = [
-        float(re.findall(r"above -20 dB first at ([\d.]+) Hz", field_text(one))[0])
+        float(re.findall(r"above -20 dB first at ([\d.]+) Hz", field_text(one, "s"))[0])
         for one in (band("", 200, 5000, 500), band("", 2500, 2900, 100))
     ]
     assert first_hz[0] == pytest.approx(first_hz[1], abs=1)  # steps of 9.6 and 4 Hz
