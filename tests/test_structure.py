@@ -38,7 +38,14 @@ LATER = {
     ),
     *("integrity", "commands/verify.py", "trial/order.py"),
     "scpi/visa.py",
-    *("groups", "thresholds/density.py", "thresholds/grid.py", "foreign", "commands/columns.py"),
+    *(
+        "groups",
+        "thresholds/density.py",
+        "thresholds/grid.py",
+        "foreign",
+        "drafted",
+        "commands/columns.py",
+    ),
     *(
         "answers/dprime.py",
         "groups/criterion.py",

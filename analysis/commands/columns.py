@@ -29,7 +29,7 @@ def columns(*, tables: tuple[Path, ...], target: Path | None) -> None:
     TABLE is a file, a folder of such or a BIDS data set; several are all of one form. What is
     guessed is called so; what is empty must be filled in before analyze takes the map.
     """
-    from analysis.reading.foreign.draft import NOTE, map_draft
+    from analysis.reading.drafted.draft import NOTE, map_draft
     from analysis.reading.sources import TABLE, find_sources
 
     if target is not None and (target.exists() or target.is_symlink()):

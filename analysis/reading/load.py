@@ -14,7 +14,7 @@ import pandas as pd
 from analysis.axis import Axis, axis_of
 from analysis.reading.batch import InputFile, batches, read_batch
 from analysis.reading.checks import check_together, in_seconds
-from analysis.reading.foreign.conditions import (
+from analysis.reading.drafted.conditions import (
     has_one_place,
     pooled,
     refuse_blank_levels,

@@ -15,8 +15,8 @@ from hypothesis import strategies as st
 
 from analysis import ColumnMap, load_column_map
 from analysis.answers.detection import level_table
+from analysis.reading.drafted.draft import NOTE, map_draft
 from analysis.reading.foreign.columns import KEYS, SECTIONS
-from analysis.reading.foreign.draft import NOTE, map_draft
 from analysis.reading.load import read_inputs
 from analysis.reading.sources import find_sources
 from tests.test_analysis.shared import EXAMPLES, LEAST, put, refused, run

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 from analysis import load_column_map
-from analysis.reading.foreign.draft import map_draft
-from analysis.reading.foreign.factors import Roles, factor_words
-from analysis.reading.foreign.sample import Sample
+from analysis.reading.drafted.draft import map_draft
+from analysis.reading.drafted.factors import Roles, factor_words
+from analysis.reading.drafted.sample import Sample
 from analysis.reading.load import read_inputs
 from analysis.reading.sources import find_sources
 from tests.test_analysis.shared import put

@@ -1,29 +1,38 @@
 from .columns import FORCED, YES_NO, ColumnMap, load_column_map
-from .conditions import has_one_place, pooled, refuse_blank_levels, refuse_lost_sides
 from .counts import read_counted
-from .draft import NOTE, map_draft
-from .files import about, begun_anew, bids_tables, both_files, plain_tables
-from .form import RowFilter, foreign_chunks
+from .files import (
+    FILE,
+    STANDS_FOR,
+    about,
+    begun_anew,
+    begun_anew_words,
+    bids_tables,
+    both_files,
+    plain_tables,
+    shorter_files,
+)
+from .form import RowFilter, foreign_chunks, guessed_encoding, text_format, toml_entry
 from .table import count_columns
 
 __all__ = [
+    "FILE",
     "FORCED",
-    "NOTE",
+    "STANDS_FOR",
     "YES_NO",
     "ColumnMap",
     "RowFilter",
     "about",
     "begun_anew",
+    "begun_anew_words",
     "bids_tables",
     "both_files",
     "count_columns",
     "foreign_chunks",
-    "has_one_place",
+    "guessed_encoding",
     "load_column_map",
-    "map_draft",
     "plain_tables",
-    "pooled",
     "read_counted",
-    "refuse_blank_levels",
-    "refuse_lost_sides",
+    "shorter_files",
+    "text_format",
+    "toml_entry",
 ]

@@ -10,13 +10,13 @@ from math import sqrt
 from statistics import median
 from typing import TYPE_CHECKING, Final
 
-from analysis.reading.foreign.names import CALLED, HITS, LEVELS
-from analysis.reading.foreign.sample import NUMBER
+from analysis.reading.drafted.names import CALLED, HITS, LEVELS
+from analysis.reading.drafted.sample import NUMBER
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from analysis.reading.foreign.sample import Sample
+    from analysis.reading.drafted.sample import Sample
 
 MOST: Final = 6
 """Different values of a condition at most."""

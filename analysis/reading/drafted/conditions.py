@@ -7,10 +7,14 @@ from typing import TYPE_CHECKING, Final
 
 from analysis.axis import axis_of
 from analysis.reading.cells import NOTHING, SILENT
-from analysis.reading.foreign.factors import MOST, factor_words, float_of, roles_by_name, with_unit
-from analysis.reading.foreign.files import FILE, STANDS_FOR
-from analysis.reading.foreign.form import toml_entry
-from analysis.reading.foreign.names import (
+from analysis.reading.drafted.factors import (
+    MOST,
+    factor_words,
+    float_of,
+    roles_by_name,
+    with_unit,
+)
+from analysis.reading.drafted.names import (
     CALLED,
     CATCH,
     CODE,
@@ -25,15 +29,17 @@ from analysis.reading.foreign.names import (
     side_of,
     without_level,
 )
-from analysis.reading.foreign.sample import NUMBER, listed, plain, sample_of
+from analysis.reading.drafted.sample import NUMBER, listed, plain, sample_of
+from analysis.reading.foreign.files import FILE, STANDS_FOR
+from analysis.reading.foreign.form import toml_entry
 from analysis.reading.text import ResultFileError, one_line
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterator, Sequence
 
+    from analysis.reading.drafted.factors import Roles
+    from analysis.reading.drafted.sample import Sample
     from analysis.reading.foreign.columns import ColumnMap
-    from analysis.reading.foreign.factors import Roles
-    from analysis.reading.foreign.sample import Sample
     from analysis.reading.sources import InputTable
 
 OFFERED: Final = "guess: delete the first # to compare "

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Final
 
 from analysis.reading.cells import NOTHING, SILENT, TRUTHS
 from analysis.reading.checks import MAX_MEDIAN_RT_S
-from analysis.reading.foreign.conditions import (
+from analysis.reading.drafted.conditions import (
     BLANKS,
     MOST_FILES,
     OFFERED,
@@ -23,15 +23,7 @@ from analysis.reading.foreign.conditions import (
     offered_conditions,
     without_stimulus,
 )
-from analysis.reading.foreign.files import (
-    FILE,
-    STANDS_FOR,
-    begun_anew,
-    begun_anew_words,
-    shorter_files,
-)
-from analysis.reading.foreign.form import RowFilter, guessed_encoding, text_format, toml_entry
-from analysis.reading.foreign.names import (
+from analysis.reading.drafted.names import (
     CALLED,
     COUNTS,
     FELT,
@@ -49,7 +41,7 @@ from analysis.reading.foreign.names import (
     unit_of,
     without_level,
 )
-from analysis.reading.foreign.sample import (
+from analysis.reading.drafted.sample import (
     NUMBER,
     Sample,
     columns_told,
@@ -59,6 +51,14 @@ from analysis.reading.foreign.sample import (
     told_of,
     unanswered,
 )
+from analysis.reading.foreign.files import (
+    FILE,
+    STANDS_FOR,
+    begun_anew,
+    begun_anew_words,
+    shorter_files,
+)
+from analysis.reading.foreign.form import RowFilter, guessed_encoding, text_format, toml_entry
 from analysis.reading.text import one_line
 from experiment.terms.record import COLUMNS
 

@@ -9,7 +9,7 @@ import re
 from typing import TYPE_CHECKING, Final
 
 from analysis.reading.cells import NOTHING
-from analysis.reading.foreign.sample import Sample, plain
+from analysis.reading.drafted.sample import Sample, plain
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -333,7 +333,7 @@ def is_hit(table: Sample, name: str) -> bool:
 def only_key(table: Sample, name: str) -> str:
     """Return the only key of a go/no-go task, pressed where something was felt; else nothing.
 
-    >>> from analysis.reading.foreign.sample import Sample
+    >>> from analysis.reading.drafted.sample import Sample
     >>> only_key(Sample(header=["key"], rows=[["space"], ["None"]]), "key")
     'space'
     """
