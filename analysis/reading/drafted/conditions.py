@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Final
 
 from analysis.axis import axis_of
 from analysis.reading.cells import NOTHING, SILENT
+from analysis.reading.drafted.answers import given, is_hit, may_be_answers, side_of
+from analysis.reading.drafted.blanks import blank_words, without_level
 from analysis.reading.drafted.factors import (
     MOST,
     factor_words,
@@ -14,21 +16,8 @@ from analysis.reading.drafted.factors import (
     roles_by_name,
     with_unit,
 )
-from analysis.reading.drafted.names import (
-    CALLED,
-    CATCH,
-    CODE,
-    FELT,
-    WORDS,
-    blank_words,
-    given,
-    is_hit,
-    is_signed,
-    level_of,
-    may_be_answers,
-    side_of,
-    without_level,
-)
+from analysis.reading.drafted.levels import CODE, is_signed, level_of
+from analysis.reading.drafted.names import CALLED, CATCH, FELT, WORDS
 from analysis.reading.drafted.sample import NUMBER, listed, plain, sample_of
 from analysis.reading.foreign.files import FILE, STANDS_FOR
 from analysis.reading.foreign.form import toml_entry

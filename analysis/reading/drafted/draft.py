@@ -14,6 +14,8 @@ from typing import TYPE_CHECKING, Final
 
 from analysis.reading.cells import NOTHING, SILENT, TRUTHS
 from analysis.reading.checks import MAX_MEDIAN_RT_S
+from analysis.reading.drafted.answers import answers_of, guess_of, has_buttons, only_key, side_of
+from analysis.reading.drafted.blanks import no_trials, without_level
 from analysis.reading.drafted.conditions import (
     BLANKS,
     MOST_FILES,
@@ -23,24 +25,8 @@ from analysis.reading.drafted.conditions import (
     offered_conditions,
     without_stimulus,
 )
-from analysis.reading.drafted.names import (
-    CALLED,
-    COUNTS,
-    FELT,
-    OF,
-    WORDS,
-    answers_of,
-    guess_of,
-    has_buttons,
-    in_db,
-    is_signed,
-    level_of,
-    no_trials,
-    only_key,
-    side_of,
-    unit_of,
-    without_level,
-)
+from analysis.reading.drafted.levels import in_db, is_signed, level_of, unit_of
+from analysis.reading.drafted.names import CALLED, COUNTS, FELT, OF, WORDS
 from analysis.reading.drafted.sample import (
     NUMBER,
     Sample,

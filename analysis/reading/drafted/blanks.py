@@ -1,0 +1,81 @@
+"""Which rows are blanks, and which are no trials."""
+
+from __future__ import annotations
+
+import re
+from typing import TYPE_CHECKING, Final
+
+from analysis.reading.cells import NOTHING
+from analysis.reading.drafted.answers import answers_of, may_be_answers, only_key
+from analysis.reading.drafted.levels import level_of
+from analysis.reading.drafted.names import CALLED, FELT, HITS
+
+if TYPE_CHECKING:
+    from analysis.reading.drafted.sample import Sample
+
+_FEW_WORDS: Final = 4
+_NO_TRIAL: Final = re.compile(
+    "(?<![a-z])(practi[cs]e|prac|training|instructions?|demo|warm.?up|welcome)(?![a-z])",
+    re.IGNORECASE,
+)
+_MOST_PRACTICE: Final = 0.5
+
+
+def blank_words(table: Sample, level: str) -> tuple[str, list[str]]:
+    """Return the column that tells rows without a level, and its words there.
+
+    It has a few words, of which each stands there or elsewhere only; if there is none it is that of
+    the level itself. Empty text where all rows have a level.
+    """
+    at = table.header.index(level)
+    empty = [row[at].lower() in NOTHING for row in table.rows]
+    if not any(empty) or all(empty):
+        return "", []
+    answers = {*table.named(CALLED["response"]), *table.named(HITS), *table.named(CALLED["rt_s"])}
+    found: dict[int, tuple[str, list[str]]] = {}
+    for name in dict.fromkeys(table.header):
+        place = table.header.index(name)
+        pairs = {(row[place], there) for row, there in zip(table.rows, empty, strict=True)}
+        told = len({word for word, _ in pairs}) == len(pairs) <= _FEW_WORDS
+        if told and name not in answers and name != level:
+            found.setdefault(len(pairs), (name, [word for word, there in pairs if there]))
+    itself = level, [word for word in table.words(level) if word.lower() in NOTHING]
+    return found[min(found)] if found else itself
+
+
+def without_level(table: Sample) -> tuple[str, int, float]:
+    """Return the column of the level, how many rows have none, and which part of them an answer.
+
+    Where a single key is pressed if something was felt no row tells that it was not answered. The
+    word "none" is an answer, as in our tables; PsychoPy's None is not.
+    """
+    level = level_of(table)
+    answers = [name for name in answers_of(table) if name] or may_be_answers(table)
+    if level is None or not answers or any(only_key(table, name) for name in answers):
+        return level or "", 0, 0.0
+    at, places = table.header.index(level), [table.header.index(name) for name in answers]
+    rows = [row for row in table.rows if row[at].lower() in NOTHING]
+    if len(rows) == len(table.rows):
+        return level, 0, 0.0
+    said = [{row[place] for place in places} for row in rows]
+    answered = [any(word == "none" or word.lower() not in NOTHING for word in one) for one in said]
+    return level, len(rows), sum(answered) / max(len(rows), 1)
+
+
+def no_trials(table: Sample, name: str) -> list[str]:
+    """Return the words of a column that say that rows are practice and the like.
+
+    None of a column that says what a participant is: each word of it has to be one of several in
+    who has it, and they are less than half of the rows. Of a column called practice true is such.
+    """
+    who = table.called(CALLED["participant"])
+    if name in (who, table.called(CALLED["condition"]), table.called(CALLED["session"])):
+        return []
+    words = table.words(name)
+    found = [word for word in words if _NO_TRIAL.search(word.replace("_", " "))]
+    if _NO_TRIAL.search(re.sub("[_.]", " ", name)) and {w.lower() for w in words} <= {*FELT, ""}:
+        found = [word for word in words if FELT.get(word.lower()) == "1"]
+    others = [row for row in table.rows if row[table.header.index(name)] not in found]
+    if who and {row[table.header.index(who)] for row in others} != {*table.words(who)}:
+        return []
+    return found if len(others) > _MOST_PRACTICE * len(table.rows) else []

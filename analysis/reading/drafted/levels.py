@@ -1,0 +1,75 @@
+"""Which column is that of the levels, and what they are in."""
+
+from __future__ import annotations
+
+import re
+from typing import Final
+
+from analysis.reading.drafted.names import CALLED, LEVELS, OF_VOLTS
+from analysis.reading.drafted.sample import Sample, plain
+
+_PART: Final = re.compile("[A-Z]?[a-z]+|[A-Z]+")
+_MOST_LEVELS: Final = 20
+CODE: Final = re.compile(r"-99|-?9{3,}")
+"""Numbers that others write where there is none."""
+_VOLTS: Final = re.compile("volt|spannung|tension")
+_UNIT: Final = re.compile(r"[_ .(\[]((?-i:V|mV)|um|µm|nm|mm|pct|percent)[)\]]?$", re.IGNORECASE)
+_UNITS: Final = {"pct": "%", "percent": "%"}
+_IN_UNIT: Final = re.compile(r"[_ .(\[](um|µm|nm|pct|percent)[)\]]?$", re.IGNORECASE)
+_OF_DRIVES: Final = {"drive", "magnitude"}
+_IN_DB: Final = re.compile(r"(?:^|[^A-Za-z])d[Bb](?=$|[^A-Za-z]|[A-Z])|[a-z]dB$")
+
+
+def level_of(table: Sample) -> str | None:
+    """Return the column of the level: by its name or, if it has a few numbers, by a part of it.
+
+    That is a word such as "volts", or else "drive" or, of a single column, a unit of levels.
+    """
+    if named := table.called(CALLED["level_vpp"]):
+        return named
+    for words in ({*LEVELS, *OF_VOLTS}, _OF_DRIVES):
+        for name in table.header:
+            of_levels = {part.lower() for part in _PART.findall(name)} & words
+            if of_levels and _has_few_numbers(table, name):
+                return name
+    units = [name for name in dict.fromkeys(table.header) if in_db(name) or _IN_UNIT.search(name)]
+    in_unit = [name for name in units if _has_few_numbers(table, name)]
+    return in_unit[0] if len(in_unit) == 1 else None
+
+
+def _has_few_numbers(table: Sample, name: str) -> bool:
+    return 1 < len({*(table.numbers(name) or ())}) <= _MOST_LEVELS
+
+
+def in_db(name: str) -> bool:
+    """Tell whether a column is named after dB.
+
+    >>> [in_db(name) for name in ("level_dB", "dB SL", "leveldB", "gain.db", "feedback", "dbl")]
+    [True, True, True, True, False, False]
+    """
+    return bool(_IN_DB.search(name))
+
+
+def is_signed(table: Sample, level: str) -> bool:
+    """Tell whether 0 is a level: in dB by the name, or where others are below; codes are none.
+
+    >>> is_signed(Sample(header=["amp"], rows=[["-6"], ["0"]]), "amp")
+    True
+    """
+    numbers = table.numbers(level) or []
+    return in_db(level) or any(one < 0 and not CODE.fullmatch(f"{one:g}") for one in numbers)
+
+
+def unit_of(level: str) -> str:
+    """Return what levels are in by the name of their column; Vpp is V from peak to peak.
+
+    >>> [unit_of(name) for name in ("amp_um", "drive_pct", "Spannung", "level_vpp", "amp dB", "x")]
+    ['um', '%', 'V', 'Vpp', 'dB', '']
+    >>> unit_of("amplitude_V"), unit_of("amp (mV)"), unit_of("x_v")
+    ('V', 'mV', '')
+    """
+    if in_db(level):
+        return "dB"
+    if named := _UNIT.search(level):
+        return _UNITS.get(named[1].lower(), named[1])
+    return "Vpp" if plain(level).endswith("vpp") else "V" * bool(_VOLTS.search(plain(level)))
