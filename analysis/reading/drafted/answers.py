@@ -2,17 +2,25 @@
 
 from __future__ import annotations
 
+import math
 import re
-from typing import Final
+from collections import Counter
+from statistics import fmean
+from typing import TYPE_CHECKING, Final
 
-from analysis.reading.cells import NOTHING
-from analysis.reading.drafted.levels import level_of
-from analysis.reading.drafted.names import CALLED, FELT, HITS, WORDS
-from analysis.reading.drafted.sample import Sample, plain
+from analysis.reading.cells import NOTHING, SILENT
+from analysis.reading.drafted.levels import is_signed, level_of
+from analysis.reading.drafted.names import CALLED, FELT, HITS, MISSED, WORDS
+from analysis.reading.drafted.sample import NUMBER, Sample, plain
 
-_INITIALS: Final = {"l", "r"}
-"""Keys that are the initials of sides only beside each other."""
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+_INITIALS: Final = (("l", "r"), ("g", "d"))
+"""Of left and right in English, and in French."""
 _SIDES: Final = 2
+_MOST_FALSE: Final = 0.5  # of blanks that are felt
+_CLEAR: Final = 0.9  # of a key's answers are the same, felt or not
 _RIGHT: Final = re.compile("^[cC]orr|[._a-z][cC]orr|richtig|Richtig")
 _ANSWERED: Final = re.compile("key|resp|answer|antwort|choice|button|taste|reponse")
 
@@ -26,6 +34,7 @@ def side_of(table: Sample) -> str | None:
     named = [*table.named(CALLED["side"])]
     if called := next((name for name in named if not _of_person(table, name)), None):
         return called
+    blank = blank_rows(table)
     answers = {*table.named(CALLED["response"])}
     found: dict[bool, list[str]] = {False: [], True: []}
     for name in dict.fromkeys(table.header):
@@ -33,7 +42,7 @@ def side_of(table: Sample) -> str | None:
         told = {"left", "right"} <= {*words} and words.count("") <= 1
         right = bool(_RIGHT.search(name))
         free = name not in answers and (right or not _ANSWERED.search(name.lower()))
-        if told and free and not _of_person(table, name):
+        if told and free and not _of_person(table, name) and not _parts(table, name, blank):
             found[right].append(name)
     one = found[False] or found[True]
     return one[0] if len(one) == 1 else None
@@ -48,26 +57,120 @@ def _of_person(table: Sample, name: str) -> bool:
     return len(words) > 1 and len(pairs) < 2 * len({one for one, _ in pairs})
 
 
+def _parts(table: Sample, name: str, blank: Sequence[bool]) -> bool:
+    """Tell whether a column only tells blanks from stimuli, as the right key of a yes/no task."""
+    at = table.header.index(name)
+    words: dict[bool, set[str]] = {False: set(), True: set()}
+    for row, is_blank in zip(table.rows, blank, strict=True):
+        words[is_blank].add(row[at])
+    return len(words[False]) == 1 and bool(words[True]) and words[True].isdisjoint(words[False])
+
+
+def blank_rows(table: Sample) -> list[bool]:
+    """Tell of each row whether its level says that it is a blank: 0, or -inf where 0 is a level."""
+    level = level_of(table)
+    if level is None:
+        return [False] * len(table.rows)
+    signed, at = is_signed(table, level), table.header.index(level)
+    silent = (row[at].lower() in SILENT if signed else _is_zero(row[at]) for row in table.rows)
+    return [*silent]
+
+
+def _is_zero(word: str) -> bool:
+    return bool(NUMBER.fullmatch(word)) and not float(word.replace(",", "."))
+
+
+def says_right(table: Sample, hit: str) -> bool:
+    """Tell whether 1 is a right answer, not something felt: blanks have more than weak levels.
+
+    >>> rows = [["0", "1"], ["0", "1"], ["2", "0"], ["2", "1"], ["9", "1"]]
+    >>> says_right(Sample(header=["level", "correct"], rows=rows), "correct")
+    True
+    """
+    level, blank = level_of(table), blank_rows(table)
+    if level is None or not any(blank):
+        return False
+    at, place = table.header.index(hit), table.header.index(level)
+    shares: dict[float, list[bool]] = {}
+    for row, is_blank in zip(table.rows, blank, strict=True):
+        if row[at].lower() in FELT and (is_blank or NUMBER.fullmatch(row[place])):
+            number = -math.inf if is_blank else float(row[place].replace(",", "."))
+            shares.setdefault(number, []).append(FELT[row[at].lower()] == "1")
+    weakest = sorted(shares)[:2]
+    if len(weakest) < len({False, True}) or weakest[0] != -math.inf:
+        return False
+    of_blanks, of_weakest = (fmean(shares[one]) for one in weakest)
+    return of_blanks > max(_MOST_FALSE, of_weakest)
+
+
+def felt_keys(table: Sample, hit: str) -> tuple[str, dict[str, str]]:
+    """Return the column of the answers and which of its words mean felt, by what was right.
+
+    On blanks the right answer is that nothing was felt. Empty where no column fits.
+    """
+    at, blank = table.header.index(hit), blank_rows(table)
+    felt = [
+        (FELT[row[at].lower()] == "1") is not is_blank if row[at].lower() in FELT else None
+        for row, is_blank in zip(table.rows, blank, strict=True)
+    ]
+    named = [*table.named(CALLED["response"])]
+    for name in dict.fromkeys((*named, *table.header)):
+        place, cells = table.header.index(name), dict[str, Counter[bool]]()
+        for row, one in zip(table.rows, felt, strict=True):
+            if one is not None and row[place].lower() not in (*NOTHING, *MISSED):
+                cells.setdefault(row[place], Counter())[one] += 1
+        least = (1 - _CLEAR) * len(table.rows)  # others are no answers, as a code of time-outs
+        usual = {w: cell.most_common(1)[0] for w, cell in cells.items() if cell.total() > least}
+        clear = all(n >= _CLEAR * cells[word].total() for word, (_, n) in usual.items())
+        if name != hit and clear and {False, True} == {one for one, _ in usual.values()}:
+            return name, {word: "01"[one] for word, (one, _) in usual.items()}
+    return "", {}
+
+
+def meaning_of(table: Sample, name: str) -> dict[str, str]:
+    """Return what each word of a column of answers is, 1 for felt, by what was right or itself."""
+    hit, keys = table.called(HITS), dict[str, str]()
+    if hit and hit != name and is_hit(table, hit) and says_right(table, hit):
+        column, found = felt_keys(table, hit)
+        keys = found if column == name else {}
+    return {
+        word: keys[word] if word in keys
+        else "timeout" if word.lower() in (*NOTHING, *MISSED)
+        else FELT.get(word.lower(), "")
+        for word in table.words(name)
+    }  # fmt: skip
+
+
 def guess_of(table: Sample, ours: str, theirs: str, word: str) -> str:
     """Guess what a word of a column of sides or of answers is; empty text where it must be told.
 
     A key is the side where it is the right answer, whatever its name: l may be the right one beside
     a. A side without a letter, where no level is above 0, is none.
     """
-    if word.lower() in NOTHING:
+    if word.lower() in NOTHING or (ours == "response" and word.lower() in MISSED):
         return "timeout" if ours == "response" else "none"
     side, level = side_of(table), level_of(table)
     if ours == "response" and side and (keys := _keys_of(table, side, theirs)):
         return keys.get(word, "")
-    if plain(word) in WORDS:
-        alone = ours == "response" and plain(word) in _INITIALS
-        others = {plain(one) for one in table.words(theirs)} if alone else _INITIALS
-        return WORDS[plain(word)] if others >= _INITIALS else ""
+    if ours == "response" and side is None and WORDS.get(plain(word)) in ("left", "right"):
+        return ""  # of an arrow for yes, too
+    if named := _named(table, ours, theirs, plain(word)):
+        return named
     if ours == "side" and level and not plain(word):
         at, beside = table.header.index(theirs), table.header.index(level)
         shown = Sample(header=[level], rows=[[r[beside]] for r in table.rows if r[at] == word])
         return "" if any(shown.numbers(level) or []) else "none"
     return ""
+
+
+def _named(table: Sample, ours: str, theirs: str, word: str) -> str:
+    """Return what a word is by its letters; initials are sides only beside each other."""
+    others = {plain(one) for one in table.words(theirs)}
+    for initials in _INITIALS:
+        if word in initials and (ours == "response" or initials != _INITIALS[0]):
+            found = {initials[0]: "left", initials[1]: "right"}[word]
+            return found if {*initials} <= others else ""
+    return WORDS.get(word, "")
 
 
 def _keys_of(table: Sample, side: str, theirs: str) -> dict[str, str]:
@@ -86,6 +189,12 @@ def _keys_of(table: Sample, side: str, theirs: str) -> dict[str, str]:
     return found if {"left", "right"} <= {*named} and len(named) == len({*named}) else {}
 
 
+def _names_sides(table: Sample, name: str) -> bool:
+    """Tell whether answers are left and right where there are stimuli at both."""
+    words = {WORDS.get(plain(word), "") for word in given(table, name)}
+    return {"left", "right"} <= words and side_of(table) is not None
+
+
 def has_buttons(table: Sample) -> bool:
     """Tell whether the answers are jsPsych's buttons: it counts them from 0."""
     return {"trial_type", "time_elapsed"} <= {*table.header} and any(
@@ -95,7 +204,7 @@ def has_buttons(table: Sample) -> bool:
 
 def given(table: Sample, name: str) -> list[str]:
     """Return the words of a column of answers that are answers."""
-    return [word for word in table.words(name) if word.lower() not in NOTHING]
+    return [word for word in table.words(name) if word.lower() not in (*NOTHING, *MISSED)]
 
 
 def is_hit(table: Sample, name: str) -> bool:
@@ -135,7 +244,15 @@ def answers_of(table: Sample) -> tuple[str | None, str | None]:
     both = hit if hit and is_hit(table, hit) else None
     if response and has_buttons(table):
         return response, None
-    if response and (is_hit(table, response) or (only_key(table, response) and not both)):
+    if both and says_right(table, both):
+        name, keys = felt_keys(table, both)
+        if [*keys.values()].count("1") == 1 and not _names_sides(table, name):
+            return name, name
+        return response if response != both else None, None
+    in_words = response and all(map(str.isalpha, given(table, response)))
+    if response and (in_words or not both) and is_hit(table, response):
+        return response, response
+    if response and not both and only_key(table, response):
         return response, response
     if both and response and all(map(str.isdecimal, given(table, response))):
         return both, both  # of two intervals the keys 1 and 2 are no sides

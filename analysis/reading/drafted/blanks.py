@@ -15,9 +15,11 @@ if TYPE_CHECKING:
 
 _FEW_WORDS: Final = 4
 _NO_TRIAL: Final = re.compile(
-    "(?<![a-z])(practi[cs]e|prac|training|instructions?|demo|warm.?up|welcome)(?![a-z])",
+    "(?<![a-z])(practi[cs]e|prac|training|instructions?|demo|warm.?up|welcome|familiari[sz]ation|"
+    "habituation|übung(?:sblock|sdurchgang|sphase)?|entra[iî]nement|[eé]chauffement)(?![a-zà-ÿ])",
     re.IGNORECASE,
 )
+_CAMEL: Final = re.compile("(?<=[a-z])(?=[A-Z])|[_.]")
 _MOST_PRACTICE: Final = 0.5
 
 
@@ -72,8 +74,8 @@ def no_trials(table: Sample, name: str) -> list[str]:
     if name in (who, table.called(CALLED["condition"]), table.called(CALLED["session"])):
         return []
     words = table.words(name)
-    found = [word for word in words if _NO_TRIAL.search(word.replace("_", " "))]
-    if _NO_TRIAL.search(re.sub("[_.]", " ", name)) and {w.lower() for w in words} <= {*FELT, ""}:
+    found = [word for word in words if _NO_TRIAL.search(_CAMEL.sub(" ", word))]
+    if _NO_TRIAL.search(_CAMEL.sub(" ", name)) and {w.lower() for w in words} <= {*FELT, ""}:
         found = [word for word in words if FELT.get(word.lower()) == "1"]
     others = [row for row in table.rows if row[table.header.index(name)] not in found]
     if who and {row[table.header.index(who)] for row in others} != {*table.words(who)}:

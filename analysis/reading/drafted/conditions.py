@@ -41,7 +41,11 @@ _FORETELLING: Final = ("level_vpp", "side", "response", "detected")
 """What also tells a stimulus from a blank, or a hit from a miss, as others' columns say again."""
 _SIDE: Final = re.compile("left|right")
 _NONE: Final = ("date", "time", "expname", "expstart", "psychopyversion", "corrans",
-                "gender", "sex", "geschlecht", "sexe")  # fmt: skip
+                "gender", "sex", "geschlecht", "sexe", "order", "outcome", "feedback", "os", "room",
+                "experimenter", "device", "language", "browser", "logfile")  # fmt: skip
+_OF_DESIGN: Final = re.compile(
+    "counterbal|keymap|mapping|parity|lateralit|handedness|h[aä]ndigkeit"
+)
 
 
 def may_be_conditions(
@@ -71,6 +75,7 @@ def may_be_conditions(
         elif (
             name in roles.answers
             or plain(name) in _NONE
+            or _OF_DESIGN.search(plain(name))
             or sides
             or _within(words, taken)
             or (side and _same(table, name, side))

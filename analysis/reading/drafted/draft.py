@@ -14,7 +14,15 @@ from typing import TYPE_CHECKING, Final
 
 from analysis.reading.cells import NOTHING, SILENT, TRUTHS
 from analysis.reading.checks import MAX_MEDIAN_RT_S
-from analysis.reading.drafted.answers import answers_of, guess_of, has_buttons, only_key, side_of
+from analysis.reading.drafted.answers import (
+    answers_of,
+    guess_of,
+    has_buttons,
+    meaning_of,
+    only_key,
+    says_right,
+    side_of,
+)
 from analysis.reading.drafted.blanks import no_trials, without_level
 from analysis.reading.drafted.conditions import (
     BLANKS,
@@ -26,7 +34,7 @@ from analysis.reading.drafted.conditions import (
     without_stimulus,
 )
 from analysis.reading.drafted.levels import in_db, is_signed, level_of, unit_of
-from analysis.reading.drafted.names import CALLED, COUNTS, FELT, OF, WORDS
+from analysis.reading.drafted.names import CALLED, COUNTS, HITS, OF, WORDS
 from analysis.reading.drafted.sample import (
     NUMBER,
     Sample,
@@ -81,6 +89,7 @@ def map_draft(sources: Sequence[InputTable]) -> tuple[str, list[str]]:
     form = partial(text_format, {"encoding": encoding})
     table = sample_of(chosen[:MOST_FILES], form, RowFilter())
     more = f" and {len(chosen) - 1} more" if len(chosen) > 1 else ""
+    more += f", of which {MOST_FILES} were looked at" * (len(chosen) > MOST_FILES)
     lines = [
         f"# A draft for {one_line(chosen[0].name)}{more}: check each guess, fill in what is empty."
     ]
@@ -224,8 +233,10 @@ def _ours_unread(table: Sample, sections: dict[str, list[str]]) -> None:
         if column.name not in table.header or re.search(rf"^{column.name} = ", taken, re.MULTILINE):
             continue
         words = [word for word in table.words(column.name) if word.lower() not in NOTHING]
-        if column.type != "str" and not all(map(NUMBER.fullmatch, words)):
-            told = f"has our name and no numbers, such as {one_line(words[0])}: left out"
+        known = [*TRUTHS] if column.type == "bool" else [*filter(NUMBER.fullmatch, words)]
+        if column.type != "str" and (others := [word for word in words if word not in known]):
+            what = "true or false" if column.type == "bool" else "numbers"
+            told = f"has our name and not only {what}, such as {one_line(others[0])}: left out"
             _put(sections, "columns", column.name, "", told)
 
 
@@ -299,7 +310,7 @@ def _answer(
 ) -> None:
     if "table" in sections:
         return
-    if hit is not None and hit != response and response is not None:
+    if hit is not None and response not in (None, hit) and side_of(table) is not None:
         told = f"guess; {one_line(hit)} ({listed([*table.words(hit)])}) does not say where"
         _put(sections, "columns", "response", response, told)
         _words(table, "response", response, sections)
@@ -308,18 +319,20 @@ def _answer(
         if "response" in table.header:
             _put(sections, "columns", "response", "", "its 0 and 1 are no sides")
         key = only_key(table, hit)
-        for word in table.words(hit):
+        for word, ours in meaning_of(table, hit).items():
             if key:
                 _go_or_no_go(table, hit, word, sections)
-                continue
-            ours = "timeout" if word.lower() in NOTHING else FELT[word.lower()]
-            if word not in (*TRUTHS, "0", "1"):
+            elif ours != word and word not in TRUTHS:
                 told = unanswered(table, hit, word) if ours == "timeout" else ""
-                _put(sections, "values.detected", word, ours, f"guess{told}")
+                what = f"guess{told}" if ours else f"{_FILL}1 if it means felt, 0 if not"
+                _put(sections, "values.detected", word, ours, what)
     elif response is not None:
         _named(table, "response", response, sections)
     else:
-        _put(sections, "columns", "response", "", f"{_FILL}the column of the answer")
+        told = f"{_FILL}the column of the answer"
+        if (right := table.called(HITS)) and says_right(table, right):
+            told += f"; {one_line(right)} is 1 for blanks that were rightly not felt"
+        _put(sections, "columns", "response", "", told)
 
 
 def _go_or_no_go(table: Sample, name: str, word: str, sections: dict[str, list[str]]) -> None:
@@ -350,7 +363,8 @@ def _numbers(table: Sample, ours: str, theirs: str, sections: dict[str, list[str
     signed = ours == "level_vpp" and is_signed(table, theirs)
     read = {"", "n/a", *(without_stimulus(table) if signed else ())}
     for word in () if f"values.{ours}" in sections else words:
-        if word.lower() in NOTHING and word not in read:
+        negative = ours == "rt_s" and NUMBER.fullmatch(word) and word.startswith("-")
+        if negative or (word.lower() in NOTHING and word not in read):
             _put(sections, f"values.{ours}", word, "n/a", "guess")
     if numbers and any("," in word for word in words) and _DECIMAL not in sections.get("file", []):
         sections.setdefault("file", []).append(_DECIMAL)

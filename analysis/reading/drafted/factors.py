@@ -11,7 +11,7 @@ from statistics import median
 from typing import TYPE_CHECKING, Final
 
 from analysis.reading.drafted.names import CALLED, HITS, LEVELS
-from analysis.reading.drafted.sample import NUMBER
+from analysis.reading.drafted.sample import NUMBER, plain
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -28,6 +28,7 @@ _CELL: Final = 4  # rows of a cell from which that can be seen
 _EVEN: Final = 0.5  # of the scatter of counts by chance: a plan, no draw
 _RARE: Final = -2.33  # standard deviations: one draw in a hundred
 _USUAL: Final = 0.6  # of the answers to a value, more than one of two that come as often
+_FREQUENCY: Final = re.compile("^(stim|vib|test)?(freq|fr[eé]q|carrier)|freq(uency|uenz|hz)?$|hz$")
 _PART: Final = re.compile("[A-Z]?[a-z]+|[A-Z]+")
 _PARTED: Final = re.compile(r"[_ .(\[]+")
 _UNIT: Final = re.compile(
@@ -74,6 +75,8 @@ def factor_words(table: Sample, name: str, roles: Roles) -> list[str]:
     A number that only blanks have is none of them. Where a table does not tell a level, there is
     no factor.
     """
+    if _FREQUENCY.search(plain(name)) and roles.level is not None and _is_varied(table, name):
+        return [*table.words(name)]
     numeric = all(map(NUMBER.fullmatch, table.words(name)))
     if not numeric or roles.level is None or _other(name):
         return []
@@ -83,6 +86,13 @@ def factor_words(table: Sample, name: str, roles: Roles) -> list[str]:
     return (
         [*words] if few and _is_factor(words, people, right_is_told=_right_is_told(table)) else []
     )
+
+
+def _is_varied(table: Sample, name: str) -> bool:
+    """Tell whether a few numbers come often enough each, whatever the levels at which they do."""
+    words = table.words(name)
+    numeric = all(map(NUMBER.fullmatch, words)) and not any(word in ("0", "1") for word in words)
+    return numeric and 1 < len(words) <= MOST and min(words.values()) >= _LEAST_ROWS
 
 
 def _is_factor(words: Counter[str], people: list[list[_Row]], *, right_is_told: bool) -> bool:

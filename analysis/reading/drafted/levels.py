@@ -3,20 +3,30 @@
 from __future__ import annotations
 
 import re
+from functools import partial
 from typing import Final
 
 from analysis.reading.drafted.names import CALLED, LEVELS, OF_VOLTS
-from analysis.reading.drafted.sample import Sample, plain
+from analysis.reading.drafted.sample import NUMBER, Sample, plain
 
 _PART: Final = re.compile("[A-Z]?[a-z]+|[A-Z]+")
 _MOST_LEVELS: Final = 20
 CODE: Final = re.compile(r"-99|-?9{3,}")
 """Numbers that others write where there is none."""
 _VOLTS: Final = re.compile("volt|spannung|tension")
-_UNIT: Final = re.compile(r"[_ .(\[]((?-i:V|mV)|um|µm|nm|mm|pct|percent)[)\]]?$", re.IGNORECASE)
+_UNIT: Final = re.compile(
+    r"(?:[_ .(\[]|(?<=[a-z])(?=(?-i:V|mV)$))((?-i:V|mV|g)|um|µm|nm|mm|pct|percent|%)[)\]]?$",
+    re.IGNORECASE,
+)
 _UNITS: Final = {"pct": "%", "percent": "%"}
-_IN_UNIT: Final = re.compile(r"[_ .(\[](um|µm|nm|pct|percent)[)\]]?$", re.IGNORECASE)
+_IN_UNIT: Final = re.compile(r"[_ .(\[]((?-i:V|mV)|um|µm|nm|pct|percent|%)[)\]]?$", re.IGNORECASE)
+_WEAK: Final = {"volume", "gain", "strength", "contrast", "soa"}
+"""Names that give way to a column with a unit."""
 _OF_DRIVES: Final = {"drive", "magnitude"}
+_BESIDE: Final = re.compile(
+    "mask|pedestal|noise|background|standard|reference|adapt", re.IGNORECASE
+)
+"""Of stimuli beside that whose level it is."""
 _IN_DB: Final = re.compile(r"(?:^|[^A-Za-z])d[Bb](?=$|[^A-Za-z]|[A-Z])|[a-z]dB$")
 
 
@@ -25,16 +35,49 @@ def level_of(table: Sample) -> str | None:
 
     That is a word such as "volts", or else "drive" or, of a single column, a unit of levels.
     """
-    if named := table.called(CALLED["level_vpp"]):
-        return named
+    named = [*table.named(CALLED["level_vpp"])]
+    in_units = [*filter(_has_unit, dict.fromkeys(table.header))]
+    for name in filter(partial(_varies, table), named):
+        weak = plain(name) in _WEAK
+        known = (one for one in in_units if one != name and _has_few_numbers(table, one))
+        return next((one for one in known if weak or _is_step_of(table, name, one)), name)
     for words in ({*LEVELS, *OF_VOLTS}, _OF_DRIVES):
         for name in table.header:
             of_levels = {part.lower() for part in _PART.findall(name)} & words
-            if of_levels and _has_few_numbers(table, name):
+            if of_levels and _has_few_numbers(table, name) and not _BESIDE.search(name):
                 return name
-    units = [name for name in dict.fromkeys(table.header) if in_db(name) or _IN_UNIT.search(name)]
-    in_unit = [name for name in units if _has_few_numbers(table, name)]
-    return in_unit[0] if len(in_unit) == 1 else None
+    in_unit = [name for name in in_units if _has_few_numbers(table, name)]
+    in_unit = [name for name in in_unit if not _BESIDE.search(name)] or in_unit
+    return in_unit[0] if len(in_unit) == 1 else next(iter(named), None)
+
+
+def _has_unit(name: str) -> bool:
+    return in_db(name) or bool(_IN_UNIT.search(name))
+
+
+def _varies(table: Sample, name: str) -> bool:
+    """Tell whether a column has two numbers or more, or cannot be read as numbers for other words.
+
+    A constant is no level, nor are words alone, as easy and hard.
+    """
+    words = [*filter(NUMBER.fullmatch, table.words(name))]
+    return len({word.replace(",", ".") for word in words}) > 1
+
+
+def _is_step_of(table: Sample, name: str, other: str) -> bool:
+    """Tell whether a column counts the steps that another one has in a unit.
+
+    >>> rows = [["1", "0.5"], ["2", "4"], ["0", "0"]]
+    >>> _is_step_of(Sample(header=["level", "amp_um"], rows=rows), "level", "amp_um")
+    True
+    """
+    steps, sizes = table.numbers(name), table.numbers(other)
+    if not steps or not sizes or len(steps) != len(sizes):
+        return False
+    pairs = sorted({*zip(steps, sizes, strict=True)})
+    counted, rising = [step for step, _ in pairs], [size for _, size in pairs]
+    by_ones = counted == [counted[0] + place for place in range(len(counted))]
+    return by_ones and rising == sorted({*rising}) and rising != counted
 
 
 def _has_few_numbers(table: Sample, name: str) -> bool:

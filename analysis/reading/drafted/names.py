@@ -12,7 +12,8 @@ if TYPE_CHECKING:
 
 
 LEVELS: Final = (
-    *("level", "stimlevel", "intensity", "stimintensity", "amplitude", "amp"),
+    *("level", "stimlevel", "intensity", "stimintensity", "amplitude", "amp", "displacement"),
+    *("acceleration", "magnitude", "mag"),
     *("pegel", "stufe", "intensitat", "intensite", "niveau"),
 )
 OF_VOLTS: Final = ("vpp", "volt", "volts", "voltage", "spannung", "tension")
@@ -30,8 +31,22 @@ CALLED: Final[Mapping[str, tuple[str, ...]]] = {
             "sub",
             "ppid",
         ),
-        *("pid", "observer", "subjectnr", "subjectnumber", "participantnumber", "vp", "vpn", "id"),
-        *("versuchsperson", "proband", "teilnehmer", "sujet"),
+        *("pid", "observer", "vp", "vpn", "versuchsperson", "proband", "teilnehmer", "sujet"),
+        *(
+            f"{who}{what}"
+            for who in (
+                "participant",
+                "subject",
+                "subj",
+                "sub",
+                "person",
+                "vp",
+                "sujet",
+                "observer",
+            )
+            for what in ("nr", "no", "num", "number", "code", "name", "privateid", "publicid")
+        ),
+        *("prolificid", "prolificpid", "workerid", "recordid", "id"),
     ),
     "session": ("session", "sessionid", "ses", "visit", "sitzung", "seance"),
     "condition": ("condition", "cond", "bedingung"),
@@ -51,8 +66,9 @@ CALLED: Final[Mapping[str, tuple[str, ...]]] = {
         *("seite", "cote"),
     ),
     "level_vpp": (
-        *("levelvpp", *LEVELS, *OF_VOLTS[2:], "volume", "gain", "strength", "contrast"),
-        *("soa", *(f"{name}{unit}" for unit in ("um", "m", "nm", "mm", "pct") for name in LEVELS)),
+        *("levelvpp", *LEVELS, *OF_VOLTS[2:]),
+        *(f"{name}{unit}" for unit in ("um", "m", "nm", "mm", "pct") for name in LEVELS),
+        *("volume", "gain", "strength", "contrast", "soa"),
     ),
     "response": (
         *("response", "resp", "answer", "keys", "choice", "keypress", "key", "ans", "reply"),
@@ -93,10 +109,27 @@ WORDS: Final[Mapping[str, str]] = {
         "none",
     ),
 }
+_PERCEIVED: Final = (
+    "felt",
+    "detected",
+    "seen",
+    "perceived",
+    "gespürt",
+    "erkannt",
+    "perçu",
+    "senti",
+)
+_NOT: Final = ("not ", "not_", "not", "un", "nicht ", "non ", "pas ")
 FELT: Final[Mapping[str, str]] = {
-    **dict.fromkeys(("true", "yes", "y", "ja", "j", "oui", "o", "1"), "1"),
+    **dict.fromkeys(("true", "yes", "y", "ja", "j", "oui", "o", "1", *_PERCEIVED), "1"),
     **dict.fromkeys(("false", "no", "n", "nein", "non", "0"), "0"),
+    **{f"{no}{word}": "0" for no in _NOT for word in _PERCEIVED},
 }
+MISSED: Final = (
+    *("timeout", "timed out", "time out", "no response", "no answer", "missed", "miss", "late"),
+    *("keine antwort", "keine", "verpasst", "pas de réponse", "sans réponse", "manqué"),
+)
+"""How others write that nobody answered, in small letters, beside words of `NOTHING`."""
 CATCH: Final = (
     *("catch", "catchtrial", "iscatch", "blank", "blanktrial", "isblank", "nulltrial"),
     *("leer", "leerversuch", "essaiblanc"),
