@@ -104,7 +104,8 @@ def mapped_rows(text: pd.DataFrame, file: str, columns: ColumnMap) -> pd.DataFra
     As `own_rows`, but ``detected`` may stand in the place of ``response``, and ``trial`` is
     `UNNUMBERED` where the table does not number its trials. Where ``unanswered`` is true, the
     answer is ``timeout``. Without ``kind``, a level of 0 is a blank trial, whatever its side; where
-    0 is a level, as in dB, -inf is.
+    0 is a level, as in dB, -inf is. What the map says has side ``none`` has no level, whatever is
+    written there.
 
     Raises ResultFileError for a column that the map names and the table lacks, a required column
     without a source, the first cell that cannot be read, and a blank trial in a forced choice.
@@ -125,13 +126,19 @@ def mapped_rows(text: pd.DataFrame, file: str, columns: ColumnMap) -> pd.DataFra
     absent = [name for name in _NAMES if name not in rows and name != "response"]
     for name in absent:
         rows[name] = UNNUMBERED if name == "trial" else _default(name, columns, rows.index)
-    if "level_vpp" in columns.constant:
+    if "level_vpp" in columns.constant or _says_none(columns):
         rows["level_vpp"] = rows["level_vpp"].mask(rows["side"].eq("none"))
     answer = "response" if "response" in rows else "detected"
     if "unanswered" in rows:
         rows.loc[rows.pop("unanswered"), answer] = "timeout"
     rows["rt_s"] = rows["rt_s"].mask(rows[answer].eq("timeout"))
     return rows
+
+
+def _says_none(columns: ColumnMap) -> bool:
+    """Tell whether a map says which rows have no stimulus."""
+    words = columns.values  # noqa: PD011 - those of a map, no array
+    return any(ours == "none" for _, ours in words.get("side", {}).items())
 
 
 def silent_rows(rows: pd.DataFrame, columns: ColumnMap) -> tuple[pd.Series[bool], pd.DataFrame]:

@@ -250,9 +250,10 @@ def answers_of(table: Sample) -> tuple[str | None, str | None]:
             return name, name
         return response if response != both else None, None
     in_words = response and all(map(str.isalpha, given(table, response)))
-    if response and (in_words or not both) and is_hit(table, response):
-        return response, response
-    if response and not both and only_key(table, response):
+    if response and (
+        ((in_words or not both) and is_hit(table, response))
+        or (not both and only_key(table, response))
+    ):
         return response, response
     if both and response and all(map(str.isdecimal, given(table, response))):
         return both, both  # of two intervals the keys 1 and 2 are no sides

@@ -17,7 +17,7 @@ from analysis.reading.drafted.factors import (
     with_unit,
 )
 from analysis.reading.drafted.levels import CODE, is_signed, level_of
-from analysis.reading.drafted.names import CALLED, CATCH, FELT, WORDS
+from analysis.reading.drafted.names import ABSENT, CALLED, CATCH, FELT, PRESENT, WORDS
 from analysis.reading.drafted.sample import NUMBER, listed, plain, sample_of
 from analysis.reading.foreign.files import FILE, STANDS_FOR
 from analysis.reading.foreign.form import toml_entry
@@ -94,16 +94,24 @@ def offered_conditions(table: Sample) -> Iterator[tuple[str, str]]:
     """
     known = {name for names in CALLED.values() for name in (table.called(names),) if name}
     known |= {blank_words(table, level)[0]} if (level := without_level(table)[0]) else set()
-    known |= {*may_be_answers(table), *table.named(CATCH)}
+    known |= {
+        *may_be_answers(table),
+        *table.named(CATCH),
+        *table.named(PRESENT),
+        _told_by(table)[0],
+    }
     person = table.called(CALLED["participant"]) or STANDS_FOR["participant"]
     whose = person if person in table.header else FILE
     roles = roles_by_name(table, whose, level_of(table))
     same: dict[tuple[str, ...], str] = {}
+    session = table.called(CALLED["session"])
+    if session and not table.numbers(session) and _in_everybody(table, session, whose):
+        known -= {session}  # as pre and post
     for name, words in may_be_conditions(table, {*known, side_of(table) or whose}, roles):
         at = table.header.index(name)
         first = same.setdefault(tuple(row[at] for row in table.rows), name)
         as_well = "" if first == name else f" (in every row as {one_line(first)})"
-        yield "columns", f"# {toml_entry('condition', name, f'{OFFERED}{listed(words)}{as_well}')}"
+        yield "columns", offer(name, [*words], as_well)
         for word in sorted(words, key=float_of) if table.numbers(name) else ():
             told = f"to print so, or as you like, where {one_line(name)} is the condition"
             yield "values.condition", f"# {toml_entry(word, with_unit(word, name), told)}"
@@ -156,22 +164,50 @@ def blank_notes(table: Sample, side: str | None, *, where: bool) -> Iterator[str
             f"level {word} may be a code for no stimulus: if it is, [values.level_vpp] "
             f"{_entry(word, ours)} makes blanks of its rows; else it is a level"
         )
-    catch = table.called(CATCH)
-    if level is None or catch is None or not is_hit(table, catch):
+    catch, blank = _told_by(table)
+    if level is None or not blank:
         return
-    words = {FELT[word.lower()]: word for word in given(table, catch)}
     at, place = table.header.index(catch), table.header.index(level)
-    levels = {row[place] for row in table.rows if row[at] == words.get("1")} - {*silent}
-    if len(words) == 1 or not any(map(NUMBER.fullmatch, levels)):
+    levels = {row[place] for row in table.rows if row[at] == blank} - {*silent}
+    other = next((word for word in given(table, catch) if word != blank), "")
+    if not other or not any(map(NUMBER.fullmatch, levels)):
         return
     places = {*table.words(side)} if side else set()
     yield f"column {one_line(catch)} may tell blanks: if it does, " + (
-        f"[rows.skip] {_entry(catch, words['1'])} leaves them out, or let column "
+        f"[rows.skip] {_entry(catch, blank)} leaves them out, or let column "
         f"{one_line(side or '')} say none in their rows"
         if where and len(places) > 1
         else f"in place of another side [columns] {_entry('side', catch)}, [values.side] "
-        f"{_entry(words['1'], 'none')} and {_entry(words['0'], 'left')}"
+        f"{_entry(blank, 'none')} and {_entry(other, 'left')}; their levels are not read then"
     )
+
+
+def _told_by(table: Sample) -> tuple[str, str]:
+    """Return a column of two words that may tell blanks, and its word for them; or nothing."""
+    for names, blank in ((CATCH, "1"), (PRESENT, "0")):
+        name = table.called(names)
+        if name is not None and is_hit(table, name):
+            words = {FELT[word.lower()]: word for word in given(table, name)}
+            return name, words.get(blank, "")
+    for name in dict.fromkeys(table.header):
+        both = given(table, name)
+        found = [word for word in both if plain(word) in (*CATCH, *ABSENT)]
+        if len(both) == len({"stimulus", "blank"}) and len(found) == 1:
+            return name, found[0]
+    return "", ""
+
+
+def offer(name: str, words: Sequence[str], more: str = "") -> str:
+    """Return the line that makes a column the condition once its first # is deleted."""
+    return f"# {toml_entry('condition', name, f'{OFFERED}{listed(words)}{more}')}"
+
+
+def _in_everybody(table: Sample, name: str, whose: str) -> bool:
+    """Tell whether most people have every word of a column."""
+    at, who = table.header.index(name), table.header.index(whose)
+    pairs = {(row[who], row[at]) for row in table.rows}
+    people, words = len({one for one, _ in pairs}), len({word for _, word in pairs})
+    return words > 1 and len(pairs) > people * words / 2
 
 
 def _within(words: Collection[str], taken: list[set[str]]) -> bool:

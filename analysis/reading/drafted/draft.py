@@ -30,12 +30,14 @@ from analysis.reading.drafted.conditions import (
     OFFERED,
     blank_entries,
     blank_notes,
+    offer,
     offered_conditions,
     without_stimulus,
 )
-from analysis.reading.drafted.levels import in_db, is_signed, level_of, unit_of
+from analysis.reading.drafted.levels import in_db, is_signed, level_of, unit_of, unit_words
 from analysis.reading.drafted.names import CALLED, COUNTS, HITS, OF, WORDS
 from analysis.reading.drafted.sample import (
+    FILL,
     NUMBER,
     Sample,
     columns_told,
@@ -65,13 +67,11 @@ if TYPE_CHECKING:
 _MOST_WORDS: Final = 12
 _NO_LOOP: Final = re.compile("pract|train|instr|demo|warm.?up|welcome", re.IGNORECASE)
 _BLOCK: Final = re.compile(r"\.thisN$|^(block|run)_?(n|nr|no|num|number|index|id)?$", re.IGNORECASE)
-_FILL: Final = "FILL IN: "
 NOTE: Final = "# Note: "
 """How a line of a draft begins that says what becomes of rows."""
 _ROWS: Final = ("rows.keep", "rows.skip")
 _DECIMAL: Final = 'decimal = ","  # guess: there are numbers with a comma'
 _ASIDE: Final = {"none": "blanks", "both": "in no threshold"}
-_PRINTED: Final = 'printed as written, as "um peak" or "of full drive": levels are not converted'
 _PEAKS: Final = "# its unit: V peak-to-peak, by the name; else state it, in [units]"
 _GO: Final = "guess: the only key, pressed if felt"
 _TASK: Final = '"yes/no" if people who felt nothing could say so, "forced choice" if they guessed'
@@ -107,7 +107,7 @@ def map_draft(sources: Sequence[InputTable]) -> tuple[str, list[str]]:
             toml_entry("task", "yes/no", "guess: who felt nothing pressed no key (go/no-go)")
         )
     elif needs_task:
-        lines.append(toml_entry("task", "", f"{_FILL}{_TASK}"))
+        lines.append(toml_entry("task", "", f"{FILL}{_TASK}"))
     else:
         lines.append(
             f'# task: not needed where a key below stands for "none"; where no key does, {_TASK}'
@@ -119,7 +119,7 @@ def map_draft(sources: Sequence[InputTable]) -> tuple[str, list[str]]:
         if sections.get(name):
             lines += ["", f"[{name}]", *sections[name]]
     lines += ["", "# All columns:", *(f"#   {line}" for line in columns_told(table, looked_at))]
-    blanks = [line.split(" = ")[0] for line in lines if f"# {_FILL}" in line]
+    blanks = [line.split(" = ")[0] for line in lines if f"# {FILL}" in line]
     return "\n".join(lines) + "\n", blanks
 
 
@@ -219,7 +219,7 @@ def _absent(table: Sample, ours: str, sections: dict[str, list[str]]) -> None:
     if ours == "participant" and STANDS_FOR["participant"] not in table.header:
         _put(sections, "columns", ours, FILE, "guess: the name of the file")
     elif ours == "level_vpp":
-        _put(sections, "columns", ours, "", f"{_FILL}the column of the level")
+        _put(sections, "columns", ours, "", f"{FILL}the column of the level")
         _unit(sections, "")
     elif ours == "condition":
         for section, line in offered_conditions(table):
@@ -274,12 +274,7 @@ def _unit(sections: dict[str, list[str]], level: str) -> None:
     if unit == "Vpp":
         sections["columns"].append(_PEAKS)
         return
-    told = {
-        "V": f"guess; {_PRINTED}, so say peak or peak-to-peak if you know",
-        "dB": 'guess, by the name; may be "dB SL" or "dB re 1 um": it is only printed',
-        "": f"{_FILL}the unit of the levels, or what they are (gain); {_PRINTED}",
-    }
-    _put(sections, "axis", "unit", unit, told.get(unit, f"guess, by the name; {_PRINTED}"))
+    _put(sections, "axis", "unit", unit, unit_words(unit))
 
 
 def _side(
@@ -289,7 +284,7 @@ def _side(
     for section, *entry in (entries := blank_entries(table, theirs)):
         _put(sections, section, *entry)
     if theirs is None:
-        _put(sections, "constant", "side", "", f"{_FILL}\"left\" will do for a single place, "
+        _put(sections, "constant", "side", "", f"{FILL}\"left\" will do for a single place, "
              "nothing depends on it; of several name the column in [columns]")  # fmt: skip
         return
     words = [WORDS.get(plain(word), word) for word in table.words(theirs)]
@@ -299,6 +294,8 @@ def _side(
     told = (told if len(places) > 1 else "{} has a single place").format(one_line(theirs))
     if not where and places and (blank or len(places) == 1):
         _put(sections, "constant", "side", "left", f"guess: {told}")
+        if len(places) > 1 and "none" not in words:
+            sections["columns"].append(offer(theirs, [*table.words(theirs)]))
         if theirs == "side":
             _put(sections, "columns", "side", "", "left out, for the constant below")
     else:
@@ -324,12 +321,12 @@ def _answer(
                 _go_or_no_go(table, hit, word, sections)
             elif ours != word and word not in TRUTHS:
                 told = unanswered(table, hit, word) if ours == "timeout" else ""
-                what = f"guess{told}" if ours else f"{_FILL}1 if it means felt, 0 if not"
+                what = f"guess{told}" if ours else f"{FILL}1 if it means felt, 0 if not"
                 _put(sections, "values.detected", word, ours, what)
     elif response is not None:
         _named(table, "response", response, sections)
     else:
-        told = f"{_FILL}the column of the answer"
+        told = f"{FILL}the column of the answer"
         if (right := table.called(HITS)) and says_right(table, right):
             told += f"; {one_line(right)} is 1 for blanks that were rightly not felt"
         _put(sections, "columns", "response", "", told)
@@ -390,7 +387,7 @@ def _words(table: Sample, ours: str, theirs: str, sections: dict[str, list[str]]
         guess = guesses[word]
         button = "the button that jsPsych counts so, the first is 0: " * has_buttons(table)
         told = unanswered(table, theirs, word) if guess == "timeout" else ""
-        what = f"guess{told}" if guess else f"{_FILL}{button}{', '.join(known)}"
+        what = f"guess{told}" if guess else f"{FILL}{button}{', '.join(known)}"
         _put(sections, f"values.{ours}", word, guess, what)
 
 

@@ -7,7 +7,7 @@ from functools import partial
 from typing import Final
 
 from analysis.reading.drafted.names import CALLED, LEVELS, OF_VOLTS
-from analysis.reading.drafted.sample import NUMBER, Sample, plain
+from analysis.reading.drafted.sample import FILL, NUMBER, Sample, plain
 
 _PART: Final = re.compile("[A-Z]?[a-z]+|[A-Z]+")
 _MOST_LEVELS: Final = 20
@@ -116,3 +116,17 @@ def unit_of(level: str) -> str:
     if named := _UNIT.search(level):
         return _UNITS.get(named[1].lower(), named[1])
     return "Vpp" if plain(level).endswith("vpp") else "V" * bool(_VOLTS.search(plain(level)))
+
+
+def unit_words(unit: str) -> str:
+    """Say how sure a unit is that was found by a column's name, and what becomes of it.
+
+    >>> unit_words("um").partition(";")[0], unit_words("").partition(";")[0]
+    ('guess, by the name', 'FILL IN: the unit of the levels, or what they are (gain)')
+    """
+    printed = 'printed as written, as "um peak" or "of full drive": levels are not converted'
+    return {
+        "V": f"guess; {printed}, so say peak or peak-to-peak if you know",
+        "dB": 'guess, by the name; may be "dB SL" or "dB re 1 um": it is only printed',
+        "": f"{FILL}the unit of the levels, or what they are (gain); {printed}",
+    }.get(unit, f"guess, by the name; {printed}")

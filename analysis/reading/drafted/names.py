@@ -134,3 +134,5 @@ CATCH: Final = (
     *("catch", "catchtrial", "iscatch", "blank", "blanktrial", "isblank", "nulltrial"),
     *("leer", "leerversuch", "essaiblanc"),
 )
+PRESENT: Final = ("stimpresent", "present", "signalpresent", "targetpresent", "ispresent")
+ABSENT: Final = ("absent", "nostimulus", "nostim", "nosignal")

@@ -27,6 +27,7 @@ NUMBER: Final = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)([eE][+-]?\d+)?", re.AS
 _PADDED: Final = re.compile(r"0\d")
 _SHOWN: Final = 8
 _OF_FILE: Final = "; the name of the file without its ending, to be used like a column"
+FILL: Final = "FILL IN: "
 EMPTY: Final = "empty"
 """What stands in a column without a value."""
 
