@@ -11,7 +11,7 @@ import numpy as np
 
 from analysis.groups.draws import difference_spread_draws, group_draws
 from analysis.groups.hierarchy import FEW, PeopleTables
-from analysis.thresholds.people import as_amplitudes, people_of
+from analysis.thresholds.people import as_amplitudes, as_named, people_of
 from experiment.study.sections.simulation import CURVE_KEYS
 from experiment.study.sections.table import stated_of
 from experiment.study.simulated import dry_run_difference_db, threshold_vpp
@@ -208,7 +208,7 @@ def pilot_people(study: Study, goal: Goal, loaded: LoadedTrials, where: str) -> 
     Threshold, spread and slope are the group fit's; false alarms those of the pilot's blanks; how
     much differences differ is that of people with both conditions; the rest is what the study has.
     """
-    axis, trials = loaded.axis, loaded.trials
+    axis, trials = loaded.axis, as_named(loaded.trials, [one.name for one in study.conditions])
     if loaded.cells is not None or axis.x_scale == "linear":
         what = "a table of counts" if loaded.cells is not None else f"{axis.unit}, {axis.x_scale}"
         raise ValueError(
@@ -227,6 +227,7 @@ def pilot_people(study: Study, goal: Goal, loaded: LoadedTrials, where: str) -> 
             f"--pilot must hold two people or more in condition {name}; got {len(rows)} in "
             f"{where}, with condition {', '.join(conditions)}"
         )
+    of = f" in condition {name}" * (len(conditions) > 1)
     draws = _pilot_draws(people.at(rows), trials, name)
     number = dict.fromkeys(draws[0], len(rows))
     if goal.kind == "difference":
@@ -246,7 +247,7 @@ def pilot_people(study: Study, goal: Goal, loaded: LoadedTrials, where: str) -> 
     return People(
         study=changed,
         file=study,
-        whose=f"those of the pilot in {where}, and else the study's",
+        whose=f"those of the pilot in {where}{of}, and else the study's",
         numbers=_numbers(changed, goal, study, told),
         draws=tuple(draws),
         warnings=(*_few(min(number.values())), *in_its_unit),

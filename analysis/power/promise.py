@@ -105,7 +105,7 @@ class Promise:
         if one.high is None:
             return f"{told} (at least {one.low} by the simulation)"
         if one.low == one.high:
-            return told
+            return told + " (fewer were not tried)" * (one.participants == least > _FEWEST)
         return f"{told} ({one.low} to {one.high} by the simulation)"
 
     @property
@@ -162,11 +162,9 @@ class Promise:
     @property
     def ask_next(self) -> str:
         """Say which numbers to ask next, where the answer lies beyond those that were tried."""
-        if self.partial and self.best is not None:
-            return ""
-        if self.partial and self.left == self.participants:
+        if self.best is None and self.partial and self.left == self.participants:
             return "The same command tells more if it may go on; --keep FILE keeps what is done."
-        if self.partial and self.left is not None:
+        if self.best is None and self.partial and self.left is not None:
             return f"Try --participants {self.left[0]} {self.left[1]} next."
         return self.thumb.words if self.thumb else ""
 
@@ -290,6 +288,7 @@ def _elsewhere(people: People, number: Stated) -> str:
     return ", in volts of the paper's plate; yours are not known, docs/plate.md"
 
 
+_FEWEST = 2
 _AS_KNOWN = (
     " and taken as exactly known: if few people told them, try the ends of their intervals, too"
 )

@@ -13,7 +13,7 @@ import pandas as pd
 
 from analysis.axis import Axis, axis_of
 from analysis.reading.batch import InputFile, batches, read_batch
-from analysis.reading.checks import check_together, in_seconds
+from analysis.reading.checks import check_together, in_seconds, right_for_felt
 from analysis.reading.drafted.conditions import (
     has_one_place,
     pooled,
@@ -257,7 +257,7 @@ def read_inputs(
         task="" if columns is None else columns.task,
         altered={str(table.path): table.altered for table in tables if table.altered},
         not_compared=_not_compared(tables) if columns is None else (),
-        changed=(*changed, *pooled(sources, columns), *_one_of_two(trials)) if columns else changed,
+        changed=(*changed, *_remarks(trials, sources, columns)) if columns else changed,
         left_out=unread,
         left_out_files=unread_files,
         left_out_by=kept.told(by) if unread else "",
@@ -303,6 +303,15 @@ def _check_copies(tables: Sequence[ReadTable]) -> None:
             message = f"the same contents as {one_line(str(first[sha256]))}"
             raise ResultFileError(table.path, None, message)
         first[sha256] = table.path
+
+
+def _remarks(
+    trials: pd.DataFrame, sources: Sequence[InputTable], columns: ColumnMap
+) -> Iterator[str]:
+    """Say what of tables made elsewhere may be meant otherwise than their map has it."""
+    yield from pooled(sources, columns)
+    yield from _one_of_two(trials)
+    yield from right_for_felt(trials)
 
 
 def _rows_in_order(trials: pd.DataFrame, columns: ColumnMap | None) -> bool:

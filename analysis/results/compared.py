@@ -335,7 +335,9 @@ def fitting_words(analysis: Analysis) -> str:
 def without_words(some: Without) -> str:
     """Say who is left out: names, where they are few."""
     names = some.names
-    return f"without {and_words(names) if len(names) <= SPELLED else f'{len(names)} misfits'}"
+    if len(names) > SPELLED:
+        return f"without {len(names)} misfits"
+    return f"without participant{'s' * (len(names) > 1)} {and_words(names)}"
 
 
 def _level_cell(told: LevelsApart, unit: str) -> str:

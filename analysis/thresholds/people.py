@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import dataclass, replace
 from itertools import count
 from typing import TYPE_CHECKING, Final
@@ -178,6 +179,9 @@ def guessing(
     return Guessing(rate=rate, basis="blanks" if blanks >= BLANKS_NEEDED else "few blanks")
 
 
+_SIGNS: Final = re.compile(r"[^A-Za-z0-9.]")
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PersonCounts:
     """What was presented to participants, and what they detected.
@@ -226,6 +230,19 @@ def as_amplitudes(people: PersonCounts, axis: Axis) -> tuple[PersonCounts, str]:
         return people, axis.unit
     amplitudes = 100 * 10 ** (people.level_vpp / 20)
     return replace(people, level_vpp=amplitudes), f"% of 0 {axis.unit}"
+
+
+def as_named(trials: pd.DataFrame, names: Sequence[str]) -> pd.DataFrame:
+    """Return trials with conditions named so, where theirs differ by blanks and signs only.
+
+    A study's names have none: 60Hz is the condition that a table calls 60 Hz.
+
+    >>> as_named(pd.DataFrame({"condition": ["60 Hz", "rest"]}), ["60Hz"])["condition"].tolist()
+    ['60Hz', 'rest']
+    """
+    known = {_SIGNS.sub("", name): name for name in names}
+    theirs = trials["condition"].astype(str)
+    return trials.assign(condition=[known.get(_SIGNS.sub("", one), one) for one in theirs])
 
 
 def people_of(trials: pd.DataFrame, alternatives: int = 2) -> PersonCounts:

@@ -974,10 +974,10 @@ def test_results_without_misfits_stand_beside_those_of_all(tmp_path: Path) -> No
     rows = {plain(what): (plain(value), of) for what, value, of in answer(analysis).rows}
     for condition in "ab":
         [(_, group)] = without.groups[without.groups["condition"].eq(condition)].iterrows()
-        value, of = rows[f"The same without odd, condition {condition}"]
+        value, of = rows[f"The same without participant odd, condition {condition}"]
         assert value == group["printed"].partition("; between")[0]
         assert of == "5 participants without misfits in any condition"
-    value, of = rows["The same without odd, b against a"]
+    value, of = rows["The same without participant odd, b against a"]
     assert value.startswith(f"{without.differences.iloc[-1]['difference_db']:+.1f} dB (")
     assert of == "5 participants in both, without misfits in any condition"
     (warning,) = (one for one in analysis.warnings if "do not fit" in one)

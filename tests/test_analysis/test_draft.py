@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import csv
 import random
+import re
 import tomllib
 from itertools import product
 from typing import TYPE_CHECKING
@@ -845,3 +846,175 @@ def test_a_key_is_the_side_where_it_is_right_whatever_its_name(
     for key, side in zip(keys, guessed, strict=True):
         line = "" if key == side else f'\n{key} = "{side}"  # {"guess" if side else "FILL IN"}'
         assert line in text
+
+
+YES_NO: tuple[tuple[str, ...], ...] = (
+    # column of answers, yes, no, column of right and wrong
+    ("resp.keys", "1", "2", "resp.corr"),
+    ("Stim.RESP", "0", "1", "Stim.ACC"),
+    ("said", "ja", "nein", "correct"),
+    ("key", "left", "right", "accuracy"),
+    ("response", "ArrowRight", "ArrowLeft", "correct"),
+)
+
+
+def yes_no(folder: Path, keys: tuple[str, ...], *, extra: str = "", rights: bool = True) -> Path:
+    """Write a yes/no table of three people with blanks at level 0, and which answers were right."""
+    rng, (name, yes, no, right) = random.Random(5), keys
+    rows = []
+    for person in range(3):
+        levels = rng.sample([0] * 30 + [1, 2, 4, 8, 16] * 12, 90)
+        for n, level in enumerate(levels):
+            felt = rng.random() < (level / 16 if level else 0.05)
+            row = f"{person},{n},{level},{yes if felt else no}"
+            rows.append(row + f",{int(felt is (level > 0))}" * rights)
+    head = f"participant,trial,level,{name}" + f",{right}" * rights
+    return put(folder / "t.csv", "\n".join([head, *rows]) + "\n" + extra)
+
+
+@pytest.mark.parametrize("keys", YES_NO)
+def test_a_right_no_to_a_blank_is_nothing_felt(tmp_path: Path, keys: tuple[str, ...]) -> None:
+    text = draft(yes_no(tmp_path, keys))
+    name, yes, no, _ = keys
+    assert f'detected = "{name}"  # guess' in text
+    for key, felt in ((yes, "1"), (no, "0")):
+        assert (f'{key} = "{felt}"  # guess\n' in text) is (key != felt)
+    filled_in = text.replace('task = ""', 'task = "yes/no"').replace('side = ""', 'side = "left"')
+    columns = load_column_map(
+        put(tmp_path / "m.toml", filled_in.replace('unit = ""', 'unit = "um"'))
+    )
+    trials = read_inputs([tmp_path / "t.csv"], columns).trials
+    blank = trials[trials["kind"].eq("blank")]
+    assert len(blank) == 90
+    assert blank["response"].ne("none").sum() < 12
+
+
+def test_without_a_column_of_answers_right_and_wrong_is_not_taken_for_it(tmp_path: Path) -> None:
+    table = yes_no(tmp_path, YES_NO[0])
+    lines = table.read_text(encoding="utf-8").splitlines()
+    rows = [",".join([*line.split(",")[:3], line.split(",")[4]]) for line in lines]
+    text = draft(put(tmp_path / "t.csv", "\n".join(rows) + "\n"))
+    told = "FILL IN: the column of the answer; resp.corr is 1 for blanks that were rightly not felt"
+    assert f'response = ""  # {told}\n' in text
+    columns = put(
+        tmp_path / "m.toml",
+        'task = "yes/no"\n[columns]\nlevel_vpp = "level"\ndetected = "resp.corr"\n'
+        '[constant]\nside = "left"\n[axis]\nunit = "um"\n',
+    )
+    read = read_inputs([table], load_column_map(columns))
+    (warned,) = (one for one in read.changed if "right and wrong" in one)
+    assert re.match(r"in 9\d% of 90 blank trials something was felt, at the weakest level", warned)
+
+
+def test_an_arrow_is_no_side_where_no_column_has_sides(tmp_path: Path) -> None:
+    text = draft(yes_no(tmp_path, ("response", "ArrowRight", "ArrowLeft", ""), rights=False))
+    assert 'ArrowRight = ""  # FILL IN' in text
+    assert 'ArrowLeft = ""  # FILL IN' in text
+
+
+@pytest.mark.parametrize(
+    ("names", "rows", "level"),
+    [
+        ("level,amp_um", [(0, 0), (1, 0.5), (2, 2), (3, 8)], "amp_um"),  # steps beside a unit
+        ("level,amp_um", [(0, 8), (1, 0.5), (2, 2), (3, 0)], "level"),  # no steps of it
+        ("gain,stim_V", [(20, 0), (20, 1), (20, 2), (20, 4)], "stim_V"),  # a constant
+        ("strength,vib_um", [(3, 0), (5, 1), (9, 2), (7, 4)], "vib_um"),  # of a grip
+        ("masker_intensity,target_intensity", [(0, 0), (0, 1), (20, 0), (20, 1)],
+         "target_intensity"),
+        ("level,intensity", [("easy", 0), ("hard", 1), ("easy", 2), ("hard", 4)], "intensity"),
+    ],
+)  # fmt: skip
+def test_the_level_is_what_varies_in_a_unit(
+    tmp_path: Path, names: str, rows: list[tuple[object, float]], level: str
+) -> None:
+    cells = "".join(f"p,{n},{a},{b},yes\n" for n, (a, b) in enumerate(rows * 4))
+    text = draft(put(tmp_path / "t.csv", f"participant,trial,{names},felt\n{cells}"))
+    taken = re.findall(r'^(?:level_vpp = "(.+?)"|# (level_vpp): taken)', text, re.MULTILINE)
+    assert [one or other for one, other in taken] == [level]
+
+
+@pytest.mark.parametrize(
+    "heading",
+    ["subNo", "Participant No.", "VpNr", "Participant Private ID", "Prolific_ID", "Vp-Code"],
+)
+def test_participants_have_many_names(tmp_path: Path, heading: str) -> None:
+    rows = "".join(f"{who},{n},{n},yes\n" for who in ("a", "b") for n in range(3))
+    text = draft(put(tmp_path / "t.csv", f"{heading},trial,level,felt\n{rows}"))
+    assert f'participant = "{heading}"  # guess; 2 values: a, b\n' in text
+
+
+@pytest.mark.parametrize(
+    ("column", "practice", "trial"),
+    [
+        ("Procedure", "PracProc", "TrialProc"),
+        ("Phase", "Übung", "Test"),
+        ("phase", "entraînement", "essai"),
+        ("phase", "familiarisation", "main"),
+        ("isPracticeTrial", "True", "False"),
+    ],
+)
+def test_practice_has_many_names(tmp_path: Path, column: str, practice: str, trial: str) -> None:
+    rows = "".join(f"p,{n},{n % 5},{practice if n < 3 else trial},yes\n" for n in range(12))
+    text = draft(put(tmp_path / "t.csv", f"participant,trial,level,{column},felt\n{rows}"))
+    assert f'[rows.skip]\n{column} = ["{practice}"]  # guess' in text
+
+
+def test_frequencies_with_levels_of_their_own_are_offered(tmp_path: Path) -> None:
+    shown = [(30, level) for level in (20, 40, 80)] + [(250, level) for level in (2, 4, 8)]
+    order = random.Random(1).sample(shown * 8, len(shown) * 8)
+    rows = "".join(f"p{n % 2},{n},{hz},{level},yes\n" for n, (hz, level) in enumerate(order))
+    text = draft(put(tmp_path / "t.csv", f"participant,trial,freq,level,felt\n{rows}"))
+    assert '# condition = "freq"  # guess: delete the first # to compare ' in text
+
+
+def test_sessions_called_pre_and_post_and_two_hands_are_offered(tmp_path: Path) -> None:
+    rows = "".join(
+        f"p{who},{session},{hand},{n},{n % 4},{'yn'[n % 2]}\n"
+        for who in range(3)
+        for session in ("pre", "post")
+        for hand in ("left", "right")
+        for n in range(12)
+    )
+    text = draft(put(tmp_path / "t.csv", f"participant,session,hand,trial,level,felt\n{rows}"))
+    assert '# condition = "session"  # guess: delete the first # to compare pre, post\n' in text
+    assert '# condition = "hand"  # guess: delete the first # to compare left, right\n' in text
+
+
+@pytest.mark.parametrize(
+    ("column", "blank", "stimulus"),
+    [("catch", "1", "0"), ("stim_present", "0", "1"), ("trial_kind", "absent", "present")],
+)
+def test_blanks_that_have_a_level_are_told_by_their_column(
+    tmp_path: Path, column: str, blank: str, stimulus: str
+) -> None:
+    rows = "".join(
+        f"p,{n},{1 + n % 3},{blank if n % 4 == 0 else stimulus},{'no' if n % 4 == 0 else 'yes'}\n"
+        for n in range(24)
+    )
+    table = put(tmp_path / "t.csv", f"participant,trial,level,{column},felt\n{rows}")
+    note = (
+        f'in place of another side [columns] side = "{column}", [values.side] {blank} = "none" '
+        f'and {stimulus} = "left"; their levels are not read then'
+    )
+    assert note in draft(table)
+    columns = put(
+        tmp_path / "m.toml",
+        f'task = "yes/no"\n[columns]\nlevel_vpp = "level"\ndetected = "felt"\nside = "{column}"\n'
+        f'[values.detected]\nyes = "1"\nno = "0"\n[values.side]\n{blank} = "none"\n'
+        f'{stimulus} = "left"\n[axis]\nunit = "um"\n',
+    )
+    trials = read_inputs([table], load_column_map(columns)).trials
+    assert trials["kind"].eq("blank").sum() == 6
+    assert trials.loc[trials["kind"].eq("blank"), "level_vpp"].isna().all()
+
+
+def test_a_column_correct_of_ones_and_a_time_of_minus_one_are_left_out(tmp_path: Path) -> None:
+    rows = "".join(
+        f"p,{n},{n % 3},left,{key},{int(key == 'left')},{-1 if n == 3 else 0.5}\n"
+        for n, key in enumerate(["left", "right"] * 6)
+    )
+    text = draft(
+        put(tmp_path / "t.csv", f"participant,trial,level,side,response,correct,rt\n{rows}")
+    )
+    assert 'correct = ""  # has our name and not only true or false, such as 1: left out' in text
+    assert '-1 = "n/a"  # guess' in text

@@ -170,7 +170,7 @@ def test_who_broke_off_and_whose_false_alarms_are_the_most_is_told(tmp_path: Pat
         "participant c has 24 trials, 4 of 5 have 48: was a session broken off?",
     )
     of = next(row[2] for row in answer(analysis).rows if row[0] == "False alarms")
-    assert plain(of).startswith("1 of 54 blank trials, b the most with 1 of 12")
+    assert plain(of).startswith("1 of 54 blank trials, participant b the most with 1 of 12")
 
 
 def test_levels_in_db_give_what_their_amplitudes_give(tmp_path: Path) -> None:

@@ -134,7 +134,7 @@ def _most(analysis: Analysis, total: pd.Series[Any]) -> str:
     of = f"{row['p'] * row['presented']:.0f} of {row['presented']}"
     if len(most) > 1:
         return f", of a participant at most {of}"
-    return f", {isolated(row['participant'])} the most with {of}"
+    return f", participant {isolated(row['participant'])} the most with {of}"
 
 
 def interleaved(analysis: Analysis) -> set[str]:
