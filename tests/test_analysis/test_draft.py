@@ -1018,3 +1018,13 @@ def test_a_column_correct_of_ones_and_a_time_of_minus_one_are_left_out(tmp_path:
     )
     assert 'correct = ""  # has our name and not only true or false, such as 1: left out' in text
     assert '-1 = "n/a"  # guess' in text
+
+
+def test_two_loops_of_trials_are_said_to_be_two(tmp_path: Path) -> None:
+    head = "participant,still.thisN,moving.thisN,level,resp.keys"
+    rows = [f"p,{n},,{n % 4},y" for n in range(8)] + [f"p,,{n},{n % 4},n" for n in range(8)]
+    text = draft(put(tmp_path / "t.csv", "\n".join([head, *rows]) + "\n"))
+    assert "; others hold trials, too: skip rows that are none by another column" in text
+    one = [f"p,{n},{n // 4},{n % 4},y" for n in range(8)]  # of one in the other
+    text = draft(put(tmp_path / "o.csv", "\n".join([head, *one]) + "\n"))
+    assert "others hold trials" not in text

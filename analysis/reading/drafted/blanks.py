@@ -9,6 +9,7 @@ from analysis.reading.cells import NOTHING
 from analysis.reading.drafted.answers import answers_of, may_be_answers, only_key
 from analysis.reading.drafted.levels import level_of
 from analysis.reading.drafted.names import CALLED, FELT, HITS
+from analysis.reading.drafted.sample import listed
 
 if TYPE_CHECKING:
     from analysis.reading.drafted.sample import Sample
@@ -20,6 +21,7 @@ _NO_TRIAL: Final = re.compile(
     re.IGNORECASE,
 )
 _CAMEL: Final = re.compile("(?<=[a-z])(?=[A-Z])|[_.]")
+_NO_LOOP: Final = re.compile("pract|train|instr|demo|warm.?up|welcome|famil", re.IGNORECASE)
 _MOST_PRACTICE: Final = 0.5
 
 
@@ -62,6 +64,27 @@ def without_level(table: Sample) -> tuple[str, int, float]:
     said = [{row[place] for place in places} for row in rows]
     answered = [any(word == "none" or word.lower() not in NOTHING for word in one) for one in said]
     return level, len(rows), sum(answered) / max(len(rows), 1)
+
+
+def trial_loop(table: Sample) -> tuple[str, str]:
+    """Return the column of PsychoPy's loop of trials, and what is told of it; nothing without one.
+
+    >>> from analysis.reading.drafted.sample import Sample
+    >>> head = ["practice.thisN", "main.thisN"]
+    >>> trial_loop(Sample(header=head, rows=[["0", ""], ["", "0"], ["", "1"]]))[0]
+    'main.thisN'
+    """
+    loops = [name for name in table.header if name.endswith(".thisN")]
+    if not loops:
+        return "", ""
+    of_trials = [name for name in loops if not _NO_LOOP.search(name)] or loops
+    innermost = max(of_trials, key=table.changes)
+    loop = "trials.thisN" if "trials.thisN" in loops else innermost
+    inside = len(table.without(loop, "").rows)
+    others = sum(len(table.without(one, "").rows) for one in of_trials if one != loop)
+    apart = len(table.rows) - inside >= others >= inside / 2
+    more = "; others hold trials, too: skip rows that are none by another column" * apart
+    return loop, f"guess: outside this loop; loops: {listed(loops)}{more}"
 
 
 def no_trials(table: Sample, name: str) -> list[str]:

@@ -23,7 +23,7 @@ from analysis.reading.drafted.answers import (
     says_right,
     side_of,
 )
-from analysis.reading.drafted.blanks import no_trials, without_level
+from analysis.reading.drafted.blanks import no_trials, trial_loop, without_level
 from analysis.reading.drafted.conditions import (
     BLANKS,
     MOST_FILES,
@@ -65,7 +65,6 @@ if TYPE_CHECKING:
 
 
 _MOST_WORDS: Final = 12
-_NO_LOOP: Final = re.compile("pract|train|instr|demo|warm.?up|welcome", re.IGNORECASE)
 _BLOCK: Final = re.compile(r"\.thisN$|^(block|run)_?(n|nr|no|num|number|index|id)?$", re.IGNORECASE)
 NOTE: Final = "# Note: "
 """How a line of a draft begins that says what becomes of rows."""
@@ -155,12 +154,9 @@ def _notes(looked_at: Sample, trials: Sample, sections: Mapping[str, list[str]])
 
 def _rows(table: Sample, sections: dict[str, list[str]]) -> Sample:
     """Guess which rows are trials: those of a loop of PsychoPy, of a plugin of jsPsych."""
-    loops, loop = [name for name in table.header if name.endswith(".thisN")], ""
-    if loops:
-        of_trials = [name for name in loops if not _NO_LOOP.search(name)] or loops
-        innermost = max(of_trials, key=table.changes)
-        loop = "trials.thisN" if "trials.thisN" in loops else innermost
-        _put(sections, "rows.skip", loop, "", f"guess: outside this loop; loops: {listed(loops)}")
+    loop, told = trial_loop(table)
+    if loop:
+        _put(sections, "rows.skip", loop, "", told)
         table = table.without(loop, "")
     if {"trial_type", "time_elapsed", "rt"} <= {*table.header}:
         kinds = table.words("trial_type")

@@ -77,7 +77,8 @@ CALLED: Final[Mapping[str, tuple[str, ...]]] = {
     ),
     "rt_s": (
         *("rts", "rt", "responsetime", "reactiontime", "resprt", "latency", "rtms"),
-        *("reaktionszeit", "tempsdereaction", "tempsdereponse"),
+        *("reaktionszeit", "tempsdereaction", "tempsdereponse", "resptime", "tr", "rz", "trms"),
+        *("rzms", "reaktionszeitms", "reactiontimems", "responsetimems"),
     ),
 }
 """The first that a heading has is taken."""
