@@ -903,7 +903,9 @@ def test_without_a_column_of_answers_right_and_wrong_is_not_taken_for_it(tmp_pat
     )
     read = read_inputs([table], load_column_map(columns))
     (warned,) = (one for one in read.changed if "right and wrong" in one)
-    assert re.match(r"in 9\d% of 90 blank trials something was felt, at the weakest level", warned)
+    assert re.match(
+        r"in 9\d% of 90 blank trials something was felt: if that is a column of right", warned
+    )
 
 
 def test_an_arrow_is_no_side_where_no_column_has_sides(tmp_path: Path) -> None:
@@ -969,7 +971,7 @@ def test_frequencies_with_levels_of_their_own_are_offered(tmp_path: Path) -> Non
 
 def test_sessions_called_pre_and_post_and_two_hands_are_offered(tmp_path: Path) -> None:
     rows = "".join(
-        f"p{who},{session},{hand},{n},{n % 4},{'yn'[n % 2]}\n"
+        f"p{who},{session},{hand},{n},{n % 4},{'ny'[n % 4 > 1]}\n"
         for who in range(3)
         for session in ("pre", "post")
         for hand in ("left", "right")
@@ -1028,3 +1030,14 @@ def test_two_loops_of_trials_are_said_to_be_two(tmp_path: Path) -> None:
     one = [f"p,{n},{n // 4},{n % 4},y" for n in range(8)]  # of one in the other
     text = draft(put(tmp_path / "o.csv", "\n".join([head, *one]) + "\n"))
     assert "others hold trials" not in text
+
+
+def test_a_column_that_tells_blanks_is_no_answer_however_easy_the_task(tmp_path: Path) -> None:
+    rows = "".join(
+        f"p,{n},{(0, 4, 8)[n % 3]},{int(n % 3 > 0)},{'ba'[felt]},{int(felt is (n % 3 > 0))}\n"
+        for n in range(60)
+        for felt in [n % 3 > 0 if n % 20 else n % 3 == 0]
+    )
+    text = draft(put(tmp_path / "t.csv", f"participant,trial,level,shown,pressed,correct\n{rows}"))
+    assert 'detected = "pressed"  # guess' in text
+    assert 'a = "1"  # guess' in text

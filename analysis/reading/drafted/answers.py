@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import re
 from collections import Counter
 from statistics import fmean
@@ -42,7 +41,10 @@ def side_of(table: Sample) -> str | None:
         told = {"left", "right"} <= {*words} and words.count("") <= 1
         right = bool(_RIGHT.search(name))
         free = name not in answers and (right or not _ANSWERED.search(name.lower()))
-        if told and free and not _of_person(table, name) and not _parts(table, name, blank):
+        apart = any(blank) and _apart(table, name, blank)
+        if apart and len(apart[1]) == 1:
+            continue  # the right key of a yes/no task
+        if told and free and not _of_person(table, name):
             found[right].append(name)
     one = found[False] or found[True]
     return one[0] if len(one) == 1 else None
@@ -57,13 +59,13 @@ def _of_person(table: Sample, name: str) -> bool:
     return len(words) > 1 and len(pairs) < 2 * len({one for one, _ in pairs})
 
 
-def _parts(table: Sample, name: str, blank: Sequence[bool]) -> bool:
-    """Tell whether a column only tells blanks from stimuli, as the right key of a yes/no task."""
+def _apart(table: Sample, name: str, blank: Sequence[bool]) -> tuple[set[str], set[str]] | None:
+    """Return the words that a column has in blanks, and in stimuli, if none stands in both."""
     at = table.header.index(name)
     words: dict[bool, set[str]] = {False: set(), True: set()}
     for row, is_blank in zip(table.rows, blank, strict=True):
         words[is_blank].add(row[at])
-    return len(words[False]) == 1 and bool(words[True]) and words[True].isdisjoint(words[False])
+    return (words[True], words[False]) if words[True].isdisjoint(words[False]) else None
 
 
 def blank_rows(table: Sample) -> list[bool]:
@@ -81,26 +83,16 @@ def _is_zero(word: str) -> bool:
 
 
 def says_right(table: Sample, hit: str) -> bool:
-    """Tell whether 1 is a right answer, not something felt: blanks have more than weak levels.
+    """Tell whether 1 is a right answer, not something felt: more than half of the blanks have it.
 
     >>> rows = [["0", "1"], ["0", "1"], ["2", "0"], ["2", "1"], ["9", "1"]]
     >>> says_right(Sample(header=["level", "correct"], rows=rows), "correct")
     True
     """
-    level, blank = level_of(table), blank_rows(table)
-    if level is None or not any(blank):
-        return False
-    at, place = table.header.index(hit), table.header.index(level)
-    shares: dict[float, list[bool]] = {}
-    for row, is_blank in zip(table.rows, blank, strict=True):
-        if row[at].lower() in FELT and (is_blank or NUMBER.fullmatch(row[place])):
-            number = -math.inf if is_blank else float(row[place].replace(",", "."))
-            shares.setdefault(number, []).append(FELT[row[at].lower()] == "1")
-    weakest = sorted(shares)[:2]
-    if len(weakest) < len({False, True}) or weakest[0] != -math.inf:
-        return False
-    of_blanks, of_weakest = (fmean(shares[one]) for one in weakest)
-    return of_blanks > max(_MOST_FALSE, of_weakest)
+    at = table.header.index(hit)
+    said = [row[at].lower() for row, one in zip(table.rows, blank_rows(table), strict=True) if one]
+    felt = [FELT[word] == "1" for word in said if word in FELT]
+    return bool(felt) and fmean(felt) > _MOST_FALSE
 
 
 def felt_keys(table: Sample, hit: str) -> tuple[str, dict[str, str]]:
@@ -114,7 +106,8 @@ def felt_keys(table: Sample, hit: str) -> tuple[str, dict[str, str]]:
         for row, is_blank in zip(table.rows, blank, strict=True)
     ]
     named = [*table.named(CALLED["response"])]
-    for name in dict.fromkeys((*named, *table.header)):
+    others = [name for name in table.header if not _apart(table, name, blank)]  # tell no blanks
+    for name in dict.fromkeys((*named, *others)):
         place, cells = table.header.index(name), dict[str, Counter[bool]]()
         for row, one in zip(table.rows, felt, strict=True):
             if one is not None and row[place].lower() not in (*NOTHING, *MISSED):

@@ -139,7 +139,7 @@ def _notes(looked_at: Sample, trials: Sample, sections: Mapping[str, list[str]])
     for line in sections.get("rows.skip", ()):
         yield from [line.partition("  # ")[2]] * line.startswith("#")
     side, (response, hit) = side_of(trials), answers_of(trials)
-    yield from blank_notes(trials, side, where=response is None or hit != response)
+    yield from blank_notes(trials, side, where=hit is None or response not in (None, hit))
     words = trials.words(side) if side else {}
     for ours, told in _ASIDE.items():
         if rows := sum(n for word, n in words.items() if WORDS.get(plain(word)) == ours):
@@ -187,7 +187,8 @@ def _rows(table: Sample, sections: dict[str, list[str]]) -> Sample:
 def _columns(table: Sample, sections: dict[str, list[str]]) -> None:
     sections["columns"] = []
     k, n = table.called(COUNTS), table.called(OF)
-    counted = bool(k and n and k != n and table.numbers(k) and table.numbers(n))
+    numbers = table.numbers(n) if k and n and k != n and table.numbers(k) else None
+    counted = max(numbers or [0]) > 1
     response, both = (None, None) if counted else answers_of(table)
     if counted:
         _put(sections, "table", "detected", k or "", "guess")
@@ -202,7 +203,7 @@ def _columns(table: Sample, sections: dict[str, list[str]]) -> None:
         elif ours == "response":
             _answer(table, response, both, sections)
         elif ours == "side":
-            _side(table, theirs, sections, where=response is None or both != response)
+            _side(table, theirs, sections, where=both is None or response not in (None, both))
         elif theirs is not None:
             _named(table, ours, theirs, sections)
         else:
