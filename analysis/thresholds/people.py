@@ -237,7 +237,9 @@ def as_named(trials: pd.DataFrame, names: Sequence[str]) -> pd.DataFrame:
 
     A study's names have none: 60Hz is the condition that a table calls 60 Hz.
 
-    >>> as_named(pd.DataFrame({"condition": ["60 Hz", "rest"]}), ["60Hz"])["condition"].tolist()
+    >>> import pandas as pd
+    >>> trials = pd.DataFrame({"condition": ["60 Hz", "rest"]})
+    >>> as_named(trials, ["60Hz"])["condition"].tolist()
     ['60Hz', 'rest']
     """
     known = {_SIGNS.sub("", name): name for name in names}
