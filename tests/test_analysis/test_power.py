@@ -1039,3 +1039,17 @@ def test_what_cannot_be_asked_is_refused_in_one_line(
     assert done.stderr.count("\n") == 1
     assert told in done.stderr
     assert not done.stdout
+
+
+def test_a_pilots_condition_with_a_blank_in_its_name_is_the_studys_without(tmp_path: Path) -> None:
+    rng, rows = np.random.default_rng(3), ["participant,condition,v,felt"]
+    for person in range(4):
+        for name in ("60 Hz", "200 Hz"):
+            for level in [30.0, 60.0, 120.0] * 8 + [0.0] * 10:
+                rows.append(f"{person},{name},{level:g},{int(rng.random() < level / 130)}")
+    (tmp_path / "all.csv").write_text("\n".join(rows) + "\n")
+    (tmp_path / "map.toml").write_text(MAP.format("V"))
+    loaded = read_inputs([tmp_path / "all.csv"], load_column_map(tmp_path / "map.toml"))
+    study = study_of('[[condition]]\nname = "200Hz"\n[[condition]]\nname = "60Hz"\n')
+    people = pilot_people(study, Goal.parse("difference=2dB"), loaded, "there")
+    assert people.whose == "those of the pilot in there in condition 200Hz, and else the study's"
