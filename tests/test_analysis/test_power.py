@@ -680,6 +680,16 @@ def test_a_search_stopped_after_its_answer_tells_the_answer() -> None:
     assert people.startswith("The simulated people: ")
 
 
+def test_the_least_number_of_a_range_is_not_told_as_the_answer_alone() -> None:
+    whole = promised(lambda _: 0.97, (7, 9))
+    for told in (whole, replace(whole, partial="7 participants, now other designs")):
+        lines = text(told).splitlines()
+        assert lines[0].startswith("7 participants (fewer were not tried), ")
+        assert "\nRule of thumb, not simulated: about " in text(told)
+        assert "With 7 participants (fewer were not tried), " in told.ethics
+    assert text(promised(lambda _: 0.97, (2, 9))).startswith("2 participants, ")
+
+
 def test_levers_begin_with_the_most_people_where_they_are_not_enough() -> None:
     told = text(promised(lambda people: people / 50, (2, 20)))
     assert told.startswith("No number within the bounds, 2 to 20 participants, is enough: ")
