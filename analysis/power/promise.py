@@ -215,9 +215,10 @@ class Promise:
         of = "; those of the pilot are medians of draws that took turns" * bool(self.people.draws)
         one = self.participants[0] == self.participants[1]
         told = _counted(self.best.participants or 0) if one else self.people_of(self.best)
+        each = " in each condition" * (len(self.people.study.conditions) > 1)
         return (
             f"The number of participants was {'checked' if one else 'chosen'} by simulation "
-            f"(tactstrip power, seed {self.seed}). With {told}, {_design(self.best.point)}, "
+            f"(tactstrip power, seed {self.seed}). With {told}, {_design(self.best.point)}{each}, "
             f"the goal is expected to be reached, {self.goal.words}: at least "
             f"{self.assurance:.0%} of such studies were asked for, and of {fresh.studies} "
             f"{'fresh' * one or 'simulated'} ones"

@@ -1055,8 +1055,10 @@ def test_a_pilots_condition_with_a_blank_in_its_name_is_the_studys_without(tmp_p
     rng, rows = np.random.default_rng(3), ["participant,condition,v,felt"]
     for person in range(4):
         for name in ("60 Hz", "200 Hz"):
-            for level in [30.0, 60.0, 120.0] * 8 + [0.0] * 10:
-                rows.append(f"{person},{name},{level:g},{int(rng.random() < level / 130)}")
+            rows += [
+                f"{person},{name},{level:g},{int(rng.random() < level / 130)}"
+                for level in [30.0, 60.0, 120.0] * 8 + [0.0] * 10
+            ]
     (tmp_path / "all.csv").write_text("\n".join(rows) + "\n")
     (tmp_path / "map.toml").write_text(MAP.format("V"))
     loaded = read_inputs([tmp_path / "all.csv"], load_column_map(tmp_path / "map.toml"))

@@ -5,6 +5,7 @@ from __future__ import annotations
 from functools import partial
 from typing import TYPE_CHECKING
 
+from analysis.results.figures.curves import look_of
 from analysis.results.figures.drawing import (
     COLOURS,
     GROUP,
@@ -59,19 +60,19 @@ def draw(analysis: Analysis) -> Figure:
     groups = [(str(name), rows) for name, rows in timed.groupby("condition")]
     figure, axes = panels([n for n, _ in groups], [_HEIGHT_IN] * len(groups), analysis.mark)
     longest_s = float(timed["p90"].max())
-    for panel, (_, rows) in zip(axes, groups, strict=True):
-        _draw(panel, rows, analysis)
+    for panel, (condition, rows) in zip(axes, groups, strict=True):
+        _draw(panel, rows, analysis, condition)
         panel.set_ylim(0, 1.08 * longest_s or 1.0)
     return figure
 
 
-def _draw(axes: Axes, rows: pd.DataFrame, analysis: Analysis) -> None:
+def _draw(axes: Axes, rows: pd.DataFrame, analysis: Analysis, condition: str) -> None:
     level_axis(axes, rows["level_vpp"], analysis.axis)
     for side, one in rows.groupby("side", observed=True):
         colour, marker, shift_pt = _SIDES.get(str(side), _OTHER)
         name = f"{side}: "
-        if analysis.one_place:
-            name, shift_pt = "", 0.0
+        if analysis.one_place:  # the condition's look, as in the other figures
+            name, shift_pt, (colour, marker, _) = "", 0.0, look_of(analysis, condition)
         _draw_side(axes, one, name, (colour, marker, shift_pt))
     axes.set_ylabel("Reaction time of correct answers (s)")
     key(axes, columns=1)
