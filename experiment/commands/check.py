@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from device.driver import Lack
     from experiment.apparatus.rig import Rig
     from experiment.preview.device import DeviceCheck
-    from experiment.study.sections.equipment import DeviceSettings
+    from experiment.study.sections.equipment import DeviceSettings, Masking
     from experiment.study.study import Study
 
 
@@ -33,6 +33,13 @@ if TYPE_CHECKING:
     is_flag=True,
     help="Also the device: who answers, what it takes, a burst at 10 % on each channel.",
 )
+@click.option(
+    "--noise",
+    "noise_s",
+    type=click.FloatRange(1, 3600),
+    metavar="SECONDS",
+    help="Also play the masking noise for so long, and no burst, to set its level.",
+)
 @hardware_options
 @refusals
 def check(
@@ -40,6 +47,7 @@ def check(
     study_file: Path,
     as_json: bool,
     with_device: bool,
+    noise_s: float | None,
     driver: str | None,
     port: str | None,
     confirm_hardware: bool,
@@ -67,6 +75,8 @@ def check(
         settings = chosen_settings(study, driver=driver, port=port)
         checked = check_study(study)
         require_mock_suitable(study, driver)
+    if noise_s is not None and study.masking.noise == "none":
+        raise CommandError('--noise needs masking.noise = "pink" in the study; got "none"')
     lacks = _machine_lacks(study, settings)
     found = check_findings(checked, str(study_file), machine_findings(lacks), device=settings)
     if "device" in dict(lacks):
@@ -78,10 +88,33 @@ def check(
         found.part("device_check", device_findings(device))
     # Last: a device that is refused, or not there, is told alone, not under a page of the study.
     click.echo(found.json if as_json else found.text)
+    if noise_s is not None:
+        _play(study.masking, noise_s)
     if checked.verdict == "unfit":
         click.get_current_context().exit(ANSWER_IS_NO)
     if device is not None:
         end_check(device)
+
+
+def _play(masking: Masking, noise_s: float) -> None:
+    """Play the masking noise alone, as a session would."""
+    from device.clock import MonotonicClock
+    from experiment.apparatus.noise import NoiseError, noise_player
+
+    clock = MonotonicClock()
+    try:
+        player = noise_player(masking, clock, simulated=False)
+        try:
+            player.start()
+            click.echo(f"the noise plays for {noise_s:g} s; Ctrl-C ends it", err=True)
+            clock.wait(noise_s)
+            health = player.health()
+        finally:
+            player.stop()
+    except NoiseError as error:
+        raise CommandError(str(error), exit_code=DEVICE_FAILED) from error
+    if not health.ok:
+        raise CommandError(health.words, exit_code=DEVICE_FAILED)
 
 
 def _machine_lacks(study: Study, settings: DeviceSettings) -> list[tuple[str, Lack]]:

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 
 from device.clock import MonotonicClock, VirtualClock
 from device.errors import LinkError
@@ -27,10 +28,12 @@ from experiment.apparatus.noise import (
     SoundCardNoise,
     noise_player,
 )
+from experiment.commands.check import check
 from experiment.study.sections.equipment import Masking
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
+    from pathlib import Path
 
     from device.sound.player import Frames
     from device.sound.stream import Callback
@@ -499,3 +502,24 @@ def test_a_loss_is_found_within_half_a_second_and_the_noise_comes_back(
     started.start()
     assert started.health().ok is True
     assert null_sink.until(lambda: bool(np.abs(null_sink.recorded()).max(initial=0) > 500))
+
+
+def test_a_check_plays_it_alone(null_sink: NullSink, tmp_path: Path) -> None:
+    study = tmp_path / "study.toml"
+    study.write_text(
+        '[masking]\nnoise = "pink"\nmax_level_dba = 75\nloop_s = 1.0\n', encoding="utf-8"
+    )
+    null_sink.listen()
+    done = CliRunner().invoke(check, [str(study), "--noise", "1"])
+    assert done.exit_code == 0, done.stderr
+    assert "the noise plays for 1 s; Ctrl-C ends it" in done.stderr
+    recorded = null_sink.recorded()
+    assert np.count_nonzero(recorded[:, 0]) > 0.5 * RATE_HZ
+
+
+def test_without_noise_there_is_none_to_play(tmp_path: Path) -> None:
+    study = tmp_path / "study.toml"
+    study.write_text('[masking]\nnoise = "none"\n', encoding="utf-8")
+    done = CliRunner().invoke(check, [str(study), "--noise", "5"])
+    assert (done.exit_code, done.stdout) == (2, "")
+    assert '--noise needs masking.noise = "pink" in the study; got "none"' in done.stderr
