@@ -146,7 +146,8 @@ def line(found: Placement) -> str:
     levels = " ".join(f"{level:g}" for level in found.levels_vpp)
     return (
         f"{found.participant} {found.condition}: {levels} V, expected error "
-        f"{_error(found.error)}; with the study's levels {_error(found.fixed_error)}"
+        f"{_error(found.error)}; with the levels of the study that was run "
+        f"{_error(found.fixed_error)}"
     )
 
 
