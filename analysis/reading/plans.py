@@ -229,9 +229,8 @@ def left_out(sources: Sources, *, accept_altered: bool) -> LeftOut:
         if found.differences:
             lost[_session(table)] = tuple(told_of(one, table.name) for one in found.differences)
         else:
-            told[_session(table)] = (
-                "tactstrip export DIR builds it" if found.history else "nothing was recorded in it"
-            )
+            over = "tactstrip export DIR builds it once it is over"
+            told[_session(table)] = over if found.history else "nothing was recorded in it"
     for table, difference in sources.lost:
         if not accept_altered:
             raise _not_accepted(

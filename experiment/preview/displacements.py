@@ -16,6 +16,8 @@ from stimuli import ElasticEdge
 from stimuli.strip.patch import cutoff_factor
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
+
     from experiment.preview.check import ConditionCheck, StudyCheck
     from experiment.study.origins import Source
     from experiment.study.study import Study
@@ -52,8 +54,7 @@ def displacement_findings(
     _tell_unequal(found, gains.fingers())
     found.tell("", f"{-one.masking_limit_db:g} dB at the other finger is the limit")
     moved = found.facts["actuators"]
-    if any(at["level_db"] < _IDEAL_DB for one_of in moved for at in one_of["fingers"]):
-        found.tell("", _IDEAL)
+    tell_ideal(found, (at["level_db"] for one_of in moved for at in one_of["fingers"]))
     errors = one.patch_errors
     found.note(patch_error=None if errors is None else errors.facts)
     if errors is not None:
@@ -141,11 +142,15 @@ def _with_loss(level_of: dict[str, Any] | None) -> str:
 
 
 _IDEAL_DB: Final = -60.0
-_IDEAL: Final = (
-    f"below about {_IDEAL_DB:g} dB (assumed) crosstalk, bars and table may carry more: "
-    "docs/explanation/limits.md"
-)
-"""Of levels that are those of an ideal plate."""
+
+
+def tell_ideal(found: Findings, levels_db: Iterable[float | None]) -> None:
+    """Say, if any level is so low, that it is that of an ideal plate."""
+    if any(one is not None and one < _IDEAL_DB for one in levels_db):
+        limit = f"below about {_IDEAL_DB:g} dB (assumed)"
+        words = f"{limit} crosstalk, bars and table may carry more: docs/explanation/limits.md"
+        found.tell("", words)
+
 
 _PLASTICS: Final = ("pmma", "polycarbonate")
 

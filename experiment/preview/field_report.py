@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from experiment.preview.check_report import burst_words
+from experiment.preview.displacements import tell_ideal
 from experiment.preview.field import PlateBand, PlateMap, PlateMotion
 from experiment.preview.findings import Findings
 from experiment.study.sources import cutoff_source, in_short
@@ -153,6 +154,7 @@ def _tell_levels(found: Findings, field: PlateMap | PlateBand | PlateMotion, bes
     decides = f"as check has it, which decides; the limit is -{field.plate.masking_limit_db:g} dB"
     found.tell("levels", f"{burst_name(field.plate)}: at the other finger, {decides}")
     found.tell("", beside)
+    tell_ideal(found, field.bursts_db)
 
 
 def _burst(field: PlateMap | PlateBand | PlateMotion, driven: int) -> str:

@@ -493,7 +493,9 @@ def test_a_session_whose_table_was_removed_is_not_left_out_silently(results: Pat
         file.truncate()
         file.writelines(lines)
     without_heads(results)  # as of a session that was cut off before its first end
-    assert read_inputs([results]).without_table == {SESSION: "tactstrip export DIR builds it"}
+    assert read_inputs([results]).without_table == {
+        SESSION: "tactstrip export DIR builds it once it is over"
+    }
 
 
 @pytest.mark.slow

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from experiment.preview.bursts.compared import by_length, known_for
 from experiment.preview.bursts.edges import edge_words
+from experiment.preview.displacements import tell_ideal
 from experiment.preview.findings import Findings
 from experiment.study.physics import LEAST_LOSS, MOST_LOSS
 from experiment.study.simulated import median_threshold, vibrations_of
@@ -99,6 +100,7 @@ def _tell_columns(told: Findings, found: BurstComparison) -> None:
         f"level at the other finger in dB re the own one, the worse side; limit {-limits[1]:g}",
         masking_limit_db=limits[1],
     )
+    tell_ideal(told, (one.level_db for row in found.rows for one in (row.stated, row.other) if one))
     if not study.plate.is_loss_stated:
         told.tell("", f"the worse of loss factors {LEAST_LOSS:g} and {MOST_LOSS:g} (assumed)")
     level_vpp = study.design.highest_vpp
