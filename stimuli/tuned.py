@@ -1,4 +1,4 @@
-"""How a machine is used: linear algebra on one thread, and freed memory kept for what comes next.
+"""Linear algebra on one thread, and freed memory kept for what comes next.
 
 Our matrices are small, so that more threads wait for each other; and arrays of some megabytes come
 and go by the thousand, each of which the C library would give back to the system.
@@ -26,15 +26,16 @@ _TRIM_THRESHOLD, _TOP_PAD, _MMAP_THRESHOLD = -1, -2, -3
 _DEFAULT_PAD_BYTES: Final = 1 << 17
 _KEPT_BYTES: Final = 1 << 27
 _GROWS_BYTES: Final = 1 << 26
-_LARGEST_BYTES: Final = 1 << 25
+_LARGEST_BYTES: Final = 1 << 23
 
 
 def tuned(function: Callable[Given, Returned]) -> Callable[Given, Returned]:
-    """Have a function run with BLAS on one thread, and keep freed memory.
+    """Have a function run with BLAS on one thread, and freed memory kept.
 
     On two processors a gain matrix took 2 to 15 times as much processor time with two threads, and
-    no less time; afterwards there are as many as before. The command line asks for one thread when
-    it starts; a script or a notebook has imported numpy by the time that it calls us.
+    no less time; when the function returns there are as many threads as before. The command line
+    asks for one when it starts; a script or a notebook has imported numpy by the time that it calls
+    us.
     """
 
     @wraps(function)
@@ -56,18 +57,20 @@ def _libraries() -> ThreadpoolController:
 
 @cache
 def keep_freed_memory() -> None:
-    """Have the C library keep what is freed, up to 128 MB, in large pages, where it is glibc's.
+    """Have the C library keep arrays of up to 8 MB that are freed, where it is glibc's.
 
-    Otherwise it gives arrays back to the system and fetches them again page by page: a seventh of
-    the time of simulated studies and of many gain matrices, and half as much again in a Dask
-    worker, whose nanny asks for it.
+    That holds for the whole process from then on: 128 MB may be kept at the end of its heap, and
+    what lies below memory that is still in use. Otherwise such arrays are given back to the system
+    and fetched again page by page: a seventh of the time of simulated studies and of many gain
+    matrices, and half as much again in a Dask worker, whose nanny asks for it by a variable, which
+    is overruled here.
     """
     if sys.platform == "linux":
         with suppress(OSError, AttributeError):
             library = ctypes.CDLL(None)
-            library.mallopt(_MMAP_THRESHOLD, _LARGEST_BYTES)
-            library.mallopt(_TRIM_THRESHOLD, _KEPT_BYTES)
-            _have_large_pages(library)
+            if library.mallopt(_MMAP_THRESHOLD, _LARGEST_BYTES):  # else it is too much for it
+                library.mallopt(_TRIM_THRESHOLD, _KEPT_BYTES)
+                _have_large_pages(library)
 
 
 def _have_large_pages(library: ctypes.CDLL) -> None:
@@ -83,7 +86,8 @@ def _have_large_pages(library: ctypes.CDLL) -> None:
     library.madvise.argtypes = [address, size, ctypes.c_int]
     begin: int = -(-library.sbrk(0) // mmap.PAGESIZE) * mmap.PAGESIZE
     library.mallopt(_TOP_PAD, _GROWS_BYTES)
-    library.free(library.malloc(_LARGEST_BYTES // 4))  # more than a heap has left after imports
+    # more than imports have left free
+    library.free(library.malloc(_LARGEST_BYTES - mmap.PAGESIZE))
     library.mallopt(_TOP_PAD, _DEFAULT_PAD_BYTES)
     if (end := library.sbrk(0)) > begin:
         library.madvise(begin, end - begin, mmap.MADV_HUGEPAGE)

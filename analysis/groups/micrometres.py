@@ -172,7 +172,7 @@ def micrometres_row(
 
 
 def unequal_sides(trials: pd.DataFrame, axis: Axis) -> Iterator[str]:
-    """Say of whom the same volts move one finger more than the other, as no threshold is either's.
+    """Say where the same volts move one finger more than the other.
 
     >>> trials = pd.DataFrame({"participant": "1", "condition": "main", "kind": "single",
     ...     "side": ["left", "right"], "level_vpp": 100.0, "reason": "",
@@ -181,19 +181,19 @@ def unequal_sides(trials: pd.DataFrame, axis: Axis) -> Iterator[str]:
     >>> from analysis.axis import VOLTS
     >>> print(*unequal_sides(trials, VOLTS))
     the same volts move the right finger 3.5 dB more than the left: a threshold in volts is that \
-of both sides together, between those of the two, and the function is flatter than either's
+of both sides together, between those of the two, and its psychometric function is flatter
     """
-    moved = _per_volt(trials).values() if axis.is_vpp else ()
+    moved = [*(_per_volt(trials) if axis.is_vpp else {}).values()]
     apart_db = [20 * math.log10(right / left) for left, right, _ in moved if _apart(left, right)]
-    if not (apart_db := [one for one in apart_db if abs(one) >= UNEQUAL_DB]):
-        return
-    most_db, some = max(apart_db, key=abs), " (of some people)" * (len(apart_db) < len(moved))
-    more, less = _SIDES[:: -1 if most_db > 0 else 1]
-    yield (
-        f"the same volts move the {more} finger {abs(most_db):.1f} dB more than the {less}{some}: "
-        "a threshold in volts is that of both sides together, between those of the two, and the "
-        "function is flatter than either's"
-    )
+    for more, less, sign in ((*_SIDES, -1), (*_SIDES[::-1], 1)):
+        own_db = [one for one in apart_db if sign * one >= UNEQUAL_DB]
+        if own_db:
+            some = " (not of all people and conditions)" * (len(own_db) < len(moved))
+            yield (
+                f"the same volts move the {more} finger {max(map(abs, own_db)):.1f} dB more than "
+                f"the {less}{some}: a threshold in volts is that of both sides together, between "
+                "those of the two, and its psychometric function is flatter"
+            )
 
 
 def _apart(left: float, right: float) -> bool:

@@ -12,6 +12,8 @@ import numpy as np
 import pandas as pd
 
 from analysis.definitions import TOTAL
+from analysis.reading.foreign.files import FILE
+from analysis.reading.foreign.form import toml_entry
 from analysis.reading.rows import expected_correct
 from analysis.reading.text import ResultFileError, one_line
 from experiment.terms.record import NOT_AVAILABLE, format_value
@@ -234,9 +236,10 @@ _NUMBERED_ANEW: Final = (
     "order is taken); session is for another day"
 )
 _BEGUN_ANEW: Final = (
-    '; where one of the files was begun anew, leave the other out with [rows.skip] file- = "{}"; '
-    'where both count, the map needs [columns] session = "file-", or, if they are parts of one '
-    'session, trial = "" (the order of rows is taken)'
+    "; where one of these files is of a run that was broken off and begun anew, leave it out, "
+    "such as [rows.skip] {}; where both count, the map needs [columns] session = "
+    '"file-", or participant = "file-" where the files are of two people, or, where they are parts '
+    'of one session, trial = "" (the order of rows is taken)'
 )
 
 
@@ -280,8 +283,9 @@ def refuse_repeat(
     told = ", ".join(f"{name} {second[name]}" for name in key)
     hint = _NUMBERED_ANEW if foreign else ""
     if foreign and first["file"] != second["file"]:
-        here = trials[trials["file"].isin([first["file"], second["file"]])]
-        shorter = Path(here["file"].astype(str).value_counts(ascending=True).index[0])
-        hint = _BEGUN_ANEW.format(one_line(shorter.stem))
+        session = trials[KEY[:2]].eq(second[KEY[:2]]).all(axis="columns")
+        rows = trials.loc[session, "file"].astype(str).value_counts()
+        shorter = Path(min(map(str, (first["file"], second["file"])), key=lambda one: rows[one]))
+        hint = _BEGUN_ANEW.format(toml_entry(FILE, shorter.stem, "").partition("  #")[0])
     message = f"{told}: {what} {one_line(first['file'])}:{first['line']}{hint}"
     raise ResultFileError(second["file"], int(second["line"]), message)

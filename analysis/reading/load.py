@@ -328,9 +328,9 @@ def _one_of_two(trials: pd.DataFrame) -> Iterator[str]:
     again = begun_anew(zip(sessions, files, strict=True))
     if again:
         yield (
-            f"two files are read as one session, {both_files(again)}: if the shorter was begun "
-            'anew, [rows.skip] file- leaves it out; if both count, session = "file-" tells them '
-            "apart"
+            f"one session is in several files, {both_files(again)}: if a run was broken off and "
+            "begun anew, [rows.skip] file- leaves its file out; sessions of their own are told "
+            'apart by session = "file-"'
         )
 
 

@@ -235,16 +235,25 @@ def as_amplitudes(people: PersonCounts, axis: Axis) -> tuple[PersonCounts, str]:
 def as_named(trials: pd.DataFrame, names: Sequence[str]) -> pd.DataFrame:
     """Return trials with conditions named so, where theirs differ by blanks and signs only.
 
-    A study's names have none: 60Hz is the condition that a table calls 60 Hz.
+    A study's names have none: 60Hz is the condition that a table calls 60 Hz. Where two would be
+    one so, all stay as they are.
 
     >>> import pandas as pd
     >>> trials = pd.DataFrame({"condition": ["60 Hz", "rest"]})
     >>> as_named(trials, ["60Hz"])["condition"].tolist()
     ['60Hz', 'rest']
+    >>> apart = trials.assign(condition=["+6 dB", "-6 dB"])
+    >>> as_named(apart, ["6dB"])["condition"].tolist()
+    ['+6 dB', '-6 dB']
     """
-    known = {_SIGNS.sub("", name): name for name in names}
     theirs = trials["condition"].astype(str)
-    return trials.assign(condition=[known.get(_SIGNS.sub("", one), one) for one in theirs])
+    short: dict[str, tuple[set[str], set[str]]] = {}
+    for place, some in enumerate((theirs.tolist(), names)):
+        for name in some:
+            short.setdefault(_SIGNS.sub("", name), (set(), set()))[place].add(name)
+    same = {one: other for own, ours in short.values() for one in own for other in ours
+            if len(own) == len(ours) == 1}  # fmt: skip
+    return trials.assign(condition=[same.get(one, one) for one in theirs])
 
 
 def people_of(trials: pd.DataFrame, alternatives: int = 2) -> PersonCounts:

@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 @click.option(
     "--noise",
     "noise_s",
-    type=click.FloatRange(1, 3600),
+    type=click.IntRange(1, 3600),
     metavar="SECONDS",
     help="Also play the masking noise for so long, and no burst, to set its level.",
 )
@@ -47,7 +47,7 @@ def check(
     study_file: Path,
     as_json: bool,
     with_device: bool,
-    noise_s: float | None,
+    noise_s: int | None,
     driver: str | None,
     port: str | None,
     confirm_hardware: bool,
@@ -57,9 +57,9 @@ def check(
     The exit code is 0 if every burst keeps below the strip's cut-off or is accepted with a reason,
     1 if one does not, 2 if the study cannot be used. With --device, also 1 if the device does not
     suit the study, or a burst was not seen or not verified by the study's monitor, 3 if it fails.
-    Nobody may touch the plate then. What this machine lacks to run the study is a note; what `run`
-    would refuse of the device, and a card that exceeds its ceiling, a warning: neither changes
-    verdict or exit code.
+    Nobody may touch the plate then. With --noise, also 3 if the noise does not play. What this
+    machine lacks to run the study is a note; what `run` would refuse of the device, and a card that
+    exceeds its ceiling, a warning: neither changes verdict or exit code.
     """
     from experiment.apparatus.rig import assemble, chosen_settings
     from experiment.preview.check import check_study, require_mock_suitable
@@ -72,11 +72,11 @@ def check(
         raise CommandError("--confirm-hardware needs --device")
     with working("Checking"), told_by_file(study_file):
         study = read_study(study_file)
+        if noise_s is not None and study.masking.noise == "none":
+            raise CommandError('--noise needs masking.noise = "pink" in the study; got "none"')
         settings = chosen_settings(study, driver=driver, port=port)
         checked = check_study(study)
         require_mock_suitable(study, driver)
-    if noise_s is not None and study.masking.noise == "none":
-        raise CommandError('--noise needs masking.noise = "pink" in the study; got "none"')
     lacks = _machine_lacks(study, settings)
     found = check_findings(checked, str(study_file), machine_findings(lacks), device=settings)
     if "device" in dict(lacks):
@@ -96,7 +96,7 @@ def check(
         end_check(device)
 
 
-def _play(masking: Masking, noise_s: float) -> None:
+def _play(masking: Masking, noise_s: int) -> None:
     """Play the masking noise alone, as a session would."""
     from device.clock import MonotonicClock
     from experiment.apparatus.noise import NoiseError, noise_player
@@ -106,9 +106,11 @@ def _play(masking: Masking, noise_s: float) -> None:
         player = noise_player(masking, clock, simulated=False)
         try:
             player.start()
-            click.echo(f"the noise plays for {noise_s:g} s; Ctrl-C ends it", err=True)
-            clock.wait(noise_s)
-            health = player.health()
+            click.echo(f"the noise plays for {noise_s} s; Ctrl-C ends it", err=True)
+            ends_s, health = clock.now_s() + noise_s, player.health()
+            while health.ok and (left_s := ends_s - clock.now_s()) > 0:
+                clock.wait(min(left_s, 1.0))
+                health = player.health()
         finally:
             player.stop()
     except NoiseError as error:

@@ -265,7 +265,7 @@ def _draw_cutoffs(axes: Axes, field: PlateBand) -> None:
 
 def _power(value: float) -> str:
     """Write a power of ten; formulas are off, as study names may have dollar signs."""
-    return "10" + f"{math.log10(value):.0f}".translate(str.maketrans("-012345678", "⁻⁰¹²³⁴⁵⁶⁷⁸"))
+    return "10" + f"{math.log10(value):.0f}".translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
 
 
 def _dress(axes: Axes, field: PlateBand, largest: float) -> None:

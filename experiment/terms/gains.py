@@ -22,7 +22,8 @@ SIGNIFICANT_DIGITS: Final = 4
 others keep equal steps of level equal, and the last bit of a machine shows in none of them."""
 
 UNEQUAL_DB: Final = 1.0
-"""From here on it is told that the same volts move one finger more; people differ by 1.5 to 3."""
+"""From here on it is told that the same volts move one finger more; people differ by 1.5 dB and
+more."""
 
 OWN_FINGERS: Final = ("left", "right")
 """The actuators under the two fingers: the first two of every matrix."""

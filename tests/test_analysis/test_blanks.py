@@ -134,10 +134,8 @@ def with_catch(table: str, level: str) -> str:
 
 def test_a_column_that_may_tell_blanks_at_0_db_is_named_and_not_taken(tmp_path: Path) -> None:
     text = drafted(tmp_path, with_catch(one_place(""), "0"), task="yes/no", side="left")
-    line = '[columns] side = "catch", [values.side] 1 = "none" and 0 = "left"'
-    assert (
-        f"# Note: column catch may tell blanks: if it does, in place of another side {line}" in text
-    )
+    line = 'side = "catch", instead of any other side, with [values.side] 1 = "none" and 0 = "left"'
+    assert f"# Note: column catch may tell blanks: if it does, [columns] {line}" in text
     assert '# condition = "catch"' not in text
     text = re.sub('\n\\[constant\\]\nside = "left".*', "", text)
     text = text.replace("\n[columns]", '\n[columns]\nside = "catch"').replace(

@@ -363,7 +363,9 @@ def test_files_that_number_their_trials_anew_are_told_from_blocks(tmp_path: Path
 @pytest.mark.parametrize("name", ["volts", "Voltage", "level_vpp"])
 def test_volts_are_peak_to_peak_only_where_their_name_says_so(tmp_path: Path, name: str) -> None:
     told = draft(put(tmp_path / "t.csv", f"participant,side,{name},response\nA,left,60,left\n"))
-    assert ('unit = "V"  # guess; printed as written' in told) == (name in ("volts", "Voltage"))
+    assert ('unit = "V"  # guess; say peak or peak-to-peak if you know; printed' in told) == (
+        name in ("volts", "Voltage")
+    )
 
 
 @pytest.mark.parametrize("name", ["side", "stim_side"])
@@ -754,17 +756,15 @@ def begun_again(folder: Path, *, people: int = 4) -> Path:
 def test_a_run_begun_anew_is_named_and_pooled_with_no_other(tmp_path: Path) -> None:
     data = begun_again(tmp_path / "data")
     told = draft(data)
-    both = "two files have the same session and trial numbers, p3, 001: p3_a (2 rows) and p3_b (8 "
-    assert f"{NOTE}{both}rows): if the shorter was begun anew, delete the # before file- " in told
-    assert '\n# file- = "p3_a"  # two files' in told
+    both = "several files have the same session and trial numbers, p3, 001: p3_a (2 rows) and p3_b "
+    assert f"{NOTE}{both}(8 rows): if a run was broken off and begun anew, delete the # " in told
+    assert '\n# file- = "p3_a"  # several files' in told
     assert 'trial = "trials.thisN"' in told
     words = told.replace('down = ""', 'down = "none"')
     columns = load_column_map(put(tmp_path / "as-drafted.toml", words))
     error = str(refused(data, columns=columns))
     assert "p3_b.csv:2: participant p3, session 001, trial 1, attempt 1: the same" in error
-    assert (
-        'leave the other out with [rows.skip] file- = "p3_a"; where both count, the map ' in error
-    )
+    assert 'leave it out, such as [rows.skip] file- = "p3_a"; where both count, the map n' in error
     for change, rows, warned in (
         (("# file-", "file-"), 32, 0),
         (("# session: ", 'session = "file-"  # '), 34, 0),
@@ -773,7 +773,11 @@ def test_a_run_begun_anew_is_named_and_pooled_with_no_other(tmp_path: Path) -> N
         text = words.replace(*change)
         read = read_inputs([data], load_column_map(put(tmp_path / "changed.toml", text)))
         assert len(read.trials) == rows
-        pooled = [one for one in read.changed if one.startswith("two files are read as one sess")]
+        pooled = [
+            one
+            for one in read.changed
+            if one.startswith("one session is in several files, p3, 001: p3_a (2 rows) and ")
+        ]
         assert len(pooled) == warned
         assert read.numbered is not bool(warned)
 
@@ -781,7 +785,7 @@ def test_a_run_begun_anew_is_named_and_pooled_with_no_other(tmp_path: Path) -> N
 def test_two_persons_begin_anew(tmp_path: Path) -> None:
     data = begun_again(tmp_path / "data")
     put(data / "p0_c.csv", (data / "p3_a.csv").read_text(encoding="utf-8").replace("p3", "p0"))
-    assert '\n# file- = ["p0_c", "p3_a"]  # two files' in draft(data)
+    assert '\n# file- = ["p0_c", "p3_a"]  # several files' in draft(data)
 
 
 def test_the_order_of_rows_is_that_of_conditions_within_a_file_only(tmp_path: Path) -> None:
@@ -894,7 +898,10 @@ def test_without_a_column_of_answers_right_and_wrong_is_not_taken_for_it(tmp_pat
     lines = table.read_text(encoding="utf-8").splitlines()
     rows = [",".join([*line.split(",")[:3], line.split(",")[4]]) for line in lines]
     text = draft(put(tmp_path / "t.csv", "\n".join(rows) + "\n"))
-    told = "FILL IN: the column of the answer; resp.corr is 1 for blanks that were rightly not felt"
+    told = (
+        "FILL IN: the column of the answer; resp.corr is 1 for most blanks: right answers, it "
+        "seems, not felt"
+    )
     assert f'response = ""  # {told}\n' in text
     columns = put(
         tmp_path / "m.toml",
@@ -995,8 +1002,8 @@ def test_blanks_that_have_a_level_are_told_by_their_column(
     )
     table = put(tmp_path / "t.csv", f"participant,trial,level,{column},felt\n{rows}")
     note = (
-        f'in place of another side [columns] side = "{column}", [values.side] {blank} = "none" '
-        f'and {stimulus} = "left"; their levels are not read then'
+        f'if it does, [columns] side = "{column}", instead of any other side, with [values.side] '
+        f'{blank} = "none" and {stimulus} = "left"; their levels are not read then'
     )
     assert note in draft(table)
     columns = put(
@@ -1018,7 +1025,10 @@ def test_a_column_correct_of_ones_and_a_time_of_minus_one_are_left_out(tmp_path:
     text = draft(
         put(tmp_path / "t.csv", f"participant,trial,level,side,response,correct,rt\n{rows}")
     )
-    assert 'correct = ""  # has our name and not only true or false, such as 1: left out' in text
+    assert (
+        'correct = ""  # has our name and other values than true or false, such as 1: left out'
+        in text
+    )
     assert '-1 = "n/a"  # guess' in text
 
 

@@ -83,7 +83,7 @@ def test_volts_that_move_one_finger_more_are_warned_of(
 def test_it_is_said_that_only_some_have_such_a_plate() -> None:
     of = pd.concat([trials(0.02, 0.03), trials(0.02, 0.02, participant="2")])
     (told,) = unequal_sides(of, VOLTS)
-    assert " 3.5 dB more than the left (of some people): " in told
+    assert " 3.5 dB more than the left (not of all people and conditions): " in told
 
 
 def test_what_is_predicted_is_not_called_measured() -> None:

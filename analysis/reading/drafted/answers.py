@@ -9,8 +9,18 @@ from typing import TYPE_CHECKING, Final
 
 from analysis.reading.cells import NOTHING, SILENT
 from analysis.reading.drafted.levels import is_signed, level_of
-from analysis.reading.drafted.names import CALLED, FELT, HITS, MISSED, WORDS
+from analysis.reading.drafted.names import (
+    ABSENT,
+    CALLED,
+    CATCH,
+    FELT,
+    HITS,
+    MISSED,
+    PRESENT,
+    WORDS,
+)
 from analysis.reading.drafted.sample import NUMBER, Sample, plain
+from analysis.reading.foreign.files import FILE, STANDS_FOR
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -18,6 +28,7 @@ if TYPE_CHECKING:
 _INITIALS: Final = (("l", "r"), ("g", "d"))
 """Of left and right in English, and in French."""
 _SIDES: Final = 2
+_LEAST_BLANKS: Final = 5  # from which it can be seen
 _MOST_FALSE: Final = 0.5  # of blanks that are felt
 _CLEAR: Final = 0.9  # of a key's answers are the same, felt or not
 _RIGHT: Final = re.compile("^[cC]orr|[._a-z][cC]orr|richtig|Richtig")
@@ -51,12 +62,25 @@ def side_of(table: Sample) -> str | None:
 
 
 def _of_person(table: Sample, name: str) -> bool:
-    """Tell whether a column has several words, but not in everybody, as a handedness does."""
-    who = table.called(CALLED["participant"])
-    pairs = {(row[table.header.index(who)] if who else "", row[table.header.index(name)])
-             for row in table.rows}  # fmt: skip
-    words = {word for _, word in pairs}
-    return len(words) > 1 and len(pairs) < 2 * len({one for one, _ in pairs})
+    """Tell whether a column has several words, and most people one of them, as a handedness."""
+    words = words_of_each(table, name)
+    single = sum(len(one) == 1 for one in words)
+    return len(set[str]().union(*words)) > 1 and 2 * single > len(words)
+
+
+def words_of_each(table: Sample, name: str) -> list[set[str]]:
+    """Return the words that a column has in each participant, by the files if nothing else tells.
+
+    >>> words_of_each(Sample(header=["subject", "hand"], rows=[["1", "l"], ["2", "r"]]), "hand")
+    [{'l'}, {'r'}]
+    """
+    called = table.called(CALLED["participant"]) or STANDS_FOR["participant"]
+    whose = [one for one in (called, FILE) if one in table.header][:1]
+    at, who = table.header.index(name), [table.header.index(one) for one in whose]
+    words: dict[tuple[str, ...], set[str]] = {}
+    for row in table.rows:
+        words.setdefault(tuple([row[place] for place in who]), set()).add(row[at])
+    return [*words.values()]
 
 
 def _apart(table: Sample, name: str, blank: Sequence[bool]) -> tuple[set[str], set[str]] | None:
@@ -69,13 +93,34 @@ def _apart(table: Sample, name: str, blank: Sequence[bool]) -> tuple[set[str], s
 
 
 def blank_rows(table: Sample) -> list[bool]:
-    """Tell of each row whether its level says that it is a blank: 0, or -inf where 0 is a level."""
-    level = level_of(table)
-    if level is None:
-        return [False] * len(table.rows)
-    signed, at = is_signed(table, level), table.header.index(level)
-    silent = (row[at].lower() in SILENT if signed else _is_zero(row[at]) for row in table.rows)
-    return [*silent]
+    """Tell of each row whether it is a blank: by a level of 0, or else by a column of its own.
+
+    Where 0 is a level, as in dB, -inf is none.
+    """
+    silent = [False] * len(table.rows)
+    if (level := level_of(table)) is not None:
+        signed, at = is_signed(table, level), table.header.index(level)
+        silent = [row[at].lower() in SILENT if signed else _is_zero(row[at]) for row in table.rows]
+    name, word = blanks_told_by(table)
+    if any(silent) or not word:
+        return silent
+    at = table.header.index(name)
+    return [row[at] == word for row in table.rows]
+
+
+def blanks_told_by(table: Sample) -> tuple[str, str]:
+    """Return a column of two words that may tell blanks, and its word for them; or nothing."""
+    for names, blank in ((CATCH, "1"), (PRESENT, "0")):
+        name = table.called(names)
+        if name is not None and is_hit(table, name):
+            words = {FELT[word.lower()]: word for word in given(table, name)}
+            return name, words.get(blank, "")
+    for name in dict.fromkeys(table.header):
+        both = given(table, name)
+        found = [word for word in both if plain(word) in (*CATCH, *ABSENT)]
+        if len(both) == len({"stimulus", "blank"}) and len(found) == 1:
+            return name, found[0]
+    return "", ""
 
 
 def _is_zero(word: str) -> bool:
@@ -85,14 +130,14 @@ def _is_zero(word: str) -> bool:
 def says_right(table: Sample, hit: str) -> bool:
     """Tell whether 1 is a right answer, not something felt: more than half of the blanks have it.
 
-    >>> rows = [["0", "1"], ["0", "1"], ["2", "0"], ["2", "1"], ["9", "1"]]
+    >>> rows = [["0", "1"]] * 5 + [["2", "0"], ["2", "1"], ["9", "1"]]
     >>> says_right(Sample(header=["level", "correct"], rows=rows), "correct")
     True
     """
     at = table.header.index(hit)
     said = [row[at].lower() for row, one in zip(table.rows, blank_rows(table), strict=True) if one]
     felt = [FELT[word] == "1" for word in said if word in FELT]
-    return bool(felt) and fmean(felt) > _MOST_FALSE
+    return len(felt) >= _LEAST_BLANKS and fmean(felt) > _MOST_FALSE
 
 
 def felt_keys(table: Sample, hit: str) -> tuple[str, dict[str, str]]:
@@ -138,7 +183,7 @@ def guess_of(table: Sample, ours: str, theirs: str, word: str) -> str:
     """Guess what a word of a column of sides or of answers is; empty text where it must be told.
 
     A key is the side where it is the right answer, whatever its name: l may be the right one beside
-    a. A side without a letter, where no level is above 0, is none.
+    a. A side without letter or digit, where no level is above 0, is none.
     """
     if word.lower() in NOTHING or (ours == "response" and word.lower() in MISSED):
         return "timeout" if ours == "response" else "none"
@@ -231,6 +276,18 @@ def may_be_answers(table: Sample) -> list[str]:
     return [name for name, one in words.items() if len(one) > 1 and one <= known]
 
 
+def _by_what_is_right(
+    table: Sample, response: str | None, hit: str
+) -> tuple[str | None, str | None]:
+    """Return the columns of the answers where `hit` is right and wrong, also of blanks."""
+    if response and only_key(table, response):
+        return response, response
+    name, keys = felt_keys(table, hit)
+    if [*keys.values()].count("1") == 1 and not _names_sides(table, name):
+        return name, name
+    return response if response != hit else None, None
+
+
 def answers_of(table: Sample) -> tuple[str | None, str | None]:
     """Return the column of the answers, and that of whether something was detected."""
     response, hit = table.called(CALLED["response"]), table.called(HITS)
@@ -238,10 +295,7 @@ def answers_of(table: Sample) -> tuple[str | None, str | None]:
     if response and has_buttons(table):
         return response, None
     if both and says_right(table, both):
-        name, keys = felt_keys(table, both)
-        if [*keys.values()].count("1") == 1 and not _names_sides(table, name):
-            return name, name
-        return response if response != both else None, None
+        return _by_what_is_right(table, response, both)
     in_words = response and all(map(str.isalpha, given(table, response)))
     if response and (
         ((in_words or not both) and is_hit(table, response))

@@ -6,7 +6,12 @@ import re
 from typing import TYPE_CHECKING, Final
 
 from analysis.reading.cells import NOTHING
-from analysis.reading.drafted.answers import answers_of, may_be_answers, only_key
+from analysis.reading.drafted.answers import (
+    answers_of,
+    may_be_answers,
+    only_key,
+    words_of_each,
+)
 from analysis.reading.drafted.levels import level_of
 from analysis.reading.drafted.names import CALLED, FELT, HITS
 from analysis.reading.drafted.sample import listed
@@ -93,14 +98,13 @@ def no_trials(table: Sample, name: str) -> list[str]:
     None of a column that says what a participant is: each word of it has to be one of several in
     who has it, and they are less than half of the rows. Of a column called practice true is such.
     """
-    who = table.called(CALLED["participant"])
-    if name in (who, table.called(CALLED["condition"]), table.called(CALLED["session"])):
+    if name in {table.called(CALLED[one]) for one in ("participant", "condition", "session")}:
         return []
     words = table.words(name)
     found = [word for word in words if _NO_TRIAL.search(_CAMEL.sub(" ", word))]
     if _NO_TRIAL.search(_CAMEL.sub(" ", name)) and {w.lower() for w in words} <= {*FELT, ""}:
         found = [word for word in words if FELT.get(word.lower()) == "1"]
-    others = [row for row in table.rows if row[table.header.index(name)] not in found]
-    if who and {row[table.header.index(who)] for row in others} != {*table.words(who)}:
+    if any(one <= {*found} for one in words_of_each(table, name)):
         return []
-    return found if len(others) > _MOST_PRACTICE * len(table.rows) else []
+    others = sum(n for word, n in words.items() if word not in found)
+    return found if others > _MOST_PRACTICE * len(table.rows) else []

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Final
 
 from analysis.axis import axis_of
 from analysis.reading.cells import NOTHING, SILENT
-from analysis.reading.drafted.answers import given, is_hit, may_be_answers, side_of
+from analysis.reading.drafted.answers import blanks_told_by, given, may_be_answers, side_of
 from analysis.reading.drafted.blanks import blank_words, without_level
 from analysis.reading.drafted.factors import (
     MOST,
@@ -17,7 +17,7 @@ from analysis.reading.drafted.factors import (
     with_unit,
 )
 from analysis.reading.drafted.levels import CODE, is_signed, level_of
-from analysis.reading.drafted.names import ABSENT, CALLED, CATCH, FELT, PRESENT, WORDS
+from analysis.reading.drafted.names import CALLED, CATCH, PRESENT, WORDS
 from analysis.reading.drafted.sample import NUMBER, listed, plain, sample_of
 from analysis.reading.foreign.files import FILE, STANDS_FOR
 from analysis.reading.foreign.form import toml_entry
@@ -43,9 +43,7 @@ _SIDE: Final = re.compile("left|right")
 _NONE: Final = ("date", "time", "expname", "expstart", "psychopyversion", "corrans",
                 "gender", "sex", "geschlecht", "sexe", "order", "outcome", "feedback", "os", "room",
                 "experimenter", "device", "language", "browser", "logfile")  # fmt: skip
-_OF_DESIGN: Final = re.compile(
-    "counterbal|keymap|mapping|parity|lateralit|handedness|h[aä]ndigkeit"
-)
+_OF_DESIGN: Final = re.compile("counterbal|keymap|mapping|parity|lateralit|handedness|handigkeit")
 
 
 def may_be_conditions(
@@ -98,7 +96,7 @@ def offered_conditions(table: Sample) -> Iterator[tuple[str, str]]:
         *may_be_answers(table),
         *table.named(CATCH),
         *table.named(PRESENT),
-        _told_by(table)[0],
+        blanks_told_by(table)[0],
     }
     person = table.called(CALLED["participant"]) or STANDS_FOR["participant"]
     whose = person if person in table.header else FILE
@@ -164,7 +162,7 @@ def blank_notes(table: Sample, side: str | None, *, where: bool) -> Iterator[str
             f"level {word} may be a code for no stimulus: if it is, [values.level_vpp] "
             f"{_entry(word, ours)} makes blanks of its rows; else it is a level"
         )
-    catch, blank = _told_by(table)
+    catch, blank = blanks_told_by(table)
     if level is None or not blank:
         return
     at, place = table.header.index(catch), table.header.index(level)
@@ -177,24 +175,9 @@ def blank_notes(table: Sample, side: str | None, *, where: bool) -> Iterator[str
         f"[rows.skip] {_entry(catch, blank)} leaves them out, or let column "
         f"{one_line(side or '')} say none in their rows"
         if where and len(places) > 1
-        else f"in place of another side [columns] {_entry('side', catch)}, [values.side] "
+        else f"[columns] {_entry('side', catch)}, instead of any other side, with [values.side] "
         f"{_entry(blank, 'none')} and {_entry(other, 'left')}; their levels are not read then"
     )
-
-
-def _told_by(table: Sample) -> tuple[str, str]:
-    """Return a column of two words that may tell blanks, and its word for them; or nothing."""
-    for names, blank in ((CATCH, "1"), (PRESENT, "0")):
-        name = table.called(names)
-        if name is not None and is_hit(table, name):
-            words = {FELT[word.lower()]: word for word in given(table, name)}
-            return name, words.get(blank, "")
-    for name in dict.fromkeys(table.header):
-        both = given(table, name)
-        found = [word for word in both if plain(word) in (*CATCH, *ABSENT)]
-        if len(both) == len({"stimulus", "blank"}) and len(found) == 1:
-            return name, found[0]
-    return "", ""
 
 
 def offer(name: str, words: Sequence[str], more: str = "") -> str:

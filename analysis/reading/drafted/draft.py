@@ -233,8 +233,8 @@ def _ours_unread(table: Sample, sections: dict[str, list[str]]) -> None:
         known = [*TRUTHS] if column.type == "bool" else [*filter(NUMBER.fullmatch, words)]
         if column.type != "str" and (others := [word for word in words if word not in known]):
             what = "true or false" if column.type == "bool" else "numbers"
-            told = f"has our name and not only {what}, such as {one_line(others[0])}: left out"
-            _put(sections, "columns", column.name, "", told)
+            told = f"has our name and other values than {what}, such as {one_line(others[0])}"
+            _put(sections, "columns", column.name, "", f"{told}: left out")
 
 
 def _trial(table: Sample, sections: dict[str, list[str]]) -> None:
@@ -311,7 +311,7 @@ def _answer(
     elif hit is not None:
         _put(sections, "columns", "detected", hit, f"guess; {told_of(table, hit)}")
         if "response" in table.header:
-            _put(sections, "columns", "response", "", "its 0 and 1 are no sides")
+            _put(sections, "columns", "response", "", "its words are no sides")
         key = only_key(table, hit)
         for word, ours in meaning_of(table, hit).items():
             if key:
@@ -325,7 +325,7 @@ def _answer(
     else:
         told = f"{FILL}the column of the answer"
         if (right := table.called(HITS)) and says_right(table, right):
-            told += f"; {one_line(right)} is 1 for blanks that were rightly not felt"
+            told += f"; {one_line(right)} is 1 for most blanks: right answers, it seems, not felt"
         _put(sections, "columns", "response", "", told)
 
 

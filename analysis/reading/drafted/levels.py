@@ -126,7 +126,7 @@ def unit_words(unit: str) -> str:
     """
     printed = 'printed as written, as "um peak" or "of full drive": levels are not converted'
     return {
-        "V": f"guess; {printed}, so say peak or peak-to-peak if you know",
+        "V": f"guess; say peak or peak-to-peak if you know; {printed}",
         "dB": 'guess, by the name; may be "dB SL" or "dB re 1 um": it is only printed',
         "": f"{FILL}the unit of the levels, or what they are (gain); {printed}",
     }.get(unit, f"guess, by the name; {printed}")

@@ -77,9 +77,10 @@ def begun_anew(
 def begun_anew_words(again: Mapping[tuple[str, ...], Counter[str]]) -> str:
     """Say of such sessions whose trials are numbered alike what can be done."""
     return (
-        f"two files have the same session and trial numbers, {both_files(again)}: if the shorter "
-        f"was begun anew, delete the # before {FILE} under [rows.skip]; if both count, state "
-        f'[columns] session = "{FILE}"; analyze refuses them until then'
+        f"several files have the same session and trial numbers, {both_files(again)}: if a run was "
+        f"broken off and begun anew, delete the # before {FILE} under [rows.skip], which leaves "
+        f'the shorter file out; if all count, state [columns] session = "{FILE}"; analyze refuses '
+        "them until then"
     )
 
 

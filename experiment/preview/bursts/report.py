@@ -326,7 +326,9 @@ def _with_room(found: BurstComparison, alike: list[ComparedBurst], most_vpp: flo
         return sum(map(known_for(found.study).shift_db, vibrations_of(found.study, burst))) / 2
 
     wanted_db = 20 * math.log10(most_vpp / (row.threshold_vpp or most_vpp)) + shift_db(row.burst)
-    cycles = range(1, _MOST_CYCLES)
+    listed = [one for one in found.rows if one.burst.frequency_hz == row.burst.frequency_hz]
+    unfit = [one.burst.cycles for one in listed if one not in alike]
+    cycles = range(max(unfit, default=0) + 1, _MOST_CYCLES)
     place = bisect_left(
         cycles, -wanted_db, key=lambda number: -shift_db(replace(row.burst, cycles=number))
     )
