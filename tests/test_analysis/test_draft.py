@@ -1051,3 +1051,43 @@ def test_a_column_that_tells_blanks_is_no_answer_however_easy_the_task(tmp_path:
     text = draft(put(tmp_path / "t.csv", f"participant,trial,level,shown,pressed,correct\n{rows}"))
     assert 'detected = "pressed"  # guess' in text
     assert 'a = "1"  # guess' in text
+
+
+def test_one_person_who_broke_off_makes_no_handedness_of_the_side(tmp_path: Path) -> None:
+    rows = [
+        f"{who},{n},{side},{n % 3},{side}"
+        for who in range(5)
+        for n, side in enumerate(("left", "right") * 6)
+        if who or n in (0, 2, 4)
+    ]
+    head = "participant,trial,side,level,response"
+    text = draft(put(tmp_path / "t.csv", "\n".join([head, *rows]) + "\n"))
+    assert "# side: taken as it is; 2 values: left, right" in text
+
+
+def test_files_are_people_where_no_column_tells_them(tmp_path: Path) -> None:
+    for who in range(4):
+        rows = "".join(
+            f"{n},{('left', 'right')[who % 2]},{('yes', 'no')[who < 2]},{n % 4},{'ny'[n % 4 > 1]}\n"
+            for n in range(12)
+        )
+        put(tmp_path / f"{who}.csv", f"trial,hand,training,level,felt\n{rows}")
+    text = draft(tmp_path)
+    assert 'side = "hand"' not in text  # a handedness
+    assert "\n[rows.skip]" not in text  # who was trained is no practice
+
+
+def test_no_key_is_nothing_felt_beside_what_was_right_too(tmp_path: Path) -> None:
+    rows = "".join(f"p,{n},{n % 3},{'space' if n % 3 else 'None'},1\n" for n in range(30))
+    text = draft(put(tmp_path / "t.csv", f"participant,trial,level,key_resp.keys,correct\n{rows}"))
+    assert 'detected = "key_resp.keys"  # guess' in text
+    assert 'None = "0"  # guess' in text
+
+
+def test_right_and_wrong_of_blanks_with_a_level_is_told_too(tmp_path: Path) -> None:
+    rows = "".join(
+        f"p,{n},{1 + n % 3},{('signal', 'catch')[n % 2]},{'fj'[n % 2]},1\n" for n in range(30)
+    )
+    text = draft(put(tmp_path / "t.csv", f"participant,trial,level,trial_type,key,correct\n{rows}"))
+    assert 'detected = "key"  # guess' in text
+    assert 'f = "1"  # guess' in text

@@ -356,3 +356,28 @@ def test_the_shortest_burst_with_room_for_levels_is_named(run: Run) -> None:
     few = run("bursts", "study.toml", "--frequency-hz", "200", "--cycles", "1").stdout
     assert "\nwith room      none of these is felt below a quarter of device.ceiling_vpp, " in few
     assert " V: about 2 cycles of 200 Hz would be, by --cycles\n" in few
+
+
+def test_no_burst_is_said_to_leave_room_whose_like_is_unfit(run: Run) -> None:
+    study = f'{PEOPLE}threshold_at_s = 0.002\n[burst]\nwindow = "hann"\n'
+    options = ("--frequency-hz", "200", "--cycles", "1,2,9")
+    found = told(run, "bursts", *options, text=study)
+    energy = {
+        row["cycles"]: max(
+            one[f"{of}energy_above_cutoff"] for one in row["edges"] for of in ("", "staircase_")
+        )
+        for row in found["bursts"]
+    }
+    assert energy[2] > energy[9]
+    thresholds = {row["cycles"]: row["threshold_vpp"] for row in found["bursts"]}
+    ceiling_vpp = 2 * (thresholds[1] + thresholds[2])  # a quarter lies between the two
+    study += f"max_energy_above_cutoff = {{}}\n[device]\nceiling_vpp = {ceiling_vpp}\n"
+    study += f"[design]\nlevels_vpp = [{0.3 * ceiling_vpp}, {0.9 * ceiling_vpp}]\n"
+    said = []
+    for limit in (0.01, (energy[2] + energy[9]) / 2):
+        Path("study.toml").write_text(study.format(f"{limit:.6g}"), "utf-8")
+        said.append(run("bursts", "study.toml", *options[:3], "1,2,9").stdout)
+    assert "with room      2 cycles of 200 Hz: " in said[0]
+    assert "with room      9 cycles of 200 Hz: " in said[1]
+    (shorter,) = re.findall(r"about (\d) cycles of 200 Hz would be, too: --cycles", said[1])
+    assert 2 < int(shorter) < 9
