@@ -7,6 +7,7 @@ import math
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.special import ndtr
 
 from analysis.thresholds.density import Ruler
 from analysis.thresholds.mle import Tables, fit_lapsing, probabilities
@@ -50,7 +51,8 @@ def deviance_p(
 ) -> Floats:
     """Return `bootstrap_p` of the fits that have a likeliest function, NaN for others: (fits,).
 
-    Tables and guess rates are those that `fit_many` took; a distributed rate counts as its mean.
+    Tables and guess rates are those that `fit_many` took; fitted is the mean of a distributed rate,
+    and drawn tables have one of it each.
     """
     found = np.full(len(fits), np.nan)
     some = [i for i, fit in enumerate(fits) if fit.mle_sigma > 0]
@@ -66,11 +68,18 @@ def deviance_p(
     likeliest = [(fits[i].mle_threshold, fits[i].mle_sigma, fits[i].mle_lapse_rate) for i in some]
     mu, sigma, lapse = np.array(likeliest).T
     best = np.stack([mu / step, np.log(sigma / step), lapse], axis=1)
-    found[some] = bootstrap_p(tables, best, seed=seed)
+    found[some] = bootstrap_p(tables, best, seed=seed, betas=[guesses[i].beta for i in some])
     return found
 
 
-def bootstrap_p(tables: Tables, best: Floats, *, seed: int, replicates: int = REPLICATES) -> Floats:
+def bootstrap_p(
+    tables: Tables,
+    best: Floats,
+    *,
+    seed: int,
+    replicates: int = REPLICATES,
+    betas: Sequence[tuple[float, float] | None] | None = None,
+) -> Floats:
     """Return how often a table drawn from the fitted function deviates from its own fit as much.
 
     p = (1 + #{D* >= D}) / (1 + drawn tables), where each is fitted anew, of a (fits, 3) `best`: mu,
@@ -78,7 +87,8 @@ def bootstrap_p(tables: Tables, best: Floats, *, seed: int, replicates: int = RE
     section 8). Where 10 of the first 99 deviate as much, p is above 0.1 and these are all: stopping
     there makes no p smaller (J. Besag and P. Clifford, Biometrika 78 (1991) 301-304). The generator
     is seeded by the table itself and `seed`, so that neither names nor order of participants
-    matter.
+    matter. A guess rate with a Beta distribution, of `betas`, is drawn anew for each table, while
+    all are fitted with its mean: as blanks tell it the rate may be wrong, which is no misfit.
 
     A table that is its own fit deviates less than any that is drawn:
 
@@ -90,7 +100,13 @@ def bootstrap_p(tables: Tables, best: Floats, *, seed: int, replicates: int = RE
     """
     fits = len(tables)
     p, q = probabilities(tables, best)
-    drawn = np.stack([_drawn(tables, p, row, seed, replicates) for row in range(fits)])
+    rates = betas or [None] * fits
+    drawn = np.stack(
+        [
+            _drawn(tables, best, row, beta=beta, seed=seed, replicates=replicates)
+            for row, beta in enumerate(rates)
+        ]
+    )
     reached = deviance(tables.detected, tables.presented, p, q) - _ROUNDING
     as_much, done = np.zeros(fits), np.zeros(fits)
     going = np.arange(fits)
@@ -117,15 +133,27 @@ def deviance_residuals(detected: Floats, presented: Floats, p: Floats) -> Floats
     return np.asarray(np.sign(q - p) * np.sqrt(np.maximum(2 * parts, 0.0)))
 
 
-def _drawn(tables: Tables, p: Floats, row: int, seed: int, replicates: int) -> NDArray[np.int64]:
+def _drawn(
+    tables: Tables,
+    best: Floats,
+    row: int,
+    *,
+    beta: tuple[float, float] | None,
+    seed: int,
+    replicates: int,
+) -> NDArray[np.int64]:
     """Return counts of one table drawn again and again, shape (replicates, levels)."""
     used = tables.presented[row] > 0
     shown = tables.presented[row, used].astype(np.int64)
     own = [*tables.detected[row, used].astype(np.int64).tolist(), *shown.tolist()]
+    rng = np.random.default_rng([seed, *own])
+    gamma, lapse = tables.guess_rate[row], best[row, 2]
+    if beta is not None:
+        gamma = np.minimum(rng.beta(*beta, (replicates, 1)), 1 - lapse)
+    rise = ndtr((tables.u[row, used] - best[row, 0]) * np.exp(-best[row, 1]))
+    p = gamma + (1 - gamma - lapse) * rise
     drawn = np.zeros((replicates, len(used)), dtype=np.int64)
-    drawn[:, used] = np.random.default_rng([seed, *own]).binomial(
-        shown, p[row, used], (replicates, len(shown))
-    )
+    drawn[:, used] = rng.binomial(shown, p, (replicates, len(shown)))
     return drawn
 
 
