@@ -145,8 +145,8 @@ def line(found: Placement) -> str:
     """Return what was placed as one line."""
     levels = " ".join(f"{level:g}" for level in found.levels_vpp)
     return (
-        f"{found.participant} {found.condition}: {levels} V, expected error "
-        f"{_error(found.error)}; with the levels of the study that was run "
+        f"{found.participant} {found.condition}: {levels} V, expected error after {found.trials} "
+        f"stimuli {_error(found.error)}; with the levels of the study that was run "
         f"{_error(found.fixed_error)}"
     )
 

@@ -306,7 +306,7 @@ def test_a_dry_run_suggests_levels(tmp_path: Path) -> None:
     assert result.exit_code == 0
     told = result.stdout.partition("Levels by these sessions:\n")[2].splitlines()
     assert [line[:10] for line in told[:2]] == ["  01 main:", "  02 main:"]
-    assert "V, expected error" in told[0]
+    assert "V, expected error after " in told[0]
 
 
 @pytest.mark.usefixtures("few_studies")
