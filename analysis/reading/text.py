@@ -234,6 +234,10 @@ def _encoding(stream: BinaryIO, file: str, form: TextFormat | None) -> str:
 def _check_header(header: list[str], file: str, form: TextFormat | None) -> None:
     if not any(header):
         raise ResultFileError(file, 1, "the file is empty, or its first line is not a header")
+    if header[0].lower().startswith("sep="):
+        raise ResultFileError(
+            file, 1, "this is Excel's note of the separator, no header: delete it"
+        )
     joined = ",".join(header)
     likely = max(_SEEN, key=joined.count)
     if form is None and likely != ",":

@@ -1091,3 +1091,12 @@ def test_right_and_wrong_of_blanks_with_a_level_is_told_too(tmp_path: Path) -> N
     text = draft(put(tmp_path / "t.csv", f"participant,trial,level,trial_type,key,correct\n{rows}"))
     assert 'detected = "key"  # guess' in text
     assert 'f = "1"  # guess' in text
+
+
+def test_excels_first_line_is_no_heading(tmp_path: Path) -> None:
+    table = put(tmp_path / "t.csv", "sep=;\nperson;trial;level;felt\na;1;2;yes\n")
+    error = str(refused(table, columns=ColumnMap()))
+    assert error.endswith("t.csv:1: this is Excel's note of the separator, no header: delete it")
+    done = run("columns", table)
+    assert done.exit_code == 2
+    assert "t.csv:1: this is Excel's note of the separator" in done.stderr
