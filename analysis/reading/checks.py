@@ -286,6 +286,6 @@ def refuse_repeat(
         session = trials[KEY[:2]].eq(second[KEY[:2]]).all(axis="columns")
         rows = trials.loc[session, "file"].astype(str).value_counts()
         shorter = Path(min(map(str, (first["file"], second["file"])), key=lambda one: rows[one]))
-        hint = _BEGUN_ANEW.format(toml_entry(FILE, shorter.stem, "").partition("  #")[0])
+        hint = _BEGUN_ANEW.format(toml_entry(FILE, shorter.stem))
     message = f"{told}: {what} {one_line(first['file'])}:{first['line']}{hint}"
     raise ResultFileError(second["file"], int(second["line"]), message)

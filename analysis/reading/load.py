@@ -310,7 +310,7 @@ def _remarks(
 ) -> Iterator[str]:
     """Say what of tables made elsewhere may be meant otherwise than their map has it."""
     yield from pooled(sources, columns)
-    yield from _one_of_two(trials)
+    yield from _in_several_files(trials)
     yield from right_for_felt(trials)
 
 
@@ -321,7 +321,7 @@ def _rows_in_order(trials: pd.DataFrame, columns: ColumnMap | None) -> bool:
     return bool(trials.groupby(["participant", "session"])["file"].nunique().eq(1).all())
 
 
-def _one_of_two(trials: pd.DataFrame) -> Iterator[str]:
+def _in_several_files(trials: pd.DataFrame) -> Iterator[str]:
     """Say whose session is in several files, where most are in one: a run begun anew, perhaps."""
     sessions = zip(trials["participant"].astype(str), trials["session"].astype(str), strict=True)
     files = (Path(name).stem for name in trials["file"].astype(str))

@@ -7,8 +7,8 @@ from collections import Counter
 from statistics import fmean
 from typing import TYPE_CHECKING, Final
 
-from analysis.reading.cells import NOTHING, SILENT
-from analysis.reading.drafted.levels import is_signed, level_of
+from analysis.reading.cells import NOTHING
+from analysis.reading.drafted.levels import level_of, silent_words
 from analysis.reading.drafted.names import (
     ABSENT,
     CALLED,
@@ -19,7 +19,7 @@ from analysis.reading.drafted.names import (
     PRESENT,
     WORDS,
 )
-from analysis.reading.drafted.sample import NUMBER, Sample, plain
+from analysis.reading.drafted.sample import Sample, plain
 from analysis.reading.foreign.files import FILE, STANDS_FOR
 
 if TYPE_CHECKING:
@@ -74,13 +74,18 @@ def words_of_each(table: Sample, name: str) -> list[set[str]]:
     >>> words_of_each(Sample(header=["subject", "hand"], rows=[["1", "l"], ["2", "r"]]), "hand")
     [{'l'}, {'r'}]
     """
-    called = table.called(CALLED["participant"]) or STANDS_FOR["participant"]
-    whose = [one for one in (called, FILE) if one in table.header][:1]
-    at, who = table.header.index(name), [table.header.index(one) for one in whose]
-    words: dict[tuple[str, ...], set[str]] = {}
+    at, whose = table.header.index(name), person_of(table)
+    who = table.header.index(whose) if whose else None
+    words: dict[str, set[str]] = {}
     for row in table.rows:
-        words.setdefault(tuple([row[place] for place in who]), set()).add(row[at])
+        words.setdefault("" if who is None else row[who], set()).add(row[at])
     return [*words.values()]
+
+
+def person_of(table: Sample) -> str | None:
+    """Return the column that tells whose a row is, if it is but the name of the file."""
+    called = table.called(CALLED["participant"]) or STANDS_FOR["participant"]
+    return next((one for one in (called, FILE) if one in table.header), None)
 
 
 def _apart(table: Sample, name: str, blank: Sequence[bool]) -> tuple[set[str], set[str]] | None:
@@ -99,8 +104,8 @@ def blank_rows(table: Sample) -> list[bool]:
     """
     silent = [False] * len(table.rows)
     if (level := level_of(table)) is not None:
-        signed, at = is_signed(table, level), table.header.index(level)
-        silent = [row[at].lower() in SILENT if signed else _is_zero(row[at]) for row in table.rows]
+        words, at = silent_words(table, level), table.header.index(level)
+        silent = [row[at] in words for row in table.rows]
     name, word = blanks_told_by(table)
     if any(silent) or not word:
         return silent
@@ -118,13 +123,9 @@ def blanks_told_by(table: Sample) -> tuple[str, str]:
     for name in dict.fromkeys(table.header):
         both = given(table, name)
         found = [word for word in both if plain(word) in (*CATCH, *ABSENT)]
-        if len(both) == len({"stimulus", "blank"}) and len(found) == 1:
+        if len(both) - len(found) == len(found) == 1:
             return name, found[0]
     return "", ""
-
-
-def _is_zero(word: str) -> bool:
-    return bool(NUMBER.fullmatch(word)) and not float(word.replace(",", "."))
 
 
 def says_right(table: Sample, hit: str) -> bool:

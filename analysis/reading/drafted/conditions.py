@@ -7,19 +7,25 @@ from typing import TYPE_CHECKING, Final
 
 from analysis.axis import axis_of
 from analysis.reading.cells import NOTHING, SILENT
-from analysis.reading.drafted.answers import blanks_told_by, given, may_be_answers, side_of
+from analysis.reading.drafted.answers import (
+    blanks_told_by,
+    given,
+    may_be_answers,
+    person_of,
+    side_of,
+    words_of_each,
+)
 from analysis.reading.drafted.blanks import blank_words, without_level
 from analysis.reading.drafted.factors import (
     MOST,
     factor_words,
-    float_of,
     roles_by_name,
     with_unit,
 )
-from analysis.reading.drafted.levels import CODE, is_signed, level_of
+from analysis.reading.drafted.levels import CODE, is_signed, level_of, silent_words
 from analysis.reading.drafted.names import CALLED, CATCH, PRESENT, WORDS
-from analysis.reading.drafted.sample import NUMBER, listed, plain, sample_of
-from analysis.reading.foreign.files import FILE, STANDS_FOR
+from analysis.reading.drafted.sample import NUMBER, float_of, listed, plain, sample_of
+from analysis.reading.foreign.files import FILE
 from analysis.reading.foreign.form import toml_entry
 from analysis.reading.text import ResultFileError, one_line
 
@@ -53,8 +59,8 @@ def may_be_conditions(
 
     These are a few words, each there twice or more, or a few numbers that are a factor. No known
     column has all of the words, as that of the answers has those of the right answers; nor do they
-    only name sides, as files left.wav and right.wav. A column that only
-    repeats the side is not yielded, nor numbers that so repeat another such column.
+    only name sides, as files left.wav and right.wav. A column that only repeats the side is not
+    yielded, nor numbers that so repeat another such column.
     """
     side = side_of(table)
     taken = [{*table.words(name)} for name in known if name in table.header]
@@ -98,12 +104,11 @@ def offered_conditions(table: Sample) -> Iterator[tuple[str, str]]:
         *table.named(PRESENT),
         blanks_told_by(table)[0],
     }
-    person = table.called(CALLED["participant"]) or STANDS_FOR["participant"]
-    whose = person if person in table.header else FILE
+    whose = person_of(table) or FILE
     roles = roles_by_name(table, whose, level_of(table))
     same: dict[tuple[str, ...], str] = {}
     session = table.called(CALLED["session"])
-    if session and not table.numbers(session) and _in_everybody(table, session, whose):
+    if session and not table.numbers(session) and _in_everybody(table, session):
         known -= {session}  # as pre and post
     for name, words in may_be_conditions(table, {*known, side_of(table) or whose}, roles):
         at = table.header.index(name)
@@ -136,12 +141,8 @@ def without_stimulus(table: Sample) -> dict[str, int]:
     level = level_of(table)
     if level is None or not table.numbers(level):
         return {}
-    signed, words = is_signed(table, level), table.words(level)
-    return {
-        word: rows
-        for word, rows in words.items()
-        if (word.lower() in SILENT if signed else NUMBER.fullmatch(word) and not float_of(word))
-    }
+    silent = silent_words(table, level)
+    return {word: rows for word, rows in table.words(level).items() if word in silent}
 
 
 def blank_notes(table: Sample, side: str | None, *, where: bool) -> Iterator[str]:
@@ -160,7 +161,7 @@ def blank_notes(table: Sample, side: str | None, *, where: bool) -> Iterator[str
     for word in filter(CODE.fullmatch, table.words(level) if level else ()):
         yield (
             f"level {word} may be a code for no stimulus: if it is, [values.level_vpp] "
-            f"{_entry(word, ours)} makes blanks of its rows; else it is a level"
+            f"{toml_entry(word, ours)} makes blanks of its rows; else it is a level"
         )
     catch, blank = blanks_told_by(table)
     if level is None or not blank:
@@ -172,11 +173,12 @@ def blank_notes(table: Sample, side: str | None, *, where: bool) -> Iterator[str
         return
     places = {*table.words(side)} if side else set()
     yield f"column {one_line(catch)} may tell blanks: if it does, " + (
-        f"[rows.skip] {_entry(catch, blank)} leaves them out, or let column "
+        f"[rows.skip] {toml_entry(catch, blank)} leaves them out, or let column "
         f"{one_line(side or '')} say none in their rows"
         if where and len(places) > 1
-        else f"[columns] {_entry('side', catch)}, instead of any other side, with [values.side] "
-        f"{_entry(blank, 'none')} and {_entry(other, 'left')}; their levels are not read then"
+        else f"[columns] {toml_entry('side', catch)}, instead of any other side, with "
+        f"[values.side] {toml_entry(blank, 'none')} and {toml_entry(other, 'left')}; their levels "
+        "are not read then"
     )
 
 
@@ -185,12 +187,10 @@ def offer(name: str, words: Sequence[str], more: str = "") -> str:
     return f"# {toml_entry('condition', name, f'{OFFERED}{listed(words)}{more}')}"
 
 
-def _in_everybody(table: Sample, name: str, whose: str) -> bool:
+def _in_everybody(table: Sample, name: str) -> bool:
     """Tell whether most people have every word of a column."""
-    at, who = table.header.index(name), table.header.index(whose)
-    pairs = {(row[who], row[at]) for row in table.rows}
-    people, words = len({one for one, _ in pairs}), len({word for _, word in pairs})
-    return words > 1 and len(pairs) > people * words / 2
+    each, words = words_of_each(table, name), len(table.words(name))
+    return words > 1 and sum(map(len, each)) > len(each) * words / 2
 
 
 def _within(words: Collection[str], taken: list[set[str]]) -> bool:
@@ -243,11 +243,7 @@ def _varies(table: Sample, name: str, within: Sequence[str]) -> bool:
 
 def _kept(name: str, word: str) -> str:
     """Say what keeps the rows that have a word in a column."""
-    return f"[rows.keep] {_entry(name, word)}"
-
-
-def _entry(key: str, value: str) -> str:
-    return toml_entry(key, value, "").partition("  #")[0]
+    return f"[rows.keep] {toml_entry(name, word)}"
 
 
 def has_one_place(columns: ColumnMap, sides: Collection[str]) -> bool:

@@ -11,7 +11,7 @@ from statistics import median
 from typing import TYPE_CHECKING, Final
 
 from analysis.reading.drafted.names import CALLED, HITS, LEVELS
-from analysis.reading.drafted.sample import NUMBER, plain
+from analysis.reading.drafted.sample import NUMBER, float_of, plain
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -116,15 +116,6 @@ def _is_stimulus(rows: Sequence[_Row]) -> bool:
     """Tell whether numbers are another name of the level, of the answer or of the right one."""
     levels = [(word, level) for word, level, _ in rows]
     return _told(levels) or _told([(w, (at, said)) for w, at, said in rows]) or _is_target(rows)
-
-
-def float_of(word: str) -> float:
-    """Return the number that a word is, also with a decimal comma.
-
-    >>> float_of("0,5")
-    0.5
-    """
-    return float(word.replace(",", "."))
 
 
 def with_unit(word: str, name: str) -> str:

@@ -6,8 +6,9 @@ import re
 from functools import partial
 from typing import Final
 
+from analysis.reading.cells import SILENT
 from analysis.reading.drafted.names import CALLED, LEVELS, OF_VOLTS
-from analysis.reading.drafted.sample import FILL, NUMBER, Sample, plain
+from analysis.reading.drafted.sample import FILL, NUMBER, Sample, float_of, plain
 
 _PART: Final = re.compile("[A-Z]?[a-z]+|[A-Z]+")
 _MOST_LEVELS: Final = 20
@@ -56,12 +57,8 @@ def _has_unit(name: str) -> bool:
 
 
 def _varies(table: Sample, name: str) -> bool:
-    """Tell whether a column has two numbers or more, or cannot be read as numbers for other words.
-
-    A constant is no level, nor are words alone, as easy and hard.
-    """
-    words = [*filter(NUMBER.fullmatch, table.words(name))]
-    return len({word.replace(",", ".") for word in words}) > 1
+    """Tell whether a column has two numbers or more: a constant is no level, nor are mere words."""
+    return len({*map(float_of, filter(NUMBER.fullmatch, table.words(name)))}) > 1
 
 
 def _is_step_of(table: Sample, name: str, other: str) -> bool:
@@ -101,6 +98,17 @@ def is_signed(table: Sample, level: str) -> bool:
     """
     numbers = table.numbers(level) or []
     return in_db(level) or any(one < 0 and not CODE.fullmatch(f"{one:g}") for one in numbers)
+
+
+def silent_words(table: Sample, level: str) -> set[str]:
+    """Return the words of a column of levels that are no stimulus: 0, or -inf where 0 is a level.
+
+    >>> silent_words(Sample(header=["amp"], rows=[["0"], ["0,0"], ["2"]]), "amp") == {"0", "0,0"}
+    True
+    """
+    if is_signed(table, level):
+        return {word for word in table.words(level) if word.lower() in SILENT}
+    return {word for word in filter(NUMBER.fullmatch, table.words(level)) if not float_of(word)}
 
 
 def unit_of(level: str) -> str:

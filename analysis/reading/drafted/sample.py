@@ -49,7 +49,7 @@ class Sample:
         words = [word for word in self.words(name).elements() if word.lower() not in NOTHING]
         if not words or not all(NUMBER.fullmatch(word) for word in words):
             return None
-        return [float(word.replace(",", ".")) for word in words]
+        return [float_of(word) for word in words]
 
     def named(self, names: Sequence[str]) -> Iterator[str]:
         """Yield the columns that have one of the names, of PsychoPy's their last part."""
@@ -114,6 +114,15 @@ def sample_of(
     return Sample(header=header, rows=found)
 
 
+def float_of(word: str) -> float:
+    """Return the number that a word is, also with a decimal comma.
+
+    >>> float_of("0,5")
+    0.5
+    """
+    return float(word.replace(",", "."))
+
+
 def plain(name: str) -> str:
     """Return the small letters, without accents, and the digits of a name.
 
@@ -141,7 +150,7 @@ def told_of(sample: Sample, name: str) -> str:
         told = f"{len(values) - len(others)} values from {min(numbers):g} to {max(numbers):g}"
         return "; and ".join([told, *map(one_line, others)]) + empty
     if all(map(NUMBER.fullmatch, values)):
-        values.sort(key=lambda word: float(word.replace(",", ".")))
+        values.sort(key=float_of)
     return f"{len(values)} value{'s'[: len(values) != 1]}: {listed(values)}{empty}"
 
 
@@ -156,7 +165,7 @@ def columns_told(table: Sample, looked_at: Sample) -> Iterator[str]:
 
 def unanswered(table: Sample, name: str, word: str) -> str:
     """Say how many rows have no answer, what they count for, and how to leave them out."""
-    skip = toml_entry(name, word, "").partition("  #")[0]
+    skip = toml_entry(name, word)
     rows = table.words(name)[word]
     return (
         f": {rows} row{'s' * (rows != 1)}, counted as not detected; a paper says so; to leave them "

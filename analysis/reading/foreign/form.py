@@ -61,14 +61,14 @@ def toml_document(text: str) -> dict[str, Any]:
         raise ValueError(message) from None
 
 
-def toml_entry(key: str, value: str | list[str], comment: str) -> str:
-    """Write a key of TOML with its value and a comment.
+def toml_entry(key: str, value: str | list[str], comment: str = "") -> str:
+    """Write a key of TOML with its value and a comment, if there is one.
 
     >>> print(toml_entry("resp.keys", "None", "guess"))
     "resp.keys" = "None"  # guess
     """
     name = key if _BARE_KEY.fullmatch(key) else _quoted(key)
-    return f"{name} = {_quoted(value)}  # {comment}"
+    return f"{name} = {_quoted(value)}" + f"  # {comment}" * bool(comment)
 
 
 def _quoted(value: str | list[str]) -> str:
