@@ -26,7 +26,13 @@ def test_a_folder_holds_three_to_ten_modules(folder: Folder) -> None:
 
 
 LATER = {
-    *("fingers/pressed.py", "fingers/dampers.py", "fingers/unpressed.py", "sections/finger.py"),
+    *(
+        "options/resumed.py",
+        "fingers/pressed.py",
+        "fingers/dampers.py",
+        "fingers/unpressed.py",
+        "sections/finger.py",
+    ),
     *("fingers/impedance.py", "motion/multiples.py"),
     *(
         "motion",

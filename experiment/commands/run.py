@@ -13,6 +13,11 @@ import click
 
 from experiment.commands.options import confirmed, device_failures, hardware_options, working
 from experiment.commands.options.responders import display_beside, distribution_of, responder_named
+from experiment.commands.options.resumed import (
+    plan_to_resume,
+    refuse_another_number,
+    resumed_line,
+)
 from experiment.terms.exits import DEVICE_FAILED, STOPPED_EARLY, CommandError, refusals
 
 if TYPE_CHECKING:
@@ -137,8 +142,8 @@ def run(
         driver = MOCK if practice and driver is None and port is None else driver
         resuming = resuming or resume_anyway
         if resuming:
-            plan = _plan_to_resume(folder, study_file, seed, levels_file, facts)
-            _refuse_another_number(participant_number, plan)
+            plan = plan_to_resume(folder, study_file, seed, levels_file, facts)
+            refuse_another_number(participant_number, plan)
             with _failures():
                 ending = completed(folder, plan, click.echo)
             if ending is not None:
@@ -306,44 +311,6 @@ def _new_plan(
     return plan
 
 
-def _plan_to_resume(
-    folder: SessionFolder,
-    study_file: Path,
-    seed: int | None,
-    levels_file: Path | None,
-    facts: tuple[str, ...],
-) -> Plan:
-    """Return the session's plan; refuse options that say otherwise than it does."""
-    from experiment.study.read import is_recorded, other_levels, read_levels
-
-    levels_vpp = read_levels(levels_file, folder.participant) if levels_file else None
-    plan = folder.read_plan()
-    folder.refuse_loss()
-    if facts:
-        raise CommandError(
-            f"--fact must be given when a session begins; got {facts[0]!r} with --resume: "
-            "correct participants.tsv while no session runs"
-        )
-    if not is_recorded(study_file, plan.study, plan.file_sha256):
-        raise CommandError(
-            f"STUDY is not the study that this session was begun with; got {study_file}, of "
-            f"another sha256 than {plan.file_sha256[:12]}..."
-        )
-    if seed is not None and seed != plan.seed:
-        raise CommandError(f"--seed must be that of the session, {plan.seed}; got {seed}")
-    if levels_vpp is not None and (planned := other_levels(folder.read_study(plan), levels_vpp)):
-        raise CommandError(f"--levels must be those of the session, {planned}; got others")
-    return plan
-
-
-def _refuse_another_number(given: int | None, plan: Plan) -> None:
-    if given not in {None, plan.participant_number}:
-        sealed = plan.participant_number
-        raise CommandError(
-            f"--participant-number must be that of the session, {sealed or 'none'}; got {given}"
-        )
-
-
 @contextlib.contextmanager
 def _failures() -> Iterator[None]:
     """Give failures of device, noise and disk their exit codes."""
@@ -384,7 +351,7 @@ def _report(ending: Ending, plan: Plan, unfelt: Path | None = None) -> None:
             f"a last journal line that was cut short was moved to {ending.torn_file}", err=True
         )
     if ending.failure is not None:
-        told = f"device: {ending.failure}; go on with --resume"
+        told = f"device: {ending.failure}; go on with {resumed_line()}"
         raise CommandError(told, exit_code=DEVICE_FAILED)
     if ending.finished:
         without = ending.unanswered
@@ -394,5 +361,7 @@ def _report(ending: Ending, plan: Plan, unfelt: Path | None = None) -> None:
         given = f"{shlex.quote(str(unfelt))} --allow-simulated"
         click.echo(f"nobody felt anything; to analyze it all the same: tactstrip analyze {given}")
     if not ending.finished:
-        told = f"stopped early, {ending.trials_path} holds what is done; go on with --resume"
+        told = (
+            f"stopped early, {ending.trials_path} holds what is done; go on with {resumed_line()}"
+        )
         raise CommandError(told, exit_code=STOPPED_EARLY, label="")

@@ -29,7 +29,7 @@ from analysis.results.figures.composed import START
 from analysis.results.figures.confusion import draw as draw_confusion
 from analysis.results.figures.curves import group_curves, person_curves
 from analysis.results.figures.d_prime import sheets as draw_d_prime
-from analysis.results.figures.detection import draw
+from analysis.results.figures.detection import draw, residual_words
 from analysis.results.figures.drawing import level_axis, panels, plain, written
 from analysis.results.figures.figures import FIGURES
 from analysis.results.figures.participants import sheets as draw_participants
@@ -163,6 +163,22 @@ def test_a_function_is_drawn_only_where_the_table_tells_one(
     curve = person_curves(tabulated(felt(PEOPLE[status])), "1")["main"]
     assert (curve.function is not None) == with_function
     assert (curve.residuals is not None) == with_function
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("k", "told"), [((3, 9, 22, 28, 30), "none lie"), ((3, 28, 8, 28, 30), "4 lie")]
+)
+def test_the_caption_counts_the_bars_that_lie_wholly_off_0(k: tuple[int, ...], told: str) -> None:
+    shown = tabulated(pd.concat([felt(list(k), participant=name) for name in "abcdefgh"]))
+    (curve,) = group_curves(shown).values()
+    assert curve.residuals is not None
+    low, high = curve.residuals.low, curve.residuals.high
+    assert low is not None
+    assert high is not None
+    off = np.sum((low > 0) | (high < 0))
+    assert f"{off or 'none'} lie" == told
+    assert f" Of 5 bars {told} wholly off 0: " in residual_words(shown)
 
 
 @pytest.mark.slow

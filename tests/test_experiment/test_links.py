@@ -326,7 +326,8 @@ def test_an_emulator_that_dies_in_mid_session_costs_no_trial_and_no_truth(
     killer.join()
     assert result.exit_code == 3
     assert len(result.stderr.splitlines()) == 1
-    assert "go on with --resume" in result.stderr
+    assert "go on with tactstrip run " in result.stderr
+    assert result.stderr.endswith(" --resume\n")
     assert 4 <= sum(row["status"] == "ok" for row in short.rows()) < 11
     _, port = start("--pty", "--serial-number", "2")
     other = short.run(*over("serial", port, "--resume"))

@@ -89,11 +89,26 @@ def _fit(analysis: Analysis, *, alone: bool) -> str:
     misfit = misfit_words(analysis.thresholds).removeprefix("It ").removesuffix(".")
     if not misfit:
         return ""
-    bars = (
-        " A bar wholly off 0 is rare where the group's function holds: none of 480 in simulations."
-    )
-    bars = "" if alone else bars
+    bars = "" if alone else residual_words(analysis)
     return f"{bars} Whether a participant's function fits is tested by bootstrap: it {misfit}."
+
+
+def residual_words(analysis: Analysis) -> str:
+    """Say how many bars of a group's residuals lie wholly off 0, and how many do by chance."""
+    ends = [
+        (one.residuals.low, one.residuals.high)
+        for one in group_curves(analysis).values()
+        if one.residuals is not None
+    ]
+    off = [(low > 0) | (high < 0) for low, high in ends if low is not None and high is not None]
+    if not off:
+        return ""
+    number, of = sum(int(one.sum()) for one in off), sum(one.size for one in off)
+    lie = "lies" if number == 1 else "lie"
+    return (
+        f" Of {of} bars {number or 'none'} {lie} wholly off 0: of people for whom the group's "
+        "function holds none of 480 did in simulations."
+    )
 
 
 def draw(analysis: Analysis) -> Figure:

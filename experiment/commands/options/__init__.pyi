@@ -16,6 +16,7 @@ from .plate import (
     told_paths,
 )
 from .responders import display_beside, distribution_of, responder_named
+from .resumed import plan_to_resume, refuse_another_number, resumed_line
 
 __all__ = [
     "CEILING",
@@ -29,9 +30,12 @@ __all__ = [
     "display_beside",
     "distribution_of",
     "hardware_options",
+    "plan_to_resume",
     "plate_options",
     "plate_study",
+    "refuse_another_number",
     "responder_named",
+    "resumed_line",
     "told_paths",
     "working",
 ]
