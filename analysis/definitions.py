@@ -86,6 +86,8 @@ DEFINITIONS: Final[Mapping[str, str]] = MappingProxyType(
         "printed": "the threshold as a reader is told it",
         "sigma": "width of the psychometric function, posterior median: log10 units, or the "
         "levels' unit on an axis of dB or a linear one",
+        "function, function_low, function_high": "psychometric function in the figure of "
+        "detection, of the group or an only participant, and its 95 % band at each level by itself",
         "lapse_rate": "share of felt stimuli that are missed, posterior mean",
         "mle_threshold_vpp, mle_sigma, mle_lapse_rate": "the likeliest values",
         "deviance, deviance_p": "misfit at the likeliest values, and the share of tables drawn "

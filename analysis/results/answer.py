@@ -18,7 +18,7 @@ from analysis.groups.micrometres import in_micrometres, micrometres_row
 from analysis.reading.reasons import NEVER_ANSWERED
 from analysis.results.compared import compared, difference_rows, fitting_words, without_words
 from analysis.results.methods.alarms import alarm_sentences, blank_rows
-from analysis.results.methods.criterion import criterion_sentences
+from analysis.results.methods.criterion import criterion_sentences, settled
 from analysis.results.methods.left_out import left_out_rows, left_out_words, unread_words
 from analysis.results.methods.misfit import at_bound_often, lapses_words, steep_words
 from analysis.results.methods.task import hit_words
@@ -70,7 +70,9 @@ def answer(analysis: Analysis) -> Answer:
         rows=(
             *_threshold_rows(analysis),
             *_population_rows(analysis),
-            *difference_rows(analysis, either_side=bool(hit_words(analysis))),
+            *difference_rows(
+                analysis, settled=settled(analysis), either_side=bool(hit_words(analysis))
+            ),
             *blank_rows(analysis),
             *_spread_rows(analysis),
             *left_out_rows(analysis),

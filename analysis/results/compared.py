@@ -17,7 +17,7 @@ from analysis.groups.sensitivity import NEARLY_ALL, SEVERAL, levels_apart
 from analysis.results.methods.words import SPELLED, and_words, isolated, number_of, plain
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Collection, Iterator, Sequence
 
     import pandas as pd
 
@@ -282,9 +282,12 @@ def alarms_apart(row: pd.Series[Any]) -> str:
 
 
 def difference_rows(
-    analysis: Analysis, *, either_side: bool = False
+    analysis: Analysis, *, settled: Collection[tuple[str, str]] = (), either_side: bool = False
 ) -> Iterator[tuple[str, str, str]]:
-    """Yield the rows of differences in the answer's table; whether d' is of either side."""
+    """Yield the rows of differences in the answer's table; whether d' is of either side.
+
+    Pairs of conditions that are `settled` have none of d'.
+    """
     sides = "felt at either side; " if either_side else ""
     for one in pairs_of(analysis.differences):
         name = f"Threshold in {isolated(one.b)} against {isolated(one.a)}"
@@ -300,7 +303,8 @@ def difference_rows(
             at, low, high = (one.row[f"spread_{end}db"] for end in ("", "low_", "high_"))
             name = f"Spread of that difference (SD), {isolated(one.b)} against {isolated(one.a)}"
             yield name, f"{at:.1f} dB ({low:.1f} to {high:.1f})", one.of
-        if levels := by_level(analysis, one):
+        levels = None if (one.a, one.b) in settled else by_level(analysis, one)
+        if levels is not None:
             of = "mean of participants; " if one.row["participant"] == TOTAL else ""
             name = f"d' at single levels, {isolated(one.b)} against {isolated(one.a)}"
             yield name, _level_cell(levels, analysis.axis.unit), f"{of}{sides}{_EACH}"

@@ -17,7 +17,7 @@ from filelock import Timeout
 from analysis.answers.counting import clean_table
 from analysis.definitions import TOTAL
 from analysis.groups.micrometres import with_group_micrometres
-from analysis.results.figures import figures
+from analysis.results.figures import figures, function_table
 from analysis.results.methods import methods_of
 from analysis.results.report import report_html
 from analysis.results.summary import devices, in_own_words, summary_text
@@ -97,7 +97,7 @@ NAMES = (
     manifest.NAME,
     *("levels.csv", "participants.csv", "both.csv", "blank.csv", "control.csv"),
     *("thresholds.csv", "differences.csv", "sensitivity.csv"),
-    *("d_prime_differences.csv", "confusion.csv", "trials_clean.csv"),
+    *("functions.csv", "d_prime_differences.csv", "confusion.csv", "trials_clean.csv"),
     *figures.NAMES,
     METHODS,
     REPORT,
@@ -229,6 +229,8 @@ def _contents(analysis: Analysis, *, with_figures: bool, pdf: bool) -> Iterator[
     for name, table in tables.items():
         yield name, _csv(_marked(table, trials, marks), analysis)
     drawn = tuple(figures.pictures(analysis, pdf=pdf)) if with_figures else ()
+    if drawn and len(table := function_table(analysis)):
+        yield "functions.csv", _csv(_marked(table, trials, marks), analysis)
     for one in drawn:
         yield f"{one.name}.png", one.png
         yield f"{one.name}.svg", one.svg

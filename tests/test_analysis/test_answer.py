@@ -417,7 +417,8 @@ SENTENCES: dict[str, Callable[[re.Match[str], Analysis], None]] = {
     rf"whole or in part|: {PUSH})(?P<beside>; d' at single levels is in the table)?": is_true(
         lambda one: one.detected_any is not None and len({*rates(one).values()}) > 1
     ),
-    rf"false alarms are not told apart {BASIS}": is_true(
+    rf"false alarms are not told apart {BASIS}"
+    r"(?:; in a paper this interval is enough, without d')?": is_true(
         lambda one: one.detected_any is not None and len(rates(one)) > 1
     ),
     rf"if anything {PUSH}": is_true(

@@ -399,7 +399,7 @@ def test_a_part_of_a_name_tells_the_level_of_a_few_numbers(tmp_path: Path, name:
 )
 def test_the_unit_of_levels_is_guessed_by_the_name(tmp_path: Path, name: str, unit: str) -> None:
     table = put(tmp_path / "t.csv", f"participant,side,{name},response\nA,left,60,left\n")
-    assert f'unit = "{unit}"  # guess, by the name; printed as written' in draft(table)
+    assert f'unit = "{unit}"  # guess, by the name; printed as you write it' in draft(table)
 
 
 def test_an_empty_cell_is_no_value(tmp_path: Path) -> None:
@@ -445,6 +445,12 @@ def test_a_draft_says_what_blanks_and_both_sides_count_for(tmp_path: Path) -> No
     told = draft(put(tmp_path / "t.csv", f"participant,side,driveVpp,response\n{rows}"))
     assert "# Note: 2 rows have side none: blanks\n" in told
     assert "# Note: 1 row has side both: in no threshold\n" in told
+    silent = rows.replace("none,,", "none,0,").replace("catch,,", "catch,0.0,")
+    told = draft(put(tmp_path / "u.csv", f"participant,side,driveVpp,response\n{silent}"))
+    assert "# Note: the same rows have side none: blanks\n" in told
+    more = silent + "A,none,60,none\n"
+    told = draft(put(tmp_path / "v.csv", f"participant,side,driveVpp,response\n{more}"))
+    assert "# Note: 3 rows have side none: blanks\n" in told
     assert "# its unit: V peak-to-peak, by the name; else state it, in [units]\n" in told
 
 

@@ -15,7 +15,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from matplotlib.text import Text
-from scipy.stats import beta
+from scipy.stats import beta, norm
 
 from analysis import level_table
 from analysis.answers.choice import confusion_table
@@ -27,7 +27,7 @@ from analysis.axis import VOLTS, Axis
 from analysis.groups.tables import difference_table, group_table
 from analysis.results.figures.composed import START
 from analysis.results.figures.confusion import draw as draw_confusion
-from analysis.results.figures.curves import group_curves, person_curves
+from analysis.results.figures.curves import function_table, group_curves, person_curves
 from analysis.results.figures.d_prime import sheets as draw_d_prime
 from analysis.results.figures.detection import draw, residual_words
 from analysis.results.figures.drawing import level_axis, panels, plain, written
@@ -49,10 +49,17 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
+class Tables:
+    """Tables in the place of an analysis, which are, as one is, equal to nothing else."""
+
+    def __init__(self, **tables: object) -> None:
+        vars(self).update(tables)
+
+
 def analysis_of(**tables: object) -> Analysis:
     """Return an analysis that has nothing but these tables."""
     others = {"ci": "wilson", "axis": VOLTS, "mark": "", "one_place": ""}
-    return cast("Analysis", SimpleNamespace(**(others | tables)))
+    return cast("Analysis", Tables(**(others | tables)))
 
 
 def data(
@@ -179,6 +186,24 @@ def test_the_caption_counts_the_bars_that_lie_wholly_off_0(k: tuple[int, ...], t
     off = np.sum((low > 0) | (high < 0))
     assert f"{off or 'none'} lie" == told
     assert f" Of 5 bars {told} wholly off 0: " in residual_words(shown)
+
+
+@pytest.mark.slow
+def test_the_function_that_is_drawn_can_be_drawn_again() -> None:
+    shown = data(people=6, conditions=("bare", "covered"))
+    table = function_table(shown)
+    assert [*table["condition"].unique()] == ["bare", "covered"]
+    for condition, curve in group_curves(shown).items():
+        rows = table[table["condition"].eq(condition)]
+        assert {*PAPER} <= {*rows["level_vpp"]}
+        assert rows["level_vpp"].is_monotonic_increasing
+        assert curve.function is not None
+        line = curve.function.line
+        rises = norm.cdf(np.log10(rows["level_vpp"]), line.mu, line.sigma)
+        felt_at = line.guess_rate + (1 - line.guess_rate - line.lapse_rate) * rises
+        assert rows["function"].to_numpy() == pytest.approx(felt_at, abs=1e-12)
+        assert (rows["function_low"] < rows["function"]).all()
+        assert (rows["function"] < rows["function_high"]).all()
 
 
 @pytest.mark.slow

@@ -510,10 +510,11 @@ def test_a_misfit_is_said_to_be_where_counts_and_function_lie_furthest_apart() -
            "guess_basis": "blanks"}  # fmt: skip
     (told,) = misfits(pd.DataFrame([row]), people, Axis(x_scale="dB", unit="dB"))
     # 20 (0.2 + 0.8 Phi(-5)) = 4.0, and of the middle 20 (0.2 + 0.8 / 2) = 12, as near as z = 1.4
-    assert "with the guess rate that blank trials tell: at 0 dB 0 of 20 instead of 4.0." in told
+    counts = "at 0 dB detected in 0 of 20 trials, expected in 4.0."
+    assert f"with the guess rate that blank trials tell: {counts}" in told
     row |= {"guess_basis": "forced choice", "mle_sigma": 1e-3}  # a step: 0/0 at the highest level
     (told,) = misfits(pd.DataFrame([row]), people, Axis(x_scale="dB", unit="dB"))
-    assert "with the guess rate of guessing: at 0 dB 0 of 20 instead of 4.0" in told
+    assert f"with the guess rate of guessing: {counts}" in told
 
 
 def test_an_order_that_tables_do_not_number_is_not_told() -> None:

@@ -42,6 +42,7 @@ OFFERED: Final = "guess: delete the first # to compare "
 MOST_FILES: Final = 40
 """Files that are looked at, for a guess or a remark."""
 BLANKS: Final = "rows without a level are blanks"
+_ASIDE: Final = {"none": "blanks", "both": "in no threshold"}
 _ANSWERED: Final = 0.8
 _FORETELLING: Final = ("level_vpp", "side", "response", "detected")
 """What also tells a stimulus from a blank, or a hit from a miss, as others' columns say again."""
@@ -143,6 +144,21 @@ def without_stimulus(table: Sample) -> dict[str, int]:
         return {}
     silent = silent_words(table, level)
     return {word: rows for word, rows in table.words(level).items() if word in silent}
+
+
+def side_notes(table: Sample, side: str | None) -> Iterator[str]:
+    """Say what becomes of rows without a side, and with both; or that these are the blanks told."""
+    words = table.words(side) if side else {}
+    level, silent = level_of(table), without_stimulus(table)
+    for ours, told in _ASIDE.items():
+        own = {word: rows for word, rows in words.items() if WORDS.get(plain(word)) == ours}
+        have = f"{sum(own.values())} {'row has' if sum(own.values()) == 1 else 'rows have'}"
+        if side and level and silent and ours == "none":
+            each = table.of([level], side)
+            same = all((at in silent) == (word in own) for (at,), word in each)
+            have = "the same rows have" if same else have
+        if own:
+            yield f"{have} side {ours}: {told}"
 
 
 def blank_notes(table: Sample, side: str | None, *, where: bool) -> Iterator[str]:

@@ -32,6 +32,7 @@ from analysis.reading.drafted.conditions import (
     blank_notes,
     offer,
     offered_conditions,
+    side_notes,
     without_stimulus,
 )
 from analysis.reading.drafted.levels import in_db, is_signed, level_of, unit_of, unit_words
@@ -70,7 +71,6 @@ NOTE: Final = "# Note: "
 """How a line of a draft begins that says what becomes of rows."""
 _ROWS: Final = ("rows.keep", "rows.skip")
 _DECIMAL: Final = 'decimal = ","  # guess: there are numbers with a comma'
-_ASIDE: Final = {"none": "blanks", "both": "in no threshold"}
 _PEAKS: Final = "# its unit: V peak-to-peak, by the name; else state it, in [units]"
 _GO: Final = "guess: the only key, pressed if felt"
 _TASK: Final = '"yes/no" if people who felt nothing could say so, "forced choice" if they guessed'
@@ -140,10 +140,7 @@ def _notes(looked_at: Sample, trials: Sample, sections: Mapping[str, list[str]])
         yield from [line.partition("  # ")[2]] * line.startswith("#")
     side, (response, hit) = side_of(trials), answers_of(trials)
     yield from blank_notes(trials, side, where=hit is None or response not in (None, hit))
-    words = trials.words(side) if side else {}
-    for ours, told in _ASIDE.items():
-        if rows := sum(n for word, n in words.items() if WORDS.get(plain(word)) == ours):
-            yield f"{rows} {'row has' if rows == 1 else 'rows have'} side {ours}: {told}"
+    yield from side_notes(trials, side)
     for line in (*sections.get("values.level_vpp", ()), *sections["columns"]):
         if line.endswith(BLANKS):
             yield line.partition("  # guess: ")[2]

@@ -132,7 +132,7 @@ def unit_words(unit: str) -> str:
     >>> unit_words("um").partition(";")[0], unit_words("").partition(";")[0]
     ('guess, by the name', 'FILL IN: the unit of the levels, or what they are (gain)')
     """
-    printed = 'printed as written, as "um peak" or "of full drive": levels are not converted'
+    printed = 'printed as you write it ("µm", "um peak", "of full drive"): nothing is converted'
     return {
         "V": f"guess; say peak or peak-to-peak if you know; {printed}",
         "dB": 'guess, by the name; may be "dB SL" or "dB re 1 um": it is only printed',

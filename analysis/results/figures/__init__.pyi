@@ -1,7 +1,7 @@
 from . import figures as figures
 from .composed import ABOVE, BELOW
 from .confusion import stimulus
-from .curves import DRAWN, OF_BLANKS, conditions_of, shared_levels
+from .curves import DRAWN, OF_BLANKS, conditions_of, function_table, shared_levels
 from .drawing import COLOURS, GROUP, MARKERS, panels, written
 from .figures import Picture
 
@@ -16,6 +16,7 @@ __all__ = [
     "Picture",
     "conditions_of",
     "figures",
+    "function_table",
     "panels",
     "shared_levels",
     "stimulus",

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import pandas as pd
 
 from analysis.definitions import LIMITS
 from analysis.groups.functions import Line, group_function, person_function
@@ -21,7 +23,6 @@ from analysis.results.methods.task import is_yes_no
 from analysis.thresholds.goodness import deviance_residuals
 
 if TYPE_CHECKING:
-    import pandas as pd
     from numpy.typing import NDArray
 
     from analysis.results.tables import Analysis
@@ -101,6 +102,7 @@ def _mean_start(analysis: Analysis, people: list[int]) -> tuple[float, float, fl
     return (float(np.mean(told)), np.nan, np.nan) if told and len(told) == len(each) else None
 
 
+@lru_cache(maxsize=1)  # the figure, its caption and the table of its functions ask in turn
 def group_curves(analysis: Analysis) -> dict[str, Curve]:
     """Return what a panel shows of the group in each condition; of one person, the person's.
 
@@ -130,6 +132,18 @@ def group_curves(analysis: Analysis) -> dict[str, Curve]:
             function=function,
         ))  # fmt: skip
     return curves
+
+
+def function_table(analysis: Analysis) -> pd.DataFrame:
+    """Return the functions that the figure of detection shows, with their bands, point by point."""
+    names = "condition", "level_vpp", "function", "function_low", "function_high"
+    rows = [
+        (condition, *point)
+        for condition, curve in group_curves(analysis).items()
+        if (one := curve.function) is not None
+        for point in zip(one.level_vpp, one.at(one.level_vpp), one.low, one.high, strict=True)
+    ]
+    return pd.DataFrame(rows, columns=list(names))
 
 
 def _of_means(curve: Curve) -> Curve:

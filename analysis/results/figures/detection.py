@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import textwrap
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -23,7 +22,7 @@ from analysis.results.figures.curves import (
     start_label,
     start_words,
 )
-from analysis.results.figures.drawing import Sheet, key, of_people, panels, short
+from analysis.results.figures.drawing import Sheet, key, of_people, panels, short, wrapped
 from analysis.results.methods.misfit import misfit_words
 
 if TYPE_CHECKING:
@@ -162,7 +161,7 @@ def _differences(analysis: Analysis) -> Iterator[str]:
         group = rows["participant"].eq(TOTAL)
         row = rows[~group if group.sum() < len(rows) <= _ALONE else group].iloc[0]
         words = f"{short(str(b))} against {short(str(a))}: {row['printed']}"
-        yield from textwrap.wrap(words, _LETTERS, subsequent_indent="    ")
+        yield from wrapped(words, _LETTERS, "    ")
 
 
 def _explain(axes: Axes, analysis: Analysis, curves: Mapping[str, Curve], *, alone: bool) -> None:

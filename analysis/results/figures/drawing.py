@@ -6,6 +6,7 @@ import io
 import itertools
 import math
 import re
+import textwrap
 import warnings
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
@@ -34,6 +35,7 @@ WIDTH_IN: Final = 4.2
 
 _LONGEST_NAME = 14
 _PARTS = re.compile(r"<U\+[0-9A-F]+>|.", re.DOTALL)
+_INTERVAL = re.compile(r"\([^ ()]+(?: [^ ()]+)? to [^ ()]+(?: [^ ()]+)?\)")
 _BELOW_IN = 0.5
 _LEAST_MARGIN = 1.001
 _DPI = 200.0
@@ -156,6 +158,17 @@ def short(name: str) -> str:
     first = "".join(_taken(parts, _LONGEST_NAME // 2))
     last = _taken(parts[::-1], _LONGEST_NAME - 1 - len(first))
     return f"{first}…{''.join(last[::-1])}"
+
+
+def wrapped(words: str, letters: int, indent: str) -> list[str]:
+    """Return lines of at most so many letters, none of which ends within an interval.
+
+    >>> wrapped("light: 1.51 um (1.32 to 1.72), as said", 26, "  ")
+    ['light: 1.51 um', '  (1.32 to 1.72), as said']
+    """
+    kept = _INTERVAL.sub(lambda one: one[0].replace(" ", "\N{NO-BREAK SPACE}"), words)
+    lines = textwrap.wrap(kept, letters, subsequent_indent=indent)
+    return [line.replace("\N{NO-BREAK SPACE}", " ") for line in lines]
 
 
 def _taken(parts: Sequence[str], letters: int) -> list[str]:

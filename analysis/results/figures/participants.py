@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import textwrap
 from functools import partial
 from typing import TYPE_CHECKING, Final
 
@@ -19,7 +18,7 @@ from analysis.results.figures.curves import (
     start_label,
     start_words,
 )
-from analysis.results.figures.drawing import WIDTH_IN, Sheet, short
+from analysis.results.figures.drawing import WIDTH_IN, Sheet, short, wrapped
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -152,7 +151,7 @@ def _notes(analysis: Analysis, name: str) -> list[str]:
     ):
         words = f"no threshold: {_SHORT[status]}" if status in _SHORT else printed
         where = f"{short(condition)}: " if analysis.counts.conditions > 1 else ""
-        lines += textwrap.wrap(where + words, _LETTERS, subsequent_indent="  ")
+        lines += wrapped(where + words, _LETTERS, "  ")
     return lines
 
 

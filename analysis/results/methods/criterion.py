@@ -30,6 +30,7 @@ _OF_HALF: Final = 1 / 3
 _AN_ANSWER: Final = 1 + 1e-9  # rounding of shares aside
 _TOTALS: Final = "Fisher's exact test of the totals"
 _WITHIN: Final = "exact Cochran-Mantel-Haenszel test within these participants"
+_ENOUGH: Final = "; in a paper this interval is enough, without d'"
 _MEANS: Final = {
     "Student's t": "the mean of the participants' differences, with a 95 % interval by Student's t",
     "Welch's t": "the difference of the means of both groups, with a 95 % interval by Welch's t",
@@ -95,7 +96,7 @@ def _of_two(analysis: Analysis, one: Pair, told: _Verdict, beside: str) -> Itera
         if levels := by_level(analysis, one):
             yield level_words(levels, one)
     else:
-        yield f"false alarms are not told apart ({words})"
+        yield f"false alarms are not told apart ({words}){_ENOUGH * bool(told.points)}"
         if push:
             yield f"if anything {push}"
 
@@ -163,6 +164,14 @@ def _verdicts(analysis: Analysis) -> list[tuple[Pair, _Verdict]]:
     if analysis.detected_any is None or not pairs or not _all_told(analysis, pairs):
         return []
     return [(one, _verdict(analysis.blank, one)) for one in pairs]
+
+
+def settled(analysis: Analysis) -> set[tuple[str, str]]:
+    """Return the pairs of conditions whose false alarms have an interval with 0 in it.
+
+    d' at single levels has no part in their answer (docs/explanation/intervals.md, in a paper).
+    """
+    return {(one.a, one.b) for one, of in _verdicts(analysis) if of.points and not of.apart}
 
 
 def _differences(analysis: Analysis) -> list[str]:

@@ -31,8 +31,8 @@ chance stands beside: a correction for their number would hide one bad fit among
 """
 _LEAST_P: Final = 1 / (1 + REPLICATES)
 _WITHOUT: Final = (
-    " methods.txt names them; what the group's results are without these people stands in the "
-    "answer's table, to be reported beside the others, not instead."
+    " methods.txt names {}; what the group's results are without {} stands in the answer's table, "
+    "to be reported beside the others, not instead."
 )
 _NAMED: Final = 6
 _APART: Final = 0.03
@@ -78,8 +78,17 @@ def misfits(
         "changed, make a threshold's interval too narrow."
         + "".join(_most_apart(thresholds, refused, people, axis) if people else ())
         + "".join(_held(thresholds, refused))
-        + (_WITHOUT if len({*thresholds["participant"]} - misfitting(thresholds)) > 1 else "")
+        + _without(thresholds)
     )
+
+
+def _without(thresholds: pd.DataFrame) -> str:
+    """Say where results without misfits stand; empty text where too few people are left."""
+    misfits_of = misfitting(thresholds)
+    if len({*thresholds["participant"]} - misfits_of) <= 1:
+        return ""
+    words = ("this one", "this participant") if len(misfits_of) == 1 else ("them", "these people")
+    return _WITHOUT.format(*words)
 
 
 def _most_apart(
@@ -103,9 +112,9 @@ def _most_apart(
         order = np.argsort(-size, kind="stable")
         part = np.cumsum(size[order] ** 2) / np.sum(size**2)
         worst = order[: min(int(np.searchsorted(part, _MOST)) + 1, _FEW_LEVELS)]
-        told = ", ".join(
-            f"at {shortest(levels[i])} {axis.unit} {k[i]:.0f} of {n[i]:.0f} instead of "
-            f"{n[i] * p[i]:.1f}"
+        told = "; ".join(
+            f"at {shortest(levels[i])} {axis.unit} detected in {k[i]:.0f} of {n[i]:.0f} trials, "
+            f"expected in {n[i] * p[i]:.1f}"
             for i in sorted(worst, key=lambda i: levels[i])
         )
         yield (
@@ -133,7 +142,7 @@ def _held(thresholds: pd.DataFrame, refused: list[tuple[float, str, str]]) -> It
             yield (
                 f" Of {_where(who, condition, thresholds)} the test holds the guess rate at "
                 f"{100 * held:.1f} %, as blank trials tell it; the function drawn starts at "
-                f"{100 * drawn:.1f} %, by the weak levels too, and its residuals show less."
+                f"{100 * drawn:.1f} %, by the weak levels too: there the misfit shows less."
             )
 
 

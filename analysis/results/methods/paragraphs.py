@@ -13,7 +13,7 @@ from analysis.results.methods.caption import caption_words
 from analysis.results.methods.criterion import compared_words, how_compared
 from analysis.results.methods.left_out import left_out_for_paper
 from analysis.results.methods.looked import looked_words
-from analysis.results.methods.misfit import lapses_for_paper, misfit_words
+from analysis.results.methods.misfit import lapses_for_paper, misfit_words, misfitting
 from analysis.results.methods.presented import (
     both_words,
     design_words,
@@ -97,6 +97,7 @@ def methods_of(analysis: Analysis, plans: Planned | None = None, *, drawn: bool 
         short_alarms=" ".join(filter(None, (short_alarm_words(analysis), how_compared(analysis)))),
         hits=hit_words(analysis),
         misfit=misfit_words(analysis.thresholds),
+        misfits=misfitting(analysis.thresholds),
         lapses=lapses_for_paper(analysis.thresholds),
         looked=looked_words(analysis),
         own_model=own_model_words(analysis),
