@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from experiment.study.sections.presentation import Screen
 
 
-_REMEDY = installing("screen", "constraints-screen.txt")
+_REMEDY = "in a second environment, " + installing("screen", "constraints-screen.txt")
 _kept: list[object] = []
 """What Xlib may call until the program ends."""
 
