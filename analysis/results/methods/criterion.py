@@ -96,7 +96,8 @@ def _of_two(analysis: Analysis, one: Pair, told: _Verdict, beside: str) -> Itera
         if levels := by_level(analysis, one):
             yield level_words(levels, one)
     else:
-        yield f"false alarms are not told apart ({words}){_ENOUGH * bool(told.points)}"
+        enough = bool(told.points) and not interleaved(analysis)
+        yield f"false alarms are not told apart ({words}){_ENOUGH * enough}"
         if push:
             yield f"if anything {push}"
 
