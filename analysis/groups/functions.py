@@ -14,10 +14,10 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from scipy.special import ndtr
+from scipy.special import ndtr, stdtrit
 
 from analysis.definitions import LIMITS
-from analysis.groups.hierarchy import PeopleTables, hierarchy, matters
+from analysis.groups.hierarchy import FEW, PeopleTables, hierarchy, matters
 from analysis.thresholds.density import Ruler, sigma_prior, trapezoid
 from analysis.thresholds.grid import rates_of
 
@@ -27,19 +27,23 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from analysis.axis import Axis
+    from analysis.thresholds.grid import Surface
     from analysis.thresholds.people import GuessRate, PersonCounts
 
     Floats = NDArray[np.float64]
 
 
 _POINTS: Final = 49
-_OF_GROUP, _OF_PERSON = (31, 25), (49, 21)
-"""Nodes of tau and S, and of mu and log sigma: with fewer, lines have corners that can be seen."""
+_OF_GROUP, _OF_PERSON = (121, 15), (49, 21)
+"""Nodes of M and S, and of mu and log sigma: with fewer, lines have corners that can be seen."""
 _MATTERS: Final = 1e-3
 """Of the greatest weight: what has less moves no line that can be seen."""
 _BINS: Final = 4000
 _THREE: Final = ((-math.sqrt(3), 1 / 6), (0.0, 2 / 3), (math.sqrt(3), 1 / 6))
 """Points that stand for a distribution, in standard deviations, and their shares."""
+_FAR: Final = 1.96
+_AT_LIMITS: Final = ((-_FAR, 0.5 / _FAR**2), (0.0, 1 - 1 / _FAR**2), (_FAR, 0.5 / _FAR**2))
+"""The same of a mean, nearly normal: the outer ones are at its 95 % limits."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -105,29 +109,31 @@ def group_function(people: PersonCounts, rows: Sequence[int], axis: Axis) -> Fun
     ruler = Ruler.of(tables.x[used], axis.fitted)
     each = tables.surfaces(ruler)
     found = hierarchy(each, ruler)
-    spread_at, between = _finer(found.spread, found.spread[[0, -1]], _OF_GROUP[0])
+    middle_at, up = _finer(found.middle, found.middle[[0, -1]], _OF_GROUP[0])
     log_sigma_at, along = _finer(found.log_sigma, found.log_sigma[[0, -1]], _OF_GROUP[1])
-    cells = np.einsum("ut,mts,vs->muv", between, found.cells, along, optimize=True)
+    cells = np.einsum("um,mts,vs->utv", up, found.cells, along, optimize=True)
     weight = cells * np.multiply.outer(
-        np.outer(trapezoid(found.middle), trapezoid(spread_at)), trapezoid(log_sigma_at)
+        np.outer(trapezoid(middle_at), trapezoid(found.spread)), trapezoid(log_sigma_at)
     )
     near = weight > _MATTERS * weight.max()
     middle, spread, log_sigma = (
-        one[near] for one in np.meshgrid(found.middle, spread_at, log_sigma_at, indexing="ij")
+        one[near] for one in np.meshgrid(middle_at, found.spread, log_sigma_at, indexing="ij")
     )
     width = np.hypot(np.exp(log_sigma), spread)
-    gamma = math.fsum(one.guess_rate for one in each) / len(each)
+    gamma, of_gamma = _mean_guess(each)
     # What all have in common tells more of lapses than each person's few strong stimuli.
     lapses, variances = np.mean([one.lapse_by_kind for one in each], axis=0)
     lapse = float(found.of_kind @ lapses)
     drawn_at, level_vpp = _places(people.level_vpp[chosen][used], axis)
     z = (drawn_at[:, None] / ruler.step - middle) / width
     felt, values, shares = ndtr(z), [], []
-    for mean, spread, of_kind in zip(
-        lapses, np.sqrt(variances / len(each)), found.of_kind, strict=True
-    ):
-        for at, share in _THREE if of_kind > _MATTERS else ():
-            values.append(gamma + (1 - gamma - max(mean + at * spread, 0.0)) * felt)
+    for mean, of_lapse, of_kind in zip(lapses, variances / len(each), found.of_kind, strict=True):
+        if of_kind <= _MATTERS:
+            continue
+        middle_p = gamma + (1 - gamma - mean) * felt
+        spread_p = np.sqrt(of_gamma * (1 - felt) ** 2 + of_lapse * felt**2)
+        for at, share in _AT_LIMITS:
+            values.append(np.clip(middle_p + at * spread_p, 0.0, 1.0))
             shares.append(of_kind * share * weight[near])
     low, high = _limits(np.concatenate(values, axis=1), np.concatenate(shares))
     line = Line(
@@ -137,6 +143,19 @@ def group_function(people: PersonCounts, rows: Sequence[int], axis: Axis) -> Fun
         guess_rate=gamma,
     )
     return Function(level_vpp=level_vpp, low=low, high=high, line=line, axis=axis)
+
+
+def _mean_guess(each: Sequence[Surface]) -> tuple[float, float]:
+    """Return the mean guess rate of people and its variance, which is of people like them.
+
+    How far their own lie apart has what is not known of each in it, but for people who happen to
+    be alike. The variance is enlarged to that of a normal value with the limits of Student's t.
+    """
+    rates = np.array([one.guess_rate for one in each])
+    own = float(np.mean([one.guess_variance for one in each]))
+    between = float(rates.var(ddof=1)) if len(rates) > 1 else 0.0
+    wider = float(stdtrit(max(len(rates), FEW) - 1, LIMITS[1])) / _FAR
+    return float(rates.mean()), max(between, own) / len(rates) * wider**2
 
 
 def _median(values: Floats, weight: Floats) -> float:

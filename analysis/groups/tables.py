@@ -228,11 +228,9 @@ def _difference(one: Difference | ConditionDifference, axis: Axis) -> list[objec
     # Of levels in dB nobody asks for the ratio of what they are the level of.
     ratio = "" if axis.signed else f", {times(one.difference_db, *one.difference_limits_db)}"
     low, high = one.difference_limits_db
-    least, most = (round(end, 1) for end in (low, high))
+    at, least, most = (round(end, 1) + 0.0 for end in (one.difference_db, low, high))  # no -0.0
     # A sign at the beginning, or after a comma, would look like a formula to a spreadsheet.
-    told = (
-        f"not told apart: {round(one.difference_db, 1) + 0.0:+.1f} dB ({low:+.1f} to {high:+.1f})"
-    )
+    told = f"not told apart: {at:+.1f} dB ({least:+.1f} to {most:+.1f})"
     if least > 0 or most < 0:
         near, far = sorted((abs(low), abs(high)))
         more = "lower" if most < 0 else "higher"

@@ -86,6 +86,7 @@ class Surface:
     by_kind: Floats  # times the prior of each of `kinds`: (kinds, mu, log sigma)
     lapse_rate: float  # posterior mean, as that of the guess rate
     guess_rate: float
+    guess_variance: float  # of its posterior
     lapse_by_kind: Floats  # mean and variance of lambda if this person is of each kind, (2, kinds)
     starts: Floats  # likeliest nodes: mu, log sigma and lambda, (STARTS, 3)
 
@@ -347,7 +348,8 @@ class _Batch:
         shares = each.sum(axis=1)
         shares /= shares.sum(axis=1, keepdims=True)
         shares = shares.reshape(-1, len(axes.guess), len(axes.lapse))
-        lapse_rate, guess_rate = shares.sum(axis=1) @ axes.lapse, shares.sum(axis=2) @ axes.guess
+        lapse_rate, of_guess = shares.sum(axis=1) @ axes.lapse, shares.sum(axis=2)
+        guess_rate, square = of_guess @ axes.guess, of_guess @ axes.guess**2
         top = values.max(axis=(1, 2), keepdims=True)
         by_kind /= top[:, None]
         found = [
@@ -355,6 +357,7 @@ class _Batch:
                 mu=axes.mu, log_sigma=axes.log_sigma, by_kind=one,
                 lapse_rate=float(lapse_rate[i]),
                 guess_rate=float(guess_rate[i]),
+                guess_variance=max(float(square[i] - guess_rate[i] ** 2), 0.0),
                 lapse_by_kind=lapse_by_kind[i],
                 starts=self.starts(i),
             )

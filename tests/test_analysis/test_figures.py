@@ -457,7 +457,8 @@ def test_differences_of_thresholds_are_drawn_below_them() -> None:
     )  # fmt: skip
     figure = draw_thresholds(shown)
     svg = written(lambda: figure)[1].decode()
-    for text in ("gloved against bare", "Difference of thresholds (dB)", "undetermined"):
+    above = "above 0: higher in gloved"
+    for text in ("gloved against bare", "Difference of thresholds (dB)", above, "undetermined"):
         assert text in svg
     assert "at least" not in svg  # an arrow instead
     axes = figure.axes[-1]

@@ -45,6 +45,7 @@ def normal_surface(at: float, width: float) -> Surface:
     by_kind = kind_prior()[:, None, None] * values
     return Surface(
         mu=mu, log_sigma=log_sigma, by_kind=by_kind, lapse_rate=0.0, guess_rate=0.0,
+        guess_variance=0.0,
         lapse_by_kind=np.zeros((2, 3)), starts=np.array([[at, 0.7, 0.0]]),
     )  # fmt: skip
 

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 NUMBER: Final = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)([eE][+-]?\d+)?", re.ASCII)
 _PADDED: Final = re.compile(r"0\d")
 _SHOWN: Final = 8
+_LONG: Final = 60
 _OF_FILE: Final = "; the name of the file without its ending, to be used like a column"
 FILL: Final = "FILL IN: "
 EMPTY: Final = "empty"
@@ -173,11 +174,18 @@ def unanswered(table: Sample, name: str, word: str) -> str:
     )
 
 
+def _cut(word: str) -> str:
+    """Return the beginning of a word that is too long, marked as one."""
+    return word if len(word) <= _LONG else f"{word[: _LONG - 3]}..."
+
+
 def listed(words: Sequence[str]) -> str:
     """Name the first of several words.
 
     >>> listed(["a", ""]), listed("abcdefghijk")
     ('a, (empty)', 'a, b, c, d, e, f, g, h, ...')
+    >>> listed(["a" * 60, "a" * 61]).endswith("aaa, " + "a" * 57 + "...")
+    True
     """
-    told = [one_line(word)[:30] if word else "(empty)" for word in words[:_SHOWN]]
+    told = [_cut(one_line(word)) if word else "(empty)" for word in words[:_SHOWN]]
     return ", ".join(told) + (", ..." if len(words) > _SHOWN else "")

@@ -38,20 +38,29 @@ _LONGEST_WORD: Final = 60
 
 
 _BARE_KEY: Final = re.compile(r"[A-Za-z0-9_-]+")
+_SECTION: Final = re.compile(r"\s*\[([^\[\]]+)\]\s*[^\s#]")
+"""A section's name with more behind it than a comment."""
 _BARE: Final = re.compile(r"\s*([^=#]+?)\s*=\s*((?:[^\W\d_][^#\"']*?)?)\s*(?:#.*)?")
 """A key of TOML with a word, or nothing, in the place of its value."""
 
 
 def toml_document(text: str) -> dict[str, Any]:
-    """Read a map's text, and say of a word without quotation marks what it needs.
+    """Read a map's text; say what a word without quotation marks, or a section's line, needs.
 
     >>> toml_document("task = yes")
     Traceback (most recent call last):
     ValueError: Invalid value (at line 1, column 8); task: text needs quotation marks, task = "yes"
+    >>> toml_document('[values.side] l = "left"')  # doctest: +ELLIPSIS
+    Traceback (most recent call last):
+    ValueError: Expected ...; [values.side] stands on a line of its own, what is in it below
     """
     try:
         return tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
+        at = re.search(r"at line (\d+)", str(error))
+        if at and (found := _SECTION.match(text.split("\n")[int(at[1]) - 1])):
+            message = f"{error}; [{one_line(found[1])}] stands on a line of its own, what is in it"
+            raise ValueError(f"{message} below") from None
         place = re.search(r"Invalid value \(at (?:line (\d+)|end)", str(error))
         line = text.split("\n")[int(place[1] or 0) - 1].rstrip("\r") if place else ""
         if not (found := _BARE.fullmatch(line)):

@@ -97,14 +97,16 @@ def draw(analysis: Analysis) -> Figure:
     apart = [_differences(analysis, *pair) for pair in pairs]
     heights = [_AROUND_IN + min(_ROW_IN * len(each), _TALLEST_IN) for each in (*rows, *apart)]
     titles = [f"{short(b)} against {short(a)}" for a, b in pairs]
+    unit = "dB" if analysis.axis.is_logarithmic else analysis.axis.label
     figure, axes = panels([*conditions, *titles], heights, analysis.mark)
     for panel, each in zip(axes, rows, strict=False):
         levels_vpp = analysis.participants["level_vpp"].to_numpy(dtype=float)
         _draw(panel, each, levels_vpp, analysis.axis)
         key(panel, columns=1)
-    for panel, each, title in zip(axes[len(rows) :], apart, titles, strict=True):
+    of_pairs = zip(axes[len(rows) :], apart, titles, pairs, strict=True)
+    for panel, each, title, (_, b) in of_pairs:
         panel.set_title(title, fontsize=11)
-        _compare(panel, each, "dB" if analysis.axis.is_logarithmic else analysis.axis.label)
+        _compare(panel, each, unit, short(b))
     return figure
 
 
@@ -177,8 +179,11 @@ def _draw(axes: Axes, rows: list[_Mark], levels_vpp: Any, axis: Axis) -> None:
     _explain(axes, rows)
 
 
-def _compare(axes: Axes, rows: list[_Mark], unit: str) -> None:
-    """Draw a line for each participant's difference of thresholds, and the group's below."""
+def _compare(axes: Axes, rows: list[_Mark], unit: str, higher: str) -> None:
+    """Draw a line for each participant's difference of thresholds, and the group's below.
+
+    Above 0 the threshold is higher in the condition `higher`.
+    """
     ends = [end for row in rows for end in (row.at, row.low, row.high) if np.isfinite(end)]
     most = max(map(abs, ends), default=1.0) or 1.0
     left, right = (
@@ -190,7 +195,7 @@ def _compare(axes: Axes, rows: list[_Mark], unit: str) -> None:
     axes.set_axisbelow(True)
     axes.axvline(0.0, color="black", lw=0.8)
     _draw_rows(axes, rows, (left, right))
-    axes.set_xlabel(f"Difference of thresholds ({unit})\nabove 0: higher in the one named first")
+    axes.set_xlabel(f"Difference of thresholds ({unit})\nabove 0: higher in {higher}")
 
 
 def _draw_rows(axes: Axes, rows: list[_Mark], outside: tuple[float, float]) -> None:
