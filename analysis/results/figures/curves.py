@@ -212,7 +212,7 @@ def start_words(analysis: Analysis) -> str:
     return (
         f" The filled sign at the left edge is {told}, as counted. A function starts at the "
         "posterior mean of the guess rate: blank trials and weak levels tell it, and a prior worth "
-        "half an answer, so that it need not begin at the sign or at the points of the weakest levels. "
-        "Likewise it may end below the points of the strongest, by the lapse rate, which few of "
-        "their trials tell."
+        "half an answer, so that it need not begin at the sign or at the points of the weakest "
+        "levels. Likewise it may end below the points of the strongest, by the lapse rate, which "
+        "few of their trials tell."
     )
