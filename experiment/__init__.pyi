@@ -1,7 +1,5 @@
 from .participant.settings import ResponderSettings
-from .session.conduct import begin, resume
 from .session.run import run_session
-from .session.setting import Setting
 from .session.simulate import simulate_study
 from .study.read import paper_study, read_study
 from .study.study import Study, StudyError
@@ -19,16 +17,13 @@ __all__ = [
     "Responder",
     "ResponderSettings",
     "SessionPart",
-    "Setting",
     "Study",
     "StudyError",
     "Trial",
     "TrialRow",
-    "begin",
     "draw_plan",
     "paper_study",
     "read_study",
-    "resume",
     "run_session",
     "simulate_study",
 ]

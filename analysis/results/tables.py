@@ -126,6 +126,11 @@ class Analysis:
     ValueError
         If `ci` is no method of `proportion_ci`.
 
+    Notes
+    -----
+    Types of attributes that the package does not offer by name may change; what they hold is in the
+    files.
+
     Examples
     --------
     >>> from pathlib import Path

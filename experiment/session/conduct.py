@@ -124,11 +124,12 @@ def begin(folder: SessionFolder, plan: Plan, setting: Setting) -> Ending:
     >>> from pathlib import Path
     >>> from tempfile import TemporaryDirectory
     >>> from device import VirtualClock
-    >>> from experiment import Setting, draw_plan, paper_study
+    >>> from experiment import draw_plan, paper_study
     >>> from experiment.apparatus.noise import SilentNoise
     >>> from experiment.apparatus.rig import mock_device
     >>> from experiment.archive.folders import SessionFolder
     >>> from experiment.operator.requests import StopSignal
+    >>> from experiment.session.setting import Setting
     >>> from experiment.session.simulate import simulated_responder
     >>> study = paper_study().changed(design={"trials_per_side": 5, "both_trials": 0},
     ...                               simulation={"threshold_vpp": 100.0})
@@ -205,10 +206,11 @@ def resume(folder: SessionFolder, setting: Setting) -> Ending:
     >>> from pathlib import Path
     >>> from tempfile import TemporaryDirectory
     >>> from device import VirtualClock
-    >>> from experiment import Setting, paper_study, simulate_study
+    >>> from experiment import paper_study, simulate_study
     >>> from experiment.apparatus.noise import SilentNoise
     >>> from experiment.apparatus.rig import mock_device
     >>> from experiment.operator.requests import StopSignal
+    >>> from experiment.session.setting import Setting
     >>> from experiment.session.simulate import simulated_responder
     >>> study = paper_study().changed(design={"trials_per_side": 5, "both_trials": 0},
     ...                               simulation={"threshold_vpp": 100.0})

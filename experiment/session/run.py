@@ -92,7 +92,8 @@ def run_session(
     Returns
     -------
     Ending
-        Whether every trial is answered, and where trials.csv is.
+        ``finished``: whether every trial is done; ``trials_path``: the trials.csv; ``failure``:
+        what the device failed with, or None.
 
     Raises
     ------

@@ -1,5 +1,5 @@
 from .alarms import alarm_sentences, blank_rows
-from .criterion import criterion_sentences
+from .criterion import criterion_sentences, settled
 from .left_out import REASONS, left_out_rows, left_out_words, unread_words
 from .looked import EACH, each_participant, looked_words
 from .misfit import (
@@ -41,6 +41,7 @@ __all__ = [
     "number_of",
     "one_side_words",
     "plain",
+    "settled",
     "steep_words",
     "unread_words",
 ]
