@@ -278,8 +278,8 @@ def _side(
     for section, *entry in (entries := blank_entries(table, theirs)):
         _put(sections, section, *entry)
     if theirs is None:
-        _put(sections, "constant", "side", "", f"{FILL}\"left\" will do for a single place, "
-             "nothing depends on it; of several name the column in [columns]")  # fmt: skip
+        _put(sections, "constant", "side", "", f"{FILL}\"left\" or \"right\": of a single place "
+             "nothing depends on which; of several name the column in [columns]")  # fmt: skip
         return
     words = [WORDS.get(plain(word), word) for word in table.words(theirs)]
     places = {word for word in words if word != "none" and word.lower() not in NOTHING}

@@ -170,7 +170,7 @@ def unanswered(table: Sample, name: str, word: str) -> str:
     rows = table.words(name)[word]
     return (
         f": {rows} row{'s' * (rows != 1)}, counted as not detected; a paper says so; to leave them "
-        f"out: [rows.skip] {skip}"
+        f"out, write {skip} below [rows.skip]"
     )
 
 
