@@ -234,13 +234,13 @@ def _condition(check: StudyCheck, one: ConditionCheck) -> Findings:
     found.tell("band", f"{lower_hz:.1f} to {upper_hz:.1f} Hz at half power", band_hz=burst.band_hz)
     found.tell(
         "above cut-off",
-        f"{burst.energy_above_cutoff:.2e} of the {ideal} energy: of a sound card, which smooths",
+        f"{burst.energy_above_cutoff:.2e} of the {ideal} energy, from a sound card, which smooths",
         energy_above_cutoff=burst.energy_above_cutoff,
     )
     found.tell(
         "",
-        f"{burst.staircase_energy_above_cutoff:.2e} of its staircase's at "
-        f"{burst.sample_rate_hz:g} Hz: of an output that holds each sample",
+        f"{burst.staircase_energy_above_cutoff:.2e} from an output that holds each sample at "
+        f"{burst.sample_rate_hz:g} Hz, a staircase",
         staircase_energy_above_cutoff=burst.staircase_energy_above_cutoff,
     )
     found.tell("", f"{burst.max_energy_above_cutoff:.2e} is the limit")

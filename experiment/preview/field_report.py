@@ -25,7 +25,10 @@ if TYPE_CHECKING:
 
 
 _TONE: Final = "tone: at the other finger's centre re above the driven actuator, of"
-_SHOWN: Final = "shown: of the peaks at the fingers' centres in this time, of one loss factor"
+_SHOWN: Final = (
+    "shown: of the peaks at the fingers' centres in this time, of one loss factor, to 1e-5 of the "
+    "own finger's"
+)
 _PREFIXES: Final = (("mm", 1e-3), ("um", 1e-6), ("nm", 1e-9), ("pm", 1e-12))
 
 _PLATEAU_DB: Final = 0.1
@@ -290,7 +293,7 @@ def strip_text(plate: PlatePreview) -> str:
     >>> strip_text(plate_of(paper_study()))
     'cut-off 2900 Hz (measured by the paper), elastic edges'
     """
-    cutoff = f"cut-off {hertz(plate.strip.cutoff_hz())}"
+    cutoff = f"cut-off {plate.strip.cutoff_hz():.5g} Hz"
     basis = plate.study.plate.edge
     if basis == "measured-cutoff":
         told = in_short(cutoff_source(plate.study.plate), plate.study.plate)

@@ -91,7 +91,8 @@ class MedianThreshold:
         if self.whose == YOURS[0] or self.unit != "V":
             return ""
         remedy = (
-            "what it is in volts on this one is unknown until a displacement is measured"
+            "what it is in volts on this one is unknown until displacements are measured, or "
+            "predicted from the discs' layers"
             if self.peak_um is None
             else "as displacements are known here, state simulation.threshold_um instead"
         )

@@ -65,7 +65,7 @@ def test_a_threshold_in_volts_has_its_micrometres_where_they_are_known() -> None
     recipe = "state simulation.threshold_um instead; 'Which levels for a new plate', docs/plate.md"
     assert recipe in replace(found, whose=ASSUMED[0]).source_doubt
     unmeasured = replace(found, whose=ASSUMED[0], peak_um=None).source_doubt
-    assert "is unknown until a displacement is measured" in unmeasured
+    assert "is unknown until displacements are measured, or predicted" in unmeasured
     both = told(f"[design]\nlevels_vpp = [1, 2]\n{LEFT}{RIGHT}", HALF).lines
     (line,) = [one for one in both if "All levels lie below that" in one]
     assert "It is the paper's, of one cycle of 500 Hz in volts of its own plate" in line

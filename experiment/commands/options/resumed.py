@@ -56,7 +56,8 @@ def plan_to_resume(
     if not is_recorded(study_file, plan.study, plan.file_sha256):
         raise CommandError(
             f"STUDY is not the study that this session was begun with; got {study_file}, of "
-            f"another sha256 than {plan.file_sha256[:12]}..."
+            f"another sha256 than {plan.file_sha256[:12]}...: resume with the file as it was, or "
+            "begin another session (--session, --out)"
         )
     if seed is not None and seed != plan.seed:
         raise CommandError(f"--seed must be that of the session, {plan.seed}; got {seed}")
