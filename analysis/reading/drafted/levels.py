@@ -116,14 +116,15 @@ def unit_of(level: str) -> str:
 
     >>> [unit_of(name) for name in ("amp_um", "drive_pct", "Spannung", "level_vpp", "amp dB", "x")]
     ['um', '%', 'V', 'Vpp', 'dB', '']
-    >>> unit_of("amplitude_V"), unit_of("amp (mV)"), unit_of("x_v")
-    ('V', 'mV', '')
+    >>> unit_of("amplitude_V"), unit_of("amp (mV)"), unit_of("x_v"), unit_of("voltage_pp")
+    ('V', 'mV', '', 'Vpp')
     """
     if in_db(level):
         return "dB"
     if named := _UNIT.search(level):
         return _UNITS.get(named[1].lower(), named[1])
-    return "Vpp" if plain(level).endswith("vpp") else "V" * bool(_VOLTS.search(plain(level)))
+    volts = bool(_VOLTS.search(plain(level)))
+    return "Vpp" if plain(level).endswith("vpp" if not volts else "pp") else "V" * volts
 
 
 def unit_words(unit: str) -> str:
