@@ -38,7 +38,7 @@ _LONGEST_WORD: Final = 60
 
 
 _BARE_KEY: Final = re.compile(r"[A-Za-z0-9_-]+")
-_SECTION: Final = re.compile(r"\s*\[([^\[\]]+)\]\s*[^\s#]")
+_SECTION: Final = re.compile(r"\s*\[([a-z._]+)\]\s*[^\s#]")
 """A section's name with more behind it than a comment."""
 _BARE: Final = re.compile(r"\s*([^=#]+?)\s*=\s*((?:[^\W\d_][^#\"']*?)?)\s*(?:#.*)?")
 """A key of TOML with a word, or nothing, in the place of its value."""
