@@ -79,7 +79,17 @@ def test_script_draws_to_the_file_it_is_given(
     monkeypatch.setattr(sys, "argv", [name, str(path)])
     script(name).main()
     assert path.read_bytes().startswith(b"\x89PNG")
-    assert capsys.readouterr().out == f"{path}\n"
+    assert capsys.readouterr().out == "", "the gallery shows what a script prints"
+
+
+def test_script_names_the_file_it_draws_to_where_none_is_given(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "argv", [SHAPES])
+    script(SHAPES).main()
+    name = capsys.readouterr().out.removesuffix("\n")
+    assert Path(name).read_bytes().startswith(b"\x89PNG")
 
 
 # Values of an independent computation with at least 13 digits (25-digit arithmetic and a
