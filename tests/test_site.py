@@ -11,6 +11,7 @@ from html.parser import HTMLParser
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from urllib.parse import unquote, urlsplit
+from zipfile import ZipFile
 
 import pytest
 
@@ -168,6 +169,18 @@ def test_no_file_tells_where_the_site_was_built() -> None:
     shown = [path for path in files if not path.relative_to(SITE).parts[0].startswith(".")]
     here = [f"{place}/".encode() for place in {ROOT, SITE.parent}]
     assert [path for path in shown if any(place in path.read_bytes() for place in here)] == []
+
+
+@pytest.mark.usefixtures("_built")
+def test_every_script_of_the_gallery_is_offered_with_what_it_imports() -> None:
+    figures = [page for page in PAGES if page.match("figures/*_*_*.html")]
+    assert figures
+    for page in figures:
+        offered = {Path(target).name for target in _Links(page).targets if "_downloads" in target}
+        assert offered == {f"{page.stem}.py", f"{page.stem}.zip", "paper_plate.py"}
+        (archive,) = (SITE / "_downloads").rglob(f"{page.stem}.zip")
+        with ZipFile(archive) as inside:
+            assert set(inside.namelist()) == {f"{page.stem}.py", "paper_plate.py"}
 
 
 @pytest.mark.usefixtures("_built")
