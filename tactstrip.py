@@ -179,8 +179,9 @@ def _one_line(command: str) -> Iterator[None]:
     try:
         yield
     except click.UsageError as error:
-        where = error.ctx.command_path if error.ctx else command
-        raise CommandError(f"{error.format_message()} See {where} --help.") from error
+        where, said = error.ctx.command_path if error.ctx else command, error.format_message()
+        end = "" if said.endswith((".", "?")) else "."
+        raise CommandError(f"{said}{end} See {where} --help.") from error
     except KeyboardInterrupt as error:
         raise CommandError("interrupted", exit_code=INTERRUPTED) from error
 

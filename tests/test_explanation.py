@@ -96,7 +96,7 @@ def test_the_text_on_energy_says_what_the_script_computes() -> None:
             f"1200 Hz has its band below {higher.burst.band_hz()[1]:.0f} Hz, "
             f"{100 * higher.energy:.2g} % of its energy"
         ),
-        f"it has {higher.level_db:.1f} dB, and for that it is refused",
+        f"`check` finds {found.higher_db:.1f} dB, the worse of two loss factors, and refuses it",
         (
             f"arrives with {found.endless_db:.1f} dB, on the plate of 200 mm with "
             f"{paper.level_db:.1f} dB"
@@ -105,10 +105,18 @@ def test_the_text_on_energy_says_what_the_script_computes() -> None:
     ):
         assert told in text
     assert higher.energy < 0.01 < min(one.steps_energy for one in found.rows)
-    assert higher.level_db > -20
+    assert found.higher_db > -20
     assert sum(one.steps_level_db > -20 for one in found.rows) == 4
     steps_db = [abs(one.fine_steps_level_db - one.level_db) for one in found.rows]
     assert max(steps_db) < 0.1
+
+
+def test_the_burst_that_the_page_calls_refused_is_refused_with_that_level(tmp_path: Path) -> None:
+    study = tmp_path / "study.toml"
+    study.write_text("[burst]\nfrequency_hz = 1200\n", encoding="utf-8")
+    done = CliRunner().invoke(main, ["check", str(study)])
+    assert done.exit_code == 1
+    assert f"{numbers().higher_db:.1f} dB at the right finger (loss factor 0.005)" in done.stdout
 
 
 def test_the_band_and_the_energy_of_a_hann_window_say_the_opposite() -> None:

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import functools
 import importlib
+import os
 import re
+import shutil
+import subprocess
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -79,7 +82,33 @@ def test_script_draws_to_the_file_it_is_given(
     monkeypatch.setattr(sys, "argv", [name, str(path)])
     script(name).main()
     assert path.read_bytes().startswith(b"\x89PNG")
-    assert capsys.readouterr().out == f"{path}\n"
+    assert capsys.readouterr().out == "", "the gallery shows what a script prints"
+
+
+def test_script_names_the_file_it_draws_to_where_none_is_given(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "argv", [SHAPES])
+    script(SHAPES).main()
+    name = capsys.readouterr().out.removesuffix("\n")
+    assert Path(name).read_bytes().startswith(b"\x89PNG")
+
+
+@pytest.mark.process
+def test_a_downloaded_script_runs_as_it_is_unpacked(tmp_path: Path) -> None:
+    offered, unpacked = tmp_path / "offered", tmp_path / "unpacked"
+    offered.mkdir()
+    for name in (f"{SHAPES}.py", "paper_plate.py"):
+        shutil.copy(GALLERY / name, offered)
+    (offered / f"{SHAPES}.zip").touch()
+    with pytest.MonkeyPatch.context() as patch:
+        patch.syspath_prepend(GALLERY.parent / "_ext")
+        importlib.import_module("drawn").zip_with_shared(offered)
+    shutil.unpack_archive(offered / f"{SHAPES}.zip", unpacked)
+    command = [sys.executable, f"{SHAPES}.py"]
+    subprocess.run(command, cwd=unpacked, env=os.environ | {"PYTHONPATH": str(ROOT)}, check=True)
+    assert len(list(unpacked.glob("*.png"))) == 1
 
 
 # Values of an independent computation with at least 13 digits (25-digit arithmetic and a

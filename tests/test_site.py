@@ -11,6 +11,7 @@ from html.parser import HTMLParser
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from urllib.parse import unquote, urlsplit
+from zipfile import ZipFile
 
 import pytest
 
@@ -21,7 +22,8 @@ if TYPE_CHECKING:
 
 pytestmark = pytest.mark.process
 
-SITE = Path(os.environ.get("TACTSTRIP_SITE") or Path(__file__).parent.parent / "site").resolve()
+ROOT = Path(__file__).resolve().parent.parent
+SITE = Path(os.environ.get("TACTSTRIP_SITE") or ROOT / "site").resolve()
 PAGES = [
     page
     for page in sorted(SITE.rglob("*.html"))
@@ -154,9 +156,35 @@ class _Links(HTMLParser):
                 self.targets.add(text)
 
 
-def test_no_link_is_dead() -> None:
+@pytest.fixture
+def _built() -> None:
     if not PAGES:
         pytest.skip(f"no site in {SITE}: make docs")
+
+
+@pytest.mark.usefixtures("_built")
+def test_no_file_tells_where_the_site_was_built() -> None:
+    """The checkout is beside the site, or around it."""
+    files = [path for path in SITE.rglob("*") if path.is_file()]
+    shown = [path for path in files if not path.relative_to(SITE).parts[0].startswith(".")]
+    here = [f"{place}/".encode() for place in {ROOT, SITE.parent}]
+    assert [path for path in shown if any(place in path.read_bytes() for place in here)] == []
+
+
+@pytest.mark.usefixtures("_built")
+def test_every_script_of_the_gallery_is_offered_with_what_it_imports() -> None:
+    figures = [page for page in PAGES if page.match("figures/*_*_*.html")]
+    assert figures
+    for page in figures:
+        offered = {Path(target).name for target in _Links(page).targets if "_downloads" in target}
+        assert offered == {f"{page.stem}.py", f"{page.stem}.zip", "paper_plate.py"}
+        (archive,) = (SITE / "_downloads").rglob(f"{page.stem}.zip")
+        with ZipFile(archive) as inside:
+            assert set(inside.namelist()) == {f"{page.stem}.py", "paper_plate.py"}
+
+
+@pytest.mark.usefixtures("_built")
+def test_no_link_is_dead() -> None:
     links = {page: _Links(page) for page in PAGES}
     dead = []
     for page, found in links.items():

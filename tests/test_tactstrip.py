@@ -360,6 +360,17 @@ def test_the_front_door_opens_as_a_module_too() -> None:
     assert "See tactstrip --help" in told
 
 
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("bursts", "s.toml", "--cycles", "1.5"), "between them; got '1.5'. See tactstrip bursts"),
+        (("bursts",), "Missing argument 'STUDY'. See tactstrip bursts --help.\n"),
+    ],
+)
+def test_what_is_wrong_with_a_command_line_is_a_sentence(words: tuple[str, ...], said: str) -> None:
+    assert said in CliRunner().invoke(main, words, prog_name="tactstrip").stderr
+
+
 # --- a lab's own files of the same names ----------------------------------------------------------
 
 OWN_FILE = 'print("not ours")\n'

@@ -94,11 +94,11 @@ def demo(*, out: Path | None) -> None:
     with _folder(out) as folder:
         (folder / "study.toml").write_text(STUDY, encoding="utf-8")
         click.echo(f"A study in {folder}: the paper's plate, six trials. No device is opened.")
-        _tell(folder)
+        _tell(folder, kept=out is not None)
     click.echo(
         "\nThat was a session. Yours begins with\n"
         "  tactstrip init study.toml          and tactstrip --help lists the rest.\n"
-        + (f"The files are in {out}." if out else "The files are removed; --out DIR keeps them.")
+        + (f"The files are in {out}." if out else "The demo's files are removed.")
     )
 
 
@@ -111,7 +111,7 @@ def _folder(out: Path | None) -> Iterator[Path]:
         yield Path(folder)
 
 
-def _tell(folder: Path) -> None:
+def _tell(folder: Path, *, kept: bool) -> None:
     """Run the steps, with what each shows."""
     _head("1. Does the burst stay where the finger is?")
     lines = _told(folder, "Checking", "check", "study.toml").splitlines()
@@ -131,6 +131,8 @@ def _tell(folder: Path) -> None:
     _head("3. The session, resumed.")
     with _own_terminal():
         _attend(folder, *SESSION, "--resume", cut=False)
+    if not kept:
+        click.echo("(these results are removed with the demo; tactstrip demo --out DIR keeps them)")
 
     _head("4. The record: no trial is lost, and none is repeated in silence.")
     _print_trials(folder / "results" / "sub-01" / "ses-01" / "trials.csv")

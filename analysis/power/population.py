@@ -274,7 +274,7 @@ def _in_its_unit(study: Study, unit: str, people: PersonCounts, where: str) -> t
         raise ValueError(
             f"design.levels_vpp must be in {unit}, as the levels of --pilot, which go from {told}"
         )
-    return (f"levels of {where} are in {unit}: those of the study are read as {unit}, too",)
+    return (f"levels of {where} are read as {unit}, and so are those of the study",)
 
 
 _KNOWN_ELSEWHERE: Final = dict.fromkeys(("threshold_um", *CURVE_KEYS))

@@ -140,7 +140,7 @@ def read_record(table: Path, *, accept_altered: bool) -> SessionRecord:
         return SessionRecord(plan=plan, plan_file_sha256=sha256, altered=removed)
     found = _examined(table)
     if found.differences and not accept_altered:
-        raise _refusal(found, "takes it")
+        raise _refusal(found, "takes it if its rows are consistent")
     return SessionRecord(
         plan=found.plan if found.history or not found.differences else None,
         plan_file_sha256=found.plan_file_sha256,
@@ -229,8 +229,8 @@ def left_out(sources: Sources, *, accept_altered: bool) -> LeftOut:
         if found.differences:
             lost[_session(table)] = tuple(told_of(one, table.name) for one in found.differences)
         else:
-            over = "tactstrip export DIR builds it once it is over"
-            told[_session(table)] = over if found.history else "nothing was recorded in it"
+            builds = "tactstrip export DIR builds it"
+            told[_session(table)] = builds if found.history else "nothing was recorded in it"
     for table, difference in sources.lost:
         if not accept_altered:
             raise _not_accepted(

@@ -68,7 +68,8 @@ _OPTIONS = (
         "--adc",
         metavar="WHAT",
         help="It measures its bursts at the amplifier, such as gain=0.9,delay_us=40,noise=50, or "
-        "with tap=line (current, motion) elsewhere; loss=P misses some.",
+        "with tap=line (current, motion) elsewhere: gain in mV (uA, nm) for each mV at the "
+        "actuator, noise in mV (uA, nm), effective; loss=P misses some.",
     ),
     click.option(
         "--amplifier-gain",

@@ -92,6 +92,7 @@ class Numbers:
     motion: Motion
     tone_db: float  # a steady sine of the burst's frequency
     higher: Row  # one cycle of 1200 Hz
+    higher_db: float  # ... with the loss factor of 0.005, as the check says it
     endless_db: float
     at_losses_db: tuple[float, float]  # loss factors of 0.005 and 0.02
 
@@ -109,12 +110,14 @@ def level_on(strip: Strip, drive: Drive) -> float:
 def numbers() -> Numbers:
     """Compute all of them."""
     motion, tone_db = _motion()
+    higher = replace(PAPER, frequency_hz=1200.0)
     return Numbers(
         cutoff_hz=plate().cutoff_hz(),
         rows=tuple(_row(burst) for burst in BURSTS),
         motion=motion,
         tone_db=tone_db,
-        higher=_row(replace(PAPER, frequency_hz=1200.0)),
+        higher=_row(higher),
+        higher_db=level_on(plate(0.005), higher),
         endless_db=level_on(replace(plate(), length_m=None), PAPER),
         at_losses_db=(level_on(plate(0.005), PAPER), level_on(plate(0.02), PAPER)),
     )

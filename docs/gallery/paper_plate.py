@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import sys
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -309,7 +308,8 @@ def outline(axes: Axes, load: Load, colour: str = "white") -> None:
 
 
 def save(figure: Figure, name: str) -> None:
-    """Save to the file named on the command line, else to this name in the current folder."""
-    path = Path(sys.argv[1] if len(sys.argv) > 1 else name)
-    figure.savefig(path, dpi=150)
-    sys.stdout.write(f"{path}\n")
+    """Save to the file named on the command line, else to this one in the current folder."""
+    named = sys.argv[1:]
+    figure.savefig(named[0] if named else name, dpi=150)
+    if not named:
+        sys.stdout.write(f"{name}\n")

@@ -78,8 +78,8 @@ def run_session(
         Your word that what docs/hardware.md lists is so; a real device is refused without it.
     practice_without_device : bool
         Your word that a person only tries it out where the device says that it is emulated: no
-        noise is played, and no answer in practice is called right or wrong. Analyses leave such a
-        session out unless they are told otherwise.
+        noise is played, and no answer in practice is called right or wrong. Analyses refuse such a
+        session unless they are told otherwise.
     operator : str, optional
         Who runs the session, for its header.
     levels_vpp : tuple of float, or dict of them by the conditions' names, optional

@@ -9,9 +9,12 @@ import select
 import subprocess
 import sys
 import time
+from contextlib import nullcontext
 from typing import TYPE_CHECKING
 
 import pytest
+
+from analysis.commands import demo
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -96,6 +99,27 @@ def test_a_person_sees_a_session_killed_resumed_verified_and_analyzed(tmp_path: 
     (cut,) = [row for row in rows if row["status"] != "ok"]
     assert (cut["trial"], cut["attempt"], cut["status"]) == ("3", "1", "indeterminate")
     assert {row["response"] for row in ok} == {"left"}
+
+
+@pytest.mark.parametrize("kept", [True, False])
+def test_results_that_a_session_says_to_analyze_are_said_to_go(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    *,
+    kept: bool,
+) -> None:
+    def attend(_folder: Path, *words: str, **_cut: bool) -> None:
+        sys.stdout.write(f"{words}\n")
+
+    monkeypatch.setattr(demo, "_own_terminal", nullcontext)
+    monkeypatch.setattr(demo, "_attend", attend)
+    monkeypatch.setattr(demo, "_told", lambda *_: "")
+    monkeypatch.setattr(demo, "_print_trials", lambda _: None)
+    demo._tell(tmp_path, kept=kept)
+    _, _, after = capsys.readouterr().out.partition("'--resume')\n")
+    gone = "(these results are removed with the demo; tactstrip demo --out DIR keeps them)\n"
+    assert after.startswith(gone) is not kept
 
 
 def test_who_stops_the_demo_is_told_so_and_nothing_stays(tmp_path: Path) -> None:

@@ -989,10 +989,12 @@ def test_a_table_made_elsewhere_is_a_pilot_whatever_the_unit_of_its_levels(tmp_p
     read_um = read_inputs([tmp_path / "data"], load_column_map(tmp_path / "um.toml"))
     same = pilot_people(two_conditions(""), Goal.parse("difference=2dB"), read_um, "there")
     assert same.draws == people.draws  # only numbers count
-    assert same.warnings == ("levels of there are in um: those of the study are read as um, too",)
+    assert same.warnings == ("levels of there are read as um, and so are those of the study",)
     in_db = read_inputs([_in_db(tmp_path, rows)], load_column_map(tmp_path / "db.toml"))
     as_db = pilot_people(two_conditions(""), Goal.parse("difference=2dB"), in_db, "there")
     assert as_db.unit == "% of 0 dB re 100 V"
+    told = "levels of there are read as % of 0 dB re 100 V, and so are those of the study"
+    assert as_db.warnings == (told,)
     for one, other in zip(people.draws, as_db.draws, strict=True):
         assert one.keys() == other.keys()
         assert [*other.values()] == pytest.approx([*one.values()], rel=1e-6)

@@ -236,9 +236,41 @@ def test_what_cannot_be_compared_is_refused_by_its_option(
 def test_a_window_that_is_chosen_is_not_compared(refused: Refused) -> None:
     auto = study_text().replace('"hann"', '"auto"\nwanted_level_db = -20').replace("= 1\n", "= 3\n")
     Path("study.toml").write_text(auto, "utf-8")
-    assert 'of one window are compared, and [burst] has window = "auto"; state' in refused(
-        "bursts", "study.toml"
+    told = (
+        'of one window are compared, and [burst] has window = "auto"; name one, such as --window h'
     )
+    assert told in refused("bursts", "study.toml")
+
+
+SINE = '[burst]\nfrequency_hz = 200\ncycles = 1\nwindow = "hann"\n'
+AUTO = SINE.replace('"hann"', '"auto"\nwanted_level_db = -1').replace("= 1\n", "= 2\n")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("burst", "people", "gone", "has"),
+    [
+        (AUTO, f"{PEOPLE}threshold_at_s = 0.01\n", "wanted_level_db", "auto"),
+        ('[burst]\nfile = "click.csv"\n', "", "file", "a file"),
+    ],
+)
+def test_a_window_that_is_named_is_compared_whatever_the_study_has(
+    burst: str, people: str, gone: str, has: str, run: Run
+) -> None:
+    samples = (math.sin(2 * math.pi * number / 96) for number in range(97))
+    Path("click.csv").write_text("\n".join(f"{one:.6f}" for one in samples), "utf-8")
+    options = ("--window", "hann", "--frequency-hz", "100", "--cycles", "1")
+    (plain,) = told(run, "bursts", *options, text=study_text(more=people))["bursts"]
+    text = study_text(more=people).replace(SINE, burst)
+    (row,) = told(run, "bursts", *options, text=text)["bursts"]
+    assert row == plain | {"threshold_db": None}, "of no burst in [burst] are others in dB"
+    said = run("bursts", "study.toml", *options).stdout
+    assert f"\nwindow         hann, where [burst] has {has}\n" in said
+    assert f"into [burst] of study.toml, without {gone}:\n" in said
+
+    _, _, lines = said.partition("\n# ")
+    Path("study.toml").write_text(text.replace(burst, f"[burst]\n# {lines}"), "utf-8")
+    assert "the shortest (*) is that of study.toml" in run("bursts", "study.toml", *options).stdout
 
 
 def test_what_a_study_accepts_as_unfit_is_not_fit() -> None:

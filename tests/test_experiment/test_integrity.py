@@ -431,6 +431,22 @@ def test_analyze_names_what_verify_names_and_writes_nothing(results: Path, run: 
     assert not (results.parent / "out").exists()
 
 
+def test_a_table_that_contradicts_itself_is_not_promised_to_be_taken(
+    results: Path, run: Run
+) -> None:
+    path = results / SESSION / "trials.csv"
+    names, first, *others = path.read_text("utf-8").splitlines()
+    told = dict(zip(names.split(","), first.split(","), strict=True))
+    assert told["correct"] == "true"
+    told["response"] = {"left": "right"}.get(told["response"], "left")
+    path.write_text("\n".join([names, ",".join(told.values()), *others, ""]), "utf-8")
+    command = ("analyze", results, "--out", results.parent / "out")
+    assert "--accept-altered takes it if its rows are consistent" in run(*command).stderr
+    done = run(*command, "--accept-altered")
+    assert done.exit_code == 2
+    assert f"{path}:2: column 'correct' is true; it must be what kind, side and" in done.stderr
+
+
 @pytest.mark.slow
 def test_what_is_accepted_is_marked_in_every_output(results: Path, run: Run) -> None:
     of_another("header.json")(results)
@@ -493,9 +509,7 @@ def test_a_session_whose_table_was_removed_is_not_left_out_silently(results: Pat
         file.truncate()
         file.writelines(lines)
     without_heads(results)  # as of a session that was cut off before its first end
-    assert read_inputs([results]).without_table == {
-        SESSION: "tactstrip export DIR builds it once it is over"
-    }
+    assert read_inputs([results]).without_table == {SESSION: "tactstrip export DIR builds it"}
 
 
 @pytest.mark.slow

@@ -110,6 +110,11 @@ class BurstComparison:
         return [one.name for one in self.study.conditions if one.drive == row.burst]
 
     @property
+    def own_window(self) -> str:
+        """What [burst] has, in words."""
+        return self.study.burst.window or "a file"
+
+    @property
     def best(self) -> ComparedBurst | None:
         """The shortest burst that is fit with all edges that were tried; else with the stated."""
         for fit in (
@@ -139,20 +144,25 @@ def with_burst(
 ) -> Study:
     """Return a study with another sine in [burst], and no other conditions.
 
-    Its window is that of [burst] unless another is given. ValueError where [burst] has no window
-    of its own, or the burst does not suit the study.
+    Its window is that of [burst] unless another is given. ValueError where neither is one, or the
+    burst does not suit the study.
     """
     burst = study.burst
-    if burst.file is not None or burst.window == "auto":
+    if window is None and (burst.file is not None or burst.window == "auto"):
         what = f'file = "{burst.file}"' if burst.file is not None else 'window = "auto"'
         raise UnusableStudyError(
             study.name,
             f"bursts of one window are compared, and [burst] has {what}; "
-            'state window = "hann" with frequency_hz and cycles there',
+            "name one, such as --window hann",
         )
-    window = window or burst.window
     other = replace(
-        burst, frequency_hz=frequency_hz, cycles=cycles, window=window, accept_unfit=None
+        burst,
+        frequency_hz=frequency_hz,
+        cycles=cycles,
+        window=window or burst.window,
+        wanted_level_db=None,
+        file=None,
+        accept_unfit=None,
     )
     return study.changed(burst=other, condition=[{"name": "main"}])
 

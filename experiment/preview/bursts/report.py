@@ -79,7 +79,7 @@ def _tell_edges(told: Findings, found: BurstComparison) -> None:
 
 def _tell_columns(told: Findings, found: BurstComparison) -> None:
     study = found.study
-    where = "as in [burst]" if _has_own_window(found) else f"where [burst] has {study.burst.window}"
+    where = "as in [burst]" if _has_own_window(found) else f"where [burst] has {found.own_window}"
     told.tell("window", f"{found.window}, {where}", window=found.window)
     if len(study.conditions) > 1:
         marked = {name for row in found.rows for name in found.has(row)}
@@ -278,10 +278,10 @@ def _tell_most_felt(
     if not (felt := in_volts or in_db):
         return None
     least, row = min(felt, key=lambda one: one[0])
-    own = f"at {least:.1f} dB re {_named(found.study.burst)}"
+    own = f"{least:.1f} dB re {_named(found.study.burst)}" if in_db else ""
     told.tell(
         "most felt",
-        f"{_named(row.burst)}, {f'from {least:.3g} V' if in_volts else own}",
+        f"{_named(row.burst)}, {f'from {least:.3g} V' if in_volts else f'at {own}'}",
         most_felt=_values(row.burst),
     )
     return row
@@ -392,7 +392,9 @@ def _tell_lines(
             others.setdefault(lines, []).append(name)
     if others:
         where = "[burst] or a [[condition]]" if several else "[burst]"
-        told.tell("", f"for another burst write its lines into {where} of {file_name}:")
+        own = found.study.burst.window
+        gone = {None: ", without file", "auto": ", without wanted_level_db"}.get(own, "")
+        told.tell("", f"for another burst write its lines into {where} of {file_name}{gone}:")
     for lines, names in others.items():
         told.space()
         told.lines += [f"# {', '.join(names)}", *lines.splitlines()]
