@@ -26,7 +26,7 @@ def defined() -> dict[str, str]:
     Those of a unit that is not volts lack the end of the name, those of one place are others.
 
     >>> defined()["threshold_db"], defined()["threshold_guess_0"]
-    ('the same in dB re 1 V peak-to-peak', 'the threshold if the guess rate were 0 or 1/3')
+    ('the threshold in dB re 1 V peak-to-peak', 'the threshold if the guess rate were 0')
     """
     ours = _by_name({**definitions_in(OWN_UNIT), **DEFINITIONS})
     of_one_place = _by_name(OF_ONE_PLACE)
