@@ -17,13 +17,19 @@ from types import UnionType
 from typing import TYPE_CHECKING, Annotated, Any, Final, NamedTuple
 
 import pytest
+from click.testing import CliRunner
 from numpydoc.docscrape import NumpyDocString
 from pydantic import TypeAdapter, ValidationError
 
 from experiment.commands.init import write_study_text
+from experiment.session.simulate import simulate_study
+from experiment.study.read import read_study
 from experiment.study.sections.table import file_keys
 from experiment.terms.entries import EVENTS
+from experiment.terms.gains import ConditionGains
+from experiment.terms.record import COLUMNS
 from stimuli import MATERIALS
+from tactstrip import main
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -97,7 +103,7 @@ def test_every_example_and_default_is_what_its_field_takes() -> None:
 
 def test_every_key_has_an_example_that_somebody_would_write() -> None:
     shown = [(key.section, key.example) for key, _ in described() if "..." in key.example]
-    assert shown == [("condition", 'samples_base64 = "..."')]
+    assert shown == []
     names = {key.name for key, _ in described()}
     assert {*tomllib.loads(module("study").EXAMPLES.read_text(encoding="utf-8"))} <= names
 
@@ -131,6 +137,57 @@ def test_every_event_that_a_session_writes_is_told() -> None:
 def test_a_member_without_a_meaning_ends_the_build() -> None:
     with pytest.raises(ValueError, match=r"not told.*'`hue`'"):
         module("records.shapes").rows("tactstrip audit --json", [{"hue": 1}])
+
+
+def test_a_column_of_trials_means_in_an_analysis_what_it_means_in_a_session() -> None:
+    told = module("tables").meanings("trials_clean.csv")
+    for column in COLUMNS:
+        assert told[column.name].startswith(column.description), column.name
+        assert all(word in told[column.name] for word in column.choices), column.name
+
+
+def test_a_column_in_a_lab_s_own_unit_is_not_told_in_volts() -> None:
+    told = module("tables").meanings("trials_clean.csv")
+    own = {column.name.removesuffix("_vpp") for column in COLUMNS if "_vpp" in column.name}
+    assert own == {"level", "level_left", "level_right", "level_planned"}
+    assert [name for name in own if "levels' unit" not in told[name] or "volt" in told[name]] == []
+
+
+@pytest.mark.slow
+def test_every_column_of_a_field_is_told(tmp_path: Path) -> None:
+    tables = module("tables")
+    for options in ((), ("--band", "100", "200")):
+        out = tmp_path / "field.csv"
+        study = ROOT / "docs" / "_ext" / "reference" / "studies" / "marked.toml"
+        done = CliRunner().invoke(main, ["field", str(study), *options, "--out", str(out)])
+        assert done.exit_code == 0, done.output
+        heads = out.read_text(encoding="utf-8").partition("\n")[0].split(",")
+        assert len({tables.of_field(name) for name in heads}) == len(heads)
+        out.unlink()
+
+
+@pytest.mark.slow
+def test_a_practised_session_beside_simulated_ones_is_marked_in_every_table(tmp_path: Path) -> None:
+    text = "[design]\ntrials_per_side = 5\nboth_trials = 2\n[masking]\nnoise = 'none'\n"
+    (study := tmp_path / "study.toml").write_text(text, encoding="utf-8")
+    results, out = tmp_path / "results", tmp_path / "out"
+    gains = ConditionGains(
+        condition="main", actuators=("left", "right"), bases=("measured", "measured"),
+        per_vpp=((0.03, 0.001), (0.001, 0.03)),
+    )  # fmt: skip
+    [*_] = simulate_study(read_study(study), results, participants=2, seed=7, gains=(gains,))
+    marked = module("marked")
+    marked.practise(study, results, "03")
+    marked.alter(results / "sub-02" / "ses-01" / "trials.csv")
+    accepted = ["--allow-simulated", "--accept-altered", "--no-figures", "--out", str(out)]
+    done = CliRunner().invoke(main, ["analyze", str(results), *accepted])
+    assert done.exit_code == 0, done.output
+    marks = [*module("tables").MARKS]
+    for path in out.glob("*.csv"):
+        heads = path.read_text(encoding="utf-8").partition("\n")[0].split(",")
+        assert heads[-len(marks) :] == marks or path.name == "trials_clean.csv", path.name
+    last = (out / "thresholds.csv").read_text(encoding="utf-8").splitlines()[-1]
+    assert last.endswith(",mixed,mixed,mixed")
 
 
 def test_the_exit_codes_are_told() -> None:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Final, Literal, Union, get_arg
 
 from pydantic_core import PydanticUndefined
 
+from experiment.study.sections.stimulus import Condition, Stimulus
 from experiment.study.sections.table import KeyRange, file_keys, range_of
 from experiment.study.study import Study
 from reference.markdown import code, literal, prose, table
@@ -29,6 +30,8 @@ _UNITS: Final = {
 }  # fmt: skip
 """By how a key ends, the longest ending first."""
 _PLAIN: Final = {str: "text", int: "whole number", float: "number", bool: "true or false"}
+PLANNED: Final = {*file_keys(Condition)} - {*file_keys(Stimulus), "name"}
+"""Keys of a condition that are found when a file is read or levels are placed; a plan has them."""
 EXAMPLES: Final = Path(__file__).with_name("examples.toml")
 """Of keys whose default shows nothing."""
 
@@ -56,7 +59,8 @@ def study_keys() -> Iterator[Key]:
     """Yield every key that a file may have, in the order of `tactstrip init`."""
     for section, cls in sections().items():
         for name, field in file_keys(cls).items():
-            yield _key(section, name, field)
+            if section != "condition" or name not in PLANNED:
+                yield _key(section, name, field)
 
 
 def _key(section: str, name: str, field: FieldInfo) -> Key:

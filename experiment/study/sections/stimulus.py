@@ -123,7 +123,7 @@ class Condition(Stimulus):
         default=None, description="of the click in the file, 64-bit floating point"
     )
     sample_rate_hz: float | None = Field(
-        default=None, ge=1e-3, le=1e9, description="of these samples"
+        default=None, ge=1e-3, le=1e9, description="of the click's samples"
     )
     levels_vpp: tuple[Level, ...] | None = Field(
         default=None, strict=False, description="placed for a person, in place of the design's"
