@@ -23,7 +23,9 @@ DEFINITIONS: Final[Mapping[str, str]] = MappingProxyType(
         "p": "detected (noticed, felt) / presented; time-outs and invalid keys stay in presented",
         "low, high": "95 % interval of one participant's p, by the method under ci; in a last row "
         "'all' it ignores that participants differ",
-        "p_min, p_mean, p_max": "least, unweighted mean and largest p of the participants",
+        "p_min": "least p of the participants",
+        "p_mean": "unweighted mean of the participants' p",
+        "p_max": "largest p of the participants",
         "p_pooled": "detected / presented over all participants",
         "group_low, group_high": "95 % interval of the mean of people like the participants, if "
         "their p are Beta distributed: of its posterior, with flat priors of the mean and of their "
@@ -41,71 +43,89 @@ DEFINITIONS: Final[Mapping[str, str]] = MappingProxyType(
         "and control.csv trials with this answer",
         "part": "of control trials, with the fingers off the plate and in no other table: "
         "audibility, before practice, or control, at the end",
-        "none, timeout, invalid": "trials with this answer, without one in time, with another key",
-        "kind, side": "single, both or blank; where the stimulus was, or which side was driven",
-        "counted, reason": "whether a trial is counted; if not, the first reason that holds",
-        "threshold_vpp, threshold_low_vpp, threshold_high_vpp": "level felt half of the time: "
-        "detected (1 + gamma - lambda)/2 of the time, half-way between false alarms or guesses "
-        "(gamma) and what lapses (lambda) leave, 1 - lambda; "
-        "posterior median and 95 % equal-tailed limits, volts peak-to-peak; a limit outside the "
-        "tested levels is open (n/a); in a row 'all' the middle of the group, in which everybody "
-        "takes part",
-        "spread_db, spread_low_db, spread_high_db": "standard deviation of thresholds between "
-        "participants, posterior median and 95 % limits, dB (on a linear axis the levels' unit); "
-        "in a row 'all' of differences.csv that of their differences, of the same people; below "
-        "five participants mostly from its prior",
+        "none": "trials answered none",
+        "timeout": "trials without an answer in time",
+        "invalid": "trials answered with a key that is none of the answers'",
+        "kind": "single, both or blank",
+        "side": "where the stimulus was, or which side was driven",
+        "counted": "whether a trial is counted",
+        "reason": "the first reason that holds why a trial is not counted; n/a where it is",
+        "threshold_vpp": "level felt half of the time: detected (1 + gamma - lambda)/2 of the "
+        "time, half-way between false alarms or guesses (gamma) and what lapses (lambda) leave, "
+        "1 - lambda; posterior median, volts peak-to-peak; in a row 'all' the middle of the group, "
+        "in which everybody takes part",
+        "threshold_low_vpp, threshold_high_vpp": "95 % equal-tailed limits of the threshold; one "
+        "outside the tested levels is open (n/a)",
+        "spread_db": "standard deviation of thresholds between participants, posterior median, dB "
+        "(on a linear axis the levels' unit); in a row 'all' of differences.csv that of their "
+        "differences, of the same people; below five participants mostly from its prior",
+        "spread_low_db, spread_high_db": "95 % limits of that spread",
         "new_low_vpp, new_high_vpp": "where another participant's threshold is expected, 95 %",
-        "condition_a, condition_b": "of a difference: by how much b lies above a",
-        "difference_db, low_db, high_db": "20 log10(threshold b / threshold a), posterior median "
-        "and 95 % limits, without the thresholds' priors, and so not their ratio; of a participant "
-        "from the own answers, only the slope drawn towards the others'; n/a where an end is open",
+        "condition_a": "of a difference: the condition that the other is compared with",
+        "condition_b": "of a difference: the other; told is by how much it lies above condition_a",
+        "difference_db": "20 log10(threshold b / threshold a), posterior median, without the "
+        "thresholds' priors, and so not their ratio; of a participant from the own answers, only "
+        "the slope drawn towards the others'; n/a where an end is open",
+        "low_db, high_db": "95 % limits of that difference; n/a where open",
         "first": "of a difference: the condition that was over before the other began; "
         "'interleaved' where trials of both take turns, 'alternated' where blocks do; in a row "
         "'all' how many participants had which first",
-        "false_alarms, blanks": "blank trials answered left, right or both; blank trials that "
-        "count; with _a and _b of the conditions of a difference",
-        "false_alarm_difference, false_alarm_difference_low, false_alarm_difference_high": "in a "
-        "row 'all' of a difference: false alarms / blanks in b less those in a, mean of the "
-        "participants with blank trials in both, with 95 % limits by Student's t, or the "
-        "difference of the means of different ones, by Welch's; n/a in other rows, and the limits "
-        "where there is one such participant or all differ by the same",
+        "false_alarms": "blank trials answered left, right or both; with _a and _b of the "
+        "conditions of a difference",
+        "blanks": "blank trials that count; with _a and _b of the conditions of a difference",
+        "false_alarm_difference": "in a row 'all' of a difference: false alarms / blanks in b less "
+        "those in a, mean of the participants with blank trials in both, or the difference of the "
+        "means of different ones; n/a in other rows",
+        "false_alarm_difference_low, false_alarm_difference_high": "its 95 % limits by Student's "
+        "t, of different participants by Welch's; n/a, too, where there is one such participant or "
+        "all differ by the same",
         "felt": "single stimuli answered left, right or both; with _a and _b of the conditions of "
         "a difference, as presented",
-        "d_prime, d_prime_low, d_prime_high": "z(felt) - z(false alarms), with half a trial more "
-        "of either kind in each rate, and its 95 % limits; in a row 'all' the mean of the "
-        "participants with limits by Student's t; with _a and _b of the conditions of a "
+        "d_prime": "z(felt) - z(false alarms), with half a trial more of either kind in each rate; "
+        "in a row 'all' the mean of the participants; with _a and _b of the conditions of a "
         "difference, over the levels of both, or in d_prime_differences.csv at one level",
-        "d_prime_difference, d_prime_difference_low, d_prime_difference_high": "d_prime_b - "
-        "d_prime_a with 95 % limits: of a participant from those of both d', added in "
-        "quadrature; in a row 'all' by Student's t within participants, by Welch's "
-        "where they are others",
-        "d_prime_answered": "the same of the answered trials alone, without time-outs and invalid "
-        "keys",
-        "threshold_db, threshold_low_db, threshold_high_db": "the same in dB re 1 V peak-to-peak",
-        "status": "ok, or why there is no threshold or how it is limited",
-        "printed": "the threshold as a reader is told it",
+        "d_prime_low, d_prime_high": "95 % limits of d'; in a row 'all' by Student's t",
+        "d_prime_difference": "d_prime_b - d_prime_a",
+        "d_prime_difference_low, d_prime_difference_high": "95 % limits of that difference: of a "
+        "participant from those of both d', added in quadrature; in a row 'all' by Student's t "
+        "within participants, by Welch's where they are others",
+        "d_prime_answered": "d' of the answered trials alone, without time-outs and invalid keys",
+        "threshold_db": "the threshold in dB re 1 V peak-to-peak",
+        "threshold_low_db, threshold_high_db": "its 95 % limits in dB re 1 V peak-to-peak",
+        "status": "ok, or why there is no threshold or how it is limited; of a difference whether "
+        "both ends of its interval are bounded: ok, at_least, at_most or unknown, or "
+        "one_participant",
+        "printed": "the threshold, or the difference, as a reader is told it",
         "sigma": "width of the psychometric function, posterior median: log10 units, or the "
         "levels' unit on an axis of dB or a linear one",
-        "function, function_low, function_high": "psychometric function in the figure of "
-        "detection, of the group or an only participant, and its 95 % band at each level by itself",
+        "function": "psychometric function in the figure of detection, of the group or an only "
+        "participant",
+        "function_low, function_high": "its 95 % band at each level by itself",
         "lapse_rate": "share of felt stimuli that are missed, posterior mean",
-        "mle_threshold_vpp, mle_sigma, mle_lapse_rate": "the likeliest values",
-        "deviance, deviance_p": "misfit at the likeliest values, and the share of tables drawn "
-        "from them (seeded) that fit no better",
-        "guess_rate, guess_basis": "chance of a correct answer without feeling anything, and how "
-        "it is known",
+        "mle_threshold_vpp": "the likeliest threshold",
+        "mle_sigma": "the likeliest sigma",
+        "mle_lapse_rate": "the likeliest lapse rate",
+        "deviance": "misfit at the likeliest values",
+        "deviance_p": "share of tables drawn from the likeliest values (seeded) that fit no better",
+        "guess_rate": "chance of a correct answer without feeling anything",
+        "guess_basis": "how that chance is known",
         "guess_posterior": "posterior mean of that chance, weak levels included; a function that "
         "is drawn starts there",
-        "threshold_guess_0_vpp, threshold_guess_third_vpp": "the threshold if the guess rate were "
-        "0 or 1/3",
-        "varied_low_vpp, varied_high_vpp, varied_printed": "limits of the threshold if answers "
-        "vary 2.8 times the binomial, as in Grund et al. 2022; only where none could be answered",
-        "threshold_left_um, threshold_right_um, displacement_basis": "the threshold times the "
-        "displacement per volt of the left and of the right finger over its own actuator, as "
-        "trials.csv has it, and what that rests on; n/a where it has none, or more than one",
-        "levels, trials": "how many the fit is of",
-        "n, median, p10, p90": "correct answers to single stimuli with a time; median, 10 % and "
-        "90 % points of the reaction time, seconds",
+        "threshold_guess_0_vpp": "the threshold if the guess rate were 0",
+        "threshold_guess_third_vpp": "the threshold if the guess rate were 1/3",
+        "varied_low_vpp, varied_high_vpp": "limits of the threshold if answers vary 2.8 times the "
+        "binomial, as in Grund et al. 2022; only where none could be answered",
+        "varied_printed": "these limits as a reader is told them",
+        "threshold_left_um, threshold_right_um": "the threshold times the displacement per volt of "
+        "the finger on this side over its own actuator, as trials.csv has it; n/a where it has "
+        "none, or more than one",
+        "displacement_basis": "what these micrometres rest on; n/a where they are",
+        "levels": "how many the fit is of",
+        "trials": "how many the fit is of",
+        "n": "correct answers to single stimuli with a time",
+        "median": "of their reaction times, seconds",
+        "p10": "10 % point of their reaction times, seconds",
+        "p90": "90 % point of their reaction times, seconds",
     }
 )
 
@@ -128,8 +148,8 @@ def in_order(column: pd.Series) -> pd.Series:
 def definitions_in(unit: str) -> Mapping[str, str]:
     """Return `DEFINITIONS` for levels of a unit that are no volts peak-to-peak.
 
-    >>> definitions_in("vol")["threshold_db, threshold_low_db, threshold_high_db"]
-    'the same in dB re 1 vol'
+    >>> definitions_in("vol")["threshold_db"]
+    'the threshold in dB re 1 vol'
     """
     in_db = unit if unit.lower().startswith("db") else f"dB re 1 {unit}"
     volts = ("dB re 1 V peak-to-peak", in_db), ("volts peak-to-peak", unit)
@@ -141,8 +161,8 @@ def definitions_in(unit: str) -> Mapping[str, str]:
 
 OF_SIDES: Final = (
     "over_report", "mislocalised", "detected_any", "noticed", "left_only, right_only",
-    "left, right, both", "part", "none, timeout, invalid", "kind, side",
-    "threshold_left_um, threshold_right_um, displacement_basis",
+    "left, right, both", "part", "none", "side",
+    "threshold_left_um, threshold_right_um", "displacement_basis",
 )  # fmt: skip
 """Keys of `DEFINITIONS` that mean nothing where there is one place."""
 
@@ -153,10 +173,9 @@ OF_ONE_PLACE: Final[Mapping[str, str]] = MappingProxyType(
         "timeouts": "stimuli without an answer in time",
         "felt": "trials answered as felt; of blank trials each is a false alarm; with _a and _b of "
         "the conditions of a difference, as presented",
-        "not_felt, timeout, invalid": "trials answered as not felt, without an answer in time, "
-        "with another key",
-        "false_alarms, blanks": "blank trials answered as felt; blank trials that count; with _a "
-        "and _b of the conditions of a difference",
+        "not_felt": "trials answered as not felt",
+        "false_alarms": "blank trials answered as felt; with _a and _b of the conditions of a "
+        "difference",
         "kind": "single (a stimulus) or blank",
     }
 )

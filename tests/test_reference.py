@@ -21,12 +21,17 @@ from numpydoc.docscrape import NumpyDocString
 from pydantic import TypeAdapter, ValidationError
 
 from experiment.commands.init import write_study_text
+from experiment.study.read import paper_study, read_study, study_from_text
+from experiment.study.sections.actuator import paper_actuators
 from experiment.study.sections.table import file_keys
+from experiment.study.study import StudyError
 from experiment.terms.entries import EVENTS
 from stimuli import MATERIALS
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
+
+    from experiment.study.study import Study
 
 ROOT = Path(__file__).parent.parent
 FOLDER = ROOT / "docs" / "_ext"
@@ -35,6 +40,17 @@ MODULES = sorted(
     for path in (FOLDER / "reference").rglob("*.py")
     if path.stem[0] != "_"
 )
+
+DISCS: Final = """
+[[actuator]]
+side = 'left'
+x_mm = -35
+diameter_mm = 12.8
+[[actuator]]
+side = 'right'
+x_mm = 35
+diameter_mm = 12.8
+"""
 
 
 @pytest.fixture(autouse=True)
@@ -84,22 +100,86 @@ def test_every_key_says_what_it_means() -> None:
     assert [(key.section, key.name) for key, _ in described() if not key.meaning] == []
 
 
-def test_every_example_and_default_is_what_its_field_takes() -> None:
+def held_by(study: Study) -> dict[tuple[str, str], Any]:
+    """Every value of a study by its section and key; of actuators that of the first."""
+    found: dict[tuple[str, str], Any] = {}
+    for name, section in study.sections().items():
+        one = section[0] if isinstance(section, tuple) else section
+        fields = type(one).__pydantic_fields__
+        found |= {(name, field.alias or own): getattr(one, own) for own, field in fields.items()}
+    return found
+
+
+def test_every_default_is_what_an_empty_file_has_and_no_other_is_there() -> None:
+    paper, unmeasured = held_by(paper_study()), held_by(study_from_text(DISCS, "study.toml"))
     for key, field in described():
-        example = tomllib.loads(key.example)[key.name]
-        value = tuple(example) if isinstance(example, list) else example
+        if key.section in {"actuator", "condition"} and not key.default:
+            continue
+        known = unmeasured if key.name == "threshold_vpp" else paper
+        stated = known[key.section, key.name]
+        if not key.default:
+            assert stated is None, key
+            continue
+        default = tomllib.loads(f"one = {key.default}")["one"]
+        value = tuple(default) if isinstance(default, list) else default
         assert accepts(field, value), key
-        if key.default:
-            default = tomllib.loads(f"one = {key.default}")["one"]
-            stated = list(field.default) if isinstance(field.default, tuple) else field.default
-            assert default == stated, key
+        assert value == stated, key
 
 
-def test_every_key_has_an_example_that_somebody_would_write() -> None:
-    shown = [(key.section, key.example) for key, _ in described() if "..." in key.example]
-    assert shown == [("condition", 'samples_base64 = "..."')]
-    names = {key.name for key, _ in described()}
-    assert {*tomllib.loads(module("study").EXAMPLES.read_text(encoding="utf-8"))} <= names
+def test_the_discs_that_an_empty_file_has_are_told() -> None:
+    page = module("study").page()
+    for disc in paper_actuators():
+        assert f"{disc['x_mm']:g}" in page
+        alike = {key: value for key, value in disc.items() if key not in {"side", "x_mm"}}
+        assert all(f"`{key} = {value:g}`" in page for key, value in alike.items())
+
+
+@pytest.mark.parametrize(
+    ("key", "text"),
+    [
+        ("side", DISCS.replace("side = 'left'", "")),
+        ("x_mm", DISCS.replace("x_mm = -35", "")),
+        ("diameter_mm", DISCS.replace("diameter_mm = 12.8", "")),
+        ("length_x_mm", DISCS.replace("diameter_mm = 12.8", "shape = 'motor'\nlength_y_mm = 8")),
+        ("length_y_mm", DISCS.replace("diameter_mm = 12.8", "shape = 'motor'\nlength_x_mm = 8")),
+        ("name", "[[condition]]\ncycles = 2"),
+    ],
+)
+def test_a_key_that_is_told_as_required_is_missed(key: str, text: str) -> None:
+    assert key in {one.name for one, _ in described() if one.left_out.startswith("required")}
+    with pytest.raises(StudyError, match=f"{key} is missing"):
+        study_from_text(text, "study.toml")
+
+
+def test_every_example_is_a_study_that_can_be_read() -> None:
+    for path in module("study").EXAMPLES:
+        assert path.stem == f"example-{read_study(path).name}"
+
+
+def test_every_key_is_in_an_example_or_shows_its_default() -> None:
+    study = module("study")
+    shown = set()
+    for path in study.EXAMPLES:
+        for section, table in tomllib.loads(path.read_text(encoding="utf-8")).items():
+            each = table if isinstance(table, list) else [table]
+            shown |= {(section, key) for one in each for key in one}
+    silent = {(key.section, key.name) for key, _ in described() if not key.default.strip('"[]')}
+    assert silent - shown == set()
+
+
+def test_the_page_shows_the_sections_of_the_examples_as_they_are() -> None:
+    study = module("study")
+    files = [tomllib.loads(path.read_text(encoding="utf-8")) for path in study.EXAMPLES]
+    for section in study.sections():
+        blocks = [tomllib.loads(text) for _, text in study.examples(section)]
+        assert blocks == [{section: one[section]} for one in files if section in one], section
+        assert blocks, section
+
+
+def test_no_key_that_only_a_plan_has_is_on_the_page() -> None:
+    names = {"auto_cycles", "auto_window", "levels_vpp", "samples_base64", "sample_rate_hz"}
+    assert names == module("study").PLANNED
+    assert not [key for key, _ in described() if key.section == "condition" and key.name in names]
 
 
 def test_every_range_ends_where_the_field_does() -> None:

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 
 
 SCHEMA = 1
+_COUNTS = ("false_alarms_a", "blanks_a", "false_alarms_b", "blanks_b")
 _SIDED = ("left_vpp", "right_vpp", "left_um", "right_um")
 
 
@@ -132,6 +133,14 @@ def _known(value: object) -> object:
 def _records(table: pd.DataFrame, analysis: Analysis) -> list[dict[str, object]]:
     table = in_own_words(table, analysis)
     return [
-        {name: _known(value) for name, value in zip(table.columns, row, strict=True)}
+        {
+            name: _counted(name, _known(value))
+            for name, value in zip(table.columns, row, strict=True)
+        }
         for row in table.itertuples(index=False, name=None)
     ]
+
+
+def _counted(name: str, value: object) -> object:
+    """Write a count as one, where its column holds floats for the rows without it."""
+    return int(value) if name in _COUNTS and isinstance(value, float) else value

@@ -63,7 +63,7 @@ def test_a_yes_no_task_at_one_side_is_told_without_sides(tmp_path: Path) -> None
         "The false-alarm rate of a fit is (a + 1/2)/(b + 1)",
         "If false-alarm rate 0",
         "felt half of the time: detected (1 + gamma - lambda)/2 of the time, half-way between",
-        "the same in dB re 1 vol",
+        "the threshold in dB re 1 vol",
     ):
         assert told in page, told
     assert ("lapse at bound" in page) == ("The threshold may be reported" in page)

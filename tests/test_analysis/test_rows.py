@@ -88,3 +88,16 @@ def test_where_none_was_not_offered_no_column_tells_what_was_felt_at_all(found: 
     forced = replace(found, detected_any=None)
     assert level_rows(forced, PAGE).header == level_rows(found, PAGE).header[:-1]
     assert [one["detected_any"] for one in json.loads(summary_text(forced))["levels"]] == [None] * 2
+
+
+@pytest.mark.slow
+def test_false_alarms_beside_a_difference_are_whole_numbers_or_null(tmp_path: Path) -> None:
+    lines = [
+        f"{p},{c},{side},{v},{answer}"
+        for p in "ab" for c in "12" for side, v, answer in ANSWERS if p == "a" or side != "none"
+    ]  # fmt: skip
+    found = analyse(loaded(tmp_path, LEAST.replace(",", ",condition,", 1) + "\n".join(lines)))
+    of_a, of_b, _ = json.loads(summary_text(found))["differences"]
+    names = ("false_alarms_a", "blanks_a", "false_alarms_b", "blanks_b")
+    assert [repr(of_a[name]) for name in names] == ["1", "2", "1", "2"]
+    assert [of_b[name] for name in names] == [None] * 4

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import json
+import re
 import tomllib
 from dataclasses import dataclass
-from functools import cache
 from pathlib import Path
 from types import NoneType, UnionType
 from typing import TYPE_CHECKING, Annotated, Any, Final, Literal, Union, get_args, get_origin
 
-from pydantic_core import PydanticUndefined
-
+from experiment.study.read import paper_study
+from experiment.study.sections.actuator import paper_actuators
+from experiment.study.sections.simulation import PAPER_THRESHOLD_UM, THRESHOLD_VPP
+from experiment.study.sections.stimulus import Condition, Stimulus
 from experiment.study.sections.table import KeyRange, file_keys, range_of
 from experiment.study.study import Study
 from reference.markdown import code, literal, prose, table
@@ -29,13 +31,28 @@ _UNITS: Final = {
 }  # fmt: skip
 """By how a key ends, the longest ending first."""
 _PLAIN: Final = {str: "text", int: "whole number", float: "number", bool: "true or false"}
-EXAMPLES: Final = Path(__file__).with_name("examples.toml")
-"""Of keys whose default shows nothing."""
+PLANNED: Final = {*file_keys(Condition)} - {*file_keys(Stimulus), "name"}
+"""Keys of a condition that are found when a file is read or levels are placed; a plan has them."""
+EXAMPLES: Final = tuple(
+    Path(__file__).with_name("studies") / f"example-{name}.toml"
+    for name in ("discs", "layers", "click")
+)
+"""Studies that have an example of every key whose default shows nothing."""
+_LEFT_OUT: Final = {
+    ("actuator", "y_mm"): "half of `strip.width_mm`",
+    ("actuator", "diameter_mm"): "required of a disc",
+    ("actuator", "length_x_mm"): "required of others",
+    ("actuator", "length_y_mm"): "required of others",
+    ("condition", "accept_unfit"): "that of `[burst]`, where all of the stimulus is",
+    ("simulation", "threshold_um"): "where displacements are known",
+    ("simulation", "threshold_vpp"): "where they are not",
+}
+"""What is filled in where a key is left out, as far as no default says it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Key:
-    """A key of study.toml."""
+    """A key of study.toml; `left_out` is what is to be said of its default."""
 
     section: str
     name: str
@@ -43,8 +60,8 @@ class Key:
     unit: str
     range: str
     default: str
+    left_out: str
     meaning: str
-    example: str
 
 
 def sections() -> dict[str, type]:
@@ -56,13 +73,14 @@ def study_keys() -> Iterator[Key]:
     """Yield every key that a file may have, in the order of `tactstrip init`."""
     for section, cls in sections().items():
         for name, field in file_keys(cls).items():
-            yield _key(section, name, field)
+            if section != "condition" or name not in PLANNED:
+                yield _key(section, name, field)
 
 
 def _key(section: str, name: str, field: FieldInfo) -> Key:
     kind = _type(field.annotation)
     limits = range_of(field.annotation, tuple(field.metadata)) or _items_range(field.annotation)
-    default = _default(field)
+    default, left_out = _default(section, name, field)
     return Key(
         section=section,
         name=name,
@@ -70,8 +88,8 @@ def _key(section: str, name: str, field: FieldInfo) -> Key:
         unit=next((unit for end, unit in _UNITS.items() if name.endswith(end)), ""),
         range="" if limits is None else _between(limits),
         default=default,
+        left_out=left_out,
         meaning=field.description or "",
-        example=f"{name} = {_example(name, default, kind, limits)}",
     )
 
 
@@ -114,10 +132,20 @@ def _between(limits: KeyRange) -> str:
     return ", ".join(f"{sign} {limit:g}" for sign, limit in signs if limit is not None)
 
 
-def _default(field: FieldInfo) -> str:
-    if field.default is PydanticUndefined or field.default is None:
-        return ""
-    return _toml(field.default)
+def _default(section: str, name: str, field: FieldInfo) -> tuple[str, str]:
+    """Return what an empty file has for a key, and words where that is not the whole."""
+    said = _LEFT_OUT.get((section, name), "")
+    if section == "condition" and name in file_keys(Stimulus):
+        return "", said or "that of `[burst]`"
+    if field.is_required():
+        return "", said or "required"
+    if field.default is not None:
+        return _toml(field.default), said
+    if section == "simulation":
+        found = {"threshold_um": PAPER_THRESHOLD_UM, "threshold_vpp": THRESHOLD_VPP}.get(name)
+    else:
+        found = getattr(paper_study().plate, name) if section == "strip" else None
+    return ("", said) if found is None else (_toml(found), said or "of the paper's plate")
 
 
 def _toml(value: Any) -> str:
@@ -128,40 +156,31 @@ def _toml(value: Any) -> str:
     return json.dumps(value, ensure_ascii=False)
 
 
-def _example(name: str, default: str, kind: str, limits: KeyRange | None) -> str:
-    if default not in {"", '""', "[]"}:
-        return default
-    if name in (known := _examples()):
-        return _inline(known[name])
-    if kind.startswith('"'):
-        return kind.split(" or ", maxsplit=1)[0]
-    if "number" in kind and limits is not None:
-        return f"[{_inside(limits)}]" if kind.startswith("list") else _inside(limits)
-    return '["..."]' if kind.startswith("list") else '"..."'
+def examples(section: str) -> Iterator[tuple[str, str]]:
+    """Yield a section of each example that has it, as it stands there, with the study's name."""
+    for path in EXAMPLES:
+        text = path.read_text(encoding="utf-8")
+        parts = re.split(rf"^(?=\[+(?!\[*{section}\])[a-z_]+\]+$)", text, flags=re.MULTILINE)
+        begins = rf"(?=^\[+{section}\]+$)"
+        for part in parts:
+            if found := re.search(begins, part, flags=re.MULTILINE):
+                yield tomllib.loads(text)["study"]["name"], part[found.start() :].strip()
 
 
-@cache
-def _examples() -> dict[str, Any]:
-    return tomllib.loads(EXAMPLES.read_text(encoding="utf-8"))
-
-
-def _inline(value: Any) -> str:
-    """Write a value of TOML in a line.
-
-    >>> _inline([{"name": "one"}]), _inline([1.5, 2])
-    ('[{ name = "one" }]', '[1.5, 2]')
-    """
-    if isinstance(value, list):
-        return f"[{', '.join(map(_inline, value))}]"
-    if isinstance(value, dict):
-        return f"{{ {', '.join(f'{key} = {_inline(one)}' for key, one in value.items())} }}"
-    return _toml(value)
-
-
-def _inside(limits: KeyRange) -> str:
-    """Return a plain number that the limits hold: 1, or what is nearest to it of powers of ten."""
-    tried = sorted((10.0**power for power in range(-4, 5)), key=lambda one: abs(one - 1))
-    return next(f"{one:g}" for one in (*tried, 0.5, -1.0, -10.0) if limits.hold(one))
+def _papers(section: str) -> str:
+    """Say what a file has that has none of several sections."""
+    if section == "condition":
+        (one,) = paper_study().conditions
+        return f"Without any there is one, {literal(one.name)}."
+    discs = paper_actuators()
+    alike = [f"`{key} = {_toml(value)}`" for key, value in discs[0].items()
+             if discs[1][key] == value]  # fmt: skip
+    places = " and ".join(f"{_toml(disc['x_mm'])}" for disc in discs)
+    return (
+        f"Without any the paper's plate has the paper's discs: left and right at `x_mm` {places}, "
+        f"each with {', '.join(alike)}; what was measured of them only with its length and "
+        "edges. Of another plate they are required."
+    )
 
 
 def page() -> str:
@@ -169,20 +188,25 @@ def page() -> str:
     told = [
         "# Keys of study.toml\n",
         (
-            "Every key may be left out; its default is then that of the paper's preset, or none. "
-            "`tactstrip init` writes a file with all of them, `tactstrip check` says what is wrong "
+            "Every section may be left out, and of a section every key that is not required: an "
+            "empty file is the paper's study. A default of the paper's plate holds where width and "
+            "thickness are the paper's and no material is named; of another plate the key, or what "
+            "takes its place, must be stated. "
+            "`tactstrip init` writes a file with all keys, `tactstrip check` says what is wrong "
             "with one. A key's unit is the end of its name. What sections must agree on is refused "
-            "in a line that names both keys.\n"
+            "in a line that names both keys. The examples are from studies that can be read.\n"
         ),
     ]
     every = [*study_keys()]
     for section, cls in sections().items():
-        several = section in {"actuator", "condition"}
         told.append(f"## {section}\n\n{prose(cls.__doc__)}\n")
+        if section in {"actuator", "condition"}:
+            told.append(f"{_papers(section)}\n")
         here = [key for key in every if key.section == section]
         rows = [
             (
-                literal(key.name), key.meaning, key.type, key.unit, key.range, literal(key.default),
+                literal(key.name), key.meaning, key.type, key.unit, key.range,
+                " ".join(filter(None, (literal(key.default), key.left_out))),
             )
             for key in here
         ]  # fmt: skip
@@ -190,7 +214,6 @@ def page() -> str:
         used = [place for place in range(len(heads)) if any(row[place] for row in rows)]
         columns = [[row[place] for place in used] for row in (heads, *rows)]
         told.append(table(columns[0], columns[1:]))
-        heading = f"[[{section}]]" if several else f"[{section}]"
-        told.append("For example, each key by itself:\n")
-        told.append(code("\n".join([heading, *(key.example for key in here)]), "toml"))
+        told += [f"In the study {literal(name)}:\n\n{code(text, 'toml')}"
+                 for name, text in examples(section)]  # fmt: skip
     return "\n".join(told)

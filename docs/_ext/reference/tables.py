@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import re
 from dataclasses import fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Final, get_type_hints
@@ -12,12 +13,29 @@ from experiment.terms.record import COLUMNS, MeasuredRow
 from reference.markdown import literal, table
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
+    from collections.abc import Iterable, Iterator, Mapping
 
+    from experiment.terms.record import Column
     from reference.sample import Sample
 
 
 OWN_UNIT: Final = "the levels' unit"
+TRIALS: Final = "trials_clean.csv"
+MARKS: Final = {
+    "simulated": "whether the participant is a simulation",
+    "device_kind": "what drove the actuators",
+    "altered": "whether the session is not as it was recorded",
+}
+"""Columns that tell the sessions of an analysis apart, where they are of several sorts."""
+_VOLTS: Final = re.compile(r"(peak-to-peak )?volts( at the actuator)?")
+_DRIVEN: Final = re.compile(r"(\w+)_driven(?:_at_(\w+))?_(re|im|abs)_um")
+_PARTS: Final = {"re": "real part", "im": "imaginary part", "abs": "magnitude"}
+_PLACES: Final = {
+    "frequency_hz": "frequency, Hz",
+    "x_mm": "place along the strip, from its middle, mm",
+    "y_mm": "place across the strip, from one edge, mm",
+    "basis": "what the displacements rest on, and at which level, in words",
+}
 
 
 def defined() -> dict[str, str]:
@@ -26,7 +44,7 @@ def defined() -> dict[str, str]:
     Those of a unit that is not volts lack the end of the name, those of one place are others.
 
     >>> defined()["threshold_db"], defined()["threshold_guess_0"]
-    ('the same in dB re 1 V peak-to-peak', 'the threshold if the guess rate were 0 or 1/3')
+    ('the threshold in dB re 1 V peak-to-peak', 'the threshold if the guess rate were 0')
     """
     ours = _by_name({**definitions_in(OWN_UNIT), **DEFINITIONS})
     of_one_place = _by_name(OF_ONE_PLACE)
@@ -41,17 +59,29 @@ def _by_name(definitions: Mapping[str, str]) -> dict[str, str]:
     return {name: text for names, text in definitions.items() for name in names.split(", ")}
 
 
-def meanings() -> dict[str, str]:
-    """Return what a column means, by its name: the session's first, then the analysis's own."""
-    ours = {column.name: column.description for column in COLUMNS}
-    in_own_unit = {name.removesuffix("_vpp"): _in_own_unit(text) for name, text in ours.items()}
-    return in_own_unit | ours | defined()
+def meanings(name: str) -> dict[str, str]:
+    """Return what the columns of a table of an analysis mean, by their names.
+
+    In a table of trials a column is the session's before it is the analysis's, elsewhere not:
+
+    >>> meanings("trials_clean.csv")["status"].partition(":")[0]
+    'ok, or why the trial does not count'
+    >>> meanings("thresholds.csv")["status"].partition(";")[0]
+    'ok, or why there is no threshold or how it is limited'
+    """
+    ours = {column.name: _described(column) for column in COLUMNS}
+    in_own_unit = {
+        name.removesuffix("_vpp"): _VOLTS.sub(f"in {OWN_UNIT}", text)
+        for name, text in ours.items()
+        if name.endswith("_vpp")
+    }
+    of_trials = in_own_unit | ours
+    return defined() | MARKS | of_trials if name == TRIALS else of_trials | defined()
 
 
-def _in_own_unit(text: str) -> str:
-    return text.replace("peak-to-peak volts at the actuator", f"in {OWN_UNIT}").replace(
-        "peak-to-peak volts", f"in {OWN_UNIT}"
-    )
+def _described(column: Column) -> str:
+    words = f": {', '.join(column.choices)}" if column.choices else ""
+    return f"{column.description}{words}"
 
 
 def page(sample: Sample) -> str:
@@ -86,11 +116,77 @@ def page(sample: Sample) -> str:
             "`unit` says which; of a table made elsewhere with one place the answers are `felt` "
             "and `not_felt`. Of a column that only such tables have, the example is from one.\n"
         ),
+        *_marks(sample),
     ]
     folders = [sample.analysis, *sorted(sample.elsewhere.iterdir())]
     for name in sorted({path.name for folder in folders for path in folder.glob("*.csv")}):
-        told += [f"### {name}\n", _of_analyses([one / name for one in folders])]
-    return "\n".join(told)
+        told += [f"### {name}\n", _of_analyses(name, folders)]
+    return "\n".join([*told, *_fields(sample)])
+
+
+def _marks(sample: Sample) -> Iterator[str]:
+    """Tell of the columns that only an analysis of several sorts of sessions has, with words."""
+    found: dict[str, set[str]] = {name: set() for name in MARKS}
+    for path in sample.marked.glob("*.csv"):
+        if path.name == TRIALS:
+            continue
+        with path.open(encoding="utf-8", newline="") as file:
+            for row in csv.DictReader(file):
+                for name, words in found.items():
+                    words.add(row[name])
+    yield (
+        "Where an analysis has trials of several sorts, the last columns of every table say which "
+        "a row is of, or `mixed` where it is of several: `simulated` where there are simulated "
+        "people and others, `device_kind` where a person had a device that moves nothing or "
+        "devices differ, `altered` where `--accept-altered` took sessions. "
+        f"{literal(TRIALS)} tells the first two of every trial, and the third where other tables "
+        "do.\n"
+    )
+    yield table(
+        ("column", "meaning", "for example"),
+        [(literal(name), MARKS[name], " ".join(sorted(words))) for name, words in found.items()],
+    )
+
+
+def _fields(sample: Sample) -> Iterator[str]:
+    """Tell of what `tactstrip field --out` writes."""
+    rows = {"map": "A row for each place", "band": "With `--band`, a row for each frequency"}
+    yield (
+        "## Tables of a field\n\n`tactstrip field STUDY --out FILE.csv` writes displacements as "
+        "amplitudes with the time factor exp(-i omega t), at the study's highest level. Where that "
+        "of any actuator per volt is not known they are per unit load, `basis` names its unit, and "
+        "`_um` at the end of a name is `_um_per_unit_load`.\n"
+    )
+    for what, paths in sample.fields.items():
+        heads = [_first_rows(path) for path in paths]
+        if [name.removesuffix("_per_unit_load") for name in heads[1]] != [*heads[0]]:
+            raise ValueError(f"{what}: the columns per unit load must be the same, got {heads}")
+        yield f"### {'Over a band' if what == 'band' else 'A map'}\n\n{rows[what]}.\n"
+        yield table(
+            ("column", "meaning", "example"),
+            [(literal(name), of_field(name), value) for name, value in heads[0].items()],
+        )
+
+
+def _first_rows(path: Path) -> dict[str, str]:
+    with path.open(encoding="utf-8", newline="") as file:
+        return next(csv.DictReader(file))
+
+
+def of_field(name: str) -> str:
+    """Return what a column of a field means.
+
+    >>> of_field("left_driven_at_right_abs_um")
+    'magnitude at the right finger, the left actuator driven, um'
+    """
+    if name in _PLACES:
+        return _PLACES[name]
+    found = _DRIVEN.fullmatch(name)
+    if found is None:
+        raise ValueError(f"name must be that of a column of a field, got {name!r}")
+    driven, at, part = found.groups()
+    where = f"at the {at} finger" if at else "at this place"
+    return f"{_PARTS[part]} {where}, the {driven} actuator driven, um"
 
 
 def _measured() -> str:
@@ -105,21 +201,23 @@ def _measured() -> str:
     return table(("column", "meaning", "type", "words", "n/a"), rows)
 
 
-def _of_analyses(paths: Iterable[Path]) -> str:
+def _of_analyses(name: str, folders: Iterable[Path]) -> str:
     """Write the columns of a table in any of several analyses, each with its first example."""
     examples: dict[str, str] = {}
-    for path in filter(Path.exists, paths):
+    for path in filter(Path.exists, [folder / name for folder in folders]):
         with path.open(encoding="utf-8", newline="") as file:
             first, *rows = csv.reader(file)
         values = rows[0] if rows else [""] * len(first)
         examples |= {
-            name: value for name, value in zip(first, values, strict=True) if name not in examples
+            column: value
+            for column, value in zip(first, values, strict=True)
+            if column not in examples
         }
-    known = meanings()
+    known = meanings(name)
     return table(
         ("column", "meaning", "example"),
         [
-            (literal(name), known.get(name) or known[name[: -len("_a")]], value)
-            for name, value in examples.items()
+            (literal(column), known.get(column) or known[column[: -len("_a")]], value)
+            for column, value in examples.items()
         ],
     )

@@ -109,9 +109,9 @@ class SharedStimulus(Stimulus):
 class Condition(Stimulus):
     """A stimulus that runs the whole design; what a file leaves out of it is taken from [burst].
 
-    Four keys are what `window = "auto"` and `file` come to. They are filled in when a study file
-    is read, and never again: a plan holds the stimulus that is really played. So are the last one's
-    levels, when they are placed for a person.
+    A plan has more keys: what `window = "auto"` and `file` come to is filled in when a study file
+    is read, and never again, so that a plan holds the stimulus that is really played; levels are
+    filled in when they are placed for a person.
     """
 
     name: str = Field(description="1 to 32 of A-Z a-z 0-9 _ -")
@@ -123,7 +123,7 @@ class Condition(Stimulus):
         default=None, description="of the click in the file, 64-bit floating point"
     )
     sample_rate_hz: float | None = Field(
-        default=None, ge=1e-3, le=1e9, description="of these samples"
+        default=None, ge=1e-3, le=1e9, description="of the click's samples"
     )
     levels_vpp: tuple[Level, ...] | None = Field(
         default=None, strict=False, description="placed for a person, in place of the design's"

@@ -10,9 +10,10 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
+from experiment.study.sections.table import file_keys
 from reference.api.held import meanings
 from reference.markdown import literal
-from reference.study import study_keys
+from reference.study import PLANNED, study_keys
 from reference.tables import defined
 
 if TYPE_CHECKING:
@@ -56,9 +57,11 @@ class About:
     def without_the_study(self, value: Any) -> Any:
         """Leave out what other pages list: the keys of the study, the definitions of columns."""
         return {
-            name: {} if name == "definitions" or (name == "study" and _is_whole(one)) else one
+            name: {} if name == "definitions"
+            else _planned(one) if name == "study" and _is_whole(one)
+            else one
             for name, one in value.items()
-        }
+        }  # fmt: skip
 
     def shortened(self, shape: Mapping[str, str]) -> dict[str, str]:
         """Tell once what another object, or a section of the study, has as well."""
@@ -111,6 +114,16 @@ class About:
         before, _, name = path.rpartition(".")
         of = _of_class(self.classes[before]) if before in self.classes else {}
         return of.get(re.sub(r"(\[\])+$", "", name))
+
+
+def _planned(study: Mapping[str, Any]) -> dict[str, Any]:
+    """Return what a plan's study has beside the keys of its file."""
+    return {
+        "condition": [
+            {name: value for name, value in one.items() if name in PLANNED}
+            for one in study["condition"]
+        ]
+    }
 
 
 def _is_whole(study: Any) -> bool:
@@ -173,5 +186,6 @@ def _of_class(name: str) -> dict[str, str]:
     'of its converters'
     """
     module, _, kind = name.partition(":")
-    told = meanings(getattr(import_module(module), kind))
-    return {one: _in_json(text) for one, text in told.items()}
+    held = getattr(import_module(module), kind)
+    told = {name: field.description or "" for name, field in file_keys(held).items()}
+    return {one: _in_json(text) for one, text in (told | meanings(held)).items()}
