@@ -22,8 +22,11 @@ if TYPE_CHECKING:
 DRIFT_P: Final = 1e-3
 """In so many sessions without a drift one is found, if answers depend on nothing else."""
 STRONG: Final = 3.0
-"""A drift over a session, in dB or in eighths of a linear axis's range, that is worth a word."""
+"""A drift over a condition, in dB or in eighths of a linear axis's range, that is worth a word."""
+_THROUGHOUT: Final = 0.9
+"""Of a session: conditions whose trials span more of it took turns."""
 
+_WITHOUT: Final = "; the group's results without misfits and drifts stand in the answer's table"
 _GUESS_WITH_NONE: Final = 0.03
 _LAPSE: Final = 0.02
 """Both assumed, as they hardly change by how much a threshold moves."""
@@ -38,28 +41,45 @@ def drifting(single: pd.DataFrame, axis: Axis, alternatives: int) -> Iterator[tu
     found: dict[str, list[tuple[float, str, str]]] = {}
     for i in np.flatnonzero(p_value < DRIFT_P):
         rows = single[sessions.eq(i)].sort_values("trial")
-        steps = drift_steps(rows, axis, alternatives)
+        part = _span(rows)
+        steps = drift_steps(rows, axis, alternatives) * part
         if abs(steps) >= STRONG:
             name, session = str(rows["participant"].iloc[0]), str(rows["session"].iloc[0])
-            words = _words(rows, steps, axis)
+            words = _words(rows, steps, axis, throughout=part > _THROUGHOUT)
             found.setdefault(name, []).append((float(p_value[i]), session, words))
+    several = single["participant"].nunique() - len(found) > 1
     for name, each in found.items():
         p, session, words = min(each)
         others = sorted(other for _, other, _ in each if other != session)
         also = f"; so in {', '.join(others)}" if others else ""
         told = (
             f"participant {name}, session {session}: {words} (p = {short_p(p)}{also}): tired, "
-            "adapted, out of practice, or a finger moved? A threshold is the session's mean"
+            "adapted, out of practice, or a finger moved? A threshold is the mean over its trials"
+            + _WITHOUT
+            * several
         )
         yield name, told
 
 
-def _words(rows: pd.DataFrame, steps: float, axis: Axis) -> str:
+def _span(rows: pd.DataFrame) -> float:
+    """Return over how much of a session its longest condition extends.
+
+    Of conditions in blocks the drift is known within each alone: what lies between two of them is
+    as well their difference.
+    """
+    order = rows["trial"].rank()
+    spans = order.groupby(rows["condition"].astype(str)).agg(np.ptp)
+    return float(spans.max() / max(np.ptp(order), 1.0))
+
+
+def _words(rows: pd.DataFrame, steps: float, axis: Axis, *, throughout: bool) -> str:
     """Tell a drift by both halves; how far the threshold moved, where several levels tell that."""
-    hit = rows["response"].astype(object).eq(rows["side"].astype(object)).to_numpy()
-    first, second = np.array_split(hit, 2)
+    hit = rows["response"].astype(object).eq(rows["side"].astype(object))
+    each = [np.array_split(one, 2) for _, one in hit.groupby(rows["condition"].astype(str))]
+    first, second = (np.concatenate(halves) for halves in zip(*each, strict=True))
+    half = "half" if len(each) == 1 else "halves of its conditions"
     told = (
-        f"{first.sum()} of {len(first)} single stimuli detected in the first half, "
+        f"{first.sum()} of {len(first)} single stimuli detected in the first {half}, "
         f"{second.sum()} of {len(second)} in the second"
     )
     if len(set(rows["level_vpp"])) == 1:
@@ -68,7 +88,8 @@ def _words(rows: pd.DataFrame, steps: float, axis: Axis) -> str:
     if not axis.is_logarithmic:
         moved = f"{abs(steps) * _step(rows, axis):.3g} {axis.unit}"
     which = "rose" if steps > 0 else "fell"
-    return f"{told}, as if the threshold {which} by {moved} from the first trial to the last"
+    over = "the first trial to the last" if throughout else "a condition's first trial to its last"
+    return f"{told}, as if the threshold {which} by {moved} from {over}"
 
 
 def short_p(value: float) -> str:

@@ -303,7 +303,7 @@ def _beyond(people: pd.DataFrame) -> str:
 
 
 def _fitting_row(analysis: Analysis, condition: str, number: int) -> Iterator[tuple[str, str, str]]:
-    """Yield the group's threshold without people whose functions do not fit, if there are any."""
+    """Yield the group's threshold without misfits and drifts, if there are any."""
     table = None if analysis.fitting is None else analysis.fitting.groups
     if table is None or analysis.fitting is None:
         return

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 ALPHA: Final = 0.05
 """False alarms of few people differ where the test of the same rates has a smaller p."""
-FITTING: Final = "without misfits"
+FITTING: Final = "without misfits and drifts"
 _ROUNDED: Final = 0.05
 _EACH: Final = "95 % interval of each level, not corrected for several"
 _OTHERS: Final = "different participants in each"
@@ -315,7 +315,7 @@ def difference_rows(
 
 
 def _fitting_row(analysis: Analysis, one: Pair) -> Iterator[tuple[str, str, str]]:
-    """Yield a difference without people whose functions do not fit, if any took part in it."""
+    """Yield a difference without misfits and drifts, if any of these people took part in it."""
     if analysis.fitting is None:
         return
     table = analysis.thresholds
@@ -332,7 +332,7 @@ def _fitting_row(analysis: Analysis, one: Pair) -> Iterator[tuple[str, str, str]
 
 
 def fitting_words(analysis: Analysis) -> str:
-    """Say who is left where those whose functions do not fit are not."""
+    """Say who is left without those whose functions do not fit, or whose thresholds drift."""
     return f"{FITTING} in any condition" if len(analysis.groups) > 1 else FITTING
 
 
@@ -340,7 +340,7 @@ def without_words(some: Without) -> str:
     """Say who is left out: names, where they are few."""
     names = some.names
     if len(names) > SPELLED:
-        return f"without {len(names)} misfits"
+        return f"without {len(names)} misfits and drifts"
     return f"without participant{'s' * (len(names) > 1)} {and_words(names)}"
 
 

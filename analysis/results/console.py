@@ -36,11 +36,11 @@ _FEW = 10
 _LEGEND = (
     "k/n: single stimuli answered with their own side / presented. P: participants. min, mean, "
     f"max: over participants' k/n. group 95 %: {FAR_LIMIT}. both, other: answered both, "
-    "the other side. late: time-outs. p ans: k / answered."
+    "the other side. late: time-outs. p_ans: k / answered."
 )
 _LEGEND_ONE = (
     "k/n: stimuli that were felt / presented. P: participants. min, mean, max: over participants' "
-    f"k/n. group 95 %: {FAR_LIMIT}. late: time-outs. p ans: k / answered."
+    f"k/n. group 95 %: {FAR_LIMIT}. late: time-outs. p_ans: k / answered."
 )
 _LEGEND_ANY = " any: answered left, right or both."
 

@@ -111,7 +111,7 @@ _LEVELS = (
     _ReportColumn(short="both", long="Both", cell=_named("over_report", count_text)),
     _ReportColumn(short="other", long="Other side", cell=_named("mislocalised", count_text)),
     _ReportColumn(short="late", long="Time-outs", cell=_named("timeouts", count_text)),
-    _ReportColumn(short="p ans", long="Of answered", cell=_named("p_answered", p_text)),
+    _ReportColumn(short="p_ans", long="Of answered", cell=_named("p_answered", p_text)),
 )
 _FELT = _ReportColumn(short="any", long="Felt at all", cell=_named("detected_any", str))
 """Only where "none" could be answered."""

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from analysis.answers import counting, detection
 from analysis.answers.choice import choices, confusion_table
 from analysis.answers.counting import reaction_table
-from analysis.answers.doubts import SWAPPED
+from analysis.answers.doubts import DRIFTING, SWAPPED
 from analysis.answers.dprime import sensitivity_table
 from analysis.definitions import METHODS
 from analysis.groups.criterion import with_criterion
@@ -115,7 +115,8 @@ class Analysis:
     unswapped : pandas.DataFrame or None
         `groups` without the people whose sides look swapped; ``None`` where there are none.
     fitting : Without or None
-        Without the people with a function that does not fit; ``None`` where there are none.
+        Without the people with a function that does not fit, or a threshold that drifts; ``None``
+        where there are none.
     side_told : bool
         Whether the tables tell a side; false where a map states one for all rows.
     left_out_by : str
@@ -324,7 +325,10 @@ def analyse(
         doubts=doubts,
         task=loaded.task,
         unswapped=_unswapped(people, thresholds, doubts, loaded.axis),
-        fitting=without_people(misfitting(thresholds), people, thresholds, loaded.axis),
+        fitting=without_people(
+            misfitting(thresholds) | {one.participant for one in doubts if one.kind == DRIFTING},
+            *(people, thresholds, loaded.axis),
+        ),
         ci=ci,
         seed=seed,
         axis=loaded.axis,

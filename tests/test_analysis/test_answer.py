@@ -977,13 +977,34 @@ def test_results_without_misfits_stand_beside_those_of_all(tmp_path: Path) -> No
         [(_, group)] = without.groups[without.groups["condition"].eq(condition)].iterrows()
         value, of = rows[f"The same without participant odd, condition {condition}"]
         assert value == group["printed"].partition("; between")[0]
-        assert of == "5 participants without misfits in any condition"
+        assert of == "5 participants without misfits and drifts in any condition"
     value, of = rows["The same without participant odd, b against a"]
     assert value.startswith(f"{without.differences.iloc[-1]['difference_db']:+.1f} dB (")
-    assert of == "5 participants in both, without misfits in any condition"
+    assert of == "5 participants in both, without misfits and drifts in any condition"
     (warning,) = (one for one in analysis.warnings if "do not fit" in one)
     assert "below the panels of the figure of participants" in warning
     assert without.fitting is None
+
+
+@pytest.mark.slow
+def test_results_without_drifts_stand_beside_those_of_all(tmp_path: Path) -> None:
+    text = study({"a": 60.0, "b": 80.0}, 4)
+    tired = "".join(
+        f"tired,{10000 * at + 200 * n + level},{condition},single,left,{level},"
+        f"{'left' if level > 100 or (level > 40 and n < 8) else 'none'},false\n"
+        for at, condition in enumerate("ab")
+        for level in (40, 60, 80, 100, 140) for n in range(16)
+    )  # fmt: skip
+    (tmp_path / "without").mkdir()
+    analysis = analyse(loaded(tmp_path, text + tired))
+    without = analyse(loaded(tmp_path / "without", text))
+    assert analysis.fitting is not None
+    assert "tired" in analysis.fitting.names
+    rows = {plain(what): plain(value) for what, value, _ in answer(analysis).rows}
+    found = without.differences.iloc[-1]["difference_db"]
+    assert rows["The same without participant tired, b against a"].startswith(f"{found:+.1f} dB (")
+    (warning,) = (one for one in analysis.warnings if one.startswith("participant tired, session"))
+    assert warning.endswith("results without misfits and drifts stand in the answer's table")
 
 
 def test_an_answer_more_or_less_points_nowhere(least: Analysis) -> None:

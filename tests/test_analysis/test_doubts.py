@@ -178,6 +178,33 @@ def test_a_drift_is_found_again(axis: Axis, step: float | None) -> None:
     assert float(moved[1]) == pytest.approx(6.0 if step else 60.0, rel=0.1)
 
 
+def test_a_drift_of_blocks_of_conditions_is_told_within_them() -> None:
+    """The second condition is harder: that is no drift, and no part of its size."""
+    rng = np.random.default_rng(3)
+    parts = []
+    for at, name in enumerate(("warm", "cold")):
+        x = np.linspace(-8.0, 8.0, 9)[rng.integers(0, 9, 2000)]
+        course = 6.0 * np.linspace(-0.5, 0.5, 2000) + 4.0 * at
+        felt_it = rng.normal(size=2000) * 2.0 < x - course
+        one = trials(
+            ["left"] * 2000, np.where(felt_it, "left", "none"), level_vpp=60.0 * 10 ** (x / 20)
+        )
+        parts.append(one.assign(condition=name, trial=np.arange(2000) + 2000 * at))
+    table = pd.concat(parts, ignore_index=True).assign(none_offered=True)
+    (words,) = named(table, VOLTS)
+    firsts, seconds = 0, 0
+    for one in parts:
+        hit = one["response"].eq("left").to_numpy()
+        firsts, seconds = firsts + hit[:1000].sum(), seconds + hit[1000:].sum()
+    assert (
+        f"{firsts} of 2000 single stimuli detected in the first halves of its conditions, {seconds}"
+        " of 2000 in the second" in words
+    )
+    moved = re.search(r"rose by ([0-9.]+) dB from a condition's first trial to its last", words)
+    assert moved is not None
+    assert float(moved[1]) == pytest.approx(6.0, rel=0.1)
+
+
 def test_one_level_tells_a_drift_but_not_of_how_much_and_a_person_once() -> None:
     hit = np.array([True] * 60 + [False] * 60)
     first = trials(["left"] * 120, np.where(hit, "left", "none"), none_offered=True)
@@ -186,7 +213,7 @@ def test_one_level_tells_a_drift_but_not_of_how_much_and_a_person_once() -> None
     assert words == (
         "participant 1, session 01: 60 of 60 single stimuli detected in the first half, 0 of 60 in "
         "the second (p = 3e-21; so in 02): tired, adapted, out of practice, or a finger "
-        "moved? A threshold is the session's mean"
+        "moved? A threshold is the mean over its trials"
     )
 
 

@@ -71,6 +71,7 @@ NOTE: Final = "# Note: "
 """How a line of a draft begins that says what becomes of rows."""
 _ROWS: Final = ("rows.keep", "rows.skip")
 _DECIMAL: Final = 'decimal = ","  # guess: there are numbers with a comma'
+_FELT_ALONE: Final = "docs/howto/foreign-table.md, 'What else may stand in a table'"
 _PEAKS: Final = "# its unit: V peak-to-peak, by the name; else state it, in [units]"
 _GO: Final = "guess: the only key, pressed if felt"
 _TASK: Final = '"yes/no" if people who felt nothing could say so, "forced choice" if they guessed'
@@ -141,6 +142,8 @@ def _notes(looked_at: Sample, trials: Sample, sections: Mapping[str, list[str]])
     side, (response, hit) = side_of(trials), answers_of(trials)
     yield from blank_notes(trials, side, where=hit is None or response not in (None, hit))
     yield from side_notes(trials, side)
+    if side and response and hit is None:
+        yield f"an answer with the other side counts as not felt; to count it: {_FELT_ALONE}"
     for line in (*sections.get("values.level_vpp", ()), *sections["columns"]):
         if line.endswith(BLANKS):
             yield line.partition("  # guess: ")[2]

@@ -31,8 +31,8 @@ chance stands beside: a correction for their number would hide one bad fit among
 """
 _LEAST_P: Final = 1 / (1 + REPLICATES)
 _WITHOUT: Final = (
-    " methods.txt names {}; what the group's results are without {} stands in the answer's table, "
-    "to be reported beside the others, not instead."
+    " methods.txt names {}; the group's results without misfits and drifts stand in the answer's "
+    "table, to be reported beside the others, not instead."
 )
 _NAMED: Final = 6
 _APART: Final = 0.03
@@ -87,8 +87,7 @@ def _without(thresholds: pd.DataFrame) -> str:
     misfits_of = misfitting(thresholds)
     if len({*thresholds["participant"]} - misfits_of) <= 1:
         return ""
-    words = ("this one", "this participant") if len(misfits_of) == 1 else ("them", "these people")
-    return _WITHOUT.format(*words)
+    return _WITHOUT.format("this one" if len(misfits_of) == 1 else "them")
 
 
 def _most_apart(
