@@ -148,3 +148,21 @@ def test_the_dry_run_prints_what_is_shown_of_it(tmp_path: Path) -> None:
     words = (*RUN, "dry-run", str(ROOT / study[1]), "--seed", seed[1])
     done = subprocess.run(words, cwd=tmp_path, check=True, capture_output=True, text=True)
     assert [line for line in lines if line not in {"...", *done.stdout.splitlines()}] == []
+
+
+def test_the_bench_copy_of_a_plate_has_nothing_but_bursts(tmp_path: Path) -> None:
+    page = (ROOT / "docs/howto/calibrate.md").read_text(encoding="utf-8")
+    block = re.search(
+        r"^```sh\n(sed .*?plate\.toml > bench\.toml)\n", page, re.DOTALL | re.MULTILINE
+    )
+    assert block is not None
+    sizes = "--width-mm 30 --thickness-mm 0.5 --length-mm 160 --material steel --edge clamped"
+    made = run(
+        "init", str(tmp_path / "plate.toml"), "--preset", "plate", *shlex.split(sizes),
+        "--actuator", "disc:12.8@35", "--ceiling-vpp", "120",
+    )  # fmt: skip
+    assert made.exit_code == 0, made.stderr
+    subprocess.run(block[1], shell=True, check=True, cwd=tmp_path)
+    told = run("check", str(tmp_path / "bench.toml")).output
+    assert "50: 25 left, 25 right, 0 both, 0 blank; 0 for practice before\n" in told
+    assert "levels         30 Vpp" in told

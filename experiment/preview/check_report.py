@@ -307,11 +307,12 @@ def _tell_plan(found: Findings, check: StudyCheck, device: DeviceSettings) -> No
     if untyped := untyped_of(study.keys, offered):
         found.tell("keys", f"not for --responder terminal: {untyped}", untyped_keys=untyped)
     found.tell("levels", repeats_words(design))
+    some = bool(design.practice_trials)
     found.tell(
         "trials",
         f"{check.trials}: {each}{design.trials_per_side} left, {design.trials_per_side} right, "
         f"{design.both_trials} both{part_of_both(design)}, {design.blank_trials} blank; "
-        f"{design.practice_trials} for practice before",
+        f"{design.practice_trials} for practice before{', at the highest level' * some}",
         trials=check.trials,
     )
     per_condition = " (of each condition)" if len(study.conditions) > 1 else ""

@@ -58,7 +58,7 @@ def field_csv(field: PlateMap | PlateBand) -> str:
     >>> head, first, *_ = field_csv(found).splitlines()
     >>> head.split(",")[:2]
     ['frequency_hz', 'left_driven_at_left_re_um']
-    >>> first.split(",")[0], "measured by the paper, at 200 Vpp; loss factor" in first
+    >>> first.split(",")[0], "per volt: measured by the paper; loss factor" in first
     ('100.0', True)
     """
     table = io.StringIO()

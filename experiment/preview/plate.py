@@ -36,7 +36,7 @@ class DriveLevels:
 
     >>> DriveLevels(names=("left", "right"), units=("N m/m", "N m/m"), amplitudes=(0.09, 0.08),
     ...       bases=("your measurement", "predicted"), level_vpp=200.0).basis
-    'left: your measurement, right: predicted, at 200 Vpp'
+    'computed for 200 Vpp; displacement per volt: left your measurement, right predicted'
     """
 
     names: tuple[str, ...]
@@ -52,9 +52,9 @@ class DriveLevels:
         if self.level_vpp is None:
             units = [f"1 {unit}" for unit in dict.fromkeys(self.units)]
             return f"per unit load of {' or '.join(units)}"
-        each = [f"{name}: {basis}" for name, basis in zip(self.names, self.bases, strict=True)]
+        each = [f"{name} {basis}" for name, basis in zip(self.names, self.bases, strict=True)]
         words = ", ".join(each) if len(set(self.bases)) > 1 else self.bases[0]
-        return f"{words}, at {self.level_vpp:g} Vpp"
+        return f"computed for {self.level_vpp:g} Vpp; displacement per volt: {words}"
 
     @property
     def doubt(self) -> str:
@@ -82,7 +82,7 @@ def drive_of(study: Study) -> DriveLevels:
     --------
     >>> from experiment.study.read import paper_study
     >>> drive_of(paper_study()).basis
-    'measured by the paper, at 200 Vpp'
+    'computed for 200 Vpp; displacement per volt: measured by the paper'
     """
     units = tuple(load.unit for load in loads_of(study))
     names = tuple(actuator.label for actuator in study.actuators)

@@ -168,7 +168,7 @@ def test_without_options_it_is_a_map_at_the_burst_of_the_first_condition(run: Ru
     assert not missing(
         result.stdout,
         "map            500 Hz",
-        "measured by the paper, at 200 Vpp",
+        "computed for 200 Vpp; displacement per volt: measured by the paper",
         "loss factor 0.01 assumed",
         "burst: at the other finger, as check has it, which decides; the limit is -20 dB\n   ",
         "right finger: burst -23.7 dB, tone -90.8 dB; at most 5.25 um, at x = -35, y = 12.5 mm of",
@@ -194,9 +194,8 @@ def test_the_table_of_a_map_has_the_librarys_values(run: Run) -> None:
             assert complex(re_um, im_um) == pytest.approx(u_um, rel=1e-4)
             assert abs_um == pytest.approx(abs(u_um), rel=1e-4)
     assert {row["frequency_hz"] for row in rows} == {"3300.0"}
-    assert {row["basis"] for row in rows} == {
-        "measured by the paper, at 200 Vpp; loss factor 0.01 assumed"
-    }
+    basis = "computed for 200 Vpp; displacement per volt: measured by the paper"
+    assert {row["basis"] for row in rows} == {f"{basis}; loss factor 0.01 assumed"}
 
 
 def test_the_table_of_a_band_has_the_librarys_values_in_full_precision(run: Run) -> None:
@@ -247,7 +246,7 @@ BAND_TOLD = (
     "displacement at the fingers; cut-off 2900 Hz (measured by the paper), elastic edges",
     "Frequency (Hz)",
     "|u| (µm)",
-    "measured by the paper, at 200 Vpp",
+    "computed for 200 Vpp; displacement per volt: measured by the paper",
     "above the actuator",
     "other finger",
     "2900 Hz",
@@ -258,7 +257,7 @@ BAND_TOLD = (
 @pytest.mark.parametrize(
     ("text", "basis", "unit"),
     [
-        ("", "measured by the paper, at 200 Vpp", "µm"),
+        ("", "computed for 200 Vpp; displacement per volt: measured by the paper", "µm"),
         (OFF_CENTRE, "per unit load of 1 N m/m", "µm per N m/m"),
     ],
     ids=["paper", "off-centre"],
@@ -296,7 +295,10 @@ def test_a_known_displacement_per_volt_changes_every_unit_and_says_its_basis() -
     assert "left_driven_abs_um," in head
     assert "per_unit_load" not in head
     for text in (first, field_text(found, "study.toml"), render(found, "svg").decode()):
-        assert "left: your measurement, right: predicted, at 200 Vpp" in text
+        assert (
+            "computed for 200 Vpp; displacement per volt: left your measurement, right predicted"
+            in text
+        )
         assert "N m/m" not in text
 
 
@@ -319,7 +321,9 @@ def test_what_layers_predict_is_called_so_with_how_well() -> None:
         for side, x_mm in (("left", -40), ("right", 40))
     )
     found = plate(f"[design]\nlevels_vpp = [31, 113]\n{discs}")
-    assert found.drive.basis == "predicted from layers, to a factor of two, at 113 Vpp"
+    assert found.drive.basis == (
+        "computed for 113 Vpp; displacement per volt: predicted from layers, to a factor of two"
+    )
     source = displacement_source(found.study, 1)
     assert source is not None
     assert source.words == "displacement predicted from its layers, yours"

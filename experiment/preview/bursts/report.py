@@ -372,7 +372,7 @@ def _tell_best(told: Findings, found: BurstComparison, file_name: str) -> None:
     if felt := _tell_most_felt(told, found, alike):
         chosen["most felt"] = felt
     if room := _tell_with_room(told, found, alike):
-        chosen["with room"] = room
+        chosen["burst with room"] = room
     _tell_lines(told, found, chosen, file_name)
 
 

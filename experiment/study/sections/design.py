@@ -69,7 +69,10 @@ class Design:
         default=0, ge=0, le=MAX_TRIALS, description="no stimulus; needs the answer none"
     )
     practice_trials: int = Field(
-        default=0, ge=0, le=MAX_TRIALS, description="with feedback, before the first block"
+        default=0,
+        ge=0,
+        le=MAX_TRIALS,
+        description="with feedback, at the highest level, before the first block",
     )
     audibility_trials: int = Field(
         default=0,
