@@ -1106,3 +1106,11 @@ def test_excels_first_line_is_no_heading(tmp_path: Path) -> None:
     done = run("columns", table)
     assert done.exit_code == 2
     assert "t.csv:1: this is Excel's note of the separator" in done.stderr
+
+
+def test_answers_with_the_other_side_are_counted_where_keys_name_sides(tmp_path: Path) -> None:
+    rows = "a,left,60,left\na,right,60,left\na,left,80,right\na,right,80,none\na,none,0,left\n"
+    told = draft(put(tmp_path / "t.csv", f"participant,side,amp,response\n{rows}"))
+    assert "# Note: 2 rows have the other side for an answer: not detected, which" in told
+    told = draft(put(tmp_path / "u.csv", f"participant,side,amp,response\n{rows[:15]}"))
+    assert "the other side" not in told

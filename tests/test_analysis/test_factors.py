@@ -192,7 +192,7 @@ def test_answers_that_are_missing_are_counted_and_can_be_left_out(tmp_path: Path
     path = put(tmp_path / "t.csv", f"subject,amp_um,felt\n{rows}")
     text, _ = map_draft(find_sources([path], foreign=True).tables)
     line = (
-        "guess: 4 rows, counted as not detected; a paper says so; to leave them out, "
+        "guess: 4 rows, counted as not detected: say so in a paper; to leave them out, "
         'write felt = "NaN" below [rows.skip]'
     )
     assert f'NaN = "timeout"  # {line}\n' in text

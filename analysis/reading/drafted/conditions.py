@@ -161,6 +161,20 @@ def side_notes(table: Sample, side: str | None) -> Iterator[str]:
             yield f"{have} side {ours}: {told}"
 
 
+def other_side_notes(table: Sample, side: str, response: str) -> Iterator[str]:
+    """Say in how many rows the other side was answered, and what they count for."""
+    meant = [
+        (WORDS.get(plain(one)), WORDS.get(plain(at))) for (one,), at in table.of([response], side)
+    ]
+    rows = sum({*both} == {"left", "right"} for both in meant)
+    if rows:
+        yield (
+            f"{rows} {'row has' if rows == 1 else 'rows have'} the other side for an answer: not "
+            'detected, which asks for the right place; to count them, too: "Felt at either side", '
+            "docs/howto/foreign-table.md"
+        )
+
+
 def blank_notes(table: Sample, side: str | None, *, where: bool) -> Iterator[str]:
     """Say which rows are blanks by their level, and which may be, so that only a person can tell.
 

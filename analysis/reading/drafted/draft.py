@@ -32,6 +32,7 @@ from analysis.reading.drafted.conditions import (
     blank_notes,
     offer,
     offered_conditions,
+    other_side_notes,
     side_notes,
     without_stimulus,
 )
@@ -71,7 +72,6 @@ NOTE: Final = "# Note: "
 """How a line of a draft begins that says what becomes of rows."""
 _ROWS: Final = ("rows.keep", "rows.skip")
 _DECIMAL: Final = 'decimal = ","  # guess: there are numbers with a comma'
-_FELT_ALONE: Final = "docs/howto/foreign-table.md, 'What else may stand in a table'"
 _PEAKS: Final = "# its unit: V peak-to-peak, by the name; else state it, in [units]"
 _GO: Final = "guess: the only key, pressed if felt"
 _TASK: Final = '"yes/no" if people who felt nothing could say so, "forced choice" if they guessed'
@@ -143,7 +143,7 @@ def _notes(looked_at: Sample, trials: Sample, sections: Mapping[str, list[str]])
     yield from blank_notes(trials, side, where=hit is None or response not in (None, hit))
     yield from side_notes(trials, side)
     if side and response and hit is None:
-        yield f"an answer with the other side counts as not felt; to count it: {_FELT_ALONE}"
+        yield from other_side_notes(trials, side, response)
     for line in (*sections.get("values.level_vpp", ()), *sections["columns"]):
         if line.endswith(BLANKS):
             yield line.partition("  # guess: ")[2]

@@ -169,8 +169,8 @@ def unanswered(table: Sample, name: str, word: str) -> str:
     skip = toml_entry(name, word)
     rows = table.words(name)[word]
     return (
-        f": {rows} row{'s' * (rows != 1)}, counted as not detected; a paper says so; to leave them "
-        f"out, write {skip} below [rows.skip]"
+        f": {rows} row{'s' * (rows != 1)}, counted as not detected: say so in a paper; to leave "
+        f"them out, write {skip} below [rows.skip]"
     )
 
 

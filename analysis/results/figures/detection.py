@@ -160,7 +160,7 @@ def _differences(analysis: Analysis) -> Iterator[str]:
     for (a, b), rows in pairs:
         group = rows["participant"].eq(TOTAL)
         row = rows[~group if group.sum() < len(rows) <= _ALONE else group].iloc[0]
-        words = f"{short(str(b))} against {short(str(a))}: {row['printed']}"
+        words = f"threshold, {short(str(b))} against {short(str(a))}: {row['printed']}"
         yield from wrapped(words, _LETTERS, "    ")
 
 

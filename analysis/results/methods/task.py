@@ -128,4 +128,5 @@ def hit_words(analysis: Analysis) -> str:
     """Say what a hit is to d', where thresholds count something else; else empty text."""
     if is_yes_no(analysis) or analysis.one_side or analysis.task == FORCED:
         return ""
-    return ", hits being stimuli answered left, right or both, whatever their side,"
+    answers = "left, right or both" if analysis.confusion["both"].any() else "left or right"
+    return f", hits being stimuli answered {answers}, whatever their side,"
