@@ -106,7 +106,7 @@ def _tell_columns(told: Findings, found: BurstComparison) -> None:
     level_vpp = study.design.highest_vpp
     told.note(level_vpp=level_vpp)
     if _knows_um(found):
-        told.tell("um", f"greatest displacement of the own finger at {level_vpp:g} Vpp")
+        told.tell("um", f"greatest of the own finger at {level_vpp:g} Vpp, with the study's edges")
     else:
         told.tell("", "micrometres of the own finger: not known until measured, or predicted from")
         told.tell("", "the discs' layers: 'Which levels for a new plate', docs/plate.md")
