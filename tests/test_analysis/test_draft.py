@@ -323,7 +323,8 @@ def nested(folder: Path, *, blocks: int = 4, running: bool = False) -> Path:
 def test_an_outer_loop_numbers_no_trials(tmp_path: Path) -> None:
     told = draft(nested(tmp_path / "a"))
     assert 'trial = ""  # numbered anew in each block: the order of rows is taken\n' in told
-    assert 'block = "blocks.thisN"  # guess: in each of them trials are numbered anew\n' in told
+    guess = "guess: trials are numbered anew in each, so it tells their order"
+    assert f'block = "blocks.thisN"  # {guess}\n' in told
     assert '"trials.thisN" = ""  # guess: outside this loop' in told
     told = draft(nested(tmp_path / "b", running=True))
     assert 'trial = "trials.thisN"  # guess; 24 values from 0 to 23\n' in told
@@ -399,7 +400,7 @@ def test_a_part_of_a_name_tells_the_level_of_a_few_numbers(tmp_path: Path, name:
 )
 def test_the_unit_of_levels_is_guessed_by_the_name(tmp_path: Path, name: str, unit: str) -> None:
     table = put(tmp_path / "t.csv", f"participant,side,{name},response\nA,left,60,left\n")
-    assert f'unit = "{unit}"  # guess, by the name; printed as you write it' in draft(table)
+    assert f'unit = "{unit}"  # guess, by the name; printed behind numbers' in draft(table)
 
 
 def test_an_empty_cell_is_no_value(tmp_path: Path) -> None:

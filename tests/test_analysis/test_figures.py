@@ -185,7 +185,7 @@ def test_the_caption_counts_the_bars_that_lie_wholly_off_0(k: tuple[int, ...], t
     assert high is not None
     off = np.sum((low > 0) | (high < 0))
     assert f"{off or 'none'} lie" == told
-    assert f" Of 5 bars {told} wholly off 0: " in residual_words(shown)
+    assert f" Of the 5 bars at the foot {told} wholly off 0; " in residual_words(shown)
 
 
 @pytest.mark.slow

@@ -261,7 +261,7 @@ def _trial(table: Sample, sections: dict[str, list[str]]) -> None:
             one != name and table.unique(name, [*within, one]) for name in columns
         ))  # fmt: skip
         if block := next(outer, None):
-            told = "guess: in each of them trials are numbered anew"
+            told = "guess: trials are numbered anew in each, so it tells their order"
             _put(sections, "columns", "block", block, told)
 
 

@@ -133,7 +133,9 @@ def unit_words(unit: str) -> str:
     >>> unit_words("um").partition(";")[0], unit_words("").partition(";")[0]
     ('guess, by the name', 'FILL IN: the unit of the levels, or what they are (gain)')
     """
-    printed = 'printed as you write it ("µm", "um peak", "of full drive"): nothing is converted'
+    printed = (
+        'printed behind numbers, in brackets on axes ("µm", "% of full drive"), never converted'
+    )
     return {
         "V": f"guess; say peak or peak-to-peak if you know; {printed}",
         "dB": 'guess, by the name; may be "dB SL" or "dB re 1 um": it is only printed',

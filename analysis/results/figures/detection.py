@@ -105,8 +105,8 @@ def residual_words(analysis: Analysis) -> str:
     number, of = sum(int(one.sum()) for one in off), sum(one.size for one in off)
     lie = "lies" if number == 1 else "lie"
     return (
-        f" Of {of} bars {number or 'none'} {lie} wholly off 0: of people for whom the group's "
-        "function holds none of 480 did in simulations."
+        f" Of the {of} bars at the foot {number or 'none'} {lie} wholly off 0; in simulations of "
+        "people for whom the group's function holds none of 480 did."
     )
 
 
