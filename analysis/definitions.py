@@ -84,7 +84,8 @@ DEFINITIONS: Final[Mapping[str, str]] = MappingProxyType(
         "d_prime": "z(felt) - z(false alarms), with half a trial more of either kind in each rate; "
         "in a row 'all' the mean of the participants; with _a and _b of the conditions of a "
         "difference, over the levels of both, or in d_prime_differences.csv at one level",
-        "d_prime_low, d_prime_high": "95 % limits of d'; in a row 'all' by Student's t",
+        "d_prime_low, d_prime_high": "95 % limits of d'; in a row 'all' by Student's t, n/a where "
+        "all have the same",
         "d_prime_difference": "d_prime_b - d_prime_a",
         "d_prime_difference_low, d_prime_difference_high": "95 % limits of that difference: of a "
         "participant from those of both d', added in quadrature; in a row 'all' by Student's t "

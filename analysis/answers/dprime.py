@@ -134,13 +134,16 @@ def d_prime_limits(
 
 
 def _mean(level: object, rows: pd.DataFrame) -> dict[str, Any]:
-    """Return the row of all: sums of the counts, means of the people's d' with limits by t."""
+    """Return the row of all: sums of the counts, means of the people's d' with limits by t.
+
+    Where all have the same d', as of the same few counts, t knows no limits.
+    """
     from scipy.special import stdtrit
 
     each = rows["d_prime"].to_numpy(dtype=np.float64)
     number, middle = len(each), float(each.mean())
     half = np.nan
-    if number > 1:
+    if number > 1 and np.ptp(each) > 0:
         half = float(stdtrit(number - 1, LIMITS[1]) * each.std(ddof=1) / np.sqrt(number))
     sums = {name: int(rows[name].sum()) for name in (*_COUNTS, *_BLANKS)}
     return {

@@ -61,6 +61,16 @@ def test_all_levels_together_are_as_the_answers_tell() -> None:
     assert together.to_dict() == pytest.approx(told, rel=1e-12)
 
 
+def test_people_of_the_same_d_prime_have_no_limits_of_the_mean() -> None:
+    same = [part for who in "ab" for part in (felt([9], [60.0], participant=who),
+                                              blanks(2, participant=who))]  # fmt: skip
+    (row,) = sensitivity_table(study(*same)).query("participant == 'all' and level_vpp == 60").index
+    table = sensitivity_table(study(*same)).loc[row]
+    assert np.isfinite(table["d_prime"])
+    assert np.isnan(table["d_prime_low"])
+    assert np.isnan(table["d_prime_high"])
+
+
 def test_time_outs_count_among_all_and_not_among_the_answered() -> None:
     silent = felt([0], [60.0], n=10, missed="timeout")
     table = sensitivity_table(study(felt([10], [60.0], n=20), silent, blanks(2)))

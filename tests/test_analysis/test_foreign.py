@@ -359,7 +359,12 @@ def test_one_who_never_says_none_does_not_make_a_data_set_a_forced_choice(tmp_pa
 
 def test_keys_of_two_sides_are_read_as_felt_by_the_recipe_of_the_page(tmp_path: Path) -> None:
     """Blanks whose level is empty are refused with a hint that the recipe beside it follows."""
-    felt = recipe_of('keys left and right, of which only "felt?"')
+    (page,) = re.findall(
+        r"### Felt at either side.*?```toml\n(.*?)```", PAGE.read_text("utf-8"), re.DOTALL
+    )
+    absent = r'^(\[rows\.skip\]|"trials\.thisN"|condition|rt_s) ?.*\n'
+    felt = re.sub(absent, "", page, flags=re.MULTILINE)
+    felt = felt.replace("amp_um", "level_vpp").replace("down", "space")
     both = recipe_of("the same, with stimuli at both sides")
     blanks = recipe_of("the same, with blanks whose level is empty")
     columns = ColumnMap(**tomllib.loads(felt))

@@ -59,7 +59,7 @@ def test_no_output_calls_it_measured() -> None:
     )
     assert (one.origin, one.words) == ("assumed", f"{told}measured (by: AB; on: not stated)")
     assert sources["actuator[0].measured_displacement_um"].origin == "measured"
-    assert "right: assumed equal to the left actuator's" in drive_of(LIKE_LEFT).basis
+    assert "right assumed equal to the left actuator's" in drive_of(LIKE_LEFT).basis
     text = check_findings(check_study(LIKE_LEFT), "s").text
     assert told in text
     assert "um peak, computed from your measurement at 300 Hz; " in text

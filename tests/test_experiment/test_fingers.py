@@ -198,7 +198,7 @@ def test_how_nothing_was_measured_is_not_said() -> None:
 
 
 def test_a_map_says_that_it_is_without_the_fingers() -> None:
-    assert plate_of(LOADED).basis.endswith("at 200 Vpp; without the finger load")
+    assert plate_of(LOADED).basis.endswith("measured by the paper; without the finger load")
 
 
 @pytest.mark.parametrize(

@@ -108,8 +108,7 @@ def _tell_columns(told: Findings, found: BurstComparison) -> None:
     if _knows_um(found):
         told.tell("um", f"greatest of the own finger at {level_vpp:g} Vpp, with the study's edges")
     else:
-        told.tell("", "micrometres of the own finger: not known until measured, or predicted from")
-        told.tell("", "the discs' layers: 'Which levels for a new plate', docs/plate.md")
+        told.tell("", "micrometres: measured, or predicted from the discs' layers, docs/plate.md")
     gains = next(
         (row.stated.found.gains for row in found.rows if row.stated.found is not None), None
     )
@@ -293,7 +292,8 @@ def _tell_with_room(
     """Name the shortest burst that is felt far below what no level may exceed."""
     told.note(with_room=None)
     if not any(row.threshold_vpp is not None for row in alike):
-        told.tell("with room", "not known, as thresholds in V need micrometres")
+        needed = "simulation.threshold_um" if _knows_um(found) else "micrometres"
+        told.tell("with room", f"not known: thresholds in V need {needed}, docs/plate.md")
         return None
     highest_vpp, key = found.study.device.highest
     most_vpp = highest_vpp / ROOM
