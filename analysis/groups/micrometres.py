@@ -146,7 +146,7 @@ def in_micrometres(row: pd.Series[Any], thresholds: pd.DataFrame) -> str:
     if not told or row["status"] not in WITH_THRESHOLD:
         return ""
     verb = "these volts give the fingers" if _apart(left, right) else "at the fingers"
-    return f"; {verb} {told}, {basis}"
+    return f"; {verb} {told}, by the {basis} displacement per volt"
 
 
 def micrometres_row(

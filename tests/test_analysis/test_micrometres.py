@@ -42,6 +42,9 @@ def threshold(participant: str = "1", status: str = "ok", low_vpp: float = 50.0)
     return pd.DataFrame(told)
 
 
+PER_VOLT = "by the measured displacement per volt"
+
+
 def said(of: pd.DataFrame, table: pd.DataFrame) -> tuple[str, list[tuple[str, str, str]]]:
     """Return what is said of one person's threshold, in the sentence and in the table."""
     people = with_micrometres(table, of, VOLTS)
@@ -51,12 +54,12 @@ def said(of: pd.DataFrame, table: pd.DataFrame) -> tuple[str, list[tuple[str, st
 
 def test_what_is_the_same_of_both_sides_is_said_once_and_what_differs_of_each() -> None:
     words, rows = said(trials(0.02, 0.02), threshold())
-    assert words == "; at the fingers 1.20 um, measured"
+    assert words == f"; at the fingers 1.20 um, {PER_VOLT}"
     assert rows == [
         ("The same at the fingers", "1.20 um (1.00 to 1.44)", "measured displacement per volt")
     ]
     words, rows = said(trials(0.02, 0.018), threshold())
-    assert words == "; these volts give the fingers 1.20 um left and 1.08 um right, measured"
+    assert words == f"; these volts give the fingers 1.20 um left and 1.08 um right, {PER_VOLT}"
     assert rows[0][1] == "1.20 um (1.00 to 1.44) left and 1.08 um (0.900 to 1.30) right"
     assert rows[0][0] == "What these volts give the fingers"
 
@@ -87,9 +90,11 @@ def test_it_is_said_that_only_some_have_such_a_plate() -> None:
 
 
 def test_what_is_predicted_is_not_called_measured() -> None:
-    assert said(trials(0.02, 0.02, "predicted"), threshold())[0].endswith(" um, predicted")
+    assert said(trials(0.02, 0.02, "predicted"), threshold())[0].endswith(
+        " um, by the predicted displacement per volt"
+    )
     both = trials(0.02, 0.02, displacement_basis=["measured", "predicted"])
-    assert said(both, threshold())[0].endswith(" um, predicted")
+    assert said(both, threshold())[0].endswith(" um, by the predicted displacement per volt")
 
 
 @pytest.mark.parametrize(
@@ -129,7 +134,7 @@ def test_a_plate_that_was_measured_anew_between_sessions_has_no_one_number() -> 
     people = with_micrometres(threshold(), of, VOLTS)
     left_um, right_um, basis = people[[*UM_COLUMNS]].to_numpy().tolist()[0]
     assert (math.isnan(left_um), right_um, basis) == (True, pytest.approx(1.2), "measured")
-    assert in_micrometres(people.iloc[0], people) == "; at the fingers 1.20 um right, measured"
+    assert in_micrometres(people.iloc[0], people) == f"; at the fingers 1.20 um right, {PER_VOLT}"
 
 
 def test_a_group_has_micrometres_where_all_with_a_threshold_have_the_same() -> None:
