@@ -85,4 +85,4 @@ def test_who_measured_at_length_stands_below_a_map_in_several_lines() -> None:
     basis = found.plate.remark
     for field in (found, replace(found, plate=short)):
         assert field.plate.remark in " ".join(words(field))
-    assert in_lines(basis, 9.2, 13.5).count("\n") == 1
+    assert in_lines(basis, 9.2, 13.5).count("\n") == 2
