@@ -8,10 +8,13 @@ from __future__ import annotations
 
 import ctypes
 import mmap
+import os
 import sys
 from contextlib import suppress
 from functools import cache, wraps
 from typing import TYPE_CHECKING, Final, ParamSpec, TypeVar
+
+import numpy as np
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -34,17 +37,33 @@ def tuned(function: Callable[Given, Returned]) -> Callable[Given, Returned]:
 
     On two processors a gain matrix took 2 to 15 times as much processor time with two threads, and
     no less time; when the function returns there are as many threads as before. The command line
-    asks for one when it starts; a script or a notebook has imported numpy by the time that it calls
-    us.
+    asks for one when it starts, so that nothing has to be sought then; a script or a notebook has
+    imported numpy by the time that it calls us.
     """
 
     @wraps(function)
     def alone(*args: Given.args, **kwargs: Given.kwargs) -> Returned:
         keep_freed_memory()
+        if _began_alone():
+            return function(*args, **kwargs)
         with _libraries().limit(limits=1, user_api="blas"):
             return function(*args, **kwargs)
 
     return alone
+
+
+@cache
+def _began_alone() -> bool:
+    """Tell whether the process was started with one thread, so that no library has to be sought.
+
+    That takes as long as a fifth of a gain matrix. Other libraries than OpenBLAS do not obey its
+    variable.
+    """
+    import scipy
+
+    built = [one.show_config(mode="dicts")["Build Dependencies"]["blas"] for one in (np, scipy)]
+    are_open = all("openblas" in one["name"] for one in built)
+    return are_open and os.environ.get("OPENBLAS_NUM_THREADS") == "1"
 
 
 @cache

@@ -247,7 +247,7 @@ def _in_keys(study: Study, condition: Condition, refusal: ValueError) -> str:
         )
     if error.startswith(("fingertips must have no", "length_m must be one whose modes")):
         return (
-            "[finger_load] on this plate is not computed to 0.3 %: leave it out, or lower length_mm"
+            "[finger_load] on this plate is not computed to 0.5 %: leave it out, or lower length_mm"
         )
     return error
 

@@ -160,8 +160,8 @@ def _on_rings(radius_m: float, width_m: float) -> Iterator[tuple[float, float]]:
             yield from ((a_m, b_m), (-b_m, a_m), (-a_m, -b_m), (b_m, -a_m))
 
 
-RTOL: Final = 3e-3
-"""Wanted relative error of a displacement over time: 0.03 dB, less than the sampling adds."""
+RTOL: Final = 5e-3
+"""Wanted relative error of a displacement over time: 0.04 dB, less than the sampling adds."""
 
 
 @tuned

@@ -58,7 +58,7 @@ as nobody else can be asked."""
 
 _QUIET: Final = 3e-3
 """What a finger feels at less than this part of another one is known to `rtol` of that part only,
-0.3 dB at -70."""
+0.4 dB at -70."""
 
 MOST_COUPLED: Final = 800
 """Modes that fingers may couple: their poles take a few seconds then."""

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 _QUIET: Final = 1e-3
 """What a finger feels at less than this part of another one is known to `rtol` of that part only,
-0.3 dB at -80."""
+0.4 dB at -80."""
 
 _WORTH: Final = 2.0
 """A plate that is not so many times as long as the shortest section is sooner computed as a whole:

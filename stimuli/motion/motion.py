@@ -49,7 +49,7 @@ _SLOW: Final = 30.0
 """A burst so many times slower than the cut-off, as those of plates a few millimetres wide are,
 moves upper modes so little that those which tell echoes may be enough."""
 
-_PATCHED: Final = 5.0, 8.0
+_PATCHED: Final = 4.0, 6.0
 """The same of a plate with patches, whose functions hold what is finer: both are needed."""
 
 _IMAGES: Final = 3.0, 1.5

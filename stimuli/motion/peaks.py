@@ -45,10 +45,10 @@ _PATCHED: Final = 0.03
 TOO_MANY_FOR_PATCHES: Final = "the plate has too many modes for its patches"
 """How a refusal begins, for who says it in other words."""
 
-_SLOWLY, _LEFT, _QUIET = 1.5, 1e-3, 2e-5
+_SLOWLY, _LEFT, _QUIET = 1.2, 2e-3, 3e-5
 """What fewer functions change is multiplied with; to that come what both sizes miss at corners and
 rims, a part of each displacement, and what they miss of the upper modes, a part of the largest. Of
-300 fingers all were known as well as that; see docs/model.md."""
+189 plates all were known as well as that; see docs/accuracy.md."""
 
 _SLOWEST: Final = 0.1
 """Slowest wave that is waited for, as a part of 2 pi / W times 2 sqrt(D / (rho h))."""

@@ -142,3 +142,42 @@ def test_discs_are_known_as_well_as_told(seed: int, request: pytest.FixtureReque
     true = peaks_of(motion, places, burst, wait_s=wait_of(strip, far_m), with_error=False).peak_m
     assert np.all(abs(found - true) <= told)
     assert np.all(np.diag(abs(found - true)) <= 2e-3 * np.diag(true))
+
+
+WIDE: tuple[Plate, ...] = tuple(
+    (
+        Strip(
+            width_m=width_m, thickness_m=0.5e-3, length_m=length_m, edge=SIMPLY_SUPPORTED,
+            material=dataclasses.replace(MATERIALS[name].material, loss_factor=loss_factor),
+            patches=tuple(
+                BondedPatch(
+                    x_m=x_m, y_m=y_m, length_x_m=9e-3, length_y_m=9e-3, layers=(CERAMIC,),
+                    is_disc=True,
+                )
+                for x_m, y_m in places_m
+            ),
+        ),
+        [MomentDisc(x_m=x_m, y_m=y_m, radius_m=4.5e-3) for x_m, y_m in places_m],
+        [Fingertip(x_m=x_m, y_m=y_m, radius_m=3e-3) for x_m, y_m in places_m],
+        Burst(frequency_hz=frequency_hz, cycles=1, window="hann"),
+    )
+    for name, width_m, length_m, loss_factor, frequency_hz, places_m in (
+        ("glass", 0.034, 0.47, 0.003, 144.0, ((-0.022, 0.017), (0.025, 0.017))),
+        ("brass", 0.0325, 0.298, 0.01, 104.0, ((-0.007, 0.018), (0.048, 0.015))),
+    )
+)  # fmt: skip
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("plate", WIDE, ids=["glass", "brass"])
+def test_discs_a_quarter_as_wide_as_the_plate(plate: Plate, request: pytest.FixtureRequest) -> None:
+    """Functions that reach 0.3 widths beyond them leave up to 0.3 dB here."""
+    strip, _, _, burst = plate
+    known = felt_known(*plate)
+    request.getfixturevalue("finer")
+    scene, places, far_m = asked(*plate)
+    motion = motion_of(scene, reference_of(scene, burst), 12.0)
+    true = peaks_of(motion, places, burst, wait_s=wait_of(strip, far_m), with_error=False).peak_m
+    assert known.error_m is not None
+    assert np.all(abs(known.peak_m - true) <= known.error_m)
+    assert np.max(abs(20 * np.log10(known.peak_m / true))) < 0.1

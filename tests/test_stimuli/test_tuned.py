@@ -51,7 +51,8 @@ def threads() -> set[int]:
 
 
 @pytest.fixture
-def two_threads() -> Iterator[None]:
+def two_threads(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    monkeypatch.setattr(sys.modules["stimuli.tuned"], "_began_alone", lambda: False)
     with threadpool_limits(2, user_api="blas"):
         assert threads() == {2}
         yield
@@ -100,6 +101,30 @@ def test_what_a_script_calls_computes_tuned(
     monkeypatch.undo()
     assert seen == {1}
     assert threads() == {2}
+
+
+ALONE = """
+import sys
+import numpy
+import scipy
+from stimuli.tuned import tuned
+if sys.argv[1:]:
+    numpy.show_config = lambda mode: {"Build Dependencies": {"blas": {"name": "mkl"}}}
+tuned(int)()
+print("threadpoolctl" in sys.modules)
+"""
+
+
+@pytest.mark.process
+@pytest.mark.parametrize(
+    ("threads", "more", "sought"), [("1", [], False), ("2", [], True), ("1", ["mkl"], True)]
+)
+def test_libraries_are_sought_unless_the_process_began_with_one_thread(
+    threads: str, more: list[str], *, sought: bool
+) -> None:
+    asked = os.environ | {"OPENBLAS_NUM_THREADS": threads}
+    command = [sys.executable, "-c", ALONE, *more]
+    assert subprocess.check_output(command, env=asked, cwd=ROOT, text=True) == f"{sought}\n"
 
 
 FAULTS = """
