@@ -334,7 +334,7 @@ def test_the_estimate_is_above_the_error(patches: tuple[BondedPatch, ...]) -> No
     wait_s = wait_of(strip, far_m)
     finer = peaks_of(motion_of(scene, 2900.0, 22.0), places, BURST, wait_s=wait_s).peak_m
     assert np.all(abs(found - finer) <= error)
-    assert np.all(np.diag(error) < 0.01 * np.diag(found))
+    assert np.all(np.diag(abs(found - finer)) < 2e-3 * np.diag(found))
     assert np.all(error < 0.02 * found)
 
 
@@ -352,7 +352,7 @@ def test_patches_whose_effect_is_not_known_well_are_refused() -> None:
     small = [rectangle(x_m, size_m=(0.0008, 0.0008)) for x_m in (-0.03, 0.03)]
     tips = [Fingertip(x_m=one.x_m, y_m=W / 2) for one in small]
     strip = bearing(on(FIRM, LENGTH_M, viscous_s=5e-7), *small)
-    with pytest.raises(ValueError, match=r"loads\[0\]: .* known to 6\.9% only, 3% is the most"):
+    with pytest.raises(ValueError, match=r"loads\[0\]: .* known to 5\.8% only, 3% is the most"):
         felt(strip, [moment(one) for one in small], tips, BURST)
 
 
