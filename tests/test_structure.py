@@ -31,6 +31,7 @@ LATER = {
         "fingers/pressed.py",
         "fingers/dampers.py",
         "fingers/unpressed.py",
+        "fingers/mirrored.py",
         "sections/finger.py",
     ),
     *("fingers/impedance.py", "motion/multiples.py"),

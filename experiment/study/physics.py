@@ -14,6 +14,7 @@ from experiment.study.study import UnusableStudyError
 from experiment.terms.checks import inward
 from experiment.terms.gains import ConditionGains, significant
 from stimuli import Fingertip, ForceRectangle, Load, MomentDisc, MomentRectangle, Strip
+from stimuli.fingers.mirrored import to_the_right
 from stimuli.motion.modes import AboveFirstModeError
 from stimuli.motion.peaks import TOO_MANY_FOR_PATCHES, PatchesUnknownError
 
@@ -163,7 +164,7 @@ def loads_per_volt(
             found.append((None, None))
             continue
         try:
-            known = load_per_volt(strip, load, actuator.basis)
+            known = load_per_volt(strip, to_the_right(strip, load), actuator.basis)
         except AboveFirstModeError as error:
             first, ends = ("cut-off", "") if strip.length_m is None else ("mode", "its ends and ")
             named = f"the plate's first {first}, {inward(error.first_hz, least=False)} Hz"

@@ -14,6 +14,7 @@ from stimuli.checks import finite, instance
 from stimuli.drive.sampled import Drive
 from stimuli.field.scene import Scene
 from stimuli.fingers.impedance import Impedance, Pressed, pressing
+from stimuli.fingers.mirrored import images_of
 from stimuli.fingers.pressed import pressed_peaks
 from stimuli.fingers.unpressed import by_modes, by_patched_modes
 from stimuli.load import LOADS, Load
@@ -224,13 +225,18 @@ def felt(
     True
     """
     scene, places, far_m = asked(strip, loads, fingertips, drive)
-    pressed = pressed_of(strip, fingertips, drive)
-    if pressed:
-        return pressed_peaks(scene, places, drive, pressed, rtol=rtol, far_m=far_m)[0].peak_m
-    if strip.patches:
-        return by_patched_modes(scene, places, drive, far_m)[0].peak_m
+    images = images_of(strip, loads, fingertips)
+    scene, pressed = images.fewer(scene), pressed_of(strip, fingertips, drive)
+    with images.named():
+        if pressed:
+            peaks = pressed_peaks(scene, places, drive, pressed, rtol=rtol, far_m=far_m)[0]
+            return images.every(peaks.peak_m)
+        if strip.patches:
+            return images.every(by_patched_modes(scene, places, drive, far_m)[0].peak_m)
     found = by_modes(scene, places, drive, rtol, far_m)
-    return by_spectra(scene, places, drive, rtol, far_m) if found is None else found[0].peak_m
+    if found is None:
+        return images.every(by_spectra(scene, places, drive, rtol, far_m))
+    return images.every(found[0].peak_m)
 
 
 def pressed_of(strip: Strip, tips: Sequence[Fingertip], drive: Drive) -> tuple[Pressed, ...]:

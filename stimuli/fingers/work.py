@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from stimuli.fingers.fingertip import RTOL, asked, pressed_of
+from stimuli.fingers.mirrored import images_of
 from stimuli.fingers.pressed import pressed_peaks
 from stimuli.fingers.unpressed import by_modes, by_patched_modes
 from stimuli.motion.history import by_spectra
@@ -149,7 +150,8 @@ def felt_known(
     if found is not None:
         return found
     scene, places, far_m = asked(strip, loads, fingertips, drive)
-    peak_m = by_spectra(scene, places, drive, rtol, far_m)
+    images = images_of(strip, loads, fingertips)
+    peak_m = images.every(by_spectra(images.fewer(scene), places, drive, rtol, far_m))
     return Felt(peak_m=peak_m, error_m=None, work=_by_spectra(strip))
 
 
@@ -166,14 +168,16 @@ def _by_modes(
 ) -> Felt | None:
     """Return what fingertips feel by modes; none if no modes are enough."""
     scene, places, far_m = asked(strip, loads, fingertips, drive)
-    pressed = pressed_of(strip, fingertips, drive)
+    images = images_of(strip, loads, fingertips)
+    scene, pressed = images.fewer(scene), pressed_of(strip, fingertips, drive)
     found: tuple[Peaks, Motion, Scene] | None
-    if pressed:
-        found = pressed_peaks(scene, places, drive, pressed, rtol=rtol, far_m=far_m)
-    elif strip.patches:
-        found = *by_patched_modes(scene, places, drive, far_m), scene
-    else:
-        found = by_modes(scene, places, drive, rtol, far_m)
+    with images.named():
+        if pressed:
+            found = pressed_peaks(scene, places, drive, pressed, rtol=rtol, far_m=far_m)
+        elif strip.patches:
+            found = *by_patched_modes(scene, places, drive, far_m), scene
+        else:
+            found = by_modes(scene, places, drive, rtol, far_m)
     if found is None:
         return None
     peaks, motion, section = found
@@ -183,4 +187,8 @@ def _by_modes(
         length_m=section.strip.length_m,
         is_whole=section is scene,
     )
-    return Felt(peak_m=peaks.peak_m, error_m=peaks.error_m if strip.patches else None, work=work)
+    return Felt(
+        peak_m=images.every(peaks.peak_m),
+        error_m=images.every(peaks.error_m) if strip.patches else None,
+        work=work,
+    )

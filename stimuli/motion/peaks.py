@@ -32,8 +32,9 @@ _FAINT: Final = 1e-5
 
 _FEWER: Final = 0.8
 _SHORTEST: Final = 2
-_CHECKED: Final = 7
-"""The error is estimated at every so many points, and when the peak is."""
+_CHECKED: Final = 3
+"""The error is estimated at every so many points, and when the peak is. With every seventh the
+peak at a finger on the paper's plate was missed by 0.07 dB, as it stood where few of them moved."""
 
 _DOUBTS: Final = 2
 _NEAR: Final = 0.5
@@ -181,7 +182,7 @@ class PatchesUnknownError(ValueError):
     """
 
     def __init__(self, load: int, part: float) -> None:
-        self.load = load
+        self.load, self.part = load, part
         self.words = (
             f"is known to {math.ceil(1000 * part) / 10:g}% only, {_PATCHED:.0%} is the most"
         )
