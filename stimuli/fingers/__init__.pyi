@@ -2,6 +2,7 @@ from .actuator import LoadPerVolt, MeasuredDisplacement, PiezoLayers, load_per_v
 from .fingertip import Fingertip, causal, felt
 from .impedance import Impedance
 from .level import WindowChoice, level_db, shortest_window
+from .mirrored import to_the_right
 from .work import Felt, FeltWork, felt_known, felt_work
 
 __all__ = [
@@ -20,4 +21,5 @@ __all__ = [
     "level_db",
     "load_per_volt",
     "shortest_window",
+    "to_the_right",
 ]
