@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, NamedTuple, Protocol, TypeVar
 
 import numpy as np
 
@@ -12,17 +12,28 @@ from stimuli.motion.peaks import PatchesUnknownError
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
+    from dataclasses import Field
+    from typing import Any, ClassVar
 
     from numpy.typing import NDArray
 
     from stimuli.arrays import Real
     from stimuli.field.scene import Scene
-    from stimuli.fingers.fingertip import Fingertip
     from stimuli.load import Load
-    from stimuli.strip.patch import BondedPatch
     from stimuli.strip.strip import Strip
 
-    Mirrored = TypeVar("Mirrored", Load, Fingertip, BondedPatch)
+
+class Placed(Protocol):
+    """What stands somewhere along a strip: a load, a patch or a fingertip."""
+
+    __dataclass_fields__: ClassVar[dict[str, Field[Any]]]
+
+    @property
+    def x_m(self) -> float:
+        """Its place, from the middle."""
+
+
+Mirrored = TypeVar("Mirrored", bound=Placed)
 
 
 class Images(NamedTuple):
@@ -61,7 +72,7 @@ class Images(NamedTuple):
             raise PatchesUnknownError(self.some[error.load], error.part) from None
 
 
-def images_of(strip: Strip, loads: Sequence[Load], fingertips: Sequence[Fingertip]) -> Images:
+def images_of(strip: Strip, loads: Sequence[Load], fingertips: Sequence[Placed]) -> Images:
     """Return which loads are mirror images of others, with all fingertips and all of the plate.
 
     Two equal discs with a finger on each are what most studies have:
