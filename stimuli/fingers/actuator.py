@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 Basis = Literal["measured", "predicted"]
 
 _RTOL: Final = 1e-5
-"""Of the displacement at rest beneath a measured one, which has four digits at best."""
+"""Of what a unit load does where it was measured; a measurement has four digits at best."""
 
 _LEAST_INSET: Final = 1e-6
 """Part of the width; nearer to an edge the strip does not move in any digit."""

@@ -211,8 +211,8 @@ def _levels(rings: Rings, odd: Sides) -> tuple[NDArray[np.intp], NDArray[np.intp
 def rings_of(strip: Strip, patch: BondedPatch) -> Rings:
     """Return how far the functions of a patch reach beyond it, along and across on both sides."""
     half_m, end_m = patch.half_size_m, (strip.length_m or 0.0) / 2
-    small_m, (width_m, wide_m) = min(half_m), (strip.width_m * one for one in _WIDTHS)
-    most_m = max(_RING[0] * small_m, width_m, min(_RING[1] * small_m, wide_m))
+    small_m, (near_m, wide_m) = min(half_m), (strip.width_m * one for one in _WIDTHS)
+    most_m = max(_RING[0] * small_m, near_m, min(_RING[1] * small_m, wide_m))
     held = 0 if strip.edge is CLAMPED else 1
     low_m, high_m = (patch.x_m + end_m, patch.y_m), (end_m - patch.x_m, strip.width_m - patch.y_m)
     rings = [
