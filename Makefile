@@ -1,6 +1,6 @@
 PYTHON := .venv/bin/python
 
-.PHONY: help setup test lint slow check long size bench docs
+.PHONY: help setup test lint slow check long bench docs
 
 help:  ## say what can be made
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*##/\t/' | expand -t 10
@@ -27,9 +27,6 @@ check: lint test slow  ## format, lint, types, import directions, all tests but 
 
 long:  ## calibrations, thousands of kills, fuzzing; TACTSTRIP_LONG=0.1 for a seeded tenth
 	$(PYTHON) -m pytest -n 2 --dist loadgroup -m long
-
-size:  ## code lines and modules of the packages
-	$(PYTHON) -m benchmarks.size
 
 bench:  ## run the benchmarks and write docs/benchmarks.md
 	$(PYTHON) -m benchmarks

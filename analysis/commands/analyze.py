@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import click
 
 from analysis.definitions import METHODS
-from experiment.commands.options import working
+from experiment.commands.options.hardware import working
 from experiment.terms.exits import ANSWER_IS_NO, CommandError, refusals
 
 if TYPE_CHECKING:

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any, Final
 import click
 
 from analysis.commands.dry_run import new_folder
-from experiment.commands.options import working
+from experiment.commands.options.hardware import working
 from experiment.terms.exits import INTERRUPTED, STOPPED_EARLY, CommandError, refusals
 
 if TYPE_CHECKING:

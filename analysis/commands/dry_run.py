@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 import click
 
 from experiment.archive.disk import FOLDER_MODE, UNWAITED, make_folder
-from experiment.commands.options import working
+from experiment.commands.options.hardware import working
 from experiment.terms.exits import DEVICE_FAILED, CommandError, refusals
 
 if TYPE_CHECKING:

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from experiment.commands.options import working
+from experiment.commands.options.hardware import working
 from experiment.terms.exits import ANSWER_IS_NO, STOPPED_EARLY, CommandError, refusals
 
 if TYPE_CHECKING:

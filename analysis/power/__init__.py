@@ -1,5 +1,1 @@
 """Power: how many people and trials a study needs, told before the first person comes."""
-
-import lazy_loader
-
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

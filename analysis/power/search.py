@@ -18,7 +18,7 @@ import numpy as np
 
 from analysis.answers.intervals import proportion_ci
 from analysis.power.studies import Chunk, Point, simulate
-from analysis.workers import CHUNK_S
+from analysis.workers.chunks import CHUNK_S
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator

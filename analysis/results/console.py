@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, TextIO
 
 from analysis.definitions import FAR_LIMIT, POPULATION, TOTAL
 from analysis.results.answer import ANSWER_HEAD, answer
-from analysis.results.methods import one_side_words
+from analysis.results.methods.task import one_side_words
 from analysis.results.methods.words import plain
 from analysis.results.rows import (
     TERMINAL,

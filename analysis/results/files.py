@@ -17,8 +17,9 @@ from filelock import Timeout
 from analysis.answers.counting import clean_table
 from analysis.definitions import TOTAL
 from analysis.groups.micrometres import with_group_micrometres
-from analysis.results.figures import figures, function_table
-from analysis.results.methods import methods_of
+from analysis.results.figures import figures
+from analysis.results.figures.curves import function_table
+from analysis.results.methods.paragraphs import methods_of
 from analysis.results.report import report_html
 from analysis.results.summary import devices, in_own_words, summary_text
 from experiment.archive import manifest

@@ -30,17 +30,11 @@ from analysis.definitions import (
 from analysis.results.answer import ANSWER_HEAD, answer
 from analysis.results.compared import d_prime_level_rows, own_model_words
 from analysis.results.figures.confusion import stimulus
-from analysis.results.methods import (
-    EACH,
-    counts_told,
-    each_participant,
-    is_yes_no,
-    looked_words,
-    methods_of,
-    misfit_p_text,
-    one_side_words,
-)
 from analysis.results.methods.left_out import REASONS
+from analysis.results.methods.looked import EACH, each_participant, looked_words
+from analysis.results.methods.misfit import misfit_p_text
+from analysis.results.methods.paragraphs import counts_told, methods_of
+from analysis.results.methods.task import is_yes_no, one_side_words
 from analysis.results.protocol import (
     Section,
     Table,

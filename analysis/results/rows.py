@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Final
 from analysis.answers.counting import AUDIBILITY, CONTROL_COLUMNS
 from analysis.axis import Axis, alone, half_up, rounded, shortest, with_limits
 from analysis.definitions import TOTAL
-from analysis.reading.foreign import FORCED
+from analysis.reading.foreign.columns import FORCED
 from analysis.reading.text import named
 from analysis.thresholds.people import FORCED_CHOICE
 from experiment.trial.plan import CONTROL

@@ -1,5 +1,1 @@
 """Sound cards: bursts to actuators, loops to headphones."""
-
-import lazy_loader
-
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -25,7 +25,7 @@ from analysis.reading.load import read_inputs
 from analysis.results.figures.curves import group_curves
 from analysis.results.tables import analyse
 from experiment import simulate_study
-from experiment.preview import plate_of
+from experiment.preview.plate import plate_of
 from experiment.study.physics import study_gains
 from experiment.study.read import read_study
 from experiment.study.sections.stimulus import unscaled_peak

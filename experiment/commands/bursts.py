@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from experiment.commands.options import working
+from experiment.commands.options.hardware import working
 from experiment.terms.exits import ANSWER_IS_NO, CommandError, refusals
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from stimuli.drive import Window
+    from stimuli.drive.windows import Window
 
 
 def _listed(kind: Callable[[str], Any], what: str) -> Callable[..., tuple[Any, ...]]:
@@ -77,7 +77,8 @@ def bursts(
     edges are ideal ones and no cut-off was measured, also with the other ideal edge. The exit code
     is 0 if one is fit, 1 if none is. The study file is left as it is.
     """
-    from experiment.preview.bursts import bursts_findings, compare_bursts, grid_of
+    from experiment.preview.bursts.compared import compare_bursts, grid_of
+    from experiment.preview.bursts.report import bursts_findings
     from experiment.study.read import read_study
     from experiment.study.study import UnusableStudyError, told_by_file
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from experiment.commands.options import (
+from experiment.commands.options.hardware import (
     answer,
     confirmed,
     device_failures,

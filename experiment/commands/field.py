@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING, Final
 
 import click
 
-from experiment.commands.options import working
+from experiment.commands.options.hardware import working
 from experiment.terms.exits import CommandError, refusals
 
 if TYPE_CHECKING:
-    from experiment.commands.options import Step
+    from experiment.commands.options.hardware import Step
     from experiment.preview.field import PlateBand, PlateMap, PlateMotion
     from experiment.study.study import Study
 

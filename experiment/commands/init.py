@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Any, Final, Literal, Union, get_args, get_orig
 
 import click
 
-from experiment.commands.options import (
+from experiment.commands.options.hardware import working
+from experiment.commands.options.plate import (
     CEILING,
     QUESTIONS,
     ceiling_vpp,
@@ -19,7 +20,6 @@ from experiment.commands.options import (
     plate_options,
     plate_study,
     told_paths,
-    working,
 )
 from experiment.terms.checks import require_word
 from experiment.terms.exits import CommandError, refusals
@@ -27,7 +27,7 @@ from experiment.terms.exits import CommandError, refusals
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from experiment.preview.bursts import ChosenBurst
+    from experiment.preview.bursts.choice import ChosenBurst
     from experiment.study.study import Study
 
 _RECOMMENDED: Final = {
@@ -322,7 +322,7 @@ def init(*, file: Path, preset: str, **given: Any) -> None:
     are asked for. What was measured, and a material without a name here, belong into the file.
     """
     from experiment.archive.files import write_atomically
-    from experiment.preview.bursts import chosen_burst
+    from experiment.preview.bursts.choice import chosen_burst
     from experiment.study.study import Study
 
     ceiling = given.pop("ceiling_vpp")

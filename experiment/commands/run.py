@@ -11,7 +11,12 @@ from typing import TYPE_CHECKING
 
 import click
 
-from experiment.commands.options import confirmed, device_failures, hardware_options, working
+from experiment.commands.options.hardware import (
+    confirmed,
+    device_failures,
+    hardware_options,
+    working,
+)
 from experiment.commands.options.responders import display_beside, distribution_of, responder_named
 from experiment.commands.options.resumed import (
     plan_to_resume,

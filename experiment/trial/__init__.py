@@ -1,5 +1,1 @@
 """A trial: drawn, planned, sealed, and led from cue to answer by the engine."""
-
-import lazy_loader
-
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

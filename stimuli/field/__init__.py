@@ -1,5 +1,1 @@
 """The displacement of a strip, over frequency, over the plate and over time."""
-
-import lazy_loader
-
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -16,7 +16,7 @@ from tests.test_analysis.shared import put, refused, row, write
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from tests.test_analysis.conftest import Simulate
+    from tests.conftest import Simulate
 
 MAPPED = "participant,side,level_vpp,"
 

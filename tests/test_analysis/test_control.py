@@ -20,7 +20,7 @@ from tests.test_analysis.shared import EXAMPLES, loaded, put, refused, run
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from tests.test_analysis.conftest import Simulate
+    from tests.conftest import Simulate
 
 HEADER = "participant,block,trial,kind,side,level_vpp,response,status,anticipated,noise_ok\n"
 MAIN = (

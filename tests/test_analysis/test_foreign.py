@@ -18,7 +18,7 @@ from tests.test_analysis.shared import LEAST, loaded, put, refused, run
 
 if TYPE_CHECKING:
     from analysis.reading.load import LoadedTrials
-    from tests.test_analysis.conftest import Simulate
+    from tests.conftest import Simulate
 
 LEFT = {"side": "left"}
 

@@ -21,8 +21,10 @@ from analysis.reading.load import read_inputs
 from analysis.results.answer import answer
 from analysis.results.compared import compared, own_model_words
 from analysis.results.figures.composed import LOOKS
-from analysis.results.methods import each_participant, looked_words, methods_of, misfits
 from analysis.results.methods.caption import LOOK_WORDS, caption_words
+from analysis.results.methods.looked import each_participant, looked_words
+from analysis.results.methods.misfit import misfits
+from analysis.results.methods.paragraphs import methods_of
 from analysis.results.methods.presented import order_words
 from analysis.results.methods.task import detected_words
 from analysis.results.methods.words import plain

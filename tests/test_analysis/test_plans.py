@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from experiment.trial.plan import Plan
-    from tests.test_analysis.conftest import Simulate
+    from tests.conftest import Simulate
 
 FIRST, SECOND = "sub-01/ses-01", "sub-02/ses-01"
 

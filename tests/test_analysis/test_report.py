@@ -21,7 +21,7 @@ from tests.test_analysis.shared import LEAST, files, loaded, put
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from tests.test_analysis.conftest import Simulate
+    from tests.conftest import Simulate
 
 HOSTILE = (
     *("=1+1", "<script>alert(1)</script>", "</style><script>alert(1)</script>"),

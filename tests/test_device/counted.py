@@ -11,7 +11,7 @@ import pytest
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from tests.conftest import NullSink
+    from tests.processes import NullSink
 
 LOST: Final = -1
 """What is no frame of the outputs: the server put silence in."""

@@ -42,7 +42,7 @@ if TYPE_CHECKING:
 
     from device.sound.player import Frames
     from device.sound.stream import Callback
-    from tests.conftest import NullSink
+    from tests.processes import NullSink
 
 RATE_HZ = 48_000.0
 CONFIRM = "--confirm-hardware"

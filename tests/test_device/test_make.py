@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from tests.test_device.firmware import FIRMWARE, make, making, require_tools
+from tests.system.firmware import FIRMWARE, make, making, require_tools
 
 if TYPE_CHECKING:
     from pathlib import Path

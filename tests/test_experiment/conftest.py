@@ -2,21 +2,16 @@
 
 from __future__ import annotations
 
-import csv
 import sys
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import pytest
-from click.testing import CliRunner
 
 from experiment.archive.journal import Journal
 from experiment.terms.entries import EVENTS
-from tactstrip import main
-from tests.test_experiment.sessions import contents
 
 if TYPE_CHECKING:
     from collections.abc import Callable
-    from pathlib import Path
 
     from click.testing import Result
 
@@ -38,39 +33,3 @@ def _lines_are_as_listed(monkeypatch: pytest.MonkeyPatch) -> None:
         append(journal, event, facts, sync=sync)
 
     monkeypatch.setattr(Journal, "append", listed)
-
-
-@pytest.fixture
-def run() -> Run:
-    """Run a command with what is typed to it: exit code, output and error."""
-
-    def run(*arguments: str | Path, typed: str | None = None) -> Result:
-        return CliRunner().invoke(main, [str(argument) for argument in arguments], input=typed)
-
-    return run
-
-
-@pytest.fixture
-def refused(run: Run, tmp_path: Path) -> Refused:
-    """Run a command that must end with 2 and change nothing; returns its error."""
-
-    def refused(*arguments: str | Path, typed: str | None = None) -> str:
-        before = contents(tmp_path)
-        result = run(*arguments, typed=typed)
-        assert result.exit_code == 2, result.output
-        assert contents(tmp_path) == before
-        return result.stderr
-
-    return refused
-
-
-@pytest.fixture
-def rows_of() -> Rows:
-    """Read trials.csv of a session of participant 01 below a folder of results."""
-
-    def rows_of(out: Path, session: str = "01") -> list[dict[str, str]]:
-        path = out / "sub-01" / f"ses-{session}" / "trials.csv"
-        with path.open(encoding="utf-8", newline="") as file:
-            return list(csv.DictReader(file))
-
-    return rows_of

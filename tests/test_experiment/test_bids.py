@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
     from click.testing import Result
 
-    from tests.test_experiment.conftest import Refused, Rows, Run
+    from tests.conftest import Refused, Rows, Run
 
 STUDY = """
 [study]

@@ -11,16 +11,16 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from experiment.preview.bursts import compare_bursts, grid_of, with_other_edge
 from experiment.preview.bursts.choice import CANDIDATES, chosen_burst
-from experiment.preview.bursts.compared import with_burst
+from experiment.preview.bursts.compared import compare_bursts, grid_of, with_burst
+from experiment.preview.bursts.edges import with_other_edge
 from experiment.preview.check import check_study
 from experiment.preview.check_report import check_findings
 from experiment.study.read import paper_study, study_from_text
 
 if TYPE_CHECKING:
     from experiment.study.study import Study
-    from tests.test_experiment.conftest import Refused, Run
+    from tests.conftest import Refused, Run
 
 
 def study_text(edge: str = 'edge = "clamped"', *, thickness_mm: float = 0.5, more: str = "") -> str:

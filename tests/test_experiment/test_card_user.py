@@ -20,7 +20,7 @@ from tests.test_experiment.sessions import Sessions
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from tests.test_experiment.conftest import Run
+    from tests.conftest import Run
 
 TINY = """
 [strip]

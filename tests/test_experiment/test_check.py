@@ -29,7 +29,7 @@ from tactstrip import main
 if TYPE_CHECKING:
     from click.testing import Result
 
-    from tests.test_experiment.conftest import Refused, Run
+    from tests.conftest import Refused, Run
 
 RECOMMENDED = write_study_text("recommended")
 UNFIT = "[burst]\nfrequency_hz = 2800\n"

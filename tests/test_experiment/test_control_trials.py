@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
     from experiment.study.study import Study
     from experiment.trial.plan import Plan
-    from tests.test_experiment.conftest import Run
+    from tests.conftest import Run
 
 RELATIVE = """
 [[actuator]]

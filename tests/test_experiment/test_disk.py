@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from analysis.thresholds.levels import Placement
     from device.driver import Delivery
     from experiment.study.study import Study
-    from tests.test_experiment.conftest import Run
+    from tests.conftest import Run
 
 
 class LossyDisk:

@@ -27,7 +27,7 @@ from stimuli import Fingertip, ForceRectangle, Scene, displacement
 
 if TYPE_CHECKING:
     from experiment.preview.plate import PlatePreview
-    from tests.test_experiment.conftest import Refused, Run
+    from tests.conftest import Refused, Run
 
 ENDLESS = '[strip]\nlength_mm = "endless"\n'
 OFF_CENTRE = """

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from experiment.study.study import Study
-    from tests.test_experiment.conftest import Run
+    from tests.conftest import Run
 
 SIMULATED = ("--responder", "simulated")
 NO_LOCKS = [errno.ENOLCK, errno.EOPNOTSUPP, errno.ENOSYS, errno.EIO]

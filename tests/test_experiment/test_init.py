@@ -18,7 +18,7 @@ from stimuli import MATERIALS
 from tests.test_experiment.sessions import COMMAND
 
 if TYPE_CHECKING:
-    from tests.test_experiment.conftest import Refused, Run
+    from tests.conftest import Refused, Run
 
 STEEL = {
     "--width-mm": "30", "--thickness-mm": "0.5", "--length-mm": "150", "--material": "steel",

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from experiment.study.study import Study
-    from tests.test_experiment.conftest import Run
+    from tests.conftest import Run
 
     Edit: TypeAlias = Callable[[Path], None]
 

@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 
     from device.sound.player import Frames
     from device.sound.stream import Callback
-    from tests.conftest import NullSink
+    from tests.processes import NullSink
 
 PINK = Masking(noise="pink", max_level_dba=75.0, loop_s=1.0)
 RATE_HZ = 48_000

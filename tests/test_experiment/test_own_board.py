@@ -12,10 +12,10 @@ from device.core.reports import About, DeviceLimits, Health
 from device.emulate.amplifier import Amplifier
 from device.limits import Limits
 from experiment.apparatus.slots import SuitabilityError, require_suitable
-from tests.test_device.boards import board, says
+from tests.system.boards import board, says
+from tests.system.test_links import QUICK, SHORT, TINY
 from tests.test_device.bursts import identity
 from tests.test_experiment.sessions import Sessions
-from tests.test_experiment.test_links import QUICK, SHORT, TINY
 
 if TYPE_CHECKING:
     from collections.abc import Callable

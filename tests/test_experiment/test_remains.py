@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from click.testing import Result
 
     from experiment.study.study import Study
-    from tests.test_experiment.conftest import Run
+    from tests.conftest import Run
 
 SESSION = "sub-01/ses-01"
 FILES = {

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from experiment.archive.journal import Entry
-    from tests.test_experiment.conftest import Run
+    from tests.conftest import Run
 
 KILLED_AFTER = """
 import sys, time

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from experiment.participant.settings import ResponderSettings
     from experiment.study.sections.equipment import Masking
     from experiment.terms.responder import AwaitedAnswer, Progress, SessionPart
-    from tests.test_experiment.conftest import Run
+    from tests.conftest import Run
 
 STUDY = """
 [study]

@@ -22,7 +22,7 @@ from experiment.trial.plan import plan_from_json, seal
 
 if TYPE_CHECKING:
     from experiment.preview.findings import Findings
-    from tests.test_experiment.conftest import Run
+    from tests.conftest import Run
 
 DISCS = "".join(
     f'[[actuator]]\nside = "{side}"\nx_mm = {x_mm}\ndiameter_mm = 12\n'

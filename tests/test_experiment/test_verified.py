@@ -56,7 +56,7 @@ if TYPE_CHECKING:
     from analysis.results.tables import Analysis
     from experiment.session.setting import Ending
     from experiment.terms.responder import AwaitedAnswer, Press
-    from tests.test_experiment.conftest import Run
+    from tests.conftest import Run
 
 STUDY = """
 [burst]

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
     from click.testing import Result
 
-    from tests.test_experiment.conftest import Refused, Run
+    from tests.conftest import Refused, Run
 
 
 @pytest.fixture(scope="module")

@@ -29,7 +29,7 @@ from stimuli import (
     response,
 )
 from stimuli.solver.across import Span, lag, shape, shape_integral, supported_kernel
-from tests.test_long import rounds
+from tests.long.test_fuzz import rounds
 from tests.test_stimuli.plates import Edge, disc, force, patch, scene_of
 
 if TYPE_CHECKING:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Final
 from analysis.answers.intervals import group_interval, proportion_ci
 from analysis.axis import half_up
 from analysis.definitions import TOTAL
-from analysis.reading.foreign import FORCED
+from analysis.reading.foreign.columns import FORCED
 from analysis.results.compared import pairs_of, totals
 from analysis.results.methods.words import SPELLED, isolated
 from analysis.results.rows import none_in_part

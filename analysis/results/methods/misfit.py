@@ -10,9 +10,9 @@ from scipy.special import ndtr
 
 from analysis.axis import VOLTS, half_up, shortest
 from analysis.definitions import LAPSES_ERROR
-from analysis.thresholds import FORCED_CHOICE
 from analysis.thresholds.fit import WITH_THRESHOLD
 from analysis.thresholds.goodness import REPLICATES, deviance_residuals
+from analysis.thresholds.people import FORCED_CHOICE
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

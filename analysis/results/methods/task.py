@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Final
 
 from analysis.definitions import TOTAL
-from analysis.reading.foreign import FORCED, YES_NO
+from analysis.reading.foreign.columns import FORCED, YES_NO
 from analysis.thresholds.people import FORCED_CHOICE
 
 if TYPE_CHECKING:

@@ -221,10 +221,11 @@ def _measured_by_a_monitor(path: Path) -> list[dict[str, Any]]:
 def _header_of_a_person(path: Path) -> dict[str, Any]:
     """Return what a session of a person keeps whose bursts are measured, on a real device."""
     from device.monitor.measured import Tap
-    from experiment.apparatus import NoiseFacts, assemble, confirmed_now
+    from experiment.apparatus.noise import NoiseFacts
+    from experiment.apparatus.rig import assemble, confirmed_now
     from experiment.session.setting import Setting, Sitting, header
     from experiment.study.read import read_study
-    from experiment.trial import draw_plan
+    from experiment.trial.draw import draw_plan
 
     study = read_study(path)
     rig = assemble(study, driver="mock", port=None, simulated=True)

@@ -15,7 +15,7 @@ from experiment.study.simulated import median_threshold, vibrations_of
 from experiment.study.study import UnusableStudyError
 from experiment.terms.curves import KnownFor
 from experiment.terms.gains import significant
-from stimuli.drive import WINDOWS
+from stimuli.drive.windows import WINDOWS
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from experiment.preview.check import ConditionCheck
     from experiment.study.study import Study
     from stimuli import Burst
-    from stimuli.drive import Window
+    from stimuli.drive.windows import Window
 
 
 FELT_HZ: Final = (200.0, 250.0, 300.0, 400.0, 500.0)

@@ -1,5 +1,1 @@
 """Plates with patches: functions that bend at their rims, matrices, modes."""
-
-import lazy_loader
-
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -1,3 +1,0 @@
-from .analyze import write_analysis
-
-__all__ = ["write_analysis"]

@@ -1,0 +1,266 @@
+"""Fixtures that start processes: emulators, commands to be killed, a sound server."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from contextlib import suppress
+from typing import IO, TYPE_CHECKING, TypeAlias
+
+import numpy as np
+import pytest
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+    from pathlib import Path
+
+    from numpy.typing import NDArray
+
+    Emulate: TypeAlias = Callable[..., tuple[str, Path, int]]
+
+EMULATORS = """
+import json, os, signal, sys
+import numpy as np
+from device.clock import MonotonicClock
+from device.emulate.emulator import Emulator, Nature
+from device.emulate.faults import Faults, FaultScript
+from device.limits import Limits
+from device.emulate.lines import PtyLine, TcpLine
+from device.core.output import OutputStage
+from device.emulate.emulator import Truth
+
+signal.signal(signal.SIGCHLD, signal.SIG_IGN)
+for order in sys.stdin:
+    wish = json.loads(order)
+    if os.fork():
+        continue
+    os.setsid()
+    nature = Nature(
+        limits=Limits(ceiling_vpp=200.0, least_interval_s=wish["least_interval_s"]),
+        output=OutputStage(sample_rate_hz=wish["sample_rate_hz"]),
+        baud=wish["baud"],
+    )
+    line = PtyLine() if wish["kind"] == "pty" else TcpLine(0)
+    faults = Faults(FaultScript.parse(wish["faults"]), np.random.default_rng(wish["seed"]))
+    with open(wish["truth"], "w", encoding="utf-8") as file:
+        truth = Truth(file, volts=wish["volts"])
+        emulator = Emulator(line, nature, faults, truth, MonotonicClock())
+        print(json.dumps([line.name, os.getpid()]), flush=True)
+        emulator.run()
+    os._exit(0)
+"""
+"""A process that forks one emulator for each line it reads: starting Python each time is slow."""
+
+HALT_AT = """
+import os, sys, time
+from pathlib import Path
+steps, calls = int(sys.argv[1]), 0
+def counted(function):
+    def call(*args, **kwargs):
+        global calls
+        calls += 1
+        if calls == steps:
+            print("halted", flush=True)
+            time.sleep(600)
+        return function(*args, **kwargs)
+    return call
+from tactstrip import main
+for name in ("unlink", "rmdir", "fsync", "mkdir"):
+    setattr(os, name, counted(getattr(os, name)))
+for name in ("replace", "rename"):
+    setattr(Path, name, counted(getattr(Path, name)))
+try:
+    main(sys.argv[2:])
+finally:
+    print("calls", calls, flush=True)
+"""
+"""A command that halts before its n-th change of the disk."""
+
+
+@pytest.fixture
+def kill_at() -> Callable[..., int | None]:
+    """Run a command, killed before its n-th change of the disk; returns how many, if it ended."""
+
+    def run(step: int, *arguments: str, typed: str = "") -> int | None:
+        with subprocess.Popen(
+            [sys.executable, "-c", HALT_AT, str(step), *arguments],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,
+            text=True,
+        ) as process:
+            _pipe(process.stdin).write(typed)
+            _pipe(process.stdin).flush()
+            for line in _pipe(process.stdout):
+                if line == "halted\n":
+                    process.kill()
+                    return None
+                if line.startswith("calls "):
+                    return int(line.split()[1])
+        raise AssertionError(arguments)
+
+    return run
+
+
+@pytest.fixture(scope="session")
+def emulator_server() -> Iterator[subprocess.Popen[str]]:
+    """A process that starts emulators."""
+    command = [sys.executable, "-c", EMULATORS]
+    with subprocess.Popen(
+        command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+    ) as server:
+        yield server
+        assert server.stdin is not None
+        server.stdin.close()
+
+
+@pytest.fixture
+def emulate(emulator_server: subprocess.Popen[str], tmp_path: Path) -> Iterator[Emulate]:
+    """Start an emulator behind a "pty" or "tcp" line: its port, truth file and process id."""
+    pids: list[int] = []
+
+    def start(
+        kind: str,
+        *,
+        faults: str = "",
+        seed: int = 1,
+        baud: int | None = None,
+        volts: bool = False,
+        sample_rate_hz: float = 48_000.0,
+        least_interval_s: float = 0.005,
+    ) -> tuple[str, Path, int]:
+        truth = tmp_path / f"truth-{len(pids)}.jsonl"
+        wish = {
+            "kind": kind,
+            "faults": faults,
+            "seed": seed,
+            "baud": baud,
+            "volts": volts,
+            "sample_rate_hz": sample_rate_hz,
+            "least_interval_s": least_interval_s,
+            "truth": str(truth),
+        }
+        print(json.dumps(wish), file=_pipe(emulator_server.stdin), flush=True)
+        port, pid = json.loads(_pipe(emulator_server.stdout).readline())
+        pids.append(pid)
+        return port, truth, pid
+
+    yield start
+    for pid in pids:
+        with suppress(ProcessLookupError):
+            os.kill(pid, signal.SIGKILL)
+
+
+def _pipe(pipe: IO[str] | None) -> IO[str]:
+    assert pipe is not None
+    return pipe
+
+
+SOUND = "TACTSTRIP_SOUND"
+"""Set to "required", tests with real sound fail where they would be skipped."""
+
+
+class NullSink:
+    """A PulseAudio server with a sink of 48 kHz, 16 bit and two channels, which records itself."""
+
+    def __init__(self, folder: Path) -> None:
+        self.socket = folder / "socket"
+        self._file = folder / "recording.raw"
+        self._server: subprocess.Popen[bytes] | None = None
+        self._recorder: subprocess.Popen[bytes] | None = None
+
+    def start(self) -> None:
+        """Start the server."""
+        sink = "--load=module-null-sink sink_name=plate rate=48000 format=s16le channels=2"
+        line = f"--load=module-native-protocol-unix socket={self.socket} auth-anonymous=1"
+        command = ["pulseaudio", "-n", "--daemonize=no", "--use-pid-file=no", "--disable-shm=yes"]
+        command += ["--exit-idle-time=-1", sink, line]
+        self._server = subprocess.Popen(command, stderr=subprocess.DEVNULL)
+        assert self.until(self.socket.exists)
+
+    def listen(self) -> None:
+        """Begin a new recording, in which there is something when this returns."""
+        self._end(self._recorder)
+        with self._file.open("wb") as out:
+            command = ["parec", "--device=plate.monitor", "--raw", "--latency-msec=10"]
+            command += ["--format=s16le", "--rate=48000", "--channels=2"]
+            self._recorder = subprocess.Popen(command, stdout=out, stderr=subprocess.DEVNULL)
+        assert self.until(lambda: self._file.stat().st_size > 0)
+
+    def recorded(self) -> NDArray[np.int16]:
+        """Return the frames recorded so far, shape (n, 2)."""
+        raw = self._file.read_bytes()
+        frames: NDArray[np.int16] = np.frombuffer(raw[: len(raw) // 4 * 4], dtype="<i2")
+        return frames.reshape(-1, 2)
+
+    def kill(self) -> None:
+        """Kill the server."""
+        self._end(self._server)
+        self.socket.unlink(missing_ok=True)
+
+    def control(self, *words: str) -> str:
+        """Have pactl do something, and return what it says."""
+        command = ["pactl", f"--server=unix:{self.socket}", *words]
+        done = subprocess.run(command, capture_output=True, text=True, check=True, timeout=30)
+        return done.stdout.strip()
+
+    def freeze(self, *, on: bool) -> None:
+        """Have the server stand still, or go on."""
+        assert self._server is not None
+        self._server.send_signal(signal.SIGSTOP if on else signal.SIGCONT)
+
+    def close(self) -> None:
+        """End the server and the recording."""
+        self._end(self._recorder)
+        self._end(self._server)
+
+    @staticmethod
+    def until(done: Callable[[], bool]) -> bool:
+        """Wait until something is done, 20 s at most, and tell whether it is."""
+        give_up_s = time.monotonic() + 20.0
+        while not done() and time.monotonic() < give_up_s:
+            time.sleep(0.02)
+        return done()
+
+    @staticmethod
+    def _end(process: subprocess.Popen[bytes] | None) -> None:
+        if process is not None:
+            process.kill()
+            process.wait()
+
+
+def _sound_missing() -> str:
+    missing = [tool for tool in ("pulseaudio", "parec", "pactl") if shutil.which(tool) is None]
+    try:
+        import sounddevice  # noqa: F401 - looks for PortAudio when it is imported
+    except (ImportError, OSError):
+        missing.append("sounddevice with PortAudio")
+    return ", ".join(missing)
+
+
+@pytest.fixture(scope="module")
+def null_sink(tmp_path_factory: pytest.TempPathFactory) -> Iterator[NullSink]:
+    """Real sound: PortAudio plays into a null sink, which can be listened to and killed."""
+    missing = _sound_missing()
+    if missing and os.environ.get(SOUND) != "required":
+        pytest.skip(f"real sound needs {missing}")
+    import sounddevice
+
+    folder = tmp_path_factory.mktemp("sound")
+    sink = NullSink(folder)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("HOME", str(folder))
+        patch.setenv("XDG_RUNTIME_DIR", str(folder))
+        patch.setenv("PULSE_SERVER", f"unix:{sink.socket}")
+        try:
+            sink.start()
+            sounddevice._terminate()
+            sounddevice._initialize()  # it lists the sound cards that there are now
+            yield sink
+        finally:
+            sink.close()

@@ -1,0 +1,412 @@
+"""The same inputs for the core in Python and for the firmware in C, drawn from a seed.
+
+Inputs are what a host, a bad line and an amplifier do: most questions are what a host would ask
+next, for only these come far.
+"""
+
+from __future__ import annotations
+
+import struct
+import zlib
+from typing import TYPE_CHECKING, Any, Final, TypeVar
+
+import numpy as np
+from cobs import cobs
+
+from device.core.core import DeviceCore
+from device.core.output import Emission, OutputStage
+from device.core.reports import TAPS, UNITS, About, Entropy, Health, Measurement
+from device.driver import Identity
+from device.limits import Limits
+from device.wire.codec import ANSWER
+from device.wire.endpoint import Endpoint
+from device.wire.frames import MINOR, VERSION
+from tests.system.firmware import (
+    READING,
+    LastBurst,
+    Server,
+    Told,
+    limits_of,
+    make,
+    require_tools,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+    from pathlib import Path
+
+_One = TypeVar("_One")
+
+DEVICE: Final[dict[str, Any]] = {
+    "model": "sixteen letters!",
+    "serial_number": "7",
+    "boot_id": 0x0102030405060708,
+    "sample_rate_hz": 44_100.0,
+    "bits": 16,
+    "ceiling_vpp": 150.0,
+    "longest_waveform": 40,
+    "emulated": True,
+    "slots": 3,
+    "memory_samples": 70,
+    "least_interval_us": 300,
+    "max_duty_ppm": 333_333,
+    "dc_tolerance_ppm": 20_000,
+    "longest_time_to_live_us": 600_000,
+    "data_window": 8,
+    "entropy": 1,
+    "firmware": "compared",
+}
+"""Small, so that its limits are met often."""
+HISTORY: Final = 3
+"""Tokens remembered: so few that they are forgotten often."""
+STEPS: Final = 250
+"""Inputs to one power cycle."""
+
+HELLO, PING, LIMITS, HEALTH = 0x01, 0x02, 0x03, 0x04
+BEGIN, DATA, COMMIT = 0x10, 0x11, 0x12
+LEVEL, OUTPUT, ARM, DISARM, FIRE, QUERY, MEASURED = 0x20, 0x21, 0x22, 0x23, 0x24, 0x25, 0x26
+STOP, BEAT = 0x30, 0x31
+WEIGHTS: Final = (
+    *((HELLO, 1), (PING, 1), (LIMITS, 1), (HEALTH, 3), (BEGIN, 2), (DATA, 3), (COMMIT, 2)),
+    *((LEVEL, 8), (OUTPUT, 12), (ARM, 22), (DISARM, 4), (FIRE, 24), (QUERY, 8), (MEASURED, 5)),
+    *((STOP, 1), (BEAT, 22), (0, 1)),
+)
+"""How often which question is asked; 0 stands for any type."""
+KINDS: Final = tuple(kind for kind, weight in WEIGHTS for _ in range(weight))
+PAUSES_US: Final = (
+    0,
+    0,
+    1,
+    7,
+    50,
+    299,
+    300,
+    301,
+    900,
+    1810,
+    2721,
+    30_000,
+    100_000,
+    499_999,
+    500_000,
+)
+TYPED: Final = (
+    (b"*IDN?\r X", b"\n"),
+    (b"*ID", b"N?\r\n"),
+    (b"*IDN?", b" ", b"\t\v\f\r\n"),
+    (b"*IDN?\n*I", b"DN?\n", b"\x80*IDN?\n"),
+)
+"""What somebody types, piece by piece."""
+SHORT_US: Final = (0, 0, 0, 1, 50, 300, 900)
+LEVELS_MVPP: Final = (0, 1, 75_000, 149_999, 150_000, 150_001, 151_000, 300_000, 2**32 - 1)
+LIVES_US: Final = (0, 1, 50, 5_000, 400_000, 600_000, 600_001, 2**32 - 1)
+
+
+class Host:
+    """Draws what happens next: the operation, its time and its bytes."""
+
+    def __init__(self, seed: int, device: Mapping[str, Any]) -> None:
+        self._rng = np.random.default_rng(seed)
+        self._words: list[int] = []
+        self._device = device
+        self._boot = device["boot_id"].to_bytes(8, "little")
+        self._now_us = 0
+        self._number = self._below(0x10000)
+        self._token = 1
+        self._waiting: list[tuple[int, bytes]] = []
+        self._typed: list[bytes] = []
+        self._last = b""
+        self._upload()
+
+    def _below(self, most: int) -> int:
+        if not self._words:
+            self._words = self._rng.integers(0, 2**62, 512).tolist()
+        return self._words.pop() % most
+
+    def _one_in(self, many: int) -> bool:
+        return self._below(many) == 0
+
+    def _of(self, some: Sequence[_One]) -> _One:
+        return some[self._below(len(some))]
+
+    def next(self) -> tuple[str, int, bytes]:
+        """Return an operation, its device time and its bytes."""
+        self._now_us += self._of(SHORT_US if self._waiting else PAUSES_US)
+        if not self._waiting and self._one_in(40):
+            return self._around()
+        if self._typed:
+            return "R", self._now_us, self._typed.pop(0)
+        kind, content = self._waiting.pop(0) if self._waiting else self._question()
+        return "R", self._now_us, self._on_the_line(self._frame(kind, content))
+
+    def _around(self) -> tuple[str, int, bytes]:
+        operation = self._of("HSSSM")
+        some = b""
+        if operation == "S":
+            some = bytes((self._below(8), self._below(8) & self._below(8)))
+        elif operation == "M" and not self._one_in(3):
+            some = bytes((1, 1)) + self._some(20)
+        return operation, self._now_us, some
+
+    def _some(self, size: int) -> bytes:
+        return bytes(self._below(256) for _ in range(size))
+
+    def _question(self) -> tuple[int, bytes]:
+        if self._one_in(15):
+            self._upload()
+            return self._waiting.pop(0)
+        if self._one_in(8):
+            self._play()
+            return self._waiting.pop(0)
+        kind = self._of(KINDS) or self._below(256)
+        return kind, self._content(kind)
+
+    def _content(self, kind: int) -> bytes:
+        match kind:
+            case 0x22:  # ARM
+                self._token += self._of((1, 1, 1, 1, 0, 2))
+                token = 0 if self._one_in(30) else self._token
+                slot, life_us = self._of((0, 0, 0, 1, 1, 2, 3)), self._of(LIVES_US)
+                content = struct.pack("<QBI", token, slot, life_us)
+            case 0x23 | 0x24 | 0x25 | 0x26:  # DISARM, FIRE, QUERY, MEASURED
+                token = max(0, self._token - self._of((0, 0, 0, 0, 1, 2, 3, 8, 15)))
+                odd = self._of((0, 2**64 - 1)) if self._one_in(50) else token
+                content = struct.pack("<Q", odd)
+            case 0x20:  # LEVEL
+                content = struct.pack("<II", self._of(LEVELS_MVPP), self._of(LEVELS_MVPP))
+            case 0x01:  # HELLO
+                content = struct.pack("<Q", self._of((0, 1, self._below(2**62))))
+            case 0x10:  # BEGIN
+                content = struct.pack("<BI", self._below(4), self._of((0, 1, 4, 40, 41)))
+            case 0x11:  # DATA
+                some = self._some(self._of((32, 16, 4)))
+                content = self._data(self._number, 32 * self._below(3), some)
+            case 0x12:  # COMMIT
+                content = struct.pack("<BI", self._below(4), 0)
+            case _:
+                content = b""
+        return content
+
+    def _data(self, number: int, offset: int, octets: bytes) -> bytes:
+        return struct.pack("<HI", number, offset) + octets
+
+    def _upload(self) -> None:
+        """Have a waveform sent next, in pieces: most are good."""
+        n_samples = self._of((1, 2, 8, 16, 25, 39, 40))
+        octets = self._waveform(n_samples) + self._waveform(n_samples)
+        slot = bytes([self._of((0, 0, 1, 1, 2))])
+        number = (self._number + 1) & 0xFFFF
+        pieces = [
+            (DATA, self._data(number, offset, octets[offset : offset + 32]))
+            for offset in range(0, len(octets), 32)
+        ]
+        if self._one_in(3):
+            pieces.reverse()
+        if self._one_in(10):
+            pieces.pop()
+        crc = zlib.crc32(octets).to_bytes(4, "little")
+        begin = BEGIN, slot + n_samples.to_bytes(4, "little")
+        self._waiting = [begin, *pieces, (COMMIT, slot + crc)]
+
+    def _play(self) -> None:
+        """Have two bursts played next, as soon after each other as may be."""
+        level = self._of((0, 1, 75_000, 75_000, 149_999)).to_bytes(4, "little")
+        bursts = []
+        for _ in range(2):
+            self._token += 1
+            token = self._token.to_bytes(8, "little")
+            slot = bytes([self._of((0, 1))])
+            bursts += [(ARM, token + slot + (5_000).to_bytes(4, "little")), (FIRE, token)]
+        self._waiting = [(LEVEL, level + level), (OUTPUT, b""), *bursts]
+
+    def _waveform(self, n_samples: int) -> bytes:
+        peak = self._of((0, 1, 100, 16_384, 32_767))
+        codes = np.rint(peak * np.sin(np.arange(n_samples) * 2 * np.pi / max(1, n_samples - 1)))
+        if n_samples > 4 and self._one_in(4):  # at the edge of what counts as DC
+            codes[1 + self._below(n_samples - 2)] += self._of((-1, 1)) * (peak // 4)
+        if self._one_in(12):
+            codes[self._below(n_samples)] = self._of((1, -1, 32_767, -32_767, -32_768))
+        octets: bytes = codes.astype("<i2").tobytes()
+        return octets
+
+    def _frame(self, kind: int, content: bytes) -> bytes:
+        if self._last and self._one_in(15):
+            return self._last  # the same again: its answer was lost
+        boot = self._boot
+        if self._one_in(60):
+            boot = self._some(self._of((8, 8, 7, 0)))
+        elif kind == HELLO:
+            boot = b""
+        if self._one_in(60):
+            content = content[: self._below(len(content) + 1)] + self._some(self._below(3))
+        number = self._number
+        if kind not in {DATA, BEAT} and self._one_in(20):
+            number = (number + self._of((0, 0xFFFF, 0x8000, 0x8001))) & 0xFFFF  # from before
+        elif kind not in {DATA, BEAT}:
+            number = self._number = (number + self._of((*(1,) * 50, 2, 0x7FFF))) & 0xFFFF
+        version = VERSION if not self._one_in(300) else self._below(4)
+        body = bytes([version, kind]) + number.to_bytes(2, "little") + boot + content
+        coded: bytes = cobs.encode(body + zlib.crc32(body).to_bytes(4, "little"))
+        self._last = b"\0" + coded + b"\0"
+        return self._last
+
+    def _on_the_line(self, frame: bytes) -> bytes:
+        """Return what arrives of a frame: with noise, twice, cut short, damaged; mostly itself."""
+        at, noise = self._below(len(frame)), self._some(self._below(3))
+        match self._below(100):
+            case 0:
+                frame = frame[:at] + noise + frame[at + 1 :]
+            case 1:
+                frame += frame
+            case 2:
+                frame = frame[:at]
+            case 3:
+                self._typed = list(self._of(TYPED))
+            case 4:
+                frame += self._of((b"*IDN?\n", b"*IDN? \t\r\n*IDN?\n", b"\n*IDN?\nx\n"))
+            case 5:
+                frame = self._some(self._below(130)) + frame
+        return frame
+
+
+class Reference:
+    """The core in Python behind the same operations."""
+
+    def __init__(self, device: Mapping[str, Any]) -> None:
+        self._reading: tuple[int, ...] | None = None
+        self._emitted: Emission | None = None
+        self._crc = (0, 0)
+        limits = Limits(
+            ceiling_vpp=device["ceiling_vpp"],
+            least_interval_s=device["least_interval_us"] / 1e6,
+            max_duty=device["max_duty_ppm"] / 1e6,
+            longest_waveform=device["longest_waveform"],
+            slots=device["slots"],
+            memory_samples=device["memory_samples"],
+            dc_tolerance=device["dc_tolerance_ppm"] / 1e6,
+            longest_time_to_live_s=device["longest_time_to_live_us"] / 1e6,
+        )
+        self._core = DeviceCore(
+            boot_id=device["boot_id"],
+            limits=limits,
+            output=OutputStage(
+                sample_rate_hz=device["sample_rate_hz"],
+                bits=device["bits"],
+                rail_v=device["ceiling_vpp"] / 2,
+            ),
+            sink=self._emit,
+            measure=self._measure,
+            about=About(
+                firmware=device["firmware"],
+                entropy=tuple(Entropy)[device["entropy"]],
+                data_window=device["data_window"],
+            ),
+            history=HISTORY,
+        )
+        self._endpoint = Endpoint(
+            self._core,
+            Identity(
+                model=device["model"],
+                serial_number=device["serial_number"],
+                boot_id=device["boot_id"],
+                protocol_version=f"{VERSION}.{MINOR}",
+                sample_rate_hz=device["sample_rate_hz"],
+                bits=device["bits"],
+                channels=2,
+                ceiling_vpp=device["ceiling_vpp"],
+                longest_waveform=device["longest_waveform"],
+                emulated=device["emulated"],
+            ),
+        )
+
+    def _emit(self, burst: Emission) -> None:
+        self._emitted = burst
+
+    def _measure(self, burst: Emission) -> Measurement | None:
+        if self._reading is None:
+            return None
+        tap, unit, left, right, offset, uncertainty, correlation, other = self._reading
+        return Measurement(
+            token=burst.token, tap=TAPS[tap], unit=UNITS[unit], left=left, right=right,
+            onset_offset_us=offset, onset_uncertainty_us=uncertainty,
+            correlation_left=correlation, correlation_right=other,
+        )  # fmt: skip
+
+    def take(self, operation: str, now_us: int, some: bytes) -> tuple[bytes, LastBurst]:
+        """Return what is answered, and the last burst."""
+        answer = b""
+        self._core.advance(now_us)  # as an emulator does, and server.c, whatever arrives
+        if operation == "R":
+            answer = self._endpoint.receive(now_us, some)
+        elif operation == "H":
+            self._endpoint.hang_up(now_us)
+        elif operation == "S":
+            self._core.sense(now_us, Health.of_bits(known=some[0], set_bits=some[1]))
+        else:
+            self._reading = reading_of(some)
+        return answer, self._burst()
+
+    def _burst(self) -> LastBurst:
+        last = self._core._last
+        if last is None:
+            return LastBurst(0, 0, 0, 0, 0, 0, 0)
+        if last.token != self._crc[0]:
+            full = 2 ** (self._core.output.bits - 1) - 1
+            volts = np.concatenate((last.left_v, last.right_v))
+            steps = np.rint(volts * full / self._core.output.rail_v).astype("<i4")
+            self._crc = last.token, zlib.crc32(steps.tobytes())
+        ended = self._emitted
+        cut = ended is not None and ended.token == last.token and ended.cut_us is not None
+        levels = round(last.level_left_vpp * 1000), round(last.level_right_vpp * 1000)
+        return LastBurst(
+            last.token, last.start_us, last.duration_us, *levels, int(cut), self._crc[1]
+        )
+
+
+def reading_of(some: bytes) -> tuple[int, ...] | None:
+    """Return the numbers of a reading; None is no monitor."""
+    return READING.unpack(some) if some else None
+
+
+def small_server(folder: Path) -> Server:
+    """Return the firmware with the limits that `compare` needs, with sanitizers."""
+    require_tools("gcc", "make")
+    make(folder, "server", sanitize=True, HISTORY=HISTORY, **limits_of(DEVICE))
+    return Server(folder / "server")
+
+
+def compare(server: Server, seed: int, steps: int = STEPS) -> set[tuple[int, int]]:
+    """Give both one power cycle; return the types of questions with the refusals that were told.
+
+    Raises AssertionError with the seed and the number of the input where they differ.
+    """
+    host, reference, script = Host(seed, DEVICE), Reference(DEVICE), []
+    server.switch_on(DEVICE)
+    for _ in range(steps):
+        operation, now_us, some = host.next()
+        script.append((operation, now_us, some, *reference.take(operation, now_us, some)))
+        if operation == "M":
+            server.read_from_now_on(now_us, reading_of(some))
+        elif operation == "S":
+            server.sense(now_us, *some)
+        elif operation == "H":
+            server.hang_up(now_us)
+        else:
+            server.receive(now_us, some)
+    met = set()
+    for number, (step, told) in enumerate(zip(script, server.told(), strict=True)):
+        require_same(seed, number, step, told)
+        if told.frames:
+            body = cobs.decode(told.frames.split(b"\0", 2)[1])
+            met.add((body[1] - ANSWER, body[4]))
+    return met
+
+
+def require_same(
+    seed: int, number: int, step: tuple[str, int, bytes, bytes, LastBurst], told: Told
+) -> None:
+    """Say where they differ."""
+    operation, now_us, some, answer, burst = step
+    where = f"seed {seed}, input {number}: {operation} at {now_us} us: {some.hex(' ')}"
+    assert told.frames + told.text == answer, f"{where}\n C: {told}\nPy: {answer.hex(' ')}"
+    assert told.burst == burst, f"{where}\n C: {told.burst}\nPy: {burst}"
