@@ -198,7 +198,7 @@ GROUP_COVERS: Final = (
     "interval covered 87 to 97 % of true means from .1 to .98, of five very steep people as little "
     "as 86 %, and of means above .99 as little as 79 %."
 )
-"""What a reader of the interval has to know; measured as docs/explanation/evidence.md tells."""
+"""What a reader of the interval has to know; measured as docs/statistics.md tells."""
 
 FAR_LIMIT: Final = (
     "of the mean of people like these; of few people the upper limit near 0 and the lower near 1 "
@@ -254,7 +254,7 @@ D_PRIME_APART: Final = (
     "which up to nine in ten stimuli are felt. Above, d' depends little on the level and mostly "
     "on the false alarms: it looks higher where these are fewer."
 )
-"""How to read d' of two conditions, as simulated (docs/explanation/evidence.md)."""
+"""How to read d' of two conditions, as simulated (docs/statistics.md)."""
 
 D_PRIME: Final = (
     "d' compares what was felt at a level with what was felt of blank trials; unlike a proportion, "
@@ -305,7 +305,7 @@ LAPSES_ERROR: Final = (
     "in simulations of people who miss up to 10 % of what is surely felt the group's threshold was "
     "between 0.3 dB too low and 0.6 dB too high"
 )
-"""What many such functions mean for the group (docs/explanation/evidence.md)."""
+"""What many such functions mean for the group (docs/statistics.md)."""
 
 LAPSES_MANY: Final = (
     "no reason to leave a threshold out; so many are usual where few trials lie above the "

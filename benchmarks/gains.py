@@ -223,7 +223,7 @@ def distribution() -> list[str]:
 
 
 REASONS: Final = """\
-What takes more than wanted, and why: [decision 11](decisions/0011-time-of-a-gain-matrix.md).
+What takes more than wanted, and why: [decision 11](decisions.md#11-time-of-a-gain-matrix).
 """
 
 

@@ -403,7 +403,7 @@ _WORDS: Final = (
     "stimuli x trials of each; unless told there is one place, and a table has five people. "
     "Columns: per cent of tables with p < 0.05 of `felt`, `correct` and `side`, of sessions with "
     "that of a `drift`, of tables with that of `felt` against [random orders of whole "
-    "trials](explanation/evidence.md#serial-effects); the mean `difference` of `felt`. 95 % limits "
+    "trials](statistics.md#13-simulated-studies); the mean `difference` of `felt`. 95 % limits "
     "(Wilson) of 5 % are 3.3 to 7.6 % by 400 tables and 2.7 to 9.0 % by 200, of 50 % 45 to 55 and "
     "43 to 57 %; those of a drift are narrower."
 )

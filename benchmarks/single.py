@@ -186,7 +186,7 @@ def section() -> str:
             (
                 "1.5 ms was asked for. Why loads beside the centre line take longer, more of them "
                 "add little, and held edges with free ends take longer: [decision "
-                "8](decisions/0008-one-frequency.md). "
+                "8](decisions.md#8-one-frequency-of-a-held-strip-with-free-ends). "
                 f"Endless steel and glass take at most {_most_alike(found):.2f} times as long as "
                 "aluminium."
             ),

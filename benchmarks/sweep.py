@@ -218,7 +218,8 @@ def section() -> str:
                 "Five times the exponentials was asked for. More is needed for a load off the "
                 "centre line between springs (two symmetries, whose roots are sought at each "
                 "node), and above some eleven first cut-offs of a clamped strip. Why loss and a "
-                "cut-off cost no more: [decision 8](decisions/0008-one-frequency.md). "
+                "cut-off cost no more: [decision "
+                "8](decisions.md#8-one-frequency-of-a-held-strip-with-free-ends). "
                 f"Steel and glass take at most {_most_alike(found):.2f} times as long as "
                 "aluminium, and the supported strip across as below."
             ),

@@ -1,7 +1,7 @@
 r"""Run what a page of docs/ shows, and compare or rewrite what it prints.
 
 ``python docs/_ext/pages.py docs/tutorial.md`` runs a page and rewrites printouts and pictures;
-tests/test_pages.py runs them all and compares. A page lives in one empty folder, with tactstrip on
+tests/system/test_docs.py runs them all and compares. A page lives in one empty folder, with tactstrip on
 the PATH, 80 columns and no colour. In it
 
 - a ``console`` block is run: a line ``$ command`` by a bash of its own (a ``\`` at its end goes on

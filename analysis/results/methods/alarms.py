@@ -29,7 +29,7 @@ _COVERED: Final = (
     "most 6 %, and above the upper one in none of the studies of 6 people and in at most 4 % of "
     "those of 12, instead of 2.5 % each"
 )
-"""As docs/explanation/evidence.md has it; pasted only into a study of such people and trials."""
+"""As docs/statistics.md has it; pasted only into a study of such people and trials."""
 _SIMULATED_PEOPLE: Final = range(6, 13)
 _SIMULATED_BLANKS: Final = 20
 _FEW_PEOPLE: Final = 10
