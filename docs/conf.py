@@ -67,6 +67,8 @@ sphinx_gallery_conf = {
 }
 
 html_theme = "pydata_sphinx_theme"
+templates_path = ["_templates"]
+html_sidebars = {"**": ["contents.html"]}
 html_static_path = ["_static"]
 html_css_files = ["tactstrip.css"]
 html_extra_path = ["reference/_site"]
@@ -76,7 +78,7 @@ html_show_sourcelink = False
 html_copy_source = False
 html_theme_options = {
     "show_prev_next": True,
-    "header_links_before_dropdown": 6,
+    "navbar_center": [],
     "navigation_with_keys": False,
     "navbar_end": ["theme-switcher"],
     "footer_start": ["copyright"],
