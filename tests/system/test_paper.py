@@ -93,21 +93,13 @@ def test_figures_4_and_8_peak_at_the_cut_off_and_have_30_db_up_to_1_khz(
     assert -10 < mean_db(script) - 30.0 < -5
 
 
-@pytest.mark.parametrize(
-    ("script", "paper_um", "low", "high"),
-    [
-        # layer data are good to a factor of 1.5 to 2 at best
-        (ONE_DISC, 1.0, 1 / 1.5, 1.5),
-        (TWO_DISCS, 2.6, 1 / 1.5, 1.5),
-        # a patch with a free rim has the smallest moment
-        (UPRIGHT, 2.8, 1.5, 2),
-        (FLAT, 1.0, 1.2, 1.5),
-    ],
-)
-def test_amplitudes_of_figures_5_6_9_and_10_are_met_within_a_factor(
-    script: str, paper_um: float, low: float, high: float
-) -> None:
-    assert low < paper_um / centre_um(script) < high
+def test_amplitudes_of_figures_5_6_9_and_10_are_met_within_a_factor() -> None:
+    # layer data are good to a factor of 1.5 to 2 at best
+    assert 1 / 1.5 < 1.0 / centre_um(ONE_DISC) < 1.5
+    assert 1 / 1.5 < 2.6 / centre_um(TWO_DISCS) < 1.5
+    # a patch with a free rim has the smallest moment
+    assert 1.5 < 2.8 / centre_um(UPRIGHT) < 2
+    assert 1.2 < 1.0 / centre_um(FLAT) < 1.5
 
 
 def test_figures_5_and_6_leave_the_rest_at_rest_and_are_not_one_linear_plate() -> None:
@@ -115,7 +107,6 @@ def test_figures_5_and_6_leave_the_rest_at_rest_and_are_not_one_linear_plate() -
     assert two.plate.at(0.035) < 0.02 * two.centres_m[0]
     assert two.across_m < 1e-3 * two.centres_m[1]
     assert centre_um(TWO_DISCS) / centre_um(ONE_DISC) == pytest.approx(2.0, rel=1e-4)
-    assert 2.6 / 1.0 > 1.25 * 2.0
 
 
 def test_figures_9_and_10_peak_at_the_centre_and_differ_as_in_the_paper() -> None:

@@ -132,7 +132,10 @@ class Documented(NamedTuple):
 
     name: str
     value: Any
-    sections: NumpyDocString
+
+    @property
+    def sections(self) -> NumpyDocString:
+        return NumpyDocString(inspect.getdoc(self.value) or "")
 
     def names(self) -> set[str]:
         """The parameters and attributes that the docstring describes."""
@@ -141,14 +144,10 @@ class Documented(NamedTuple):
         return {name.strip().lstrip("*") for entry in entries for name in entry.name.split(",")}
 
 
-def documented(name: str, value: Any) -> Documented:
-    return Documented(name, value, NumpyDocString(inspect.getdoc(value) or ""))
-
-
 def public() -> list[Documented]:
     python = module("api.python")
     return [
-        documented(f"{package}.{name}", getattr(importlib.import_module(package), name))
+        Documented(f"{package}.{name}", getattr(importlib.import_module(package), name))
         for package in python.PACKAGES
         for name in python.names(package)
     ]
@@ -162,7 +161,7 @@ def routines() -> list[Documented]:
     """Every public function, and every method that the page of a class shows."""
     functions = [entry for entry in public() if inspect.isroutine(entry.value)]
     methods = [
-        documented(f"{entry.name}.{member}", getattr(entry.value, member))
+        Documented(f"{entry.name}.{member}", getattr(entry.value, member))
         for entry in classes()
         for member in module("api.python").shown(*entry.name.split("."), entry.value)
     ]

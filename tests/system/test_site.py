@@ -40,11 +40,8 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def pages(site: Path) -> list[Path]:
-    return [
-        page
-        for page in sorted(site.rglob("*.html"))
-        if not any(part.startswith("_") for part in page.relative_to(site).parts)
-    ]
+    every = sorted(site.rglob("*.html"))
+    return [page for page in every if "/_" not in f"/{page.relative_to(site).as_posix()}"]
 
 
 class Links(HTMLParser):
