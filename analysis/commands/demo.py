@@ -49,20 +49,6 @@ Now and then one of them is driven for 2 ms, and you say which: {left} or {right
 Here nothing moves, so guess."""
 placement = "This is where you would lay your fingers on the plate."
 '''
-SIMULATED: Final = """\
-# The same plate and burst. Levels lie on both sides of the threshold that simulated people are
-# assumed to have, and "none" is an answer: so a threshold can come out, and false alarms.
-[study]
-name = "demo-simulated"
-
-[design]
-levels_vpp = [30, 42, 59, 83, 117]
-trials_per_side = 50
-both_trials = 0
-blank_trials = 50
-order = "balanced"
-responses = ["left", "right", "none"]
-"""
 SESSION: Final = ("run", "study.toml", "--participant", "01", "--practice-without-device")
 CUT_IN_TRIAL: Final = 3
 _SHOWN_OF_CHECK: Final = ("strip", "cut-off", "burst", "above", "left", "right", "verdict")
@@ -138,14 +124,13 @@ def _tell(folder: Path, *, kept: bool) -> None:
     _print_trials(folder / "results" / "sub-01" / "ses-01" / "trials.csv")
     click.echo(_told(folder, "Comparing", "verify", "results").rstrip())
 
-    _head("5. An analysis: the answer of five simulated people, 750 trials.")
-    (folder / "simulated.toml").write_text(SIMULATED, encoding="utf-8")
-    words = ("dry-run", "simulated.toml", "--seed", "7", "--out", "simulated")
+    _head("5. An analysis: the results of five simulated participants, 1075 trials.")
+    words = ("dry-run", "--seed", "7", "--out", "simulated")
     answer = _told(folder, "Simulating", *words).split("\n\n")[:2]  # files have the rest
     click.echo("\n\n".join(answer))
     click.echo(
-        "\nThe people are simulated, so that what should come out is known: the median that\n"
-        "is assumed above, which should lie within the interval."
+        "\nThe participants are simulated, so the true median threshold is known: it is printed\n"
+        "above as assumed, and should lie within the interval."
     )
 
 

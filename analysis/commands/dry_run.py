@@ -62,18 +62,18 @@ def dry_run(
 ) -> None:
     """Run simulated participants on the mock device, then analyze their sessions.
 
-    Without STUDY it is the paper's protocol, whose levels lie above the threshold that is assumed:
-    it gives a bound. The same seed gives the same trials.csv.
+    Without STUDY, an example study is used whose levels lie on both sides of the simulated
+    participants' threshold. The same seed gives the same trials.csv.
     """
     from analysis.commands.analyze import write_analysis
     from analysis.results.console import print_analysis
     from experiment.preview.check import require_fit
-    from experiment.study.read import paper_study, read_study
+    from experiment.study.read import FIRST_STUDY, read_study
     from experiment.study.simulated import people_words, unmeasured_words
     from experiment.study.study import told_by_file
 
     with working("Checking"), told_by_file(study_file):
-        study = paper_study() if study_file is None else read_study(study_file)
+        study = read_study(study_file or FIRST_STUDY)
         check = require_fit(study)
     folder = new_folder(out)
     seed = secrets.randbits(32) if seed is None else seed
