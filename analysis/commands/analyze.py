@@ -125,45 +125,50 @@ def _bar(sources: Sequence[InputTable]) -> AbstractContextManager[Iterable[Input
 @click.option(
     "--out",
     type=click.Path(path_type=Path),
-    help="Folder for the results.  [default: analysis in the one folder given; for files, several "
-    "folders, a BIDS data set or a table made elsewhere ./analysis]",
+    show_default="PATH/analysis for a single folder of sessions, ./analysis otherwise",
+    help="Folder for the results.",
 )
 @click.option(
-    "--columns", type=click.Path(path_type=Path), help="MAP.toml for a table made elsewhere."
+    "--columns",
+    type=click.Path(path_type=Path),
+    help="Column map of external tables. `tactstrip columns` proposes one.",
 )
 @click.option(
     "--ci",
     type=click.Choice(METHODS),
     default=METHODS[0],
     show_default=True,
-    help="Interval of each participant's proportion.",
+    help="Method for the 95 % interval of each participant's proportions.",
 )
 @click.option(
     "--allow-simulated",
     is_flag=True,
-    help="Accept simulated sessions beside real ones, and people without a device.",
+    help="Accept simulated sessions together with real ones, and practice without a device.",
 )
 @click.option(
     "--accept-altered",
     is_flag=True,
-    help="Accept sessions that are not as they were recorded; every output says so.",
+    help="Accept modified sessions. Every output is marked accordingly.",
 )
 @click.option(
     "--seed",
     type=click.IntRange(min=0),
+    metavar="N",
     default=0,
     show_default=True,
-    help="Of the bootstrap and the permutations; kept in summary.json.",
+    help="Seed of the bootstrap and the permutation tests, saved in summary.json.",
 )
 @click.option(
     "--population",
     is_flag=True,
-    help="Fit all participants of a condition as one population, too; refused where blank trials "
-    "show a guess rate above 0.03, or who felt nothing had to guess.",
+    help="Also fit all participants of a condition as one population. Not available for a guess "
+    "rate above 0.03 or for forced choice.",
 )
-@click.option("--strict", is_flag=True, help="Exit with 1 if there is a warning.")
-@click.option("--pdf", is_flag=True, help="Write each figure as PDF, too, as journals ask for it.")
-@click.option("--no-figures", is_flag=True, help="Draw nothing; the report has tables only.")
+@click.option("--strict", is_flag=True, help="Exit with code 1 if there is a warning.")
+@click.option("--pdf", is_flag=True, help="Also write each figure as PDF.")
+@click.option(
+    "--no-figures", is_flag=True, help="Write no figures. The report contains tables only."
+)
 @refusals
 def analyze(
     paths: tuple[Path, ...],
@@ -179,11 +184,11 @@ def analyze(
     pdf: bool,
     no_figures: bool,
 ) -> None:
-    """Turn result CSVs or folders into tables, figures and a report.
+    """Analyze result files and write tables, figures and a report.
 
-    Of a folder, all sub-*/ses-*/trials.csv are read; with --columns all its .csv and .tsv files.
-    Each session is compared with the journal beside it, and what tactstrip verify would name ends
-    the command with 2; a table without a journal is analyzed and marked.
+    PATH is a file or a folder. In a folder, tactstrip reads every sub-*/ses-*/trials.csv, or with
+    --columns every .csv and .tsv file. It verifies each session against its journal, and stops with
+    exit code 2 if a session was modified. A table without a journal is analyzed and marked.
     """
     from analysis.reading.foreign.columns import load_column_map
     from analysis.results.console import print_analysis

@@ -204,14 +204,15 @@ def _fitting(line: str) -> str:
 
 @click.command(epilog="Example: tactstrip audit table.csv")
 @click.argument("table", metavar="TABLE.csv", type=click.Path(path_type=Path))
-@click.option("--json", "as_json", is_flag=True, help="Print one JSON object instead.")
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON object instead of text.")
 @refusals
 def audit(table: Path, *, as_json: bool) -> None:
-    """Tell which rows of a printed table of proportions are impossible.
+    """Check whether a published table of proportions is arithmetically possible.
 
-    Columns: level_vpp, level or label; min, mean and max over participants as printed; if known n,
-    stimuli of each participant (30, or 20-40), and participants. Exit 1 if a row is impossible
-    whether its numbers were rounded or truncated.
+    The columns min, mean and max hold the proportions over participants as printed; level_vpp,
+    level or label names the row. Optional columns are participants and n, the number of stimuli per
+    participant (such as 30 or 20-40). The exit code is 1 if a row is impossible both with rounding
+    and with truncation.
     """
     from analysis.audit.rows import audit as audit_rows
 

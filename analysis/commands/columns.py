@@ -20,14 +20,16 @@ from experiment.terms.exits import CommandError, refusals
     "target",
     metavar="MAP.toml",
     type=click.Path(path_type=Path),
-    help="A new file for analyze --columns MAP.toml.  [default: the terminal]",
+    show_default="print to the terminal",
+    help="New file for the column map.",
 )
 @refusals
 def columns(*, tables: tuple[Path, ...], target: Path | None) -> None:
-    """Draft the map of tables made elsewhere.
+    """Propose a column map for an external table.
 
-    TABLE is a file, a folder of such or a BIDS data set; several are all of one form. What is
-    guessed is called so; what is empty must be filled in before analyze takes the map.
+    TABLE is a file, a folder of files or a BIDS data set. All tables must have the same layout. In
+    the map, review the lines marked `# guess`, and fill in those marked `# FILL IN`. Then pass the
+    map to `tactstrip analyze --columns`.
     """
     from analysis.reading.drafted.draft import NOTE, map_draft
     from analysis.reading.sources import TABLE, find_sources

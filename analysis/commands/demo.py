@@ -63,15 +63,16 @@ _QUESTION_SEEN_S: Final = 0.15
     "--out",
     type=click.Path(path_type=Path, file_okay=False),
     metavar="DIR",
-    help="A new folder, which is kept.  [default: a temporary one, removed at the end]",
+    show_default="a temporary folder, deleted at the end",
+    help="New folder for the files of the demonstration.",
 )
 @refusals
 def demo(*, out: Path | None) -> None:
-    """Show what a session is, in two minutes at this terminal.
+    """Demonstrate a session in two minutes at this terminal.
 
-    A burst is checked, six trials are answered with the arrow keys, the session is killed in its
-    midst and resumed, its record is verified, and simulated people are analyzed. Nothing is opened,
-    no device, no sound, no window, and nothing moves.
+    The demonstration checks a burst and presents six trials, which you answer with the arrow keys.
+    It kills the session halfway and resumes it, verifies the record, and analyzes simulated
+    participants. It opens no device, plays no sound, and moves nothing.
     """
     if os.name != "posix" or not all(s and s.isatty() for s in (sys.stdin, sys.stdout)):
         raise CommandError(

@@ -36,20 +36,28 @@ _WIDTH = 80
     default=5,
     show_default=True,
     metavar="N",
-    help="How many are simulated.",
+    help="Number of simulated participants.",
 )
-@click.option("--seed", type=click.IntRange(min=0), help="Random by default, printed.")
+@click.option(
+    "--seed",
+    type=click.IntRange(min=0),
+    metavar="N",
+    show_default="random, printed",
+    help="Seed of the trial plans and of the simulated participants.",
+)
 @click.option(
     "--out",
     type=click.Path(path_type=Path, file_okay=False),
     metavar="DIR",
-    help="A new folder.  [default: dry-run-1, dry-run-2, ...]",
+    show_default="the next free dry-run-N",
+    help="New or empty folder for the sessions and the analysis.",
 )
 @click.option(
     "--levels",
     "with_levels",
     is_flag=True,
-    help="Take the sessions for pilots, too: levels for each participant, what they are worth.",
+    help="Also choose stimulus levels from each session, as `tactstrip levels` does from a pilot "
+    "session, and print their expected error.",
 )
 @refusals
 def dry_run(
@@ -60,10 +68,10 @@ def dry_run(
     out: Path | None,
     with_levels: bool,
 ) -> None:
-    """Run simulated participants on the mock device, then analyze their sessions.
+    """Simulate participants on the mock device and analyze their sessions.
 
-    Without STUDY, an example study is used whose levels lie on both sides of the simulated
-    participants' threshold. The same seed gives the same trials.csv.
+    Without STUDY, tactstrip runs an example study, whose levels lie on both sides of the simulated
+    threshold. The same seed reproduces every trials.csv.
     """
     from analysis.commands.analyze import write_analysis
     from analysis.results.console import print_analysis

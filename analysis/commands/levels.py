@@ -21,25 +21,29 @@ if TYPE_CHECKING:
 
 @click.command(epilog="Example: tactstrip levels results --participant 01 --write levels-01.toml")
 @click.argument("folder", metavar="DIR", type=click.Path(path_type=Path))
-@click.option("--participant", required=True, metavar="ID", help="Whose pilot session.")
+@click.option(
+    "--participant", required=True, metavar="ID", help="Participant of the pilot session."
+)
 @click.option(
     "--study",
     "study_file",
     metavar="STUDY",
     type=click.Path(path_type=Path),
-    help="The study to be run: its device, trials and levels.  [default: the pilot's]",
+    show_default="that of the pilot session",
+    help="Study to choose levels for. It determines the highest level and the number of trials.",
 )
 @click.option(
     "--write",
     "target",
     metavar="FILE",
     type=click.Path(path_type=Path),
-    help=f"A new file for run --levels FILE; its name ends in {LEVELS_SUFFIX}.",
+    help=f"New {LEVELS_SUFFIX} file for the levels, for use with `tactstrip run --levels`.",
 )
 @click.option(
     "--condition",
     metavar="NAME",
-    help="The one whose levels --write takes.  [default: each condition has its own]",
+    show_default="all conditions",
+    help="Condition whose levels --write saves.",
 )
 @refusals
 def levels(
@@ -50,10 +54,11 @@ def levels(
     target: Path | None,
     condition: str | None,
 ) -> None:
-    """Place five levels on a participant's own psychometric function, in each condition.
+    """Choose stimulus levels from a participant's pilot session.
 
-    DIR holds a pilot session: about 40 single stimuli over a wide range of levels. Simulated ones
-    need no option; what is printed and written says that its levels are for no person.
+    DIR holds a pilot session with about 40 single stimuli over a wide range of levels. For each
+    condition, tactstrip fits the psychometric function and chooses five levels. Levels from a
+    simulated session are marked as such.
     """
     from analysis.reading.load import read_trials
     from analysis.thresholds.levels import LevelsError, place_levels

@@ -42,10 +42,10 @@ _IN_SECONDS_S = 55.0
 
 
 _GROUPS = {
-    "What is asked": ("goal_text", "participants", "assurance"),
-    "The design": ("trials", "blanks", "levels"),
-    "The people": ("pilot", "columns", "whose"),
-    "Where it is computed": ("seed", "workers", "scheduler", "keep"),
+    "Goal": ("goal_text", "participants", "assurance"),
+    "Design": ("trials", "blanks", "levels"),
+    "Population": ("pilot", "columns", "population"),
+    "Computation": ("seed", "workers", "scheduler", "keep"),
 }
 
 
@@ -59,7 +59,7 @@ class _Grouped(click.Command):
         for title, names in _GROUPS.items():
             with formatter.section(title):
                 formatter.write_dl([told.pop(name) for name in names])
-        with formatter.section("What is told"):
+        with formatter.section("Output"):
             formatter.write_dl([*told.values()])
 
 
@@ -131,7 +131,14 @@ def _predicted(least_s: float, most_s: float) -> str:
 
 @click.command(
     cls=_Grouped,
-    epilog="Example: tactstrip power study.toml --people literature --participants 12 12",
+    epilog="""\b
+    Goals (--goal):
+      half-width=1dB     The interval of the group's threshold is at most +-1 dB.
+      difference=1dB     A difference of 1 dB between two conditions is detected.
+      detection=10%@95V  The detection probability at 95 V is known to +-10 %.
+      false-alarms=5%    The false-alarm rate is shown to be below 5 %.
+
+    Example: tactstrip power study.toml --people literature --participants 12 12""",
 )
 @click.argument("study_file", metavar="STUDY", type=click.Path(path_type=Path))
 @click.option(
@@ -140,7 +147,7 @@ def _predicted(least_s: float, most_s: float) -> str:
     default="half-width=1dB",
     show_default=True,
     metavar="GOAL",
-    help="half-width=1dB, difference=1dB (of either sign), detection=10%@95V or false-alarms=5%.",
+    help="Goal that a study must reach (see below).",
 )
 @click.option(
     "--participants",
@@ -148,29 +155,32 @@ def _predicted(least_s: float, most_s: float) -> str:
     nargs=2,
     default=(2, 40),
     show_default=True,
-    metavar="LEAST MOST",
-    help="Numbers of people to try.",
+    metavar="MIN MAX",
+    help="Range of the number of participants.",
 )
 @click.option(
     "--trials",
     type=click.IntRange(1, _MOST_TRIALS),
     nargs=2,
-    metavar="LEAST MOST",
-    help="Trials of each side to try.  [default: the study's]",
+    metavar="MIN MAX",
+    show_default="that of the study",
+    help="Range of the number of trials per side.",
 )
 @click.option(
     "--blanks",
     type=click.IntRange(1, _MOST_TRIALS),
     nargs=2,
-    metavar="LEAST MOST",
-    help="Blank trials to try.  [default: the study's]",
+    metavar="MIN MAX",
+    show_default="that of the study",
+    help="Range of the number of blank trials.",
 )
 @click.option(
     "--levels",
     type=click.Choice(["fixed", "placed"]),
     default="fixed",
     show_default=True,
-    help="The study's, or placed for each person, in each condition, after a pilot of 40 stimuli.",
+    help="Use the levels of the study (fixed), or levels chosen for each participant and condition "
+    "from a simulated pilot of 40 stimuli (placed).",
 )
 @click.option(
     "--assurance",
@@ -178,51 +188,63 @@ def _predicted(least_s: float, most_s: float) -> str:
     default=0.8,
     show_default=True,
     metavar="SHARE",
-    help="How often the goal is to be reached.",
+    help="Proportion of simulated studies that must reach the goal.",
 )
 @click.option(
     "--pilot",
     type=click.Path(path_type=Path),
     metavar="DIR",
-    help="Take the people from the sessions of a pilot, or from a table made elsewhere.",
+    help="Estimate the population from the sessions of a pilot, or from an external table.",
 )
 @click.option(
     "--columns",
     type=click.Path(path_type=Path),
     metavar="MAP.toml",
-    help="Of a --pilot made elsewhere, as for analyze; its volts are the study's.",
+    help="Column map of an external --pilot table, as for `tactstrip analyze`. Levels in volts are "
+    "read as voltages of the study.",
 )
 @click.option(
     "--people",
-    "whose",
+    "population",
     type=click.Choice(["stated", "literature"]),
     default="stated",
     show_default=True,
-    help="What [simulation] leaves out: refuse, or assume it.",
+    help="Require the population parameters in [simulation] (stated), or take missing ones from "
+    "the literature (literature).",
 )
-@click.option("--seed", type=click.IntRange(min=0), help="Random by default, printed.")
+@click.option(
+    "--seed",
+    type=click.IntRange(min=0),
+    metavar="N",
+    show_default="random, printed",
+    help="Seed of the simulation.",
+)
 @click.option(
     "--workers",
     type=click.IntRange(min=1),
     default=1,
     show_default=True,
     metavar="N",
-    help="Processes of this computer.",
+    help="Number of processes on this computer.",
 )
-@click.option("--scheduler", metavar="tcp://HOST:PORT", help="Of a Dask cluster to compute on.")
+@click.option(
+    "--scheduler",
+    metavar="tcp://HOST:PORT",
+    help="Compute on the Dask cluster with this scheduler.",
+)
 @click.option(
     "--keep",
     type=click.Path(path_type=Path, dir_okay=False),
     metavar="FILE",
-    help="Keep what is computed in a file, and go on from it.",
+    help="Save intermediate results in this file. The same command continues from it.",
 )
 @click.option(
     "--figure",
     type=click.Path(path_type=Path, dir_okay=False),
     metavar="FILE.png",
-    help="Draw the curve, too; or FILE.svg.",
+    help="Also draw the power curve, as PNG or SVG.",
 )
-@click.option("--json", "as_json", is_flag=True, help="Print one JSON object instead.")
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON object instead of text.")
 @refusals
 def power(
     *,
@@ -235,7 +257,7 @@ def power(
     assurance: float,
     pilot: Path | None,
     columns: Path | None,
-    whose: str,
+    population: str,
     seed: int | None,
     workers: int,
     scheduler: str | None,
@@ -243,10 +265,11 @@ def power(
     figure: Path | None,
     as_json: bool,
 ) -> None:
-    """Tell how many people a study needs, before the first one comes.
+    """Estimate how many participants and trials a study needs.
 
-    Studies of the people that [simulation] states are simulated and analyzed as `analyze` does it,
-    docs/power.md. The exit code is 1 if no number within the bounds reaches the goal.
+    tactstrip simulates studies with the population in [simulation], analyzes them like `tactstrip
+    analyze`, and searches for the smallest number of participants that reaches the goal (see
+    docs/power.md). The exit code is 1 if no number in the range reaches it.
     """
     from analysis.power.goals import Goal
     from analysis.power.planning import plan_study
@@ -261,7 +284,7 @@ def power(
     if seed is None:
         seed = int((computed_in(keep) if keep else {}).get("seed", secrets.randbits(32)))
     with told_by_file(study_file):
-        people = _people(read_study(study_file), goal, pilot, columns, whose)
+        people = _people(read_study(study_file), goal, pilot, columns, population)
     computed = {"study": people.study.sha256, "goal": goal_text, "seed": seed}
     tell = told_as_json if as_json else text
     spreading = _spreading(workers, scheduler, keep, computed)

@@ -15,15 +15,17 @@ if TYPE_CHECKING:
 @click.option(
     "--baud",
     type=click.IntRange(1200, 10_000_000),
+    metavar="RATE",
     default=115_200,
-    help="Of the serial ports, as device.baud of a study; 115200 by default.",
+    show_default=True,
+    help="Baud rate of the serial ports, like device.baud in a study.",
 )
 def devices(*, ports: tuple[str, ...], baud: int) -> None:
-    """List what answers on this machine's serial ports and on every PORT.
+    """List the devices on serial ports and the sound cards of this computer.
 
-    This writes to every one of them: a question that instruments know, *IDN?, and a greeting to a
-    device that answers it as one of ours. A PORT may be a URL such as socket://host:5025, or a VISA
-    resource such as visa:TCPIP::host::INSTR.
+    tactstrip writes to each serial port and to each PORT: the identification query *IDN?, and a
+    greeting to a tactstrip device that answers. A PORT may be a URL such as socket://host:5025 or a
+    VISA resource such as visa:TCPIP::host::INSTR. Nothing is sent to sound cards.
     """
     from serial.tools.list_ports import comports
 

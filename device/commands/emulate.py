@@ -24,7 +24,25 @@ if TYPE_CHECKING:
     from device.emulate.lines import Line
 
 
-@click.command(epilog="Example: tactstrip emulate --pty --truth truth.jsonl")
+@click.command(
+    epilog="""\b
+    Faults (--fault):
+      drop, corrupt             probability for each byte
+      duplicate, delay          probability for each frame
+      stall, reset, disconnect  probability each time that data arrive
+      delay_s, stall_s          longest duration, in s
+      disconnect_at             number of bytes until the line is lost
+
+    \b
+    Measurement input (--adc):
+      tap       line, amplifier (the default), current or motion
+      gain      output per mV at the actuator, in mV (current: uA; motion: nm)
+      noise     RMS noise, in the same unit
+      delay_us  delay, in us
+      loss      probability that a burst is not measured
+
+    Example: tactstrip emulate --pty --truth truth.jsonl"""
+)
 @emulator_options
 @click.pass_context
 def emulate(
@@ -35,7 +53,7 @@ def emulate(
     generator: str | None,
     truth_file: Path | None,
     script: str | None,
-    seed: int | None,
+    seed: int,
     baud: int | None,
     ceiling_vpp: float | None,
     sample_rate_hz: float | None,
@@ -47,11 +65,10 @@ def emulate(
     adc: str | None,
     amplifier_gain: float | None,
 ) -> None:
-    """Emulate a device until Ctrl-C or SIGTERM: a process of its own, with real bytes.
+    """Emulate a device on a pseudo-terminal or TCP port, for tests without hardware.
 
-    The first line says the port under which it is reached. Faults: probabilities for each byte
-    (drop, corrupt), each frame (duplicate, delay) or each time that something arrives (stall,
-    reset, disconnect); delay_s and stall_s in seconds; disconnect_at, a number of bytes.
+    The first line of output names the port to open. The emulator runs until Ctrl-C or SIGTERM. The
+    options from --baud to --adc apply to the emulated tactstrip device, not to a --generator.
     """
     from device.emulate.amplifier import Adc, Amplifier
     from device.emulate.emulator import SERIAL_NUMBER
@@ -60,7 +77,7 @@ def emulate(
         raise click.UsageError("--pty and --tcp exclude each other.", ctx)
     require_together(ctx)
     with usage(ctx), _until_told(), _opened(truth_file) as truth:
-        faults = _faults(script or "", seed or 0)
+        faults = _faults(script or "", seed)
         if generator is not None:
             gain = 1.0 if amplifier_gain is None else amplifier_gain
             _run_generator(tcp_port, truth, faults, gain)

@@ -48,20 +48,23 @@ def _by_options(refusal: str) -> str:
     "frequencies_hz",
     metavar="A,B,...",
     callback=_listed(float, "numbers"),
-    help="These.  [default: 200 to 500, which skin feels well, and the study's]",
+    show_default="200 to 500 and those of the study",
+    help="Frequencies to compare, in Hz.",
 )
 @click.option(
     "--cycles",
     metavar="A,B,...",
     callback=_listed(int, "whole numbers"),
-    help="Each with so many.  [default: 1,2,3 and the study's]",
+    show_default="1,2,3 and those of the study",
+    help="Numbers of cycles to compare.",
 )
 @click.option(
     "--window",
     metavar="NAME",
-    help="Of all of them: none, hann, tukey, gaussian.  [default: that of [burst]]",
+    show_default="that of [burst]",
+    help="Window of every burst: none, hann, tukey or gaussian.",
 )
-@click.option("--json", "as_json", is_flag=True, help="Print one JSON object instead.")
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON object instead of text.")
 @refusals
 def bursts(
     *,
@@ -71,11 +74,11 @@ def bursts(
     window: Window | None,
     as_json: bool,
 ) -> None:
-    """Compare bursts on a study's plate: which are fit, and which is the shortest of them.
+    """Compare bursts on a study's plate and select the shortest within limits.
 
-    Each is checked as `check` does it, with the window of [burst] unless another is given; where
-    edges are ideal ones and no cut-off was measured, also with the other ideal edge. The exit code
-    is 0 if one is fit, 1 if none is. The study file is left as it is.
+    tactstrip checks each combination of frequency and number of cycles like `tactstrip check`. If
+    the edges are ideal and no cut-off frequency was measured, it also checks the other ideal edge.
+    The exit code is 0 if a burst is within limits, and 1 if none is. The study file is not changed.
     """
     from experiment.preview.bursts.compared import compare_bursts, grid_of
     from experiment.preview.bursts.report import bursts_findings

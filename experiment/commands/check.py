@@ -24,21 +24,33 @@ if TYPE_CHECKING:
     from experiment.study.study import Study
 
 
-@click.command(epilog="Example: tactstrip check study.toml")
+@click.command(
+    epilog="""\b
+    Exit codes:
+      0  Every burst is within limits, or the study accepts it with a reason.
+      1  A burst violates a limit. With --device: the device is unsuitable, or
+         a test burst was not confirmed by you or by the monitor.
+      2  The study cannot be used.
+      3  The device failed (--device), or the noise did not play (--noise).
+
+    Example: tactstrip check study.toml"""
+)
 @click.argument("study_file", metavar="STUDY", type=click.Path(path_type=Path))
-@click.option("--json", "as_json", is_flag=True, help="Print one JSON object instead.")
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON object instead of text.")
 @click.option(
     "--device",
     "with_device",
     is_flag=True,
-    help="Also the device: who answers, what it takes, a burst at 10 % on each channel.",
+    help="Also identify the device, test all levels, and play a burst at 10 % of the highest level "
+    "on each channel. Nobody may touch the plate during this test.",
 )
 @click.option(
     "--noise",
     "noise_s",
     type=click.IntRange(1, 3600),
     metavar="SECONDS",
-    help="Also play the masking noise for so long, and no burst, to set its level.",
+    help="Also play the masking noise, without bursts, for this time in s, so that you can set its "
+    "level.",
 )
 @hardware_options
 @refusals
@@ -52,14 +64,11 @@ def check(
     port: str | None,
     confirm_hardware: bool,
 ) -> None:
-    """Check a study's stimuli against its strip, its levels against the device, and its length.
+    """Check the stimuli, the levels and the duration of a study.
 
-    The exit code is 0 if every burst keeps below the strip's cut-off or is accepted with a reason,
-    1 if one does not, 2 if the study cannot be used. With --device, also 1 if the device does not
-    suit the study, or a burst was not seen or not verified by the study's monitor, 3 if it fails.
-    Nobody may touch the plate then. With --noise, also 3 if the noise does not play. What this
-    machine lacks to run the study is a note; what `run` would refuse of the device, and a card that
-    exceeds its ceiling, a warning: neither changes verdict or exit code.
+    tactstrip compares every burst with the cut-off frequency of the strip, and every level with the
+    limits of the device. It also lists the equipment and software that this computer lacks for the
+    study. Notes and warnings do not change the exit code.
     """
     from experiment.apparatus.rig import assemble, chosen_settings
     from experiment.preview.check import check_study, require_mock_suitable

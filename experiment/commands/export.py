@@ -21,27 +21,25 @@ if TYPE_CHECKING:
     "out",
     type=click.Path(path_type=Path),
     metavar="OUT",
-    help="Write a BIDS data set instead; an unchanged earlier one there is replaced.",
+    help="Write a BIDS data set to this folder instead. An unmodified earlier export is replaced.",
 )
 @click.option(
     "--with-sourcedata",
     is_flag=True,
-    help="With --bids: plans, headers and journals too, which name host and operator.",
+    help="With --bids: include plans, headers and journals, which name host and operator.",
 )
 @click.option(
     "--allow-simulated",
     is_flag=True,
-    help="With --bids: accept sessions of people on the mock device or an emulator.",
+    help="With --bids: accept practice sessions on the mock device or an emulator.",
 )
 @refusals
 def export(*, folder: Path, out: Path | None, with_sourcedata: bool, allow_simulated: bool) -> None:
-    """Build every trials.csv below DIR anew from its plan and journal, or a BIDS data set.
+    """Rebuild trials.csv from the journals, or write a BIDS data set.
 
-    So is measured.csv, where a monitor measured the bursts.
-
-    DIR is the folder of a study, a person (sub-*) or a session (ses-*). Of a session that has lost
-    its plan or journal nothing can be built: it is named and the exit code is 2. The tables of
-    others are written, a data set is not.
+    DIR is the folder of a study, a participant (sub-*) or a session (ses-*). If a monitor measured
+    the bursts, tactstrip also rebuilds measured.csv. If a session has lost its plan or journal, the
+    exit code is 2: the tables of the other sessions are rebuilt, but no BIDS data set is written.
     """
     if out is not None:
         _export_bids(folder, out, with_sourcedata=with_sourcedata, allow_simulated=allow_simulated)

@@ -29,7 +29,8 @@ _MOVING_ENDINGS: Final = (".gif", ".mp4")
     "--frequency-hz",
     type=float,
     metavar="F",
-    help="Map at this frequency.  [default: that of the first condition's burst]",
+    show_default="that of the first burst",
+    help="Frequency of the map, in Hz.",
 )
 @click.option(
     "--band",
@@ -37,19 +38,20 @@ _MOVING_ENDINGS: Final = (".gif", ".mp4")
     type=float,
     nargs=2,
     metavar="LO HI",
-    help="Response at the fingers from LO to HI Hz instead of a map.",
+    help="Draw the response at the fingers from LO to HI, in Hz, instead of a map.",
 )
 @click.option(
     "--animate",
     is_flag=True,
-    help="The plate in time under the first condition's burst, slowed: .gif, or .mp4 by ffmpeg.",
+    help="Animate the plate in slow motion during the burst of the first condition, as .gif, or as "
+    ".mp4 if ffmpeg is installed.",
 )
 @click.option(
     "--out",
     type=click.Path(path_type=Path),
     metavar="FILE",
-    help="A new file; its ending, .png, .svg or .csv, says what is written.  [default: field.png, "
-    "with --animate burst.gif]",
+    show_default="field.png, or burst.gif with --animate",
+    help="New file. Its extension selects the format: .png, .svg or .csv.",
 )
 @refusals
 def field(
@@ -60,9 +62,10 @@ def field(
     animate: bool,
     out: Path | None,
 ) -> None:
-    """Draw the displacement of the plate: a map at one frequency, or in time, or over a band.
+    """Draw the displacement field of a study's plate.
 
-    Each actuator is driven alone. An existing file is left alone.
+    The result is a map at one frequency, the response over a band of frequencies, or an animation.
+    Each actuator is driven alone. An existing file is never overwritten.
     """
     from experiment.preview.field_report import field_text
     from experiment.study.read import read_study

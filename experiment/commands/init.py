@@ -310,16 +310,17 @@ def _told(study: Study, chosen: ChosenBurst | None, file: Path) -> None:
     type=click.Choice(PRESETS),
     default="paper",
     show_default=True,
-    help="The paper's, what we recommend, that with simulated people as they are, or that on a "
-    "plate of your own.",
+    help="Protocol to start from: that of the paper, the recommended design, the recommended "
+    "design with realistic simulated participants, or the recommended design on your own plate.",
 )
 @plate_options
 @refusals
 def init(*, file: Path, preset: str, **given: Any) -> None:
-    """Write a commented study file, study.toml by default; an existing one is left alone.
+    """Write a commented study file.
 
-    A plate of your own is described by the options from --width-mm on; on a terminal those left out
-    are asked for. What was measured, and a material without a name here, belong into the file.
+    FILE is study.toml by default; an existing file is never overwritten. With --preset plate, the
+    options from --width-mm to --ceiling-vpp describe your plate, and tactstrip prompts for those
+    that you omit. Enter measured displacements and other materials in the file afterwards.
     """
     from experiment.archive.files import write_atomically
     from experiment.preview.bursts.choice import chosen_burst

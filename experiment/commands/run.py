@@ -43,31 +43,45 @@ if TYPE_CHECKING:
     epilog="Example: tactstrip run study.toml --participant 01 --practice-without-device"
 )
 @click.argument("study_file", metavar="STUDY", type=click.Path(path_type=Path))
-@click.option("--participant", required=True, metavar="ID", help="1 to 32 letters or digits.")
-@click.option("--session", default="01", show_default=True, metavar="ID", help="Likewise.")
+@click.option(
+    "--participant",
+    required=True,
+    metavar="ID",
+    help="Identifier of the participant: 1 to 32 letters or digits.",
+)
+@click.option(
+    "--session",
+    default="01",
+    show_default=True,
+    metavar="ID",
+    help="Identifier of the session: 1 to 32 letters or digits.",
+)
 @click.option(
     "--out",
     type=click.Path(path_type=Path, file_okay=False),
     default=Path("results"),
     show_default=True,
     metavar="DIR",
-    help="The study's folder of results.",
+    help="Folder for the results of the study.",
 )
 @click.option(
     "--responder",
     default="terminal",
     show_default=True,
     metavar="NAME",
-    help="Who answers: screen, a person in front of a window; terminal, one here; simulated, "
-    "nobody; or an installed one of your own.",
+    help="Source of the responses: screen (a participant at a window), terminal (a participant at "
+    "this terminal), simulated (a simulated participant), or an installed responder.",
 )
-@click.option("--operator", metavar="NAME", help="Who runs the session, for its header.")
+@click.option(
+    "--operator", metavar="NAME", help="Name of the operator, saved in the session header."
+)
 @click.option(
     "--fact",
     "facts",
     multiple=True,
     metavar="NAME=VALUE",
-    help="Of the participant, for a column that the study declares; may be given several times.",
+    help="Value of a participant column that the study declares. Repeat the option for several "
+    "columns.",
 )
 @hardware_options
 @click.option(
@@ -75,30 +89,40 @@ if TYPE_CHECKING:
     "levels_file",
     type=click.Path(path_type=Path),
     metavar="FILE",
-    help="Levels placed for this participant, for each condition, instead of the study's.",
+    help="Use the levels in this file, written by `tactstrip levels`, instead of those of the "
+    "study.",
 )
 @click.option(
-    "--lsl", is_flag=True, help="Send markers to EEG and MEG recordings: Lab Streaming Layer."
+    "--lsl",
+    is_flag=True,
+    help="Send event markers for EEG and MEG recordings over Lab Streaming Layer.",
 )
-@click.option("--seed", type=click.IntRange(min=0), help="Seed of the plan; random by default.")
+@click.option(
+    "--seed",
+    type=click.IntRange(min=0),
+    metavar="N",
+    show_default="random, printed",
+    help="Seed of the trial plan.",
+)
 @click.option(
     "--participant-number",
     type=click.IntRange(min=1),
     metavar="N",
-    help="For a balanced order of conditions; by default the place in participants.tsv.",
+    show_default="the participant's row in participants.tsv",
+    help="Number that selects the order of conditions if the study balances it.",
 )
-@click.option("--resume", "resuming", is_flag=True, help="Go on with an interrupted session.")
+@click.option("--resume", "resuming", is_flag=True, help="Continue an interrupted session.")
 @click.option(
     "--resume-anyway",
     is_flag=True,
-    help="The same on another host or device, or after more than 30 minutes.",
+    help="Like --resume, but also on another host or device, or after more than 30 minutes.",
 )
 @click.option(
     "--practice-without-device",
     "practice",
     is_flag=True,
-    help="Try it out where nothing moves: the mock takes the place of the study's device; of an "
-    "emulator give --driver and --port.",
+    help="Use the mock device, which moves nothing, instead of the device of the study. To use an "
+    "emulator, also give --driver and --port.",
 )
 @refusals
 def run(
@@ -123,8 +147,8 @@ def run(
 ) -> None:
     """Run one session with a participant.
 
-    Every answer is on the disk before the next stimulus. A session that was stopped or interrupted
-    in any way goes on with --resume.
+    tactstrip writes every response to disk before it presents the next stimulus. If the session is
+    stopped or interrupted, repeat the command with --resume to continue it.
     """
     from device.drivers import MOCK
     from experiment.apparatus.rig import assemble, require_device

@@ -14,25 +14,28 @@ if TYPE_CHECKING:
     from experiment.integrity.sessions import Examined
 
 
-@click.command(epilog="Example: tactstrip verify results")
+@click.command(
+    epilog="""\b
+    Exit codes:
+      0  No session was modified.
+      1  A session was modified, or files of it are missing.
+      2  A session cannot be examined, for example because of a symbolic
+         link. The other sessions are examined.
+
+    Example: tactstrip verify results"""
+)
 @click.argument("folder", metavar="DIR", type=click.Path(path_type=Path, exists=True))
 @refusals
 def verify(*, folder: Path) -> None:
-    """Tell whether the sessions below DIR are as they were recorded.
+    """Verify that recorded sessions have not been modified.
 
-    Compared are the plan with its seal, plan and header with the journal's first line, each journal
-    line with the next, the last one with sessions.tsv, trials.csv and measured.csv with what the
-    journal tells. Each difference is named with file and line, and the exit code is 1; the head
-    hash of each session is printed.
+    For each session below DIR, tactstrip checks plan, header, journal, trials.csv and measured.csv
+    against the checksums in the journal and the final hash in sessions.tsv. It prints the final
+    hash of each session, and each difference with its file and line.
 
-    A session of which files are missing is named, too, with what sessions.tsv tells of it; one that
-    cannot be examined, for a symbolic link or a file of another version, ends the command with 2
-    when the others have been.
-
-    Not covered: other tables that labs edit, such as participants.tsv, and the other columns of
-    sessions.tsv; .lock; what a session that has not ended wrote last; and whoever changes the hash
-    in sessions.tsv, too. Against that, write the head hash down elsewhere when a session ends, and
-    compare it with what is printed here.
+    The check does not cover participants.tsv, the other columns of sessions.tsv, or the last lines
+    of a session that has not ended. To detect a modified final hash, write the hash down when a
+    session ends, and compare it with the output of this command.
     """
     from experiment.integrity.places import find_sessions
     from experiment.integrity.sessions import Examined, examine

@@ -17,21 +17,24 @@ if TYPE_CHECKING:
 
 @click.command(epilog="Example: tactstrip withdraw results --participant 01")
 @click.argument("folder", metavar="DIR", type=click.Path(path_type=Path))
-@click.option("--participant", required=True, metavar="ID", help="Whose data are to be removed.")
+@click.option(
+    "--participant", required=True, metavar="ID", help="Participant whose data are deleted."
+)
 @click.option(
     "--also",
     "others",
     multiple=True,
     type=click.Path(path_type=Path),
     metavar="FOLDER",
-    help="Look for exports and analyses there too; may be given again.",
+    help="Also search this folder for exports and analyses. Repeat the option for several folders.",
 )
 @refusals
 def withdraw(*, folder: Path, participant: str, others: tuple[Path, ...]) -> None:
-    """Remove a person's data from DIR, for good, after the ID is typed once more.
+    """Permanently delete a participant's data from DIR.
 
-    A dated mark stays, with the ID and nothing else. Exports and analyses that still hold the
-    person are listed, not changed. After an interruption, run it again.
+    tactstrip prompts you to type the participant's ID before it deletes anything. It keeps a dated
+    record that contains only the ID. It lists exports and analyses that still contain the
+    participant, but does not change them. If the command is interrupted, run it again.
     """
     from experiment.archive.manifest import search
     from experiment.archive.withdraw import held, look_up, remove

@@ -29,13 +29,17 @@ def hardware_options(command: _Command) -> _Command:
         click.option(
             "--confirm-hardware",
             is_flag=True,
-            help="Says that a real device is safe, as docs/hardware.md has it; else you are asked.",
+            help="Confirm that the hardware is safe (see docs/hardware.md). Without this option, "
+            "tactstrip prompts you before it uses a real device.",
         ),
-        click.option("--port", metavar="P", help="Instead of the study's port."),
+        click.option(
+            "--port", metavar="P", help="Use this port or URL instead of that of the study."
+        ),
         click.option(
             "--driver",
             metavar="NAME",
-            help="Instead of the study's driver: mock, serial, generator, audio, or your own.",
+            help="Use this driver instead of that of the study: mock, serial, generator, audio, or "
+            "an installed driver.",
         ),
     ):
         command = option(command)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import click
 
@@ -21,27 +21,63 @@ _MATERIALS: Final = (
     "pmma", "polycarbonate",
 )  # fmt: skip
 _EDGES: Final = ("simply-supported", "clamped", "measured-cutoff")
-# What describes a plate, by the keys of [strip], in the order of the questions: the option, how it
-# is asked for, what its help adds. A range stands with its key alone; a refusal names the option.
+
+
+class Question(NamedTuple):
+    """A property of the plate: its option with metavar and help, and the prompt for it."""
+
+    option: str
+    metavar: str
+    help: str
+    prompt: str
+
+
+# The properties of a plate by their keys in [strip], in the order of the prompts. The allowed range
+# is defined by the section that reads the key; error messages name the option instead of the key.
 QUESTIONS: Final = {
-    "width_mm": ("--width-mm", "Width between the held edges, in mm", ""),
-    "thickness_mm": ("--thickness-mm", "Thickness, in mm", ""),
-    "length_mm": ("--length-mm", "Length, in mm, or endless", ""),
-    "material": (
-        "--material", f"Material: {', '.join(_MATERIALS)}",
-        "; glass is soda-lime. Another one: afterwards its three numbers in place of material",
+    "width_mm": Question(
+        "--width-mm", "MM", "Width between the two long edges, in mm.",
+        "Width between the held edges, in mm",
     ),
-    "edge": ("--edge", f"Edges: {', '.join(_EDGES)}", "; elastic is for the file"),
-    "measured_cutoff_hz": (
-        "--cutoff-hz", "First cut-off as measured, in Hz", "; alone it is the edge, too"
+    "thickness_mm": Question(
+        "--thickness-mm", "MM", "Thickness of the bare plate, in mm.", "Thickness, in mm"
     ),
-    "actuator": (
+    "length_mm": Question(
+        "--length-mm", "MM", "Length, in mm, or `endless`.", "Length, in mm, or endless"
+    ),
+    "material": Question(
+        "--material",
+        "NAME",
+        (
+            f"Material: {', '.join(_MATERIALS)} (glass: soda-lime). Enter the constants of any "
+            "other material in the file."
+        ),
+        f"Material: {', '.join(_MATERIALS)}",
+    ),
+    "edge": Question(
+        "--edge",
+        "NAME",
+        f"Support of the long edges: {', '.join(_EDGES)}. Enter elastic edges in the file.",
+        f"Edges: {', '.join(_EDGES)}",
+    ),
+    "measured_cutoff_hz": Question(
+        "--cutoff-hz",
+        "HZ",
+        "Measured first cut-off frequency, in Hz. Without --edge, it implies measured-cutoff.",
+        "First cut-off as measured, in Hz",
+    ),
+    "actuator": Question(
         "--actuator",
+        "SHAPE@X",
+        (
+            "Pair of actuators at -X and X, in mm: disc:DIAMETER@X (diameter of the electrode), "
+            "rectangle:ALONGxACROSS@X or motor:ALONGxACROSS@X. Repeat the option to place the left "
+            "and the right actuator individually."
+        ),
         (
             "Actuators, in mm: disc:DIAMETER@X (of the ceramic's electrode, not the metal) or "
             "rectangle:ALONGxACROSS@X, one at -X and one at X"
         ),
-        ", such as disc:12.8@35. Or motor:ALONGxACROSS@X. Twice: each at its own X, left and right",
     ),
 }  # fmt: skip
 _ANY_PLATE: Final = {
@@ -227,16 +263,21 @@ def _asked(key: str, known: dict[str, Any]) -> Any:
         return value
 
     try:
-        return click.prompt(QUESTIONS[key][1], value_proc=checked, err=True)
+        return click.prompt(QUESTIONS[key].prompt, value_proc=checked, err=True)
     except click.Abort as error:
         raise CommandError("not all was answered; nothing was written") from error
 
 
 def plate_options(command: Any) -> Any:
     """Give a command the options that describe a plate, by the keys of `QUESTIONS`."""
-    told = "No level is ever above this, in V peak-to-peak.  [default: 200]"
-    command = click.option(CEILING, metavar="TEXT", help=told)(command)
-    for key, (option, question, more) in reversed(QUESTIONS.items()):
-        several, told = key == "actuator", f"{question}{more}."
-        command = click.option(option, key, metavar="TEXT", multiple=several, help=told)(command)
+    ceiling = "Ceiling of the device, in V peak-to-peak. No level exceeds it.  [default: 200]"
+    command = click.option(CEILING, metavar="V", help=ceiling)(command)
+    for key, question in reversed(QUESTIONS.items()):
+        command = click.option(
+            question.option,
+            key,
+            metavar=question.metavar,
+            multiple=key == "actuator",
+            help=question.help,
+        )(command)
     return command
