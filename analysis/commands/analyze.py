@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 _BIDS = "dataset_description.json"
 MANY_TABLES = 20
-"""From so many tables on reading takes long enough for a progress bar."""
+"""Reading this many tables or more takes long enough for a progress bar."""
 
 
 def write_analysis(
@@ -102,7 +102,10 @@ def write_analysis(
     from analysis.results.tables import analyse
 
     loaded = read_inputs(
-        paths, columns, watched=_bar if bar else nullcontext, accept_altered=accept_altered
+        paths,
+        columns,
+        watched=_reading_progress if bar else nullcontext,
+        accept_altered=accept_altered,
     )
     with working("Fitting") if bar else nullcontext(), no_search_for_circles():
         analysis = analyse(
@@ -113,7 +116,9 @@ def write_analysis(
     return analysis
 
 
-def _bar(sources: Sequence[InputTable]) -> AbstractContextManager[Iterable[InputTable]]:
+def _reading_progress(
+    sources: Sequence[InputTable],
+) -> AbstractContextManager[Iterable[InputTable]]:
     hidden = len(sources) < MANY_TABLES or not sys.stderr.isatty()
     return click.progressbar(sources, label="Reading", file=sys.stderr, hidden=hidden)
 
@@ -195,12 +200,12 @@ def analyze(
 
     if pdf and no_figures:
         raise click.UsageError("--pdf writes figures: leave --no-figures out")
-    # Data that others wrote stay as they are.
-    ours = columns is None and len(paths) == 1 and paths[0].is_dir()
-    ours = ours and not (paths[0] / _BIDS).exists()
-    target = out or (paths[0] if ours else Path()) / "analysis"
+    # Results are written into a folder of sessions, but not into data of another program.
+    is_session_folder = columns is None and len(paths) == 1 and paths[0].is_dir()
+    is_session_folder = is_session_folder and not (paths[0] / _BIDS).exists()
+    target = out or (paths[0] if is_session_folder else Path()) / "analysis"
     if out is None:
-        _refuse_a_folder_of_others(target)
+        _require_analysis_folder(target)
     analysis = write_analysis(
         paths,
         target,
@@ -220,8 +225,8 @@ def analyze(
         click.get_current_context().exit(ANSWER_IS_NO)
 
 
-def _refuse_a_folder_of_others(target: Path) -> None:
-    """Refuse a folder that nobody named and that has files, none of which an analysis wrote."""
+def _require_analysis_folder(target: Path) -> None:
+    """Reject a default folder that holds files but no earlier analysis."""
     from experiment.archive import manifest
 
     if target.is_dir() and not (target / manifest.NAME).exists() and any(target.iterdir()):

@@ -17,28 +17,29 @@ if TYPE_CHECKING:
     from stimuli.drive.windows import Window
 
 
-def _listed(kind: Callable[[str], Any], what: str) -> Callable[..., tuple[Any, ...]]:
-    """Return what reads numbers with commas between them."""
+def _list_parser(item: Callable[[str], Any], items: str) -> Callable[..., tuple[Any, ...]]:
+    """Return a click callback that parses numbers separated by commas."""
 
-    def read(_: click.Context, option: click.Parameter, text: str | None) -> tuple[Any, ...]:
+    def parse(_: click.Context, option: click.Parameter, text: str | None) -> tuple[Any, ...]:
         try:
-            return tuple(kind(one) for one in text.split(",")) if text is not None else ()
+            return tuple(map(item, text.split(","))) if text is not None else ()
         except ValueError as error:
             raise click.UsageError(
-                f"{option.opts[0]} must be {what} with commas between them; got {text!r}"
+                f"{option.opts[0]} must be {items} with commas between them; got {text!r}"
             ) from error
 
-    return read
+    return parse
 
 
-def _by_options(refusal: str) -> str:
-    """Name in a refusal the options, where it names the keys of a file.
+def _name_options(message: str) -> str:
+    """Replace the keys of a study file in an error message by the options of this command.
 
-    >>> _by_options("frequency_hz must be >= 5; if these are kilohertz, write frequency_hz = 3000")
+    >>> message = "frequency_hz must be >= 5; if these are kilohertz, write frequency_hz = 3000"
+    >>> _name_options(message)
     '--frequency-hz must be >= 5; if these are kilohertz, write --frequency-hz 3000'
     """
-    refusal = re.sub(r"\bfrequency_hz( =)?", "--frequency-hz", refusal)
-    return re.sub(r"^(cycles|window)\b", r"--\1", refusal).removeprefix("condition main: ")
+    message = re.sub(r"\bfrequency_hz( =)?", "--frequency-hz", message)
+    return re.sub(r"^(cycles|window)\b", r"--\1", message).removeprefix("condition main: ")
 
 
 @click.command(epilog="Example: tactstrip bursts study.toml --frequency-hz 200,300 --cycles 1,2")
@@ -47,14 +48,14 @@ def _by_options(refusal: str) -> str:
     "--frequency-hz",
     "frequencies_hz",
     metavar="A,B,...",
-    callback=_listed(float, "numbers"),
+    callback=_list_parser(float, "numbers"),
     show_default="200 to 500 and those of the study",
     help="Frequencies to compare, in Hz.",
 )
 @click.option(
     "--cycles",
     metavar="A,B,...",
-    callback=_listed(int, "whole numbers"),
+    callback=_list_parser(int, "whole numbers"),
     show_default="1,2,3 and those of the study",
     help="Numbers of cycles to compare.",
 )
@@ -88,14 +89,14 @@ def bursts(
     study = read_study(study_file)
     with working("Comparing bursts") as step, told_by_file(study_file):
         try:
-            found = compare_bursts(
+            comparison = compare_bursts(
                 study, grid_of(study, frequencies_hz, cycles), step, window=window
             )
         except UnusableStudyError:
             raise
         except ValueError as error:
-            raise CommandError(_by_options(str(error))) from error
-    told = bursts_findings(found, str(study_file))
-    click.echo(told.json if as_json else told.text)
-    if found.best is None:
+            raise CommandError(_name_options(str(error))) from error
+    findings = bursts_findings(comparison, str(study_file))
+    click.echo(findings.json if as_json else findings.text)
+    if comparison.best is None:
         click.get_current_context().exit(ANSWER_IS_NO)

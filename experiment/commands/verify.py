@@ -46,30 +46,32 @@ def verify(*, folder: Path) -> None:
         for session in sessions.folders:
             try:
                 records.append(examine(session))
-            except (ValueError, OSError) as error:  # the others are examined all the same
+            except (ValueError, OSError) as error:  # continue with the other sessions
                 records.append(error)
             step(len(records), len(sessions.folders))
-    found = 0
-    unread: list[ValueError | OSError] = [*sessions.links]
+    n_differences = 0
+    errors: list[ValueError | OSError] = [*sessions.links]
     for session, examined in zip(sessions.folders, records, strict=True):
         name = "/".join(session.resolve().parts[-2:])
         if not isinstance(examined, Examined):
-            unread.append(examined)
+            errors.append(examined)
             click.echo(f"{name}: cannot be examined")
             continue
-        found += len(examined.differences)
+        n_differences += len(examined.differences)
         click.echo(f"{name}: {_verdict(examined)}")
         click.echo(f"  head {examined.head_sha256 or 'n/a'}")
         for difference in examined.differences:
             click.echo(f"  {difference}")
     for lost in sessions.lost:
-        found += 1
+        n_differences += 1
         click.echo(f"{lost.difference}")
-    for message in dict.fromkeys(str(one) for one in unread[1:] if str(one) != str(unread[0])):
+    # The first error ends the command below, which prints it.
+    further = (str(error) for error in errors[1:] if str(error) != str(errors[0]))
+    for message in dict.fromkeys(further):
         click.echo(message, err=True)
-    if unread:
-        raise unread[0]
-    if found:
+    if errors:
+        raise errors[0]
+    if n_differences:
         click.get_current_context().exit(ANSWER_IS_NO)
 
 

@@ -22,14 +22,14 @@ if TYPE_CHECKING:
 )
 @click.option(
     "--also",
-    "others",
+    "folders",
     multiple=True,
     type=click.Path(path_type=Path),
     metavar="FOLDER",
     help="Also search this folder for exports and analyses. Repeat the option for several folders.",
 )
 @refusals
-def withdraw(*, folder: Path, participant: str, others: tuple[Path, ...]) -> None:
+def withdraw(*, folder: Path, participant: str, folders: tuple[Path, ...]) -> None:
     """Permanently delete a participant's data from DIR.
 
     tactstrip prompts you to type the participant's ID before it deletes anything. It keeps a dated
@@ -39,9 +39,9 @@ def withdraw(*, folder: Path, participant: str, others: tuple[Path, ...]) -> Non
     from experiment.archive.manifest import search
     from experiment.archive.withdraw import held, look_up, remove
 
-    for other in others:
-        if not other.is_dir():
-            raise CommandError(f"--also must be a folder; got {other}")
+    for additional in folders:
+        if not additional.is_dir():
+            raise CommandError(f"--also must be a folder; got {additional}")
     person = look_up(folder, participant)
     if person.gone:
         click.echo(f"Participant {participant} is removed already.")
@@ -50,11 +50,11 @@ def withdraw(*, folder: Path, participant: str, others: tuple[Path, ...]) -> Non
             _confirm(person)
             remove(person, locks, today=datetime.now(UTC).date().isoformat())
         click.echo(f"Participant {participant} is removed from {folder}.")
-    _tell(search((folder, *others), participant, leave_out=person.known), participant)
+    _print_search(search((folder, *folders), participant, leave_out=person.known), participant)
 
 
 def _confirm(person: Person) -> None:
-    """Have the operator type whose data are to go."""
+    """Require the operator to type the ID of the participant."""
     row = "a row" if person.in_table else "no row"
     click.echo(
         f"{person.folder}: {person.files} files in {len(person.sessions)} sessions, {row} of "
@@ -71,15 +71,15 @@ def _confirm(person: Person) -> None:
         )
 
 
-def _tell(found: Search, participant: str) -> None:
-    if found.holdings:
+def _print_search(result: Search, participant: str) -> None:
+    if result.holdings:
         click.echo(f"Participant {participant} is still in:")
     else:
         click.echo("Nothing else that was searched holds this person.")
-    for holding in found.holdings:
+    for holding in result.holdings:
         click.echo(f"  {holding.what}: {holding.path}")
-    if found.not_searched:
+    if result.not_searched:
         click.echo("Not searched (links, damaged manifests, no permission):")
-    for path in found.not_searched:
+    for path in result.not_searched:
         click.echo(f"  {path}")
     click.echo("Files of other origin, packed files and backups are not known here.")
