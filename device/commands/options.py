@@ -1,4 +1,4 @@
-"""The options of an emulator: what they are, which belong together, and what is wrong with them."""
+"""The options of the command `emulate`, and checks of their combinations."""
 
 from __future__ import annotations
 
@@ -103,30 +103,30 @@ _OPTIONS = (
 
 
 def emulator_options(command: _Command) -> _Command:
-    """Give a command the options of an emulator."""
+    """Add the options of an emulator to a command."""
     for option in reversed(_OPTIONS):
         command = option(command)
     return command
 
 
 def require_together(ctx: click.Context) -> None:
-    """Refuse options of a device for a generator, and of a generator for a device."""
-    given = {option for option, value in ctx.params.items() if value not in (None, False)}
-    of_a_device = (
+    """Reject options of a device for a generator, and of a generator for a device."""
+    options = {option for option, value in ctx.params.items() if value not in (None, False)}
+    device_options = (
         *("baud", "ceiling_vpp", "sample_rate_hz", "serial_number"),
         *("switch_open", "switch_stdin", "over_current_at_s", "unsensed", "adc"),
     )
-    foreign = of_a_device if "generator" in given else ("amplifier_gain",)
-    for name in foreign:
-        if name in given:
-            verb = "exclude" if "generator" in given else "need"
+    excluded = device_options if "generator" in options else ("amplifier_gain",)
+    for name in excluded:
+        if name in options:
+            verb = "exclude" if "generator" in options else "need"
             option = "--" + name.removesuffix("_s").replace("_", "-")
             raise click.UsageError(f"{option} and --generator {verb} each other.", ctx)
 
 
 @contextlib.contextmanager
 def usage(ctx: click.Context) -> Iterator[None]:
-    """Say in one line what is wrong with a value, a file or a port."""
+    """Turn an error of a value, a file or a port into a usage error of one line."""
     try:
         yield
     except BrokenPipeError:
