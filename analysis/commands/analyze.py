@@ -46,42 +46,42 @@ def write_analysis(
     Parameters
     ----------
     paths : sequence of str or Path
-        Files and folders as `analysis.read_trials` takes them.
+        Files and folders, as for `analysis.read_trials`.
     out_dir : str or Path
-        The folder to write into; nothing in it changes where anything is refused.
+        The output folder. It is not changed if the input is rejected.
     columns : ColumnMap, optional
-        What the columns are called in tables made elsewhere.
+        The column map of external tables.
     ci : str
-        Method of the cells' intervals.
+        The method of the intervals of proportions.
     allow_simulated : bool
-        Whether simulated and real sessions may be mixed, and people without a device be analysed.
+        Whether to accept simulated together with real sessions, and practice without a device.
     accept_altered : bool
-        Whether sessions are analysed, with a mark, that are not as they were recorded.
+        Whether to analyse modified sessions, and mark them in every output.
     seed : int
-        Of the bootstrap and the permutations; kept in the summary.
+        The seed of the bootstrap and the permutation tests, saved in the summary.
     population : bool
-        Whether to fit the participants of each condition as one population.
+        Whether to also fit the participants of each condition as one population.
     figures : bool
-        Whether to draw.
+        Whether to write figures.
     pdf : bool
-        Whether figures are written as PDF, too.
+        Whether to also write figures as PDF.
     bar : bool
-        Whether to show on a terminal how far reading came, if there is much to read.
+        Whether to show progress on a terminal.
 
     Returns
     -------
     Analysis
-        What was written.
+        The tables that were written.
 
     Raises
     ------
     ResultFileError
-        For a file that is no well-formed table of trials.
+        If a file is not a valid table of trials.
     ValueError
-        For an unknown method, and for a folder that holds what is analysed, or other files under
-        the names of those that would be written.
+        If the method is unknown, or the output folder holds the input or other files with the
+        names of output files.
     OSError
-        Where the folder cannot be written.
+        If the folder cannot be written.
 
     Examples
     --------

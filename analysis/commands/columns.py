@@ -46,7 +46,7 @@ def columns(*, tables: tuple[Path, ...], target: Path | None) -> None:
     write_new(target, text.encode(), DISK)
     instruction = f"fill in {', '.join(blanks)}, then " if blanks else "check its guesses, then "
     arguments = shlex.join(map(str, tables))
-    # beside raw data, not among them
+    # Results are written beside the raw data, not among them.
     out = (
         " --out ../analysis"
         if any(table.is_dir() and table.samefile(".") for table in tables)

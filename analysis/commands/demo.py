@@ -55,7 +55,7 @@ _CHECK_LABELS: Final = ("strip", "cut-off", "burst", "above", "left", "right", "
 _TRIAL_COLUMNS: Final = ("trial", "attempt", "kind", "side", "level_vpp", "response", "status")
 _POLL_INTERVAL_S: Final = 0.02
 _QUESTION_DELAY_S: Final = 0.15
-"""The question is on the screen by then, and nobody has answered it yet."""
+"""By this time the question is on the screen, and the participant has not answered yet."""
 
 
 @click.command(epilog="Example: tactstrip demo --out demo")
@@ -141,7 +141,7 @@ def _print_heading(text: str) -> None:
 
 
 def _command_line(*arguments: str) -> list[str]:
-    # not from the folder in which one is: a lab's own analysis.py may lie there
+    # -P keeps the working directory off the path, where another analysis.py may lie.
     return [sys.executable, "-P", "-m", "tactstrip", *arguments]
 
 

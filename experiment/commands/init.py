@@ -55,10 +55,10 @@ REALISTIC: Final = {
     "last_answer_db": 0.35,
     "swapped_keys": 0.05,
 }
-"""People as they are, as far as it is known; docs/model.md, section 4, has their sources.
+"""Realistic simulated participants; docs/model.md, section 4, has the sources.
 
-The threshold itself stays that of the paper's burst, which lies outside everything measured: the
-curves tell only how another burst's differs.
+The threshold is that of the paper's burst, which no published measurement covers. The published
+curves give only the difference to the threshold of another burst.
 """
 _OVERRIDES: Final[dict[str, dict[str, Any]]] = {
     "paper": {},
@@ -75,10 +75,10 @@ _OVERRIDES: Final[dict[str, dict[str, Any]]] = {
     },
 }
 PLATE: Final = "plate"
-_STEPS: Final = 5
-"""So many levels, in equal steps up to the ceiling."""
-_TRIED: Final = ("burst.frequency_hz", "burst.cycles")
-"""What is chosen for a plate, even if it comes out as the paper's."""
+_N_LEVELS: Final = 5
+"""The number of levels, in equal steps up to the ceiling."""
+_CHOSEN_KEYS: Final = ("burst.frequency_hz", "burst.cycles")
+"""The keys that `init` chooses for a plate, even if they equal those of the paper."""
 PRESETS: Final = (*_OVERRIDES, PLATE)
 _INTRODUCTIONS: Final = {
     "paper": (
@@ -136,13 +136,13 @@ _INIT: Final = (
     "not, until you add its key to told. Without this section all that the file states is yours."
 )
 _COLUMN: Final = 37
-"""Where a key's comment begins, unless the value is longer."""
+"""The column in which the comment of a key begins, unless the value is longer."""
 _WIDTH: Final = 100
 
 
 def _sections_for_plate(ceiling_vpp: float) -> dict[str, Any]:
     """Return the sections that do not describe the plate."""
-    levels_vpp = [float(f"{ceiling_vpp * step / _STEPS:.4g}") for step in range(1, _STEPS)]
+    levels_vpp = [float(f"{ceiling_vpp * step / _N_LEVELS:.4g}") for step in range(1, _N_LEVELS)]
     return {
         "study": {"name": PLATE},
         "design": _RECOMMENDED | {"levels_vpp": [*levels_vpp, ceiling_vpp]},
@@ -182,7 +182,7 @@ def _text(
             sections += [f"[[{name}]]\n{_right_actuator(preset, left, right)}" for right in rest]
         else:
             sections.append(_section(f"[{name}]", table, remarks.get(name, "")))
-    sections.append(_init(study, entered_keys, _TRIED if preset == PLATE else ()))
+    sections.append(_init(study, entered_keys, _CHOSEN_KEYS if preset == PLATE else ()))
     return "\n".join(sections)
 
 
@@ -202,11 +202,11 @@ def _right_actuator(preset: str, left: object, right: object) -> str:
     return keys.replace(_UNSET, _AS_LEFT) if same_size and preset == PLATE else keys
 
 
-def _init(study: Study, entered_keys: tuple[str, ...], tried: tuple[str, ...]) -> str:
+def _init(study: Study, entered_keys: tuple[str, ...], chosen_keys: tuple[str, ...]) -> str:
     """Write the section [init]: the values that are not the choice of the lab."""
     from experiment.study.stated import chosen_values, left_out
 
-    chosen = chosen_values(study, entered_keys, tried)
+    chosen = chosen_values(study, entered_keys, chosen_keys)
     lines = [f"{_comment(_INIT)}[init]", *_listed("told", entered_keys)]
     if missing := left_out(study):
         lines += _listed("left_out", missing)

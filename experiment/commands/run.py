@@ -77,7 +77,7 @@ if TYPE_CHECKING:
 )
 @click.option(
     "--fact",
-    "facts",
+    "column_values",
     multiple=True,
     metavar="NAME=VALUE",
     help="Value of a participant column that the study declares. Repeat the option for several "
@@ -133,7 +133,7 @@ def run(
     out: Path,
     responder: str,
     operator: str | None,
-    facts: tuple[str, ...],
+    column_values: tuple[str, ...],
     driver: str | None,
     port: str | None,
     confirm_hardware: bool,
@@ -171,7 +171,7 @@ def run(
         driver = MOCK if practice and driver is None and port is None else driver
         resuming = resuming or resume_anyway
         if resuming:
-            plan = plan_to_resume(folder, study_file, seed, levels_file, facts)
+            plan = plan_to_resume(folder, study_file, seed, levels_file, column_values)
             refuse_another_number(participant_number, plan)
             with _failures():
                 ending = completed(folder, plan, click.echo)
@@ -183,8 +183,10 @@ def run(
                 folder, study_file, seed, levels_file, driver, participant_number=participant_number
             )
         study = folder.read_study(plan)
-        if facts:
-            folder = replace(folder, facts=participant_facts(study.participants.columns, facts))
+        if column_values:
+            folder = replace(
+                folder, facts=participant_facts(study.participants.columns, column_values)
+            )
         folder.check_people(study)  # before a window opens or the operator is prompted
         simulated = responder == "simulated"
         rig = assemble(study, driver=driver, port=port, simulated=simulated, practice=practice)

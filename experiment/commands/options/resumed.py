@@ -16,7 +16,9 @@ if TYPE_CHECKING:
     from experiment.archive.folders import SessionFolder
     from experiment.trial.plan import Plan
 
-_OMITTED: Final = frozenset({"confirm_hardware", "facts", "resuming", "resume_anyway", "seed"})
+_OMITTED: Final = frozenset(
+    {"confirm_hardware", "column_values", "resuming", "resume_anyway", "seed"}
+)
 """Options that apply only when a session begins, or that must be confirmed anew."""
 
 
@@ -40,7 +42,7 @@ def plan_to_resume(
     study_file: Path,
     seed: int | None,
     levels_file: Path | None,
-    facts: tuple[str, ...],
+    column_values: tuple[str, ...],
 ) -> Plan:
     """Return the plan of the session; reject options that contradict it."""
     from experiment.study.read import is_recorded, other_levels, read_levels
@@ -48,9 +50,9 @@ def plan_to_resume(
     levels_vpp = read_levels(levels_file, folder.participant) if levels_file else None
     plan = folder.read_plan()
     folder.refuse_loss()
-    if facts:
+    if column_values:
         raise CommandError(
-            f"--fact must be given when a session begins; got {facts[0]!r} with --resume: "
+            f"--fact must be given when a session begins; got {column_values[0]!r} with --resume: "
             "correct participants.tsv while no session runs"
         )
     if not is_recorded(study_file, plan.study, plan.file_sha256):
