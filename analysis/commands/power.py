@@ -55,8 +55,11 @@ class _GroupedOptionsCommand(click.Command):
     """A command whose help lists the options in groups."""
 
     def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        records = {param.name: param.get_help_record(ctx) for param in self.get_params(ctx)}
-        options = {name: record for name, record in records.items() if record}
+        options = {
+            param.name: record
+            for param in self.get_params(ctx)
+            if isinstance(param, click.Option) and (record := param.get_help_record(ctx))
+        }
         for title, names in _OPTION_GROUPS.items():
             with formatter.section(title):
                 formatter.write_dl([options.pop(name) for name in names])
