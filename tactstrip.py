@@ -22,25 +22,25 @@ if TYPE_CHECKING:
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 COMMANDS = {
-    "demo": ("analysis", "Show what a session is, in two minutes."),
+    "demo": ("analysis", "Demonstrate a session in two minutes."),
     "init": ("experiment", "Write a commented study file."),
-    "check": ("experiment", "Check a study's stimuli against its strip."),
+    "check": ("experiment", "Check the stimuli and levels of a study."),
     "bursts": ("experiment", "Compare bursts on a study's plate."),
     "dry-run": ("analysis", "Simulate participants and analyze them."),
     "run": ("experiment", "Run one session with a participant."),
-    "analyze": ("analysis", "Turn result CSVs into tables and figures."),
-    "columns": ("analysis", "Draft the map of a table made elsewhere."),
-    "power": ("analysis", "Tell how many people and trials a study needs."),
-    "audit": ("analysis", "Tell if a printed table of proportions can be true."),
-    "levels": ("analysis", "Place levels on a participant's function."),
-    "field": ("experiment", "Draw the displacement of a study's plate."),
-    "devices": ("device", "List what answers on ports and sound cards."),
-    "emulate": ("device", "Emulate a device on a port, for tests."),
-    "export": ("experiment", "Build trials.csv anew, or a BIDS data set."),
-    "verify": ("experiment", "Tell if sessions are as they were recorded."),
-    "withdraw": ("experiment", "Remove a person's data."),
+    "analyze": ("analysis", "Analyze results and write a report."),
+    "columns": ("analysis", "Propose a column map for an external table."),
+    "power": ("analysis", "Estimate how many participants a study needs."),
+    "audit": ("analysis", "Check whether a published table is possible."),
+    "levels": ("analysis", "Choose levels from a participant's pilot session."),
+    "field": ("experiment", "Draw the displacement field of a plate."),
+    "devices": ("device", "List connected devices and sound cards."),
+    "emulate": ("device", "Emulate a device for tests without hardware."),
+    "export": ("experiment", "Rebuild trials.csv, or write a BIDS data set."),
+    "verify": ("experiment", "Verify that sessions have not been modified."),
+    "withdraw": ("experiment", "Permanently delete a participant's data."),
 }
-"""Command: its package, and what the help says of it.
+"""Command: its package and its line in the help.
 
 ``tactstrip dry-run`` is the function ``dry_run`` of ``<package>/commands/dry_run.py``.
 """
