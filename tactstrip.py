@@ -1,4 +1,4 @@
-"""The command line's front door: names the commands and imports each only when it is called."""
+"""The command line: names the commands and imports each only when it is called."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ import click
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-# No threads that nobody uses: see stimuli/tuned.py, which scripts have instead. Who sets the
-# variable is left alone.
+# More threads only wait for each other on small matrices. A value that the user has set is kept;
+# stimuli/tuned.py does the same for scripts.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 COMMANDS = {
@@ -159,15 +159,15 @@ def _other_distributions(site: Path) -> dict[str, str]:
 
 @contextmanager
 def _one_line(command: str) -> Iterator[None]:
-    """Say what is wrong with a command line, or that it was interrupted, in one line."""
+    """Report a usage error, or an interruption, in one line."""
     from experiment.terms.exits import INTERRUPTED, CommandError
 
     try:
         yield
     except click.UsageError as error:
-        where, said = error.ctx.command_path if error.ctx else command, error.format_message()
-        end = "" if said.endswith((".", "?")) else "."
-        raise CommandError(f"{said}{end} See {where} --help.") from error
+        path, message = error.ctx.command_path if error.ctx else command, error.format_message()
+        end = "" if message.endswith((".", "?")) else "."
+        raise CommandError(f"{message}{end} See {path} --help.") from error
     except KeyboardInterrupt as error:
         raise CommandError("interrupted", exit_code=INTERRUPTED) from error
 
@@ -188,7 +188,7 @@ def main(ctx: click.Context) -> None:
     """Run vibrotactile detection experiments on narrow strip plates.
 
     Exit codes: 0 done; 1 done, and the answer is no; 2 bad input or usage; 3 device failure;
-    4 stopped early, can be resumed.
+    4 stopped early, can be resumed; 70 internal error.
     """
     if ctx.invoked_subcommand is None:
         click.echo(FIRST_STEPS, nl=False)
