@@ -188,7 +188,7 @@ def main(ctx: click.Context) -> None:
     """Run vibrotactile detection experiments on narrow strip plates.
 
     Exit codes: 0 done; 1 done, and the answer is no; 2 bad input or usage; 3 device failure;
-    4 stopped early, can be resumed; 70 internal error.
+    4 stopped early, can be resumed.
     """
     if ctx.invoked_subcommand is None:
         click.echo(FIRST_STEPS, nl=False)
