@@ -1,10 +1,12 @@
-"""The command line's front door: names the commands and imports each only when it is called."""
+"""The command line: names the commands and imports each only when it is called."""
 
 from __future__ import annotations
 
 import os
 import sys
 from contextlib import contextmanager
+from difflib import get_close_matches
+from functools import cache
 from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
@@ -15,84 +17,55 @@ import click
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-# No threads that nobody uses: see stimuli/tuned.py, which scripts have instead. Who sets the
-# variable is left alone.
+# More threads only wait for each other on small matrices. A value that the user has set is kept;
+# stimuli/tuned.py does the same for scripts.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 COMMANDS = {
-    "demo": ("analysis", "Show what a session is, in two minutes."),
+    "demo": ("analysis", "Demonstrate a session in two minutes."),
     "init": ("experiment", "Write a commented study file."),
-    "check": ("experiment", "Check a study's stimuli against its strip."),
+    "check": ("experiment", "Check the stimuli and levels of a study."),
     "bursts": ("experiment", "Compare bursts on a study's plate."),
     "dry-run": ("analysis", "Simulate participants and analyze them."),
     "run": ("experiment", "Run one session with a participant."),
-    "analyze": ("analysis", "Turn result CSVs into tables and figures."),
-    "columns": ("analysis", "Draft the map of a table made elsewhere."),
-    "power": ("analysis", "Tell how many people and trials a study needs."),
-    "audit": ("analysis", "Tell if a printed table of proportions can be true."),
-    "levels": ("analysis", "Place levels on a participant's function."),
-    "field": ("experiment", "Draw the displacement of a study's plate."),
-    "devices": ("device", "List what answers on ports and sound cards."),
-    "emulate": ("device", "Emulate a device on a port, for tests."),
-    "export": ("experiment", "Build trials.csv anew, or a BIDS data set."),
-    "verify": ("experiment", "Tell if sessions are as they were recorded."),
-    "withdraw": ("experiment", "Remove a person's data."),
+    "analyze": ("analysis", "Analyze results and write a report."),
+    "columns": ("analysis", "Propose a column map for an external table."),
+    "power": ("analysis", "Estimate how many participants a study needs."),
+    "audit": ("analysis", "Check whether a published table is possible."),
+    "levels": ("analysis", "Choose levels from a participant's pilot session."),
+    "field": ("experiment", "Draw the displacement field of a plate."),
+    "devices": ("device", "List connected devices and sound cards."),
+    "emulate": ("device", "Emulate a device for tests without hardware."),
+    "export": ("experiment", "Rebuild trials.csv, or write a BIDS data set."),
+    "verify": ("experiment", "Verify that sessions have not been modified."),
+    "withdraw": ("experiment", "Permanently delete a participant's data."),
 }
-"""Command: its package, and what the help says of it.
+"""Command: its package and its line in the help.
 
 ``tactstrip dry-run`` is the function ``dry_run`` of ``<package>/commands/dry_run.py``.
 """
 
-OTHER_WORDS = {
-    "demo": "example intro tour tutorial",
-    "init": "config create design new settings setup template",
-    "check": "calibrate calibration noise validate",
-    "bursts": "stimulus waveform",
-    "dry-run": "mock simulate simulation test",
-    "run": "continue experiment gui record resume screen session start",
-    "analyze": "figure figures fit graph plot report results statistics stats threshold",
-    "columns": "import map",
-    "power": "plan planning sample-size",
-    "levels": "pilot",
-    "field": "displacement draw figure map plot",
-    "devices": "list ports scan",
-    "emulate": "server",
-    "export": "bids convert save",
-    "verify": "integrity validate",
-    "withdraw": "delete erase forget remove",
-    "--help": "commands help",
-    "--version": "version",
-}
-"""Command or option: words that people use for what it does.
-
-A word may stand at two commands: both are named then.
-"""
-
-
-_LIKE = 0.8
-"""What is spelt more like a command than this is that command, whatever else it is like."""
-
 FIRST_STEPS = """\
 tactstrip runs left / right / both detection experiments on narrow plates.
 
-Try it out, without a device:
-  tactstrip demo                         two minutes at this terminal
-  tactstrip dry-run                      the paper's study on simulated people
+Try it without a device:
+  tactstrip demo                         a short session at this terminal
+  tactstrip dry-run                      an example study with simulated participants
 Run a study:
   tactstrip init study.toml              then check, power, run, verify, analyze
-Analyze a table made elsewhere:
+Analyze a table from another program:
   tactstrip columns table.csv --write map.toml
   tactstrip analyze table.csv --columns map.toml
 
-tactstrip --help lists all commands; each has --help, with an example.
+tactstrip --help lists all commands. Each command has --help, with an example.
 """
-"""What `tactstrip` alone says."""
+"""The output of `tactstrip` without arguments."""
 
 PACKAGES = ("stimuli", "device", "experiment", "analysis")
-"""Ours, beside this file."""
+"""The packages of tactstrip, beside this file."""
 
 BAD_INPUT = 2
-"""Exit code, as `experiment.terms.exits` has it, which may be hidden."""
+"""Exit code; `experiment.terms.exits` has the same, but its package may be the one replaced."""
 
 
 class _FrontDoor(click.Group):
@@ -115,8 +88,8 @@ class _FrontDoor(click.Group):
     ) -> tuple[str | None, click.Command | None, list[str]]:
         name = args[0]
         if name not in COMMANDS and not name.startswith("-") and not ctx.resilient_parsing:
-            meant = " or ".join(_meant(name.lower().replace("_", "-")))
-            hint = f" Did you mean {meant}?" if meant else ""
+            similar = get_close_matches(name.lower().replace("_", "-"), COMMANDS, n=1)
+            hint = f" Did you mean {similar[0]}?" if similar else ""
             ctx.fail(f"No such command {name!r}.{hint}")
         return super().resolve_command(ctx, args)
 
@@ -125,7 +98,7 @@ class _FrontDoor(click.Group):
             formatter.write_dl([(name, text) for name, (_, text) in COMMANDS.items()])
 
     def main(self, *args: Any, **kwargs: Any) -> Any:
-        if (error := _hidden_package()) is not None:
+        if (error := _intruder()) is not None:
             click.echo(f"error: {error}", err=True)
             sys.exit(BAD_INPUT)
         return super().main(*args, **kwargs)
@@ -139,49 +112,62 @@ class _FrontDoor(click.Group):
             return super().invoke(ctx)
 
 
-def _meant(typed: str) -> list[str]:
-    """List the commands that do what was typed, or what is spelt most like it."""
-    from difflib import get_close_matches
+def _intruder() -> str | None:
+    """Describe what Python would import in place of one of the packages, if anything.
 
-    said: dict[str, list[str]] = {command: [command] for command in COMMANDS}
-    for command, words in OTHER_WORDS.items():
-        for word in words.split():
-            said.setdefault(word, []).append(command)
-    near = (
-        [typed] * (typed in said)
-        or get_close_matches(typed, COMMANDS, cutoff=_LIKE)
-        or get_close_matches(typed, said)
-    )
-    return said[near[0]] if near else []
-
-
-def _hidden_package() -> str | None:
-    """Say which file Python would run in place of one of our packages, if there is one.
-
-    Their names are plain words: a lab's own analysis.py comes first where its folder is on the
-    path, as it is with ``python -m tactstrip`` there. So nothing of ours is imported before this.
+    The packages have common names. A lab's own analysis.py comes first where its folder is on
+    Python's path, as with ``python -m tactstrip`` there. A distribution with a package of the same
+    name comes first in an editable installation; in a wheel installation, both write to one
+    folder, and the last one wins. So nothing of the packages is imported before this check.
     """
+    here = Path(__file__).resolve().parent
     for name in PACKAGES:
-        spec, ours = find_spec(name), Path(__file__).resolve().parent / name / "__init__.py"
-        if spec and spec.origin and Path(spec.origin).resolve() != ours:
+        ours = here / name / "__init__.py"
+        spec = find_spec(name)
+        folders = (spec and spec.submodule_search_locations) or ()
+        path = Path((spec and spec.origin) or next(iter(folders), here)).resolve()
+        site = path.parents[1] if path.is_file() else path.parent
+        if distribution := _other_distributions(site).get(name):
             return (
-                f"{spec.origin} hides the package {name} of tactstrip: rename it, or "
-                "take its folder off Python's path"
+                f"the distribution {distribution} replaces the package {name} of tactstrip in "
+                f"{site}: run pip uninstall {distribution}, then reinstall tactstrip with "
+                "--force-reinstall"
+            )
+        if path in {here, ours.parent}:
+            return f"{ours} is missing: reinstall tactstrip with --force-reinstall"
+        if path != ours:
+            return (
+                f"{path} hides the package {name} of tactstrip: rename it, or take its folder off "
+                "Python's path"
             )
     return None
 
 
+@cache
+def _other_distributions(site: Path) -> dict[str, str]:
+    """Map packages named as ours to the other distribution that installed them in a folder."""
+    owners = {}
+    for record in site.glob("*.dist-info/RECORD"):
+        distribution = record.parent.name.partition("-")[0]
+        if distribution != "tactstrip":
+            files = "\n" + record.read_text("utf-8")
+            for package in PACKAGES:
+                if f"\n{package}/__init__.py," in files:
+                    owners[package] = distribution
+    return owners
+
+
 @contextmanager
 def _one_line(command: str) -> Iterator[None]:
-    """Say what is wrong with a command line, or that it was interrupted, in one line."""
+    """Report a usage error, or an interruption, in one line."""
     from experiment.terms.exits import INTERRUPTED, CommandError
 
     try:
         yield
     except click.UsageError as error:
-        where, said = error.ctx.command_path if error.ctx else command, error.format_message()
-        end = "" if said.endswith((".", "?")) else "."
-        raise CommandError(f"{said}{end} See {where} --help.") from error
+        path, message = error.ctx.command_path if error.ctx else command, error.format_message()
+        end = "" if message.endswith((".", "?")) else "."
+        raise CommandError(f"{message}{end} See {path} --help.") from error
     except KeyboardInterrupt as error:
         raise CommandError("interrupted", exit_code=INTERRUPTED) from error
 

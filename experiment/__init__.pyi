@@ -1,7 +1,7 @@
 from .participant.settings import ResponderSettings
 from .session.run import run_session
 from .session.simulate import simulate_study
-from .study.read import paper_study, read_study
+from .study.read import first_study, paper_study, read_study
 from .study.study import Study, StudyError
 from .terms.record import COLUMNS, TrialRow
 from .terms.responder import AwaitedAnswer, Press, Progress, Responder, SessionPart
@@ -22,6 +22,7 @@ __all__ = [
     "Trial",
     "TrialRow",
     "draw_plan",
+    "first_study",
     "paper_study",
     "read_study",
     "run_session",

@@ -60,7 +60,8 @@ def run() -> Run:
     """Run a command in this process; the result has its exit code, output and errors."""
 
     def run(*arguments: str | Path, typed: str | None = None) -> Result:
-        return CliRunner().invoke(main, [str(argument) for argument in arguments], input=typed)
+        words = [str(argument) for argument in arguments]
+        return CliRunner().invoke(main, words, input=typed, prog_name="tactstrip")
 
     return run
 

@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from experiment.terms.checks import require_whole
+
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
@@ -30,8 +32,7 @@ def seeded_by(data: bytes, seed: int, occurrence: int = 0) -> np.random.Generato
     >>> seeded_by(b"a", 0).random() == seeded_by(b"a", 0, occurrence=1).random()
     False
     """
-    if isinstance(seed, bool) or not isinstance(seed, int) or seed < 0:
-        raise ValueError(f"seed must be a whole number of at least 0, got {seed!r}")
+    require_whole("seed", seed, 0)
     words = np.frombuffer(sha256(data).digest(), dtype=">u4").astype(int).tolist()
     return np.random.default_rng([seed, occurrence, *words])
 

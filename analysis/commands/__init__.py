@@ -1,1 +1,1 @@
-"""The commands `analyze`, `audit`, `dry-run` and `levels`."""
+"""The commands that analyze data: analyze, audit, columns, demo, dry-run, levels and power."""

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 _BIDS = "dataset_description.json"
 MANY_TABLES = 20
-"""From so many tables on reading takes long enough for a progress bar."""
+"""Reading this many tables or more takes long enough for a progress bar."""
 
 
 def write_analysis(
@@ -46,42 +46,42 @@ def write_analysis(
     Parameters
     ----------
     paths : sequence of str or Path
-        Files and folders as `analysis.read_trials` takes them.
+        Files and folders, as for `analysis.read_trials`.
     out_dir : str or Path
-        The folder to write into; nothing in it changes where anything is refused.
+        The output folder. It is not changed if the input is rejected.
     columns : ColumnMap, optional
-        What the columns are called in tables made elsewhere.
+        The column map of external tables.
     ci : str
-        Method of the cells' intervals.
+        The method of the intervals of proportions.
     allow_simulated : bool
-        Whether simulated and real sessions may be mixed, and people without a device be analysed.
+        Whether to accept simulated together with real sessions, and practice without a device.
     accept_altered : bool
-        Whether sessions are analysed, with a mark, that are not as they were recorded.
+        Whether to analyse modified sessions, and mark them in every output.
     seed : int
-        Of the bootstrap and the permutations; kept in the summary.
+        The seed of the bootstrap and the permutation tests, saved in the summary.
     population : bool
-        Whether to fit the participants of each condition as one population.
+        Whether to also fit the participants of each condition as one population.
     figures : bool
-        Whether to draw.
+        Whether to write figures.
     pdf : bool
-        Whether figures are written as PDF, too.
+        Whether to also write figures as PDF.
     bar : bool
-        Whether to show on a terminal how far reading came, if there is much to read.
+        Whether to show progress on a terminal.
 
     Returns
     -------
     Analysis
-        What was written.
+        The tables that were written.
 
     Raises
     ------
     ResultFileError
-        For a file that is no well-formed table of trials.
+        If a file is not a valid table of trials.
     ValueError
-        For an unknown method, and for a folder that holds what is analysed, or other files under
-        the names of those that would be written.
+        If the method is unknown, or the output folder holds the input or other files with the
+        names of output files.
     OSError
-        Where the folder cannot be written.
+        If the folder cannot be written.
 
     Examples
     --------
@@ -102,7 +102,10 @@ def write_analysis(
     from analysis.results.tables import analyse
 
     loaded = read_inputs(
-        paths, columns, watched=_bar if bar else nullcontext, accept_altered=accept_altered
+        paths,
+        columns,
+        watched=_reading_progress if bar else nullcontext,
+        accept_altered=accept_altered,
     )
     with working("Fitting") if bar else nullcontext(), no_search_for_circles():
         analysis = analyse(
@@ -113,7 +116,9 @@ def write_analysis(
     return analysis
 
 
-def _bar(sources: Sequence[InputTable]) -> AbstractContextManager[Iterable[InputTable]]:
+def _reading_progress(
+    sources: Sequence[InputTable],
+) -> AbstractContextManager[Iterable[InputTable]]:
     hidden = len(sources) < MANY_TABLES or not sys.stderr.isatty()
     return click.progressbar(sources, label="Reading", file=sys.stderr, hidden=hidden)
 
@@ -125,45 +130,50 @@ def _bar(sources: Sequence[InputTable]) -> AbstractContextManager[Iterable[Input
 @click.option(
     "--out",
     type=click.Path(path_type=Path),
-    help="Folder for the results.  [default: analysis in the one folder given; for files, several "
-    "folders, a BIDS data set or a table made elsewhere ./analysis]",
+    show_default="PATH/analysis for a single folder of sessions, ./analysis otherwise",
+    help="Folder for the results.",
 )
 @click.option(
-    "--columns", type=click.Path(path_type=Path), help="MAP.toml for a table made elsewhere."
+    "--columns",
+    type=click.Path(path_type=Path),
+    help="Column map of external tables. `tactstrip columns` proposes one.",
 )
 @click.option(
     "--ci",
     type=click.Choice(METHODS),
     default=METHODS[0],
     show_default=True,
-    help="Interval of each participant's proportion.",
+    help="Method for the 95 % interval of each participant's proportions.",
 )
 @click.option(
     "--allow-simulated",
     is_flag=True,
-    help="Accept simulated sessions beside real ones, and people without a device.",
+    help="Accept simulated sessions together with real ones, and practice without a device.",
 )
 @click.option(
     "--accept-altered",
     is_flag=True,
-    help="Accept sessions that are not as they were recorded; every output says so.",
+    help="Accept modified sessions. Every output is marked accordingly.",
 )
 @click.option(
     "--seed",
     type=click.IntRange(min=0),
+    metavar="N",
     default=0,
     show_default=True,
-    help="Of the bootstrap and the permutations; kept in summary.json.",
+    help="Seed of the bootstrap and the permutation tests, saved in summary.json.",
 )
 @click.option(
     "--population",
     is_flag=True,
-    help="Fit all participants of a condition as one population, too; refused where blank trials "
-    "show a guess rate above 0.03, or who felt nothing had to guess.",
+    help="Also fit all participants of a condition as one population. Not available for a guess "
+    "rate above 0.03 or for forced choice.",
 )
-@click.option("--strict", is_flag=True, help="Exit with 1 if there is a warning.")
-@click.option("--pdf", is_flag=True, help="Write each figure as PDF, too, as journals ask for it.")
-@click.option("--no-figures", is_flag=True, help="Draw nothing; the report has tables only.")
+@click.option("--strict", is_flag=True, help="Exit with code 1 if there is a warning.")
+@click.option("--pdf", is_flag=True, help="Also write each figure as PDF.")
+@click.option(
+    "--no-figures", is_flag=True, help="Write no figures. The report contains tables only."
+)
 @refusals
 def analyze(
     paths: tuple[Path, ...],
@@ -179,23 +189,23 @@ def analyze(
     pdf: bool,
     no_figures: bool,
 ) -> None:
-    """Turn result CSVs or folders into tables, figures and a report.
+    """Analyze result files and write tables, figures and a report.
 
-    Of a folder, all sub-*/ses-*/trials.csv are read; with --columns all its .csv and .tsv files.
-    Each session is compared with the journal beside it, and what tactstrip verify would name ends
-    the command with 2; a table without a journal is analyzed and marked.
+    PATH is a file or a folder. In a folder, tactstrip reads every sub-*/ses-*/trials.csv, or with
+    --columns every .csv and .tsv file. It verifies each session against its journal, and stops with
+    exit code 2 if a session was modified. A table without a journal is analyzed and marked.
     """
     from analysis.reading.foreign.columns import load_column_map
     from analysis.results.console import print_analysis
 
     if pdf and no_figures:
         raise click.UsageError("--pdf writes figures: leave --no-figures out")
-    # Data that others wrote stay as they are.
-    ours = columns is None and len(paths) == 1 and paths[0].is_dir()
-    ours = ours and not (paths[0] / _BIDS).exists()
-    target = out or (paths[0] if ours else Path()) / "analysis"
+    # Results are written into a folder of sessions, but not into data of another program.
+    is_session_folder = columns is None and len(paths) == 1 and paths[0].is_dir()
+    is_session_folder = is_session_folder and not (paths[0] / _BIDS).exists()
+    target = out or (paths[0] if is_session_folder else Path()) / "analysis"
     if out is None:
-        _refuse_a_folder_of_others(target)
+        _require_analysis_folder(target)
     analysis = write_analysis(
         paths,
         target,
@@ -215,8 +225,8 @@ def analyze(
         click.get_current_context().exit(ANSWER_IS_NO)
 
 
-def _refuse_a_folder_of_others(target: Path) -> None:
-    """Refuse a folder that nobody named and that has files, none of which an analysis wrote."""
+def _require_analysis_folder(target: Path) -> None:
+    """Reject a default folder that holds files but no earlier analysis."""
     from experiment.archive import manifest
 
     if target.is_dir() and not (target / manifest.NAME).exists() and any(target.iterdir()):

@@ -1,4 +1,4 @@
-"""The command ``columns``: a draft of the map of tables made elsewhere."""
+"""The command ``columns``: a proposed column map for external tables."""
 
 from __future__ import annotations
 
@@ -20,14 +20,16 @@ from experiment.terms.exits import CommandError, refusals
     "target",
     metavar="MAP.toml",
     type=click.Path(path_type=Path),
-    help="A new file for analyze --columns MAP.toml.  [default: the terminal]",
+    show_default="print to the terminal",
+    help="New file for the column map.",
 )
 @refusals
 def columns(*, tables: tuple[Path, ...], target: Path | None) -> None:
-    """Draft the map of tables made elsewhere.
+    """Propose a column map for an external table.
 
-    TABLE is a file, a folder of such or a BIDS data set; several are all of one form. What is
-    guessed is called so; what is empty must be filled in before analyze takes the map.
+    TABLE is a file, a folder of files or a BIDS data set. All tables must have the same layout. In
+    the map, review the lines marked `# guess`, and fill in those marked `# FILL IN`. Then pass the
+    map to `tactstrip analyze --columns`.
     """
     from analysis.reading.drafted.draft import NOTE, map_draft
     from analysis.reading.sources import TABLE, find_sources
@@ -35,18 +37,23 @@ def columns(*, tables: tuple[Path, ...], target: Path | None) -> None:
     if target is not None and (target.exists() or target.is_symlink()):
         raise CommandError(f"--write must be a new file; got {target}, which exists")
     sources = find_sources([*tables], foreign=True).tables
-    if not sources or all(one.path.name == TABLE for one in sources):
+    if not sources or all(source.path.name == TABLE for source in sources):
         raise CommandError(f"{tables[0]}: a {TABLE} of tactstrip needs no map")
     text, blanks = map_draft(sources)
     if target is None:
         click.echo(text, nl=False)
         return
     write_new(target, text.encode(), DISK)
-    todo = f"fill in {', '.join(blanks)}, then " if blanks else "check its guesses, then "
-    told = shlex.join(map(str, tables))
-    # beside raw data, not among them
-    out = " --out ../analysis" if any(one.is_dir() and one.samefile(".") for one in tables) else ""
+    instruction = f"fill in {', '.join(blanks)}, then " if blanks else "check its guesses, then "
+    arguments = shlex.join(map(str, tables))
+    # Results are written beside the raw data, not among them.
+    out = (
+        " --out ../analysis"
+        if any(table.is_dir() and table.samefile(".") for table in tables)
+        else ""
+    )
     for line in text.splitlines():
         if line.startswith(NOTE):
             click.echo(line.removeprefix(NOTE))
-    click.echo(f"Written to {target}; {todo}tactstrip analyze {told} --columns {target}{out}")
+    analyze = f"tactstrip analyze {arguments} --columns {target}{out}"
+    click.echo(f"Written to {target}; {instruction}{analyze}")

@@ -1,6 +1,6 @@
-"""The command ``demo``: a session at the terminal, cut off and resumed, told as it goes.
+"""The command ``demo``: a session at the terminal that is killed and resumed.
 
-Each step is a command as a user would give it, in a process of its own: so one can be killed.
+Each step runs the command that a user would type, in a separate process that can be killed.
 """
 
 from __future__ import annotations
@@ -49,27 +49,13 @@ Now and then one of them is driven for 2 ms, and you say which: {left} or {right
 Here nothing moves, so guess."""
 placement = "This is where you would lay your fingers on the plate."
 '''
-SIMULATED: Final = """\
-# The same plate and burst. Levels lie on both sides of the threshold that simulated people are
-# assumed to have, and "none" is an answer: so a threshold can come out, and false alarms.
-[study]
-name = "demo-simulated"
-
-[design]
-levels_vpp = [30, 42, 59, 83, 117]
-trials_per_side = 50
-both_trials = 0
-blank_trials = 50
-order = "balanced"
-responses = ["left", "right", "none"]
-"""
 SESSION: Final = ("run", "study.toml", "--participant", "01", "--practice-without-device")
 CUT_IN_TRIAL: Final = 3
-_SHOWN_OF_CHECK: Final = ("strip", "cut-off", "burst", "above", "left", "right", "verdict")
-_SHOWN_OF_TRIALS: Final = ("trial", "attempt", "kind", "side", "level_vpp", "response", "status")
-_WATCHED_EVERY_S: Final = 0.02
-_QUESTION_SEEN_S: Final = 0.15
-"""The question is on the screen by then, and nobody has answered it yet."""
+_CHECK_LABELS: Final = ("strip", "cut-off", "burst", "above", "left", "right", "verdict")
+_TRIAL_COLUMNS: Final = ("trial", "attempt", "kind", "side", "level_vpp", "response", "status")
+_POLL_INTERVAL_S: Final = 0.02
+_QUESTION_DELAY_S: Final = 0.15
+"""By this time the question is on the screen, and the participant has not answered yet."""
 
 
 @click.command(epilog="Example: tactstrip demo --out demo")
@@ -77,15 +63,16 @@ _QUESTION_SEEN_S: Final = 0.15
     "--out",
     type=click.Path(path_type=Path, file_okay=False),
     metavar="DIR",
-    help="A new folder, which is kept.  [default: a temporary one, removed at the end]",
+    show_default="a temporary folder, deleted at the end",
+    help="New folder for the files of the demonstration.",
 )
 @refusals
 def demo(*, out: Path | None) -> None:
-    """Show what a session is, in two minutes at this terminal.
+    """Demonstrate a session in two minutes at this terminal.
 
-    A burst is checked, six trials are answered with the arrow keys, the session is killed in its
-    midst and resumed, its record is verified, and simulated people are analyzed. Nothing is opened,
-    no device, no sound, no window, and nothing moves.
+    The demonstration checks a burst and presents six trials, which you answer with the arrow keys.
+    It kills the session halfway and resumes it, verifies the record, and analyzes simulated
+    participants. It opens no device, plays no sound, and moves nothing.
     """
     if os.name != "posix" or not all(s and s.isatty() for s in (sys.stdin, sys.stdout)):
         raise CommandError(
@@ -112,15 +99,15 @@ def _folder(out: Path | None) -> Iterator[Path]:
 
 
 def _tell(folder: Path, *, kept: bool) -> None:
-    """Run the steps, with what each shows."""
-    _head("1. Does the burst stay where the finger is?")
+    """Run the steps of the demonstration and print the output of each."""
+    _print_heading("1. Does the burst stay where the finger is?")
     lines = _told(folder, "Checking", "check", "study.toml").splitlines()
     for line in lines:
-        if line.split()[:1] and line.split()[0] in _SHOWN_OF_CHECK:
+        if line.split()[:1] and line.split()[0] in _CHECK_LABELS:
             click.echo(line)
     click.echo("A burst that would spread along the plate is refused before it is felt.")
 
-    _head("2. A session. It will be cut off in its midst.")
+    _print_heading("2. A session. It will be cut off in its midst.")
     with _own_terminal():
         _attend(folder, *SESSION, cut=True)
     click.echo(
@@ -128,76 +115,76 @@ def _tell(folder: Path, *, kept: bool) -> None:
         "burst\nthat was under way nobody can say whether it was felt. The same command goes on:"
     )
 
-    _head("3. The session, resumed.")
+    _print_heading("3. The session, resumed.")
     with _own_terminal():
         _attend(folder, *SESSION, "--resume", cut=False)
     if not kept:
         click.echo("(these results are removed with the demo; tactstrip demo --out DIR keeps them)")
 
-    _head("4. The record: no trial is lost, and none is repeated in silence.")
+    _print_heading("4. The record: no trial is lost, and none is repeated in silence.")
     _print_trials(folder / "results" / "sub-01" / "ses-01" / "trials.csv")
     click.echo(_told(folder, "Comparing", "verify", "results").rstrip())
 
-    _head("5. An analysis: the answer of five simulated people, 750 trials.")
-    (folder / "simulated.toml").write_text(SIMULATED, encoding="utf-8")
-    words = ("dry-run", "simulated.toml", "--seed", "7", "--out", "simulated")
-    answer = _told(folder, "Simulating", *words).split("\n\n")[:2]  # files have the rest
+    _print_heading("5. An analysis: the results of five simulated participants, 1075 trials.")
+    output = _told(folder, "Simulating", "dry-run", "--seed", "7", "--out", "simulated")
+    answer = output.split("\n\n")[:2]  # files have the rest
     click.echo("\n\n".join(answer))
     click.echo(
-        "\nThe people are simulated, so that what should come out is known: the median that\n"
-        "is assumed above, which should lie within the interval."
+        "\nThe participants are simulated, so the true median threshold is known: it is printed\n"
+        "above as assumed, and should lie within the interval."
     )
 
 
-def _head(text: str) -> None:
+def _print_heading(text: str) -> None:
     click.echo()
     click.secho(text, bold=True)
 
 
-def _command(*words: str) -> list[str]:
-    # not from the folder in which one is: a lab's own analysis.py may lie there
-    return [sys.executable, "-P", "-m", "tactstrip", *words]
+def _command_line(*arguments: str) -> list[str]:
+    # -P keeps the working directory off the path, where another analysis.py may lie.
+    return [sys.executable, "-P", "-m", "tactstrip", *arguments]
 
 
-def _told(folder: Path, what: str, *words: str) -> str:
-    """Run a command and return what it prints; meanwhile show what it is doing."""
-    click.echo(f"$ tactstrip {' '.join(words)}")
-    with working(what):
-        done = subprocess.run(  # noqa: S603 - our own command
-            _command(*words),
+def _told(folder: Path, activity: str, *arguments: str) -> str:
+    """Run a command with a progress line and return its output."""
+    click.echo(f"$ tactstrip {' '.join(arguments)}")
+    with working(activity):
+        process = subprocess.run(  # noqa: S603 - our own command
+            _command_line(*arguments),
             cwd=folder,
             stdin=subprocess.DEVNULL,
             capture_output=True,
             text=True,
             check=False,
         )
-    if done.returncode:
-        raise CommandError(done.stderr.removeprefix("error: ").strip(), exit_code=done.returncode)
-    return done.stdout
+    if process.returncode:
+        message = process.stderr.removeprefix("error: ").strip()
+        raise CommandError(message, exit_code=process.returncode)
+    return process.stdout
 
 
-def _attend(folder: Path, *words: str, cut: bool) -> None:
-    """Run a session in front of the person who sits here; cut it off, unless it ends before."""
-    click.echo(f"$ tactstrip {' '.join(words)}")
+def _attend(folder: Path, *arguments: str, cut: bool) -> None:
+    """Run a session at this terminal; kill it in trial `CUT_IN_TRIAL` to `cut` it off."""
+    click.echo(f"$ tactstrip {' '.join(arguments)}")
     journal = folder / "results" / "sub-01" / "ses-01" / "journal.jsonl"
-    with subprocess.Popen(_command(*words), cwd=folder) as session:  # noqa: S603 - our own
+    with subprocess.Popen(_command_line(*arguments), cwd=folder) as session:  # noqa: S603 - our own
         try:
-            while cut and session.poll() is None and _bursts(journal) < CUT_IN_TRIAL:
-                time.sleep(_WATCHED_EVERY_S)
+            while cut and session.poll() is None and _count_bursts(journal) < CUT_IN_TRIAL:
+                time.sleep(_POLL_INTERVAL_S)
             if cut and session.poll() is None:
-                time.sleep(_QUESTION_SEEN_S)
+                time.sleep(_QUESTION_DELAY_S)
                 session.kill()
-            ended = session.wait()
+            exit_code = session.wait()
         finally:
             session.kill()
-    if ended == STOPPED_EARLY:
+    if exit_code == STOPPED_EARLY:
         raise CommandError("the demo was stopped", exit_code=INTERRUPTED)
-    if ended > 0:  # it has said why
-        raise CommandError("the demo's session could not be held", exit_code=ended)
+    if exit_code > 0:  # it has said why
+        raise CommandError("the demo's session could not be held", exit_code=exit_code)
 
 
-def _bursts(journal: Path) -> int:
-    """Count the bursts that were sent, by a journal that grows meanwhile."""
+def _count_bursts(journal: Path) -> int:
+    """Count the bursts in a journal that another process is writing."""
     try:
         return journal.read_bytes().count(b'"stimulus_commanded"')
     except FileNotFoundError:
@@ -206,20 +193,20 @@ def _bursts(journal: Path) -> int:
 
 @contextlib.contextmanager
 def _own_terminal() -> Iterator[None]:
-    """Give the terminal back as it was, whatever ends a session; leave Ctrl-C to the session."""
+    """Restore the terminal however a session ends; leave Ctrl-C to the session."""
     import termios
 
     settings = termios.tcgetattr(sys.stdin)
-    left_to_session: Any = signal.signal(signal.SIGINT, lambda *_: None)
+    previous_handler: Any = signal.signal(signal.SIGINT, lambda *_: None)
     try:
         yield
     finally:
-        signal.signal(signal.SIGINT, left_to_session)
+        signal.signal(signal.SIGINT, previous_handler)
         termios.tcsetattr(sys.stdin, termios.TCSAFLUSH, settings)
 
 
 def _print_trials(path: Path) -> None:
     with path.open(encoding="utf-8", newline="") as file:
         rows = list(csv.DictReader(file))
-    for row in (dict(zip(_SHOWN_OF_TRIALS, _SHOWN_OF_TRIALS, strict=True)), *rows):
-        click.echo("".join(f"{row[name]:<11}" for name in _SHOWN_OF_TRIALS).rstrip())
+    for row in (dict(zip(_TRIAL_COLUMNS, _TRIAL_COLUMNS, strict=True)), *rows):
+        click.echo("".join(f"{row[name]:<11}" for name in _TRIAL_COLUMNS).rstrip())

@@ -1,7 +1,7 @@
 """The command ``dry-run``: simulated participants on the mock device, then the analysis.
 
-It stands here because imports point one way: the analysis may use the experiment, not the other way
-round.
+The command belongs to the analysis package because imports point one way: the analysis may use the
+experiment, but not vice versa.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from experiment.study.study import Study
 
 
-MOST_PARTICIPANTS = 10_000
+MAX_PARTICIPANTS = 10_000
 _WIDTH = 80
 
 
@@ -32,24 +32,32 @@ _WIDTH = 80
 @click.argument("study_file", metavar="[STUDY]", required=False, type=click.Path(path_type=Path))
 @click.option(
     "--participants",
-    type=click.IntRange(1, MOST_PARTICIPANTS),
+    type=click.IntRange(1, MAX_PARTICIPANTS),
     default=5,
     show_default=True,
     metavar="N",
-    help="How many are simulated.",
+    help="Number of simulated participants.",
 )
-@click.option("--seed", type=click.IntRange(min=0), help="Random by default, printed.")
+@click.option(
+    "--seed",
+    type=click.IntRange(min=0),
+    metavar="N",
+    show_default="random, printed",
+    help="Seed of the trial plans and of the simulated participants.",
+)
 @click.option(
     "--out",
     type=click.Path(path_type=Path, file_okay=False),
     metavar="DIR",
-    help="A new folder.  [default: dry-run-1, dry-run-2, ...]",
+    show_default="the next free dry-run-N",
+    help="New or empty folder for the sessions and the analysis.",
 )
 @click.option(
     "--levels",
     "with_levels",
     is_flag=True,
-    help="Take the sessions for pilots, too: levels for each participant, what they are worth.",
+    help="Also choose stimulus levels from each session, as `tactstrip levels` does from a pilot "
+    "session, and print their expected error.",
 )
 @refusals
 def dry_run(
@@ -60,29 +68,28 @@ def dry_run(
     out: Path | None,
     with_levels: bool,
 ) -> None:
-    """Run simulated participants on the mock device, then analyze their sessions.
+    """Simulate participants on the mock device and analyze their sessions.
 
-    Without STUDY it is the paper's protocol, whose levels lie above the threshold that is assumed:
-    it gives a bound. The same seed gives the same trials.csv.
+    Without STUDY, tactstrip runs an example study, whose levels lie on both sides of the simulated
+    threshold. The same seed reproduces every trials.csv.
     """
     from analysis.commands.analyze import write_analysis
     from analysis.results.console import print_analysis
     from experiment.preview.check import require_fit
-    from experiment.study.read import paper_study, read_study
+    from experiment.study.read import FIRST_STUDY, read_study
     from experiment.study.simulated import people_words, unmeasured_words
     from experiment.study.study import told_by_file
 
     with working("Checking"), told_by_file(study_file):
-        study = paper_study() if study_file is None else read_study(study_file)
+        study = read_study(study_file or FIRST_STUDY)
         check = require_fit(study)
     folder = new_folder(out)
     seed = secrets.randbits(32) if seed is None else seed
     click.echo(f"{participants} simulated participants, seed {seed}, in {folder}")
-    fingers = [one.fingers() for one in check.gains]
-    for words in (*people_words(study, fingers), unmeasured_words(study)):
-        if words:
-            told = textwrap.fill(words, _WIDTH, subsequent_indent="  ", break_on_hyphens=False)
-            click.echo(told)
+    fingers = [gains.fingers() for gains in check.gains]
+    for note in (*people_words(study, fingers), unmeasured_words(study)):
+        if note:
+            click.echo(textwrap.fill(note, _WIDTH, subsequent_indent="  ", break_on_hyphens=False))
     _simulate(check, folder, participants, seed)
     print_analysis(write_analysis([folder], folder / "analysis", seed=seed, bar=True), sys.stdout)
     if with_levels:
@@ -91,7 +98,7 @@ def dry_run(
 
 
 def _print_levels(study: Study, folder: Path) -> None:
-    from analysis.commands.levels import line
+    from analysis.commands.levels import format_line
     from analysis.definitions import counted_up
     from analysis.reading.load import read_trials
     from analysis.thresholds.levels import LevelsError, place_levels
@@ -99,22 +106,22 @@ def _print_levels(study: Study, folder: Path) -> None:
     click.echo("Levels by these sessions:")
     trials = read_trials([folder])
     for participant in sorted(trials["participant"].unique(), key=counted_up):
-        for one in place_levels(trials, participant, study):
-            click.echo(f"  {one if isinstance(one, LevelsError) else line(one)}")
+        for result in place_levels(trials, participant, study):
+            click.echo(f"  {result if isinstance(result, LevelsError) else format_line(result)}")
 
 
 def new_folder(out: Path | None) -> Path:
-    """Make the folder asked for, else the next dry-run-1, -2, ...; refuse one with files."""
+    """Make the folder `out`, or the next free dry-run-N; reject a folder with files."""
     if out is None:
-        return next(path for n in count(1) if _made(path := Path(f"dry-run-{n}")))
+        return next(path for n in count(1) if _make_numbered_folder(path := Path(f"dry-run-{n}")))
     if out.exists() and any(out.iterdir()):
         raise CommandError(f"--out must be a new or empty folder; got {out}, which holds files")
     make_folder(out, UNWAITED)
     return out
 
 
-def _made(folder: Path) -> bool:
-    """Make a folder; False where another process or an earlier run was first."""
+def _make_numbered_folder(folder: Path) -> bool:
+    """Make a folder; return False if it exists already."""
     try:
         folder.mkdir(FOLDER_MODE)
     except FileExistsError:

@@ -15,31 +15,37 @@ from experiment.terms.exits import CommandError, refusals
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    import pandas as pd
+
     from analysis.thresholds.levels import ExpectedError, LevelsError, Placement
     from experiment.study.study import Study
 
 
 @click.command(epilog="Example: tactstrip levels results --participant 01 --write levels-01.toml")
 @click.argument("folder", metavar="DIR", type=click.Path(path_type=Path))
-@click.option("--participant", required=True, metavar="ID", help="Whose pilot session.")
+@click.option(
+    "--participant", required=True, metavar="ID", help="Participant of the pilot session."
+)
 @click.option(
     "--study",
     "study_file",
     metavar="STUDY",
     type=click.Path(path_type=Path),
-    help="The study to be run: its device, trials and levels.  [default: the pilot's]",
+    show_default="that of the pilot session",
+    help="Study to choose levels for. It determines the highest level and the number of trials.",
 )
 @click.option(
     "--write",
     "target",
     metavar="FILE",
     type=click.Path(path_type=Path),
-    help=f"A new file for run --levels FILE; its name ends in {LEVELS_SUFFIX}.",
+    help=f"New {LEVELS_SUFFIX} file for the levels, for use with `tactstrip run --levels`.",
 )
 @click.option(
     "--condition",
     metavar="NAME",
-    help="The one whose levels --write takes.  [default: each condition has its own]",
+    show_default="all conditions",
+    help="Condition whose levels --write saves.",
 )
 @refusals
 def levels(
@@ -50,10 +56,11 @@ def levels(
     target: Path | None,
     condition: str | None,
 ) -> None:
-    """Place five levels on a participant's own psychometric function, in each condition.
+    """Choose stimulus levels from a participant's pilot session.
 
-    DIR holds a pilot session: about 40 single stimuli over a wide range of levels. Simulated ones
-    need no option; what is printed and written says that its levels are for no person.
+    DIR holds a pilot session with about 40 single stimuli over a wide range of levels. For each
+    condition, tactstrip fits the psychometric function and chooses five levels. Levels from a
+    simulated session are marked as such.
     """
     from analysis.reading.load import read_trials
     from analysis.thresholds.levels import LevelsError, place_levels
@@ -64,90 +71,90 @@ def levels(
     if target is not None and target.exists():
         raise CommandError(f"--write must be a new file; got {target}, which exists")
     trials = read_trials([folder])
-    own = trials[trials["participant"].eq(participant)]
-    if own.empty:
-        known = ", ".join(sorted(set(trials["participant"]))[:10])
-        raise CommandError(f"--participant must be one of {known}; got {participant}")
-    practised = ~own["simulated"].astype(bool) & own["device_kind"].isin(["mock", "emulated"])
-    if practised.any():
+    pilot_trials = trials[trials["participant"].eq(participant)]
+    if pilot_trials.empty:
+        participants = ", ".join(sorted(set(trials["participant"]))[:10])
+        raise CommandError(f"--participant must be one of {participants}; got {participant}")
+    is_real_person = ~pilot_trials["simulated"].astype(bool)
+    if (is_real_person & pilot_trials["device_kind"].isin(["mock", "emulated"])).any():
         raise CommandError(
             f"participant {participant} practised without a device, on a mock or an emulator: "
             "levels for a person come from a pilot session on the plate"
         )
-    study = (
-        _study_of(own["file"].unique().tolist()) if study_file is None else read_study(study_file)
-    )
-    found = place_levels(own, participant, study)
-    placements = [one for one in found if not isinstance(one, LevelsError)]
-    refused = [one for one in found if isinstance(one, LevelsError)]
+    study = _pilot_study(pilot_trials) if study_file is None else read_study(study_file)
+    results = place_levels(pilot_trials, participant, study)
+    placements = [result for result in results if not isinstance(result, LevelsError)]
+    errors = [result for result in results if isinstance(result, LevelsError)]
     if not placements:
-        raise refused[0]
-    simulated = bool(own["simulated"].astype(bool).any())
+        raise errors[0]
+    simulated = not is_real_person.all()
     if target is not None:
-        write_levels(_chosen(placements, refused, condition), target, simulated=simulated)
-    for one in found:
-        click.echo(str(one) if isinstance(one, LevelsError) else report(one))
+        selected = _select_placements(placements, errors, condition)
+        write_levels(selected, target, simulated=simulated)
+    for result in results:
+        click.echo(str(result) if isinstance(result, LevelsError) else format_placement(result))
     if simulated:
         click.echo(f"{_SIMULATED}.")
     if target is not None:
         click.echo(f"Written to {target}; tactstrip run STUDY --levels {target} uses it")
 
 
-def _chosen(
-    placements: Sequence[Placement], refused: Sequence[LevelsError], condition: str | None
+def _select_placements(
+    placements: Sequence[Placement], errors: Sequence[LevelsError], condition: str | None
 ) -> Sequence[Placement]:
-    """Return the placements to write: all, none of which was refused, or that of the condition."""
-    names = [one.condition for one in placements]
-    if condition is None and refused:
+    """Return the placement of the condition, or without a condition all if none has failed."""
+    names = [placement.condition for placement in placements]
+    if condition is None and errors:
         raise CommandError(
-            f"{refused[0]}; --condition NAME writes the levels of one, {' or '.join(names)}, alone"
+            f"{errors[0]}; --condition NAME writes the levels of one, {' or '.join(names)}, alone"
         )
     if condition is not None and condition not in names:
         raise CommandError(
             f"--condition must be one whose levels are placed, {', '.join(names)}; got {condition}"
         )
-    return [one for one in placements if condition in {None, one.condition}]
+    return [placement for placement in placements if condition in {None, placement.condition}]
 
 
-def _study_of(files: list[str]) -> Study:
-    """Return the study by the plan beside the last pilot's table; without one the paper's."""
+def _pilot_study(trials: pd.DataFrame) -> Study:
+    """Return the study in the plan beside the last pilot's table, or the paper's study."""
     from analysis.reading.plans import read_plan
     from experiment.study.read import paper_study, study_from_canonical
 
-    sealed = [found for file in files if (found := read_plan(Path(file))) is not None]
-    return study_from_canonical(sealed[-1][0].study) if sealed else paper_study()
+    files = trials["file"].unique()
+    plans = [plan for file in files if (plan := read_plan(Path(file))) is not None]
+    return study_from_canonical(plans[-1][0].study) if plans else paper_study()
 
 
-def report(found: Placement) -> str:
-    """Return what was placed, as lines for a reader."""
-    low, high = found.threshold_limits_vpp
-    function = found.function
+def format_placement(placement: Placement) -> str:
+    """Format the levels of one condition as lines of text."""
+    low, high = placement.threshold_limits_vpp
+    function = placement.function
     rows = "\n".join(
         f"  {level:7.1f} V  felt {share:.0%}"
-        for level, share in zip(found.levels_vpp, found.felt, strict=True)
+        for level, share in zip(placement.levels_vpp, placement.felt, strict=True)
     )
-    fixed = " ".join(f"{level:g}" for level in found.fixed_levels_vpp)
-    highest_vpp, key = found.highest
+    fixed = " ".join(f"{level:g}" for level in placement.fixed_levels_vpp)
+    highest_vpp, key = placement.highest
     limited = f" (the device reaches {highest_vpp:g} V = {key})"
-    limited *= found.levels_vpp[-1] > highest_vpp - 0.1
+    limited *= placement.levels_vpp[-1] > highest_vpp - 0.1
     return (
-        f"Participant {found.participant}, condition {found.condition}: threshold "
+        f"Participant {placement.participant}, condition {placement.condition}: threshold "
         f"{function.threshold_vpp:.1f} V ({low:.1f} to {high:.1f}), sigma {function.sigma:.3f}, "
         f"guess rate {function.guess_rate:.2g}\nLevels{limited}:\n{rows}\n"
-        f"Expected error of the threshold after {found.trials} stimuli (RMSE), by what the pilot "
-        f"tells:\n"
-        f"  {_error(found.error)} with these levels\n"
-        f"  {_error(found.fixed_error)} with {fixed} V"
+        f"Expected error of the threshold after {placement.trials} stimuli (RMSE), by what the "
+        f"pilot tells:\n"
+        f"  {_error(placement.error)} with these levels\n"
+        f"  {_error(placement.fixed_error)} with {fixed} V"
     )
 
 
-def line(found: Placement) -> str:
-    """Return what was placed as one line."""
-    levels = " ".join(f"{level:g}" for level in found.levels_vpp)
+def format_line(placement: Placement) -> str:
+    """Format the levels of one condition as one line."""
+    levels = " ".join(f"{level:g}" for level in placement.levels_vpp)
     return (
-        f"{found.participant} {found.condition}: {levels} V, expected error after {found.trials} "
-        f"stimuli {_error(found.error)}; with the levels of the study that was run "
-        f"{_error(found.fixed_error)}"
+        f"{placement.participant} {placement.condition}: {levels} V, expected error after "
+        f"{placement.trials} stimuli {_error(placement.error)}; with the levels of the study that "
+        f"was run {_error(placement.fixed_error)}"
     )
 
 
@@ -158,15 +165,15 @@ def _error(error: ExpectedError) -> str:
 _SIMULATED: Final = "Participant and answers are simulated: these levels are for no person"
 
 
-def write_levels(found: Sequence[Placement], target: Path, *, simulated: bool) -> None:
-    """Write a person's levels as `experiment.study.read.read_levels` reads them, into a new file.
+def write_levels(placements: Sequence[Placement], target: Path, *, simulated: bool) -> None:
+    """Write a participant's levels to a new file that `experiment.study.read.read_levels` reads.
 
-    Those of one condition are a list, those of several a table.
+    The levels of one condition are a list, those of several conditions a table.
     """
     text = f"# {_SIMULATED}.\n" * simulated
-    text += f"participant = {json.dumps(found[0].participant)}\n"
-    text += "\n[levels_vpp]\n" * (len(found) > 1)
-    for one in found:
-        key = json.dumps(one.condition) if len(found) > 1 else "levels_vpp"
-        text += f"{key} = [{', '.join(f'{level!r}' for level in one.levels_vpp)}]\n"
+    text += f"participant = {json.dumps(placements[0].participant)}\n"
+    text += "\n[levels_vpp]\n" * (len(placements) > 1)
+    for placement in placements:
+        key = json.dumps(placement.condition) if len(placements) > 1 else "levels_vpp"
+        text += f"{key} = [{', '.join(f'{level!r}' for level in placement.levels_vpp)}]\n"
     write_new(target, text.encode(), DISK)

@@ -26,48 +26,52 @@ if TYPE_CHECKING:
     from experiment.study.study import Study
 
 
-_MOST_PEOPLE = 1000
-_MOST_TRIALS = 10_000
-_LONG_S = 120.0
-_SPREAD = (
+_MAX_PARTICIPANTS = 1000
+_MAX_TRIALS = 10_000
+_LONG_SEARCH_S = 120.0
+_LONG_SEARCH_HINT = (
     "; --workers N shares them out, --participants A B limits the search, --keep FILE"
     " lets the same command go on"
 )
-_WORTH_TELLING_S = 10
-_DRAWN_EVERY_S = 1.0
-_TOLD_EVERY_S = 30.0
-"""Off a terminal, where no bar is drawn."""
-_LATELY_S = 20.0
-_IN_SECONDS_S = 55.0
+_MIN_PREDICTION_S = 10
+"""In a pipe, shorter predictions are not printed."""
+_TERMINAL_INTERVAL_S = 1.0
+_PIPE_INTERVAL_S = 30.0
+_SPEED_WINDOW_S = 20.0
+"""The remaining time follows from the speed of the work in this last time."""
+_MAX_SECONDS_S = 55.0
+"""Longer durations are given in minutes."""
 
 
-_GROUPS = {
-    "What is asked": ("goal_text", "participants", "assurance"),
-    "The design": ("trials", "blanks", "levels"),
-    "The people": ("pilot", "columns", "whose"),
-    "Where it is computed": ("seed", "workers", "scheduler", "keep"),
+_OPTION_GROUPS = {
+    "Goal": ("goal_text", "participants", "assurance"),
+    "Design": ("trials", "blanks", "levels"),
+    "Population": ("pilot", "columns", "population"),
+    "Computation": ("seed", "workers", "scheduler", "keep"),
 }
 
 
-class _Grouped(click.Command):
-    """A command whose help has its options by what they are about."""
+class _GroupedOptionsCommand(click.Command):
+    """A command whose help lists the options in groups."""
 
     def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        options = [one for one in self.get_params(ctx) if isinstance(one, click.Option)]
-        records = {one.name: one.get_help_record(ctx) for one in options}
-        told = {name: record for name, record in records.items() if record}
-        for title, names in _GROUPS.items():
+        options = {
+            param.name: record
+            for param in self.get_params(ctx)
+            if isinstance(param, click.Option) and (record := param.get_help_record(ctx))
+        }
+        for title, names in _OPTION_GROUPS.items():
             with formatter.section(title):
-                formatter.write_dl([told.pop(name) for name in names])
-        with formatter.section("What is told"):
-            formatter.write_dl([*told.values()])
+                formatter.write_dl([options.pop(name) for name in names])
+        with formatter.section("Output"):
+            formatter.write_dl([*options.values()])
 
 
 class Progress:
-    """How far a search is, and what it knows so far, told now and then.
+    """The progress of a search: remaining time and intermediate result.
 
-    A terminal has both in the line that is drawn there, others have a line every half minute. The
-    time that is left is told by how fast the work was done lately.
+    On a terminal they stand beside the progress bar; in a pipe they are printed as a line every
+    half minute. The remaining time follows from the speed of the last `_SPEED_WINDOW_S` seconds.
     """
 
     def __init__(
@@ -78,37 +82,39 @@ class Progress:
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self._show, self._terminal, self._clock = show, terminal, clock
-        self._done, self._known, self._told_s = 0.0, "", clock()
-        self._lately = deque([(self._told_s, 0.0)])
+        self._done, self._message, self._message_s = 0.0, "", clock()
+        self._history = deque([(self._message_s, 0.0)])
 
-    def step(self, part: float, ahead: float, so_far: Callable[[], str]) -> None:
-        """Take in that so much more is done; `so_far` says what is known."""
-        self._done += part
+    def step(self, done: float, remaining: float, result: Callable[[], str]) -> None:
+        """Add the work just `done`; `result` formats the intermediate result."""
+        self._done += done
         now_s = self._clock()
-        if now_s - self._told_s > (_DRAWN_EVERY_S if self._terminal else _TOLD_EVERY_S):
-            self._told_s = now_s
-            known = [f"about {_duration(self._left_s(now_s, ahead))} left", so_far()]
-            self._known = "; ".join(filter(None, known))
+        interval_s = _TERMINAL_INTERVAL_S if self._terminal else _PIPE_INTERVAL_S
+        if now_s - self._message_s > interval_s:
+            self._message_s = now_s
+            time_left = f"about {_duration(self._remaining_s(now_s, remaining))} left"
+            self._message = "; ".join(filter(None, [time_left, result()]))
             if not self._terminal:
-                click.echo(self._known, err=True)
-        self._show(round(self._done), max(round(self._done + ahead), 1), self._known)
+                click.echo(self._message, err=True)
+        self._show(round(self._done), max(round(self._done + remaining), 1), self._message)
 
-    def _left_s(self, now_s: float, ahead: float) -> float:
-        """Return how long it takes to do what is ahead as fast as was worked lately."""
-        self._lately.append((now_s, self._done))
-        while len(self._lately) > 2 and now_s - self._lately[1][0] >= _LATELY_S:  # noqa: PLR2004
-            self._lately.popleft()
-        since_s, before = self._lately[0]
-        return ahead * (now_s - since_s) / max(self._done - before, 1e-6)
+    def _remaining_s(self, now_s: float, remaining: float) -> float:
+        """Return the time that the remaining work takes at the recent speed."""
+        history = self._history
+        history.append((now_s, self._done))
+        while len(history) > 2 and now_s - history[1][0] >= _SPEED_WINDOW_S:  # noqa: PLR2004
+            history.popleft()
+        start_s, start_done = history[0]
+        return remaining * (now_s - start_s) / max(self._done - start_done, 1e-6)
 
 
 def _duration(seconds: float) -> str:
-    """Say about how long.
+    """Format a duration, rounded to one number and unit.
 
     >>> _duration(8.2), _duration(60.0), _duration(400.0), _duration(20000.0)
     ('10 s', '1 minute', '7 minutes', '6 hours')
     """
-    if seconds < _IN_SECONDS_S:
+    if seconds < _MAX_SECONDS_S:
         return f"{10 * max(1, round(seconds / 10))} s"
     number, unit = round(seconds / 60), "minute"
     if number > 2 * 60:
@@ -116,22 +122,31 @@ def _duration(seconds: float) -> str:
     return f"{number} {unit}{'s' * (number > 1)}"
 
 
-def _predicted(least_s: float, most_s: float) -> str:
-    """Say about how much processor time a search takes, by where its answer lies.
+def _format_prediction(min_s: float, max_s: float) -> str:
+    """Format the range of processor time that a search may take.
 
-    >>> _predicted(14.0, 58.0), _predicted(30.0, 290.0), _predicted(12.0, 13.0)
+    >>> _format_prediction(14.0, 58.0), _format_prediction(30.0, 290.0)
     ('About 10 s to 1 minute of one core, by where the answer lies',
-     'About 30 s to 5 minutes of one core, by where the answer lies', 'About 10 s of one core')
+     'About 30 s to 5 minutes of one core, by where the answer lies')
+    >>> _format_prediction(12.0, 13.0)
+    'About 10 s of one core'
     """
-    low, high = _duration(least_s), _duration(most_s)
+    low, high = _duration(min_s), _duration(max_s)
     if low == high:
         return f"About {high} of one core"
     return f"About {low} to {high} of one core, by where the answer lies"
 
 
 @click.command(
-    cls=_Grouped,
-    epilog="Example: tactstrip power study.toml --people literature --participants 12 12",
+    cls=_GroupedOptionsCommand,
+    epilog="""\b
+    Goals (--goal):
+      half-width=1dB     The interval of the group's threshold is at most +-1 dB.
+      difference=1dB     A difference of 1 dB between two conditions is detected.
+      detection=10%@95V  The detection probability at 95 V is known to +-10 %.
+      false-alarms=5%    The false-alarm rate is shown to be below 5 %.
+
+    Example: tactstrip power study.toml --people literature --participants 12 12""",
 )
 @click.argument("study_file", metavar="STUDY", type=click.Path(path_type=Path))
 @click.option(
@@ -140,37 +155,40 @@ def _predicted(least_s: float, most_s: float) -> str:
     default="half-width=1dB",
     show_default=True,
     metavar="GOAL",
-    help="half-width=1dB, difference=1dB (of either sign), detection=10%@95V or false-alarms=5%.",
+    help="Goal that a study must reach (see below).",
 )
 @click.option(
     "--participants",
-    type=click.IntRange(1, _MOST_PEOPLE),
+    type=click.IntRange(1, _MAX_PARTICIPANTS),
     nargs=2,
     default=(2, 40),
     show_default=True,
-    metavar="LEAST MOST",
-    help="Numbers of people to try.",
+    metavar="MIN MAX",
+    help="Range of the number of participants.",
 )
 @click.option(
     "--trials",
-    type=click.IntRange(1, _MOST_TRIALS),
+    type=click.IntRange(1, _MAX_TRIALS),
     nargs=2,
-    metavar="LEAST MOST",
-    help="Trials of each side to try.  [default: the study's]",
+    metavar="MIN MAX",
+    show_default="that of the study",
+    help="Range of the number of trials per side.",
 )
 @click.option(
     "--blanks",
-    type=click.IntRange(1, _MOST_TRIALS),
+    type=click.IntRange(1, _MAX_TRIALS),
     nargs=2,
-    metavar="LEAST MOST",
-    help="Blank trials to try.  [default: the study's]",
+    metavar="MIN MAX",
+    show_default="that of the study",
+    help="Range of the number of blank trials.",
 )
 @click.option(
     "--levels",
     type=click.Choice(["fixed", "placed"]),
     default="fixed",
     show_default=True,
-    help="The study's, or placed for each person, in each condition, after a pilot of 40 stimuli.",
+    help="Use the levels of the study (fixed), or levels chosen for each participant and condition "
+    "from a simulated pilot of 40 stimuli (placed).",
 )
 @click.option(
     "--assurance",
@@ -178,51 +196,63 @@ def _predicted(least_s: float, most_s: float) -> str:
     default=0.8,
     show_default=True,
     metavar="SHARE",
-    help="How often the goal is to be reached.",
+    help="Proportion of simulated studies that must reach the goal.",
 )
 @click.option(
     "--pilot",
     type=click.Path(path_type=Path),
     metavar="DIR",
-    help="Take the people from the sessions of a pilot, or from a table made elsewhere.",
+    help="Estimate the population from the sessions of a pilot, or from an external table.",
 )
 @click.option(
     "--columns",
     type=click.Path(path_type=Path),
     metavar="MAP.toml",
-    help="Of a --pilot made elsewhere, as for analyze; its volts are the study's.",
+    help="Column map of an external --pilot table, as for `tactstrip analyze`. Levels in volts are "
+    "read as voltages of the study.",
 )
 @click.option(
     "--people",
-    "whose",
+    "population",
     type=click.Choice(["stated", "literature"]),
     default="stated",
     show_default=True,
-    help="What [simulation] leaves out: refuse, or assume it.",
+    help="Require the population parameters in [simulation] (stated), or take missing ones from "
+    "the literature (literature).",
 )
-@click.option("--seed", type=click.IntRange(min=0), help="Random by default, printed.")
+@click.option(
+    "--seed",
+    type=click.IntRange(min=0),
+    metavar="N",
+    show_default="random, printed",
+    help="Seed of the simulation.",
+)
 @click.option(
     "--workers",
     type=click.IntRange(min=1),
     default=1,
     show_default=True,
     metavar="N",
-    help="Processes of this computer.",
+    help="Number of processes on this computer.",
 )
-@click.option("--scheduler", metavar="tcp://HOST:PORT", help="Of a Dask cluster to compute on.")
+@click.option(
+    "--scheduler",
+    metavar="tcp://HOST:PORT",
+    help="Compute on the Dask cluster with this scheduler.",
+)
 @click.option(
     "--keep",
     type=click.Path(path_type=Path, dir_okay=False),
     metavar="FILE",
-    help="Keep what is computed in a file, and go on from it.",
+    help="Save intermediate results in this file. The same command continues from it.",
 )
 @click.option(
     "--figure",
     type=click.Path(path_type=Path, dir_okay=False),
     metavar="FILE.png",
-    help="Draw the curve, too; or FILE.svg.",
+    help="Also draw the power curve, as PNG or SVG.",
 )
-@click.option("--json", "as_json", is_flag=True, help="Print one JSON object instead.")
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON object instead of text.")
 @refusals
 def power(
     *,
@@ -235,7 +265,7 @@ def power(
     assurance: float,
     pilot: Path | None,
     columns: Path | None,
-    whose: str,
+    population: str,
     seed: int | None,
     workers: int,
     scheduler: str | None,
@@ -243,15 +273,16 @@ def power(
     figure: Path | None,
     as_json: bool,
 ) -> None:
-    """Tell how many people a study needs, before the first one comes.
+    """Estimate how many participants and trials a study needs.
 
-    Studies of the people that [simulation] states are simulated and analyzed as `analyze` does it,
-    docs/power.md. The exit code is 1 if no number within the bounds reaches the goal.
+    tactstrip simulates studies with the population in [simulation], analyzes them like `tactstrip
+    analyze`, and searches for the smallest number of participants that reaches the goal (see
+    docs/power.md). The exit code is 1 if no number in the range reaches it.
     """
     from analysis.power.goals import Goal
     from analysis.power.planning import plan_study
-    from analysis.power.promise import as_json as told_as_json
-    from analysis.power.promise import text
+    from analysis.power.promise import as_json as format_json
+    from analysis.power.promise import text as format_text
     from analysis.workers.kept import computed_in
     from experiment.study.read import read_study
     from experiment.study.study import told_by_file
@@ -261,22 +292,22 @@ def power(
     if seed is None:
         seed = int((computed_in(keep) if keep else {}).get("seed", secrets.randbits(32)))
     with told_by_file(study_file):
-        people = _people(read_study(study_file), goal, pilot, columns, whose)
+        people = _people(read_study(study_file), goal, pilot, columns, population)
     computed = {"study": people.study.sha256, "goal": goal_text, "seed": seed}
-    tell = told_as_json if as_json else text
-    spreading = _spreading(workers, scheduler, keep, computed)
+    format_promise = format_json if as_json else format_text
+    distribution = _distributed_work(workers, scheduler, keep, computed)
     with (
-        _stopped(tell) as stopped,
-        spreading as spread,
+        _partial_result(format_promise) as stopped,
+        distribution as spread,
         told_by_file(study_file),
         working("Simulating") as show,
     ):
         terminal = sys.stderr.isatty()
 
-        def predicted(least_s: float, most_s: float) -> None:
-            if most_s > _WORTH_TELLING_S or terminal:
-                told = _predicted(least_s, most_s)
-                click.echo(f"{told}{_SPREAD * (most_s > _LONG_S)}", err=True)
+        def print_prediction(min_s: float, max_s: float) -> None:
+            if max_s > _MIN_PREDICTION_S or terminal:
+                hint = _LONG_SEARCH_HINT if max_s > _LONG_SEARCH_S else ""
+                click.echo(f"{_format_prediction(min_s, max_s)}{hint}", err=True)
 
         promise = plan_study(
             people,
@@ -288,11 +319,11 @@ def power(
             assurance=assurance,
             seed=seed,
             spread=spread,
-            predicted=predicted,
+            predicted=print_prediction,
             step=Progress(show, terminal=terminal).step,
             stopped=stopped,
         )
-    click.echo(tell(promise))
+    click.echo(format_promise(promise))
     if figure is not None:
         from analysis.power.figure import write_figure
 
@@ -305,51 +336,53 @@ def _require_usage(bounds: Mapping[str, tuple[int, int] | None], figure: Path | 
     for name, pair in bounds.items():
         if pair is not None and pair[0] > pair[1]:
             raise CommandError(
-                f"--{name} must be the least and the most; got {pair[0]} and {pair[1]}"
+                f"--{name} must be MIN and MAX, with MIN <= MAX; got {pair[0]} and {pair[1]}"
             )
     if figure is not None and figure.suffix not in {".png", ".svg"}:
         raise CommandError(f"--figure must end in .png or .svg; got {figure}")
 
 
 @contextmanager
-def _stopped(tell: Callable[[Promise], str]) -> Iterator[Callable[[Promise], object]]:
-    """Tell what is known where a search was stopped, once its line is taken from the terminal."""
-    partial: list[Promise] = []
+def _partial_result(
+    format_promise: Callable[[Promise], str],
+) -> Iterator[Callable[[Promise], object]]:
+    """Print the result so far of a search that was stopped, after its progress bar is removed."""
+    promises: list[Promise] = []
     try:
-        yield partial.append
+        yield promises.append
     except (KeyboardInterrupt, CommandError):
-        for one in partial:
-            if one.tried:
-                click.echo(tell(one))
+        for promise in promises:
+            if promise.tried:
+                click.echo(format_promise(promise))
         raise
 
 
 def _people(
-    study: Study, goal: Goal, pilot: Path | None, columns: Path | None, whose: str
+    study: Study, goal: Goal, pilot: Path | None, columns: Path | None, population: str
 ) -> People:
-    """Return the people of a pilot, of the study, or of the literature."""
+    """Return the population of a pilot, of the study, or of the literature."""
     from analysis.power.population import literature_people, pilot_people, stated_people
     from analysis.reading.foreign.columns import load_column_map
     from analysis.reading.load import read_inputs
 
-    if pilot is not None and whose != "stated":
+    if pilot is not None and population != "stated":
         raise CommandError("--pilot and --people literature exclude each other; got both")
     if columns is not None and pilot is None:
         raise CommandError("--columns needs --pilot, the tables that it maps; got none")
     if pilot is None:
-        return (literature_people if whose == "literature" else stated_people)(study, goal)
+        return (literature_people if population == "literature" else stated_people)(study, goal)
     loaded = read_inputs([pilot], load_column_map(columns) if columns else None)
     return pilot_people(study, goal, loaded, str(pilot))
 
 
 @contextmanager
-def _spreading(
+def _distributed_work(
     workers: int, scheduler: str | None, keep: Path | None, computed: Mapping[str, object]
 ) -> Iterator[Callable[..., Any]]:
-    """Have the work spread as the options say; a stop tells what is kept.
+    """Distribute the work as the options say; the message of a stop says how to continue.
 
-    SIGTERM, as of a queue's time limit, stops it like Ctrl-C: no process is left, nor a message of
-    theirs.
+    SIGTERM, such as at the time limit of a batch queue, acts like Ctrl-C, so that no worker process
+    survives and none prints a traceback.
     """
     from analysis.workers.chunks import spread
     from analysis.workers.crew import StoppedError
@@ -361,10 +394,10 @@ def _spreading(
         raise CommandError(
             f"--workers is of this computer, beside --scheduler it must be left out; got {workers}"
         )
-    goes_on = f"the same command goes on from {keep}"
+    continues = f"the same command goes on from {keep}"
     with ExitStack() as stack:
-        before = signal.signal(signal.SIGTERM, signal.default_int_handler)
-        stack.callback(signal.signal, signal.SIGTERM, before)
+        previous_handler = signal.signal(signal.SIGTERM, signal.default_int_handler)
+        stack.callback(signal.signal, signal.SIGTERM, previous_handler)
         kept = stack.enter_context(Kept(keep, computed)) if keep else None
         client: object = None
         if scheduler:
@@ -380,9 +413,9 @@ def _spreading(
                 tell=partial(click.echo, err=True),
             )
         except StoppedError as error:
-            hint = goes_on if keep else "--keep FILE keeps what is finished"
+            hint = continues if keep else "--keep FILE keeps what is finished"
             raise CommandError(f"{error}; {hint}", STOPPED_EARLY) from error
         except KeyboardInterrupt as error:
             if keep is None:
                 raise
-            raise CommandError(f"interrupted; {goes_on}", STOPPED_EARLY) from error
+            raise CommandError(f"interrupted; {continues}", STOPPED_EARLY) from error

@@ -186,7 +186,7 @@ def require_goal(study: Study, goal: Goal, blanks: int, *, placed: bool) -> None
         raise ValueError("goal detection needs --levels fixed: placed ones differ between people")
     if goal.kind == "false-alarms" and not blanks:
         raise ValueError(
-            "goal false-alarms needs design.blank_trials > 0, or --blanks LEAST MOST; got 0"
+            "goal false-alarms needs design.blank_trials > 0, or --blanks MIN MAX; got 0"
         )
     if goal.kind in {"half-width", "difference"} and len(design.levels_vpp) == 1 and not placed:
         raise ValueError(f"goal {goal.kind} needs two levels or more in design.levels_vpp; got 1")

@@ -22,6 +22,7 @@ from analysis.results.methods.misfit import misfitting
 from analysis.results.warned import doubts_of, warnings_of
 from analysis.thresholds.people import people_in
 from analysis.thresholds.table import thresholds_of
+from experiment.terms.checks import require_whole
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -271,8 +272,7 @@ def analyse(
     ResultFileError
         For simulated trials beside real ones, and trials of a person without a device.
     """
-    if isinstance(seed, bool) or not isinstance(seed, int) or seed < 0:
-        raise ValueError(f"seed must be a whole number of at least 0, got {seed!r}")
+    require_whole("seed", seed, 0)
     trials = loaded.trials
     if trials["simulated"].any() and not trials["simulated"].all() and not allow_simulated:
         one = trials[trials["simulated"]].iloc[0]

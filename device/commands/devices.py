@@ -15,15 +15,17 @@ if TYPE_CHECKING:
 @click.option(
     "--baud",
     type=click.IntRange(1200, 10_000_000),
+    metavar="RATE",
     default=115_200,
-    help="Of the serial ports, as device.baud of a study; 115200 by default.",
+    show_default=True,
+    help="Baud rate of the serial ports, like device.baud in a study.",
 )
 def devices(*, ports: tuple[str, ...], baud: int) -> None:
-    """List what answers on this machine's serial ports and on every PORT.
+    """List the devices on serial ports and the sound cards of this computer.
 
-    This writes to every one of them: a question that instruments know, *IDN?, and a greeting to a
-    device that answers it as one of ours. A PORT may be a URL such as socket://host:5025, or a VISA
-    resource such as visa:TCPIP::host::INSTR.
+    tactstrip writes to each serial port and to each PORT: the identification query *IDN?, and a
+    greeting to a tactstrip device that answers. A PORT may be a URL such as socket://host:5025 or a
+    VISA resource such as visa:TCPIP::host::INSTR. Nothing is sent to sound cards.
     """
     from serial.tools.list_ports import comports
 
@@ -37,34 +39,34 @@ def devices(*, ports: tuple[str, ...], baud: int) -> None:
     else:
         click.echo("This machine has no serial ports; give others, such as socket://host:5025.")
     for name in names:
-        click.echo(f"{name}  {_who(name, line)}")
+        click.echo(f"{name}  {_identify(name, line)}")
     cards = sound_cards()
     if not cards:
         lack = sound_lack()
-        why = "" if lack is None else f": {lack}"
-        click.echo(f"No sound card with two outputs is seen{why}.")
+        reason = "" if lack is None else f": {lack}"
+        click.echo(f"No sound card with two outputs is seen{reason}.")
     for card in cards:
         click.echo(f"{card}  a sound card with two outputs: --driver audio; nothing was sent")
 
 
-def _who(port: str, line: LineSettings) -> str:
-    """Tell in one line what answers on a port."""
+def _identify(port: str, line: LineSettings) -> str:
+    """Return one line that describes the device on a port."""
     from device.errors import LinkError
     from device.scpi.generator import identify_generator
     from device.wire.serial import identify
 
     try:
-        found = identify(port, line)
+        answer = identify(port, line)
     except LinkError as error:
         return str(error)
-    if found is not None:
-        identity, *reports = found
-        told = "".join(f"\n    {report}" for report in reports)
-        return f"{identity}: --driver serial{told}"
+    if answer is not None:
+        identity, *reports = answer
+        details = "".join(f"\n    {report}" for report in reports)
+        return f"{identity}: --driver serial{details}"
     try:
-        words = identify_generator(port, line)
+        generator = identify_generator(port, line)
     except LinkError as error:
         return str(error)
-    if words is not None:
-        return f"{words}: --driver generator, which sets ceiling and sample rate by the study"
+    if generator is not None:
+        return f"{generator}: --driver generator, which sets ceiling and sample rate by the study"
     return "nothing that tactstrip can drive answers"

@@ -24,7 +24,25 @@ if TYPE_CHECKING:
     from device.emulate.lines import Line
 
 
-@click.command(epilog="Example: tactstrip emulate --pty --truth truth.jsonl")
+@click.command(
+    epilog="""\b
+    Faults (--fault):
+      drop, corrupt             probability for each byte
+      duplicate, delay          probability for each frame
+      stall, reset, disconnect  probability each time that data arrive
+      delay_s, stall_s          longest duration, in s
+      disconnect_at             number of bytes until the line is lost
+
+    \b
+    Measurement input (--adc):
+      tap       line, amplifier (the default), current or motion
+      gain      output per mV at the actuator, in mV (current: uA; motion: nm)
+      noise     RMS noise, in the same unit
+      delay_us  delay, in us
+      loss      probability that a burst is not measured
+
+    Example: tactstrip emulate --pty --truth truth.jsonl"""
+)
 @emulator_options
 @click.pass_context
 def emulate(
@@ -35,7 +53,7 @@ def emulate(
     generator: str | None,
     truth_file: Path | None,
     script: str | None,
-    seed: int | None,
+    seed: int,
     baud: int | None,
     ceiling_vpp: float | None,
     sample_rate_hz: float | None,
@@ -47,11 +65,10 @@ def emulate(
     adc: str | None,
     amplifier_gain: float | None,
 ) -> None:
-    """Emulate a device until Ctrl-C or SIGTERM: a process of its own, with real bytes.
+    """Emulate a device on a pseudo-terminal or TCP port, for tests without hardware.
 
-    The first line says the port under which it is reached. Faults: probabilities for each byte
-    (drop, corrupt), each frame (duplicate, delay) or each time that something arrives (stall,
-    reset, disconnect); delay_s and stall_s in seconds; disconnect_at, a number of bytes.
+    The first line of output names the port to open. The emulator runs until Ctrl-C or SIGTERM. The
+    options from --baud to --adc apply to the emulated tactstrip device, not to a --generator.
     """
     from device.emulate.amplifier import Adc, Amplifier
     from device.emulate.emulator import SERIAL_NUMBER
@@ -59,8 +76,8 @@ def emulate(
     if on_pty and tcp_port is not None:
         raise click.UsageError("--pty and --tcp exclude each other.", ctx)
     require_together(ctx)
-    with usage(ctx), _until_told(), _opened(truth_file) as truth:
-        faults = _faults(script or "", seed or 0)
+    with usage(ctx), _until_signal(), _open_truth_file(truth_file) as truth:
+        faults = _faults(script or "", seed)
         if generator is not None:
             gain = 1.0 if amplifier_gain is None else amplifier_gain
             _run_generator(tcp_port, truth, faults, gain)
@@ -109,7 +126,7 @@ def _run_device(
     from device.limits import Limits
 
     nature = Nature(
-        limits=Limits(ceiling_vpp=ceiling_vpp, least_interval_s=_LEAST_INTERVAL_S),
+        limits=Limits(ceiling_vpp=ceiling_vpp, least_interval_s=_MIN_INTERVAL_S),
         output=OutputStage(sample_rate_hz=sample_rate_hz, rail_v=ceiling_vpp / 2),
         baud=baud,
         serial_number=serial_number,
@@ -119,15 +136,15 @@ def _run_device(
     emulator = Emulator(line, nature, faults, Truth(truth), MonotonicClock())
     click.echo(line.name)
     if switch_stdin:
-        threading.Thread(target=_hear, args=(emulator,), daemon=True).start()
+        threading.Thread(target=_read_switch, args=(emulator,), daemon=True).start()
     emulator.run()
 
 
-def _hear(emulator: Emulator) -> None:
+def _read_switch(emulator: Emulator) -> None:
     """Move the switch by lines on standard input."""
-    said = b""
-    while some := os.read(0, 4096):  # a thread that is in sys.stdin cannot be left at the end
-        *lines, said = (said + some).split(b"\n")
+    rest = b""
+    while data := os.read(0, 4096):  # a thread that waits in sys.stdin would block the exit
+        *lines, rest = (rest + data).split(b"\n")
         for line in (line.removesuffix(b"\r") for line in lines):
             if line in {b"open", b"closed"}:
                 emulator.move_switch(is_open=line == b"open")
@@ -137,8 +154,8 @@ def _hear(emulator: Emulator) -> None:
                 )
 
 
-_LEAST_INTERVAL_S = 0.005
-"""Rest that the device itself asks for, as the mock."""
+_MIN_INTERVAL_S = 0.005
+"""The shortest time between two bursts, as in the mock device."""
 
 
 def _run_generator(
@@ -166,21 +183,21 @@ def _line(tcp_port: int | None) -> Line:
 
 
 @contextlib.contextmanager
-def _opened(truth_file: Path | None) -> Iterator[IO[str]]:
-    """Open the truth file to add to it; what it holds already stays."""
+def _open_truth_file(truth_file: Path | None) -> Iterator[IO[str]]:
+    """Open the truth file for appending."""
     with Path(truth_file or os.devnull).open("a", encoding="utf-8") as truth:
         yield truth
 
 
 @contextlib.contextmanager
-def _until_told() -> Iterator[None]:
-    """Take Ctrl-C and SIGTERM for the end that an emulator comes to."""
+def _until_signal() -> Iterator[None]:
+    """Treat Ctrl-C and SIGTERM as the normal end of the emulator."""
     numbers = (signal.SIGINT, signal.SIGTERM)
-    before = [signal.signal(number, signal.default_int_handler) for number in numbers]
+    handlers = [signal.signal(number, signal.default_int_handler) for number in numbers]
     try:
         yield
     except KeyboardInterrupt:
         return
     finally:
-        for number, handler in zip(numbers, before, strict=True):
+        for number, handler in zip(numbers, handlers, strict=True):
             signal.signal(number, handler)

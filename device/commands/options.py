@@ -1,4 +1,4 @@
-"""The options of an emulator: what they are, which belong together, and what is wrong with them."""
+"""The options of the command `emulate`, and checks of their combinations."""
 
 from __future__ import annotations
 
@@ -14,97 +14,119 @@ if TYPE_CHECKING:
 _Command = TypeVar("_Command", bound="Callable[..., object]")
 
 _OPTIONS = (
-    click.option("--pty", "on_pty", is_flag=True, help="On a pseudo-terminal, the default."),
+    click.option(
+        "--pty", "on_pty", is_flag=True, help="Use a pseudo-terminal. This is the default."
+    ),
     click.option(
         "--tcp",
         "tcp_port",
         type=click.IntRange(0, 65535),
         metavar="PORT",
-        help="On a TCP port of this machine; 0 takes any free one.",
+        help="Use this TCP port of this computer. 0 selects a free port.",
     ),
     click.option(
         "--generator",
         type=click.Choice(["keysight"]),
-        help="A generator of this make instead of a device of ours.",
+        help="Emulate a generator of this make instead of a tactstrip device.",
     ),
     click.option(
         "--truth",
         "truth_file",
         type=click.Path(path_type=Path, dir_okay=False),
         metavar="FILE",
-        help="Add what really comes out to this file, as JSON lines.",
+        help="Append the true output of the device to this file, as JSON lines.",
     ),
-    click.option("--fault", "script", metavar="SCRIPT", help="Such as drop=0.01,corrupt=0.01."),
-    click.option("--seed", type=click.IntRange(min=0), help="Of the faults; 0 by default."),
+    click.option(
+        "--fault",
+        "script",
+        metavar="SCRIPT",
+        help="Inject faults, such as drop=0.01,corrupt=0.01 (see below).",
+    ),
+    click.option(
+        "--seed",
+        type=click.IntRange(min=0),
+        metavar="N",
+        default=0,
+        show_default=True,
+        help="Seed of the faults.",
+    ),
     click.option(
         "--baud",
         type=click.IntRange(300, 10_000_000),
-        help="Model a wire of this rate; below 57600 a host needs device.baud.",
+        metavar="RATE",
+        help="Limit the line to this baud rate. Below 57600, set device.baud in the study.",
     ),
     click.option(
-        "--ceiling-vpp", type=float, metavar="V", help="The device's own; 200 by default."
+        "--ceiling-vpp",
+        type=float,
+        metavar="V",
+        help="Ceiling of the device, in V peak-to-peak.  [default: 200]",
     ),
-    click.option("--sample-rate-hz", type=float, metavar="R", help="48000 by default."),
+    click.option(
+        "--sample-rate-hz",
+        type=float,
+        metavar="R",
+        help="Sample rate of the device, in Hz.  [default: 48000]",
+    ),
     click.option(
         "--serial-number",
         metavar="S",
-        help="To be told from another emulator; by default each is the same device.",
+        help="Serial number of the device. Different numbers distinguish emulators.  [default: 1]",
     ),
-    click.option("--switch-open", is_flag=True, help="Its amplifier's safety switch is open."),
+    click.option("--switch-open", is_flag=True, help="Start with the safety switch open."),
     click.option(
         "--switch-stdin",
         is_flag=True,
-        help="Lines `open` and `closed` on standard input move its safety switch.",
+        help="Set the safety switch from standard input, by lines `open` and `closed`.",
     ),
     click.option(
         "--over-current-at",
         "over_current_at_s",
         type=click.FloatRange(min=0.0),
         metavar="S",
-        help="Its amplifier reports over-current after so many seconds.",
+        help="Report an over-current of the amplifier after this time, in s.",
     ),
-    click.option("--unsensed", is_flag=True, help="It knows nothing of its amplifier."),
+    click.option("--unsensed", is_flag=True, help="Do not report the state of the amplifier."),
     click.option(
         "--adc",
-        metavar="WHAT",
-        help="It measures its bursts at the amplifier, such as gain=0.9,delay_us=40,noise=50, or "
-        "with tap=line (current, motion) elsewhere: gain in mV (uA, nm) for each mV at the "
-        "actuator, noise in mV (uA, nm), effective; loss=P misses some.",
+        metavar="SETTINGS",
+        help="Measure each burst, such as with gain=0.9,delay_us=40,noise=50 (see below).",
     ),
     click.option(
         "--amplifier-gain",
         type=float,
         metavar="G",
-        help="Behind a generator, for the volts in the truth file; 1 by default.",
+        help="Gain of the amplifier behind the --generator, for the voltages in the --truth file.  "
+        "[default: 1]",
     ),
 )
 
 
 def emulator_options(command: _Command) -> _Command:
-    """Give a command the options of an emulator."""
+    """Add the options of an emulator to a command."""
     for option in reversed(_OPTIONS):
         command = option(command)
     return command
 
 
 def require_together(ctx: click.Context) -> None:
-    """Refuse options of a device for a generator, and of a generator for a device."""
-    given = {option for option, value in ctx.params.items() if value not in (None, False)}
-    of_a_device = (
+    """Reject options of a device for a generator, and of a generator for a device."""
+    options = {option for option, value in ctx.params.items() if value not in (None, False)}
+    device_options = (
         *("baud", "ceiling_vpp", "sample_rate_hz", "serial_number"),
         *("switch_open", "switch_stdin", "over_current_at_s", "unsensed", "adc"),
     )
-    foreign = of_a_device if "generator" in given else ("amplifier_gain",)
-    for name in foreign:
-        if name in given:
-            verb = "exclude" if "generator" in given else "need"
+    excluded = device_options if "generator" in options else ("amplifier_gain",)
+    for name in excluded:
+        if name in options:
+            verb = "exclude" if "generator" in options else "need"
             option = "--" + name.removesuffix("_s").replace("_", "-")
             raise click.UsageError(f"{option} and --generator {verb} each other.", ctx)
 
 
 @contextlib.contextmanager
 def usage(ctx: click.Context) -> Iterator[None]:
-    """Say in one line what is wrong with a value, a file or a port."""
+    """Turn an error of a value, a file or a port into a usage error of one line."""
     try:
         yield
     except BrokenPipeError:

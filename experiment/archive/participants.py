@@ -53,7 +53,7 @@ class Tombstone:
 
     def __post_init__(self) -> None:
         check_identifier("participant", self.participant)
-        if not isinstance(self.withdrawn, str) or not _DATE.fullmatch(self.withdrawn):
+        if not _DATE.fullmatch(str(self.withdrawn)):
             raise ArchiveError(f"withdrawn must be a day YYYY-MM-DD; got {self.withdrawn!r}")
         if not isinstance(self.removed, bool):
             raise ArchiveError(f"removed must be true or false; got {self.removed!r}")

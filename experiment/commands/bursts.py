@@ -17,28 +17,29 @@ if TYPE_CHECKING:
     from stimuli.drive.windows import Window
 
 
-def _listed(kind: Callable[[str], Any], what: str) -> Callable[..., tuple[Any, ...]]:
-    """Return what reads numbers with commas between them."""
+def _list_parser(item: Callable[[str], Any], items: str) -> Callable[..., tuple[Any, ...]]:
+    """Return a click callback that parses numbers separated by commas."""
 
-    def read(_: click.Context, option: click.Parameter, text: str | None) -> tuple[Any, ...]:
+    def parse(_: click.Context, option: click.Parameter, text: str | None) -> tuple[Any, ...]:
         try:
-            return tuple(kind(one) for one in text.split(",")) if text is not None else ()
+            return tuple(map(item, text.split(","))) if text is not None else ()
         except ValueError as error:
             raise click.UsageError(
-                f"{option.opts[0]} must be {what} with commas between them; got {text!r}"
+                f"{option.opts[0]} must be {items} with commas between them; got {text!r}"
             ) from error
 
-    return read
+    return parse
 
 
-def _by_options(refusal: str) -> str:
-    """Name in a refusal the options, where it names the keys of a file.
+def _name_options(message: str) -> str:
+    """Replace the keys of a study file in an error message by the options of this command.
 
-    >>> _by_options("frequency_hz must be >= 5; if these are kilohertz, write frequency_hz = 3000")
+    >>> message = "frequency_hz must be >= 5; if these are kilohertz, write frequency_hz = 3000"
+    >>> _name_options(message)
     '--frequency-hz must be >= 5; if these are kilohertz, write --frequency-hz 3000'
     """
-    refusal = re.sub(r"\bfrequency_hz( =)?", "--frequency-hz", refusal)
-    return re.sub(r"^(cycles|window)\b", r"--\1", refusal).removeprefix("condition main: ")
+    message = re.sub(r"\bfrequency_hz( =)?", "--frequency-hz", message)
+    return re.sub(r"^(cycles|window)\b", r"--\1", message).removeprefix("condition main: ")
 
 
 @click.command(epilog="Example: tactstrip bursts study.toml --frequency-hz 200,300 --cycles 1,2")
@@ -47,21 +48,24 @@ def _by_options(refusal: str) -> str:
     "--frequency-hz",
     "frequencies_hz",
     metavar="A,B,...",
-    callback=_listed(float, "numbers"),
-    help="These.  [default: 200 to 500, which skin feels well, and the study's]",
+    callback=_list_parser(float, "numbers"),
+    show_default="200 to 500 and those of the study",
+    help="Frequencies to compare, in Hz.",
 )
 @click.option(
     "--cycles",
     metavar="A,B,...",
-    callback=_listed(int, "whole numbers"),
-    help="Each with so many.  [default: 1,2,3 and the study's]",
+    callback=_list_parser(int, "whole numbers"),
+    show_default="1,2,3 and those of the study",
+    help="Numbers of cycles to compare.",
 )
 @click.option(
     "--window",
     metavar="NAME",
-    help="Of all of them: none, hann, tukey, gaussian.  [default: that of [burst]]",
+    show_default="that of [burst]",
+    help="Window of every burst: none, hann, tukey or gaussian.",
 )
-@click.option("--json", "as_json", is_flag=True, help="Print one JSON object instead.")
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON object instead of text.")
 @refusals
 def bursts(
     *,
@@ -71,11 +75,11 @@ def bursts(
     window: Window | None,
     as_json: bool,
 ) -> None:
-    """Compare bursts on a study's plate: which are fit, and which is the shortest of them.
+    """Compare bursts on a study's plate and select the shortest within limits.
 
-    Each is checked as `check` does it, with the window of [burst] unless another is given; where
-    edges are ideal ones and no cut-off was measured, also with the other ideal edge. The exit code
-    is 0 if one is fit, 1 if none is. The study file is left as it is.
+    tactstrip checks each combination of frequency and number of cycles like `tactstrip check`. If
+    the edges are ideal and no cut-off frequency was measured, it also checks the other ideal edge.
+    The exit code is 0 if a burst is within limits, and 1 if none is. The study file is not changed.
     """
     from experiment.preview.bursts.compared import compare_bursts, grid_of
     from experiment.preview.bursts.report import bursts_findings
@@ -85,14 +89,14 @@ def bursts(
     study = read_study(study_file)
     with working("Comparing bursts") as step, told_by_file(study_file):
         try:
-            found = compare_bursts(
+            comparison = compare_bursts(
                 study, grid_of(study, frequencies_hz, cycles), step, window=window
             )
         except UnusableStudyError:
             raise
         except ValueError as error:
-            raise CommandError(_by_options(str(error))) from error
-    told = bursts_findings(found, str(study_file))
-    click.echo(told.json if as_json else told.text)
-    if found.best is None:
+            raise CommandError(_name_options(str(error))) from error
+    findings = bursts_findings(comparison, str(study_file))
+    click.echo(findings.json if as_json else findings.text)
+    if comparison.best is None:
         click.get_current_context().exit(ANSWER_IS_NO)

@@ -24,21 +24,33 @@ if TYPE_CHECKING:
     from experiment.study.study import Study
 
 
-@click.command(epilog="Example: tactstrip check study.toml")
+@click.command(
+    epilog="""\b
+    Exit codes:
+      0  Every burst is within limits, or the study accepts it with a reason.
+      1  A burst violates a limit. With --device: the device is unsuitable, or
+         a test burst was not confirmed by you or by the monitor.
+      2  The study cannot be used.
+      3  The device failed (--device), or the noise did not play (--noise).
+
+    Example: tactstrip check study.toml"""
+)
 @click.argument("study_file", metavar="STUDY", type=click.Path(path_type=Path))
-@click.option("--json", "as_json", is_flag=True, help="Print one JSON object instead.")
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON object instead of text.")
 @click.option(
     "--device",
     "with_device",
     is_flag=True,
-    help="Also the device: who answers, what it takes, a burst at 10 % on each channel.",
+    help="Also identify the device, test all levels, and play a burst at 10 % of the highest level "
+    "on each channel. Nobody may touch the plate during this test.",
 )
 @click.option(
     "--noise",
     "noise_s",
     type=click.IntRange(1, 3600),
     metavar="SECONDS",
-    help="Also play the masking noise for so long, and no burst, to set its level.",
+    help="Also play the masking noise, without bursts, for this time in s, so that you can set its "
+    "level.",
 )
 @hardware_options
 @refusals
@@ -52,14 +64,11 @@ def check(
     port: str | None,
     confirm_hardware: bool,
 ) -> None:
-    """Check a study's stimuli against its strip, its levels against the device, and its length.
+    """Check the stimuli, the levels and the duration of a study.
 
-    The exit code is 0 if every burst keeps below the strip's cut-off or is accepted with a reason,
-    1 if one does not, 2 if the study cannot be used. With --device, also 1 if the device does not
-    suit the study, or a burst was not seen or not verified by the study's monitor, 3 if it fails.
-    Nobody may touch the plate then. With --noise, also 3 if the noise does not play. What this
-    machine lacks to run the study is a note; what `run` would refuse of the device, and a card that
-    exceeds its ceiling, a warning: neither changes verdict or exit code.
+    tactstrip compares every burst with the cut-off frequency of the strip, and every level with the
+    limits of the device. It also lists the equipment and software that this computer lacks for the
+    study. Notes and warnings do not change the exit code.
     """
     from experiment.apparatus.rig import assemble, chosen_settings
     from experiment.preview.check import check_study, require_mock_suitable
@@ -78,16 +87,16 @@ def check(
         checked = check_study(study)
         require_mock_suitable(study, driver)
     lacks = _machine_lacks(study, settings)
-    found = check_findings(checked, str(study_file), machine_findings(lacks), device=settings)
+    findings = check_findings(checked, str(study_file), machine_findings(lacks), device=settings)
     if "device" in dict(lacks):
-        found.tell("", "of the study; on this machine the device is missing, see the notes")
+        findings.tell("", "of the study; on this machine the device is missing, see the notes")
     device = None
     if with_device and checked.verdict != "unfit":
         rig = assemble(study, driver=driver, port=port, simulated=True)
         device = _device_check(study, rig, given=confirm_hardware)
-        found.part("device_check", device_findings(device))
-    # Last: a device that is refused, or not there, is told alone, not under a page of the study.
-    click.echo(found.json if as_json else found.text)
+        findings.part("device_check", device_findings(device))
+    # A device failure is printed alone, so nothing is printed before the device was checked.
+    click.echo(findings.json if as_json else findings.text)
     if noise_s is not None:
         _play(study.masking, noise_s)
     if checked.verdict == "unfit":
@@ -97,7 +106,7 @@ def check(
 
 
 def _play(masking: Masking, noise_s: int) -> None:
-    """Play the masking noise alone, as a session would."""
+    """Play the masking noise without bursts, as in a session."""
     from device.clock import MonotonicClock
     from experiment.apparatus.noise import NoiseError, noise_player
 
@@ -120,7 +129,7 @@ def _play(masking: Masking, noise_s: int) -> None:
 
 
 def _machine_lacks(study: Study, settings: DeviceSettings) -> list[tuple[str, Lack]]:
-    """List what this machine lacks for the study's device, its noise and a participant's window."""
+    """List what this computer lacks for the device, the noise and the participant's window."""
     from experiment.participant.window import window_lacks
     from experiment.preview.device import machine_lacks
 
@@ -129,31 +138,37 @@ def _machine_lacks(study: Study, settings: DeviceSettings) -> list[tuple[str, La
 
 
 def _device_check(study: Study, rig: Rig, *, given: bool) -> DeviceCheck:
-    """Check a device; a real one with its operator, unless the command line has the answers."""
+    """Check a device; the operator answers for a real one unless --confirm-hardware is given."""
     from experiment.apparatus.slots import SuitabilityError
     from experiment.preview.device import check_device
 
     with device_failures():
         confirmation = confirmed(rig, given=given)
-        asked = confirmation is not None and not given
+        interactive = confirmation is not None and not given
         try:
             return check_device(
-                study, rig, confirmation=confirmation, ask=answer if asked else None
+                study, rig, confirmation=confirmation, ask=answer if interactive else None
             )
         except SuitabilityError as error:
             raise CommandError(f"unsuitable: {error}", exit_code=ANSWER_IS_NO) from error
 
 
 def end_check(device: DeviceCheck) -> None:
-    """End the command by what the channels did, and what a monitor measured of them."""
-    wrong = [f"{one.side} {one.text}" for one in device.channels if not one.ready]
-    measured = [
-        f"{one.side}: {one.calibration.wrong}"
-        for one in device.channels
-        if one.calibration is not None and one.calibration.wrong
+    """Raise CommandError if a channel is not ready or the monitor does not verify its burst."""
+    not_ready = [
+        f"{channel.side} {channel.text}" for channel in device.channels if not channel.ready
     ]
-    told = [f"the device is not ready: {', '.join(wrong)}"] * bool(wrong)
-    told += [f"the monitor does not verify the bursts: {', '.join(measured)}"] * bool(measured)
-    if told:
+    unverified = [
+        f"{channel.side}: {channel.calibration.wrong}"
+        for channel in device.channels
+        if channel.calibration is not None and channel.calibration.wrong
+    ]
+    problems = []
+    if not_ready:
+        problems.append(f"the device is not ready: {', '.join(not_ready)}")
+    if unverified:
+        problems.append(f"the monitor does not verify the bursts: {', '.join(unverified)}")
+    if problems:
         failed = any(channel.failed for channel in device.channels)
-        raise CommandError("; ".join(told), exit_code=DEVICE_FAILED if failed else ANSWER_IS_NO)
+        exit_code = DEVICE_FAILED if failed else ANSWER_IS_NO
+        raise CommandError("; ".join(problems), exit_code=exit_code)

@@ -21,27 +21,25 @@ if TYPE_CHECKING:
     "out",
     type=click.Path(path_type=Path),
     metavar="OUT",
-    help="Write a BIDS data set instead; an unchanged earlier one there is replaced.",
+    help="Write a BIDS data set to this folder instead. An unmodified earlier export is replaced.",
 )
 @click.option(
     "--with-sourcedata",
     is_flag=True,
-    help="With --bids: plans, headers and journals too, which name host and operator.",
+    help="With --bids: include plans, headers and journals, which name host and operator.",
 )
 @click.option(
     "--allow-simulated",
     is_flag=True,
-    help="With --bids: accept sessions of people on the mock device or an emulator.",
+    help="With --bids: accept practice sessions on the mock device or an emulator.",
 )
 @refusals
 def export(*, folder: Path, out: Path | None, with_sourcedata: bool, allow_simulated: bool) -> None:
-    """Build every trials.csv below DIR anew from its plan and journal, or a BIDS data set.
+    """Rebuild trials.csv from the journals, or write a BIDS data set.
 
-    So is measured.csv, where a monitor measured the bursts.
-
-    DIR is the folder of a study, a person (sub-*) or a session (ses-*). Of a session that has lost
-    its plan or journal nothing can be built: it is named and the exit code is 2. The tables of
-    others are written, a data set is not.
+    DIR is the folder of a study, a participant (sub-*) or a session (ses-*). If a monitor measured
+    the bursts, tactstrip also rebuilds measured.csv. If a session has lost its plan or journal, the
+    exit code is 2: the tables of the other sessions are rebuilt, but no BIDS data set is written.
     """
     if out is not None:
         _export_bids(folder, out, with_sourcedata=with_sourcedata, allow_simulated=allow_simulated)
@@ -65,35 +63,35 @@ def _export_tables(folder: Path) -> None:
             if session.measured_path.exists():
                 click.echo(session.measured_path)
 
-    # A plan that cannot be read stops all of it, before a lock is made or a table written; a
-    # damaged journal is known only under its lock, and does not stop the other sessions. Neither
-    # does what is lost: their tables can be built all the same.
-    found = find_sessions(folder)
-    refused = [str(link) for link in found.links]
+    # An unreadable plan stops the export before any lock is taken or table written. A damaged
+    # journal is detected only under its lock, and does not stop the export of other sessions.
+    # Neither do lost sessions.
+    located = find_sessions(folder)
+    errors = [str(link) for link in located.links]
     sessions = []
-    for session in _begun(found):
+    for session in _begun_sessions(located):
         try:
             if session.plan_path.exists():
                 session.read_plan()
             sessions.append(session)
         except ValueError as error:
-            refused.append(str(error))
-    _refuse(refused)
+            errors.append(str(error))
+    _raise_errors(errors)
     for session in sessions:
         try:
             session.read_plan()
             write(session)
         except ValueError as error:
-            refused.append(str(error))
-    _refuse([*refused, *_lost(found)])
+            errors.append(str(error))
+    _raise_errors([*errors, *_lost_messages(located)])
 
 
-def _begun(found: FoundSessions) -> list[SessionFolder]:
-    """List the sessions that began, or of which something is lost; tell of the others."""
+def _begun_sessions(located: FoundSessions) -> list[SessionFolder]:
+    """List the sessions that began, including damaged ones; print the names of the others."""
     from experiment.integrity.sessions import examine
 
     sessions = []
-    for session in found.sessions:
+    for session in located.sessions:
         if session.plan_path.exists() or examine(session.path).begun:
             sessions.append(session)
         else:
@@ -101,41 +99,41 @@ def _begun(found: FoundSessions) -> list[SessionFolder]:
     return sessions
 
 
-def _lost(found: FoundSessions) -> list[str]:
-    return [f"{one.difference}; restore it from a copy" for one in found.lost]
+def _lost_messages(located: FoundSessions) -> list[str]:
+    return [f"{session.difference}; restore it from a copy" for session in located.lost]
 
 
-def _refuse(refused: list[str]) -> None:
-    if refused:
-        more = f" (and {len(refused) - 1} more)" if len(refused) > 1 else ""
-        raise CommandError(refused[0] + more)
+def _raise_errors(errors: list[str]) -> None:
+    if errors:
+        remainder = f" (and {len(errors) - 1} more)" if len(errors) > 1 else ""
+        raise CommandError(errors[0] + remainder)
 
 
 def _export_bids(folder: Path, out: Path, *, with_sourcedata: bool, allow_simulated: bool) -> None:
     from experiment.archive.bids import describe, export_bids
     from experiment.integrity.places import find_sessions
 
-    found = find_sessions(folder)
-    folders = _begun(found)
-    for link in found.links:
+    located = find_sessions(folder)
+    sessions = _begun_sessions(located)
+    for link in located.links:
         raise link
-    for each in folders:
-        each.read_plan()
-        each.refuse_loss()
-    for lost in _lost(found):
-        raise CommandError(f"{lost}; nothing was written")
-    for each in folders:
-        _refuse_differences(each.path)
+    for session in sessions:
+        session.read_plan()
+        session.refuse_loss()
+    for message in _lost_messages(located):
+        raise CommandError(f"{message}; nothing was written")
+    for session in sessions:
+        _require_unmodified(session.path)
     exported = export_bids(
-        folders, out, with_sourcedata=with_sourcedata, allow_simulated=allow_simulated
+        sessions, out, with_sourcedata=with_sourcedata, allow_simulated=allow_simulated
     )
     click.echo(f"{out}: {len(exported.sessions)} sessions")
-    for session in exported.unfinished:
-        click.echo(f"not finished: {describe(session)}")
+    for unfinished in exported.unfinished:
+        click.echo(f"not finished: {describe(unfinished)}")
     if exported.simulated:
         click.echo(f"simulated: {len(exported.simulated)} of {len(exported.sessions)} sessions")
-    for session in exported.practice:
-        click.echo(f"practice without a device: {session.name}")
+    for practice in exported.practice:
+        click.echo(f"practice without a device: {practice.name}")
     if exported.descriptions > 1:
         click.echo(
             f"the sessions' studies give {exported.descriptions} different [dataset] sections: "
@@ -145,13 +143,13 @@ def _export_bids(folder: Path, out: Path, *, with_sourcedata: bool, allow_simula
         click.echo(f"left out of participants.tsv, declared by no study: {column}")
 
 
-def _refuse_differences(session: Path) -> None:
-    """Refuse to publish a session that is not as it was recorded."""
+def _require_unmodified(session: Path) -> None:
+    """Raise CommandError if a session was modified."""
     from experiment.integrity.sessions import examine
 
     for difference in examine(session).differences:
-        export = difference.mended_by == "export"
-        if export and difference.line is None:  # no table: what is published is of the journal
+        can_rebuild = difference.mended_by == "export"
+        if can_rebuild and difference.line is None:  # no table; the journal is published instead
             continue
-        hint = "; tactstrip export DIR builds it anew from the journal" if export else ""
+        hint = "; tactstrip export DIR builds it anew from the journal" if can_rebuild else ""
         raise CommandError(f"{difference}{hint}; nothing was written")

@@ -1,4 +1,4 @@
-"""The command `field`: a map of the displacement, in time too, or the response at the fingers."""
+"""The command `field`: a displacement map, an animation, or the response at the fingers."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 _ENDINGS: Final = (".png", ".svg", ".csv")
-_MOVING_ENDINGS: Final = (".gif", ".mp4")
+_ANIMATION_ENDINGS: Final = (".gif", ".mp4")
 
 
 @click.command(epilog="Example: tactstrip field study.toml --band 100 5000 --out band.svg")
@@ -29,7 +29,8 @@ _MOVING_ENDINGS: Final = (".gif", ".mp4")
     "--frequency-hz",
     type=float,
     metavar="F",
-    help="Map at this frequency.  [default: that of the first condition's burst]",
+    show_default="that of the first burst",
+    help="Frequency of the map, in Hz.",
 )
 @click.option(
     "--band",
@@ -37,19 +38,20 @@ _MOVING_ENDINGS: Final = (".gif", ".mp4")
     type=float,
     nargs=2,
     metavar="LO HI",
-    help="Response at the fingers from LO to HI Hz instead of a map.",
+    help="Draw the response at the fingers from LO to HI, in Hz, instead of a map.",
 )
 @click.option(
     "--animate",
     is_flag=True,
-    help="The plate in time under the first condition's burst, slowed: .gif, or .mp4 by ffmpeg.",
+    help="Animate the plate in slow motion during the burst of the first condition, as .gif, or as "
+    ".mp4 if ffmpeg is installed.",
 )
 @click.option(
     "--out",
     type=click.Path(path_type=Path),
     metavar="FILE",
-    help="A new file; its ending, .png, .svg or .csv, says what is written.  [default: field.png, "
-    "with --animate burst.gif]",
+    show_default="field.png, or burst.gif with --animate",
+    help="New file. Its extension selects the format: .png, .svg or .csv.",
 )
 @refusals
 def field(
@@ -60,9 +62,10 @@ def field(
     animate: bool,
     out: Path | None,
 ) -> None:
-    """Draw the displacement of the plate: a map at one frequency, or in time, or over a band.
+    """Draw the displacement field of a study's plate.
 
-    Each actuator is driven alone. An existing file is left alone.
+    The result is a map at one frequency, the response over a band of frequencies, or an animation.
+    Each actuator is driven alone. An existing file is never overwritten.
     """
     from experiment.preview.field_report import field_text
     from experiment.study.read import read_study
@@ -74,20 +77,20 @@ def field(
         raise CommandError("--animate shows the burst; give no --frequency-hz or --band with it")
     study = read_study(study_file)
     out = out or Path("burst.gif" if animate else "field.png")
-    _check_target(out, _MOVING_ENDINGS if animate else _ENDINGS)
-    found: PlateMap | PlateBand | PlateMotion
+    _check_target(out, _ANIMATION_ENDINGS if animate else _ENDINGS)
+    result: PlateMap | PlateBand | PlateMotion
     with working("Computing the field") as step, told_by_file(study_file):
         if animate:
             from experiment.preview.field import plate_motion, with_bursts
             from experiment.preview.plate import plate_of
 
-            found = with_bursts(plate_motion(plate_of(study)))
-            content = _animated(found, out.suffix.lower(), step)
+            result = with_bursts(plate_motion(plate_of(study)))
+            content = _animated(result, out.suffix.lower(), step)
         else:
-            found = _computed(study, frequency_hz, band_hz)
-            content = _content(found, out.suffix.lower())
+            result = _computed(study, frequency_hz, band_hz)
+            content = _content(result, out.suffix.lower())
     _write_new(out, content)
-    click.echo(field_text(found, str(study_file)))
+    click.echo(field_text(result, str(study_file)))
     click.echo(f"\n{out} written")
 
 
@@ -113,41 +116,41 @@ def _computed(
     try:
         if band_hz is not None:
             return with_bursts(plate_band(plate, band_hz))
-        asked_hz = plate.drive_hz if frequency_hz is None else frequency_hz
-        return with_bursts(plate_map(plate, asked_hz))
+        map_hz = plate.drive_hz if frequency_hz is None else frequency_hz
+        return with_bursts(plate_map(plate, map_hz))
     except ValueError as error:
-        raise ValueError(_by_option(str(error), option)) from error
+        raise ValueError(_name_option(str(error), option)) from error
 
 
-def _by_option(refusal: str, option: str) -> str:
-    """Name in a refusal the option, where it names what the field is computed at."""
-    refusal = refusal.replace("be a one-dimensional array of frequencies from", "lie from")
-    refusal = re.sub(r"lie from 0 to (\S+ Hz), got \[(.*)\]", r"lie from 0 to \1; got \2", refusal)
-    return re.sub(r"\b(frequency_hz|frequencies_hz|band)(?= must)", option, refusal)
+def _name_option(message: str, option: str) -> str:
+    """Replace the parameter in an error message by the option of this command."""
+    message = message.replace("be a one-dimensional array of frequencies from", "lie from")
+    message = re.sub(r"lie from 0 to (\S+ Hz), got \[(.*)\]", r"lie from 0 to \1; got \2", message)
+    return re.sub(r"\b(frequency_hz|frequencies_hz|band)(?= must)", option, message)
 
 
-def _content(found: PlateMap | PlateBand, ending: str) -> bytes:
+def _content(result: PlateMap | PlateBand, ending: str) -> bytes:
     if ending == ".csv":
         from experiment.preview.field_report import field_csv
 
-        return field_csv(found).encode()
+        return field_csv(result).encode()
     from experiment.preview.field_figure import render
 
-    return render(found, "png" if ending == ".png" else "svg")
+    return render(result, "png" if ending == ".png" else "svg")
 
 
-def _animated(found: PlateMotion, ending: str, step: Step) -> bytes:
+def _animated(motion: PlateMotion, ending: str, step: Step) -> bytes:
     from experiment.preview.field_figure import animate
 
     try:
-        return animate(found, "gif" if ending == ".gif" else "mp4", step)
+        return animate(motion, "gif" if ending == ".gif" else "mp4", step)
     except (BrokenPipeError, subprocess.CalledProcessError) as error:
-        # the ffmpeg that is there may lack the codec
+        # The installed ffmpeg may lack the codec.
         raise CommandError("ffmpeg cannot write an MP4 here; let --out end in .gif") from error
 
 
 def _write_new(path: Path, content: bytes) -> None:
-    """Write a file that was not there before, as a whole or not at all."""
+    """Create a file; remove it if it cannot be written completely."""
     with path.open("xb") as file:
         try:
             file.write(content)

@@ -1,4 +1,4 @@
-"""The commented study file that `tactstrip init` writes: a preset, worded by its sections."""
+"""The command `init`: a commented study file, written from a preset and the study sections."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from experiment.commands.options.hardware import working
 from experiment.commands.options.plate import (
     CEILING,
     QUESTIONS,
-    ceiling_vpp,
-    completed,
+    complete_plate,
+    parse_ceiling_vpp,
     plate_options,
     plate_study,
-    told_paths,
+    study_keys,
 )
 from experiment.terms.checks import require_word
 from experiment.terms.exits import CommandError, refusals
@@ -55,10 +55,10 @@ REALISTIC: Final = {
     "last_answer_db": 0.35,
     "swapped_keys": 0.05,
 }
-"""People as they are, as far as it is known; docs/model.md, section 4, has their sources.
+"""Realistic simulated participants; docs/model.md, section 4, has the sources.
 
-The threshold itself stays that of the paper's burst, which lies outside everything measured: the
-curves tell only how another burst's differs.
+The threshold is that of the paper's burst, which no published measurement covers. The published
+curves give only the difference to the threshold of another burst.
 """
 _OVERRIDES: Final[dict[str, dict[str, Any]]] = {
     "paper": {},
@@ -75,10 +75,10 @@ _OVERRIDES: Final[dict[str, dict[str, Any]]] = {
     },
 }
 PLATE: Final = "plate"
-_STEPS: Final = 5
-"""So many levels, in equal steps up to the ceiling."""
-_TRIED: Final = ("burst.frequency_hz", "burst.cycles")
-"""What is chosen for a plate, even if it comes out as the paper's."""
+_N_LEVELS: Final = 5
+"""The number of levels, in equal steps up to the ceiling."""
+_CHOSEN_KEYS: Final = ("burst.frequency_hz", "burst.cycles")
+"""The keys that `init` chooses for a plate, even if they equal those of the paper."""
 PRESETS: Final = (*_OVERRIDES, PLATE)
 _INTRODUCTIONS: Final = {
     "paper": (
@@ -124,8 +124,8 @@ _CONDITIONS: Final = """\
 # name = "two-cycles"
 # cycles = 2
 """
-_UNSAID: Final = "# measured_as =\n"
-_ALIKE: Final = """\
+_UNSET: Final = "# measured_as =\n"
+_AS_LEFT: Final = """\
 # measured_as = "as-left"              # or this alone: assumed equal to the left one
 """
 _SIZES: Final = ("shape", "diameter_mm", "length_x_mm", "length_y_mm")
@@ -136,17 +136,17 @@ _INIT: Final = (
     "not, until you add its key to told. Without this section all that the file states is yours."
 )
 _COLUMN: Final = 37
-"""Where a key's comment begins, unless the value is longer."""
+"""The column in which the comment of a key begins, unless the value is longer."""
 _WIDTH: Final = 100
 
 
-def _of_a_plate(ceiling: float) -> dict[str, Any]:
-    """Return the sections beside the plate's own."""
-    levels_vpp = [float(f"{ceiling * step / _STEPS:.4g}") for step in range(1, _STEPS)]
+def _sections_for_plate(ceiling_vpp: float) -> dict[str, Any]:
+    """Return the sections that do not describe the plate."""
+    levels_vpp = [float(f"{ceiling_vpp * step / _N_LEVELS:.4g}") for step in range(1, _N_LEVELS)]
     return {
         "study": {"name": PLATE},
-        "design": _RECOMMENDED | {"levels_vpp": [*levels_vpp, ceiling]},
-        "device": {"ceiling_vpp": ceiling},
+        "design": _RECOMMENDED | {"levels_vpp": [*levels_vpp, ceiling_vpp]},
+        "device": {"ceiling_vpp": ceiling_vpp},
     }
 
 
@@ -169,25 +169,25 @@ def write_study_text(preset: str) -> str:
 
 
 def _text(
-    study: Study, preset: str, told: tuple[str, ...], chosen: ChosenBurst | None = None
+    study: Study, preset: str, entered_keys: tuple[str, ...], chosen: ChosenBurst | None = None
 ) -> str:
     sections = [_comment(_INTRODUCTIONS[preset])]
-    notes = {"design": _LEVELS[preset], "burst": _chosen_note(chosen)}
+    remarks = {"design": _LEVELS[preset], "burst": _burst_remark(chosen)}
     for name, table in study.sections().items():
         if name == "condition":
             sections.append(_CONDITIONS)
         elif isinstance(table, tuple):
-            first, *others = table
-            sections.append(_section(f"[[{name}]]", first))
-            sections += [f"[[{name}]]\n{_offered(preset, first, other)}" for other in others]
+            left, *rest = table
+            sections.append(_section(f"[[{name}]]", left))
+            sections += [f"[[{name}]]\n{_right_actuator(preset, left, right)}" for right in rest]
         else:
-            sections.append(_section(f"[{name}]", table, notes.get(name, "")))
-    sections.append(_init(study, told, _TRIED if preset == PLATE else ()))
+            sections.append(_section(f"[{name}]", table, remarks.get(name, "")))
+    sections.append(_init(study, entered_keys, _CHOSEN_KEYS if preset == PLATE else ()))
     return "\n".join(sections)
 
 
-def _chosen_note(chosen: ChosenBurst | None) -> str:
-    """Say in the file what a burst was chosen for."""
+def _burst_remark(chosen: ChosenBurst | None) -> str:
+    """Return the remark of the file on how the burst was chosen."""
     if chosen is None:
         return ""
     if chosen.found.verdict == "unfit":
@@ -195,23 +195,24 @@ def _chosen_note(chosen: ChosenBurst | None) -> str:
     return f"Chosen as {chosen.words}. Longer ones are felt more easily: `tactstrip bursts`."
 
 
-def _offered(preset: str, first: object, other: object) -> str:
-    """Write the keys of the right actuator; of a plate, that it moves as a like one on the left."""
-    keys = _keys(other, commented=False)
-    alike = all(getattr(first, key, None) == getattr(other, key, None) for key in _SIZES)
-    return keys.replace(_UNSAID, _ALIKE) if alike and preset == PLATE else keys
+def _right_actuator(preset: str, left: object, right: object) -> str:
+    """Write the keys of the right actuator; on a plate, offer to equate it to the left one."""
+    keys = _keys(right, commented=False)
+    same_size = all(getattr(left, key, None) == getattr(right, key, None) for key in _SIZES)
+    return keys.replace(_UNSET, _AS_LEFT) if same_size and preset == PLATE else keys
 
 
-def _init(study: Study, told: tuple[str, ...], tried: tuple[str, ...]) -> str:
-    """Write what of a study is not its lab's."""
+def _init(study: Study, entered_keys: tuple[str, ...], chosen_keys: tuple[str, ...]) -> str:
+    """Write the section [init]: the values that are not the choice of the lab."""
     from experiment.study.stated import chosen_values, left_out
 
-    chosen = chosen_values(study, told, tried)
-    lines = [f"{_comment(_INIT)}[init]", *_listed("told", told)]
+    chosen = chosen_values(study, entered_keys, chosen_keys)
+    lines = [f"{_comment(_INIT)}[init]", *_listed("told", entered_keys)]
     if missing := left_out(study):
         lines += _listed("left_out", missing)
     if chosen:
-        lines += ["[init.chosen]", *(f'"{path}" = {_toml(one)}' for path, one in chosen.items())]
+        values = (f'"{path}" = {_toml(value)}' for path, value in chosen.items())
+        lines += ["[init.chosen]", *values]
     return "\n".join(lines) + "\n"
 
 
@@ -220,14 +221,14 @@ def _listed(key: str, paths: Sequence[str]) -> list[str]:
 
 
 def _section(heading: str, table: object, remark: str = "") -> str:
-    about = _comment(type(table).__doc__ or "") + _comment(remark)
-    return f"{about}{heading}\n{_keys(table, commented=True)}"
+    comments = _comment(type(table).__doc__ or "") + _comment(remark)
+    return f"{comments}{heading}\n{_keys(table, commented=True)}"
 
 
 def _keys(table: object, *, commented: bool) -> str:
-    """Write a table's keys; one that is not set stands as a comment, for who needs it.
+    """Write the keys of a table; a key without a value is written as a comment.
 
-    What they mean is said where they are `commented`: of several actuators once.
+    `commented` adds the description of each key, once for several actuators.
     """
     from experiment.study.sections.table import file_keys
 
@@ -235,7 +236,7 @@ def _keys(table: object, *, commented: bool) -> str:
     for key, field in file_keys(type(table)).items():
         value = getattr(table, key)
         line = f"# {key} =" if value is None else f"{key} = {_toml(value)}"
-        comment = "; ".join(filter(None, (_words(field.annotation), field.description)))
+        comment = "; ".join(filter(None, (_allowed_values(field.annotation), field.description)))
         if len(line) > _WIDTH and isinstance(value, str):
             line = _wrapped(key, value)
         if commented and comment:
@@ -246,7 +247,7 @@ def _keys(table: object, *, commented: bool) -> str:
 
 
 def _beside(line: str, comment: str) -> str:
-    """Put a comment behind a key, or above where there is no room."""
+    """Put a comment behind a key, or above it if the line is too short."""
     together = f"{line:{_COLUMN}}  # {comment}"
     fits = max(map(len, together.split("\n"))) <= _WIDTH
     return together if fits else f"{_comment(comment)}{line}"
@@ -258,12 +259,12 @@ def _wrapped(key: str, text: str) -> str:
     return f'{key} = """\\\n    ' + " \\\n    ".join(lines) + '"""'
 
 
-def _words(annotation: object) -> str:
-    """List the words of a key that takes one of several."""
+def _allowed_values(annotation: object) -> str:
+    """List the values of a key that allows two or more literals."""
     if get_origin(annotation) in {Union, UnionType}:
-        return "".join(_words(member) for member in get_args(annotation))
-    words = get_args(annotation) if get_origin(annotation) is Literal else ()
-    return " | ".join(words) if len(words) > 1 else ""
+        return "".join(_allowed_values(member) for member in get_args(annotation))
+    values = get_args(annotation) if get_origin(annotation) is Literal else ()
+    return " | ".join(values) if len(values) > 1 else ""
 
 
 def _comment(text: str) -> str:
@@ -282,23 +283,23 @@ def _toml(value: object) -> str:
     return json.dumps(value)
 
 
-def _told(study: Study, chosen: ChosenBurst | None, file: Path) -> None:
+def _print_summary(study: Study, chosen: ChosenBurst | None, file: Path) -> None:
     from experiment.study.sources import measured_beside
     from experiment.trial.draw import block_words
 
-    _, beside = measured_beside(study.plate) or (0.0, [])
-    for heading, words in zip(("cut-off", ""), beside, strict=False):
-        click.echo(f"{heading:8}{words}")
+    _, cutoff_lines = measured_beside(study.plate) or (0.0, [])
+    for heading, line in zip(("cut-off", ""), cutoff_lines, strict=False):
+        click.echo(f"{heading:8}{line}")
     if chosen is not None:
         cycles = "1 cycle" if study.burst.cycles == 1 else f"{study.burst.cycles} cycles"
         burst = f"{cycles} of {study.burst.frequency_hz:g} Hz, hann window"
-        found = chosen.found
-        click.echo(f"burst   {'; '.join((f'{burst}: {found.verdict}', *found.reasons))}")
+        check = chosen.found
+        click.echo(f"burst   {'; '.join((f'{burst}: {check.verdict}', *check.reasons))}")
         click.echo(f"        {chosen.words}")
-        others = "longer ones are felt more easily" if found.verdict == "fit" else "others"
-        click.echo(f"        {others}: tactstrip bursts {shlex.quote(str(file))}")
-    for heading, words in zip(("blocks", ""), block_words(study.design), strict=False):
-        click.echo(f"{heading:8}{words}")
+        label = "longer ones are felt more easily" if check.verdict == "fit" else "others"
+        click.echo(f"        {label}: tactstrip bursts {shlex.quote(str(file))}")
+    for heading, line in zip(("blocks", ""), block_words(study.design), strict=False):
+        click.echo(f"{heading:8}{line}")
 
 
 @click.command(epilog="Example: tactstrip init study.toml")
@@ -310,45 +311,48 @@ def _told(study: Study, chosen: ChosenBurst | None, file: Path) -> None:
     type=click.Choice(PRESETS),
     default="paper",
     show_default=True,
-    help="The paper's, what we recommend, that with simulated people as they are, or that on a "
-    "plate of your own.",
+    help="Protocol to start from: that of the paper, the recommended design, the recommended "
+    "design with realistic simulated participants, or the recommended design on your own plate.",
 )
 @plate_options
 @refusals
-def init(*, file: Path, preset: str, **given: Any) -> None:
-    """Write a commented study file, study.toml by default; an existing one is left alone.
+def init(*, file: Path, preset: str, **plate: Any) -> None:
+    """Write a commented study file.
 
-    A plate of your own is described by the options from --width-mm on; on a terminal those left out
-    are asked for. What was measured, and a material without a name here, belong into the file.
+    FILE is study.toml by default; an existing file is never overwritten. With --preset plate, the
+    options from --width-mm to --ceiling-vpp describe your plate, and tactstrip prompts for those
+    that you omit. Enter measured displacements and other materials in the file afterwards.
     """
     from experiment.archive.files import write_atomically
     from experiment.preview.bursts.choice import chosen_burst
     from experiment.study.study import Study
 
-    ceiling = given.pop("ceiling_vpp")
-    stated = [option for key, (option, *_) in QUESTIONS.items() if given[key]]
-    stated += [CEILING] * (ceiling is not None)
-    if stated and preset != PLATE:
-        raise CommandError(f"{stated[0]} needs --preset plate")
+    ceiling = plate.pop("ceiling_vpp")
+    options = [question.option for key, question in QUESTIONS.items() if plate[key]]
+    options += [CEILING] * (ceiling is not None)
+    if options and preset != PLATE:
+        raise CommandError(f"{options[0]} needs --preset plate")
     if file.exists() or file.is_symlink():
         raise CommandError(f"{file} exists and is left as it is; name another file")
     if not file.parent.is_dir():
         raise CommandError(f"{file}: No such file or directory")
-    chosen, told = None, tuple[str, ...]()
+    chosen, entered_keys = None, tuple[str, ...]()
     if preset == PLATE:
-        others = _of_a_plate(200.0 if ceiling is None else ceiling_vpp(ceiling))
-        known = completed(given)
-        told = told_paths(known) + ("device.ceiling_vpp",) * (ceiling is not None)
+        sections = _sections_for_plate(200.0 if ceiling is None else parse_ceiling_vpp(ceiling))
+        plate = complete_plate(plate)
+        entered_keys = study_keys(plate) + ("device.ceiling_vpp",) * (ceiling is not None)
         with working("Trying bursts") as step:
-            chosen = chosen_burst(lambda burst: plate_study(known, others | {"burst": burst}), step)
+            chosen = chosen_burst(
+                lambda burst: plate_study(plate, sections | {"burst": burst}), step
+            )
         study = chosen.study
     else:
         study = Study(**_OVERRIDES[preset])
     file.open("x").close()
     try:
-        write_atomically(file, _text(study, preset, told, chosen))
+        write_atomically(file, _text(study, preset, entered_keys, chosen))
     except OSError:
         file.unlink(missing_ok=True)
         raise
     click.echo(f"{file} holds the {preset} preset; next: tactstrip check {file}")
-    _told(study, chosen, file)
+    _print_summary(study, chosen, file)

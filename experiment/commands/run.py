@@ -43,31 +43,45 @@ if TYPE_CHECKING:
     epilog="Example: tactstrip run study.toml --participant 01 --practice-without-device"
 )
 @click.argument("study_file", metavar="STUDY", type=click.Path(path_type=Path))
-@click.option("--participant", required=True, metavar="ID", help="1 to 32 letters or digits.")
-@click.option("--session", default="01", show_default=True, metavar="ID", help="Likewise.")
+@click.option(
+    "--participant",
+    required=True,
+    metavar="ID",
+    help="Identifier of the participant: 1 to 32 letters or digits.",
+)
+@click.option(
+    "--session",
+    default="01",
+    show_default=True,
+    metavar="ID",
+    help="Identifier of the session: 1 to 32 letters or digits.",
+)
 @click.option(
     "--out",
     type=click.Path(path_type=Path, file_okay=False),
     default=Path("results"),
     show_default=True,
     metavar="DIR",
-    help="The study's folder of results.",
+    help="Folder for the results of the study.",
 )
 @click.option(
     "--responder",
     default="terminal",
     show_default=True,
     metavar="NAME",
-    help="Who answers: screen, a person in front of a window; terminal, one here; simulated, "
-    "nobody; or an installed one of your own.",
+    help="Source of the responses: screen (a participant at a window), terminal (a participant at "
+    "this terminal), simulated (a simulated participant), or an installed responder.",
 )
-@click.option("--operator", metavar="NAME", help="Who runs the session, for its header.")
+@click.option(
+    "--operator", metavar="NAME", help="Name of the operator, saved in the session header."
+)
 @click.option(
     "--fact",
-    "facts",
+    "column_values",
     multiple=True,
     metavar="NAME=VALUE",
-    help="Of the participant, for a column that the study declares; may be given several times.",
+    help="Value of a participant column that the study declares. Repeat the option for several "
+    "columns.",
 )
 @hardware_options
 @click.option(
@@ -75,30 +89,40 @@ if TYPE_CHECKING:
     "levels_file",
     type=click.Path(path_type=Path),
     metavar="FILE",
-    help="Levels placed for this participant, for each condition, instead of the study's.",
+    help="Use the levels in this file, written by `tactstrip levels`, instead of those of the "
+    "study.",
 )
 @click.option(
-    "--lsl", is_flag=True, help="Send markers to EEG and MEG recordings: Lab Streaming Layer."
+    "--lsl",
+    is_flag=True,
+    help="Send event markers for EEG and MEG recordings over Lab Streaming Layer.",
 )
-@click.option("--seed", type=click.IntRange(min=0), help="Seed of the plan; random by default.")
+@click.option(
+    "--seed",
+    type=click.IntRange(min=0),
+    metavar="N",
+    show_default="random, printed",
+    help="Seed of the trial plan.",
+)
 @click.option(
     "--participant-number",
     type=click.IntRange(min=1),
     metavar="N",
-    help="For a balanced order of conditions; by default the place in participants.tsv.",
+    show_default="the participant's row in participants.tsv",
+    help="Number that selects the order of conditions if the study balances it.",
 )
-@click.option("--resume", "resuming", is_flag=True, help="Go on with an interrupted session.")
+@click.option("--resume", "resuming", is_flag=True, help="Continue an interrupted session.")
 @click.option(
     "--resume-anyway",
     is_flag=True,
-    help="The same on another host or device, or after more than 30 minutes.",
+    help="Like --resume, but also on another host or device, or after more than 30 minutes.",
 )
 @click.option(
     "--practice-without-device",
     "practice",
     is_flag=True,
-    help="Try it out where nothing moves: the mock takes the place of the study's device; of an "
-    "emulator give --driver and --port.",
+    help="Use the mock device, which moves nothing, instead of the device of the study. To use an "
+    "emulator, also give --driver and --port.",
 )
 @refusals
 def run(
@@ -109,7 +133,7 @@ def run(
     out: Path,
     responder: str,
     operator: str | None,
-    facts: tuple[str, ...],
+    column_values: tuple[str, ...],
     driver: str | None,
     port: str | None,
     confirm_hardware: bool,
@@ -123,8 +147,8 @@ def run(
 ) -> None:
     """Run one session with a participant.
 
-    Every answer is on the disk before the next stimulus. A session that was stopped or interrupted
-    in any way goes on with --resume.
+    tactstrip writes every response to disk before it presents the next stimulus. If the session is
+    stopped or interrupted, repeat the command with --resume to continue it.
     """
     from device.drivers import MOCK
     from experiment.apparatus.rig import assemble, require_device
@@ -137,7 +161,7 @@ def run(
 
     stop, requests = StopSignal(), Requests()
     responder_from = distribution_of(responder)
-    Sitting(operator=operator)  # refused before anything is done
+    Sitting(operator=operator)  # rejects an invalid name before anything else happens
     with stop.on_signals():
         if responder == "screen":
             from experiment.participant.window import require_window
@@ -147,24 +171,26 @@ def run(
         driver = MOCK if practice and driver is None and port is None else driver
         resuming = resuming or resume_anyway
         if resuming:
-            plan = plan_to_resume(folder, study_file, seed, levels_file, facts)
+            plan = plan_to_resume(folder, study_file, seed, levels_file, column_values)
             refuse_another_number(participant_number, plan)
             with _failures():
                 ending = completed(folder, plan, click.echo)
             if ending is not None:
-                _report(ending, plan)
+                _print_result(ending, plan)
                 return
         else:
             plan = _new_plan(
                 folder, study_file, seed, levels_file, driver, participant_number=participant_number
             )
         study = folder.read_study(plan)
-        if facts:
-            folder = replace(folder, facts=participant_facts(study.participants.columns, facts))
-        folder.check_people(study)  # before a window is opened or the operator is asked
+        if column_values:
+            folder = replace(
+                folder, facts=participant_facts(study.participants.columns, column_values)
+            )
+        folder.check_people(study)  # before a window opens or the operator is prompted
         simulated = responder == "simulated"
         rig = assemble(study, driver=driver, port=port, simulated=simulated, practice=practice)
-        _tell_of_driver(study, rig, responder, practice=practice)
+        _print_driver_notes(study, rig, responder, practice=practice)
         markers = _markers(folder, rig.clock) if lsl else NoMarkers()
         sitting = Sitting(
             responder=responder,
@@ -173,10 +199,10 @@ def run(
             driver_from=rig.driver_from,
         )
         with device_failures():
-            confirmation = _confirmed(rig, stop, given=confirm_hardware, practice=practice)
+            confirmation = _confirm_hardware(rig, stop, given=confirm_hardware, practice=practice)
         if confirmation is None and responder in {"screen", "terminal"}:
-            # Before a window opens. A device that was confirmed is asked when it is opened, and a
-            # responder of one's own says itself whether it is a person.
+            # This check precedes the window. A confirmed device identifies itself when it is
+            # opened, and an installed responder declares whether it is a person.
             kind = "mock" if rig.settings.driver == MOCK else "emulated"
             require_device(kind, simulated=False, practice=practice)
         if lsl:
@@ -188,19 +214,19 @@ def run(
                 requests=requests,
                 stop=stop,
                 practice=practice,
-            ) as someone,
+            ) as active_responder,
             display_beside(responder, requests, stop) as display,
         ):
             setting = Setting(
                 device=rig.device,
-                responder=someone,
+                responder=active_responder,
                 noise=_noise(study, rig.clock, simulated=simulated or practice),
                 clock=rig.clock,
                 stop=stop,
                 resume_anyway=resume_anyway,
                 confirmation=confirmation,
                 practice=practice,
-                tell=_tell_below if responder == "terminal" else click.echo,
+                tell=_print_below if responder == "terminal" else click.echo,
                 requests=requests,
                 display=display,
                 sitting=sitting,
@@ -208,19 +234,16 @@ def run(
                 monitor=rig.monitor,
             )
             ending = resume(folder, setting) if resuming else begin(folder, plan, setting)
-        _report(ending, plan, unfelt=out if practice and not simulated else None)
+        _print_result(ending, plan, practice_out=out if practice and not simulated else None)
 
 
-def _tell_below(words: str) -> None:
-    """Tell beside a participant at the terminal, whose last line stays open."""
-    click.echo(f"\n{words}")
+def _print_below(message: str) -> None:
+    """Print on a new line, because the last line of a participant's terminal stays open."""
+    click.echo(f"\n{message}")
 
 
-def _tell_of_driver(study: Study, rig: Rig, responder: str, *, practice: bool) -> None:
-    """Tell of a mock in the place of the study's device, and of a lab's own that is not taken.
-
-    That has the name of the built-in driver or responder in use.
-    """
+def _print_driver_notes(study: Study, rig: Rig, responder: str, *, practice: bool) -> None:
+    """Note a mock device in place of the study's, and installed names that a built-in one hides."""
     from device.drivers import MOCK, NEEDS
     from device.installed import DRIVERS, RESPONDERS, shadowed
     from experiment.terms import responder as built_in
@@ -229,11 +252,13 @@ def _tell_of_driver(study: Study, rig: Rig, responder: str, *, practice: bool) -
         (DRIVERS, rig.settings.driver, NEEDS),
         (RESPONDERS, responder, built_in.RESPONDERS),
     ):
-        if name in names and (told := shadowed(group, name)):
-            click.echo(f"Note: {told}.", err=True)
+        if name in names and (warning := shadowed(group, name)):
+            click.echo(f"Note: {warning}.", err=True)
     if practice and rig.settings.driver == MOCK != study.device.driver:
-        told = f"the mock takes the place of the driver {study.device.driver}"
-        click.echo(f"Note: {told}: no device is opened, nothing moves.")
+        click.echo(
+            f"Note: the mock takes the place of the driver {study.device.driver}: no device is "
+            "opened, nothing moves."
+        )
 
 
 def _markers(folder: SessionFolder, clock: Clock) -> Markers:
@@ -253,7 +278,9 @@ def _await_recorder(markers: Markers, stop: StopSignal) -> None:
         raise KeyboardInterrupt from error
 
 
-def _confirmed(rig: Rig, stop: StopSignal, *, given: bool, practice: bool) -> Confirmation | None:
+def _confirm_hardware(
+    rig: Rig, stop: StopSignal, *, given: bool, practice: bool
+) -> Confirmation | None:
     from experiment.operator.requests import StopRequested
 
     try:
@@ -291,10 +318,10 @@ def _new_plan(
             f'--participant-number needs condition_order = "balanced" in [design]; got '
             f"{study.design.condition_order!r}"
         )
-    if unsaid := unsaid_in(study.texts, study.design):
-        click.echo(f"Note: your own instructions are {unsaid}: say it if they do not.")
-    for doubt in key_doubts(study.texts, study.keys, study.design):
-        click.echo(f"Note: {doubt}.")
+    if omitted := unsaid_in(study.texts, study.design):
+        click.echo(f"Note: your own instructions are {omitted}: say it if they do not.")
+    for warning in key_doubts(study.texts, study.keys, study.design):
+        click.echo(f"Note: {warning}.")
     seed = secrets.randbits(32) if seed is None else seed
     with told_by_file(levels_file):
         plan = draw_plan(
@@ -311,14 +338,14 @@ def _new_plan(
         order = ", ".join(plan.condition_order)
         click.echo(f"participant number {participant_number}: conditions in the order {order}")
         assert plan.participant_number is not None
-        if shared := folder.number_shared(plan.participant_number):
-            click.echo(f"Note: {shared}.")
+        if warning := folder.number_shared(plan.participant_number):
+            click.echo(f"Note: {warning}.")
     return plan
 
 
 @contextlib.contextmanager
 def _failures() -> Iterator[None]:
-    """Give failures of device, noise and disk their exit codes."""
+    """Turn failures of device, noise and disk into errors with exit codes."""
     from experiment.apparatus.noise import NoiseError
     from experiment.archive.journal import JournalWriteError
     from experiment.terms.responder import ResponderError
@@ -349,24 +376,28 @@ def _noise(study: Study, clock: Clock, *, simulated: bool) -> NoisePlayer:
     return noise_player(study.masking, clock, simulated=simulated)
 
 
-def _report(ending: Ending, plan: Plan, unfelt: Path | None = None) -> None:
+def _has_trials(table: Path) -> bool:
+    return table.read_bytes().count(b"\n") > 1
+
+
+def _print_result(ending: Ending, plan: Plan, practice_out: Path | None = None) -> None:
     click.echo(f"head hash of the journal, to be written down elsewhere: {ending.head_sha256}")
     if ending.torn_file is not None:
         click.echo(
             f"a last journal line that was cut short was moved to {ending.torn_file}", err=True
         )
     if ending.failure is not None:
-        told = f"device: {ending.failure}; go on with {resumed_line()}"
-        raise CommandError(told, exit_code=DEVICE_FAILED)
+        message = f"device: {ending.failure}; go on with {resumed_line()}"
+        raise CommandError(message, exit_code=DEVICE_FAILED)
     if ending.finished:
-        without = ending.unanswered
-        end = f"done, {without} of them without an answer" if without else "answered"
-        click.echo(f"all {plan.trials_words()} are {end}: {ending.trials_path}")
-    if unfelt is not None and ending.trials_path.read_bytes().count(b"\n") > 1:  # some trial
-        given = f"{shlex.quote(str(unfelt))} --allow-simulated"
-        click.echo(f"nobody felt anything; to analyze it all the same: tactstrip analyze {given}")
+        unanswered = ending.unanswered
+        outcome = f"done, {unanswered} of them without an answer" if unanswered else "answered"
+        click.echo(f"all {plan.trials_words()} are {outcome}: {ending.trials_path}")
+    if practice_out is not None and _has_trials(ending.trials_path):
+        command = f"tactstrip analyze {shlex.quote(str(practice_out))} --allow-simulated"
+        click.echo(f"nobody felt anything; to analyze it all the same: {command}")
     if not ending.finished:
-        told = (
+        message = (
             f"stopped early, {ending.trials_path} holds what is done; go on with {resumed_line()}"
         )
-        raise CommandError(told, exit_code=STOPPED_EARLY, label="")
+        raise CommandError(message, exit_code=STOPPED_EARLY, label="")

@@ -14,25 +14,28 @@ if TYPE_CHECKING:
     from experiment.integrity.sessions import Examined
 
 
-@click.command(epilog="Example: tactstrip verify results")
+@click.command(
+    epilog="""\b
+    Exit codes:
+      0  No session was modified.
+      1  A session was modified, or files of it are missing.
+      2  A session cannot be examined, for example because of a symbolic
+         link. The other sessions are examined.
+
+    Example: tactstrip verify results"""
+)
 @click.argument("folder", metavar="DIR", type=click.Path(path_type=Path, exists=True))
 @refusals
 def verify(*, folder: Path) -> None:
-    """Tell whether the sessions below DIR are as they were recorded.
+    """Verify that recorded sessions have not been modified.
 
-    Compared are the plan with its seal, plan and header with the journal's first line, each journal
-    line with the next, the last one with sessions.tsv, trials.csv and measured.csv with what the
-    journal tells. Each difference is named with file and line, and the exit code is 1; the head
-    hash of each session is printed.
+    For each session below DIR, tactstrip checks plan, header, journal, trials.csv and measured.csv
+    against the checksums in the journal and the final hash in sessions.tsv. It prints the final
+    hash of each session, and each difference with its file and line.
 
-    A session of which files are missing is named, too, with what sessions.tsv tells of it; one that
-    cannot be examined, for a symbolic link or a file of another version, ends the command with 2
-    when the others have been.
-
-    Not covered: other tables that labs edit, such as participants.tsv, and the other columns of
-    sessions.tsv; .lock; what a session that has not ended wrote last; and whoever changes the hash
-    in sessions.tsv, too. Against that, write the head hash down elsewhere when a session ends, and
-    compare it with what is printed here.
+    The check does not cover participants.tsv, the other columns of sessions.tsv, or the last lines
+    of a session that has not ended. To detect a modified final hash, write the hash down when a
+    session ends, and compare it with the output of this command.
     """
     from experiment.integrity.places import find_sessions
     from experiment.integrity.sessions import Examined, examine
@@ -43,30 +46,32 @@ def verify(*, folder: Path) -> None:
         for session in sessions.folders:
             try:
                 records.append(examine(session))
-            except (ValueError, OSError) as error:  # the others are examined all the same
+            except (ValueError, OSError) as error:  # continue with the other sessions
                 records.append(error)
             step(len(records), len(sessions.folders))
-    found = 0
-    unread: list[ValueError | OSError] = [*sessions.links]
+    n_differences = 0
+    errors: list[ValueError | OSError] = [*sessions.links]
     for session, examined in zip(sessions.folders, records, strict=True):
         name = "/".join(session.resolve().parts[-2:])
         if not isinstance(examined, Examined):
-            unread.append(examined)
+            errors.append(examined)
             click.echo(f"{name}: cannot be examined")
             continue
-        found += len(examined.differences)
+        n_differences += len(examined.differences)
         click.echo(f"{name}: {_verdict(examined)}")
         click.echo(f"  head {examined.head_sha256 or 'n/a'}")
         for difference in examined.differences:
             click.echo(f"  {difference}")
     for lost in sessions.lost:
-        found += 1
+        n_differences += 1
         click.echo(f"{lost.difference}")
-    for message in dict.fromkeys(str(one) for one in unread[1:] if str(one) != str(unread[0])):
+    # The first error ends the command below, which prints it.
+    further = (str(error) for error in errors[1:] if str(error) != str(errors[0]))
+    for message in dict.fromkeys(further):
         click.echo(message, err=True)
-    if unread:
-        raise unread[0]
-    if found:
+    if errors:
+        raise errors[0]
+    if n_differences:
         click.get_current_context().exit(ANSWER_IS_NO)
 
 

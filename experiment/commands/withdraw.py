@@ -17,28 +17,31 @@ if TYPE_CHECKING:
 
 @click.command(epilog="Example: tactstrip withdraw results --participant 01")
 @click.argument("folder", metavar="DIR", type=click.Path(path_type=Path))
-@click.option("--participant", required=True, metavar="ID", help="Whose data are to be removed.")
+@click.option(
+    "--participant", required=True, metavar="ID", help="Participant whose data are deleted."
+)
 @click.option(
     "--also",
-    "others",
+    "folders",
     multiple=True,
     type=click.Path(path_type=Path),
     metavar="FOLDER",
-    help="Look for exports and analyses there too; may be given again.",
+    help="Also search this folder for exports and analyses. Repeat the option for several folders.",
 )
 @refusals
-def withdraw(*, folder: Path, participant: str, others: tuple[Path, ...]) -> None:
-    """Remove a person's data from DIR, for good, after the ID is typed once more.
+def withdraw(*, folder: Path, participant: str, folders: tuple[Path, ...]) -> None:
+    """Permanently delete a participant's data from DIR.
 
-    A dated mark stays, with the ID and nothing else. Exports and analyses that still hold the
-    person are listed, not changed. After an interruption, run it again.
+    tactstrip prompts you to type the participant's ID before it deletes anything. It keeps a dated
+    record that contains only the ID. It lists exports and analyses that still contain the
+    participant, but does not change them. If the command is interrupted, run it again.
     """
     from experiment.archive.manifest import search
     from experiment.archive.withdraw import held, look_up, remove
 
-    for other in others:
-        if not other.is_dir():
-            raise CommandError(f"--also must be a folder; got {other}")
+    for additional in folders:
+        if not additional.is_dir():
+            raise CommandError(f"--also must be a folder; got {additional}")
     person = look_up(folder, participant)
     if person.gone:
         click.echo(f"Participant {participant} is removed already.")
@@ -47,11 +50,11 @@ def withdraw(*, folder: Path, participant: str, others: tuple[Path, ...]) -> Non
             _confirm(person)
             remove(person, locks, today=datetime.now(UTC).date().isoformat())
         click.echo(f"Participant {participant} is removed from {folder}.")
-    _tell(search((folder, *others), participant, leave_out=person.known), participant)
+    _print_search(search((folder, *folders), participant, leave_out=person.known), participant)
 
 
 def _confirm(person: Person) -> None:
-    """Have the operator type whose data are to go."""
+    """Require the operator to type the ID of the participant."""
     row = "a row" if person.in_table else "no row"
     click.echo(
         f"{person.folder}: {person.files} files in {len(person.sessions)} sessions, {row} of "
@@ -68,15 +71,15 @@ def _confirm(person: Person) -> None:
         )
 
 
-def _tell(found: Search, participant: str) -> None:
-    if found.holdings:
+def _print_search(result: Search, participant: str) -> None:
+    if result.holdings:
         click.echo(f"Participant {participant} is still in:")
     else:
         click.echo("Nothing else that was searched holds this person.")
-    for holding in found.holdings:
+    for holding in result.holdings:
         click.echo(f"  {holding.what}: {holding.path}")
-    if found.not_searched:
+    if result.not_searched:
         click.echo("Not searched (links, damaged manifests, no permission):")
-    for path in found.not_searched:
+    for path in result.not_searched:
         click.echo(f"  {path}")
     click.echo("Files of other origin, packed files and backups are not known here.")

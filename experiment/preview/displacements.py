@@ -7,7 +7,7 @@ from dataclasses import asdict, replace
 from itertools import product
 from typing import TYPE_CHECKING, Any, Final
 
-from experiment.preview.bursts.edges import edge_words, other_edge, with_other_edge
+from experiment.preview.edges import edge_words, other_edge, with_other_edge
 from experiment.preview.findings import Findings
 from experiment.preview.plate import ALIKE
 from experiment.study.sources import displacement_source, finger_words

@@ -160,13 +160,10 @@ class Attendance:
 
     def _require_press(self, press: object) -> None:
         """Refuse what a responder of a lab's own may return by mistake."""
-        sound = (
-            isinstance(press, Press)
-            and isinstance(press.response, str)
-            and isinstance(press.time_s, (int, float))
-            and math.isfinite(press.time_s)
-        )
-        if not sound:
+        response: object = getattr(press, "response", None)
+        time_s: object = getattr(press, "time_s", None)
+        sound = isinstance(press, Press) and isinstance(response, str)
+        if not (sound and isinstance(time_s, int | float) and math.isfinite(time_s)):
             raise ResponderError(
                 f"{type(self._responder).__name__} must return a Press with a word and a finite "
                 f"time, or None; got {press!r}"

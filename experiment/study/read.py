@@ -13,7 +13,7 @@ import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 from experiment.study.sections.design import Design
 from experiment.study.sections.stimulus import levels_words
@@ -26,6 +26,9 @@ from experiment.terms.checks import unknown_key
 if TYPE_CHECKING:
     from experiment.study.sections.stimulus import Condition
 
+
+FIRST_STUDY: Final = Path(__file__).parent / "presets" / "first-study.toml"
+"""A complete study file, which a dry run uses if no other is given."""
 
 _TOML_PLACE = re.compile(r" \(at line (?P<line>\d+), column (?P<column>\d+)\)$")
 
@@ -46,6 +49,22 @@ def paper_study() -> Study:
     ((60.0, 95.0, 130.0, 165.0, 200.0), 155)
     """
     return _study({}, "the built-in study")
+
+
+def first_study() -> Study:
+    """Return the example study: levels on both sides of the simulated participants' threshold.
+
+    Returns
+    -------
+    Study
+        The study of ``FIRST_STUDY``, a complete file to copy from.
+
+    Examples
+    --------
+    >>> first_study().design.levels_vpp
+    (30.0, 42.0, 59.0, 83.0, 117.0)
+    """
+    return read_study(FIRST_STUDY)
 
 
 def read_study(path: Path | str) -> Study:

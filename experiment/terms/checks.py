@@ -123,7 +123,7 @@ _TOTALS: Final = "all"
 _IDENTIFIER: Final = re.compile(rf"(?!(?:{_RESERVED}|{_TOTALS})\Z)[A-Za-z0-9]{{1,32}}")
 
 
-def require_identifier(name: str, value: str) -> None:
+def require_identifier(name: str, value: object) -> None:
     """Refuse what cannot be a participant's or session's identifier, a part of a folder's name.
 
     ValueError unless it consists of 1 to 32 letters a-z, A-Z and digits, and is neither ``all``

@@ -327,9 +327,8 @@ def _masked(amplitude: float, other: float) -> bool:
     return amplitude * MASKING_RATIO <= other * ROUNDING
 
 
-def _require_responses(responses: tuple[str, ...]) -> None:
-    offered = isinstance(responses, tuple) and set(responses) <= set(ANSWERS)
-    if not offered or "left" not in responses or "right" not in responses:
+def _require_responses(responses: object) -> None:
+    if not isinstance(responses, tuple) or not {"left", "right"} <= {*responses} <= {*ANSWERS}:
         raise ValueError(
             f"responses must be a tuple of {', '.join(ANSWERS)} with left and right; "
             f"got {responses!r}"

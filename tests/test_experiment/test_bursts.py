@@ -13,9 +13,9 @@ import pytest
 
 from experiment.preview.bursts.choice import CANDIDATES, chosen_burst
 from experiment.preview.bursts.compared import compare_bursts, grid_of, with_burst
-from experiment.preview.bursts.edges import with_other_edge
 from experiment.preview.check import check_study
 from experiment.preview.check_report import check_findings
+from experiment.preview.edges import with_other_edge
 from experiment.study.read import paper_study, study_from_text
 
 if TYPE_CHECKING:

@@ -28,11 +28,11 @@ class CountColumns:
     group: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        names = [self.detected, self.presented, *self.group]
+        names: list[object] = [self.detected, self.presented, *self.group]
         if not all(isinstance(name, str) and name for name in names):
             raise ValueError(f"[table]: names of columns must be text, got {names}")
         if len({*names}) < len(names):
-            raise ValueError(f"[table]: each column may be named once, got {', '.join(names)}")
+            raise ValueError(f"[table]: each column may be named once, got {', '.join(map(str, names))}")
 
     def conditions(self, participant: str) -> list[str]:
         """Return their columns that are the condition, given their name of the participant."""

@@ -1,1 +1,1 @@
-"""What commands of a study have in common: how they reach a plate, a device, a person."""
+"""Options that describe a plate, a device, a responder, or a session to resume."""

@@ -1,7 +1,4 @@
-"""The options by which a command reaches a device, and the operator's word for a real one.
-
-Also the line by which any command that takes longer than a second shows that it works.
-"""
+"""The options that select a device, the confirmation of real hardware, and the progress line."""
 
 from __future__ import annotations
 
@@ -24,18 +21,22 @@ _Command = TypeVar("_Command", bound="Callable[..., object]")
 
 
 def hardware_options(command: _Command) -> _Command:
-    """Give a command the options ``--driver``, ``--port`` and ``--confirm-hardware``."""
+    """Add the options ``--driver``, ``--port`` and ``--confirm-hardware`` to a command."""
     for option in (
         click.option(
             "--confirm-hardware",
             is_flag=True,
-            help="Says that a real device is safe, as docs/hardware.md has it; else you are asked.",
+            help="Confirm that the hardware is safe (see docs/hardware.md). Without this option, "
+            "tactstrip prompts you before it uses a real device.",
         ),
-        click.option("--port", metavar="P", help="Instead of the study's port."),
+        click.option(
+            "--port", metavar="P", help="Use this port or URL instead of that of the study."
+        ),
         click.option(
             "--driver",
             metavar="NAME",
-            help="Instead of the study's driver: mock, serial, generator, audio, or your own.",
+            help="Use this driver instead of that of the study: mock, serial, generator, audio, or "
+            "an installed driver.",
         ),
     ):
         command = option(command)
@@ -43,16 +44,16 @@ def hardware_options(command: _Command) -> _Command:
 
 
 def confirmed(rig: Rig, *, given: bool, practice: bool = False) -> Confirmation | None:
-    """Return the operator's word that a device is safe; none for one that cannot move anything.
+    """Return the operator's confirmation that a device is safe; None for a mock or an emulator.
 
-    CommandError where it is not `given` on the command line, and nobody is there to be asked or the
-    answer is no, or where it was to be `practice`; LinkError where nothing answers on the port.
+    Raises CommandError if the confirmation is neither `given` on the command line nor entered at a
+    terminal, and for a real device during `practice`. Raises LinkError if no device answers.
     """
     from device.drivers import MOCK
     from experiment.apparatus.rig import QUESTION, confirmed_now
 
     driver = rig.settings.driver
-    if driver == MOCK or rig.is_emulated():  # also where it is given: nothing there to confirm
+    if driver == MOCK or rig.is_emulated():  # nothing moves, even if --confirm-hardware is given
         return None
     if practice:
         raise CommandError(
@@ -69,20 +70,20 @@ def confirmed(rig: Rig, *, given: bool, practice: bool = False) -> Confirmation 
     click.echo(
         f"The driver {driver} moves real actuators. Is all of this so (docs/hardware.md)?", err=True
     )
-    for part in QUESTION:
-        click.echo(f"  - {part}", err=True)
+    for condition in QUESTION:
+        click.echo(f"  - {condition}", err=True)
     if not answer("All of it is so?"):
         raise CommandError("the hardware was not confirmed; nothing was switched on")
     return confirmed_now("asked")
 
 
 def on_terminal() -> bool:
-    """Tell whether somebody is there to be asked."""
+    """Return whether standard input is a terminal, so that the program can prompt."""
     return sys.stdin.isatty()
 
 
 def answer(question: str) -> bool:
-    """Ask the operator on the terminal; Ctrl-C and the end of the input mean no."""
+    """Prompt the operator for yes or no; Ctrl-C and the end of the input mean no."""
     try:
         return click.confirm(question, err=True)
     except click.Abort:
@@ -90,51 +91,50 @@ def answer(question: str) -> bool:
 
 
 class Step(Protocol):
-    """Told how much of how much is done, and perhaps what is known so far, in few words."""
+    """A callback that reports progress and, optionally, a short intermediate result."""
 
-    def __call__(self, done: int, total: int, known: str = "") -> None:
-        """Take the news."""
+    def __call__(self, done: int, total: int, result: str = "") -> None:
+        """Report that `done` of `total` steps are finished."""
 
 
 _SHOWN_AFTER_S: Final = 0.5
-_DRAWN_EVERY_S: Final = 0.1
+_REFRESH_INTERVAL_S: Final = 0.1
 _BAR_CHARACTERS: Final = 15
-"""Of 80, so that what is known stands beside it."""
+"""Of 80, so that the intermediate result fits beside it."""
 
 
 @contextlib.contextmanager
-def working(what: str) -> Iterator[Step]:
-    """Show on a terminal's stderr that something is going on, and for how long; then nothing.
+def working(activity: str) -> Iterator[Step]:
+    """Show a progress line with the elapsed time on stderr while the block runs.
 
-    What is yielded may be told how much of how much is done, and what is known so far. Work that is
-    over within half a second shows nothing, nor does any off a terminal: rich is not even imported
-    then.
+    The line appears after half a second, only on a terminal, and is removed at the end. Otherwise
+    rich is not imported. The yielded callback reports progress.
 
     Examples
     --------
     >>> with working("Computing") as step:
     ...     step(1, 2)
     """
-    over, told = Event(), [(0, 0, "")]
+    finished, reports = Event(), [(0, 0, "")]
 
-    def step(done: int, total: int, known: str = "") -> None:
-        told.append((done, total, known))
+    def step(done: int, total: int, result: str = "") -> None:
+        reports.append((done, total, result))
 
-    thread = Thread(target=_show, args=(what, over, told), daemon=True)
-    shown = sys.stderr.isatty()
-    if shown:
+    thread = Thread(target=_show_progress, args=(activity, finished, reports), daemon=True)
+    is_visible = sys.stderr.isatty()
+    if is_visible:
         thread.start()
     try:
         yield step
     finally:
-        over.set()
-        if shown:
+        finished.set()
+        if is_visible:
             thread.join()
 
 
-def _show(what: str, over: Event, told: list[tuple[int, int, str]]) -> None:
-    """Draw the line until the work is over; it is taken away then."""
-    if over.wait(_SHOWN_AFTER_S):
+def _show_progress(activity: str, finished: Event, reports: list[tuple[int, int, str]]) -> None:
+    """Draw the progress line until the work is finished, and remove it."""
+    if finished.wait(_SHOWN_AFTER_S):
         return
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
@@ -143,18 +143,18 @@ def _show(what: str, over: Event, told: list[tuple[int, int, str]]) -> None:
         TextColumn("{task.description}"),
         BarColumn(_BAR_CHARACTERS),
         TimeElapsedColumn(),
-        TextColumn("{task.fields[known]}"),
+        TextColumn("{task.fields[result]}"),
     )
     with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task(what, total=None, known="")
-        while not over.wait(_DRAWN_EVERY_S):
-            done, total, known = told[-1]
-            bar.update(task, completed=done, total=total or None, known=known)
+        task = bar.add_task(activity, total=None, result="")
+        while not finished.wait(_REFRESH_INTERVAL_S):
+            done, total, result = reports[-1]
+            bar.update(task, completed=done, total=total or None, result=result)
 
 
 @contextlib.contextmanager
 def device_failures() -> Iterator[None]:
-    """Give a failure of the device its exit code.
+    """Turn a DeviceError into a CommandError with the exit code of a device failure.
 
     Examples
     --------

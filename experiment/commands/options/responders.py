@@ -1,4 +1,4 @@
-"""Who answers in a session, by name: a person, nobody, or a responder of a lab's own."""
+"""The responder of a session by its name: built in, simulated, or installed."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 
 def distribution_of(responder: str) -> str | None:
-    """Return which distribution a responder of a lab's own is of."""
+    """Return the distribution of an installed responder; None for a built-in one."""
     from experiment.participant.settings import own_responder
 
     if responder in RESPONDERS:
@@ -33,12 +33,12 @@ def distribution_of(responder: str) -> str | None:
         raise CommandError(f"--responder {error}") from error
 
 
-def _tell_of_practice(study: Study) -> None:
-    """Say what a person who practises without a device does not get."""
-    told = ["no answer is called right or wrong"] * (study.design.practice_trials > 0)
-    told += ["no masking noise is played"] * (study.masking.noise != "none")
-    if told:
-        click.echo(f"Note: practice without a device: {', and '.join(told)}.")
+def _print_practice_note(study: Study) -> None:
+    """Print what practice without a device omits."""
+    omissions = ["no answer is called right or wrong"] * (study.design.practice_trials > 0)
+    omissions += ["no masking noise is played"] * (study.masking.noise != "none")
+    if omissions:
+        click.echo(f"Note: practice without a device: {', and '.join(omissions)}.")
 
 
 @contextlib.contextmanager
@@ -52,9 +52,9 @@ def responder_named(
     stop: StopSignal,
     practice: bool = False,
 ) -> Iterator[Responder]:
-    """Make a responder and, if it is a context manager, enter it.
+    """Create a responder and, if it is a context manager, enter it.
 
-    In `practice` without a device nothing moves.
+    `practice` is practice without a device, where nothing moves.
     """
     if name == "simulated":
         from experiment.session.simulate import simulated_responder
@@ -62,7 +62,7 @@ def responder_named(
         yield simulated_responder(study, plan, clock)
         return
     if practice:
-        _tell_of_practice(study)
+        _print_practice_note(study)
     from experiment.participant.settings import ResponderSettings, texts_without_device
     from experiment.trial.events import Task
 
@@ -75,45 +75,46 @@ def responder_named(
         requests=requests,
         stop=stop,
     )
-    someone = _made(name, settings, clock)
-    if hasattr(someone, "__enter__"):
+    responder = _make_responder(name, settings, clock)
+    if hasattr(responder, "__enter__"):
         with contextlib.ExitStack() as stack:
-            yield _entered(name, someone, stack)
+            yield _enter_responder(name, responder, stack)
     else:
-        yield someone
+        yield responder
 
 
-def _entered(name: str, someone: Any, stack: contextlib.ExitStack) -> Responder:
-    """Enter a responder; one of a lab's own may fail there, or be another object then."""
+def _enter_responder(name: str, responder: Any, stack: contextlib.ExitStack) -> Responder:
+    """Enter a responder; an installed one may fail or return another object."""
     from device.installed import require_whole
     from experiment.terms.responder import Responder
 
     if name in RESPONDERS:
-        entered: Responder = stack.enter_context(someone)
+        entered: Responder = stack.enter_context(responder)
         return entered
 
-    def left(*raised: Any) -> bool | None:
-        # The session is over by then, and its record closed: what fails here is told, no more.
+    def leave(*exception: Any) -> bool | None:
+        # The session is over and its record closed, so an error here is printed, not raised.
         try:
-            ended: bool | None = someone.__exit__(*raised)
+            suppressed: bool | None = responder.__exit__(*exception)
         except (Exception, SystemExit) as error:  # noqa: BLE001 (whatever a lab's code raises)
-            said = f"{type(error).__name__}: {' '.join(str(error).split())}"
-            click.echo(f"--responder {name} failed as it was left: {said}", err=True)
+            message = f"{type(error).__name__}: {' '.join(str(error).split())}"
+            click.echo(f"--responder {name} failed as it was left: {message}", err=True)
             return False
-        return ended
+        return suppressed
 
     try:
-        entered = someone.__enter__()
-        stack.push(left)
+        entered = responder.__enter__()
+        stack.push(leave)
         require_whole(entered, Responder)
     except Exception as error:
-        said = str(error) if isinstance(error, ValueError) else f"{type(error).__name__}: {error}"
-        raise CommandError(f"--responder {name}: {' '.join(said.split())}") from error
+        kind = "" if isinstance(error, ValueError) else f"{type(error).__name__}: "
+        message = " ".join(f"{kind}{error}".split())
+        raise CommandError(f"--responder {name}: {message}") from error
     return entered
 
 
-def _made(name: str, settings: ResponderSettings, clock: Clock) -> Any:
-    """Make a responder that is not simulated."""
+def _make_responder(name: str, settings: ResponderSettings, clock: Clock) -> Any:
+    """Create a responder that is not simulated."""
     if name == "screen":
         from experiment.participant.screen import ScreenResponder
 
@@ -133,7 +134,7 @@ def _made(name: str, settings: ResponderSettings, clock: Clock) -> Any:
 
 @contextlib.contextmanager
 def display_beside(name: str, requests: Requests, stop: StopSignal) -> Iterator[Display]:
-    """Show the operator how it goes, unless the terminal is the participant's."""
+    """Show the operator the progress, unless the participant uses the terminal."""
     if name == "terminal":
         from experiment.session.setting import NobodyLooks
 

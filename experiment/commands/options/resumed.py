@@ -1,4 +1,4 @@
-"""How a session goes on: with the plan that it began with, by the line that began it."""
+"""The resumption of a session: its plan, and the command line that continues it."""
 
 from __future__ import annotations
 
@@ -16,23 +16,25 @@ if TYPE_CHECKING:
     from experiment.archive.folders import SessionFolder
     from experiment.trial.plan import Plan
 
-_LEFT_OUT: Final = frozenset({"confirm_hardware", "facts", "resuming", "resume_anyway", "seed"})
-"""Told once, when a session begins; but that it is safe is said anew, by who sees the device."""
+_OMITTED: Final = frozenset(
+    {"confirm_hardware", "column_values", "resuming", "resume_anyway", "seed"}
+)
+"""Options that apply only when a session begins, or that must be confirmed anew."""
 
 
 def resumed_line() -> str:
-    """Return the present command as it was given, with --resume."""
+    """Return the command line of the current command with --resume."""
     context = click.get_current_context()
-    words = ["tactstrip", str(context.info_name)]
-    for one in context.command.params:
-        name = one.name or ""
-        given = context.get_parameter_source(name) is ParameterSource.COMMANDLINE
-        if not given or name in _LEFT_OUT:
+    arguments = ["tactstrip", str(context.info_name)]
+    for parameter in context.command.params:
+        name = parameter.name or ""
+        is_given = context.get_parameter_source(name) is ParameterSource.COMMANDLINE
+        if not is_given or name in _OMITTED:
             continue
         value = context.params[name]
-        words += one.opts[:1] if isinstance(one, click.Option) else []
-        words += [] if value is True else [str(value)]
-    return shlex.join([*words, "--resume"])
+        arguments += parameter.opts[:1] if isinstance(parameter, click.Option) else []
+        arguments += [] if value is True else [str(value)]
+    return shlex.join([*arguments, "--resume"])
 
 
 def plan_to_resume(
@@ -40,17 +42,17 @@ def plan_to_resume(
     study_file: Path,
     seed: int | None,
     levels_file: Path | None,
-    facts: tuple[str, ...],
+    column_values: tuple[str, ...],
 ) -> Plan:
-    """Return the session's plan; refuse options that say otherwise than it does."""
+    """Return the plan of the session; reject options that contradict it."""
     from experiment.study.read import is_recorded, other_levels, read_levels
 
     levels_vpp = read_levels(levels_file, folder.participant) if levels_file else None
     plan = folder.read_plan()
     folder.refuse_loss()
-    if facts:
+    if column_values:
         raise CommandError(
-            f"--fact must be given when a session begins; got {facts[0]!r} with --resume: "
+            f"--fact must be given when a session begins; got {column_values[0]!r} with --resume: "
             "correct participants.tsv while no session runs"
         )
     if not is_recorded(study_file, plan.study, plan.file_sha256):
@@ -66,10 +68,10 @@ def plan_to_resume(
     return plan
 
 
-def refuse_another_number(given: int | None, plan: Plan) -> None:
-    """Refuse a participant's number other than that which the session began with."""
-    if given not in {None, plan.participant_number}:
-        sealed = plan.participant_number
+def refuse_another_number(participant_number: int | None, plan: Plan) -> None:
+    """Reject a participant number other than that of the session."""
+    if participant_number not in {None, plan.participant_number}:
         raise CommandError(
-            f"--participant-number must be that of the session, {sealed or 'none'}; got {given}"
+            "--participant-number must be that of the session, "
+            f"{plan.participant_number or 'none'}; got {participant_number}"
         )

@@ -7,8 +7,8 @@ from itertools import product
 from typing import TYPE_CHECKING, Any, Final
 
 from experiment.preview.bursts.compared import CYCLES, FELT_HZ, by_length
-from experiment.preview.bursts.edges import edge_words, with_other_edge
 from experiment.preview.check import check_study
+from experiment.preview.edges import edge_words, with_other_edge
 from experiment.study.physics import LEAST_LOSS, study_gains
 from stimuli import Burst
 

@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 from itertools import product
 from typing import TYPE_CHECKING, Final
 
-from experiment.preview.bursts.edges import with_other_edge
 from experiment.preview.check import check_study
+from experiment.preview.edges import with_other_edge
 from experiment.study.physics import own_per_load_m
 from experiment.study.simulated import median_threshold, vibrations_of
 from experiment.study.study import UnusableStudyError

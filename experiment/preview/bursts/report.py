@@ -8,8 +8,8 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Final
 
 from experiment.preview.bursts.compared import by_length, known_for
-from experiment.preview.bursts.edges import edge_words
 from experiment.preview.displacements import tell_ideal
+from experiment.preview.edges import edge_words
 from experiment.preview.findings import Findings
 from experiment.study.physics import LEAST_LOSS, MOST_LOSS
 from experiment.study.simulated import median_threshold, vibrations_of
