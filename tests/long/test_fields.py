@@ -20,9 +20,8 @@ from stimuli import (
 )
 from tests.long.test_fuzz import rounds
 from tests.test_stimuli.meetings import check_estimates_at_meetings
-from tests.test_stimuli.modes import steady_motion
+from tests.test_stimuli.modes import steady_by_receptances, steady_motion
 from tests.test_stimuli.plates import CYCLE, Edge
-from tests.test_stimuli.receptances import steady_by_receptances
 
 
 def test_the_estimate_is_above_the_error_at_and_beside_meetings() -> None:

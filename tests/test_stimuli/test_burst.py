@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-import itertools
 import math
-from fractions import Fraction
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 import numpy as np
@@ -16,7 +14,7 @@ from scipy.integrate import quad
 from scipy.optimize import minimize_scalar
 
 from stimuli import Burst, Drive, SampledDrive, check_burst, staircase_energy_above
-from tests.test_stimuli.plates import HANN, PLATE, SUPPORTED
+from tests.test_stimuli.plates import HANN, SUPPORTED
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -216,43 +214,6 @@ def test_the_closed_form_is_the_integral_of_the_burst_on_and_above_the_real_axis
     assert np.all(np.abs(stretched - closed) < 1e-12 * largest * (1 + np.abs(ratios)))
 
 
-@each_window
-def test_far_above_the_real_axis_spectra_do_not_overflow(window: Window) -> None:
-    burst = burst_of(window, 3)
-    with np.errstate(over="raise", invalid="raise", divide="raise"):
-        far = burst.spectrum(np.array([500.0 + 1e7j, 1e9 + 1j, 1e6j, 500.0 + 1e4j]))
-    assert np.all(np.abs(far) < burst.duration_s)
-
-
-@pytest.mark.parametrize(
-    ("cycles", "carrier_hz", "frequency_hz"),
-    [
-        *((1, 500.0, 1000 + d) for d in (1e-9, 1e-6, 1e-3)),
-        (3, 333.3, float(np.nextafter(1e6 * 333.3 / 3, math.inf))),
-    ],
-)
-def test_values_beside_a_null_keep_their_relative_accuracy(
-    cycles: int, carrier_hz: float, frequency_hz: float
-) -> None:
-    """Of no window |S| = N T |sin(pi y)| / (pi |N^2 - y^2|), y = f T."""
-    y = Fraction(frequency_hz) * cycles / Fraction(carrier_hz)
-    sine = math.sin(math.pi * float(y - round(y)))
-    exact_s = cycles * (cycles / carrier_hz) * abs(sine) / (math.pi * float(y * y - cycles**2))
-    found_s = abs(burst_of("none", cycles, carrier_hz).spectrum(frequency_hz))
-    assert found_s == pytest.approx(exact_s, rel=1e-13, abs=0.0)
-
-
-@each_window
-def test_shapes_are_kept_and_single_values_are_the_same(window: Window) -> None:
-    burst = burst_of(window, 3)
-    grid = np.linspace(0, 3000, 12).reshape(3, 4)
-    values = burst.spectrum(grid)
-    assert values.shape == (3, 4)
-    assert values.dtype == np.complex128
-    assert burst.spectrum(grid[1, 2]) == values[1, 2]
-    assert burst.spectrum([]).shape == (0,)
-
-
 @pytest.mark.parametrize(
     ("window", "cycles", "peak_hz", "band_hz"),
     [
@@ -342,20 +303,6 @@ def test_energy_above_is_what_parseval_leaves_of_the_integrated_spectrum(
             assert other == pytest.approx(share, rel=1e-12)
 
 
-@given(window=windows, cycles=BY_CYCLES, ratio=st.floats(1.5, 3e4))
-@laws
-def test_tails_differ_by_the_energy_between_them(window: Any, cycles: int, ratio: float) -> None:
-    burst = burst_of(window, cycles)
-    low_hz, high_hz = 500 * ratio, 500 * ratio * 1.001 + 2 / burst.duration_s
-    edges = np.linspace(low_hz, high_hz, 2 + int(4 * (high_hz - low_hz) * burst.duration_s))
-    f, steps = gauss(edges)
-    density = np.abs(burst.spectrum(f) / burst.duration_s) ** 2 * burst.duration_s
-    _, weights, signal = signal_of(burst)
-    share = float(steps @ density) / (float(weights @ signal**2) / 2)
-    between = burst.energy_above(low_hz) - burst.energy_above(high_hz)
-    assert between == pytest.approx(share, rel=1e-9, abs=0)
-
-
 @pytest.mark.parametrize(("window", "power"), [("none", 3), ("hann", 7), ("tukey", 5)])
 def test_the_far_tail_falls_with_the_power_of_the_smoothness(window: str, power: int) -> None:
     burst = burst_of(window, 3)
@@ -368,20 +315,6 @@ def test_the_far_tail_of_the_unwindowed_burst_is_its_leading_term() -> None:
     leading = 4 * 500 * (500 / math.pi) ** 2 / (6 * 5e8**3)
     assert PAPER.energy_above(5e8) == pytest.approx(leading, rel=1e-9)
     assert 0.0 <= PAPER.energy_above(0.99e15 / PAPER.duration_s) < 1e-15
-
-
-@given(
-    window=windows,
-    cycles=st.integers(1, 40),
-    ratios=st.lists(st.floats(0.0, 1e3), min_size=2, max_size=6),
-)
-@laws
-def test_energy_above_falls_from_one(window: Any, cycles: int, ratios: list[float]) -> None:
-    burst = burst_of(window, cycles)
-    assert burst.energy_above(0.0) == 1.0
-    fractions = [burst.energy_above(500 * ratio) for ratio in sorted(ratios)]
-    assert all(0.0 < fraction <= 1.0 for fraction in fractions)
-    assert all(b <= a + 4e-15 for a, b in itertools.pairwise(fractions))
 
 
 @bursts(cycles=st.one_of(st.integers(10, 300), st.just(100_000)))
@@ -424,17 +357,6 @@ def test_the_staircases_energy_is_what_parseval_leaves_of_its_spectrum(
         left = staircase_by_quadrature(burst.samples(rate_hz), frequency_hz, rate_hz)
         fraction = staircase_energy(burst, frequency_hz, rate_hz)
         assert fraction == pytest.approx(left, abs=3e-14)
-
-
-@pytest.mark.parametrize(
-    "samples",
-    [[1.0], [2.0, 1.0], [1.0, 0.5], [-1.0, 0.0, 3.0], [0.0, 1.0, 2.0, 0.0], [0.0, 1.0, 1.0]],
-)
-def test_steps_from_the_first_sample_and_after_the_last_count(samples: list[float]) -> None:
-    for frequency_hz in (100.0, 700.0, 2500.0):
-        left = staircase_by_quadrature(np.array(samples), frequency_hz, 1e3)
-        share = staircase_energy_above(samples, sample_rate_hz=1e3, frequency_hz=frequency_hz)
-        assert share == pytest.approx(left, abs=1e-13)
 
 
 @pytest.mark.parametrize(
@@ -565,21 +487,10 @@ def test_a_held_drive_is_its_own_staircase(rate: float, frequency: float) -> Non
         assert steps == pytest.approx(share, abs=1e-13)
 
 
-def test_fine_samples_have_the_band_and_the_energies_of_their_burst() -> None:
-    burst = HANN
-    drive = SampledDrive(samples=burst.samples(1e6), sample_rate_hz=1e6)
-    assert drive.peak_hz() == pytest.approx(burst.peak_hz(), rel=1e-5)
-    assert drive.band_hz() == pytest.approx(burst.band_hz(), rel=1e-5)
-    assert drive.energy_above(1900.0) == pytest.approx(burst.energy_above(1900.0), rel=1e-3)
-    assert drive.duration_s == burst.duration_s
-
-
 @pytest.mark.slow
 @laws
 @given(drive=sampled())
-def test_no_frequency_of_samples_has_more_than_the_peak(
-    drive: SampledDrive,
-) -> None:
+def test_no_frequency_of_samples_has_more_than_the_peak(drive: SampledDrive) -> None:
     peak = abs(complex(drive.spectrum(drive.peak_hz())))
     everywhere = np.abs(drive.spectrum(np.linspace(0, 3000, 3001)))
     assert np.max(everywhere) <= peak * (1 + 1e-9)
@@ -638,13 +549,6 @@ def test_no_share_of_an_energy_is_below_none_or_above_all(share: str) -> None:
     for bad in (-0.01, 1.01):
         with pytest.raises(ValueError, match=share):
             dataclasses.replace(check, **{share: bad})  # type: ignore[arg-type]  # one name of many
-
-
-def test_the_stiffer_the_edge_the_better_the_burst_fits() -> None:
-    strips = [SUPPORTED, SUPPORTED.with_cutoff(2500.0), SUPPORTED.with_cutoff(2900.0)]
-    strips.append(PLATE)
-    energies = [check_burst(PAPER, strip).energy_above_cutoff for strip in strips]
-    assert energies == sorted(energies, reverse=True)
 
 
 def test_the_check_takes_any_drive() -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import math
-import warnings
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -44,10 +43,8 @@ from tests.test_stimuli.plates import (
     SUPPORTED,
     Edge,
     W,
-    alone,
     disc,
     drawn_strip,
-    each_edge,
     force,
     on,
     patch,
@@ -140,60 +137,6 @@ def test_so_it_is_between_the_frequencies_that_are_solved() -> None:
 
 
 @pytest.mark.slow
-def test_the_estimate_covers_the_error_below_and_above_cutoffs() -> None:
-    rng, covered, narrow = np.random.default_rng(72), [], []
-    for n in range(60):
-        edge = EDGES[n % 3]
-        if edge is FIRM:
-            edge = ElasticEdge(stiffness_n=10.0 ** rng.uniform(-4, 8), lossless=rng.random() < 0.5)
-        viscous_s = float(rng.choice([0.0, 0.0, 10 ** rng.uniform(-8, -5)]))
-        loss = float(rng.choice([0.0, 0.01, 10 ** rng.uniform(-4, -0.3)]))
-        kind: Any = rng.choice(np.array([ForceRectangle, PressureDisc]))
-        room = 0.9 * float(rng.uniform(0.001, W / 2))
-        load = (
-            patch(float(rng.uniform(1e-4, 0.02)), room, kind=kind, y_m=W / 2 - room / 3)
-            if kind is ForceRectangle
-            else disc(0.9 * room, kind=kind, y_m=float(rng.uniform(room, W - room)))
-        )
-        points = ((float(rng.uniform(0, 0.2)), float(rng.uniform(0.02, 0.98) * W)), (0.0, W / 2))
-        scene = scene_of(on(edge, loss=loss, viscous_s=viscous_s), load, *points)
-        high = scene.strip.cutoff_hz() * float(rng.choice([0.7, 0.95, 1.5, 3.0, 6.0]))
-        asked_hz = np.linspace(float(rng.choice([0.0, 0.4])) * high, high, 150)
-        some, rtol = 1 + rng.choice(149, 5, replace=False), 10 ** rng.uniform(-8, -2)
-        found, true_m = response(scene, asked_hz, rtol), alone(scene, asked_hz[some], 1e-3 * rtol)
-        error_m = np.abs(found.displacement_m[some] - true_m)
-        floor_m = 1e-12 * np.abs(true_m) + 1e-13 * np.max(np.abs(true_m))
-        assert within(found.displacement_m[some], true_m, rtol, axis=(1, 2))
-        covered.append(error_m <= found.error_m[some] + floor_m)
-        narrow.append(found.error_m[some] <= 100 * np.maximum(error_m, floor_m))
-    assert np.mean(covered) > 0.99
-    assert np.mean(narrow) > 0.9
-
-
-@pytest.mark.slow
-def test_the_estimate_covers_the_error_of_short_plates() -> None:
-    """On a fixed random sample, loads at least 2.5 mm from the ends."""
-    rng = np.random.default_rng(5)
-    covered, close = [], []
-    for _ in range(30):
-        edge = EDGES[::-1][rng.integers(3)]
-        length_m = float(10 ** rng.uniform(-1.8, -0.5))
-        strip = on(edge, length_m, loss=float(rng.choice([0.0, 0.02])))
-        x_m = float(rng.uniform(-1, 1)) * max(length_m / 2 - 0.0025, 0.0)
-        load = force(x_m, float(rng.uniform(0.2, 0.8)) * W)
-        points_m = ((length_m / 2, 0.009), (float(rng.uniform(-0.5, 0.5)) * length_m, 0.016))
-        frequency_hz = [float(10 ** rng.uniform(2, 4.3))]
-        rtol = float(10 ** rng.uniform(-6, -2))
-        scene = scene_of(strip, load, *points_m)
-        rough, fine = (response(scene, frequency_hz, r) for r in (rtol, 1e-10))
-        error_m = np.abs(rough.displacement_m - fine.displacement_m)
-        covered += list((error_m <= rough.error_m).ravel())
-        close.append(within(rough.displacement_m, fine.displacement_m, rtol))
-    assert np.mean(covered) >= 0.95
-    assert np.mean(close) >= 0.95
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize("to_clamped", [0.3, 0.9, 0.97, 0.99999])
 @pytest.mark.parametrize("nu", [-0.2, 0.0, 1e-12, 1e-6, 0.02, 0.0355, 0.499999])
 def test_powers_that_meet_in_a_corner_leave_a_finite_field(nu: float, to_clamped: float) -> None:
@@ -280,28 +223,6 @@ def test_on_drawn_plates_the_estimate_lies_above_the_error(seed: int) -> None:
         assert abs(found.displacement_m[0, 0, 0] - true_m) <= found.error_m[0, 0, 0]
 
 
-POINTS = ((0.0, 0.01), (0.004, 0.02), (0.08, 0.012))
-K_W_IS_1 = 1 / math.pi
-K_R_IS_3 = 3.0 / (0.4 * math.pi)
-
-
-@pytest.mark.parametrize(
-    ("load", "k"),
-    [
-        (force(0.0, 0.011), K_W_IS_1),
-        (disc(0.005, y_m=0.011), K_W_IS_1),
-        (disc(0.4 * W, kind=PressureDisc), K_R_IS_3),
-        (disc(0.4 * W), K_R_IS_3),
-    ],
-)
-@each_edge
-def test_the_way_a_norm_or_a_disc_is_taken_does_not_show(edge: Edge, load: Load, k: float) -> None:
-    border_hz = SUPPORTED.cutoff_hz() * k**2
-    scene = scene_of(on(edge), load, *POINTS)
-    below, above = displacement(scene, [border_hz * (1 - 1e-10), border_hz * (1 + 1e-10)], 1e-12)
-    np.testing.assert_allclose(below, above, rtol=1e-8 if k > 1 else 1e-9)
-
-
 @pytest.mark.parametrize("rtol", TOLERANCES)
 def test_close_waves_are_summed_to_the_tolerance_wherever_they_are_taken_together(
     rtol: float,
@@ -322,21 +243,6 @@ def is_finite(answer: Response | None) -> bool:
     return answer is None or bool(
         np.all(np.isfinite(answer.displacement_m)) and np.all(np.isfinite(answer.error_m))
     )
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("meeting", [0.5, 1.0, 2.0])
-@pytest.mark.parametrize("edge", [FREE, HELD], ids=["supported", "clamped"])
-def test_no_material_gives_nan_at_and_beside_a_meeting(edge: Edge, meeting: float) -> None:
-    rng, loads = np.random.default_rng(31), len(loads_on(1.0))
-    for number in range(24):
-        strip = drawn_strip(rng)
-        f_hz = meeting * strip.cutoff_hz() * (1 + DETUNINGS[number % 9 if number % 2 else 0])
-        strip, width_m = dataclasses.replace(strip, edge=edge), strip.width_m
-        load = loads_on(width_m)[number % loads]
-        answer = finite_response(scene_of(strip, load, *points_on(width_m)), f_hz)
-        assert is_finite(answer)
-        assert answer or (edge is FREE and meeting == 1.0)
 
 
 @pytest.mark.parametrize("meeting", [0.5, 1.0 + 1e-6, 2.0, 4.5, 6.0])
@@ -394,55 +300,3 @@ def test_no_strip_gives_nan_at_or_beside_any_meeting(
 @pytest.mark.slow
 def test_the_estimate_is_above_the_error_at_and_beside_a_meeting() -> None:
     check_estimates_at_meetings(seed=34, strips=4)
-
-
-EXTREME = [
-    force(0.0, 0.01),
-    force(0.0, 0.0),
-    *(patch(), patch(0.006, W), patch(2.5e-8, 2.5e-8, y_m=1.25e-8)),
-    patch(2.0, 2.5e-8, y_m=0.01, kind=PressureRectangle),
-    *(disc(0.0064, y_m=0.0064), disc(W / 2, kind=PressureDisc), disc(2.5e-8, y_m=0.01)),
-]
-
-
-@pytest.mark.slow
-@settings(deadline=None, max_examples=150)
-@given(
-    edge=st.one_of(
-        st.sampled_from([SIMPLY_SUPPORTED, CLAMPED]),
-        st.floats(-4, 8).map(lambda power: ElasticEdge(stiffness_n=10**power)),
-    ),
-    loss=st.one_of(st.just(0.0), st.floats(1e-12, 0.5)),
-    viscous=st.booleans(),
-    load=st.sampled_from(EXTREME),
-    x_m=st.one_of(st.just(0.0), st.floats(-12, 1).map(lambda power: 10**power)),
-    y_m=st.one_of(st.sampled_from([0.0, W / 2, W]), st.floats(0.0, W)),
-    frequency_hz=st.one_of(
-        st.just(0.0),
-        st.floats(-6, 5).map(lambda power: 10**power),
-        st.sampled_from([-1e-6, -1e-12, 1e-12, 1e-6]),
-    ),
-    rtol=st.sampled_from([1e-2, 1e-6, 1e-12]),
-    skip=st.booleans(),
-)
-def test_no_strip_load_place_or_frequency_gives_nan_or_a_warning(
-    edge: Edge,
-    loss: float,
-    viscous: bool,  # noqa: FBT001  hypothesis passes it by name
-    load: Load,
-    x_m: float,
-    y_m: float,
-    frequency_hz: float,
-    rtol: float,
-    skip: bool,  # noqa: FBT001
-) -> None:
-    if 0 < abs(frequency_hz) <= 1e-6:  # a detuning
-        frequency_hz = (1 + frequency_hz) * on(edge).cutoff_hz()
-    time_s = loss / (2 * np.pi * max(frequency_hz, 1.0)) if viscous else 0.0
-    strip = on(edge, loss=0.0 if viscous else loss, viscous_s=time_s)
-    scene = scene_of(strip, load, (x_m, y_m), skip=skip)
-    with warnings.catch_warnings(), np.errstate(over="raise", divide="raise", invalid="raise"):
-        warnings.simplefilter("error")
-        found = response(scene, [frequency_hz], rtol)
-    assert np.all(np.isfinite(found.displacement_m))
-    assert np.all(np.isfinite(found.error_m))

@@ -8,8 +8,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from stimuli import (
     CLAMPED,
@@ -84,15 +82,6 @@ def test_points_lie_in_the_disc_centre_first_and_the_same_on_either_side() -> No
     work = scene_of(PLATE, DISCS, *every).work([500.0])
     # a quarter of the driven finger's points and half of the other's
     assert (work.pairs_asked, work.pairs_solved) == (196, 16 + 28)
-
-
-@settings(max_examples=30)
-@given(st.floats(0.001, 0.024), st.floats(0.0, 0.012))
-def test_wider_fingertips_have_denser_rings(y_m: float, radius_m: float) -> None:
-    points = Fingertip(x_m=0.0, y_m=y_m, radius_m=radius_m).points_m(PLATE)
-    rings = max(3, math.ceil(15 * radius_m / 0.025 - 1e-9))
-    assert len(points) <= 1 + 4 * rings * (rings + 1)
-    assert all(0 < y < 0.025 for _, y in points)
 
 
 def test_a_contact_area_is_cut_off_at_the_edges_and_at_the_ends() -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
@@ -49,7 +49,6 @@ from tests.test_stimuli.plates import (
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from stimuli import Scene
 
 MIDDLE = force()
 FREE, HELD = SIMPLY_SUPPORTED, CLAMPED
@@ -109,19 +108,6 @@ def test_the_field_is_mirrored_about_its_load_and_about_the_centre_line(
         assert abs(value - image) < 1e-10 * max(abs(value), 1e-3 * largest)
 
 
-@each_edge
-@pytest.mark.slow
-def test_between_ends_mirror_images_are_computed_alike(edge: Edge) -> None:
-    values = []
-    for along in (1, -1):
-        for sign in (1, -1):
-            load = disc(x_m=along * 0.01, y_m=W / 2 + sign * 0.003)
-            point = (along * -0.02, W / 2 - sign * 0.008)
-            scene = scene_of(on(edge, 0.05), load, point, skip=False)
-            values.append(displacement(scene, [2500.0], 1e-6)[0, 0, 0])
-    np.testing.assert_allclose(values, values[0], rtol=1e-9)
-
-
 # --- limits --------------------------------------------------------------------------------------
 
 
@@ -158,17 +144,6 @@ def test_springs_reach_both_ideal_edges(f: float) -> None:
         assert np.all(errors[0] < 1e-3)
         assert np.all(errors[1] < 2e-3 * errors[0])
         assert np.all(errors[2] < 1e-9)
-
-
-@pytest.mark.slow
-def test_springs_reach_both_ideal_edges_between_ends() -> None:
-    load, points_m = force(0.01, 0.01), ((0.025, 0.012), (-0.02, 0.02))
-    for stiffness_n, edge in ((1e-9, FREE), (1e14, HELD)):
-        elastic, ideal = (
-            at(on(one, 0.05), load, points_m, 3000.0, 1e-8)
-            for one in (ElasticEdge(stiffness_n=stiffness_n), edge)
-        )
-        np.testing.assert_allclose(elastic, ideal, rtol=1e-7)
 
 
 @each_edge
@@ -243,33 +218,6 @@ def test_a_map_in_widths_depends_on_k_times_the_width_only(
     assert np.abs(two * factor - one).max() < 1e-8 * np.abs(one).max()
 
 
-@pytest.mark.slow
-def test_a_wider_plate_with_ends_of_the_same_shape_bends_alike() -> None:
-    small = at(on(HELD, 0.05), force(0.01, 0.01), [(0.02, 0.005)], 4000.0, 1e-8)
-    wide = dataclasses.replace(on(HELD, 0.1), width_m=2 * W)
-    large = at(wide, force(0.02, 0.02), [(0.04, 0.01)], 1000.0, 1e-8)
-    np.testing.assert_allclose(large, 4 * small, rtol=1e-7)
-
-
-@pytest.mark.slow
-@each_edge
-@pytest.mark.parametrize("frequency_hz", [0.0, 500.0, 7000.0])
-def test_a_map_is_the_displacement_point_by_point(edge: Edge, frequency_hz: float) -> None:
-    loads, x_m, y_m = (LEFT, ASIDE, force(0.0, 0.004)), ALONG_M[::8], ACROSS_M[1:-1:3]
-    found = displacement_map(on(edge), loads, frequency_hz, x_m=x_m, y_m=y_m, rtol=1e-9)
-    assert found.displacement_m.shape == (len(loads), x_m.size, y_m.size)
-    largest = float(np.max(np.abs(found.displacement_m)))
-    for i, x in enumerate(x_m):
-        for j, y in enumerate(y_m):
-            single = at(on(edge), loads[0], [(float(x), float(y))], frequency_hz, 1e-9)
-            scene = scene_of(on(edge), loads, (float(x), float(y)))
-            every = displacement(scene, [frequency_hz], rtol=1e-9)[0, :, 0]
-            assert every[0] == pytest.approx(single[0], rel=1e-8, abs=1e-11 * largest)
-            np.testing.assert_allclose(
-                found.displacement_m[:, i, j], every, rtol=1e-8, atol=1e-11 * largest
-            )
-
-
 @each_edge
 def test_maps_rest_at_the_edges_and_are_mirrored(edge: Edge) -> None:
     loads = (LEFT, RIGHT, ASIDE, dataclasses.replace(ASIDE, y_m=W - ASIDE.y_m))
@@ -324,22 +272,6 @@ def test_the_plate_equation_holds_inside_and_outside_the_load(
     scale = max(1.0, abs(stiffness) * float(np.max(np.abs(u))) / W**4)
     slack_pa = 2e-4 * scale + 1e-6 * abs(stiffness * inertia)
     assert abs(stiffness * (bilaplacian - inertia) - pressure_pa) < slack_pa
-
-
-@pytest.mark.slow
-@each_edge
-def test_the_plate_equation_holds_up_to_the_end(edge: Edge) -> None:
-    strip, frequency_hz = on(edge, 0.05, loss=0.01), 5000.0
-    steps = 4e-4 * np.arange(-4, 5)
-    points_m = tuple((0.0233 + a, 0.012 + b) for a in steps for b in steps)
-    u = at(strip, force(-0.01, 0.012), points_m, frequency_hz, 1e-11).reshape(9, 9)
-    powers = np.vander(steps / W, increasing=True).T
-    fourth, second = (
-        np.linalg.solve(powers, weight * np.eye(9)[n]) for n, weight in ((4, 24), (2, 2))
-    )
-    parts = [fourth @ u[:, 4], 2 * second @ u @ second, u[4] @ fourth]
-    residual = sum(parts) - (bending_wavenumber_rad_m(strip, frequency_hz) * W) ** 4 * u[4, 4]
-    assert abs(residual) < 1e-4 * max(abs(part) for part in parts)
 
 
 @every_edge
@@ -483,41 +415,6 @@ def test_skipping_changes_the_counts_and_no_result(
     assert within(some.displacement_m, full.displacement_m, rtol, axis=(1, 2))
 
 
-def test_far_points_need_waves_only_and_a_smaller_tolerance_moves_the_border() -> None:
-    scene = scene_of(PLATE, force(), *((0.001 * x, W / 2) for x in range(80)))
-    counts = [scene.work([300.0], rtol).integrals_solved for rtol in (1e-2, 1e-6, 1e-12)]
-    assert counts == sorted(counts)
-    assert 0 < counts[0] < counts[2] < 80
-
-
-def border(needs: Any, low: float, high: float) -> tuple[float, float]:
-    """Halve an interval until what is needed at its low end and not at its high one changes."""
-    for _ in range(45):
-        middle = math.sqrt(low * high)
-        low, high = (middle, high) if needs(middle) else (low, middle)
-    return low, high
-
-
-@each_edge
-@pytest.mark.parametrize("kind", ["integrals", "reflections"])
-def test_both_sides_of_a_border_of_skipping_agree(edge: Edge, kind: str) -> None:
-    rtol = 1e-9 if kind == "integrals" else 1e-5
-
-    def scene_at(size_m: float) -> Scene:
-        if kind == "integrals":
-            return scene_of(on(edge), force(), (size_m, 0.01))
-        return scene_of(on(edge, size_m), force(), (0.004, 0.01))
-
-    def is_solved(size_m: float) -> bool:
-        return bool(getattr(scene_at(size_m).work([500.0], rtol), f"{kind}_solved"))
-
-    sizes_m = border(is_solved, 0.02, 0.5)
-    near, far = (displacement(scene_at(m), [500.0], rtol)[0, 0, 0] for m in sizes_m)
-    tight = displacement(scene_at(sizes_m[0]), [500.0], 1e-12)[0, 0, 0] if rtol < 1e-6 else far
-    assert abs(near - far) < 1e-7 * abs(far) if rtol < 1e-6 else rtol * abs(far)
-    assert abs((near + far) / 2 - tight) < rtol * abs(tight)
-
-
 @each_edge
 @pytest.mark.parametrize("length_m", [None, 0.2])
 @pytest.mark.parametrize("across_m", [0.0, 0.006])
@@ -575,10 +472,6 @@ def test_results_have_the_shape_and_the_order_of_frequencies_loads_and_points() 
     np.testing.assert_allclose(turned[:, ::-1, ::-1], u[[2, 1]], rtol=1e-10)
 
 
-def test_a_cutoff_of_waves_that_are_not_driven_is_no_obstacle() -> None:
-    assert abs(at(SUPPORTED, MIDDLE, [(0.0, W / 2)], SUPPORTED.cutoff_hz(2))[0]) > 0
-
-
 @each_edge
 @pytest.mark.parametrize("length_m", [None, 0.05])
 @pytest.mark.parametrize("mode", [1, 2, 3])
@@ -593,16 +486,3 @@ def test_a_cutoff_without_loss_is_refused_and_one_with_any_loss_is_not(
     assert np.all(np.isfinite(displacement(lossy, [500.0, cutoff_hz])))
     with pytest.raises(ValueError, match=rf"cut-off.* mode {mode}\b"):
         displacement(bare, [500.0, cutoff_hz])
-
-
-@pytest.mark.slow
-@each_edge
-def test_every_length_is_computed_without_nan_or_warning(edge: Edge) -> None:
-    for length_m in (0.01, 0.05, 0.3, 2.0, 10.0):
-        end_m = length_m / 2
-        points_m = ((0.0, 0.02), (end_m, 0.01), (-end_m, 0.0))
-        for loss in (0.0, 0.5):
-            scene = scene_of(on(edge, length_m, loss=loss), force(0.3 * end_m, 0.01), *points_m)
-            u = displacement(scene, [0.0, 300.0, 6000.0, 50_000.0], 1e-4)[:, 0]
-            assert np.all(np.isfinite(u))
-            assert np.all(np.abs(u[:, 2]) <= 1e-4 * np.max(np.abs(u), axis=1))

@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from scipy.linalg import expm
 
 from stimuli import (
     ALUMINIUM,
@@ -29,7 +28,6 @@ from stimuli import (
     felt_work,
     level_db,
 )
-from stimuli.motion.oscillators import followed, poles
 from tests.test_stimuli.modes import natural_frequencies_hz, peaks_up_to, steady_motion
 from tests.test_stimuli.plates import FIRM, SOFT, Edge, disc, on, scene_of
 
@@ -92,37 +90,6 @@ def test_modes_move_a_plate_by_a_tone_as_its_field_does(edge: Edge, length_m: fl
 
 
 # --- oscillators ---------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("viscous_s", [0.0, 1e-4, 0.3, 3.0])
-def test_poles_with_coupled_loss_are_those_of_the_equations(viscous_s: float) -> None:
-    rng = np.random.default_rng(1)
-    squared, bent = np.array([1.0, 5.0, 9.0]), rng.standard_normal((3, 3))
-    bent = bent @ bent.T
-    found, modes, drives = poles(squared, bent, viscous_s)
-    system = np.block([[np.zeros((3, 3)), np.eye(3)], [-np.diag(squared), -viscous_s * bent]])
-    for time_s in (0.0, 0.4, 3.0):
-        ours = (modes * np.exp(found * time_s) @ drives).real
-        np.testing.assert_allclose(ours, expm(system * time_s)[:3, 3:], atol=1e-12)
-
-
-@pytest.mark.parametrize("held", [False, True])
-@pytest.mark.parametrize("n_samples", [2, 3, 50, 401])
-def test_an_oscillator_follows_lines_and_steps_exactly(n_samples: int, *, held: bool) -> None:
-    rng = np.random.default_rng(n_samples)
-    samples, step_s = rng.standard_normal(n_samples), 1e-3
-    pole, begin = np.array([-20 + 900j]), np.array([0.3 - 0.1j])
-    found = followed(pole, samples, step_s, begin, held=held)
-    assert found[0, 0] == begin[0]
-    few = followed(pole, samples, step_s, begin, held=held, every=4)
-    np.testing.assert_allclose(few, found[:, ::4], rtol=1e-12)
-    slope = 0.0 if held else 1.0
-    for n in range(n_samples - 1):
-        # s, or s + slope t, as a system that makes its own drive
-        whole = np.array([[pole[0], 1, 0], [0, 0, slope], [0, 0, 0]])
-        rise = (samples[n + 1] - samples[n]) / step_s
-        after = expm(whole * step_s) @ np.array([found[0, n], samples[n], rise])
-        assert found[0, n + 1] == pytest.approx(after[0], rel=1e-10)
 
 
 # --- peaks ---------------------------------------------------------------------------------------

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pytest
 
-from benchmarks.plate_fem import in_modes, model
+from benchmarks.plate_fem import model
 from stimuli import (
     ALUMINIUM,
     CLAMPED,
@@ -42,10 +42,6 @@ from tests.test_stimuli.modes import (
     steady_motion,
 )
 from tests.test_stimuli.plates import CYCLE, FIRM, PLATE, SUPPORTED, Edge, W, force, on
-
-if TYPE_CHECKING:
-    from stimuli.arrays import Real
-
 
 LENGTH_M = 0.12
 CERAMIC = Layer(
@@ -192,10 +188,7 @@ def test_mirrored_patches_have_mirrored_fields() -> None:
 def test_both_ways_to_predict_a_moment_bend_a_wholly_covered_plate_alike() -> None:
     """The bare plate with the moment of (67), and the laminate with its own, (85)."""
     layers = PiezoLayers(
-        thickness_m=0.2e-3,
-        youngs_modulus_pa=62e9,
-        poisson_ratio=0.31,
-        d31_m_v=-180e-12,
+        thickness_m=0.2e-3, youngs_modulus_pa=62e9, poisson_ratio=0.31, d31_m_v=-180e-12
     )
     free = on(SUPPORTED.edge, LENGTH_M)
     load = MomentRectangle(x_m=0.0, y_m=W / 2, length_x_m=LENGTH_M, length_y_m=W)
@@ -245,95 +238,23 @@ def test_rectangles_are_as_in_finite_elements(size_m: tuple[float, float]) -> No
     assert abs(steady_motion(scene, 1.0)[0]) == pytest.approx(abs(at_rest_m), rel=5e-3)
 
 
-def mesh(strip: Strip, size_m: float) -> Any:
-    """Triangles on rings about the disc, whose polygon has its area, and on a grid elsewhere."""
-    import skfem
-    from scipy.spatial import Delaunay
-
-    (disc,), end_m = strip.patches, (strip.length_m or 0.0) / 2
-    radius_m = disc.half_size_m[0]
-    rings = round(radius_m / size_m)
-    centre = np.array([disc.x_m, disc.y_m])
-    points = [centre[np.newaxis]]
-    for ring in range(1, rings + 2):
-        sides = max(6, round(2 * math.pi * ring))
-        swell = math.sqrt(2 * math.pi / sides / math.sin(2 * math.pi / sides))
-        reach_m = radius_m * ring / rings * (swell if ring == rings else 1.0)
-        angle = 2 * math.pi * (np.arange(sides) + 0.5 * (ring % 2)) / sides
-        points.append(centre + reach_m * np.stack([np.cos(angle), np.sin(angle)], axis=1))
-    lines = [
-        np.linspace(low, high, round((high - low) / size_m) + 1)
-        for low, high in ((-end_m, end_m), (0.0, W))
-    ]
-    grid = np.stack([one.ravel() for one in np.meshgrid(*lines, indexing="ij")], axis=1)
-    away = np.hypot(*(grid - centre).T) > radius_m * (1 + 1.6 / rings)
-    every = np.concatenate([*points, grid[away]])
-    return skfem.MeshTri(every.T.copy(), Delaunay(every).simplices.T.copy())
-
-
-def by_triangles(strip: Strip, size_m: float) -> tuple[float, Real]:
-    """Return the displacement of the disc's centre at rest and the lowest frequencies."""
-    import skfem
-    from scipy.sparse.linalg import LinearOperator, eigsh, splu
-    from skfem.helpers import dd, ddot, trace
-
-    triangles = mesh(strip, size_m)
-    basis = skfem.Basis(triangles, skfem.ElementTriMorley(), intorder=4)
-    (disc,), plate = strip.patches, layer_of(strip.material, strip.thickness_m)
-    middle = triangles.p[:, triangles.t].mean(axis=1)
-    inside = np.hypot(middle[0] - disc.x_m, middle[1] - disc.y_m) < disc.half_size_m[0]
-    flat = skfem.Basis(triangles, skfem.ElementTriP0(), intorder=4)
-    both, bare = laminate([plate, *disc.layers]), laminate([plate])
-    given = {
-        name: flat.interpolate(np.where(inside, getattr(both, name), getattr(bare, name)))
-        for name in ("biaxial_n_m", "opposed_n_m", "mass_kg_m2")
-    }
-    bilinear: Any = skfem.BilinearForm
-
-    def bends(u: Any, v: Any, w: Any) -> Any:
-        mixed = (w["biaxial_n_m"] - w["opposed_n_m"]) / 2
-        return w["opposed_n_m"] * ddot(dd(u), dd(v)) + mixed * trace(dd(u)) * trace(dd(v))
-
-    def moves(u: Any, v: Any, w: Any) -> Any:
-        return w["mass_kg_m2"] * u * v
-
-    def turns(u: Any, v: Any, _: Any) -> Any:
-        return u.grad[1] * v.grad[1]
-
-    linear: Any = skfem.LinearForm
-    load = linear(lambda v, w: w["on"] * trace(dd(v))).assemble(
-        basis, on=flat.interpolate(inside.astype(float))
-    )
-    held = triangles.facets_satisfying(lambda x: np.minimum(x[1], W - x[1]) < 1e-9)
-    assert isinstance(strip.edge, ElasticEdge)
-    springs = strip.edge.stiffness_n * bilinear(turns).assemble(basis.boundary(held))
-    free = basis.complement_dofs(basis.get_dofs(held).all(["u"]))
-    stiffness = (bilinear(bends).assemble(basis, **given) + springs)[free][:, free].tocsc()
-    mass = bilinear(moves).assemble(basis, **given)[free][:, free].tocsc()
-    factored = splu(stiffness)
-    moved = np.zeros(basis.N)
-    moved[free] = factored.solve(load[free])
-    inverse = LinearOperator(stiffness.shape, matvec=factored.solve, dtype=np.float64)
-    squares = eigsh(stiffness, 4, mass, sigma=0, OPinv=inverse, return_eigenvectors=False)
-    return float(moved[basis.nodal_dofs[0, 0]]), np.sqrt(np.sort(squares)) / (2 * math.pi)
+# Morley triangles on rings that follow the rim, extrapolated from sizes of 1 mm and 0.5 mm
+BY_TRIANGLES = [
+    (0.012, W / 2, 0.0064, [2825.250633, 2940.447900, 3120.350679, 3532.546980], 9.68965280e-06),
+    (-0.02, 0.010, 0.0045, [2836.210545, 2933.531593, 3172.493316, 3516.707718], 5.94691748e-06),
+]
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("x_m", "y_m", "radius_m"), [(0.012, W / 2, 0.0064), (-0.02, 0.010, 0.0045)]
-)
+@pytest.mark.parametrize(("x_m", "y_m", "radius_m", "expected_hz", "expected_m"), BY_TRIANGLES)
 def test_discs_are_as_in_triangles_that_follow_their_rim(
-    x_m: float, y_m: float, radius_m: float
+    x_m: float, y_m: float, radius_m: float, expected_hz: list[float], expected_m: float
 ) -> None:
-    """Morley's triangles converge as the square of their size; two sizes tell the limit."""
     patch = disc(x_m, y_m=y_m, size_m=2 * radius_m)
     strip = bearing(on(FIRM, 0.1, viscous_s=1e-9), patch)
-    (coarse_m, coarse_hz), (fine_m, fine_hz) = (by_triangles(strip, h) for h in (1e-3, 0.5e-3))
-    found_hz = natural_frequencies_hz(strip, 4, 30e3)
-    assert found_hz == pytest.approx(fine_hz + (fine_hz - coarse_hz) / 3, rel=3e-4)
+    assert natural_frequencies_hz(strip, 4, 30e3) == pytest.approx(expected_hz, rel=3e-4)
     scene = Scene(strip=strip, loads=(moment(patch),), points_m=((x_m, y_m),))
-    at_rest_m = abs(steady_motion(scene, 1.0)[0, 0])
-    assert at_rest_m == pytest.approx(abs(fine_m + (fine_m - coarse_m) / 3), rel=3e-3)
+    assert abs(steady_motion(scene, 1.0)[0, 0]) == pytest.approx(expected_m, rel=3e-3)
 
 
 @pytest.mark.slow
@@ -400,33 +321,6 @@ def drawn(seed: int, *, round_ones: bool) -> Given:
     return dataclasses.replace(strip, patches=tuple(patches)), loads, tips, burst
 
 
-def by_elements(plate: Given, size_m: float) -> Real:
-    """What each finger feels of each load, by the modes of finite elements."""
-    strip, loads, tips, burst = plate
-    areas = [tip.points_m(strip) for tip in tips]
-    points_m = [point for area in areas for point in area]
-    rate_hz = 64 * max(strip.cutoff_hz(), burst.band_hz()[1])
-    samples = np.append(burst.samples(rate_hz), np.zeros(round(0.02 * rate_hz)))
-    viscous_s = causal(strip, burst).material.viscous_time_s
-    found = []
-    for load in loads:
-        elements = model(strip, load, points_m, size_m)
-        moved_m = in_modes(100, elements, samples, 1 / rate_hz, viscous_s)
-        peaks_m = np.split(np.max(np.abs(moved_m), axis=1), [len(areas[0])])
-        found.append([np.max(one) for one in peaks_m])
-    return np.array(found).T
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("seed", range(3))
-def test_the_estimate_of_rectangles_lies_above_the_error_by_finite_elements(seed: int) -> None:
-    plate = drawn(seed, round_ones=False)
-    peak_m, error_m = peaks_with_error(*plate)
-    np.testing.assert_allclose(peak_m, felt(*plate), rtol=1e-9)
-    assert np.all(abs(peak_m - by_elements(plate, plate[0].width_m / 20)) <= error_m)
-    assert np.all(np.diag(error_m) <= 0.01 * np.diag(peak_m))
-
-
 def wide(
     name: str, width_m: float, length_m: float, loss: float, frequency_hz: float, *places_m: Any
 ) -> Given:
@@ -446,52 +340,39 @@ def wide(
     return strip, loads, tips, Burst(frequency_hz=frequency_hz, cycles=1, window="hann")
 
 
-# Peaks with twice as many functions of each disc, more waves and more nodes, up to 11 cut-offs
-FINER: list[tuple[Given, float, list[list[float]]]] = [
-    (
-        drawn(1, round_ones=True),
-        0.15,
-        [[1.5943380e-06, 8.3774792e-08], [1.4522440e-07, 9.3380466e-07]],
-    ),
-    (
-        drawn(2, round_ones=True),
-        0.15,
-        [[6.4650928e-06, 8.5687345e-08], [2.7024850e-07, 3.2130671e-06]],
-    ),
-    (
-        drawn(3, round_ones=True),
-        0.15,
-        [[4.0158689e-05, 9.2505904e-08], [4.7647545e-08, 5.5526868e-05]],
-    ),
-    (
-        drawn(7, round_ones=True),
-        0.15,
-        [[2.2029584e-06, 2.4200798e-07], [2.5055694e-07, 2.0867503e-06]],
-    ),
+# Of rectangles by the modes of finite elements a twentieth of the width in size; of discs with
+# twice as many functions of each disc, more waves and more nodes, up to 11 cut-offs
+FINER: list[tuple[Given, list[float]]] = [
+    (drawn(0, round_ones=False), [1.6690075e-05, 1.1303277e-07, 6.2987920e-08, 1.8514468e-05]),
+    (drawn(1, round_ones=False), [2.4033163e-06, 2.1837960e-07, 2.9069182e-07, 1.8219154e-06]),
+    (drawn(2, round_ones=False), [9.4744934e-06, 6.0384528e-07, 5.1410688e-07, 9.7717828e-06]),
+    (drawn(1, round_ones=True), [1.5943380e-06, 8.3774792e-08, 1.4522440e-07, 9.3380466e-07]),
+    (drawn(2, round_ones=True), [6.4650928e-06, 8.5687345e-08, 2.7024850e-07, 3.2130671e-06]),
+    (drawn(3, round_ones=True), [4.0158689e-05, 9.2505904e-08, 4.7647545e-08, 5.5526868e-05]),
+    (drawn(7, round_ones=True), [2.2029584e-06, 2.4200798e-07, 2.5055694e-07, 2.0867503e-06]),
     (
         wide("glass", 0.034, 0.47, 0.003, 144.0, (-0.022, 0.017), (0.025, 0.017)),
-        0.1,
-        [[8.7802097e-06, 1.5656277e-07], [1.5645308e-07, 8.7800791e-06]],
+        [8.7802097e-06, 1.5656277e-07, 1.5645308e-07, 8.7800791e-06],
     ),
     (
         wide("brass", 0.0325, 0.298, 0.01, 104.0, (-0.007, 0.018), (0.048, 0.015)),
-        0.1,
-        [[5.9794549e-06, 4.1891796e-08], [4.1538334e-08, 6.0048947e-06]],
+        [5.9794549e-06, 4.1891796e-08, 4.1538334e-08, 6.0048947e-06],
     ),
 ]
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
-    ("plate", "limit_db", "finer_m"), FINER, ids=["1", "2", "3", "7", "glass", "brass"]
+    ("plate", "finer_m"),
+    [FINER[5], *(pytest.param(*case, marks=pytest.mark.slow) for case in FINER[:5] + FINER[6:])],
 )
-def test_the_estimate_of_discs_lies_above_the_error(
-    plate: Given, limit_db: float, finer_m: list[list[float]]
-) -> None:
-    (peak_m, error_m), true_m = peaks_with_error(*plate), np.array(finer_m)
+def test_the_estimate_lies_above_the_error(plate: Given, finer_m: list[float]) -> None:
+    (peak_m, error_m), true_m = peaks_with_error(*plate), np.reshape(finer_m, (2, 2))
+    np.testing.assert_allclose(peak_m, felt(*plate), rtol=1e-9)
     assert np.all(abs(peak_m - true_m) <= error_m)
-    assert np.all(np.diag(abs(peak_m - true_m)) <= 2e-3 * np.diag(true_m))
-    assert np.max(abs(20 * np.log10(peak_m / true_m))) < limit_db
+    if plate[0].patches[0].is_disc:
+        assert np.all(np.diag(abs(peak_m - true_m)) <= 2e-3 * np.diag(true_m))
+    else:
+        assert np.all(np.diag(error_m) <= 0.01 * np.diag(peak_m))
 
 
 @pytest.mark.slow

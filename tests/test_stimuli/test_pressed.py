@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pytest
@@ -23,24 +23,13 @@ from stimuli import (
     Strip,
     felt,
 )
-from stimuli.fingers.dampers import Lossy, Ties, coupled_poles
-from tests.test_stimuli.modes import oscillators_of, peaks_up_to, steady_motion
-from tests.test_stimuli.plates import (
-    CYCLE,
-    DISCS,
-    FIRM,
-    HANN,
-    SOFT,
-    TIPS,
-    W,
-    disc,
-    force,
-    on,
+from tests.test_stimuli.modes import (
+    oscillators_of,
+    peaks_up_to,
+    steady_by_receptances,
+    steady_motion,
 )
-from tests.test_stimuli.receptances import steady_by_receptances
-
-if TYPE_CHECKING:
-    from stimuli.arrays import Complex, Real
+from tests.test_stimuli.plates import CYCLE, DISCS, FIRM, HANN, SOFT, TIPS, W, disc, force, on
 
 PLATE = on(FIRM, 0.2, viscous_s=5e-7)
 
@@ -49,10 +38,7 @@ def finger(
     mass_kg: float = 1e-7, stiffness_n_m: float = 0.0, damping: float = 0.0, up_to_hz: float = 5e3
 ) -> Impedance:
     return Impedance(
-        mass_kg=mass_kg,
-        stiffness_n_m=stiffness_n_m,
-        damping_n_s_m=damping,
-        holds_up_to_hz=up_to_hz,
+        mass_kg=mass_kg, stiffness_n_m=stiffness_n_m, damping_n_s_m=damping, holds_up_to_hz=up_to_hz
     )
 
 
@@ -112,49 +98,6 @@ def test_fingers_only_take_energy(impedance: Impedance, viscous_s: float) -> Non
     scene = scene_on(on(FIRM, 0.12, viscous_s=viscous_s))
     found = oscillators_of(scene, 6.0, pair(impedance)).oscillators.poles
     assert np.all(found.real <= 1e-9 * np.abs(found))
-
-
-@pytest.mark.parametrize("dampers", [(3.0, 0.1), (0.4, -0.02), (40.0, 25.0), (3e3, 1e3)])
-def test_poles_on_dampers_are_those_of_the_whole_matrix(dampers: tuple[float, float]) -> None:
-    rng = np.random.default_rng(5)
-    squared = np.sort(rng.uniform(1.0, 30.0, 40)) ** 2
-    squared[7] = squared[6]  # where modes are alike, and where dampers leave one alone
-    grips = rng.normal(size=(2, 40)) / 6
-    grips[:, 3] = 0.0
-    loss = 1e-3 * np.diag(squared) + (grips.T * dampers) @ grips
-    ties = Ties(grips, np.array(dampers))
-    found = coupled_poles(squared, Lossy(1e-3 * squared, ties), (np.eye(40), np.eye(40)))
-    assert _differs(found, loss, np.diag(squared), rng.normal(size=40)) < 1e-9
-
-
-@pytest.mark.parametrize("late_s", [0.0, 1e-3, 0.05])
-@pytest.mark.parametrize("one_takes_both", [False, True])
-def test_poles_on_springs_are_those_of_the_whole_matrices(
-    late_s: float, *, one_takes_both: bool
-) -> None:
-    rng = np.random.default_rng(5)
-    squared = np.repeat(np.sort(rng.uniform(1.0, 30.0, 20)) ** 2, 2)  # cosines and sines
-    lost = 1e-3 * squared * np.repeat(rng.uniform(0.5, 1.0, 20), 2)
-    grips = rng.normal(size=(2, 40))
-    if one_takes_both:
-        grips[1] = 0.0
-    ties = Ties(grips, np.array([40.0, 7.0]), (1.0, late_s))
-    found = coupled_poles(squared, Lossy(lost, ties), (np.eye(40), np.eye(40)))
-    loss, stiff = np.diag(lost) + late_s * ties.every, np.diag(squared) + ties.every
-    assert _differs(found, loss, stiff, rng.normal(size=40)) < 1e-9
-
-
-def _differs(found: tuple[Complex, Complex, Complex], loss: Real, stiff: Real, push: Real) -> float:
-    """Return by what part poles move modes differently than their matrices at frequencies."""
-    poles, modes, pushes = found
-    drives = pushes.T
-    parts = []
-    for s in (0.3 + 2j, 7j, 31.7j):
-        whole = np.linalg.solve(s**2 * np.eye(push.size) + s * loss + stiff, push)
-        swings = (drives @ push) / (s - poles), (drives @ push).conj() / (s - poles.conj())
-        ours = (modes @ swings[0] + modes.conj() @ swings[1]) / 2
-        parts.append(np.abs(ours - whole).max() / np.abs(whole).max())
-    return float(max(parts))
 
 
 @pytest.mark.slow

@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 
 from stimuli import (
-    ALUMINIUM,
     CLAMPED,
     SIMPLY_SUPPORTED,
     Burst,
@@ -24,10 +23,10 @@ from stimuli import (
     transient_work,
 )
 from tests.test_stimuli import plates
-from tests.test_stimuli.plates import CYCLE, DISCS, HANN, PLATE, Edge, W, disc, on, patch
+from tests.test_stimuli.plates import CYCLE, DISCS, HANN, Edge, W, disc, on, patch
 
 if TYPE_CHECKING:
-    from stimuli.arrays import Complex, Real
+    from stimuli.arrays import Real
 
 TAU = 8.264e-7
 FREE, FIRM = SIMPLY_SUPPORTED, dataclasses.replace(plates.FIRM, lossless=False)
@@ -54,51 +53,24 @@ def misfit(found: Real, true: Real) -> float:
     return float(np.max(np.max(np.abs(found - true), axis=0) / np.max(np.abs(true), axis=0)))
 
 
-def turned_on(t: Real, carrier: float, one: Complex, two: Complex) -> Real:
-    """Return the motion of oscillators with these two poles under sin(carrier t) from t = 0."""
-    t = np.maximum(t, 0.0)
-    steady = np.exp(1j * carrier * t) / (1j * (1j * carrier - one) * (1j * carrier - two))
-    free = [
-        carrier * np.exp(a * t) / ((a * a + carrier**2) * (a - b))
-        for a, b in ((one, two), (two, one))
-    ]
-    return np.asarray((steady + free[0] + free[1]).real)
-
-
-def by_oscillators(load: PressureRectangle, x_m: float, y_m: float, times: Real) -> Real:
-    """Return u(t) of a supported strip, repeated every 2 m, as a sum of damped oscillators.
-
-    Each wavenumber along and each mode across is an oscillator, driven by the three sines that
-    make up a Hann burst.
-    """
-    stiffness = PLATE.bending_stiffness_n_m
-    mass = ALUMINIUM.density_kg_m3 * PLATE.thickness_m
-    s = np.pi * np.arange(1500)[:, np.newaxis]
-    q = np.pi / W * np.arange(1, 41)
-    square = stiffness * (s**2 + q**2) ** 2 / mass
-    damping = square * TAU / 2
-    swing = np.sqrt(damping**2 - square + 0j)
-    poles = -square / (damping + swing), -damping - swing
-    half = load.length_x_m / 2
-    along = np.where(s == 0, 0.5, 1.0) * 2 * half * np.sinc(s * half / np.pi)
-    across = np.sin(q * load.y_m) * np.sinc(q * load.length_y_m / 2 / np.pi) * load.length_y_m
-    shape = along * np.cos(s * (x_m - load.x_m)) * across * np.sin(q * y_m) * 2 / W / mass
-    last, found = HANN.duration_s, np.zeros(times.size)
-    for carrier_hz, part in ((500.0, 0.5), (750.0, -0.25), (250.0, -0.25)):
-        carrier = 2 * np.pi * carrier_hz
-        for row, t in enumerate(times):
-            motion = turned_on(t, carrier, *poles) - turned_on(t - last, carrier, *poles)
-            found[row] += part * np.sum(shape * motion)
-    return found
+# Each wavenumber along a strip that repeats itself every 2 m and each of 40 modes across it as a
+# damped oscillator, driven by the three sines that make up a Hann burst: time, metres
+BY_OSCILLATORS = {
+    0.0005: 6.172925830404e-11,
+    0.0017: -3.4574058795935e-10,
+    0.0022: 2.6038094979015e-10,
+    0.0033: -1.0380302746980e-10,
+    0.0041: -2.6678461513908e-12,
+    0.0060: -1.2969761364377e-13,
+}
 
 
 @pytest.mark.slow
 def test_oscillators_in_the_wavenumber_domain_agree() -> None:
     load = patch(0.006, 0.012, y_m=0.009, kind=PressureRectangle)
     scene = scene_of(load=load, points=((0.012, 0.011),))
-    times = np.array([0.0005, 0.0017, 0.0022, 0.0033, 0.0041, 0.006])
-    found = transient(scene, HANN, times, rtol=1e-9)[:, 0, 0]
-    true = by_oscillators(load, 0.012, 0.011, times)
+    found = transient(scene, HANN, list(BY_OSCILLATORS), rtol=1e-9)[:, 0, 0]
+    true = np.array(list(BY_OSCILLATORS.values()))
     assert np.max(np.abs(found - true)) < 1e-6 * np.max(np.abs(true))
 
 
@@ -191,15 +163,6 @@ def test_drives_add_up() -> None:
 
 
 @pytest.mark.slow
-def test_a_later_drive_moves_the_strip_later() -> None:
-    samples, times = HANN.samples(16e3), np.linspace(0.0, 0.01, 81)
-    now, later = sampled(samples, 16e3), sampled(np.append(np.zeros(40), samples), 16e3)
-    u = transient(scene_of(FIRM), now, times, rtol=1e-6)
-    v = transient(scene_of(FIRM), later, times + 40 / 16e3, rtol=1e-6)
-    assert misfit(u, v) < 2e-6
-
-
-@pytest.mark.slow
 def test_a_slow_drive_moves_the_strip_as_a_static_load() -> None:
     slow, times = Burst(frequency_hz=1.0, cycles=1, window="none"), np.linspace(0.05, 0.95, 19)
     static = displacement(scene_of(FIRM, points=(HERE,)), [0.0], rtol=1e-9)[0].real
@@ -218,15 +181,6 @@ def test_times_may_come_in_any_order_and_go_on_for_long() -> None:
     for last in (0.05, 1.0):
         long = transient(scene_of(), HANN, np.append(TIMES[20:80:20], last), rtol=1e-5)
         assert np.all(np.abs(long[:3] - u[20:80:20]) < 2e-5 * peak)
-
-
-def test_what_is_never_driven_does_not_move() -> None:
-    loads = (disc(), PATCH, disc(x_m=0.07))
-    some = dataclasses.replace(scene_of(), loads=loads, driven=(True, False, True))
-    u = transient(some, HANN, TIMES[::16], rtol=1e-4)
-    assert not u[:, 1].any()
-    assert u[:, 0].any()
-    assert not transient(scene_of(driven=(False,)), HANN, TIMES[:3], rtol=1e-4).any()
 
 
 # --- sampled drives ------------------------------------------------------------------------------

@@ -1,4 +1,4 @@
-"""Values of fields with ten digits and more, from methods that share nothing with the solvers."""
+"""Values of fields with ten digits and more, and methods that share nothing with the solvers."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
+from numpy.polynomial import Legendre
 
 from benchmarks.exact import exact
 from stimuli import (
@@ -23,6 +24,7 @@ from stimuli import (
     response,
     transient,
 )
+from stimuli.field.field import solve
 from tests.test_stimuli.plates import (
     FIRM,
     HANN,
@@ -34,6 +36,7 @@ from tests.test_stimuli.plates import (
     at,
     bending_wavenumber_rad_m,
     disc,
+    every_edge,
     force,
     on,
     patch,
@@ -313,18 +316,6 @@ def test_the_tolerance_holds_next_to_an_edge(edge: Edge, part: float, *, touches
         assert abs(found_m - true_m) < rtol * abs(true_m)
 
 
-@pytest.mark.skipif(float(np.finfo(np.longdouble).eps) > 1e-18, reason="needs a true long double")
-@pytest.mark.parametrize("detuning", [1e-9, -1e-9, 1e-12, -1e-12])
-def test_beside_a_cutoff_the_leading_wave_keeps_the_digits_of_the_inputs(detuning: float) -> None:
-    frequency_hz = SUPPORTED.cutoff_hz() * (1 + detuning)
-    p = SUPPORTED.wavenumbers_rad_m(frequency_hz, n_modes=2)
-    nearest = p[np.argmin(np.abs(p))]  # from rational arithmetic
-    k = bending_wavenumber_rad_m(SUPPORTED, frequency_hz)
-    leading = 1j / (2 * k**2 * nearest * W * SUPPORTED.bending_stiffness_n_m)
-    others = at(SUPPORTED, MIDDLE, [(0.0, W / 2)], frequency_hz)[0] - leading
-    assert abs(others) < (3e-6 if abs(detuning) < 1e-10 else 3e-5) * abs(leading)
-
-
 TAU = 8.264e-7
 # time synthesis along two lines at two rates, 6 to 8 digits of the peak; the spring has the
 # plate's loss
@@ -348,3 +339,90 @@ def test_a_patch_moves_as_known(
     scene = scene_of(on(edge, viscous_s=TAU), patch(), (x_m, W / 2))
     found = transient(scene, HANN, [0.001, 0.002], rtol=1e-10)[:, 0, 0]
     assert np.all(np.abs(found - true) < np.array(digits) * peak_m)
+
+
+# --- second methods ------------------------------------------------------------------------------
+
+
+def polynomial_field(
+    strip: Strip, spring_per_m: float | None, frequency_hz: float, x: float, y0: float, y: float
+) -> complex:
+    """Displacement under a point force as a sum over all waves of a polynomial model.
+
+    Nothing of it is shared with the closed forms: Legendre polynomials across the strip, a
+    quadratic eigenproblem for p^2, and the residue of each eigenvector.
+    """
+    bubble = Legendre([2 / 3, 0, -2 / 3]) ** (2 if spring_per_m is None else 1)
+    shapes = [bubble * Legendre.basis(j) for j in range(24)]
+    nodes, weights = np.polynomial.legendre.leggauss(40)
+    half = W / 2
+    bend, slope, mass = (
+        (values * weights) @ values.T * half ** (1 - 2 * order)
+        for order in (2, 1, 0)
+        for values in [np.array([(v.deriv(order) if order else v)(nodes) for v in shapes])]
+    )
+    if spring_per_m is not None:
+        ends = np.array([[v.deriv()(end) / half for v in shapes] for end in (-1.0, 1.0)])
+        bend = bend + spring_per_m * ends.T @ ends
+    root = np.linalg.inv(np.linalg.cholesky(mass))
+    bend, slope = root @ bend @ root.T, root @ slope @ root.T
+    k4, unit = bending_wavenumber_rad_m(strip, frequency_hz) ** 4, np.eye(len(shapes))
+    z, vectors = np.linalg.eig(np.block([[0 * unit, unit], [k4 * unit - bend, -2 * slope]]))
+    p = np.sqrt(z)
+    p = np.where((p.imag < 0) | ((p.imag == 0) & (p.real < 0)), -p, p)
+    vectors = vectors[: len(shapes)]
+    norms = 4 * p * (z * (vectors * vectors).sum(0) + (vectors * (slope @ vectors)).sum(0))
+    here, there = (
+        (root @ np.array([v(place / half - 1) for v in shapes])) @ vectors for place in (y0, y)
+    )
+    stiffness = strip.bending_stiffness_n_m * strip.material.stiffness_factor(frequency_hz)
+    return complex((1j * here * there * np.exp(1j * p * x) / norms).sum() / stiffness)
+
+
+@every_edge
+@pytest.mark.parametrize("frequency_hz", [300.0, 1500.0, 2700.0, 4000.0, 10_000.0, 25_000.0])
+def test_a_polynomial_model_gives_the_same(edge: Edge, frequency_hz: float) -> None:
+    strip, spring = on(edge, loss=0.01), None if edge is HELD else 0.0
+    if isinstance(edge, ElasticEdge):
+        strip = dataclasses.replace(strip, edge=dataclasses.replace(edge, lossless=False))
+        spring = edge.stiffness_n / strip.bending_stiffness_n_m
+    u = at(strip, force(0.0, 0.008), [(0.02, 0.014)], frequency_hz)[0]
+    model = polynomial_field(strip, spring, frequency_hz, 0.02, 0.008, 0.014)
+    assert abs(u - model) < 2e-8 * abs(u)
+
+
+@pytest.mark.parametrize("x_m", [0.0, 0.01, 0.07, 1.0])
+def test_an_exceptional_point_leaves_no_trace(x_m: float) -> None:
+    exceptional_hz = 3618.11524962338517
+    reach = min(0.05, 0.005 / (x_m + 0.05))
+    nodes = np.cos(np.pi * (np.arange(24) + 0.5) / 24)
+    detuning = np.array([0.0, *(s * 10.0**-n for n in range(3, 16) for s in (1, -1))])
+    scene = scene_of(PLATE, force(), (x_m, 0.009))
+    around = displacement(scene, exceptional_hz * np.sqrt(1 + reach * nodes), 1e-12)[:, 0, 0]
+    series = np.polynomial.chebyshev.chebfit(nodes, around.real, 23)
+    smooth = np.polynomial.chebyshev.chebval(((1 + detuning) ** 2 - 1) / reach, series)
+    u = displacement(scene, exceptional_hz * (1 + detuning), 1e-11)[:, 0, 0]
+    np.testing.assert_allclose(u, smooth, rtol=1e-10)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("edge", [FIRM, CLAMPED], ids=["elastic", "clamped"])
+@pytest.mark.parametrize("detuning", [1e-12, 1e-9, 1e-6, 1e-4])
+def test_an_exceptional_point_does_not_show(edge: Edge, detuning: float) -> None:
+    """The field is analytic there: its value is its mean over a circle of frequencies."""
+    scene = scene_of(on(edge, 0.06), force(0.01, 0.01), (0.02, 0.015), (0.03, W / 2))
+    frequency_hz = scene.strip.exceptional_point_hz() * (1 + detuning)
+    around = frequency_hz * (1 + 0.02 * np.exp(2j * np.pi * (np.arange(16) + 0.5) / 16))
+    mean = solve(scene, np.where(around.imag < 0, np.conj(around), around), 1e-9).value
+    mean = np.where((around.imag < 0)[:, np.newaxis, np.newaxis], np.conj(mean), mean).mean(axis=0)
+    value = solve(scene, np.array([frequency_hz + 0j]), 1e-9).value[0]
+    np.testing.assert_allclose(value, mean, rtol=1e-7)
+
+
+@pytest.mark.slow
+def test_complex_frequencies_continue_the_real_ones() -> None:
+    scene = scene_of(on(FIRM, 0.05, loss=0.01), force(0.01), (-0.02, 0.01))
+    circle = 5.0 * np.exp(2j * np.pi * (np.arange(12) + 0.5) / 12)
+    mean = solve(scene, 4000 + 30j + circle, 1e-9).value.mean(axis=0)
+    middle = solve(scene, np.array([4000 + 30j]), 1e-9).value
+    np.testing.assert_allclose(mean, middle[0], rtol=1e-7)
