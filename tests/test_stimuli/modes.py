@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from stimuli import Burst, Load, PointForce, PressureDisc, Scene, displacement
+from stimuli import Burst, PointForce, PressureDisc, Scene, displacement
 from stimuli.fingers.fingertip import asked, pressed_of
 from stimuli.fingers.pressed import pressed_motion
 from stimuli.fingers.work import felt_known
@@ -20,7 +20,7 @@ from stimuli.motion.peaks import peaks_of, wait_of
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from stimuli import Drive, Fingertip, Strip
+    from stimuli import Drive, Fingertip, Load, Strip
     from stimuli.arrays import Complex, Real
     from stimuli.motion.motion import Motion
     from stimuli.motion.peaks import Peaks
@@ -96,7 +96,7 @@ def area_of(tip: Fingertip) -> PressureDisc | PointForce:
     return PressureDisc(x_m=tip.x_m, y_m=tip.y_m, radius_m=tip.radius_m)
 
 
-def nodes_of(over: Load, n: int = 8) -> tuple[list[Any], Real]:
+def nodes_of(over: PressureDisc | PointForce, n: int = 8) -> tuple[list[Any], Real]:
     """Places and weights of the mean over a contact area, by Gauss and by equal angles."""
     if isinstance(over, PointForce):
         return [(over.x_m, over.y_m)], np.ones(1)

@@ -19,7 +19,6 @@ from stimuli import (
     ElasticEdge,
     ForceRectangle,
     Load,
-    Material,
     MomentDisc,
     MomentRectangle,
     PressureDisc,
@@ -41,7 +40,6 @@ from tests.test_stimuli.plates import (
     FIRM,
     PLATE,
     SUPPORTED,
-    Edge,
     W,
     disc,
     drawn_strip,
@@ -187,25 +185,14 @@ def test_the_estimate_covers_the_error_of_random_plates_with_ends() -> None:
     assert np.count_nonzero(np.array(ratios) > 1) <= 1
 
 
-def drawn_plate(rng: np.random.Generator, edge: Edge, loss: float) -> Strip:
-    width_m = rng.uniform(0.005, 0.1)
-    material = Material(
-        youngs_modulus_pa=10 ** rng.uniform(9, 11.5),
-        poisson_ratio=rng.uniform(0.05, 0.45),
-        density_kg_m3=rng.uniform(900, 9000),
-        loss_factor=loss,
-    )
-    thickness_m = width_m * rng.uniform(0.005, 0.05)
-    return Strip(width_m=width_m, thickness_m=thickness_m, material=material, edge=edge)
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(12))
 def test_on_drawn_plates_the_estimate_lies_above_the_error(seed: int) -> None:
     """Next to a cut-off, many widths away, and under a load of next to no size."""
     rng = np.random.default_rng(seed)
     edge, kind = (HELD, HELD, FREE)[seed // 4], seed % 4
-    strip = drawn_plate(rng, edge, 10 ** rng.uniform(-13, -2) if kind == 1 else 0.0)
+    loss = float(10 ** rng.uniform(-13, -2)) if kind == 1 else 0.0
+    strip = drawn_strip(rng, edge, loss=loss)
     width_m, lossless = strip.width_m, dataclasses.replace(strip.material, loss_factor=0.0)
     cutoff_hz = dataclasses.replace(strip, material=lossless).cutoff_hz()
     y_m, place_m = rng.uniform(0.15, 0.85, 2) * width_m

@@ -219,17 +219,6 @@ def test_beside_one_end_of_a_long_plate_the_other_does_not_count() -> None:
     assert abs(long[0, 1] / long[1, 0] - 1) > 0.01
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("loss", [1e-3, 1e-2])
-@pytest.mark.parametrize("edge", [SIMPLY_SUPPORTED, CLAMPED])
-def test_echoes_that_are_left_out_do_not_count(edge: Edge, loss: float) -> None:
-    """A whole plate of 4 m, of which a section is taken, and one of 2 m near its end."""
-    part = felt(plate(edge, loss, 4.0), *pair(shift_m=1.9), burst())
-    tight = felt(plate(edge, loss, 4.0), *pair(shift_m=1.9), burst(), rtol=1e-3)
-    assert felt_work(plate(edge, loss, 4.0), *pair(shift_m=1.9), burst()).modes > 10
-    np.testing.assert_allclose(part, tight, rtol=5e-3)
-
-
 def test_a_plate_without_loss_is_not_waited_for_forever() -> None:
     found = felt(plate(loss=0.0), *pair(), burst())
     lossy = felt(plate(loss=1e-3), *pair(), burst())

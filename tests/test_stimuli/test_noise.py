@@ -61,14 +61,6 @@ def test_its_rms_is_the_level_asked_for_about_no_mean(
     assert abs(loop.mean()) < 1e-12 * np.abs(loop).max()
 
 
-def test_repeated_it_has_no_line_that_one_loop_has_not() -> None:
-    loop = loop_of(loop_s=1.5)
-    size = np.abs(np.fft.rfft(np.tile(loop, 3)))
-    between = np.delete(size, slice(None, None, 3))
-    assert between.max() < 1e-9 * size.max()
-    np.testing.assert_allclose(size[::3], 3 * np.abs(np.fft.rfft(loop)), atol=1e-9 * size.max())
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("lag", [1, 2, 4])
 def test_across_the_seam_it_correlates_as_anywhere_and_a_cut_piece_does_not(lag: int) -> None:

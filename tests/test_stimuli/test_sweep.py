@@ -143,15 +143,6 @@ def test_frequencies_may_come_in_any_order_all_alike_or_at_rest(
 
 
 @pytest.mark.slow
-def test_a_long_plate_is_swept_in_parts() -> None:
-    scene = with_ends(FREE, 1.5)
-    sweep_hz, some = np.linspace(100.0, 20_000.0, 2000), [3, 411, 1203, 1998]
-    found = response(scene, sweep_hz, 1e-6)
-    assert found.work.frequencies_solved < 1000
-    assert within(found.displacement_m[some], alone(scene, sweep_hz[some], 1e-9), 1e-6, 2)
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize("edge", [FREE, SOFT, CLAMPED], ids=str)
 def test_nothing_happens_to_a_sweep_where_waves_meet(edge: Edge) -> None:
     rng = np.random.default_rng(71)

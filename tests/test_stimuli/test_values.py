@@ -87,18 +87,10 @@ KNOWN: list[tuple[Edge, Load, float, float, float, complex]] = [
 ]
 
 
-@pytest.mark.parametrize(("edge", "load", "x_m", "y_m", "frequency_hz", "known_m"), KNOWN)
+@pytest.mark.parametrize("case", KNOWN)
 @pytest.mark.parametrize("skip", [True, False])
-def test_the_papers_plate_has_its_known_displacements(
-    edge: Edge,
-    load: Load,
-    x_m: float,
-    y_m: float,
-    frequency_hz: float,
-    known_m: complex,
-    *,
-    skip: bool,
-) -> None:
+def test_the_papers_plate_has_its_known_displacements(case: Any, *, skip: bool) -> None:
+    edge, load, x_m, y_m, frequency_hz, known_m = case
     scene = scene_of(on(edge), load, (x_m, y_m), skip=skip)
     for rtol in (1e-3, 1e-6, 1e-10):
         result = displacement(scene, [float(frequency_hz)], rtol)[0, 0, 0]
@@ -136,63 +128,28 @@ F1_HZ = STEEL.cutoff_hz()
 HALF_HZ = 896.8434934076143
 """f_1 / 2 of the steel strip to the last digit: there p^2 + k^2 rounds to 0 exactly."""
 # Residues and integrals in 62-digit arithmetic (benchmarks/exact.py), of the doubles as they are.
-VALUES: list[tuple[Edge, float | None, float, Load, complex]] = [
+AT_MEETINGS: list[tuple[Edge, float | None, float, Load, complex]] = [
     (FREE, None, HALF_HZ, force(0.0, 0.008), 0.000013383171464953033861),
-    (
-        FREE,
-        None,
-        4 * HALF_HZ,
-        disc(0.005, y_m=0.008),
-        3.6833555743293389811e-6 - 0.000016502133208074983419j,
-    ),
-    (
-        FREE,
-        None,
-        9 * HALF_HZ,
-        disc(0.006, y_m=0.008, kind=PressureDisc),
-        -1.5685938807682004574e-10 + 8.0965755708646196299e-11j,
-    ),
-    (
-        FREE,
-        None,
-        6 * F1_HZ,
-        patch(0.005, 0.009, y_m=0.008),
-        3.8814808193818823633e-6 - 1.596897146503200222e-6j,
-    ),
+    (FREE, None, 4 * HALF_HZ, disc(0.005, y_m=0.008),
+     3.6833555743293389811e-6 - 0.000016502133208074983419j),
+    (FREE, None, 9 * HALF_HZ, disc(0.006, y_m=0.008, kind=PressureDisc),
+     -1.5685938807682004574e-10 + 8.0965755708646196299e-11j),
+    (FREE, None, 6 * F1_HZ, patch(0.005, 0.009, y_m=0.008),
+     3.8814808193818823633e-6 - 1.596897146503200222e-6j),
     (FREE, 0.09, HALF_HZ, force(0.0, 0.008), 0.00001338698332957479581),
-    (
-        FREE,
-        0.09,
-        6 * F1_HZ,
-        patch(0.005, 0.009, y_m=0.008, kind=PressureRectangle),
-        -5.4241522476190042981e-11,
-    ),
+    (FREE, 0.09, 6 * F1_HZ, patch(0.005, 0.009, y_m=0.008, kind=PressureRectangle),
+     -5.4241522476190042981e-11),
     (HELD, None, 2 * F1_HZ, force(0.0, 0.008), 0.00001135519753983808272),
-    (
-        HELD,
-        None,
-        2 * F1_HZ,
-        patch(0.009, 0.009, y_m=0.008, kind=PressureRectangle),
-        7.8251211266606120683e-10,
-    ),
-    (
-        HELD,
-        None,
-        4.091446734 * F1_HZ,
-        disc(0.005, y_m=0.008),
-        5.4926707843431572599e-6 - 7.7049229250667392381e-6j,
-    ),
-    (
-        spring(STEEL, 1e-6),
-        None,
-        4 * HALF_HZ,
-        force(0.0, 0.008),
-        -4.4253315881490253395e-6 + 4.9884989581818799423e-6j,
-    ),
-]
+    (HELD, None, 2 * F1_HZ, patch(0.009, 0.009, y_m=0.008, kind=PressureRectangle),
+     7.8251211266606120683e-10),
+    (HELD, None, 4.091446734 * F1_HZ, disc(0.005, y_m=0.008),
+     5.4926707843431572599e-6 - 7.7049229250667392381e-6j),
+    (spring(STEEL, 1e-6), None, 4 * HALF_HZ, force(0.0, 0.008),
+     -4.4253315881490253395e-6 + 4.9884989581818799423e-6j),
+]  # fmt: skip # rows of a table
 
 
-@pytest.mark.parametrize("case", VALUES)
+@pytest.mark.parametrize("case", AT_MEETINGS)
 def test_values_at_a_meeting_are_right_to_the_tolerance(
     case: tuple[Edge, float | None, float, Load, complex],
 ) -> None:
@@ -241,22 +198,10 @@ HARD: Values = [
     (soft(1e-4), FORCE, 0.01, 0.015, 1e-6, 7.2391972273326210703e-6),
     (soft(1e8), FORCE, 0.0, 0.015, 1e5, 8.497039984380899035e-8 - 7.9273733993805836335e-8j),
     (on(HELD), FORCE, 0.01, 0.015, 3618.11525, 5.4581277488687939328e-6),
-    (
-        on(HELD, loss=0.5),
-        FORCE,
-        0.01,
-        0.015,
-        4366.0969428735,
-        2.5888117786604936491e-7 + 3.9291263800908521082e-6j,
-    ),
-    (
-        on(HELD, viscous_s=3.2e-5),
-        FORCE,
-        0.0,
-        0.015,
-        500.0,
-        3.9089503433567754074e-6 + 3.9686083383083072187e-7j,
-    ),
+    (on(HELD, loss=0.5), FORCE, 0.01, 0.015, 4366.0969428735,
+     2.5888117786604936491e-7 + 3.9291263800908521082e-6j),
+    (on(HELD, viscous_s=3.2e-5), FORCE, 0.0, 0.015, 500.0,
+     3.9089503433567754074e-6 + 3.9686083383083072187e-7j),
     (SUPPORTED, FORCE, 10.0, 0.015, 3000.0, -8.1349364434035836957e-6 - 5.6170414961127034781e-6j),
     (on(HELD), FORCE, 1.0, 0.015, 500.0, 8.9851645770779736739e-79),
     (on(HELD), disc(0.0064, y_m=0.0064), 0.0, 0.0064, 700.0, -8.4751262849790307475e-6),
@@ -266,25 +211,13 @@ HARD: Values = [
     (SHORT, patch(), 0.004, 0.015, 500.0, -4.1306146150527622365e-5 - 4.5014899995927912738e-7j),
     (SHORT, patch(), 0.005, 0.015, 2600.0, 4.9621004125186861011e-5 - 3.2650021382847260967e-7j),
     (LONG, patch(), 0.004, 0.015, 2600.0, 3.0409424711759035913e-6 - 2.6368168791971843586e-5j),
-]
+]  # fmt: skip # rows of a table
 BESIDE_CUTOFF: Values = [
-    (
-        SUPPORTED,
-        FORCE,
-        0.01,
-        0.015,
-        1926.031369109,
-        -1.5982634424519265753e-5 + 1.3964632583329088172e1j,
-    ),
-    (
-        on(HELD),
-        FORCE,
-        0.01,
-        0.015,
-        4366.096942878,
-        -1.4597161205161774087e-5 + 5.2234602199071480351j,
-    ),
-]
+    (SUPPORTED, FORCE, 0.01, 0.015, 1926.031369109,
+     -1.5982634424519265753e-5 + 1.3964632583329088172e1j),
+    (on(HELD), FORCE, 0.01, 0.015, 4366.096942878,
+     -1.4597161205161774087e-5 + 5.2234602199071480351j),
+]  # fmt: skip # rows of a table
 
 
 @pytest.mark.parametrize("case", [*HARD, *BESIDE_CUTOFF])
@@ -320,15 +253,10 @@ TAU = 8.264e-7
 # time synthesis along two lines at two rates, 6 to 8 digits of the peak; the spring has the
 # plate's loss
 OVER_TIME = [
-    (
-        ElasticEdge(stiffness_n=178.752842326547 * PLATE.bending_stiffness_n_m, lossless=False),
-        0.0,
-        1.760711e-05,
-        (-1.72317486535442e-07, 5.57509787660388e-08),
-        (1e-7, 1e-7),
-    ),
+    (ElasticEdge(stiffness_n=178.752842326547 * PLATE.bending_stiffness_n_m, lossless=False), 0.0,
+     1.760711e-05, (-1.72317486535442e-07, 5.57509787660388e-08), (1e-7, 1e-7)),
     (CLAMPED, 0.02, 5.766769e-07, (-8.88061820623136e-10, -1.36217266004044e-09), (1e-5, 1e-6)),
-]
+]  # fmt: skip # rows of a table
 
 
 @pytest.mark.slow
