@@ -83,24 +83,6 @@ def signal_of(burst: Burst) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
 @given(
     window=windows,
     cycles=st.integers(1, 30),
-    frequency_hz=st.floats(1.0, 5e3),
-    per_cycle=st.floats(4.0, 300.0),
-)
-@laws
-def test_every_burst_starts_and_ends_at_exactly_zero_within_unit_amplitude(
-    window: Window, cycles: int, frequency_hz: float, per_cycle: float
-) -> None:
-    burst = Burst(frequency_hz=frequency_hz, cycles=cycles, window=window)
-    samples = burst.samples(per_cycle * frequency_hz)
-    assert samples.dtype == np.float64
-    assert samples[0] == samples[-1] == 0.0
-    assert np.all(np.abs(samples) <= 1.0)
-    assert not np.any(np.signbit(samples[[0, -1]]))
-
-
-@given(
-    window=windows,
-    cycles=st.integers(1, 30),
     per_cycle=st.integers(4, 300),
     frequency_hz=st.floats(1e-3, 1e5),
 )
@@ -114,19 +96,22 @@ def test_a_whole_number_of_samples_is_recognised_and_exactly_antisymmetric(
     np.testing.assert_array_equal(samples, -samples[::-1])
 
 
-@pytest.mark.slow
 @given(
     window=windows,
-    cycles=st.integers(1, 12),
-    frequency_hz=st.floats(10.0, 2e3),
-    rate_hz=st.floats(8e3, 1e5),
+    cycles=st.integers(1, 30),
+    frequency_hz=st.floats(1.0, 5e3),
+    per_cycle=st.floats(4.0, 300.0),
 )
 @laws
-def test_samples_are_window_times_sine_at_their_times(
-    window: Window, cycles: int, frequency_hz: float, rate_hz: float
+def test_samples_are_window_times_sine_at_their_times_and_exact_zeros_at_both_ends(
+    window: Window, cycles: int, frequency_hz: float, per_cycle: float
 ) -> None:
-    burst = Burst(frequency_hz=frequency_hz, cycles=cycles, window=window)
+    burst, rate_hz = burst_of(window, cycles, frequency_hz), per_cycle * frequency_hz
     samples = burst.samples(rate_hz)
+    assert samples.dtype == np.float64
+    assert samples[0] == samples[-1] == 0.0
+    assert np.all(np.abs(samples) <= 1.0)
+    assert not np.any(np.signbit(samples[[0, -1]]))
     times_s = np.arange(samples.size) / rate_hz
     shape = taper(window, times_s / burst.duration_s)
     expected = shape * np.sin(2 * np.pi * frequency_hz * times_s)
@@ -308,13 +293,6 @@ def test_the_far_tail_falls_with_the_power_of_the_smoothness(window: str, power:
     burst = burst_of(window, 3)
     fall = burst.energy_above(5e7) / burst.energy_above(5e8)
     assert math.log10(fall) == pytest.approx(power, abs=0.01)
-
-
-def test_the_far_tail_of_the_unwindowed_burst_is_its_leading_term() -> None:
-    # |S|^2 = (f0/pi)^2 / (2 f^4) on average: the integral is (f0/pi)^2 / (6 F^3)
-    leading = 4 * 500 * (500 / math.pi) ** 2 / (6 * 5e8**3)
-    assert PAPER.energy_above(5e8) == pytest.approx(leading, rel=1e-9)
-    assert 0.0 <= PAPER.energy_above(0.99e15 / PAPER.duration_s) < 1e-15
 
 
 @bursts(cycles=st.one_of(st.integers(10, 300), st.just(100_000)))

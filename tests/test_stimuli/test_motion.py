@@ -224,10 +224,3 @@ def test_a_plate_without_loss_is_not_waited_for_forever() -> None:
     lossy = felt(plate(loss=1e-3), *pair(), burst())
     assert np.all(np.isfinite(found))
     np.testing.assert_allclose(np.diag(found), np.diag(lossy), rtol=0.02)
-
-
-def test_both_halves_of_a_finger_across_the_centre_line_move_alike() -> None:
-    """On the centre line one half is computed; just beside it, all of the finger."""
-    beside = 0.0125 * (1 + 1e-9)
-    found, whole = (felt(plate(), *pair(y_m=y_m), burst()) for y_m in (0.0125, beside))
-    np.testing.assert_allclose(found, whole, rtol=1e-4)

@@ -212,17 +212,6 @@ def test_fine_samples_move_the_strip_as_their_burst_does() -> None:
     assert errors[1] / errors[2] == pytest.approx(4, rel=0.1)
 
 
-@pytest.mark.slow
-def test_the_staircase_of_a_slow_converter_reaches_the_other_finger() -> None:
-    held = sampled(HANN.samples(8e3), 8e3, held=True)
-    smooth, steps = (
-        np.ptp(transient(scene_of(CLAMPED), drive, TIMES, rtol=1e-4)[:, 0], axis=0)
-        for drive in (HANN, held)
-    )
-    assert steps[0] == pytest.approx(smooth[0], rel=0.05)
-    assert steps[1] > 10 * smooth[1]
-
-
 # --- what a burst means at the other finger ------------------------------------------------------
 
 
