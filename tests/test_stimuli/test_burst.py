@@ -295,14 +295,6 @@ def test_the_far_tail_falls_with_the_power_of_the_smoothness(window: str, power:
     assert math.log10(fall) == pytest.approx(power, abs=0.01)
 
 
-@bursts(cycles=st.one_of(st.integers(10, 300), st.just(100_000)))
-def test_many_cycles_keep_half_of_their_energy_on_each_side(window: Window, cycles: int) -> None:
-    burst = burst_of(window, cycles)
-    assert burst.energy_above(500.0) == pytest.approx(0.5, abs=1 / cycles)
-    assert burst.energy_above(1e-6) == pytest.approx(1.0, abs=1e-14)
-    assert burst.energy_above(50.0) >= burst.energy_above(480.0) >= burst.energy_above(499.0)
-
-
 # --- staircases ----------------------------------------------------------------------------------
 
 

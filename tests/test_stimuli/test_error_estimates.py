@@ -232,18 +232,6 @@ def is_finite(answer: Response | None) -> bool:
     )
 
 
-@pytest.mark.parametrize("meeting", [0.5, 1.0 + 1e-6, 2.0, 4.5, 6.0])
-def test_nor_does_one_of_a_strip_with_ends(meeting: float) -> None:
-    rng = np.random.default_rng(32)
-    for number in range(8):
-        strip = drawn_strip(rng, loss=0.02 * (number % 2))
-        f_hz = meeting * strip.cutoff_hz()
-        width_m = strip.width_m
-        strip = dataclasses.replace(strip, length_m=float(rng.uniform(2.5, 7)) * width_m)
-        scene = scene_of(strip, loads_on(width_m)[number % 6], *points_on(width_m)[:5])
-        assert is_finite(finite_response(scene, f_hz))
-
-
 @pytest.mark.slow
 @settings(deadline=None, max_examples=300)
 @given(

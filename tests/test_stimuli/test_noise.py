@@ -87,7 +87,7 @@ def test_a_level_is_refused_if_and_only_if_it_would_be_clipped(
 ) -> None:
     most_dbfs = -20 * math.log10(crest_factor(loop_of(seed)))
     if level_dbfs > most_dbfs:
-        with pytest.raises(ValueError, match=rf"^level_dbfs .*{level_dbfs!r}$"):
+        with pytest.raises(ValueError, match=r"^level_dbfs .*-\d+\.\d+.* got -?\d"):
             loop_of(seed, level_dbfs=level_dbfs)
     else:
         assert np.abs(loop_of(seed, level_dbfs=level_dbfs)).max() <= 1.0
