@@ -212,7 +212,6 @@ def test_each_load_is_driven_by_itself(name: str) -> None:
     assert together.shape == (len(tips), len(loads))
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("impedance", [None, PRESS])
 def test_a_plate_that_is_its_own_image_has_a_symmetric_matrix(impedance: Any) -> None:
     """With too few points looked at first, one of two equal peaks was missed by 0.07 dB."""
@@ -224,6 +223,7 @@ def test_a_plate_that_is_its_own_image_has_a_symmetric_matrix(impedance: Any) ->
         np.testing.assert_allclose(peaks_m, peaks_m.T, rtol=1e-10)
 
 
+@pytest.mark.slow
 def test_the_peak_is_linear_in_the_load_and_in_the_drive() -> None:
     # a total force of 1 N, and as much pressure on the same small area
     loads = patch(2e-3, 2e-3, kind=ForceRectangle), disc(1e-3, kind=PressureDisc)
@@ -237,7 +237,6 @@ def test_the_peak_is_linear_in_the_load_and_in_the_drive() -> None:
     np.testing.assert_allclose(half, whole / 2, rtol=1e-6)
 
 
-@pytest.mark.slow
 def test_a_slow_drive_moves_the_plate_as_a_static_load_does() -> None:
     slow = Burst(frequency_hz=20.0, cycles=1, window="none")
     still_m = abs(displacement(scene_of(MEASURED, DISCS[0], PLACES[0]), [0.0])[0, 0, 0])

@@ -92,7 +92,6 @@ def test_so_it_is_between_ends(edge: Edge, length_m: float | None, frequency_hz:
     assert abs(there - back) < 1e-7 * abs(there)
 
 
-@pytest.mark.slow
 @laws
 @drawn_fields
 def test_the_field_is_mirrored_about_its_load_and_about_the_centre_line(
@@ -131,7 +130,6 @@ def test_a_long_pressure_at_rest_bends_the_strip_like_a_beam(edge: Edge, divisor
     assert at(on(edge), load, [(0.1, W / 2)], 0.0)[0] == pytest.approx(beam_m, rel=1e-10)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("f", [0.0, 500.0, 3000.0, 20_000.0])
 def test_springs_reach_both_ideal_edges(f: float) -> None:
     def moved(edge: Edge) -> NDArray[np.complex128]:

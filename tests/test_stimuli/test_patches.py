@@ -110,7 +110,6 @@ def test_layers_of_the_plates_material_thicken_it_however_they_are_divided() -> 
     assert divided.opposed_n_m == pytest.approx(whole.opposed_n_m, rel=1e-12)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("strip", [SHORT, on(SUPPORTED.edge, LENGTH_M), on(FIRM, LENGTH_M)])
 def test_patches_over_the_whole_plate_make_another_plate(strip: Strip) -> None:
     halves = [rectangle(side * LENGTH_M / 4, SAME, size_m=(LENGTH_M / 2, W)) for side in (-1, 1)]
@@ -119,7 +118,6 @@ def test_patches_over_the_whole_plate_make_another_plate(strip: Strip) -> None:
     assert found == pytest.approx(natural_frequencies_hz(thicker, 8, 23e3), rel=5e-5)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("edge", [CLAMPED, SIMPLY_SUPPORTED])
 def test_fingers_on_a_covered_plate_are_those_on_a_thicker_one(edge: Edge) -> None:
     # 0.3 mm of the plate's own brass on 0.5 mm: a plate of 0.8 mm with the same constant loss
@@ -140,7 +138,6 @@ def test_fingers_on_a_covered_plate_are_those_on_a_thicker_one(edge: Edge) -> No
     assert level_db(first, 0, 1) == pytest.approx(level_db(second, 0, 1), abs=0.2)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("patch", [disc(), rectangle()], ids=["disc", "rectangle"])
 def test_a_patch_of_no_thickness_changes_nothing(patch: BondedPatch) -> None:
     layer = dataclasses.replace(CERAMIC, thickness_m=1e-9, youngs_modulus_pa=1.0)
@@ -152,7 +149,6 @@ def test_a_patch_of_no_thickness_changes_nothing(patch: BondedPatch) -> None:
     )
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("patch", [disc(), rectangle()], ids=["disc", "rectangle"])
 def test_frequencies_fall_as_more_functions_are_taken(patch: BondedPatch) -> None:
     strip = bearing(SHORT, patch)
@@ -172,7 +168,6 @@ def test_load_and_point_may_be_exchanged() -> None:
     assert found[0, 1] == pytest.approx(found[1, 0], rel=1e-9)
 
 
-@pytest.mark.slow
 def test_mirrored_patches_have_mirrored_fields() -> None:
     """So they have where they are not quite mirrored, but for waves instead of polynomials."""
     pair = [disc(-0.03), disc(0.03)]
@@ -202,7 +197,6 @@ def test_both_ways_to_predict_a_moment_bend_a_wholly_covered_plate_alike() -> No
     assert held > 2 * alone
 
 
-@pytest.mark.slow
 def test_a_measured_displacement_comes_back() -> None:
     strip = bearing(on(FIRM, LENGTH_M, loss=0.01), disc(-0.03), disc(0.03))
     measured = MeasuredDisplacement(displacement_m=2.6e-6, level_vpp=100.0, frequency_hz=300.0)
@@ -403,7 +397,6 @@ def test_what_knows_no_patches_refuses_them() -> None:
         transient(scene, CYCLE, [1e-3], rtol=1e-6)
 
 
-@pytest.mark.slow
 def test_patches_whose_effect_is_not_known_well_are_refused() -> None:
     small = [rectangle(x_m, size_m=(0.0008, 0.0008)) for x_m in (-0.03, 0.03)]
     tips = [Fingertip(x_m=patch.x_m, y_m=W / 2) for patch in small]

@@ -100,7 +100,6 @@ def test_fingers_only_take_energy(impedance: Impedance, viscous_s: float) -> Non
     assert np.all(found.real <= 1e-9 * np.abs(found))
 
 
-@pytest.mark.slow
 def test_a_light_mass_lowers_a_resonance_by_its_part_of_the_kinetic_energy() -> None:
     """What a mass m at a point lowers a resonance by is omega^2 m phi^2 / 2, by two masses."""
     strip, place = on(CLAMPED, 0.12), (0.02, W / 2)
@@ -130,7 +129,6 @@ CASES: list[tuple[Strip, tuple[Fingertip, ...]]] = [
 ]
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(("strip", "tips"), CASES)
 @pytest.mark.parametrize("in_cutoffs", [0.1, 0.7, 1.3])
 def test_fingers_couple_the_modes_as_receptances_do(
@@ -177,7 +175,6 @@ def test_the_estimate_holds_against_twice_as_many_modes(edge: Any, drive: Burst)
         assert np.all(np.diag(few.error_m) < 0.02 * np.diag(few.peak_m))
 
 
-@pytest.mark.slow
 def test_a_peak_after_the_burst_is_found_where_the_points_looked_at_first_move_least() -> None:
     # on steel, 48 mm away, the point that moves most moves twice as far as those looked at first
     steel = dataclasses.replace(MATERIALS["steel"].material, loss_factor=0.01)

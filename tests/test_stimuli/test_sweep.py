@@ -184,3 +184,12 @@ def test_the_estimate_covers_the_error_of_a_sweep() -> None:
         error_m = np.abs(found.displacement_m[some] - true_m)
         covered += list((error_m <= found.error_m[some] + 1e-2 * rtol * np.abs(true_m)).ravel())
     assert np.mean(covered) > 0.98
+
+
+@pytest.mark.slow
+def test_a_long_plate_is_swept_in_parts() -> None:
+    sweep_hz, some = np.linspace(100.0, 20_000.0, 2000), [3, 411, 1203, 1998]
+    found = response(with_ends(FREE, 1.5), sweep_hz, 1e-6)
+    assert found.work.frequencies_solved < 1000
+    true_m = alone(with_ends(FREE, 1.5), sweep_hz[some], 1e-9)
+    assert within(found.displacement_m[some], true_m, 1e-6, 2)

@@ -65,7 +65,6 @@ BY_OSCILLATORS = {
 }
 
 
-@pytest.mark.slow
 def test_oscillators_in_the_wavenumber_domain_agree() -> None:
     load = patch(0.006, 0.012, y_m=0.009, kind=PressureRectangle)
     scene = scene_of(load=load, points=((0.012, 0.011),))

@@ -249,6 +249,15 @@ def test_the_tolerance_holds_next_to_an_edge(edge: Edge, part: float, *, touches
         assert abs(found_m - true_m) < rtol * abs(true_m)
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("from_end_m", [0.0004, 0.0])
+def test_loads_at_an_end_have_values_too(from_end_m: float) -> None:
+    strip, load = on(FREE, 0.05), force(0.025 - from_end_m, 0.006)
+    true_m = complex(exact(strip, load, 0.0, W / 2, 700.0))
+    found_m = strict(strip, load, 0.0, W / 2, 700.0, 1e-8).displacement_m[0, 0, 0]
+    assert abs(found_m - true_m) < 1e-6 * abs(true_m)
+
+
 TAU = 8.264e-7
 # time synthesis along two lines at two rates, 6 to 8 digits of the peak; the spring has the
 # plate's loss
