@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
@@ -17,6 +18,7 @@ from stimuli import (
     Fingertip,
     IdealEdge,
     Load,
+    Material,
     MomentDisc,
     MomentRectangle,
     PointForce,
@@ -28,7 +30,7 @@ from stimuli import (
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from stimuli.arrays import Complex
+    from stimuli.arrays import Complex, Real
 
 Edge: TypeAlias = IdealEdge | ElasticEdge
 Points: TypeAlias = tuple[tuple[float, float], ...]
@@ -39,9 +41,11 @@ SOFT, FIRM = ElasticEdge(stiffness_n=63.9264884979218), ElasticEdge(stiffness_n=
 PLATE = Strip(width_m=W, thickness_m=0.0005, material=ALUMINIUM, edge=CLAMPED)
 SUPPORTED = dataclasses.replace(PLATE, edge=SIMPLY_SUPPORTED)
 EDGES: list[Edge] = [SIMPLY_SUPPORTED, FIRM, CLAMPED]
-NAMES = ["supported", "elastic", "clamped"]
+EVERY_EDGE: list[Edge] = [*EDGES, SOFT]
+NAMES = ["supported", "firm", "clamped", "soft"]
 
-each_edge = pytest.mark.parametrize("edge", EDGES, ids=NAMES)
+each_edge = pytest.mark.parametrize("edge", EDGES, ids=NAMES[:3])
+every_edge = pytest.mark.parametrize("edge", EVERY_EDGE, ids=NAMES)
 
 
 def on(
@@ -103,6 +107,36 @@ def at(
 ) -> Complex:
     """Displacement at some points under one load of one frequency."""
     return np.asarray(displacement(scene_of(strip, load, *points_m), [frequency_hz], rtol)[0, 0])
+
+
+def alone(scene: Scene, frequencies_hz: Sequence[float] | Real, rtol: float = 1e-11) -> Complex:
+    """Displacement of one frequency after another, so that none follows from others."""
+    return np.concatenate([displacement(scene, [float(f)], rtol) for f in frequencies_hz])
+
+
+def bending_wavenumber_rad_m(strip: Strip, frequency_hz: float) -> complex:
+    """Wavenumber of a plane bending wave on an infinite plate, with the material's loss."""
+    inertia = strip.material.density_kg_m3 * strip.thickness_m / strip.bending_stiffness_n_m
+    square = 2 * math.pi * frequency_hz * math.sqrt(inertia)
+    return complex((square**2 / strip.material.stiffness_factor(frequency_hz)) ** 0.25)
+
+
+def drawn_strip(rng: np.random.Generator, edge: Edge = SIMPLY_SUPPORTED, **more: Any) -> Strip:
+    """A strip of a material and size that no default has."""
+    material = Material(
+        youngs_modulus_pa=float(np.round(10 ** rng.uniform(9.3, 11.6), -6)),
+        poisson_ratio=float(np.round(rng.uniform(0, 0.45), 3)),
+        density_kg_m3=float(np.round(rng.uniform(900, 9000))),
+        loss_factor=more.pop("loss", 0.0),
+    )
+    width_m = float(np.round(rng.uniform(0.01, 0.06), 4))
+    thickness_m = float(np.round(width_m * rng.uniform(0.005, 0.05), 5))
+    return Strip(width_m=width_m, thickness_m=thickness_m, material=material, edge=edge, **more)
+
+
+def spring(strip: Strip, grip: float) -> ElasticEdge:
+    """An edge whose stiffness is so many times the strip's bending stiffness over its width."""
+    return ElasticEdge(stiffness_n=grip * strip.bending_stiffness_n_m / strip.width_m)
 
 
 def within(found: Complex, true: Complex, rtol: float, axis: Any = None) -> bool:

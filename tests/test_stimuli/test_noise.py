@@ -61,14 +61,6 @@ def test_its_rms_is_the_level_asked_for_about_no_mean(
     assert abs(loop.mean()) < 1e-12 * np.abs(loop).max()
 
 
-def test_repeated_it_has_no_line_that_one_loop_has_not() -> None:
-    loop = loop_of(loop_s=1.5)
-    size = np.abs(np.fft.rfft(np.tile(loop, 3)))
-    between = np.delete(size, slice(None, None, 3))
-    assert between.max() < 1e-9 * size.max()
-    np.testing.assert_allclose(size[::3], 3 * np.abs(np.fft.rfft(loop)), atol=1e-9 * size.max())
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("lag", [1, 2, 4])
 def test_across_the_seam_it_correlates_as_anywhere_and_a_cut_piece_does_not(lag: int) -> None:
@@ -95,7 +87,7 @@ def test_a_level_is_refused_if_and_only_if_it_would_be_clipped(
 ) -> None:
     most_dbfs = -20 * math.log10(crest_factor(loop_of(seed)))
     if level_dbfs > most_dbfs:
-        with pytest.raises(ValueError, match=r"level_dbfs must be at most .*clipped, got -?\d"):
+        with pytest.raises(ValueError, match=r"^level_dbfs .*-\d+\.\d+.* got -?\d"):
             loop_of(seed, level_dbfs=level_dbfs)
     else:
         assert np.abs(loop_of(seed, level_dbfs=level_dbfs)).max() <= 1.0

@@ -87,195 +87,170 @@ def samples_of(values: Any, rate_hz: Any = 48e3, frequency_hz: Any = 1900.0) -> 
     return staircase_energy_above(values, sample_rate_hz=rate_hz, frequency_hz=frequency_hz)
 
 
-def fields(thing: Any, told: str, values: Iterable[Any]) -> list[tuple[Call, Iterable[Any], str]]:
+def fields(valid: Any, bounds: str, values: Iterable[Any]) -> list[tuple[Call, Iterable[Any], str]]:
     """A row for each field of a value."""
-    return [
-        (lambda value, name=one.name: change(thing, **{name: value}), values, f"{one.name} {told}")  # type: ignore[misc]  # bound now
-        for one in dataclasses.fields(thing)
-    ]
+    names = [field.name for field in dataclasses.fields(valid)]
+
+    def changed(name: str) -> Call:
+        return lambda value: change(valid, **{name: value})
+
+    return [(changed(name), values, f"{name} {bounds}") for name in names]
 
 
 CLICK = click()
-ENERGY = "frequency_hz must be a finite number >= 0 and <= "
-FINGER = "must be a whole number from 0 to 1"
-RATE = "sample_rate_hz must be a finite number"
-SAMPLES = "samples must be a one-dimensional array of "
-STIFFER = "must be SIMPLY_SUPPORTED, CLAMPED or an ElasticEdge"
-TIMES = "times_s must be a one-dimensional array of times from -1 to 1"
 
 REFUSED: list[tuple[Call, Iterable[Any], str]] = [
     # strip, material, edge
-    *fields(ALUMINIUM, "must be a finite number", (*NONE, -math.inf, 1j, np.array([1.0]), -1.0)),
-    (lambda v: change(ALUMINIUM, poisson_ratio=v), (0.5,), "poisson_ratio must be a finite"),
-    (lambda v: change(PLATE, width_m=v), (*NONE, 0.0, -W), "width_m must be a finite number >= 1e"),
-    (lambda v: change(PLATE, thickness_m=v), (*NONE, 0.0, -W), "thickness_m must be a finite"),
-    (lambda v: change(PLATE, length_m=v), (*NONE[:4], 0.0, -W), "length_m must be a finite"),
-    (lambda v: change(PLATE, edge=v), ("clamped",), f"edge {STIFFER}"),
-    (lambda v: change(PLATE, material=v), ("steel",), "material must be a Material"),
-    (lambda v: ElasticEdge(stiffness_n=v), (*NONE, -1e-9), "stiffness_n must be a finite number"),
-    (lambda v: ElasticEdge(stiffness_n=1.0, lossless=v), ("no",), "lossless must be True or False"),
-    (PLATE.cutoff_hz, (0, -1, 1.0, 10_001, *NONE), "mode must be a whole number from 1 to 10000"),
-    (lambda v: PLATE.mode_shape(v, 0.01), (0, 1.0, True), "mode must be a whole number from 1"),
+    *fields(ALUMINIUM, "", (*NONE, -math.inf, 1j, np.array([1.0]), -1.0)),
+    (lambda v: change(ALUMINIUM, poisson_ratio=v), (0.5,), "poisson_ratio"),
+    (lambda v: change(PLATE, width_m=v), (*NONE, 0.0, -W), "width_m"),
+    (lambda v: change(PLATE, thickness_m=v), (*NONE, 0.0, -W), "thickness_m"),
+    (lambda v: change(PLATE, length_m=v), (*NONE[:4], 0.0, -W), "length_m"),
+    (lambda v: change(PLATE, edge=v), ("clamped",), "edge"),
+    (lambda v: change(PLATE, material=v), ("steel",), "material"),
+    (lambda v: ElasticEdge(stiffness_n=v), (*NONE, -1e-9), "stiffness_n"),
+    (lambda v: ElasticEdge(stiffness_n=1.0, lossless=v), ("no",), "lossless"),
+    (PLATE.cutoff_hz, (0, -1, 1.0, 10_001, *NONE), "mode 1 10000"),
+    (lambda v: PLATE.mode_shape(v, 0.01), (0, 1.0, True), "mode 1"),
     (SUPPORTED.with_cutoff, (SUPPORTED.cutoff_hz(), PLATE.cutoff_hz(), 100.0, 5000.0),
-     "simply supported strip, 1926.031369 Hz, and below that of the clamped one, 4366.096943 Hz"),
-    (PLATE.wavenumbers_rad_m, (-1.0, 1e300, *NONE), "frequency_hz must be a finite number >= 0"),
-    (lambda v: PLATE.wavenumbers_rad_m(5.0, symmetry=v), ("even",), "symmetry must be symmetric"),
-    (lambda v: PLATE.wavenumbers_rad_m(5.0, v), (0, 1001), "n_modes must be a whole number from 1"),
-    (lambda v: SUPPORTED.wavenumbers_rad_m(5.0, v), (10_001,), "n_modes must be a whole number"),
-    (lambda v: PLATE.mode_shape(1, v), (-1e-6, 0.0251), "y_m must lie from 0 to the width 0.025"),
-    (lambda v: PLATE.mode_shape(1, v), ([0.01, math.nan], "a", [True]), "y_m must hold finite"),
+     "1926.031369 4366.096943"),
+    (PLATE.wavenumbers_rad_m, (-1.0, 1e300, *NONE), "frequency_hz 0"),
+    (lambda v: PLATE.wavenumbers_rad_m(5.0, symmetry=v), ("even",), "symmetry"),
+    (lambda v: PLATE.wavenumbers_rad_m(5.0, v), (0, 1001), "n_modes 1"),
+    (lambda v: SUPPORTED.wavenumbers_rad_m(5.0, v), (10_001,), "n_modes"),
+    (lambda v: PLATE.mode_shape(1, v), (-1e-6, 0.0251), "y_m 0 0.025"),
+    (lambda v: PLATE.mode_shape(1, v), ([0.01, math.nan], "a", [True]), "y_m"),
     (lambda v: PLATE.wave_shape(v, 500.0, 0.01), (complex(0, math.inf), [1.0], *NONE),
-     "wavenumber_rad_m must be a finite number"),
+     "wavenumber_rad_m"),
     # loads
-    *(row for load in LOADS for row in fields(load, "must be a finite number", (*NONE, 1e4))),
-    *((lambda v, load=load: change(load, y_m=v), (-1e-9,), "y_m must be a finite number >= 0")
-      for load in LOADS),
-    *(row for load in LOADS for row in fields(load, "must be a finite", (0.0,))[2:]),
+    *(row for load in LOADS for row in fields(load, "", (*NONE, 1e4))),
+    *((lambda v, load=load: change(load, y_m=v), (-1e-9,), "y_m 0") for load in LOADS),
+    *(row for load in LOADS for row in fields(load, "", (0.0,))[2:]),
     # drives
-    (lambda v: Burst(frequency_hz=v), (0.0, -500.0, 1e12, *NONE), "frequency_hz must be a finite"),
-    (lambda v: change(BURST, cycles=v), (0, -1, 1.0, 1.5, 10**7, *NONE),
-     "cycles must be a whole number from 1 to 1000000"),
+    (lambda v: Burst(frequency_hz=v), (0.0, -500.0, 1e12, *NONE), "frequency_hz"),
+    (lambda v: change(BURST, cycles=v), (0, -1, 1.0, 1.5, 10**7, *NONE), "cycles 1 1000000"),
     (lambda v: change(BURST, window=v), ("Hann", "", None, 1, ["hann"]),
-     "window must be one of none, hann, tukey, gaussian"),
-    (BURST.samples, (1999.0, 0.0, -48e3, *NONE), f"{RATE} >= 2000"),
-    (BURST.samples, (5e9,), "must give at most 10000000 samples for a burst of 0.002 s"),
-    (Burst(frequency_hz=1e-6, cycles=1_000_000).samples, (1e300,), "at most 10000000 samples"),
-    (BURST.spectrum, ([1.0, math.nan], [math.inf], "500", [True], -1j, None),
-     "frequencies_hz must hold finite"),
-    (BURST.spectrum, ([1e300], -1e18), "frequencies_hz must lie within +-5e+17"),
-    (BURST.energy_above, (-1.0, 1.01e15 / BURST.duration_s, *NONE), f"{ENERGY}5e+17"),
-    (click, ([], [0.0, 0.0], [0.0] * 3, [[0.0, 1.0, 0.0]]), f"{SAMPLES}3 to 1000000 numbers"),
-    (click, ([0.0, math.nan, 0.0], "click", None, [1j]), "samples must hold finite"),
-    (click, ([1, 1, 0],),
-     "samples must begin and end with 0 for straight lines (held=False), got 1.0 and 0.0"),
-    (lambda v: click(rate_hz=v), (0.0, -1.0, *NONE), RATE),
-    (lambda v: click(held=v), (1,), "held must be True or False"),
-    (CLICK.samples, (48e3,), "sample_rate_hz must be the drive's own 1000.0 Hz"),
+     "window hann tukey gaussian"),
+    (BURST.samples, (1999.0, 0.0, -48e3, *NONE), "sample_rate_hz 2000"),
+    (BURST.samples, (5e9,), "10000000 0.002"),
+    (Burst(frequency_hz=1e-6, cycles=1_000_000).samples, (1e300,), "10000000"),
+    (BURST.spectrum, ([1.0, math.nan], [math.inf], "500", [True], -1j, None), "frequencies_hz"),
+    (BURST.spectrum, ([1e300], -1e18), "frequencies_hz 5e+17"),
+    (BURST.energy_above, (-1.0, 1.01e15 / BURST.duration_s, *NONE), "frequency_hz 0 5e+17"),
+    (click, ([], [0.0, 0.0], [0.0] * 3, [[0.0, 1.0, 0.0]]), "samples 3 1000000"),
+    (click, ([0.0, math.nan, 0.0], "click", None, [1j]), "samples"),
+    (click, ([1, 1, 0],), "samples 0 1.0 0.0"),
+    (lambda v: click(rate_hz=v), (0.0, -1.0, *NONE), "sample_rate_hz"),
+    (lambda v: click(held=v), (1,), "held"),
+    (CLICK.samples, (48e3,), "sample_rate_hz 1000.0"),
     (CLICK.spectrum, ([1.0 - 1j], [math.nan], [complex(1, math.inf)], "5", None), "frequencies_hz"),
-    (CLICK.energy_above, (-1.0, *NONE), "frequency_hz must be a finite number >= 0"),
-    (samples_of, ([], [0.0, 0.0], [[1.0]]), f"{SAMPLES}numbers, not all 0"),
-    (samples_of, ([math.nan], "click", None), "samples must hold finite"),
-    (lambda v: samples_of([1.0], v), (0.0, -1.0, *NONE), f"{RATE} > 0"),
-    (lambda v: samples_of([1.0], 48e3, v), (-1.0, 1e300, *NONE), f"{ENERGY}4.8e+19"),
-    (lambda v: check_burst(v, PLATE), ("a burst", None), "burst must be a Burst or another Drive"),
-    (lambda v: check_burst(BURST, v), ("a plate", None), "strip must be a Strip"),
-    (lambda v: check_burst(BURST, PLATE, sample_rate_hz=v), (1e3,), f"{RATE} >= 2000"),
-    (lambda v: check_burst(CLICK, PLATE, sample_rate_hz=v), (48e3,), "the drive's own 1000"),
+    (CLICK.energy_above, (-1.0, *NONE), "frequency_hz 0"),
+    (samples_of, ([], [0.0, 0.0], [[1.0]]), "samples 0"),
+    (samples_of, ([math.nan], "click", None), "samples"),
+    (lambda v: samples_of([1.0], v), (0.0, -1.0, *NONE), "sample_rate_hz 0"),
+    (lambda v: samples_of([1.0], 48e3, v), (-1.0, 1e300, *NONE), "frequency_hz 0 4.8e+19"),
+    (lambda v: check_burst(v, PLATE), ("a burst", None), "burst"),
+    (lambda v: check_burst(BURST, v), ("a plate", None), "strip"),
+    (lambda v: check_burst(BURST, PLATE, sample_rate_hz=v), (1e3,), "sample_rate_hz 2000"),
+    (lambda v: check_burst(CLICK, PLATE, sample_rate_hz=v), (48e3,), "1000"),
     (lambda v: check_burst(BURST, PLATE, max_energy_above_cutoff=v), (-0.1, 1.1, *NONE),
-     "max_energy_above_cutoff must be a finite number >= 0 and <= 1"),
-    (lambda v: noise(sample_rate_hz=v), (7_999.0, 193e3, *NONE), f"{RATE} >= 8000 and <= 192000"),
-    (lambda v: noise(loop_s=v), (0.5, 601.0, *NONE), "loop_s must be a finite number >= 1"),
-    (lambda v: noise(level_dbfs=v), (-71.0, 0.1, *NONE), "level_dbfs must be a finite number >="),
-    (lambda v: noise(rng=v), (1,), "rng must be"),
-    (crest_factor, ([], [0.0, 0.0], [1.0, math.nan]), "samples must hold"),
+     "max_energy_above_cutoff 0 1"),
+    (lambda v: noise(sample_rate_hz=v), (7_999.0, 193e3, *NONE), "sample_rate_hz 8000 192000"),
+    (lambda v: noise(loop_s=v), (0.5, 601.0, *NONE), "loop_s 1"),
+    (lambda v: noise(level_dbfs=v), (-71.0, 0.1, *NONE), "level_dbfs"),
+    (lambda v: noise(rng=v), (1,), "rng"),
+    (crest_factor, ([], [0.0, 0.0], [1.0, math.nan]), "samples"),
     # scenes and fields
-    (lambda v: change(SCENE, strip=v), ("strip",), "strip must be a Strip"),
-    (lambda v: change(SCENE, skip=v), (1,), "skip must be True or False"),
-    (lambda v: change(SCENE, loads=v), ((),), "loads must hold at least one"),
-    (lambda v: change(SCENE, loads=v), (None, "ab", 1.0), "loads must be a tuple"),
-    (lambda v: change(SCENE, loads=(v,)), ("load",), "loads must be a tuple of loads"),
+    (lambda v: change(SCENE, strip=v), ("strip",), "strip"),
+    (lambda v: change(SCENE, skip=v), (1,), "skip"),
+    (lambda v: change(SCENE, loads=v), ((), None, "ab", 1.0), "loads"),
+    (lambda v: change(SCENE, loads=(v,)), ("load",), "loads"),
     (lambda v: change(SCENE, loads=(v,)),
-     (force(0.0, 0.0251), disc(0.0064, y_m=0.005), patch(0.01, 0.011, y_m=0.02)),
-     "loads: y_m must lie from"),
+     (force(0.0, 0.0251), disc(0.0064, y_m=0.005), patch(0.01, 0.011, y_m=0.02)), "loads:"),
     (lambda v: change(SCENE, loads=(v,)), (disc(0.0126, kind=PressureDisc), patch(0.01, 0.026)),
-     "loads: sizes must be at most that of the strip, 0.025 m in that direction"),
+     "loads: 0.025"),
     (lambda v: change(FINITE, loads=(v,)),
-     (force(0.1000001), disc(0.0051, x_m=-0.095), patch(0.021, 0.01, x_m=0.09)),
-     "loads: x_m must lie from -"),
-    (lambda v: change(SCENE, points_m=v), ((),), "points_m must hold at least one"),
-    (lambda v: change(SCENE, points_m=v), (None, "ab", 1.0), "points_m must be a tuple"),
-    (lambda v: change(SCENE, points_m=(v,)), ((0.0,), 3), "points_m must hold pairs (x, y)"),
-    (lambda v: change(SCENE, points_m=((0.0, v),)), (-1e-9, 0.0251, *NONE),
-     "points_m: y must be a finite number >= 0 and <= 0.025"),
-    (lambda v: change(FINITE, points_m=((v, W / 2),)), (0.1000001, -0.2, *NONE),
-     "points_m: x must be a finite number >= -0.1 and <= 0.1"),
-    (lambda v: change(SCENE, driven=v), ((True, True), (1,), "ab", True, (None,), ()),
-     "driven must hold a bool for each of 1 loads"),
-    (SCENE.work, ([-1.0], [1e12], [[1.0]], 300.0), "frequencies_hz must be a one-"),
-    (lambda v: response(SCENE, v), ([-1.0], [1e12], [[1.0]], 300.0), "frequencies_hz must be a"),
-    (lambda v: response(SCENE, v), ([math.nan], ["a"], [True]), "frequencies_hz must hold finite"),
-    (lambda v: response(SCENE, [300.0], v), (0.0, 0.9e-12, 0.11, -1e-6, *NONE),
-     "rtol must be a finite number >= 1e-12 and <= 0.1"),
-    (lambda v: displacement(v, [100.0]), (PLATE,), "scene must be a Scene"),
-    (lambda v: plate_map(frequency_hz=v), (-1.0, *NONE), "frequency_hz must be a finite"),
-    (lambda v: plate_map(frequency_hz=v), (1e12,), "frequencies from 0 to"),
-    (lambda v: plate_map(frequency_hz=v), (PLATE.cutoff_hz(),), "must not hold a cut-off"),
-    (lambda v: plate_map(x_m=v), ([],), "x_m must be a one-dimensional array, not empty"),
-    (lambda v: plate_map(x_m=v), ([0.0, math.inf],), "x_m must hold finite real numbers"),
-    (lambda v: plate_map(y_m=v), (0.01,), "y_m must be a one-dimensional array, not empty"),
-    (lambda v: plate_map(y_m=v), ([0.0, 0.026],), "y must be a finite number >= 0 and <= 0.025"),
-    (lambda v: plate_map(loads=v), ((),), "loads must hold at least one"),
-    (lambda v: plate_map(strip=v), (0.025,), "strip must be a Strip"),
-    (lambda v: plate_map(rtol=v), (0.0,), "rtol must be a finite number"),
+     (force(0.1000001), disc(0.0051, x_m=-0.095), patch(0.021, 0.01, x_m=0.09)), "loads:"),
+    (lambda v: change(SCENE, points_m=v), ((), None, "ab", 1.0), "points_m"),
+    (lambda v: change(SCENE, points_m=(v,)), ((0.0,), 3), "points_m"),
+    (lambda v: change(SCENE, points_m=((0.0, v),)), (-1e-9, 0.0251, *NONE), "points_m: y 0 0.025"),
+    (lambda v: change(FINITE, points_m=((v, W / 2),)), (0.1000001, -0.2, *NONE), "points_m: x 0.1"),
+    (lambda v: change(SCENE, driven=v), ((True, True), (1,), "ab", True, (None,), ()), "driven 1"),
+    (SCENE.work, ([-1.0], [1e12], [[1.0]], 300.0), "frequencies_hz"),
+    (lambda v: response(SCENE, v), ([-1.0], [1e12], [[1.0]], 300.0, [math.nan], ["a"], [True]),
+     "frequencies_hz"),
+    (lambda v: response(SCENE, [300.0], v), (0.0, 0.9e-12, 0.11, -1e-6, *NONE), "rtol 1e-12 0.1"),
+    (lambda v: displacement(v, [100.0]), (PLATE,), "scene"),
+    (lambda v: plate_map(frequency_hz=v), (-1.0, *NONE), "frequency_hz"),
+    (lambda v: plate_map(frequency_hz=v), (1e12,), "0"),
+    (lambda v: plate_map(frequency_hz=v), (PLATE.cutoff_hz(),), "cut-off"),
+    (lambda v: plate_map(x_m=v), ([], [0.0, math.inf]), "x_m"),
+    (lambda v: plate_map(y_m=v), (0.01,), "y_m"),
+    (lambda v: plate_map(y_m=v), ([0.0, 0.026],), "y 0 0.025"),
+    (lambda v: plate_map(loads=v), ((),), "loads"),
+    (lambda v: plate_map(strip=v), (0.025,), "strip"),
+    (lambda v: plate_map(rtol=v), (0.0,), "rtol"),
     # fields over time
-    (lambda v: transient(MOVING, BURST, v), ([1.5], [-2.0], 0.001, [[0.0]]), TIMES),
+    (lambda v: transient(MOVING, BURST, v), ([1.5], [-2.0], 0.001, [[0.0]]), "times_s 1"),
     (lambda v: transient(MOVING, BURST, v), ([math.nan], [math.inf], "now", None, [1j], [True]),
-     "times_s must hold finite"),
+     "times_s"),
     (lambda v: transient(MOVING, BURST, [0.001], rtol=v), (0.0, -1e-6, 1e-11, 0.2, *NONE),
-     "rtol must be a finite number >= 1e-10 and <= 0.1"),
-    (lambda v: transient(MOVING, v, [0.001]), (None, 500.0, "hann", np.zeros(3), Scene),
-     "burst must be a Burst or another Drive"),
-    (lambda v: transient(v, BURST, [0.001]), (PLATE,), "scene must be a Scene"),
-    (lambda v: transient(MOVING, Burst(frequency_hz=v), [0.001]), (0.5,),
-     "burst must last at most 1 s, got one of 2 s"),
-    (lambda v: transient(MOVING, Burst(frequency_hz=v), [0.001]), (1e9,),
-     "burst must have its peak below "),
-    (lambda v: transient(MOVING, BURST, [0.001], rtol=v), (1e-9,), "rtol must be at least "),
+     "rtol 1e-10 0.1"),
+    (lambda v: transient(MOVING, v, [0.001]), (None, 500.0, "hann", np.zeros(3), Scene), "burst"),
+    (lambda v: transient(v, BURST, [0.001]), (PLATE,), "scene"),
+    (lambda v: transient(MOVING, Burst(frequency_hz=v), [0.001]), (0.5,), "burst 1 2"),
+    (lambda v: transient(MOVING, Burst(frequency_hz=v), [0.001]), (1e9,), "burst"),
+    (lambda v: transient(MOVING, BURST, [0.001], rtol=v), (1e-9,), "rtol"),
     # fingers and actuators
-    (lambda v: felt(PLATE, DISCS, TIPS, v), (500.0,), "drive must be a burst or a sampled drive"),
-    (lambda v: causal(PLATE, v), (500.0,), "drive must be a burst or a sampled drive"),
-    (lambda v: felt(PLATE, DISCS, v, BURST), ((),), "fingertips must hold at least one"),
-    (lambda v: felt(PLATE, DISCS, v, BURST), ((500.0,),), "fingertips must be a tuple of"),
-    (lambda v: felt(PLATE, v, TIPS, BURST), ((),), "loads must hold at least one"),
-    (lambda v: felt(PLATE, v, TIPS, BURST), ((500.0,),), "loads must be a tuple of loads"),
-    (lambda v: felt(v, DISCS, TIPS, BURST), (500.0,), "strip must be a Strip"),
-    (lambda v: felt(PLATE, (v,), TIPS, BURST), (disc(y_m=0.004),), "y_m must lie from"),
-    (lambda v: felt(PLATE, DISCS, (v,), BURST), (change(TIP, y_m=0.03),),
-     "x_m and y_m must lie on the strip"),
-    *fields(TIP, "must be a finite number", (*NONE, 1e4))[:-1],
-    (lambda value: change(TIP, impedance=value), (1.0, "soft"), "impedance must be an Impedance"),
-    *fields(PRESSING, "must be a finite number", (*NONE, 1e16, -1.0)),
-    (lambda v: change(TIP, radius_m=v), (-0.001,), "radius_m must be a finite number >= 0"),
-    (lambda v: v.points_m(SHORT), [change(TIP, **one) for one in
-     ({"x_m": 0.11}, {"x_m": -0.1001}, {"y_m": 0.026})],
-     "x_m and y_m must lie on the strip, abs(x_m) <= 0.1 and y_m <= 0.025"),
-    (TIP.points_m, (0.025,), "strip must be a Strip"),
-    (lambda v: level_db(v, own=0, other=1), ([1e-6, 1e-7], [[1e-6], [-1e-7]]), "felt_m must be a"),
-    (lambda v: level_db(v, own=0, other=1), ([[1e-6], [math.nan]],), "felt_m must hold finite"),
-    (lambda v: level_db(v, own=0, other=1), ([[0.0], [1e-7]],), "felt_m must be above 0 at the"),
-    (lambda v: level_db(MATRIX_M, own=v, other=1), (-1, 2, 0.0, True, None), f"own {FINGER}"),
-    (lambda v: level_db(MATRIX_M, own=1, other=v), (-1, 2, 0.0, True, None), f"other {FINGER}"),
-    (lambda v: window(discs=v), (DISCS[:1],), "fingertips must be at least two and as many as"),
-    (lambda v: window(tips=v), (TIPS[:1],), "fingertips must be at least two and as many as"),
-    (lambda v: window(discs=v, tips=TIPS[:1]), (DISCS[:1],), "fingertips must be at least two"),
-    (window, (1.0, *NONE), "wanted_db must be a finite number <= 0"),
-    (lambda v: window(burst=v), (500.0,), "burst must be a Burst"),
-    (lambda v: window(burst=v), (change(BURST, cycles=21),),
-     "cycles must be a whole number from 1 to 20, got 21"),
-    *fields(MEASURED, "must be a finite number > 0", (*NONE, 1e16, -1.0, 0)),
-    *fields(LAYERS, "must be a finite number", (*NONE, 1e16, -1.0)),
-    (lambda v: change(LAYERS, d31_m_v=v), (0.0,), "d31_m_v must not be 0"),
+    (lambda v: felt(PLATE, DISCS, TIPS, v), (500.0,), "drive"),
+    (lambda v: causal(PLATE, v), (500.0,), "drive"),
+    (lambda v: felt(PLATE, DISCS, v, BURST), ((), (500.0,)), "fingertips"),
+    (lambda v: felt(PLATE, v, TIPS, BURST), ((), (500.0,)), "loads"),
+    (lambda v: felt(v, DISCS, TIPS, BURST), (500.0,), "strip"),
+    (lambda v: felt(PLATE, (v,), TIPS, BURST), (disc(y_m=0.004),), "y_m"),
+    (lambda v: felt(PLATE, DISCS, (v,), BURST), (change(TIP, y_m=0.03),), "x_m y_m"),
+    *fields(TIP, "", (*NONE, 1e4))[:-1],
+    (lambda value: change(TIP, impedance=value), (1.0, "soft"), "impedance"),
+    *fields(PRESSING, "", (*NONE, 1e16, -1.0)),
+    (lambda v: change(TIP, radius_m=v), (-0.001,), "radius_m 0"),
+    (lambda v: v.points_m(SHORT),
+     [change(TIP, **one) for one in ({"x_m": 0.11}, {"x_m": -0.1001}, {"y_m": 0.026})],
+     "x_m y_m 0.1 0.025"),
+    (TIP.points_m, (0.025,), "strip"),
+    (lambda v: level_db(v, own=0, other=1), ([1e-6, 1e-7], [[1e-6], [-1e-7]], [[1e-6], [math.nan]]),
+     "felt_m"),
+    (lambda v: level_db(v, own=0, other=1), ([[0.0], [1e-7]],), "felt_m 0"),
+    (lambda v: level_db(MATRIX_M, own=v, other=1), (-1, 2, 0.0, True, None), "own 0 1"),
+    (lambda v: level_db(MATRIX_M, own=1, other=v), (-1, 2, 0.0, True, None), "other 0 1"),
+    (lambda v: window(discs=v), (DISCS[:1],), "fingertips"),
+    (lambda v: window(tips=v), (TIPS[:1],), "fingertips"),
+    (lambda v: window(discs=v, tips=TIPS[:1]), (DISCS[:1],), "fingertips"),
+    (window, (1.0, *NONE), "wanted_db 0"),
+    (lambda v: window(burst=v), (500.0,), "burst"),
+    (lambda v: window(burst=v), (change(BURST, cycles=21),), "cycles 1 20 21"),
+    *fields(MEASURED, "0", (*NONE, 1e16, -1.0, 0)),
+    *fields(LAYERS, "", (*NONE, 1e16, -1.0)),
+    (lambda v: change(LAYERS, d31_m_v=v), (0.0,), "d31_m_v 0"),
     (lambda v: load_per_volt(PLATE, disc(), change(MEASURED, frequency_hz=v)),
-     (PLATE.cutoff_hz(), 5000.0), "frequency_hz must lie below the strip's first mode, 4366.1 Hz"),
-    (lambda v: load_per_volt(PLATE, v, MEASURED), (force(0.0, 0.0),),
-     "load must move the strip at its own centre"),
-    (lambda v: load_per_volt(PLATE, v, MEASURED), (2.6e-6,), "load must be a load"),
-    (lambda v: load_per_volt(PLATE, v, LAYERS), (force(),), "load must be a moment"),
-    (lambda v: load_per_volt(PLATE, v, LAYERS), (disc(0.005, y_m=0.001),), "y_m must lie from"),
-    (lambda v: load_per_volt(PLATE, disc(), v), (2.6e-6,), "basis must be measured or layers"),
-    (lambda v: load_per_volt(v, disc(), LAYERS), (2.6e-6,), "strip must be a Strip"),
-]  # fmt: skip
+     (PLATE.cutoff_hz(), 5000.0), "frequency_hz 4366.1"),
+    (lambda v: load_per_volt(PLATE, v, MEASURED), (force(0.0, 0.0), 2.6e-6), "load"),
+    (lambda v: load_per_volt(PLATE, v, LAYERS), (force(),), "load"),
+    (lambda v: load_per_volt(PLATE, v, LAYERS), (disc(0.005, y_m=0.001),), "y_m"),
+    (lambda v: load_per_volt(PLATE, disc(), v), (2.6e-6,), "basis"),
+    (lambda v: load_per_volt(v, disc(), LAYERS), (2.6e-6,), "strip"),
+]  # fmt: skip # rows of a table
 
 
 @pytest.mark.parametrize(
-    ("call", "bad", "told"), [(call, bad, told) for call, some, told in REFUSED for bad in some]
+    ("call", "bad", "key_and_bounds"),
+    [(call, bad, key_and_bounds) for call, some, key_and_bounds in REFUSED for bad in some],
 )
 def test_what_is_out_of_range_or_nonsense_is_refused_by_name(
-    call: Call, bad: object, told: str
+    call: Call, bad: object, key_and_bounds: str
 ) -> None:
-    with pytest.raises(ValueError, match=r", got ") as refused:
+    with pytest.raises(ValueError, match=r"^[^\n]* got ") as refused:
         call(bad)
-    assert told in str(refused.value)
+    assert [word for word in key_and_bounds.split() if word not in str(refused.value)] == []
 
 
 TAKEN: list[tuple[Call, float, float]] = [
@@ -298,7 +273,7 @@ def test_a_bound_is_taken_and_the_next_number_beyond_it_is_not(
 ) -> None:
     for bound, beyond in ((least, -math.inf), (most, math.inf)):
         call(bound)
-        with pytest.raises(ValueError, match="must be a finite number"):
+        with pytest.raises(ValueError, match="got"):
             call(math.nextafter(bound, beyond))
 
 
@@ -311,26 +286,21 @@ def test_loads_and_points_that_touch_edges_and_ends_are_taken() -> None:
 def test_a_wavenumber_that_the_strip_does_not_have_is_refused() -> None:
     p = PLATE.wavenumbers_rad_m(500.0)[0]
     assert np.isfinite(PLATE.wave_shape(p * (1 + 1e-8), 500.0, 0.01))
-    others: list[tuple[Any, ...]] = [
-        (p * 1.001, 500.0, 0.01), (p, 500.0, 0.01, "antisymmetric"), (0, 0.0, 0.01),
-    ]  # fmt: skip
-    for other in others:
-        with pytest.raises(ValueError, match=r"must be one of the strip's wavenumbers .* got"):
-            PLATE.wave_shape(*other)
+    for wave, frequency_hz, symmetry in (
+        (p * 1.001, 500.0, "symmetric"),
+        (p, 500.0, "antisymmetric"),
+        (0, 0.0, "symmetric"),
+    ):
+        with pytest.raises(ValueError, match=r"^wavenumber_rad_m .* got"):
+            PLATE.wave_shape(wave, frequency_hz, 0.01, symmetry)  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(("radius_m", "most_hz"), [(W / 2, 199_818.0), (W / 4, 799_272.0)])
 def test_a_disc_too_wide_for_the_wave_is_refused(radius_m: float, most_hz: float) -> None:
     scene = change(SCENE, loads=(disc(radius_m, kind=PressureDisc),))
     assert scene.work([0.999 * most_hz]).frequencies_solved == 1
-    with pytest.raises(ValueError, match=r"frequencies_hz must be .* from 0 to"):
+    with pytest.raises(ValueError, match=r"^frequencies_hz .* 0 "):
         scene.work([1.001 * most_hz])
-
-
-@pytest.mark.parametrize("thing", [BURST, PLATE, force()], ids=lambda thing: type(thing).__name__)
-def test_values_cannot_be_changed(thing: Any) -> None:
-    with pytest.raises(dataclasses.FrozenInstanceError):
-        setattr(thing, dataclasses.fields(thing)[0].name, 2.0)
 
 
 def test_numbers_are_kept_in_double_precision_and_values_are_equal_by_value() -> None:

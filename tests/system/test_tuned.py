@@ -15,7 +15,7 @@ import pytest
 import scipy.linalg  # noqa: F401 - its BLAS is there from the beginning
 from threadpoolctl import ThreadpoolController, threadpool_limits
 
-from analysis.groups.group import compare_conditions, fit_group
+from analysis import compare_conditions, fit_group
 from stimuli import (
     ALUMINIUM,
     CLAMPED,
@@ -115,7 +115,6 @@ print("threadpoolctl" in sys.modules)
 """
 
 
-@pytest.mark.process
 @pytest.mark.parametrize(
     ("threads", "more", "sought"), [("1", [], False), ("2", [], True), ("1", ["mkl"], True)]
 )
@@ -152,7 +151,6 @@ def faults(held: int, *more: str) -> int:
     return int(subprocess.check_output(command, env=asked, cwd=ROOT))
 
 
-@pytest.mark.process
 @pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="another C library has no mallopt")
 def test_arrays_are_not_fetched_from_the_system_again_and_again() -> None:
     again = faults(1)
@@ -174,7 +172,6 @@ print(resource.getrusage(resource.RUSAGE_SELF).ru_minflt - before)
 LARGE_PAGES = Path("/sys/kernel/mm/transparent_hugepage/enabled")
 
 
-@pytest.mark.process
 @pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="another C library has no mallopt")
 @pytest.mark.skipif(
     not LARGE_PAGES.exists() or "[never]" in LARGE_PAGES.read_text(encoding="utf-8"),
