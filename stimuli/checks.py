@@ -84,7 +84,8 @@ def finite_array(name: str, values: ArrayLike) -> NDArray[np.float64]:
     """
     numbers = np.asarray(values)
     if numbers.dtype.kind not in "iuf" or not np.all(np.isfinite(numbers)):
-        raise ValueError(f"{name} must hold finite real numbers, got {numbers!r}")
+        line = " ".join(repr(numbers).split())
+        raise ValueError(f"{name} must hold finite real numbers, got {line}")
     return numbers.astype(np.float64)
 
 

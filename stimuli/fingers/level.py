@@ -66,14 +66,14 @@ def level_db(felt_m: ArrayLike, own: int, other: int, load: int | None = None) -
     """
     matrix = finite_array("felt_m", felt_m)
     if matrix.ndim != _MATRIX or not matrix.size or np.any(matrix < 0):
-        raise ValueError(f"felt_m must be a matrix of numbers >= 0, got {felt_m!r}")
+        raise ValueError(f"felt_m must be a matrix of numbers >= 0, got {matrix.tolist()}")
     n_fingertips, n_loads = matrix.shape
     own = whole("own", own, least=0, most=n_fingertips - 1)
     other = whole("other", other, least=0, most=n_fingertips - 1)
     column = whole("load", own if load is None else load, least=0, most=n_loads - 1)
     at_own_m, at_other_m = float(matrix[own, column]), float(matrix[other, column])
     if at_own_m == 0:
-        raise ValueError(f"felt_m must be above 0 at the own finger, got {felt_m!r}")
+        raise ValueError(f"felt_m must be above 0 at the own finger, got {matrix.tolist()}")
     return 20 * math.log10(at_other_m / at_own_m) if at_other_m else -math.inf
 
 
