@@ -7,12 +7,10 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from numpy.typing import NDArray
 
-from device.core.reports import About, DeviceLimits
-from device.driver import FloatArray
-from device.errors import LimitExceeded, Refusal, Rejected
+from device import LimitExceeded, Limits, Refusal, Rejected
 from device.limits import (
-    Limits,
     check_burst,
     check_ceiling,
     check_codes,
@@ -22,8 +20,6 @@ from device.limits import (
     check_waveforms,
     least_peaks,
 )
-from device.wire import codec
-from device.wire.codec import Kind
 from tests.test_device.bursts import BURST, SILENCE, changed, refusal, sine
 
 LIMITS = Limits(ceiling_vpp=200.0)
@@ -53,19 +49,9 @@ def test_a_burst_passes_just_if_its_exact_product_is_within_the_ceiling(
     assert passes(peak, level_vpp, limits) is within
 
 
-@pytest.mark.slow
-@settings(deadline=None, max_examples=200)
-@given(level_vpp=st.floats(1e-3, 1e4), peak=st.floats(0.0, 1.0, exclude_min=True))
-def test_exactly_at_the_ceiling_is_allowed_and_one_step_above_is_not(
-    level_vpp: float, peak: float
-) -> None:
-    limits = Limits(ceiling_vpp=level_vpp)
-    assert passes(1.0, level_vpp, limits)
-    assert passes(peak, level_vpp, limits)
-    assert not passes(1.0, math.nextafter(level_vpp, math.inf), limits)
-
-
 def test_products_that_round_down_to_the_ceiling_do_not_pass() -> None:
+    assert passes(1.0, 200.0, LIMITS)
+    assert not passes(1.0, math.nextafter(200.0, math.inf), LIMITS)
     rng = np.random.default_rng(5)
     rounded = 0
     for gain, level_vpp in zip(rng.uniform(0.5, 2.0, 2000), rng.uniform(1, 200, 2000), strict=True):
@@ -124,7 +110,7 @@ REFUSED = [
 
 @pytest.mark.parametrize(("samples", "code"), REFUSED)
 def test_a_bad_waveform_is_refused_with_its_own_code_on_either_channel(
-    samples: FloatArray, code: Refusal
+    samples: NDArray[np.float64], code: Refusal
 ) -> None:
     silence = np.zeros(samples.size)
     assert refusal(lambda: check_waveforms(silence, samples, LIMITS), Rejected) is code
@@ -201,11 +187,13 @@ def test_a_time_to_live_outside_its_range_is_refused(time_to_live_us: int) -> No
         ("longest_waveform", 2**31 + 1),
         ("dc_tolerance", 0.0),
         ("longest_time_to_live_s", 0.0),
+        ("slots", 256),
+        ("slots", 0),
     ],
 )
 def test_limits_that_are_none_are_refused_by_name(name: str, value: float) -> None:
     given_limits: dict[str, float] = {"ceiling_vpp": 200.0} | {name: value}
-    with pytest.raises(ValueError, match=f"{name} must be .*, got {value!r}"):
+    with pytest.raises(ValueError, match=f"{name} .*{value!r}"):
         Limits(**given_limits)  # type: ignore[arg-type]  # wrong types are the point
 
 
@@ -219,8 +207,9 @@ def test_what_no_study_says_of_its_limits_is_cautious() -> None:
         dc_tolerance=0.01,
         longest_time_to_live_s=10.0,
     )
-    for longest in (1, 2**31):
-        assert Limits(ceiling_vpp=200.0, longest_waveform=longest).longest_waveform == longest
+    for longest, slots in ((1, 255), (2**31, 1)):
+        limits = Limits(ceiling_vpp=200.0, longest_waveform=longest, slots=slots)
+        assert (limits.longest_waveform, limits.slots) == (longest, slots)
 
 
 def test_a_device_counts_its_limits_in_whole_numbers() -> None:
@@ -246,10 +235,3 @@ def test_a_device_compares_without_rounding() -> None:
     codes[1] += 1
     with pytest.raises(LimitExceeded):
         check_codes(codes, 0 * codes, full_scale=full, limits=limits)
-
-
-def test_a_device_has_as_many_slots_as_it_can_tell() -> None:
-    told = DeviceLimits.of(Limits(ceiling_vpp=200.0, slots=255), About())
-    assert codec.understood(Kind.LIMITS, codec.told(Kind.LIMITS, told)).slots == 255
-    with pytest.raises(ValueError, match="slots must be an integer from 1 to 255, got 256"):
-        Limits(ceiling_vpp=200.0, slots=256)
