@@ -6,32 +6,32 @@ a pair of buffers.
 
 from __future__ import annotations
 
+import io
+import json
 from types import SimpleNamespace
-from typing import IO, TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from device.clock import VirtualClock
+from device import HostDriver, Limits, LineSettings, LinkError, OutputStage, VirtualClock
 from device.core.core import DeviceCore
-from device.core.output import OutputStage
 from device.emulate.emulator import TICK_S, Emulator, Nature, Truth
-from device.errors import LinkError
-from device.limits import Limits
+from device.emulate.faults import Faults, FaultScript
 from device.scpi.generator import GeneratorDevice
 from device.sound.audio import AudioDevice
 from device.sound.recorder import Recorder
-from device.wire.channels import BEAT_EVERY_S, USUAL, LineSettings
+from device.wire.channels import BEAT_EVERY_S
 from device.wire.endpoint import Endpoint
 from device.wire.link import FrameLink
+from tests.test_device.bursts import identity, ready
 from tests.test_device.loops import FULL_SCALE_V, Line
+from tests.test_device.wire import answers
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from device.clock import Clock
-    from device.core.output import Emission
-    from device.driver import Identity
-    from device.emulate.faults import Faults
+    from device import Clock, Emission, Identity, Refusal
+    from device.core.messages import CodeArray
     from device.emulate.generator import EmulatedGenerator
     from device.sound.player import Frames
     from device.sound.stream import Callback
@@ -87,38 +87,59 @@ class InProcess:
 
     def __init__(
         self,
-        clock: VirtualClock,
+        script: str = "",
+        rng: np.random.Generator | int = 1,
         *,
-        nature: Nature,
-        faults: Faults,
-        truth: IO[str],
-        line: LineSettings = USUAL,
+        clock: VirtualClock | None = None,
+        line: LineSettings | None = None,
+        limits: Limits | None = None,
+        output: OutputStage | None = None,
+        **nature: Any,
     ) -> None:
-        self._clock = clock
-        self._buffers = Buffers()
-        self.emulator = Emulator(self._buffers, nature, faults, Truth(truth), clock)
-        self._beat_due_s = clock.now_s()
+        self.clock = clock or VirtualClock()
+        self.faults = Faults(FaultScript.parse(script), np.random.default_rng(rng))
+        self.limits = limits or Limits(ceiling_vpp=200.0, least_interval_s=0.005)
+        self._buffers, self._truth = Buffers(), io.StringIO()
+        nature_of = Nature(limits=self.limits, output=output or OutputStage(), **nature)
+        truth = Truth(self._truth)
+        self.emulator = Emulator(self._buffers, nature_of, self.faults, truth, self.clock)
+        self._beat_due_s = self.clock.now_s()
         self.beating = True
-        self.link = FrameLink(self._connect, clock, line=line)
+        self.link = FrameLink(self._connect, self.clock, line=line or LineSettings())
+        self.device = HostDriver(self.link, limits=self.limits, clock=self.clock)
+
+    @property
+    def truth(self) -> list[dict[str, Any]]:
+        """What the device really did."""
+        return [json.loads(line) for line in self._truth.getvalue().splitlines()]
+
+    def set_faults(self, script: str, *, cut_after: float = float("inf")) -> None:
+        """Have other faults happen, and the line cut after so many bytes."""
+        self.faults.script = FaultScript.parse(script)
+        self.faults._room = cut_after  # type: ignore[assignment] # so many, or for ever
+
+    def stored(self, slot: int) -> CodeArray:
+        """Return the codes of a slot, shape (2, n)."""
+        return self.emulator._endpoint.core._slots[slot].codes
 
     def wait(self, duration_s: float) -> None:
         """Let time pass."""
-        until_s = self._clock.now_s() + duration_s
-        while (left_s := until_s - self._clock.now_s()) > 0.0:
+        until_s = self.clock.now_s() + duration_s
+        while (left_s := until_s - self.clock.now_s()) > 0.0:
             self._step(left_s)
         self.emulator.turn(0.0)
 
     def _step(self, at_most_s: float) -> None:
         """Go to what is due next."""
         self.emulator.turn(0.0)
-        beat_in_s = self._beat_due_s - self._clock.now_s()
+        beat_in_s = self._beat_due_s - self.clock.now_s()
         if beat_in_s <= 0.0:
-            self._beat_due_s = self._clock.now_s() + BEAT_EVERY_S
+            self._beat_due_s = self.clock.now_s() + BEAT_EVERY_S
             if self.beating and self._buffers.connected:
                 self.link.beat()
             return
         step_s = min(at_most_s, beat_in_s, self.emulator.due_in_s)
-        self._clock.wait(max(step_s, _LEAST_STEP_S))
+        self.clock.wait(max(step_s, _LEAST_STEP_S))
 
     def _connect(self) -> _Channel:
         self._buffers.connect(connected=True)
@@ -126,10 +147,10 @@ class InProcess:
 
     def read(self, timeout_s: float) -> bytes:
         """Return what reaches the host within a time."""
-        until_s = self._clock.now_s() + timeout_s
+        until_s = self.clock.now_s() + timeout_s
         self.emulator.turn(0.0)
         while not self._buffers.to_host and self._buffers.connected:
-            left_s = until_s - self._clock.now_s()
+            left_s = until_s - self.clock.now_s()
             if left_s <= 0.0:
                 break
             self._step(left_s)
@@ -282,6 +303,53 @@ def audio_on(card: SoundCard, limits: Limits = LIMITS) -> AudioDevice:
         name="card",
         recorder=card.recorder if isinstance(card, LoopCard) else None,
     )
+
+
+class RecordedLine:
+    """A device at the end of a line that keeps all that a host ever sent; time stands still."""
+
+    BOOT_ID: Final = 5
+
+    def __init__(self) -> None:
+        self.over: list[Emission] = []
+        self.endpoint = endpoint(identity(boot_id=self.BOOT_ID), sink=self.over.append)
+        self.core = self.endpoint.core
+        self.clock = VirtualClock()
+        self.sent: list[bytes] = []
+        self.pending = b""
+        self.on_write: Callable[[bytes], None] = lambda data: None
+        self.on_read: Callable[[bytes], bytes] = lambda data: data
+        self.link = self.new_link()
+        limits = Limits(ceiling_vpp=200.0, least_interval_s=0.005)
+        self.device = HostDriver(self.link, limits=limits, clock=self.clock)
+
+    def live(self) -> RecordedLine:
+        """Open the device, ready to play at 100 Vpp."""
+        ready(self.device, 100.0)
+        return self
+
+    def new_link(self) -> FrameLink:
+        return FrameLink(lambda: self, self.clock)
+
+    def write(self, data: bytes) -> None:
+        self.sent.append(data)
+        self.on_write(data)
+        self.pending += self.answer(data)
+
+    def read(self, timeout_s: float) -> bytes:
+        data, self.pending = self.on_read(self.pending), b""
+        self.clock.wait(0.0 if data else timeout_s)
+        return data
+
+    def close(self) -> None:
+        self.endpoint.hang_up(round(self.clock.now_s() * 1e6))
+
+    def answer(self, data: bytes) -> bytes:
+        return self.endpoint.receive(round(self.clock.now_s() * 1e6), data)
+
+    def refusals(self, data: bytes) -> list[Refusal | None]:
+        """Return why the device refuses each question of these bytes, if it does."""
+        return [answer.refusal for answer in answers(self.answer(data))]
 
 
 def endpoint(

@@ -8,19 +8,25 @@ from dataclasses import dataclass
 from itertools import count
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 import pytest
 
-from device.core.host import HostDriver
-from device.driver import Delivery, Outcome
-from device.errors import DeviceError, LinkError, RefusedError
-from device.limits import Limits
+from device import (
+    Delivery,
+    DeviceError,
+    HostDriver,
+    Limits,
+    LinkError,
+    MonotonicClock,
+    Outcome,
+    RefusedError,
+)
+from device.wire.channels import open_channel
+from device.wire.link import FrameLink
 from tests.test_device.bursts import sine
 
 if TYPE_CHECKING:
-    import numpy as np
-
-    from device.clock import Clock
-    from device.wire.link import FrameLink
+    from device import Clock
 
 LIMITS = Limits(ceiling_vpp=200.0, least_interval_s=0.005)
 QUICK = sine(25)
@@ -46,10 +52,14 @@ class Trials:
     """A host that runs trials, and keeps what it was told."""
 
     def __init__(
-        self, link: FrameLink, clock: Clock, rng: np.random.Generator, *, n_slots: int = len(PAIRS)
+        self,
+        device: HostDriver,
+        clock: Clock,
+        rng: np.random.Generator,
+        *,
+        n_slots: int = len(PAIRS),
     ) -> None:
-        self.link = link
-        self.device = HostDriver(link, limits=LIMITS, clock=clock)
+        self.device = device
         self.clock = clock
         self.rng = rng
         self.claims: dict[int, Claim] = {}
@@ -149,3 +159,16 @@ class Trials:
         counts["lost"] = sum(said.lost for said in self.claims.values())
         counts["retries"] = sum(said.retries for said in self.claims.values())
         return counts
+
+
+def device_at(port: str, *, answer_within_s: float = 0.025) -> HostDriver:
+    """Return the driver of the device at a port of this machine."""
+    clock = MonotonicClock()
+    link = FrameLink(lambda: open_channel(port, clock), clock, answer_within_s=answer_within_s)
+    return HostDriver(link, limits=LIMITS, clock=clock)
+
+
+def trials_at(port: str, seed: int, *, answer_within_s: float) -> Trials:
+    """Return a host with trials of the device at a port of this machine."""
+    device = device_at(port, answer_within_s=answer_within_s)
+    return Trials(device, MonotonicClock(), np.random.default_rng(seed), n_slots=1)

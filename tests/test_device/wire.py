@@ -10,11 +10,11 @@ from device.errors import Refusal, Rejected
 from device.wire import codec
 from device.wire.codec import Kind
 from device.wire.dialogue import framed
-from device.wire.frames import Decoder, encode
+from device.wire.frames import Decoder, Frame, encode
 from device.wire.upload import data_of, octets_of
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Callable, Iterator
 
     from device.core.messages import CodeArray, Message
     from device.wire.endpoint import Endpoint
@@ -92,3 +92,14 @@ def packed_again(octets: bytes) -> bytes:
         return encode(framed(codec.read(frame.kind, content), frame.sequence, meant))
     except Rejected:
         return b""
+
+
+def answer_otherwise(octets: bytes, name: str, payload: Callable[[bytes], bytes | None]) -> bytes:
+    """Return answers with another payload in those to one type of question; None loses them."""
+    changed = b""
+    for frame in Decoder().feed(octets):
+        is_it = frame.kind == Kind[name] | codec.ANSWER
+        said = payload(frame.payload) if is_it else frame.payload
+        if said is not None:
+            changed += encode(Frame(kind=frame.kind, sequence=frame.sequence, payload=said))
+    return changed
