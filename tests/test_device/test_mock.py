@@ -9,14 +9,29 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, rule
+from numpy.typing import NDArray
 
-from device.clock import MonotonicClock, VirtualClock
-from device.core.output import OutputStage
-from device.driver import BurstDevice, FloatArray, Outcome
-from device.emulate.mock import MockDevice
-from device.errors import DeviceError, LimitExceeded, LinkError, Refusal, Rejected, StateError
-from device.limits import Limits
+from device import (
+    BurstDevice,
+    DeviceError,
+    Health,
+    HostDriver,
+    LimitExceeded,
+    Limits,
+    LinkError,
+    Measurement,
+    MockDevice,
+    MonotonicClock,
+    Outcome,
+    OutputStage,
+    Refusal,
+    Rejected,
+    StateError,
+    VirtualClock,
+)
+from device.emulate.amplifier import Adc, Amplifier
 from tests.test_device.bursts import BURST, SILENCE, changed, play, ready, refusal
+from tests.test_device.in_process import InProcess
 
 LIMITS = Limits(ceiling_vpp=200.0, least_interval_s=0.01)
 
@@ -125,8 +140,11 @@ def test_the_hosts_ceiling_and_the_devices_hold_both() -> None:
         device.open()
         device.load(0, BURST, BURST)
         device.set_levels(120.0, 120.0)
-        with pytest.raises(LimitExceeded, match="is above the ceiling"):
+        with pytest.raises(LimitExceeded):
             device.set_levels(120.001, 0.0)
+    live = live_mock(clock)
+    with pytest.raises(LimitExceeded):  # though its millivolts are within the ceiling
+        live.set_levels(0.0, math.nextafter(200.0, math.inf))
 
 
 def test_the_hosts_own_limits_hold_where_the_devices_would_let_it_pass() -> None:
@@ -149,20 +167,13 @@ def test_the_hosts_own_limits_hold_where_the_devices_would_let_it_pass() -> None
     assert device.fire(2).outcome is Outcome.FIRED
 
 
-def test_a_level_one_step_above_the_ceiling_is_refused_though_its_millivolts_are_not() -> None:
-    device = live_mock(VirtualClock())
-    device.set_levels(200.0, 200.0)
-    above_vpp = math.nextafter(200.0, math.inf)
-    assert refusal(lambda: device.set_levels(above_vpp, 200.0)) is Refusal.CEILING
-
-
 def test_samples_that_are_no_finite_numbers_never_leave_the_host() -> None:
     device = live_mock(VirtualClock())
     for bad in (math.nan, math.inf):
-        with pytest.raises(Rejected, match="a sample is not finite: left"):
+        with pytest.raises(Rejected, match="left"):
             device.load(0, changed(3, bad), SILENCE)
     strange: Any = ["0", "1", "0"]
-    with pytest.raises(ValueError, match="right must be a one-dimensional array of real numbers"):
+    with pytest.raises(ValueError, match="right"):
         device.load(0, BURST, strange)
 
 
@@ -178,7 +189,7 @@ def test_a_device_opened_anew_plays_nothing_that_this_host_did_not_load_and_set(
 
 @pytest.mark.parametrize(("option", "value"), [("drift_ppm", 2e5), ("offset_s", math.nan)])
 def test_a_clock_that_cannot_be_is_refused_by_name(option: str, value: float) -> None:
-    with pytest.raises(ValueError, match=f"{option} must be a number"):
+    with pytest.raises(ValueError, match=option):
         live_mock(VirtualClock(), **{option: value})
 
 
@@ -192,15 +203,9 @@ def test_a_power_cycle_forgets_all_and_makes_what_was_armed_indeterminate() -> N
     for told in (device.fire(2), device.query(2), device.query(1)):
         assert told.outcome is Outcome.INDETERMINATE
         assert told.boot_id != old_boot_id
-    with pytest.raises(LinkError, match="restarted"):
+    with pytest.raises(LinkError):
         device.arm(3, 0, time_to_live_s=0.1)
     assert len(device.emitted) == 1
-
-
-def test_after_a_power_cycle_even_a_disarmed_token_may_have_fired_before_it() -> None:
-    device = live_mock(VirtualClock())
-    play(device, 1)
-    device.reset()
     device.disarm(1)
     assert device.query(1).outcome is Outcome.INDETERMINATE
     device.open()
@@ -228,6 +233,127 @@ def test_losing_power_cuts_the_burst_that_plays() -> None:
     (cut,) = device.emitted
     assert cut.cut_us == 1000
     assert not cut.left_v[48:].any()
+
+
+TAPS = pytest.mark.parametrize("tap", ["line", "amplifier", "current", "motion"])
+
+
+def wired(amplifier: Amplifier) -> tuple[HostDriver, InProcess]:
+    """Return a device over a wire, live at 100 Vpp, with an amplifier behind it."""
+    rig = InProcess(amplifier=amplifier)
+    ready(rig.device, 100.0)
+    return rig.device, rig
+
+
+@TAPS
+@pytest.mark.parametrize("kind", ["wire", "mock"])
+def test_a_measurement_is_the_burst_by_gain_and_delay(tap: str, kind: str) -> None:
+    adc = Adc.parse(f"tap={tap},gain=0.9,delay_us=40")
+    clock = VirtualClock()
+    device: HostDriver = MockDevice(clock, limits=LIMITS, adc=adc)
+    wait = clock.wait
+    if kind == "mock":
+        ready(device, 100.0)
+    else:
+        device, rig = wired(Amplifier(adc=adc))
+        wait = rig.wait
+    play(device, 1)
+    assert refusal(lambda: device.measured(1)) is Refusal.BUSY
+    wait(0.1)
+    measured = device.measured(1)
+    assert measured is not None
+    assert abs(measured.left - round(50.0 * 0.9 * 1000 * np.abs(BURST).max())) <= 5
+    assert measured == Measurement(
+        token=1,
+        tap=tap,
+        unit={"current": "uA", "motion": "nm"}.get(tap, "mV"),
+        left=measured.left,
+        onset_offset_us=40,
+        onset_uncertainty_us=21,
+        correlation_left=10_000,
+    )
+    assert device.measured(2) is None
+
+
+@TAPS
+def test_behind_a_switch_that_nobody_senses_only_the_line_has_a_burst(tap: str) -> None:
+    device, rig = wired(Amplifier(switch_open=True, sensed=False, adc=Adc(tap=tap)))
+    assert device.health() == Health(amplifier_enabled=True)
+    play(device, 1)
+    rig.wait(0.1)
+    measured = device.measured(1)
+    assert measured is not None
+    assert (measured.left > 0, measured.correlation_left > 0) == ((tap == "line",) * 2)
+
+
+def measured_by(adc: Adc, seed: int, n_bursts: int) -> list[Measurement]:
+    """Return what an input measures of bursts to the left."""
+    clock = VirtualClock()
+    device = MockDevice(clock, limits=LIMITS, adc=adc, rng=np.random.default_rng(seed))
+    ready(device, 100.0)
+    measured = []
+    for token in range(1, n_bursts + 1):
+        play(device, token)
+        clock.wait(0.1)
+        measured.append(device.measured(token))
+    return [measurement for measurement in measured if measurement is not None]
+
+
+def test_an_input_misses_bursts_and_adds_noise_as_it_is_set() -> None:
+    lossy = measured_by(Adc(loss=0.3), 1, 200)
+    assert len(lossy) == 200
+    assert 120 <= sum(measurement.left > 0 for measurement in lossy) <= 160
+    noisy = measured_by(Adc.parse("noise=10000"), 2, 100)
+    signal_v2 = 50.0**2 * np.mean(BURST**2)
+    correlation = np.mean([measurement.correlation_left for measurement in noisy])
+    assert correlation == pytest.approx(1e4 / np.sqrt(1 + 10.0**2 / signal_v2), rel=2e-3)
+    assert all(0 < measurement.right < 45_000 for measurement in noisy)
+
+
+def test_a_device_without_an_input_measures_nothing() -> None:
+    device, rig = wired(Amplifier())
+    play(device, 1)
+    rig.wait(0.1)
+    assert device.measured(1) is None
+
+
+def test_over_current_comes_at_its_time_and_is_kept_until_the_output_is_on_again() -> None:
+    device, rig = wired(Amplifier(over_current_at_s=1.0))
+    for wait_s, is_over in ((0.9, False), (0.3, True)):
+        rig.wait(wait_s)
+        on = Health(amplifier_enabled=not is_over, switch_closed=True, over_current=is_over)
+        assert device.health() == on
+    refusal(lambda: play(device, 1))
+    device.enable()
+    assert device.health().over_current is False
+    play(device, 1)
+
+
+def test_a_mock_forgets_its_switch_with_no_power_cycle() -> None:
+    device = live_mock(VirtualClock())
+    device.sense(Health(switch_closed=False))
+    assert refusal(lambda: play(device, 1)) is Refusal.AMPLIFIER_OFF
+    device.reset()
+    ready(device, 100.0)
+    assert refusal(lambda: play(device, 1)) is Refusal.AMPLIFIER_OFF
+    device.sense(Health(switch_closed=True))
+    play(device, 1)
+
+
+@pytest.mark.parametrize(
+    ("key", "wrong"),
+    [
+        ("gain", lambda: Adc(gain=-1.0)),
+        ("loss", lambda: Adc(loss=1.1)),
+        ("delay_us", lambda: Adc(delay_us=float("nan"))),
+        ("adc", lambda: Adc.parse("gain=1,gain=2")),
+        ("adc", lambda: Adc.parse("tap")),
+        ("over_current_at_s", lambda: Amplifier(over_current_at_s=-1.0)),
+    ],
+)
+def test_what_no_amplifier_or_input_can_be_is_refused(key: str, wrong: Any) -> None:
+    with pytest.raises(ValueError, match=key):
+        wrong()
 
 
 PAIRS = [(BURST, SILENCE), (SILENCE, 0.5 * BURST), (BURST, -BURST), (SILENCE, SILENCE)]
@@ -275,7 +401,7 @@ class AnyOrder(RuleBasedStateMachine):
         return armed
 
     @rule(slot=st.integers(0, 2), pair=st.sampled_from(PAIRS))
-    def load(self, slot: int, pair: tuple[FloatArray, FloatArray]) -> None:
+    def load(self, slot: int, pair: tuple[NDArray[np.float64], NDArray[np.float64]]) -> None:
         self.attempt(lambda: self.device.load(slot, *pair))
 
     @rule(left_vpp=st.floats(0.0, 220.0), right_vpp=st.sampled_from([0.0, 60.0, 200.0, 400.0]))
