@@ -34,7 +34,7 @@ class Bench:
         measure: Callable[[Emission], Measurement | None] | None = None,
     ) -> None:
         self.over: list[Emission] = []
-        more = {} if measure is None else {"measure": measure}
+        more: dict[str, Any] = {} if measure is None else {"measure": measure}
         self.core = DeviceCore(
             boot_id=1,
             limits=limits,

@@ -1,12 +1,10 @@
-"""An emulated generator behind HiSLIP, VXI-11, USBTMC or a socket; pyvisa is at the other end.
+"""An emulated generator behind HiSLIP, VXI-11 or a socket; pyvisa is at the other end.
 
-The buses are written from the protocols' documents (IVI-6.1, VXI-11, USBTMC 1.0), as the `Line` of
-an emulator.
+The buses are written from the protocols' documents (IVI-6.1, VXI-11), as the `Line` of an emulator.
 """
 
 from __future__ import annotations
 
-import errno
 import io
 import json
 import select
@@ -14,11 +12,7 @@ import socket
 import struct
 import threading
 import time
-from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any, Final
-
-import usb
-from usb.backend import IBackend, libusb1
 
 from device.emulate.generator import GeneratorEmulator
 from device.emulate.lines import TcpLine
@@ -69,7 +63,7 @@ class Instrument:
             if self._held:
                 self._held, self.holds_back = b"", False
                 if self._reports:
-                    self._emulator._generator._fail(INTERRUPTED)
+                    self.interrupt()
         return message
 
     def write(self, data: bytes) -> None:
@@ -86,14 +80,18 @@ class Instrument:
         self._thread.join()
         self._bus.close()
 
+    def interrupt(self) -> None:
+        """Report the error of an answer that was not fetched."""
+        self._emulator._generator._fail(INTERRUPTED)
+
     def events(self, kind: str, least: int = 0) -> list[dict[str, Any]]:
         """Return what the truth file says, once it says so much."""
         give_up_s = time.monotonic() + 10.0
         while True:
             events = [json.loads(line) for line in self.truth.getvalue().splitlines()]
-            found = [event for event in events if event["event"] == kind]
-            if len(found) >= least or time.monotonic() > give_up_s:
-                return found
+            named = [event for event in events if event["event"] == kind]
+            if len(named) >= least or time.monotonic() > give_up_s:
+                return named
             time.sleep(0.002)
 
 
@@ -108,12 +106,12 @@ class _Server:
     def read(self, timeout_s: float) -> bytes | None:
         readable, _, _ = select.select([self._server, *self._heard], [], [], timeout_s)
         message = b""
-        for one in readable:
-            if one is self._server:
-                self._heard[one.accept()[0]] = b""
-            elif chunk := one.recv(65_536):
-                self._heard[one] += chunk
-                message += self._take(one)
+        for line in readable:
+            if line is self._server:
+                self._heard[line.accept()[0]] = b""
+            elif chunk := line.recv(65_536):
+                self._heard[line] += chunk
+                message += self._take(line)
             else:
                 self.drop()
                 break
@@ -241,128 +239,6 @@ class Vxi11Bus(_Server):
         self._tell()
 
 
-class _Descriptor(SimpleNamespace):
-    """What is not stated of a USB device is 0."""
-
-    def __getattr__(self, name: str) -> Any:
-        if name.startswith("_"):
-            raise AttributeError(name)
-        return 0
-
-
-class UsbBus(IBackend):  # type: ignore[misc] # pyusb has no types
-    """A bus of this process with one USBTMC device."""
-
-    SERIAL: Final = "MY1"
-    _OUT, _IN = 0x01, 0x82
-
-    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
-        self.name = f"visa:USB0::0x0957::0x2c07::{self.SERIAL}::INSTR"
-        self._news = threading.Condition()
-        self._message = self._whole = self._answer = b""
-        self._tag = 0
-        self._there = True
-        monkeypatch.setattr(libusb1, "get_backend", lambda find_library=None: self)
-
-    def read(self, timeout_s: float) -> bytes:
-        with self._news:
-            self._news.wait_for(lambda: self._whole, timeout_s)
-            whole, self._whole = self._whole, b""
-        return whole
-
-    def write(self, data: bytes) -> None:
-        with self._news:
-            self._answer += data
-            self._news.notify_all()
-
-    def drop(self) -> None:
-        with self._news:
-            self._there = False
-            self._news.notify_all()
-
-    close = drop
-
-    def bulk_write(self, handle: Any, ep: int, intf: Any, data: Any, timeout: int) -> int:
-        kind, tag, size, end = struct.unpack("<BBxxIB", bytes(data[:9]))
-        with self._news:
-            self._require_there()
-            if kind == 2:  # REQUEST_DEV_DEP_MSG_IN
-                self._tag = tag
-            else:
-                assert size <= LARGEST
-                self._message += bytes(data[12 : 12 + size])
-                if end:
-                    self._whole, self._message = self._whole + self._message, b""
-            self._news.notify_all()
-        return len(data)
-
-    def bulk_read(self, handle: Any, ep: int, intf: Any, buff: Any, timeout: int) -> int:
-        with self._news:
-            over = self._news.wait_for(lambda: self._answer or not self._there, timeout / 1000)
-            self._require_there()
-            if not over:
-                raise usb.core.USBTimeoutError("timed out", errno=errno.ETIMEDOUT)
-            answer, self._answer = self._answer, b""
-            head = struct.pack("<BBBxIBxxx", 2, self._tag, ~self._tag & 0xFF, len(answer), 1)
-        packet = head + answer + bytes(-len(answer) % 4)
-        buff[: len(packet)] = type(buff)("B", packet)
-        return len(packet)
-
-    def _require_there(self) -> None:
-        if not self._there:
-            raise usb.core.USBError("no such device", errno=errno.ENODEV)
-
-    def ctrl_transfer(
-        self, handle: Any, kind: int, request: int, value: int, index: int, data: Any, timeout: int
-    ) -> int:
-        answer = bytes([0x81, 0])  # INITIATE_ABORT_BULK_IN: nothing is under way
-        if (kind, request) == (0x80, 6):  # a string
-            text = self.SERIAL.encode("utf-16-le") if value & 0xFF else b"\x09\x04"
-            answer = bytes([2 + len(text), 3]) + text
-        elif request == 7:  # GET_CAPABILITIES
-            answer = bytes([1]) + bytes(23)
-        size = min(len(answer), len(data))
-        data[:size] = type(data)("B", answer[:size])
-        return size
-
-    def enumerate_devices(self) -> list[str]:
-        return ["generator"]
-
-    def get_device_descriptor(self, dev: Any) -> _Descriptor:
-        ids = {"idVendor": 0x0957, "idProduct": 0x2C07, "iSerialNumber": 3}
-        return _Descriptor(bNumConfigurations=1, bLength=18, bDescriptorType=1, **ids)
-
-    def get_configuration_descriptor(self, dev: Any, config: int) -> _Descriptor:
-        return _Descriptor(bNumInterfaces=1, bConfigurationValue=1, extra_descriptors=[])
-
-    def get_interface_descriptor(self, dev: Any, intf: int, alt: int, config: int) -> _Descriptor:
-        if alt:
-            raise IndexError
-        kind = {"bInterfaceClass": 0xFE, "bInterfaceSubClass": 3, "bInterfaceProtocol": 1}
-        return _Descriptor(bNumEndpoints=2, extra_descriptors=[], **kind)
-
-    def get_endpoint_descriptor(
-        self, dev: Any, ep: int, intf: int, alt: int, config: int
-    ) -> _Descriptor:
-        address = (self._OUT, self._IN)[ep]
-        bulk = {"bmAttributes": 2, "wMaxPacketSize": LARGEST}
-        return _Descriptor(bEndpointAddress=address, extra_descriptors=[], **bulk)
-
-    def open_device(self, dev: Any) -> str:
-        return "handle"
-
-    def get_configuration(self, handle: Any) -> int:
-        return 1
-
-    def _agree(self, *arguments: Any) -> None:
-        """Let it be so."""
-
-    close_device = set_configuration = claim_interface = release_interface = _agree
-
-    def is_kernel_driver_active(self, handle: Any, intf: int) -> bool:
-        return False
-
-
 def socket_bus() -> TcpLine:
     """Return a plain socket, under its name as a VISA resource."""
     line = TcpLine(0)
@@ -373,6 +249,5 @@ def socket_bus() -> TcpLine:
 BUSES: Final[dict[str, Callable[[pytest.MonkeyPatch], Line]]] = {
     "hislip": lambda monkeypatch: HislipBus(),
     "vxi11": lambda monkeypatch: Vxi11Bus(),
-    "usbtmc": UsbBus,
     "socket": lambda monkeypatch: socket_bus(),
 }

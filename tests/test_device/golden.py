@@ -100,9 +100,8 @@ def device_of(
         ),
         history=history,
     )
-    names = ("model", "serial_number", "boot_id", "sample_rate_hz", "bits", "ceiling_vpp")
-    names += ("longest_waveform", "emulated")
-    return Endpoint(core, identity(**{name: facts[name] for name in names}))
+    names = "model serial_number boot_id sample_rate_hz bits ceiling_vpp longest_waveform emulated"
+    return Endpoint(core, identity(**{name: facts[name] for name in names.split()}))
 
 
 def power_on(reader: Reader, sink: Callable[[Emission], None] = lambda _: None) -> Endpoint:

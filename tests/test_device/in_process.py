@@ -116,7 +116,7 @@ class InProcess:
     def set_faults(self, script: str, *, cut_after: float = float("inf")) -> None:
         """Have other faults happen, and the line cut after so many bytes."""
         self.faults.script = FaultScript.parse(script)
-        self.faults._room = cut_after  # type: ignore[assignment] # so many, or for ever
+        self.faults._room = cut_after
 
     def stored(self, slot: int) -> CodeArray:
         """Return the codes of a slot, shape (2, n)."""

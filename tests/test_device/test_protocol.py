@@ -2,6 +2,7 @@
 
 import re
 from pathlib import Path
+from typing import Any
 
 import pytest
 from hypothesis import given, settings
@@ -74,9 +75,7 @@ def test_health_keeps_what_is_known_and_nothing_else(known: int, sensed: int) ->
         (codec.LIMITS, -1, 255),
     ],
 )
-def test_numbers_that_stand_for_nothing_are_refused(
-    layout: codec.Layout[object], place: int, number: int
-) -> None:
+def test_numbers_that_stand_for_nothing_are_refused(layout: Any, place: int, number: int) -> None:
     content = bytearray([1] + [0] * (layout.size - 1))
     layout.read(bytes(content))
     content[place] = number
