@@ -2,7 +2,7 @@
 
     0x00  COBS( version | type | sequence | payload | CRC-32 )  0x00
 
-docs/protocol.md is the page that host, emulator and firmware obey; tests/golden_frames.json holds
+docs/protocol.md is the page that host, emulator and firmware obey; tests/test_device/golden_frames.json holds
 frames that any other implementation can be tested against.
 """
 

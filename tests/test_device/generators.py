@@ -13,12 +13,13 @@ import numpy as np
 from device import Emission, Limits, Outcome, VirtualClock
 from device.emulate.generator import EmulatedGenerator
 from device.emulate.instrument import Reader
-from device.scpi.generator import GeneratorDevice
 from tests.test_device.bursts import play, ready
 from tests.test_device.in_process import LIMITS, LocalChannel, generator_on
 
 if TYPE_CHECKING:
     from collections.abc import Callable
+
+    from device.scpi.generator import GeneratorDevice
 
 GAIN = 27.5
 
