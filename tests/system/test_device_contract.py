@@ -4,10 +4,15 @@ With ``--device-command`` on what a command starts, such as firmware, with ``--d
 hardware, with ``--driver NAME --port P`` on an installed driver of a lab's own.
 """
 
-import pytest
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
 
 from tests.test_device import rigs
 from tests.test_device.contract import DeviceContract
+
+if TYPE_CHECKING:
+    import pytest
 
 
 class TestContract(DeviceContract):

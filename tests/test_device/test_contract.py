@@ -1,9 +1,14 @@
 """The contract of devices, on every driver whose device can be emulated in this process."""
 
-import pytest
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
 
 from tests.test_device import rigs
 from tests.test_device.contract import DeviceContract
+
+if TYPE_CHECKING:
+    import pytest
 
 
 class TestContract(DeviceContract):
