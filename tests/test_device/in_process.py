@@ -266,7 +266,7 @@ class LoopCard(SoundCard):
 
     def __init__(self, *, seed: int = 1) -> None:
         super().__init__()
-        self.recorder = Recorder(self, 48_000.0)
+        self.recorder = recorder_on(self)
         self.line = Line(seed=seed)
         self.put_in = False
         self.word_s = self.buffer / 48e3
@@ -291,6 +291,11 @@ class LoopCard(SoundCard):
             if self.callback is not None and self.active:
                 self.take(self.callback)
         VirtualClock.wait(self, max(until_s - self.now_s(), 0.0))
+
+
+def recorder_on(clock: Clock) -> Recorder:
+    """Return what records two inputs at 48 kHz."""
+    return Recorder(clock, 48_000.0)
 
 
 def audio_on(card: SoundCard, limits: Limits = LIMITS) -> AudioDevice:

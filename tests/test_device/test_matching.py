@@ -1,0 +1,165 @@
+"""Bursts matched in a record: onset, amplitude and sign, and how well they are known."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+
+from device.monitor.matching import Template
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from numpy.typing import NDArray
+
+    from device.monitor.matching import Found
+
+QUIET, AFTER = 4800, 2400
+PEAK = 0.4
+
+
+def sine(rate_hz: float, frequency_hz: float, cycles: int) -> NDArray[np.float64]:
+    frames = np.arange(round(rate_hz * cycles / frequency_hz) + 1)
+    wave: NDArray[np.float64] = np.sin(2 * np.pi * frequency_hz * frames / rate_hz)
+    return wave
+
+
+SHAPES = {
+    "one cycle": sine(48_000, 500, 1),
+    "3 kHz at 44.1 kHz": sine(44_100, 3000, 1),
+    "five cycles under a Hann window": sine(48_000, 500, 5) * np.hanning(481),
+    "click": np.array([0, 0.5, 1, 0.5, 0, -0.5, -1, -0.5, 0]),
+}
+
+
+class Loop:
+    """Outputs fed back to inputs with noise so many decibels below a burst, and with faults."""
+
+    def __init__(self, shape: NDArray[np.float64], *, noise_db: float, seed: int) -> None:
+        self.template = Template(shape)
+        self.noise = PEAK * self.template.rms * 10 ** (-noise_db / 20)
+        self.rng = np.random.default_rng(seed)
+
+    def heard(
+        self,
+        left: float,
+        right: float,
+        delays: tuple[float, float],
+        change: Callable[[NDArray[np.float64]], NDArray[np.float64]] = lambda burst: burst,
+    ) -> NDArray[np.float64]:
+        """Return a record, shape (n, 2); delays in frames."""
+        size = QUIET + AFTER + self.template.length
+        record = np.zeros((size, 2))
+        for i, (peak, delay) in enumerate(zip((left, right), delays, strict=True)):
+            whole = int(delay)
+            burst = change(peak * self.template.shifted(delay - whole))
+            start = QUIET + whole - (len(self.template.shape) - self.template.length) // 2
+            record[start : start + len(burst), i] = burst
+        return record + self.noise * self.rng.normal(size=record.shape)
+
+    def match(self, record: NDArray[np.float64]) -> tuple[Found, Found]:
+        left, right = (self.template.find(record[:, i], quiet=QUIET, limit=1.0) for i in (0, 1))
+        return left, right
+
+
+@pytest.mark.parametrize("name", SHAPES)
+def test_a_burst_is_matched_by_a_thousandth_of_a_frame_without_noise(name: str) -> None:
+    loop = Loop(SHAPES[name], noise_db=90, seed=1)
+    for delay in np.linspace(50, 400, 29):
+        match, _ = loop.match(loop.heard(PEAK, 0, (delay, 0)))
+        assert match.onset == pytest.approx(delay, abs=2e-3)
+        assert match.amplitude == pytest.approx(PEAK, rel=1e-3)
+        assert match.correlation == pytest.approx(1.0, abs=1e-3)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", SHAPES)
+@pytest.mark.parametrize("noise_db", [10, 20])
+def test_the_stated_uncertainty_covers_95_percent(name: str, noise_db: int) -> None:
+    loop = Loop(SHAPES[name], noise_db=noise_db, seed=2)
+    covered = worst = 0.0
+    for _ in range(200):
+        delay = loop.rng.uniform(50, 400)
+        match, _ = loop.match(loop.heard(PEAK, 0, (delay, 0)))
+        covered += abs(match.onset - delay) <= match.onset_uncertainty
+        worst = max(worst, abs(match.onset - delay))
+    assert covered >= 183  # 5 % of 200 less or more than 190 happens in one of 25
+    if noise_db == 20:
+        assert worst < 1
+
+
+def coloured(rng: np.random.Generator, size: int, kind: str) -> NDArray[np.float64]:
+    """Return noise at 48 kHz with the effective value 1: pink, brown, or hum of the mains."""
+    if kind == "hum":
+        turn = 2 * np.pi * (50 * np.arange(size) / 48e3 + rng.uniform())
+        noise = np.sin(turn) + 0.4 * np.sin(3 * turn) + 0.05 * rng.normal(size=size)
+    else:
+        slope = {"pink": 0.5, "brown": 1.0}[kind]
+        frequency = np.maximum(np.fft.rfftfreq(size, 1 / 48e3), 20)
+        spectrum = rng.normal(size=(2, len(frequency))) / frequency**slope
+        noise = np.fft.irfft(spectrum[0] + 1j * spectrum[1], size)
+    whole: NDArray[np.float64] = noise / np.sqrt(np.mean(noise**2))
+    return whole
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", ["pink", "brown", "hum"])
+@pytest.mark.parametrize("noise_db", [10.5, 15, 20])
+def test_the_stated_uncertainty_covers_95_percent_of_a_long_burst_in_coloured_noise(
+    kind: str, noise_db: float
+) -> None:
+    template = Template(sine(48_000, 500, 5))
+    quiet, tries, covered, clipped = 24_000, 100, 0, 0
+    rng = np.random.default_rng(4)
+    noise_rms = PEAK * template.rms * 10 ** (-noise_db / 20)
+    for _ in range(tries):
+        delay = rng.uniform(50, 51)
+        record = noise_rms * coloured(rng, quiet + 4800, kind)
+        start = quiet + 50 - (len(template.shape) - template.length) // 2
+        record[start : start + len(template.shape)] += PEAK * template.shifted(delay - 50)
+        match = template.find(record, quiet=quiet, limit=1.0)
+        covered += abs(match.onset - delay) <= match.onset_uncertainty
+        clipped += any(top < match.amplitude - 4.5 * sd for top, sd in match.tops)
+        assert abs(match.amplitude - PEAK) < 4.5 * match.amplitude_sd
+    assert covered >= 90  # 5 % of 100 less or more than 95 happens in one of 44
+    assert clipped == 0
+
+
+def match(
+    shape: NDArray[np.float64],
+    record: NDArray[np.float64],
+    rng: np.random.Generator,
+    *,
+    noise_db: float = 20.0,
+) -> Found:
+    noise_rms = 10 ** (-noise_db / 20) * float(np.sqrt(np.mean(shape**2)))
+    noise = noise_rms * rng.normal(size=len(record))
+    return Template(shape).find(record + noise, quiet=20_000, limit=10.0)
+
+
+@pytest.mark.parametrize("cycles", [5, 10, 20])
+def test_another_shape_is_heard_by_its_energy(cycles: int) -> None:
+    rng, frames = np.random.default_rng(8), 96 * cycles + 1
+    shape, other = sine(48_000, 500, cycles), sine(48_000, 1000, 2 * cycles)
+    record = np.zeros(60_000)
+    record[22_000 : 22_000 + frames] = shape
+    alone = match(shape, record, rng)
+    assert alone.beside == 0.0
+    assert alone.loudest == pytest.approx(1.0, abs=0.1)
+    record[40_000 : 40_000 + frames] = 0.9 * other
+    both = match(shape, record, rng)
+    assert both.second < 0.1
+    assert both.beside == pytest.approx(0.9, abs=0.1)
+
+
+@pytest.mark.parametrize(("cycles", "noise_db"), [(1, 20.0), (5, 20.0), (10, 30.0), (20, 40.0)])
+def test_a_burst_upside_down_is_not_one_half_a_period_later(cycles: int, noise_db: float) -> None:
+    rng, frames = np.random.default_rng(9), 96 * cycles + 1
+    shape = sine(48_000, 500, cycles) * np.hanning(frames)
+    record = np.zeros(60_000)
+    for sign in (1, -1):
+        record[22_000 : 22_000 + frames] = sign * shape
+        inverted = {match(shape, record, rng, noise_db=noise_db).inverted for _ in range(20)}
+        assert inverted == {sign < 0}
