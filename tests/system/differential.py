@@ -13,23 +13,18 @@ from typing import TYPE_CHECKING, Any, Final, TypeVar
 import numpy as np
 from cobs import cobs
 
-from device.core.core import DeviceCore
-from device.core.output import Emission, OutputStage
-from device.core.reports import TAPS, UNITS, About, Entropy, Health, Measurement
-from device.driver import Identity
-from device.limits import Limits
+from device import Emission, Health
 from device.wire.codec import ANSWER
-from device.wire.endpoint import Endpoint
-from device.wire.frames import MINOR, VERSION
+from device.wire.frames import VERSION
 from tests.system.firmware import (
     READING,
     LastBurst,
     Server,
-    Told,
     limits_of,
     make,
     require_tools,
 )
+from tests.test_device.golden import Reader, device_of, measurement_of
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -62,8 +57,7 @@ HISTORY: Final = 3
 STEPS: Final = 250
 """Inputs to one power cycle."""
 
-HELLO, PING, LIMITS, HEALTH = 0x01, 0x02, 0x03, 0x04
-BEGIN, DATA, COMMIT = 0x10, 0x11, 0x12
+HELLO, PING, LIMITS, HEALTH, BEGIN, DATA, COMMIT = 0x01, 0x02, 0x03, 0x04, 0x10, 0x11, 0x12
 LEVEL, OUTPUT, ARM, DISARM, FIRE, QUERY, MEASURED = 0x20, 0x21, 0x22, 0x23, 0x24, 0x25, 0x26
 STOP, BEAT = 0x30, 0x31
 WEIGHTS: Final = (
@@ -74,21 +68,7 @@ WEIGHTS: Final = (
 """How often which question is asked; 0 stands for any type."""
 KINDS: Final = tuple(kind for kind, weight in WEIGHTS for _ in range(weight))
 PAUSES_US: Final = (
-    0,
-    0,
-    1,
-    7,
-    50,
-    299,
-    300,
-    301,
-    900,
-    1810,
-    2721,
-    30_000,
-    100_000,
-    499_999,
-    500_000,
+    *(0, 0, 1, 7, 50, 299, 300, 301, 900, 1810, 2721, 30_000, 100_000, 499_999, 500_000),
 )
 TYPED: Final = (
     (b"*IDN?\r X", b"\n"),
@@ -273,64 +253,17 @@ class Reference:
     """The core in Python behind the same operations."""
 
     def __init__(self, device: Mapping[str, Any]) -> None:
-        self._reading: tuple[int, ...] | None = None
+        self._reader = Reader()
         self._emitted: Emission | None = None
         self._crc = (0, 0)
-        limits = Limits(
-            ceiling_vpp=device["ceiling_vpp"],
-            least_interval_s=device["least_interval_us"] / 1e6,
-            max_duty=device["max_duty_ppm"] / 1e6,
-            longest_waveform=device["longest_waveform"],
-            slots=device["slots"],
-            memory_samples=device["memory_samples"],
-            dc_tolerance=device["dc_tolerance_ppm"] / 1e6,
-            longest_time_to_live_s=device["longest_time_to_live_us"] / 1e6,
+        self._rail_v = device["ceiling_vpp"] / 2
+        self._endpoint = device_of(
+            device, self._reader, self._emit, history=HISTORY, rail_v=self._rail_v
         )
-        self._core = DeviceCore(
-            boot_id=device["boot_id"],
-            limits=limits,
-            output=OutputStage(
-                sample_rate_hz=device["sample_rate_hz"],
-                bits=device["bits"],
-                rail_v=device["ceiling_vpp"] / 2,
-            ),
-            sink=self._emit,
-            measure=self._measure,
-            about=About(
-                firmware=device["firmware"],
-                entropy=tuple(Entropy)[device["entropy"]],
-                data_window=device["data_window"],
-            ),
-            history=HISTORY,
-        )
-        self._endpoint = Endpoint(
-            self._core,
-            Identity(
-                model=device["model"],
-                serial_number=device["serial_number"],
-                boot_id=device["boot_id"],
-                protocol_version=f"{VERSION}.{MINOR}",
-                sample_rate_hz=device["sample_rate_hz"],
-                bits=device["bits"],
-                channels=2,
-                ceiling_vpp=device["ceiling_vpp"],
-                longest_waveform=device["longest_waveform"],
-                emulated=device["emulated"],
-            ),
-        )
+        self._core = self._endpoint.core
 
     def _emit(self, burst: Emission) -> None:
         self._emitted = burst
-
-    def _measure(self, burst: Emission) -> Measurement | None:
-        if self._reading is None:
-            return None
-        tap, unit, left, right, offset, uncertainty, correlation, other = self._reading
-        return Measurement(
-            token=burst.token, tap=TAPS[tap], unit=UNITS[unit], left=left, right=right,
-            onset_offset_us=offset, onset_uncertainty_us=uncertainty,
-            correlation_left=correlation, correlation_right=other,
-        )  # fmt: skip
 
     def take(self, operation: str, now_us: int, some: bytes) -> tuple[bytes, LastBurst]:
         """Return what is answered, and the last burst."""
@@ -343,7 +276,7 @@ class Reference:
         elif operation == "S":
             self._core.sense(now_us, Health.of_bits(known=some[0], set_bits=some[1]))
         else:
-            self._reading = reading_of(some)
+            self._reader.reading = measurement_of(READING.unpack(some)) if some else None
         return answer, self._burst()
 
     def _burst(self) -> LastBurst:
@@ -353,7 +286,7 @@ class Reference:
         if last.token != self._crc[0]:
             full = 2 ** (self._core.output.bits - 1) - 1
             volts = np.concatenate((last.left_v, last.right_v))
-            steps = np.rint(volts * full / self._core.output.rail_v).astype("<i4")
+            steps = np.rint(volts * full / self._rail_v).astype("<i4")
             self._crc = last.token, zlib.crc32(steps.tobytes())
         ended = self._emitted
         cut = ended is not None and ended.token == last.token and ended.cut_us is not None
@@ -361,11 +294,6 @@ class Reference:
         return LastBurst(
             last.token, last.start_us, last.duration_us, *levels, int(cut), self._crc[1]
         )
-
-
-def reading_of(some: bytes) -> tuple[int, ...] | None:
-    """Return the numbers of a reading; None is no monitor."""
-    return READING.unpack(some) if some else None
 
 
 def small_server(folder: Path) -> Server:
@@ -386,7 +314,7 @@ def compare(server: Server, seed: int, steps: int = STEPS) -> set[tuple[int, int
         operation, now_us, some = host.next()
         script.append((operation, now_us, some, *reference.take(operation, now_us, some)))
         if operation == "M":
-            server.read_from_now_on(now_us, reading_of(some))
+            server.read_from_now_on(now_us, READING.unpack(some) if some else None)
         elif operation == "S":
             server.sense(now_us, *some)
         elif operation == "H":
@@ -395,18 +323,11 @@ def compare(server: Server, seed: int, steps: int = STEPS) -> set[tuple[int, int
             server.receive(now_us, some)
     met = set()
     for number, (step, told) in enumerate(zip(script, server.told(), strict=True)):
-        require_same(seed, number, step, told)
+        operation, now_us, some, answer, burst = step
+        where = f"seed {seed}, input {number}: {operation} at {now_us} us: {some.hex(' ')}"
+        assert told.frames + told.text == answer, f"{where}\n C: {told}\nPy: {answer.hex(' ')}"
+        assert told.burst == burst, f"{where}\n C: {told.burst}\nPy: {burst}"
         if told.frames:
             body = cobs.decode(told.frames.split(b"\0", 2)[1])
             met.add((body[1] - ANSWER, body[4]))
     return met
-
-
-def require_same(
-    seed: int, number: int, step: tuple[str, int, bytes, bytes, LastBurst], told: Told
-) -> None:
-    """Say where they differ."""
-    operation, now_us, some, answer, burst = step
-    where = f"seed {seed}, input {number}: {operation} at {now_us} us: {some.hex(' ')}"
-    assert told.frames + told.text == answer, f"{where}\n C: {told}\nPy: {answer.hex(' ')}"
-    assert told.burst == burst, f"{where}\n C: {told.burst}\nPy: {burst}"
