@@ -16,6 +16,7 @@ from device import (
     DeviceError,
     HostDriver,
     Limits,
+    LineSettings,
     LinkError,
     MonotonicClock,
     Outcome,
@@ -27,6 +28,7 @@ from tests.test_device.bursts import sine
 
 if TYPE_CHECKING:
     from device import Clock
+    from device.wire.channels import Channel
 
 LIMITS = Limits(ceiling_vpp=200.0, least_interval_s=0.005)
 QUICK = sine(25)
@@ -161,10 +163,18 @@ class Trials:
         return counts
 
 
-def device_at(port: str, *, answer_within_s: float = 0.025) -> HostDriver:
+def device_at(
+    port: str, *, answer_within_s: float | None = None, patience_s: float = 2.0, **line: Any
+) -> HostDriver:
     """Return the driver of the device at a port of this machine."""
     clock = MonotonicClock()
-    link = FrameLink(lambda: open_channel(port, clock), clock, answer_within_s=answer_within_s)
+    settings = LineSettings(patience_s=patience_s, **{"opens_within_s": patience_s} | line)
+    link = FrameLink(
+        lambda: open_channel(port, clock, settings),
+        clock,
+        line=settings,
+        answer_within_s=answer_within_s,
+    )
     return HostDriver(link, limits=LIMITS, clock=clock)
 
 
@@ -172,3 +182,8 @@ def trials_at(port: str, seed: int, *, answer_within_s: float) -> Trials:
     """Return a host with trials of the device at a port of this machine."""
     device = device_at(port, answer_within_s=answer_within_s)
     return Trials(device, MonotonicClock(), np.random.default_rng(seed), n_slots=1)
+
+
+def terminal_at(port: str) -> Channel:
+    """Return a line to a port, on which anything can be typed."""
+    return open_channel(port, MonotonicClock())
