@@ -10,12 +10,13 @@ import csv
 import json
 import subprocess
 import sys
+from contextlib import suppress
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 import pytest
 
-from device import DriverSettings, HostDriver, MonotonicClock, Outcome, make_device
+from device import DeviceError, DriverSettings, HostDriver, MonotonicClock, Outcome, make_device
 from device.sound.stream import open_inputs, sound_cards
 from tests.test_device.bursts import BURST, play, ready
 from tests.test_device.in_process import LIMITS, recorder_on
@@ -27,7 +28,6 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from device.sound.recorder import Recorder
     from tests.conftest import Run
     from tests.processes import NullSink
 
@@ -37,11 +37,9 @@ RATE_HZ: Final = 48_000.0
 CONFIRM: Final = "--confirm-hardware"
 
 
-def card(recorder: Recorder | None = None) -> HostDriver:
-    """Return the null sink as a device; a recorder hears its inputs on the same clock."""
-    settings = DriverSettings(
-        limits=LIMITS, port="pulse", volts_full_scale=FULL_SCALE_V, recorder=recorder
-    )
+def card() -> HostDriver:
+    """Return the null sink as a device."""
+    settings = DriverSettings(limits=LIMITS, port="pulse", volts_full_scale=FULL_SCALE_V)
     device = make_device("audio", settings, MonotonicClock())
     assert isinstance(device, HostDriver)
     return device
@@ -151,47 +149,63 @@ WRONG = {
 """What is planned, the slot that is played instead, and at how much of its level."""
 
 
-@pytest.mark.parametrize("streams", ["one stream", "two streams"])
 def test_good_bursts_are_verified_on_real_sound_and_wrong_ones_never_are(
-    null_sink: NullSink, monkeypatch: pytest.MonkeyPatch, streams: str
+    null_sink: NullSink, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("PULSE_SOURCE", "plate.monitor")
-    clock, one = MonotonicClock(), streams == "one stream"
+    clock = MonotonicClock()
     recorder = recorder_on(clock)
-    device = card(recorder if one else None)
-    ready(device, LEVEL_VPP)
+    device = card()
     twice = np.concatenate((BURST, np.zeros(960), BURST))
-    for slot, left, right in (
-        *((2, BURST, BURST), (3, 0 * BURST, 0 * BURST)),
-        *((4, -BURST, 0 * BURST), (5, twice, 0 * twice)),
-    ):
-        device.load(slot, left, right)
-    connect = None if one else lambda heard: open_inputs(heard, card="pulse")
-    monitor = monitor_of(device, recorder, clock, connect=connect, tolerances={"onset_s": 0.05})
-    monitor.open()
+    monitor = monitor_of(
+        device,
+        recorder,
+        clock,
+        connect=lambda heard: open_inputs(heard, card="pulse"),
+        tolerances={"onset_s": 0.05},
+    )
 
-    def verified(token: int, side: str, slot: int, part: float = 1.0) -> str | None:
+    def reopen() -> None:
+        """Open both, as often as a busy machine's PortAudio gives its stream up."""
+        for _ in range(5):
+            with suppress(DeviceError):
+                device.close()
+                ready(device, LEVEL_VPP)
+                for slot, left, right in (
+                    *((2, BURST, BURST), (3, 0 * BURST, 0 * BURST)),
+                    *((4, -BURST, 0 * BURST), (5, twice, 0 * twice)),
+                ):
+                    device.load(slot, left, right)
+                monitor.open()
+                return
+
+    def verified(token: int, side: str, slot: int, share: float = 1.0) -> str | None:
         clock.wait(0.1)
-        device.set_levels(part * LEVEL_VPP, part * LEVEL_VPP)
-        monitor.begin(token, planned(side))
-        delivery = play(device, token, slot)
-        clock.wait(0.1)
-        result = monitor.end(delivery).verified
-        if result == "false":
-            monitor.open()
+        try:
+            device.set_levels(share * LEVEL_VPP, share * LEVEL_VPP)
+            monitor.begin(token, planned(side))
+            delivery = play(device, token, slot)
+            clock.wait(0.1)
+            result = monitor.end(delivery).verified
+            if result == "false":
+                monitor.open()
+        except DeviceError:
+            reopen()
+            return "lost"
         return result
 
+    reopen()
     good = [
         verified(token, side, SIDES[side][0])
         for token, side in enumerate(["left", "right", "both"] * 7, 1)
     ]
     wrong = {
-        name: verified(100 + token, side, slot, part)
-        for token, (name, (side, slot, part)) in enumerate(WRONG.items())
+        name: verified(100 + token, side, slot, share)
+        for token, (name, (side, slot, share)) in enumerate(WRONG.items())
     }
     monitor.close()
     device.close()
-    print(streams, good, wrong)
+    print(good, wrong)
     assert good.count("line") >= len(good) / 2
     assert "line" not in wrong.values()
 
