@@ -17,7 +17,7 @@ import pytest
 
 from device import LinkError, Outcome
 from device.wire.serial import identify
-from tests.test_device.bursts import BURST, SILENCE, play, ready
+from tests.test_device.bursts import play, ready
 from tests.test_device.trials import QUICK, device_at, terminal_at, trials_at
 
 if TYPE_CHECKING:
@@ -165,21 +165,6 @@ def test_a_host_that_stands_still_is_noticed_by_the_watchdog(
 
 
 @LINES
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_an_emulator_that_is_asked_to_end_puts_its_outputs_at_zero_first(
-    emulate: Emulate, host_on: Host, kind: str, number: int
-) -> None:
-    port, truth, pid = emulate(kind)
-    host_on(port)
-    os.kill(pid, number)
-    assert wait_for(truth, "off")["cause"] == "end"
-    give_up_s = time.monotonic() + SOON_S
-    while is_alive(pid) and time.monotonic() < give_up_s:
-        time.sleep(0.01)
-    assert not is_alive(pid)
-
-
-@LINES
 def test_a_port_has_one_host_and_the_second_is_refused(emulate: Emulate, kind: str) -> None:
     port, truth, _ = emulate(kind)
     first, second = device_at(port), device_at(port)
@@ -191,43 +176,6 @@ def test_a_port_has_one_host_and_the_second_is_refused(emulate: Emulate, kind: s
     ready(second, burst=QUICK)
     second.close()
     assert [fact["token"] for fact in events(truth) if fact["event"] == "burst"] == [1]
-
-
-def test_a_host_that_does_not_read_cannot_block_the_device(emulate: Emulate, host_on: Host) -> None:
-    port, truth, pid = emulate("tcp")
-    host_on(port).kill()
-    wait_for(truth, "off")
-    deaf = terminal_at(port)
-    for _ in range(2000):
-        deaf.write(b"\0*IDN?\n" * 100)
-    device = device_at(port)
-    with pytest.raises(LinkError):
-        device.open()
-    deaf.close()
-    assert is_alive(pid)
-    ready(device, burst=QUICK)
-    device.close()
-
-
-@LINES
-def test_a_host_that_comes_and_goes_leaves_no_descriptor_open(emulate: Emulate, kind: str) -> None:
-    def descriptors(pid: int) -> int:
-        return len(list(Path(f"/proc/{pid}/fd").iterdir()))
-
-    port, truth, pid = emulate(kind)
-    before = descriptors(os.getpid())
-    counts = set()
-    for n_hosts in range(1, 4):
-        device = device_at(port)
-        ready(device, burst=QUICK)
-        with pytest.raises(LinkError):
-            device_at(port, patience_s=0.1).open()
-        device.close()
-        wait_for(truth, "off", n_hosts)
-        time.sleep(0.2)  # the second host may be noticed only now
-        counts.add((descriptors(os.getpid()), descriptors(pid)))
-    assert len(counts) == 1
-    assert counts.pop()[0] == before
 
 
 def test_what_does_not_answer_has_no_identity_and_is_left_alone() -> None:
@@ -257,16 +205,6 @@ def test_a_device_says_who_it_is_in_plain_text_and_in_frames(emulate: Emulate, k
     assert said.decode().split(",")[::2][:2] == ["tactstrip", identity.serial_number]
     assert limits.firmware
     assert health.switch_closed is True
-
-
-def test_a_modelled_baud_rate_takes_its_time(emulate: Emulate) -> None:
-    port, _, _ = emulate("pty", baud=115_200)
-    device = device_at(port)
-    device.open()
-    began_s = time.monotonic()
-    device.load(0, BURST, SILENCE)
-    assert time.monotonic() - began_s >= 2 * BURST.size * 2 * 10 / 115_200  # 16 bits, 10 a byte
-    device.close()
 
 
 COMMAND = (sys.executable, "-c", "from tactstrip import main; main()", "emulate")

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 
-from device import Health, HostDriver, MonotonicClock, Refusal, RefusedError
+from device import Health, MonotonicClock, Refusal
 from tests.system.differential import BEAT, KINDS, compare, small_server
 from tests.system.firmware import (
     FIRMWARE,
@@ -26,7 +26,7 @@ from tests.system.firmware import (
     require_tools,
     running,
 )
-from tests.test_device.bursts import BURST, play, ready, sine
+from tests.test_device.bursts import BURST, play, ready
 from tests.test_device.golden import GOLDEN
 from tests.test_device.trials import device_at
 
@@ -172,54 +172,6 @@ def test_the_monitor_of_the_board_measures_a_burst_as_numpy_does(
         assert result.correlation_left < 8_000  # upside down, found half a period away
 
 
-LONG = sine(16_384, cycles=160)
-"""So long that it takes hundreds of slices to match it."""
-
-
-@pytest.mark.parametrize("then", ["wait", "load", "stop"])
-def test_what_is_still_being_matched_is_busy_and_all_else_is_answered(
-    images: Path, then: str
-) -> None:
-    adc = ("--adc", "gain=0.5,delay_us=250,noise=100")
-    with running(*command_of("native", images), "--tcp", "0", *adc) as (_, url):
-        device = device_at(url)
-        ready(device, 100.0, burst=LONG)
-        play(device, 7)
-        ends_s = time.monotonic() + len(LONG) / 48_000.0 + 0.002
-        n_busy = 0
-        while is_busy(device, 7):
-            n_busy += time.monotonic() > ends_s
-            assert device.health().amplifier_enabled == (then != "stopped")
-            if n_busy and then == "load":
-                device.load(1, BURST, BURST)
-            if n_busy and then == "stop":
-                device.stop()
-                then = "stopped"
-        measurement = device.measured(7)
-        assert device.measured(6) is None
-        device.close()
-    if then == "load":
-        assert (n_busy, measurement) == (1, None)
-        return
-    assert then == "wait" or n_busy
-    assert measurement is not None
-    assert (measurement.tap, measurement.onset_offset_us, measurement.correlation_right) == (
-        "amplifier",
-        250,
-        0,
-    )
-    assert measurement.left == pytest.approx(25_000, rel=0.03)
-    assert measurement.correlation_left > 9_990
-
-
-def is_busy(device: HostDriver, token: int) -> bool:
-    try:
-        device.measured(token)
-    except RefusedError as error:
-        return error.code is Refusal.BUSY
-    return False
-
-
 def test_the_truth_of_the_firmware_is_that_of_the_emulator(
     images: Path, tmp_path: Path, emulate: Callable[..., tuple[str, Path, int]]
 ) -> None:
@@ -299,13 +251,6 @@ def test_a_board_is_built_anew_with_other_limits_and_only_then(tmp_path: Path) -
     built_at = image.stat().st_mtime_ns
     make(tmp_path, "board")
     assert image.stat().st_mtime_ns == built_at
-
-
-def test_a_board_takes_each_of_its_limits(tmp_path: Path) -> None:
-    require_tools(*BOARD)
-    limits = {"LONGEST_WAVEFORM": 1024, "MEMORY_SAMPLES": 4096}
-    limits |= {"CEILING_MVPP": 150_000, "RAIL_MVPP": 180_000}
-    make(tmp_path, "board", sanitize=False, **limits)
 
 
 @pytest.mark.parametrize(

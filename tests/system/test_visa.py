@@ -1,4 +1,4 @@
-"""VISA: a generator over HiSLIP, VXI-11 and a socket, through pyvisa's pure Python."""
+"""VISA: a generator over HiSLIP and a socket, through pyvisa's pure Python."""
 
 from __future__ import annotations
 
@@ -17,7 +17,6 @@ from device import (
     LinkError,
     MonotonicClock,
     Outcome,
-    SettingError,
     make_device,
 )
 from device.scpi.visa import instrument_lack, open_instrument
@@ -104,33 +103,6 @@ def test_a_trigger_whose_answer_is_lost_is_indeterminate_and_never_sent_again(
     assert len(instrument.events("burst", 2)) == 2
 
 
-@pytest.mark.parametrize("kind", ["hislip"], indirect=True)
-def test_an_interrupted_question_that_is_not_ours_is_an_error(
-    live: BurstDevice, instrument: Instrument
-) -> None:
-    assert outcome(live, 1) is Outcome.FIRED
-    instrument.interrupt()
-    with pytest.raises(SettingError):
-        play(live, 2)
-    assert len(instrument.events("burst", 1)) == 1
-
-
-def test_a_bus_that_is_cut_with_the_trigger_leaves_it_open(
-    live: BurstDevice, instrument: Instrument
-) -> None:
-    def cut(message: bytes) -> None:
-        if b"*TRG" in message:
-            instrument.holds_back = True
-            instrument.drop()
-
-    instrument.on_message = cut
-    assert outcome(live, 1) is Outcome.INDETERMINATE
-    with pytest.raises(LinkError):
-        play(live, 2)
-    assert instrument.received.count(b"*TRG") == 1
-    assert len(instrument.events("burst", 1)) == 1
-
-
 def test_a_stop_from_another_thread_waits_for_no_answer(
     live: BurstDevice, instrument: Instrument
 ) -> None:
@@ -193,9 +165,3 @@ def test_a_missing_package_is_reported_with_its_extra(
     assert lack is not None
     assert lack.what == package
     assert "[visa]" in str(lack)
-
-
-def test_another_library_is_taken_from_the_environment(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("PYVISA_LIBRARY", "@another")
-    with pytest.raises(LinkError, match="pyvisa_another"):
-        open_instrument("visa:TCPIP::127.0.0.1::INSTR", MonotonicClock())

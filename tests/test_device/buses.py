@@ -1,6 +1,6 @@
-"""An emulated generator behind HiSLIP, VXI-11 or a socket; pyvisa is at the other end.
+"""An emulated generator behind HiSLIP or a socket; pyvisa is at the other end.
 
-The buses are written from the protocols' documents (IVI-6.1, VXI-11), as the `Line` of an emulator.
+The buses are written from the protocols' documents (IVI-6.1), as the `Line` of an emulator.
 """
 
 from __future__ import annotations
@@ -176,69 +176,6 @@ class HislipBus(_Server):
         self._say(self._sync, 7, self._asked, data)
 
 
-class Vxi11Bus(_Server):
-    """Remote procedure calls, one at a time."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.name = f"visa:TCPIP::{HOST},{self.port}::inst0::INSTR"
-        self._message = self._answer = b""
-        self._asking: tuple[socket.socket, int, float] | None = None
-
-    def read(self, timeout_s: float) -> bytes | None:
-        message = super().read(timeout_s)
-        if self._asking is not None and time.monotonic() > self._asking[2]:
-            self._reply(struct.pack(">III", 15, 0, 0))  # I/O timeout
-        return message
-
-    def _take(self, line: socket.socket) -> bytes:
-        whole = b""
-        while len(self._heard[line]) >= 4:
-            size = int.from_bytes(self._heard[line][:4], "big") & 0x7FFF_FFFF
-            if len(self._heard[line]) < 4 + size:
-                break
-            call = self._cut(line, 4 + size)[4:]
-            xid, procedure = struct.unpack(">I16xI", call[:24])
-            self._asking = line, xid, float("inf")
-            whole += self._do(procedure, call[40:])
-        return whole
-
-    def _do(self, procedure: int, arguments: bytes) -> bytes:
-        whole = b""
-        if procedure == 10:  # create_link
-            self._reply(struct.pack(">IIII", 0, 1, 0, LARGEST))
-        elif procedure == 11:  # device_write
-            flags, size = struct.unpack(">12xII", arguments[:20])
-            self._message += arguments[20 : 20 + size]
-            if flags & 8:  # END
-                whole, self._message = self._message, b""
-            self._reply(struct.pack(">II", 0, size))
-        elif procedure == 12:  # device_read
-            (within_ms,) = struct.unpack(">8xI", arguments[:12])
-            assert self._asking is not None
-            self._asking = *self._asking[:2], time.monotonic() + within_ms / 1000
-            self._tell()
-        else:  # destroy_link
-            self._reply(struct.pack(">I", 0))
-        return whole
-
-    def _reply(self, result: bytes) -> None:
-        assert self._asking is not None
-        (line, xid, _), self._asking = self._asking, None
-        record = struct.pack(">6I", xid, 1, 0, 0, 0, 0) + result
-        line.sendall(struct.pack(">I", 0x8000_0000 | len(record)) + record)
-
-    def _tell(self) -> None:
-        if self._asking is not None and self._answer:
-            answer, self._answer = self._answer, b""
-            padding = bytes(-len(answer) % 4)
-            self._reply(struct.pack(">III", 0, 4, len(answer)) + answer + padding)
-
-    def write(self, data: bytes) -> None:
-        self._answer += data
-        self._tell()
-
-
 def socket_bus() -> TcpLine:
     """Return a plain socket, under its name as a VISA resource."""
     line = TcpLine(0)
@@ -248,6 +185,5 @@ def socket_bus() -> TcpLine:
 
 BUSES: Final[dict[str, Callable[[pytest.MonkeyPatch], Line]]] = {
     "hislip": lambda monkeypatch: HislipBus(),
-    "vxi11": lambda monkeypatch: Vxi11Bus(),
     "socket": lambda monkeypatch: socket_bus(),
 }

@@ -12,7 +12,6 @@ import numpy as np
 
 from device import Emission, Limits, Outcome, VirtualClock
 from device.emulate.generator import EmulatedGenerator
-from device.emulate.instrument import Reader
 from tests.test_device.bursts import play, ready
 from tests.test_device.in_process import LIMITS, LocalChannel, generator_on
 
@@ -152,31 +151,3 @@ class GeneratorBench:
     def play(self, token: int, slot: int = 0) -> Outcome:
         self.clock.wait(0.1)
         return play(self.device, token, slot).outcome
-
-
-class Parrot:
-    """An instrument that takes every setting and says it back."""
-
-    def __init__(self, identity: str) -> None:
-        self._reader = Reader()
-        self._settings = {"*IDN": identity, "*OPC": "1", "SYST:ERR": '0,"No error"'}
-        self._answers = b""
-        self.headers: list[str] = []
-        self.codes: list[list[int]] = []
-
-    def write(self, data: bytes) -> None:
-        for unit in self._reader.feed(data):
-            self.headers.append(unit.header)
-            if unit.data is not None:
-                self.codes.append(np.frombuffer(unit.data, "<u2").tolist())
-            if unit.header.endswith("?"):
-                self._answers += f"{self._settings[unit.header[:-1]]}\n".encode()
-            else:
-                self._settings[unit.header] = unit.argument.replace("INF", "9.900000E+37")
-
-    def read(self, timeout_s: float) -> bytes:
-        answers, self._answers = self._answers, b""
-        return answers
-
-    def close(self) -> None:
-        """Stay as it is."""

@@ -14,9 +14,7 @@ from device import (
     Refusal,
     RefusedError,
     SettingError,
-    VirtualClock,
 )
-from device.scpi import dialects
 from tests.test_device.bursts import play, ready, refusal
 from tests.test_device.generators import (
     BLOCK,
@@ -25,13 +23,11 @@ from tests.test_device.generators import (
     SILENCE,
     WAVE,
     GeneratorBench,
-    Parrot,
     lines,
     loading,
     opening,
     trial,
 )
-from tests.test_device.in_process import generator_on
 
 IDENTITY = "Keysight Technologies,33512B,"
 NO_ERROR = b'+0,"No error"\n'
@@ -67,67 +63,6 @@ def test_a_trial_byte_for_byte_and_for_every_side_the_same_commands(live: Genera
     burst, _ = live.out
     assert np.abs(burst.left_v * GAIN - np.array(CODES) / 32767 * 30.0).max() < 1e-5
     assert not burst.right_v.any()
-
-
-ELSEWHERE = "Elsewhere Instruments,AWG2,1,0"
-
-OTHER = dialects.Dialect(
-    name="other",
-    identity="Elsewhere Instruments,",
-    bits=14,
-    code_type="<u2",
-    zero_code=8192,
-    shortest_waveform=8,
-    longest_waveform=8192,
-    least_vpp=0.002,
-    most_vpp=20.0,
-    volts_digits=4,
-    named=False,
-    reset=("*RST", "*CLS"),
-    channel_load=(":OUTP{channel}:LOAD INF",),
-    store=":SOUR{channel}:DATA:DAC VOLATILE,",
-    channel_setup=(":SOUR{channel}:FUNC:ARB:SRAT {rate}", ":SOUR{channel}:VOLT {volts}"),
-    channel_readings=(dialects.ReadBack(question=":OUTP{channel}:LOAD?", answer="9.9E+37"),),
-    select=(":SOUR{channel}:FUNC:ARB:SRAT {rate}", ":SOUR{channel}:VOLT {volts}"),
-    select_readings=(dialects.ReadBack(question=":SOUR{channel}:FUNC:ARB:SRAT?", answer="{rate}"),),
-    amplitude=":SOUR{channel}:VOLT?",
-    output_on=":OUTP{channel} ON",
-    output_off=":OUTP{channel} OFF",
-    abort=(),
-    trigger=(":SOUR1:BURS:TRIG", ":SOUR2:BURS:TRIG"),
-    complete="*OPC?",
-    error=":SYST:ERR?",
-    cannot=("begin both channels at once",),
-)
-"""A make that is none: unsigned codes of 14 bits, no names, a trigger for each channel."""
-
-
-@pytest.fixture
-def other(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(dialects, "DIALECTS", (*dialects.DIALECTS, OTHER))
-
-
-def test_a_generator_is_known_by_its_name(other: None) -> None:
-    assert dialects.dialect_of(ELSEWHERE) is OTHER
-    assert dialects.dialect_of(IDENTITY) is dialects.KEYSIGHT
-    assert dialects.dialect_of("Nobody,AWG2,1,0") is None
-
-
-def test_another_make_is_a_row_of_the_table(other: None) -> None:
-    """It keeps one waveform a channel: both are uploaded before each trigger."""
-    parrot, clock = Parrot(ELSEWHERE), VirtualClock()
-    device = generator_on(parrot, clock, gain=GAIN)
-    ready(device, 60.0, burst=WAVE)
-    for token in (1, 2):
-        parrot.headers.clear()
-        clock.wait(0.1)
-        assert play(device, token).outcome is Outcome.FIRED
-        said = [header for header in parrot.headers if not header.endswith("?")]
-        assert said[0::3][:2] == ["SOUR1:DATA:DAC", "SOUR2:DATA:DAC"]
-        assert said[-2:] == ["SOUR1:BURS:TRIG", "SOUR2:BURS:TRIG"]
-    left, right = parrot.codes[-2:]
-    assert (max(left), min(left), set(right)) == (8192 + 8191, 8192 - 8191, {8192})
-    assert len(device.cannot) > 1
 
 
 @pytest.mark.parametrize(
@@ -250,13 +185,6 @@ def test_a_trigger_that_the_generator_reports_as_ignored_is_indeterminate(
     assert live.out == []
 
 
-def test_another_run_says_not_fired_for_its_own_boot_id_only(live: GeneratorBench) -> None:
-    live.play(1)
-    told = GeneratorBench(clock=live.clock).live().device.query(1)
-    assert told.outcome is Outcome.NOT_FIRED
-    assert told.boot_id != live.device.query(1).boot_id
-
-
 @pytest.mark.slow
 @settings(deadline=None, max_examples=150)
 @given(
@@ -338,13 +266,6 @@ def test_the_emulator_refuses_what_a_generator_refuses(command: bytes, error: by
     assert answer[1] + b"\n" == NO_ERROR
 
 
-def test_the_emulators_load_changes_the_display_and_not_the_terminals() -> None:
-    generator = GeneratorBench().generator
-    asked = b"SOUR1:VOLT 1;:SOUR1:VOLT?;:OUTP1:LOAD INF;:SOUR1:VOLT?\n"
-    first, second = generator.receive(0, asked).splitlines()
-    assert float(second) == 2 * float(first)
-
-
 @settings(deadline=None, max_examples=100)
 @given(data=st.binary(max_size=200), cut=st.integers(0, 300))
 def test_a_block_arrives_whole_however_it_is_cut(data: bytes, cut: int) -> None:
@@ -356,15 +277,6 @@ def test_a_block_arrives_whole_however_it_is_cut(data: bytes, cut: int) -> None:
         0, command[cut:] + b"SYST:ERR?\nSOUR1:FUNC:ARB a;:SOUR1:FUNC:ARB?\n"
     )
     assert answers == NO_ERROR + b'"A"\n'
-
-
-@pytest.mark.slow
-@settings(deadline=None, max_examples=100)
-@given(data=st.binary(max_size=300))
-def test_no_bytes_break_the_emulator(data: bytes) -> None:
-    generator = GeneratorBench().generator
-    generator.receive(0, data)
-    generator.receive(1, b"\n" * 2)
 
 
 def test_a_host_that_dies_leaves_the_emulated_outputs_on_and_the_next_one_is_understood(

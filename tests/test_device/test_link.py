@@ -11,9 +11,6 @@ from threading import Thread
 
 import numpy as np
 import pytest
-from hypothesis import settings
-from hypothesis import strategies as st
-from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, rule
 
 from device import (
     DeviceError,
@@ -152,14 +149,6 @@ def test_a_line_lost_at_any_byte_of_a_trial_leaves_no_trial_wrong() -> None:
     assert counts["indeterminate"] == 0
 
 
-@pytest.mark.slow
-def test_numbers_that_wrap_around_leave_no_trial_wrong() -> None:
-    trials = Virtual(SCRIPTS["all but losses"], 1)
-    trials.rig.link._numbers = count(2**16 - 200)
-    trials.reopen()
-    assert trials.run(100).counts()["fired"] > 90
-
-
 @pytest.fixture
 def line() -> RecordedLine:
     return RecordedLine().live()
@@ -207,25 +196,11 @@ def test_a_greeting_of_an_earlier_connection_is_stale(line: RecordedLine) -> Non
     assert line.core.state is State.LIVE
 
 
-def test_a_new_host_begins_with_the_outputs_at_zero_though_nothing_was_hung_up(
-    line: RecordedLine,
-) -> None:
-    line.new_link().hello()
-    assert line.core.state is State.SAFE
-
-
 def test_an_output_that_a_stop_overtook_stays_off(line: RecordedLine) -> None:
     number = next_number(line)
     line.answer(question("STOP", number + 1))
     assert line.refusals(question("OUTPUT", number)) == [Refusal.STALE]
     assert line.core.state is State.SAFE
-
-
-def test_a_device_answers_no_answers(line: RecordedLine) -> None:
-    line.device.query(9)
-    answer = line.answer(line.sent[-1])
-    assert answer
-    assert line.answer(answer) == b""
 
 
 def test_a_question_for_another_power_cycle_does_nothing_and_leaves_the_count(
@@ -296,21 +271,6 @@ def test_a_stop_during_an_upload_is_obeyed_at_once_and_the_upload_goes_on(
     assert wire.kinds(line.sent[-1])[-1] == "BEAT"
 
 
-def test_a_stop_during_a_greeting_is_sent_before_the_next_question() -> None:
-    line = RecordedLine()
-
-    def stop_at_hello(data: bytes) -> None:
-        line.on_write = lambda later: None
-        line.link.stop()
-        line.pending = b""
-
-    line.on_write = stop_at_hello
-    line.link.hello()
-    assert line.link.state is State.SAFE
-    line.link.exchange(wire.message("LEVEL", left_mvpp=0, right_mvpp=0))
-    assert line.core.state is State.SAFE
-
-
 def test_a_stop_that_no_line_took_is_sent_on_the_next(line: RecordedLine) -> None:
     def lost(data: bytes) -> None:
         raise LinkError("gone")
@@ -333,14 +293,6 @@ def test_the_heart_sends_the_stop_again_until_it_is_confirmed(line: RecordedLine
         line.link.exchange(wire.message("PING"))
 
 
-def test_a_link_that_is_not_connected_beats_and_stops_in_silence() -> None:
-    line = RecordedLine()
-    line.link.beat()
-    line.link.stop()
-    line.link.beat()
-    assert (line.sent, line.link.state) == ([], State.CLOSED)
-
-
 def test_an_answer_to_a_stop_that_was_sent_long_before_tells_no_time(line: RecordedLine) -> None:
     line.link.stop()
     line.clock.wait(1.0)
@@ -350,17 +302,6 @@ def test_an_answer_to_a_stop_that_was_sent_long_before_tells_no_time(line: Recor
     estimate = line.link.clock_sync.estimate
     assert estimate is not None
     assert abs(estimate.offset_s) <= estimate.offset_uncertainty_s + 1e-6
-
-
-def test_stops_of_many_threads_are_all_confirmed(line: RecordedLine) -> None:
-    threads = [Thread(target=line.link.stop) for _ in range(20)]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join()
-    line.link.exchange(wire.message("PING"))
-    line.link.beat()
-    assert (wire.kinds(line.sent[-1])[-1], line.link.state) == ("BEAT", State.SAFE)
 
 
 @pytest.mark.parametrize(
@@ -409,48 +350,3 @@ def test_a_restart_while_a_fire_is_unanswered_is_indeterminate(restart_after_s: 
     delivery = trials.device.fire(1)
     assert delivery.outcome is Outcome.INDETERMINATE
     assert (delivery.boot_id != trials.boot_id) == (restart_after_s < 2 * PATIENCE_S)
-
-
-class AnyOrder(RuleBasedStateMachine):
-    """Trials, faults, stops, restarts and lost lines in any order."""
-
-    @initialize(seed=st.integers(0, 2**32 - 1))
-    def begin(self, seed: int) -> None:
-        self.trials = Virtual("", seed)
-
-    @rule(n_trials=st.integers(1, 3))
-    def run(self, n_trials: int) -> None:
-        self.trials.run(n_trials)
-
-    @rule(name=st.sampled_from(sorted(SCRIPTS)))
-    def line(self, name: str) -> None:
-        self.trials.rig.set_faults(SCRIPTS[name])
-
-    @rule(n_bytes=st.integers(0, 400))
-    def cut(self, n_bytes: int) -> None:
-        self.trials.rig.set_faults("", cut_after=n_bytes)
-
-    @rule()
-    def restart(self) -> None:
-        self.trials.rig.emulator.reset()
-
-    @rule(beating=st.booleans())
-    def heart(self, *, beating: bool) -> None:
-        self.trials.rig.beating = beating
-
-    @rule()
-    def stop(self) -> None:
-        self.trials.device.stop()
-
-    @rule(duration_s=st.sampled_from([0.001, 0.01, 0.2, 0.7]))
-    def wait(self, duration_s: float) -> None:
-        self.trials.rig.wait(duration_s)
-
-    @invariant()
-    def what_was_said_is_what_was_emitted(self) -> None:
-        if hasattr(self, "trials"):
-            self.trials.counts()
-
-
-TestAnyOrder = pytest.mark.slow(AnyOrder.TestCase)
-TestAnyOrder.settings = settings(deadline=None, max_examples=60, stateful_step_count=25)
