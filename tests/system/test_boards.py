@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import fcntl
 import json
 import time
 from typing import TYPE_CHECKING, Any
@@ -60,39 +59,11 @@ def test_a_delay_on_a_line_of_the_right_rate_is_not_taken_for_its_rate(delay_s: 
     assert error.count("device.baud =") <= 1  # that which it has
 
 
-def test_a_slow_wire_that_loses_bytes_is_refused_with_its_rate_when_it_fails() -> None:
-    with board(baud=9600, hidden=True, script="drop=0.005,corrupt=0.005") as (port, _):
-        device = device_at(port)
-        with pytest.raises(LinkError, match=r"device\.baud = 9600,"):
-            ready(device, burst=QUICK)
-        device.close()
-
-
 def test_a_board_that_starts_when_it_is_opened_is_waited_for_as_long_as_is_set() -> None:
     with board(baud=115_200, boots_for_s=2.0) as (port, _):
         assert "device.opens_within_s" in why_not(port, opens_within_s=0.3)
         ready(device := device_at(port, opens_within_s=5.0), burst=QUICK)
         device.close()
-
-
-@pytest.mark.parametrize("dtr", [True, False])
-def test_the_line_dtr_is_raised_or_kept_low_before_anything_is_sent(
-    *, dtr: bool, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    import serial.serialposix as posix
-
-    asked: list[int] = []
-    ioctl = fcntl.ioctl
-
-    def noted(descriptor: int, request: int, *more: Any) -> Any:
-        if request in {posix.TIOCMBIS, posix.TIOCMBIC} and more == (posix.TIOCM_DTR_str,):
-            asked.append(request)
-        return ioctl(descriptor, request, *more)
-
-    monkeypatch.setattr(fcntl, "ioctl", noted)
-    with says(b"") as port:
-        why_not(port, dtr=dtr, opens_within_s=0.1)
-    assert asked[:1] == [posix.TIOCMBIS if dtr else posix.TIOCMBIC]
 
 
 def test_devices_lists_a_board_of_another_rate_by_that_rate(run: Run) -> None:

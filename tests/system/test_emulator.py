@@ -255,19 +255,6 @@ def test_an_emulator_is_what_its_options_say_and_started_again_the_same(start: S
     assert facts == ("B 7", 120.0, 96_000.0)
 
 
-def test_a_truth_file_is_added_to(tmp_path: Path, start: Start) -> None:
-    truth = tmp_path / "truth.jsonl"
-    for count in (1, 2):
-        process, port = start("--truth", str(truth))
-        device = device_at(port)
-        device.open()
-        device.close()
-        process.terminate()
-        assert process.wait() == 0
-        events = [json.loads(line) for line in truth.read_text(encoding="utf-8").splitlines()]
-        assert [event["event"] for event in events].count("boot") == count
-
-
 def test_devices_lists_who_answers_on_each_port(start: Start, run: Run) -> None:
     _, ours = start("--tcp", "0", "--switch-open")
     _, generator = start("--tcp", "0", "--generator", "keysight")

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 
-from device import Health, MonotonicClock, Refusal
+from device import Health, Refusal
 from tests.system.differential import BEAT, KINDS, compare, small_server
 from tests.system.firmware import (
     FIRMWARE,
@@ -26,7 +26,7 @@ from tests.system.firmware import (
     require_tools,
     running,
 )
-from tests.test_device.bursts import BURST, play, ready
+from tests.test_device.bursts import BURST
 from tests.test_device.golden import GOLDEN
 from tests.test_device.trials import device_at
 
@@ -172,37 +172,6 @@ def test_the_monitor_of_the_board_measures_a_burst_as_numpy_does(
         assert result.correlation_left < 8_000  # upside down, found half a period away
 
 
-def test_the_truth_of_the_firmware_is_that_of_the_emulator(
-    images: Path, tmp_path: Path, emulate: Callable[..., tuple[str, Path, int]]
-) -> None:
-    ours = tmp_path / "native.jsonl"
-    command = (*command_of("native", images), "--tcp", "0", "--truth", str(ours))
-    with running(*command) as (_, url):
-        port, truth, _ = emulate("tcp", volts=True)
-        play_some(url)
-        play_some(port)
-    facts, expected = facts_of(ours), facts_of(truth)
-    assert [fact["event"] for fact in facts] == [
-        *("boot", "on", "burst", "burst", "burst", "burst", "cut", "off"),
-    ]
-    assert facts == expected
-
-
-def play_some(url: str) -> None:
-    """Play left, right, both at levels of all kinds; the last is cut."""
-    clock, device = MonotonicClock(), device_at(url)
-    ready(device)
-    long = np.append(np.tile(BURST[:-1], 150), 0.0)
-    device.load(2, long, 0.3 * long)
-    for token, (slot, left_vpp, right_vpp) in enumerate(
-        ((0, 14.5, 14.499), (1, 200.0, 0.001), (1, 0.0, 199.999), (2, 0.1, 77.777)), 1
-    ):
-        device.set_levels(left_vpp, right_vpp)
-        play(device, token, slot)
-        clock.wait(0.05)
-    device.close()
-
-
 def facts_of(truth: Path) -> list[dict[str, Any]]:
     """Return a truth file without what differs each time."""
     lines = truth.read_text(encoding="utf-8").splitlines()
@@ -237,20 +206,6 @@ def test_only_open_and_closed_move_the_switch(
     assert [fact.get("closed") for fact in facts_of(truth)][:2] == [None, False]
     errors = capfd.readouterr().err.splitlines()
     assert [repr(word) in error for word, error in zip(others, errors, strict=True)] == [True] * 6
-
-
-def test_a_board_is_built_anew_with_other_limits_and_only_then(tmp_path: Path) -> None:
-    require_tools(*BOARD)
-    image = tmp_path / "tactstrip-nucleo.bin"
-    ceilings: list[dict[str, int]] = [{}, {"CEILING_MVPP": 150_000}, {}]
-    images = []
-    for limits in ceilings:
-        make(tmp_path, "board", sanitize=False, **limits)
-        images.append(image.read_bytes())
-    assert images[0] == images[2] != images[1]
-    built_at = image.stat().st_mtime_ns
-    make(tmp_path, "board")
-    assert image.stat().st_mtime_ns == built_at
 
 
 @pytest.mark.parametrize(

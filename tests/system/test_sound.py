@@ -22,8 +22,6 @@ from tests.test_device.loops import FULL_SCALE_V, LEVEL_VPP, SIDES, planned
 from tests.test_device.monitors import monitor_of
 
 if TYPE_CHECKING:
-
-
     from tests.processes import NullSink
 
 pytestmark = pytest.mark.xdist_group("sound")

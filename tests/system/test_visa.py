@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import gc
 import sys
-import threading
 import time
 from typing import TYPE_CHECKING
 
-import numpy as np
 import pytest
 
 from device import (
@@ -20,7 +18,7 @@ from device import (
     make_device,
 )
 from device.scpi.visa import instrument_lack, open_instrument
-from tests.test_device.bursts import play, ready, refusal
+from tests.test_device.bursts import play, ready
 from tests.test_device.buses import BUSES, Instrument
 from tests.test_device.generators import GAIN, WAVE, lines, loading, opening, switching_on, trial
 from tests.test_device.in_process import LIMITS
@@ -101,34 +99,6 @@ def test_a_trigger_whose_answer_is_lost_is_indeterminate_and_never_sent_again(
     assert outcome(live, 2) is Outcome.FIRED  # though the instrument reports the answer it lost
     assert instrument.received.count(b"*TRG") == 2
     assert len(instrument.events("burst", 2)) == 2
-
-
-def test_a_stop_from_another_thread_waits_for_no_answer(
-    live: BurstDevice, instrument: Instrument
-) -> None:
-    long = np.append(np.tile(WAVE[:-1], 6000), 0.0)  # 0.9 s
-    live.load(2, long, 0 * long)
-    told: list[float] = []
-
-    def stop() -> None:
-        time.sleep(0.2)
-        began_s = time.monotonic()
-        live.stop()
-        told.append(time.monotonic() - began_s)
-
-    def stop_later(message: bytes) -> None:
-        if message.endswith(b"*TRG\n*OPC?\n"):
-            stopper.start()
-
-    stopper = threading.Thread(target=stop)
-    instrument.on_message = stop_later
-    assert outcome(live, 1, slot=2) is Outcome.INDETERMINATE
-    stopper.join()
-    assert told[0] < 0.3
-    (burst,) = instrument.events("burst", 1)
-    assert burst["cut"]
-    assert len(instrument.events("off", 1)) == 1
-    refusal(lambda: play(live, 2))
 
 
 @pytest.mark.parametrize(

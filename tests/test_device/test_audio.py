@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import sys
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
@@ -79,13 +78,6 @@ def test_a_burst_comes_out_on_its_channel_frame_by_frame(
     assert not frames[97:].any()
 
 
-@pytest.mark.usefixtures("live")
-def test_between_bursts_it_plays_zeros(card: Card) -> None:
-    card.wait(1.0)
-    assert card.frames().shape[0] >= RATE_HZ
-    assert not card.frames().any()
-
-
 def test_the_onset_interval_is_the_latency_that_was_told(live: HostDriver, card: Card) -> None:
     asked_s = card.now_s()
     delivery = play(live, 1)
@@ -141,12 +133,6 @@ def test_a_stop_before_the_first_frame_means_that_nothing_came_out(
     card.at_buffer = lambda index: live.stop() if index == 0 else None
     assert play(live, 1).outcome is Outcome.NOT_FIRED
     assert not card.frames().any()
-
-
-def test_the_ceiling_is_no_higher_than_full_scale(card: Card) -> None:
-    device = audio_on(card, Limits(ceiling_vpp=400.0))
-    assert ready(device).ceiling_vpp == 2 * FULL_SCALE_V
-    assert refusal(lambda: device.set_levels(2 * FULL_SCALE_V + 1.0, 0.0)) is Refusal.CEILING
 
 
 @settings(deadline=None, max_examples=60)
@@ -207,23 +193,6 @@ def test_a_card_without_the_inputs_of_a_monitor_is_refused_by_their_key(
         stream.open_duplex(print, LoopCard().recorder, card="x", sample_rate_hz=RATE_HZ)
 
 
-def test_an_error_in_the_thread_is_raised_where_the_result_is_taken() -> None:
-    with pytest.raises(ZeroDivisionError):
-        stream.in_a_thread(lambda: 1 / 0).result(timeout=10)
-
-
-def test_what_is_turned_away_from_standard_error_is_given_back(
-    capfd: pytest.CaptureFixture[str],
-) -> None:
-    with stream.stderr_kept():
-        away = os.open(os.devnull, os.O_WRONLY)
-        os.dup2(away, 2)
-        os.close(away)
-        os.write(2, b"unheard")
-    os.write(2, b"heard")
-    assert capfd.readouterr().err == "heard"
-
-
 @pytest.mark.parametrize(
     ("pcm", "server", "has"),
     [
@@ -243,12 +212,3 @@ def test_a_card_is_an_output_of_the_kernel_or_of_a_sound_server(
         (tmp_path / server).touch()
     assert stream._has_card(tmp_path / "pcm", {"XDG_RUNTIME_DIR": str(tmp_path)}) == has
     assert stream._has_card(tmp_path / "none", {"PULSE_SERVER": "tcp:lab"})
-
-
-def test_sound_without_sounddevice_lacks_it_before_anything_else(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    monkeypatch.setattr("device.sound.stream.find_spec", lambda name: None)
-    lack = stream.sound_lack()
-    assert lack is not None
-    assert lack.what == "sounddevice"

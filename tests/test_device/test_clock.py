@@ -39,12 +39,6 @@ def test_a_wait_that_is_no_duration_is_refused(clock: Clock, duration_s: float) 
         clock.wait(duration_s)
 
 
-@pytest.mark.parametrize("start_s", [math.nan, math.inf, "0"])
-def test_a_start_that_is_no_time_is_refused(start_s: float) -> None:
-    with pytest.raises(ValueError, match="start_s"):
-        VirtualClock(start_s=start_s)
-
-
 def exchanges(
     rng: np.random.Generator, n_samples: int, *, drift: float, offset_s: float
 ) -> list[tuple[float, Sample]]:

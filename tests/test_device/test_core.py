@@ -1,6 +1,5 @@
 """The device's own logic: what happens when, what is remembered, what can never happen."""
 
-import dataclasses
 from fractions import Fraction
 
 import numpy as np
@@ -68,13 +67,6 @@ def test_a_watchdog_cuts_a_long_burst_when_it_trips_not_when_it_is_noticed() -> 
     assert cut.left_v[:first_zero].any()
     assert not cut.left_v[first_zero:].any()
     assert bench.fate(1) == "fired"
-
-
-def test_time_that_goes_back_is_refused() -> None:
-    bench = Bench().live()
-    bench.core.advance(5)
-    with pytest.raises(ValueError, match="now_us"):
-        bench.take(4, "BEAT")
 
 
 def test_a_fired_token_gives_its_record_whatever_the_device_does_since() -> None:
@@ -157,19 +149,6 @@ def test_record_and_burst_have_the_levels_that_were_set_and_zero_for_silence(
     assert burst.level_right_vpp == levels_mvpp[1] / 1000
 
 
-def test_a_level_no_loaded_waveform_could_use_is_refused_when_it_is_set() -> None:
-    bench = Bench().live()
-    assert bench.refused(0, "LEVEL", left_mvpp=200_001, right_mvpp=0) is Refusal.CEILING
-    bench.load(0, 1, left=0.5)
-    bench.levels(0, 300_000)
-    arm = {"token": 1, "slot": 0, "time_to_live_us": 9}
-    assert bench.refused(0, "ARM", **arm) is Refusal.CEILING
-    bench.arm(0, 1, slot=1)
-    bench.fire(0, 1)
-    assert bench.core.playing is not None
-    assert 149.9 < np.ptp(bench.core.playing.left_v) <= 150.0
-
-
 @pytest.mark.parametrize("n_settings", [300, pytest.param(5000, marks=pytest.mark.slow)])
 def test_a_device_plays_what_is_exactly_within_its_ceiling_and_refuses_the_rest(
     n_settings: int,
@@ -212,16 +191,6 @@ def test_the_device_keeps_its_own_copy_of_what_was_loaded() -> None:
     bench.fire(0, 1)
     assert bench.core.playing is not None
     assert bench.core.playing.left_v[0] == 0.0
-
-
-def test_a_burst_is_computed_once_for_a_slot_at_its_levels_and_again_after_a_load() -> None:
-    bench = Bench().live()
-    now_us = bench.play(range(1, 3))
-    bench.load(now_us, left=0.5)
-    bench.play(range(3, 4))
-    first, second, third = bench.over
-    assert first.left_v.base is second.left_v.base
-    assert third.left_v.max() == pytest.approx(first.left_v.max() / 2, abs=0.01)
 
 
 def prepared(state: State) -> Bench:
@@ -350,15 +319,6 @@ def test_over_current_stops_whatever_is_done_and_is_kept_until_enable(state: Sta
         bench.take(at_us, "OUTPUT")
 
 
-def test_health_is_as_it_was_sensed_last() -> None:
-    core = Bench().core
-    assert core.health == Health(amplifier_enabled=False)
-    for closed, over in ((True, False), (None, False), (True, None), (False, False)):
-        report = Health(switch_closed=closed, over_current=over)
-        core.sense(0, report)
-        assert core.health == dataclasses.replace(report, amplifier_enabled=False)
-
-
 def test_a_measurement_is_that_of_the_last_burst_once_it_is_over() -> None:
     def measure(burst: Emission) -> Measurement:
         return Measurement(token=burst.token, tap="line", unit="mV", left=len(burst.left_v))
@@ -378,20 +338,6 @@ def test_a_measurement_is_that_of_the_last_burst_once_it_is_over() -> None:
     bench.fire(100_000, 2)
     bench.take(100_100, "STOP")
     assert [measured(200_000, token) for token in (1, 2)] == [("", 0)] * 2
-
-
-def test_all_slots_together_hold_so_many_samples_and_the_one_replaced_is_free() -> None:
-    bench = Bench(limits=Limits(ceiling_vpp=200.0, slots=3, memory_samples=200))
-
-    def refused(slot: int, n: int) -> Refusal:
-        row = np.zeros(n, dtype=np.int32)
-        return bench.refused(0, "LOAD", slot=slot, left=row, right=row)
-
-    bench.load(0, 0)
-    bench.load(0, 2)
-    assert (refused(1, 9), refused(3, 3)) == (Refusal.MEMORY_FULL, Refusal.BAD_SLOT)
-    bench.load(0, 0, n=103)
-    assert refused(0, 104) is Refusal.MEMORY_FULL
 
 
 def test_a_device_reports_the_limits_that_it_keeps() -> None:

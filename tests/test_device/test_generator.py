@@ -264,26 +264,3 @@ def test_the_emulator_refuses_what_a_generator_refuses(command: bytes, error: by
     answer = generator.receive(0, command + b"\nSYST:ERR?\nSYST:ERR?\n").splitlines()
     assert answer[0].startswith(error)
     assert answer[1] + b"\n" == NO_ERROR
-
-
-@settings(deadline=None, max_examples=100)
-@given(data=st.binary(max_size=200), cut=st.integers(0, 300))
-def test_a_block_arrives_whole_however_it_is_cut(data: bytes, cut: int) -> None:
-    samples = data + bytes(len(data) % 2) + bytes(16)
-    command = b"SOUR1:DATA:ARB:DAC a," + f"#3{len(samples):03d}".encode() + samples + b"\n"
-    generator = GeneratorBench().generator
-    answers = generator.receive(0, command[:cut])
-    answers += generator.receive(
-        0, command[cut:] + b"SYST:ERR?\nSOUR1:FUNC:ARB a;:SOUR1:FUNC:ARB?\n"
-    )
-    assert answers == NO_ERROR + b'"A"\n'
-
-
-def test_a_host_that_dies_leaves_the_emulated_outputs_on_and_the_next_one_is_understood(
-    live: GeneratorBench,
-) -> None:
-    now_us = round(live.clock.now_s() * 1e6)
-    live.generator.receive(now_us, b"*OPC?;SOUR1:DATA:ARB:DAC z,#3194abc")
-    live.generator.hang_up()
-    assert live.generator.outputs_on == (True, True)
-    assert live.hear("*IDN?").decode().startswith(IDENTITY)

@@ -18,9 +18,8 @@ from device.limits import (
     check_stored,
     check_time_to_live,
     check_waveforms,
-    least_peaks,
 )
-from tests.test_device.bursts import BURST, SILENCE, changed, refusal, sine
+from tests.test_device.bursts import BURST, SILENCE, changed, refusal
 
 LIMITS = Limits(ceiling_vpp=200.0)
 
@@ -70,11 +69,6 @@ def test_each_channel_counts_with_its_own_peak() -> None:
             check_burst((0.5, 1.0), (left_vpp, right_vpp), LIMITS)
 
 
-def test_the_least_peak_of_a_channel_leaves_silence_out() -> None:
-    assert least_peaks([]) == (0.0, 0.0)
-    assert least_peaks([(0.0, 0.7), (1.0, 0.9), (0.6, 0.0)]) == (0.6, 0.7)
-
-
 @pytest.mark.parametrize("sample_rate_hz", [22_050.0, 44_100.0, 48_000.0])
 @pytest.mark.parametrize("cycles", [1, 2, 5])
 def test_well_sampled_bursts_that_do_not_fit_the_sample_grid_pass(
@@ -115,15 +109,6 @@ def test_a_bad_waveform_is_refused_with_its_own_code_on_either_channel(
     silence = np.zeros(samples.size)
     assert refusal(lambda: check_waveforms(silence, samples, LIMITS), Rejected) is code
     assert refusal(lambda: check_waveforms(samples, silence, LIMITS), Rejected) is code
-
-
-def test_waveforms_of_different_lengths_are_refused() -> None:
-    assert refusal(lambda: check_waveforms(BURST, BURST[:49], LIMITS)) is Refusal.LENGTHS_DIFFER
-
-
-def test_a_waveform_of_the_longest_length_passes() -> None:
-    longest = sine(LIMITS.longest_waveform)
-    assert check_waveforms(longest, longest, LIMITS) == (longest.max(), longest.max())
 
 
 @pytest.mark.slow

@@ -24,7 +24,7 @@ from device import (
     VirtualClock,
 )
 from tests.test_device import wire
-from tests.test_device.bursts import play, ready, refusal, sine
+from tests.test_device.bursts import play, refusal, sine
 from tests.test_device.in_process import InProcess, RecordedLine
 from tests.test_device.trials import PATIENCE_S, Trials
 
@@ -188,14 +188,6 @@ def test_old_bytes_in_any_order_do_nothing_but_stop(line: RecordedLine, seed: in
     assert [burst.token for burst in line.over] == [1, 3, 4]
 
 
-def test_a_greeting_of_an_earlier_connection_is_stale(line: RecordedLine) -> None:
-    (hello, *_) = line.sent
-    line.device.close()
-    ready(line.device)
-    assert line.refusals(hello) == [Refusal.STALE]
-    assert line.core.state is State.LIVE
-
-
 def test_an_output_that_a_stop_overtook_stays_off(line: RecordedLine) -> None:
     number = next_number(line)
     line.answer(question("STOP", number + 1))
@@ -269,19 +261,6 @@ def test_a_stop_during_an_upload_is_obeyed_at_once_and_the_upload_goes_on(
     assert line.core.state is line.link.state is State.SAFE
     line.link.beat()
     assert wire.kinds(line.sent[-1])[-1] == "BEAT"
-
-
-def test_a_stop_that_no_line_took_is_sent_on_the_next(line: RecordedLine) -> None:
-    def lost(data: bytes) -> None:
-        raise LinkError("gone")
-
-    line.on_write = lost
-    line.device.stop()
-    line.device.close()
-    line.on_write = lambda data: None
-    line.device.open()
-    assert "STOP" in wire.kinds(b"".join(line.sent[-6:]))
-    assert line.core.state is State.SAFE
 
 
 def test_the_heart_sends_the_stop_again_until_it_is_confirmed(line: RecordedLine) -> None:

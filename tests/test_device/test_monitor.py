@@ -12,7 +12,7 @@ import pytest
 
 from device import LinkError, VirtualClock
 from device.monitor.measured import Fault, Tap, void
-from tests.test_device.bursts import BURST, ready
+from tests.test_device.bursts import BURST
 from tests.test_device.in_process import recorder_on
 from tests.test_device.loops import (
     DELAY,
@@ -116,14 +116,6 @@ def test_when_a_frame_was_heard_is_known_as_well_as_is_reported_on_a_drifting_cl
     assert covered >= 0.95 * tries
 
 
-@pytest.mark.parametrize("frames", [-60.0, 60.0])
-def test_a_burst_at_another_time_is_reported(frames: float) -> None:
-    rig = MonitorRig()
-    rig.card.line.delays = [DELAY + frames, DELAY]
-    assert rig.measure("left").faults == (Fault.LATE if frames > 0 else Fault.EARLY,)
-    assert rig.measure("right").verified == "line"
-
-
 @pytest.mark.parametrize("frames", [0.0, 2052.0, 3800.0])
 def test_an_unstated_delay_is_that_of_the_first_burst(frames: float) -> None:
     rig = MonitorRig(stated=False)
@@ -149,38 +141,12 @@ def test_where_an_unstated_delay_jumps_one_burst_is_blamed_and_where_it_strays_e
     assert faults == [(), (), (), late, (), early, (), late, (), late, late, late]
 
 
-@pytest.mark.parametrize("name", FAULTS)
-def test_a_fault_is_caught_on_an_unstated_delay_too(name: str) -> None:
-    rig = MonitorRig(stated=False)
-    assert rig.measure().verified == "line"
-    rig.card.line.path, faults = FAULTS[name]
-    assert set(rig.measure("right").faults) & faults
-
-
 def test_after_a_burst_that_was_not_heard_an_unstated_delay_is_not_known() -> None:
     rig = MonitorRig(stated=False)
     rig.card.line.path = scaled(0.0)
     assert rig.measure().faults == (Fault.SILENT,)
     rig.card.line.path = scaled(1.0)
     assert rig.measure().unmeasured
-    assert rig.measure().verified == "line"
-
-
-def test_opened_again_the_stream_of_the_driver_is_another_with_its_own_delay() -> None:
-    rig = MonitorRig(stated=False)
-    rig.card.line.path = scaled(0.0)
-    rig.measure()
-    rig.card.line.path = scaled(1.0)
-    rig.monitor.open()
-    assert rig.measure().verified == "line"
-    rig.card.line.delays = [DELAY + 3000, DELAY + 3000]
-    assert rig.measure().faults == (Fault.LATE,)
-    rig.monitor.open()
-    assert rig.measure().verified == "line"
-    rig.device.close()
-    ready(rig.device, LEVEL_VPP)
-    rig.card.line.delays = [DELAY + 2048, DELAY + 2048]
-    rig.monitor.open()
     assert rig.measure().verified == "line"
 
 
@@ -220,21 +186,6 @@ def test_inputs_that_do_not_run_steadily_yet_report_their_gaps() -> None:
         recorder.take(np.zeros((480, 2), dtype=np.int16), timing, status)
     assert not recorder.settled
     assert re.findall(r"\d+", recorder.unsettled) == ["1440", "2"]
-
-
-def test_a_second_burst_while_the_answer_is_awaited_is_reported() -> None:
-    rig = MonitorRig()
-    assert rig.measure(answer_s=2.9).verified == "line"
-    rig.card.line.path = again(3900)
-    assert rig.measure(answer_s=2.9).faults == (Fault.DOUBLED,)
-
-
-@pytest.mark.parametrize("pause_s", [4.6, pytest.param(9.0, marks=pytest.mark.slow)])
-def test_neither_a_long_answer_nor_a_long_pause_loses_anything(pause_s: float) -> None:
-    rig = MonitorRig()
-    assert rig.measure(answer_s=pause_s).verified == "line"
-    rig.card.wait(pause_s)
-    assert rig.measure().verified == "line"
 
 
 @pytest.mark.parametrize("fault", ["silence", "too weak", "swap", "again later"])
