@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any
 
 from device.core.messages import LoadSlot
@@ -31,14 +31,20 @@ class Answer:
     device_us: int
 
 
-def message(name: str, **fields: Any) -> Message[Any]:
+def message(name: str, **values: Any) -> Message[Any]:
     """Return a message by the name of its type; LOAD stores two rows of codes in a slot."""
-    return LoadSlot(**fields) if name == "LOAD" else codec.TABLE[Kind[name]].message.of(**fields)
+    return LoadSlot(**values) if name == "LOAD" else codec.TABLE[Kind[name]].message.of(**values)
 
 
-def question(name: str, number: int, *, boot_id: int, **fields: Any) -> bytes:
+def fields_of(name: str) -> list[str]:
+    """Return the names of a message's fields."""
+    message_type: Any = codec.TABLE[Kind[name]].message.of
+    return [field.name for field in fields(message_type)]
+
+
+def question(name: str, number: int, *, boot_id: int, **values: Any) -> bytes:
     """Return the bytes of a question."""
-    return encode(framed(message(name, **fields), number, boot_id))
+    return encode(framed(message(name, **values), number, boot_id))
 
 
 def upload_of(left: CodeArray, right: CodeArray, number: int) -> tuple[bytes, Iterator[Any]]:
@@ -73,10 +79,10 @@ def answers(octets: bytes) -> list[Answer]:
     ]
 
 
-def ask(device: Endpoint, number: int, name: str, **fields: Any) -> Answer:
+def ask(device: Endpoint, number: int, name: str, **values: Any) -> Answer:
     """Ask a device a question at 1 us."""
     boot_id = device.core.boot_id
-    (answer,) = answers(device.receive(1, question(name, number, boot_id=boot_id, **fields)))
+    (answer,) = answers(device.receive(1, question(name, number, boot_id=boot_id, **values)))
     return answer
 
 
