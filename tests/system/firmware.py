@@ -95,11 +95,10 @@ class Server:
 
     def switch_on(self, device: Mapping[str, Any]) -> None:
         """Begin a power cycle of a device as tests/test_device/golden_frames.json describes one."""
-        names = (device["model"].encode(), device["serial_number"].encode())
-        about = struct.pack(
-            "<16s16s32sQIBB", *names, device["firmware"].encode(), device["boot_id"],
-            round(1000 * device["sample_rate_hz"]), device["entropy"], device["emulated"],
-        )  # fmt: skip
+        names = (device[name].encode() for name in ("model", "serial_number", "firmware"))
+        rate_mhz = round(1000 * device["sample_rate_hz"])
+        numbers = device["boot_id"], rate_mhz, device["entropy"], device["emulated"]
+        about = struct.pack("<16s16s32sQIBB", *names, *numbers)
         self._put(b"B", 0, about)
 
     def receive(self, now_us: int, octets: bytes) -> None:

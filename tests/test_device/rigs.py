@@ -278,9 +278,11 @@ def converter_rig(_: pytest.FixtureRequest) -> Rig:
 def own_rig(request: pytest.FixtureRequest) -> Rig:
     clock = MonotonicClock()
     settings = DriverSettings(
-        limits=LIMITS, port=request.config.getoption("--port"),
-        amplifier_gain=20.0, volts_full_scale=150.0,
-    )  # fmt: skip
+        limits=LIMITS,
+        port=request.config.getoption("--port"),
+        amplifier_gain=20.0,
+        volts_full_scale=150.0,
+    )
     return Rig(
         device=make_device(request.config.getoption("--driver"), settings, clock),
         clock=clock,

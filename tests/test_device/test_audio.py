@@ -19,7 +19,6 @@ from tests.test_device.loops import FULL_SCALE_V
 
 if TYPE_CHECKING:
     from collections.abc import Callable
-    from pathlib import Path
 
     from numpy.typing import NDArray
 
@@ -191,24 +190,3 @@ def test_a_card_without_the_inputs_of_a_monitor_is_refused_by_their_key(
     monkeypatch.setitem(sys.modules, "sounddevice", library)
     with pytest.raises(LinkError, match=r"monitor\.inputs"):
         stream.open_duplex(print, LoopCard().recorder, card="x", sample_rate_hz=RATE_HZ)
-
-
-@pytest.mark.parametrize(
-    ("pcm", "server", "has"),
-    [
-        ("00-00: ALC : ALC : playback 1 : capture 1\n", "", 1),
-        ("00-01: webcam : webcam : capture 1\n", "", 0),
-        ("", "pulse/native", 1),
-        ("", "pipewire-0", 1),
-        ("", "", 0),
-    ],
-)
-def test_a_card_is_an_output_of_the_kernel_or_of_a_sound_server(
-    pcm: str, server: str, has: int, tmp_path: Path
-) -> None:
-    (tmp_path / "pcm").write_text(pcm)
-    if server:
-        (tmp_path / server).parent.mkdir(exist_ok=True)
-        (tmp_path / server).touch()
-    assert stream._has_card(tmp_path / "pcm", {"XDG_RUNTIME_DIR": str(tmp_path)}) == has
-    assert stream._has_card(tmp_path / "none", {"PULSE_SERVER": "tcp:lab"})

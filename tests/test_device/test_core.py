@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from device import Emission, Health, Limits, Measurement, OutputStage, Refusal, State
 from device.core.states import ILLEGAL, TRANSITIONS, Step
-from tests.test_device.bench import BURST_US, LIMITS, Bench
+from tests.test_device.bench import BURST_US, Bench
 
 WATCHDOG_US = 500_000
 
@@ -338,9 +338,3 @@ def test_a_measurement_is_that_of_the_last_burst_once_it_is_over() -> None:
     bench.fire(100_000, 2)
     bench.take(100_100, "STOP")
     assert [measured(200_000, token) for token in (1, 2)] == [("", 0)] * 2
-
-
-def test_a_device_reports_the_limits_that_it_keeps() -> None:
-    report = Bench().take(0, "LIMITS")
-    assert report.applied(Limits(ceiling_vpp=200.0)) == LIMITS
-    assert report.data_window == 8

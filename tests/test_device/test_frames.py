@@ -69,16 +69,6 @@ def test_every_whole_frame_between_noise_is_read(
     assert decoder.feed(encode(last))[-1] == last
 
 
-def test_memory_stays_bounded_over_a_stream_without_delimiters() -> None:
-    decoder = Decoder()
-    for _ in range(1000):
-        decoder.feed(b"\x55" * 997)
-        assert len(decoder._piece) <= LONGEST_PAYLOAD + 9
-    assert decoder.dropped == 0
-    assert decoder.feed(b"\x00") == []
-    assert decoder.dropped == 1
-
-
 def test_two_million_random_bytes_hold_no_frame() -> None:
     decoder = Decoder()
     data = np.random.default_rng(7).integers(0, 256, size=2_000_000, dtype=np.uint8)
@@ -137,25 +127,6 @@ def test_a_question_with_more_on_its_line_is_none_however_it_comes(cut: int) -> 
     device, typed = golden.power_on(Reader()), b"*IDN?\r X\n"
     assert device.receive(1, typed[:cut]) + device.receive(2, typed[cut:]) == b""
     assert device.receive(3, b"*IDN? \t\r\n").startswith(b"tactstrip,")
-
-
-@pytest.mark.slow
-@settings(max_examples=300)
-@given(
-    kind=st.integers(0x80, 0xFF),
-    head=st.binary(max_size=30),
-    tail=st.binary(max_size=30),
-    cuts=st.lists(st.integers(0, 100), max_size=4),
-)
-def test_a_question_in_plain_text_inside_a_frame_is_no_question(
-    kind: int, head: bytes, tail: bytes, cuts: list[int]
-) -> None:
-    payload = head + b"\n*IDN?\n" + tail
-    coded = encode(Frame(kind=kind, sequence=1, payload=payload))
-    device, begin = golden.power_on(Reader()), 0
-    for cut in [*sorted(cuts), len(coded)]:
-        assert device.receive(1, coded[begin:cut]) == b""
-        begin = max(begin, cut)
 
 
 def test_a_plain_question_between_frames_disturbs_neither() -> None:

@@ -23,7 +23,6 @@ from tests.test_device.generators import (
     SILENCE,
     WAVE,
     GeneratorBench,
-    lines,
     loading,
     opening,
     trial,
@@ -174,15 +173,6 @@ def test_a_line_that_breaks_with_the_trigger_leaves_it_open(live: GeneratorBench
     live.channel.before = before
     assert live.play(1) is Outcome.INDETERMINATE
     assert live.device.query(1).outcome is Outcome.INDETERMINATE
-
-
-def test_a_trigger_that_the_generator_reports_as_ignored_is_indeterminate(
-    live: GeneratorBench,
-) -> None:
-    live.device.arm(1, 0, time_to_live_s=1.0)
-    live.channel.write(lines("TRIG1:SOUR IMM", "TRIG2:SOUR IMM"))
-    assert live.device.fire(1).outcome is Outcome.INDETERMINATE
-    assert live.out == []
 
 
 @pytest.mark.slow

@@ -95,13 +95,6 @@ def why_not_open(baud: int | None, line: LineSettings, script: str = "", seed: i
     return ""
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("script", [*SCRIPTS.values(), "stall=0.6,stall_s=0.15"])
-def test_neither_a_bad_line_nor_a_busy_device_is_told_another_rate(script: str) -> None:
-    errors = [why_not_open(None, LineSettings(), script, seed) for seed in range(40)]
-    assert not [error for error in errors if "device.baud =" in error]
-
-
 @pytest.mark.parametrize("baud", [1200, 2400, 4800, 9600, 19_200, 38_400])
 def test_a_slow_wire_is_refused_with_its_rate_and_driven_when_that_is_given(baud: int) -> None:
     assert f"device.baud = {baud}," in why_not_open(baud, LineSettings())
@@ -270,17 +263,6 @@ def test_the_heart_sends_the_stop_again_until_it_is_confirmed(line: RecordedLine
         line.link.beat()
         assert {*wire.kinds(line.sent[-1])} == {kind}
         line.link.exchange(wire.message("PING"))
-
-
-def test_an_answer_to_a_stop_that_was_sent_long_before_tells_no_time(line: RecordedLine) -> None:
-    line.link.stop()
-    line.clock.wait(1.0)
-    line.write = lambda data: None  # type: ignore[method-assign] # only the early answer comes
-    with pytest.raises(LinkError):
-        line.link.exchange(wire.message("PING"))
-    estimate = line.link.clock_sync.estimate
-    assert estimate is not None
-    assert abs(estimate.offset_s) <= estimate.offset_uncertainty_s + 1e-6
 
 
 @pytest.mark.parametrize(

@@ -178,16 +178,6 @@ def test_a_monitor_opens_when_its_inputs_run_steadily() -> None:
         rig.monitor.open()
 
 
-def test_inputs_that_do_not_run_steadily_yet_report_their_gaps() -> None:
-    recorder = recorder_on(VirtualClock())
-    timing = SimpleNamespace(currentTime=1.0, inputBufferAdcTime=0.9)
-    for torn in (False, True, True):
-        status = SimpleNamespace(input_overflow=torn, input_underflow=False)
-        recorder.take(np.zeros((480, 2), dtype=np.int16), timing, status)
-    assert not recorder.settled
-    assert re.findall(r"\d+", recorder.unsettled) == ["1440", "2"]
-
-
 @pytest.mark.parametrize("fault", ["silence", "too weak", "swap", "again later"])
 @pytest.mark.parametrize("noise_db", [9.0, 3.0, 0.0])
 def test_below_10_db_nothing_is_verified(fault: str, noise_db: float) -> None:
