@@ -24,28 +24,19 @@ if TYPE_CHECKING:
 
     from device.emulate.lines import Line
 
-INTERRUPTED: Final = '-410,"Query INTERRUPTED"'
 HOST: Final = "127.0.0.1"
 LARGEST: Final = 64
 """Bytes that a bus takes in a piece of a message."""
 
 
 class Instrument:
-    """A generator at work behind a bus: what it was sent, and an answer that is held back.
+    """A generator at work behind a bus, and what it was sent."""
 
-    As IEEE 488.2 asks of it (6.3.2.3), it drops an answer that the next message overtakes, and
-    reports that as an error.
-    """
-
-    def __init__(self, bus: Line, *, gain: float, reports: bool = True) -> None:
+    def __init__(self, bus: Line, *, gain: float) -> None:
         self.name = bus.name
         self.received = b""
-        self.holds_back = False
-        self.on_message: Callable[[bytes], None] = lambda message: None
         self.truth = io.StringIO()
         self._bus = bus
-        self._reports = reports
-        self._held = b""
         self._over = threading.Event()
         self._emulator = GeneratorEmulator(self, self.truth, amplifier_gain=gain)
         self._thread = threading.Thread(target=self._serve)
@@ -57,20 +48,11 @@ class Instrument:
 
     def read(self, timeout_s: float) -> bytes | None:
         message = self._bus.read(timeout_s)
-        if message:
-            self.received += message
-            self.on_message(message)
-            if self._held:
-                self._held, self.holds_back = b"", False
-                if self._reports:
-                    self.interrupt()
+        self.received += message or b""
         return message
 
     def write(self, data: bytes) -> None:
-        if self.holds_back:
-            self._held += data
-        else:
-            self._bus.write(data)
+        self._bus.write(data)
 
     def drop(self) -> None:
         self._bus.drop()
@@ -80,17 +62,13 @@ class Instrument:
         self._thread.join()
         self._bus.close()
 
-    def interrupt(self) -> None:
-        """Report the error of an answer that was not fetched."""
-        self._emulator._generator._fail(INTERRUPTED)
-
-    def events(self, kind: str, least: int = 0) -> list[dict[str, Any]]:
-        """Return what the truth file says, once it says so much."""
+    def events(self, kind: str, at_least: int = 0) -> list[dict[str, Any]]:
+        """Return the events of a kind in the truth file, once there are so many."""
         give_up_s = time.monotonic() + 10.0
         while True:
             events = [json.loads(line) for line in self.truth.getvalue().splitlines()]
             named = [event for event in events if event["event"] == kind]
-            if len(named) >= least or time.monotonic() > give_up_s:
+            if len(named) >= at_least or time.monotonic() > give_up_s:
                 return named
             time.sleep(0.002)
 

@@ -134,7 +134,7 @@ def test_a_stop_before_the_first_frame_means_that_nothing_came_out(
     assert not card.frames().any()
 
 
-@settings(deadline=None, max_examples=60)
+@settings(deadline=None, max_examples=25)
 @given(
     level_vpp=st.floats(0.0, 300.0), peak=st.floats(0.01, 1.0), ceiling_vpp=st.floats(1.0, 300.0)
 )

@@ -32,7 +32,7 @@ def fed_in_pieces(data: bytes, cuts: list[int]) -> tuple[list[Frame], Decoder]:
     return frames, decoder
 
 
-@settings(max_examples=200)
+@settings(max_examples=80)
 @given(frame=some_frame, where=st.integers(0, 200), flip=st.integers(1, 255))
 def test_a_frame_survives_the_wire_and_one_with_a_wrong_byte_is_dropped(
     frame: Frame, where: int, flip: int

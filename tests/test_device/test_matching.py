@@ -124,5 +124,5 @@ def test_a_burst_upside_down_is_not_one_half_a_period_later(cycles: int, noise_d
     record = np.zeros(60_000)
     for sign in (1, -1):
         record[22_000 : 22_000 + frames] = sign * shape
-        inverted = {match(shape, record, rng, noise_db=noise_db).inverted for _ in range(20)}
+        inverted = {match(shape, record, rng, noise_db=noise_db).inverted for _ in range(4)}
         assert inverted == {sign < 0}

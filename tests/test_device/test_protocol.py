@@ -26,7 +26,7 @@ some_octets = st.lists(st.integers(0, 5) | st.integers(0, 255), max_size=96).map
 
 
 @pytest.mark.parametrize("name", LAYOUTS)
-@settings(max_examples=60)
+@settings(max_examples=30)
 @given(octets=some_octets, fits=st.booleans())
 def test_a_content_is_refused_or_read_and_packed_again(
     name: str, octets: bytes, *, fits: bool

@@ -34,13 +34,6 @@ def test_no_token_that_was_here_is_ever_said_to_be_new(
     assert history.absent(max(tokens, default=0) + 1).fate is Fate.NEVER_ARMED
 
 
-def test_a_history_remembers_at_least_one_token() -> None:
-    assert TokenHistory(1).find(1) is TokenHistory(2**31).find(1) is None
-    for capacity in (0, 2**31 + 1):
-        with pytest.raises(ValueError, match="capacity"):
-            TokenHistory(capacity)
-
-
 def test_every_fate_has_an_outcome_and_only_certain_ones_are_not_fired() -> None:
     assert set(OUTCOMES) == set(Fate)
     unsure = {fate for fate, outcome in OUTCOMES.items() if outcome is Outcome.INDETERMINATE}
@@ -88,10 +81,3 @@ def test_an_onset_asked_for_later_is_carried_back_with_more_uncertainty() -> Non
     assert report.host_before_s == pytest.approx(6.0 - 4e-4, abs=1e-6)
     assert report.host_after_s == pytest.approx(6.002 + 4e-4, abs=1e-6)
     assert report.uncertainty_s == pytest.approx(0.001 + 1e-6 + 4e-4)
-
-
-def test_what_did_not_fire_has_neither_onset_nor_levels() -> None:
-    report = reported(5, fate=Fate.ABORTED)
-    assert (report.outcome, report.device_us) == (Outcome.NOT_FIRED, None)
-    assert (report.level_left_vpp, report.level_right_vpp) == (0.0, 0.0)
-    assert (report.host_before_s, report.host_after_s) == (10.0, 10.002)
