@@ -54,8 +54,12 @@ for order in sys.stdin:
 """A process that forks one emulator for each line it reads: starting Python each time is slow."""
 
 USUAL_EMULATOR: dict[str, object] = {
-    "faults": "", "seed": 1, "baud": None, "volts": False,
-    "sample_rate_hz": 48_000.0, "least_interval_s": 0.005,
+    "faults": "",
+    "seed": 1,
+    "baud": None,
+    "volts": False,
+    "sample_rate_hz": 48_000.0,
+    "least_interval_s": 0.005,
 }
 
 HALT_AT = """

@@ -23,11 +23,7 @@ from tests.test_device.trials import LIMITS
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-RATES: Final = {
-    termios.B9600: 9600,
-    termios.B115200: 115_200,
-    termios.B1000000: 1_000_000,
-}
+RATES: Final = {termios.B9600: 9600, termios.B115200: 115_200, termios.B1000000: 1_000_000}
 TICK_S: Final = 0.002
 WHOLE: Final = Amplifier()
 

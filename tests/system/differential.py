@@ -13,14 +13,7 @@ import numpy as np
 from cobs import cobs
 
 from device import Emission, Health
-from tests.system.firmware import (
-    READING,
-    LastBurst,
-    Server,
-    limits_of,
-    make,
-    require_tools,
-)
+from tests.system.firmware import READING, LastBurst, Server, limits_of, make, require_tools
 from tests.test_device.golden import Reader, device_of, measurement_of
 from tests.test_device.wire import fields_of, question, upload_of
 
@@ -56,9 +49,22 @@ STEPS: Final = 250
 """Inputs to one power cycle."""
 
 WEIGHTS: Final = {
-    "HELLO": 1, "PING": 1, "LIMITS": 1, "HEALTH": 3, "BEGIN": 2, "DATA": 3, "COMMIT": 2,
-    "LEVEL": 8, "OUTPUT": 12, "ARM": 22, "DISARM": 4, "FIRE": 24, "QUERY": 8, "MEASURED": 5,
-    "STOP": 1, "BEAT": 22,
+    "HELLO": 1,
+    "PING": 1,
+    "LIMITS": 1,
+    "HEALTH": 3,
+    "BEGIN": 2,
+    "DATA": 3,
+    "COMMIT": 2,
+    "LEVEL": 8,
+    "OUTPUT": 12,
+    "ARM": 22,
+    "DISARM": 4,
+    "FIRE": 24,
+    "QUERY": 8,
+    "MEASURED": 5,
+    "STOP": 1,
+    "BEAT": 22,
 }
 """How often which question is asked."""
 KINDS: Final = tuple(kind for kind, weight in WEIGHTS.items() for _ in range(weight))

@@ -42,14 +42,6 @@ def test_a_board_of_another_rate_is_driven_at_its_rate_and_refused_at_another(ba
     assert "watchdog" not in {event["event"] for event in events}
 
 
-@pytest.mark.parametrize("baud", [4800, 9600])
-def test_a_slow_wire_behind_an_adapter_is_refused_with_the_rate_that_it_has(baud: int) -> None:
-    with board(baud=baud, hidden=True) as (port, _):
-        assert f"device.baud = {baud}," in why_not(port)
-        ready(device := device_at(port, baud=baud), burst=QUICK)
-        device.close()
-
-
 @pytest.mark.parametrize("delay_s", [0.016, 0.040])
 def test_a_delay_on_a_line_of_the_right_rate_is_not_taken_for_its_rate(delay_s: float) -> None:
     with board(baud=115_200, hidden=True, delay_s=delay_s) as (port, _):

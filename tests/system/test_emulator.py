@@ -18,7 +18,7 @@ import pytest
 from device import LinkError, Outcome
 from device.wire.serial import identify
 from tests.test_device.bursts import play, ready
-from tests.test_device.trials import QUICK, device_at, terminal_at, trials_at
+from tests.test_device.trials import QUICK, device_at, terminal_at
 
 if TYPE_CHECKING:
     from tests.conftest import Run
@@ -47,34 +47,6 @@ def wait_for(truth: Path, event: str, nth: int = 1) -> dict[str, Any]:
             return facts[nth - 1]
         time.sleep(0.005)
     pytest.fail(f"no {event!r} in {SOON_S} s: {events(truth)}")
-
-
-BAD_LINES = {
-    "noise": ("drop=0.01,corrupt=0.01", 160),
-    "duplicates, delays and stalls": (
-        "duplicate=0.1,delay=0.1,delay_s=0.02,stall=0.02,stall_s=0.02",
-        90,
-    ),
-    "resets and lost lines": ("reset=0.01,disconnect=0.01", 90),
-}
-
-
-@LINES
-@pytest.mark.parametrize("name", BAD_LINES)
-def test_what_the_host_says_over_a_real_line_is_what_was_emitted(
-    emulate: Emulate, kind: str, name: str
-) -> None:
-    script, n_trials = BAD_LINES[name]
-    port, truth, _ = emulate(kind, faults=script)
-    trials = trials_at(port, 1, answer_within_s=0.003)
-    for _ in range(n_trials):
-        trials.trial()
-        time.sleep(0.008)
-    trials.device.close()
-    counts = trials.check(events(truth))
-    print(f"{kind}, {name}: {n_trials} trials, {dict(counts)}")
-    if name != "resets and lost lines":
-        assert counts["indeterminate"] <= 0.01 * n_trials
 
 
 HOST = """

@@ -17,15 +17,7 @@ import pytest
 
 from device import Health, Refusal
 from tests.system.differential import KINDS, compare, small_server
-from tests.system.firmware import (
-    FIRMWARE,
-    Server,
-    limits_of,
-    make,
-    making,
-    require_tools,
-    running,
-)
+from tests.system.firmware import FIRMWARE, Server, limits_of, make, making, require_tools, running
 from tests.test_device.bursts import BURST
 from tests.test_device.golden import GOLDEN
 from tests.test_device.trials import device_at

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from device import Limits, OutputStage, Refusal, RefusedError
 from device.core.core import DeviceCore
 from device.core.messages import to_codes
@@ -60,11 +58,6 @@ class Bench:
         """Store a sine of `n` samples with these peaks."""
         codes = [to_codes(sine(n, peak=peak), bits=16) for peak in (left, right)]
         self.take(at_us, "LOAD", slot=slot, left=codes[0], right=codes[1])
-
-    def load_wrong(self, at_us: int) -> Refusal:
-        """Try to store a burst that does not begin at 0."""
-        codes = to_codes(sine(97), bits=16)
-        return self.refused(at_us, "LOAD", slot=0, left=codes, right=np.roll(codes, 5))
 
     def levels(self, at_us: int, left_mvpp: int, right_mvpp: int | None = None) -> None:
         right_mvpp = left_mvpp if right_mvpp is None else right_mvpp

@@ -8,9 +8,8 @@ has seconds to happen. Where nobody can read the bursts, the device's own answer
 from __future__ import annotations
 
 import math
-import threading
 from dataclasses import replace
-from itertools import count, pairwise
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -220,8 +219,7 @@ class DeviceContract:
             )
 
     def test_the_ceiling_holds_for_the_product_of_peak_and_level_and_is_itself_played(
-        self,
-        live: Rig,
+        self, live: Rig
     ) -> None:
         live.device.load(5, 0.5 * BURST, SILENCE)
         live.device.set_levels(400.0, 200.0)
@@ -361,25 +359,6 @@ class DeviceContract:
         rig.clock.wait(2.0 * rig.long_s + 0.1 if state == "playing" else 0.1)
         assert play(rig, 5).outcome is Outcome.FIRED
 
-    @pytest.mark.slow
-    def test_a_stop_from_other_threads_is_never_lost(self, live: Rig) -> None:
-        tokens = count(1)
-
-        def play_on() -> None:
-            for token in tokens:
-                play(live, token)
-                live.clock.wait(0.1)
-
-        for _ in range(20):
-            threads = [threading.Thread(target=live.device.stop) for _ in range(4)]
-            for thread in threads:
-                thread.start()
-            refusal(play_on)
-            for thread in threads:
-                thread.join()
-            live.device.enable()
-            live.clock.wait(0.1)
-
     def test_a_device_says_what_it_is_ready_to_do_and_keeps_to_it(self, rig: Rig) -> None:
         if not isinstance(rig.device, HostDriver):
             pytest.skip("a driver of a lab's own, or a bare core, tells its limits to nobody")
@@ -411,19 +390,3 @@ class DeviceContract:
         assert live.device.measured(999) is None
         found = live.device.measured(1)
         assert found is None or found.tap in {"line", "amplifier", "current", "motion"}
-
-    def test_a_waveform_that_leaves_no_room_is_refused_before_it_travels(self, rig: Rig) -> None:
-        if not isinstance(rig.device, HostDriver):
-            pytest.skip("a driver of a lab's own, or a bare core, tells its limits to nobody")
-        told = rig.device.limits()
-        n_most = min(told.memory_samples, rig.longest)
-        if told.memory_samples >= told.slots * rig.longest:
-            pytest.skip("all its slots hold the longest waveform")
-        silence = np.zeros(n_most)
-        codes = []
-        for slot in range(told.slots):
-            try:
-                rig.device.load(slot, silence, silence)
-            except LimitExceeded as error:
-                codes.append(error.code)
-        assert set(codes) == {Refusal.MEMORY_FULL}

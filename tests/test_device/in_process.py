@@ -220,11 +220,7 @@ def generator_on(
     channel: Channel, clock: Clock, *, gain: float, limits: Limits = LIMITS
 ) -> GeneratorDevice:
     return GeneratorDevice(
-        lambda: channel,
-        limits=limits,
-        clock=clock,
-        amplifier_gain=gain,
-        sample_rate_hz=48_000.0,
+        lambda: channel, limits=limits, clock=clock, amplifier_gain=gain, sample_rate_hz=48_000.0
     )
 
 

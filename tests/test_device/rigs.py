@@ -30,13 +30,7 @@ from device import (
 from device.emulate.generator import EmulatedGenerator
 from device.wire.channels import open_channel
 from device.wire.link import FrameLink
-from tests.test_device.in_process import (
-    LIMITS,
-    LocalChannel,
-    SoundCard,
-    audio_on,
-    generator_on,
-)
+from tests.test_device.in_process import LIMITS, LocalChannel, SoundCard, audio_on, generator_on
 from tests.test_device.wire import message
 
 if TYPE_CHECKING:
@@ -111,11 +105,7 @@ def real_rig(
         link._heart.end()
 
     return Rig(
-        device=device,
-        clock=MonotonicClock(),
-        silence=silence,
-        emitted=emitted,
-        **IN_REAL_TIME,
+        device=device, clock=MonotonicClock(), silence=silence, emitted=emitted, **IN_REAL_TIME
     )
 
 

@@ -56,19 +56,6 @@ def test_a_burst_is_handed_over_once_and_whole_when_it_is_over() -> None:
     assert bench.over[0].cut_us is None
 
 
-def test_a_watchdog_cuts_a_long_burst_when_it_trips_not_when_it_is_noticed() -> None:
-    bench = Bench().live(n=40_001)
-    bench.arm(200_000, 1)
-    bench.fire(200_000, 1)
-    assert bench.state_at(9_000_000) is State.SAFE
-    (cut,) = bench.over
-    assert cut.cut_us == WATCHDOG_US
-    first_zero = (WATCHDOG_US - 200_000) * 48 // 1000
-    assert cut.left_v[:first_zero].any()
-    assert not cut.left_v[first_zero:].any()
-    assert bench.fate(1) == "fired"
-
-
 def test_a_fired_token_gives_its_record_whatever_the_device_does_since() -> None:
     bench = Bench().live()
     bench.arm(0, 1)
@@ -235,34 +222,6 @@ def test_a_step_follows_the_table_or_is_refused_and_changes_nothing(
     else:
         assert bench.refused(100, name, **fields) is ILLEGAL[state]
         assert bench.future() == prepared(state).future()
-
-
-@pytest.mark.parametrize(
-    ("state", "code", "name", "fields"),
-    [
-        (State.LIVE, Refusal.CEILING, "LEVEL", {"left_mvpp": 200_001, "right_mvpp": 0}),
-        (State.LIVE, Refusal.EMPTY_SLOT, "ARM", {"token": 2, "slot": 5, "time_to_live_us": 9}),
-        (State.LIVE, Refusal.BAD_SLOT, "ARM", {"token": 2, "slot": 255, "time_to_live_us": 9}),
-        (
-            State.LIVE,
-            Refusal.BAD_TIME_TO_LIVE,
-            "ARM",
-            {"token": 2, "slot": 0, "time_to_live_us": 0},
-        ),
-        (State.LIVE, Refusal.BAD_TOKEN, "DISARM", {"token": 0}),
-        (State.LIVE, Refusal.BAD_TOKEN, "QUERY", {"token": 2**64}),
-        (State.ARMED, Refusal.WRONG_TOKEN, "FIRE", {"token": 2}),
-        (State.ARMED, Refusal.BAD_TOKEN, "FIRE", {"token": -1}),
-        (State.LIVE, Refusal.EDGES_NOT_ZERO, "", {}),
-    ],
-)
-def test_a_refused_message_changes_nothing(
-    state: State, code: Refusal, name: str, fields: dict[str, int]
-) -> None:
-    bench = prepared(state)
-    refusal = bench.refused(100, name, **fields) if name else bench.load_wrong(100)
-    assert refusal is code
-    assert bench.future() == prepared(state).future()
 
 
 @settings(deadline=None, max_examples=100)

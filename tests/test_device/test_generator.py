@@ -7,14 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from device import (
-    Limits,
-    LinkError,
-    Outcome,
-    Refusal,
-    RefusedError,
-    SettingError,
-)
+from device import Limits, LinkError, Outcome, Refusal, RefusedError, SettingError
 from tests.test_device.bursts import play, ready, refusal
 from tests.test_device.generators import (
     BLOCK,

@@ -213,17 +213,6 @@ def test_a_measurement_is_the_burst_by_gain_and_delay(tap: str, kind: str) -> No
     assert device.measured(2) is None
 
 
-@TAPS
-def test_behind_a_switch_that_nobody_senses_only_the_line_has_a_burst(tap: str) -> None:
-    device, rig = wired(Amplifier(switch_open=True, sensed=False, adc=Adc(tap=tap)))
-    assert device.health() == Health(amplifier_enabled=True)
-    play(device, 1)
-    rig.wait(0.1)
-    measured = device.measured(1)
-    assert measured is not None
-    assert (measured.left > 0, measured.correlation_left > 0) == ((tap == "line",) * 2)
-
-
 def measured_by(adc: Adc, seed: int, n_bursts: int) -> list[Measurement]:
     """Return what an input measures of bursts to the left."""
     clock = VirtualClock()

@@ -228,9 +228,7 @@ def test_motion_voids_silence_swap_and_doubling_only() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("noise_db", [20.0, 40.0])
-def test_among_many_bursts_every_fault_is_caught_and_no_good_one_is_blamed(
-    noise_db: float,
-) -> None:
+def test_among_many_bursts_every_fault_is_caught_and_no_good_one_is_blamed(noise_db: float) -> None:
     rig = MonitorRig(noise_db=noise_db, seed=round(noise_db))
     rng = np.random.default_rng(7)
     names, gain = [*FAULTS, "late", "early"], clean_gain(noise_db)

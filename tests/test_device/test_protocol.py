@@ -114,10 +114,7 @@ def test_the_page_lists_the_types_with_their_numbers_and_layouts() -> None:
 
 
 def test_the_page_numbers_states_fates_and_refusals() -> None:
-    names = {
-        "States": [state.value for state in STATES],
-        "Fates": [fate.value for fate in FATES],
-    }
+    names = {"States": [state.value for state in STATES], "Fates": [fate.value for fate in FATES]}
     for heading, listed in names.items():
         assert [(int(row[0]), row[1]) for row in table_of(heading)] == list(enumerate(listed))
     rows = [(int(row[0]), row[1]) for row in table_of("Refusals")]

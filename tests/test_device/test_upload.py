@@ -34,17 +34,6 @@ def test_every_piece_gets_through_and_no_more_are_under_way_than_may_be(
     assert arrived == set(range(n_pieces))
 
 
-def test_pieces_are_sent_again_only_where_one_was_lost() -> None:
-    window = Window(((n, bytes([n])) for n in range(100)), size=8, late_s=LATE_S)
-    sent = window.due(0.0)
-    for number in range(100):
-        assert window.answered(number, 0.001 * number)
-        assert not window.answered(number, 0.001 * number)
-        sent += window.due(0.001 * number)
-    assert sent == [bytes([n]) for n in range(100)]
-    assert window.is_over
-
-
 def test_the_pieces_of_a_waveform_are_all_of_it_in_order() -> None:
     codes = np.arange(-50, 50, dtype=np.int32)
     octets, data = upload_of(codes, -codes, 7)

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from itertools import count
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
 import pytest
 
 from device import (
@@ -27,6 +26,8 @@ from device.wire.link import FrameLink
 from tests.test_device.bursts import sine
 
 if TYPE_CHECKING:
+    import numpy as np
+
     from device import Clock
     from device.wire.channels import Channel
 
@@ -176,12 +177,6 @@ def device_at(
         answer_within_s=answer_within_s,
     )
     return HostDriver(link, limits=LIMITS, clock=clock)
-
-
-def trials_at(port: str, seed: int, *, answer_within_s: float) -> Trials:
-    """Return a host with trials of the device at a port of this machine."""
-    device = device_at(port, answer_within_s=answer_within_s)
-    return Trials(device, MonotonicClock(), np.random.default_rng(seed), n_slots=1)
 
 
 def terminal_at(port: str) -> Channel:
