@@ -42,15 +42,6 @@ def test_a_board_of_another_rate_is_driven_at_its_rate_and_refused_at_another(ba
     assert "watchdog" not in {event["event"] for event in events}
 
 
-@pytest.mark.parametrize("delay_s", [0.016, 0.040])
-def test_a_delay_on_a_line_of_the_right_rate_is_not_taken_for_its_rate(delay_s: float) -> None:
-    with board(baud=115_200, hidden=True, delay_s=delay_s) as (port, _):
-        error = why_not(port)
-    numbers_ms = [int(word) for word in error.split() if word.isdigit()]
-    assert any(1e3 * delay_s - 3 <= ms <= 1e3 * delay_s + 8 for ms in numbers_ms)
-    assert error.count("device.baud =") <= 1  # that which it has
-
-
 def test_a_board_that_starts_when_it_is_opened_is_waited_for_as_long_as_is_set() -> None:
     with board(baud=115_200, boots_for_s=2.0) as (port, _):
         assert "device.opens_within_s" in why_not(port, opens_within_s=0.3)

@@ -18,7 +18,7 @@ import pytest
 from device import LinkError, Outcome
 from device.wire.serial import identify
 from tests.test_device.bursts import play, ready
-from tests.test_device.trials import QUICK, device_at, terminal_at
+from tests.test_device.trials import QUICK, device_at
 
 if TYPE_CHECKING:
     from tests.conftest import Run
@@ -161,24 +161,6 @@ def test_what_does_not_answer_has_no_identity_and_is_left_alone() -> None:
     os.close(ours)
 
 
-@LINES
-def test_a_device_says_who_it_is_in_plain_text_and_in_frames(emulate: Emulate, kind: str) -> None:
-    port, _, _ = emulate(kind)
-    terminal = terminal_at(port)
-    terminal.write(b"*IDN?\r\n")
-    said, give_up_s = b"", time.monotonic() + SOON_S
-    while not said.endswith(b"\n") and time.monotonic() < give_up_s:
-        said += terminal.read(0.1)
-    terminal.close()
-    answer = identify(port)
-    assert answer is not None
-    identity, limits, health = answer
-    assert (identity.model, identity.emulated) == ("emulator", True)
-    assert said.decode().split(",")[::2][:2] == ["tactstrip", identity.serial_number]
-    assert limits.firmware
-    assert health.switch_closed is True
-
-
 COMMAND = (sys.executable, "-c", "from tactstrip import main; main()", "emulate")
 
 
@@ -240,10 +222,3 @@ def test_devices_lists_who_answers_on_each_port(start: Start, run: Run) -> None:
     assert answers[generator].startswith("Keysight Technologies,33512B")
     assert "Keysight" not in answers[nobody]
     assert len([line for line in lines if line.startswith(" ")]) == 2
-
-
-def test_a_port_that_is_taken_is_one_line(start: Start, run: Run) -> None:
-    _, port = start("--tcp", "0")
-    result = run("emulate", "--tcp", port.rsplit(":", 1)[1])
-    assert result.exit_code == 2
-    assert len(result.stderr.splitlines()) == 1

@@ -64,6 +64,11 @@ def test_the_golden_frames_are_what_the_firmware_answers(golden: Server) -> None
         ask(golden, step)
     for step, told in zip(GOLDEN["steps"], golden.told(), strict=True):
         assert (told.frames + told.text).hex(" ") == step.get("answer", ""), step["meaning"]
+    for noise in GOLDEN["no_frames"]:
+        golden.switch_on(GOLDEN["device"])
+        golden.receive(1, bytes.fromhex(noise["bytes"]))
+        (told,) = golden.told()
+        assert told.frames + told.text == b"", noise["meaning"]
 
 
 def ask(server: Server, step: dict[str, Any]) -> None:
@@ -77,14 +82,6 @@ def ask(server: Server, step: dict[str, Any]) -> None:
             server.read_from_now_on(at_us, reading and tuple(reading.values()))
         case _:
             server.receive(at_us, bytes.fromhex(step["question"]))
-
-
-def test_what_is_no_golden_frame_gets_no_answer_of_the_firmware(golden: Server) -> None:
-    for noise in GOLDEN["no_frames"]:
-        golden.switch_on(GOLDEN["device"])
-        golden.receive(1, bytes.fromhex(noise["bytes"]))
-        (told,) = golden.told()
-        assert told.frames + told.text == b"", noise["meaning"]
 
 
 def test_firmware_and_core_do_the_same(tmp_path: Path) -> None:
@@ -222,29 +219,3 @@ def test_limits_that_cannot_be_kept_are_not_compiled(
         command = making(tmp_path, path, sanitize=False, **given)
         run = subprocess.run(command, capture_output=True, text=True, check=False)
         assert (run.returncode != 0, "static assertion" in run.stderr) == (fails, fails)
-
-
-@pytest.mark.parametrize(
-    "option",
-    [
-        ["--rate", "0"],
-        ["--tcp", "70000"],
-        ["--tcp", ""],
-        *(["--adc", adc] for adc in ("", "gain=0", "gain=100.1", "gain=1e1", "gain=.5")),
-        *(["--adc", adc] for adc in ("gain=1.2.3", "gain=nan", "gain=1,noise=5", "gain=1,")),
-        *(["--adc", f"gain=1,delay_us={us}"] for us in ("", "1000.5", "-1", "0,noise=100001")),
-        ["--adc", "tap=line,gain=1"],
-    ],
-)
-def test_native_and_qemu_refuse_an_option_in_the_same_words(
-    images: Path, option: list[str]
-) -> None:
-    qemu = [sys.executable, str(FIRMWARE / "hal/qemu/run.py")]
-    errors = set()
-    for command in (command_of("native", images), qemu):
-        run = subprocess.run([*command, *option], capture_output=True, text=True, check=False)
-        assert (run.returncode, run.stdout) == (2, "")
-        errors.add(run.stderr.partition(": ")[2])
-    (error,) = errors
-    assert error.startswith(f"{option[0]}: ")
-    assert error.endswith(f'"{option[1]}"\n')

@@ -216,20 +216,6 @@ def test_a_stop_from_another_thread_cuts_the_burst_and_its_trial_is_indeterminat
     assert refusal(lambda: play(live.device, 2)) is Refusal.SAFE_STATE
 
 
-def test_a_stop_inside_an_upload_is_sent_again_and_holds(live: GeneratorBench) -> None:
-    def before(data: bytes) -> None:
-        if b"SOUR1:DATA" in data:
-            live.channel.before = lambda later: None
-            live.channel.written += b"-"
-            live.device.stop()
-            live.hear("OUTP1 ON", "OUTP2 ON")
-
-    live.channel.before = before
-    live.device.load(2, -WAVE, SILENCE)
-    assert live.generator.outputs_on == (False, False)
-    refusal(lambda: play(live.device, 1))
-
-
 @pytest.mark.parametrize(
     ("command", "error"),
     [

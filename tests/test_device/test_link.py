@@ -181,13 +181,6 @@ def test_old_bytes_in_any_order_do_nothing_but_stop(line: RecordedLine, seed: in
     assert [burst.token for burst in line.over] == [1, 3, 4]
 
 
-def test_an_output_that_a_stop_overtook_stays_off(line: RecordedLine) -> None:
-    number = next_number(line)
-    line.answer(question("STOP", number + 1))
-    assert line.refusals(question("OUTPUT", number)) == [Refusal.STALE]
-    assert line.core.state is State.SAFE
-
-
 def test_a_question_for_another_power_cycle_does_nothing_and_leaves_the_count(
     line: RecordedLine,
 ) -> None:

@@ -137,12 +137,6 @@ def test_samples_that_are_no_finite_numbers_never_leave_the_host() -> None:
         device.load(0, BURST, strange)
 
 
-@pytest.mark.parametrize(("option", "value"), [("drift_ppm", 2e5), ("offset_s", math.nan)])
-def test_a_clock_that_cannot_be_is_refused_by_name(option: str, value: float) -> None:
-    with pytest.raises(ValueError, match=option):
-        live_mock(VirtualClock(), **{option: value})
-
-
 def test_a_power_cycle_forgets_all_and_makes_what_was_armed_indeterminate() -> None:
     clock = VirtualClock()
     device = live_mock(clock)
@@ -213,30 +207,6 @@ def test_a_measurement_is_the_burst_by_gain_and_delay(tap: str, kind: str) -> No
     assert device.measured(2) is None
 
 
-def measured_by(adc: Adc, seed: int, n_bursts: int) -> list[Measurement]:
-    """Return what an input measures of bursts to the left."""
-    clock = VirtualClock()
-    device = MockDevice(clock, limits=LIMITS, adc=adc, rng=np.random.default_rng(seed))
-    ready(device, 100.0)
-    measured = []
-    for token in range(1, n_bursts + 1):
-        play(device, token)
-        clock.wait(0.1)
-        measured.append(device.measured(token))
-    return [measurement for measurement in measured if measurement is not None]
-
-
-def test_an_input_misses_bursts_and_adds_noise_as_it_is_set() -> None:
-    lossy = measured_by(Adc(loss=0.3), 1, 200)
-    assert len(lossy) == 200
-    assert 120 <= sum(measurement.left > 0 for measurement in lossy) <= 160
-    noisy = measured_by(Adc.parse("noise=10000"), 2, 100)
-    signal_v2 = 50.0**2 * np.mean(BURST**2)
-    correlation = np.mean([measurement.correlation_left for measurement in noisy])
-    assert correlation == pytest.approx(1e4 / np.sqrt(1 + 10.0**2 / signal_v2), rel=2e-3)
-    assert all(0 < measurement.right < 45_000 for measurement in noisy)
-
-
 def test_over_current_comes_at_its_time_and_is_kept_until_the_output_is_on_again() -> None:
     device, rig = wired(Amplifier(over_current_at_s=1.0))
     for wait_s, is_over in ((0.9, False), (0.3, True)):
@@ -246,17 +216,6 @@ def test_over_current_comes_at_its_time_and_is_kept_until_the_output_is_on_again
     refusal(lambda: play(device, 1))
     device.enable()
     assert device.health().over_current is False
-    play(device, 1)
-
-
-def test_a_mock_forgets_its_switch_with_no_power_cycle() -> None:
-    device = live_mock(VirtualClock())
-    device.sense(Health(switch_closed=False))
-    assert refusal(lambda: play(device, 1)) is Refusal.AMPLIFIER_OFF
-    device.reset()
-    ready(device, 100.0)
-    assert refusal(lambda: play(device, 1)) is Refusal.AMPLIFIER_OFF
-    device.sense(Health(switch_closed=True))
     play(device, 1)
 
 

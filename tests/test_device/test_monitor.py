@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 from types import SimpleNamespace
 from typing import TYPE_CHECKING
 
@@ -130,17 +129,6 @@ def test_an_unstated_delay_is_that_of_the_first_burst(frames: float) -> None:
     assert late_s * 48e3 == pytest.approx(DELAY + frames, abs=0.6)
 
 
-@pytest.mark.slow
-def test_where_an_unstated_delay_jumps_one_burst_is_blamed_and_where_it_strays_every_one() -> None:
-    rig = MonitorRig(stated=False)
-    faults = []
-    for frames in (0, 30, 30, 130, 130, 30, 30, 200, 40, 330, 430, 530):
-        rig.card.line.delays = [DELAY + frames, DELAY + frames]
-        faults.append(rig.measure().faults)
-    late, early = (Fault.LATE,), (Fault.EARLY,)
-    assert faults == [(), (), (), late, (), early, (), late, (), late, late, late]
-
-
 def test_after_a_burst_that_was_not_heard_an_unstated_delay_is_not_known() -> None:
     rig = MonitorRig(stated=False)
     rig.card.line.path = scaled(0.0)
@@ -187,16 +175,6 @@ def test_below_10_db_nothing_is_verified(fault: str, noise_db: float) -> None:
     assert measured.unmeasured
     rig.card.line.path = FAULTS[fault][0]
     assert rig.measure().verified != "line"
-
-
-def test_with_wide_tolerances_10_db_suffice() -> None:
-    for seed in (1, 2, 3):
-        rig = MonitorRig(noise_db=10.5, peak=0.3, silence=0.3, correlation=0.9, seed=seed)
-        assert rig.measure().verified == "line"
-    *_, needed_db = re.findall(r"[\d.]+", MonitorRig(noise_db=12).measure().unmeasured)
-    assert float(needed_db) == pytest.approx(
-        17.1, abs=0.5
-    )  # of the noise itself; 125 shapes tell it
 
 
 def test_a_dead_input_is_not_measured() -> None:

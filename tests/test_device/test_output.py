@@ -79,13 +79,6 @@ def render(
     return stage.render(codes, levels=levels, limits=limits)
 
 
-def test_a_step_that_a_float_would_lose_is_played() -> None:
-    codes = np.array([[0, 400, -400, 0]] * 2, dtype=np.int32)
-    levels = Levels(left_mvpp=14_500, right_mvpp=14_499)
-    volts = OutputStage().render(codes, levels=levels, limits=CEILING)
-    assert (volts * 32_767 / 100).round(9).tolist() == [[0, 29, -29, 0], [0, 28, -28, 0]]
-
-
 @given(
     code=st.integers(-(2**23) + 1, 2**23 - 1),
     level_mvpp=st.integers(0, 2**32 - 1),

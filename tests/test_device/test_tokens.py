@@ -41,13 +41,6 @@ def test_every_fate_has_an_outcome_and_only_certain_ones_are_not_fired() -> None
     assert [fate for fate in Fate if OUTCOMES[fate] is Outcome.FIRED] == [Fate.FIRED]
 
 
-@pytest.mark.parametrize("fate", list(Fate))
-def test_a_record_has_an_onset_just_if_it_fired(fate: Fate) -> None:
-    start_us = None if fate is Fate.FIRED else 5
-    with pytest.raises(ValueError, match="start_us"):
-        Record(token=1, fate=fate, start_us=start_us)
-
-
 def reported(device_us: int, **facts: Any) -> Delivery:
     """Return what a driver reports when an exchange of 2 ms ended at that time of the device."""
     return delivery(

@@ -29,7 +29,6 @@ if TYPE_CHECKING:
     import numpy as np
 
     from device import Clock
-    from device.wire.channels import Channel
 
 LIMITS = Limits(ceiling_vpp=200.0, least_interval_s=0.005)
 QUICK = sine(25)
@@ -177,8 +176,3 @@ def device_at(
         answer_within_s=answer_within_s,
     )
     return HostDriver(link, limits=LIMITS, clock=clock)
-
-
-def terminal_at(port: str) -> Channel:
-    """Return a line to a port, on which anything can be typed."""
-    return open_channel(port, MonotonicClock())
