@@ -144,10 +144,6 @@ class GeneratorBench:
 
         self.channel.change = change
 
-    def hear(self, *texts: str) -> bytes:
-        """Have the generator hear lines now; return its answers."""
-        return self.generator.receive(round(self.clock.now_s() * 1e6), lines(*texts))
-
     def play(self, token: int, slot: int = 0) -> Outcome:
         self.clock.wait(0.1)
         return play(self.device, token, slot).outcome

@@ -30,7 +30,7 @@ from tests.test_device.wire import answers
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from device import Clock, Emission, Identity, Refusal
+    from device import Clock, Emission, Refusal
     from device.core.messages import CodeArray
     from device.emulate.generator import EmulatedGenerator
     from device.sound.player import Frames
@@ -141,12 +141,18 @@ class InProcess:
         step_s = min(at_most_s, beat_in_s, self.emulator.due_in_s)
         self.clock.wait(max(step_s, _LEAST_STEP_S))
 
-    def _connect(self) -> _Channel:
+    def _connect(self) -> InProcess:
         self._buffers.connect(connected=True)
-        return _Channel(self._buffers, self)
+        return self
+
+    def write(self, data: bytes) -> None:
+        """Send bytes to the device."""
+        self._require_line()
+        self._buffers.to_device += data
 
     def read(self, timeout_s: float) -> bytes:
         """Return what reaches the host within a time."""
+        self._require_line()
         until_s = self.clock.now_s() + timeout_s
         self.emulator.turn(0.0)
         while not self._buffers.to_host and self._buffers.connected:
@@ -157,34 +163,14 @@ class InProcess:
             self.emulator.turn(0.0)
         data = bytes(self._buffers.to_host)
         self._buffers.to_host.clear()
-        return data
-
-    def hung_up(self) -> None:
-        """Have the device notice that the host is gone."""
-        self._buffers.connect(connected=False)
-        self.emulator.turn(0.0)
-
-
-class _Channel:
-    """The host's side of one connection."""
-
-    def __init__(self, buffers: Buffers, device: InProcess) -> None:
-        self._buffers = buffers
-        self._device = device
-
-    def write(self, data: bytes) -> None:
-        self._require_line()
-        self._buffers.to_device += data
-
-    def read(self, timeout_s: float) -> bytes:
-        self._require_line()
-        data = self._device.read(timeout_s)
         if not data:
             self._require_line()
         return data
 
     def close(self) -> None:
-        self._device.hung_up()
+        """Have the device notice that the host is gone."""
+        self._buffers.connect(connected=False)
+        self.emulator.turn(0.0)
 
     def _require_line(self) -> None:
         if not self._buffers.connected:
@@ -313,24 +299,23 @@ class RecordedLine:
 
     def __init__(self) -> None:
         self.over: list[Emission] = []
-        self.endpoint = endpoint(identity(boot_id=self.BOOT_ID), sink=self.over.append)
-        self.core = self.endpoint.core
+        limits = Limits(ceiling_vpp=200.0, least_interval_s=0.005)
+        self.core = DeviceCore(
+            boot_id=self.BOOT_ID, limits=limits, output=OutputStage(), sink=self.over.append
+        )
+        self.endpoint = Endpoint(self.core, identity(boot_id=self.BOOT_ID))
         self.clock = VirtualClock()
         self.sent: list[bytes] = []
         self.pending = b""
         self.on_write: Callable[[bytes], None] = lambda data: None
         self.on_read: Callable[[bytes], bytes] = lambda data: data
-        self.link = self.new_link()
-        limits = Limits(ceiling_vpp=200.0, least_interval_s=0.005)
+        self.link = FrameLink(lambda: self, self.clock)
         self.device = HostDriver(self.link, limits=limits, clock=self.clock)
 
     def live(self) -> RecordedLine:
         """Open the device, ready to play at 100 Vpp."""
         ready(self.device, 100.0)
         return self
-
-    def new_link(self) -> FrameLink:
-        return FrameLink(lambda: self, self.clock)
 
     def write(self, data: bytes) -> None:
         self.sent.append(data)
@@ -351,23 +336,3 @@ class RecordedLine:
     def refusals(self, data: bytes) -> list[Refusal | None]:
         """Return why the device refuses each question of these bytes, if it does."""
         return [answer.refusal for answer in answers(self.answer(data))]
-
-
-def endpoint(
-    who: Identity,
-    *,
-    least_interval_s: float = 0.005,
-    sink: Callable[[Emission], None] = lambda burst: None,
-) -> Endpoint:
-    """Return the device's end of a line, with a core of that identity behind it."""
-    core = DeviceCore(
-        boot_id=who.boot_id,
-        limits=Limits(
-            ceiling_vpp=who.ceiling_vpp,
-            least_interval_s=least_interval_s,
-            longest_waveform=who.longest_waveform,
-        ),
-        output=OutputStage(sample_rate_hz=who.sample_rate_hz, bits=who.bits),
-        sink=sink,
-    )
-    return Endpoint(core, who)

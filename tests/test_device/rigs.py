@@ -215,21 +215,20 @@ def hardware_rig(request: pytest.FixtureRequest) -> Rig:
 
 
 def generator_rig(_: pytest.FixtureRequest) -> Rig:
-    clock = VirtualClock(start_s=3.0)
-    over: list[Emission] = []
+    clock, over = VirtualClock(start_s=3.0), list[Emission]()
     generator = EmulatedGenerator(over.append)
     device = generator_on(LocalChannel(generator, clock), clock, gain=1 / GENERATOR_LEVEL)
+
+    def at_actuator(burst: Emission) -> Emission:
+        left_v, right_v = burst.left_v / GENERATOR_LEVEL, burst.right_v / GENERATOR_LEVEL
+        return replace(burst, left_v=left_v, right_v=right_v)
+
     return Rig(
         device=device,
         clock=clock,
         silence=lambda: None,
         emitted=lambda: tuple(at_actuator(burst) for burst in over),
     )
-
-
-def at_actuator(burst: Emission) -> Emission:
-    left_v, right_v = burst.left_v / GENERATOR_LEVEL, burst.right_v / GENERATOR_LEVEL
-    return replace(burst, left_v=left_v, right_v=right_v)
 
 
 def audio_rig(_: pytest.FixtureRequest) -> Rig:
