@@ -191,12 +191,6 @@ class NullSink:
         self._end(self._server)
         self.socket.unlink(missing_ok=True)
 
-    def control(self, *words: str) -> str:
-        """Have pactl do something, and return what it says."""
-        command = ["pactl", f"--server=unix:{self.socket}", *words]
-        done = subprocess.run(command, capture_output=True, text=True, check=True, timeout=30)
-        return done.stdout.strip()
-
     def freeze(self, *, on: bool) -> None:
         """Have the server stand still, or go on."""
         assert self._server is not None

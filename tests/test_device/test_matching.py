@@ -10,14 +10,12 @@ import pytest
 from device.monitor.matching import Template
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
 
     from numpy.typing import NDArray
 
     from device.monitor.matching import Found
 
-QUIET, AFTER = 4800, 2400
-PEAK = 0.4
+QUIET, AFTER, PEAK = 4800, 2400, 0.4
 
 
 def sine(rate_hz: float, frequency_hz: float, cycles: int) -> NDArray[np.float64]:
@@ -34,41 +32,26 @@ SHAPES = {
 }
 
 
-class Loop:
-    """Outputs fed back to inputs with noise so many decibels below a burst, and with faults."""
-
-    def __init__(self, shape: NDArray[np.float64], *, noise_db: float, seed: int) -> None:
-        self.template = Template(shape)
-        self.noise = PEAK * self.template.rms * 10 ** (-noise_db / 20)
-        self.rng = np.random.default_rng(seed)
-
-    def heard(
-        self,
-        left: float,
-        right: float,
-        delays: tuple[float, float],
-        change: Callable[[NDArray[np.float64]], NDArray[np.float64]] = lambda burst: burst,
-    ) -> NDArray[np.float64]:
-        """Return a record, shape (n, 2); delays in frames."""
-        size = QUIET + AFTER + self.template.length
-        record = np.zeros((size, 2))
-        for i, (peak, delay) in enumerate(zip((left, right), delays, strict=True)):
-            whole = int(delay)
-            burst = change(peak * self.template.shifted(delay - whole))
-            start = QUIET + whole - (len(self.template.shape) - self.template.length) // 2
-            record[start : start + len(burst), i] = burst
-        return record + self.noise * self.rng.normal(size=record.shape)
-
-    def match(self, record: NDArray[np.float64]) -> tuple[Found, Found]:
-        left, right = (self.template.find(record[:, i], quiet=QUIET, limit=1.0) for i in (0, 1))
-        return left, right
+def delayed(
+    shape: NDArray[np.float64], delay: float, rng: np.random.Generator, *, noise_db: float
+) -> Found:
+    """Return what is matched of a burst that is so many frames late, in noise."""
+    template = Template(shape)
+    record = np.zeros(QUIET + AFTER + template.length)
+    whole = int(delay)
+    burst = PEAK * template.shifted(delay - whole)
+    start = QUIET + whole - (len(template.shape) - template.length) // 2
+    record[start : start + len(burst)] = burst
+    noise_rms = PEAK * template.rms * 10 ** (-noise_db / 20)
+    noise = noise_rms * rng.normal(size=len(record))
+    return template.find(record + noise, quiet=QUIET, limit=1.0)
 
 
 @pytest.mark.parametrize("name", SHAPES)
 def test_a_burst_is_matched_by_a_thousandth_of_a_frame_without_noise(name: str) -> None:
-    loop = Loop(SHAPES[name], noise_db=90, seed=1)
+    rng = np.random.default_rng(1)
     for delay in np.linspace(50, 400, 29):
-        match, _ = loop.match(loop.heard(PEAK, 0, (delay, 0)))
+        match = delayed(SHAPES[name], delay, rng, noise_db=90)
         assert match.onset == pytest.approx(delay, abs=2e-3)
         assert match.amplitude == pytest.approx(PEAK, rel=1e-3)
         assert match.correlation == pytest.approx(1.0, abs=1e-3)
@@ -78,11 +61,11 @@ def test_a_burst_is_matched_by_a_thousandth_of_a_frame_without_noise(name: str) 
 @pytest.mark.parametrize("name", SHAPES)
 @pytest.mark.parametrize("noise_db", [10, 20])
 def test_the_stated_uncertainty_covers_95_percent(name: str, noise_db: int) -> None:
-    loop = Loop(SHAPES[name], noise_db=noise_db, seed=2)
+    rng = np.random.default_rng(2)
     covered = worst = 0.0
     for _ in range(200):
-        delay = loop.rng.uniform(50, 400)
-        match, _ = loop.match(loop.heard(PEAK, 0, (delay, 0)))
+        delay = rng.uniform(50, 400)
+        match = delayed(SHAPES[name], delay, rng, noise_db=noise_db)
         covered += abs(match.onset - delay) <= match.onset_uncertainty
         worst = max(worst, abs(match.onset - delay))
     assert covered >= 183  # 5 % of 200 less or more than 190 happens in one of 25
@@ -90,7 +73,7 @@ def test_the_stated_uncertainty_covers_95_percent(name: str, noise_db: int) -> N
         assert worst < 1
 
 
-def match(
+def heard(
     shape: NDArray[np.float64],
     record: NDArray[np.float64],
     rng: np.random.Generator,
@@ -108,11 +91,11 @@ def test_another_shape_is_heard_by_its_energy(cycles: int) -> None:
     shape, other = sine(48_000, 500, cycles), sine(48_000, 1000, 2 * cycles)
     record = np.zeros(60_000)
     record[22_000 : 22_000 + frames] = shape
-    alone = match(shape, record, rng)
+    alone = heard(shape, record, rng)
     assert alone.beside == 0.0
     assert alone.loudest == pytest.approx(1.0, abs=0.1)
     record[40_000 : 40_000 + frames] = 0.9 * other
-    both = match(shape, record, rng)
+    both = heard(shape, record, rng)
     assert both.second < 0.1
     assert both.beside == pytest.approx(0.9, abs=0.1)
 
@@ -124,5 +107,5 @@ def test_a_burst_upside_down_is_not_one_half_a_period_later(cycles: int, noise_d
     record = np.zeros(60_000)
     for sign in (1, -1):
         record[22_000 : 22_000 + frames] = sign * shape
-        inverted = {match(shape, record, rng, noise_db=noise_db).inverted for _ in range(4)}
+        inverted = {heard(shape, record, rng, noise_db=noise_db).inverted for _ in range(4)}
         assert inverted == {sign < 0}
