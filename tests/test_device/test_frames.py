@@ -47,8 +47,7 @@ def test_a_frame_survives_the_wire_and_one_with_a_wrong_byte_is_dropped(
     assert decoder.feed(encode(frame)) == [frame]
 
 
-@pytest.mark.slow
-@settings(max_examples=300)
+@settings(max_examples=50)
 @given(
     sent=st.lists(some_frame, max_size=5),
     noise=st.lists(st.binary(max_size=300), min_size=6, max_size=6),
@@ -90,8 +89,7 @@ def ping(number: int = 1) -> bytes:
     return wire.question("PING", number, boot_id=OWN_BOOT)
 
 
-@pytest.mark.slow
-@settings(max_examples=500)
+@settings(max_examples=100)
 @given(
     noise=st.binary(max_size=400),
     kind=st.integers(0, 255) | st.sampled_from([0x01, 0x10, 0x11, 0x22, 0x24, 0x30, 0x31]),

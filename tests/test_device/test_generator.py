@@ -168,8 +168,7 @@ def test_a_line_that_breaks_with_the_trigger_leaves_it_open(live: GeneratorBench
     assert live.device.query(1).outcome is Outcome.INDETERMINATE
 
 
-@pytest.mark.slow
-@settings(deadline=None, max_examples=150)
+@settings(deadline=None, max_examples=25)
 @given(
     peak=st.floats(0.001, 1.0),
     level_vpp=st.floats(0.0, 1e3),

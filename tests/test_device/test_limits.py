@@ -31,8 +31,7 @@ def passes(peak: float, level_vpp: float, limits: Limits) -> bool:
     return True
 
 
-@pytest.mark.slow
-@settings(deadline=None, max_examples=300)
+@settings(deadline=None, max_examples=100)
 @given(
     peak=st.floats(0.0, 1.0),
     level_vpp=st.floats(0.0, 1e4),
@@ -89,8 +88,7 @@ def test_a_bad_waveform_is_refused_with_its_own_code_on_either_channel(
     assert refusal(lambda: check_waveforms(samples, silence, LIMITS), Rejected) is code
 
 
-@pytest.mark.slow
-@settings(deadline=None, max_examples=200)
+@settings(deadline=None, max_examples=40)
 @given(
     durations_us=st.lists(st.integers(1, 1_000_000), min_size=2, max_size=20),
     max_duty=st.floats(0.01, 1.0),

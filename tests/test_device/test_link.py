@@ -102,11 +102,10 @@ def test_a_slow_wire_is_refused_with_its_rate_and_driven_when_that_is_given(baud
     assert why_not_open(57_600, LineSettings()) == ""
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("name", SCRIPTS)
 def test_an_upload_arrives_whole_over_any_line_or_is_said_to_have_failed(name: str) -> None:
     counts: Counter[str] = Counter()
-    for seed in range(20):
+    for seed in range(3):
         trials = Virtual(SCRIPTS[name], seed)
         trials.rig.link._data_numbers = count(2**16 - 40)
         samples = sine(600, peak=float(trials.rng.uniform(0.1, 1.0)), cycles=seed + 1)
@@ -119,7 +118,7 @@ def test_an_upload_arrives_whole_over_any_line_or_is_said_to_have_failed(name: s
         assert np.array_equal(trials.rig.stored(5), (codes, -codes))
         counts["stored"] += 1
     print(f"{name}: {dict(counts)}")
-    assert counts["stored"] == 20 or name not in LOSSLESS
+    assert counts["stored"] == 3 or name not in LOSSLESS
     assert counts["stored"] > 0
 
 

@@ -10,7 +10,6 @@ import pytest
 from device.monitor.matching import Template
 
 if TYPE_CHECKING:
-
     from numpy.typing import NDArray
 
     from device.monitor.matching import Found

@@ -10,8 +10,7 @@ from device import Delivery, Outcome
 from device.core.tokens import OUTCOMES, Exchange, Fate, Record, TokenHistory, delivery
 
 
-@pytest.mark.slow
-@settings(deadline=None, max_examples=200)
+@settings(deadline=None, max_examples=80)
 @given(
     tokens=st.lists(st.integers(1, 40), unique=True, max_size=30),
     capacity=st.integers(1, 10),
