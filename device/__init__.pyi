@@ -1,6 +1,5 @@
 from .clock import Clock, MonotonicClock, VirtualClock
 from .core.converter import Converter, converter_device
-from .core.host import HostDriver
 from .core.output import Emission, OutputStage
 from .core.reports import Health, Measurement
 from .core.states import State
@@ -29,7 +28,6 @@ __all__ = [
     "DriverSettings",
     "Emission",
     "Health",
-    "HostDriver",
     "Identity",
     "LimitExceeded",
     "Limits",

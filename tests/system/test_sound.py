@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from device import DeviceError, DriverSettings, HostDriver, MonotonicClock, Outcome, make_device
+from device import BurstDevice, DeviceError, DriverSettings, MonotonicClock, Outcome, make_device
 from device.sound.stream import open_inputs, sound_cards
 from tests.test_device.bursts import BURST, play, ready
 from tests.test_device.in_process import LIMITS, recorder_on
@@ -27,12 +27,10 @@ if TYPE_CHECKING:
 pytestmark = pytest.mark.xdist_group("sound")
 
 
-def card() -> HostDriver:
+def card() -> BurstDevice:
     """Return the null sink as a device."""
     settings = DriverSettings(limits=LIMITS, port="pulse", volts_full_scale=FULL_SCALE_V)
-    device = make_device("audio", settings, MonotonicClock())
-    assert isinstance(device, HostDriver)
-    return device
+    return make_device("audio", settings, MonotonicClock())
 
 
 @pytest.mark.parametrize("side", [0, 1])

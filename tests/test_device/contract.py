@@ -15,8 +15,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from device import HostDriver, LimitExceeded, Outcome, Refusal, RefusedError
+from device import LimitExceeded, Outcome, Refusal, RefusedError
 from device.core.converter import ConverterDevice
+from device.core.host import HostDriver
 from device.scpi.generator import GeneratorDevice
 from device.sound.audio import AudioDevice
 from tests.test_device import bursts

@@ -13,8 +13,9 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from device import HostDriver, Limits, LineSettings, LinkError, OutputStage, VirtualClock
+from device import Limits, LineSettings, LinkError, OutputStage, VirtualClock
 from device.core.core import DeviceCore
+from device.core.host import HostDriver
 from device.emulate.emulator import TICK_S, Emulator, Nature, Truth
 from device.emulate.faults import Faults, FaultScript
 from device.scpi.generator import GeneratorDevice

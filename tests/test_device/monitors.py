@@ -16,14 +16,14 @@ from tests.test_device.loops import DELAY, FULL_SCALE_V, LEVEL_VPP, SIDES, plann
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from device import Clock, HostDriver
+    from device import BurstDevice, Clock
     from device.monitor.measured import Measured
     from device.sound.recorder import Recorder
     from device.sound.stream import Stream
 
 
 def monitor_of(
-    device: HostDriver,
+    device: BurstDevice,
     recorder: Recorder,
     clock: Clock,
     *,

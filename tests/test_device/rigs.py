@@ -18,7 +18,6 @@ from device import (
     Delivery,
     DriverSettings,
     Emission,
-    HostDriver,
     MockDevice,
     MonotonicClock,
     Outcome,
@@ -27,6 +26,7 @@ from device import (
     converter_device,
     make_device,
 )
+from device.core.host import HostDriver
 from device.emulate.generator import EmulatedGenerator
 from device.wire.channels import open_channel
 from device.wire.link import FrameLink

@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from device import HostDriver, Limits, LinkError, Outcome, Refusal, RefusedError
+from device import BurstDevice, Limits, LinkError, Outcome, Refusal, RefusedError
 from device.sound import stream
 from tests.test_device.bursts import BURST, play, ready, refusal
 from tests.test_device.in_process import LoopCard, SoundCard, audio_on
@@ -51,7 +51,7 @@ def card() -> Card:
 
 
 @pytest.fixture
-def live(card: Card) -> HostDriver:
+def live(card: Card) -> BurstDevice:
     """Slot 0 plays left, 1 right, 2 a hundred periods to the left."""
     device = audio_on(card)
     ready(device, 100.0)
@@ -68,7 +68,7 @@ def codes(level_vpp: float) -> Frames:
 
 @pytest.mark.parametrize("slot", [0, 1])
 def test_a_burst_comes_out_on_its_channel_frame_by_frame(
-    live: HostDriver, card: Card, slot: int
+    live: BurstDevice, card: Card, slot: int
 ) -> None:
     assert play(live, 1, slot).outcome is Outcome.FIRED
     frames = card.frames()
@@ -77,7 +77,7 @@ def test_a_burst_comes_out_on_its_channel_frame_by_frame(
     assert not frames[97:].any()
 
 
-def test_the_onset_interval_is_the_latency_that_was_told(live: HostDriver, card: Card) -> None:
+def test_the_onset_interval_is_the_latency_that_was_told(live: BurstDevice, card: Card) -> None:
     asked_s = card.now_s()
     delivery = play(live, 1)
     assert delivery.host_before_s >= asked_s
@@ -87,7 +87,7 @@ def test_the_onset_interval_is_the_latency_that_was_told(live: HostDriver, card:
     assert card.now_s() >= delivery.host_after_s
 
 
-def test_the_same_token_again_plays_nothing_more(live: HostDriver, card: Card) -> None:
+def test_the_same_token_again_plays_nothing_more(live: BurstDevice, card: Card) -> None:
     delivery = play(live, 1)
     card.wait(0.1)
     assert live.fire(1) == delivery == live.query(1)
@@ -96,7 +96,7 @@ def test_the_same_token_again_plays_nothing_more(live: HostDriver, card: Card) -
 
 @pytest.mark.parametrize("gap", range(6))
 def test_a_gap_in_the_burst_or_before_it_is_heard_is_indeterminate_and_one_before_it_is_not(
-    live: HostDriver, card: Card, gap: int
+    live: BurstDevice, card: Card, gap: int
 ) -> None:
     card.gap = gap
     assert play(live, 1).outcome is (Outcome.INDETERMINATE if gap else Outcome.FIRED)
@@ -104,7 +104,7 @@ def test_a_gap_in_the_burst_or_before_it_is_heard_is_indeterminate_and_one_befor
     assert play(live, 2).outcome is Outcome.FIRED
 
 
-def test_a_card_that_takes_nothing_leaves_the_burst_open(live: HostDriver, card: Card) -> None:
+def test_a_card_that_takes_nothing_leaves_the_burst_open(live: BurstDevice, card: Card) -> None:
     live.arm(1, 0, time_to_live_s=1.0)
     card.active = False
     assert live.fire(1).outcome is Outcome.INDETERMINATE
@@ -113,7 +113,7 @@ def test_a_card_that_takes_nothing_leaves_the_burst_open(live: HostDriver, card:
 
 
 def test_a_stop_in_the_burst_silences_it_from_the_next_buffer_on(
-    live: HostDriver, card: Card
+    live: BurstDevice, card: Card
 ) -> None:
     card.at_buffer = lambda index: live.stop() if index == 10 else None
     assert play(live, 1, slot=2).outcome is Outcome.INDETERMINATE
@@ -127,7 +127,7 @@ def test_a_stop_in_the_burst_silences_it_from_the_next_buffer_on(
 
 
 def test_a_stop_before_the_first_frame_means_that_nothing_came_out(
-    live: HostDriver, card: Card
+    live: BurstDevice, card: Card
 ) -> None:
     card.at_buffer = lambda index: live.stop() if index == 0 else None
     assert play(live, 1).outcome is Outcome.NOT_FIRED

@@ -16,7 +16,6 @@ from device import (
     Delivery,
     DeviceError,
     Health,
-    HostDriver,
     LimitExceeded,
     Limits,
     LinkError,
@@ -170,25 +169,21 @@ def test_losing_power_cuts_the_burst_that_plays() -> None:
 TAPS = pytest.mark.parametrize("tap", ["line", "amplifier", "current", "motion"])
 
 
-def wired(amplifier: Amplifier) -> tuple[HostDriver, InProcess]:
+def wired(amplifier: Amplifier) -> InProcess:
     """Return a device over a wire, live at 100 Vpp, with an amplifier behind it."""
     rig = InProcess(amplifier=amplifier)
     ready(rig.device, 100.0)
-    return rig.device, rig
+    return rig
 
 
 @TAPS
 @pytest.mark.parametrize("kind", ["wire", "mock"])
 def test_a_measurement_is_the_burst_by_gain_and_delay(tap: str, kind: str) -> None:
     adc = Adc.parse(f"tap={tap},gain=0.9,delay_us=40")
-    clock = VirtualClock()
-    device: HostDriver = MockDevice(clock, limits=LIMITS, adc=adc)
-    wait = clock.wait
+    clock, rig = VirtualClock(), wired(Amplifier(adc=adc))
+    device, wait = rig.device, rig.wait
     if kind == "mock":
-        ready(device, 100.0)
-    else:
-        device, rig = wired(Amplifier(adc=adc))
-        wait = rig.wait
+        device, wait = live_mock(clock, adc=adc), clock.wait
     play(device, 1)
     assert refusal(lambda: device.measured(1)) is Refusal.BUSY
     wait(0.1)
@@ -208,7 +203,8 @@ def test_a_measurement_is_the_burst_by_gain_and_delay(tap: str, kind: str) -> No
 
 
 def test_over_current_comes_at_its_time_and_is_kept_until_the_output_is_on_again() -> None:
-    device, rig = wired(Amplifier(over_current_at_s=1.0))
+    rig = wired(Amplifier(over_current_at_s=1.0))
+    device = rig.device
     for wait_s, is_over in ((0.9, False), (0.3, True)):
         rig.wait(wait_s)
         on = Health(amplifier_enabled=not is_over, switch_closed=True, over_current=is_over)

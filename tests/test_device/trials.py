@@ -13,7 +13,6 @@ import pytest
 from device import (
     Delivery,
     DeviceError,
-    HostDriver,
     Limits,
     LineSettings,
     LinkError,
@@ -21,6 +20,7 @@ from device import (
     Outcome,
     RefusedError,
 )
+from device.core.host import HostDriver
 from device.wire.channels import open_channel
 from device.wire.link import FrameLink
 from tests.test_device.bursts import sine
