@@ -1,11 +1,23 @@
 from .clock import Clock, MonotonicClock, VirtualClock
 from .core.converter import Converter, converter_device
 from .core.output import Emission, OutputStage
+from .core.reports import Health, Measurement
+from .core.states import State
 from .driver import BurstDevice, Delivery, Identity, Outcome
 from .drivers import DriverSettings, make_device
 from .emulate.mock import MockDevice
-from .errors import DeviceError, LimitExceeded, LinkError, Refusal, Rejected, StateError
+from .errors import (
+    DeviceError,
+    LimitExceeded,
+    LinkError,
+    Refusal,
+    RefusedError,
+    Rejected,
+    SettingError,
+    StateError,
+)
 from .limits import Limits
+from .wire.channels import LineSettings
 
 __all__ = [
     "BurstDevice",
@@ -15,16 +27,22 @@ __all__ = [
     "DeviceError",
     "DriverSettings",
     "Emission",
+    "Health",
     "Identity",
     "LimitExceeded",
     "Limits",
+    "LineSettings",
     "LinkError",
+    "Measurement",
     "MockDevice",
     "MonotonicClock",
     "Outcome",
     "OutputStage",
     "Refusal",
+    "RefusedError",
     "Rejected",
+    "SettingError",
+    "State",
     "StateError",
     "VirtualClock",
     "converter_device",

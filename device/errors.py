@@ -83,11 +83,31 @@ class LinkError(DeviceError):
 
 
 class SettingError(DeviceError):
-    """A device that did not take a setting, or reports a fault of its own; nothing was played."""
+    """A device that did not take a setting, or reports a fault of its own; nothing was played.
+
+    Examples
+    --------
+    >>> raise SettingError("the generator has another load")
+    Traceback (most recent call last):
+    device.errors.SettingError: the generator has another load
+    """
 
 
 class RefusedError(DeviceError):
-    """A step that was refused, with the reason as `code`; nothing changed."""
+    """A step that was refused, with the reason as `code`; nothing changed.
+
+    Parameters
+    ----------
+    code : Refusal
+        The reason; an attribute of the error.
+    detail : str
+        The values that were refused.
+
+    Examples
+    --------
+    >>> RefusedError(Refusal.BAD_SLOT).code.name
+    'BAD_SLOT'
+    """
 
     def __init__(self, code: Refusal, detail: str = "") -> None:
         super().__init__(f"{code.text}: {detail}" if detail else code.text)

@@ -10,6 +10,8 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 """Set before numpy is imported, as tactstrip.py does: the matrices are small."""
 
 import pytest
+
+pytest.register_assert_rewrite("tests.test_device.contract")
 from click.testing import CliRunner
 from hypothesis import settings
 
@@ -154,7 +156,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--port", metavar="P", help="of that driver's device")
     parser.addoption(
         "--device-url",
-        help="port or URL of a real device: tests/test_device/test_contract.py drives it. "
+        help="port or URL of a real device: tests/system/test_device_contract.py drives it. "
         "Its outputs go up to 200 Vpp: nobody may touch the plate.",
     )
     parser.addoption(

@@ -26,13 +26,10 @@ if TYPE_CHECKING:
 EMULATORS = """
 import json, os, signal, sys
 import numpy as np
-from device.clock import MonotonicClock
-from device.emulate.emulator import Emulator, Nature
+from device import Limits, MonotonicClock, OutputStage
+from device.emulate.emulator import Emulator, Nature, Truth
 from device.emulate.faults import Faults, FaultScript
-from device.limits import Limits
 from device.emulate.lines import PtyLine, TcpLine
-from device.core.output import OutputStage
-from device.emulate.emulator import Truth
 
 signal.signal(signal.SIGCHLD, signal.SIG_IGN)
 for order in sys.stdin:
@@ -55,6 +52,15 @@ for order in sys.stdin:
     os._exit(0)
 """
 """A process that forks one emulator for each line it reads: starting Python each time is slow."""
+
+USUAL_EMULATOR: dict[str, object] = {
+    "faults": "",
+    "seed": 1,
+    "baud": None,
+    "volts": False,
+    "sample_rate_hz": 48_000.0,
+    "least_interval_s": 0.005,
+}
 
 HALT_AT = """
 import os, sys, time
@@ -124,27 +130,9 @@ def emulate(emulator_server: subprocess.Popen[str], tmp_path: Path) -> Iterator[
     """Start an emulator behind a "pty" or "tcp" line: its port, truth file and process id."""
     pids: list[int] = []
 
-    def start(
-        kind: str,
-        *,
-        faults: str = "",
-        seed: int = 1,
-        baud: int | None = None,
-        volts: bool = False,
-        sample_rate_hz: float = 48_000.0,
-        least_interval_s: float = 0.005,
-    ) -> tuple[str, Path, int]:
+    def start(kind: str, **wish: object) -> tuple[str, Path, int]:
         truth = tmp_path / f"truth-{len(pids)}.jsonl"
-        wish = {
-            "kind": kind,
-            "faults": faults,
-            "seed": seed,
-            "baud": baud,
-            "volts": volts,
-            "sample_rate_hz": sample_rate_hz,
-            "least_interval_s": least_interval_s,
-            "truth": str(truth),
-        }
+        wish = USUAL_EMULATOR | wish | {"kind": kind, "truth": str(truth)}
         print(json.dumps(wish), file=_pipe(emulator_server.stdin), flush=True)
         port, pid = json.loads(_pipe(emulator_server.stdout).readline())
         pids.append(pid)
@@ -202,12 +190,6 @@ class NullSink:
         """Kill the server."""
         self._end(self._server)
         self.socket.unlink(missing_ok=True)
-
-    def control(self, *words: str) -> str:
-        """Have pactl do something, and return what it says."""
-        command = ["pactl", f"--server=unix:{self.socket}", *words]
-        done = subprocess.run(command, capture_output=True, text=True, check=True, timeout=30)
-        return done.stdout.strip()
 
     def freeze(self, *, on: bool) -> None:
         """Have the server stand still, or go on."""

@@ -120,6 +120,17 @@ OURS: Final = About()
 class Health:
     """Whether the amplifier can drive; None where a device does not know.
 
+    Attributes
+    ----------
+    amplifier_enabled : bool or None
+        Whether the amplifier is switched on.
+    switch_closed : bool or None
+        Whether the safety switch is closed.
+    over_current : bool or None
+        Whether the amplifier has reported over-current since the output was enabled.
+
+    Examples
+    --------
     >>> print(Health(amplifier_enabled=True, switch_closed=False))
     amplifier enabled, safety switch open, over-current not known
     """
@@ -132,6 +143,20 @@ class Health:
     def of_bits(cls, *, known: int, set_bits: int) -> Self:
         """Return the health that two bytes tell; bits that are not named here are passed over.
 
+        Parameters
+        ----------
+        known : int
+            Bits of what is known: 0 amplifier, 1 switch, 2 over-current.
+        set_bits : int
+            Bits of what is so.
+
+        Returns
+        -------
+        Health
+            With None for each bit that is not known.
+
+        Examples
+        --------
         >>> Health.of_bits(known=6, set_bits=2).known
         6
         """
@@ -194,6 +219,11 @@ class Measurement:
         From the onset that the device reported to the one that it measured.
     correlation_left, correlation_right : int
         With what was to be played, in 1e-4; 0 for a channel that was to be silent.
+
+    Examples
+    --------
+    >>> Measurement(token=7, tap="amplifier", unit="mV", left=49_900).right
+    0
     """
 
     token: int

@@ -13,15 +13,28 @@ from device.errors import Refusal, StateError
 
 
 class State(StrEnum):
-    """States of a device; `CLOSED` is the host's word for one it has not opened."""
+    """States of a device.
+
+    Examples
+    --------
+    >>> State("live") is State.LIVE
+    True
+    """
 
     CLOSED = "closed"
+    """The host has not opened it."""
     IDLE = "idle"
+    """It is switched on, and holds no waveform."""
     LOADED = "loaded"
+    """It holds a waveform; its output is off."""
     LIVE = "live"
+    """Its output is on."""
     ARMED = "armed"
+    """A token waits to be fired."""
     FIRED = "fired"
+    """A burst plays."""
     SAFE = "safe"
+    """It was stopped; its output is at zero until it is enabled again."""
 
 
 class Step(StrEnum):

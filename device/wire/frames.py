@@ -2,8 +2,9 @@
 
     0x00  COBS( version | type | sequence | payload | CRC-32 )  0x00
 
-docs/protocol.md is the page that host, emulator and firmware obey; tests/golden_frames.json holds
-frames that any other implementation can be tested against.
+docs/protocol.md is the page that host, emulator and firmware obey;
+tests/test_device/golden_frames.json holds frames that any other implementation can be tested
+against.
 """
 
 from __future__ import annotations

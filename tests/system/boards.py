@@ -6,7 +6,6 @@ import io
 import termios
 import threading
 import time
-from collections import deque
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Final
 
@@ -23,11 +22,7 @@ from tests.test_device.trials import LIMITS
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-RATES: Final = {
-    termios.B9600: 9600,
-    termios.B115200: 115_200,
-    termios.B1000000: 1_000_000,
-}
+RATES: Final = {termios.B9600: 9600, termios.B115200: 115_200, termios.B1000000: 1_000_000}
 TICK_S: Final = 0.002
 WHOLE: Final = Amplifier()
 
@@ -36,14 +31,11 @@ class BoardPort(PtyLine):
     """A serial port of a board that starts anew whenever the port is opened.
 
     Where the host has set another rate than the board's, neither can read the other. A `baud` of
-    None is that of a USB adapter which hides the board's from the host. What is sent to the board
-    is under way for `delay_s`, at any rate.
+    None is that of a USB adapter which hides the board's from the host.
     """
 
-    def __init__(self, *, baud: int | None, boots_for_s: float, delay_s: float = 0.0) -> None:
+    def __init__(self, *, baud: int | None, boots_for_s: float) -> None:
         super().__init__()
-        self._delay_s = delay_s
-        self._under_way: deque[tuple[float, bytes]] = deque()
         self._baud = baud
         self._boots_for_s = boots_for_s
         self._ready_s: float | None = None
@@ -58,16 +50,7 @@ class BoardPort(PtyLine):
             self._ready_s = time.monotonic() + self._boots_for_s
         if time.monotonic() < self._ready_s:
             return b""
-        return self._on_line(self._late(data))
-
-    def _late(self, data: bytes) -> bytes:
-        now_s = time.monotonic()
-        if data:
-            self._under_way.append((now_s + self._delay_s, data))
-        arrived = b""
-        while self._under_way and self._under_way[0][0] <= now_s:
-            arrived += self._under_way.popleft()[1]
-        return arrived
+        return self._on_line(data)
 
     def write(self, data: bytes) -> None:
         """Send bytes."""
@@ -86,11 +69,10 @@ def board(
     boots_for_s: float = 0.0,
     hidden: bool = False,
     amplifier: Amplifier = WHOLE,
-    delay_s: float = 0.0,
     script: str = "",
 ) -> Iterator[tuple[str, io.StringIO]]:
     """Have a board run in a thread: its port, and what it emitted."""
-    port = BoardPort(baud=None if hidden else baud, boots_for_s=boots_for_s, delay_s=delay_s)
+    port = BoardPort(baud=None if hidden else baud, boots_for_s=boots_for_s)
     nature = Nature(limits=LIMITS, output=OutputStage(), baud=baud, amplifier=amplifier)
     faults, truth = Faults(FaultScript.parse(script), np.random.default_rng(1)), io.StringIO()
     emulator = Emulator(port, nature, faults, Truth(truth), MonotonicClock())

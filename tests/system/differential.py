@@ -6,33 +6,19 @@ next, for only these come far.
 
 from __future__ import annotations
 
-import struct
 import zlib
 from typing import TYPE_CHECKING, Any, Final, TypeVar
 
 import numpy as np
 from cobs import cobs
 
-from device.core.core import DeviceCore
-from device.core.output import Emission, OutputStage
-from device.core.reports import TAPS, UNITS, About, Entropy, Health, Measurement
-from device.driver import Identity
-from device.limits import Limits
-from device.wire.codec import ANSWER
-from device.wire.endpoint import Endpoint
-from device.wire.frames import MINOR, VERSION
-from tests.system.firmware import (
-    READING,
-    LastBurst,
-    Server,
-    Told,
-    limits_of,
-    make,
-    require_tools,
-)
+from device import Emission, Health
+from tests.system.firmware import READING, LastBurst, Server, limits_of, make, require_tools
+from tests.test_device.golden import Reader, device_of, measurement_of
+from tests.test_device.wire import fields_of, question, upload_of
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Callable, Mapping, Sequence
     from pathlib import Path
 
 _One = TypeVar("_One")
@@ -62,44 +48,33 @@ HISTORY: Final = 3
 STEPS: Final = 250
 """Inputs to one power cycle."""
 
-HELLO, PING, LIMITS, HEALTH = 0x01, 0x02, 0x03, 0x04
-BEGIN, DATA, COMMIT = 0x10, 0x11, 0x12
-LEVEL, OUTPUT, ARM, DISARM, FIRE, QUERY, MEASURED = 0x20, 0x21, 0x22, 0x23, 0x24, 0x25, 0x26
-STOP, BEAT = 0x30, 0x31
-WEIGHTS: Final = (
-    *((HELLO, 1), (PING, 1), (LIMITS, 1), (HEALTH, 3), (BEGIN, 2), (DATA, 3), (COMMIT, 2)),
-    *((LEVEL, 8), (OUTPUT, 12), (ARM, 22), (DISARM, 4), (FIRE, 24), (QUERY, 8), (MEASURED, 5)),
-    *((STOP, 1), (BEAT, 22), (0, 1)),
-)
-"""How often which question is asked; 0 stands for any type."""
-KINDS: Final = tuple(kind for kind, weight in WEIGHTS for _ in range(weight))
+WEIGHTS: Final = {
+    "HELLO": 1,
+    "PING": 1,
+    "LIMITS": 1,
+    "HEALTH": 3,
+    "BEGIN": 2,
+    "DATA": 3,
+    "COMMIT": 2,
+    "LEVEL": 8,
+    "OUTPUT": 12,
+    "ARM": 22,
+    "DISARM": 4,
+    "FIRE": 24,
+    "QUERY": 8,
+    "MEASURED": 5,
+    "STOP": 1,
+    "BEAT": 22,
+}
+"""How often which question is asked."""
+KINDS: Final = tuple(kind for kind, weight in WEIGHTS.items() for _ in range(weight))
 PAUSES_US: Final = (
-    0,
-    0,
-    1,
-    7,
-    50,
-    299,
-    300,
-    301,
-    900,
-    1810,
-    2721,
-    30_000,
-    100_000,
-    499_999,
-    500_000,
+    *(0, 0, 1, 7, 50, 299, 300, 301, 900, 1810, 2721, 30_000, 100_000, 499_999, 500_000),
 )
-TYPED: Final = (
-    (b"*IDN?\r X", b"\n"),
-    (b"*ID", b"N?\r\n"),
-    (b"*IDN?", b" ", b"\t\v\f\r\n"),
-    (b"*IDN?\n*I", b"DN?\n", b"\x80*IDN?\n"),
-)
-"""What somebody types, piece by piece."""
 SHORT_US: Final = (0, 0, 0, 1, 50, 300, 900)
 LEVELS_MVPP: Final = (0, 1, 75_000, 149_999, 150_000, 150_001, 151_000, 300_000, 2**32 - 1)
 LIVES_US: Final = (0, 1, 50, 5_000, 400_000, 600_000, 600_001, 2**32 - 1)
+TYPED: Final = (b"*IDN?\r X\n", b"*IDN?\r\n", b"*IDN? \t\v\f\r\n", b"\n*IDN?\nx\n*I")
 
 
 class Host:
@@ -108,20 +83,18 @@ class Host:
     def __init__(self, seed: int, device: Mapping[str, Any]) -> None:
         self._rng = np.random.default_rng(seed)
         self._words: list[int] = []
-        self._device = device
-        self._boot = device["boot_id"].to_bytes(8, "little")
+        self._boot_id = device["boot_id"]
         self._now_us = 0
         self._number = self._below(0x10000)
         self._token = 1
-        self._waiting: list[tuple[int, bytes]] = []
-        self._typed: list[bytes] = []
+        self._waiting: list[tuple[str, dict[str, Any]]] = []
         self._last = b""
         self._upload()
 
-    def _below(self, most: int) -> int:
+    def _below(self, limit: int) -> int:
         if not self._words:
             self._words = self._rng.integers(0, 2**62, 512).tolist()
-        return self._words.pop() % most
+        return self._words.pop() % limit
 
     def _one_in(self, many: int) -> bool:
         return self._below(many) == 0
@@ -129,208 +102,118 @@ class Host:
     def _of(self, some: Sequence[_One]) -> _One:
         return some[self._below(len(some))]
 
+    def _some(self, size: int) -> bytes:
+        return bytes(self._below(256) for _ in range(size))
+
     def next(self) -> tuple[str, int, bytes]:
         """Return an operation, its device time and its bytes."""
         self._now_us += self._of(SHORT_US if self._waiting else PAUSES_US)
-        if not self._waiting and self._one_in(40):
-            return self._around()
-        if self._typed:
-            return "R", self._now_us, self._typed.pop(0)
-        kind, content = self._waiting.pop(0) if self._waiting else self._question()
-        return "R", self._now_us, self._on_the_line(self._frame(kind, content))
-
-    def _around(self) -> tuple[str, int, bytes]:
-        operation = self._of("HSSSM")
-        some = b""
+        if self._waiting or not self._one_in(40):
+            return "R", self._now_us, self._on_the_line(self._question())
+        operation, some = self._of("HSSSM"), b""
         if operation == "S":
             some = bytes((self._below(8), self._below(8) & self._below(8)))
         elif operation == "M" and not self._one_in(3):
             some = bytes((1, 1)) + self._some(20)
         return operation, self._now_us, some
 
-    def _some(self, size: int) -> bytes:
-        return bytes(self._below(256) for _ in range(size))
+    def _question(self) -> bytes:
+        if self._last and self._one_in(15):
+            return self._last  # the same again: its answer was lost
+        if not self._waiting:
+            if self._one_in(15):
+                self._upload()
+            elif self._one_in(8):
+                self._play()
+            else:
+                kind = self._of(KINDS)
+                self._waiting = [(kind, {name: self._field(name) for name in fields_of(kind)})]
+        kind, fields = self._waiting.pop(0)
+        if kind not in {"DATA", "BEAT"}:
+            self._number = (self._number + self._of((*(1,) * 50, 2, 0x7FFF))) & 0xFFFF
+        old = self._of((0, 0xFFFF, 0x8000, 0x8001)) if self._one_in(20) else 0
+        boot_id = self._below(2**62) if self._one_in(60) else self._boot_id
+        number = (self._number + old) & 0xFFFF
+        self._last = question(kind, number, boot_id=boot_id, **fields)
+        return self._last
 
-    def _question(self) -> tuple[int, bytes]:
-        if self._one_in(15):
-            self._upload()
-            return self._waiting.pop(0)
-        if self._one_in(8):
-            self._play()
-            return self._waiting.pop(0)
-        kind = self._of(KINDS) or self._below(256)
-        return kind, self._content(kind)
-
-    def _content(self, kind: int) -> bytes:
-        match kind:
-            case 0x22:  # ARM
-                self._token += self._of((1, 1, 1, 1, 0, 2))
-                token = 0 if self._one_in(30) else self._token
-                slot, life_us = self._of((0, 0, 0, 1, 1, 2, 3)), self._of(LIVES_US)
-                content = struct.pack("<QBI", token, slot, life_us)
-            case 0x23 | 0x24 | 0x25 | 0x26:  # DISARM, FIRE, QUERY, MEASURED
-                token = max(0, self._token - self._of((0, 0, 0, 0, 1, 2, 3, 8, 15)))
-                odd = self._of((0, 2**64 - 1)) if self._one_in(50) else token
-                content = struct.pack("<Q", odd)
-            case 0x20:  # LEVEL
-                content = struct.pack("<II", self._of(LEVELS_MVPP), self._of(LEVELS_MVPP))
-            case 0x01:  # HELLO
-                content = struct.pack("<Q", self._of((0, 1, self._below(2**62))))
-            case 0x10:  # BEGIN
-                content = struct.pack("<BI", self._below(4), self._of((0, 1, 4, 40, 41)))
-            case 0x11:  # DATA
-                some = self._some(self._of((32, 16, 4)))
-                content = self._data(self._number, 32 * self._below(3), some)
-            case 0x12:  # COMMIT
-                content = struct.pack("<BI", self._below(4), 0)
-            case _:
-                content = b""
-        return content
-
-    def _data(self, number: int, offset: int, octets: bytes) -> bytes:
-        return struct.pack("<HI", number, offset) + octets
+    def _field(self, name: str) -> Any:
+        """Return a value of a field: mostly one that comes far, or one at a limit."""
+        if name == "token":
+            self._token += self._of((0, 0, 1))
+            return max(1, self._token - self._of((0, 0, 0, 0, 1, 2, 3, 8, 15)))
+        draw: dict[str, Callable[[], Any]] = {
+            "slot": lambda: self._of((0, 0, 0, 1, 1, 2, 3)),
+            "time_to_live_us": lambda: self._of(LIVES_US),
+            "samples": lambda: self._of((0, 1, 4, 40, 41)),
+            "upload": lambda: self._number,
+            "offset": lambda: 32 * self._below(3),
+            "octets": lambda: self._some(self._of((32, 16, 4))),
+            "crc": lambda: 0,
+            "nonce": lambda: self._of((0, 1, self._below(2**62))),
+        }
+        return draw[name]() if name in draw else self._of(LEVELS_MVPP)
 
     def _upload(self) -> None:
         """Have a waveform sent next, in pieces: most are good."""
         n_samples = self._of((1, 2, 8, 16, 25, 39, 40))
-        octets = self._waveform(n_samples) + self._waveform(n_samples)
-        slot = bytes([self._of((0, 0, 1, 1, 2))])
-        number = (self._number + 1) & 0xFFFF
+        number, slot = (self._number + 1) & 0xFFFF, self._of((0, 0, 1, 1, 2))
+        rows = self._waveform(n_samples), self._waveform(n_samples)
+        octets, data = upload_of(*rows, number)
         pieces = [
-            (DATA, self._data(number, offset, octets[offset : offset + 32]))
-            for offset in range(0, len(octets), 32)
+            ("DATA", {"upload": number, "offset": piece.offset, "octets": piece.octets})
+            for piece in data
         ]
         if self._one_in(3):
             pieces.reverse()
         if self._one_in(10):
             pieces.pop()
-        crc = zlib.crc32(octets).to_bytes(4, "little")
-        begin = BEGIN, slot + n_samples.to_bytes(4, "little")
-        self._waiting = [begin, *pieces, (COMMIT, slot + crc)]
+        begin = ("BEGIN", {"slot": slot, "samples": n_samples})
+        self._waiting = [begin, *pieces, ("COMMIT", {"slot": slot, "crc": zlib.crc32(octets)})]
 
     def _play(self) -> None:
         """Have two bursts played next, as soon after each other as may be."""
-        level = self._of((0, 1, 75_000, 75_000, 149_999)).to_bytes(4, "little")
-        bursts = []
+        level = self._of((0, 1, 75_000, 75_000, 149_999))
+        self._waiting = [("LEVEL", {"left_mvpp": level, "right_mvpp": level}), ("OUTPUT", {})]
         for _ in range(2):
             self._token += 1
-            token = self._token.to_bytes(8, "little")
-            slot = bytes([self._of((0, 1))])
-            bursts += [(ARM, token + slot + (5_000).to_bytes(4, "little")), (FIRE, token)]
-        self._waiting = [(LEVEL, level + level), (OUTPUT, b""), *bursts]
+            armed = {"token": self._token, "slot": self._of((0, 1)), "time_to_live_us": 5_000}
+            self._waiting += [("ARM", armed), ("FIRE", {"token": self._token})]
 
-    def _waveform(self, n_samples: int) -> bytes:
+    def _waveform(self, n_samples: int) -> Any:
         peak = self._of((0, 1, 100, 16_384, 32_767))
         codes = np.rint(peak * np.sin(np.arange(n_samples) * 2 * np.pi / max(1, n_samples - 1)))
         if n_samples > 4 and self._one_in(4):  # at the edge of what counts as DC
             codes[1 + self._below(n_samples - 2)] += self._of((-1, 1)) * (peak // 4)
         if self._one_in(12):
             codes[self._below(n_samples)] = self._of((1, -1, 32_767, -32_767, -32_768))
-        octets: bytes = codes.astype("<i2").tobytes()
-        return octets
-
-    def _frame(self, kind: int, content: bytes) -> bytes:
-        if self._last and self._one_in(15):
-            return self._last  # the same again: its answer was lost
-        boot = self._boot
-        if self._one_in(60):
-            boot = self._some(self._of((8, 8, 7, 0)))
-        elif kind == HELLO:
-            boot = b""
-        if self._one_in(60):
-            content = content[: self._below(len(content) + 1)] + self._some(self._below(3))
-        number = self._number
-        if kind not in {DATA, BEAT} and self._one_in(20):
-            number = (number + self._of((0, 0xFFFF, 0x8000, 0x8001))) & 0xFFFF  # from before
-        elif kind not in {DATA, BEAT}:
-            number = self._number = (number + self._of((*(1,) * 50, 2, 0x7FFF))) & 0xFFFF
-        version = VERSION if not self._one_in(300) else self._below(4)
-        body = bytes([version, kind]) + number.to_bytes(2, "little") + boot + content
-        coded: bytes = cobs.encode(body + zlib.crc32(body).to_bytes(4, "little"))
-        self._last = b"\0" + coded + b"\0"
-        return self._last
+        return codes.clip(-32_768, 32_767).astype(np.int32)
 
     def _on_the_line(self, frame: bytes) -> bytes:
         """Return what arrives of a frame: with noise, twice, cut short, damaged; mostly itself."""
-        at, noise = self._below(len(frame)), self._some(self._below(3))
-        match self._below(100):
-            case 0:
-                frame = frame[:at] + noise + frame[at + 1 :]
-            case 1:
-                frame += frame
-            case 2:
-                frame = frame[:at]
-            case 3:
-                self._typed = list(self._of(TYPED))
-            case 4:
-                frame += self._of((b"*IDN?\n", b"*IDN? \t\r\n*IDN?\n", b"\n*IDN?\nx\n"))
-            case 5:
-                frame = self._some(self._below(130)) + frame
-        return frame
+        at, noise = self._below(len(frame)), self._some(self._below(130))
+        changed = (
+            *(frame[:at] + noise[:2] + frame[at + 1 :], frame + frame, frame[:at]),
+            *(noise + frame, frame + self._of(TYPED)),
+        )
+        return self._of(changed) if self._one_in(20) else frame
 
 
 class Reference:
     """The core in Python behind the same operations."""
 
     def __init__(self, device: Mapping[str, Any]) -> None:
-        self._reading: tuple[int, ...] | None = None
+        self._reader = Reader()
         self._emitted: Emission | None = None
         self._crc = (0, 0)
-        limits = Limits(
-            ceiling_vpp=device["ceiling_vpp"],
-            least_interval_s=device["least_interval_us"] / 1e6,
-            max_duty=device["max_duty_ppm"] / 1e6,
-            longest_waveform=device["longest_waveform"],
-            slots=device["slots"],
-            memory_samples=device["memory_samples"],
-            dc_tolerance=device["dc_tolerance_ppm"] / 1e6,
-            longest_time_to_live_s=device["longest_time_to_live_us"] / 1e6,
+        self._rail_v = device["ceiling_vpp"] / 2
+        self._endpoint = device_of(
+            device, self._reader, self._emit, history=HISTORY, rail_v=self._rail_v
         )
-        self._core = DeviceCore(
-            boot_id=device["boot_id"],
-            limits=limits,
-            output=OutputStage(
-                sample_rate_hz=device["sample_rate_hz"],
-                bits=device["bits"],
-                rail_v=device["ceiling_vpp"] / 2,
-            ),
-            sink=self._emit,
-            measure=self._measure,
-            about=About(
-                firmware=device["firmware"],
-                entropy=tuple(Entropy)[device["entropy"]],
-                data_window=device["data_window"],
-            ),
-            history=HISTORY,
-        )
-        self._endpoint = Endpoint(
-            self._core,
-            Identity(
-                model=device["model"],
-                serial_number=device["serial_number"],
-                boot_id=device["boot_id"],
-                protocol_version=f"{VERSION}.{MINOR}",
-                sample_rate_hz=device["sample_rate_hz"],
-                bits=device["bits"],
-                channels=2,
-                ceiling_vpp=device["ceiling_vpp"],
-                longest_waveform=device["longest_waveform"],
-                emulated=device["emulated"],
-            ),
-        )
+        self._core = self._endpoint.core
 
     def _emit(self, burst: Emission) -> None:
         self._emitted = burst
-
-    def _measure(self, burst: Emission) -> Measurement | None:
-        if self._reading is None:
-            return None
-        tap, unit, left, right, offset, uncertainty, correlation, other = self._reading
-        return Measurement(
-            token=burst.token, tap=TAPS[tap], unit=UNITS[unit], left=left, right=right,
-            onset_offset_us=offset, onset_uncertainty_us=uncertainty,
-            correlation_left=correlation, correlation_right=other,
-        )  # fmt: skip
 
     def take(self, operation: str, now_us: int, some: bytes) -> tuple[bytes, LastBurst]:
         """Return what is answered, and the last burst."""
@@ -343,7 +226,7 @@ class Reference:
         elif operation == "S":
             self._core.sense(now_us, Health.of_bits(known=some[0], set_bits=some[1]))
         else:
-            self._reading = reading_of(some)
+            self._reader.reading = measurement_of(READING.unpack(some)) if some else None
         return answer, self._burst()
 
     def _burst(self) -> LastBurst:
@@ -353,7 +236,7 @@ class Reference:
         if last.token != self._crc[0]:
             full = 2 ** (self._core.output.bits - 1) - 1
             volts = np.concatenate((last.left_v, last.right_v))
-            steps = np.rint(volts * full / self._core.output.rail_v).astype("<i4")
+            steps = np.rint(volts * full / self._rail_v).astype("<i4")
             self._crc = last.token, zlib.crc32(steps.tobytes())
         ended = self._emitted
         cut = ended is not None and ended.token == last.token and ended.cut_us is not None
@@ -361,11 +244,6 @@ class Reference:
         return LastBurst(
             last.token, last.start_us, last.duration_us, *levels, int(cut), self._crc[1]
         )
-
-
-def reading_of(some: bytes) -> tuple[int, ...] | None:
-    """Return the numbers of a reading; None is no monitor."""
-    return READING.unpack(some) if some else None
 
 
 def small_server(folder: Path) -> Server:
@@ -386,7 +264,7 @@ def compare(server: Server, seed: int, steps: int = STEPS) -> set[tuple[int, int
         operation, now_us, some = host.next()
         script.append((operation, now_us, some, *reference.take(operation, now_us, some)))
         if operation == "M":
-            server.read_from_now_on(now_us, reading_of(some))
+            server.read_from_now_on(now_us, READING.unpack(some) if some else None)
         elif operation == "S":
             server.sense(now_us, *some)
         elif operation == "H":
@@ -395,18 +273,11 @@ def compare(server: Server, seed: int, steps: int = STEPS) -> set[tuple[int, int
             server.receive(now_us, some)
     met = set()
     for number, (step, told) in enumerate(zip(script, server.told(), strict=True)):
-        require_same(seed, number, step, told)
+        operation, now_us, some, answer, burst = step
+        where = f"seed {seed}, input {number}: {operation} at {now_us} us: {some.hex(' ')}"
+        assert told.frames + told.text == answer, f"{where}\n C: {told}\nPy: {answer.hex(' ')}"
+        assert told.burst == burst, f"{where}\n C: {told.burst}\nPy: {burst}"
         if told.frames:
             body = cobs.decode(told.frames.split(b"\0", 2)[1])
-            met.add((body[1] - ANSWER, body[4]))
+            met.add((body[1] - 0x80, body[4]))
     return met
-
-
-def require_same(
-    seed: int, number: int, step: tuple[str, int, bytes, bytes, LastBurst], told: Told
-) -> None:
-    """Say where they differ."""
-    operation, now_us, some, answer, burst = step
-    where = f"seed {seed}, input {number}: {operation} at {now_us} us: {some.hex(' ')}"
-    assert told.frames + told.text == answer, f"{where}\n C: {told}\nPy: {answer.hex(' ')}"
-    assert told.burst == burst, f"{where}\n C: {told.burst}\nPy: {burst}"

@@ -6,6 +6,7 @@ import os
 import shutil
 import struct
 import subprocess
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any, Final, NamedTuple, Self
@@ -13,7 +14,7 @@ from typing import IO, TYPE_CHECKING, Any, Final, NamedTuple, Self
 import pytest
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Iterator, Mapping, Sequence
 
 FIRMWARE: Final = Path(__file__).parents[2] / "firmware"
 REQUIRED: Final = "TACTSTRIP_FIRMWARE"
@@ -46,7 +47,7 @@ def making(folder: Path, target: str, *, sanitize: bool = False, **limits: int) 
 
 
 def limits_of(device: Mapping[str, Any]) -> dict[str, int]:
-    """Return what is compiled in for a device of tests/golden_frames.json."""
+    """Return what is compiled in for a device of tests/test_device/golden_frames.json."""
     names = (
         *("least_interval_us", "max_duty_ppm", "dc_tolerance_ppm", "longest_time_to_live_us"),
         *("slots", "memory_samples", "data_window", "longest_waveform", "bits"),
@@ -93,12 +94,11 @@ class Server:
         self._from.close()
 
     def switch_on(self, device: Mapping[str, Any]) -> None:
-        """Begin a power cycle of a device as tests/golden_frames.json describes one."""
-        names = (device["model"].encode(), device["serial_number"].encode())
-        about = struct.pack(
-            "<16s16s32sQIBB", *names, device["firmware"].encode(), device["boot_id"],
-            round(1000 * device["sample_rate_hz"]), device["entropy"], device["emulated"],
-        )  # fmt: skip
+        """Begin a power cycle of a device as tests/test_device/golden_frames.json describes one."""
+        names = (device[name].encode() for name in ("model", "serial_number", "firmware"))
+        rate_mhz = round(1000 * device["sample_rate_hz"])
+        numbers = device["boot_id"], rate_mhz, device["entropy"], device["emulated"]
+        about = struct.pack("<16s16s32sQIBB", *names, *numbers)
         self._put(b"B", 0, about)
 
     def receive(self, now_us: int, octets: bytes) -> None:
@@ -149,3 +149,15 @@ class Server:
 def _pipe(pipe: IO[bytes] | None) -> IO[bytes]:
     assert pipe is not None
     return pipe
+
+
+@contextmanager
+def running(*command: str) -> Iterator[tuple[subprocess.Popen[str], str]]:
+    """Have a firmware run: its process and its port."""
+    pipe = subprocess.PIPE
+    with subprocess.Popen(command, stdin=pipe, stdout=pipe, text=True) as process:
+        assert process.stdout is not None
+        try:
+            yield process, process.stdout.readline().strip()
+        finally:
+            process.kill()

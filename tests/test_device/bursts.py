@@ -8,13 +8,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 
-from device.driver import Delivery, FloatArray, Identity
-from device.errors import Refusal, RefusedError
+from device import Identity, RefusedError
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from device.driver import BurstDevice
+    from numpy.typing import NDArray
+
+    from device import BurstDevice, Delivery, Refusal
 
 IDENTITY = Identity(
     model="core",
@@ -35,7 +36,7 @@ def identity(**changed: Any) -> Identity:
     return replace(IDENTITY, **changed)
 
 
-def sine(n_samples: int = 97, *, peak: float = 1.0, cycles: int = 1) -> FloatArray:
+def sine(n_samples: int = 97, *, peak: float = 1.0, cycles: int = 1) -> NDArray[np.float64]:
     """Return whole cycles from exactly 0 to exactly 0."""
     samples = peak * np.sin(2 * np.pi * cycles * np.arange(n_samples) / (n_samples - 1))
     samples[-1] = 0.0
@@ -46,14 +47,16 @@ BURST = sine()
 SILENCE = np.zeros_like(BURST)
 
 
-def changed(index: int, value: float) -> FloatArray:
+def changed(index: int, value: float) -> NDArray[np.float64]:
     """Return the burst with one other sample."""
     samples = BURST.copy()
     samples[index] = value
     return samples
 
 
-def ready(device: BurstDevice, level_vpp: float = 0.0, *, burst: FloatArray = BURST) -> Identity:
+def ready(
+    device: BurstDevice, level_vpp: float = 0.0, *, burst: NDArray[np.float64] = BURST
+) -> Identity:
     """Have a device live: slot 0 plays left, slot 1 right."""
     who = device.open()
     device.load(0, burst, 0 * burst)

@@ -6,32 +6,33 @@ a pair of buffers.
 
 from __future__ import annotations
 
+import io
+import json
 from types import SimpleNamespace
-from typing import IO, TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from device.clock import VirtualClock
+from device import Limits, LineSettings, LinkError, OutputStage, VirtualClock
 from device.core.core import DeviceCore
-from device.core.output import OutputStage
+from device.core.host import HostDriver
 from device.emulate.emulator import TICK_S, Emulator, Nature, Truth
-from device.errors import LinkError
-from device.limits import Limits
+from device.emulate.faults import Faults, FaultScript
 from device.scpi.generator import GeneratorDevice
 from device.sound.audio import AudioDevice
 from device.sound.recorder import Recorder
-from device.wire.channels import BEAT_EVERY_S, USUAL, LineSettings
+from device.wire.channels import BEAT_EVERY_S
 from device.wire.endpoint import Endpoint
 from device.wire.link import FrameLink
+from tests.test_device.bursts import identity, ready
 from tests.test_device.loops import FULL_SCALE_V, Line
+from tests.test_device.wire import answers
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from device.clock import Clock
-    from device.core.output import Emission
-    from device.driver import Identity
-    from device.emulate.faults import Faults
+    from device import Clock, Emission, Refusal
+    from device.core.messages import CodeArray
     from device.emulate.generator import EmulatedGenerator
     from device.sound.player import Frames
     from device.sound.stream import Callback
@@ -87,83 +88,90 @@ class InProcess:
 
     def __init__(
         self,
-        clock: VirtualClock,
+        script: str = "",
+        rng: np.random.Generator | int = 1,
         *,
-        nature: Nature,
-        faults: Faults,
-        truth: IO[str],
-        line: LineSettings = USUAL,
+        clock: VirtualClock | None = None,
+        line: LineSettings | None = None,
+        limits: Limits | None = None,
+        output: OutputStage | None = None,
+        **nature: Any,
     ) -> None:
-        self._clock = clock
-        self._buffers = Buffers()
-        self.emulator = Emulator(self._buffers, nature, faults, Truth(truth), clock)
-        self._beat_due_s = clock.now_s()
+        self.clock = clock or VirtualClock()
+        self.faults = Faults(FaultScript.parse(script), np.random.default_rng(rng))
+        self.limits = limits or Limits(ceiling_vpp=200.0, least_interval_s=0.005)
+        self._buffers, self._truth = Buffers(), io.StringIO()
+        nature_of = Nature(limits=self.limits, output=output or OutputStage(), **nature)
+        truth = Truth(self._truth)
+        self.emulator = Emulator(self._buffers, nature_of, self.faults, truth, self.clock)
+        self._beat_due_s = self.clock.now_s()
         self.beating = True
-        self.link = FrameLink(self._connect, clock, line=line)
+        self.link = FrameLink(self._connect, self.clock, line=line or LineSettings())
+        self.device = HostDriver(self.link, limits=self.limits, clock=self.clock)
+
+    @property
+    def truth(self) -> list[dict[str, Any]]:
+        """What the device really did."""
+        return [json.loads(line) for line in self._truth.getvalue().splitlines()]
+
+    def set_faults(self, script: str, *, cut_after: float = float("inf")) -> None:
+        """Have other faults happen, and the line cut after so many bytes."""
+        self.faults.script = FaultScript.parse(script)
+        self.faults._room = cut_after
+
+    def stored(self, slot: int) -> CodeArray:
+        """Return the codes of a slot, shape (2, n)."""
+        return self.emulator._endpoint.core._slots[slot].codes
 
     def wait(self, duration_s: float) -> None:
         """Let time pass."""
-        until_s = self._clock.now_s() + duration_s
-        while (left_s := until_s - self._clock.now_s()) > 0.0:
+        until_s = self.clock.now_s() + duration_s
+        while (left_s := until_s - self.clock.now_s()) > 0.0:
             self._step(left_s)
         self.emulator.turn(0.0)
 
     def _step(self, at_most_s: float) -> None:
         """Go to what is due next."""
         self.emulator.turn(0.0)
-        beat_in_s = self._beat_due_s - self._clock.now_s()
+        beat_in_s = self._beat_due_s - self.clock.now_s()
         if beat_in_s <= 0.0:
-            self._beat_due_s = self._clock.now_s() + BEAT_EVERY_S
+            self._beat_due_s = self.clock.now_s() + BEAT_EVERY_S
             if self.beating and self._buffers.connected:
                 self.link.beat()
             return
         step_s = min(at_most_s, beat_in_s, self.emulator.due_in_s)
-        self._clock.wait(max(step_s, _LEAST_STEP_S))
+        self.clock.wait(max(step_s, _LEAST_STEP_S))
 
-    def _connect(self) -> _Channel:
+    def _connect(self) -> InProcess:
         self._buffers.connect(connected=True)
-        return _Channel(self._buffers, self)
+        return self
+
+    def write(self, data: bytes) -> None:
+        """Send bytes to the device."""
+        self._require_line()
+        self._buffers.to_device += data
 
     def read(self, timeout_s: float) -> bytes:
         """Return what reaches the host within a time."""
-        until_s = self._clock.now_s() + timeout_s
+        self._require_line()
+        until_s = self.clock.now_s() + timeout_s
         self.emulator.turn(0.0)
         while not self._buffers.to_host and self._buffers.connected:
-            left_s = until_s - self._clock.now_s()
+            left_s = until_s - self.clock.now_s()
             if left_s <= 0.0:
                 break
             self._step(left_s)
             self.emulator.turn(0.0)
         data = bytes(self._buffers.to_host)
         self._buffers.to_host.clear()
-        return data
-
-    def hung_up(self) -> None:
-        """Have the device notice that the host is gone."""
-        self._buffers.connect(connected=False)
-        self.emulator.turn(0.0)
-
-
-class _Channel:
-    """The host's side of one connection."""
-
-    def __init__(self, buffers: Buffers, device: InProcess) -> None:
-        self._buffers = buffers
-        self._device = device
-
-    def write(self, data: bytes) -> None:
-        self._require_line()
-        self._buffers.to_device += data
-
-    def read(self, timeout_s: float) -> bytes:
-        self._require_line()
-        data = self._device.read(timeout_s)
         if not data:
             self._require_line()
         return data
 
     def close(self) -> None:
-        self._device.hung_up()
+        """Have the device notice that the host is gone."""
+        self._buffers.connect(connected=False)
+        self.emulator.turn(0.0)
 
     def _require_line(self) -> None:
         if not self._buffers.connected:
@@ -199,11 +207,7 @@ def generator_on(
     channel: Channel, clock: Clock, *, gain: float, limits: Limits = LIMITS
 ) -> GeneratorDevice:
     return GeneratorDevice(
-        lambda: channel,
-        limits=limits,
-        clock=clock,
-        amplifier_gain=gain,
-        sample_rate_hz=48_000.0,
+        lambda: channel, limits=limits, clock=clock, amplifier_gain=gain, sample_rate_hz=48_000.0
     )
 
 
@@ -245,7 +249,7 @@ class LoopCard(SoundCard):
 
     def __init__(self, *, seed: int = 1) -> None:
         super().__init__()
-        self.recorder = Recorder(self, 48_000.0)
+        self.recorder = recorder_on(self)
         self.line = Line(seed=seed)
         self.put_in = False
         self.word_s = self.buffer / 48e3
@@ -272,6 +276,11 @@ class LoopCard(SoundCard):
         VirtualClock.wait(self, max(until_s - self.now_s(), 0.0))
 
 
+def recorder_on(clock: Clock) -> Recorder:
+    """Return what records two inputs at 48 kHz."""
+    return Recorder(clock, 48_000.0)
+
+
 def audio_on(card: SoundCard, limits: Limits = LIMITS) -> AudioDevice:
     return AudioDevice(
         card.connect,
@@ -284,21 +293,47 @@ def audio_on(card: SoundCard, limits: Limits = LIMITS) -> AudioDevice:
     )
 
 
-def endpoint(
-    who: Identity,
-    *,
-    least_interval_s: float = 0.005,
-    sink: Callable[[Emission], None] = lambda burst: None,
-) -> Endpoint:
-    """Return the device's end of a line, with a core of that identity behind it."""
-    core = DeviceCore(
-        boot_id=who.boot_id,
-        limits=Limits(
-            ceiling_vpp=who.ceiling_vpp,
-            least_interval_s=least_interval_s,
-            longest_waveform=who.longest_waveform,
-        ),
-        output=OutputStage(sample_rate_hz=who.sample_rate_hz, bits=who.bits),
-        sink=sink,
-    )
-    return Endpoint(core, who)
+class RecordedLine:
+    """A device at the end of a line that keeps all that a host ever sent; time stands still."""
+
+    BOOT_ID: Final = 5
+
+    def __init__(self) -> None:
+        self.over: list[Emission] = []
+        limits = Limits(ceiling_vpp=200.0, least_interval_s=0.005)
+        self.core = DeviceCore(
+            boot_id=self.BOOT_ID, limits=limits, output=OutputStage(), sink=self.over.append
+        )
+        self.endpoint = Endpoint(self.core, identity(boot_id=self.BOOT_ID))
+        self.clock = VirtualClock()
+        self.sent: list[bytes] = []
+        self.pending = b""
+        self.on_write: Callable[[bytes], None] = lambda data: None
+        self.on_read: Callable[[bytes], bytes] = lambda data: data
+        self.link = FrameLink(lambda: self, self.clock)
+        self.device = HostDriver(self.link, limits=limits, clock=self.clock)
+
+    def live(self) -> RecordedLine:
+        """Open the device, ready to play at 100 Vpp."""
+        ready(self.device, 100.0)
+        return self
+
+    def write(self, data: bytes) -> None:
+        self.sent.append(data)
+        self.on_write(data)
+        self.pending += self.answer(data)
+
+    def read(self, timeout_s: float) -> bytes:
+        data, self.pending = self.on_read(self.pending), b""
+        self.clock.wait(0.0 if data else timeout_s)
+        return data
+
+    def close(self) -> None:
+        self.endpoint.hang_up(round(self.clock.now_s() * 1e6))
+
+    def answer(self, data: bytes) -> bytes:
+        return self.endpoint.receive(round(self.clock.now_s() * 1e6), data)
+
+    def refusals(self, data: bytes) -> list[Refusal | None]:
+        """Return why the device refuses each question of these bytes, if it does."""
+        return [answer.refusal for answer in answers(self.answer(data))]

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from device.sound.player import Frames
 
 SHARE: Final = float(os.environ.get("TACTSTRIP_LONG", "1"))
-"""Of the bursts of the longest tests."""
+"""So many times the bursts of the longest tests."""
 FULL_SCALE_V: Final = 125.0
 """What a sound card puts out at full scale."""
 LEVEL_VPP: Final = 100.0

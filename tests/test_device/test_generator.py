@@ -1,107 +1,44 @@
 """Generators: bytes as they go over the line, and what happens when the line or they fail."""
 
-import io
-import json
 import threading
-import time
-from collections.abc import Callable
-from dataclasses import dataclass, field
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from device.clock import MonotonicClock, VirtualClock
-from device.core.output import Emission
-from device.driver import Outcome
-from device.emulate.generator import IDENTITY, EmulatedGenerator, GeneratorEmulator
-from device.emulate.instrument import Reader
-from device.emulate.lines import PtyLine, TcpLine
-from device.emulate.mock import MockDevice
-from device.errors import LinkError, Refusal, RefusedError, SettingError
-from device.limits import Limits
-from device.scpi import dialects
-from device.scpi.dialects import KEYSIGHT, Dialect, ReadBack, dialect_of
-from device.scpi.generator import GeneratorDevice, generator_device, identify_generator
-from device.scpi.line import PATIENCE_S
+from device import Limits, LinkError, Outcome, Refusal, RefusedError, SettingError
 from tests.test_device.bursts import play, ready, refusal
-from tests.test_device.in_process import LIMITS, LocalChannel, generator_on
-from tests.test_device.transcripts import (
+from tests.test_device.generators import (
     BLOCK,
     CODES,
     GAIN,
     SILENCE,
     WAVE,
-    lines,
+    GeneratorBench,
     loading,
     opening,
     trial,
 )
 
+IDENTITY = "Keysight Technologies,33512B,"
 NO_ERROR = b'+0,"No error"\n'
-
-
-class Recorder(LocalChannel):
-    """A channel that notes every line and can lose answers."""
-
-    def __init__(self, generator: EmulatedGenerator, clock: VirtualClock) -> None:
-        super().__init__(generator, clock)
-        self.written = b""
-        self.before: Callable[[bytes], None] = lambda data: None
-        self.change: Callable[[bytes], bytes] = lambda told: told
-
-    def write(self, data: bytes) -> None:
-        self.before(data)
-        self.written += data
-        super().write(data)
-
-    def read(self, timeout_s: float) -> bytes:
-        return self.change(super().read(timeout_s))
-
-    def taken(self) -> bytes:
-        written, self.written = self.written, b""
-        return written
-
-
-@dataclass(slots=True)
-class Bench:
-    """A generator device with an emulated generator behind it."""
-
-    limits: Limits = LIMITS
-    gain: float = GAIN
-    clock: VirtualClock = field(default_factory=VirtualClock)
-    out: list[Emission] = field(default_factory=list)
-    generator: EmulatedGenerator = field(init=False)
-    channel: Recorder = field(init=False)
-    device: GeneratorDevice = field(init=False)
-
-    def __post_init__(self) -> None:
-        self.generator = EmulatedGenerator(self.out.append)
-        self.channel = Recorder(self.generator, self.clock)
-        self.device = generator_on(self.channel, self.clock, gain=self.gain, limits=self.limits)
-
-    def live(self) -> "Bench":
-        ready(self.device, 60.0, burst=WAVE)
-        self.channel.taken()
-        return self
-
-    def play(self, token: int, slot: int = 0) -> Outcome:
-        self.clock.wait(0.1)
-        return play(self.device, token, slot).outcome
+ANSWERS_WITHIN_S = 5.0
 
 
 @pytest.fixture
-def bench() -> Bench:
-    return Bench()
+def bench() -> GeneratorBench:
+    return GeneratorBench()
 
 
 @pytest.fixture
-def live() -> Bench:
-    return Bench().live()
+def live() -> GeneratorBench:
+    return GeneratorBench().live()
 
 
-def test_the_set_up_and_an_upload_byte_for_byte_with_line_feeds_inside(bench: Bench) -> None:
+def test_the_set_up_and_an_upload_byte_for_byte_with_line_feeds_inside(
+    bench: GeneratorBench,
+) -> None:
     bench.device.open()
     assert BLOCK.count(b"\n") == 3
     assert bench.channel.taken() == opening()
@@ -111,111 +48,13 @@ def test_the_set_up_and_an_upload_byte_for_byte_with_line_feeds_inside(bench: Be
     assert bench.channel.taken() == loading(2, "T4")
 
 
-def test_a_trial_byte_for_byte_and_for_every_side_the_same_commands(live: Bench) -> None:
+def test_a_trial_byte_for_byte_and_for_every_side_the_same_commands(live: GeneratorBench) -> None:
     for token, (slot, left, right) in enumerate([(0, "T3", "T2"), (1, "T1", "T4")]):
         live.play(1 + token, slot)
         assert live.channel.taken() == trial(left, right)
     burst, _ = live.out
     assert np.abs(burst.left_v * GAIN - np.array(CODES) / 32767 * 30.0).max() < 1e-5
     assert not burst.right_v.any()
-
-
-ELSEWHERE = "Elsewhere Instruments,AWG2,1,0"
-
-OTHER = Dialect(
-    name="other",
-    identity="Elsewhere Instruments,",
-    bits=14,
-    code_type="<u2",
-    zero_code=8192,
-    shortest_waveform=8,
-    longest_waveform=8192,
-    least_vpp=0.002,
-    most_vpp=20.0,
-    volts_digits=4,
-    named=False,
-    reset=("*RST", "*CLS"),
-    channel_load=(":OUTP{channel}:LOAD INF",),
-    store=":SOUR{channel}:DATA:DAC VOLATILE,",
-    channel_setup=(":SOUR{channel}:FUNC:ARB:SRAT {rate}", ":SOUR{channel}:VOLT {volts}"),
-    channel_readings=(ReadBack(question=":OUTP{channel}:LOAD?", answer="9.9E+37"),),
-    select=(":SOUR{channel}:FUNC:ARB:SRAT {rate}", ":SOUR{channel}:VOLT {volts}"),
-    select_readings=(ReadBack(question=":SOUR{channel}:FUNC:ARB:SRAT?", answer="{rate}"),),
-    amplitude=":SOUR{channel}:VOLT?",
-    output_on=":OUTP{channel} ON",
-    output_off=":OUTP{channel} OFF",
-    abort=(),
-    trigger=(":SOUR1:BURS:TRIG", ":SOUR2:BURS:TRIG"),
-    complete="*OPC?",
-    error=":SYST:ERR?",
-    cannot=("begin both channels at once",),
-)
-"""A make that is none: unsigned codes of 14 bits, no names, a trigger for each channel."""
-
-
-@pytest.fixture
-def other(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(dialects, "DIALECTS", (*dialects.DIALECTS, OTHER))
-
-
-def test_a_generator_is_known_by_its_name(other: None) -> None:
-    assert dialect_of(ELSEWHERE) is OTHER
-    assert dialect_of(IDENTITY) is KEYSIGHT
-    assert dialect_of("Nobody,AWG2,1,0") is None
-
-
-class Parrot:
-    """An instrument that takes every setting and says it back."""
-
-    def __init__(self, identity: str) -> None:
-        self._reader = Reader()
-        self._settings = {"*IDN": identity, "*OPC": "1", "SYST:ERR": '0,"No error"'}
-        self._answers = b""
-        self.headers: list[str] = []
-        self.codes: list[list[int]] = []
-
-    def write(self, data: bytes) -> None:
-        for unit in self._reader.feed(data):
-            self.headers.append(unit.header)
-            if unit.data is not None:
-                self.codes.append(np.frombuffer(unit.data, "<u2").tolist())
-            if unit.header.endswith("?"):
-                self._answers += f"{self._settings[unit.header[:-1]]}\n".encode()
-            else:
-                self._settings[unit.header] = unit.argument.replace("INF", "9.900000E+37")
-
-    def read(self, timeout_s: float) -> bytes:
-        answers, self._answers = self._answers, b""
-        return answers
-
-    def close(self) -> None:
-        """Stay as it is."""
-
-
-def test_another_make_is_a_row_of_the_table(other: None) -> None:
-    """It keeps one waveform a channel: both are uploaded before each trigger."""
-    parrot, clock = Parrot(ELSEWHERE), VirtualClock()
-    device = generator_on(parrot, clock, gain=GAIN)
-    ready(device, 60.0, burst=WAVE)
-    for token in (1, 2):
-        parrot.headers.clear()
-        clock.wait(0.1)
-        assert play(device, token).outcome is Outcome.FIRED
-        said = [header for header in parrot.headers if not header.endswith("?")]
-        assert said[0::3][:2] == ["SOUR1:DATA:DAC", "SOUR2:DATA:DAC"]
-        assert said[-2:] == ["SOUR1:BURS:TRIG", "SOUR2:BURS:TRIG"]
-    left, right = parrot.codes[-2:]
-    assert (max(left), min(left), set(right)) == (8192 + 8191, 8192 - 8191, {8192})
-    assert any("at once" in sentence for sentence in device.cannot)
-
-
-def answer_otherwise(bench: Bench, question: bytes, answer: bytes) -> None:
-    """Have the answer to one question replaced."""
-
-    def change(told: bytes) -> bytes:
-        return answer if told and bench.channel.written.endswith(question + b"\n") else told
-
-    bench.channel.change = change
 
 
 @pytest.mark.parametrize(
@@ -233,9 +72,9 @@ def answer_otherwise(bench: Bench, question: bytes, answer: bytes) -> None:
     ],
 )
 def test_a_setting_that_was_not_taken_is_refused_and_nothing_is_switched_on(
-    bench: Bench, question: bytes, answer: bytes
+    bench: GeneratorBench, question: bytes, answer: bytes
 ) -> None:
-    answer_otherwise(bench, question, answer)
+    bench.answer_otherwise(question, answer)
     with pytest.raises(SettingError):
         bench.device.open()
     assert bench.generator.outputs_on == (False, False)
@@ -252,9 +91,9 @@ def test_a_setting_that_was_not_taken_is_refused_and_nothing_is_switched_on(
     ],
 )
 def test_a_trial_that_was_not_set_up_is_not_triggered(
-    live: Bench, question: bytes, answer: bytes
+    live: GeneratorBench, question: bytes, answer: bytes
 ) -> None:
-    answer_otherwise(live, question, answer)
+    live.answer_otherwise(question, answer)
     with pytest.raises(SettingError):
         live.play(1)
     assert b"*TRG" not in live.channel.written
@@ -264,13 +103,15 @@ def test_a_trial_that_was_not_set_up_is_not_triggered(
     assert live.play(2) is Outcome.FIRED
 
 
-def test_what_answers_otherwise_is_no_generator(bench: Bench) -> None:
-    answer_otherwise(bench, b"*IDN?", b"Agilent Technologies,33521B,MY50000000,1.0\n")
-    with pytest.raises(LinkError, match="two channels"):
+def test_what_answers_otherwise_is_no_generator(bench: GeneratorBench) -> None:
+    bench.answer_otherwise(b"*IDN?", b"Agilent Technologies,33521B,MY50000000,1.0\n")
+    with pytest.raises(LinkError, match="33521B"):
         bench.device.open()
 
 
-def test_a_level_the_generator_cannot_make_is_refused_and_zero_is_silence(live: Bench) -> None:
+def test_a_level_the_generator_cannot_make_is_refused_and_zero_is_silence(
+    live: GeneratorBench,
+) -> None:
     live.device.set_levels(0.01, 0.01)
     assert refusal(lambda: live.play(1)) is Refusal.BAD_LEVEL
     live.device.set_levels(0.0, 0.0)
@@ -279,7 +120,7 @@ def test_a_level_the_generator_cannot_make_is_refused_and_zero_is_silence(live: 
 
 
 def test_a_lost_confirmation_is_indeterminate_and_no_second_trigger_goes_out(
-    live: Bench,
+    live: GeneratorBench,
 ) -> None:
     def change(told: bytes) -> bytes:
         lost = b"*TRG" in live.channel.written and b"*IDN?" not in live.channel.written
@@ -289,7 +130,7 @@ def test_a_lost_confirmation_is_indeterminate_and_no_second_trigger_goes_out(
     began_s = live.clock.now_s()
     told = play(live.device, 1)
     assert told.outcome is Outcome.INDETERMINATE
-    assert live.clock.now_s() - began_s >= PATIENCE_S
+    assert live.clock.now_s() - began_s >= ANSWERS_WITHIN_S
     assert live.device.fire(1) == told == live.device.query(1)
     assert live.channel.written.count(b"*TRG") == 1
     assert [burst.token for burst in live.out] == [1]
@@ -297,7 +138,9 @@ def test_a_lost_confirmation_is_indeterminate_and_no_second_trigger_goes_out(
     assert len(live.out) == 2
 
 
-def test_a_confirmation_that_comes_too_late_is_taken_for_no_other_answer(live: Bench) -> None:
+def test_a_confirmation_that_comes_too_late_is_taken_for_no_other_answer(
+    live: GeneratorBench,
+) -> None:
     held = [b""]
 
     def change(told: bytes) -> bytes:
@@ -315,7 +158,7 @@ def test_a_confirmation_that_comes_too_late_is_taken_for_no_other_answer(live: B
     assert [burst.level_right_vpp > 0 for burst in live.out] == [False, True]
 
 
-def test_a_line_that_breaks_with_the_trigger_leaves_it_open(live: Bench) -> None:
+def test_a_line_that_breaks_with_the_trigger_leaves_it_open(live: GeneratorBench) -> None:
     def before(data: bytes) -> None:
         if b"*TRG" in data:
             raise LinkError("unplugged")
@@ -325,22 +168,7 @@ def test_a_line_that_breaks_with_the_trigger_leaves_it_open(live: Bench) -> None
     assert live.device.query(1).outcome is Outcome.INDETERMINATE
 
 
-def test_a_trigger_that_the_generator_reports_as_ignored_is_indeterminate(live: Bench) -> None:
-    live.device.arm(1, 0, time_to_live_s=1.0)
-    live.channel.write(lines("TRIG1:SOUR IMM", "TRIG2:SOUR IMM"))
-    assert live.device.fire(1).outcome is Outcome.INDETERMINATE
-    assert live.out == []
-
-
-def test_another_run_says_not_fired_for_its_own_boot_id_only(live: Bench) -> None:
-    live.play(1)
-    told = Bench(clock=live.clock).live().device.query(1)
-    assert told.outcome is Outcome.NOT_FIRED
-    assert told.boot_id != live.device.query(1).boot_id
-
-
-@pytest.mark.slow
-@settings(deadline=None, max_examples=150)
+@settings(deadline=None, max_examples=25)
 @given(
     peak=st.floats(0.001, 1.0),
     level_vpp=st.floats(0.0, 1e3),
@@ -351,7 +179,7 @@ def test_another_run_says_not_fired_for_its_own_boot_id_only(live: Bench) -> Non
 def test_nothing_above_the_ceiling_comes_out(
     peak: float, level_vpp: float, gain: float, level_gain: float, ceiling_vpp: float
 ) -> None:
-    bench = Bench(limits=Limits(ceiling_vpp=ceiling_vpp, gain=level_gain), gain=gain)
+    bench = GeneratorBench(limits=Limits(ceiling_vpp=ceiling_vpp, gain=level_gain), gain=gain)
     wave = np.array([0.0, 1.0, -1.0, 0.5, -0.5, 0.25, -0.25, 0.0]) * peak
     try:
         ready(bench.device, burst=wave)
@@ -368,7 +196,7 @@ def test_nothing_above_the_ceiling_comes_out(
 
 
 def test_a_stop_from_another_thread_cuts_the_burst_and_its_trial_is_indeterminate(
-    live: Bench,
+    live: GeneratorBench,
 ) -> None:
     long = np.append(np.tile(WAVE[:-1], 4000), 0.0)
     live.device.load(2, long, 0 * long)
@@ -387,26 +215,6 @@ def test_a_stop_from_another_thread_cuts_the_burst_and_its_trial_is_indeterminat
     assert refusal(lambda: play(live.device, 2)) is Refusal.SAFE_STATE
 
 
-def test_a_stop_inside_an_upload_is_sent_again_and_holds(live: Bench) -> None:
-    def before(data: bytes) -> None:
-        if b"SOUR1:DATA" in data:
-            live.channel.before = lambda later: None
-            live.channel.written += b"-"
-            live.device.stop()
-            live.generator.receive(round(live.clock.now_s() * 1e6), lines("OUTP1 ON", "OUTP2 ON"))
-
-    live.channel.before = before
-    live.device.load(2, -WAVE, SILENCE)
-    assert live.generator.outputs_on == (False, False)
-    refusal(lambda: play(live.device, 1))
-
-
-def test_what_a_generator_cannot_promise_is_told(bench: Bench) -> None:
-    bench.device.open()
-    assert any("dies" in sentence for sentence in bench.device.cannot)
-    assert MockDevice(VirtualClock(), limits=LIMITS).cannot == ()
-
-
 @pytest.mark.parametrize(
     ("command", "error"),
     [
@@ -420,91 +228,7 @@ def test_what_a_generator_cannot_promise_is_told(bench: Bench) -> None:
     ],
 )
 def test_the_emulator_refuses_what_a_generator_refuses(command: bytes, error: bytes) -> None:
-    generator = EmulatedGenerator(print)
+    generator = GeneratorBench().generator
     answer = generator.receive(0, command + b"\nSYST:ERR?\nSYST:ERR?\n").splitlines()
     assert answer[0].startswith(error)
     assert answer[1] + b"\n" == NO_ERROR
-
-
-def test_the_emulators_load_changes_the_display_and_not_the_terminals() -> None:
-    generator = EmulatedGenerator(print)
-    asked = b"SOUR1:VOLT 1;:SOUR1:VOLT?;:OUTP1:LOAD INF;:SOUR1:VOLT?\n"
-    first, second = generator.receive(0, asked).splitlines()
-    assert float(second) == 2 * float(first)
-
-
-@settings(deadline=None, max_examples=100)
-@given(data=st.binary(max_size=200), cut=st.integers(0, 300))
-def test_a_block_arrives_whole_however_it_is_cut(data: bytes, cut: int) -> None:
-    samples = data + bytes(len(data) % 2) + bytes(16)
-    command = b"SOUR1:DATA:ARB:DAC a," + f"#3{len(samples):03d}".encode() + samples + b"\n"
-    generator = EmulatedGenerator(print)
-    answers = generator.receive(0, command[:cut])
-    answers += generator.receive(
-        0, command[cut:] + b"SYST:ERR?\nSOUR1:FUNC:ARB a;:SOUR1:FUNC:ARB?\n"
-    )
-    assert answers == NO_ERROR + b'"A"\n'
-
-
-@pytest.mark.slow
-@settings(deadline=None, max_examples=100)
-@given(data=st.binary(max_size=300))
-def test_no_bytes_break_the_emulator(data: bytes) -> None:
-    generator = EmulatedGenerator(lambda _: None)
-    generator.receive(0, data)
-    generator.receive(1, b"\n" * 2)
-
-
-@pytest.mark.process
-@pytest.mark.parametrize("make_line", [lambda: TcpLine(0), PtyLine], ids=["tcp", "pty"])
-def test_the_truth_file_says_what_the_driver_was_told(
-    make_line: Callable[[], TcpLine | PtyLine],
-) -> None:
-    line, truth = make_line(), io.StringIO()
-    emulator = GeneratorEmulator(line, truth, amplifier_gain=GAIN)
-    over = threading.Event()
-
-    def serve() -> None:
-        while not over.is_set():
-            emulator.turn()
-
-    server = threading.Thread(target=serve)
-    server.start()
-    device = generator_device(
-        line.name,
-        limits=LIMITS,
-        clock=MonotonicClock(),
-        amplifier_gain=GAIN,
-        sample_rate_hz=48_000.0,
-    )
-    try:
-        assert identify_generator(line.name) == IDENTITY
-        assert ready(device, 130.0, burst=WAVE).emulated
-        device.arm(1, 0, time_to_live_s=5.0)
-        before_s = time.time()
-        told = device.fire(1)
-        after_s = time.time()
-        device.close()
-    finally:
-        over.set()
-        server.join()
-        line.close()
-    facts = [json.loads(text) for text in truth.getvalue().splitlines()]
-    (burst,) = [fact for fact in facts if fact["event"] == "burst"]
-    assert told.outcome is Outcome.FIRED
-    assert (told.level_left_vpp, told.level_right_vpp) == (130.0, 0.0)
-    assert (burst["channels"], burst["levels_mv"]) == ([1, 0], [130_000, 0])
-    assert max(burst["peak_v"]) <= 65.0
-    assert (burst["token"], burst["number"]) == (None, 1)
-    assert before_s - 0.01 < burst["wall_s"] < after_s
-    assert facts[-1]["event"] == "off"
-
-
-def test_a_host_that_dies_leaves_the_emulated_outputs_on_and_the_next_one_is_understood(
-    live: Bench,
-) -> None:
-    now_us = round(live.clock.now_s() * 1e6)
-    live.generator.receive(now_us, b"*OPC?;SOUR1:DATA:ARB:DAC z,#3194abc")
-    live.generator.hang_up()
-    assert live.generator.outputs_on == (True, True)
-    assert live.generator.receive(now_us, b"*IDN?\n").decode().strip() == IDENTITY

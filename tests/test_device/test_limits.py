@@ -7,24 +7,18 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from numpy.typing import NDArray
 
-from device.core.reports import About, DeviceLimits
-from device.driver import FloatArray
-from device.errors import LimitExceeded, Refusal, Rejected
+from device import LimitExceeded, Limits, Refusal, Rejected
 from device.limits import (
-    Limits,
-    check_burst,
     check_ceiling,
     check_codes,
     check_rest,
     check_stored,
     check_time_to_live,
     check_waveforms,
-    least_peaks,
 )
-from device.wire import codec
-from device.wire.codec import Kind
-from tests.test_device.bursts import BURST, SILENCE, changed, refusal, sine
+from tests.test_device.bursts import BURST, SILENCE, changed, refusal
 
 LIMITS = Limits(ceiling_vpp=200.0)
 
@@ -37,8 +31,7 @@ def passes(peak: float, level_vpp: float, limits: Limits) -> bool:
     return True
 
 
-@pytest.mark.slow
-@settings(deadline=None, max_examples=300)
+@settings(deadline=None, max_examples=100)
 @given(
     peak=st.floats(0.0, 1.0),
     level_vpp=st.floats(0.0, 1e4),
@@ -53,19 +46,9 @@ def test_a_burst_passes_just_if_its_exact_product_is_within_the_ceiling(
     assert passes(peak, level_vpp, limits) is within
 
 
-@pytest.mark.slow
-@settings(deadline=None, max_examples=200)
-@given(level_vpp=st.floats(1e-3, 1e4), peak=st.floats(0.0, 1.0, exclude_min=True))
-def test_exactly_at_the_ceiling_is_allowed_and_one_step_above_is_not(
-    level_vpp: float, peak: float
-) -> None:
-    limits = Limits(ceiling_vpp=level_vpp)
-    assert passes(1.0, level_vpp, limits)
-    assert passes(peak, level_vpp, limits)
-    assert not passes(1.0, math.nextafter(level_vpp, math.inf), limits)
-
-
 def test_products_that_round_down_to_the_ceiling_do_not_pass() -> None:
+    assert passes(1.0, 200.0, LIMITS)
+    assert not passes(1.0, math.nextafter(200.0, math.inf), LIMITS)
     rng = np.random.default_rng(5)
     rounded = 0
     for gain, level_vpp in zip(rng.uniform(0.5, 2.0, 2000), rng.uniform(1, 200, 2000), strict=True):
@@ -74,32 +57,6 @@ def test_products_that_round_down_to_the_ceiling_do_not_pass() -> None:
         assert passes(1.0, level_vpp, limits) is not above
         rounded += above
     assert rounded > 500
-
-
-def test_each_channel_counts_with_its_own_peak() -> None:
-    check_burst((0.5, 1.0), (400.0, 200.0), LIMITS)
-    check_burst((0.0, 1.0), (1e6, 200.0), LIMITS)
-    for left_vpp, right_vpp in ((401.0, 200.0), (400.0, 201.0)):
-        with pytest.raises(LimitExceeded):
-            check_burst((0.5, 1.0), (left_vpp, right_vpp), LIMITS)
-
-
-def test_the_least_peak_of_a_channel_leaves_silence_out() -> None:
-    assert least_peaks([]) == (0.0, 0.0)
-    assert least_peaks([(0.0, 0.7), (1.0, 0.9), (0.6, 0.0)]) == (0.6, 0.7)
-
-
-@pytest.mark.parametrize("sample_rate_hz", [22_050.0, 44_100.0, 48_000.0])
-@pytest.mark.parametrize("cycles", [1, 2, 5])
-def test_well_sampled_bursts_that_do_not_fit_the_sample_grid_pass(
-    sample_rate_hz: float, cycles: int
-) -> None:
-    for frequency_hz in np.linspace(20.0, sample_rate_hz / 40, 60):
-        times_s = np.arange(math.ceil(cycles / frequency_hz * sample_rate_hz) + 1) / sample_rate_hz
-        samples = np.sin(2 * np.pi * frequency_hz * times_s)
-        samples[times_s >= cycles / frequency_hz] = 0.0
-        assert abs(samples.sum()) < 1e-3 * np.abs(samples).sum()
-        check_waveforms(samples, 0 * samples, LIMITS)
 
 
 def test_the_peaks_come_back_and_silence_has_none() -> None:
@@ -124,24 +81,14 @@ REFUSED = [
 
 @pytest.mark.parametrize(("samples", "code"), REFUSED)
 def test_a_bad_waveform_is_refused_with_its_own_code_on_either_channel(
-    samples: FloatArray, code: Refusal
+    samples: NDArray[np.float64], code: Refusal
 ) -> None:
     silence = np.zeros(samples.size)
     assert refusal(lambda: check_waveforms(silence, samples, LIMITS), Rejected) is code
     assert refusal(lambda: check_waveforms(samples, silence, LIMITS), Rejected) is code
 
 
-def test_waveforms_of_different_lengths_are_refused() -> None:
-    assert refusal(lambda: check_waveforms(BURST, BURST[:49], LIMITS)) is Refusal.LENGTHS_DIFFER
-
-
-def test_a_waveform_of_the_longest_length_passes() -> None:
-    longest = sine(LIMITS.longest_waveform)
-    assert check_waveforms(longest, longest, LIMITS) == (longest.max(), longest.max())
-
-
-@pytest.mark.slow
-@settings(deadline=None, max_examples=200)
+@settings(deadline=None, max_examples=40)
 @given(
     durations_us=st.lists(st.integers(1, 1_000_000), min_size=2, max_size=20),
     max_duty=st.floats(0.01, 1.0),
@@ -160,20 +107,6 @@ def test_bursts_as_early_as_allowed_keep_the_duty_over_any_time(
             check_rest(since_onset_us=earliest_us - 1, duration_us=duration_us, limits=limits)
         elapsed_us += earliest_us
     assert sum(durations_us) <= max_duty * elapsed_us
-
-
-@pytest.mark.parametrize(
-    ("since_onset_us", "code"),
-    [(0, Refusal.LEAST_INTERVAL), (29_999, Refusal.LEAST_INTERVAL), (39_999, Refusal.DUTY)],
-)
-def test_too_short_a_rest_says_which_limit_it_breaks(since_onset_us: int, code: Refusal) -> None:
-    limits = Limits(ceiling_vpp=1.0, least_interval_s=0.01, max_duty=0.5)
-
-    def check(since_us: int) -> None:
-        check_rest(since_onset_us=since_us, duration_us=20_000, limits=limits)
-
-    check(40_000)
-    assert refusal(lambda: check(since_onset_us), LimitExceeded) is code
 
 
 @pytest.mark.parametrize("time_to_live_us", [-1, 0, 10_000_001])
@@ -201,11 +134,13 @@ def test_a_time_to_live_outside_its_range_is_refused(time_to_live_us: int) -> No
         ("longest_waveform", 2**31 + 1),
         ("dc_tolerance", 0.0),
         ("longest_time_to_live_s", 0.0),
+        ("slots", 256),
+        ("slots", 0),
     ],
 )
 def test_limits_that_are_none_are_refused_by_name(name: str, value: float) -> None:
     given_limits: dict[str, float] = {"ceiling_vpp": 200.0} | {name: value}
-    with pytest.raises(ValueError, match=f"{name} must be .*, got {value!r}"):
+    with pytest.raises(ValueError, match=f"{name} .*{value!r}"):
         Limits(**given_limits)  # type: ignore[arg-type]  # wrong types are the point
 
 
@@ -219,8 +154,9 @@ def test_what_no_study_says_of_its_limits_is_cautious() -> None:
         dc_tolerance=0.01,
         longest_time_to_live_s=10.0,
     )
-    for longest in (1, 2**31):
-        assert Limits(ceiling_vpp=200.0, longest_waveform=longest).longest_waveform == longest
+    for longest, slots in ((1, 255), (2**31, 1)):
+        limits = Limits(ceiling_vpp=200.0, longest_waveform=longest, slots=slots)
+        assert (limits.longest_waveform, limits.slots) == (longest, slots)
 
 
 def test_a_device_counts_its_limits_in_whole_numbers() -> None:
@@ -246,10 +182,3 @@ def test_a_device_compares_without_rounding() -> None:
     codes[1] += 1
     with pytest.raises(LimitExceeded):
         check_codes(codes, 0 * codes, full_scale=full, limits=limits)
-
-
-def test_a_device_has_as_many_slots_as_it_can_tell() -> None:
-    told = DeviceLimits.of(Limits(ceiling_vpp=200.0, slots=255), About())
-    assert codec.understood(Kind.LIMITS, codec.told(Kind.LIMITS, told)).slots == 255
-    with pytest.raises(ValueError, match="slots must be an integer from 1 to 255, got 256"):
-        Limits(ceiling_vpp=200.0, slots=256)

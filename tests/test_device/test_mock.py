@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
@@ -10,13 +11,26 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, rule
 
-from device.clock import MonotonicClock, VirtualClock
-from device.core.output import OutputStage
-from device.driver import BurstDevice, FloatArray, Outcome
-from device.emulate.mock import MockDevice
-from device.errors import DeviceError, LimitExceeded, LinkError, Refusal, Rejected, StateError
-from device.limits import Limits
+from device import (
+    BurstDevice,
+    Delivery,
+    DeviceError,
+    Health,
+    LimitExceeded,
+    Limits,
+    LinkError,
+    Measurement,
+    MockDevice,
+    Outcome,
+    OutputStage,
+    Refusal,
+    Rejected,
+    StateError,
+    VirtualClock,
+)
+from device.emulate.amplifier import Adc, Amplifier
 from tests.test_device.bursts import BURST, SILENCE, changed, play, ready, refusal
+from tests.test_device.in_process import InProcess
 
 LIMITS = Limits(ceiling_vpp=200.0, least_interval_s=0.01)
 
@@ -37,18 +51,6 @@ def test_it_says_that_it_is_emulated_and_what_it_can_do() -> None:
     assert (identity.ceiling_vpp, identity.longest_waveform) == (150.0, 1000)
 
 
-def test_the_same_seed_gives_the_same_boot_ids() -> None:
-    def boot_ids(seed: int) -> list[int]:
-        rng = np.random.default_rng(seed)
-        device = MockDevice(VirtualClock(), limits=LIMITS, rng=rng)
-        first = device.open().boot_id
-        device.reset()
-        return [first, device.open().boot_id]
-
-    assert boot_ids(4) == boot_ids(4)
-    assert len({*boot_ids(4), *boot_ids(5)}) == 4
-
-
 @settings(deadline=None, max_examples=50)
 @given(
     now_s=st.floats(0.0, 1e5), drift_ppm=st.floats(-1000.0, 1000.0), offset_s=st.floats(0.0, 1e6)
@@ -65,18 +67,6 @@ def test_the_devices_clock_is_the_hosts_with_drift_and_offset(
     assert felt.device_us * 1e-6 == pytest.approx(wanted_s, abs=2e-6)
     assert felt.host_before_s == felt.host_after_s == clock.now_s()
     assert felt.uncertainty_s == 0.0
-
-
-def test_on_a_real_clock_the_interval_and_its_uncertainty_hold_the_onset() -> None:
-    clock = MonotonicClock()
-    device = MockDevice(clock, limits=LIMITS)
-    ready(device)
-    before_s = clock.now_s()
-    felt = play(device, 1, within_s=5.0)
-    assert felt.device_us is not None
-    assert before_s <= felt.host_before_s <= felt.host_after_s <= clock.now_s()
-    middle_s = (felt.host_before_s + felt.host_after_s) / 2
-    assert abs(felt.device_us * 1e-6 - middle_s) <= felt.uncertainty_s + 1e-6
 
 
 @pytest.mark.parametrize(
@@ -101,22 +91,6 @@ def test_nothing_is_sent_to_a_device_that_is_not_open(
     assert refusal(lambda: call(device), StateError) is Refusal.NOT_OPEN
 
 
-def test_illegal_steps_are_the_hosts_to_refuse_and_the_rest_the_devices() -> None:
-    clock = VirtualClock()
-    device = MockDevice(clock, limits=LIMITS)
-    device.open()
-    assert refusal(device.open, StateError) is Refusal.ALREADY_OPEN
-    assert refusal(device.enable, StateError) is Refusal.NOTHING_LOADED
-    device.load(0, BURST, SILENCE)
-    assert refusal(lambda: device.fire(1), StateError) is Refusal.NOT_ENABLED
-    device.enable()
-    device.silence()
-    clock.wait(1.0)
-    unheard = refusal(lambda: device.arm(1, 0, time_to_live_s=0.1), Rejected)
-    known = refusal(lambda: device.arm(1, 0, time_to_live_s=0.1), StateError)
-    assert unheard is known is Refusal.SAFE_STATE
-
-
 def test_the_hosts_ceiling_and_the_devices_hold_both() -> None:
     clock = VirtualClock()
     low = Limits(ceiling_vpp=120.0, least_interval_s=0.005)
@@ -125,8 +99,11 @@ def test_the_hosts_ceiling_and_the_devices_hold_both() -> None:
         device.open()
         device.load(0, BURST, BURST)
         device.set_levels(120.0, 120.0)
-        with pytest.raises(LimitExceeded, match="is above the ceiling"):
+        with pytest.raises(LimitExceeded):
             device.set_levels(120.001, 0.0)
+    live = live_mock(clock)
+    with pytest.raises(LimitExceeded):  # though its millivolts are within the ceiling
+        live.set_levels(0.0, math.nextafter(200.0, math.inf))
 
 
 def test_the_hosts_own_limits_hold_where_the_devices_would_let_it_pass() -> None:
@@ -149,37 +126,14 @@ def test_the_hosts_own_limits_hold_where_the_devices_would_let_it_pass() -> None
     assert device.fire(2).outcome is Outcome.FIRED
 
 
-def test_a_level_one_step_above_the_ceiling_is_refused_though_its_millivolts_are_not() -> None:
-    device = live_mock(VirtualClock())
-    device.set_levels(200.0, 200.0)
-    above_vpp = math.nextafter(200.0, math.inf)
-    assert refusal(lambda: device.set_levels(above_vpp, 200.0)) is Refusal.CEILING
-
-
 def test_samples_that_are_no_finite_numbers_never_leave_the_host() -> None:
     device = live_mock(VirtualClock())
     for bad in (math.nan, math.inf):
-        with pytest.raises(Rejected, match="a sample is not finite: left"):
+        with pytest.raises(Rejected, match="left"):
             device.load(0, changed(3, bad), SILENCE)
     strange: Any = ["0", "1", "0"]
-    with pytest.raises(ValueError, match="right must be a one-dimensional array of real numbers"):
+    with pytest.raises(ValueError, match="right"):
         device.load(0, BURST, strange)
-
-
-def test_a_device_opened_anew_plays_nothing_that_this_host_did_not_load_and_set() -> None:
-    device = live_mock(VirtualClock())
-    device.close()
-    device.open()
-    device.enable()
-    assert refusal(lambda: device.arm(1, 0, time_to_live_s=0.1)) is Refusal.EMPTY_SLOT
-    device.load(0, BURST, BURST)
-    assert play(device, 1).level_left_vpp == 0.0
-
-
-@pytest.mark.parametrize(("option", "value"), [("drift_ppm", 2e5), ("offset_s", math.nan)])
-def test_a_clock_that_cannot_be_is_refused_by_name(option: str, value: float) -> None:
-    with pytest.raises(ValueError, match=f"{option} must be a number"):
-        live_mock(VirtualClock(), **{option: value})
 
 
 def test_a_power_cycle_forgets_all_and_makes_what_was_armed_indeterminate() -> None:
@@ -192,31 +146,13 @@ def test_a_power_cycle_forgets_all_and_makes_what_was_armed_indeterminate() -> N
     for told in (device.fire(2), device.query(2), device.query(1)):
         assert told.outcome is Outcome.INDETERMINATE
         assert told.boot_id != old_boot_id
-    with pytest.raises(LinkError, match="restarted"):
+    with pytest.raises(LinkError):
         device.arm(3, 0, time_to_live_s=0.1)
     assert len(device.emitted) == 1
-
-
-def test_after_a_power_cycle_even_a_disarmed_token_may_have_fired_before_it() -> None:
-    device = live_mock(VirtualClock())
-    play(device, 1)
-    device.reset()
     device.disarm(1)
     assert device.query(1).outcome is Outcome.INDETERMINATE
     device.open()
     assert device.query(1).outcome is Outcome.INDETERMINATE
-
-
-def test_a_device_that_restarted_can_be_opened_and_used_again() -> None:
-    clock = VirtualClock()
-    device = live_mock(clock)
-    before = device.query(1).boot_id
-    device.reset()
-    assert ready(device).boot_id != before
-    device.arm(5, 0, time_to_live_s=0.1)
-    clock.wait(0.2)
-    assert device.query(5).outcome is Outcome.NOT_FIRED
-    assert play(device, 6).outcome is Outcome.FIRED
 
 
 def test_losing_power_cuts_the_burst_that_plays() -> None:
@@ -230,6 +166,71 @@ def test_losing_power_cuts_the_burst_that_plays() -> None:
     assert not cut.left_v[48:].any()
 
 
+TAPS = pytest.mark.parametrize("tap", ["line", "amplifier", "current", "motion"])
+
+
+def wired(amplifier: Amplifier) -> InProcess:
+    """Return a device over a wire, live at 100 Vpp, with an amplifier behind it."""
+    rig = InProcess(amplifier=amplifier)
+    ready(rig.device, 100.0)
+    return rig
+
+
+@TAPS
+@pytest.mark.parametrize("kind", ["wire", "mock"])
+def test_a_measurement_is_the_burst_by_gain_and_delay(tap: str, kind: str) -> None:
+    adc = Adc.parse(f"tap={tap},gain=0.9,delay_us=40")
+    clock, rig = VirtualClock(), wired(Amplifier(adc=adc))
+    device, wait = rig.device, rig.wait
+    if kind == "mock":
+        device, wait = live_mock(clock, adc=adc), clock.wait
+    play(device, 1)
+    assert refusal(lambda: device.measured(1)) is Refusal.BUSY
+    wait(0.1)
+    measured = device.measured(1)
+    assert measured is not None
+    assert abs(measured.left - round(50.0 * 0.9 * 1000 * np.abs(BURST).max())) <= 5
+    assert measured == Measurement(
+        token=1,
+        tap=tap,
+        unit={"current": "uA", "motion": "nm"}.get(tap, "mV"),
+        left=measured.left,
+        onset_offset_us=40,
+        onset_uncertainty_us=21,
+        correlation_left=10_000,
+    )
+    assert device.measured(2) is None
+
+
+def test_over_current_comes_at_its_time_and_is_kept_until_the_output_is_on_again() -> None:
+    rig = wired(Amplifier(over_current_at_s=1.0))
+    device = rig.device
+    for wait_s, is_over in ((0.9, False), (0.3, True)):
+        rig.wait(wait_s)
+        on = Health(amplifier_enabled=not is_over, switch_closed=True, over_current=is_over)
+        assert device.health() == on
+    refusal(lambda: play(device, 1))
+    device.enable()
+    assert device.health().over_current is False
+    play(device, 1)
+
+
+@pytest.mark.parametrize(
+    ("key", "wrong"),
+    [
+        ("gain", lambda: Adc(gain=-1.0)),
+        ("loss", lambda: Adc(loss=1.1)),
+        ("delay_us", lambda: Adc(delay_us=float("nan"))),
+        ("adc", lambda: Adc.parse("gain=1,gain=2")),
+        ("adc", lambda: Adc.parse("tap")),
+        ("over_current_at_s", lambda: Amplifier(over_current_at_s=-1.0)),
+    ],
+)
+def test_what_no_amplifier_or_input_can_be_is_refused(key: str, wrong: Any) -> None:
+    with pytest.raises(ValueError, match=key):
+        wrong()
+
+
 PAIRS = [(BURST, SILENCE), (SILENCE, 0.5 * BURST), (BURST, -BURST), (SILENCE, SILENCE)]
 
 
@@ -240,127 +241,83 @@ class AnyOrder(RuleBasedStateMachine):
         super().__init__()
         self.clock = VirtualClock()
         self.device = MockDevice(self.clock, limits=LIMITS, rng=np.random.default_rng(1))
-        self.fresh = 1000
-        self.tokens = [1]
+        self.tokens = [1000]
         self.windows: dict[int, tuple[float, float]] = {}
-        self.fired: set[int] = set()
-        self.not_fired: set[int] = set()
-        self.make_ready()
+        self.outcomes: dict[int, set[Outcome]] = {}
+        self.reopen()
 
-    def make_ready(self) -> None:
+    @rule()
+    def reopen(self) -> None:
+        self.device.close()
         self.device.open()
         for slot, pair in enumerate(PAIRS):
             self.device.load(slot, *pair)
         self.device.enable()
         self.device.set_levels(100.0, 100.0)
 
-    def attempt(self, call: Callable[[], object]) -> bool:
-        try:
-            call()
-        except DeviceError:
-            return False
-        return True
-
-    def next_token(self) -> int:
-        self.fresh += 1
-        return self.fresh
-
-    def arm_within(self, token: int, slot: int, time_to_live_s: float) -> bool:
+    @rule(
+        slot=st.integers(0, 3),
+        time_to_live_s=st.sampled_from([0.001, 0.1, 2.0]),
+        is_new=st.booleans(),
+        plays=st.booleans(),
+    )
+    def arm(self, slot: int, time_to_live_s: float, *, is_new: bool, plays: bool) -> None:
+        token = max(self.tokens) + is_new
         self.tokens.append(token)
         now_s = self.clock.now_s()
-        armed = self.attempt(lambda: self.device.arm(token, slot, time_to_live_s=time_to_live_s))
-        if armed:
+        with suppress(DeviceError):
+            self.device.arm(token, slot, time_to_live_s=time_to_live_s)
             assert token not in self.windows
             self.windows[token] = (now_s, now_s + time_to_live_s)
-        return armed
+            if plays:
+                self.note(self.device.fire(token))
 
-    @rule(slot=st.integers(0, 2), pair=st.sampled_from(PAIRS))
-    def load(self, slot: int, pair: tuple[FloatArray, FloatArray]) -> None:
-        self.attempt(lambda: self.device.load(slot, *pair))
+    @rule(call=st.sampled_from(["fire", "query", "disarm"]), which=st.integers(1, 3))
+    def ask(self, call: str, which: int) -> None:
+        token = self.tokens[-min(which, len(self.tokens))]
+        with suppress(DeviceError):
+            self.note(getattr(self.device, call)(token))
 
-    @rule(left_vpp=st.floats(0.0, 220.0), right_vpp=st.sampled_from([0.0, 60.0, 200.0, 400.0]))
-    def set_levels(self, left_vpp: float, right_vpp: float) -> None:
-        self.attempt(lambda: self.device.set_levels(left_vpp, right_vpp))
+    def note(self, delivery: Delivery | None) -> None:
+        if delivery is not None and delivery.token in self.windows:
+            self.outcomes.setdefault(delivery.token, set()).add(delivery.outcome)
 
-    @rule()
-    def enable(self) -> None:
-        self.attempt(self.device.enable)
-
-    @rule(data=st.data(), slot=st.integers(0, 3), time_to_live_s=st.sampled_from([0.001, 0.1, 2.0]))
-    def arm(self, data: st.DataObject, slot: int, time_to_live_s: float) -> None:
-        token = data.draw(st.just(self.next_token()) | st.sampled_from(self.tokens[-3:]))
-        self.arm_within(token, slot, time_to_live_s)
-
-    @rule(data=st.data())
-    def fire(self, data: st.DataObject) -> None:
-        token = data.draw(st.sampled_from(self.tokens[-3:]))
-        self.attempt(lambda: self.note(self.device.fire(token).outcome, token))
-
-    @rule(slot=st.integers(0, 3), rest_s=st.sampled_from([0.0005, 0.02]))
-    def trial(self, slot: int, rest_s: float) -> None:
-        token = self.next_token()
-        self.attempt(self.device.enable)
-        if self.arm_within(token, slot, 0.1):
-            self.attempt(lambda: self.note(self.device.fire(token).outcome, token))
-        self.clock.wait(rest_s)
-
-    @rule(data=st.data())
-    def query(self, data: st.DataObject) -> None:
-        token = data.draw(st.sampled_from(self.tokens))
-        self.attempt(lambda: self.note(self.device.query(token).outcome, token))
-
-    @rule(data=st.data())
-    def disarm(self, data: st.DataObject) -> None:
-        token = data.draw(st.sampled_from(self.tokens))
-        self.attempt(lambda: self.device.disarm(token))
-
-    def note(self, outcome: Outcome, token: int) -> None:
-        if outcome is Outcome.FIRED:
-            self.fired.add(token)
-        elif outcome is Outcome.NOT_FIRED and token in self.windows:
-            self.not_fired.add(token)
+    @rule(
+        call=st.sampled_from(
+            [
+                *(lambda d: d.enable(), lambda d: d.stop(), lambda d: d.silence()),
+                *(lambda d: d.set_levels(200.0, 60.0), lambda d: d.set_levels(60.0, 400.0)),
+                *(lambda d: d.load(0, *PAIRS[2]), lambda d: d.load(2, *PAIRS[1])),
+            ]
+        )
+    )
+    def order(self, call: Callable[[MockDevice], None]) -> None:
+        with suppress(DeviceError):
+            call(self.device)
 
     @rule(duration_s=st.sampled_from([0.0, 0.0005, 0.003, 0.02, 0.3, 3.0]))
     def wait(self, duration_s: float) -> None:
         self.clock.wait(duration_s)
 
-    @rule()
-    def stop(self) -> None:
-        self.device.stop()
-
-    @precondition(lambda self: self.fired)
-    @rule()
-    def silence(self) -> None:
-        self.device.silence()
-
-    @rule()
-    def reopen(self) -> None:
-        self.device.close()
-        self.make_ready()
-
-    @precondition(lambda self: self.fired)
+    @precondition(lambda self: self.device.emitted)
     @rule()
     def power_cycle(self) -> None:
         self.device.reset()
-        self.make_ready()
-        self.tokens = [self.next_token()]
+        self.reopen()
+        self.tokens = [max(self.tokens) + 1]
 
     @invariant()
-    def every_burst_is_in_the_log_and_every_logged_burst_came_out(self) -> None:
-        emitted = [emission.token for emission in self.device.emitted]
+    def every_burst_comes_out_once_in_its_window_within_the_ceiling_and_is_reported(self) -> None:
+        emitted = [burst.token for burst in self.device.emitted]
         assert len(set(emitted)) == len(emitted)
-        assert set(emitted) == self.fired
-        assert not self.not_fired & set(emitted)
-
-    @invariant()
-    def no_burst_leaves_its_window_or_passes_the_ceiling(self) -> None:
-        for emission in self.device.emitted:
-            begin_s, end_s = self.windows[emission.token]
-            assert begin_s <= emission.start_us * 1e-6 + 1e-6
-            assert emission.start_us * 1e-6 <= end_s
-            for volts in (emission.left_v, emission.right_v):
-                assert np.abs(volts).max() <= 100.0
+        for burst in self.device.emitted:
+            begin_s, end_s = self.windows[burst.token]
+            assert begin_s - 1e-6 <= burst.start_us * 1e-6 <= end_s
+            assert max(np.abs(burst.left_v).max(), np.abs(burst.right_v).max()) <= 100.0
+        for token, outcomes in self.outcomes.items():
+            assert (Outcome.FIRED in outcomes) <= (token in emitted)
+            assert not (Outcome.NOT_FIRED in outcomes and token in emitted)
 
 
-TestAnyOrder = pytest.mark.slow(AnyOrder.TestCase)
-TestAnyOrder.settings = settings(deadline=None, max_examples=80, stateful_step_count=40)
+TestAnyOrder = AnyOrder.TestCase
+TestAnyOrder.settings = settings(deadline=None, max_examples=15, stateful_step_count=40)

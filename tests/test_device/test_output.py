@@ -1,46 +1,82 @@
-"""Output stage: never above what was checked, never beyond the rail, never faster than the slew."""
+"""Counts and volts: never more than what was asked for, within rail and slew of the amplifier."""
 
+import math
+from collections.abc import Callable
 from fractions import Fraction
+from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
+from numpy.typing import NDArray
 
-from device.core.messages import Levels, full_scale, to_codes
-from device.core.output import Emission, OutputStage
-from device.driver import FloatArray
-from device.errors import LimitExceeded
-from device.limits import Limits, check_ceiling
-from tests.test_device.bursts import BURST
+from device import Emission, Limits, OutputStage, Refusal, Rejected
+from device.core.messages import (
+    Arm,
+    Levels,
+    LoadSlot,
+    check_millivolts,
+    check_slot,
+    check_token,
+    full_scale,
+    to_codes,
+    to_microseconds,
+    to_millivolts,
+)
+from tests.test_device.bursts import BURST, refusal
 
 CEILING = Limits(ceiling_vpp=200.0)
+ZEROS = np.zeros(2, dtype=np.int32)
+
+
+@settings(deadline=None, max_examples=200)
+@given(level_vpp=st.floats(0.0, 4e6), on_grid_mvpp=st.integers(0, 10_000_000))
+def test_a_level_is_rounded_toward_zero_to_millivolts(level_vpp: float, on_grid_mvpp: int) -> None:
+    level_mvpp = to_millivolts(level_vpp)
+    assert level_mvpp - 1e-3 <= level_vpp * 1000 < level_mvpp + 1
+    assert to_millivolts(on_grid_mvpp / 1000) == on_grid_mvpp
+
+
+@settings(deadline=None, max_examples=200)
+@given(sample=st.floats(-1.0, 1.0), bits=st.integers(2, 24))
+@example(sample=1.0, bits=16)
+@example(sample=-0.0, bits=2)
+def test_codes_are_odd_and_toward_zero_and_reach_full_scale(sample: float, bits: int) -> None:
+    (code,) = to_codes(np.array([sample]), bits)
+    (mirrored,) = to_codes(np.array([-sample]), bits)
+    assert mirrored == -code
+    assert abs(code) <= abs(sample) * full_scale(bits) < abs(code) + 1
+
+
+NO_NUMBERS: tuple[tuple[Callable[[Any], object], Refusal, list[Any]], ...] = (
+    (to_millivolts, Refusal.BAD_LEVEL, [-0.001, math.nan, math.inf, 1e308, 4_294_968.0, True, "6"]),
+    (check_millivolts, Refusal.BAD_LEVEL, [-1, 2**32, 1.0, True]),
+    (check_token, Refusal.BAD_TOKEN, [0, -1, 2**64, 1.0, True, "1", None]),
+    (check_slot, Refusal.BAD_SLOT, [-1, 256, 0.0, False, "0"]),
+    (to_microseconds, Refusal.BAD_TIME_TO_LIVE, [math.nan, math.inf, True, "1"]),
+    (lambda slot: LoadSlot(slot=slot, left=ZEROS, right=ZEROS), Refusal.BAD_SLOT, [256]),
+    (lambda right: Levels(left_mvpp=0, right_mvpp=right), Refusal.BAD_LEVEL, [-1]),
+    (lambda token: Arm(token=token, slot=0, time_to_live_us=1), Refusal.BAD_TOKEN, [0]),
+)
+
+
+@pytest.mark.parametrize(
+    ("make", "code", "wrong"),
+    [(make, code, wrong) for make, code, values in NO_NUMBERS for wrong in values],
+)
+def test_what_is_no_level_token_slot_or_time_to_live_is_refused_as_such(
+    make: Callable[[Any], object], code: Refusal, wrong: Any
+) -> None:
+    assert refusal(lambda: make(wrong), Rejected) is code
 
 
 def render(
     stage: OutputStage, levels_mvpp: tuple[int, int], limits: Limits = CEILING, *, peak: float = 1.0
-) -> FloatArray:
+) -> NDArray[np.float64]:
     codes = to_codes(np.array((peak * BURST, peak * BURST)), stage.bits)
     levels = Levels(left_mvpp=levels_mvpp[0], right_mvpp=levels_mvpp[1])
     return stage.render(codes, levels=levels, limits=limits)
-
-
-def highest_level_mvpp(peak: float, limits: Limits) -> int:
-    """The highest level in millivolts that passes the check, or the one below."""
-    level_mvpp = int(limits.ceiling_vpp / (peak * limits.gain) * 1000)
-    try:
-        check_ceiling(peak, level_mvpp / 1000, limits)
-    except LimitExceeded:
-        level_mvpp -= 1
-        check_ceiling(peak, level_mvpp / 1000, limits)
-    return level_mvpp
-
-
-def test_a_step_that_a_float_would_lose_is_played() -> None:
-    codes = np.array([[0, 400, -400, 0]] * 2, dtype=np.int32)
-    levels = Levels(left_mvpp=14_500, right_mvpp=14_499)
-    volts = OutputStage().render(codes, levels=levels, limits=CEILING)
-    assert (volts * 32_767 / 100).round(9).tolist() == [[0, 29, -29, 0], [0, 28, -28, 0]]
 
 
 @given(
@@ -57,23 +93,6 @@ def test_a_code_is_scaled_without_rounding_but_at_last(
     volts = stage.render(np.array([[code], [0]]), levels=levels, limits=limits)
     exact = abs(code) * Fraction(level_mvpp) * Fraction(gain) // Fraction(2 * 10**15)
     assert abs(volts[0, 0]) == int(exact) * 1e12 / full_scale(24)
-
-
-@pytest.mark.slow
-@settings(deadline=None, max_examples=300)
-@given(
-    peak=st.floats(0.01, 1.0),
-    limits=st.builds(Limits, ceiling_vpp=st.floats(1.0, 300.0), gain=st.floats(0.1, 10.0)),
-    stage=st.builds(OutputStage, bits=st.integers(4, 24), rail_v=st.floats(10.0, 200.0)),
-    part=st.floats(0.0, 1.0) | st.just(1.0),
-)
-def test_whatever_passes_the_check_stays_within_half_the_ceiling_to_the_last_bit(
-    peak: float, limits: Limits, stage: OutputStage, part: float
-) -> None:
-    level_mvpp = int(part * highest_level_mvpp(peak, limits))
-    volts = render(stage, (level_mvpp, level_mvpp), limits, peak=peak)
-    assert np.abs(volts).max() <= min(limits.ceiling_vpp / 2, stage.rail_v)
-    assert np.ptp(volts) <= limits.ceiling_vpp
 
 
 def test_the_ceiling_itself_is_reached_exactly_and_cannot_be_written_over() -> None:
@@ -98,22 +117,12 @@ def test_the_volts_follow_waveform_and_level_within_two_steps_of_the_converter(
     assert np.all((volts[:, 0] == 0.0) & (volts[:, -1] == 0.0))
 
 
-def test_gain_counts_like_level() -> None:
-    louder = render(OutputStage(), (100_000, 0), Limits(ceiling_vpp=200.0, gain=2.0))
-    level = render(OutputStage(), (200_000, 0))
-    assert np.array_equal(louder, level)
-    assert not louder[1].any()
-
-
-def test_beyond_the_rail_the_amplifier_saturates() -> None:
+def test_beyond_the_rail_the_amplifier_saturates_and_gain_counts_like_level() -> None:
     volts = render(OutputStage(rail_v=60.0), (200_000, 100_000))
     assert (volts[0].max(), volts[0].min()) == (60.0, -60.0)
     assert volts[1].max() == pytest.approx(50.0, abs=0.01)
-
-
-def test_the_default_slew_lets_the_papers_burst_pass_unchanged() -> None:
-    fast = render(OutputStage(slew_v_s=1e12), (200_000, 200_000))
-    assert np.array_equal(render(OutputStage(), (200_000, 200_000)), fast)
+    louder = render(OutputStage(), (100_000, 0), Limits(ceiling_vpp=200.0, gain=2.0))
+    assert np.array_equal(louder, render(OutputStage(), (200_000, 0)))
 
 
 @pytest.mark.parametrize("slew_v_s", [2e5, 5e4, 1e4])
@@ -128,6 +137,7 @@ def test_a_slow_amplifier_never_changes_faster_than_its_slew_and_ends_at_zero(
     assert volts.shape[1] >= wanted.shape[1]
     assert not volts[:, -1].any()
     assert np.abs(volts).max() <= np.abs(wanted).max()
+    assert np.array_equal(wanted, render(OutputStage(slew_v_s=1e12), (200_000, 100_000)))
 
 
 def emission(n_samples: int, n_right: int | None = None) -> Emission:
@@ -160,8 +170,10 @@ def test_a_cut_burst_is_zero_from_the_first_sample_that_begins_at_or_after_the_c
 def test_a_burst_lasts_its_samples_and_cannot_be_cut_before_it_began() -> None:
     assert emission(96).duration_us == 2000
     assert emission(97).duration_us == 2021
-    with pytest.raises(ValueError, match="at_us must be 1000 or later, got 999"):
+    with pytest.raises(ValueError, match="at_us"):
         emission(96).cut(999)
+    with pytest.raises(ValueError, match="left_v"):
+        emission(2, 3)
 
 
 @pytest.mark.parametrize(
@@ -176,10 +188,5 @@ def test_a_burst_lasts_its_samples_and_cannot_be_cut_before_it_began() -> None:
     ],
 )
 def test_an_output_stage_that_cannot_be_is_refused_by_name(field: str, value: float) -> None:
-    with pytest.raises(ValueError, match=f"{field} must be .*, got {value!r}"):
+    with pytest.raises(ValueError, match=f"{field} .*{value!r}"):
         OutputStage(**{field: value})  # type: ignore[arg-type]  # wrong types are the point
-
-
-def test_channels_of_different_lengths_are_no_burst() -> None:
-    with pytest.raises(ValueError, match="left_v and right_v must be rows of one length"):
-        emission(2, 3)

@@ -2,8 +2,8 @@
 
 import pytest
 
-from device.core.states import ILLEGAL, SPONTANEOUS, TRANSITIONS, State, Step, require_legal
-from device.errors import StateError
+from device import State, StateError
+from device.core.states import ILLEGAL, SPONTANEOUS, TRANSITIONS, Step, require_legal
 from tests.test_device.bursts import refusal
 
 

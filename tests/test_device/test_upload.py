@@ -1,12 +1,11 @@
 """Uploads with many pieces under way: what a bad line does to them, and what it cannot do."""
 
 import numpy as np
-import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from device.core.messages import LoadSlot
-from device.wire.upload import Window, data_of, octets_of
+from device.wire.upload import Window
+from tests.test_device.wire import upload_of
 
 LATE_S = 0.025
 
@@ -35,22 +34,11 @@ def test_every_piece_gets_through_and_no_more_are_under_way_than_may_be(
     assert arrived == set(range(n_pieces))
 
 
-def test_pieces_are_sent_again_only_where_one_was_lost() -> None:
-    window = Window(((n, bytes([n])) for n in range(100)), size=8, late_s=LATE_S)
-    sent = window.due(0.0)
-    for number in range(100):
-        assert window.answered(number, 0.001 * number)
-        assert not window.answered(number, 0.001 * number)
-        sent += window.due(0.001 * number)
-    assert sent == [bytes([n]) for n in range(100)]
-    assert window.is_over
-
-
-@pytest.mark.parametrize("bits", [16, 24])
-def test_the_pieces_of_a_waveform_are_all_of_it_in_order(bits: int) -> None:
+def test_the_pieces_of_a_waveform_are_all_of_it_in_order() -> None:
     codes = np.arange(-50, 50, dtype=np.int32)
-    octets = octets_of(LoadSlot(slot=0, left=codes, right=-codes), bits)
-    pieces = list(data_of(octets, upload=7))
+    octets, data = upload_of(codes, -codes, 7)
+    assert octets == np.stack((codes, -codes)).astype("<i2").tobytes()
+    pieces = list(data)
     assert b"".join(piece.octets for piece in pieces) == octets
     assert [piece.offset for piece in pieces] == list(range(0, len(octets), 32))
     assert {piece.upload for piece in pieces} == {7}

@@ -10,17 +10,25 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
+from device import (
+    Delivery,
+    DeviceError,
+    Limits,
+    LineSettings,
+    LinkError,
+    MonotonicClock,
+    Outcome,
+    RefusedError,
+)
 from device.core.host import HostDriver
-from device.driver import Delivery, Outcome
-from device.errors import DeviceError, LinkError, RefusedError
-from device.limits import Limits
+from device.wire.channels import open_channel
+from device.wire.link import FrameLink
 from tests.test_device.bursts import sine
 
 if TYPE_CHECKING:
     import numpy as np
 
-    from device.clock import Clock
-    from device.wire.link import FrameLink
+    from device import Clock
 
 LIMITS = Limits(ceiling_vpp=200.0, least_interval_s=0.005)
 QUICK = sine(25)
@@ -46,10 +54,14 @@ class Trials:
     """A host that runs trials, and keeps what it was told."""
 
     def __init__(
-        self, link: FrameLink, clock: Clock, rng: np.random.Generator, *, n_slots: int = len(PAIRS)
+        self,
+        device: HostDriver,
+        clock: Clock,
+        rng: np.random.Generator,
+        *,
+        n_slots: int = len(PAIRS),
     ) -> None:
-        self.link = link
-        self.device = HostDriver(link, limits=LIMITS, clock=clock)
+        self.device = device
         self.clock = clock
         self.rng = rng
         self.claims: dict[int, Claim] = {}
@@ -149,3 +161,18 @@ class Trials:
         counts["lost"] = sum(said.lost for said in self.claims.values())
         counts["retries"] = sum(said.retries for said in self.claims.values())
         return counts
+
+
+def device_at(
+    port: str, *, answer_within_s: float | None = None, patience_s: float = 2.0, **line: Any
+) -> HostDriver:
+    """Return the driver of the device at a port of this machine."""
+    clock = MonotonicClock()
+    settings = LineSettings(patience_s=patience_s, **{"opens_within_s": patience_s} | line)
+    link = FrameLink(
+        lambda: open_channel(port, clock, settings),
+        clock,
+        line=settings,
+        answer_within_s=answer_within_s,
+    )
+    return HostDriver(link, limits=LIMITS, clock=clock)

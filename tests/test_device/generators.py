@@ -1,8 +1,24 @@
-"""What a Keysight generator is sent, byte for byte, for a gain of 27.5 and a ceiling of 200 Vpp."""
+"""Emulated generators, and what a Keysight is sent, byte for byte.
+
+The transcripts are for a gain of 27.5 and a ceiling of 200 Vpp.
+"""
 
 from __future__ import annotations
 
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
 import numpy as np
+
+from device import Emission, Limits, Outcome, VirtualClock
+from device.emulate.generator import EmulatedGenerator
+from tests.test_device.bursts import play, ready
+from tests.test_device.in_process import LIMITS, LocalChannel, generator_on
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from device.scpi.generator import GeneratorDevice
 
 GAIN = 27.5
 
@@ -73,3 +89,61 @@ def trial(left: str, right: str) -> bytes:
     said = filled(SELECT, 1, left) + filled(SELECT, 2, right)
     asked = filled(SELECTED, 1) + filled(SELECTED, 2)
     return said + asked + filled("SYST:ERR?;*TRG;*OPC?;SYST:ERR?;")
+
+
+class Recorder(LocalChannel):
+    """A channel that notes every line and can lose answers."""
+
+    def __init__(self, generator: EmulatedGenerator, clock: VirtualClock) -> None:
+        super().__init__(generator, clock)
+        self.written = b""
+        self.before: Callable[[bytes], None] = lambda data: None
+        self.change: Callable[[bytes], bytes] = lambda told: told
+
+    def write(self, data: bytes) -> None:
+        self.before(data)
+        self.written += data
+        super().write(data)
+
+    def read(self, timeout_s: float) -> bytes:
+        return self.change(super().read(timeout_s))
+
+    def taken(self) -> bytes:
+        written, self.written = self.written, b""
+        return written
+
+
+@dataclass(slots=True)
+class GeneratorBench:
+    """A generator device with an emulated generator behind it."""
+
+    limits: Limits = LIMITS
+    gain: float = GAIN
+    clock: VirtualClock = field(default_factory=VirtualClock)
+    out: list[Emission] = field(default_factory=list)
+    generator: EmulatedGenerator = field(init=False)
+    channel: Recorder = field(init=False)
+    device: GeneratorDevice = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.generator = EmulatedGenerator(self.out.append)
+        self.channel = Recorder(self.generator, self.clock)
+        self.device = generator_on(self.channel, self.clock, gain=self.gain, limits=self.limits)
+
+    def live(self) -> GeneratorBench:
+        ready(self.device, 60.0, burst=WAVE)
+        self.channel.taken()
+        return self
+
+    def answer_otherwise(self, question: bytes, answer: bytes) -> None:
+        """Have the answer to one question replaced."""
+
+        def change(told: bytes) -> bytes:
+            is_it = told and self.channel.written.endswith(question + b"\n")
+            return answer if is_it else told
+
+        self.channel.change = change
+
+    def play(self, token: int, slot: int = 0) -> Outcome:
+        self.clock.wait(0.1)
+        return play(self.device, token, slot).outcome

@@ -1,0 +1,90 @@
+"""A sound card that hears itself, with a monitor of its bursts."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from device import Outcome
+from device.monitor.inputs import Calibration, InputMonitor
+from device.monitor.measured import Tap, Tolerances
+from device.sound.audio import AudioDevice
+from tests.test_device.bursts import BURST, play, ready
+from tests.test_device.in_process import LoopCard, audio_on
+from tests.test_device.loops import DELAY, FULL_SCALE_V, LEVEL_VPP, SIDES, planned
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from device import BurstDevice, Clock
+    from device.monitor.measured import Measured
+    from device.sound.recorder import Recorder
+    from device.sound.stream import Stream
+
+
+def monitor_of(
+    device: BurstDevice,
+    recorder: Recorder,
+    clock: Clock,
+    *,
+    tap: Tap = Tap.LINE,
+    delay_s: float | None = None,
+    connect: Callable[[Recorder], Stream] | None = None,
+    tolerances: dict[str, float],
+) -> InputMonitor:
+    """Return the monitor of a sound card; `connect` opens inputs that are not its own."""
+    assert isinstance(device, AudioDevice)
+    return InputMonitor(
+        recorder,
+        clock,
+        tap=tap,
+        calibration=Calibration(
+            per_unit=(FULL_SCALE_V,) * 2, delay_s=None if delay_s is None else (delay_s,) * 2
+        ),
+        tolerances=Tolerances(**tolerances),
+        source="loop",
+        connect=connect,
+        played=None if connect else device.played,
+        renew=None if connect else device.renew,
+    )
+
+
+class MonitorRig:
+    """A sound card that hears itself; `noise_db`, how far the noise is below its bursts."""
+
+    def __init__(
+        self,
+        *,
+        noise_db: float = 20.0,
+        tap: Tap = Tap.LINE,
+        seed: int = 1,
+        stated: bool = True,
+        **tolerances: float,
+    ) -> None:
+        self.card = LoopCard(seed=seed)
+        self.card.line.delays = [DELAY, DELAY]
+        self.device = audio_on(self.card)
+        ready(self.device, LEVEL_VPP)
+        self.device.load(2, BURST, BURST)
+        self.device.load(3, 0 * BURST, 0 * BURST)
+        self.card.line.noise = LEVEL_VPP / 2 / FULL_SCALE_V / math.sqrt(2) * 10 ** (-noise_db / 20)
+        self.monitor = monitor_of(
+            self.device,
+            self.card.recorder,
+            self.card,
+            tap=tap,
+            delay_s=DELAY / 48e3 if stated else None,
+            tolerances=tolerances,
+        )
+        self.monitor.open()
+        self._token = 0
+
+    def measure(self, side: str = "left", *, answer_s: float = 0.15) -> Measured:
+        """Play a burst, and return what is measured of it."""
+        self._token += 1
+        self.card.wait(0.1)
+        self.monitor.begin(self._token, planned(side))
+        delivery = play(self.device, self._token, SIDES[side][0])
+        assert delivery.outcome is Outcome.FIRED
+        self.card.wait(answer_s)
+        return self.monitor.end(delivery)

@@ -1,0 +1,300 @@
+"""Devices for the contract: on a virtual clock, behind real lines, and those of a lab."""
+
+from __future__ import annotations
+
+import base64
+import json
+import shlex
+import subprocess
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, Final, TypeAlias
+
+import numpy as np
+import pytest
+
+from device import (
+    BurstDevice,
+    Clock,
+    Delivery,
+    DriverSettings,
+    Emission,
+    MockDevice,
+    MonotonicClock,
+    Outcome,
+    State,
+    VirtualClock,
+    converter_device,
+    make_device,
+)
+from device.core.host import HostDriver
+from device.emulate.generator import EmulatedGenerator
+from device.wire.channels import open_channel
+from device.wire.link import FrameLink
+from tests.test_device.in_process import LIMITS, LocalChannel, SoundCard, audio_on, generator_on
+from tests.test_device.wire import message
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from pathlib import Path
+
+    from numpy.typing import NDArray
+
+    MakeRig: TypeAlias = Callable[[pytest.FixtureRequest], "Rig"]
+    Rigs: TypeAlias = dict[str, MakeRig]
+
+EMULATED_RATE_HZ: Final = 4000.0
+"""Low, so that a long burst has few samples to upload."""
+GENERATOR_LEVEL: Final = 1 / 32
+"""Volts of the generator per volt at the actuator: exact in binary, so that volts are too."""
+IN_REAL_TIME: Final[dict[str, Any]] = {
+    "in_real_time": True,
+    "long_s": 1.2,
+    "idle_s": 1.2,
+    "time_to_live_s": 5.0,
+}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Rig:
+    """An implementation with what a test needs around it."""
+
+    device: BurstDevice
+    clock: Clock
+    silence: Callable[[], None]
+    emitted: Callable[[], tuple[Emission, ...]] | None
+    rate_hz: float = 48_000.0
+    longest: int = 65_536
+    in_real_time: bool = False
+    long_s: float = 1.0
+    """Duration of a long burst."""
+    idle_s: float = 3600.0
+    """As long as a host may be idle: where it can be waited for, an hour."""
+    time_to_live_s: float = 0.1
+    """Long enough for any machine to fire within."""
+
+    def came_out(self, *tokens: int) -> tuple[Emission, ...]:
+        """Return all bursts, which are those of `tokens`; nothing where they cannot be read."""
+        if self.emitted is None:
+            outcomes = [self.device.query(token).outcome for token in tokens]
+            assert outcomes == [Outcome.FIRED] * len(tokens)
+            return ()
+        emissions = self.emitted()
+        assert [emission.token for emission in emissions] == list(tokens)
+        return emissions if all(emission.left_v.size for emission in emissions) else ()
+
+
+def link_to(port: str) -> FrameLink:
+    clock = MonotonicClock()
+    return FrameLink(lambda: open_channel(port, clock), clock)
+
+
+def mock_rig(_: pytest.FixtureRequest) -> Rig:
+    clock = VirtualClock(start_s=3.0)
+    little = replace(LIMITS, memory_samples=100_000)
+    mock = MockDevice(clock, limits=LIMITS, device_limits=little, drift_ppm=40.0, offset_s=17.0)
+    return Rig(device=mock, clock=clock, silence=mock.silence, emitted=lambda: mock.emitted)
+
+
+def real_rig(
+    device: BurstDevice, link: FrameLink, emitted: Callable[[], tuple[Emission, ...]] | None
+) -> Rig:
+    """Return a rig around a device whose time is real."""
+
+    def silence() -> None:
+        assert link._heart is not None
+        link._heart.end()
+
+    return Rig(
+        device=device, clock=MonotonicClock(), silence=silence, emitted=emitted, **IN_REAL_TIME
+    )
+
+
+def read_truth(truth: Path) -> tuple[Emission, ...]:
+    """Return the bursts of a truth file, cut where they were cut."""
+    events = [json.loads(line) for line in truth.read_text(encoding="utf-8").splitlines()]
+    cuts_us = {e["token"]: round(e["t_s"] * 1e6) for e in events if e["event"] == "cut"}
+    bursts = (emission_of(event) for event in events if event["event"] == "burst")
+    return tuple(
+        burst.cut(cuts_us[burst.token]) if burst.token in cuts_us else burst for burst in bursts
+    )
+
+
+def emission_of(event: dict[str, Any]) -> Emission:
+    """Return a burst of a truth file, of no samples where it does not tell them."""
+    samples = base64.b64decode(event.get("volts", ""))
+    left_v, right_v = np.frombuffer(samples, dtype="<f8").reshape(2, -1)
+    return Emission(
+        token=event["token"],
+        start_us=round(event["t_s"] * 1e6),
+        left_v=left_v,
+        right_v=right_v,
+        level_left_vpp=event["levels_mv"][0] / 1000,
+        level_right_vpp=event["levels_mv"][1] / 1000,
+        sample_rate_hz=EMULATED_RATE_HZ,
+    )
+
+
+def emulator_rig(kind: str) -> MakeRig:
+    def make(request: pytest.FixtureRequest) -> Rig:
+        emulate = request.getfixturevalue("emulate")
+        port, truth, _ = emulate(
+            kind, volts=True, sample_rate_hz=EMULATED_RATE_HZ, least_interval_s=0.01
+        )
+        return process_rig(port, truth)
+
+    return make
+
+
+def process_rig(port: str, truth: Path) -> Rig:
+    """Return a rig around a device that writes down what it emits."""
+    link = link_to(port)
+
+    def emitted() -> tuple[Emission, ...]:
+        if link.state is not State.CLOSED:
+            link.exchange(message("PING"))
+        return read_truth(truth)
+
+    return real_rig(HostDriver(link, limits=LIMITS, clock=MonotonicClock()), link, emitted)
+
+
+def command_rig(command: str) -> MakeRig:
+    """Return what starts a command, which ends with the test, and a rig around its device."""
+
+    def make(request: pytest.FixtureRequest) -> Rig:
+        truth: Path = request.getfixturevalue("tmp_path") / "truth.jsonl"
+        words = shlex.split(command.format(port=0, truth=truth, rate=round(EMULATED_RATE_HZ)))
+        process = subprocess.Popen(words, stdout=subprocess.PIPE, text=True)
+
+        def end() -> None:
+            process.kill()
+            process.communicate()
+
+        request.addfinalizer(end)
+        assert process.stdout is not None
+        port = process.stdout.readline().strip()
+        assert port, f"the first line of {words[0]} must be its port or URL"
+        return process_rig(port, truth)
+
+    return make
+
+
+class FreshTokens(HostDriver):
+    """A driver whose tokens 1, 2, ... are ones that its device never saw."""
+
+    def __init__(self, link: FrameLink) -> None:
+        super().__init__(link, limits=LIMITS, clock=MonotonicClock())
+        self._base = round(MonotonicClock().now_s() * 1e6) * 1000
+        self.longest_load = 0
+
+    def load(self, slot: int, left: NDArray[np.float64], right: NDArray[np.float64]) -> None:
+        super().load(slot, left, right)
+        self.longest_load = max(self.longest_load, len(left))
+
+    def arm(self, token: int, slot: int, *, time_to_live_s: float) -> None:
+        super().arm(self._fresh(token), slot, time_to_live_s=time_to_live_s)
+
+    def fire(self, token: int) -> Delivery:
+        return self._plain(super().fire(self._fresh(token)))
+
+    def disarm(self, token: int) -> None:
+        super().disarm(self._fresh(token))
+
+    def query(self, token: int) -> Delivery:
+        return self._plain(super().query(self._fresh(token)))
+
+    def _fresh(self, token: int) -> int:
+        return token + self._base if 0 < token < 1000 else token
+
+    def _plain(self, told: Delivery) -> Delivery:
+        return replace(told, token=told.token - self._base)
+
+
+def hardware_rig(request: pytest.FixtureRequest) -> Rig:
+    link = link_to(request.config.getoption("--device-url"))
+    return real_rig(FreshTokens(link), link, None)
+
+
+def generator_rig(_: pytest.FixtureRequest) -> Rig:
+    clock, over = VirtualClock(start_s=3.0), list[Emission]()
+    generator = EmulatedGenerator(over.append)
+    device = generator_on(LocalChannel(generator, clock), clock, gain=1 / GENERATOR_LEVEL)
+
+    def at_actuator(burst: Emission) -> Emission:
+        left_v, right_v = burst.left_v / GENERATOR_LEVEL, burst.right_v / GENERATOR_LEVEL
+        return replace(burst, left_v=left_v, right_v=right_v)
+
+    return Rig(
+        device=device,
+        clock=clock,
+        silence=lambda: None,
+        emitted=lambda: tuple(at_actuator(burst) for burst in over),
+    )
+
+
+def audio_rig(_: pytest.FixtureRequest) -> Rig:
+    card = SoundCard(start_s=3.0)
+    card.buffer, card.latency = 48, 0.005
+    return Rig(device=audio_on(card), clock=card, silence=lambda: None, emitted=None)
+
+
+class Recorder:
+    """A converter that takes as long as its burst."""
+
+    name, serial_number, bits, emulated = "recorder", "1", 16, True
+    sample_rate_hz, full_scale_v = 48_000.0, 150.0
+    cannot: tuple[str, ...] = ()
+
+    def __init__(self, clock: Clock) -> None:
+        self._clock = clock
+
+    def connect(self) -> None: ...
+
+    def play(self, left_v: NDArray[np.float64], right_v: NDArray[np.float64]) -> Outcome:
+        self._clock.wait(len(left_v) / self.sample_rate_hz)
+        return Outcome.FIRED
+
+    def zero(self) -> None: ...
+
+    def disconnect(self) -> None: ...
+
+
+def converter_rig(_: pytest.FixtureRequest) -> Rig:
+    clock = VirtualClock(start_s=3.0)
+    device = converter_device(Recorder(clock), limits=LIMITS, clock=clock)
+    return Rig(device=device, clock=clock, silence=lambda: None, emitted=None)
+
+
+def own_rig(request: pytest.FixtureRequest) -> Rig:
+    clock = MonotonicClock()
+    settings = DriverSettings(
+        limits=LIMITS,
+        port=request.config.getoption("--port"),
+        amplifier_gain=20.0,
+        volts_full_scale=150.0,
+    )
+    return Rig(
+        device=make_device(request.config.getoption("--driver"), settings, clock),
+        clock=clock,
+        silence=lambda: pytest.skip("pull the cable, and see the output go to zero"),
+        emitted=None,
+        **IN_REAL_TIME,
+    )
+
+
+def given_rigs(config: pytest.Config) -> Rigs:
+    """Return the rigs that the command line asks for, by name."""
+    commands = (option.partition("=") for option in config.getoption("--device-command"))
+    rigs = {name: command_rig(command) for name, _, command in commands}
+    lab = {"--device-url": hardware_rig, "--driver": own_rig}
+    return rigs | {option: rig for option, rig in lab.items() if config.getoption(option)}
+
+
+VIRTUAL: Final[Rigs] = {
+    "mock": mock_rig,
+    "generator": generator_rig,
+    "audio": audio_rig,
+    "converter": converter_rig,
+}
+"""In this process, on a virtual clock."""
+EMULATED: Final[Rigs] = {"pty": emulator_rig("pty"), "tcp": emulator_rig("tcp")}
+"""In a process, behind a line."""
