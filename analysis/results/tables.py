@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from analysis.answers.choice import Choices
     from analysis.answers.doubts import Doubt
     from analysis.axis import Axis
+    from analysis.codes import AnalysisWarning
     from analysis.groups.population import PopulationThreshold
     from analysis.groups.tables import Without
     from analysis.reading.batch import InputFile
@@ -85,8 +86,8 @@ class Analysis:
         How many trials these are.
     inputs : tuple of InputFile
         The files that were read.
-    warnings : tuple of str
-        One sentence each; empty where nothing is amiss.
+    warnings : tuple of AnalysisWarning
+        A code and a sentence each; empty where nothing is amiss.
     ci : str
         Method of the cells' intervals.
     seed : int
@@ -166,7 +167,7 @@ class Analysis:
     control: pd.DataFrame
     counts: Counts
     inputs: tuple[InputFile, ...]
-    warnings: tuple[str, ...]
+    warnings: tuple[AnalysisWarning, ...]
     ci: str
     seed: int
     axis: Axis
