@@ -1,5 +1,6 @@
 from .answers.detection import level_table
 from .answers.intervals import group_interval, proportion_ci
+from .axis import Axis
 from .codes import AnalysisWarning, StatementCode, WarningCode
 from .commands.analyze import write_analysis
 from .groups.difference import Difference
@@ -16,6 +17,7 @@ from .thresholds.table import threshold_table
 __all__ = [
     "Analysis",
     "AnalysisWarning",
+    "Axis",
     "ColumnMap",
     "ConditionDifference",
     "Difference",

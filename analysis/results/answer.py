@@ -49,19 +49,27 @@ class Answer:
 
     Attributes
     ----------
-    statements : tuple of str
-        The threshold; how conditions compare, with the false alarms; what was left out.
-    codes : tuple of tuple of StatementCode
-        What each sentence of these is about.
+    sentences : tuple of tuple of Statement
+        Those of the three statements: the threshold; how conditions compare, with the false alarms;
+        what was left out.
     rows : tuple of tuple of str
         The same as a table under `ANSWER_HEAD`.
 
     Names of participants and conditions are `isolated`; `plain` takes the signs for that away.
     """
 
-    statements: tuple[str, ...]
-    codes: tuple[tuple[StatementCode, ...], ...]
+    sentences: tuple[tuple[Statement, ...], ...]
     rows: tuple[tuple[str, str, str], ...]
+
+    @property
+    def statements(self) -> tuple[str, ...]:
+        """The three statements."""
+        return tuple(" ".join(map(str, sentences)) for sentences in self.sentences)
+
+    @property
+    def codes(self) -> tuple[tuple[StatementCode, ...], ...]:
+        """What each sentence of the statements is about."""
+        return tuple(tuple(one.code for one in sentences) for sentences in self.sentences)
 
 
 def answer(analysis: Analysis) -> Answer:
@@ -69,10 +77,8 @@ def answer(analysis: Analysis) -> Answer:
     second = [
         *compared(analysis), *criterion_sentences(analysis), *alarm_sentences(analysis)
     ]  # fmt: skip
-    told = ([*_thresholds(analysis)], second, [*_left_out(analysis)])
     return Answer(
-        statements=tuple(" ".join(map(str, sentences)) for sentences in told),
-        codes=tuple(tuple(one.code for one in sentences) for sentences in told),
+        sentences=((*_thresholds(analysis),), (*second,), (*_left_out(analysis),)),
         rows=(
             *_threshold_rows(analysis),
             *_population_rows(analysis),
