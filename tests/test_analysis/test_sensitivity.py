@@ -98,7 +98,7 @@ def test_the_binomial_p_is_that_of_scipy_and_has_no_side(
     ("count", "of"), [(-1, 2), (3, 2), (True, 2), (1.0, 2), (1, math.inf), (None, 2)]
 )
 def test_impossible_counts_are_refused(count: Any, of: Any) -> None:
-    with pytest.raises(ValueError, match="count|of"):
+    with pytest.raises(ValueError, match=r"count|of"):
         Share(count=count, of=of)
     for left, right, odds in ((-1, 2, (1, 1)), (1, 2, (0, 1))):
         with pytest.raises(ValueError, match="left"):
