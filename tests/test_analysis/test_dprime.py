@@ -178,7 +178,8 @@ def test_d_prime_differs_by_a_paired_t_or_of_other_people_by_welchs() -> None:
     a, b = (found.loc[[*PEOPLE], f"d_prime_{which}"].to_numpy() for which in "ab")
     assert found.loc[[*PEOPLE], DIFFERENCE[0]].tolist() == pytest.approx((b - a).tolist())
     limits = ttest_1samp(b - a, 0).confidence_interval()
-    assert found.loc["all", DIFFERENCE].tolist() == pytest.approx([np.mean(b - a), *limits])
+    of_all: Any = found.loc["all"]
+    assert of_all[DIFFERENCE].tolist() == pytest.approx([np.mean(b - a), *limits])
     own = table_of("sensitivity", trials).query("participant == '1' and level_vpp == 60")
     (a_at, a_high), (b_at, b_low) = (
         own.loc[own["condition"].eq(name), ["d_prime", end]].to_numpy()[0].tolist()
