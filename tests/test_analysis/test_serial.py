@@ -87,12 +87,13 @@ def test_pairs_are_counted_within_a_block_and_an_attempt() -> None:
     assert (felt.again.count, felt.again.of) == (2, 3)
     assert (side.again.count, side.again.of) == (0, 1)
     same = trials(["left"] * 6, [60.0] * 6, ["left"] * 6)
-    for row, column, value, of in (
-        (3, "block", 2, 4),
-        (1, "reason", "voided", 2),
-        (4, "attempt", 2, 0),
-    ):
-        same.loc[row : (None if column == "block" else row), column] = value
+    changes: tuple[tuple[slice, str, Any, int], ...] = (
+        (slice(3, None), "block", 2, 4),
+        (slice(1, 1), "reason", "voided", 2),
+        (slice(4, 4), "attempt", 2, 0),
+    )
+    for rows, column, value, of in changes:
+        same.loc[rows, column] = value
         assert effect(same, "side").again.of == of
 
 
@@ -156,7 +157,7 @@ def test_sides_in_turn_are_told_and_are_no_effect() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["", *LATER])
+@pytest.mark.parametrize("name", ["", LATER[0]])
 def test_one_in_twenty_tables_without_an_effect_has_a_small_p(name: str) -> None:
     order, median = NO_EFFECT[name]
     told = found(order, median, 400, compared=False)
