@@ -18,6 +18,7 @@ from analysis.groups.hierarchy import hierarchy
 from analysis.groups.sensitivity import d_prime_differences
 from analysis.groups.tables import difference_table, group_table
 from analysis.reading.reasons import with_reasons
+from analysis.results.figures.curves import group_curves, person_curves
 from analysis.thresholds.density import Ruler, kind_prior
 from analysis.thresholds.fit import fit_many
 from analysis.thresholds.grid import Surface, surfaces
@@ -28,6 +29,7 @@ from analysis.thresholds.table import thresholds_of
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
+    from analysis import Analysis
     from analysis.thresholds.mle import Tables
 
 TABLES: dict[str, Callable[..., Any]] = {
@@ -138,3 +140,9 @@ def numbers(text: str) -> list[float]:
 def is_close(text: str, value: float) -> bool:
     """Tell whether a printed number is the value rounded to its decimals."""
     return abs(float(text) - value) <= 0.5 * 10.0 ** -len(text.partition(".")[2]) + math.ulp(1e3)
+
+
+def curves_of(analysis: Analysis, participant: str = "") -> dict[str, Any]:
+    """Return what a figure shows of the group, or of a participant, in each condition."""
+    curves = person_curves(analysis, participant) if participant else group_curves(analysis)
+    return {**curves}
