@@ -210,7 +210,13 @@ def test_who_is_at_the_lowest_level_is_rarely_below_it(guess: float) -> None:
     ],
 )
 def test_other_tables_rates_and_axes_are_refused(changes: dict[str, Any], name: str) -> None:
-    of: dict[str, Any] = {"x": [60, 95, 130], "k": [1, 2, 3], "n": [3] * 3, "guess": 0.0, "x_scale": "log10"}
+    of: dict[str, Any] = {
+        "x": [60, 95, 130],
+        "k": [1, 2, 3],
+        "n": [3] * 3,
+        "guess": 0.0,
+        "x_scale": "log10",
+    }
     of |= changes
     with pytest.raises(ValueError, match=name):
         fit_psychometric(of["x"], of["k"], of["n"], guess_rate=of["guess"], x_scale=of["x_scale"])
