@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import re
 from dataclasses import replace
 from types import SimpleNamespace
@@ -135,11 +134,6 @@ def numbers(text: str) -> list[float]:
     """Return the numbers in a text in their order, those within names left out."""
     text = re.sub("\u2068.*?\u2069", "", text)
     return [float(one) for one in re.findall(r"(?<![\w.])[-+]?\d+(?:\.\d+)?(?!\w)", text)]
-
-
-def is_close(text: str, value: float) -> bool:
-    """Tell whether a printed number is the value rounded to its decimals."""
-    return abs(float(text) - value) <= 0.5 * 10.0 ** -len(text.partition(".")[2]) + math.ulp(1e3)
 
 
 def curves_of(analysis: Analysis, participant: str = "") -> dict[str, Any]:

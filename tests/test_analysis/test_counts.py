@@ -17,21 +17,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from analysis import (
-    ColumnMap,
-    analyse,
     group_interval,
     proportion_ci,
-    read_inputs,
-    read_trials,
     threshold_table,
 )
-from tests.test_analysis.shared import SINGLE, loaded, put, refused, run
+from tests.test_analysis.shared import SINGLE, loaded, put, run
 from tests.test_analysis.tables import numbers, reasoned, table_of
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from tests.conftest import Simulate
 
 MIRROR = {"left": "right", "right": "left"}
 KIND_OF = {"left": "single", "right": "single", "both": "both", "none": "blank"}
@@ -299,15 +294,6 @@ def test_a_forced_choice_without_blanks_has_reasons_instead_of_values() -> None:
     assert (found.both.p, found.extinction.p, found.spatial.d_prime) == (None, None, 0)
 
 
-def test_the_seed_moves_p_and_nothing_else() -> None:
-    sides = np.random.default_rng(6).choice(["left", "right"], (2, 60))
-    trials = sequence(*zip(*sides, strict=True))
-    one, other = choice_of(trials, seed=0), choice_of(trials, seed=1)
-    assert one != other
-    assert one.spatial == other.spatial
-    assert one.information.plugin_bits == other.information.plugin_bits
-
-
 def test_reaction_times_are_those_of_correct_single_trials() -> None:
     answers = ("left", "left", "right", "timeout", "both", "both", "left")
     sides = ("left", "left", "left", "left", "right", "both", "left")
@@ -400,41 +386,3 @@ def test_the_command_writes_hands_off_trials_apart(tmp_path: Path, rows: str, co
             numbers(line.replace("/", " / ")) for line in result.stdout.splitlines() if "/3" in line
         ]
         assert [*itertools.chain(*shares)] == [1, 3, 1, 3, 0, 3, 1, 3]
-
-
-def test_a_block_before_the_audibility_check_is_refused(tmp_path: Path) -> None:
-    path = put(tmp_path / "t.csv", HEADER + MAIN.replace("1,1,90", "1,-2,90"))
-    error = refused(path, columns=ColumnMap())
-    assert error.line == 2
-    assert "block" in str(error)
-
-
-@pytest.fixture
-def dry(tmp_path: Path, simulate: Simulate) -> Path:
-    control = "audibility_trials = 4\ncontrol_trials = 2\n"
-    return simulate(tmp_path / "dry", control, participants=2, seed=3)
-
-
-@pytest.mark.slow
-def test_a_simulated_studys_hands_off_trials_are_complete(dry: Path) -> None:
-    analysis = analyse(read_inputs([dry]))
-    assert analysis.warnings == ()
-    totals = analysis.control[analysis.control["participant"].eq("all")]
-    parts = [*itertools.product((("audibility", 4), ("control", 2)), ("left", "right"))]
-    assert totals[["part", "side", "presented"]].to_numpy().tolist() == [
-        [part, side, number] for (part, number), side in parts
-    ]
-    assert (analysis.counts.single, analysis.counts.both, analysis.counts.left_out) == (8, 2, 12)
-
-
-def test_none_is_legal_by_the_plan_in_a_hands_off_trial_only(dry: Path) -> None:
-    source = dry / "sub-01" / "ses-01" / "trials.csv"
-    source.with_name("journal.jsonl").unlink()  # which would show the change
-    trials = pd.read_csv(source, dtype=str, keep_default_na=False)
-    trials.loc[trials["kind"].eq("control"), ["response", "correct"]] = ["none", "false"]
-    trials.to_csv(source, index=False)
-    assert read_trials([source])["response"].eq("none").sum() == 6
-    at = int(trials["kind"].eq("single").to_numpy().argmax())
-    trials.loc[at, ["response", "correct"]] = ["none", "false"]
-    trials.to_csv(source, index=False)
-    assert refused(source).line == at + 2

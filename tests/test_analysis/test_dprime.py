@@ -70,17 +70,6 @@ def test_d_prime_is_the_difference_of_corrected_quantiles() -> None:
     assert row["d_prime_answered"] == pytest.approx(norm.ppf(10.5 / 21) - z)
 
 
-def test_all_levels_together_are_those_of_the_answers() -> None:
-    trials = study(
-        *(felt([6 + n, 25], [60.0, 95.0], participant=str(n)) for n in range(3)),
-        *(blanks(n, participant=str(n)) for n in range(3)),
-    )
-    table = table_of("sensitivity", trials)
-    of_answers = {one.participant: one.detection.d_prime for one in table_of("choice", trials)}
-    together = table[table["level_vpp"].isna()].set_index("participant")["d_prime"]
-    assert together.to_dict() == pytest.approx(of_answers, rel=1e-12)
-
-
 def test_who_lacks_blanks_or_none_has_no_d_prime_and_equals_have_no_limits() -> None:
     assert table_of("sensitivity", study(felt([6]))).empty
     forced = study(felt([6], none_offered=False), blanks(3, none_offered=False))
@@ -92,28 +81,6 @@ def test_who_lacks_blanks_or_none_has_no_d_prime_and_equals_have_no_limits() -> 
     rows = table_of("sensitivity", study(*same)).query("participant == 'all' and level_vpp == 60")
     assert np.isfinite(rows["d_prime"]).all()
     assert rows[["d_prime_low", "d_prime_high"]].isna().all(axis=None)
-
-
-@pytest.mark.slow
-def test_limits_cover_d_prime() -> None:
-    rng, number = np.random.default_rng(4), 1000
-    for hit, false, n0 in ((0.5, 0.1, 30), (0.9, 0.05, 60), (0.97, 0.2, 20)):
-        answers = np.where(
-            rng.random((number, 30 + n0)) < [hit] * 30 + [false] * n0, "left", "none"
-        )
-        kinds = ["single"] * 30 + ["blank"] * n0
-        trials = pd.DataFrame(
-            {"participant": np.repeat([f"{n}" for n in range(number)], 30 + n0),
-             "condition": "main", "kind": kinds * number, "reason": "", "none_offered": True,
-             "side": ["left" if kind == "single" else "none" for kind in kinds] * number,
-             "level_vpp": [60.0 if kind == "single" else math.nan for kind in kinds] * number,
-             "response": answers.ravel()}
-        )  # fmt: skip # columns
-        table = table_of("sensitivity", trials).query("participant != 'all' and level_vpp == 60")
-        truth = norm.ppf(hit) - norm.ppf(false)
-        covered = (table["d_prime_low"] < truth) & (truth < table["d_prime_high"])
-        assert len(table) == number
-        assert 0.92 < covered.mean() < 0.995
 
 
 def test_beside_a_difference_stand_false_alarms_and_d_prime_of_common_levels() -> None:
@@ -211,19 +178,6 @@ def test_d_prime_at_single_levels_has_the_same_limits() -> None:
     assert apart["participant"].tolist() == ["all"] * 2
     welch = ttest_ind(b, a, equal_var=False).confidence_interval()
     assert apart.iloc[0][DIFFERENCE[1:]].tolist() == pytest.approx([*welch])
-
-
-def test_three_conditions_have_three_pairs_and_one_person_no_group_interval() -> None:
-    parts = [
-        part for n, name in enumerate("abc")
-        for part in (felt([6 + 5 * n], [60.0], condition=name), blanks(2, condition=name))
-    ]  # fmt: skip # one loop
-    found = table_of("d_prime_differences", study(*parts))
-    pairs = [*zip(found["condition_a"], found["condition_b"], strict=True)]
-    assert pairs == [("a", "b")] * 2 + [("a", "c")] * 2 + [("b", "c")] * 2
-    alone = found["participant"].eq("all")
-    assert found[DIFFERENCE[1]].isna().tolist() == alone.tolist()
-    assert table_of("d_prime_differences", study(*parts[:2])).empty
 
 
 def test_false_alarms_differ_by_a_paired_t_or_of_other_people_by_welchs() -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io
 import itertools
-import warnings
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
@@ -224,41 +223,6 @@ def test_any_name_and_the_users_settings_leave_no_warning_and_no_trace(
         again = {one.name: (one.png, one.svg) for one in pictures(analysis)}
         assert mpl.rcParams["font.size"] == 30.0
     assert again == first
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("levels", [(60.0, 60.001), (1e-6, 1e6), (1e-6,), (1e6,)])
-def test_any_levels_can_be_drawn(
-    analysed: Callable[..., Analysis], levels: tuple[float, ...]
-) -> None:
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        drawn(analysed(group(levels=levels)))
-
-
-@pytest.mark.slow
-def test_thresholds_and_their_differences_are_drawn_with_what_is_open(
-    analysed: Callable[..., Analysis],
-) -> None:
-    shifted = {"bare": [2, 5, 15, 27, 30], "gloved": [0, 2, 9, 20, 28]}
-    parts = [
-        felt(k, participant=f"S{n}", condition=condition)
-        for condition, k in shifted.items()
-        for n in range(3)
-    ]
-    parts += [felt(PEOPLE["below"], participant="S3", condition=one) for one in shifted]
-    analysis = analysed(*parts)
-    figure = drawn(analysis, "thresholds")
-    axes = figure.axes[-1]
-    least, most = axes.get_xlim()
-    of = analysis.differences.query("participant == 'all'").iloc[0]
-    assert least < of["low_db"] < of["high_db"] < most
-    shown = " ".join(texts(figure))
-    assert ("S3" in shown, "gloved" in shown, "(dB)" in shown) == (True, True, True)
-    alone = analysed(*(felt([2, 5, 15, 27, 30], participant=f"S{n}") for n in range(61)))
-    crowd = texts(drawn(alone, "thresholds"))
-    assert "S1" not in crowd
-    assert any("61" in one for one in crowd)
 
 
 def test_answers_d_prime_and_times_are_drawn_with_counts_and_units(

@@ -32,25 +32,6 @@ def test_p_is_uniform_under_the_model(guess: float) -> None:
         assert (values <= share).mean() == pytest.approx(share, abs=3.5 * sd)
 
 
-@pytest.mark.slow
-def test_a_guess_rate_that_blanks_miss_is_no_misfit() -> None:
-    """Of 1000 values, the share below 0.01 has a standard error of 0.3 %, below 0.05 of 0.7 %."""
-    rng, levels, rate = np.random.default_rng(8), [0.5, 1.0, 2.0, 4.0, 8.0, 16.0], 0.15
-    curve = partial(psychometric, levels, sigma=0.2, guess_rate=rate, lapse_rate=0.02)
-    p = np.stack([curve(threshold_vpp=10 ** rng.normal(0.4, 0.12)) for _ in range(1000)])
-    k, n = rng.binomial(16, p).astype(float), np.full(p.shape, 16.0)
-    alarms = rng.binomial(32, rate, 1000)
-    guesses = [GuessRate.after_blanks(answered=float(one), blanks=32) for one in alarms]
-    x = np.tile(np.log10(levels), (1000, 1))
-    of = partial(deviance_p, x, k, n, fits=fit_counts(x, k, n, guesses), x_scale="log10", seed=1)
-    values = of(guesses=guesses)
-    values = values[np.isfinite(values)]
-    assert (values < 0.01).mean() < 0.01 + 3.5 * 0.003
-    assert (values < 0.05).mean() == pytest.approx(0.05, abs=3.5 * 0.007)
-    fixed = of(guesses=[GuessRate(mean=one.mean) for one in guesses])
-    assert np.nanmean(fixed < 0.05) > 1.2 * (values < 0.05).mean()
-
-
 def test_p_of_a_misfit_is_the_least_and_depends_on_the_seed_alone() -> None:
     k = np.array([[2.0, 25, 6, 28, 29], [1, 10, 15, 28, 28], [5, 10, 20, 25, 30]])
     x, n = np.tile(np.log10(LEVELS), (3, 1)), np.full((3, 5), 30.0)

@@ -128,17 +128,6 @@ def test_the_nodes_of_a_guess_rate_have_the_moments_of_its_beta_distribution() -
 
 
 @pytest.mark.slow
-def test_billions_of_trials_narrow_the_posterior_down_to_the_truth() -> None:
-    n = 1e9
-    table = counts_at(U, np.round(n * 0.98 * ndtr((U - 4) / 2)), n)
-    found = posterior_of(table)
-    assert found.mu[0] == pytest.approx(4, abs=1e-3)
-    assert 1e-5 < np.ptp(found.mu[0]) < 1e-3
-    best = fit_lapsing(table, found.starts[:, 0])
-    assert best[0] == pytest.approx([4, np.log(2), 0.02], abs=1e-6)
-
-
-@pytest.mark.slow
 @settings(max_examples=40)
 @given(tables_of_counts, st.sampled_from([0.0, 0.5]))
 def test_no_corner_or_neighbour_is_likelier(detected: list[int], guess_rate: float) -> None:

@@ -8,36 +8,14 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
-from scipy.special import ndtr
 
 from analysis import Axis, compare_conditions, fit_group
-from analysis.groups.hierarchy import normal_weights
 from tests.test_analysis.shared import PAPER, felt
 from tests.test_analysis.tables import difference_of_normals, fit_people, group_of_normals
 
 CENTRED = [49.0, 57.0, 64.0, 73.0, 91.0]
 RISING = [[16, 19, 27, 30, 30], [15, 21, 28, 30, 30], [17, 22, 30, 30, 30], [15, 16, 20, 25, 30]]
 N = np.full((4, 5), 30)
-
-
-def people(
-    rng: np.random.Generator, thresholds_db: Any, levels: list[float], guess: float = 0.5
-) -> Any:
-    """Draw counts of people with sigma about 1.8 dB and 2 % of lapses."""
-    x = 20 * np.log10(levels)
-    sigma = 1.8 * np.exp(0.3 * rng.standard_normal((len(thresholds_db), 1)))
-    z = (x - np.asarray(thresholds_db)[:, None]) / sigma
-    return rng.binomial(30, guess + (1 - guess - 0.02) * ndtr(z))
-
-
-def test_normal_weights_integrate_what_is_linear_however_narrow_the_normal_is() -> None:
-    x = np.sort(np.random.default_rng(1).uniform(-5, 5, 30))
-    middle = np.linspace(-4, 4, 7)
-    for spread in (1e-8, 0.01, 0.5):
-        weights = normal_weights(x, middle, np.full(7, spread))
-        assert weights.sum(axis=1) == pytest.approx(np.ones(7))
-        if spread < 0.1:
-            assert weights @ x == pytest.approx(middle, abs=1e-3)
 
 
 @pytest.mark.slow
@@ -148,28 +126,6 @@ def person(name: str, detected: list[int], condition: str = "main") -> pd.DataFr
     return felt(detected, participant=name, condition=condition, missed="right", none_offered=False)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("count", [1, 3, 8])
-def test_an_end_that_everybody_leaves_open_is_open_for_the_group(count: int) -> None:
-    """However narrow the other condition is: there the first grid cannot tell."""
-    few, shown = np.tile([1, 3, 15, 28, 30], (count, 1)), np.full((count, 5), 30)
-    found = compare_conditions(PAPER, few, shown, shown, shown, guess_rate=0.02)
-    assert found.status == "at_most"
-    assert found.difference_limits_db[0] == -math.inf
-    assert {one.status for one in found.people} == {"at_most"}
-
-
-@pytest.mark.slow
-def test_who_answers_every_blank_trial_stops_nobody() -> None:
-    """No threshold can be told of such a person; the others' stay."""
-    detected, shown = [[29, 30, 29, 30, 30], [0, 3, 16, 28, 30]], np.full((2, 5), 30)
-    both = fit_group(PAPER, detected, shown, blanks=([4000, 1], [4000, 40]))
-    assert both.people[0].status == "flat"
-    alone = fit_group(PAPER, detected[1:], shown[1:], blanks=([1], [40]))
-    assert both.people[1].threshold == pytest.approx(alone.people[0].threshold, rel=1e-6)
-    assert both.threshold == pytest.approx(alone.threshold, rel=0.03)
-
-
 def test_the_tables_have_a_row_for_each_condition_and_each_pair() -> None:
     people = [person(str(i), k, name) for name in "ab" for i, k in enumerate(RISING[:3])]
     found = fit_people(pd.concat(people))
@@ -214,16 +170,3 @@ def test_other_groups_are_refused(options: Any, name: str) -> None:
         fit_group(levels, RISING, N, **options)
     with pytest.raises(ValueError, match="row"):
         compare_conditions(PAPER, RISING, N, RISING[:3], N[:3], guess_rate=0.5)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("spread_db", [1.0, 4.0])
-def test_limits_of_groups_cover_their_middle(spread_db: float) -> None:
-    rng, truth, studies = np.random.default_rng(5), 20 * math.log10(62), 60
-    covered = 0
-    for _ in range(studies):
-        k = people(rng, truth + spread_db * rng.standard_normal(5), CENTRED)
-        found = fit_group(CENTRED, k, np.full((5, 5), 30), guess_rate=0.5)
-        low, high = found.threshold_limits
-        covered += low < 62 < high
-    assert covered / studies >= 0.95 - 4 * math.sqrt(0.05 * 0.95 / studies)

@@ -101,14 +101,6 @@ def test_neither_order_nor_sides_change_a_value(tables: Any, seed: int) -> None:
         assert 0 < together.p <= 1
 
 
-def test_equal_participants_are_not_drawn_alike() -> None:
-    one = table((7, 3), (4, 6))
-    alone, twice = (information(np.concatenate([one] * n))[1].p for n in (1, 4))
-    assert alone is not None
-    assert twice is not None
-    assert twice < 0.03 < alone
-
-
 @pytest.mark.parametrize(
     ("tables", "seed", "name"),
     [

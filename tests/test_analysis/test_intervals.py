@@ -138,23 +138,6 @@ def test_the_interval_of_false_alarms_is_that_of_a_plain_sum_with_cauchy_log_odd
     assert group_interval(k, n, false_alarms=True) == pytest.approx(expected, abs=2e-3)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(("mean", "spread"), [(0.05, 1.0), (0.1, 1.75)])
-def test_the_interval_of_false_alarms_covers_and_is_narrower_than_that_of_levels(
-    mean: float, spread: float
-) -> None:
-    rng = np.random.default_rng(3)
-    size = (1 - mean) / (spread**2 * mean) - 1
-    k = rng.binomial(20, rng.beta(mean * size, (1 - mean) * size, size=(300, 12)))
-    ends = np.array([group_interval(one, [20] * 12, false_alarms=True) for one in k])
-    others = np.array([group_interval(one, [20] * 12) for one in k])
-    assert 0.91 < np.mean((ends[:, 0] <= mean) & (mean <= ends[:, 1])) < 0.985
-    assert (
-        np.ptp(ends, axis=1).mean()
-        < (0.85 if spread == 1 else 0.97) * np.ptp(others, axis=1).mean()
-    )
-
-
 def test_alike_participants_tell_nearly_as_much_as_their_trials_and_one_has_no_interval() -> None:
     low, high = group_interval([12] * 20, [30] * 20)
     pooled_low, pooled_high = proportion_ci(240, 600)
@@ -162,14 +145,6 @@ def test_alike_participants_tell_nearly_as_much_as_their_trials_and_one_has_no_i
     assert pooled_high < high
     assert high - low < 1.2 * (pooled_high - pooled_low)
     assert all(map(math.isnan, group_interval([15], [30])))
-
-
-def test_of_very_many_trials_only_the_participants_differences_are_left() -> None:
-    k, n = np.array([0.3, 0.5, 0.7]), np.ones(3)
-    some, most = (group_interval(1e4 * scale * k, 1e4 * scale * n) for scale in (1, 1e4))
-    assert some == pytest.approx(most, abs=2e-3)
-    assert most[0] < 0.3
-    assert most[1] > 0.7
 
 
 @pytest.mark.parametrize(("k", "exact"), [(0, 0), (30, 1)])
@@ -192,24 +167,6 @@ def test_the_group_interval_has_no_order_and_holds_the_proportions(cells: list[A
         assert p - 1e-15 <= group[1]
     missed = group_interval([b - a for a, b in zip(k, n, strict=True)], n)
     assert missed == pytest.approx((1 - group[1], 1 - group[0]), abs=1e-6)
-
-
-@pytest.mark.slow
-def test_the_group_interval_covers_where_the_pooled_one_does_not() -> None:
-    rng = np.random.default_rng(11)
-    truth, covered = 0.75, np.zeros(2)
-    for _ in range(400):
-        k = rng.binomial(30, rng.beta(truth * 12, (1 - truth) * 12, size=5))
-        limits = group_interval(k, np.full(5, 30)), proportion_ci(int(k.sum()), 150)
-        covered += [low <= truth <= high for low, high in limits]
-    assert covered[0] / 400 > 0.92
-    assert covered[1] / 400 < 0.80
-
-
-def test_the_group_interval_covers_where_answers_jump_from_nothing_to_everything() -> None:
-    k = np.random.default_rng(7).binomial(5, 0.9, 300)  # of five people, who feel all or nothing
-    every = {felt: group_interval([30] * felt + [0] * (5 - felt), [30] * 5) for felt in range(6)}
-    assert np.mean([every[felt][0] <= 0.9 <= every[felt][1] for felt in k.tolist()]) > 0.92
 
 
 @pytest.mark.parametrize(

@@ -10,9 +10,8 @@ import numpy as np
 import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
-from scipy.special import ndtr
 
-from analysis import GuessRate, PsychometricFit, fit_psychometric
+from analysis import PsychometricFit, fit_psychometric
 from analysis.thresholds.fit import BOUNDED, WITH_THRESHOLD
 from benchmarks.calibration import psychometric
 from tests.test_analysis.shared import PAPER
@@ -128,18 +127,6 @@ def test_another_unit_scales_the_threshold(detected: list[int], guess: float, by
 
 
 @pytest.mark.slow
-@settings(max_examples=30)
-@given(tables, st.floats(-1e3, 1e3))
-def test_a_linear_axis_may_begin_anywhere(detected: list[int], shift: float) -> None:
-    x = np.linspace(-250, 100, 5)
-    here, there = linear(detected, x), linear(detected, x + shift)
-    assert there.status == here.status
-    assume(here.status in WITH_THRESHOLD)
-    assert there.threshold - shift == pytest.approx(here.threshold, abs=1e-4)
-    assert there.sigma == pytest.approx(here.sigma, rel=1e-6, nan_ok=True)
-
-
-@pytest.mark.slow
 @given(st.permutations(range(5)), guess_rates)
 def test_order_empty_and_split_levels_make_no_difference(order: list[int], guess: float) -> None:
     split = [(PAPER[i], part, 15) for i in order for part in (GOOD[i] // 2, GOOD[i] - GOOD[i] // 2)]
@@ -157,14 +144,6 @@ def test_a_billion_trials_a_level_give_back_the_truth() -> None:
 
 
 @pytest.mark.slow
-def test_a_guess_rate_that_is_known_less_well_widens_the_limits() -> None:
-    few, many = (GuessRate.after_blanks(answered=0.2 * n, blanks=n) for n in (20, 2000))
-    limits = [fit([8, 12, 20, 28, 29], guess=guess).threshold_limits for guess in (few, many)]
-    spans = [math.log10(high / low) for low, high in limits]
-    assert spans[0] > spans[1] * 1.02
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize(("guess", "presented", "within_db"), [(0.0, 30, 0.06), (0.5, 120, 0.08)])
 def test_limits_cover_their_threshold(guess: float, presented: int, within_db: float) -> None:
     """With 600 tables the covered share has a standard error of 0.9 %, the mean error 1/24 sd."""
@@ -179,17 +158,6 @@ def test_limits_cover_their_threshold(guess: float, presented: int, within_db: f
     assert covered == pytest.approx(0.95, abs=0.03)
     errors_db = 20 * (np.array([one.threshold for one in found]) - truth)
     assert errors_db.mean() == pytest.approx(0, abs=3 * errors_db.std() / 24 + within_db)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("guess", [0.02, 0.5])
-def test_who_is_at_the_lowest_level_is_rarely_below_it(guess: float) -> None:
-    felt = guess + (0.98 - guess) * ndtr(20 * np.log10(np.array(PAPER) / 60) / 1.0)
-    k = np.random.default_rng(8).binomial(30, felt, (2000, 5))
-    fits = fit_counts(np.log10(PAPER), k, 30, guess)
-    bounded = [one.threshold_limits[1] for one in fits if one.status in BOUNDED]
-    assert len(bounded) > 20
-    assert np.sum(np.array(bounded) <= math.log10(60) + 1e-9) <= 0.025 * 2000
 
 
 @pytest.mark.parametrize(

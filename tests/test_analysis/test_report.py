@@ -142,15 +142,6 @@ def test_control_characters_are_refused_in_names(tmp_path: Path, mark: str) -> N
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("mark", ["\u202e", "\u200b"])
-def test_marks_that_show_no_sign_are_spelled_out_in_every_file(tmp_path: Path, mark: str) -> None:
-    report(tmp_path, (f"S{mark}1", "S1"), figures=True)
-    made = files(tmp_path / "out")
-    assert all(name.endswith(".png") or mark.encode() not in made[name] for name in made)
-    assert f"S<U+{ord(mark):04X}>1," in made["participants.csv"].decode()
-
-
-@pytest.mark.slow
 def test_trials_clean_has_every_trial_and_reads_back(hostile: Path, tmp_path: Path) -> None:
     with (hostile / "trials_clean.csv").open(encoding="utf-8", newline="") as stream:
         rows = list(csv.DictReader(stream))
@@ -345,13 +336,3 @@ def test_the_page_and_methods_txt_have_the_same_text(tmp_path: Path, *, drawn: b
     for line in wrote["methods.txt"].decode().splitlines():
         words = line.partition("] ")[2] if re.match(r"\[\d+\]", line) else line
         assert words in text
-
-
-def test_a_lab_s_own_unit_takes_the_place_of_volts_in_the_definitions(tmp_path: Path) -> None:
-    path = put(tmp_path / "t.csv", made(FELT, "a"))
-    write_analysis([path], tmp_path / "out", columns=MAP, figures=False)
-    summary = json.loads((tmp_path / "out" / "summary.json").read_text(encoding="utf-8"))
-    names = " ".join(summary["definitions"])
-    assert "_vpp" not in names
-    assert not [one for one in summary["definitions"].values() if re.search("V peak|volts p", one)]
-    assert {"unit", "levels"} <= {*summary["axis"], *summary}
