@@ -457,37 +457,6 @@ def test_whether_false_alarms_differ_rests_on_people_or_on_a_test(
         assert [one for one in numbers(found[0].text) if one != 95][: len(shown)] == shown
 
 
-@pytest.mark.parametrize(("rates", "differ"), [((0.1, 0.5), True), ((0.1, 0.2), False)])
-def test_false_alarms_of_interleaved_conditions_are_taken_together(
-    least: Analysis, *, rates: tuple[float, float], differ: bool
-) -> None:
-    row = DIFFERENCE | {"difference_db": 3.0, "low_db": 1.0, "high_db": 5.0, "printed": ""}
-    blank = pd.DataFrame({"condition": [*"aabb"], "participant": ["S1", "all", "S2", "all"]})
-    blank = blank.assign(p=np.repeat(rates, 2), presented=60, low=0.05, high=0.3, group_low=NAN)
-    found = answer(
-        replace(
-            least,
-            counts=replace(least.counts, conditions=2),
-            blank=blank,
-            detected_any=least.levels,
-            differences=rows_of(least.differences, [row | {"first": "interleaved 8"}]),
-        )
-    )
-    said = {one.code: numbers(one.text) for one in found.sentences[1]}
-    assert (C.FALSE_ALARMS_DIFFER in said) == differ
-    assert said[C.FALSE_ALARMS] == [100 * rates[0], 5, 30, 100 * rates[1], 5, 30]
-    alarms = round(60 * sum(rates))
-    assert said[C.CONDITIONS_INTERLEAVED][0] == pytest.approx(alarms / 1.2, abs=0.05)
-    assert said[C.CONDITIONS_INTERLEAVED][-2:] == [alarms, 120]
-
-
-def test_a_share_half_way_between_two_roundings_is_rounded_up(least: Analysis) -> None:
-    shares = {"p": 9 / 240, "low": 0.02, "high": 0.07, "group_low": 0.0215, "group_high": 0.0935}
-    blank = pd.DataFrame([{"participant": "all", "presented": 240} | shares])
-    analysis = replace(least, blank=blank, detected_any=least.levels)
-    assert numbers(answer(analysis).statements[1]) == [3.8, 2.2, 9.4]
-
-
 def test_every_code_is_documented() -> None:
     path = Path(__file__).parents[2] / "docs/_ext/reference/records/members.toml"
     members = tomllib.loads(path.read_text(encoding="utf-8"))

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import itertools
-import json
 import math
 from dataclasses import replace
 from functools import partial
@@ -21,8 +18,8 @@ from analysis import (
     proportion_ci,
     threshold_table,
 )
-from tests.test_analysis.shared import SINGLE, loaded, put, run
-from tests.test_analysis.tables import numbers, reasoned, table_of
+from tests.test_analysis.shared import SINGLE, loaded
+from tests.test_analysis.tables import reasoned, table_of
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -362,27 +359,3 @@ def test_hands_off_trials_are_counted_by_person_part_and_side(tmp_path: Path) ->
     trials["condition"] = trials["trial"].mod(2).map({0: "a", 1: "b"})
     totals = table_of("control", trials).query("participant == 'all'")
     assert totals.groupby("condition")["presented"].sum().to_dict() == {"a": 3, "b": 3}
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(("rows", "control"), [(MAIN + CONTROL, 9), (MAIN, 0), (CONTROL, 9)])
-def test_the_command_writes_hands_off_trials_apart(tmp_path: Path, rows: str, control: int) -> None:
-    source, names = put(tmp_path / "t.csv", HEADER + rows), put(tmp_path / "map.toml", "")
-    out = tmp_path / "out"
-    result = run("analyze", source, "--columns", names, "--no-figures", "--out", out)
-    assert result.exit_code == 0
-    summary = json.loads((out / "summary.json").read_text(encoding="utf-8"))
-    assert len(summary["control"]) == control
-    assert [one["detected_any"] for one in summary["levels"]] == [None] * (MAIN in rows)
-    assert (out / "control.csv").exists() == bool(control)
-    if control:
-        with (out / "control.csv").open(encoding="utf-8", newline="") as stream:
-            written = list(csv.DictReader(stream))
-        first = {name: str(value) for name, value in summary["control"][0].items()}
-        assert (len(written), written[0]) == (control, first)
-        defined = {name for key in summary["definitions"] for name in key.split(", ")}
-        assert {*first} <= defined | {"participant"}
-        shares = [
-            numbers(line.replace("/", " / ")) for line in result.stdout.splitlines() if "/3" in line
-        ]
-        assert [*itertools.chain(*shares)] == [1, 3, 1, 3, 0, 3, 1, 3]

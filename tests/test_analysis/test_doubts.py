@@ -173,11 +173,6 @@ def test_neither_order_nor_sides_change_who_is_named() -> None:
 
 
 @pytest.mark.slow
-def test_of_a_hundred_honest_people_nobody_is_named() -> None:
-    assert named(sessions_of(HONEST, DESIGNS[2], 100)) == []
-
-
-@pytest.mark.slow
 def test_a_warning_reaches_summary_report_and_terminal(tmp_path: Path) -> None:
     rows = "".join(
         f"{who},{side},{level},{side if who == 'b' else MIRROR[side]}\n"

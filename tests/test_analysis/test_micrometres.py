@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import csv
 import math
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pandas as pd
 import pytest
@@ -18,9 +16,6 @@ from analysis.groups.micrometres import (
     with_micrometres,
 )
 from tests.test_analysis.tables import numbers
-
-if TYPE_CHECKING:
-    from tests.conftest import Run
 
 
 def trials(left: float, right: float, basis: Any = "measured", **columns: Any) -> pd.DataFrame:
@@ -102,16 +97,3 @@ def test_a_group_has_micrometres_where_all_with_a_threshold_have_the_same() -> N
         found = with_group_micrometres(group, with_micrometres(table, of, Axis()))
         value = float(found[UM_COLUMNS[0]].to_numpy()[0])
         assert math.isnan(value) if expected is None else value == pytest.approx(expected)
-
-
-@pytest.mark.slow
-def test_a_dry_run_of_a_measured_plate_has_them_in_its_table(tmp_path: Path, run: Run) -> None:
-    study = Path(__file__).parents[2] / "docs" / "examples" / "first-study.toml"
-    assert run("dry-run", study, "--seed", "7", "--out", tmp_path / "out").exit_code == 0
-    with (tmp_path / "out/analysis/thresholds.csv").open(encoding="utf-8") as table:
-        rows = [row for row in csv.DictReader(table) if row["threshold_left_um"] != "n/a"]
-    assert {row["participant"] for row in rows} >= {"all"}
-    for row in rows:
-        ratio = float(row["threshold_left_um"]) / float(row["threshold_vpp"])
-        assert ratio == pytest.approx(1.57 / 58.8, rel=3e-3)  # as its first lines say
-        assert row["displacement_basis"] == "measured"
