@@ -81,7 +81,7 @@ def fit_people(trials: pd.DataFrame | PersonCounts, axis: Axis | None = None) ->
         thresholds=thresholds,
         groups=group_table(people, thresholds, axis),
         differences=difference_table(people, axis),
-    )  # fmt: skip - one table each
+    )
 
 
 def fit_counts(x: Any, k: Any, n: Any, guess: float | Sequence[GuessRate]) -> list[PsychometricFit]:
@@ -127,7 +127,7 @@ def _normal(at: float, width: float) -> Surface:
         guess_variance=0.0,
         lapse_by_kind=np.zeros((2, 3)),
         starts=np.array([[at, 0.7, 0.0]]),
-    )  # fmt: skip - one line each
+    )
 
 
 def numbers(text: str) -> list[float]:

@@ -329,16 +329,6 @@ def test_what_lacks_has_a_code(
     assert re.findall("\u2068(.+?)\u2069", said[codes[1 if shown else 0]])[: len(shown)] == shown
 
 
-def test_a_table_of_counts_has_its_threshold_and_nothing_left_out(tmp_path: Path) -> None:
-    counts = zip((60, 80, 110, 150, 200), (15, 18, 24, 29, 30), strict=True)
-    text = "participant,level_vpp,k,n\n" + "".join(f"1,{v},{k},30\n" for v, k in counts)
-    columns = ColumnMap(table={"detected": "k", "presented": "n"}, task="forced choice")
-    found = answer(analyse(loaded(tmp_path, text, columns)))
-    assert found.codes == ((C.THRESHOLD, C.ONE_SESSION), (C.FALSE_ALARMS_NOT_ASKED,), (C.LEFT_OUT,))
-    assert 101 <= numbers(found.statements[0])[0] < 102
-    assert numbers(found.statements[2]) == []
-
-
 @pytest.mark.slow
 def test_a_threshold_without_a_reversed_participant_stands_beside_the_groups(
     tmp_path: Path,

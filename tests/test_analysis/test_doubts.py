@@ -12,7 +12,6 @@ from scipy.stats import fisher_exact
 
 from analysis import Axis
 from analysis.answers.doubts import doubtful, doubtful_counts, hypergeometric_tails
-from benchmarks.people import DESIGNS, HONEST, sessions_of
 from tests.test_analysis.shared import put, run
 from tests.test_analysis.tables import numbers
 
@@ -117,11 +116,6 @@ def test_counts_of_a_forced_choice_show_guesses_and_reversed_answers() -> None:
     assert [numbers(one.words) for one in found if one.participant == "a"] == [[32, 60, 9, 20]]
 
 
-def test_a_condition_is_named_where_there_are_several() -> None:
-    both = [trials(SIDES, one, condition=c) for one, c in ((GUESSES, "b"), (SIDES, "a"))]
-    assert kinds(named(pd.concat(both).assign(trial=range(200)))) == [("guessing", "1", "b")]
-
-
 @pytest.mark.parametrize(
     ("axis", "conditions"),
     [(Axis(), 1), (Axis(x_scale="linear", unit="mm/s"), 1), (Axis(), 2)],
@@ -160,16 +154,6 @@ def test_a_drift_is_named_by_its_p_and_once() -> None:
     (doubt,) = [one for one in found if one.kind == "drifting"]  # once for both sessions
     assert numbers(doubt.words)[2:6] == [60, 60, 0, 60]
     assert "p = 3e-21" in doubt.words
-
-
-def test_neither_order_nor_sides_change_who_is_named() -> None:
-    table = sessions_of(HONEST, DESIGNS[3], 5, seed=9)
-    table.loc[table["participant"].eq("0002"), "response"] = "left"
-    found = named(table)
-    assert [one.participant for one in found] == ["0002"]
-    assert named(table.sample(frac=1, random_state=1)) == found
-    columns = ("side", "response")
-    assert named(table.assign(**{one: table[one].replace(MIRROR) for one in columns})) == found
 
 
 @pytest.mark.slow

@@ -198,26 +198,6 @@ def test_false_alarms_differ_by_a_paired_t_or_of_other_people_by_welchs() -> Non
     assert found[ALARMS].tolist() == pytest.approx([b.mean() - a.mean(), *welch])
 
 
-def test_false_alarms_of_all_are_compared_in_those_who_were_in_both() -> None:
-    alarms = {"1": (1, 4), "2": (0, 0), "3": (6, 5)}
-    parts = [
-        part
-        for who, both in alarms.items() for name, k in zip("ab", both, strict=True)
-        for part in (felt([9], [95.0], condition=name, participant=who),
-                     blanks(k, condition=name, participant=who))
-    ]  # fmt: skip # one loop
-    parts.append(blanks(9, condition="a", participant="4"))  # who was in one condition only
-    trials = study(*parts)
-    blank = table_of("blank", trials)
-    of_all = beside(trials, *alarms, "all", blank=blank)[ALARMS]
-    told = rates_apart([*alarms.values()], [(20, 20)] * 3)
-    assert of_all.iloc[-1].tolist() == pytest.approx(told)
-    assert of_all.iloc[:-1].isna().all(axis=None)
-    alone = beside(trials, "1", "all", blank=blank[blank["participant"].isin(("1", "all"))])
-    assert alone[ALARMS].iloc[-1].tolist() == pytest.approx([0.15, math.nan, math.nan], nan_ok=True)
-    assert beside(trials, *alarms, "all")[ALARMS].isna().all(axis=None)
-
-
 def test_false_alarms_are_tested_within_people() -> None:
     """Of two people who each prefer another rate, the one pair of conditions is compared."""
     alone = np.array([[21, 22], [219, 218]])

@@ -184,6 +184,7 @@ def test_the_guess_rate_of_blank_trials_stands_at_the_left_edge(
         assert [one.start for one in starts] == [None, None]
 
 
+@pytest.mark.slow
 def test_pages_have_eight_people_and_of_very_many_those_to_look_at_first(
     analysed: Callable[..., Analysis],
 ) -> None:
@@ -225,6 +226,7 @@ def test_any_name_and_the_users_settings_leave_no_warning_and_no_trace(
     assert again == first
 
 
+@pytest.mark.slow
 def test_answers_d_prime_and_times_are_drawn_with_counts_and_units(
     analysed: Callable[..., Analysis],
 ) -> None:

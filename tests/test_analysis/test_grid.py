@@ -143,17 +143,6 @@ def test_no_corner_or_neighbour_is_likelier(detected: list[int], guess_rate: flo
         assert tried.max() <= reached + 1e-6
 
 
-@given(tables_of_counts, st.floats(0, 10), st.floats(-1, 2), st.floats(0, 0.1), st.floats(0, 0.1))
-def test_guesses_and_lapses_change_places_in_a_mirrored_table(
-    detected: list[int], mu: float, log_sigma: float, lapse: float, guess_rate: float
-) -> None:
-    here = counts_at(U, detected, 30, guess_rate)
-    there = counts_at(10 - U, [30 - k for k in detected], 30, lapse)
-    value = log_likelihood(here, np.array([[mu, log_sigma, lapse]]))
-    mirrored = log_likelihood(there, np.array([[10 - mu, log_sigma, guess_rate]]))
-    assert mirrored == pytest.approx(value, rel=1e-9, abs=1e-9)
-
-
 def test_a_fit_stays_within_its_bounds() -> None:
     start = np.array([[5.0, 0.0, 0.05]])
     for detected in ([30] * 5, [0] * 5, [30, 20, 10, 5, 0], [0, 0, 0, 30, 30]):

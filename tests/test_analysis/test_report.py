@@ -284,6 +284,7 @@ def test_who_broke_off_is_warned_of_and_the_map_is_named(tmp_path: Path) -> None
     assert {12, 6, 55} <= {*numbers(methods_of(analysis).paragraphs[0])}
 
 
+@pytest.mark.slow
 def test_levels_in_db_give_what_their_amplitudes_give(tmp_path: Path) -> None:
     levels_db = {0.0: 1, 4.0: 2, 8.0: 6, 12.0: 12, 16.0: 18, 20.0: 19}
     found = []
@@ -317,6 +318,7 @@ def test_levels_in_db_give_what_their_amplitudes_give(tmp_path: Path) -> None:
     assert in_db.thresholds["sigma"].tolist() == pytest.approx(sigma, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_functions_that_do_not_fit_are_a_warning_with_their_p(tmp_path: Path) -> None:
     analysis = of(tmp_path, ODD, "a")
     assert analysis.thresholds["deviance_p"].tolist() == [0.002, 0.002]

@@ -10,7 +10,7 @@ import pytest
 
 from analysis.answers import serial
 from benchmarks.people import HONEST
-from benchmarks.serial import DRIFT, LAST, NO_EFFECT, found, levels_follow, session
+from benchmarks.serial import LAST, NO_EFFECT, found, levels_follow, session
 from tests.test_analysis.shared import SINGLE
 from tests.test_analysis.tables import table_of
 
@@ -60,6 +60,7 @@ def test_strong_and_weak_stimuli_in_turn_are_no_effect_of_answers() -> None:
     assert found.p is None or found.p > 0.05
 
 
+@pytest.mark.slow
 def test_the_difference_is_that_of_proportions_beyond_the_stimuli() -> None:
     rng = np.random.default_rng(2)
     level = rng.choice([40.0, 60.0, 80.0], 6000)
@@ -130,17 +131,6 @@ def test_levels_of_a_staircase_tell_nothing() -> None:
     assert (one.p, one.difference, one.reason) == (None, None, serial.ADAPTIVE)
 
 
-def test_sides_in_turn_are_told_and_are_no_effect() -> None:
-    rng = np.random.default_rng(4)
-    side = ["left", "right"] * 100
-    other = {"left": "right", "right": "left"}
-    answer = [one if rng.random() < 0.8 else other[one] for one in side]
-    found = effect(trials(side, [60.0] * 200, answer), "side")
-    assert (found.again.p or 1) < 0.4
-    assert found.expected == pytest.approx(0.32, abs=0.05)
-    assert (found.p or 0) > 0.05
-
-
 @pytest.mark.slow
 def test_one_in_twenty_tables_without_an_effect_has_a_small_p() -> None:
     order, median = NO_EFFECT[""]
@@ -150,13 +140,6 @@ def test_one_in_twenty_tables_without_an_effect_has_a_small_p() -> None:
         assert told[what].small <= 0.085 * told[what].of
         assert abs(told[what].difference) < 0.015
     assert told["side"].small <= max(0.085 * told["side"].of, 4)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", ["", "balanced"])
-def test_a_drift_is_hardly_taken_for_a_serial_effect(name: str) -> None:
-    told = found(*DRIFT[f"{name}, drift"], 100, compared=False)
-    assert told["felt"].small <= 12
 
 
 @pytest.mark.slow

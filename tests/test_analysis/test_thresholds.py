@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, given
 from hypothesis import strategies as st
 from scipy.special import log_ndtr
 
@@ -120,18 +120,6 @@ def test_only_tables_with_a_threshold_have_numbers(detected: list[int], guess: f
     if found.status in WITH_THRESHOLD:
         assert found.threshold_limits[0] < found.threshold < found.threshold_limits[1]
         assert PAPER[0] <= found.threshold <= PAPER[-1]
-
-
-@pytest.mark.slow
-@settings(max_examples=30)
-@given(tables, guess_rates, st.floats(0.01, 100))
-def test_another_unit_scales_the_threshold(detected: list[int], guess: float, by: float) -> None:
-    here, there = (fit(detected, [x * f for x in PAPER], guess=guess) for f in (1, by))
-    assert there.status == here.status
-    assume(here.status in WITH_THRESHOLD)
-    assert there.threshold == pytest.approx(here.threshold * by, rel=1e-6)
-    assert there.threshold_limits[0] == pytest.approx(here.threshold_limits[0] * by, rel=1e-6)
-    assert there.sigma == pytest.approx(here.sigma, rel=1e-6, nan_ok=True)
 
 
 def test_a_billion_trials_a_level_give_back_the_truth() -> None:
