@@ -112,6 +112,12 @@ def drawn(least: Analysis, seed: int) -> Analysis:
     ]
     blank = pd.DataFrame({"left": alarms, "p": [k / 60 for k in alarms], "presented": 60})
     blank = blank.assign(condition=names[: len(alarms)], participant="all", group_low=NAN)
+    at = pd.DataFrame({"level_vpp": [60.0, 95.0, 130.0], "d_prime_difference": [1.0, -1.0, 0.0]})
+    at = at.assign(d_prime_difference_low=at["d_prime_difference"] - 0.5, participant="all")
+    at = at.assign(d_prime_difference_high=at["d_prime_difference"] + 0.5, felt_a=9, felt_b=9)
+    at = at.assign(presented_a=20, presented_b=20)
+    pairs = itertools.combinations(names, 2)
+    levels = [at.assign(condition_a=a, condition_b=b) for a, b in pairs]
     out = rng.choice((0, 7))
     excluded = [{"participant": "S0", "reason": "practice", "trials": out}] if out else []
     counts = replace(least.counts, trials=400 + out, left_out=out, conditions=len(names))
@@ -128,6 +134,7 @@ def drawn(least: Analysis, seed: int) -> Analysis:
         trials=least.trials[: rng.choice((0, 2))].assign(reason=rng.choice(("", "practice"))),
         levels=pd.DataFrame({"condition": names * 2, "level_vpp": 60.0}),
         axis=Axis(x_scale="linear") if linear else Axis(),
+        d_prime_differences=pd.concat([least.d_prime_differences, *levels]),
         lost=rng.choice(({}, {"s": ("gone",)})),
         warnings=rng.choice(((), ("a",))),
         detected_any=rng.choice((None, least.levels)),
@@ -182,8 +189,10 @@ def difference_codes(analysis: Analysis) -> Iterator[StatementCode]:
         tables = [[[counts[name], 60 - counts[name]] for name in names] for names in apart]
         differ = min(fisher_exact(np.array(table)).pvalue for table in tables) < 0.05
         yield C.FALSE_ALARMS_DIFFER if differ else C.FALSE_ALARM_DIFFERENCE_NOT_SHOWN
-        if len(apart) == 1 and not differ and abs(tables[0][0][0] - tables[0][1][0]) > 1:
-            yield C.FALSE_ALARM_TENDENCY
+        moved = abs(tables[0][0][0] - tables[0][1][0]) > 1
+        of_all = analysis.counts.participants > 1
+        after = [C.D_PRIME_BY_LEVEL] * of_all if differ else [C.FALSE_ALARM_TENDENCY] * moved
+        yield from after if len(apart) == 1 else []
     table = C.FALSE_ALARMS if len(counts) <= 3 else C.FALSE_ALARMS_IN_TABLE
     yield table if counts else C.FALSE_ALARMS_UNKNOWN
 
@@ -213,7 +222,7 @@ def test_the_codes_of_statements_are_those_of_the_tables(least: Analysis, seeds:
         assert [one for one in second if one != own] == [*difference_codes(analysis)], seed
         assert [*third] == left_out_codes(analysis), seed
         seen |= {*first, *second, *third}
-    assert len(seeds) < 100 or len(seen) >= 27
+    assert len(seeds) < 100 or len(seen) >= 28
 
 
 @pytest.mark.parametrize("seed", range(12))
@@ -243,6 +252,8 @@ def test_the_numbers_of_statements_are_those_of_the_tables(least: Analysis, seed
     for code, values in said:
         if code == C.FALSE_ALARMS:
             assert values == pytest.approx(shares.tolist(), abs=0.051)
+        if code == C.D_PRIME_BY_LEVEL:
+            assert {3, 1} <= {*values}
         if code == C.LEFT_OUT and analysis.counts.left_out and len(analysis.trials):
             assert values[:3] == [7, 407, 1.7]
 
