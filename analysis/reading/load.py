@@ -163,7 +163,7 @@ def read_inputs(
     ] = nullcontext,
     accept_altered: bool = False,
 ) -> LoadedTrials:
-    """Read result files as `read_trials` does, and tell which files these were.
+    r"""Read result files as `read_trials` does, and tell which files these were.
 
     Parameters
     ----------
@@ -175,10 +175,25 @@ def read_inputs(
     accept_altered : bool
         Whether sessions are read that are not as they were recorded.
 
+    Returns
+    -------
+    LoadedTrials
+
     Raises
     ------
     ResultFileError
         As `read_trials`, and for a table or a plan that changes while the others are read.
+
+    Examples
+    --------
+    >>> from tempfile import TemporaryDirectory
+    >>> from analysis import ColumnMap, read_inputs
+    >>> with TemporaryDirectory() as folder:
+    ...     table = Path(folder) / "table.csv"
+    ...     _ = table.write_text("participant,side,level_vpp,response\n1,left,60,left\n")
+    ...     loaded = read_inputs([table], ColumnMap())
+    >>> len(loaded.trials), [file.name for file in loaded.inputs]
+    (1, ['table.csv'])
     """
     found = find_sources([Path(path) for path in paths], foreign=columns is not None)
     sources = found.tables

@@ -246,7 +246,7 @@ def analyse(
     allow_simulated: bool = False,
     population: bool = False,
 ) -> Analysis:
-    """Count, tabulate and look for what a reader has to be told.
+    r"""Count, tabulate and look for what a reader has to be told.
 
     Parameters
     ----------
@@ -271,6 +271,18 @@ def analyse(
         For an unknown method, and a seed that is no whole number of at least 0.
     ResultFileError
         For simulated trials beside real ones, and trials of a person without a device.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> from analysis import ColumnMap, analyse, read_inputs
+    >>> with TemporaryDirectory() as folder:
+    ...     table = Path(folder) / "table.csv"
+    ...     _ = table.write_text("participant,side,level_vpp,response\n1,left,60,left\n")
+    ...     analysis = analyse(read_inputs([table], ColumnMap()))
+    >>> analysis.counts.trials, [warning.code for warning in analysis.warnings]
+    (1, [])
     """
     if isinstance(seed, bool) or not isinstance(seed, int) or seed < 0:
         raise ValueError(f"seed must be a whole number of at least 0, got {seed!r}")
