@@ -171,20 +171,33 @@ def alone(level: float, unit: str) -> str:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Axis:
-    """The axis on which levels lie; a ValueError for another scale, and for a unit that is no text.
+    """The axis on which levels lie.
 
-    A unit is printable, of 1 to 16 characters.
+    Attributes
+    ----------
+    x_scale : {"log10", "dB", "linear"}
+        ``log10`` for levels above 0, ``dB`` for 20 log10 of such levels, ``linear`` for any.
+    unit : str
+        Of the levels: printable, of 1 to 16 characters.
+    peak_to_peak : bool
+        Whether volts are known to be peak-to-peak.
 
+    Raises
+    ------
+    ValueError
+        For another scale, and for a unit that is no such text.
+
+    Examples
+    --------
     >>> Axis(x_scale="linear", unit="cm/s").signed, Axis().signed
     (True, False)
     >>> Axis(x_scale="dB", unit="dB SL").on_axis(20.0), Axis(x_scale="dB", unit="dB SL").level(1.0)
     (1.0, 20.0)
     """
 
-    # log10 for levels above 0; dB for 20 log10 of such levels; linear for others of any sign
     x_scale: LevelScale = "log10"
-    unit: str = "V"  # stands behind a level
-    peak_to_peak: bool = True  # what V are; of a map that states them nobody knows
+    unit: str = "V"
+    peak_to_peak: bool = True
 
     def __post_init__(self) -> None:
         if self.x_scale not in get_args(LevelScale):
@@ -205,6 +218,18 @@ class Axis:
     def on_axis(self, levels: float | Floats) -> float | Floats:
         """Return where levels lie on the axis.
 
+        Parameters
+        ----------
+        levels : float or numpy.ndarray
+            In their unit.
+
+        Returns
+        -------
+        float or numpy.ndarray
+            Their places.
+
+        Examples
+        --------
         >>> import numpy as np
         >>> Axis().on_axis(np.array([10.0, 100.0])).tolist()
         [1.0, 2.0]
@@ -218,6 +243,18 @@ class Axis:
     def level(self, x: float) -> float:
         """Return the level at a place on the axis.
 
+        Parameters
+        ----------
+        x : float
+            The place.
+
+        Returns
+        -------
+        float
+            In the unit of the levels.
+
+        Examples
+        --------
         >>> Axis().level(2.0)
         100.0
         """
@@ -226,8 +263,20 @@ class Axis:
         return float(10.0**x) if self.x_scale == "log10" else x
 
     def width(self, sigma: float) -> float:
-        """Return a width on the axis as it is told: in log10 units, or in the unit of levels.
+        """Return a width on the axis in log10 units, or in the unit of the levels.
 
+        Parameters
+        ----------
+        sigma : float
+            The width on the axis.
+
+        Returns
+        -------
+        float
+            In `width_unit`.
+
+        Examples
+        --------
         >>> Axis().width(0.1), Axis(x_scale="dB", unit="dB").width(0.1)
         (0.1, 2.0)
         """
@@ -241,6 +290,18 @@ class Axis:
     def half_width(self, low: float, high: float) -> str:
         """Return half of how far limits lie apart in dB; nothing of an open one, or without dB.
 
+        Parameters
+        ----------
+        low, high : float
+            The limits, in the unit of the levels.
+
+        Returns
+        -------
+        str
+            With the unit; empty where there is none.
+
+        Examples
+        --------
         >>> Axis().half_width(51.7, 73.7), Axis(x_scale="dB", unit="dB").half_width(-4.0, -1.0)
         ('1.5 dB', '1.5 dB')
         >>> Axis().half_width(0.99, 1.01), Axis().half_width(-math.inf, 88.2)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from analysis.codes import AnalysisWarning, WarningCode
 from analysis.groups.draws import difference_spread_draws, group_draws
 from analysis.groups.hierarchy import FEW, PeopleTables
 from analysis.thresholds.people import as_amplitudes, as_named, people_of
@@ -103,7 +104,7 @@ class People:
         Those that the goal hangs on.
     draws : tuple of dict
         Keys of [simulation] that take turns from study to study; none where they are known.
-    warnings : tuple of str
+    warnings : tuple of AnalysisWarning
     unit : str
         Of the levels: V, or that of a pilot.
     """
@@ -113,7 +114,7 @@ class People:
     whose: str
     numbers: tuple[Stated, ...]
     draws: tuple[dict[str, float], ...] = ()
-    warnings: tuple[str, ...] = ()
+    warnings: tuple[AnalysisWarning, ...] = ()
     unit: str = "V"
 
     def words(self, goal: Goal, gains: Sequence[ConditionGains]) -> str:
@@ -158,13 +159,14 @@ def stated_people(study: Study, goal: Goal) -> People:
     return People(study=study, file=study, whose="the study's", numbers=numbers, warnings=warnings)
 
 
-def _wide(study: Study) -> Iterator[str]:
+def _wide(study: Study) -> Iterator[AnalysisWarning]:
     """Warn of a width that is more likely one in dB, as a report on levels in dB tells it."""
     if (sigma := study.simulation.sigma) > _WIDEST:
-        yield (
+        message = (
             f"simulation.sigma = {sigma:g} is in log10 units, {20 * sigma:g} dB: if it is the "
             f"sigma of a report whose levels are in dB, write a twentieth of it, {sigma / 20:.3g}"
         )
+        yield AnalysisWarning(WarningCode.SIGMA_TOO_WIDE, message)
 
 
 _IF_UNKNOWN: Final = {
@@ -195,11 +197,12 @@ def literature_people(study: Study, goal: Goal) -> People:
     )
 
 
-def _without_source(keys: Iterable[str]) -> str:
-    return (
+def _without_source(keys: Iterable[str]) -> AnalysisWarning:
+    message = (
         f"of {', '.join(keys)} no source was found: the answer is no better than they are; state "
         "them in [simulation], or run a pilot"
     )
+    return AnalysisWarning(WarningCode.VALUES_ASSUMED, message)
 
 
 def pilot_people(study: Study, goal: Goal, loaded: LoadedTrials, where: str) -> People:
@@ -255,7 +258,9 @@ def pilot_people(study: Study, goal: Goal, loaded: LoadedTrials, where: str) -> 
     )
 
 
-def _in_its_unit(study: Study, unit: str, people: PersonCounts, where: str) -> tuple[str, ...]:
+def _in_its_unit(
+    study: Study, unit: str, people: PersonCounts, where: str
+) -> tuple[AnalysisWarning, ...]:
     """Say that the study's levels are taken as the pilot's are, in another unit than volts.
 
     Only ratios of levels count. Refuse a study whose levels are not among the pilot's.
@@ -274,7 +279,8 @@ def _in_its_unit(study: Study, unit: str, people: PersonCounts, where: str) -> t
         raise ValueError(
             f"design.levels_vpp must be in {unit}, as the levels of --pilot, which go from {told}"
         )
-    return (f"levels of {where} are read as {unit}, and so are those of the study",)
+    message = f"levels of {where} are read as {unit}, and so are those of the study"
+    return (AnalysisWarning(WarningCode.PILOT_UNIT, message),)
 
 
 _KNOWN_ELSEWHERE: Final = dict.fromkeys(("threshold_um", *CURVE_KEYS))
@@ -302,11 +308,12 @@ def _difference_spreads(study: Study, people: PersonCounts, where: str) -> tuple
     return [float(min(spread, 40)) for spread in spreads], len(both)
 
 
-def _few(number: int) -> tuple[str, ...]:
+def _few(number: int) -> tuple[AnalysisWarning, ...]:
     if number >= FEW:
         return ()
     told = f"a pilot of {number} people tells little of how they differ: with fewer than {FEW}"
-    return (f"{told} that is mostly the analysis' prior",)
+    message = f"{told} that is mostly the analysis' prior"
+    return (AnalysisWarning(WarningCode.PILOT_TOO_SMALL, message),)
 
 
 def _tables(people: PersonCounts) -> PeopleTables:

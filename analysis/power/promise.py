@@ -323,7 +323,7 @@ def as_json(promise: Promise) -> str:
             for one in promise.levers
         ],
         "people": [asdict(one) for one in promise.people.numbers],
-        "warnings": list(promise.people.warnings),
+        "warnings": [asdict(one) for one in promise.people.warnings],
         "ethics": promise.ethics,
         "plan_sha256": promise.plan_sha256,
     }

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import pandas as pd
 
 from analysis.axis import Axis, axis_of
+from analysis.codes import AnalysisWarning, WarningCode, with_code
 from analysis.reading.batch import InputFile, batches, read_batch
 from analysis.reading.checks import check_together, in_seconds, right_for_felt
 from analysis.reading.drafted.conditions import (
@@ -76,9 +77,9 @@ class LoadedTrials:
         are no trials then.
     blanks : pandas.DataFrame or None
         The same of its blank presentations.
-    changed : tuple of str
+    changed : tuple of AnalysisWarning
         What was read otherwise than it stands in a table made elsewhere, or was not read though it
-        may tell conditions apart, a sentence each.
+        may tell conditions apart.
     left_out : int
         Rows that a map leaves out.
     left_out_files : int
@@ -104,7 +105,7 @@ class LoadedTrials:
     task: str = ""
     cells: pd.DataFrame | None = None
     blanks: pd.DataFrame | None = None
-    changed: tuple[str, ...] = ()
+    changed: tuple[AnalysisWarning, ...] = ()
     left_out: int = 0
     left_out_files: int = 0
     left_out_by: str = ""
@@ -162,7 +163,7 @@ def read_inputs(
     ] = nullcontext,
     accept_altered: bool = False,
 ) -> LoadedTrials:
-    """Read result files as `read_trials` does, and tell which files these were.
+    r"""Read result files as `read_trials` does, and tell which files these were.
 
     Parameters
     ----------
@@ -174,10 +175,25 @@ def read_inputs(
     accept_altered : bool
         Whether sessions are read that are not as they were recorded.
 
+    Returns
+    -------
+    LoadedTrials
+
     Raises
     ------
     ResultFileError
         As `read_trials`, and for a table or a plan that changes while the others are read.
+
+    Examples
+    --------
+    >>> from tempfile import TemporaryDirectory
+    >>> from analysis import ColumnMap, read_inputs
+    >>> with TemporaryDirectory() as folder:
+    ...     table = Path(folder) / "table.csv"
+    ...     _ = table.write_text("participant,side,level_vpp,response\n1,left,60,left\n")
+    ...     loaded = read_inputs([table], ColumnMap())
+    >>> len(loaded.trials), [file.name for file in loaded.inputs]
+    (1, ['table.csv'])
     """
     found = find_sources([Path(path) for path in paths], foreign=columns is not None)
     sources = found.tables
@@ -241,7 +257,8 @@ def read_inputs(
     trials["none_offered"] = offered_to_all(trials)
     planned = frozenset(str(table.path) for table in tables if table.plan)
     unit = None if columns is None else columns.units.get("rt_s", "s")
-    trials, changed = in_seconds(trials, planned=planned, unit=unit)
+    trials, rescaled = in_seconds(trials, planned=planned, unit=unit)
+    changed = (*with_code(WarningCode.REACTION_TIMES_RESCALED, rescaled),)
     trials = without_silence(with_reasons(trials))
     check_together(trials, foreign=columns is not None)
     inputs = [file for table in tables for file in (table.file, table.plan) if file is not None]
@@ -307,11 +324,11 @@ def _check_copies(tables: Sequence[ReadTable]) -> None:
 
 def _remarks(
     trials: pd.DataFrame, sources: Sequence[InputTable], columns: ColumnMap
-) -> Iterator[str]:
+) -> Iterator[AnalysisWarning]:
     """Say what of tables made elsewhere may be meant otherwise than their map has it."""
-    yield from pooled(sources, columns)
-    yield from _in_several_files(trials)
-    yield from right_for_felt(trials)
+    yield from with_code(WarningCode.CONDITIONS_POOLED, pooled(sources, columns))
+    yield from with_code(WarningCode.SESSION_IN_SEVERAL_FILES, _in_several_files(trials))
+    yield from with_code(WarningCode.BLANKS_MOSTLY_DETECTED, right_for_felt(trials))
 
 
 def _rows_in_order(trials: pd.DataFrame, columns: ColumnMap | None) -> bool:

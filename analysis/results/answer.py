@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, Final
 from analysis.answers.counting import uncounted
 from analysis.answers.doubts import GUESSING, SWAPPED
 from analysis.axis import alike, rounded, spread_of, with_limits
+from analysis.codes import Statement, StatementCode
 from analysis.definitions import LAPSES_MANY, LAPSES_OFTEN
 from analysis.groups.hierarchy import FEW
 from analysis.groups.micrometres import in_micrometres, micrometres_row
@@ -35,7 +36,10 @@ if TYPE_CHECKING:
 
 
 ANSWER_HEAD: Final = ("What", "Value (95 % interval)", "From")
-_DOUBTS: Final = {SWAPPED: "sides look swapped", GUESSING: "answers cannot be told from guesses"}
+_DOUBTS: Final = {
+    SWAPPED: (StatementCode.RESPONSES_REVERSED, "sides look swapped"),
+    GUESSING: (StatementCode.GUESSING, "answers cannot be told from guesses"),
+}
 _MEDIAN: Final = "(posterior median, 95 % interval "
 
 
@@ -45,16 +49,27 @@ class Answer:
 
     Attributes
     ----------
-    statements : tuple of str
-        The threshold; how conditions compare, with the false alarms; what was left out.
+    sentences : tuple of tuple of Statement
+        Those of the three statements: the threshold; how conditions compare, with the false alarms;
+        what was left out.
     rows : tuple of tuple of str
         The same as a table under `ANSWER_HEAD`.
 
     Names of participants and conditions are `isolated`; `plain` takes the signs for that away.
     """
 
-    statements: tuple[str, ...]
+    sentences: tuple[tuple[Statement, ...], ...]
     rows: tuple[tuple[str, str, str], ...]
+
+    @property
+    def statements(self) -> tuple[str, ...]:
+        """The three statements."""
+        return tuple(" ".join(map(str, sentences)) for sentences in self.sentences)
+
+    @property
+    def codes(self) -> tuple[tuple[StatementCode, ...], ...]:
+        """What each sentence of the statements is about."""
+        return tuple(tuple(one.code for one in sentences) for sentences in self.sentences)
 
 
 def answer(analysis: Analysis) -> Answer:
@@ -62,11 +77,8 @@ def answer(analysis: Analysis) -> Answer:
     second = [
         *compared(analysis), *criterion_sentences(analysis), *alarm_sentences(analysis)
     ]  # fmt: skip
-    told = (_thresholds(analysis), second, _left_out(analysis))
     return Answer(
-        statements=tuple(
-            " ".join(f"{one[0].upper()}{one[1:]}." for one in sentences) for sentences in told
-        ),
+        sentences=((*_thresholds(analysis),), (*second,), (*_left_out(analysis),)),
         rows=(
             *_threshold_rows(analysis),
             *_population_rows(analysis),
@@ -155,12 +167,14 @@ def _in_db(analysis: Analysis, group: pd.Series[Any]) -> str:
     return width and f"half-width {width}"
 
 
-def _thresholds(analysis: Analysis) -> Iterator[str]:
+def _thresholds(analysis: Analysis) -> Iterator[Statement]:
     groups = analysis.groups
     if groups.empty:
-        yield "there is no threshold, for no trial with a single stimulus counts"
+        text = "there is no threshold, for no trial with a single stimulus counts"
+        yield Statement(StatementCode.THRESHOLD_MISSING, text)
     elif len(groups) > SPELLED:
-        yield f"the thresholds of {len(groups)} conditions stand in the table"
+        text = f"the thresholds of {len(groups)} conditions stand in the table"
+        yield Statement(StatementCode.THRESHOLDS_IN_TABLE, text)
     told_of: tuple[str, set[str]] = "", set()
     seen: set[str] = set()
     for _, group in groups.iterrows() if len(groups) <= SPELLED else ():
@@ -178,7 +192,8 @@ def _thresholds(analysis: Analysis) -> Iterator[str]:
         told = (
             f"{_predicate(row, width)}{when}{in_micrometres(row, _people_in(analysis, condition))}"
         )
-        yield f"{_where(analysis, condition, 'in')} {subject} {told}".lstrip()
+        text = f"{_where(analysis, condition, 'in')} {subject} {told}".lstrip()
+        yield Statement(StatementCode.THRESHOLD, text)
         told_of = who, names
         seen |= names
     yield from _silent(analysis)
@@ -186,14 +201,15 @@ def _thresholds(analysis: Analysis) -> Iterator[str]:
     yield from _remarks(analysis)
 
 
-def _silent(analysis: Analysis) -> Iterator[str]:
+def _silent(analysis: Analysis) -> Iterator[Statement]:
     """Name the conditions without a threshold, for nobody answered there."""
     trials, told = analysis.trials, {*analysis.groups["condition"]}
     silent = trials.loc[trials["reason"].eq(NEVER_ANSWERED), "condition"].unique()
     without = [str(name) for name in sorted({*silent} - told)] if told else []
     if without:
         which = "conditions" if len(without) > 1 else "condition"
-        yield f"there is no threshold in {which} {and_words(without)}, where nobody answered"
+        text = f"there is no threshold in {which} {and_words(without)}, where nobody answered"
+        yield Statement(StatementCode.CONDITION_NEVER_ANSWERED, text)
 
 
 def _names(analysis: Analysis, condition: str) -> set[str]:
@@ -201,12 +217,12 @@ def _names(analysis: Analysis, condition: str) -> set[str]:
     return {*table.loc[table["condition"].eq(condition), "participant"]}
 
 
-def _doubted(analysis: Analysis) -> Iterator[str]:
+def _doubted(analysis: Analysis) -> Iterator[Statement]:
     """Name those in a threshold whose answers a warning doubts."""
     for _, group in analysis.groups.iterrows():
         condition = str(group["condition"])
         here = _names(analysis, condition)
-        for kind, words in _DOUBTS.items():
+        for kind, (code, words) in _DOUBTS.items():
             names = [
                 one.participant
                 for one in analysis.doubts
@@ -219,12 +235,14 @@ def _doubted(analysis: Analysis) -> Iterator[str]:
             if len(names) > SPELLED:
                 who = f"{len(names)} participants"
             where = _where(analysis, condition)
-            yield f"{who} {count}{where}, though their {words} (see the warnings)"
+            text = f"{who} {count}{where}, though their {words} (see the warnings)"
+            yield Statement(code, text)
             told = _unswapped(analysis, condition) if kind == SWAPPED else None
             if told is not None:
                 them = who if len(names) <= SPELLED else "them"
                 said = _predicate(told, _in_db(analysis, told))
-                yield f"without {them} the threshold of the group{where} {said}"
+                text = f"without {them} the threshold of the group{where} {said}"
+                yield Statement(StatementCode.THRESHOLD_WITHOUT_REVERSED, text)
 
 
 def _unswapped(analysis: Analysis, condition: str) -> pd.Series[Any] | None:
@@ -242,24 +260,27 @@ def _is_told(analysis: Analysis, group: pd.Series[Any]) -> bool:
     return not all(math.isnan(row[f"threshold_{name}vpp"]) for name in ("", "low_", "high_"))
 
 
-def _remarks(analysis: Analysis) -> Iterator[str]:
+def _remarks(analysis: Analysis) -> Iterator[Statement]:
     """Say what the thresholds that were told rest on."""
     told = [group for _, group in analysis.groups.iterrows() if _is_told(analysis, group)]
     conditions = [group["condition"] for group in told]
     people = _people_in(analysis, *conditions)
     if people["guess_basis"].eq("assumed").any():
-        yield "thresholds rest on an assumed guess rate, for want of blank trials"
+        text = "thresholds rest on an assumed guess rate, for want of blank trials"
+        yield Statement(StatementCode.GUESS_RATE_ASSUMED, text)
     if any(group["participants"] == 1 for group in told):
-        yield "a participant's interval is for that session, another day may bring another"
+        text = "a participant's interval is for that session, another day may bring another"
+        yield Statement(StatementCode.ONE_SESSION, text)
     spread = [group for group in told if not math.isnan(group["spread_db"])]
     few = [str(group["condition"]) for group in spread if group["participants"] < FEW]
     if few:
         which = "conditions" if len(few) > 1 else "condition"
         where = f" in {which} {and_words(few)}" if len(few) < len(analysis.groups) else ""
-        yield (
+        text = (
             f"with fewer than five participants{where} it is mostly the prior that says how much "
             "people differ"
         )
+        yield Statement(StatementCode.FEW_PARTICIPANTS, text)
 
 
 def _threshold_rows(analysis: Analysis) -> Iterator[tuple[str, str, str]]:
@@ -357,21 +378,25 @@ def _new_person(
     return at, *ends, levels
 
 
-def _left_out(analysis: Analysis) -> Iterator[str]:
+def _left_out(analysis: Analysis) -> Iterator[Statement]:
     trials = analysis.trials
-    yield left_out_words(analysis)
+    yield Statement(StatementCode.LEFT_OUT, left_out_words(analysis))
     if unread := unread_words(analysis):
-        yield f"the map leaves out {unread} more"
+        yield Statement(StatementCode.LEFT_OUT_BY_MAP, f"the map leaves out {unread} more")
     without = uncounted(trials) if len(trials) else []
     if without:
         names = ", ".join(map(isolated, without))
-        yield f"nothing counts of {number_of(len(without), 'participant')}: {names}"
+        text = f"nothing counts of {number_of(len(without), 'participant')}: {names}"
+        yield Statement(StatementCode.PARTICIPANTS_NOT_COUNTED, text)
     if analysis.lost:
-        yield f"{number_of(len(analysis.lost), 'session')}, lost after recording, took no part"
+        text = f"{number_of(len(analysis.lost), 'session')}, lost after recording, took no part"
+        yield Statement(StatementCode.SESSIONS_LOST, text)
     if steep := steep_words(analysis.thresholds):
-        yield steep
+        yield Statement(StatementCode.FUNCTIONS_STEEP, steep)
     if lapses := lapses_words(analysis.thresholds):
         many = at_bound_often(analysis.thresholds)
-        yield f"{lapses}, {LAPSES_MANY if many else LAPSES_OFTEN}"
+        text = f"{lapses}, {LAPSES_MANY if many else LAPSES_OFTEN}"
+        yield Statement(StatementCode.LAPSES_AT_BOUND, text)
     if analysis.warnings:
-        yield f"see {number_of(len(analysis.warnings), 'warning')} below"
+        text = f"see {number_of(len(analysis.warnings), 'warning')} below"
+        yield Statement(StatementCode.WARNINGS, text)

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final
 
 from analysis.axis import half_up, shortest
+from analysis.codes import Statement, StatementCode
 from analysis.definitions import TOTAL
 from analysis.groups.criterion import ALTERNATED, MIXED
 from analysis.groups.sensitivity import NEARLY_ALL, SEVERAL, levels_apart
@@ -200,42 +201,52 @@ def _tells(one: Pair, told: str) -> bool:
     return one.apart and any(cell.startswith(f"{told} ") for cell in cells)
 
 
-def compared(analysis: Analysis) -> Iterator[str]:
+def compared(analysis: Analysis) -> Iterator[Statement]:
     """Say how every two conditions compare."""
     pairs = [*pairs_of(analysis.differences)]
     apart = sum(one.apart for one in pairs)
     if len(pairs) > SPELLED:
-        yield (
+        text = (
             f"of {len(pairs)} pairs of conditions {apart} differ in threshold, and "
             f"{len(pairs) - apart} cannot be told apart with these data (95 % intervals, in the "
             "table)"
         )
+        yield Statement(StatementCode.DIFFERENCES_IN_TABLE, text)
     else:
-        yield from (difference_words(one) for one in pairs)
+        yield from (Statement(_difference_code(one), difference_words(one)) for one in pairs)
         told = [one for one in pairs if one.apart and one.row["status"] == "ok"]
         alike = len(pairs) == 1 and told and _tells(told[0], _ratio_of_groups(analysis, told[0]))
         if told and not alike:
-            yield own_model_words(analysis)
+            yield Statement(StatementCode.DIFFERENCE_HAS_OWN_MODEL, own_model_words(analysis))
         yield from _always_first(pairs)
     if len(pairs) > 1:
-        yield f"these intervals are not corrected for {len(pairs)} comparisons"
+        text = f"these intervals are not corrected for {len(pairs)} comparisons"
+        yield Statement(StatementCode.SEVERAL_COMPARISONS, text)
     if not pairs and len(analysis.groups) > 1:
-        yield (
+        text = (
             "conditions are not compared, for a difference in dB needs levels above 0, or in dB "
             '([axis] x_scale = "log10" or "dB")'
         )
+        yield Statement(StatementCode.CONDITIONS_NOT_COMPARED, text)
 
 
-def _always_first(pairs: Sequence[Pair]) -> Iterator[str]:
+def _difference_code(one: Pair) -> StatementCode:
+    if one.row["status"] in ("one_participant", "unknown"):
+        return StatementCode.DIFFERENCE_UNKNOWN
+    return StatementCode.DIFFERENCE if one.apart else StatementCode.DIFFERENCE_NOT_SHOWN
+
+
+def _always_first(pairs: Sequence[Pair]) -> Iterator[Statement]:
     """Say where order and condition cannot be told apart."""
     for one in pairs:
         name, number = one.always_first
         if name:
             of = f" of {isolated(one.a)} and {isolated(one.b)}" if len(pairs) > 1 else ""
-            yield (
+            text = (
                 f"all {number} participants had condition {isolated(name)} first: practice, "
                 f"fatigue and what else changed in between are part of the difference{of}"
             )
+            yield Statement(StatementCode.CONDITION_ALWAYS_FIRST, text)
 
 
 def level_words(told: LevelsApart, one: Pair) -> str:

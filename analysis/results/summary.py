@@ -29,6 +29,7 @@ _SIDED = ("left_vpp", "right_vpp", "left_um", "right_um")
 
 def summary_text(analysis: Analysis) -> str:
     """Write the summary as JSON: no time, no host, no absolute path; equal data give equal text."""
+    told = answer(analysis)
     summary = {
         "schema": SCHEMA,
         "definitions": {"ci": analysis.ci, **definitions_of(analysis)},
@@ -38,10 +39,11 @@ def summary_text(analysis: Analysis) -> str:
         "axis": {"x_scale": analysis.axis.x_scale, "unit": analysis.axis.unit},
         "counts": asdict(analysis.counts),
         "mark": analysis.mark,
-        "answer": [plain(statement) for statement in answer(analysis).statements],
+        "answer": [plain(statement) for statement in told.statements],
+        "answer_codes": told.codes,
         "devices": devices(analysis.trials),
         "altered": [
-            one for told in (*analysis.altered.values(), *analysis.lost.values()) for one in told
+            one for each in (*analysis.altered.values(), *analysis.lost.values()) for one in each
         ],
         "not_compared": list(analysis.not_compared),
         "contact": {words: list(which) for words, which in analysis.contacts.items()},
@@ -58,7 +60,7 @@ def summary_text(analysis: Analysis) -> str:
         "population": [_population(one, analysis) for one in analysis.population],
         "choice": [asdict(one) for one in analysis.choice],
         "reaction_times": _records(analysis.reaction_times, analysis),
-        "warnings": list(analysis.warnings),
+        "warnings": [asdict(one) for one in analysis.warnings],
     }
     return json.dumps(summary, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
 

@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from analysis.answers.choice import Choices
     from analysis.answers.doubts import Doubt
     from analysis.axis import Axis
+    from analysis.codes import AnalysisWarning
     from analysis.groups.population import PopulationThreshold
     from analysis.groups.tables import Without
     from analysis.reading.batch import InputFile
@@ -86,8 +87,8 @@ class Analysis:
         How many trials these are.
     inputs : tuple of InputFile
         The files that were read.
-    warnings : tuple of str
-        One sentence each; empty where nothing is amiss.
+    warnings : tuple of AnalysisWarning
+        A code and a sentence each; empty where nothing is amiss.
     ci : str
         Method of the cells' intervals.
     seed : int
@@ -167,7 +168,7 @@ class Analysis:
     control: pd.DataFrame
     counts: Counts
     inputs: tuple[InputFile, ...]
-    warnings: tuple[str, ...]
+    warnings: tuple[AnalysisWarning, ...]
     ci: str
     seed: int
     axis: Axis
@@ -246,7 +247,7 @@ def analyse(
     allow_simulated: bool = False,
     population: bool = False,
 ) -> Analysis:
-    """Count, tabulate and look for what a reader has to be told.
+    r"""Count, tabulate and look for what a reader has to be told.
 
     Parameters
     ----------
@@ -271,6 +272,18 @@ def analyse(
         For an unknown method, and a seed that is no whole number of at least 0.
     ResultFileError
         For simulated trials beside real ones, and trials of a person without a device.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> from analysis import ColumnMap, analyse, read_inputs
+    >>> with TemporaryDirectory() as folder:
+    ...     table = Path(folder) / "table.csv"
+    ...     _ = table.write_text("participant,side,level_vpp,response\n1,left,60,left\n")
+    ...     analysis = analyse(read_inputs([table], ColumnMap()))
+    >>> analysis.counts.trials, [warning.code for warning in analysis.warnings]
+    (1, [])
     """
     require_whole("seed", seed, 0)
     trials = loaded.trials

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Final
 import pandas as pd
 
 from analysis.answers import counting
-from analysis.answers.doubts import doubtful, doubtful_counts
+from analysis.answers.doubts import DRIFTING, GUESSING, SWAPPED, doubtful, doubtful_counts
+from analysis.codes import AnalysisWarning, WarningCode, with_code
 from analysis.groups.micrometres import unequal_sides
 from analysis.reading.counts import without_device
 from analysis.reading.reasons import NEVER_ANSWERED
@@ -29,6 +30,11 @@ _NO_STUDY = "n/a"
 _NEARLY: Final = 0.9
 _SEVERAL: Final = 3
 _FEW_OF_ALL: Final = 0.25
+_DOUBTS: Final = {
+    SWAPPED: WarningCode.RESPONSES_REVERSED,
+    GUESSING: WarningCode.GUESSING,
+    DRIFTING: WarningCode.THRESHOLD_DRIFTS,
+}
 
 
 def warnings_of(
@@ -39,8 +45,8 @@ def warnings_of(
     doubts: Iterable[Doubt],
     people: PersonCounts,
     fits: pd.DataFrame,
-) -> Iterator[str]:
-    """Yield a sentence for everything about trials that a reader has to be told.
+) -> Iterator[AnalysisWarning]:
+    """Yield a warning for everything about trials that a reader has to be told.
 
     `excluded` is what is left out, `stated` how the fingers lay, in words and by session,
     `doubts` are `doubts_of` the same, and `fits` the thresholds that were fitted to `people`.
@@ -52,31 +58,47 @@ def warnings_of(
     if len(lost):
         told = ", ".join(f"{reason} {number}" for reason, number in lost.items())
         are = "trial is" if lost.sum() == 1 else "trials are"
-        yield f"{lost.sum()} {are} left out: {told}"
+        message = f"{lost.sum()} {are} left out: {told}"
+        yield AnalysisWarning(WarningCode.TRIALS_LEFT_OUT, message)
     if empty := counting.uncounted(trials):
-        yield f"no trial counts of participant {', '.join(empty)}"
+        message = f"no trial counts of participant {', '.join(empty)}"
+        yield AnalysisWarning(WarningCode.PARTICIPANT_NOT_COUNTED, message)
     if loaded.cells is None and not counted["kind"].eq("single").any():
-        yield "no trial with a single stimulus counts, so there is no level to report"
+        message = "no trial with a single stimulus counts, so there is no level to report"
+        yield AnalysisWarning(WarningCode.SINGLE_STIMULI_MISSING, message)
     yield from loaded.changed
-    studies = _studies(loaded)
-    if studies > 1:
-        yield f"the trials come from {studies} different studies (study_sha256)"
-    for differences in loaded.altered.values():
-        yield from (f"altered after recording: {one}" for one in differences)
-    for session, differences in loaded.lost.items():
-        yield from (f"session {session} is left out: {one}" for one in differences)
-    if without := without_device(trials).sum():
-        yield f"{without} of {len(trials)} trials are of people on a mock device or an emulator"
-    if 0 < (made := trials["simulated"].sum()) < len(trials):
-        yield f"{made} of {len(trials)} trials are simulated, the others real"
+    yield from _origins(loaded)
     if len(stated) > 1:
         told = "; ".join(f"{words} ({named(which)})" for words, which in stated.items())
-        yield f"force and contact of the fingers are not the same in all sessions: {told}"
-    yield from _silent(trials)
+        message = f"force and contact of the fingers are not the same in all sessions: {told}"
+        yield AnalysisWarning(WarningCode.CONTACT_DIFFERS, message)
+    yield from with_code(WarningCode.ANSWERS_MISSING, _silent(trials))
     yield from _about_none(counted)
-    yield from map(str, doubts)
-    yield from misfits(fits, people, loaded.axis)
-    yield from unequal_sides(trials, loaded.axis) if loaded.side_told else ()
+    yield from (AnalysisWarning(_DOUBTS[one.kind], one.words) for one in doubts)
+    yield from with_code(WarningCode.FUNCTION_MISFIT, misfits(fits, people, loaded.axis))
+    if loaded.side_told:
+        yield from with_code(WarningCode.SIDES_UNEQUAL, unequal_sides(trials, loaded.axis))
+
+
+def _origins(loaded: LoadedTrials) -> Iterator[AnalysisWarning]:
+    """Warn of sessions that are modified, lost, or not of the same kind as the others."""
+    trials = loaded.trials
+    studies = _studies(loaded)
+    if studies > 1:
+        message = f"the trials come from {studies} different studies (study_sha256)"
+        yield AnalysisWarning(WarningCode.SEVERAL_STUDIES, message)
+    for differences in loaded.altered.values():
+        altered = (f"altered after recording: {one}" for one in differences)
+        yield from with_code(WarningCode.SESSION_MODIFIED, altered)
+    for session, differences in loaded.lost.items():
+        left_out = (f"session {session} is left out: {one}" for one in differences)
+        yield from with_code(WarningCode.SESSION_LOST, left_out)
+    if without := without_device(trials).sum():
+        message = f"{without} of {len(trials)} trials are of people on a mock device or an emulator"
+        yield AnalysisWarning(WarningCode.PRACTICE_WITHOUT_DEVICE, message)
+    if 0 < (made := trials["simulated"].sum()) < len(trials):
+        message = f"{made} of {len(trials)} trials are simulated, the others real"
+        yield AnalysisWarning(WarningCode.SIMULATED_AND_REAL, message)
 
 
 def doubts_of(loaded: LoadedTrials) -> Iterator[Doubt]:
@@ -95,19 +117,22 @@ def _studies(loaded: LoadedTrials) -> int:
     return len({of_plan.get((row[0], row[1]), row[2]) for row in told})
 
 
-def _incomplete(loaded: LoadedTrials) -> Iterator[str]:
+def _incomplete(loaded: LoadedTrials) -> Iterator[AnalysisWarning]:
     for folder, told in loaded.without_table.items():
-        yield f"session {folder} has no trials.csv; {told}"
+        message = f"session {folder} has no trials.csv; {told}"
+        yield AnalysisWarning(WarningCode.SESSION_WITHOUT_TABLE, message)
     for one in loaded.progress:
         if one.valid < one.planned:
             where = _session(one.participant, one.session)
-            yield f"{where}: {one.valid} of {one.planned} planned trials have a valid attempt"
+            message = f"{where}: {one.valid} of {one.planned} planned trials have a valid attempt"
+            yield AnalysisWarning(WarningCode.PLANNED_TRIALS_MISSING, message)
         if one.unexported > 0:
             where = _session(one.participant, one.session)
-            yield (
+            message = (
                 f"{where}: its journal tells of {one.unexported} more trials than its trials.csv; "
                 "tactstrip export DIR builds that anew"
             )
+            yield AnalysisWarning(WarningCode.TRIALS_NOT_EXPORTED, message)
     planned = {(one.participant, one.session) for one in loaded.progress}
     trials = loaded.trials[loaded.trials["kind"].isin(counting.COUNTED_KINDS)]
     key = ["participant", "session", "trial"]
@@ -116,8 +141,9 @@ def _incomplete(loaded: LoadedTrials) -> Iterator[str]:
     for row in people.itertuples():
         if (row.participant, row.session) not in planned:
             where = _session(row.participant, row.session)
-            yield f"{where}: trials without a valid attempt: {row.missing}"
-    yield from _broken_off(trials, planned)
+            message = f"{where}: trials without a valid attempt: {row.missing}"
+            yield AnalysisWarning(WarningCode.VALID_ATTEMPT_MISSING, message)
+    yield from with_code(WarningCode.FEWER_TRIALS_THAN_OTHERS, _broken_off(trials, planned))
 
 
 def _broken_off(trials: pd.DataFrame, planned: Collection[tuple[str, str]]) -> Iterator[str]:
@@ -166,9 +192,13 @@ def _silent(trials: pd.DataFrame) -> Iterator[str]:
         )
 
 
-def _about_none(counted: pd.DataFrame) -> Iterator[str]:
+def _about_none(counted: pd.DataFrame) -> Iterator[AnalysisWarning]:
     offered = counted["none_offered"].fillna(value=False)
     if offered.any() and not offered.all():
-        yield f'"none" is known to be an answer in {offered.sum()} of {len(offered)} trials only'
+        message = (
+            f'"none" is known to be an answer in {offered.sum()} of {len(offered)} trials only'
+        )
+        yield AnalysisWarning(WarningCode.NONE_OFFERED_IN_PART, message)
     if not offered[counted["kind"].eq("blank")].all():
-        yield 'blank trials without "none" as an answer: a false alarm is nearly certain there'
+        message = 'blank trials without "none" as an answer: a false alarm is nearly certain there'
+        yield AnalysisWarning(WarningCode.BLANKS_WITHOUT_NONE, message)

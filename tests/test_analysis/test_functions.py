@@ -3,49 +3,48 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pandas as pd
 import pytest
 from scipy.special import ndtr, xlogy
 
-from analysis.axis import VOLTS
+from analysis import Axis, GuessRate
 from analysis.groups.functions import Line, group_function, person_function
-from analysis.groups.tables import group_table
-from analysis.thresholds.density import Ruler, sigma_prior
-from analysis.thresholds.people import Guessing, GuessRate, PersonCounts, people_of_counts
-from analysis.thresholds.table import thresholds_of
+from tests.test_analysis.tables import fit_people, people_with
 
-LEVELS = [60.0, 80.0, 110.0, 150.0, 200.0]
+LEVELS = np.array([60.0, 80.0, 110.0, 150.0, 200.0])
 FELT = [15, 18, 24, 29, 30]
 ANY = Line(mu=2.0, sigma=0.1, lapse_rate=0.0, guess_rate=0.5)
 
 
-def people(*felt: list[int], presented: int = 30, guess: GuessRate | None = None) -> PersonCounts:
+def people(*felt: list[int], presented: int = 30, alarms: Any = (), blanks: int = 40) -> Any:
+    """Return people of a forced choice, or with false alarms of their own."""
     rows = [
         (f"S{i}", level, k, presented)
-        for i, counts in enumerate(felt) for level, k in zip(LEVELS, counts, strict=True)
-    ]  # fmt: skip
+        for i, counts in enumerate(felt)
+        for level, k in zip(LEVELS, counts, strict=True)
+    ]
     table = pd.DataFrame(rows, columns=["participant", "level_vpp", "detected", "presented"])
-    counted = people_of_counts(table.assign(condition="main", none_offered=False))
-    if guess is None:
-        return counted
-    return replace(counted, guesses=(Guessing(rate=guess, basis="blanks"),) * len(felt))
+    rates = [GuessRate.after_blanks(answered=k, blanks=blanks) for k in alarms]
+    return people_with(table.assign(condition="main", none_offered=False), rates)
 
 
-def drawn_bands(counts: PersonCounts, at: np.ndarray, draws: int) -> np.ndarray:
+def drawn_bands(counts: Any, at: Any, draws: int) -> Any:
     """Return the band by drawing from the prior and weighting by the likelihood."""
     rng = np.random.default_rng(3)
-    x, k, n = np.log10(counts.level_vpp[0]) * 20, counts.detected[0], counts.presented[0]
-    ruler = Ruler.of(x / 20, "log10")
-    mu = rng.uniform(ruler.low - 24, ruler.high + 24, draws)
+    x, k, n = 20 * np.log10(counts.level_vpp[0]), counts.detected[0], counts.presented[0]
+    mu = rng.uniform(x[0] - 24, x[-1] + 24, draws)
     log_sigma = np.log(2) + np.log(2.5) * rng.uniform(-3.2, 3.2, draws)
     lapse, rate = rng.uniform(0, 0.1, draws), counts.guesses[0].rate
-    gamma = rng.beta(*rate.beta, draws) if rate.beta else np.full(draws, rate.mean)
-    weight = ruler.mu_prior(mu) * sigma_prior(log_sigma) * (1 - lapse) ** 9
+    a, b = rate.beta or (1, 1)
+    gamma = rng.beta(a, b, draws) if rate.beta else np.full(draws, rate.mean)
+    outside_db = np.maximum(np.maximum(x[0] - mu, mu - x[-1]), 0)
+    weight = np.exp(-outside_db / 3 - ((log_sigma - np.log(2)) / np.log(2.5)) ** 2 / 2)
+    weight *= (1 - lapse) ** 9
     z = (x[:, None] - mu) * np.exp(-log_sigma)
-    p = gamma + (1 - gamma - lapse) * ndtr(z)
-    q = lapse + (1 - gamma - lapse) * ndtr(-z)
+    p, q = (low + (1 - gamma - lapse) * ndtr(s) for low, s in ((gamma, z), (lapse, -z)))
     weight *= np.exp((xlogy(k[:, None], p) + xlogy((n - k)[:, None], q)).sum(axis=0) + 60)
     found = []
     for place in at:
@@ -57,99 +56,52 @@ def drawn_bands(counts: PersonCounts, at: np.ndarray, draws: int) -> np.ndarray:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("guess", [None, GuessRate.after_blanks(answered=4, blanks=40)])
-def test_a_band_is_that_of_draws_from_the_prior(guess: GuessRate | None) -> None:
-    felt = FELT if guess is None else [4, 9, 20, 28, 29]
-    counts = people(felt, guess=guess)
-    one = person_function(counts, 0, ANY, VOLTS)
+@pytest.mark.parametrize(("felt", "alarms"), [(FELT, ()), ([4, 9, 20, 28, 29], (4,))])
+def test_a_band_is_that_of_draws_from_the_prior(felt: list[int], alarms: Any) -> None:
+    counts = people(felt, alarms=alarms)
+    one = person_function(counts, 0, ANY, Axis())
     chosen = [0, 12, 24, 36, -1]
     expected = drawn_bands(counts, np.log10(one.level_vpp[chosen]), 2_000_000)
     assert np.abs(np.stack([one.low, one.high])[:, chosen] - expected).max() < 0.012
 
 
-def test_a_band_is_between_guesses_and_lapses_and_rises() -> None:
-    one = person_function(people(FELT), 0, ANY, VOLTS)
-    assert (one.low >= 0.5).all()
-    assert (one.low < one.high).all()
-    assert (one.high <= 1).all()
+def test_a_band_lies_between_guesses_and_lapses_and_knows_no_unit() -> None:
+    counts = people(FELT)
+    one = person_function(counts, 0, ANY, Axis())
+    assert ((one.low >= 0.5) & (one.low < one.high) & (one.high <= 1)).all()
     assert (np.diff(one.low) > -1e-3).all()
+    other = person_function(replace(counts, level_vpp=counts.level_vpp * 1000), 0, ANY, Axis())
+    assert np.abs(one.low - other.low).max() < 1e-6
+    assert np.abs(one.high - other.high).max() < 1e-6
 
 
-def test_a_band_does_not_know_the_unit() -> None:
-    volts, millivolts = people(FELT), people(FELT)
-    millivolts = replace(millivolts, level_vpp=millivolts.level_vpp * 1000)
-    a, b = (person_function(one, 0, ANY, VOLTS) for one in (volts, millivolts))
-    assert np.abs(a.low - b.low).max() < 1e-6
-    assert np.abs(a.high - b.high).max() < 1e-6
-
-
-@pytest.mark.slow
-def test_a_million_stimuli_leave_a_thin_band_around_them() -> None:
-    p = 0.5 + (0.5 - 0.02) * ndtr((np.log10(LEVELS) - 2) / 0.08)
-    counts = people([int(one) for one in 1_000_000 * p], presented=1_000_000)
-    one = person_function(counts, 0, ANY, VOLTS)
-    low, high = (np.interp(LEVELS, one.level_vpp, end) for end in (one.low, one.high))
-    assert np.abs(low - p).max() < 0.004
-    assert np.abs(high - p).max() < 0.004
-
-
-def test_a_group_s_line_is_halfway_at_the_group_s_threshold() -> None:
+def test_a_groups_line_is_halfway_at_its_threshold() -> None:
     counts = people(FELT, [16, 20, 27, 30, 30], [14, 17, 19, 26, 29])
-    one = group_function(counts, [0, 1, 2], VOLTS)
-    at = group_table(counts, thresholds_of(counts, seed=0, axis=VOLTS), VOLTS)[
-        "threshold_vpp"
-    ].iloc[0]
+    one = group_function(counts, [0, 1, 2], Axis())
+    at = fit_people(counts).groups["threshold_vpp"].iloc[0]
     assert 10**one.line.mu == pytest.approx(at, rel=1e-9)
     half = one.line.guess_rate + (1 - one.line.guess_rate - one.line.lapse_rate) / 2
     assert float(one.at(np.array(at))) == pytest.approx(half, abs=1e-12)
-    inside = (one.low - 0.01 < one.at(one.level_vpp)) & (one.at(one.level_vpp) < one.high + 0.01)
-    assert inside.all()
+    drawn = one.at(one.level_vpp)
+    assert ((one.low - 0.01 < drawn) & (drawn < one.high + 0.01)).all()
 
 
-def test_a_group_whose_people_never_miss_ends_where_few_lapses_do() -> None:
-    never = people(*[[2, 5, 20, 30, 30]] * 8, guess=GuessRate.after_blanks(answered=1, blanks=40))
-    often = people(*[[2, 5, 20, 27, 27]] * 8, guess=GuessRate.after_blanks(answered=1, blanks=40))
-    ends = [group_function(one, range(8), VOLTS) for one in (never, often)]
-    assert float(ends[0].at(np.array([200.0]))[0]) > 0.975
-    assert ends[0].high[-1] > 0.985
-    assert float(ends[1].at(np.array([200.0]))[0]) < 0.94
-    assert ends[1].high[-1] < ends[0].low[-1]
-
-
-def with_blanks(felt: list[list[int]], alarms: list[int], blanks: int) -> PersonCounts:
-    """Return people with false alarms of their own."""
-    rates = [GuessRate.after_blanks(answered=k, blanks=blanks) for k in alarms]
-    guesses = tuple(Guessing(rate=one, basis="blanks") for one in rates)
-    return replace(people(*felt), guesses=guesses)
-
-
-def test_a_group_s_band_begins_as_wide_as_false_alarms_are_uncertain() -> None:
+def test_a_groups_band_ends_with_its_lapses_and_begins_with_its_false_alarms() -> None:
+    ends = [
+        group_function(people(*[felt] * 8, alarms=[1] * 8), range(8), Axis())
+        for felt in ([2, 5, 20, 30, 30], [2, 5, 20, 27, 27])
+    ]
+    never, often = (float(one.at(np.array([200.0]))[0]) for one in ends)
+    assert (never > 0.975, often < 0.94) == (True, True)
+    assert ends[1].high[-1] < 0.985 < ends[0].high[-1]
     alarms = [0, 1, 2, 3, 4, 5, 7, 9, 10, 14]
-    counts = with_blanks([[0, 3, 15, 27, 30]] * 10, alarms, 40)
-    counts = replace(
-        counts, detected=counts.detected + [[3 * k / 4, k / 2, 0, 0, 0] for k in alarms]
-    )
-    one = group_function(counts, range(10), VOLTS)
-    each = np.array(alarms) / 40
-    half = 1.96 * np.std(each, ddof=1) / np.sqrt(10)
+    counts = people(*[[0, 3, 15, 27, 30]] * 10, alarms=alarms)
+    more = [[3 * k / 4, k / 2, 0, 0, 0] for k in alarms]
+    one = group_function(replace(counts, detected=counts.detected + more), range(10), Axis())
+    half = 1.96 * np.std(np.array(alarms) / 40, ddof=1) / np.sqrt(10)
     assert (one.high[0] - one.low[0]) / 2 == pytest.approx(half, rel=0.2)
-    alike = with_blanks([[3, 5, 15, 27, 30]] * 10, [4] * 10, 40)
-    narrow = group_function(alike, range(10), VOLTS)
+    alike = people(*[[3, 5, 15, 27, 30]] * 10, alarms=[4] * 10)
+    narrow = group_function(alike, range(10), Axis())
     # All counts equal: what is left is that 40 blanks and a weak level of each tell it.
-    assert narrow.high[0] - narrow.low[0] > 2 * 1.96 * np.sqrt(0.1 * 0.9 / (40 + 30) / 10)
-    assert narrow.high[0] - narrow.low[0] < one.high[0] - one.low[0]
-
-
-@pytest.mark.slow
-def test_a_group_s_band_holds_the_mean_guess_rate_of_people_like_these() -> None:
-    rng, held, studies = np.random.default_rng(8), 0, 120
-    for _ in range(studies):
-        rates = rng.beta(2, 20, 12)  # of mean 1/11
-        alarms = rng.binomial(32, rates)
-        at = np.log10(LEVELS)[:, None]
-        p = rates + (1 - rates - 0.02) * ndtr((at - rng.normal(2.1, 0.05, 12)) / 0.07)
-        counts = with_blanks(rng.binomial(30, p).T.tolist(), alarms.tolist(), 32)
-        one = group_function(counts, range(12), VOLTS)
-        held += bool(one.low[0] <= 1 / 11 and one.high[0] >= 1 / 11)
-    # 87 % of 150 studies here, 87 to 99 of others; Student's t of the shares held it in 91 to 97.
-    assert held / studies >= 0.82
+    least = 2 * 1.96 * np.sqrt(0.1 * 0.9 / (40 + 30) / 10)
+    assert least < narrow.high[0] - narrow.low[0] < one.high[0] - one.low[0]

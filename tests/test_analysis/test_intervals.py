@@ -1,20 +1,18 @@
-"""Intervals of proportions: published values, laws, limits, refusals."""
+"""Intervals of proportions, and mutual information: published values, laws, refusals."""
 
 from __future__ import annotations
 
 import math
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.special import ndtr
 from scipy.stats import betabinom, cauchy
 
 from analysis import group_interval, proportion_ci
-from analysis.definitions import METHODS
+from analysis.answers.information import information
 
 # statsmodels 0.14, proportion_confint, methods wilson, jeffreys and beta; and, to four digits,
 # Newcombe (1998), Statistics in Medicine 17, 857-872, table I, methods 3 (score) and 5 (exact).
@@ -38,6 +36,7 @@ PUBLISHED = [
     ("clopper-pearson", 0, 20, 0.0000, 0.1684, 5e-5),
     ("clopper-pearson", 1, 29, 0.0009, 0.1776, 5e-5),
 ]
+METHODS = ("wilson", "jeffreys", "clopper-pearson")
 counts = st.integers(1, 400).flatmap(lambda n: st.tuples(st.integers(0, n), st.just(n)))
 fast = settings(deadline=None, max_examples=60)
 
@@ -49,54 +48,28 @@ def test_the_limits_are_published(
     assert proportion_ci(k, n, method) == pytest.approx((low, high), abs=to)
 
 
-def test_59_blanks_without_a_false_alarm_bound_the_rate_at_5_percent_one_sided() -> None:
-    assert 1 - 0.05 ** (1 / 59) < 0.05 < 1 - 0.05 ** (1 / 58)
-    assert proportion_ci(0, 72, "clopper-pearson")[1] < 0.05
-
-
-@fast
-@given(counts, st.sampled_from(METHODS))
-def test_every_interval_contains_its_proportion_and_mirrors(kn: tuple[int, int], m: str) -> None:
-    k, n = kn
-    low, high = proportion_ci(k, n, m)
-    assert 0 <= low <= k / n <= high <= 1
-    mirrored_low, mirrored_high = proportion_ci(n - k, n, m)
-    assert (1 - mirrored_high, 1 - mirrored_low) == pytest.approx((low, high), abs=1e-12)
-
-
 @fast
 @given(counts)
-def test_wilson_solves_the_score_equation(kn: tuple[int, int]) -> None:
+def test_limits_hold_the_proportion_mirror_and_rise_with_it(kn: tuple[int, int]) -> None:
     k, n = kn
-    z = 1.959963984540054
-    for limit in proportion_ci(k, n):
-        assert n * (k / n - limit) ** 2 == pytest.approx(z**2 * limit * (1 - limit), abs=1e-9)
-
-
-@pytest.mark.slow
-@fast
-@given(counts, st.sampled_from(METHODS))
-def test_more_detections_of_as_many_stimuli_raise_both_limits(kn: tuple[int, int], m: str) -> None:
-    k, n = kn
-    if k < n:
-        below, above = proportion_ci(k, n, m), proportion_ci(k + 1, n, m)
-        assert below[0] < above[0]
-        assert below[1] < above[1] or above[1] == below[1] == 1
-
-
-@fast
-@given(counts)
-def test_the_exact_interval_holds_jeffreys(kn: tuple[int, int]) -> None:
-    exact, jeffreys = (proportion_ci(*kn, m) for m in ("clopper-pearson", "jeffreys"))
-    assert exact[0] <= jeffreys[0]
-    assert jeffreys[1] <= exact[1]
-
-
-@pytest.mark.parametrize("method", METHODS)
-def test_limits_at_none_and_all_are_exactly_0_and_1(method: str) -> None:
-    assert proportion_ci(0, 30, method)[0] == 0.0
-    assert proportion_ci(30, 30, method)[1] == 1.0
-    assert proportion_ci(0, 0, method) == (0.0, 1.0)  # nothing is known
+    found = {}
+    for method in METHODS:
+        low, high = found[method] = proportion_ci(k, n, method)
+        assert 0 <= low <= k / n <= high <= 1
+        mirrored_low, mirrored_high = proportion_ci(n - k, n, method)
+        assert (1 - mirrored_high, 1 - mirrored_low) == pytest.approx((low, high), abs=1e-12)
+        assert (low == 0) == (k == 0)
+        assert (high == 1) == (k == n)
+        if k < n:
+            more = proportion_ci(k + 1, n, method)
+            assert low < more[0]
+            assert high < more[1] or more[1] == high == 1
+        assert proportion_ci(0, 0, method) == (0.0, 1.0)  # nothing is known
+    assert found["clopper-pearson"][0] <= found["jeffreys"][0]
+    assert found["jeffreys"][1] <= found["clopper-pearson"][1]
+    for limit in found["wilson"]:  # which solves the score equation
+        squared = 1.959963984540054**2 * limit * (1 - limit)
+        assert n * (k / n - limit) ** 2 == pytest.approx(squared, abs=1e-9)
 
 
 @pytest.mark.parametrize("method", METHODS)
@@ -107,50 +80,18 @@ def test_arrays_give_what_single_numbers_give(method: str) -> None:
     assert np.array_equal(np.stack([low, high], axis=-1), each)
 
 
-def wald(k: Any, n: int) -> tuple[Any, Any]:
-    half = 1.959963984540054 * np.sqrt(k / n * (1 - k / n) / n)
-    return k / n - half, k / n + half
-
-
 @pytest.mark.parametrize(
     ("method", "expected"),
-    [("wilson", 0.953), ("jeffreys", 0.951), ("clopper-pearson", 0.973), ("wald", 0.876)],
+    [("wilson", 0.953), ("jeffreys", 0.951), ("clopper-pearson", 0.973)],
 )
 def test_coverage_at_30_trials_is_as_documented(method: str, expected: float) -> None:
     # Mean of the exact coverage over p = .001, .002, ... .999, as docs/statistics.md tells it.
     k = np.arange(31)
-    low, high = wald(k, 30) if method == "wald" else proportion_ci(k, 30, method)
+    low, high = proportion_ci(k, 30, method)
     p = np.linspace(0.001, 0.999, 999)[:, None]
     weights = np.array([math.comb(30, int(i)) for i in k]) * p**k * (1 - p) ** (30 - k)
     coverage = (weights * ((low <= p) & (p <= high))).sum(axis=1).mean()
     assert coverage == pytest.approx(expected, abs=0.0005)
-    documented = (Path(__file__).parents[2] / "docs" / "statistics.md").read_text(encoding="utf-8")
-    assert f"{expected:.3f}".removeprefix("0") in documented
-
-
-@pytest.mark.parametrize(
-    ("k", "n", "words"),
-    [
-        (4, 3, "detected must be at most presented"),
-        (-1, 3, "detected must be whole numbers of at least 0, got -1"),
-        (1.5, 3, "detected must be whole"),
-        (math.nan, 3, "detected must be whole"),
-        (1, math.inf, "presented must be whole"),
-        (True, 3, "detected must be whole numbers of at least 0, got True"),
-        ("1", 3, "detected must be whole numbers of at least 0, got '1'"),
-        (None, 3, "detected must be whole"),
-        ([1, 2], [3, 4, 5], "must have a shape that fits"),
-        ([1, 9], [3, 3], "at most presented"),
-    ],
-)
-def test_impossible_counts_are_refused(k: Any, n: Any, words: str) -> None:
-    with pytest.raises(ValueError, match=words):
-        proportion_ci(k, n)
-
-
-def test_an_unknown_method_is_refused_by_name() -> None:
-    with pytest.raises(ValueError, match=r"method must be one of wilson.*got 'wald'"):
-        proportion_ci(1, 2, "wald")
 
 
 @pytest.mark.slow
@@ -193,23 +134,6 @@ def test_the_interval_of_false_alarms_is_that_of_a_plain_sum_with_cauchy_log_odd
     assert group_interval(k, n, false_alarms=True) == pytest.approx(expected, abs=2e-3)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(("mean", "spread"), [(0.05, 1.0), (0.1, 1.75)])
-def test_the_interval_of_false_alarms_covers_and_is_narrower_than_that_of_levels(
-    mean: float, spread: float
-) -> None:
-    rng = np.random.default_rng(3)
-    size = (1 - mean) / (spread**2 * mean) - 1
-    k = rng.binomial(20, rng.beta(mean * size, (1 - mean) * size, size=(300, 12)))
-    ends = np.array([group_interval(one, [20] * 12, false_alarms=True) for one in k])
-    others = np.array([group_interval(one, [20] * 12) for one in k])
-    assert 0.91 < np.mean((ends[:, 0] <= mean) & (mean <= ends[:, 1])) < 0.985
-    assert (
-        np.ptp(ends, axis=1).mean()
-        < (0.85 if spread == 1 else 0.97) * np.ptp(others, axis=1).mean()
-    )
-
-
 def test_alike_participants_tell_nearly_as_much_as_their_trials_and_one_has_no_interval() -> None:
     low, high = group_interval([12] * 20, [30] * 20)
     pooled_low, pooled_high = proportion_ci(240, 600)
@@ -217,14 +141,6 @@ def test_alike_participants_tell_nearly_as_much_as_their_trials_and_one_has_no_i
     assert pooled_high < high
     assert high - low < 1.2 * (pooled_high - pooled_low)
     assert all(map(math.isnan, group_interval([15], [30])))
-
-
-def test_of_very_many_trials_only_the_participants_differences_are_left() -> None:
-    k, n = np.array([0.3, 0.5, 0.7]), np.ones(3)
-    some, most = (group_interval(1e4 * scale * k, 1e4 * scale * n) for scale in (1, 1e4))
-    assert some == pytest.approx(most, abs=2e-3)
-    assert most[0] < 0.3
-    assert most[1] > 0.7
 
 
 @pytest.mark.parametrize(("k", "exact"), [(0, 0), (30, 1)])
@@ -249,43 +165,110 @@ def test_the_group_interval_has_no_order_and_holds_the_proportions(cells: list[A
     assert missed == pytest.approx((1 - group[1], 1 - group[0]), abs=1e-6)
 
 
+@pytest.mark.parametrize(
+    ("k", "n", "method", "name"),
+    [
+        (4, 3, "wilson", "detected"),
+        (-1, 3, "wilson", "detected"),
+        (1.5, 3, "wilson", "detected"),
+        (math.nan, 3, "wilson", "detected"),
+        (1, math.inf, "wilson", "presented"),
+        (True, 3, "wilson", "detected"),
+        ("1", 3, "wilson", "detected"),
+        (None, 3, "wilson", "detected"),
+        ([1, 2], [3, 4, 5], "wilson", "shape"),
+        ([1, 9], [3, 3], "wilson", "presented"),
+        (1, 2, "wald", "'wald'"),
+        ([], [], "", "presented"),
+        ([0], [0], "", "presented"),
+        ([1, 0], [2, 0], "", "presented"),
+        ([[1]], [[2]], "", "presented"),
+        ([3, 1], [2, 2], "", "presented"),
+    ],
+)
+def test_impossible_counts_and_methods_are_refused(k: Any, n: Any, method: str, name: str) -> None:
+    with pytest.raises(ValueError, match=name):
+        proportion_ci(k, n, method) if method else group_interval(k, n)
+
+
+tables_of_answers = st.lists(
+    st.lists(st.integers(0, 12), min_size=16, max_size=16), min_size=1, max_size=3
+).map(lambda rows: np.array(rows, dtype=np.int64).reshape(-1, 4, 4))
+
+
+def answers(*rows: tuple[int, ...]) -> Any:
+    filled = np.zeros((1, 4, 4), dtype=np.int64)
+    for row, values in enumerate(rows):
+        filled[0, row, : len(values)] = values
+    return filled
+
+
+def test_a_published_table_gives_its_information() -> None:
+    # Near-threshold and null trials, felt or not: M. Grund et al., J. Neurosci. 42 (2022) 643-656.
+    _, found = information(answers((8007, 8035), (497, 7545)))
+    assert found.trials == 24084
+    assert found.plugin_bits == pytest.approx(0.159008507271803, abs=1e-13)
+    assert found.miller_madow_bits == pytest.approx(0.158978555954728, abs=1e-13)
+    assert found.stimulus_bits == pytest.approx(0.918876036288604, abs=1e-13)
+    assert found.p == 0.001
+
+
+def test_without_information_or_stimuli_there_is_none() -> None:
+    _, found = information(answers((6, 2), (3, 1)))
+    assert found.plugin_bits == pytest.approx(0, abs=1e-15)
+    assert found.p == 1
+    assert (found.miller_madow_bits or 0) < 0
+    _, found = information(answers((5,), (5,)))
+    assert (found.plugin_bits, found.miller_madow_bits, found.p) == (0, 0, 1)
+    for only in ((), ((3, 1),)):  # no answer; one kind of stimulus
+        (one,), together = information(answers(*only))
+        assert one == together
+        assert one.reason
+        assert (one.plugin_bits, one.miller_madow_bits, one.p) == (None, None, None)
+
+
 @pytest.mark.slow
-def test_near_1_only_the_near_limit_of_the_group_interval_ever_misses() -> None:
-    rng = np.random.default_rng(1)
+def test_p_is_uniform_where_there_is_no_information() -> None:
+    rng = np.random.default_rng(2)
+    drawn = rng.multinomial(25, [0.5, 0.3, 0.2], (300, 2))
+    ps = [information(answers(*map(tuple, rows)))[1].p for rows in drawn]
+    for level in (0.05, 0.2, 0.5):
+        assert np.mean(np.array(ps) <= level) == pytest.approx(level, abs=0.07)
 
-    def felt(offsets: Any) -> Any:
-        return 0.02 + 0.97 * ndtr((0.3 + offsets) / 0.12)  # 6 dB above the middle person
 
-    truth = float(felt(0.1 * rng.standard_normal(400_000)).mean())
-    k = rng.binomial(20, felt(0.1 * rng.standard_normal((300, 6))))
-    of = {tuple(row): group_interval(row, [20] * 6) for row in np.sort(k, axis=1).tolist()}
-    limits = np.array([of[tuple(row)] for row in np.sort(k, axis=1).tolist()])
-    assert 0.95 < truth < 0.97
-    assert not np.any(limits[:, 0] > truth)
-    assert 0.03 < np.mean(limits[:, 1] < truth) < 0.15
+def test_participants_who_only_differ_from_each_other_carry_no_information() -> None:
+    likes_left, likes_right = answers((18, 2), (9, 1)), answers((1, 9), (2, 18))
+    each, together = information(np.concatenate([likes_left, likes_right]))
+    assert (together.plugin_bits or 0) > 0.05
+    assert (together.p or 0) > 0.2
+    assert [one.plugin_bits for one in each] == pytest.approx([0, 0], abs=1e-15)
 
 
 @pytest.mark.slow
-def test_the_group_interval_covers_where_the_pooled_one_does_not() -> None:
-    rng = np.random.default_rng(11)
-    truth, covered = 0.75, np.zeros(2)
-    for _ in range(400):
-        k = rng.binomial(30, rng.beta(truth * 12, (1 - truth) * 12, size=5))
-        limits = group_interval(k, np.full(5, 30)), proportion_ci(int(k.sum()), 150)
-        covered += [low <= truth <= high for low, high in limits]
-    assert covered[0] / 400 > 0.92
-    assert covered[1] / 400 < 0.80
-
-
-def test_the_group_interval_covers_where_answers_jump_from_nothing_to_everything() -> None:
-    k = np.random.default_rng(7).binomial(5, 0.9, 300)  # of five people, who feel all or nothing
-    every = {felt: group_interval([30] * felt + [0] * (5 - felt), [30] * 5) for felt in range(6)}
-    assert np.mean([every[felt][0] <= 0.9 <= every[felt][1] for felt in k.tolist()]) > 0.92
+@fast
+@given(tables_of_answers, st.integers(0, 3))
+def test_neither_order_nor_sides_change_a_value(tables: Any, seed: int) -> None:
+    together: Any
+    each, together = information(tables, seed)
+    backwards, same = information(tables[::-1], seed)
+    assert (backwards[::-1], same) == (each, together)
+    mirrored = tables[:, [1, 0, 2, 3]][:, :, [1, 0, 2, 3]]
+    assert information(mirrored, seed) == (each, together)
+    if not together.reason:
+        assert 0 <= together.plugin_bits <= together.stimulus_bits + 1e-12
+        assert 0 < together.p <= 1
 
 
 @pytest.mark.parametrize(
-    ("k", "n"), [([], []), ([0], [0]), ([1, 0], [2, 0]), ([[1]], [[2]]), ([3, 1], [2, 2])]
+    ("tables", "seed", "name"),
+    [
+        (np.zeros((4, 4), np.int64), 0, "tables"),
+        (np.zeros((1, 4, 3), np.int64), 0, "tables"),
+        (np.zeros((1, 4, 4)), 0, "tables"),
+        (np.full((1, 4, 4), -1), 0, "tables"),
+        *((answers((1, 2), (2, 1)), seed, "seed") for seed in (-1, True, 0.5)),
+    ],
 )
-def test_a_group_without_counts_is_refused(k: Any, n: Any) -> None:
-    with pytest.raises(ValueError, match="presented"):
-        group_interval(k, n)
+def test_other_tables_of_answers_and_seeds_are_refused(tables: Any, seed: Any, name: str) -> None:
+    with pytest.raises(ValueError, match=name):
+        information(tables, seed)

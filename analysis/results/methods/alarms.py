@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from analysis.answers.intervals import group_interval, proportion_ci
 from analysis.axis import half_up
+from analysis.codes import Statement, StatementCode
 from analysis.definitions import TOTAL
 from analysis.reading.foreign.columns import FORCED
 from analysis.results.compared import pairs_of, totals
@@ -38,7 +39,7 @@ _FEW_ALARMS: Final = 0.1
 """So far these simulations went."""
 
 
-def alarm_sentences(analysis: Analysis) -> Iterator[str]:
+def alarm_sentences(analysis: Analysis) -> Iterator[Statement]:
     """Say how often blank trials were answered as felt, or why that is not told."""
     if analysis.detected_any is None:
         how = " was not an answer as far as the files tell"
@@ -46,22 +47,25 @@ def alarm_sentences(analysis: Analysis) -> Iterator[str]:
             how = " is not known to be an answer in all trials"
         elif analysis.task == FORCED:
             how = " was not an answer: forced choice, as the map says"
-        yield f'false alarms are not told, for "none"{how}'
+        text = f'false alarms are not told, for "none"{how}'
+        yield Statement(StatementCode.FALSE_ALARMS_NOT_ASKED, text)
         return
     if not (rows := [*totals(analysis)]):
         some = not analysis.trials.empty and analysis.trials["kind"].eq("blank").any()
         why = "no blank trial counts" if some else "there were no blank trials"
-        yield f"false alarms are not known, for {why}"
+        text = f"false alarms are not known, for {why}"
+        yield Statement(StatementCode.FALSE_ALARMS_UNKNOWN, text)
     elif len(rows) > SPELLED:
-        yield "false alarms stand in the table"
+        yield Statement(StatementCode.FALSE_ALARMS_IN_TABLE, "false alarms stand in the table")
     else:
         each = (f"{_share(row)} of blank trials{_where(analysis, row, ' in')}" for row in rows)
-        yield f"false alarms: {', '.join(each)}"
+        yield Statement(StatementCode.FALSE_ALARMS, f"false alarms: {', '.join(each)}")
         if any(_alike(*two) for two in itertools.combinations(rows, 2)):
-            yield (
+            text = (
                 "equal counts have unequal intervals where participants differ more in one "
                 "condition"
             )
+            yield Statement(StatementCode.EQUAL_COUNTS_UNEQUAL_INTERVALS, text)
 
 
 def _alike(one: pd.Series[Any], other: pd.Series[Any]) -> bool:

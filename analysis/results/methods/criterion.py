@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Final, NamedTuple
 
+from analysis.codes import Statement, StatementCode
 from analysis.definitions import TOTAL
 from analysis.groups.criterion import alarms_of, same_rates_p
 from analysis.groups.hierarchy import FEW
@@ -53,14 +54,15 @@ class _Verdict(NamedTuple):
     more: int  # 1 where they were more frequent in the second condition, -1 where rarer, else 0
 
 
-def criterion_sentences(analysis: Analysis) -> Iterator[str]:
+def criterion_sentences(analysis: Analysis) -> Iterator[Statement]:
     """Say of conditions that differ whether false alarms do so, or are not known."""
     pairs = [one for one in pairs_of(analysis.differences) if one.apart]
     if not pairs or analysis.detected_any is None:
         return
     beside = "; d' at single levels is in the table" if len(analysis.d_prime_differences) else ""
     if not _all_told(analysis, pairs):
-        yield f"a difference may be one of criterion, of which only blank trials can tell{beside}"
+        text = f"a difference may be one of criterion, of which only blank trials can tell{beside}"
+        yield Statement(StatementCode.CRITERION_UNKNOWN, text)
         return
     found = [_verdict(analysis.blank, one) for one in pairs]
     often = sum(one.apart for one in found)
@@ -70,20 +72,23 @@ def criterion_sentences(analysis: Analysis) -> Iterator[str]:
             others = f"{which}; " if any(one.points for one in found) else ""
             which = f"{others}least {_p_words(least.p)}, {least.test}"
         if often:
-            yield (
+            text = (
                 f"false alarms were not equally frequent in {often} of these {len(pairs)} pairs of "
                 f"conditions ({which}); where they are rarer at the higher threshold, a difference "
                 f"may be one of criterion, in whole or in part{beside}"
             )
+            yield Statement(StatementCode.FALSE_ALARMS_DIFFER, text)
         else:
-            yield f"false alarms are not told apart ({which})"
+            text = f"false alarms are not told apart ({which})"
+            yield Statement(StatementCode.FALSE_ALARM_DIFFERENCE_NOT_SHOWN, text)
     else:
         yield from _of_two(analysis, pairs[0], found[0], beside)
     if together := interleaved(analysis):
-        yield taken_together(analysis, together)
+        text = taken_together(analysis, together)
+        yield Statement(StatementCode.CONDITIONS_INTERLEAVED, text)
 
 
-def _of_two(analysis: Analysis, one: Pair, told: _Verdict, beside: str) -> Iterator[str]:
+def _of_two(analysis: Analysis, one: Pair, told: _Verdict, beside: str) -> Iterator[Statement]:
     """Say of two conditions whether false alarms differ, and what follows from it."""
     words = f"{_p_words(told.p)}, {told.test}"
     if told.points:
@@ -92,14 +97,16 @@ def _of_two(analysis: Analysis, one: Pair, told: _Verdict, beside: str) -> Itera
         words = f"{at} {which}, 95 % interval {limits} by {one.t_test}"
     push = _push(one, told)
     if told.apart:
-        yield f"false alarms were not equally frequent ({words}): {push}{beside}"
+        text = f"false alarms were not equally frequent ({words}): {push}{beside}"
+        yield Statement(StatementCode.FALSE_ALARMS_DIFFER, text)
         if levels := by_level(analysis, one):
-            yield level_words(levels, one)
+            yield Statement(StatementCode.D_PRIME_BY_LEVEL, level_words(levels, one))
     else:
         enough = bool(told.points) and not interleaved(analysis)
-        yield f"false alarms are not told apart ({words}){_ENOUGH * enough}"
+        text = f"false alarms are not told apart ({words}){_ENOUGH * enough}"
+        yield Statement(StatementCode.FALSE_ALARM_DIFFERENCE_NOT_SHOWN, text)
         if push:
-            yield f"if anything {push}"
+            yield Statement(StatementCode.FALSE_ALARM_TENDENCY, f"if anything {push}")
 
 
 def _push(one: Pair, told: _Verdict) -> str:

@@ -1,0 +1,448 @@
+"""What counts, what is left out, what was answered: counts, shares, and laws of their tables."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pandas as pd
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.stats import binomtest
+
+from analysis import (
+    group_interval,
+    proportion_ci,
+    threshold_table,
+)
+from analysis.answers.sensitivity import (
+    Share,
+    binomial_p,
+    detection_sensitivity,
+    mean_sensitivity,
+    side_preference,
+    spatial_sensitivity,
+)
+from tests.test_analysis.shared import SINGLE, loaded
+from tests.test_analysis.tables import reasoned, table_of
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+MIRROR = {"left": "right", "right": "left"}
+KIND_OF = {"left": "single", "right": "single", "both": "both", "none": "blank"}
+WORDS = ("left", "right", "both", "none", "timeout", "invalid")
+BOTH = {"kind": "both", "side": "both", "response": "both"}
+BLANK = {"kind": "blank", "side": "none", "level_vpp": math.nan}
+COUNTS = ("levels", "participants", "both", "blank", "excluded")
+few = settings(deadline=None, max_examples=6)
+"""Tables cost the same whatever their size: few examples of many trials show as much for less."""
+assert_same = partial(pd.testing.assert_frame_equal, check_exact=True)
+
+
+def table(*rows: dict[str, Any]) -> pd.DataFrame:
+    return reasoned(*rows, **SINGLE)
+
+
+def answered(*responses: str | None, **same: Any) -> pd.DataFrame:
+    return table(*({"response": response} | same for response in responses))
+
+
+def sequence(*pairs: tuple[str, str], **same: Any) -> pd.DataFrame:
+    """Return the trials of a plan in their order, by stimulus and answer."""
+    trials = pd.DataFrame(pairs, columns=["side", "response"])
+    fixed = SINGLE | {"session": "01", "block": 1, "attempt": 1, "rt_s": 0.5} | same
+    of_trial = {
+        "kind": trials["side"].map(KIND_OF),
+        "trial": np.arange(1, len(trials) + 1),
+        "level_vpp": np.where(trials["side"] == "none", math.nan, 60.0),
+    }
+    return trials.assign(**{name: fixed[name] for name in fixed if name not in trials} | of_trial)
+
+
+def choice_of(trials: pd.DataFrame, participant: str = "all", **options: Any) -> Any:
+    every = table_of("choice", trials, **options)
+    (one,) = (each for each in every if each.participant == participant)
+    return one
+
+
+def test_only_the_stimulated_side_is_detected() -> None:
+    number = {"left": 2, "right": 1, "both": 2, "timeout": 3, "invalid": 4, "none": 1}
+    answers = [word for word, times in number.items() for _ in range(times)]
+    levels = table_of("levels", answered(*answers)).iloc[0]
+    assert (levels["detected"], levels["presented"]) == (2, 13)
+    assert (levels["mislocalised"], levels["over_report"], levels["timeouts"]) == (1, 2, 3)
+    assert (levels["p_pooled"], levels["p_answered"]) == (2 / 13, 2 / 6)
+    nobody = table_of("levels", answered("timeout", "invalid"))
+    assert nobody[["p_answered", "group_low", "group_high"]].isna().all(axis=None)
+
+
+def test_what_does_not_count_is_listed_by_participant_and_reason() -> None:
+    unmasked: dict[str, Any] = {"noise_ok": False}
+    trials = table({}, unmasked, unmasked | {"participant": "2"}, {"kind": "practice"})
+    assert table_of("levels", trials)["presented"].tolist() == [1]
+    listed = table_of("excluded", trials).to_numpy().tolist()
+    assert listed == [["1", "practice", 1], ["1", "unmasked", 1], ["2", "unmasked", 1]]
+    with pytest.raises(RuntimeError):  # neither counted nor listed
+        table_of("excluded", table({}, {"kind": "unknown"}))
+
+
+def test_the_mean_is_unweighted_and_the_pooled_p_is_not() -> None:
+    quick = answered(*["left"] * 9, "none", participant="a")
+    trials = pd.concat([quick, answered("none", "none", participant="b")], ignore_index=True)
+    levels = table_of("levels", trials).iloc[0]
+    assert levels[["p_mean", "p_pooled", "p_min", "p_max"]].tolist() == [0.45, 9 / 12, 0.0, 0.9]
+
+
+def test_totals_of_several_people_have_the_interval_of_the_group() -> None:
+    answers = ["none"] * 3 + ["left"], ["none"] * 5 + ["right", "both"]
+    parts = [answered(*each, **BLANK, participant=n) for n, each in zip("12", answers, strict=True)]
+    blank = table_of("blank", pd.concat(parts, ignore_index=True))
+    ends = blank[["group_low", "group_high"]]
+    assert ends.iloc[-1].tolist() == [*group_interval([1, 2], [4, 7], false_alarms=True)]
+    assert ends.iloc[:-1].isna().all(axis=None)
+    assert table_of("blank", parts[0])["group_low"].isna().all()
+    noticed = {"1": 8, "2": 3, "3": 8}
+    rows = [(name, "both" if i < k else "left") for name, k in noticed.items() for i in range(8)]
+    trials = pd.DataFrame(rows, columns=["participant", "response"])
+    both = table_of("both", trials.assign(condition="main", kind="both", reason=""))
+    assert both["group_low"].isna().tolist() == [True, True, True, False]
+    last = both.iloc[-1]
+    assert (last["group_low"], last["group_high"]) == group_interval([8, 3, 8], [8, 8, 8])
+    assert last["group_low"] < last["low"]
+
+
+def test_conditions_levels_and_kinds_are_never_pooled() -> None:
+    trials = table({}, {"condition": "b"}, {"level_vpp": 95.0}, {"condition": "b"}, BOTH, BLANK)
+    levels = table_of("levels", trials)[["condition", "level_vpp", "presented"]]
+    assert levels.to_numpy().tolist() == [["b", 60.0, 2], ["main", 60.0, 1], ["main", 95.0, 1]]
+    assert table_of("participants", trials)["presented"].sum() == 4
+    both = table(BOTH, BOTH | {"condition": "b"}, BOTH | {"participant": "2"})
+    rows = table_of("both", both)[["condition", "participant", "presented"]].to_numpy().tolist()
+    assert rows[:2] == [["b", "1", 1], ["b", "all", 1]]
+    assert rows[2:] == [["main", "1", 1], ["main", "2", 1], ["main", "all", 2]]
+
+
+def test_both_finger_trials_and_blanks_are_counted_by_their_answers() -> None:
+    answers = ("both", "both", "left", "right", "right", "none", "timeout", "invalid")
+    noticed = table_of("both", answered(*answers, kind="both", side="both"))
+    assert noticed["participant"].tolist() == ["1", "all"]
+    last = noticed.iloc[-1]
+    assert last[["noticed", "left_only", "right_only"]].tolist() == [2, 1, 2]
+    assert (last["low"], last["high"]) == proportion_ci(2, 8)
+    answers = ("left", "right", "right", "both", "none", "none", "timeout", "invalid")
+    last = table_of("blank", answered(*answers, **BLANK)).iloc[-1]
+    assert last[["left", "right", "both", "presented", "p"]].tolist() == [1, 2, 1, 8, 0.5]
+    felt = table_of("detected_any", answered(*answers[:6]))
+    assert felt["detected_any"].tolist() == [4]
+    for offered in (False, None):
+        with pytest.raises(ValueError, match="none"):
+            table_of("detected_any", table({}, {"none_offered": offered}))
+
+
+def test_what_did_not_occur_has_an_empty_table_with_its_columns() -> None:
+    something = sequence(*((one, one) for one in KIND_OF))
+    nothing = something.assign(reason="voided")
+    for name in ("levels", "participants", "both", "blank", "confusion", "reaction_times"):
+        empty, full = (table_of(name, one) for one in (nothing, something))
+        assert (len(empty), [*empty.columns]) == (0, [*full.columns])
+    assert table_of("choice", nothing) == ()
+
+
+def test_participants_are_in_the_order_of_their_numbers() -> None:
+    people = ["10", "9", "P2", "P11", "P02"]
+    trials = pd.DataFrame([SINGLE | {"participant": name} for name in people])
+    counted_up = ["9", "10", "P02", "P2", "P11"]
+    blanks = trials.assign(kind="blank", side="none", level_vpp=np.nan)
+    assert list(table_of("participants", trials)["participant"].unique()) == counted_up
+    assert list(table_of("blank", blanks)["participant"]) == [*counted_up, "all"]
+    left_out = table_of("excluded", trials.assign(reason="voided"))
+    assert list(left_out["participant"].unique()) == counted_up
+
+
+@st.composite
+def studies(draw: st.DrawFn) -> pd.DataFrame:
+    rng = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
+    people = []
+    for name in ("1", "2", "3"):
+        size = int(rng.integers(5, 60))
+        sides = rng.choice(list(KIND_OF), size, p=[0.4, 0.4, 0.1, 0.1])
+        guess = rng.choice(WORDS, size, p=[0.3, 0.3, 0.1, 0.2, 0.05, 0.05])
+        one = sequence(*zip(sides, np.where(rng.random(size) < 0.6, sides, guess), strict=True))
+        drawn = {
+            "participant": name,
+            "block": 1 + one["trial"] // 15,
+            "reason": rng.choice(["", "voided", "practice"], size, p=[0.9, 0.05, 0.05]),
+            "condition": rng.choice(["main", "bare"], size, p=[0.8, 0.2]),
+            "level_vpp": np.where(sides == "none", math.nan, rng.choice([60.0, 95.0], size)),
+            "rt_s": rng.random(size),
+        }
+        people.append(one.assign(**drawn))
+    return pd.concat([*people, people[0].assign(participant="4")], ignore_index=True)
+
+
+@pytest.mark.slow
+@few
+@given(studies(), st.randoms(use_true_random=False))
+def test_neither_the_order_of_trials_nor_names_change_a_number(
+    trials: pd.DataFrame, random: Any
+) -> None:
+    shuffled = trials.iloc[random.sample(range(len(trials)), len(trials))].reset_index(drop=True)
+    for name in (*COUNTS, "confusion", "reaction_times"):
+        assert_same(table_of(name, trials), table_of(name, shuffled))
+    assert table_of("choice", shuffled) == table_of("choice", trials)
+    names = {"1": "z", "2": "b", "3": "007", "4": "A", "all": "all"}
+    renamed = trials.assign(participant=trials["participant"].map(names))
+    assert_same(table_of("levels", trials), table_of("levels", renamed))
+    own = table_of("participants", trials).replace({"participant": names})
+    key = ["participant", "condition", "level_vpp"]
+    ordered = table_of("participants", renamed).sort_values(key, ignore_index=True)
+    assert_same(own.sort_values(key, ignore_index=True), ordered)
+    expected = {
+        replace(one, participant=names[one.participant]) for one in table_of("choice", trials)
+    }
+    assert {*table_of("choice", renamed)} == expected
+
+
+@pytest.mark.slow
+@few
+@given(studies())
+def test_exchanging_left_and_right_mirrors(trials: pd.DataFrame) -> None:
+    mirrored = trials.replace({"side": MIRROR, "response": MIRROR})
+    for name in ("levels", "participants"):
+        assert_same(table_of(name, trials), table_of(name, mirrored))
+    swap = {"left_only": "right_only", "right_only": "left_only"} | MIRROR
+    for name in ("both", "blank"):
+        here = table_of(name, trials)
+        assert_same(here, table_of(name, mirrored).rename(columns=swap)[here.columns])
+    there = table_of("confusion", mirrored).rename(columns=MIRROR).replace({"side": MIRROR})
+    here, key = table_of("confusion", trials), ["condition", "kind", "side"]
+    there = there[here.columns].sort_values(key, ignore_index=True)
+    assert_same(here.sort_values(key, ignore_index=True), there)
+    pairs = zip(table_of("choice", trials), table_of("choice", mirrored), strict=True)
+    for one, other in pairs:
+        assert (one.detection, one.information, one.mislocalised) == (
+            other.detection, other.information, other.mislocalised
+        )  # fmt: skip # two sides
+        assert (one.extinction.left, one.blank_side.left) == (
+            other.extinction.right, other.blank_side.right
+        )  # fmt: skip # two sides
+        hits, wrong = other.spatial.hits, other.spatial.false_alarms
+        assert one.spatial.hits.count == wrong.of - wrong.count
+        assert one.spatial.false_alarms.count == hits.of - hits.count
+        assert one.spatial.d_prime == pytest.approx(other.spatial.d_prime)
+        if one.spatial.criterion is not None:
+            assert one.spatial.criterion == pytest.approx(-other.spatial.criterion)
+        if one.wrong_side.expected_left is not None:
+            assert one.wrong_side.expected_left == pytest.approx(1 - other.wrong_side.expected_left)
+
+
+@few
+@given(studies())
+def test_counts_add_up_and_agree_with_each_other(trials: pd.DataFrame) -> None:
+    levels, people, both, blank, excluded = (table_of(name, trials) for name in COUNTS)
+    totals = [t.loc[t["participant"].eq("all"), "presented"].sum() for t in (both, blank)]
+    assert levels["presented"].sum() + sum(totals) + excluded["trials"].sum() == len(trials)
+    for mean in ("p_mean", "p_pooled"):
+        assert (levels["p_min"] <= levels[mean]).all()
+        assert (levels[mean] <= levels["p_max"]).all()
+    parts = levels[["detected", "over_report", "mislocalised", "timeouts"]].sum(axis=1)
+    assert (parts <= levels["presented"]).all()
+    exact = table_of("participants", trials, ci="jeffreys")
+    assert ((exact["low"] <= exact["p"]) & (exact["p"] <= exact["high"])).all()
+    by_level = people.groupby(["condition", "level_vpp"])[["detected", "presented"]].sum()
+    assert by_level.to_numpy().tolist() == levels[["detected", "presented"]].to_numpy().tolist()
+    answers = table_of("confusion", trials)
+    assert (answers[[*WORDS]].sum(axis=1) == answers["presented"]).all()
+    single = answers[answers["kind"] == "single"].groupby("condition")[["presented", "both"]].sum()
+    of_levels = levels.groupby("condition")[["presented", "over_report"]].sum()
+    assert single.to_numpy().tolist() == of_levels.to_numpy().tolist()
+    main = trials[trials["condition"] == "main"]
+    found = choice_of(main)
+    for row in table_of("both", main).tail(1).itertuples():
+        assert (found.extinction.left, found.extinction.right) == (row.left_only, row.right_only)
+        assert (found.both.count, found.both.of) == (row.noticed, row.presented)
+
+
+def test_answers_are_counted_by_kind_and_side() -> None:
+    trials = sequence(
+        *(("left", "left"), ("left", "both"), ("right", "left"), ("right", "timeout")),
+        *(("both", "both"), ("both", "left"), ("none", "none"), ("none", "invalid")),
+    )
+    left_out = trials.assign(reason="voided")
+    answers = table_of("confusion", pd.concat([trials, left_out], ignore_index=True))
+    assert answers.drop(columns="condition").to_numpy().tolist() == [
+        ["single", "left", 1, 0, 1, 0, 0, 0, 2],
+        ["single", "right", 1, 0, 0, 0, 1, 0, 2],
+        ["both", "both", 1, 0, 1, 0, 0, 0, 2],
+        ["blank", "none", 0, 0, 0, 1, 0, 1, 2],
+    ]
+    found = choice_of(trials)
+    assert (found.over_report.p, found.mislocalised.p, found.both.p) == (0.25, 0.25, 0.5)
+    assert (found.extinction.left, found.extinction.right, found.extinction.p) == (1, 0, 1.0)
+    assert (found.detection.hits.p, found.detection.false_alarms.p) == (0.75, 0.0)
+    assert (found.spatial.hits.of, found.spatial.false_alarms.p) == (1, 1.0)
+    assert found.information.trials == 6
+    with pytest.raises(ValueError, match="response"):
+        table_of("choice", sequence(("left", "top")))
+
+
+def test_reaction_times_are_those_of_correct_single_trials() -> None:
+    answers = ("left", "left", "right", "timeout", "both", "both", "left")
+    sides = ("left", "left", "left", "left", "right", "both", "left")
+    trials = sequence(*zip(sides, answers, strict=True))
+    trials["rt_s"] = [0.4, 0.6, 9.0, math.nan, 9.0, 9.0, math.nan]
+    times = table_of("reaction_times", trials)
+    assert times[["side", "n"]].to_numpy().tolist() == [["left", 2], ["right", 0]]
+    left, right = times[["median", "p10", "p90"]].to_numpy()
+    assert left == pytest.approx([0.5, 0.42, 0.58])
+    assert np.isnan(right).all()
+
+
+@pytest.mark.parametrize(
+    ("change", "names"),
+    [
+        ({"columns": []}, ["participant", "condition", "kind"]),
+        ({"columns": ["none_offered"]}, ["none_offered"]),
+        ({"seed": -1}, ["seed", "-1"]),
+    ],
+)
+def test_other_tables_and_seeds_are_refused_by_name(change: Any, names: list[str]) -> None:
+    trials = pd.DataFrame([SINGLE])
+    if "columns" in change:
+        trials = trials.drop(columns=change["columns"] or [*trials.columns])
+    with pytest.raises(ValueError) as caught:  # noqa: PT011 - the names follow
+        threshold_table(trials, seed=change.get("seed", 1))
+    assert all(name in str(caught.value) for name in names)
+
+
+HEADER = "participant,block,trial,kind,side,level_vpp,response,status,anticipated,noise_ok\n"
+MAIN = (
+    "1,1,90,single,left,60,left,ok,false,true\n1,1,91,single,right,60,left,ok,false,true\n"
+    "1,1,92,both,both,60,both,ok,false,true\n"
+)
+CONTROL = (
+    "1,-1,1,control,left,200,none,ok,false,true\n"
+    "1,-1,2,control,right,200,right,ok,false,true\n"
+    "1,-1,3,control,left,200,left,voided,false,false\n"
+    "1,-1,4,control,left,200,left,ok,true,true\n"
+    "1,9,94,control,left,200,timeout,ok,false,true\n"
+    "1,9,95,control,left,200,both,ok,false,true\n"
+    "1,9,96,control,right,200,none,ok,false,n/a\n"
+    "1,9,97,control,right,200,left,ok,false,false\n"
+    "2,-1,1,control,right,200,invalid,ok,false,true\n"
+)
+
+
+def test_hands_off_trials_are_counted_by_person_part_and_side(tmp_path: Path) -> None:
+    without, trials = (loaded(tmp_path, HEADER + one).trials for one in (MAIN, MAIN + CONTROL))
+    control = table_of("control", trials)
+    counts = ["left", "right", "both", "none", "timeouts", "invalid", "presented"]
+    assert list(control.columns) == ["participant", "part", "side", *counts]
+    assert control.to_numpy().tolist() == [
+        ["1", "audibility", "left", 0, 0, 0, 1, 0, 0, 1],
+        ["1", "audibility", "right", 0, 1, 0, 0, 0, 0, 1],
+        ["1", "control", "left", 0, 0, 1, 0, 1, 0, 2],
+        ["1", "control", "right", 0, 0, 0, 1, 0, 0, 1],
+        ["2", "audibility", "right", 0, 0, 0, 0, 0, 1, 1],
+        ["all", "audibility", "left", 0, 0, 0, 1, 0, 0, 1],
+        ["all", "audibility", "right", 0, 1, 0, 0, 0, 1, 2],
+        ["all", "control", "left", 0, 0, 1, 0, 1, 0, 2],
+        ["all", "control", "right", 0, 0, 0, 1, 0, 0, 1],
+    ]
+    for name in ("levels", "both"):
+        assert_same(table_of(name, trials), table_of(name, without))
+    trials["condition"] = trials["trial"].mod(2).map({0: "a", 1: "b"})
+    totals = table_of("control", trials).query("participant == 'all'")
+    assert totals.groupby("condition")["presented"].sum().to_dict() == {"a": 3, "b": 3}
+
+
+def share(count: int, of: int) -> Share:
+    return Share(count=count, of=of)
+
+
+shares = st.integers(1, 60).flatmap(lambda of: st.integers(0, of).map(lambda k: share(k, of)))
+
+
+@pytest.mark.parametrize(
+    ("hits", "false", "d_prime", "criterion"),
+    [
+        # Participants 1, 2 and 25 of M. Grund et al., J. Neurosci. 42 (2022) 643-656.
+        (share(91, 397), share(1, 200), 1.695006918098493, 1.5866813322403461),
+        (share(171, 397), share(0, 199), 2.6329619811422074, 1.4905527777727006),
+        (share(232, 399), share(67, 199), 0.6243880687566047, 0.10710171866309363),
+    ],
+)
+def test_published_counts_give_d_prime(
+    hits: Share, false: Share, d_prime: float, criterion: float
+) -> None:
+    found = detection_sensitivity(hits, false)
+    assert (found.d_prime, found.criterion) == pytest.approx((d_prime, criterion), abs=1e-12)
+
+
+@pytest.mark.slow
+@given(shares, shares)
+def test_laws_of_sensitivity(hits: Share, others: Share) -> None:
+    found = detection_sensitivity(hits, others)
+    missed, refused = (share(one.of - one.count, one.of) for one in (hits, others))
+    turned = detection_sensitivity(refused, missed)  # who says no for yes turns the criterion only
+    assert found.criterion is not None
+    assert (turned.d_prime, turned.criterion) == (found.d_prime, -found.criterion)
+    narrow = spatial_sensitivity(hits, others)
+    assert found.d_prime is not None
+    assert narrow.d_prime == pytest.approx(found.d_prime / math.sqrt(2), abs=1e-15)
+
+
+def test_what_the_data_do_not_tell_has_a_reason_and_no_value() -> None:
+    unknown = detection_sensitivity(share(9, 10), share(0, 0))
+    assert (unknown.d_prime, unknown.criterion, unknown.participants) == (None, None, 0)
+    assert unknown.reason
+    forced = detection_sensitivity(share(9, 10), share(10, 10), reason="why")
+    assert (forced.d_prime, forced.reason) == (None, "why")
+    assert spatial_sensitivity(share(9, 10), share(0, 0)).d_prime is None
+    none = side_preference(0, 0, of="answer")
+    assert (none.p, bool(none.reason), none.expected_left) == (None, True, 0.5)
+    one_sided = side_preference(3, 0, odds=(0, 9), of="answer")
+    assert (one_sided.p, one_sided.expected_left, bool(one_sided.reason)) == (None, None, True)
+
+
+def test_the_d_prime_of_a_group_is_the_mean_of_those_who_have_one() -> None:
+    none, one, other = (
+        detection_sensitivity(share(*hits), share(*false))
+        for hits, false in (((5, 10), (0, 0)), ((9, 10), (1, 10)), ((5, 10), (2, 10)))
+    )
+    found = mean_sensitivity((none, one, other))
+    assert one.d_prime is not None
+    assert other.d_prime is not None
+    assert found.d_prime == (one.d_prime + other.d_prime) / 2
+    assert (found.participants, found.hits) == (2, share(19, 30))
+    nobody = mean_sensitivity((none, none))
+    assert (nobody.d_prime, nobody.reason) == (None, none.reason)
+    with pytest.raises(ValueError, match="participant"):
+        mean_sensitivity(())
+
+
+@pytest.mark.slow
+@given(st.integers(0, 3000), st.integers(0, 80), st.integers(1, 99), st.integers(1, 9))
+def test_the_binomial_p_is_that_of_scipy_and_has_no_side(
+    left: int, right: int, a: int, b: int
+) -> None:
+    p = binomial_p(left, right, (a, b))
+    assert p == binomial_p(right, left, (b, a))
+    expected = binomtest(left, left + right, a / (a + b)).pvalue if left + right else 1
+    assert p == pytest.approx(expected, rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("count", "of"), [(-1, 2), (3, 2), (True, 2), (1.0, 2), (1, math.inf), (None, 2)]
+)
+def test_impossible_shares_are_refused(count: Any, of: Any) -> None:
+    with pytest.raises(ValueError, match=r"count|of"):
+        Share(count=count, of=of)
+    for left, right, odds in ((-1, 2, (1, 1)), (1, 2, (0, 1))):
+        with pytest.raises(ValueError, match="left"):
+            binomial_p(left, right, odds)
