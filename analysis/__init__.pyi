@@ -4,10 +4,10 @@ from .commands.analyze import write_analysis
 from .groups.difference import Difference
 from .groups.group import ConditionDifference, GroupFit, compare_conditions, fit_group
 from .reading.foreign.columns import ColumnMap, load_column_map
-from .reading.load import read_trials
+from .reading.load import LoadedTrials, read_inputs, read_trials
 from .reading.text import ResultFileError
 from .results.console import print_analysis
-from .results.tables import Analysis
+from .results.tables import Analysis, analyse
 from .thresholds.fit import PsychometricFit, fit_psychometric, probit_mle
 from .thresholds.people import GuessRate
 from .thresholds.table import threshold_table
@@ -19,8 +19,10 @@ __all__ = [
     "Difference",
     "GroupFit",
     "GuessRate",
+    "LoadedTrials",
     "PsychometricFit",
     "ResultFileError",
+    "analyse",
     "compare_conditions",
     "fit_group",
     "fit_psychometric",
@@ -30,6 +32,7 @@ __all__ = [
     "print_analysis",
     "probit_mle",
     "proportion_ci",
+    "read_inputs",
     "read_trials",
     "threshold_table",
     "write_analysis",

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+import re
+import tomllib
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -11,16 +13,17 @@ import pandas as pd
 import pytest
 from click.testing import CliRunner, Result
 
-from analysis import ColumnMap, ResultFileError
-from analysis.reading.load import read_inputs
+from analysis import ColumnMap, ResultFileError, load_column_map, read_inputs
+from analysis.reading.drafted.draft import map_draft
+from analysis.reading.sources import find_sources
 from analysis.thresholds.mle import Tables
 from experiment.terms.record import TrialRow, is_correct, table_csv
 from tactstrip import main
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Iterable, Mapping, Sequence
 
-    from analysis.reading.load import LoadedTrials
+    from analysis import LoadedTrials
 
 EXAMPLES = Path(__file__).parents[2] / "docs" / "examples"
 LEAST = "participant,side,level_vpp,response\n"
@@ -82,6 +85,39 @@ def refused(*paths: Path, columns: ColumnMap | None = None) -> ResultFileError:
         read_inputs(paths, columns)
     assert "\n" not in str(caught.value)
     return caught.value
+
+
+@dataclass(frozen=True)
+class Draft:
+    """The column map that is proposed for tables, and the keys that it leaves empty."""
+
+    text: str
+    fill_in: list[str]
+
+    @property
+    def map(self) -> dict[str, Any]:
+        """The parsed map."""
+        return tomllib.loads(self.text)
+
+    @property
+    def offered(self) -> list[list[Any]]:
+        """Entries that are proposed behind a #: key and value."""
+        entries = re.findall(r'^# ((?:[\w.-]+|"[^"]*") = ["\[].*)', self.text, re.MULTILINE)
+        return [[*pair] for entry in entries for pair in tomllib.loads(entry).items()]
+
+    def filled(self, path: Path, words: Mapping[str, str]) -> ColumnMap:
+        """Fill in what is empty, write the map and load it."""
+        lines = self.text.splitlines()
+        for n, line in enumerate(lines):
+            key, _, rest = line.partition(" = ")
+            if "# FILL IN" in line:
+                lines[n] = f'{key} = "{words[key]}" {rest[2:]}'
+        return load_column_map(put(path, "\n".join(lines) + "\n"))
+
+
+def draft(*paths: Path) -> Draft:
+    """Propose a column map for external tables."""
+    return Draft(*map_draft(find_sources([*paths], foreign=True).tables))
 
 
 def felt(
