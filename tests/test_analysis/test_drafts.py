@@ -138,7 +138,7 @@ def meanings() -> Iterator[tuple[str, list[str], str, str, object]]:
         yield "participant,finger,intensity,corrAns,key", rows, "values.response", keys[0], ""
 
 
-@pytest.mark.parametrize(("header", "rows", "section", "key", "value"), meanings())
+@pytest.mark.parametrize(("header", "rows", "section", "key", "value"), [*meanings()])
 def test_headings_and_words_have_their_meaning(
     tmp_path: Path, header: str, rows: list[str], section: str, key: str, value: object
 ) -> None:
