@@ -69,9 +69,14 @@ def put(path: Path, text: str) -> Path:
     return path
 
 
+def table_of(*rows: TrialRow) -> str:
+    """Return the text of a trials.csv."""
+    return table_csv(TrialRow, rows)
+
+
 def write(path: Path, *rows: TrialRow) -> Path:
     """Write a trials.csv."""
-    return put(path, table_csv(TrialRow, rows))
+    return put(path, table_of(*rows))
 
 
 def loaded(folder: Path, text: str, columns: ColumnMap | None = None) -> LoadedTrials:

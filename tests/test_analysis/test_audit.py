@@ -11,10 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from analysis.audit.printed import CONVENTIONS, HALF_EVEN, HALF_UP, TRUNCATED, Printed
-from analysis.audit.rows import READINGS, PrintedRow, audit
-from analysis.commands.audit import read_table
-from tests.test_analysis.shared import EXAMPLES, put, run
+from tests.test_analysis.shared import EXAMPLES, put
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
