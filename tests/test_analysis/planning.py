@@ -7,13 +7,18 @@ import math
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
+from analysis.power.counts import Session, draw_counts
 from analysis.power.goals import Goal
 from analysis.power.levers import thumb
 from analysis.power.planning import plan_study
 from analysis.power.population import stated_people
 from analysis.power.search import Trials, Tried, answers, smallest
 from analysis.power.studies import Chunk, Point, pilot_levels_vpp, plan_text, simulate
+from experiment.study.physics import study_gains
 from experiment.study.read import study_from_text
+from experiment.study.simulated import people_for_burst
 from experiment.terms.gains import OWN_FINGER_ONLY, ConditionGains
 
 if TYPE_CHECKING:
@@ -138,3 +143,17 @@ def gains_of(**um_per_vpp: float) -> list[ConditionGains]:
         replace(ALONE, condition=name, bases=basis, per_vpp=((um, 0.0), (0.0, um)))
         for name, um in um_per_vpp.items()
     ]
+
+
+def drawn_counts(study: Study, people: int) -> tuple[tuple[ConditionGains, ...], Any]:
+    """Return the gains, and rows of detected stimuli by condition and level, and false alarms."""
+    gains, population, sessions = study_gains(study), people_for_burst(study), []
+    for i in range(people):
+        rng = np.random.default_rng((9, i))
+        person = population.draw(140.0, rng)
+        shifts_db = (0.0, person.difference_db)
+        sessions.append(Session(person=person, design=study.design, rng=rng, shifts_db=shifts_db))
+    drawn = draw_counts(sessions, gains[0].fingers())
+    detected = [[count for counts in both for count in counts.detected] for both in drawn]
+    alarms = [[counts.false_alarms for counts in both] for both in drawn]
+    return gains, np.hstack([detected, alarms])

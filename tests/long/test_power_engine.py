@@ -8,12 +8,9 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from analysis.power.counts import Session, draw_counts
-from analysis.reading.load import read_trials
-from experiment.session.simulate import simulate_study
-from experiment.study.physics import study_gains
-from experiment.study.read import study_from_text
-from experiment.study.simulated import people_for_burst
+from analysis import read_trials
+from experiment import simulate_study
+from tests.test_analysis.planning import drawn_counts, study_of
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -22,17 +19,17 @@ if TYPE_CHECKING:
 
     Floats = NDArray[np.float64]
 
-PEOPLE = """
-[design]
+DESIGN = """
 levels_vpp = [50.0, 65.0, 90.0]
 trials_per_side = 24
 both_trials = 6
 blank_trials = 24
 responses = ["left", "right", "both", "none"]
 response_window_s = 1.2
-order = "{order}"
+order = "{}"
 break_every = 0
-[simulation]
+"""
+PEOPLE = """
 threshold_sd_db = 3.0
 sigma = 0.12
 lapse_rate = 0.05
@@ -43,7 +40,7 @@ finger_difference_sd_db = 1.0
 difference_db = 2.0
 difference_sd_db = 1.0
 sigma_spread = 0.3
-{more}
+{}
 [[condition]]
 name = "a"
 [[condition]]
@@ -58,41 +55,26 @@ def moments(rows: Floats) -> tuple[Floats, Floats]:
     return rows.mean(axis=0), np.cov(rows.T) / len(rows)
 
 
-@pytest.mark.long
 @pytest.mark.parametrize(
     ("order", "more"), [("balanced", ""), ("random", COURSE), ("balanced", ELSEWHERE)]
 )
 def test_counts_are_those_of_the_engine(order: str, more: str, tmp_path: Path) -> None:
-    study = study_from_text(PEOPLE.format(order=order, more=more), "study.toml")
-    gains = study_gains(study)
-    number = 150
+    study, number = study_of(DESIGN.format(order), PEOPLE.format(more)), 150
+    gains, drawn = drawn_counts(study, 4 * number)
     for _ in simulate_study(study, tmp_path, participants=number, seed=5, gains=gains):
         pass
     trials = read_trials([tmp_path])
     single = trials[trials["kind"].eq("single")]
     hit = single["response"].astype(str).eq(single["side"].astype(str))
     table = single.assign(hit=hit).groupby(["participant", "condition", "level_vpp"])["hit"].sum()
-    engine = table.unstack(["condition", "level_vpp"], fill_value=0).sort_index(axis=1)
+    detected = table.unstack(["condition", "level_vpp"], fill_value=0).sort_index(axis=1)
     blank = trials[trials["kind"].eq("blank")]
     false = blank["response"].isin(["left", "right", "both"])
     alarms = false.groupby([blank["participant"], blank["condition"]]).sum().unstack()
-    through = np.hstack([engine.to_numpy(), alarms.to_numpy()])
-    sessions = []
-    people = people_for_burst(study)
-    for i in range(4 * number):
-        rng = np.random.default_rng((9, i))
-        person = people.draw(140.0, rng)
-        shifts_db = (0.0, person.difference_db)
-        sessions.append(Session(person=person, design=study.design, rng=rng, shifts_db=shifts_db))
-    drawn = [
-        np.array([
-            *(count for one in both for count in one.detected), *(one.false_alarms for one in both)
-        ])
-        for both in draw_counts(sessions, gains[0].fingers())
-    ]  # fmt: skip
+    through = np.hstack([detected.to_numpy(), alarms.to_numpy()])
     # means, and the spread between people, which drifts and dependent answers widen
-    found = np.array(drawn)
-    for pair in ((through, found), *[tuple((a - a.mean(axis=0)) ** 2 for a in (through, found))]):
-        (one, its), (two, theirs) = (moments(rows) for rows in pair)
-        statistic = float((one - two) @ np.linalg.solve(its + theirs, one - two))
-        assert chi2.sf(statistic, len(one)) > 0.001
+    spreads = [(counts - counts.mean(axis=0)) ** 2 for counts in (through, drawn)]
+    for pair in ((through, drawn), spreads):
+        (mean, of_mean), (other, of_other) = (moments(rows) for rows in pair)
+        statistic = float((mean - other) @ np.linalg.solve(of_mean + of_other, mean - other))
+        assert chi2.sf(statistic, len(mean)) > 0.001

@@ -1,0 +1,258 @@
+"""People of a power analysis: stated, of the literature or of a pilot; where numbers come from."""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import asdict, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pytest
+from scipy.special import ndtr
+
+from analysis import load_column_map, read_inputs
+from analysis.power.population import literature_people, pilot_people, stated_people, truth_of
+from experiment import simulate_study
+from tests.test_analysis.planning import BOTH_AND_NONE, gains_of, goal_of, study_of
+from tests.test_analysis.shared import put, run
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from pathlib import Path
+
+    from experiment import Study
+
+HALF_WIDTH, DIFFERENCE = goal_of("half-width=1dB"), goal_of("difference=2dB")
+NONE_OFFERED = study_of(BOTH_AND_NONE, "sigma = 0.2")
+TWO = '\n[[condition]]\nname = "bare"\n[[condition]]\nname = "glove"\n'
+
+
+def two_conditions(people: str) -> Study:
+    return study_of(
+        "levels_vpp = [30.0, 50.0, 70.0, 100.0, 150.0, 200.0]\ntrials_per_side = 60",
+        f"threshold_vpp = 70.0\nthreshold_sd_db = 3.0\n{people}{TWO}",
+    )
+
+
+def test_people_of_the_literature_have_a_source_for_each_number() -> None:
+    people = literature_people(NONE_OFFERED, HALF_WIDTH)
+    values = {number.key: number.value for number in people.numbers}
+    assert (values["sigma"], values["threshold_sd_db"]) == (0.2, 3.0)
+    assert all(number.source for number in people.numbers)
+    assert "threshold_sd_db" in people.warnings[0]
+    assert people.study.simulation.wander_db == 1.4
+
+
+@pytest.mark.parametrize(
+    ("people", "higher", "difference_db"),
+    [
+        ("threshold_vpp = 70", 1.0, 0.0),
+        ("threshold_vpp = 70", 2.0, 0.0),
+        ("threshold_um = 1.2", 2.0, -6.0),
+        ("threshold_um = 1.2\ndifference_db = 4.5", 2.0, -1.5),
+        ("threshold_vpp = 70\nthreshold_at_s = 0.05", 1.0, -9.2),
+    ],
+)
+def test_the_difference_of_a_dry_run_is_stated_beside_the_goals(
+    people: str, higher: float, difference_db: float
+) -> None:
+    """That of curves by duration and of displacements, not only that which is stated."""
+    conditions = "".join(
+        f'[[condition]]\nname = "{name}"\ncycles = {cycles}\n'
+        for name, cycles in (("short", 4), ("long", 40))
+    )
+    burst = f'[burst]\nfrequency_hz = 300\nwindow = "hann"\n{conditions}'
+    study = study_of("", f"threshold_sd_db = 2.5\ndifference_sd_db = 1.0\n{people}\n{burst}")
+    gains = gains_of(short=0.02, long=0.02 * higher)
+    goal = goal_of("difference=3dB")
+    report = stated_people(study, goal).words(goal, gains)
+    stated = [float(number) for number in re.findall(r"[+-]\d+\.\d", report)]
+    assert stated == [pytest.approx(difference_db, abs=0.1)]
+    as_it_is = replace(goal, size=abs(stated[0]) or 0.01)
+    assert not re.findall(r"[+-]\d", stated_people(study, as_it_is).words(as_it_is, gains))
+
+
+def test_numbers_that_a_dry_run_has_not_are_named() -> None:
+    people = literature_people(NONE_OFFERED, HALF_WIDTH)
+    gains = gains_of(main=1.0)
+    others = people.words(HALF_WIDTH, gains)
+    assert all(key in others for key in ("threshold_sd_db 1.5", "sigma_spread", "last_answer_db"))
+    copied = "\n".join(f"{number.key} = {number.value}" for number in people.numbers)
+    same = stated_people(study_of(BOTH_AND_NONE, copied), HALF_WIDTH).words(HALF_WIDTH, gains)
+    assert not re.findall(r"\d", same)
+
+
+@pytest.mark.parametrize(
+    ("goal", "study", "without"),
+    [
+        ("half-width=1dB", NONE_OFFERED, {"difference_sd_db"}),
+        ("detection=10%@95V", NONE_OFFERED, {"difference_sd_db"}),
+        ("difference=1dB", NONE_OFFERED, set()),
+        ("difference=1dB", study_of("", "sigma = 0.2"), {"false_alarm_rate"}),
+    ],
+)
+def test_only_numbers_that_the_goal_hangs_on_are_listed(
+    goal: str, study: Study, without: set[str]
+) -> None:
+    people = literature_people(study, goal_of(goal))
+    keys = {number.key for number in people.numbers}
+    assert keys.isdisjoint(without)
+    assert {"difference_sd_db", "false_alarm_rate"} <= keys | without
+    assert ("difference_sd_db" in " ".join(people.warnings)) == ("difference_sd_db" in keys)
+
+
+def test_false_alarms_hang_on_no_threshold() -> None:
+    goal = goal_of("false-alarms=9%")
+    people = literature_people(NONE_OFFERED, goal)
+    assert [number.key for number in people.numbers] == ["lapse_rate", "false_alarm_rate"]
+    simulation, fingers = people.study.simulation, gains_of(main=1.0)[0].fingers()
+    known = {"threshold_vpp": 60.0, "threshold_um": None}
+    others = {"threshold_vpp": 9.0, "threshold_um": None, "threshold_sd_db": 9.0, "sigma": 0.4}
+    rates = [
+        truth_of(goal, type(simulation)(**(asdict(simulation) | keys)), people.study, fingers)
+        for keys in (known, known | {"side_bias": 0.9}, others, known | {"lapse_rate": 0.2})
+    ]
+    assert rates[0] == pytest.approx(rates[1]) == pytest.approx(rates[2])
+    assert rates[3] > rates[0] + 0.01
+
+
+@pytest.mark.parametrize(("sigma", "warned"), [(0.1, False), (0.5, False), (2.0, True)])
+def test_a_width_that_is_likely_one_in_db_is_warned_of(sigma: float, *, warned: bool) -> None:
+    study = study_of("", f"threshold_sd_db = 2.0\nsigma = {sigma}\n")
+    warnings = stated_people(study, HALF_WIDTH).warnings
+    assert len(warnings) == warned
+    assert all("simulation.sigma" in text and "40 dB" in text for text in warnings)
+
+
+@pytest.mark.slow
+def test_a_pilot_gives_people_like_its_own(tmp_path: Path) -> None:
+    true = study_of(
+        "levels_vpp = [40.0, 60.0, 80.0, 110.0, 150.0]\ntrials_per_side = 100",
+        "threshold_vpp = 80.0\nthreshold_sd_db = 3.0",
+    )
+    assert len([*simulate_study(true, tmp_path, participants=12, seed=4)]) == 12
+    people = pilot_people(study_of(""), HALF_WIDTH, read_inputs([tmp_path]), "there")
+    assert not people.warnings
+    thresholds = 20 * np.log10([draw["threshold_vpp"] / 80 for draw in people.draws])
+    assert abs(np.median(thresholds)) < 3 * 3 / math.sqrt(12)
+    assert 0.5 < np.std(thresholds) < 1.5
+    low, high = np.quantile([draw["threshold_sd_db"] for draw in people.draws], (0.025, 0.975))
+    assert low < 3.0 < high
+    assert " 12 " in people.numbers[0].source
+
+
+@pytest.mark.slow
+def test_a_pilot_of_two_conditions_gives_how_much_their_difference_differs(tmp_path: Path) -> None:
+    true = two_conditions("difference_db = 3.0\ndifference_sd_db = 2.5")
+    assert len([*simulate_study(true, tmp_path, participants=14, seed=3)]) == 14
+    trials = read_inputs([tmp_path])
+    people = pilot_people(two_conditions(""), DIFFERENCE, trials, "there")
+    drawn = [draw["difference_sd_db"] for draw in people.draws]
+    low, high = np.quantile(drawn, (0.025, 0.975))
+    assert 1.2 < low < 2.5 < high < 5.0
+    (number,) = (number for number in people.numbers if number.key == "difference_sd_db")
+    assert number.value == np.median(drawn)
+    # a pilot of one condition has none: it has to be stated, and is then as stated
+    bare = replace(trials, trials=trials.trials[trials.trials["condition"].eq("bare")])
+    with pytest.raises(ValueError, match=r"difference_sd_db.* got 0 "):
+        pilot_people(two_conditions(""), DIFFERENCE, bare, "there")
+    stated = pilot_people(two_conditions("difference_sd_db = 0.7"), DIFFERENCE, bare, "there")
+    assert "difference_sd_db" not in stated.draws[0]
+    assert stated.study.simulation.difference_sd_db == 0.7
+    assert "difference_sd_db" not in pilot_people(true, HALF_WIDTH, trials, "there").draws[0]
+
+
+MAP = """task = "yes/no"
+[columns]
+level_vpp = "v"
+detected = "felt"
+[constant]
+side = "left"
+[axis]
+unit = "{}"
+"""
+HEAD = "participant,condition,v,felt\n"
+
+
+def map_of(folder: Path, unit: str, scale: float = 1.0) -> Path:
+    text = MAP.format(unit) + f"[scale]\nlevel_vpp = {scale}\n" * (scale != 1.0)
+    if unit.startswith("dB"):
+        text = text.replace("[axis]", '[axis]\nx_scale = "dB"')
+    return put(folder / f"{unit}{scale}.toml", text)
+
+
+def pilot_table(path: Path, in_unit: Callable[[float], str] = "{:g}".format) -> Path:
+    """Write an external pilot of 8 people, with a threshold of 70 V bare and of 90 V in a glove."""
+    rng, rows = np.random.default_rng(7), []
+    for person in range(8):
+        for name, median_vpp in (("bare", 70.0), ("glove", 90.0)):
+            threshold_vpp = median_vpp * 10 ** (rng.normal(0, 2.0) / 20)
+            shown = [30.0, 50.0, 70.0, 100.0, 150.0, 200.0][person == 0 :]  # not all had all
+            for v in shown * 15 + [0.0] * 20:
+                p = 0.1 + 0.88 * ndtr(math.log10(v / threshold_vpp) / 0.1) if v else 0.1
+                rows.append(f"{person},{name},{in_unit(v)},{int(rng.random() < p)}\n")
+    return put(path, HEAD + "".join(rows))
+
+
+@pytest.mark.slow
+def test_an_external_table_is_a_pilot_whatever_the_unit_of_its_levels(tmp_path: Path) -> None:
+    def people_of(table: Path, *unit: Any) -> Any:
+        loaded = read_inputs([table], load_column_map(map_of(tmp_path, *unit)))
+        return pilot_people(two_conditions(""), DIFFERENCE, loaded, "there")
+
+    table = pilot_table(tmp_path / "data" / "all.csv")
+    people = people_of(table, "V")
+    medians = {key: np.median([draw[key] for draw in people.draws]) for key in people.draws[0]}
+    assert 55 < medians["threshold_vpp"] < 90
+    assert 0.06 < medians["false_alarm_rate"] < 0.16  # a yes to a blank, wherever it was felt
+    assert 0.5 < medians["difference_sd_db"] < 5.0
+    assert people.warnings == ()
+    same = people_of(table, "um")
+    assert same.draws == people.draws  # only numbers count
+    assert len(same.warnings) == 1
+    decibels = pilot_table(
+        tmp_path / "db.csv", lambda v: repr(20 * math.log10(v / 100)) if v else "-inf"
+    )
+    as_db = people_of(decibels, "dB re 100 V")
+    assert as_db.unit == "% of 0 dB re 100 V"
+    assert len(as_db.warnings) == 1
+    for draw, other in zip(people.draws, as_db.draws, strict=True):
+        assert draw.keys() == other.keys()
+        assert [*other.values()] == pytest.approx([*draw.values()], rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("unit", "scale", "options", "parts"),
+    [
+        (None, 1.0, "--pilot {data}", "--columns MAP.toml"),
+        ("nm", 100.0, "--pilot {data}", "--pilot|0.1|1000|3000|20000 nm"),
+        ("nm", 0.01, "--pilot {data}", "design.levels_vpp|nm|0.3"),
+        ("V", 1.0, "", "--columns|--pilot"),
+        ("um", 1.001, "--pilot {data} --levels placed", "--levels placed|um"),
+    ],
+)
+def test_a_pilot_that_does_not_fit_the_study_is_refused(
+    tmp_path: Path, unit: str | None, scale: float, options: str, parts: str
+) -> None:
+    data = pilot_table(tmp_path / "data" / "all.csv").parent
+    study = put(tmp_path / "study.toml", f"[simulation]\nthreshold_sd_db = 2.0\n{TWO}")
+    columns = ["--columns", map_of(tmp_path, unit, scale)] if unit else []
+    asked = ("--goal", "difference=2dB", "--participants", 4, 4, *columns)
+    done = run("power", study, *asked, *options.format(data=data).split())
+    assert (done.exit_code, done.stdout, done.stderr.count("\n")) == (2, "", 1)
+    assert all(part in done.stderr for part in parts.split("|"))
+
+
+def test_a_pilots_condition_with_a_blank_in_its_name_is_the_studys_without(tmp_path: Path) -> None:
+    rng = np.random.default_rng(3)
+    rows = [
+        f"{person},{name},{level:g},{int(rng.random() < level / 130)}\n"
+        for person in range(4)
+        for name in ("60 Hz", "200 Hz")
+        for level in [30.0, 60.0, 120.0] * 8 + [0.0] * 10
+    ]
+    table = put(tmp_path / "all.csv", HEAD + "".join(rows))
+    loaded = read_inputs([table], load_column_map(map_of(tmp_path, "V")))
+    study = study_of('[[condition]]\nname = "200Hz"\n[[condition]]\nname = "60Hz"\n')
+    assert "200Hz" in pilot_people(study, DIFFERENCE, loaded, "there").whose
