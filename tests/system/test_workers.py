@@ -1,0 +1,253 @@
+"""Work on processes and Dask clusters: the same numbers, and nothing computed is lost."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+from contextlib import ExitStack, contextmanager, suppress
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import psutil
+import pytest
+
+from analysis.workers.crew import StoppedError
+from tests.test_analysis.test_workers import ALONE, power
+from tests.test_analysis.toy import (
+    STUDIES,
+    Studies,
+    begin,
+    chunks,
+    end_the_process,
+    keeping,
+    numbers,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+ROOT = Path(__file__).parents[2]
+LAST = chunks(STUDIES)[:1]
+
+
+@contextmanager
+def dask(*arguments: str, path: Path = ROOT) -> Iterator[subprocess.Popen[str]]:
+    """Start a scheduler or a worker, which is killed in the end."""
+    command = [sys.executable, "-m", "dask", *arguments, "--host", "127.0.0.1", "--no-dashboard"]
+    environment = os.environ | {"PYTHONPATH": f"{path}{os.pathsep}{ROOT}"}
+    with subprocess.Popen(
+        command, stderr=subprocess.PIPE, text=True, env=environment, cwd=path
+    ) as process:  # where it runs comes first on its path, before PYTHONPATH
+        try:
+            yield process
+        finally:
+            process.kill()
+
+
+@contextmanager
+def scheduler() -> Iterator[tuple[str, subprocess.Popen[str]]]:
+    """Start a scheduler on a port of the system's choice."""
+    with dask("scheduler", "--port", "0", "--dashboard-address", ":0") as process:
+        assert process.stderr is not None
+        at = (re.search(r"Scheduler at: *(tcp://\S+)", line) for line in process.stderr)
+        yield next(found[1] for found in at if found), process
+
+
+def wait_for_workers(address: str, workers: int) -> None:
+    """Wait until so many workers have joined: Python with all its imports takes seconds to start.
+
+    A worker killed before it joined had nothing to lose, and no scheduler reports it.
+    """
+    from distributed import Client
+
+    with Client(address) as client:
+        client.wait_for_workers(workers, timeout=60)
+
+
+def worker(address: str, path: Path = ROOT) -> Any:
+    return dask("worker", address, "--no-nanny", "--nthreads", "1", path=path)
+
+
+def test_neither_dask_nor_joblib_is_imported_before_it_is_asked_for() -> None:
+    code = "import sys, analysis.workers.chunks as w; print({'dask', 'joblib'} & {*sys.modules})"
+    printed = subprocess.check_output([sys.executable, "-c", code], text=True, cwd=ROOT)
+    assert printed.strip() == "set()"
+
+
+def test_two_processes_compute_what_one_does() -> None:
+    taken: list[Studies] = []
+
+    def work() -> Iterator[Studies]:
+        for chunk in chunks(5, 0.01):
+            taken.append(chunk)
+            yield chunk
+
+    results = begin(work(), workers=2)
+    first = next(results)
+    assert len(taken) <= 4
+    assert numbers([first, *results]) == ALONE
+
+
+def test_a_chunk_of_a_lost_process_is_computed_again(tmp_path: Path) -> None:
+    news: list[str] = []
+    work = chunks(10, 0.01)
+    work[3] = replace(work[3], lost_once=str(tmp_path / "lost"))
+    assert numbers(begin(work, workers=2, tell=news.append)) == ALONE
+    assert len(news) == 1
+
+
+def test_work_that_ends_every_process_is_given_up() -> None:
+    with pytest.raises(StoppedError, match=" 4 "):
+        list(begin(LAST, end_the_process, workers=2))
+
+
+@pytest.mark.parametrize(("workers", "threads"), [(2, 1), (1, 2)])
+def test_a_local_cluster_computes_what_one_process_does(workers: int, threads: int) -> None:
+    from distributed import Client, LocalCluster
+
+    with LocalCluster(
+        n_workers=workers,
+        threads_per_worker=threads,
+        processes=workers == 2,
+        dashboard_address=":0",
+    ) as local:
+        assert numbers(begin(chunks(7), scheduler=local)) == ALONE
+        with Client(local) as client:
+            assert numbers(begin(chunks(5), scheduler=client)) == ALONE
+            assert client.status == "running"
+
+
+def test_a_worker_killed_in_the_middle_changes_nothing() -> None:
+    news: list[str] = []
+    with scheduler() as (address, _), worker(address) as killed, worker(address):
+        wait_for_workers(address, 2)
+        results = begin(chunks(1, 0.05), scheduler=address, tell=news.append)
+        found = [next(results) for _ in range(6)]
+        killed.kill()
+        assert numbers([*found, *results]) == ALONE
+    assert [line for line in news if re.match(r"worker tcp://\S+ ", line)]
+
+
+def test_work_that_ends_every_worker_is_given_up(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES", "0")  # of the scheduler's
+    with scheduler() as (address, _), worker(address), pytest.raises(StoppedError):
+        list(begin(LAST, end_the_process, scheduler=address))
+
+
+def test_what_was_computed_outlives_the_scheduler(tmp_path: Path) -> None:
+    with keeping(tmp_path / "power.jsonl") as kept:
+        with scheduler() as (address, process), worker(address):
+            results = begin(chunks(3, 0.05), scheduler=address, kept=kept)
+            found = [next(results) for _ in range(6)]
+            process.kill()
+            with pytest.raises(StoppedError):
+                found.extend(results)
+        assert len(kept) == len(found)
+        assert numbers(begin(chunks(3, 0.05), kept=kept)) == ALONE
+
+
+def test_a_worker_with_another_version_is_refused(tmp_path: Path) -> None:
+    other = tmp_path / "tactstrip-9.9.dist-info"
+    other.mkdir()
+    (other / "METADATA").write_text("Metadata-Version: 2.1\nName: tactstrip\nVersion: 9.9\n")
+    with scheduler() as (address, _), ExitStack() as later, worker(address) as first:
+        assert numbers(begin(chunks(5), scheduler=address)) == ALONE
+        first.kill()
+        first.wait()
+
+        def join(_: str) -> None:
+            later.enter_context(worker(address, tmp_path))
+
+        for tell in (join, None):
+            with pytest.raises(ValueError, match=r"worker tcp://\S+ .*9\.9"):
+                list(begin(chunks(5), scheduler=address, tell=tell))
+
+
+@pytest.mark.parametrize("address", ["tcp://127.0.0.1:9", "localhost", "tls://127.0.0.1:9"])
+def test_a_scheduler_that_is_not_there_is_reported_in_one_line(
+    address: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("analysis.workers.cluster.CONNECT_S", 0.5)
+    with pytest.raises(ValueError, match=f"^{address}: ") as refused:
+        next(begin(chunks(5), scheduler=address))
+    assert "\n" not in str(refused.value)
+
+
+def test_power_is_the_same_on_a_cluster(tmp_path: Path) -> None:
+    alone = power(tmp_path, "--seed", 5)
+    assert alone.exit_code == 0
+    assert json.loads(power(tmp_path, "--seed", 5, "--workers", 2).stdout) == json.loads(
+        alone.stdout
+    )
+    with scheduler() as (address, process), worker(address), worker(address):
+        assert power(tmp_path, "--seed", 5, "--scheduler", address).stdout == alone.stdout
+        process.kill()
+        process.wait()
+        gone = power(tmp_path, "--scheduler", address)
+    both = power(tmp_path, "--workers", 2, "--scheduler", address)
+    for refused in (gone, both):
+        assert (refused.exit_code, refused.stdout, refused.stderr.count("\n")) == (2, "", 1)
+
+
+CTRL_C = """
+import signal
+import sys
+from pathlib import Path
+from tests.test_analysis.toy import begin, chunks, keeping
+signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background has it ignored
+try:
+    with keeping(Path(sys.argv[1])) as kept:
+        for _ in begin(chunks(1, 0.1), workers=2, kept=kept):
+            print(len(kept), flush=True)
+except KeyboardInterrupt:
+    print("interrupted", flush=True)
+"""
+
+
+def test_ctrl_c_leaves_what_is_finished_and_no_process(tmp_path: Path) -> None:
+    command = [sys.executable, "-c", CTRL_C, str(tmp_path / "power.jsonl")]
+    with subprocess.Popen(
+        command, stdout=subprocess.PIPE, text=True, cwd=ROOT, start_new_session=True
+    ) as process:
+        assert process.stdout is not None
+        assert [process.stdout.readline() for _ in range(3)] == ["1\n", "2\n", "3\n"]
+        children = psutil.Process(process.pid).children(recursive=True)
+        os.killpg(process.pid, signal.SIGINT)  # as a terminal sends it, to all of them
+        *_, last = process.stdout
+    assert last == "interrupted\n"
+    assert len(children) >= 2
+    assert psutil.wait_procs(children, timeout=30)[1] == []
+    with keeping(tmp_path / "power.jsonl") as kept:
+        assert len(kept) >= 3
+
+
+def computing(process: Any) -> list[Any]:
+    """Return the children that compute, or will in a moment."""
+    with suppress(psutil.NoSuchProcess):
+        return [child for child in process.children() if "popen_loky" in " ".join(child.cmdline())]
+    return []
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_search_stopped_while_its_workers_begin_ends_with_130(number: signal.Signals) -> None:
+    study = ROOT / "docs" / "examples" / "first-study.toml"
+    code = "import signal, tactstrip; signal.signal(signal.SIGINT, signal.default_int_handler)"
+    asked = ["power", str(study), "--people", "literature", "--workers", "2"]
+    command = [sys.executable, "-c", f"{code}; tactstrip.main({asked})"]
+    with subprocess.Popen(
+        command, stderr=subprocess.PIPE, text=True, cwd=ROOT, start_new_session=True
+    ) as process:
+        assert process.stderr is not None
+        begun = psutil.Process(process.pid)
+        while process.poll() is None and not (workers := computing(begun)):
+            time.sleep(0.01)
+        os.killpg(process.pid, number)
+        errors = [line for line in process.stderr if line.startswith("error: ")]
+    assert (len(errors), process.returncode) == (1, 130)
+    assert psutil.wait_procs(workers, timeout=30)[1] == []
