@@ -293,7 +293,7 @@ def test_a_factor_of_numbers_is_offered_with_names_to_print_and_warned_of(tmp_pa
     words = {"task": "yes/no", "unit": "µm", "side": "left"}
     read = read_inputs([path], made.filled(tmp_path / "a.toml", words))
     assert len(read.changed) == 1
-    assert "freq_Hz" in read.changed[0]
+    assert "freq_Hz" in str(read.changed[0])
     text = made.text.replace("# condition", "condition").replace("# 63 =", "63 =")
     taken = type(made)(text, made.fill_in).filled(tmp_path / "b.toml", words)
     read = read_inputs([path], taken)

@@ -73,7 +73,7 @@ def keep(table: Path, lines: int) -> None:
 
 
 def warnings_of(path: Path) -> tuple[str, ...]:
-    return analyse(read_inputs([path])).warnings
+    return (*map(str, analyse(read_inputs([path])).warnings),)
 
 
 def assert_warned(path: Path, *valid: int) -> None:

@@ -106,7 +106,7 @@ def test_who_never_answers_in_a_condition_counts_there_for_nothing(tmp_path: Pat
     assert found.excluded.to_numpy().tolist() == [["01", "never_answered", 24]]
     assert found.levels.query("condition == 'mute'")["presented"].tolist() == [8, 8, 8]
     assert [*found.differences["participant"]] == ["02", "all"]
-    assert any("24 of 24" in warning for warning in found.warnings)
+    assert any("24 of 24" in str(warning) for warning in found.warnings)
     # Where nobody is left the other condition is as if it stood alone, its false alarms included.
     silent = [row.replace("right", "timeout") for row in rows]
     both, alone = (
@@ -117,4 +117,4 @@ def test_who_never_answers_in_a_condition_counts_there_for_nothing(tmp_path: Pat
         pd.testing.assert_frame_equal(getattr(both, name), getattr(alone, name))
     nobody = analyse(loaded(tmp_path, head + "".join(silent[len(felt) :])))
     assert nobody.groups.empty
-    assert any("24 of 24" in warning for warning in nobody.warnings)
+    assert any("24 of 24" in str(warning) for warning in nobody.warnings)
