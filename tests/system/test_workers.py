@@ -9,7 +9,7 @@ import signal
 import subprocess
 import sys
 import time
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import contextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -134,12 +134,6 @@ def test_a_worker_killed_in_the_middle_changes_nothing() -> None:
     assert [line for line in news if re.match(r"worker tcp://\S+ ", line)]
 
 
-def test_work_that_ends_every_worker_is_given_up(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES", "0")  # of the scheduler's
-    with scheduler() as (address, _), worker(address), pytest.raises(StoppedError):
-        list(begin(LAST, end_the_process, scheduler=address))
-
-
 def test_what_was_computed_outlives_the_scheduler(tmp_path: Path) -> None:
     with keeping(tmp_path / "power.jsonl") as kept:
         with scheduler() as (address, process), worker(address):
@@ -150,23 +144,6 @@ def test_what_was_computed_outlives_the_scheduler(tmp_path: Path) -> None:
                 found.extend(results)
         assert len(kept) == len(found)
         assert numbers(begin(chunks(3, 0.05), kept=kept)) == ALONE
-
-
-def test_a_worker_with_another_version_is_refused(tmp_path: Path) -> None:
-    other = tmp_path / "tactstrip-9.9.dist-info"
-    other.mkdir()
-    (other / "METADATA").write_text("Metadata-Version: 2.1\nName: tactstrip\nVersion: 9.9\n")
-    with scheduler() as (address, _), ExitStack() as later, worker(address) as first:
-        assert numbers(begin(chunks(5), scheduler=address)) == ALONE
-        first.kill()
-        first.wait()
-
-        def join(_: str) -> None:
-            later.enter_context(worker(address, tmp_path))
-
-        for tell in (join, None):
-            with pytest.raises(ValueError, match=r"worker tcp://\S+ .*9\.9"):
-                list(begin(chunks(5), scheduler=address, tell=tell))
 
 
 @pytest.mark.parametrize("address", ["tcp://127.0.0.1:9", "localhost", "tls://127.0.0.1:9"])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 import tomllib
 from dataclasses import dataclass, replace
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
     from analysis import LoadedTrials
 
 EXAMPLES = Path(__file__).parents[2] / "docs" / "examples"
+CASES = Path(__file__).parent / "cases.json"
 LEAST = "participant,side,level_vpp,response\n"
 """The header of a table that a map without a word can read."""
 PAPER = [60.0, 95.0, 130.0, 165.0, 200.0]
@@ -60,6 +62,12 @@ def row(trial: int = 1, **changes: Any) -> TrialRow:
     made = replace(ROW, trial=trial, **changes)
     verdict = is_correct(made.kind, made.side, made.response)
     return made if "correct" in changes else replace(made, correct=verdict)
+
+
+def cases(name: str) -> list[list[Any]]:
+    """Return the rows of a table of cases.json: arguments of a test."""
+    tables: dict[str, list[list[Any]]] = json.loads(CASES.read_text(encoding="utf-8"))
+    return tables[name]
 
 
 def put(path: Path, text: str) -> Path:

@@ -8,7 +8,6 @@ import io
 import json
 import os
 import shutil
-import sys
 from typing import TYPE_CHECKING, Any
 
 import pytest
@@ -93,18 +92,6 @@ def test_a_second_run_gives_the_same_bytes(example: Path, tmp_path: Path) -> Non
         assert files(tmp_path / "out") == files(example)
 
 
-@pytest.mark.slow
-def test_split_files_give_the_numbers_of_the_whole(example: Path, tmp_path: Path) -> None:
-    header, *lines = TABLE.read_text(encoding="utf-8").splitlines(keepends=True)
-    parts = [lines[249:], lines[:99], lines[99:249]]
-    paths = [put(tmp_path / f"{n}.csv", header + "".join(part)) for n, part in enumerate(parts)]
-    run("analyze", *paths, "--columns", MAP, "--out", tmp_path / "split")
-    whole, split = files(example), files(tmp_path / "split")
-    for name in ("summary.json", "report.html"):  # they name the files
-        del whole[name], split[name]
-    assert whole == split
-
-
 COLUMNS_OF = {
     "levels.csv": "condition level_vpp detected presented p_min p_mean p_max p_pooled "
     "group_low group_high over_report mislocalised timeouts p_answered",
@@ -150,13 +137,6 @@ def test_the_summary_has_inputs_by_checksum_and_the_numbers_of_the_tables(tmp_pa
         assert row.pop("condition") == level["condition"]
         assert {name: float(row[name]) for name in row} == {name: level[name] for name in row}
     assert not (tmp_path / "detection.png").exists()
-
-
-@pytest.mark.slow
-def test_the_output_reads_in_80_columns(example: Path) -> None:
-    text = example.with_name("stdout").read_text(encoding="utf-8")
-    assert max(map(len, text.splitlines())) <= 80 + len(str(example))
-    assert "\x1b" not in text
 
 
 @pytest.mark.slow
@@ -398,48 +378,6 @@ def test_a_study_where_nothing_counts_has_no_thresholds(tmp_path: Path, analyze:
     assert set(files(tmp_path / "out")) == BASIC
     excluded = summary(tmp_path / "out")["excluded"]
     assert [[*row.values()] for row in excluded] == [["1", "practice", 1], ["2", "practice", 1]]
-
-
-@pytest.mark.slow
-def test_a_population_is_fitted_only_on_request(example: Path, tmp_path: Path) -> None:
-    assert summary(example)["population"] == []
-    run("analyze", *EXAMPLE, "--no-figures", "--out", tmp_path, "--population")
-    [found] = summary(tmp_path)["population"]
-    low, high = found["threshold_limits_vpp"]
-    assert low < found["threshold_vpp"] < high
-    report = (tmp_path / "report.html").read_text()
-    assert f"{found['threshold_vpp']:.1f} V ({low:.1f} to {high:.1f})" in report
-    spread = f"{20 * found['between_sd']:.1f} dB"
-    assert f">{spread}<" in report.replace("<bdi>", "").replace("</bdi>", "")
-
-
-@pytest.mark.slow
-def test_a_population_of_one_has_a_reason_and_its_unit(tmp_path: Path) -> None:
-    text = LEAST + "1,left,60,left\n1,left,90,left\n"
-    [found] = analysed(tmp_path, text, population=True).population
-    assert found.reason
-    assert summary(tmp_path / "out")["population"][0]["threshold_vpp"] is None
-    assert found.reason in (tmp_path / "out" / "report.html").read_text()
-    names, out = put(tmp_path / "map.toml", '[axis]\nunit = "um"\n'), tmp_path / "um"
-    run("analyze", tmp_path / "t.csv", "--columns", names, "--no-figures", "--population",
-        "--out", out)  # fmt: skip # one command
-    [of_um] = summary(out)["population"]
-    assert (of_um["unit"], of_um["threshold"]) == ("um", None)
-    assert of_um["threshold_limits"] == [None, None]
-    assert not [name for name in of_um if name.endswith("_vpp")]
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("is_terminal", [False, True])
-def test_a_bar_is_shown_on_a_terminal_only(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, *, is_terminal: bool
-) -> None:
-    paths = [put(tmp_path / f"{n}.csv", f"{LEAST}p{n},left,60,left\n") for n in range(20)]
-    stream = io.StringIO()
-    monkeypatch.setattr(stream, "isatty", lambda: is_terminal)
-    monkeypatch.setattr(sys, "stderr", stream)
-    write_analysis(paths, tmp_path / "out", columns=ColumnMap(), figures=False, bar=True)
-    assert ("100%" in stream.getvalue()) == bool(stream.getvalue()) == is_terminal
 
 
 @pytest.mark.slow

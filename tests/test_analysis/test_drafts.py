@@ -25,10 +25,10 @@ from hypothesis import strategies as st
 
 from analysis import ColumnMap, ResultFileError, load_column_map, read_inputs
 from analysis.reading.foreign.columns import KEYS, SECTIONS
-from tests.test_analysis.shared import EXAMPLES, LEAST, draft, put, refused
+from tests.test_analysis.shared import EXAMPLES, LEAST, cases, draft, put, refused
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Callable
 
     from tests.conftest import Run
 
@@ -80,65 +80,7 @@ def of_rows(folder: Path, head: str, rows: list[str]) -> Path:
     return put(folder / "t.csv", "\n".join([head, *rows]) + "\n")
 
 
-def meanings() -> Iterator[tuple[str, list[str], str, str, object]]:
-    """A heading, rows, and what a key of the map must be: section, key, value."""
-    for name in ("subNo", "Participant No.", "VpNr", "Participant Private ID", "Vp-Code"):
-        head = f"{name},trial,level,felt"
-        yield head, ["a,1,1,yes", "b,1,2,no"], "columns", "participant", name
-    rows = ["A,left,60,left", "A,right,80,right"]
-    for name in ("driveVpp", "piezo_volts", "Amp left"):
-        yield f"participant,side,{name},response", rows, "columns", "level_vpp", name
-    units = {"amp_um": "um", "level_pct": "%", "amplitude (nm)": "nm", "volts": "V"}
-    for name, unit in (units | {"Voltage": "V", "level_vpp": None}).items():
-        yield f"participant,side,{name},response", rows[:1], "axis", "unit", unit
-    rows = [f"p1,{n % 2 + 1},{n % 3 + 3},{n % 2}" for n in range(12)]
-    for names, level in {"drive,x": "drive", "x,dB": "dB", "dB SL,x": "dB SL"}.items():
-        yield f"subject,{names},felt", rows, "columns", "level_vpp", level
-    for column, practice, trial in (
-        ("Procedure", "PracProc", "TrialProc"),
-        ("Phase", "Übung", "Test"),
-        ("phase", "entraînement", "essai"),
-        ("phase", "familiarisation", "main"),
-        ("isPracticeTrial", "True", "False"),
-        ("part", "training_1", "test"),
-        ("is_practice", "1", "0"),
-    ):
-        rows = [f"p,{n},{n % 5},{practice if n < 3 else trial},yes" for n in range(12)]
-        yield f"participant,trial,level,{column},felt", rows, "rows.skip", column, [practice]
-    for column, pair in (("kind", ("train", "single")), ("condition", ("baseline", "training"))):
-        rows = [f"{who},{word},{um},y" for who in "ab" for um in (5, 9) * 3 for word in pair]
-        yield f"participant,{column},level,key", rows, "rows.skip", column, None
-    for names, levels, level in (
-        ("level,amp_um", [(0, 0), (1, 0.5), (2, 2), (3, 8)], "amp_um"),  # steps of it
-        ("gain,stim_V", [(20, 0), (20, 1), (20, 2), (20, 4)], "stim_V"),  # a constant
-        ("strength,vib_um", [(3, 0), (5, 1), (9, 2), (7, 4)], "vib_um"),  # of a grip
-        ("level,intensity", [("easy", 0), ("hard", 1), ("easy", 2)], "intensity"),
-    ):
-        rows = [f"p,{n},{a},{b},yes" for n, (a, b) in enumerate(levels * 4)]
-        yield f"participant,trial,{names},felt", rows, "columns", "level_vpp", level
-    shown = (("0", "aucunes"), ("4", "left"), ("9", "right"), ("9", "left"))
-    people = (("1", "left"), ("2", "right"), ("3", "right"))
-    for names, cells, where in (
-        ("handedness,corrAns", "{hand},{side}", "corrAns"),
-        ("handedness,transducer", "{hand},{side}", "transducer"),
-        ("button_pressed,where", "{side},{side}", "where"),
-        ("emplacement", "{side}", "emplacement"),
-        ("one,other", "{side},{side}", None),
-        ("handedness", "{hand}", None),
-        ("hand,finger", "{hand},{side}", "finger"),
-    ):
-        rows = [
-            f"{who},{um},{cells.format(hand=hand, side=side)},down"
-            for who, hand in people
-            for um, side in shown
-        ]
-        yield f"participant,level,{names},key", rows, "columns", "side", where
-    for keys in (("up", "down"), ("1", "2"), ("z", "m")):  # of a single place: no sides
-        rows = [f"p1,left,{um},{k},{key}" for um in (10, 20) for k in keys for key in keys]
-        yield "participant,finger,intensity,corrAns,key", rows, "values.response", keys[0], ""
-
-
-@pytest.mark.parametrize(("header", "rows", "section", "key", "value"), [*meanings()])
+@pytest.mark.parametrize(("header", "rows", "section", "key", "value"), cases("headings"))
 def test_headings_and_words_have_their_meaning(
     tmp_path: Path, header: str, rows: list[str], section: str, key: str, value: object
 ) -> None:
@@ -301,22 +243,6 @@ def test_a_factor_of_numbers_is_offered_with_names_to_print_and_warned_of(tmp_pa
     assert read.axis.unit == "µm"
 
 
-@pytest.mark.slow
-def test_draws_of_one_person_are_seldom_taken_for_a_plan(tmp_path: Path) -> None:
-    def offers(seed: int, *, drawn: bool) -> bool:
-        rng = random.Random(seed)
-        plan = [(value, level) for value in "28" for level in "01234" for _ in range(8)]
-        rng.shuffle(plan)
-        rows = [
-            f"p,{level},{rng.choice('28') if drawn else value},{int(rng.random() < int(level) / 4)}"
-            for value, level in plan
-        ]
-        return conditions(of_rows(tmp_path, "person,level,value,said", rows)) != []
-
-    assert sum(offers(seed, drawn=True) for seed in range(60)) <= 3
-    assert all(offers(seed, drawn=False) for seed in range(10))
-
-
 def test_numbers_that_repeat_words_are_offered_once(tmp_path: Path) -> None:
     path = factor_table(tmp_path / "t.csv", "code", lambda r: f"{7 + r['factor']}")
     head, *lines = path.read_text(encoding="utf-8").splitlines()
@@ -384,15 +310,3 @@ def test_the_command_writes_a_new_file_and_counts_what_it_skips(tmp_path: Path, 
     excel = run("columns", put(tmp_path / "excel.csv", "sep=;\nperson;trial;level;felt\na;1;2;y\n"))
     assert excel.exit_code == 2
     assert "excel.csv:1: " in excel.stderr
-
-
-def test_several_files_are_drafted_and_analysed_with_one_map(tmp_path: Path, run: Run) -> None:
-    tables = [
-        put(tmp_path / f"{who} 1.csv", f"participant,side,level_vpp,response\n{who},left,60,left\n")
-        for who in "ab"
-    ]
-    target, out = tmp_path / "map.toml", tmp_path / "out"
-    done = run("columns", *tables, "--write", target)
-    assert f"'{tables[0]}' '{tables[1]}' --columns" in done.output
-    done = run("analyze", *tables, "--columns", target, "--no-figures", "--out", out)
-    assert done.exit_code == 0, done.output

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import csv
 import json
-import re
-import tomllib
 from collections import Counter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -20,7 +18,6 @@ if TYPE_CHECKING:
     from analysis import LoadedTrials
     from tests.conftest import Run, Simulate
 
-PAGE = Path(__file__).parents[2] / "docs" / "howto" / "foreign-table.md"
 BEH = "stim_side\tvolts\tanswer\trt\nleft\t60\tleft\t0.6\nright\t95\tn/a\tn/a\n"
 OF_BEH: dict[str, Any] = {
     "columns": {"side": "stim_side", "level_vpp": "volts", "response": "answer", "rt_s": "rt"},
@@ -106,22 +103,6 @@ def test_our_own_bids_export_gives_the_tables_of_its_sessions(
 
 
 @pytest.mark.slow
-def test_results_of_a_data_set_are_not_written_into_it(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, run: Run
-) -> None:
-    put(data_set(tmp_path / "bids", 2) / "dataset_description.json", "{}")
-    columns = put(
-        tmp_path / "map.toml",
-        '[rows.keep]\ntask- = "felt"\n[columns]\nside = "stim_side"\nlevel_vpp = "volts"\n'
-        'response = "answer"\n[values.response]\n"n/a" = "timeout"\n',
-    )
-    monkeypatch.chdir(tmp_path)
-    done = run("analyze", "bids", "--columns", columns, "--no-figures")
-    assert (done.exit_code, (tmp_path / "analysis" / "levels.csv").exists()) == (0, True)
-    assert not (tmp_path / "bids" / "analysis").exists()
-
-
-@pytest.mark.slow
 def test_one_who_never_says_none_does_not_make_a_data_set_a_forced_choice(tmp_path: Path) -> None:
     for who in ("01", "02", "07"):
         first, second = ("left", "left") if who == "07" else ("none", "right")
@@ -136,37 +117,6 @@ def test_one_who_never_says_none_does_not_make_a_data_set_a_forced_choice(tmp_pa
     totals = found.blank[found.blank["participant"].eq("all")]
     assert totals["left"].tolist() == [3]
     assert {*found.thresholds["guess_basis"]} == {"few blanks"}
-
-
-def recipe_of(row: str) -> str:
-    """Return what the page proposes for a table of this kind, as the text of a map."""
-    line = next(line for line in PAGE.read_text("utf-8").splitlines() if f"| {row}" in line)
-    parts = re.findall(r"`([^`]+)`", line.split(" | ", 1)[1])
-    return "\n".join(part for part in parts if part.startswith("[") or " = " in part) + "\n"
-
-
-def test_keys_of_two_sides_are_read_as_felt_by_the_recipe_of_the_page(tmp_path: Path) -> None:
-    keys = (
-        "participant,level_vpp,stimSide,key_resp.keys\n1,60,left,left\n1,60,right,right\n"
-        "1,95,right,left\n1,95,left,space\n"
-    )
-    (page,) = re.findall(
-        r"### Felt at either side.*?```toml\n(.*?)```", PAGE.read_text("utf-8"), re.DOTALL
-    )
-    absent = r'^(\[rows\.skip\]|"trials\.thisN"|condition|rt_s) ?.*\n'
-    felt = re.sub(absent, "", page, flags=re.MULTILINE)
-    felt = felt.replace("amp_um", "level_vpp").replace("down", "space")
-    columns = ColumnMap(**tomllib.loads(felt))
-    singles = [["single", "left"]] * 3 + [["single", "none"]]
-    assert rows_of(loaded(tmp_path, keys, columns), "kind", "response") == singles
-    blanks = recipe_of("the same, with blanks whose level is empty")
-    blank = put(tmp_path / "blanks.csv", keys + "1,,,left\n1,,,space\n")
-    assert blanks.strip().replace("\n", " ") in str(refused(blank, columns=columns))
-    read = read_inputs([blank], ColumnMap(**tomllib.loads(felt + blanks)))
-    assert rows_of(read, "kind", "response")[-2:] == [["blank", "left"], ["blank", "none"]]
-    both = recipe_of("the same, with stimuli at both sides")
-    more = put(tmp_path / "both.csv", keys + "1,95,both,left\n")
-    assert len(read_inputs([more], ColumnMap(**tomllib.loads(felt + both))).trials) == 4
 
 
 LEVELS = ("-30", "-24", "-18", "-12", "-6")
@@ -246,45 +196,6 @@ def test_answers_are_offered_as_no_condition(tmp_path: Path, name: str) -> None:
     assert draft(put(tmp_path / "t.csv", table)).offered == []
 
 
-def test_a_column_that_may_show_blanks_at_0_db_is_named_and_not_taken(tmp_path: Path) -> None:
-    head, *rows = one_place("").splitlines()
-    rows = [f"{row.replace(',,', ',0,')},{int(',,' in row)}" for row in rows]
-    table = put(tmp_path / "t.csv", "\n".join([f"{head},catch", *rows]) + "\n")
-    made = draft(table)
-    assert 'side = "catch"' in made.text
-    assert made.offered == []
-    words = {"task": "yes/no", "side": "left"}
-    assert false_alarms(table, made.filled(tmp_path / "draft.toml", words)) == (0, 0)
-    entries = made.map | {"task": "yes/no"}
-    del entries["constant"]
-    entries["columns"] |= {"side": "catch"}
-    entries["values"] = entries.get("values", {}) | {"side": {"1": "none", "0": "left"}}
-    assert false_alarms(table, ColumnMap(**entries)) == (6, 60)
-
-
-def test_the_examples_of_other_programs_have_the_counts_of_their_rows() -> None:
-    with (EXAMPLES / "psychopy-trials.csv").open(encoding="utf-8-sig", newline="") as stream:
-        shown = [r for r in csv.DictReader(stream) if r["trials.thisN"] and r["intensity"] != "0"]
-    with (EXAMPLES / "jspsych-trials.csv").open(encoding="utf-8", newline="") as stream:
-        played = [r for r in csv.DictReader(stream) if r["phase"] == "main"]
-    keys = {"f": "left", "j": "right"}
-    hits = {
-        "psychopy": [
-            (float(r["intensity"]) * 2.5, r["key_resp.keys"] == r["stim_side"]) for r in shown
-        ],
-        "jspsych": [(float(r["volume"]), keys.get(r["response"]) == r["side"]) for r in played],
-    }
-    for name, rows in hits.items():
-        columns = load_column_map(EXAMPLES / f"{name}-columns.toml")
-        read = read_inputs([EXAMPLES / f"{name}-trials.csv"], columns)
-        levels = level_table(read.trials)[["level_vpp", "detected", "presented"]]
-        expected = [
-            [at, sum(hit for level, hit in rows if level == at), sum(x == at for x, _ in rows)]
-            for at in sorted({level for level, _ in rows})
-        ]
-        assert levels.to_numpy().tolist() == expected
-
-
 def example(folder: Path, name: str, text: str) -> LoadedTrials:
     """Read a few rows of a published table with its map of docs/examples."""
     return loaded(folder, text, load_column_map(EXAMPLES / f"{name}-columns.toml"))
@@ -302,31 +213,6 @@ def test_an_unanswered_trial_of_grund_2022_is_no_no(tmp_path: Path) -> None:
     assert level[["level_vpp", "detected", "presented", "timeouts"]].tolist() == [1, 1, 3, 1]
     assert level["p_answered"] == 1 / 2
     assert analyse(read).blank[["left", "presented"]].iloc[-1].tolist() == [1, 2]
-
-
-def test_names_of_files_give_the_participants_of_a_bids_data_set(tmp_path: Path) -> None:
-    text = (
-        "participant_id\trun\tposture\tsoa\ttactor1side\tresponse_correct\trt\tsession\ttrial\n"
-        "sub-008\t1\tcrossed\t50\tleft\t1\t1365\tses-01\t1\n"
-        "sub-008\t1\tcrossed\t300\tleft\t0\t844\tses-01\t2\n"
-    )
-    for who in ("008", "009"):
-        put(tmp_path / f"sub-{who}/ses-01/sub-{who}_task-LID_beh.tsv", text.replace("008", who))
-    read = read_inputs([tmp_path], load_column_map(EXAMPLES / "r2bids-columns.toml"))
-    columns = ("participant", "session", "condition", "level_vpp", "response", "rt_s")
-    assert rows_of(read, *columns) == [
-        [who, "ses-01", "crossed", *trial]
-        for who in ("008", "009")
-        for trial in ((50.0, "left", 1.365), (300.0, "right", 0.844))
-    ]
-
-
-def test_quickpsy_has_levels_below_0(tmp_path: Path) -> None:
-    text = "participant,cond,trial,phase,resp\nParticipant1,cond1,1.0,-150.0,0\n"
-    found = example(tmp_path, "quickpsy", f"{text}Participant1,cond2,2.0,-50.0,1\n")
-    assert found.axis.x_scale == "linear"
-    levels = level_table(found.trials)[["condition", "level_vpp", "detected", "presented"]]
-    assert levels.to_numpy().tolist() == [["cond1", -150.0, 0, 1], ["cond2", -50.0, 1, 1]]
 
 
 @pytest.mark.parametrize(

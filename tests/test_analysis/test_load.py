@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -14,11 +13,11 @@ from hypothesis import strategies as st
 from analysis import ColumnMap, ResultFileError, read_inputs, read_trials
 from analysis.reading.text import CHUNK_ROWS
 from experiment import COLUMNS, TrialRow
-from tests.test_analysis.shared import LEAST, put, refused, row, table_of, write
+from tests.test_analysis.shared import LEAST, cases, put, refused, row, table_of, write
 
 if TYPE_CHECKING:
     import os
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Iterator
     from pathlib import Path
 
     from tests.conftest import Simulate
@@ -142,29 +141,7 @@ def test_a_table_of_another_version_is_refused_by_its_schema(tmp_path: Path) -> 
     assert "schema" in str(refused(path))
 
 
-ABORTED = {"response": None, "status": "aborted"}
-
-
-@pytest.mark.parametrize(
-    ("changes", "column"),
-    [
-        ({"participant": "all"}, "participant"),
-        ({"kind": "single", "side": "both"}, "side"),
-        ({"kind": "single", "side": "none", "level_vpp": None}, "side"),
-        ({"kind": "both", "side": "left"}, "side"),
-        ({"kind": "blank", "side": "left"}, "side"),
-        ({"level_vpp": None}, "level_vpp"),
-        ({"level_vpp": 0.0}, "level_vpp"),
-        ({"kind": "practice", "level_vpp": None}, "level_vpp"),
-        ({"kind": "blank", "side": "none"}, "level_vpp"),
-        ({"response": None, "rt_s": None}, "response"),
-        (ABORTED, "rt_s"),
-        ({"response": "timeout"}, "rt_s"),
-        ({"correct": False}, "correct"),
-        ({"response": "both", "correct": True}, "correct"),
-        (ABORTED | {"rt_s": None, "correct": False}, "correct"),
-    ],
-)
+@pytest.mark.parametrize(("changes", "column"), cases("contradictions"))
 def test_contradictions_are_refused(tmp_path: Path, changes: Any, column: str) -> None:
     error = refusal(tmp_path, row(), row(2, **changes), row(3))
     assert error.line == 3
@@ -216,22 +193,7 @@ def test_two_valid_attempts_of_one_trial_are_refused(tmp_path: Path) -> None:
     assert "status ok" in str(error)
 
 
-def without(column: str) -> str:
-    table = pd.DataFrame([line.rstrip("\n").split(",") for line in (HEADER, LINE)])
-    return table.drop(columns=NAMES.index(column)).to_csv(index=False, header=False)
-
-
-@pytest.mark.parametrize(
-    ("text", "words"),
-    [
-        (LINE, "'1'"),
-        (without("rt_s"), "rt_s"),
-        (f"colour,{HEADER}red,{LINE}", "'colour'"),
-        (f"side,{HEADER}left,{LINE}", "'side'"),
-        (f"\ufeff{HEADER}{LINE}", "BOM"),
-        ((HEADER + LINE).replace(",", ";"), "semicolons"),
-    ],
-)
+@pytest.mark.parametrize(("text", "words"), cases("headers"))
 def test_another_header_is_refused(tmp_path: Path, text: str, words: str) -> None:
     path = put(tmp_path / "trials.csv", text)
     error = refused(path)
@@ -334,29 +296,6 @@ def test_the_names_of_inputs_tell_the_files_apart(tmp_path: Path) -> None:
     assert [file.name for file in read_inputs(tables).inputs] == names
 
 
-@pytest.mark.parametrize("fault", [False, True])
-@pytest.mark.parametrize("name", ["trials.csv", "plan.json"])
-def test_a_file_that_changes_meanwhile_is_refused(
-    tmp_path: Path, name: str, *, fault: bool
-) -> None:
-    changing, other = session(tmp_path, "1").with_name(name), session(tmp_path, "2")
-    if fault:
-        write_cell(other, "side", "top")
-
-    @contextmanager
-    def watched(sources: Sequence[Any]) -> Iterator[Iterator[Any]]:
-        def ask() -> Iterator[Any]:
-            yield from sources
-            with changing.open("a", encoding="utf-8") as file:
-                file.write("\n")
-
-        yield ask()
-
-    with pytest.raises(ResultFileError) as caught:
-        read_inputs([tmp_path], watched=watched)
-    assert caught.value.file == str(changing)
-
-
 MAPPED = "participant,side,level_vpp,"
 
 
@@ -405,14 +344,6 @@ def test_slow_answers_are_judged_person_by_person(tmp_path: Path) -> None:
     error = refused(fast, slow)
     assert (error.file, error.line) == (str(slow), 2)
     assert "480" in str(error)
-
-
-def test_whether_none_was_an_answer_is_judged_study_by_study(tmp_path: Path) -> None:
-    offered = write(tmp_path / "offered.csv", row(), row(2, response="none"))
-    same = write(tmp_path / "same.csv", row(participant="2"))
-    other = write(tmp_path / "other.csv", row(participant="3", study_sha256="cd" * 32))
-    offers = read_trials([offered, same, other])["none_offered"]
-    assert offers.fillna(value=False).tolist() == [True, True, True, False]
 
 
 @pytest.mark.slow

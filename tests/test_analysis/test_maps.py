@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import re
-import tomllib
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,7 +11,7 @@ import pandas as pd
 import pytest
 
 from analysis import ColumnMap, analyse, load_column_map, read_inputs, read_trials
-from tests.test_analysis.shared import LEAST, loaded, put, refused
+from tests.test_analysis.shared import LEAST, cases, loaded, put, refused
 
 if TYPE_CHECKING:
     from analysis import LoadedTrials
@@ -20,9 +19,6 @@ if TYPE_CHECKING:
 FELT = "participant,side,level_vpp,detected\n"
 TIMED = LEAST.replace("\n", ",rt_s\n")
 NUMBERED = LEAST.replace("\n", ",trial\n")
-YES_NO = {"task": "yes/no"}
-LINEAR = {"axis": {"x_scale": "linear"}}
-FORCED_DB = {"axis": {"x_scale": "dB", "unit": "dB"}, "task": "forced choice"}
 
 
 def rows_of(read: LoadedTrials, *columns: str) -> list[list[Any]]:
@@ -51,132 +47,17 @@ def test_four_columns_are_enough_and_the_rest_has_its_default(tmp_path: Path) ->
     assert trials[absent].isna().all(axis=None)
 
 
-CONSTANT_RIGHT = ColumnMap(columns={"trial": "", "side": ""}, constant={"side": "right"})
-EXPLAINED = ColumnMap(
-    columns={"kind": "stim", "side": "stim", "detected": "felt"},
-    values={"kind": {"0": "blank", "1": "single"}, "side": {"0": "none", "1": "right"}},
-    task="yes/no",
-)
-THEIRS = """
-[columns]
-participant = "Subject"
-level_vpp = "amplitude"
-response = "key"
-rt_s = "time"
-[values.response]
-l = "left"
-"" = "timeout"
-[constant]
-side = "left"
-[units]
-rt_s = "ms"
-level_vpp = "mV-peak"
-"""
-CORRECT = "participant,side,level_vpp,correct\n1,left,60,{}\n1,right,60,{}\n"
-BOTH = "participant,side,level_vpp,response,detected\n1,left,60,right,1\n"
-LOW = {"level_vpp": {"low": "60", "1000": "95"}}
 PHASES = (
     "participant,side,level_vpp,response,phase,n\n,,,,welcome,\n1,left,60,left,practice,0\n"
     "1,left,60,left,main,0\n1,left,95,none,main,1\n1,left,95,left,main,\n,,,,,\n\n"
 )
-ZEROS = LEAST + "1,left,60,left\n1,left,0,none\n1,left,0,left\n"
 
 
-def of_correct(**more: Any) -> ColumnMap:
-    return ColumnMap(columns={"detected": "correct"}, **more)
-
-
-@pytest.mark.parametrize(
-    ("table", "columns", "names", "expected"),
-    [
-        (
-            "Subject,amplitude,key,time,colour\n01,30000,l,612.5,red\n01,30000,,,blue\n",
-            ColumnMap(**tomllib.loads(THEIRS)),
-            "level_vpp response side",
-            [[60.0, "left", "left"], [60.0, "timeout", "left"]],
-        ),
-        (
-            "participant,stim,level_vpp,felt\n1,1,2.5,0\n1,0,0,0\n1,0,,1\n1,1,2.5,timeout\n",
-            EXPLAINED,  # a column of theirs for two of ours
-            "kind response",
-            [["single", "none"], ["blank", "none"], ["blank", "right"], ["single", "timeout"]],
-        ),
-        (
-            LEAST + "1,left,low,left\n1,left,130000,left\n1,left,1000,left\n",
-            ColumnMap(values=LOW, units={"level_vpp": "mV"}),  # words are in our unit
-            "level_vpp",
-            [[60.0], [130.0], [95.0]],
-        ),
-        (
-            "participant,trial,side,level_vpp,response\n1,a,left,60,left\n1,a,left,60,none\n",
-            CONSTANT_RIGHT,
-            "trial side",
-            [[1, "right"], [2, "right"]],
-        ),
-        (PHASES, ColumnMap(rows={"keep": {"phase": "main"}, "skip": {"n": [""]}}),
-         "line level_vpp", [[4, 60.0], [5, 95.0]]),
-        (LEAST + "1,left,40,left\n1,left,62.5,none\n", ColumnMap(scale={"level_vpp": 2.5}),
-         "level_vpp", [[100.0], [156.25]]),
-        (NUMBERED + "1,left,60,left,0\n1,left,60,left,1\n2,left,60,left,1\n", ColumnMap(),
-         "participant trial", [["1", 1], ["1", 2], ["2", 1]]),
-        (NUMBERED + "1,left,60,left,1\n" * 2, ColumnMap(columns={"trial": ""}),
-         "trial", [[1], [2]]),
-        (ZEROS, ColumnMap(), "kind side correct",
-         [["single", "left", True], ["blank", "none", True], ["blank", "none", False]]),
-        (ZEROS, ColumnMap(task="forced choice", axis={"x_scale": "linear"}),
-         "kind", [["single"]] * 3),
-        (CORRECT.format(1, 0), of_correct(task="forced choice"), "response correct",
-         [["left", True], ["left", False]]),
-        (CORRECT.format("true", "FALSE"), of_correct(task="yes/no"), "response none_offered",
-         [["left", True], ["none", True]]),
-        (CORRECT.format("true", "FALSE"),
-         of_correct(values={"detected": {"true": "0", "FALSE": "timeout"}}, task="yes/no"),
-         "response", [["none"], ["timeout"]]),
-        (FELT + "1,left,60,1\n1,left,60,\n",
-         ColumnMap(values={"detected": {"": "timeout"}}, task="yes/no"),
-         "response", [["left"], ["timeout"]]),
-        (LEAST.replace("\n", ",note,note\n") + "1,left,60,left,a,b\n", ColumnMap(),
-         "level_vpp", [[60.0]]),
-        (LEAST.replace("\n", ",session,session\n") + "1,left,60,left,a,b\n",
-         ColumnMap(columns={"session": ""}), "session", [["01"]]),
-        (LEAST + "1,left,1000000000,left\n", ColumnMap(units={"level_vpp": "mV"}),
-         "level_vpp", [[1e6]]),
-        (f"\ufeff{LEAST}1,left,60,left\n", ColumnMap(), "participant", [["1"]]),
-        *(
-            (BOTH, ColumnMap(columns=columns, task="yes/no"), "response", [[response]])
-            for columns, response in (
-                ({"detected": "detected"}, "left"), ({"response": "response"}, "right"),
-                ({"response": ""}, "left"), ({"detected": ""}, "right"),
-            )
-        ),
-    ],
-)  # fmt: skip # rows of a table
+@pytest.mark.parametrize(("table", "columns", "names", "expected"), cases("tables that are read"))
 def test_a_table_is_read_by_its_map(
-    tmp_path: Path, table: str, columns: ColumnMap, names: str, expected: list[list[Any]]
+    tmp_path: Path, table: str, columns: Any, names: str, expected: list[list[Any]]
 ) -> None:
-    assert rows_of(loaded(tmp_path, table, columns), *names.split()) == expected
-
-
-@pytest.mark.parametrize(
-    ("column", "unit", "text", "value"),
-    [
-        ("rt_s", "s", "0.612", 0.612),
-        ("rt_s", "ms", "612", 0.612),
-        ("rt_s", "us", "612000", 0.612),
-        ("level_vpp", "V", "60", 60.0),
-        ("level_vpp", "mV", "60000", 60.0),
-        ("level_vpp", "V-peak", "30", 60.0),
-        ("level_vpp", "mV-peak", "30000", 60.0),
-    ],
-)
-def test_units_come_out_exact(
-    tmp_path: Path, column: str, unit: str, text: str, value: float
-) -> None:
-    cells = {"participant": "1", "side": "left", "level_vpp": "60", "response": "left", "rt_s": "1"}
-    cells[column] = text
-    table = ",".join(cells) + "\n" + ",".join(cells.values()) + "\n"
-    read = loaded(tmp_path, table, ColumnMap(units={column: unit}))
-    assert rows_of(read, column) == [[value]]
+    assert rows_of(loaded(tmp_path, table, ColumnMap(**columns)), *names.split()) == expected
 
 
 def test_rows_are_left_out_and_counted(tmp_path: Path) -> None:
@@ -289,55 +170,7 @@ def test_volts_are_from_peak_to_peak_unless_a_map_states_them(tmp_path: Path) ->
     assert ours != theirs
 
 
-@pytest.mark.parametrize(
-    ("table", "columns", "line", "parts"),
-    [
-        ("a,b\n1,2\n", {}, 1, "participant|side|level_vpp|response"),
-        ("participant,side,level_vpp\n1,left,60\n", {}, 1, "response"),
-        (LEAST + "1,left,60,left\n", {"columns": {"rt_s": "time"}}, 1, "'time'"),
-        (LEAST + "1,left,60,left\n", {"constant": {"side": "left"}}, 1, "constant"),
-        (LEAST + "1,left,60,left\n", {"rows": {"skip": {"phase": "a"}}}, 1, "'phase'|[rows]"),
-        (LEAST + "1,left,60,l\n", {}, 2, "'response'|'l'"),
-        (LEAST + "1,left,,left\n", {}, 2, "'level_vpp'"),
-        (LEAST + ",left,60,left\n", {}, 2, "'participant'"),
-        (LEAST + "1,left,60,\n", {}, 2, "'response'"),
-        (LEAST.replace("side", "s") + "1,up,60,left\n", {"columns": {"side": "s"}}, 2, "(side)"),
-        (LEAST + "1,up,60,left\n", {}, 2, "'up'"),
-        (LEAST + "1,left,1e999,left\n", {"units": {"level_vpp": "V-peak"}}, 2, "'1e999'"),
-        (LEAST + "1,left,60;1\n", {}, 2, ""),
-        (LEAST + "1,left,60,left\n1,left,1e-7,left\n", {}, 3, "1e-06|1e+06"),
-        (LEAST + "1,left,60,left\n1,left,1.1e6,left\n", {}, 3, "1e-06|1e+06"),
-        (LEAST + "1,left,-60,left\n", {}, 2, "'level_vpp'|'-60'"),
-        (LEAST + "1,left,nan,left\n", LINEAR, 2, "-inf"),
-        (LEAST + "1,left,,left\n", LINEAR, 2, '[values.level_vpp] "" = "-inf"'),
-        (LEAST + "1,left,-inf,left\n", {}, 2, "'level_vpp'|'-inf'"),
-        (LEAST + "1,left,-inf,left\n", FORCED_DB, 2, "-inf"),
-        (ZEROS, {"task": "forced choice"}, 3, "0"),
-        (LEAST + "1,none,-60,none\n", LINEAR, 2, "-60|n/a"),
-        (NUMBERED + "1,left,60,left,a\n", {}, 2, "'a'"),
-        (NUMBERED + "1,left,60,left,1\n" * 2, {}, 3, '[columns] trial = ""'),
-        (LEAST + "1,left,60,left\n", {"columns": {"side": ""}}, 1, "side"),
-        (LEAST.replace("\n", ",note,note\n") + "1,left,60,left,a,b\n",
-         {"columns": {"condition": "note"}}, 1, "'note'|condition"),
-        (LEAST.replace("\n", ",session,session\n") + "1,left,60,left,a,b\n", {}, 1,
-         "[columns] session"),
-        (BOTH, {}, 1, "response|detected"),
-        (LEAST + "1,left,60,left\n", {"constant": {"detected": "0"}}, 1, "detected"),
-        (FELT + "1,left,60,1\n", {"constant": {"response": "none"}}, 1, "response"),
-        (FELT + "1,left,60,1\n1,left,60,\n", YES_NO, 3, "'response'"),
-        (FELT + "1,left,60,1\n1,right,60,1\n1,none,0,1\n", YES_NO, 4, "left|right"),
-        (FELT + "1,left,60,1\n1,left,60,None\n", YES_NO, 3,
-         '[values.detected] "None" = "timeout"'),
-        (FELT + "A,left,60,1\nA,right,60,0\n", {}, 1, 'task = "yes/no"'),
-        (CORRECT.format("yes", "FALSE"), {"columns": {"detected": "correct"}, **YES_NO}, 2,
-         '[values.detected] "yes" = "1"'),
-        (timed({"1": 0.5}), {"units": {"rt_s": "ms"}}, 2, "0.01|10|ms"),
-        ("participant,intensity,detected\np,0,1\np,,0\np,10,1\n",
-         {"columns": {"level_vpp": "intensity"}, "constant": {"side": "left"}, **YES_NO,
-          "values": {"level_vpp": {"": "0"}}, "axis": {"x_scale": "dB", "unit": "dB SL"}}, None,
-         '"" = "-inf"'),
-    ],
-)  # fmt: skip # rows of a table
+@pytest.mark.parametrize(("table", "columns", "line", "parts"), cases("tables that are refused"))
 def test_a_table_that_does_not_fit_its_map_is_refused(
     tmp_path: Path, table: str, columns: dict[str, Any], line: int | None, parts: str
 ) -> None:
@@ -348,66 +181,7 @@ def test_a_table_that_does_not_fit_its_map_is_refused(
 
 @pytest.mark.parametrize(
     ("text", "parts"),
-    [
-        ('[tabel]\ndetected = "k"', "[tabel]|[file]|[rows]"),
-        ('[axis]\nx_scale = "ln"', "[axis] x_scale|log10|dB|linear|'ln'"),
-        ('[axis]\nx = "linear"', "[axis] x|x_scale|unit"),
-        ('[axis]\nunit = ""', "[axis] unit|16|''"),
-        ('[axis]\nunit = "dB SL"', '[axis] x_scale = "dB"'),
-        ('[axis]\nx_scale = "dB"', 'x_scale = "dB"|unit = "V"'),
-        ("[axis]\nunit = 5", "[axis] unit|16|5"),
-        ("[axis]\nx_scale = []", "[axis] x_scale|[]"),
-        ("[constant]\nlevel_vpp = -5", "[constant] level_vpp"),
-        ("[constant]\nlevel_vpp = nan", "[constant] level_vpp"),
-        ("[constant]\nlevel_vpp = [60]", "[constant] level_vpp"),
-        ('columns = "a"', "[columns]"),
-        ('[columns]\ncolour = "c"', "[columns] colour"),
-        ("[columns]\nside = 1", "[columns] side|1"),
-        ('[values]\nside = "left"', "[values] side"),
-        ("[values.side]\nl = 1", "[values] side"),
-        ('[values.side]\nl = "up"', "[values.side]|'l'|left|none"),
-        ('[values.colour]\nl = "up"', "[values] colour"),
-        ('[constant]\nside = "up"', "[constant] side|'up'|none"),
-        ('[constant]\nside = "left"\n[columns]\nside = "s"', "[columns]"),
-        ('[units]\nrt_s = "h"', "[units] rt_s|ms|us|'h'"),
-        ('[units]\nlevel_vpp = "Vrms"', "[units] level_vpp|mV-peak"),
-        ('[units]\nside = "ms"', "[units] side|'ms'"),
-        ('[columns]\nresponse = "a"\ndetected = "b"', "detected|response"),
-        ('[constant]\nrt_s = 1\n[units]\nrt_s = "ms"', "[units] rt_s"),
-        ("[columns\n", ""),
-        ("task = yes  # or no", 'task = "yes"'),
-        ("[columns]\nside = arm\n", 'side = "arm"'),
-        ("[columns]\nside =", "side"),
-        ("[scale]\nlevel_vpp = .5", "line 2|column 13"),
-        ('task = "yes/no"\nalternatives = 2', "alternatives|task"),
-        ('task = "forced choice"\nalternatives = 1', "alternatives"),
-        ('task = "2AFC"', 'task|"yes/no"'),
-        ("alternatives = 2", "alternatives|task"),
-        ("a = " + "[" * 100_000, ""),
-        ("x" * 1_000_001, "1000000"),
-        ('[file]\ndelimiter = "::"', "[file] delimiter|','|';'"),
-        ('[file]\ndelimiter = ","\ndecimal = ","', "decimal"),
-        ('[file]\nencoding = "zip"', "[file] encoding"),
-        ('[file]\nencoding = "latin-99"', "[file] encoding"),
-        ('[file]\nquote = "\'"', "[file] quote|delimiter"),
-        ("[rows.drop]", "[rows.drop]"),
-        ("[rows.keep]\nphase = 1", "[rows.keep] phase"),
-        ('[rows]\nkeep = ["phase"]', "[rows.keep]"),
-        ("[scale]\nlevel_vpp = 0", "[scale] level_vpp|0"),
-        ("[scale]\nlevel_vpp = true", "[scale] level_vpp|True"),
-        ("[scale]\ntrial = 2.0", "[scale] trial"),
-        ('[scale]\nrt_s = 2.0\n[units]\nrt_s = "ms"', "[scale] rt_s|[units]"),
-        ('[scale]\nrt_s = 2.0\n[constant]\nrt_s = "1"', "rt_s"),
-        ('[table]\ndetected = "k"', "[table]|presented"),
-        ("[table]\nCOUNTS\ngroups = []", "[table]"),
-        ("[table]\nCOUNTS\nnone_offered = false", "[table]"),
-        ('[table]\nCOUNTS\ngroup = "p"', "[table] group"),
-        ("[table]\nCOUNTS\ngroup = [1]", "[table]"),
-        ('[table]\ndetected = "k"\npresented = "k"', "k, k"),
-        ("[table]\nCOUNTS", 'task = "yes/no"'),
-        ('[columns]\nrt_s = "t"\n[table]\nCOUNTS', "[columns] rt_s|[table]"),
-        ('[constant]\ncondition = "x"\n[table]\nCOUNTS\ngroup = ["p"]', "condition"),
-    ],
+    [*cases("maps that are refused"), ["a = " + "[" * 100_000, ""], ["x" * 1_000_001, "1000000"]],
 )
 def test_a_map_that_cannot_be_meant_is_refused(tmp_path: Path, text: str, parts: str) -> None:
     text = text.replace("COUNTS", 'detected = "k"\npresented = "n"')
@@ -415,13 +189,6 @@ def test_a_map_that_cannot_be_meant_is_refused(tmp_path: Path, text: str, parts:
         load(tmp_path, text)
     assert all(part in str(caught.value) for part in parts.split("|"))
     assert "\n" not in str(caught.value)
-
-
-@pytest.mark.parametrize("section", ["columns", "constant", "units", "values"])
-def test_a_map_made_in_python_is_held_to_the_same_types(section: str) -> None:
-    sections: dict[str, Any] = {section: {"rt_s": 5}}
-    with pytest.raises(ValueError, match=rf"\[{section}\] rt_s: .* 5"):
-        ColumnMap(**sections)
 
 
 def test_a_map_that_is_a_pipe_or_not_utf8_is_refused(tmp_path: Path) -> None:
@@ -516,17 +283,3 @@ def test_a_run_begun_anew_is_pooled_with_no_other(
     assert len(read.trials) == rows
     assert sum("p1_a" in str(warning) for warning in read.changed) == warned
     assert read.numbered is not bool(warned)
-
-
-def test_the_order_of_rows_is_that_of_conditions_within_a_file_only(tmp_path: Path) -> None:
-    data = begun_again(tmp_path / "data")
-    (data / "p1_a.csv").unlink()
-    columns = ColumnMap(columns={"trial": ""})
-    assert read_inputs([data], columns).numbered
-    for path in [*data.iterdir()]:
-        head, *rows = path.read_text(encoding="utf-8").splitlines()
-        for skin in ("dry", "moist"):
-            kept = [row for row in rows if row.endswith(skin)]
-            put(path.with_name(f"{path.stem}{skin}.csv"), "\n".join([head, *kept]) + "\n")
-        path.unlink()
-    assert not read_inputs([data], columns).numbered

@@ -11,12 +11,12 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 from analysis import ColumnMap, analyse, read_inputs, read_trials
-from tests.test_analysis.shared import put, refused
+from tests.test_analysis.shared import refused
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from tests.conftest import Run, Simulate
+    from tests.conftest import Simulate
 
 FIRST, SECOND = "sub-01/ses-01", "sub-02/ses-01"
 
@@ -128,19 +128,6 @@ def test_warm_up_may_be_repeated_and_is_not_missed(
     for line in (7, 8):
         change(table, line, **cells, attempt=line - 6)
         assert len(read_trials([table])) == line - 1
-    assert warnings_of(results) == ()
-
-
-@pytest.mark.slow
-def test_placed_levels_make_no_other_study(
-    results: Path, tmp_path: Path, short_study_text: str, run: Run
-) -> None:
-    study = put(tmp_path / "study.toml", short_study_text)
-    levels = put(tmp_path / "levels.toml", 'participant = "new"\nlevels_vpp = [70, 150]\n')
-    simulated = ("--responder", "simulated", "--seed", 5, "--participant", "new")
-    done = run("run", study, *simulated, "--levels", levels, "--out", results)
-    assert done.exit_code == 0, done.output
-    assert {*read_trials([results])["level_vpp"].dropna()} == {70.0, 80.0, 150.0, 160.0}
     assert warnings_of(results) == ()
 
 
@@ -260,11 +247,3 @@ def test_a_plan_beside_a_table_of_another_name_is_not_its_plan(table: Path) -> N
     change(table, 3, level_vpp=81)
     assert len(read_trials([shutil.copy(table, table.with_name("other.csv"))])) == 5
     assert refused(table, columns=ColumnMap()).line == 3
-
-
-def test_a_table_torn_in_its_last_cell_is_refused(results: Path, table: Path) -> None:
-    keep(table, 5)
-    table.write_bytes(table.read_bytes()[:-9])
-    error = refused(results)
-    assert error.line == 5
-    assert "'study_sha256'" in str(error)

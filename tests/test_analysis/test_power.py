@@ -18,7 +18,7 @@ from analysis import proportion_ci
 from analysis.commands.power import Progress
 from tests.test_analysis import planning
 from tests.test_analysis.planning import BOTH_AND_NONE, evenly, made_up, search, study_of
-from tests.test_analysis.shared import put, run
+from tests.test_analysis.shared import cases, put, run
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
@@ -175,19 +175,6 @@ def test_one_number_that_is_clearly_enough_takes_few_studies(
 
 
 @pytest.mark.slow
-def test_the_share_of_one_number_is_not_chosen_by_its_luck() -> None:
-    """Its first studies only say that it is enough: its share is no better for that."""
-    truth, shares = 0.87, []
-    for seed in range(400):
-        rng = np.random.default_rng(seed)
-        found = search(made_up(lambda _n, _, size: rng.random(size) < truth), (5, 5))  # noqa: B023
-        assert found.checked is not None
-        shares.append((found.checked.assurance, *found.checked.limits))
-    assert np.mean([share for share, *_ in shares]) == pytest.approx(truth, abs=0.003)
-    assert np.mean([low <= truth <= high for _, low, high in shares]) > 0.93
-
-
-@pytest.mark.slow
 def test_the_share_of_the_answer_is_not_better_than_what_it_attains() -> None:
     slope = 0.01  # each person more reaches the goal in so many more studies, 13.6 in 80 %
     fresh: list[float] = []
@@ -252,25 +239,6 @@ def test_progress_is_shown_every_second_or_half_minute(
     assert shown[0][:2] == (4, 200)
     assert shown[-1][:2] == (88, 200)
     assert len(capsys.readouterr().err.splitlines()) == (0 if terminal else 2)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("middle", [4, 12, 30, 100])
-@pytest.mark.parametrize("slope", [1.4, 5.0])
-def test_the_work_ahead_is_about_that_which_it_takes(middle: int, slope: float) -> None:
-    steps: list[tuple[float, float]] = []
-
-    def share(people: int) -> float:
-        return NormalDist().cdf(0.84 + slope * math.log(people / middle))
-
-    goal = "half-width=1dB" if slope > 2 else "false-alarms=9%"
-    planning.promised(share, (2, 40), lambda part, ahead, _: steps.append((part, ahead)), goal)
-    done = np.cumsum([part for part, _ in steps])
-    total = done + [ahead for _, ahead in steps]
-    after_the_ladder = total[done > 0.3 * done[-1]] / done[-1]
-    assert len(after_the_ladder) > 3
-    assert ((after_the_ladder > 0.5) & (after_the_ladder < 2)).all()
-    assert done[-1] == pytest.approx(total[-1], rel=0.2)
 
 
 @pytest.mark.parametrize(
@@ -370,18 +338,6 @@ def test_each_condition_has_levels_of_its_own_after_a_pilot(more: str) -> None:
     assert sum(found["reached"]) == 6
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("threshold_vpp", "least", "most"), [(80.0, 0, 2), (5.0, 1, 5), (190.0, 4, 8)]
-)
-def test_levels_are_placed_for_most_pilots_whose_levels_reach(
-    threshold_vpp: float, least: int, most: int
-) -> None:
-    study = study_of("", f"threshold_vpp = {threshold_vpp}\nthreshold_sd_db = 1.0")
-    found = planning.simulated(study, "half-width=1dB", 1, 1, participants=8, placed=True)
-    assert least <= found["unplaced"][0] <= most
-
-
 @pytest.mark.parametrize(
     ("threshold_vpp", "spread_db", "least_vpp"),
     [(80, 2, 20.0), (58, 3, 20.0), (20, 3, 7.1), (5, 1, 2.8), (0.1, 3, 0.1)],
@@ -431,36 +387,7 @@ def test_other_designs_begin_where_their_gains_show(
     assert all(first >= second for first, second in pairwise(gains))
 
 
-@pytest.mark.slow
-def test_the_least_number_of_a_range_has_a_rule_of_thumb() -> None:
-    found = planning.promised(lambda _: 0.97, (7, 9))
-    assert found.best is not None
-    assert (found.best.participants, found.best.low, found.best.high) == (7, 7, 7)
-    assert found.thumb is not None
-
-
-@pytest.mark.parametrize(
-    ("goal", "study", "parts"),
-    [
-        ("half-width=1dB", "[simulation]\nsigma = 0.1", "simulation.threshold_sd_db"),
-        ("half-width=1", "", "half-width=1dB"),
-        ("half-width=0dB", "", "half-width|40 dB|0"),
-        ("difference=-3dB", "", "40 dB|-3"),
-        ("difference=1dB", "", "difference"),
-        ("detection=10%@61V", "", "design.levels_vpp|60 95"),
-        ("false-alarms=5%", "", "design.blank_trials|--blanks"),
-        (
-            "half-width=2dB",
-            "[simulation]\nthreshold_vpp = 60.0\nthreshold_sd_db = 2.0\nthreshold_at_cm2 = 0.3\n"
-            + "".join(
-                f'[[actuator]]\nside = "{side}"\nx_mm = {x_mm}\ny_mm = 7.0\ndiameter_mm = 8.0\n'
-                f"finger_diameter_mm = {finger_mm}\n"
-                for side, x_mm, finger_mm in (("left", 30.0, 6.0), ("right", 95.0, 12.0))
-            ),
-            "threshold_at_cm2|6 dB",
-        ),
-    ],
-)
+@pytest.mark.parametrize(("goal", "study", "parts"), cases("studies that cannot be planned"))
 def test_what_cannot_be_planned_is_refused_in_one_line(
     goal: str, study: str, parts: str, tmp_path: Path
 ) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 from dataclasses import asdict, replace
 from typing import TYPE_CHECKING, Any
 
@@ -45,45 +44,6 @@ def test_people_of_the_literature_have_a_source_for_each_number() -> None:
 
 
 @pytest.mark.parametrize(
-    ("people", "higher", "difference_db"),
-    [
-        ("threshold_vpp = 70", 1.0, 0.0),
-        ("threshold_vpp = 70", 2.0, 0.0),
-        ("threshold_um = 1.2", 2.0, -6.0),
-        ("threshold_um = 1.2\ndifference_db = 4.5", 2.0, -1.5),
-        ("threshold_vpp = 70\nthreshold_at_s = 0.05", 1.0, -9.2),
-    ],
-)
-def test_the_difference_of_a_dry_run_is_stated_beside_the_goals(
-    people: str, higher: float, difference_db: float
-) -> None:
-    """That of curves by duration and of displacements, not only that which is stated."""
-    conditions = "".join(
-        f'[[condition]]\nname = "{name}"\ncycles = {cycles}\n'
-        for name, cycles in (("short", 4), ("long", 40))
-    )
-    burst = f'[burst]\nfrequency_hz = 300\nwindow = "hann"\n{conditions}'
-    study = study_of("", f"threshold_sd_db = 2.5\ndifference_sd_db = 1.0\n{people}\n{burst}")
-    gains = gains_of(short=0.02, long=0.02 * higher)
-    goal = goal_of("difference=3dB")
-    report = stated_people(study, goal).words(goal, gains)
-    stated = [float(number) for number in re.findall(r"[+-]\d+\.\d", report)]
-    assert stated == [pytest.approx(difference_db, abs=0.1)]
-    as_it_is = replace(goal, size=abs(stated[0]) or 0.01)
-    assert not re.findall(r"[+-]\d", stated_people(study, as_it_is).words(as_it_is, gains))
-
-
-def test_numbers_that_a_dry_run_has_not_are_named() -> None:
-    people = literature_people(NONE_OFFERED, HALF_WIDTH)
-    gains = gains_of(main=1.0)
-    others = people.words(HALF_WIDTH, gains)
-    assert all(key in others for key in ("threshold_sd_db 1.5", "sigma_spread", "last_answer_db"))
-    copied = "\n".join(f"{number.key} = {number.value}" for number in people.numbers)
-    same = stated_people(study_of(BOTH_AND_NONE, copied), HALF_WIDTH).words(HALF_WIDTH, gains)
-    assert not re.findall(r"\d", same)
-
-
-@pytest.mark.parametrize(
     ("goal", "study", "without"),
     [
         ("half-width=1dB", NONE_OFFERED, {"difference_sd_db"}),
@@ -99,7 +59,9 @@ def test_only_numbers_that_the_goal_hangs_on_are_listed(
     keys = {number.key for number in people.numbers}
     assert keys.isdisjoint(without)
     assert {"difference_sd_db", "false_alarm_rate"} <= keys | without
-    assert ("difference_sd_db" in " ".join(map(str, people.warnings))) == ("difference_sd_db" in keys)
+    assert ("difference_sd_db" in " ".join(map(str, people.warnings))) == (
+        "difference_sd_db" in keys
+    )
 
 
 def test_false_alarms_hang_on_no_threshold() -> None:
@@ -123,23 +85,6 @@ def test_a_width_that_is_likely_one_in_db_is_warned_of(sigma: float, *, warned: 
     warnings = stated_people(study, HALF_WIDTH).warnings
     assert len(warnings) == warned
     assert all(key in str(text) for text in warnings for key in ("simulation.sigma", "40 dB"))
-
-
-@pytest.mark.slow
-def test_a_pilot_gives_people_like_its_own(tmp_path: Path) -> None:
-    true = study_of(
-        "levels_vpp = [40.0, 60.0, 80.0, 110.0, 150.0]\ntrials_per_side = 100",
-        "threshold_vpp = 80.0\nthreshold_sd_db = 3.0",
-    )
-    assert len([*simulate_study(true, tmp_path, participants=12, seed=4)]) == 12
-    people = pilot_people(study_of(""), HALF_WIDTH, read_inputs([tmp_path]), "there")
-    assert not people.warnings
-    thresholds = 20 * np.log10([draw["threshold_vpp"] / 80 for draw in people.draws])
-    assert abs(np.median(thresholds)) < 3 * 3 / math.sqrt(12)
-    assert 0.5 < np.std(thresholds) < 1.5
-    low, high = np.quantile([draw["threshold_sd_db"] for draw in people.draws], (0.025, 0.975))
-    assert low < 3.0 < high
-    assert " 12 " in people.numbers[0].source
 
 
 @pytest.mark.slow

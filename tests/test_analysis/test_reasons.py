@@ -10,7 +10,7 @@ import pytest
 
 from analysis import Analysis, ColumnMap, analyse, level_table, read_inputs
 from analysis.reading.reasons import with_reasons
-from tests.test_analysis.shared import loaded, put
+from tests.test_analysis.shared import cases, loaded, put
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -42,26 +42,7 @@ def numbers(found: Analysis) -> list[list[Any]]:
     return [table.astype(object).fillna(-1).to_numpy().tolist() for table in made]
 
 
-@pytest.mark.parametrize(
-    ("change", "reason", "fault"),
-    [
-        ({}, "", ""),
-        ({"noise_ok": True}, "", ""),
-        ({"noise_ok": False}, "unmasked", "unmasked"),
-        ({"burst_verified": "motion"}, "", ""),
-        ({"burst_verified": "false"}, "unverified", "unverified"),
-        ({"burst_verified": "false", "status": "voided"}, "voided", "voided"),
-        ({"kind": "control", "burst_verified": "false"}, "control", "unverified"),
-        ({"anticipated": True, "noise_ok": False}, "anticipated", "anticipated"),
-        ({"status": "indeterminate", "anticipated": True}, "indeterminate", "indeterminate"),
-        ({"status": "device_error"}, "device_error", "device_error"),
-        ({"status": "aborted"}, "aborted", "aborted"),
-        ({"kind": "practice"}, "practice", ""),
-        ({"kind": "practice", "status": "voided"}, "practice", "voided"),
-        ({"kind": "control"}, "control", ""),
-        ({"kind": "control", "noise_ok": False}, "control", "unmasked"),
-    ],
-)
+@pytest.mark.parametrize(("change", "reason", "fault"), cases("reasons"))
 def test_the_first_reason_that_holds_is_told_and_a_fault_whatever_the_kind(
     change: dict[str, Any], reason: str, fault: str
 ) -> None:

@@ -77,16 +77,6 @@ def test_a_file_of_something_else_is_refused_and_left_alone(
     assert path.read_bytes() == before
 
 
-def test_a_file_of_another_version_is_refused(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    with keeping(tmp_path / "power.jsonl"):
-        pass
-    monkeypatch.setattr("analysis.workers.kept.version", lambda name: "9.9")
-    with pytest.raises(ValueError, match=r"9\.9"), keeping(tmp_path / "power.jsonl"):
-        pass
-
-
 STUDY = """
 [design]
 levels_vpp = [80.0]
