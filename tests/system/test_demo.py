@@ -13,8 +13,6 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from tests.test_analysis.shared import EXAMPLES
-
 if TYPE_CHECKING:
     from pathlib import Path
 
@@ -106,23 +104,3 @@ def test_of_a_demo_that_is_stopped_nothing_stays(tmp_path: Path) -> None:
     assert ended == 130
     assert b"error: " in person.shown
     assert list(tmp_path.iterdir()) == []
-
-
-def test_a_closed_standard_output_is_no_failure(tmp_path: Path) -> None:
-    table, columns = EXAMPLES / "synthetic-trials.csv", EXAMPLES / "synthetic-columns.toml"
-    code = "from analysis.commands.analyze import analyze; analyze()"
-    command = (
-        f"'{sys.executable}' -c '{code}' '{table}' --columns '{columns}' --no-figures --out out >&-"
-    )
-    done = subprocess.run(["sh", "-c", command], cwd=tmp_path, capture_output=True, check=False)
-    assert (done.returncode, done.stderr) == (0, b"")
-    assert (tmp_path / "out" / "levels.csv").exists()
-
-
-def test_the_help_imports_no_numpy_pandas_rich_or_matplotlib() -> None:
-    code = (
-        "import sys\nfrom analysis.commands.analyze import analyze\n"
-        "analyze(['--help'], standalone_mode=False)\n"
-        "sys.exit(bool({'numpy', 'pandas', 'rich', 'matplotlib'} & set(sys.modules)))"
-    )
-    subprocess.run([sys.executable, "-c", code], check=True, capture_output=True)

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import json
 import os
 import re
 import signal
 import subprocess
 import sys
-import time
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -18,7 +16,7 @@ import psutil
 import pytest
 
 from analysis.workers.crew import StoppedError
-from tests.test_analysis.test_workers import ALONE, power
+from tests.test_analysis.test_workers import ALONE
 from tests.test_analysis.toy import (
     STUDIES,
     Studies,
@@ -74,12 +72,6 @@ def worker(address: str, path: Path = ROOT) -> Any:
     return dask("worker", address, "--no-nanny", "--nthreads", "1", path=path)
 
 
-def test_neither_dask_nor_joblib_is_imported_before_it_is_asked_for() -> None:
-    code = "import sys, analysis.workers.chunks as w; print({'dask', 'joblib'} & {*sys.modules})"
-    printed = subprocess.check_output([sys.executable, "-c", code], text=True, cwd=ROOT)
-    assert printed.strip() == "set()"
-
-
 def test_two_processes_compute_what_one_does() -> None:
     taken: list[Studies] = []
 
@@ -105,22 +97,6 @@ def test_a_chunk_of_a_lost_process_is_computed_again(tmp_path: Path) -> None:
 def test_work_that_ends_every_process_is_given_up() -> None:
     with pytest.raises(StoppedError, match=" 4 "):
         list(begin(LAST, end_the_process, workers=2))
-
-
-@pytest.mark.parametrize(("workers", "threads"), [(2, 1), (1, 2)])
-def test_a_local_cluster_computes_what_one_process_does(workers: int, threads: int) -> None:
-    from distributed import Client, LocalCluster
-
-    with LocalCluster(
-        n_workers=workers,
-        threads_per_worker=threads,
-        processes=workers == 2,
-        dashboard_address=":0",
-    ) as local:
-        assert numbers(begin(chunks(7), scheduler=local)) == ALONE
-        with Client(local) as client:
-            assert numbers(begin(chunks(5), scheduler=client)) == ALONE
-            assert client.status == "running"
 
 
 def test_a_worker_killed_in_the_middle_changes_nothing() -> None:
@@ -156,22 +132,6 @@ def test_a_scheduler_that_is_not_there_is_reported_in_one_line(
     assert "\n" not in str(refused.value)
 
 
-def test_power_is_the_same_on_a_cluster(tmp_path: Path) -> None:
-    alone = power(tmp_path, "--seed", 5)
-    assert alone.exit_code == 0
-    assert json.loads(power(tmp_path, "--seed", 5, "--workers", 2).stdout) == json.loads(
-        alone.stdout
-    )
-    with scheduler() as (address, process), worker(address), worker(address):
-        assert power(tmp_path, "--seed", 5, "--scheduler", address).stdout == alone.stdout
-        process.kill()
-        process.wait()
-        gone = power(tmp_path, "--scheduler", address)
-    both = power(tmp_path, "--workers", 2, "--scheduler", address)
-    for refused in (gone, both):
-        assert (refused.exit_code, refused.stdout, refused.stderr.count("\n")) == (2, "", 1)
-
-
 CTRL_C = """
 import signal
 import sys
@@ -202,29 +162,3 @@ def test_ctrl_c_leaves_what_is_finished_and_no_process(tmp_path: Path) -> None:
     assert psutil.wait_procs(children, timeout=30)[1] == []
     with keeping(tmp_path / "power.jsonl") as kept:
         assert len(kept) >= 3
-
-
-def computing(process: Any) -> list[Any]:
-    """Return the children that compute, or will in a moment."""
-    with suppress(psutil.NoSuchProcess):
-        return [child for child in process.children() if "popen_loky" in " ".join(child.cmdline())]
-    return []
-
-
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_a_search_stopped_while_its_workers_begin_ends_with_130(number: signal.Signals) -> None:
-    study = ROOT / "docs" / "examples" / "first-study.toml"
-    code = "import signal, tactstrip; signal.signal(signal.SIGINT, signal.default_int_handler)"
-    asked = ["power", str(study), "--people", "literature", "--workers", "2"]
-    command = [sys.executable, "-c", f"{code}; tactstrip.main({asked})"]
-    with subprocess.Popen(
-        command, stderr=subprocess.PIPE, text=True, cwd=ROOT, start_new_session=True
-    ) as process:
-        assert process.stderr is not None
-        begun = psutil.Process(process.pid)
-        while process.poll() is None and not (workers := computing(begun)):
-            time.sleep(0.01)
-        os.killpg(process.pid, number)
-        errors = [line for line in process.stderr if line.startswith("error: ")]
-    assert (len(errors), process.returncode) == (1, 130)
-    assert psutil.wait_procs(workers, timeout=30)[1] == []

@@ -49,11 +49,11 @@ ROW = TrialRow(
     peak_left_um=None, peak_right_um=None, displacement_basis=None, anticipated=False,
     noise_ok=True, simulated=False, device_kind="real", level_rule="constant",
     level_planned_vpp=60.0, burst_verified=None, onset_clock=1, study_sha256="ab" * 32,
-)  # fmt: skip
+)  # fmt: skip # one row
 SINGLE: dict[str, Any] = {
     "participant": "1", "condition": "main", "kind": "single", "side": "left", "level_vpp": 60.0,
     "response": "left", "reason": "", "none_offered": True,
-}  # fmt: skip
+}  # fmt: skip # one row
 """A trial as tables are counted from."""
 
 
@@ -136,7 +136,7 @@ def draft(*paths: Path) -> Draft:
 def felt(
     detected: Iterable[int], levels: Sequence[float] = PAPER, *, n: int = 30, missed: str = "none",
     **same: Any,
-) -> pd.DataFrame:  # fmt: skip
+) -> pd.DataFrame:  # fmt: skip # one signature
     """Return the trials of a person who felt so many of n stimuli at each of the first levels."""
     rows = [
         SINGLE | {"level_vpp": level, "response": answer} | same

@@ -8,10 +8,8 @@ from itertools import combinations_with_replacement, product
 from typing import TYPE_CHECKING, Any
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
-from analysis.audit.printed import CONVENTIONS, HALF_EVEN, HALF_UP, TRUNCATED, Printed
+from analysis.audit.printed import HALF_EVEN, HALF_UP, TRUNCATED
 from tests.test_analysis.shared import EXAMPLES, cases, put, run
 
 if TYPE_CHECKING:
@@ -67,32 +65,7 @@ def test_table_1_is_impossible_where_the_documentation_says() -> None:
     assert shown == [["truncated"], ["rounded"], ["truncated"]]
 
 
-@pytest.mark.parametrize(
-    ("row", "readings"),
-    [
-        # 0.625 is rounded up to 0.63, to the even digit 0.62, and cut to 0.62
-        ("0.63,0.63,0.63,8,", ["rounded"]),
-        ("0.62,0.62,0.62,8,", ["rounded", "truncated"]),
-        # 2/3
-        ("0.67,0.67,0.67,3,", ["rounded"]),
-        ("0.66,0.66,0.66,3,", ["truncated"]),
-        ("0.65,0.65,0.65,3,", []),
-        # a single participant has one value
-        ("0.50,0.55,0.60,,1", []),
-        ("0.50,0.50,0.50,10,1", ["rounded", "truncated"]),
-        # two participants with 10 stimuli: a mean between is a multiple of 1/20
-        ("0.50,0.75,1.00,10,2", ["rounded", "truncated"]),
-        ("0.50,0.70,1.00,10,2", []),
-        ("0.9,0.5,0.1,,", []),
-        ("0.1,0.95,0.9,,", []),
-        ("0,1,1,,3", ["rounded"]),
-        ("0.0,1.0,1.0,,3", []),
-        # five participants' mean of values printed so exactly
-        ("0.4500000,0.8100001,0.9000000,,5", []),
-        ("0.4500000,0.8100000,0.9000000,,5", ["rounded", "truncated"]),
-        ("0.5,0.6,0.7,n/a,n/a", ["rounded", "truncated"]),
-    ],
-)
+@pytest.mark.parametrize(("row", "readings"), cases("printed rows"))
 def test_each_reading_has_its_verdict(tmp_path: Path, row: str, readings: list[str]) -> None:
     found = audited(put(tmp_path / "t.csv", f"\ufeff{HEAD}=1+1,{row}\n"))
     assert possible(found["rows"][0]) == readings
@@ -116,18 +89,6 @@ def test_the_verdict_is_that_of_trying_everything(tmp_path: Path) -> None:
         found = audited(put(tmp_path / "t.csv", HEAD + lines))
         for texts_of_row, row in zip(some, found["rows"], strict=True):
             assert possible(row) == [name for name in READINGS if texts_of_row in tried[name]]
-
-
-@pytest.mark.slow
-@given(st.integers(0, 1000), st.integers(1, 1000), st.sampled_from(CONVENTIONS))
-def test_a_printed_number_stands_for_what_is_printed_so(k: int, n: int, convention: str) -> None:
-    value = Fraction(min(k, n), n)
-    here = shortened(value, convention, 2)
-    for step in (-1, 0, 1):
-        near = Fraction(here) + Fraction(step, 100)
-        if 0 <= near <= 1:
-            printed = Printed(text=f"{float(near):.2f}")
-            assert printed.stands_for(convention, 2).holds(value) == (step == 0)
 
 
 def test_exchanged_means_are_found(tmp_path: Path) -> None:

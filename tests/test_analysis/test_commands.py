@@ -6,7 +6,6 @@ import csv
 import hashlib
 import io
 import json
-import os
 import shutil
 from typing import TYPE_CHECKING, Any
 
@@ -16,8 +15,7 @@ from filelock import FileLock
 from analysis import ColumnMap, write_analysis
 from experiment import COLUMNS
 from experiment.archive.disk import write_new
-from tests.test_analysis.shared import EXAMPLES, LEAST, files, put, run, write
-from tests.test_analysis.shared import row as trial
+from tests.test_analysis.shared import EXAMPLES, LEAST, cases, files, put, run
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -92,27 +90,10 @@ def test_a_second_run_gives_the_same_bytes(example: Path, tmp_path: Path) -> Non
         assert files(tmp_path / "out") == files(example)
 
 
-COLUMNS_OF = {
-    "levels.csv": "condition level_vpp detected presented p_min p_mean p_max p_pooled "
-    "group_low group_high over_report mislocalised timeouts p_answered",
-    "participants.csv": "participant condition level_vpp detected presented p low high",
-    "both.csv": "participant noticed presented p low high group_low group_high left_only "
-    "right_only",
-    "blank.csv": "participant left right both presented p low high group_low group_high",
-    "confusion.csv": "condition kind side left right both none timeout invalid presented",
-    "thresholds.csv": "participant condition status threshold_vpp threshold_low_vpp "
-    "threshold_high_vpp threshold_db threshold_low_db threshold_high_db printed sigma "
-    "lapse_rate mle_threshold_vpp mle_sigma mle_lapse_rate deviance deviance_p guess_rate "
-    "guess_basis guess_posterior threshold_guess_0_vpp threshold_guess_third_vpp "
-    "varied_low_vpp varied_high_vpp varied_printed levels trials threshold_left_um "
-    "threshold_right_um displacement_basis",
-    "trials_clean.csv": " ".join([*(column.name for column in COLUMNS), "counted", "reason"]),
-}
-
-
 @pytest.mark.slow
 def test_the_tables_have_the_promised_columns_and_definitions(example: Path) -> None:
-    for name, columns in COLUMNS_OF.items():
+    clean = " ".join([*(column.name for column in COLUMNS), "counted", "reason"])
+    for name, columns in [*cases("columns of files"), ["trials_clean.csv", clean]]:
         assert files(example)[name].splitlines()[0].decode() == ",".join(columns.split())
     defined = {name for key in summary(example)["definitions"] for name in key.split(", ")}
     for path in example.glob("*.csv"):
@@ -207,18 +188,6 @@ def test_files_of_the_user_are_never_touched(tmp_path: Path, analyze: Analyze, n
     assert mine.parent == tmp_path or [*mine.parent.iterdir()] == [mine]
 
 
-@pytest.mark.slow
-def test_a_folder_of_others_that_nobody_named_is_left_alone(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    put(tmp_path / "analysis" / "axis.py", "")
-    monkeypatch.chdir(tmp_path)
-    done = run("analyze", *EXAMPLE, "--no-figures")
-    assert (done.exit_code, done.stdout) == (2, "")
-    assert all(part in done.stderr for part in ("axis.py", "--out"))
-    assert [path.name for path in (tmp_path / "analysis").iterdir()] == ["axis.py"]
-
-
 def folder_in_the_way(out: Path, _: pytest.MonkeyPatch) -> None:
     (out / "detection.svg").unlink()
     (out / "detection.svg").mkdir()
@@ -256,16 +225,6 @@ def test_results_that_cannot_be_written_leave_the_old_ones(
 
 
 @pytest.mark.slow
-def test_a_folder_that_was_made_for_nothing_is_removed(
-    tmp_path: Path, analyze: Analyze, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    path = table(tmp_path / "t.csv", REAL)
-    monkeypatch.setattr("analysis.results.files.write_new", no_room)
-    assert analyze(path).exit_code == 2
-    assert {path.name for path in tmp_path.iterdir()} == {"t.csv", "maps"}
-
-
-@pytest.mark.slow
 def test_only_what_a_killed_analysis_left_is_removed(tmp_path: Path, analyze: Analyze) -> None:
     out = tmp_path / "out"
     left, writing, mine = (out / f".analysis-{name}" for name in ("dead", "alive", "notes"))
@@ -275,12 +234,6 @@ def test_only_what_a_killed_analysis_left_is_removed(tmp_path: Path, analyze: An
         analyze(table(tmp_path / "t.csv", REAL))
     assert {path for path in out.iterdir() if path.is_dir()} == {writing, mine}
     assert (mine / "notes.txt").exists()
-
-
-@pytest.mark.slow
-def test_a_name_that_is_not_utf8_is_written_in_ascii(tmp_path: Path, analyze: Analyze) -> None:
-    assert analyze(table(tmp_path / os.fsdecode(b"t\xff.csv"), REAL)).exit_code == 0
-    assert "t\\udcff.csv" in [file["name"] for file in summary(tmp_path / "out")["inputs"]]
 
 
 @pytest.mark.parametrize(
@@ -332,13 +285,6 @@ def test_simulated_and_real_sessions_are_not_mixed(
 
 
 @pytest.mark.slow
-def test_simulated_sessions_alone_are_marked_and_accepted(tmp_path: Path, analyze: Analyze) -> None:
-    result = analyze(table(tmp_path / "t.csv", SIMULATED), "--strict")
-    assert result.exit_code == 0
-    assert summary(tmp_path / "out")["mark"]
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("text", "number"),
     [
@@ -378,23 +324,3 @@ def test_a_study_where_nothing_counts_has_no_thresholds(tmp_path: Path, analyze:
     assert set(files(tmp_path / "out")) == BASIC
     excluded = summary(tmp_path / "out")["excluded"]
     assert [[*row.values()] for row in excluded] == [["1", "practice", 1], ["2", "practice", 1]]
-
-
-@pytest.mark.slow
-def test_tables_of_several_kinds_of_device_have_a_column_of_it(
-    tmp_path: Path, analyze: Analyze
-) -> None:
-    kinds = {"1": "real", "2": "emulated", "3": "emulated"}
-    paths = [
-        write(
-            tmp_path / f"{who}.csv", trial(participant=who, device_kind=kind, simulated=who == "2")
-        )
-        for who, kind in kinds.items()
-    ]
-    out = tmp_path / "out"
-    assert analyze(*paths).exit_code == 2
-    assert analyze(*paths, "--allow-simulated").exit_code == 0
-    people = {line["participant"]: line["device_kind"] for line in rows(out / "participants.csv")}
-    assert people == kinds
-    assert [line["device_kind"] for line in rows(out / "levels.csv")] == ["mixed"]
-    assert summary(out)["devices"] == {"emulated": 2, "real": 1}

@@ -4,15 +4,12 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 import pytest
-from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
 
-from analysis import ColumnMap, analyse, level_table, read_trials, write_analysis
-from analysis.answers.detection import cells, levels_of, participants_of
+from analysis import ColumnMap, analyse, read_trials, write_analysis
 from tests.test_analysis.shared import cases, loaded, put, refused
 
 if TYPE_CHECKING:
@@ -26,7 +23,6 @@ MAP = ColumnMap(
     columns={"level_vpp": "level"}, table=TABLE, axis={"x_scale": "linear"}, task="yes/no"
 )
 HEADER = "participant,vibration,level,k,n\n"
-KNOWN = ["condition", "level_vpp", "detected", "presented", "p_min", "p_mean", "p_max"]
 
 
 def cells_of(folder: Path, text: str, columns: ColumnMap = MAP) -> pd.DataFrame:
@@ -46,35 +42,6 @@ def test_groups_of_their_columns_are_the_conditions(tmp_path: Path) -> None:
         ["vibration=0", 1.0, "AK", 3],
         ["vibration=32", -1.0, "AK", 4],
     ]
-
-
-@pytest.mark.slow
-@settings(
-    deadline=None, max_examples=20, suppress_health_check=[HealthCheck.function_scoped_fixture]
-)
-@given(
-    st.dictionaries(
-        st.tuples(st.sampled_from("ABC"), st.sampled_from([-50, 0, 50])),
-        st.tuples(st.integers(0, 4), st.integers(0, 4)),
-        min_size=1,
-    ).filter(lambda counts: any(map(sum, counts.values())))
-)
-def test_counts_give_the_tables_of_the_trials_they_stand_for(
-    tmp_path: Path, counts: dict[tuple[str, int], tuple[int, int]]
-) -> None:
-    counted, trials = HEADER, "participant,side,level,felt\n"
-    for (person, level), (hits, misses) in counts.items():
-        counted += f"{person},0,{level},{hits},{hits + misses}\n"
-        trials += f"{person},left,{level},1\n" * hits + f"{person},left,{level},0\n" * misses
-    columns = {"level_vpp": "level", "detected": "felt"}
-    condition = {"condition": "vibration=0"}
-    known = ColumnMap(
-        columns=columns, constant=condition, axis={"x_scale": "linear"}, task="yes/no"
-    )
-    of_counts, of_trials = cells_of(tmp_path, counted), loaded(tmp_path, trials, known).trials
-    same = [*KNOWN, "p_pooled", "group_low", "group_high"]
-    pd.testing.assert_frame_equal(levels_of(of_counts)[same], level_table(of_trials)[same])
-    pd.testing.assert_frame_equal(participants_of(of_counts), participants_of(cells(of_trials)))
 
 
 def test_cells_are_summed_over_sessions_and_sides(tmp_path: Path) -> None:

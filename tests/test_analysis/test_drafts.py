@@ -90,27 +90,6 @@ def test_headings_and_words_have_their_meaning(
     assert found.get(key) == value
 
 
-def test_numbers_in_two_loops_blocks_or_files_are_told_apart(tmp_path: Path) -> None:
-    """Trials that are numbered anew are in the order of rows; running numbers are taken."""
-    case = next(case for case in CASES if case.name == "nested-loops")
-    text = (case / "01.csv").read_text(encoding="utf-8")
-    assert draft(case).map["columns"]["trial"] == ""
-    head, *rows = text.splitlines()
-    place = head.split(",").index("trials.thisN")
-    cells = [row.split(",") for row in rows]
-    shown = [row for row in cells if row[place]]
-    for n, row in enumerate(shown):
-        row[place] = str(n)
-    running = of_rows(tmp_path, head, [",".join(row) for row in cells])
-    assert draft(running).map["columns"]["trial"] == "trials.thisN"
-    renamed = put(tmp_path / "main.csv", text.replace("trials.", "main."))
-    assert draft(renamed).map["rows"]["skip"] == {"main.thisN": ""}
-    lines = "".join(f"p,{n},60,left,left\n" for n in range(3))
-    text = f"participant,trial,volts,side,response\n{lines}"
-    files = [put(tmp_path / name, text) for name in ("1.csv", "2.csv")]
-    assert draft(*files).map["columns"]["trial"] == ""
-
-
 Row = dict[str, Any]
 STRENGTHS = (0, 0.3, 0.6, 1.2, 2.4)
 
@@ -241,13 +220,6 @@ def test_a_factor_of_numbers_is_offered_with_names_to_print_and_warned_of(tmp_pa
     read = read_inputs([path], taken)
     assert ({*read.trials["condition"]}, read.changed) == ({"63 Hz", "200"}, ())
     assert read.axis.unit == "µm"
-
-
-def test_numbers_that_repeat_words_are_offered_once(tmp_path: Path) -> None:
-    path = factor_table(tmp_path / "t.csv", "code", lambda r: f"{7 + r['factor']}")
-    head, *lines = path.read_text(encoding="utf-8").splitlines()
-    named = [f"{line},{'cold' if line.endswith('7') else 'warm'}" for line in lines]
-    assert conditions(of_rows(tmp_path, f"{head},hand_is", named)) == ["hand_is"]
 
 
 CELLS = st.sampled_from(

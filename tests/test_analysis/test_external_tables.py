@@ -3,20 +3,18 @@
 from __future__ import annotations
 
 import csv
-import json
 from collections import Counter
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import pandas as pd
 import pytest
 
-from analysis import ColumnMap, analyse, level_table, load_column_map, read_inputs, read_trials
-from tests.test_analysis.shared import EXAMPLES, LEAST, draft, loaded, put, refused
+from analysis import ColumnMap, analyse, level_table, load_column_map, read_inputs
+from tests.test_analysis.shared import EXAMPLES, LEAST, cases, draft, loaded, put, refused
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from analysis import LoadedTrials
-    from tests.conftest import Run, Simulate
 
 BEH = "stim_side\tvolts\tanswer\trt\nleft\t60\tleft\t0.6\nright\t95\tn/a\tn/a\n"
 OF_BEH: dict[str, Any] = {
@@ -78,45 +76,6 @@ def test_a_folder_of_tables_is_read_with_a_map_and_refused_without(tmp_path: Pat
     packed.write_bytes(b"PK\x03\x04 and so on\n")
     for path, part in ((tmp_path, "columns"), (semicolons, "columns"), (packed, ".xlsx")):
         assert part in str(refused(path))
-
-
-@pytest.mark.slow
-def test_our_own_bids_export_gives_the_tables_of_its_sessions(
-    tmp_path: Path, simulate: Simulate, run: Run
-) -> None:
-    results = simulate(tmp_path / "results", participants=2)
-    assert run("export", results, "--bids", tmp_path / "bids").exit_code == 0
-    summaries = []
-    for name in ("results", "bids"):
-        out = tmp_path / f"{name}-out"
-        done = run("analyze", tmp_path / name, "--out", out, "--no-figures")
-        assert done.exit_code == 0, done.output
-        summaries.append(json.loads((out / "summary.json").read_text(encoding="utf-8")))
-    for key in ("counts", "mark", "excluded", "levels", "both", "blank", "control", "thresholds",
-                "groups", "choice", "reaction_times"):  # fmt: skip # one list
-        assert summaries[0][key] == summaries[1][key]
-    of_bids, of_results = (
-        read_trials([tmp_path / name]).drop(columns=["file", "none_offered"])
-        for name in ("bids", "results")
-    )
-    pd.testing.assert_frame_equal(of_bids, of_results)
-
-
-@pytest.mark.slow
-def test_one_who_never_says_none_does_not_make_a_data_set_a_forced_choice(tmp_path: Path) -> None:
-    for who in ("01", "02", "07"):
-        first, second = ("left", "left") if who == "07" else ("none", "right")
-        rows = "".join(
-            f"left\t60\t{first}\nright\t{level}\t{second}\nnone\t0\t{first}\n"
-            for level in (80, 95, 110 + int(who))
-        )
-        head = "side\tlevel_vpp\tresponse\n"
-        put(tmp_path / f"sub-{who}/beh/sub-{who}_task-felt_beh.tsv", head + rows)
-    found = analyse(read_inputs([tmp_path], ColumnMap()))
-    assert found.detected_any is not None
-    totals = found.blank[found.blank["participant"].eq("all")]
-    assert totals["left"].tolist() == [3]
-    assert {*found.thresholds["guess_basis"]} == {"few blanks"}
 
 
 LEVELS = ("-30", "-24", "-18", "-12", "-6")
@@ -215,26 +174,7 @@ def test_an_unanswered_trial_of_grund_2022_is_no_no(tmp_path: Path) -> None:
     assert analyse(read).blank[["left", "presented"]].iloc[-1].tolist() == [1, 2]
 
 
-@pytest.mark.parametrize(
-    ("name", "text", "cells"),
-    [
-        (
-            "hsp1942",
-            "participant,session,level,p,N,k\nSH,R1,46.9,0.0,35,0\nSH,R1,73.1,9.4,35,3\n",
-            [["session=R1", 46.9, "SH", 0, 35], ["session=R1", 73.1, "SH", 3, 35]],
-        ),
-        (
-            "miranda2008",
-            "level,k,n\n0.1,0,3\n0.3,0,5\n",
-            [["main", 0.1, "one", 0, 3], ["main", 0.3, "one", 0, 5]],
-        ),
-        (
-            "dallmann2015",
-            "participant,vibration,level,k,n,slower\nMI,0,1.0,0,40,40\nMA,0,1.0,1,40,39\n",
-            [["vibration=0", 1.0, "MA", 1, 40], ["vibration=0", 1.0, "MI", 0, 40]],
-        ),
-    ],
-)
+@pytest.mark.parametrize(("name", "text", "cells"), cases("published counts"))
 def test_published_counts_give_their_cells(
     tmp_path: Path, name: str, text: str, cells: list[list[object]]
 ) -> None:

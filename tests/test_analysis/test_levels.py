@@ -148,14 +148,6 @@ def test_a_pilot_places_levels_around_its_threshold() -> None:
     assert found.threshold_limits_vpp == pytest.approx(limits, rel=0.01)
 
 
-@pytest.mark.usefixtures("few_studies")
-def test_a_pilot_that_rises_in_one_step_places_levels_about_the_step() -> None:
-    found = only(pilot([0, 0, 0, 2, 5, 5, 5, 5]))
-    assert found.levels_vpp[0] < 80 < found.levels_vpp[-1]
-    low, high = found.threshold_limits_vpp
-    assert 60 < low < found.function.threshold_vpp < high < 100
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("trials", "status"),
@@ -231,25 +223,6 @@ def test_the_command_writes_levels_about_the_threshold(folder: Path, tmp_path: P
     assert {trial.level_vpp for trial in plan.trials if trial.kind == "single"} == {*levels}
     again = run("levels", folder, "--participant", name)
     assert again.stdout == result.stdout[: len(again.stdout)]
-
-
-@pytest.mark.slow
-@pytest.mark.usefixtures("few_studies")
-def test_one_condition_of_several_is_written(table: Path, tmp_path: Path) -> None:
-    name = change(table)["participant"][0]
-    pd.concat([change(table), change(table, condition="b", session="02")]).to_csv(
-        table, index=False
-    )
-    target = tmp_path / "l.toml"
-    command = ("levels", table, "--participant", name, "--write")
-    refused = run(*command, target, "--condition", "c")
-    assert refused.exit_code == 2
-    assert all(part in refused.stderr for part in ("--condition", "b, main", " c"))
-    assert not target.exists()
-    assert run(*command, target, "--condition", "b").exit_code == 0
-    assert len(levels_in(target)) == 5
-    assert run(*command, tmp_path / "each.toml").exit_code == 0
-    assert levels_in(tmp_path / "each.toml") == dict.fromkeys(("b", "main"), levels_in(target))
 
 
 @pytest.mark.usefixtures("few_studies")

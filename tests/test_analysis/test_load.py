@@ -7,8 +7,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pandas as pd
 import pytest
-from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
 
 from analysis import ColumnMap, ResultFileError, read_inputs, read_trials
 from analysis.reading.text import CHUNK_ROWS
@@ -16,8 +14,6 @@ from experiment import COLUMNS, TrialRow
 from tests.test_analysis.shared import LEAST, cases, put, refused, row, table_of, write
 
 if TYPE_CHECKING:
-    import os
-    from collections.abc import Iterator
     from pathlib import Path
 
     from tests.conftest import Simulate
@@ -221,60 +217,6 @@ def test_paths_that_cannot_be_read_are_refused(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("method", "place"), [("iterdir", "sub-2"), ("lstat", "sub-2/ses-01/trials.csv")]
-)
-def test_what_cannot_be_entered_is_never_passed_over(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, method: str, place: str
-) -> None:
-    session(tmp_path, "1")
-    (tmp_path / "sub-2" / "ses-01").mkdir(parents=True)
-    locked, look = tmp_path / place, getattr(type(tmp_path), method)
-
-    def refuse(path: Path) -> Iterator[Path] | os.stat_result:
-        if path == locked:
-            raise PermissionError(13, "Permission denied", str(path))
-        found: Iterator[Path] | os.stat_result = look(path)
-        return found
-
-    monkeypatch.setattr(type(tmp_path), method, refuse)
-    assert refused(tmp_path).file == str(locked)
-
-
-def test_a_table_that_is_a_dead_link_is_never_passed_over(tmp_path: Path) -> None:
-    link = session(tmp_path, "2")
-    link.unlink()
-    link.symlink_to(tmp_path / "gone.csv")
-    session(tmp_path, "1")
-    assert refused(tmp_path).file == str(link)
-
-
-@pytest.mark.slow
-@settings(
-    deadline=None, max_examples=150, suppress_health_check=[HealthCheck.function_scoped_fixture]
-)
-@given(st.integers(0, 500), st.binary(min_size=1, max_size=3), st.booleans())
-def test_damage_is_read_or_refused_with_its_line(
-    tmp_path: Path, at: int, damage: bytes, insert: Any
-) -> None:
-    raw = (HEADER + LINE + LINE.replace("main,1,1,", "main,1,2,")).encode()
-    place = len(HEADER) + at % (2 * len(LINE))
-    path = tmp_path / "trials.csv"
-    path.write_bytes(raw[:place] + damage + raw[place if insert else place + len(damage) :])
-    try:
-        outcome = len(read_trials([path]))
-    except ResultFileError as error:
-        outcome = -(error.line or 0)
-    assert outcome in {1, 2, -1, -2, -3, -4}
-
-
-def test_the_same_file_named_twice_is_refused(tmp_path: Path) -> None:
-    path = session(tmp_path, "1")
-    (tmp_path / "other.csv").symlink_to(path)
-    for paths in ((path, path), (tmp_path, path), (path, tmp_path / "other.csv")):
-        refused(*paths)
-
-
-@pytest.mark.parametrize(
     ("text", "columns"),
     [(HEADER + LINE, None), (LEAST + "1,left,60,left\n", ColumnMap())],
     ids=["own", "a table that numbers no trials"],
@@ -294,9 +236,6 @@ def test_the_names_of_inputs_tell_the_files_apart(tmp_path: Path) -> None:
     assert [file.name for file in found.inputs] == names
     assert [*found.without_table] == ["sub-1/ses-02"]
     assert [file.name for file in read_inputs(tables).inputs] == names
-
-
-MAPPED = "participant,side,level_vpp,"
 
 
 def assert_as_alone(paths: list[Path], columns: ColumnMap | None = None) -> None:
@@ -344,29 +283,3 @@ def test_slow_answers_are_judged_person_by_person(tmp_path: Path) -> None:
     error = refused(fast, slow)
     assert (error.file, error.line) == (str(slow), 2)
     assert "480" in str(error)
-
-
-@pytest.mark.slow
-def test_a_felt_blank_counts_for_the_side_of_its_own_file(tmp_path: Path) -> None:
-    paths = [
-        put(tmp_path / f"{side}.csv", f"{MAPPED}detected\n{side},{side},60,1\n{side},none,0,1\n")
-        for side in ("left", "right")
-    ]
-    assert (
-        read_trials(paths, ColumnMap(task="yes/no"))["response"].tolist()
-        == ["left"] * 2 + ["right"] * 2
-    )
-    assert_as_alone(paths, ColumnMap(task="yes/no"))
-
-
-@pytest.mark.slow
-def test_tables_with_columns_in_another_order_or_number_are_read_together(tmp_path: Path) -> None:
-    texts = (
-        f"{MAPPED}response\n1,left,60,left\n",
-        "response,level_vpp,side,participant\nnone,95,right,2\n",
-        f"{MAPPED}response,rt_s\n3,left,60,left,0.5\n4,left,60,timeout,2\n",
-        f"{MAPPED}detected\n5,left,60,0\n",
-    )
-    paths = [put(tmp_path / f"{number}.csv", text) for number, text in enumerate(texts)]
-    for chosen in (paths[:3], paths):
-        assert_as_alone(chosen, ColumnMap(task="yes/no"))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import json
-import os
 import shutil
 from typing import TYPE_CHECKING, Any
 
@@ -229,18 +228,6 @@ def test_a_plan_changed_after_its_seal_is_refused(results: Path, changed: Any) -
     plan.write_bytes(changed)
     error = refused(results)
     assert error.file == str(plan)
-
-
-def test_a_plan_that_is_no_regular_file_is_refused(results: Path) -> None:
-    plan = results / FIRST / "plan.json"
-    plan.unlink()
-    os.mkfifo(plan)
-    assert refused(results).file == str(plan)
-    plan.unlink()
-    for target in ("nowhere", "plan.json"):
-        plan.symlink_to(plan.with_name(target))
-        assert refused(results).file == str(plan)
-        plan.unlink()
 
 
 def test_a_plan_beside_a_table_of_another_name_is_not_its_plan(table: Path) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,7 +12,6 @@ from scipy.special import ndtr
 
 from analysis import load_column_map, read_inputs
 from analysis.power.population import literature_people, pilot_people, stated_people, truth_of
-from experiment import simulate_study
 from tests.test_analysis.planning import BOTH_AND_NONE, gains_of, goal_of, study_of
 from tests.test_analysis.shared import put, run
 
@@ -85,27 +84,6 @@ def test_a_width_that_is_likely_one_in_db_is_warned_of(sigma: float, *, warned: 
     warnings = stated_people(study, HALF_WIDTH).warnings
     assert len(warnings) == warned
     assert all(key in str(text) for text in warnings for key in ("simulation.sigma", "40 dB"))
-
-
-@pytest.mark.slow
-def test_a_pilot_of_two_conditions_gives_how_much_their_difference_differs(tmp_path: Path) -> None:
-    true = two_conditions("difference_db = 3.0\ndifference_sd_db = 2.5")
-    assert len([*simulate_study(true, tmp_path, participants=14, seed=3)]) == 14
-    trials = read_inputs([tmp_path])
-    people = pilot_people(two_conditions(""), DIFFERENCE, trials, "there")
-    drawn = [draw["difference_sd_db"] for draw in people.draws]
-    low, high = np.quantile(drawn, (0.025, 0.975))
-    assert 1.2 < low < 2.5 < high < 5.0
-    (number,) = (number for number in people.numbers if number.key == "difference_sd_db")
-    assert number.value == np.median(drawn)
-    # a pilot of one condition has none: it has to be stated, and is then as stated
-    bare = replace(trials, trials=trials.trials[trials.trials["condition"].eq("bare")])
-    with pytest.raises(ValueError, match=r"difference_sd_db.* got 0 "):
-        pilot_people(two_conditions(""), DIFFERENCE, bare, "there")
-    stated = pilot_people(two_conditions("difference_sd_db = 0.7"), DIFFERENCE, bare, "there")
-    assert "difference_sd_db" not in stated.draws[0]
-    assert stated.study.simulation.difference_sd_db == 0.7
-    assert "difference_sd_db" not in pilot_people(true, HALF_WIDTH, trials, "there").draws[0]
 
 
 MAP = """task = "yes/no"
@@ -187,17 +165,3 @@ def test_a_pilot_that_does_not_fit_the_study_is_refused(
     done = run("power", study, *asked, *options.format(data=data).split())
     assert (done.exit_code, done.stdout, done.stderr.count("\n")) == (2, "", 1)
     assert all(part in done.stderr for part in parts.split("|"))
-
-
-def test_a_pilots_condition_with_a_blank_in_its_name_is_the_studys_without(tmp_path: Path) -> None:
-    rng = np.random.default_rng(3)
-    rows = [
-        f"{person},{name},{level:g},{int(rng.random() < level / 130)}\n"
-        for person in range(4)
-        for name in ("60 Hz", "200 Hz")
-        for level in [30.0, 60.0, 120.0] * 8 + [0.0] * 10
-    ]
-    table = put(tmp_path / "all.csv", HEAD + "".join(rows))
-    loaded = read_inputs([table], load_column_map(map_of(tmp_path, "V")))
-    study = study_of('[[condition]]\nname = "200Hz"\n[[condition]]\nname = "60Hz"\n')
-    assert "200Hz" in pilot_people(study, DIFFERENCE, loaded, "there").whose

@@ -51,19 +51,3 @@ def test_terminal_page_and_summary_have_the_same_numbers(tmp_path: Path) -> None
         assert row[6].replace("-", " to ") == long[6]
         assert row[7:] == long[7:]
         assert row[-1] == str(level["detected_any"])
-
-
-@pytest.mark.slow
-def test_false_alarms_beside_a_difference_are_whole_numbers_or_null(tmp_path: Path) -> None:
-    lines = [
-        f"{p},{c},{side},{v},{answer}"
-        for p in "ab"
-        for c in "12"
-        for side, v, answer in ANSWERS
-        if p == "a" or side != "none"
-    ]
-    text = LEAST.replace(",", ",condition,", 1) + "\n".join(lines)
-    of_a, of_b, _ = outputs(tmp_path, text)[2]["differences"]
-    names = ("false_alarms_a", "blanks_a", "false_alarms_b", "blanks_b")
-    assert [repr(of_a[name]) for name in names] == ["1", "2", "1", "2"]
-    assert [of_b[name] for name in names] == [None] * 4

@@ -48,18 +48,6 @@ def test_a_run_that_was_stopped_continues_from_its_file(tmp_path: Path) -> None:
     assert sorted(computed, key=repr) == sorted(chunks(10), key=repr)
 
 
-def test_a_first_line_cut_short_is_written_anew(tmp_path: Path) -> None:
-    path, chunk = tmp_path / "power.jsonl", chunks(10)[0]
-    with keeping(path) as kept:
-        kept[chunk] = 1.0
-    path.write_bytes(path.read_bytes()[:20])
-    with keeping(path) as kept:
-        assert chunk not in kept
-        kept[chunk] = 2.0
-    with keeping(path) as kept:
-        assert kept[chunk] == 2.0
-
-
 @pytest.mark.parametrize("content", [None, "[design]\n", '{"schema": 1}\n', "trial,level"])
 def test_a_file_of_something_else_is_refused_and_left_alone(
     content: str | None, tmp_path: Path
