@@ -99,7 +99,9 @@ def test_results_do_not_depend_on_how_studies_are_cut_into_chunks(
     assert studies(0, 6) == joined == json.loads(json.dumps(joined))
 
 
-@pytest.mark.parametrize("bounds", [(2, 40), (1, 1000), (7, 9)])
+@pytest.mark.parametrize(
+    "bounds", [(2, 40), pytest.param((1, 1000), marks=pytest.mark.slow), (7, 9)]
+)
 @pytest.mark.parametrize("assurance", [0.5, 0.8, 0.95])
 def test_the_search_finds_the_smallest_number(bounds: tuple[int, int], assurance: float) -> None:
     luck = np.random.default_rng(4).random(MANY)
