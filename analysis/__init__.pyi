@@ -6,7 +6,7 @@ from .commands.analyze import write_analysis
 from .groups.difference import Difference
 from .groups.group import ConditionDifference, GroupFit, compare_conditions, fit_group
 from .reading.foreign.columns import ColumnMap, load_column_map
-from .reading.load import read_inputs, read_trials
+from .reading.load import LoadedTrials, read_inputs, read_trials
 from .reading.text import ResultFileError
 from .results.console import print_analysis
 from .results.tables import Analysis, analyse
@@ -23,6 +23,7 @@ __all__ = [
     "Difference",
     "GroupFit",
     "GuessRate",
+    "LoadedTrials",
     "PsychometricFit",
     "ResultFileError",
     "StatementCode",

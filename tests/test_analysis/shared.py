@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+import json
+import re
+import tomllib
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -11,18 +14,20 @@ import pandas as pd
 import pytest
 from click.testing import CliRunner, Result
 
-from analysis import ColumnMap, ResultFileError
-from analysis.reading.load import read_inputs
+from analysis import ColumnMap, ResultFileError, load_column_map, read_inputs
+from analysis.reading.drafted.draft import map_draft
+from analysis.reading.sources import find_sources
 from analysis.thresholds.mle import Tables
 from experiment.terms.record import TrialRow, is_correct, table_csv
 from tactstrip import main
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Iterable, Mapping, Sequence
 
-    from analysis.reading.load import LoadedTrials
+    from analysis import LoadedTrials
 
 EXAMPLES = Path(__file__).parents[2] / "docs" / "examples"
+CASES = Path(__file__).parent / "cases.json"
 LEAST = "participant,side,level_vpp,response\n"
 """The header of a table that a map without a word can read."""
 PAPER = [60.0, 95.0, 130.0, 165.0, 200.0]
@@ -44,11 +49,11 @@ ROW = TrialRow(
     peak_left_um=None, peak_right_um=None, displacement_basis=None, anticipated=False,
     noise_ok=True, simulated=False, device_kind="real", level_rule="constant",
     level_planned_vpp=60.0, burst_verified=None, onset_clock=1, study_sha256="ab" * 32,
-)  # fmt: skip
+)  # fmt: skip # one row
 SINGLE: dict[str, Any] = {
     "participant": "1", "condition": "main", "kind": "single", "side": "left", "level_vpp": 60.0,
     "response": "left", "reason": "", "none_offered": True,
-}  # fmt: skip
+}  # fmt: skip # one row
 """A trial as tables are counted from."""
 
 
@@ -59,6 +64,12 @@ def row(trial: int = 1, **changes: Any) -> TrialRow:
     return made if "correct" in changes else replace(made, correct=verdict)
 
 
+def cases(name: str) -> list[list[Any]]:
+    """Return the rows of a table of cases.json: arguments of a test."""
+    tables: dict[str, list[list[Any]]] = json.loads(CASES.read_text(encoding="utf-8"))
+    return tables[name]
+
+
 def put(path: Path, text: str) -> Path:
     """Write a file, and the folders that it lies in."""
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -66,9 +77,14 @@ def put(path: Path, text: str) -> Path:
     return path
 
 
+def table_of(*rows: TrialRow) -> str:
+    """Return the text of a trials.csv."""
+    return table_csv(TrialRow, rows)
+
+
 def write(path: Path, *rows: TrialRow) -> Path:
     """Write a trials.csv."""
-    return put(path, table_csv(TrialRow, rows))
+    return put(path, table_of(*rows))
 
 
 def loaded(folder: Path, text: str, columns: ColumnMap | None = None) -> LoadedTrials:
@@ -84,10 +100,43 @@ def refused(*paths: Path, columns: ColumnMap | None = None) -> ResultFileError:
     return caught.value
 
 
+@dataclass(frozen=True)
+class Draft:
+    """The column map that is proposed for tables, and the keys that it leaves empty."""
+
+    text: str
+    fill_in: list[str]
+
+    @property
+    def map(self) -> dict[str, Any]:
+        """The parsed map."""
+        return tomllib.loads(self.text)
+
+    @property
+    def offered(self) -> list[list[Any]]:
+        """Entries that are proposed behind a #: key and value."""
+        entries = re.findall(r'^# ((?:[\w.-]+|"[^"]*") = ["\[].*)', self.text, re.MULTILINE)
+        return [[*pair] for entry in entries for pair in tomllib.loads(entry).items()]
+
+    def filled(self, path: Path, words: Mapping[str, str]) -> ColumnMap:
+        """Fill in what is empty, write the map and load it."""
+        lines = self.text.splitlines()
+        for n, line in enumerate(lines):
+            key, _, rest = line.partition(" = ")
+            if "# FILL IN" in line:
+                lines[n] = f'{key} = "{words[key]}" {rest[2:]}'
+        return load_column_map(put(path, "\n".join(lines) + "\n"))
+
+
+def draft(*paths: Path) -> Draft:
+    """Propose a column map for external tables."""
+    return Draft(*map_draft(find_sources([*paths], foreign=True).tables))
+
+
 def felt(
     detected: Iterable[int], levels: Sequence[float] = PAPER, *, n: int = 30, missed: str = "none",
     **same: Any,
-) -> pd.DataFrame:  # fmt: skip
+) -> pd.DataFrame:  # fmt: skip # one signature
     """Return the trials of a person who felt so many of n stimuli at each of the first levels."""
     rows = [
         SINGLE | {"level_vpp": level, "response": answer} | same

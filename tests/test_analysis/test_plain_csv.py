@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import re
 
 import pandas as pd
@@ -44,14 +42,6 @@ def test_no_spreadsheet_finds_a_formula_whatever_ends_its_cells(text: str) -> No
 @given(TEXTS, TEXTS)
 def test_different_texts_stay_different(one: str, other: str) -> None:
     assert (harmless(one) == harmless(other)) == (one == other)
-
-
-@pytest.mark.slow
-@given(st.lists(TEXTS, min_size=1, max_size=4))
-def test_a_reader_gets_the_harmless_texts(texts: list[str]) -> None:
-    table = csv_text(pd.DataFrame({"a": texts, "b": 1.5}))
-    read = list(csv.reader(io.StringIO(table, newline="")))
-    assert read == [["a", "b"], *([harmless(text), "1.5"] for text in texts)]
 
 
 def test_missing_values_are_written_in_words_and_numbers_shortest() -> None:

@@ -3,39 +3,18 @@
 from __future__ import annotations
 
 import csv
-import io
 import json
-import os
 import shutil
 from typing import TYPE_CHECKING, Any
 
-import pandas as pd
 import pytest
 
-from analysis import ColumnMap, ResultFileError, read_trials
-from analysis.reading.checks import in_seconds
-from analysis.reading.load import read_inputs
-from analysis.reading.rows import own_rows
-from analysis.reading.text import text_chunks
-from analysis.results.tables import analyse
-from device.clock import VirtualClock
-from experiment.apparatus.noise import SilentNoise
-from experiment.apparatus.rig import mock_device
-from experiment.archive.disk import UNWAITED
-from experiment.archive.folders import SessionFolder
-from experiment.operator.requests import StopSignal
-from experiment.session.conduct import begin
-from experiment.session.setting import Setting
-from experiment.session.simulate import simulated_responder
-from experiment.study.read import study_from_canonical
-from experiment.terms.record import format_value
-from experiment.trial.draw import draw_plan
+from analysis import ColumnMap, analyse, read_inputs, read_trials
 from tests.test_analysis.shared import refused
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from experiment.trial.plan import Plan
     from tests.conftest import Simulate
 
 FIRST, SECOND = "sub-01/ses-01", "sub-02/ses-01"
@@ -73,8 +52,9 @@ def keep_trials(journal: Path, number: int) -> None:
 
 
 @pytest.fixture
-def plan(results: Path) -> Plan:
-    return SessionFolder(results, "01", "01").read_plan()
+def plan(results: Path) -> dict[str, Any]:
+    contents: dict[str, Any] = json.loads((results / FIRST / "plan.json").read_bytes())
+    return contents
 
 
 def change(table: Path, line: int, **cells: object) -> None:
@@ -82,7 +62,7 @@ def change(table: Path, line: int, **cells: object) -> None:
     rows = list(csv.reader(table.read_text(encoding="utf-8").splitlines()))
     rows += [rows[-1].copy() for _ in range(line - len(rows))]
     for column, value in cells.items():
-        rows[line - 1][rows[0].index(column)] = format_value(value)
+        rows[line - 1][rows[0].index(column)] = "n/a" if value is None else str(value)
     table.write_text("".join(",".join(row) + "\n" for row in rows), encoding="utf-8")
 
 
@@ -92,11 +72,14 @@ def keep(table: Path, lines: int) -> None:
 
 
 def warnings_of(path: Path) -> tuple[str, ...]:
-    return analyse(read_inputs([path])).warnings
+    return (*map(str, analyse(read_inputs([path])).warnings),)
 
 
-def told(valid: int) -> str:
-    return f"participant 01, session 01: {valid} of 5 planned trials have a valid attempt"
+def assert_warned(path: Path, *valid: int) -> None:
+    """Assert that sessions lack trials, that nothing else is warned of, and how many they have."""
+    warnings = warnings_of(path)
+    assert len(warnings) == len(valid)
+    assert all(f" {number} of 5 " in text for number, text in zip(valid, warnings, strict=True))
 
 
 def test_a_complete_session_keeps_to_its_plan(results: Path) -> None:
@@ -117,63 +100,52 @@ def test_the_plan_tells_whether_none_was_offered_to_blanks_too(
 
 def test_a_session_that_was_stopped_early_is_a_warning(cut_off: Path) -> None:
     keep_trials(cut_off.with_name("journal.jsonl"), 2)
-    assert warnings_of(cut_off.parents[2]) == (told(2),)
+    assert_warned(cut_off.parents[2], 2)
 
 
 def test_a_table_that_lags_behind_its_journal_is_a_warning(cut_off: Path) -> None:
     keep_trials(cut_off.with_name("journal.jsonl"), 5)
     short, behind = warnings_of(cut_off.parents[2])
-    assert short == told(2)
-    assert "its journal tells of 3 more trials than its trials.csv; tactstrip export" in behind
+    assert " 2 of 5 " in short
+    assert " 3 " in behind
+    assert "tactstrip export" in behind
 
 
 def test_a_session_without_a_trial_is_a_warning_where_others_have_some(results: Path) -> None:
     keep(results / FIRST / "trials.csv", 1)
-    assert warnings_of(results) == (told(0),)
+    assert_warned(results, 0)
     keep(results / SECOND / "trials.csv", 1)
-    assert "no session here has a trial yet" in str(refused(results))
+    refused(results)
 
 
-def test_warm_up_may_be_repeated_and_is_not_missed(results: Path, table: Path, plan: Plan) -> None:
-    first = plan.warm_up[0]
-    cells = {name: getattr(first, name) for name in ("kind", "side", "block", "level_vpp")}
-    cells |= {"trial": first.number, "response": first.side, "correct": True, "rt_s": 0.5}
+def test_warm_up_may_be_repeated_and_is_not_missed(
+    results: Path, table: Path, plan: dict[str, Any]
+) -> None:
+    first = plan["warm_up"][0]
+    cells = {name: first[name] for name in ("kind", "side", "block", "level_vpp")}
+    cells |= {"trial": first["number"], "response": first["side"], "correct": "true", "rt_s": 0.5}
     for line in (7, 8):
         change(table, line, **cells, attempt=line - 6)
         assert len(read_trials([table])) == line - 1
     assert warnings_of(results) == ()
 
 
-def test_placed_levels_make_no_other_study(results: Path, plan: Plan) -> None:
-    study = study_from_canonical(plan.study)
-    placed = draw_plan(
-        study, participant="new", session="01", seed=5, levels_vpp=(70.0, 150.0), gains=plan.gains
-    )
-    clock = VirtualClock()
-    setting = Setting(
-        device=mock_device(study, clock),
-        responder=simulated_responder(study, placed, clock),
-        noise=SilentNoise(study.masking),
-        clock=clock,
-        stop=StopSignal(),
-    )
-    folder = SessionFolder(results, "new", "01", disk=UNWAITED)
-    assert begin(folder, placed, setting).finished
-    assert warnings_of(results) == ()
-
-
-def test_slow_answers_within_the_studys_window_are_no_milliseconds(table: Path) -> None:
-    header, chunks = text_chunks(io.BytesIO(table.read_bytes()), "t.csv")
-    lines, cells = next(chunks)
-    rows = own_rows(pd.DataFrame(cells, columns=header, index=lines, dtype=object), "t.csv")
-    in_seconds(rows.assign(rt_s=20.0), planned=frozenset({"t.csv"}))
-    with pytest.raises(ResultFileError, match="milliseconds"):
-        in_seconds(rows.assign(rt_s=20.0))
+def test_slow_answers_within_the_studys_window_are_no_milliseconds(
+    tmp_path: Path, simulate: Simulate
+) -> None:
+    table = simulate(tmp_path, "response_window_s = 30.0\n") / FIRST / "trials.csv"
+    table.with_name("journal.jsonl").unlink()
+    (table.parents[1] / "sessions.tsv").unlink()
+    for line in range(2, 7):
+        change(table, line, rt_s=20.0, response="left", correct=None)
+    assert read_trials([table])["rt_s"].tolist() == [20.0] * 5
+    table.with_name("plan.json").unlink()
+    assert '[units] rt_s = "ms"' in str(refused(table))
 
 
 def test_a_planned_trial_without_a_valid_attempt_is_told_once(results: Path, table: Path) -> None:
     change(table, 4, status="voided")
-    assert warnings_of(results) == (told(4),)
+    assert_warned(results, 4)
 
 
 @pytest.mark.parametrize(
@@ -181,59 +153,60 @@ def test_a_planned_trial_without_a_valid_attempt_is_told_once(results: Path, tab
     [
         ("participant", "02", "01"),
         ("session", "02", "01"),
-        ("trial", "99", "the number of a planned trial"),
-        ("condition", "bare", "main in trial 2"),
-        ("block", "9", "1 in trial 2"),
-        ("level_vpp", "81", " in trial 2"),
+        ("trial", "99", ""),
+        ("condition", "bare", "main"),
+        ("block", "9", "1"),
+        ("level_vpp", "81", "2"),
     ],
 )
 def test_a_row_not_planned_is_refused(table: Path, column: str, text: str, must: str) -> None:
     change(table, 3, **{column: text})
     error = refused(table)
     assert (error.file, error.line) == (str(table), 3)
-    assert f"column '{column}' is {text}; it must be " in str(error)
-    assert f"{must} by the plan beside the table" in str(error)
+    assert all(part in str(error) for part in (f"'{column}'", text, must))
 
 
 def test_another_kind_or_side_than_planned_is_refused(table: Path) -> None:
     rows = list(csv.DictReader(table.read_text(encoding="utf-8").splitlines()))
     line, side = next((n, row["side"]) for n, row in enumerate(rows, 2) if row["kind"] == "single")
     change(table, line, kind="control")
-    assert "column 'kind' is control; it must be single in trial" in str(refused(table))
+    error = str(refused(table))
+    assert all(part in error for part in ("'kind'", "control", "single"))
     other = {"left": "right", "right": "left"}[side]
     change(table, line, kind="single", side=other, correct=None)
-    assert f"column 'side' is {other}; it must be {side} in trial" in str(refused(table))
+    error = str(refused(table))
+    assert all(part in error for part in ("'side'", other, side))
 
 
 def test_an_answer_is_one_that_the_plan_declares_a_time_out_or_invalid(table: Path) -> None:
     for line, word in ((3, "timeout"), (4, "invalid")):
-        change(table, line, response=word, correct=False, rt_s=None)
+        change(table, line, response=word, correct="false", rt_s=None)
     assert len(read_trials([table])) == 5
     change(table, 3, response="none", correct=None)
-    assert "it must be one of left, right, both, timeout, invalid by" in str(refused(table))
+    assert refused(table).line == 3
 
 
-def test_an_answer_after_the_plans_window_is_refused(table: Path, plan: Plan) -> None:
-    change(table, 3, response="left", correct=None, rt_s=plan.response_window_s)
+def test_an_answer_after_the_plans_window_is_refused(table: Path, plan: dict[str, Any]) -> None:
+    change(table, 3, response="left", correct=None, rt_s=plan["response_window_s"])
     assert len(read_trials([table])) == 5
-    change(table, 3, rt_s=plan.response_window_s + 0.25)
+    change(table, 3, rt_s=plan["response_window_s"] + 0.25)
     error = refused(table)
     assert error.line == 3
-    assert f"at most the response window, {plan.response_window_s:g}, by" in str(error)
+    assert f"{plan['response_window_s']:g}" in str(error)
 
 
 def test_the_plan_of_another_session_is_refused(results: Path) -> None:
     plan = shutil.copy(results / SECOND / "plan.json", results / FIRST)
     error = refused(results)
     assert (error.file, error.line) == (str(plan), None)
-    assert "the plan of sub-02, but the folder is sub-01" in str(error)
+    assert all(name in str(error) for name in ("sub-02", "sub-01"))
 
 
 @pytest.mark.parametrize("name", ["sub-99/ses-01", "sub-01/ses-02"])
 def test_a_session_under_another_name_is_refused(results: Path, name: str) -> None:
     (results / name).parent.mkdir(exist_ok=True)
     (results / FIRST).rename(results / name)
-    assert "but the folder is" in str(refused(results))
+    assert "plan.json" in refused(results).file
 
 
 def test_a_session_may_lie_in_a_folder_of_any_other_name(results: Path) -> None:
@@ -255,30 +228,9 @@ def test_a_plan_changed_after_its_seal_is_refused(results: Path, changed: Any) -
     plan.write_bytes(changed)
     error = refused(results)
     assert error.file == str(plan)
-    assert "plan.json: not a sealed plan: " in str(error)
-
-
-def test_a_plan_that_is_no_regular_file_is_refused(results: Path) -> None:
-    plan = results / FIRST / "plan.json"
-    plan.unlink()
-    os.mkfifo(plan)
-    assert "plan.json: not a sealed plan: not a regular file" in str(refused(results))
-    plan.unlink()
-    for target in ("nowhere", "plan.json"):
-        plan.symlink_to(plan.with_name(target))
-        assert "plan.json: must not be a symbolic link" in str(refused(results))
-        plan.unlink()
 
 
 def test_a_plan_beside_a_table_of_another_name_is_not_its_plan(table: Path) -> None:
     change(table, 3, level_vpp=81)
     assert len(read_trials([shutil.copy(table, table.with_name("other.csv"))])) == 5
-    assert "by the plan beside the table" in str(refused(table, columns=ColumnMap()))
-
-
-def test_a_table_torn_in_its_last_cell_is_refused(results: Path, table: Path) -> None:
-    keep(table, 5)
-    table.write_bytes(table.read_bytes()[:-9])
-    error = refused(results)
-    assert error.line == 5
-    assert "column 'study_sha256' is" in str(error)
+    assert refused(table, columns=ColumnMap()).line == 3

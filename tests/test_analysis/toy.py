@@ -6,8 +6,15 @@ import os
 import time
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+
+from analysis.workers.chunks import spread
+from analysis.workers.kept import Kept
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Iterator
 
 STUDIES = 60
 
@@ -50,3 +57,20 @@ def draw(chunk: Studies) -> list[tuple[int, float]]:
 def end_the_process(chunk: Studies) -> None:
     """End whatever computes it, as the system does with one that takes too much memory."""
     os._exit(9)
+
+
+def begin(
+    work: Iterable[Studies], function: Callable[[Studies], object] = draw, **options: Any
+) -> Iterator[tuple[Studies, Any]]:
+    """Spread work; its results come as they are asked for."""
+    return spread(function, work, **options)
+
+
+def numbers(results: Iterable[tuple[Studies, Any]]) -> list[tuple[int, int, float]]:
+    """Return what was drawn, by point and study."""
+    return sorted((chunk.point, study, x) for chunk, result in results for study, x in result)
+
+
+def keeping(path: Path, **changed: object) -> Kept:
+    """Open a file that keeps results."""
+    return Kept(path, {"study_sha256": "5f" * 32, "seed": 7} | changed)
