@@ -372,7 +372,6 @@ def test_the_terminal_is_given_back_when_the_session_fails(told_path: Path) -> N
     with beside("fail", told_path) as terminal:
         assert terminal.ended() == 1
         assert terminal.given_back()
-        assert "a fault of the session" in terminal.seen
 
 
 def test_a_suspended_program_gives_the_terminal_back(idle: Terminal, told_path: Path) -> None:

@@ -123,7 +123,7 @@ def test_half_an_hour_is_half_an_hour_whatever_the_calendar_says(
     lines = len(lab.entries())
     host.set_by_s += step_s
     lab.clock.wait(LONGEST_INTERRUPTION_S + MINUTE_S)
-    with pytest.raises(ArchiveError, match="interrupted 31 minutes ago, the most is 30"):
+    with pytest.raises(ArchiveError, match="interrupted 31"):
         lab.resume()
     assert len(lab.entries()) == lines
     assert resume(lab.folder, replace(lab.setting(), resume_anyway=True)).finished
@@ -177,7 +177,7 @@ def test_without_named_starts_a_set_calendar_asks_the_operator(lab: Lab, host: H
     host.boot = None
     lab.crash(2)
     host.set_by_s += 20 * MINUTE_S
-    with pytest.raises(ArchiveError, match="or its calendar clock was set"):
+    with pytest.raises(ArchiveError, match="calendar"):
         lab.resume()
 
 

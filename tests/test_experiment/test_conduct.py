@@ -152,7 +152,10 @@ def test_escape_pauses_and_escape_again_stops(lab: Lab) -> None:
 
 @pytest.mark.parametrize(("call", "number", "status"), [("ask", 3, "voided"), ("pause", 1, "ok")])
 def test_a_stop_from_outside_ends_a_wait(lab: Lab, call: str, number: int, status: str) -> None:
-    script: Script = {call: {number: lambda: lab.stop.ask()}}
+    def stop() -> None:
+        lab.stop.ask()
+
+    script: Script = {call: {number: stop}}
     assert not lab.begin(**script).finished
     assert lab.statuses()[-1] == (3, 1, status)
     assert "end" not in lab.responder.calls

