@@ -1,103 +1,34 @@
-"""What a power cut leaves: of every record all that was promised, and no right for others."""
+"""What a power cut or a full disk leaves: all that was promised, and no right for others."""
 
 from __future__ import annotations
 
+import errno
 import json
 import os
 import stat
-from pathlib import Path
-from types import SimpleNamespace
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from analysis.commands.dry_run import new_folder
-from analysis.commands.levels import write_levels
-from device.errors import LinkError
-from experiment.archive.bids import export_bids
-from experiment.archive.disk import SystemDisk, lock_on, make_folder
-from experiment.archive.files import replaced, write_atomically
-from experiment.archive.journal import Journal
-from experiment.archive.manifest import Manifest
-from experiment.archive.participants import (
-    Tombstone,
-    enter_person,
-    remove_person,
-    tombstone_path,
-    write_tombstone,
-)
-from experiment.archive.withdraw import held, look_up, remove
-from experiment.integrity.places import find_sessions
-from experiment.session.simulate import simulate_study
+from device import LinkError
+from experiment import Journal, JournalWriteError, simulate_study
+from experiment.archive.disk import DISK, SystemDisk, lock_on, make_folder
+from tests.test_experiment.disks import FullDisk, LossyDisk, withdraw, write_export, write_file
 from tests.test_experiment.lab import Lab
+from tests.test_experiment.sessions import Sessions
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
+    from pathlib import Path
 
-    from analysis.thresholds.levels import Placement
-    from device.driver import Delivery
-    from experiment.study.study import Study
+    from device import Delivery
+    from experiment import Study
     from tests.conftest import Run
 
-
-class LossyDisk:
-    """A disk that loses everything after the last sync: names and contents, each by itself.
-
-    It works on real files. What has arrived is what a file held, or which names a folder had, when
-    it was synced last; a file or folder without a synced name is not found after a power cut.
-    """
-
-    def __init__(self) -> None:
-        self._disk = SystemDisk(waits=False)
-        self._open: dict[int, Path] = {}
-        self._contents: dict[int, bytes] = {}
-        self._names: dict[int, dict[str, int]] = {}
-        self.opened = 0
-        self.closed = 0
-
-    def open(self, path: Path, *, new: bool) -> int:
-        made = not path.exists()
-        file = self._disk.open(path, new=new)
-        if made:  # an inode may have been another file's
-            self._contents.pop(os.fstat(file).st_ino, None)
-        self._open[file] = path
-        self.opened += 1
-        return file
-
-    def write(self, file: int, data: bytes) -> None:
-        self._disk.write(file, data)
-
-    def sync(self, file: int) -> None:
-        self._contents[os.fstat(file).st_ino] = self._open[file].read_bytes()
-
-    def close(self, file: int) -> None:
-        del self._open[file]
-        self._disk.close(file)
-        self.closed += 1
-
-    def sync_folder(self, folder: Path) -> None:
-        self._names[folder.stat().st_ino] = {
-            path.name: path.stat().st_ino for path in folder.iterdir()
-        }
-
-    def holds(self, folder: Path) -> dict[str, bytes]:
-        """Return what is found below a folder after a power cut: the files, with what they hold."""
-        return dict(self._found(folder.stat().st_ino, ""))
-
-    def _found(self, inode: int, prefix: str) -> Iterator[tuple[str, bytes]]:
-        for name, inner in self._names.get(inode, {}).items():
-            if inner in self._names:
-                yield from self._found(inner, f"{prefix}{name}/")
-            else:
-                yield f"{prefix}{name}", self._contents.get(inner, b"")
-
-    def knows(self, folder: Path) -> None:
-        """Take all that is there for safe."""
-        for place, _, files in os.walk(folder):
-            here = folder / place
-            self.sync_folder(here)
-            for name in files:
-                self._contents[(here / name).stat().st_ino] = (here / name).read_bytes()
+VOLTS = "[simulation]\nthreshold_vpp = 58.0\ncrosstalk_db = -30.0\n"
+"""People who feel volts: no displacement has to be computed."""
+SIMULATED = ("--responder", "simulated", "--seed", "1")
+TRIALS = 5
 
 
 @pytest.fixture
@@ -137,16 +68,25 @@ def test_a_torn_line_is_safe_elsewhere_before_it_is_cut_off(
     assert path.read_bytes() == whole
 
 
-def test_a_file_that_is_written_is_on_the_disk_as_a_whole(tmp_path: Path, disk: LossyDisk) -> None:
+def test_a_file_or_export_that_is_written_is_on_the_disk_as_a_whole(
+    tmp_path: Path, disk: LossyDisk
+) -> None:
+    plan = "results/sub-01/ses-01/plan.json"
+    make_folder((tmp_path / plan).parent, disk)
+    write_file(tmp_path / plan, "{}", disk)
+    assert disk.holds(tmp_path) == {plan: b"{}"}
     for text in ("first", "second"):
-        write_atomically(tmp_path / "table.csv", text, disk=disk)
-        assert disk.holds(tmp_path) == {"table.csv": text.encode()}
-
-
-def test_anew_folder_is_on_the_disk_with_those_above_it(tmp_path: Path, disk: LossyDisk) -> None:
-    make_folder(tmp_path / "study" / "sub-01" / "ses-01", disk)
-    write_atomically(tmp_path / "study" / "sub-01" / "ses-01" / "plan.json", "{}", disk=disk)
-    assert disk.holds(tmp_path) == {"study/sub-01/ses-01/plan.json": b"{}"}
+        write_file(tmp_path / "table.csv", text, disk)
+        assert disk.holds(tmp_path)["table.csv"] == text.encode()
+        write_export(tmp_path / "new" / "out", tmp_path / "study", text, disk)
+        there = {name: raw for name, raw in disk.holds(tmp_path).items() if "/.out" not in name}
+        assert there.pop("new/out/.tactstrip.json").startswith(b"{")
+        assert there == {
+            plan: b"{}",
+            "table.csv": text.encode(),
+            "new/out/README": text.encode(),
+            "new/out/sub-01/beh/events.tsv": text.encode(),
+        }
 
 
 def test_a_folder_below_a_file_is_refused_by_its_name(tmp_path: Path, disk: LossyDisk) -> None:
@@ -157,30 +97,15 @@ def test_a_folder_below_a_file_is_refused_by_its_name(tmp_path: Path, disk: Loss
     assert refused.value.filename == str(file)
 
 
-def test_an_export_is_on_the_disk_as_a_whole(tmp_path: Path, disk: LossyDisk) -> None:
-    about = Manifest(what="BIDS data set", participants=("01",))
-    for text in ("first", "second"):
-        with replaced(tmp_path / "new" / "out", tmp_path / "study", about, disk) as folder:
-            folder.write("README", text)
-            folder.write("sub-01/beh/events.tsv", text)
-        there = disk.holds(tmp_path)
-        there = {name: raw for name, raw in there.items() if not name.startswith("new/.out")}
-        assert there.pop("new/out/.tactstrip.json").startswith(b"{")
-        assert there == {
-            "new/out/README": text.encode(),
-            "new/out/sub-01/beh/events.tsv": text.encode(),
-        }
-
-
 def test_every_file_that_is_opened_is_closed(
     tmp_path: Path, disk: LossyDisk, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     with Journal(tmp_path / "journal.jsonl", now_s=lambda: 0.0, disk=disk):
         assert (disk.opened, disk.closed) == (1, 0)
-    write_atomically(tmp_path / "table.csv", "text", disk=disk)
+    write_file(tmp_path / "table.csv", "text", disk)
     monkeypatch.setattr(disk, "write", None)
     with pytest.raises(TypeError):
-        write_atomically(tmp_path / "table.csv", "more", disk=disk)
+        write_file(tmp_path / "table.csv", "more", disk)
     assert (disk.opened, disk.closed) == (3, 3)
     assert sorted(path.name for path in tmp_path.iterdir()) == ["journal.jsonl", "table.csv"]
 
@@ -196,10 +121,9 @@ def test_the_system_is_asked_to_sync_files_and_folders_and_no_descriptor_stays(
     monkeypatch.setattr(os, "fsync", observed)
     before = os.dup(0)  # the lowest descriptor that is free
     os.close(before)
-    write_atomically(tmp_path / "table.csv", "text")
-    assert synced == [False, True]
-    write_atomically(tmp_path / "table.csv", "text", disk=SystemDisk(waits=False))
-    assert synced == [False, True]
+    for disk in (SystemDisk(waits=True), SystemDisk(waits=False)):
+        write_file(tmp_path / "table.csv", "text", disk)
+        assert synced == [False, True]
     after = os.dup(0)
     os.close(after)
     assert after == before
@@ -224,10 +148,7 @@ class LossyLab(Lab):
 
 @pytest.fixture
 def study(make_study: Callable[[str], Study], short_study_text: str) -> Study:
-    """A study of people who feel volts: no displacement has to be computed."""
-    return make_study(
-        short_study_text + "[simulation]\nthreshold_vpp = 58.0\ncrosstalk_db = -30.0\n"
-    )
+    return make_study(short_study_text + VOLTS)
 
 
 @pytest.fixture
@@ -287,7 +208,7 @@ def test_a_fault_is_on_the_disk_before_the_device_is_told_to_stop(lab: LossyLab)
     stop, seen = lab.device.stop, []
 
     def lost(token: int) -> Delivery:
-        raise LinkError("the line is dead")
+        raise LinkError("dead")
 
     def observed_stop() -> None:
         seen.append(lab.safe("fault"))
@@ -319,7 +240,7 @@ def test_a_resume_and_the_open_trials_end_are_on_the_disk_before_it_goes_on(lab:
 
 def test_a_session_of_a_person_whose_row_is_there_already_keeps_its_folder(lab: LossyLab) -> None:
     make_folder(lab.folder.root, lab.disk)
-    enter_person(lab.folder.root, "01", [], (), disk=lab.disk)
+    write_file(lab.folder.root / "participants.tsv", "participant_id\nsub-01\n", lab.disk)
     with lab.folder.locked():
         lab.folder.create(lab.plan, {})
     there = lab.disk.holds(lab.root)
@@ -333,18 +254,12 @@ def results(tmp_path: Path, study: Study) -> Path:
     return tmp_path
 
 
-def withdraw(results: Path, disk: LossyDisk) -> None:
-    person = look_up(results, "01")
-    with held(person) as locks:
-        remove(person, locks, today="2026-01-02", disk=disk)
-
-
 @pytest.mark.parametrize("in_table", [True, False])
 def test_a_withdrawn_person_stays_gone_after_a_power_cut(
     results: Path, disk: LossyDisk, *, in_table: bool
 ) -> None:
     if not in_table:
-        remove_person(results, "01")
+        (results / "participants.tsv").write_text("participant_id\nsub-02\n", encoding="utf-8")
     disk.knows(results)
     withdraw(results, disk)
     there = disk.holds(results)
@@ -375,7 +290,10 @@ def test_at_no_moment_of_a_withdrawal_is_data_missing_without_a_tombstone(
     assert moments[-1] == (True, 0)
 
 
-@pytest.fixture(params=[0o000, 0o022, 0o077], ids=oct)
+@pytest.fixture(
+    params=[*(pytest.param(mask, marks=pytest.mark.slow) for mask in (0o000, 0o077)), 0o022],
+    ids=oct,
+)
 def umask(request: pytest.FixtureRequest) -> Iterator[int]:
     before = os.umask(request.param)
     yield request.param
@@ -383,37 +301,31 @@ def umask(request: pytest.FixtureRequest) -> Iterator[int]:
 
 
 @pytest.mark.skipif(os.name == "nt", reason="rights of files are a POSIX feature")
-def test_records_of_a_person_give_others_no_right(tmp_path: Path, study: Study, umask: int) -> None:
-    (study_folder,) = simulate_study(
-        study, tmp_path / "new" / "study", participants=1, seed=1, gains=()
-    )
-    root = study_folder.root
-    export_bids(find_sessions(root).sessions, tmp_path / "out" / "bids", with_sourcedata=True)
-    export_bids(find_sessions(root).sessions, tmp_path / "out" / "bids", with_sourcedata=True)
-    study_folder.journal_path.write_bytes(study_folder.journal_path.read_bytes() + b"torn")
-    study_folder.open_journal(lambda: 0.0).close()
-    study_folder.write_trials()
-    write_tombstone(root, Tombstone(participant="09", withdrawn="2026-01-02", removed=True))
+def test_records_of_a_person_give_others_no_right(
+    tmp_path: Path, quick_study_text: str, run: Run, umask: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    sessions = Sessions(tmp_path, quick_study_text + VOLTS)
+    monkeypatch.chdir(tmp_path)
+    sessions.crash(20, *SIMULATED)
+    folder = sessions.folder()
+    folder.journal_path.write_bytes(folder.journal_path.read_bytes() + b"torn")
+    assert sessions.run(*SIMULATED, "--resume").exit_code == 0
+    commands = [
+        *["export results --bids out/bids --with-sourcedata --allow-simulated"] * 2,
+        "analyze results --allow-simulated --no-figures --out new/analysis",
+        "dry-run study.toml --participants 2 --seed 1",
+        "withdraw dry-run-1 --participant 02",
+    ]
+    for command in commands if umask == 0 else commands[:2]:  # the others take long
+        result = run(*command.split(), typed="02\n")
+        assert result.exit_code == 0, result.output
+    written = set(tmp_path.rglob("*")) - {sessions.study}
     names = [".lock", "header.json", "plan.json", "journal.jsonl", "journal.torn-1", "trials.csv"]
-    expected = {study_folder.path / name for name in names}
-    expected |= {root / name for name in (".participants.lock", ".export.lock", "participants.tsv")}
-    header = tmp_path / "out" / "bids" / "sourcedata" / "sub-01" / "ses-01" / "header.json"
-    found = set(tmp_path.rglob("*"))
-    assert expected | {tombstone_path(root, "09"), header} <= found
-    for path in found:
+    assert {folder.path / name for name in names} <= written
+    assert umask or tmp_path / "dry-run-1" / "withdrawn" / "sub-02.json" in written
+    for path in written:
         mode = stat.S_IMODE(path.stat().st_mode)
         assert mode == (0o770 if path.is_dir() else 0o660) & ~umask, path
-
-
-@pytest.mark.skipif(os.name == "nt", reason="rights of files are a POSIX feature")
-def test_the_folder_that_a_dry_run_names_itself_gives_others_no_right(
-    tmp_path: Path, umask: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    for name in ("dry-run-1", "dry-run-2"):
-        folder = new_folder(None)
-        assert folder == Path(name)
-        assert stat.S_IMODE(folder.stat().st_mode) == 0o770 & ~umask
 
 
 @pytest.mark.skipif(os.name == "nt", reason="rights of files are a POSIX feature")
@@ -425,28 +337,68 @@ def test_a_lock_that_is_taken_again_keeps_the_rights_it_has(tmp_path: Path, umas
         assert stat.S_IMODE(path.stat().st_mode) == 0o660 & ~umask
 
 
-@pytest.mark.skipif(os.name == "nt", reason="rights of files are a POSIX feature")
-@pytest.mark.parametrize("umask", [0o000], indirect=True)
-@pytest.mark.parametrize(
-    "command",
-    [
-        pytest.param("dry-run study.toml --participants 1 --seed 1", marks=pytest.mark.slow),
-        "analyze dry --allow-simulated --no-figures --out new/analysis",
-    ],
-)
-@pytest.mark.usefixtures("umask")
-def test_a_command_that_tells_of_people_gives_others_no_right(
-    tmp_path: Path, study: Study, run: Run, monkeypatch: pytest.MonkeyPatch, command: str
+def begin_until_full(lab: Lab, folder: Path, full_at: int) -> bool:
+    """Begin a session; return whether the disk was full, and check what is left then."""
+    failed: Exception | None = None
+    with lab.patch.context() as patch:
+        disk = FullDisk(folder, patch, full_at=full_at)
+        try:
+            lab.begin()
+        except (JournalWriteError, OSError) as error:
+            failed = error
+    assert (failed is not None) == disk.full
+    if isinstance(failed, OSError):
+        assert failed.errno == errno.ENOSPC
+        assert str(failed.filename).startswith(str(folder))
+        assert not lab.folder.plan_path.exists(), "a session that has begun is to be resumed"
+    elif failed is not None:
+        assert lab.folder.plan_path.exists()
+        assert str(failed).startswith(str(folder))
+    return disk.full
+
+
+@pytest.mark.slow
+def test_wherever_the_disk_is_full_nothing_is_lost_or_felt_without_a_row(
+    tmp_path: Path, study: Study, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.chdir(tmp_path)
-    list(simulate_study(study, Path("dry"), participants=1, seed=1, gains=()))
-    Path("study.toml").write_text("[design]\ntrials_per_side = 2\n", encoding="utf-8")
-    before = set(Path().rglob("*"))
-    result = run(*command.split())
-    assert result.exit_code == 0, result.output
-    found = cast("Placement", SimpleNamespace(participant="01", levels_vpp=[80.0]))
-    write_levels([found], Path("levels.toml"), simulated=True)
-    written = set(Path().rglob("*")) - before
-    assert len(written) > 5
-    for path in written:
-        assert stat.S_IMODE(path.stat().st_mode) == (0o770 if path.is_dir() else 0o660), path
+    full_at, begun = 1, 0
+    while True:
+        lab = Lab(study, tmp_path / str(full_at) / "results", monkeypatch, DISK)
+        if not begin_until_full(lab, tmp_path, full_at):
+            break
+        recorded = lab.rows if lab.folder.plan_path.exists() else ()
+        begun += lab.folder.plan_path.exists()
+        go_on = lab.resume if lab.folder.plan_path.exists() else lab.begin
+        assert go_on().finished
+        assert lab.rows[: len(recorded)] == recorded
+        assert [status for _, _, status in lab.statuses()].count("ok") == TRIALS
+        felt = [s for _, _, s in lab.statuses() if s in {"ok", "voided", "indeterminate"}]
+        assert len(lab.device.emitted) <= len(felt)
+        assert not list(lab.folder.root.rglob("*.tmp"))
+        full_at += 1
+    assert begun > 5 * TRIALS
+    assert full_at - begun > 10
+
+
+@pytest.mark.slow
+def test_a_session_on_a_full_disk_ends_with_2_or_with_4_once_it_has_begun(
+    tmp_path: Path, quick_study_text: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    full_at, codes = 1, set()
+    while True:
+        sessions = Sessions(tmp_path / str(full_at), quick_study_text + VOLTS)
+        with monkeypatch.context() as patch:
+            disk = FullDisk(sessions.out, patch, full_at=full_at)
+            result = sessions.run(*SIMULATED)
+        if not disk.full:
+            break
+        begun = sessions.folder().plan_path.exists()
+        assert result.exit_code == (4 if begun else 2), result.output
+        assert result.stderr.startswith(f"error: {sessions.out}"), result.stderr
+        assert (len(result.stderr.splitlines()), "--resume" in result.stderr) == (1, begun)
+        again = sessions.run(*SIMULATED, *(("--resume",) if begun else ()))
+        assert again.exit_code == 0, again.output
+        codes.add(result.exit_code)
+        full_at += 4  # every operation is tried above
+    assert codes == {2, 4}
+    assert result.exit_code == 0
