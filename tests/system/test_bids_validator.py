@@ -1,0 +1,89 @@
+"""What the validator of BIDS says of an export."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+from collections import Counter
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+from tests.test_experiment.test_bids import STUDY, cut_journal, exported
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from tests.conftest import Simulate
+
+    Issues = Callable[[Path], list[dict[str, Any]]]
+
+DATASET = """
+[dataset]
+name = "Fingers on a strip"
+authors = ["A. One", "B. Two"]
+license = "CC0"
+acknowledgements = "Nobody"
+how_to_acknowledge = "Cite it"
+funding = ["None"]
+ethics_approvals = ["None needed"]
+references_and_links = ["A paper"]
+institution_name = "An institute"
+institution_address = "A street"
+task_description = "Say where a vibration is felt"
+"""
+PAPER = '[study]\nname = "paper"\n[burst]\nwindow = "hann"\n'
+ALWAYS = {"HEDVersion", "SourceDatasets", "CogAtlasID", "CogPOID"}
+"""Facts that BIDS recommends and no study has."""
+UNNAMED = {"InstitutionalDepartmentName", "Instructions"}
+NOT_GIVEN = {"InstitutionAddress", "InstitutionName", "TaskDescription", "TOO_FEW_AUTHORS"}
+
+
+@pytest.fixture(scope="session")
+def issues() -> Issues:
+    """Validate a data set without any right to the network, with an exit code of 0."""
+    bundle = pytest.importorskip("bids_validator_deno", reason="an extra test")
+    from deno import find_deno_bin
+
+    rights = ["--allow-read", "--allow-env", "--allow-write", "--deny-net", "--no-prompt"]
+    script = Path(bundle.__path__[0]) / "bids-validator.js"
+    command = [os.fsdecode(find_deno_bin()), *rights, str(script)]
+
+    def issues(bids: Path) -> list[dict[str, Any]]:
+        done = subprocess.run(
+            [*command, str(bids), "--format", "json", "--max-rows", "-1"],
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        assert done.returncode == 0, done.stdout + done.stderr
+        listed: list[dict[str, Any]] = json.loads(done.stdout)["issues"]["issues"]
+        assert {issue["severity"] for issue in listed} <= {"warning"}
+        return listed
+
+    return issues
+
+
+@pytest.mark.parametrize(
+    ("text", "missed"),
+    [(PAPER, ALWAYS | UNNAMED | NOT_GIVEN | {"License"}), (STUDY + DATASET, ALWAYS | UNNAMED)],
+)
+def test_the_validator_misses_only_facts_that_the_study_lacks(
+    issues: Issues, tmp_path: Path, simulate: Simulate, text: str, missed: set[str]
+) -> None:
+    bids = exported(simulate(tmp_path / "results", study=text, participants=2))
+    found = Counter(issue.get("subCode", issue["code"]) for issue in issues(bids))
+    assert {*found} == missed
+    assert {*found.values()} <= {1, 2}  # of the data set, or of each participant
+
+
+def test_the_validator_accepts_broken_off_sessions_and_sources(
+    issues: Issues, tmp_path: Path, simulate: Simulate
+) -> None:
+    results = simulate(tmp_path / "results", study=STUDY, participants=2)
+    cut_journal(results, "01", 12)
+    cut_journal(results, "02", 1)
+    codes = {issue["code"] for issue in issues(exported(results, "--with-sourcedata"))}
+    assert all(code.endswith("_KEY_RECOMMENDED") or code == "TOO_FEW_AUTHORS" for code in codes)
