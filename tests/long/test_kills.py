@@ -15,13 +15,13 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from experiment.integrity.sessions import examine
+from experiment import examine
 from tactstrip import main
 from tests.long.test_fuzz import rounds
 from tests.system.test_links import bursts_of
-from tests.system.test_screen import STUDY as AT_A_WINDOW
-from tests.system.test_screen import Sitting, missing, x_server
 from tests.system.test_terminal import Terminal
+from tests.system.test_window import STUDY as AT_A_WINDOW
+from tests.system.test_window import Sitting, missing, x_server
 from tests.test_experiment.sessions import Sessions
 
 if TYPE_CHECKING:
@@ -29,7 +29,6 @@ if TYPE_CHECKING:
 
     from tests.processes import Emulate
 
-pytestmark = pytest.mark.long
 
 CHANGES = ((os, ("write", "fsync", "unlink", "rmdir", "mkdir")), (Path, ("replace", "rename")))
 ALL_PARTS = """practice_trials = 1

@@ -1,6 +1,9 @@
-"""What an operator's keys mean, without a terminal."""
+"""What an operator's keys, and a participant's keys at a terminal, mean."""
 
-from experiment.operator.terminal import LONGEST_NOTE, OperatorKeys
+import pytest
+
+from experiment.operator.terminal import KEY, LONGEST_NOTE, OperatorKeys
+from tests.test_experiment.sessions import typed_keys
 
 
 def test_a_note_has_an_end_and_an_empty_one_is_none() -> None:
@@ -10,12 +13,18 @@ def test_a_note_has_an_end_and_an_empty_one_is_none() -> None:
     assert notes == ["x" * LONGEST_NOTE, "y"]
 
 
-def test_any_key_but_y_leaves_the_session_running() -> None:
+@pytest.mark.parametrize("key", ["n", "\n", "\x1b", "\x1b[D", " ", "s", "Y"])
+def test_only_a_y_confirms_a_stop(key: str) -> None:
     stops: list[None] = []
     keys = OperatorKeys(pause=print, go_on=bool, stop=lambda: stops.append(None), note=print)
-    for key in ("n", "\n", "\x1b", "\x1b[D", " ", "s"):
-        keys.type("s" + key)
-        keys.type("y")
-    assert stops == []
-    keys.type("sY")
-    assert stops == [None]
+    keys.type("s" + key)
+    assert len(stops) == (key == "Y")
+
+
+def test_every_key_that_a_study_may_name_is_typed_or_known_not_to_be() -> None:
+    typed, named = typed_keys()
+    modifiers = {f"{side}{key}" for side in "lr" for key in ("alt", "ctrl", "option", "shift")}
+    others = {"lcommand", "rcommand", "lwindows", "rwindows", "menu", "pause"}
+    untold = {f"f{number}" for number in range(13, 20)} | {f"button_{i}" for i in range(32)}
+    assert {*typed} == named - modifiers - others - untold
+    assert all(KEY.fullmatch(sign) for signs in typed.values() for sign in signs)

@@ -11,18 +11,15 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from device.clock import MonotonicClock, VirtualClock
-from experiment.archive.bids import export_bids
-from experiment.integrity.places import find_sessions
+from device import VirtualClock
 from experiment.session.markers import RECORDING_START, LslMarkers, MarkerError
-from experiment.session.simulate import SimulatedResponder
 from tests.test_experiment.sessions import COMMAND, Sessions
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
-    from experiment.terms.responder import Progress
+    from tests.conftest import Run
 
 WITHIN_S = 20.0
 
@@ -80,9 +77,8 @@ def sessions(tmp_path: Path, quick_study_text: str) -> Sessions:
     return Sessions(tmp_path, '[masking]\nnoise = "none"\n' + quick_study_text)
 
 
-@pytest.mark.process
 def test_an_inlet_sees_every_trial_at_the_time_of_the_record(
-    sessions: Sessions, inlets: list[Inlet], tmp_path: Path
+    sessions: Sessions, inlets: list[Inlet], run: Run
 ) -> None:
     result = sessions.run("--responder", "simulated", "--lsl", "--seed", "1")
     assert result.exit_code == 0, result.stderr
@@ -100,12 +96,12 @@ def test_an_inlet_sees_every_trial_at_the_time_of_the_record(
         stimulus = f"stimulus/{row['condition']}/{row['kind']}/{row['side']}/{level}/{trial}"
         assert at_s[stimulus] == pytest.approx(float(row["onset_s"]), abs=2e-6)
         if row in answered:
-            felt_s = float(row["onset_s"]) + float(row["rt_s"])
-            assert at_s[f"response/{row['response']}/{trial}"] == pytest.approx(felt_s, abs=3e-6)
+            answer_s = float(row["onset_s"]) + float(row["rt_s"])
+            assert at_s[f"response/{row['response']}/{trial}"] == pytest.approx(answer_s, abs=3e-6)
     assert len(seen) == 1 + len(rows) + len(answered)
-    assert sessions.header()["markers"].startswith("LSL stream tactstrip, pylsl ")
-    export_bids(find_sessions(sessions.out).sessions, tmp_path / "bids")
-    (events,) = (tmp_path / "bids").rglob("*_events.tsv")
+    bids = sessions.out.parent / "bids"
+    assert run("export", sessions.out, "--bids", bids).exit_code == 0
+    (events,) = bids.rglob("*_events.tsv")
     heading, *lines = (line.split("\t") for line in events.read_text("utf-8").splitlines())
     onsets = [float(line[heading.index("onset")]) for line in lines]
     shifted = [float(row["onset_s"]) - marked.facts["at_s"] for row in rows]
@@ -140,7 +136,6 @@ class Early:
         self._thread.join()
 
 
-@pytest.mark.process
 def test_a_recorder_that_looks_before_there_is_a_stream_hears_it_from_the_start(
     pylsl: Any, sessions: Sessions
 ) -> None:
@@ -159,82 +154,25 @@ def test_a_recorder_that_looks_before_there_is_a_stream_hears_it_from_the_start(
     assert len(stimuli) == len(sessions.rows())
 
 
-@pytest.mark.process
-def test_a_recorder_that_comes_late_is_sent_the_start_which_is_the_one_kept(
-    pylsl: Any, sessions: Sessions, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
-    monkeypatch.setattr("experiment.session.markers.LONGEST_S", 0.2)
-    inlets: list[Inlet] = []
-    outlets: list[LslMarkers] = []
-    cue, cued, init = SimulatedResponder.cue, 0, LslMarkers.__init__
-
-    def made(self: LslMarkers, *args: Any, **more: Any) -> None:
-        init(self, *args, **more)
-        outlets.append(self)
-
-    def late(self: SimulatedResponder, progress: Progress) -> None:
-        nonlocal cued
-        cued += 1
-        if cued == 3:
-            inlets.append(Inlet(pylsl, outlets[0]))
-        cue(self, progress)
-
-    monkeypatch.setattr(LslMarkers, "__init__", made)
-    monkeypatch.setattr(SimulatedResponder, "cue", late)
-    result = sessions.run("--responder", "simulated", "--lsl", "--seed", "1")
-    assert result.exit_code == 0, result.stderr
-    rows = sessions.rows()
-    seen = inlets[0].take(2 * (len(rows) - 2) + 1)
-    inlets[0].close()
-    markers = [marker for marker, _ in seen]
-    (at_s,) = (time_s for marker, time_s in seen if marker == RECORDING_START)
-    assert markers[0] == RECORDING_START
-    assert markers[1].split("/")[-2] == "trial3"
-    (kept,) = sessions.entries("marker")
-    for row in rows[2:]:
-        (felt_s,) = (t for m, t in seen if m.split("/")[-2:] == [f"trial{row['trial']}", "attempt1"]
-                     and m.startswith("stimulus"))  # fmt: skip
-        onset_s = float(row["onset_s"]) - kept.facts["at_s"]
-        assert felt_s - at_s == pytest.approx(onset_s, abs=3e-6)
-
-
-@pytest.mark.process
-def test_a_sitting_has_its_start_after_the_start_key_and_each_resume_its_own(
+def test_a_visit_has_its_start_after_the_start_key_and_each_resume_its_own(
     sessions: Sessions, inlets: list[Inlet], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    with monkeypatch.context() as patch:
-        patch.setattr(SimulatedResponder, "introduce", lambda *_: False)
-        assert sessions.run("--responder", "simulated", "--lsl").exit_code == 4
-    with monkeypatch.context() as patch:
-        patch.setattr(SimulatedResponder, "begin", lambda *_: False)
-        assert sessions.run("--responder", "simulated", "--lsl", "--resume").exit_code == 4
-    assert sessions.run("--responder", "simulated", "--lsl", "--resume").exit_code == 0
+    simulated, more = "experiment.session.simulate.SimulatedResponder", ["--responder", "simulated"]
+    for call in ("introduce", "begin"):
+        with monkeypatch.context() as patch:
+            patch.setattr(f"{simulated}.{call}", lambda *_: False)
+            assert sessions.run(*more, "--lsl").exit_code == 4
+        more = ["--responder", "simulated", "--resume"]
+    assert sessions.run(*more, "--lsl").exit_code == 0
     assert len(sessions.entries("marker")) == 2
     first, second, third = (inlet.take(1) for inlet in (inlets[0], inlets[2], inlets[2]))
     assert first[0][0] == second[0][0] == RECORDING_START
     assert third[0][0].startswith("stimulus/")
 
 
-@pytest.mark.process
-def test_times_are_on_the_streams_own_clock(pylsl: Any, inlets: list[Inlet]) -> None:
-    clock = MonotonicClock()
-    markers = LslMarkers(clock, participant="07", session="02")
-    markers.send("now", clock.now_s())
-    markers.send("a second ago", clock.now_s() - 1.0)
-    ((_, now_s), (_, before_s)) = inlets[0].take(2)
-    assert now_s == pytest.approx(pylsl.local_clock(), abs=1.0)
-    assert now_s - before_s == pytest.approx(1.0, abs=0.05)
-
-
-@pytest.mark.parametrize(
-    ("error", "said"),
-    [
-        (ImportError("'pylsl'"), r'pip install -e "\.\[lsl\]"'),
-        (RuntimeError("\nmore"), "liblsl"),
-    ],
-)
+@pytest.mark.parametrize("error", [ImportError("pylsl"), RuntimeError("liblsl\nmore")])
 def test_without_the_library_it_says_what_is_missing(
-    monkeypatch: pytest.MonkeyPatch, error: Exception, said: str
+    monkeypatch: pytest.MonkeyPatch, error: Exception
 ) -> None:
     real = builtins.__import__
 
@@ -244,5 +182,6 @@ def test_without_the_library_it_says_what_is_missing(
         return real(name, *args, **kwargs)
 
     monkeypatch.setattr(builtins, "__import__", without)
-    with pytest.raises(MarkerError, match=said):
+    with pytest.raises(MarkerError, match="lsl") as refused:
         LslMarkers(VirtualClock(), participant="01", session="01")
+    assert "\n" not in str(refused.value)

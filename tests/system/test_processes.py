@@ -1,0 +1,140 @@
+"""Commands in processes of their own, killed before changes of the disk, and run again."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+import sys
+from typing import TYPE_CHECKING
+
+import pytest
+
+from experiment import ArchiveError, SessionFolder
+from tests.test_experiment.people import assert_gone
+from tests.test_experiment.sessions import COMMAND, Sessions, contents
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from pathlib import Path
+
+    from tests.conftest import Run, Simulate
+
+    KillAt = Callable[..., int | None]
+
+SIMULATED = ("--responder", "simulated", "--seed", "1")
+WITHOUT_PSYCHOPY = """
+import sys
+for name in ("psychopy", "psychtoolbox", "pyglet"):
+    sys.modules[name] = None
+from tactstrip import main
+main(sys.argv[1:], standalone_mode=False)
+assert "experiment.participant.screen" not in sys.modules
+"""
+
+
+@pytest.fixture
+def results(tmp_path: Path, simulate: Simulate) -> Path:
+    return simulate(tmp_path / "results", participants=2)
+
+
+def test_a_withdrawal_killed_anywhere_is_whole_or_run_again(
+    results: Path, kill_at: KillAt, run: Run, tmp_path: Path
+) -> None:
+    shutil.copytree(results, tmp_path / "kept")
+    before = contents(results)
+    person = {name for name in before if name.startswith("sub-01")}
+    command = ("withdraw", str(results), "--participant", "01")
+    step = 1
+    while kill_at(step, *command, typed="01\n") is None:
+        there = person & set(contents(results))
+        assert there in (set(), person)
+        begun = (results / "withdrawn" / "sub-01.json").exists()
+        assert begun or there == person
+        if begun:
+            with pytest.raises(ArchiveError):
+                SessionFolder(results, "01", "09").refuse_existing()
+        assert run(*command, typed="01\n").exit_code == 0
+        assert_gone(results)
+        shutil.rmtree(results)
+        shutil.copytree(tmp_path / "kept", results)
+        step += 1
+    assert_gone(results)
+    assert step > 20
+
+
+def test_an_export_killed_anywhere_leaves_the_old_or_the_new_one_and_is_run_again(
+    results: Path, kill_at: KillAt, run: Run, tmp_path: Path
+) -> None:
+    bids, kept = tmp_path / "bids", tmp_path / "kept"
+    arguments = ("export", str(results), "--bids", str(bids))
+    assert run(*arguments).exit_code == 0
+    old_bids = contents(bids)
+    shutil.copytree(bids, kept)
+    shutil.rmtree(results / "sub-02")
+    steps = kill_at(10**6, *arguments)
+    assert steps is not None
+    new_bids = contents(bids)
+    assert new_bids != old_bids
+    seen = set()
+    for step in (1, 9, 22, *range(steps - 44, steps + 1, 4), steps):
+        shutil.rmtree(bids)
+        shutil.copytree(kept, bids)
+        assert kill_at(step, *arguments) is None
+        if bids.exists():
+            left = contents(bids)
+            assert left in (old_bids, new_bids)
+            seen.add("old" if left == old_bids else "new")
+        else:
+            assert contents(tmp_path / ".bids.tactstrip-old") == old_bids
+        assert run(*arguments).exit_code == 0
+        assert contents(bids) == new_bids
+        assert sorted(path.name for path in tmp_path.iterdir()) == ["bids", "kept", "results"]
+    assert seen == {"old", "new"}
+
+
+def test_a_session_killed_before_changes_of_the_disk_is_complete_in_the_end(
+    tmp_path: Path, quick_study_text: str, kill_at: KillAt, run: Run
+) -> None:
+    sessions = Sessions(tmp_path, quick_study_text)
+    words, kills = sessions.words(*SIMULATED), 0
+    while kill_at(19, *words) is None:
+        kills += 1
+        begun = sessions.folder().plan_path.exists()
+        words = sessions.words(*SIMULATED, *(["--resume"] if begun else []))
+    assert kills > 1
+    assert run("verify", sessions.out).exit_code == 0
+    ok = [row["trial"] for row in sessions.rows() if row["status"] == "ok"]
+    assert len({*ok}) == len(ok) == 5
+
+
+def test_a_second_process_on_the_same_session_is_refused(
+    tmp_path: Path, quick_study_text: str
+) -> None:
+    sessions = Sessions(tmp_path, quick_study_text)
+    with sessions.folder().locked():
+        refused = subprocess.run(
+            [*COMMAND, *sessions.words(*SIMULATED)], capture_output=True, text=True, check=False
+        )
+    assert (refused.returncode, refused.stderr.count("\n")) == (2, 1)
+    assert sessions.run(*SIMULATED).exit_code == 0
+
+
+def test_dry_run_analyze_check_and_run_need_no_psychopy(
+    tmp_path: Path, quick_study_text: str
+) -> None:
+    sessions = Sessions(tmp_path, quick_study_text)
+    study, dry = str(sessions.study), str(tmp_path / "dry")
+    analysis = ["--allow-simulated", "--no-figures", "--out", str(tmp_path / "a")]
+    for command in (
+        ["check", study],
+        ["dry-run", study, "--participants", "1", "--seed", "1", "--out", dry],
+        ["analyze", dry, *analysis],
+        sessions.words(*SIMULATED),
+    ):
+        ended = subprocess.run(
+            [sys.executable, "-c", WITHOUT_PSYCHOPY, *command],
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        assert ended.returncode == 0, ended
