@@ -6,13 +6,13 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from experiment.participant import pages
+from experiment import SessionPart
 from experiment.participant.pages import Pages
-from experiment.study.read import study_from_text
-from experiment.terms.responder import SessionPart
 
 if TYPE_CHECKING:
-    from experiment.study.study import Study
+    from collections.abc import Callable
+
+    from experiment import Study
 
 NO_NOTHING = '[design]\nresponses = ["right", "left"]\nboth_trials = 0\n'
 WITH_NOTHING = (
@@ -51,13 +51,13 @@ class Artist:
 
 
 @pytest.fixture(params=[NO_NOTHING, WITH_NOTHING, OWN_TEXTS])
-def study(request: pytest.FixtureRequest) -> Study:
-    return study_from_text(request.param, "study.toml")
+def study(request: pytest.FixtureRequest, make_study: Callable[[str], Study]) -> Study:
+    return make_study(request.param)
 
 
 @pytest.fixture
 def shown(study: Study, monkeypatch: pytest.MonkeyPatch) -> Pages:
-    monkeypatch.setattr(pages, "Artist", Artist)
+    monkeypatch.setattr("experiment.participant.pages.Artist", Artist)
     stage: Any = Stage()
     return Pages(
         stage,
