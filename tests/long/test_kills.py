@@ -20,8 +20,6 @@ from tactstrip import main
 from tests.long.test_fuzz import rounds
 from tests.system.test_links import bursts_of
 from tests.system.test_terminal import Terminal
-from tests.system.test_window import STUDY as AT_A_WINDOW
-from tests.system.test_window import Sitting, missing, x_server
 from tests.test_experiment.sessions import Sessions
 
 if TYPE_CHECKING:
@@ -198,51 +196,3 @@ def test_a_person_at_a_terminal_who_is_killed_again_and_again_loses_nothing(
         watched.ended(truth)
         kills += watched.kills
     print(f"{kills} kills in {number} sessions at a terminal, {driver}")
-
-
-def looked_at(sitting: Sitting, kill_at_s: float) -> int | None:
-    """Press Enter or an answer every now and then; kill the process at a time, or see its end."""
-    while time.monotonic() < kill_at_s:
-        ended = sitting.process.poll()
-        if ended is not None:
-            sitting.process.communicate()
-            return ended
-        entries = sitting.journal()
-        felt = bool(entries) and entries[-1]["event"] == "stimulus_commanded"
-        if felt:
-            time.sleep(0.12)
-        sitting.press("key", "Left" if felt else "Return")
-        time.sleep(0.02)
-    sitting.process.kill()
-    sitting.process.communicate()
-    return None
-
-
-@pytest.mark.skipif(missing() is not None, reason=str(missing()))
-def test_a_person_at_a_window_who_is_killed_again_and_again_loses_nothing(tmp_path: Path) -> None:
-    """Markers on; killed at any time from the session's first line to its last page."""
-    kills = number = 0
-    text = AT_A_WINDOW.replace("[0.6, 0.7]", "[0.1, 0.2]").replace(
-        "minimum_break_s = 1", "minimum_break_s = 0"
-    )
-    with x_server(tmp_path) as (_, environment):
-        while kills < rounds(40):
-            number += 1
-            rng = np.random.default_rng(number)
-            sessions = Sessions(tmp_path / f"{number}", text)
-            sitting = Sitting(tmp_path / f"{number}", environment)
-            more = ["--seed", str(rng.integers(2**31))]
-            watched, ended = Watched(sessions), None
-            while ended is None:
-                sitting.start("--lsl", *more, study=text)
-                before, until_s = len(sitting.seen), time.monotonic() + 40.0
-                while len(sitting.journal()) == before and sitting.process.poll() is None:
-                    assert time.monotonic() < until_s
-                    time.sleep(0.01)
-                ended = looked_at(sitting, time.monotonic() + rng.uniform(0.0, 6.0))
-                if ended is None:
-                    more = watched.killed() or more
-            assert ended == 0
-            watched.ended()
-            kills += watched.kills
-    print(f"{kills} kills in {number} sessions at a window")

@@ -16,7 +16,6 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import pytest
 
 from tests.system.generators import RealGenerator
-from tests.test_device.buses import BUSES, Instrument
 from tests.test_experiment.sessions import COMMAND, Sessions
 
 if TYPE_CHECKING:
@@ -334,20 +333,6 @@ def test_a_device_that_resets_on_a_bad_line_costs_nothing(
     assert len(tokens) == len(set(tokens))
     for done in range(1, number + 1):
         require_true(short, truth, f"{done:02d}")
-
-
-@pytest.mark.parametrize("kind", BUSES)
-def test_a_session_over_visa_says_what_came_out(
-    kind: str, short: Sessions, truth: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    instrument = Instrument(BUSES[kind](monkeypatch), gain=27.5)
-    try:
-        result = short.run(*over("generator", instrument.name))
-    finally:
-        instrument.close()
-    assert result.exit_code == 0, result.output
-    truth.write_text(instrument.truth.getvalue(), encoding="utf-8")
-    assert require_true_by_time(short, truth) == {"ok": 11}
 
 
 @pytest.mark.parametrize("kind", LINES)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import builtins
 import os
 import subprocess
 import threading
@@ -11,8 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from device import VirtualClock
-from experiment.session.markers import RECORDING_START, LslMarkers, MarkerError
+from experiment.session.markers import RECORDING_START, LslMarkers
 from tests.test_experiment.sessions import COMMAND, Sessions
 
 if TYPE_CHECKING:
@@ -168,20 +166,3 @@ def test_a_visit_has_its_start_after_the_start_key_and_each_resume_its_own(
     first, second, third = (inlet.take(1) for inlet in (inlets[0], inlets[2], inlets[2]))
     assert first[0][0] == second[0][0] == RECORDING_START
     assert third[0][0].startswith("stimulus/")
-
-
-@pytest.mark.parametrize("error", [ImportError("pylsl"), RuntimeError("liblsl\nmore")])
-def test_without_the_library_it_says_what_is_missing(
-    monkeypatch: pytest.MonkeyPatch, error: Exception
-) -> None:
-    real = builtins.__import__
-
-    def without(name: str, *args: Any, **kwargs: Any) -> Any:
-        if name == "pylsl":
-            raise error
-        return real(name, *args, **kwargs)
-
-    monkeypatch.setattr(builtins, "__import__", without)
-    with pytest.raises(MarkerError, match="lsl") as refused:
-        LslMarkers(VirtualClock(), participant="01", session="01")
-    assert "\n" not in str(refused.value)

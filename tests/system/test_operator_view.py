@@ -224,14 +224,6 @@ def test_the_view_shows_how_far_the_session_is_and_no_level(idle: Terminal) -> N
     assert "vpp" not in idle.seen.lower()
 
 
-def test_each_picture_takes_the_place_of_the_last(told_path: Path) -> None:
-    with beside("progress", told_path) as terminal:
-        terminal.expect("put the cup away")
-        assert sum("trials done" in line for line in terminal.screen.lines) == 1
-        assert terminal.screen.has("99 of 155")
-        assert "12 of 155" in terminal.seen
-
-
 def test_nothing_is_drawn_while_an_answer_is_awaited_unless_a_key_is_typed(told_path: Path) -> None:
     with beside("answer", told_path) as terminal:
         terminal.read(1.0)
@@ -247,17 +239,6 @@ def test_a_pause_is_asked_for_by_p_and_ended_by_r(idle: Terminal, told_path: Pat
     idle.until(lambda: not idle.screen.has("pause follows"))
     idle.stop()
     assert told(told_path) | {"paused": False, "go_on": True} == told(told_path)
-
-
-def test_a_note_is_written_corrected_and_kept(idle: Terminal, told_path: Path) -> None:
-    idle.type("nchair mow")
-    idle.expect("note: chair mow_")
-    idle.type("\x7fved, späť\r")
-    idle.expect("noted: chair moved, späť")
-    idle.type("nnever mind\x1b")
-    idle.until(lambda: not idle.screen.has("never mind"))
-    idle.stop()
-    assert told(told_path)["notes"] == ["chair moved, späť"]
 
 
 def test_a_stop_has_to_be_confirmed_and_ends_a_wait(idle: Terminal, told_path: Path) -> None:

@@ -142,30 +142,6 @@ def test_somebody_alone_who_presses_too_early_cannot_go_on_by_themselves(
     assert [row["status"] for row in sessions.rows()] == ["voided"] * 3
 
 
-def test_the_keys_are_those_of_the_study(sessions: Sessions) -> None:
-    keys = '[keys]\nleft = ["f", "num_1"]\nright = ["j"]\nboth = ["f5"]\nnone = ["b"]\n'
-    sessions.write(sessions.text + keys + 'pause = ["f10", "lalt"]\ngo_on = ["space"]\n')
-    with Terminal(sessions, "--seed", "1") as terminal:
-        for _ in range(2):
-            terminal.go_on(b"f10 stops", b" ")
-        terminal.answer(b"f", b"b", b"J", b"\x1b[15~")
-        terminal.go_on(b"3 of 5", b"\r")
-        terminal.press(b" ")
-        terminal.answer(b"1", b"\x1b[21~")
-        terminal.go_on(b"4 of 5", b"\x1b[21~")
-        assert terminal.ended() == 4, terminal.shown
-    assert [row["response"] for row in sessions.rows() if row["status"] == "ok"] == [
-        *("left", "right", "both", "left")
-    ]
-    assert sessions.header()["response_mapping"] == {
-        "left": ["f", "num_1"],
-        "right": ["j"],
-        "both": ["f5"],
-        "pause": ["f10"],
-        "go_on": ["space"],
-    }
-
-
 def test_escape_pauses_and_escape_again_stops_until_a_resume(sessions: Sessions) -> None:
     with Terminal(sessions, "--seed", "1") as terminal:
         terminal.begin()

@@ -281,15 +281,6 @@ def test_a_key_pressed_all_the_time_stops_a_session_that_nobody_watches(sitting:
     assert (code, len(early)) == (4, 3)
 
 
-def test_escape_twice_stops_and_resume_completes(sitting: Sitting) -> None:
-    sitting.start(study=SHORT)
-    sitting.answer("key", "Left")
-    sitting.wait_until("pause")
-    sitting.press("key", "Escape")
-    assert_stopped_at_zero(sitting, sitting.end())
-    complete_after_resume(sitting)
-
-
 def complete_after_resume(sitting: Sitting) -> None:
     sitting.start("--resume")
     answer_to_the_end(sitting)

@@ -260,16 +260,3 @@ def test_an_unchanged_export_and_an_empty_folder_are_replaced(results: Path) -> 
     bids = exported(results)
     assert not (bids / "sub-02").exists()
     assert sorted(path.name for path in results.parent.iterdir()) == ["bids", "results"]
-
-
-@pytest.mark.parametrize("place", ["bids", "new/bids", "./bids/../bids", "."])
-def test_a_data_set_is_named_from_the_folder_in_which_one_stands(
-    results: Path, place: str, run: Run, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    work = results.parent / "work"
-    (work if place == "." else work / "bids").mkdir(parents=True)
-    with monkeypatch.context() as patch:
-        patch.chdir(work)
-        done = run("export", "../results", "--bids", place)
-    assert done.exit_code == 0, done.stderr
-    assert (work / place / "dataset_description.json").is_file()

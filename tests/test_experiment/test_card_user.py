@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 from experiment import StudyError
-from experiment.apparatus.rig import assemble, chosen_settings, shared_card
 from tests.test_experiment.sessions import Sessions
 
 if TYPE_CHECKING:
@@ -87,16 +86,6 @@ def checked(run: Run, tmp_path: Path) -> Callable[..., dict[str, Any]]:
     return checked
 
 
-def test_practice_without_a_device_has_the_mock_in_its_place(
-    tmp_path: Path, opened: list[str]
-) -> None:
-    sessions = Sessions(tmp_path, TINY + SILENT + CARD.format("audio", 125))
-    practice = ("--practice-without-device", "--seed", "1")
-    result = sessions.run("--responder", "simulated", *practice)
-    assert result.exit_code == 0, result.stderr
-    assert (opened, sessions.header()["device_identity"]["model"]) == ([], "tactstrip mock")
-
-
 @pytest.mark.parametrize("word", [(), ("--confirm-hardware",)])
 def test_practice_without_a_device_and_a_real_one_is_refused(
     word: tuple[str, ...], tmp_path: Path, opened: list[str]
@@ -120,14 +109,6 @@ def test_levels_are_held_to_the_driver_of_the_command_line(
     assert "2 x device.volts_full_scale = 120; got 200" in result.stderr
 
 
-def test_a_monitor_that_the_driver_of_the_command_line_lacks_is_refused_offline(
-    make_study: Callable[[str], Study],
-) -> None:
-    study = make_study(f'[study]\nname = "verified"\n[monitor]\nsource = "duplex"\n{MONITOR}')
-    with pytest.raises(StudyError, match=r"verified: monitor\.source .*input.*serial.*duplex"):
-        chosen_settings(study, driver="serial", port="p")
-
-
 def test_check_reports_the_driver_in_use_and_what_run_would_refuse(
     checked: Callable[..., dict[str, Any]],
 ) -> None:
@@ -137,22 +118,6 @@ def test_check_reports_the_driver_in_use_and_what_run_would_refuse(
     assert [why.split()[0] for why in report["run_refuses"]] == ["masking.sound_card"]
     report = checked(text)
     assert (report["device"]["driver"], report["run_refuses"]) == ("mock", [])
-
-
-@pytest.mark.parametrize("card", ["", "card", "headphones"])
-def test_check_warns_of_the_noise_that_run_refuses(
-    card: str, make_study: Callable[[str], Study]
-) -> None:
-    masking = f'[masking]\nsound_card = "{card}"\n'
-    study = make_study(masking + CARD.format("audio", 125))
-    warning = shared_card(study, study.device)
-    if card == "headphones":
-        assert warning is None
-        return
-    assert warning is not None
-    with pytest.raises(StudyError) as refused:
-        assemble(study, driver=None, port=None, simulated=False)
-    assert str(refused.value) == warning
 
 
 @pytest.mark.slow
@@ -200,18 +165,3 @@ def test_a_monitor_s_missing_keys_are_named_together(
     assert str(refused.value).count("\n") == 0
     named = str(refused.value).split("missing")[0]
     assert [key for key in (*missing[:-1], missing[-1]) if key in named] == missing
-
-
-def test_a_second_card_with_the_tolerance_of_the_first_is_warned_of(
-    run: Run, tmp_path: Path
-) -> None:
-    for source, more, warned in (
-        ("duplex", "", 0),
-        ("input", "", 1),
-        ("input", "onset_tolerance_ms = 20\n", 0),
-    ):
-        text = f'[monitor]\nsource = "{source}"\n{MONITOR}{more}{CARD.format("audio", 125)}'
-        sessions = Sessions(tmp_path, text + SILENT)
-        lines = run("check", sessions.study).stdout.splitlines()
-        keys = [line.split()[1] for line in lines if line.startswith("warning")]
-        assert keys.count("monitor.onset_tolerance_ms") == warned

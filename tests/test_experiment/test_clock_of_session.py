@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from device.clock import MachineTime, boot, elapsed_s
+from device.clock import MachineTime, elapsed_s
 from experiment import ArchiveError, Journal
 
 if TYPE_CHECKING:
@@ -156,31 +156,6 @@ def test_a_clock_once_broken_goes_on_from_there(lab: Lab, host: Host) -> None:
     assert lab.resume().finished
     assert sorted({row.onset_clock for row in lab.rows}) == [1, 2]
     assert lab.facts("session_resume", "session_clock") == ["broken", "goes on"]
-
-
-def test_without_named_starts_a_set_calendar_asks_the_operator(lab: Lab, host: Host) -> None:
-    """It cannot be told from a new start; nothing is guessed."""
-    host.boot = None
-    lab.crash(2)
-    host.set_by_s += 20 * MINUTE_S
-    with pytest.raises(ArchiveError, match=r" 20 minutes .*--resume-anyway"):
-        lab.resume()
-
-
-@pytest.mark.parametrize("step_s", STEPS_S, ids=STEPS)
-def test_tokens_rise_whatever_the_calendar_says(lab: Lab, host: Host, step_s: float) -> None:
-    lab.crash(3)
-    host.set_by_s += step_s
-    lab.resume()
-    tokens = [entry.facts["token"] for entry in lab.entries("trial_armed")]
-    assert tokens == sorted(set(tokens))
-
-
-def test_this_machine_tells_its_time(lab: Lab) -> None:
-    lab.begin()
-    first, last = lab.entries()[0], lab.entries()[-1]
-    assert 0 < first.up_s <= last.up_s
-    assert first.facts["host_boot"] == (boot() or "n/a")
 
 
 @pytest.mark.parametrize(

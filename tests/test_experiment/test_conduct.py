@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import platform
 from dataclasses import replace
 from functools import partial
@@ -11,9 +10,8 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 import pytest
 
-from device import LimitExceeded, LinkError, Outcome, Refusal, VirtualClock
-from device.core.reports import Health
-from experiment import ArchiveError, Journal, JournalError, Progress, SessionPart, draw_plan
+from device import LimitExceeded, LinkError, Outcome, Refusal
+from experiment import ArchiveError, Journal, JournalError, Progress, draw_plan
 from tests.test_experiment.lab import Crash, FakeNoise, Lab, Scripted, Watching
 
 if TYPE_CHECKING:
@@ -127,29 +125,6 @@ def test_where_no_operator_attends_the_session_stops_and_no_key_of_the_participa
     assert lab.resume().finished
 
 
-def test_an_operator_with_a_terminal_ends_the_pause_and_not_the_participant(lab: Lab) -> None:
-    lab.requests.attended = True
-    held: list[bool] = []
-    note = {1: lambda: held.append(lab.requests.paused)}
-    lab.begin(wait=dict.fromkeys((1, 2, 3), "left"), pause=note)
-    assert (held, lab.requests.paused, lab.n_ok) == ([True], False, 5)
-
-
-def test_keys_too_early_at_one_trial_are_counted_through_a_resume(lab: Lab) -> None:
-    lab.crash(3, ask={1: ("left", 0.05)})
-    first = lab.rows[0].trial
-    early = {task.trial.number: task.early for task in lab.folder.read_history(lab.plan).pending}
-    assert early.pop(first) == 1
-    assert set(early.values()) == {0}
-
-
-def test_escape_pauses_and_escape_again_stops(lab: Lab) -> None:
-    assert not lab.begin(**STOPPED).finished
-    assert lab.statuses()[-1][2] == "voided"
-    assert lab.resume().finished
-    assert lab.n_ok == 5
-
-
 @pytest.mark.parametrize(("call", "number", "status"), [("ask", 3, "voided"), ("pause", 1, "ok")])
 def test_a_stop_from_outside_ends_a_wait(lab: Lab, call: str, number: int, status: str) -> None:
     def stop() -> None:
@@ -217,14 +192,6 @@ def test_a_device_that_fails_stops_the_session_which_can_be_resumed(
     assert lab.resume().finished
 
 
-def test_whatever_ends_the_session_the_outputs_are_brought_to_zero(lab: Lab) -> None:
-    calls: list[str] = []
-    for name in ("stop", "close"):
-        lab.patch.setattr(lab.device, name, partial(calls.append, name))
-    lab.crash(1)
-    assert calls == ["stop", "close"]
-
-
 def test_practice_is_answered_with_feedback_and_recorded_as_practice(lab_of: LabOf) -> None:
     lab = lab_of("practice_trials = 2\n")
     assert lab.begin().finished
@@ -271,14 +238,6 @@ def test_a_person_gets_two_warm_up_trials_after_a_resume_beside_those_left(lab: 
     assert [progress.part for progress in shown] == ["warm_up"] * 2 + ["main"] * 4
 
 
-def test_every_condition_gets_its_own_burst(lab_of: LabOf) -> None:
-    lab = lab_of(TWO_CONDITIONS)
-    assert lab.begin().finished
-    emitted = zip(lab.rows, lab.device.emitted, strict=True)
-    found = {(row.condition, len(emission.left_v)) for row, emission in emitted}
-    assert found == set(SAMPLES.items())
-
-
 def test_a_session_goes_on_only_where_it_was_begun(lab: Lab) -> None:
     lab.crash(2)
     lines = lab.folder.journal_path.read_bytes()
@@ -288,15 +247,6 @@ def test_a_session_goes_on_only_where_it_was_begun(lab: Lab) -> None:
             lab.resume()
     assert lab.folder.journal_path.read_bytes() == lines
     assert lab.resume().finished
-
-
-def test_onsets_of_a_resumed_session_come_after_the_earlier_ones(lab: Lab) -> None:
-    lab.crash(3)
-    lab.clock = VirtualClock()
-    lab.replace_device()
-    lab.resume()
-    onsets = [row.onset_s for row in lab.rows if row.onset_s is not None]
-    assert onsets == sorted(onsets)
 
 
 @pytest.mark.parametrize(
@@ -313,53 +263,6 @@ def test_what_the_device_would_refuse_leaves_no_session(
     with pytest.raises(ValueError, match=named):
         lab.begin()
     assert not lab.folder.plan_path.exists()
-
-
-def test_a_refused_fire_is_a_device_error_and_the_trial_comes_again(lab: Lab) -> None:
-    arm = lab.device.arm
-    armed: list[int] = []
-
-    def arm_and_dawdle(token: int, slot: int, *, time_to_live_s: float) -> None:
-        arm(token, slot, time_to_live_s=time_to_live_s)
-        armed.append(token)
-        if len(armed) == 1:
-            lab.clock.wait(2 * time_to_live_s)
-
-    lab.patch.setattr(lab.device, "arm", arm_and_dawdle)
-    assert lab.begin().finished
-    assert lab.statuses()[0] == (1, 1, "device_error")
-    assert len(lab.device.emitted) == 5
-
-
-def test_what_was_not_fired_for_an_open_switch_is_not_left_armed(lab: Lab) -> None:
-    arm, set_levels = lab.device.arm, lab.device.set_levels
-    armed: list[int] = []
-
-    def arm_and_open(token: int, slot: int, *, time_to_live_s: float) -> None:
-        arm(token, slot, time_to_live_s=time_to_live_s)
-        armed.append(token)
-        lab.device.sense(Health(switch_closed=len(armed) > 1))
-
-    def close_and_set_levels(left_vpp: float, right_vpp: float) -> None:
-        lab.device.sense(Health(switch_closed=True))
-        set_levels(left_vpp, right_vpp)
-
-    lab.patch.setattr("experiment.session.outputs.ARM_TO_FIRE_S", 10.0)
-    lab.patch.setattr(lab.device, "arm", arm_and_open)
-    lab.patch.setattr(lab.device, "set_levels", close_and_set_levels)
-    assert lab.begin().finished
-    assert len(lab.entries("fault")) == 1
-    assert lab.statuses()[0] == (1, 1, "device_error")
-    assert len(lab.device.emitted) == 5
-
-
-def test_a_second_interruption_on_a_restarted_device_is_indeterminate(lab: Lab) -> None:
-    lab.crash(1)
-    lab.device.reset()
-    with lab.failing("disarm", Crash()), pytest.raises(Crash):
-        lab.resume()
-    assert lab.resume().finished
-    assert lab.statuses()[0] == (1, 1, "indeterminate")
 
 
 @pytest.mark.usefixtures("person")
@@ -437,23 +340,6 @@ def test_noise_lost_before_the_stimulus_aborts_the_trial_unfelt(noisy: Lab) -> N
     assert noisy.noise.calls.count("start") == 2
 
 
-def test_noise_lost_at_the_onset_voids_the_trial(noisy: Lab) -> None:
-    fire = noisy.device.fire
-
-    def fire_and_fall_silent(token: int) -> Delivery:
-        if len(noisy.device.emitted) == 1:
-            noisy.noise.lose()
-        return fire(token)
-
-    noisy.patch.setattr(noisy.device, "fire", fire_and_fall_silent)
-    # it comes back by itself before the answer: what was felt at the onset may have been heard
-    assert noisy.begin(ask={2: noisy.noise.start}).finished
-    lost = noisy.rows[1]
-    assert (lost.status, lost.noise_ok, lost.response) == ("voided", False, None)
-    assert (lost.trial, 2, "ok") in noisy.statuses()
-    assert len(noisy.device.emitted) == 6
-
-
 @pytest.mark.parametrize("answer", [("left", 0.5), ("escape", 0.3), ("left", 0.05), (None, 3.0)])
 def test_noise_lost_while_the_answer_is_awaited_voids_the_trial(
     noisy: Lab, answer: tuple[str | None, float]
@@ -515,23 +401,6 @@ def test_noise_that_cannot_be_played_at_all_leaves_no_session(noisy: Lab) -> Non
     assert noisy.resume().finished  # nothing is left to hear
 
 
-def test_the_header_says_what_noise_was_played(noisy: Lab) -> None:
-    noisy.begin(**STOPPED)
-    header = json.loads((noisy.folder.path / "header.json").read_text("utf-8"))
-    assert (header["masking_noise"], header["masking_noise_played"]) == ("pink", True)
-    assert (header["noise_sha256"], header["noise_level_dba"]) == ("ab12", 62.5)
-    assert header["noise_sound_card"] == "n/a"
-    assert noisy.resume().finished
-    assert noisy.entries("session_resume")[0].facts["noise_sha256"] == "ab12"
-
-
-def test_an_answer_on_record_keeps_what_was_known_of_its_noise(noisy: Lab) -> None:
-    with noisy.killed_after("response"), pytest.raises(Crash):
-        noisy.begin()
-    assert noisy.resume().finished
-    assert (noisy.rows[0].status, noisy.rows[0].noise_ok) == ("ok", True)
-
-
 def test_the_operators_pause_comes_after_the_trial_and_is_over_when_it_ends(lab_of: LabOf) -> None:
     lab, early = lab_of(), lab_of(place="early")
     assert lab.begin(ask={2: lab.requests.pause}).finished
@@ -543,18 +412,6 @@ def test_the_operators_pause_comes_after_the_trial_and_is_over_when_it_ends(lab_
     early.requests.pause()
     assert early.begin().finished
     assert [e.event for e in early.entries()][:2] == ["session_open", "pause"]
-
-
-def test_a_pause_that_was_taken_back_is_none(lab: Lab) -> None:
-    def ask_and_take_back() -> None:
-        lab.requests.pause()
-        lab.requests.go_on()
-
-    asked = []
-    script = {1: lambda: asked.append(lab.requests.take_go_on())}
-    assert lab.begin(ask={2: ask_and_take_back}, pause=script).finished
-    assert not lab.entries("pause")
-    assert asked == [False]  # the break: what was asked for before it does not end it
 
 
 def test_going_on_asked_for_in_a_pause_reaches_the_participants_screen(lab: Lab) -> None:
@@ -610,16 +467,6 @@ def test_the_time_left_is_that_of_the_trials_at_their_mean_pace(lab: Lab) -> Non
     assert left[4] == pytest.approx(trial_s, abs=0.02)
     assert left[2] == pytest.approx(3 * trial_s + lab.study.design.minimum_break_s, abs=0.1)
     assert sorted(left.values(), reverse=True) == [left[done] for done in sorted(left)]
-
-
-def test_a_resumed_session_shows_the_answers_of_before(lab: Lab) -> None:
-    lab.crash(4)
-    before = sum(row.kind == "single" and row.status == "ok" for row in lab.rows)
-    lab.display.seen.clear()
-    lab.resume()
-    first = lab.display.seen[0]
-    assert sum(tally.presented for tally in first.tallies.values()) == before > 0
-    assert first.done == 3
 
 
 def test_whatever_happens_nothing_is_written_or_shown_between_onset_and_key(noisy: Lab) -> None:
@@ -682,19 +529,6 @@ def test_parts_are_introduced_in_their_order_and_again_after_a_resume(
     assert (off_plate.responder.calls["begin"], off_plate.responder.calls["end"]) == (1, 1)
 
 
-@pytest.mark.usefixtures("person")
-def test_who_had_no_trial_with_the_fingers_on_is_not_warmed_up_again(lab_of: LabOf) -> None:
-    """Nor is somebody who is still to practise."""
-    lab = lab_of("practice_trials = 3\naudibility_trials = 2\n")
-    for question in (2, 3, 2):
-        lab.crash(question)
-        assert SessionPart.WARM_UP not in lab.responder.parts
-    lab.crash(4)
-    assert lab.responder.parts == [SessionPart.PRACTICE, SessionPart.MAIN]
-    assert lab.resume().finished
-    assert lab.responder.parts == [SessionPart.WARM_UP, SessionPart.MAIN]
-
-
 def test_none_is_an_answer_with_the_fingers_off_without_a_displacement(off_plate: Lab) -> None:
     control = dict.fromkeys((1, 2, 8, 9), ("none", 0.5))
     assert off_plate.begin(ask=control).finished
@@ -755,16 +589,3 @@ def test_a_person_on_a_silent_device_begins_nothing_unless_it_is_practice(lab: L
         lab.begin()
     assert not lab.folder.path.exists()
     assert lab.noise.calls == []
-
-
-@pytest.mark.parametrize("rt_s", [0.0, 0.002, 0.05])
-def test_a_key_while_the_burst_still_plays_does_not_fail_the_device(
-    lab_of: LabOf, rt_s: float
-) -> None:
-    """Another condition is loaded for the next trial, which no device does while it plays."""
-    conditions = TWO_CONDITIONS.replace("cycles = 2", "cycles = 30")
-    lab = lab_of("audibility_trials = 4\nmost_anticipated = 9\n" + conditions)
-    ending = lab.begin(ask=dict.fromkeys(range(1, 16, 2), ("left", rt_s)))
-    assert ending.failure is None
-    assert ending.finished
-    assert [status for _, _, status in lab.statuses()].count("voided") == 8

@@ -100,20 +100,6 @@ def test_both_sides_come_equally_often_at_the_highest_level_in_blocks_of_their_o
     assert plan_from_json(plan.to_json()) == plan
 
 
-def test_the_sides_are_shuffled_and_another_seed_gives_another_order() -> None:
-    plans = [draw(SIXTEEN, seed) for seed in range(20)]
-    assert len({tuple(t.side for t in control_of(plan)) for plan in plans}) > 15
-    assert draw(SIXTEEN, 3) == plans[3]
-
-
-def test_every_condition_is_checked_one_after_the_other_in_the_sessions_order() -> None:
-    plan = draw(TWO_CONDITIONS + OFF_PLATE)
-    order = list(dict.fromkeys(t.condition for t in plan.trials if t.kind == "single"))
-    for block, trials in ((AUDIBILITY_BLOCK, 6), (plan.trials[-1].block, 10)):
-        conditions = [t.condition for t in plan.trials if t.block == block]
-        assert conditions == [name for name in order for _ in range(trials)]
-
-
 def test_none_is_accepted_with_the_fingers_off_even_where_it_is_not_offered() -> None:
     plan = draw(SIXTEEN)
     control = control_of(plan)[0]

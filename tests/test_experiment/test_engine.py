@@ -12,7 +12,6 @@ from hypothesis import strategies as st
 from experiment import SessionPart
 from experiment.trial.events import (
     ArmStimulus,
-    CloseBlock,
     CloseSession,
     Cue,
     EndTrial,
@@ -59,17 +58,6 @@ TASK = Task(trial(1), 1)
 def ok(response: str, rt_s: float | None = None, *, anticipated: bool = False) -> EndTrial:
     """The first trial, done."""
     return EndTrial(task=TASK, status="ok", response=response, rt_s=rt_s, anticipated=anticipated)
-
-
-def test_a_sitting_begins_with_the_welcome_the_part_and_no_noise_to_repair() -> None:
-    state = SessionState(
-        pending=(TASK,), keep_anticipated=False, most_anticipated=3, response_window_s=3.0
-    )
-    assert due(state) == Event.SITTING_DUE
-    paused, _ = follow(state, [Event.PAUSE_ASKED])
-    assert follow(paused, [Event.CONTINUED])[1] == []
-    _, effects = follow(state, [*GREETED, Event.CONTINUED, Event.TRIAL_DUE])
-    assert effects == [Greet(), Introduce(SessionPart.MAIN), OpenBlock(TASK), Cue(TASK), Wait(TASK)]
 
 
 def test_the_first_trial_that_is_due_goes_from_cue_to_answer_and_ends_ok() -> None:
@@ -124,14 +112,6 @@ def test_a_trial_without_a_valid_answer_is_recorded_and_put_at_the_end_of_its_bl
 def test_an_answer_at_the_earliest_and_at_the_last_moment_counts(rt_s: float) -> None:
     _, effects = follow(ready(trial(1)), [*FELT, Key("left", rt_s)])
     assert effects[-1] == ok("left", rt_s)
-
-
-def test_practice_goes_over_into_the_first_block_without_a_break() -> None:
-    practice = trial(1, block=0, kind="practice")
-    state, _ = follow(ready(practice, trial(2)), [*FELT, Key("left", 0.5)])
-    assert due(state) == Event.PRACTICE_OVER
-    state, effects = follow(state, [Event.PRACTICE_OVER, Event.TRIAL_DUE])
-    assert effects[:2] == [CloseBlock(0), OpenBlock(Task(trial(2), 1))]
 
 
 def test_a_study_may_keep_an_anticipated_trial_and_flag_it() -> None:
@@ -189,43 +169,6 @@ def test_an_answer_in_its_time_forgives_keys_too_early() -> None:
             assert not state.called
 
 
-def test_a_pause_that_is_no_call_forgives_nothing() -> None:
-    state = ready(*(trial(n) for n in range(1, 9)))
-    for events in (*EARLY.values(), (Event.PAUSE_ASKED, Event.CONTINUED), EARLY["after the onset"]):
-        state, _ = follow(state, events)
-    assert state.called
-
-
-def test_a_study_that_keeps_anticipated_trials_calls_nobody() -> None:
-    state = ready(*(trial(n) for n in range(1, 9)), keep_anticipated=True)
-    while state.pending:
-        state, _ = follow(state, EARLY["after the onset"])
-        assert not state.called
-
-
-def test_an_early_key_does_not_mark_the_next_trial() -> None:
-    events: list[Happening] = [Event.TRIAL_DUE, Key("left", None), *FELT, Key("left", 0.5)]
-    _, effects = follow(ready(trial(1), trial(2)), events)
-    ends = [effect for effect in effects if isinstance(effect, EndTrial)]
-    assert [end.anticipated for end in ends] == [True, False]
-
-
-def test_a_break_stands_between_two_blocks() -> None:
-    state, _ = follow(ready(trial(1), trial(2, block=2)), [*FELT, Key("left", 0.5)])
-    assert due(state) == Event.BREAK_DUE
-    state, effects = follow(state, [Event.BREAK_DUE, Event.CONTINUED, Event.TRIAL_DUE])
-    task = Task(trial(2, block=2), 1)
-    assert effects == [CloseBlock(1), Rest(paused=False), OpenBlock(task), Cue(task), Wait(task)]
-
-
-def test_a_pause_returns_to_the_same_block() -> None:
-    state, effects = follow(
-        ready(trial(1), trial(2)), [Event.TRIAL_DUE, Event.PAUSE_ASKED, Event.CONTINUED]
-    )
-    assert effects[-1] == Rest(paused=True)
-    assert (state.phase, state.block) == (Phase.READY, 1)
-
-
 def test_the_outputs_are_put_to_zero_before_a_session_is_closed() -> None:
     ways: list[list[Happening]] = [
         [*FELT, Key("left", 0.5), Event.NOTHING_LEFT],
@@ -256,12 +199,6 @@ def test_stimuli_that_fail_again_and_again_stop_the_session(failed: Event, statu
     assert state.phase is Phase.STOPPED
     statuses = [effect.status for effect in effects if isinstance(effect, EndTrial)]
     assert statuses == [status] * MOST_FAILURES
-
-
-def test_a_stimulus_that_went_out_forgives_earlier_failures() -> None:
-    failed = [*ARMED, Event.NOT_FIRED]
-    state, _ = follow(ready(trial(1), trial(2)), [*failed, *failed, *FELT])
-    assert state.failures == 0
 
 
 CONTINUED: dict[Phase, Happening] = {
@@ -320,20 +257,6 @@ def test_a_warm_up_trial_that_comes_again_comes_before_the_practice() -> None:
     assert due(state) == Event.TRIAL_DUE
     state, _ = follow(state, [*FELT, Key("left", 0.5)])
     assert due(state) == Event.PART_DUE
-
-
-def test_nobody_is_welcomed_where_nothing_is_left() -> None:
-    effects = go_on_to_the_end(ready(greeted=False))
-    assert not any(isinstance(effect, Greet | Introduce) for effect in effects)
-
-
-@pytest.mark.parametrize("before", [GREETED[:1], GREETED])
-def test_a_session_may_be_stopped_before_its_first_trial(
-    before: tuple[Happening, ...],
-) -> None:
-    state, effects = follow(ready(trial(1), greeted=False), [*before, Event.STOP_ASKED])
-    assert state.phase is Phase.STOPPED
-    assert effects[-2:] == [CloseSession(finished=False), Farewell(finished=False)]
 
 
 @pytest.mark.parametrize(

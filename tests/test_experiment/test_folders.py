@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from experiment import ArchiveError, SessionFolder, StudyError, read_journal
+from experiment import ArchiveError, SessionFolder, StudyError
 from experiment.archive.files import check_identifier
 from tests.test_experiment.lab import Crash, Lab
 from tests.test_experiment.sessions import Sessions, contents
@@ -127,22 +127,6 @@ def test_a_symbolic_link_among_the_results_is_refused_and_not_followed(
     assert contents(tmp_path) == before
 
 
-@pytest.mark.parametrize("dead", [True, False])
-def test_only_the_folder_of_results_itself_may_be_reached_by_a_link(
-    lab: Lab, tmp_path: Path, *, dead: bool
-) -> None:
-    if dead:
-        lab.folder.root.mkdir()
-        lab.folder.path.parent.symlink_to(tmp_path / "nowhere")
-        with pytest.raises(ArchiveError):
-            lab.begin()
-        assert not (tmp_path / "nowhere").exists()
-    else:
-        (tmp_path / "disk").mkdir()
-        lab.folder.root.symlink_to(tmp_path / "disk")
-        assert lab.begin().finished
-
-
 # Which files are left of plan, journal and table.
 LOST = ["journal.jsonl", "journal.jsonl trials.csv", "trials.csv", "plan.json"]
 
@@ -192,14 +176,6 @@ def test_a_session_killed_while_it_is_created_can_be_begun_again(lab: Lab, calls
     assert len(lab.rows) == 5
 
 
-def test_a_session_without_a_line_begins_at_its_first_trial(lab: Lab) -> None:
-    with lab.killed_after(lines=1), pytest.raises(Crash):
-        lab.begin()
-    lab.folder.journal_path.write_bytes(b"")
-    assert lab.resume().finished
-    assert len(lab.messages) == 1
-
-
 BAD_TABLES = [
     ("name\thand\n", ":1: .*participant_id; got 'name'"),
     ("participant_id\thand\thand\n", ":1: "),
@@ -226,24 +202,6 @@ def test_a_bad_table_of_participants_is_told_before_the_device_is_opened(
     assert everything(lab.folder.root) == [path]
 
 
-def test_a_bad_table_of_participants_is_told_before_a_port_is_sought(sessions: Sessions) -> None:
-    sought = ("--driver", "serial", "--port", "/no/such/port")
-    assert sessions.run(*SIMULATED, *sought).exit_code == 3
-    sessions.out.mkdir(exist_ok=True)
-    (sessions.out / "participants.tsv").write_text("who\n", encoding="utf-8")
-    result = sessions.run(*SIMULATED, *sought)
-    assert (result.exit_code, "participants.tsv:1: " in result.stderr) == (2, True)
-
-
-def test_a_table_that_went_bad_meanwhile_is_told_before_a_session_goes_on(stopped: Lab) -> None:
-    path = stopped.folder.root / "participants.tsv"
-    path.write_text("participant_id\thand\nsub-01\tboth\n", encoding="utf-8")
-    lines = len(read_journal(stopped.folder.journal_path).entries)
-    with pytest.raises(ArchiveError, match=re.escape(f"{path}:2: ")):
-        stopped.resume()
-    assert len(read_journal(stopped.folder.journal_path).entries) == lines
-
-
 @pytest.mark.parametrize("name", ["CON", "con", "Nul", "AUX", "prn", "COM1", "com9", "lPt4"])
 def test_a_name_that_windows_reserves_is_refused(
     name: str, make_study: Callable[[str], Study]
@@ -254,14 +212,6 @@ def test_a_name_that_windows_reserves_is_refused(
     for text in (f'study = {{ name = "{name}" }}', f'[[condition]]\nname = "{name}"'):
         with pytest.raises(StudyError, match=f"Windows.*'{name}'"):
             make_study(text)
-
-
-@pytest.mark.parametrize("name", ["CON1", "COM", "COM10", "control", "aux2", "nil"])
-def test_a_name_that_windows_does_not_reserve_is_taken(
-    name: str, make_study: Callable[[str], Study]
-) -> None:
-    assert check_identifier("participant", name) == name
-    assert make_study(f'study = {{ name = "{name}" }}').name == name
 
 
 @pytest.mark.slow

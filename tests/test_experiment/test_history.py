@@ -100,14 +100,6 @@ def test_a_row_says_what_plan_and_lines_say(plan: Plan) -> None:
     assert (row.device_kind, row.burst_verified) == ("emulated", None)
 
 
-def test_a_row_names_the_device_of_its_own_sitting(plan: Plan) -> None:
-    facts = {"boot_id": 8, "device_kind": "real", "host_boot": "n/a", "session_clock": "goes on"}
-    resumed = Entry("session_resume", 5.0, 105.0, facts)
-    rest = [Entry(e.event, e.t_s + 6, e.wall_s + 6, e.facts) for e in lines(plan, 2)[1:]]
-    rows = replay(plan, [*lines(plan, 1), resumed, *rest]).rows
-    assert [row.device_kind for row in rows] == ["emulated", "real"]
-
-
 @pytest.mark.parametrize(
     ("clocks", "expected"),
     [(["goes on"], [1, 1]), (["broken"], [1, 2]), (["broken", "goes on", "broken"], [1, 3])],
@@ -132,12 +124,6 @@ def test_a_trial_without_its_end_is_open_with_all_that_was_written(plan: Plan) -
     assert (history.last_t_s, history.last_token) == (3.0, 12)
     last = history.last
     assert (last.boot, last.up_s, last.wall_s) == ("first", 10.0, 103.0)
-
-
-def test_a_session_without_lines_stands_at_its_beginning(plan: Plan) -> None:
-    history = replay(plan, [])
-    assert (history.rows, history.open_trial, history.finished) == ((), None, False)
-    assert (history.last_t_s, history.last_token, history.onset_clock) == (0.0, 0, 1)
 
 
 def test_a_journal_of_another_plan_or_of_lines_that_cannot_be_is_refused(plan: Plan) -> None:

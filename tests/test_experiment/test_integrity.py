@@ -17,7 +17,6 @@ from analysis import ResultFileError
 from analysis.reading.load import read_inputs
 from experiment import ArchiveError, JournalError, StudyError, examine, read_journal
 from tests.test_experiment.lab import Crash, Lab
-from tests.test_experiment.monitored import ByItself
 from tests.test_experiment.records import (
     SESSION,
     answer,
@@ -37,7 +36,6 @@ from tests.test_experiment.records import (
     resealed,
     rewrite,
     rows,
-    whole_rewritten,
     without_heads,
 )
 
@@ -217,15 +215,6 @@ def test_a_record_whose_checksums_fit_is_read_without_its_trials_in_the_journal(
     assert read_inputs([results]).trials.equals(whole.trials)
 
 
-def test_without_the_table_s_checksum_the_journal_is_compared(results: Path) -> None:
-    def change(lines: list[bytes]) -> list[bytes]:
-        return [*lines[:-1], re.sub(b',"trials_sha256":"[0-9a-f]+"', b"", lines[-1])]
-
-    whole_rewritten(results, chained_anew(change))
-    assert not is_sealed(results / SESSION)
-    assert not read_inputs([results]).altered
-
-
 GIVEN_UP: dict[str, tuple[Edit, int, str]] = {
     # how, which line of the journal is damaged, if any, and what verify names
     "another answer": (
@@ -275,13 +264,6 @@ def test_a_changed_table_is_named_by_all_commands_and_export_builds_it_anew(
     assert run("verify", results).exit_code == 0
 
 
-def test_a_table_that_contradicts_itself_is_not_accepted(results: Path, run: Run) -> None:
-    cell(2, "correct", "false")(results)
-    done = analyze(run, results, "--accept-altered")
-    assert done.exit_code == 2
-    assert "trials.csv:2: column 'correct'" in done.stderr
-
-
 @pytest.mark.slow
 def test_what_is_accepted_is_marked_in_every_output(results: Path, run: Run) -> None:
     of_another("header.json")(results)
@@ -299,13 +281,6 @@ def test_what_is_accepted_is_marked_in_every_output(results: Path, run: Run) -> 
     assert marks == {("01", "true"), ("02", "false")}
 
 
-def test_a_plan_that_is_in_doubt_is_not_read(results: Path) -> None:
-    resealed(results)
-    loaded = read_inputs([results], accept_altered=True)
-    assert [progress.participant for progress in loaded.progress] == ["02"]
-    assert [*loaded.altered] == [str(results / SESSION / "trials.csv")]
-
-
 def test_a_session_whose_folder_is_lost_is_told_by_an_analysis(results: Path, run: Run) -> None:
     shutil.rmtree(results / SESSION)
     assert (HEAD in run("verify", results).stdout, run("verify", results).exit_code) == (True, 1)
@@ -313,50 +288,6 @@ def test_a_session_whose_folder_is_lost_is_told_by_an_analysis(results: Path, ru
         read_inputs([results])
     assert [*read_inputs([results], accept_altered=True).lost] == [SESSION]
     assert not read_inputs([results / "sub-02"]).lost
-
-
-def test_a_session_whose_table_was_removed_is_not_left_out_silently(results: Path) -> None:
-    (results / SESSION / "trials.csv").unlink()
-    with pytest.raises(ResultFileError, match=r"trials\.csv: .*2 of sessions\.tsv"):
-        read_inputs([results])
-    assert [*read_inputs([results], accept_altered=True).lost] == [SESSION]
-    path = results / SESSION / "journal.jsonl"
-    path.write_bytes(b"".join(path.read_bytes().splitlines(keepends=True)[:10]))
-    without_heads(results)  # as of a session that was cut off before its first end
-    assert [*read_inputs([results]).without_table] == [SESSION]
-
-
-@pytest.mark.slow
-def test_a_table_without_a_journal_is_analysed_and_marked(results: Path, run: Run) -> None:
-    (results / SESSION / "journal.jsonl").unlink()
-    assert analyze(run, results).exit_code == 0
-    summary = json.loads((results.parent / "out" / "summary.json").read_bytes())
-    assert summary["not_compared"] == [f"{SESSION}/trials.csv"]
-    assert [path.split(":")[0] for path in summary["altered"]] == [f"{SESSION}/journal.jsonl"]
-    verified = run("verify", results)
-    assert (verified.exit_code, "journal.jsonl:" in verified.stdout) == (1, True)
-
-
-def test_a_record_of_another_version_is_named_with_both_schemas(results: Path, run: Run) -> None:
-    path = results / SESSION / "journal.jsonl"
-    path.write_bytes(chained(path.read_bytes().splitlines()).replace(b'"schema":2', b'"schema":1'))
-    first, *rest = path.read_bytes().splitlines()
-    facts = json.loads(first)
-    del facts["crc"]
-    body = json.dumps(facts, separators=(",", ":"), ensure_ascii=False).encode()
-    crc = b"%08x" % __import__("zlib").crc32(body)
-    path.write_bytes(b"\n".join([b'{"crc":"' + crc + b'",' + body[1:], *rest, b""]))
-    for command in ("verify", "analyze"):
-        done = run(command, results)
-        assert (done.exit_code, "sub-02/ses-01:" in done.stdout) == (2, command == "verify")
-        assert re.fullmatch(rf"error: {path}:1: .* 2; got 1\n", done.stderr)
-
-
-def test_export_refuses_a_record_that_no_journal_can_mend(results: Path, run: Run) -> None:
-    of_another("header.json")(results)
-    for more in ((), ("--bids", results.parent / "bids")):
-        done = run("export", results, *more)
-        assert (done.exit_code, "header.json:" in done.stderr) == (2, True)
 
 
 def test_a_session_goes_on_only_with_the_record_that_it_left(lab: Lab) -> None:
@@ -609,28 +540,6 @@ def test_whatever_files_are_left_all_commands_agree(
         assert run("verify", results).exit_code == 0
 
 
-MEASURED = ["".join(some) for n in range(4) for some in combinations("jtm", n)]
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("left", MEASURED)
-@pytest.mark.usefixtures("anybody_may")
-def test_whatever_is_left_of_a_measured_session_all_commands_agree(
-    tmp_path: Path, run: Run, left: str
-) -> None:
-    rig = ByItself(tmp_path / "results")
-    assert rig.begin().finished
-    for letter in {*"jtm"} - {*left}:
-        (rig.folder.path / FILES[letter]).unlink()
-    verified, analyzed = run("verify", rig.folder.root), analyze(run, rig.folder.root)
-    exported = run("export", rig.folder.root)
-    codes = verified.exit_code, analyzed.exit_code, exported.exit_code
-    alone = "t" in left and "j" not in left  # a table without a journal is read all the same
-    assert codes == (left != "jtm", 0 if alone or left == "jtm" else 2, 0 if "j" in left else 2)
-    if "j" in left:
-        assert run("verify", rig.folder.root).exit_code == 0
-
-
 def test_other_sessions_are_built_where_one_is_lost(results: Path, run: Run) -> None:
     (results / SESSION / "plan.json").unlink()
     table = results / "sub-02/ses-01/trials.csv"
@@ -654,25 +563,6 @@ def stopped(make_study: Callable[[str], Study], short_study_text: str, results: 
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("created", [False, True])
-def test_a_session_that_never_began_or_has_no_table_yet_is_no_loss(
-    results: Path, run: Run, stopped: Lab, *, created: bool
-) -> None:
-    stopped.folder.path.mkdir(parents=True)
-    if created:
-        stopped.folder.create(stopped.plan, {})
-    else:
-        stopped.folder.journal_path.touch()
-        assert run("verify", results).exit_code == 0
-    done = analyze(run, results)
-    assert (done.exit_code, "sub-03/ses-01" in done.stdout) == (0, True)
-    if not created:
-        assert run("export", results).exit_code == 0
-        done = run("export", results, "--bids", results.parent / "bids")
-        assert (done.exit_code, "sub-03/ses-01" in done.output) == (0, True)
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize("place", ["", "sub-01", SESSION, "../link"])
 def test_an_honest_session_is_not_suspected_wherever_one_stands(
     results: Path, run: Run, monkeypatch: pytest.MonkeyPatch, place: str
@@ -689,21 +579,6 @@ def test_an_honest_session_is_not_suspected_wherever_one_stands(
     assert done.exit_code == 0, done.output
     number = 1 if place.startswith("sub") else 2
     assert len([*(results.parent / "bids").glob("sub-*/ses-*/beh/*.tsv")]) == number
-
-
-def test_a_copy_beside_the_journal_is_compared_with_it(results: Path, run: Run) -> None:
-    table = results / SESSION / "trials.csv"
-    copy = table.with_name("trials_fixed.csv")
-    copy.write_bytes(table.read_bytes())
-    loaded = read_inputs([copy])
-    assert (loaded.not_compared, len(loaded.progress)) == ((), 1)
-    assert [path.name for path in loaded.inputs] == ["plan.json", "trials_fixed.csv"]
-    text = table.read_text("utf-8")
-    copy.write_text(text.replace(",0.5,", ",0.25,", 1), encoding="utf-8")
-    done = analyze(run, copy)
-    assert (done.exit_code, f"{copy}:2: column 'rt_s'" in done.stderr) == (2, True)
-    (differences,) = read_inputs([copy], accept_altered=True).altered.values()
-    assert differences[0].startswith("trials_fixed.csv:2: column 'rt_s'")
 
 
 LINKED = ["sub-01", SESSION, *(f"{SESSION}/{FILES[one]}" for one in "phjt"), "sub-01/sessions.tsv"]
@@ -724,21 +599,3 @@ def test_a_link_among_the_results_is_refused_by_name(
         assert done.stderr.startswith(f"error: {place}: ")
         assert "symbolic" in done.stderr
     assert not out.exists()
-
-
-@pytest.mark.parametrize("name", ["sub-01", SESSION, f"{SESSION}/trials.csv"])
-def test_a_link_given_as_the_path_is_refused_and_one_above_it(
-    results: Path, run: Run, name: str
-) -> None:
-    link, out = results.parent / "link.csv", results.parent / "out"
-    link.symlink_to(results / name)
-    done = run("analyze", link, "--out", out)
-    assert (done.exit_code, str((results / name).resolve()) in done.stderr) == (2, True)
-    for folder in ("sub-01", SESSION):
-        (results / folder).rename(results.parent / "elsewhere")
-        (results / folder).symlink_to(results.parent / "elsewhere")
-        done = run("analyze", results / name, "--out", out)
-        assert done.exit_code == 2
-        assert str(results / folder) in done.stderr
-        (results / folder).unlink()
-        (results.parent / "elsewhere").rename(results / folder)

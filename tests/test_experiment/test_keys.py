@@ -131,22 +131,6 @@ def test_a_key_is_timed_on_the_sessions_clock(keyboard: Keyboard, reader: KeyRea
     assert reader.next() is None
 
 
-def test_the_release_of_a_key_is_no_stroke(keyboard: Keyboard, reader: KeyReader) -> None:
-    press = keyboard.down("right")
-    assert reader.next() is not None
-    keyboard.clock.wait(2.0)
-    keyboard.up(press)
-    assert reader.next() is None
-    keyboard.down("right")
-    assert reader.next() == Stroke("right", 7.0)
-
-
-def test_of_two_keys_the_earlier_comes_first(keyboard: Keyboard, reader: KeyReader) -> None:
-    keyboard.down("right", ago_s=0.001)
-    keyboard.up(keyboard.down("left", ago_s=0.002))
-    assert [heard(reader)[0], heard(reader)[0]] == ["left", "right"]
-
-
 def test_only_a_wish_for_a_pause_outlives_the_trial(keyboard: Keyboard, reader: KeyReader) -> None:
     keyboard.down("left")
     keyboard.down("escape")

@@ -140,13 +140,6 @@ def test_the_loop_has_the_level_of_the_study(card: Card) -> None:
         noise.stop()
 
 
-def test_when_start_returns_the_noise_has_its_full_level(card: Card) -> None:
-    noise = noise_on(card)
-    noise.start()
-    assert FADE_IN_S - LATENCY_S - 0.1 <= card.now_s() <= FADE_IN_S + 0.1
-    assert noise.health().ok is True
-
-
 @pytest.mark.slow
 def test_a_card_of_the_right_speed_is_healthy_for_an_hour(card: Card) -> None:
     card.speed = 1.001
@@ -177,15 +170,6 @@ def test_a_card_that_plays_something_else_is_found_in_time(
         setattr(card, name, value)
     card.wait(within_s)
     assert_lost(noise, words)
-
-
-def test_a_card_that_takes_nothing_is_found_when_what_it_has_is_used_up(card: Card) -> None:
-    noise = playing_on(card)
-    card.stall()
-    card.wait(0.1)
-    assert noise.health().ok is True
-    card.wait(LATENCY_S + SLACK_S)
-    assert_lost(noise, "default")
 
 
 def test_a_gap_is_told_once_and_counted_for_ever(card: Card) -> None:
@@ -289,18 +273,6 @@ def test_a_sound_system_that_hangs_holds_nobody_up(
         time.sleep(0.01)
     assert (card.opened, card.callback) == (1, None)
     assert not card.frames().any()
-
-
-def test_a_sound_card_that_hangs_while_it_is_closed_holds_nobody_up(
-    card: Card, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    noise = playing_on(card)
-    monkeypatch.setattr("experiment.apparatus.noise._PATIENCE_S", 0.05)
-    answers = threading.Event()
-    monkeypatch.setattr(Card, "close", lambda self: answers.wait(10.0))
-    noise.stop()
-    assert noise.health().ok is False
-    answers.set()
 
 
 def test_nothing_is_played_to_a_simulated_participant_or_where_the_study_wants_none() -> None:

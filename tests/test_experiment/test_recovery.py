@@ -10,9 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from device import LinkError
 from experiment import Journal, JournalWriteError, simulate_study
-from experiment.archive.disk import DISK, SystemDisk, lock_on, make_folder
+from experiment.archive.disk import DISK, SystemDisk, make_folder
 from tests.test_experiment.disks import FullDisk, LossyDisk, withdraw, write_export, write_file
 from tests.test_experiment.lab import Lab
 from tests.test_experiment.sessions import Sessions
@@ -87,14 +86,6 @@ def test_a_file_or_export_that_is_written_is_on_the_disk_as_a_whole(
             "new/out/README": text.encode(),
             "new/out/sub-01/beh/events.tsv": text.encode(),
         }
-
-
-def test_a_folder_below_a_file_is_refused_by_its_name(tmp_path: Path, disk: LossyDisk) -> None:
-    file = tmp_path / "study.toml"
-    file.touch()
-    with pytest.raises(NotADirectoryError) as refused:
-        make_folder(file / "sub-01" / "ses-01", disk)
-    assert refused.value.filename == str(file)
 
 
 def test_every_file_that_is_opened_is_closed(
@@ -204,22 +195,6 @@ def test_who_waits_for_a_person_or_the_operator_has_written_what_led_there(lab: 
     assert noted[:3] == [0, 0, 1]  # shown before the greeting, at it, and when the note was taken
 
 
-def test_a_fault_is_on_the_disk_before_the_device_is_told_to_stop(lab: LossyLab) -> None:
-    stop, seen = lab.device.stop, []
-
-    def lost(token: int) -> Delivery:
-        raise LinkError("dead")
-
-    def observed_stop() -> None:
-        seen.append(lab.safe("fault"))
-        stop()
-
-    lab.patch.setattr(lab.device, "fire", lost)
-    lab.patch.setattr(lab.device, "stop", observed_stop)
-    assert not lab.begin().finished
-    assert set(seen) == {1}
-
-
 def test_a_resume_and_the_open_trials_end_are_on_the_disk_before_it_goes_on(lab: LossyLab) -> None:
     def begun() -> None:
         assert (lab.safe("session_resume"), lab.safe("trial_end")) == (1, 1)
@@ -236,16 +211,6 @@ def test_a_resume_and_the_open_trials_end_are_on_the_disk_before_it_goes_on(lab:
     assert lab.resume(begin={1: begun}).finished
     assert lab.responder.calls["begin"] == 1
     assert asked == [1]
-
-
-def test_a_session_of_a_person_whose_row_is_there_already_keeps_its_folder(lab: LossyLab) -> None:
-    make_folder(lab.folder.root, lab.disk)
-    write_file(lab.folder.root / "participants.tsv", "participant_id\nsub-01\n", lab.disk)
-    with lab.folder.locked():
-        lab.folder.create(lab.plan, {})
-    there = lab.disk.holds(lab.root)
-    assert {"study/participants.tsv", "study/sub-01/ses-01/plan.json"} <= set(there)
-    assert json.loads(there["study/sub-01/ses-01/plan.json"])["sha256"] == lab.plan.sha256
 
 
 @pytest.fixture
@@ -326,15 +291,6 @@ def test_records_of_a_person_give_others_no_right(
     for path in written:
         mode = stat.S_IMODE(path.stat().st_mode)
         assert mode == (0o770 if path.is_dir() else 0o660) & ~umask, path
-
-
-@pytest.mark.skipif(os.name == "nt", reason="rights of files are a POSIX feature")
-def test_a_lock_that_is_taken_again_keeps_the_rights_it_has(tmp_path: Path, umask: int) -> None:
-    path = tmp_path / ".lock"
-    for _ in range(2):
-        with lock_on(path) as lock:
-            assert lock._context.mode == 0o660 & ~umask
-        assert stat.S_IMODE(path.stat().st_mode) == 0o660 & ~umask
 
 
 def begin_until_full(lab: Lab, folder: Path, full_at: int) -> bool:

@@ -62,13 +62,6 @@ def test_escape_makes_a_pause_of_a_break_and_another_one_stops(room: Room) -> No
     assert not room.pause(paused=False, minimum_s=30.0)
 
 
-def test_escapes_in_quick_succession_are_a_pause_and_a_stop(room: Room) -> None:
-    room.keys(("escape", 0.10), ("escape", 0.15))
-    assert room.responder.ask(question()) == Press(ESCAPE, 0.10)
-    room.clock.wait(0.1)  # the record is written meanwhile
-    assert not room.pause(paused=True)
-
-
 def test_an_escape_before_the_operators_pause_does_not_stop(room: Room) -> None:
     room.requests.pause()
     room.keys(("escape", 0.05), ("return", 0.3))
@@ -128,15 +121,6 @@ def test_the_question_is_that_of_the_trials_part(room: Room) -> None:
         room.responder.ask(question(room.clock.now_s()))
     shown = [page for page in room.stage.shown if page != "ready"]
     assert shown == ["prompt, ('left', 'right')", "prompt, ('left', 'right', 'none')"]
-
-
-def test_a_key_for_another_window_is_no_answer_and_is_noted(room: Room) -> None:
-    room.stage.focused = False
-    room.keys(("left", 0.2))
-    room.at(0.5, lambda: setattr(room.stage, "focused", True))
-    assert room.responder.ask(question()) is None
-    (note,) = room.requests.notes()
-    assert "(left)" in note
 
 
 @pytest.mark.parametrize("close", [False, True])

@@ -92,12 +92,3 @@ def test_no_page_shows_a_key_of_an_answer_that_is_not_offered(study: Study, show
         assert "{" not in words
         for answer, sign in (("both", "↓"), ("none", "Space"), ("none", "0 / K")):
             assert answer in part.answers(responses) or sign not in words
-
-
-def test_the_pages_before_the_first_part_do_not_lay_the_fingers_on_the_plate(
-    study: Study, shown: Pages
-) -> None:
-    words = [word for page in shown.before_sitting() for word in page]
-    assert study.texts.placement not in words
-    (placement, *_) = shown.before_part(SessionPart.PRACTICE, lay=True)
-    assert study.texts.placement in placement

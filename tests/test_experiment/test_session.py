@@ -107,15 +107,6 @@ def test_killed_after_any_journal_line_a_session_loses_nothing(sessions: Session
     assert lines > 5 * 5
 
 
-@pytest.mark.slow
-def test_an_interrupted_simulation_gives_the_answers_of_an_unbroken_one(killed: Sessions) -> None:
-    killed.run(*SEED, "--session", "02")
-    unbroken = {row["trial"]: row["response"] for row in killed.rows("02")}
-    killed.run(*RESUME)
-    answers = {row["trial"]: row["response"] for row in killed.rows() if row["attempt"] == "1"}
-    assert {t: a for t, a in answers.items() if a != "n/a"}.items() <= unbroken.items()
-
-
 def test_a_torn_last_line_is_set_aside_and_told_and_half_files_are_swept_up(
     killed: Sessions,
 ) -> None:
@@ -166,15 +157,6 @@ def test_resume_refuses_options_that_contradict_it(killed: Sessions, tmp_path: P
     assert killed.run(*RESUME, "--seed", "1").exit_code == 0
     nobody = killed.run(*RESUME, "--session", "09")
     assert (nobody.exit_code, killed.folder("09").path.exists()) == (2, False)
-
-
-@pytest.mark.slow
-def test_placed_levels_are_sealed_and_kept_on_resume(sessions: Sessions, tmp_path: Path) -> None:
-    levels = tmp_path / "levels.toml"
-    levels.write_text('participant = "01"\nlevels_vpp = [70, 150]', encoding="utf-8")
-    assert sessions.crash(9, *SEED, "--levels", str(levels))
-    assert sessions.run(*RESUME).exit_code == 0
-    assert {row["level_vpp"] for row in sessions.rows()} <= {"70", "150"}
 
 
 @pytest.mark.slow
@@ -272,16 +254,6 @@ break_every = 0
 foreperiod_s = [0.01, 0.02]
 responses = ["left", "right", "both", "none"]
 """
-UNKNOWN = """
-[[actuator]]
-side = "left"
-x_mm = -35
-diameter_mm = 12.8
-[[actuator]]
-side = "right"
-x_mm = 35
-diameter_mm = 12.8
-"""
 
 
 def test_every_row_has_the_displacements_of_the_sealed_matrix(sessions: Sessions) -> None:
@@ -299,24 +271,6 @@ def test_every_row_has_the_displacements_of_the_sealed_matrix(sessions: Sessions
 
 
 @pytest.mark.slow
-def test_without_a_stated_displacement_the_columns_say_so(sessions: Sessions) -> None:
-    sessions.write(EVERY_KIND + UNKNOWN)
-    assert sessions.run(*SEED).exit_code == 0
-    assert sessions.folder().read_plan().gains[0].bases == (None, None)
-    columns = ("peak_left_um", "peak_right_um", "displacement_basis")
-    assert {row[column] for row in sessions.rows() for column in columns} == {"n/a"}
-
-
-def test_a_session_never_computes_its_matrix_again(
-    killed: Sessions, run: Run, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("experiment.study.physics.study_gains", never)
-    assert killed.run(*RESUME).exit_code == 0
-    assert run("export", killed.out).exit_code == 0
-    assert "measured" in {row["displacement_basis"] for row in killed.rows()}
-
-
-@pytest.mark.slow
 def test_a_chosen_window_is_played_recorded_and_kept_on_resume(
     sessions: Sessions, short_study_text: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -331,19 +285,3 @@ def test_a_chosen_window_is_played_recorded_and_kept_on_resume(
         assert sessions.run(*RESUME).exit_code == 0
     sessions.write(short_study_text + auto.format(-41))
     refused(sessions, "--resume")
-
-
-@pytest.mark.slow
-def test_a_changed_click_ends_the_resume(sessions: Sessions, short_study_text: str) -> None:
-    click = sessions.study.parent / "click.csv"
-    whole = "0\n1\n2\n1\n0\n-1\n-2\n-1\n0\n"
-    click.write_text(whole, encoding="utf-8")
-    burst = '[burst]\nfile = "click.csv"\naccept_unfit = "a click of 12 kHz"\n'
-    sessions.write(short_study_text + burst)
-    assert sessions.crash(9, *SEED)
-    click.write_text("0\n1\n-1\n0\n", encoding="utf-8")
-    refused(sessions, "--resume")
-    click.write_text(whole, encoding="utf-8")
-    assert sessions.run(*RESUME).exit_code == 0
-    played = {"file": "click.csv", "sample_rate_hz": 48000.0, "samples": 9}
-    assert sessions.header()["stimuli"]["main"] == played

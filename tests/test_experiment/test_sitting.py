@@ -12,7 +12,7 @@ import pytest
 
 from experiment import Press
 from experiment.study.sections.presentation import Screen, Texts
-from tests.test_experiment.lab import FakeNoise, Scripted, Watching
+from tests.test_experiment.lab import FakeNoise, Scripted
 from tests.test_experiment.sessions import Sessions
 
 if TYPE_CHECKING:
@@ -224,31 +224,6 @@ def test_practice_without_a_device_plays_no_noise_and_judges_no_answer(
     assert "practice" in screen.log
     assert not [line for line in screen.log if line.startswith("correct")]
     assert [row["kind"] for row in sessions.rows()].count("practice") == 2
-
-
-@pytest.mark.slow
-def test_the_operator_sees_it_unless_the_terminal_is_the_participants(
-    sessions: Sessions, screen: type[FakeScreen], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    seen: list[object] = []
-
-    class View(Watching):
-        def __init__(self, requests: object, stop: object) -> None:
-            super().__init__()
-            seen.append(requests)
-
-        def __enter__(self) -> Self:
-            return self
-
-        def __exit__(self, *_: object) -> None: ...
-
-    module = ModuleType("experiment.operator.view")
-    vars(module)["OperatorView"] = View
-    monkeypatch.setitem(sys.modules, "experiment.operator.view", module)
-    sessions.run("--responder", "screen")
-    assert seen == [screen.settings.requests]
-    sessions.run("--session", "02", "--responder", "terminal")
-    assert len(seen) == 1
 
 
 @pytest.mark.parametrize("responder", ["screen", "terminal"])

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from experiment.participant.wrapping import as_drawn, filled, wrapped
+from experiment.participant.wrapping import filled, wrapped
 
 WORDS = st.lists(st.text(st.characters(categories=("L", "N")), min_size=1), min_size=1)
 
@@ -35,16 +35,3 @@ def test_line_breaks_of_the_study_are_kept() -> None:
 def test_a_text_tells_how_far_it_is() -> None:
     text = filled("{done}/{planned}, {seconds} s, {left}, {{done}}", {"done": 3, "planned": 8})
     assert text == "3/8, {seconds} s, {left}, {done}"
-
-
-def test_a_line_from_right_to_left_begins_at_the_right() -> None:
-    pytest.importorskip("bidi", reason="PsychoPy is not installed")
-    assert as_drawn("אבג 12 abc", right_to_left=True) == "abc 12 גבא"
-    assert as_drawn("one אבג.", right_to_left=False) == "one גבא."
-    assert as_drawn("one two.", right_to_left=False) == "one two."
-
-
-def test_arabic_letters_join() -> None:
-    pytest.importorskip("arabic_reshaper", reason="PsychoPy is not installed")
-    drawn = as_drawn("بيت", right_to_left=True)
-    assert drawn == "\ufe96\ufef4\ufe91"  # final teh, medial yeh, initial beh
