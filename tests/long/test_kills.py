@@ -4,64 +4,24 @@ from __future__ import annotations
 
 import os
 import signal
-import subprocess
-import sys
-import time
 from collections import Counter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pytest
 from click.testing import CliRunner
 
 from experiment import examine
 from tactstrip import main
 from tests.long.test_fuzz import rounds
 from tests.system.test_links import bursts_of
-from tests.system.test_terminal import Terminal
 from tests.test_experiment.sessions import Sessions
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
-
-    from tests.processes import Emulate
+    from collections.abc import Callable
 
 
 CHANGES = ((os, ("write", "fsync", "unlink", "rmdir", "mkdir")), (Path, ("replace", "rename")))
-ALL_PARTS = """practice_trials = 1
-audibility_trials = 2
-blank_trials = 1
-responses = ["left", "right", "both", "none"]
-minimum_break_s = 0
-[masking]
-noise = "none"
-"""
-PRESSES = {b"Enter goes on": b"\n", b" ?": b"\x1b[D"}
-"""What a person at the terminal does about what is shown."""
-
-
-RECORDER = """
-import pylsl
-while True:
-    for stream in pylsl.resolve_byprop("source_id", "tactstrip-sub-01-ses-01", timeout=1.0):
-        inlet = pylsl.StreamInlet(stream, recover=False)
-        try:
-            while True:
-                inlet.pull_sample(timeout=1.0)
-        except pylsl.util.LostError:
-            inlet.close_stream()
-"""
-
-
-@pytest.fixture(scope="module", autouse=True)
-def recorder() -> Iterator[None]:
-    """A recorder of markers in a process of its own: without one a session waits for it."""
-    command = [sys.executable, "-c", RECORDER]
-    with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as process:
-        yield
-        assert process.poll() is None
-        process.kill()
 
 
 class Watched:
@@ -149,50 +109,3 @@ def test_a_session_killed_thousands_of_times_loses_and_doubles_nothing(
         watched.ended()
         kills += watched.kills
     print(f"{kills} kills in {number} sessions")
-
-
-def sat_through(terminal: Terminal, kill_at_s: float) -> int | None:
-    """Press what is asked for; kill the process at a time, or return how it ended before."""
-    done = 0
-    while time.monotonic() < kill_at_s:
-        if not terminal.read(min(kill_at_s, time.monotonic() + 0.1)):
-            ended = terminal.process.poll()
-            if ended is not None:
-                return ended
-        for place, asked in sorted(
-            (place, asked)
-            for asked in PRESSES
-            if (place := terminal.shown.find(asked, done)) >= 0
-        ):  # fmt: skip
-            time.sleep(0.11 if asked == b" ?" else 0.0)
-            terminal.press(PRESSES[asked])
-            done = place + len(asked)
-    terminal.process.kill()
-    return None
-
-
-@pytest.mark.parametrize("driver", ["mock", "serial"])
-def test_a_person_at_a_terminal_who_is_killed_again_and_again_loses_nothing(
-    tmp_path: Path, quick_study_text: str, emulate: Emulate, driver: str
-) -> None:
-    """Markers on; killed at any time; the emulator outlives the kills and tells what it played."""
-    kills = number = 0
-    while kills < rounds(60):
-        number += 1
-        rng = np.random.default_rng(number)
-        sessions = Sessions(tmp_path / f"{number}", quick_study_text + ALL_PARTS)
-        more, truth, on = ["--seed", str(rng.integers(2**31))], None, ["--driver", driver]
-        if driver == "serial":
-            port, truth, _ = emulate("pty", seed=number)
-            on += ["--port", port]
-        watched, ended = Watched(sessions), None
-        while ended is None:
-            with Terminal(sessions, "--lsl", *on, *more) as terminal:
-                ended = sat_through(terminal, time.monotonic() + rng.uniform(0.8, 4.5))
-                terminal.process.wait()
-            if ended is None:
-                more = watched.killed() or more
-        assert ended == 0, terminal.shown
-        watched.ended(truth)
-        kills += watched.kills
-    print(f"{kills} kills in {number} sessions at a terminal, {driver}")

@@ -22,10 +22,6 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
     from pathlib import Path
 
-    from click.testing import Result
-
-    from tests.conftest import Run
-
     Start: TypeAlias = Callable[..., tuple[subprocess.Popen[str], str]]
 
 HANN = '[burst]\nwindow = "hann"\n'
@@ -316,25 +312,6 @@ def test_an_emulator_that_dies_in_mid_session_costs_no_trial_and_no_truth(
     require_true(short, truth)
 
 
-def test_a_device_that_resets_on_a_bad_line_costs_nothing(
-    short: Sessions, truth: Path, start: Start
-) -> None:
-    faults = "reset=0.01,drop=0.002,corrupt=0.002"
-    _, port = start("--pty", "--fault", faults, "--seed", "5", truth=truth)
-    failures = 0
-    for number in range(1, 21):
-        failures += finish(short, *over("serial", port), session=f"{number:02d}")
-        boots = sum(event["event"] == "boot" for event in events_of(truth))
-        if boots > 1 and failures:
-            break
-    else:
-        pytest.fail("no reset in twenty sessions")
-    tokens = [burst["token"] for burst in bursts_of(truth)]
-    assert len(tokens) == len(set(tokens))
-    for done in range(1, number + 1):
-        require_true(short, truth, f"{done:02d}")
-
-
 @pytest.mark.parametrize("kind", LINES)
 def test_a_killed_host_doubles_nothing(
     kind: str, short: Sessions, truth: Path, start: Start
@@ -397,33 +374,3 @@ def test_an_emulator_is_not_asked_about_and_says_so_in_the_header(
     header = tiny.header()
     assert (header["hardware_confirmed"], header["device_cannot"]) == ("n/a", [])
     assert header["device_identity"]["emulated"] is True
-
-
-@pytest.fixture
-def check(tmp_path: Path, run: Run) -> Run:
-    """Check a study, and the device that is given."""
-
-    def check(*options: str, typed: str | None = None) -> Result:
-        return run("check", Sessions(tmp_path, QUICK).study, *options, typed=typed)
-
-    return check
-
-
-def test_the_check_plays_a_tenth_on_each_channel(check: Run, truth: Path, start: Start) -> None:
-    _, port = start("--pty", truth=truth)
-    found = json.loads(check("--device", "--driver", "serial", "--port", port, "--json").stdout)
-    assert [channel["good"] for channel in found["device_check"]["channels"]] == [True, True]
-    assert [burst["levels_mv"] for burst in bursts_of(truth)] == [[20_000, 0], [0, 20_000]]
-    assert events_of(truth)[-1]["event"] == "off"
-
-
-@pytest.mark.parametrize(
-    ("answers", "exit_code"), [("y\n" * 5, 0), ("y\ny\ny\ny\nn\n", 1), ("y\nn\nn\n", 1)]
-)
-def test_each_burst_of_a_check_is_asked_for_and_confirmed(
-    answers: str, exit_code: int, check: Run, real: RealGenerator, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("experiment.commands.options.hardware.on_terminal", lambda: True)
-    result = check("--device", "--driver", "generator", "--port", real.port, typed=answers)
-    assert result.exit_code == exit_code, result.stderr
-    assert len(bursts_of(real.truth)) == answers.count("y") // 2

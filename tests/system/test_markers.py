@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import os
-import subprocess
-import threading
 import time
 from typing import TYPE_CHECKING, Any
 
 import pytest
 
 from experiment.session.markers import RECORDING_START, LslMarkers
-from tests.test_experiment.sessions import COMMAND, Sessions
+from tests.test_experiment.sessions import Sessions
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -104,52 +102,6 @@ def test_an_inlet_sees_every_trial_at_the_time_of_the_record(
     onsets = [float(line[heading.index("onset")]) for line in lines]
     shifted = [float(row["onset_s"]) - marked.facts["at_s"] for row in rows]
     assert onsets == pytest.approx(shifted, abs=1e-6)
-
-
-class Early:
-    """Looks for streams of markers over and over, and connects to the first new one at once."""
-
-    def __init__(self, pylsl: Any) -> None:
-        self._pylsl = pylsl
-        self._over = threading.Event()
-        self._since_s = pylsl.local_clock()
-        self.seen: list[str] = []
-        self._thread = threading.Thread(target=self._listen)
-        self._thread.start()
-
-    def _listen(self) -> None:
-        found: list[Any] = []
-        while not found and not self._over.is_set():
-            streams = self._pylsl.resolve_byprop("type", "Markers", timeout=0.2)
-            found = [stream for stream in streams if stream.created_at() > self._since_s]
-        if found:
-            inlet = self._pylsl.StreamInlet(found[0])
-            while not self._over.is_set():
-                sample, _ = inlet.pull_sample(timeout=0.05)
-                self.seen += sample or []
-            inlet.close_stream()
-
-    def close(self) -> None:
-        self._over.set()
-        self._thread.join()
-
-
-def test_a_recorder_that_looks_before_there_is_a_stream_hears_it_from_the_start(
-    pylsl: Any, sessions: Sessions
-) -> None:
-    recorder = Early(pylsl)
-    try:
-        time.sleep(0.3)  # it looks
-        words = sessions.words("--responder", "simulated", "--lsl")
-        result = subprocess.run([*COMMAND, *words], capture_output=True, text=True, check=False)
-        time.sleep(0.2)  # what was sent last is on its way
-    finally:
-        recorder.close()
-    assert result.returncode == 0, result.stderr
-    assert recorder.seen[0] == RECORDING_START
-    assert recorder.seen[1].startswith("stimulus/")
-    stimuli = [marker for marker in recorder.seen if marker.startswith("stimulus/")]
-    assert len(stimuli) == len(sessions.rows())
 
 
 def test_a_visit_has_its_start_after_the_start_key_and_each_resume_its_own(

@@ -224,14 +224,6 @@ def test_the_view_shows_how_far_the_session_is_and_no_level(idle: Terminal) -> N
     assert "vpp" not in idle.seen.lower()
 
 
-def test_nothing_is_drawn_while_an_answer_is_awaited_unless_a_key_is_typed(told_path: Path) -> None:
-    with beside("answer", told_path) as terminal:
-        terminal.read(1.0)
-        assert "77 of 155" not in terminal.seen
-        terminal.type("n")
-        terminal.expect("77 of 155")
-
-
 def test_a_pause_is_asked_for_by_p_and_ended_by_r(idle: Terminal, told_path: Path) -> None:
     idle.type("p")
     idle.expect("pause follows")
@@ -261,36 +253,12 @@ def test_the_terminal_is_given_back_by_a_signal(idle: Terminal, number: signal.S
     assert not idle.screen.has("p pause")
 
 
-def test_a_suspended_program_gives_the_terminal_back(idle: Terminal, told_path: Path) -> None:
-    for _ in range(3):
-        idle.process.send_signal(signal.SIGTSTP)
-        _, how = os.waitpid(idle.process.pid, os.WUNTRACED)
-        assert os.WIFSTOPPED(how)
-        idle.read()
-        assert idle.given_back()
-        idle.process.send_signal(signal.SIGCONT)
-        idle.until(lambda: not idle.by_line)
-        idle.expect("p pause")
-    idle.stop("nstill here\r")
-    assert idle.given_back()
-    assert told(told_path)["notes"] == ["still here"]
-
-
 def test_a_terminal_that_is_closed_stops_the_session_by_its_signal(told_path: Path) -> None:
     with beside("idle", told_path, "own") as terminal:
         terminal.expect("p pause")
         terminal.hang_up()
         assert terminal.process.wait(PATIENCE_S) == 0
     assert told(told_path)["asked"] is True
-
-
-def test_a_terminal_whose_output_is_held_holds_nothing_up(told_path: Path) -> None:
-    with beside("many", told_path) as terminal:
-        termios.tcflow(terminal.near, termios.TCOOFF)
-        assert terminal.process.wait(PATIENCE_S) == 0
-        assert told(told_path)["shown"] == 1499
-        assert termios.tcgetattr(terminal.near) == terminal.settings
-        assert not terminal.read()
 
 
 @pytest.mark.parametrize("piped", ["stdin", "stdout"])

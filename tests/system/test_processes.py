@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import shutil
-import subprocess
-import sys
 from typing import TYPE_CHECKING
 
 import pytest
 
 from experiment import ArchiveError, SessionFolder
 from tests.test_experiment.people import assert_gone
-from tests.test_experiment.sessions import COMMAND, Sessions, contents
+from tests.test_experiment.sessions import Sessions, contents
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -22,14 +20,6 @@ if TYPE_CHECKING:
     KillAt = Callable[..., int | None]
 
 SIMULATED = ("--responder", "simulated", "--seed", "1")
-WITHOUT_PSYCHOPY = """
-import sys
-for name in ("psychopy", "psychtoolbox", "pyglet"):
-    sys.modules[name] = None
-from tactstrip import main
-main(sys.argv[1:], standalone_mode=False)
-assert "experiment.participant.screen" not in sys.modules
-"""
 
 
 @pytest.fixture
@@ -105,36 +95,3 @@ def test_a_session_killed_before_changes_of_the_disk_is_complete_in_the_end(
     assert run("verify", sessions.out).exit_code == 0
     ok = [row["trial"] for row in sessions.rows() if row["status"] == "ok"]
     assert len({*ok}) == len(ok) == 5
-
-
-def test_a_second_process_on_the_same_session_is_refused(
-    tmp_path: Path, quick_study_text: str
-) -> None:
-    sessions = Sessions(tmp_path, quick_study_text)
-    with sessions.folder().locked():
-        refused = subprocess.run(
-            [*COMMAND, *sessions.words(*SIMULATED)], capture_output=True, text=True, check=False
-        )
-    assert (refused.returncode, refused.stderr.count("\n")) == (2, 1)
-    assert sessions.run(*SIMULATED).exit_code == 0
-
-
-def test_dry_run_analyze_check_and_run_need_no_psychopy(
-    tmp_path: Path, quick_study_text: str
-) -> None:
-    sessions = Sessions(tmp_path, quick_study_text)
-    study, dry = str(sessions.study), str(tmp_path / "dry")
-    analysis = ["--allow-simulated", "--no-figures", "--out", str(tmp_path / "a")]
-    for command in (
-        ["check", study],
-        ["dry-run", study, "--participants", "1", "--seed", "1", "--out", dry],
-        ["analyze", dry, *analysis],
-        sessions.words(*SIMULATED),
-    ):
-        ended = subprocess.run(
-            [sys.executable, "-c", WITHOUT_PSYCHOPY, *command],
-            capture_output=True,
-            text=True,
-            check=False,
-        )
-        assert ended.returncode == 0, ended

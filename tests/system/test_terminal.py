@@ -164,24 +164,6 @@ def test_escape_pauses_and_escape_again_stops_until_a_resume(sessions: Sessions)
     assert (statuses.count("ok"), statuses.count("voided")) == (5, 2)
 
 
-@pytest.mark.parametrize("packets", [(LEFT * 30,), (ESCAPE, b"[D"), (b"\x1b[", b"D")])
-def test_an_arrow_that_arrives_in_pieces_is_no_escape(
-    sessions: Sessions, packets: tuple[bytes, ...]
-) -> None:
-    with Terminal(sessions, "--seed", "1") as terminal:
-        terminal.begin()
-        terminal.expect(b" ?")
-        time.sleep(LATER_S)
-        for packet in packets:
-            terminal.press(packet)
-            time.sleep(0.01)
-        terminal.expect(b" left")
-        terminal.answer(ESCAPE)
-        terminal.go_on(b"1 of 5", ESCAPE)
-        assert terminal.ended() == 4, terminal.shown
-    assert [row["response"] for row in sessions.rows() if row["status"] == "ok"] == ["left"]
-
-
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT, signal.SIGHUP, None])
 def test_a_signal_or_a_closed_terminal_stops_the_session_safely_while_an_answer_is_awaited(
     sessions: Sessions, number: signal.Signals | None

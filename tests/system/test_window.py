@@ -45,8 +45,6 @@ index = 0
 """
 SHORT = STUDY.replace("_side = 3", "_side = 1").replace("practice_trials = 2", "")
 SHORT = SHORT.replace("[0.6, 0.7]", "[0.3, 0.4]").replace("response_window_s = 1.0", "")
-HASTY = SHORT.replace("[0.3, 0.4]", "[1.0, 1.2]")
-"""A key that is pressed all the time comes before every onset."""
 TACTSTRIP = (sys.executable, "-c", "from tactstrip import main; main()", "run")
 AT_A_SCREEN = (
     *("--participant", "01", "--responder", "screen", "--driver", "mock"),
@@ -269,18 +267,6 @@ def test_a_session_records_what_was_pressed_from_welcome_to_end(sitting: Sitting
     assert_complete(sitting)
 
 
-def test_a_key_pressed_all_the_time_stops_a_session_that_nobody_watches(sitting: Sitting) -> None:
-    sitting.start(study=HASTY)
-    sitting.wait_for("stimulus_commanded", "trial_end", going_on=True)
-    until_s = time.monotonic() + LONGEST_S
-    while sitting.process.poll() is None and time.monotonic() < until_s:
-        with contextlib.suppress(subprocess.CalledProcessError):  # the window is gone
-            sitting.press("key", "space", "key", "Return")
-    code, _, _ = sitting.end(pressing=False)
-    early = [row for row in sitting.rows() if row["anticipated"] == "true"]
-    assert (code, len(early)) == (4, 3)
-
-
 def complete_after_resume(sitting: Sitting) -> None:
     sitting.start("--resume")
     answer_to_the_end(sitting)
@@ -349,23 +335,6 @@ def test_a_session_whose_x_server_dies_can_be_resumed(
     assert (code, err.count("\n")) == (4, 1), (out, err)
     sitting.environment = display
     complete_after_resume(sitting)
-
-
-def test_a_screen_or_display_that_is_not_there_is_refused(
-    display: dict[str, str], tmp_path: Path
-) -> None:
-    for text, environment, named in (
-        (SHORT.replace("index = 0", "index = 3"), display, "screen.index"),
-        (SHORT, display | {"DISPLAY": ":987"}, ":987"),
-        (SHORT, {name: value for name, value in os.environ.items() if name != "DISPLAY"}, ""),
-    ):
-        study, out = tmp_path / "study.toml", tmp_path / "results"
-        study.write_text(text, encoding="utf-8")
-        command = [*TACTSTRIP, str(study), *AT_A_SCREEN, str(out)]
-        done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
-        assert (done.returncode, done.stderr.count("\n")) == (2, 1), done
-        assert named in done.stderr
-        assert not (out / "sub-01").exists()
 
 
 def test_every_page_is_drawn_within_its_window(display: dict[str, str], tmp_path: Path) -> None:

@@ -79,77 +79,35 @@ class LossyDisk:
 
 
 class FullDisk:
-    """Lets every operation that needs room below a folder fail from the n-th on.
+    """Lets every operation that needs room fail from the n-th on.
 
     It stands below the program, at the system's calls. What is written when it is full is cut short
     first, as systems do.
     """
 
-    def __init__(self, folder: Path, patch: pytest.MonkeyPatch, *, full_at: int) -> None:
-        self._folder = os.fspath(folder)
+    def __init__(self, patch: pytest.MonkeyPatch, *, full_at: int) -> None:
         self._full_at = full_at
-        self._files: set[int] = set()
         self.done = 0
         for name in ("open", "write", "fsync", "mkdir", "replace"):
-            patch.setattr(os, name, getattr(self, f"_{name}")(getattr(os, name)))
+            patch.setattr(os, name, self._limited(name, getattr(os, name)))
 
     @property
     def full(self) -> bool:
         return self.done >= self._full_at
 
-    def _needs_room(self, path: object) -> None:
-        self.done += 1
-        if self.full:
-            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), path)
+    def _limited(self, name: str, system: Callable[..., Any]) -> Callable[..., Any]:
+        def call(*args: Any, **kwargs: Any) -> Any:
+            if name == "open" and not args[1] & os.O_CREAT:
+                return system(*args, **kwargs)
+            self.done += 1
+            if self.full:
+                if name == "write" and self.done == self._full_at and len(args[1]) > 1:
+                    system(args[0], args[1][: len(args[1]) // 2])
+                path = args[0] if name in {"open", "mkdir"} else None
+                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), path)
+            return system(*args, **kwargs)
 
-    def _is_here(self, path: object) -> bool:
-        return os.fspath(path).startswith(self._folder)  # type: ignore[call-overload, no-any-return]
-
-    def _open(self, system: Callable[..., int]) -> Callable[..., int]:
-        def opened(path: Any, flags: int, *args: Any, **kwargs: Any) -> int:
-            here = self._is_here(path)
-            if here and flags & os.O_CREAT and not os.path.exists(path):  # noqa: PTH110 - os.open is replaced
-                self._needs_room(path)
-            file = system(path, flags, *args, **kwargs)
-            (self._files.add if here else self._files.discard)(file)
-            return file
-
-        return opened
-
-    def _write(self, system: Callable[..., int]) -> Callable[..., int]:
-        def written(file: int, data: bytes) -> int:
-            if file not in self._files:
-                return system(file, data)
-            if self.done + 1 == self._full_at and len(data) > 1:
-                system(file, data[: len(data) // 2])
-            self._needs_room(None)
-            return system(file, data)
-
-        return written
-
-    def _fsync(self, system: Callable[..., None]) -> Callable[..., None]:
-        def synced(file: int) -> None:
-            if file in self._files:
-                self._needs_room(None)
-            system(file)
-
-        return synced
-
-    def _mkdir(self, system: Callable[..., None]) -> Callable[..., None]:
-        def made(path: Any, *args: Any, **kwargs: Any) -> None:
-            if self._is_here(path):
-                self._needs_room(path)
-            system(path, *args, **kwargs)
-
-        return made
-
-    def _replace(self, system: Callable[..., None]) -> Callable[..., None]:
-        def replaced(source: Any, target: Any, **kwargs: Any) -> None:
-            if self._is_here(target):
-                self._needs_room(target)
-            system(source, target, **kwargs)
-
-        return replaced
+        return call
 
 
 def write_file(path: Path, text: str, disk: LossyDisk) -> None:

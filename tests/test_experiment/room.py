@@ -9,8 +9,7 @@ from typing import Any
 from device import VirtualClock
 from experiment import AwaitedAnswer, Progress, ResponderSettings, SessionPart, paper_study
 from experiment.operator.requests import Requests, StopSignal
-from experiment.participant.buttons import ButtonReader
-from experiment.participant.keys import KeyReader, Stroke
+from experiment.participant.keys import Stroke
 from experiment.participant.screen import ScreenResponder
 
 PROGRESS = Progress(done=1, planned=4, part=SessionPart.MAIN)
@@ -127,8 +126,3 @@ def question(onset_s: float = 0.0, window_s: float = 2.0) -> AwaitedAnswer:
         window_s=window_s,
         answers=("left", "right"),
     )
-
-
-def reader_with_buttons(clock: VirtualClock, keep: tuple[str, ...]) -> KeyReader:
-    """Read keys and the buttons of a controller."""
-    return KeyReader(clock, keep=keep, tell=print, buttons=ButtonReader(clock))

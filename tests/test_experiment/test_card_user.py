@@ -7,14 +7,12 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from experiment import StudyError
 from tests.test_experiment.sessions import Sessions
 
 if TYPE_CHECKING:
     from collections.abc import Callable
     from pathlib import Path
 
-    from experiment import Study
     from tests.conftest import Run
 
 TINY = """
@@ -147,21 +145,3 @@ def test_the_other_edge_is_named_where_a_cut_off_is_computed_and_can_be(
     for edge, day in (("clamped", DAY), ("measured-cutoff", DAY)):
         report = checked(OWN.format(edge).replace("[burst]", f"{day}[burst]"))
         assert "other_edge" not in report["strip"]
-
-
-@pytest.mark.parametrize(
-    ("text", "missing"),
-    [
-        ("", ["tap", "per_unit", "measured_by", "measured_on"]),
-        (MONITOR.replace("line", "motion").split("measured_on")[0], ["measured_on", "per_volt"]),
-        (MONITOR.replace("line", "motion"), ["per_volt"]),
-    ],
-)
-def test_a_monitor_s_missing_keys_are_named_together(
-    text: str, missing: list[str], make_study: Callable[[str], Study]
-) -> None:
-    with pytest.raises(StudyError) as refused:
-        make_study('[monitor]\nsource = "input"\n' + text)
-    assert str(refused.value).count("\n") == 0
-    named = str(refused.value).split("missing")[0]
-    assert [key for key in (*missing[:-1], missing[-1]) if key in named] == missing

@@ -192,14 +192,6 @@ def test_a_device_that_fails_stops_the_session_which_can_be_resumed(
     assert lab.resume().finished
 
 
-def test_practice_is_answered_with_feedback_and_recorded_as_practice(lab_of: LabOf) -> None:
-    lab = lab_of("practice_trials = 2\n")
-    assert lab.begin().finished
-    assert [row.kind for row in lab.rows][:2] == ["practice", "practice"]
-    feedback = [shown for shown in lab.responder.shown if isinstance(shown, bool)]
-    assert sorted(feedback) == [False, True]
-
-
 @pytest.mark.usefixtures("person")
 def test_practice_and_trials_with_the_hands_off_are_counted_apart_from_the_task(
     lab_of: LabOf,
@@ -220,22 +212,6 @@ def test_practice_and_trials_with_the_hands_off_are_counted_apart_from_the_task(
     assert counted() == [*warm_up, *main, ("control", 0, 2), ("control", 1, 2)]
     last = lab.display.seen[-1]
     assert (last.done, last.planned) == (5, 5)
-
-
-@pytest.mark.usefixtures("person")
-def test_a_person_gets_two_warm_up_trials_after_a_resume_beside_those_left(lab: Lab) -> None:
-    lab.crash(2)
-    assert lab.resume().finished
-    warm_up = [row for row in lab.rows if row.trial > len(lab.plan.trials)]
-    assert [(row.kind, row.side, row.attempt) for row in warm_up] == [
-        ("practice", "left", 1),
-        ("practice", "right", 1),
-    ]
-    planned = [row.trial for row in lab.rows if row.status == "ok" and row not in warm_up]
-    assert sorted(planned) == [trial.number for trial in lab.plan.trials]
-    shown = [cue for cue in lab.responder.shown if isinstance(cue, Progress)]
-    assert [progress.done for progress in shown] == [1, 1, 1, 2, 3, 4]
-    assert [progress.part for progress in shown] == ["warm_up"] * 2 + ["main"] * 4
 
 
 def test_a_session_goes_on_only_where_it_was_begun(lab: Lab) -> None:
@@ -331,15 +307,6 @@ def test_noise_is_on_record_in_every_row_where_some_is_to_play_and_stopped_at_th
     assert lab.facts("noise_status", "ok") == on_record
 
 
-def test_noise_lost_before_the_stimulus_aborts_the_trial_unfelt(noisy: Lab) -> None:
-    assert noisy.begin(wait={2: noisy.noise.lose}).finished
-    assert noisy.statuses()[1] == (2, 1, "aborted")
-    assert [row.noise_ok for row in noisy.rows] == [True, False, True, True, True, True]
-    assert len(noisy.device.emitted) == 5
-    assert noisy.responder.calls["pause"] == 1 + 1  # and the break
-    assert noisy.noise.calls.count("start") == 2
-
-
 @pytest.mark.parametrize("answer", [("left", 0.5), ("escape", 0.3), ("left", 0.05), (None, 3.0)])
 def test_noise_lost_while_the_answer_is_awaited_voids_the_trial(
     noisy: Lab, answer: tuple[str | None, float]
@@ -412,18 +379,6 @@ def test_the_operators_pause_comes_after_the_trial_and_is_over_when_it_ends(lab_
     early.requests.pause()
     assert early.begin().finished
     assert [e.event for e in early.entries()][:2] == ["session_open", "pause"]
-
-
-def test_going_on_asked_for_in_a_pause_reaches_the_participants_screen(lab: Lab) -> None:
-    def show(status: Any) -> None:
-        if status.phase == "paused":
-            lab.requests.go_on()
-
-    asked = []
-    lab.patch.setattr(lab.display, "show", show)
-    script = {1: lambda: asked.append(lab.requests.take_go_on())}
-    assert lab.begin(ask={2: lab.requests.pause}, pause=script).finished
-    assert asked == [True]
 
 
 def test_notes_are_journaled_between_trials_and_at_the_end(lab: Lab, lab_of: LabOf) -> None:
@@ -506,47 +461,6 @@ def off_plate(lab_of: LabOf) -> Lab:
     lab = lab_of("audibility_trials = 2\ncontrol_trials = 2\n")
     lab.noise = FakeNoise()
     return lab
-
-
-@pytest.mark.usefixtures("person")
-@pytest.mark.parametrize(
-    ("crashes", "parts"),
-    [
-        ([4], ["audibility main", "warm_up main control"]),
-        ([1, 7, 4], ["audibility", "audibility main", "warm_up main control", "control"]),
-    ],
-)
-def test_parts_are_introduced_in_their_order_and_again_after_a_resume(
-    off_plate: Lab, crashes: list[int], parts: list[str]
-) -> None:
-    introduced = []
-    for question in crashes:
-        off_plate.crash(question)
-        introduced.append(off_plate.responder.parts)
-    assert off_plate.resume().finished
-    introduced.append(off_plate.responder.parts)
-    assert [" ".join(visit) for visit in introduced] == parts
-    assert (off_plate.responder.calls["begin"], off_plate.responder.calls["end"]) == (1, 1)
-
-
-def test_none_is_an_answer_with_the_fingers_off_without_a_displacement(off_plate: Lab) -> None:
-    control = dict.fromkeys((1, 2, 8, 9), ("none", 0.5))
-    assert off_plate.begin(ask=control).finished
-    rows = [row for row in off_plate.rows if row.kind == "control"]
-    assert [row.block for row in rows] == [-1, -1, 3, 3]
-    for row in rows:
-        assert (row.response, row.correct) == ("none", False)
-        assert (row.peak_left_um, row.displacement_basis) == (None, None)
-        assert 160.0 in {row.level_left_vpp, row.level_right_vpp}
-
-
-@pytest.mark.parametrize("call", ["begin", "introduce"])
-def test_a_participant_may_stop_at_the_welcome_and_before_a_part(lab: Lab, call: str) -> None:
-    script: Script = {call: {1: False}}
-    assert not lab.begin(**script).finished
-    assert lab.rows == ()
-    assert lab.responder.calls["end"] == 1
-    assert lab.resume().finished
 
 
 @pytest.mark.slow

@@ -6,12 +6,11 @@ import errno
 import fcntl
 import os
 import re
-import time
 from typing import TYPE_CHECKING
 
 import pytest
 
-from experiment import ArchiveError, SessionFolder, StudyError
+from experiment import ArchiveError, StudyError
 from experiment.archive.files import check_identifier
 from tests.test_experiment.lab import Crash, Lab
 from tests.test_experiment.sessions import Sessions, contents
@@ -212,21 +211,3 @@ def test_a_name_that_windows_reserves_is_refused(
     for text in (f'study = {{ name = "{name}" }}', f'[[condition]]\nname = "{name}"'):
         with pytest.raises(StudyError, match=f"Windows.*'{name}'"):
             make_study(text)
-
-
-@pytest.mark.slow
-def test_a_session_beside_two_thousand_people_begins_in_under_two_seconds(lab: Lab) -> None:
-    """Twice as many sessions as people; the processor's time of a whole session of 5 trials."""
-    root, table = lab.folder.root, ["participant_id\thand"]
-    for number in range(2000):
-        person = f"P{number:04d}"
-        table.append(f"sub-{person}\tl")
-        for session in ("01", "02"):
-            folder = SessionFolder(root, person, session)
-            folder.path.mkdir(parents=True)
-            for name in ("plan.json", "journal.jsonl", "header.json", "trials.csv"):
-                (folder.path / name).write_text("{}", encoding="utf-8")
-    (root / "participants.tsv").write_text("\n".join(table) + "\n", encoding="utf-8")
-    began_s = time.process_time()
-    assert lab.begin().finished
-    assert time.process_time() - began_s < 2.0

@@ -15,7 +15,7 @@ import pytest
 
 from analysis import ResultFileError
 from analysis.reading.load import read_inputs
-from experiment import ArchiveError, JournalError, StudyError, examine, read_journal
+from experiment import ArchiveError, StudyError, examine, read_journal
 from tests.test_experiment.lab import Crash, Lab
 from tests.test_experiment.records import (
     SESSION,
@@ -281,15 +281,6 @@ def test_what_is_accepted_is_marked_in_every_output(results: Path, run: Run) -> 
     assert marks == {("01", "true"), ("02", "false")}
 
 
-def test_a_session_whose_folder_is_lost_is_told_by_an_analysis(results: Path, run: Run) -> None:
-    shutil.rmtree(results / SESSION)
-    assert (HEAD in run("verify", results).stdout, run("verify", results).exit_code) == (True, 1)
-    with pytest.raises(ResultFileError, match=r"sessions\.tsv:2: .*01"):
-        read_inputs([results])
-    assert [*read_inputs([results], accept_altered=True).lost] == [SESSION]
-    assert not read_inputs([results / "sub-02"]).lost
-
-
 def test_a_session_goes_on_only_with_the_record_that_it_left(lab: Lab) -> None:
     assert not lab.begin(pause={1: False}).finished
     header, kept = lab.folder.header_path, lab.folder.path.parent / "sessions.tsv"
@@ -408,31 +399,6 @@ def test_a_table_that_was_edited_is_not_written_over_by_a_resume(
     table.unlink()
     lab.resume()
     assert table.read_bytes().startswith(written)
-
-
-def test_a_session_has_ended_whatever_lies_at_its_table(lab: Lab) -> None:
-    table = lab.folder.trials_path
-
-    def spoil() -> tuple[str, float]:
-        table.write_bytes(b"\n" * 999)
-        return "left", 0.5
-
-    with pytest.raises(JournalError, match="998 trials"):
-        lab.begin(ask={2: spoil})
-    assert lab.entries()[-1].facts == {"finished": True}
-    table.unlink()
-    with lab.patch.context() as patch:
-        patch.setattr(lab.device, "open", None)
-        assert lab.resume().finished
-    assert (lab.is_sealed(), lab.differences()) == (False, ())
-
-
-def test_a_stray_measured_csv_is_to_be_removed(results: Path, run: Run) -> None:
-    path = results / SESSION / "measured.csv"
-    path.write_text("schema,trial\n2,1\n", encoding="utf-8")
-    for command in (["export"], ["export", "--bids", results.parent / "bids"], ["analyze"]):
-        done = run(*command, results)
-        assert (done.exit_code, f"{path}: " in done.stderr) == (2, True)
 
 
 @pytest.mark.parametrize("version", [None, "0.0.1"])
@@ -560,25 +526,6 @@ def stopped(make_study: Callable[[str], Study], short_study_text: str, results: 
     """A session of a third person that is still to be begun."""
     with pytest.MonkeyPatch.context() as patch:
         return Lab(make_study(short_study_text), results, patch, participant="03")
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("place", ["", "sub-01", SESSION, "../link"])
-def test_an_honest_session_is_not_suspected_wherever_one_stands(
-    results: Path, run: Run, monkeypatch: pytest.MonkeyPatch, place: str
-) -> None:
-    (results.parent / "link").symlink_to(results)  # the whole folder may be reached by a link
-    tables = {path: path.read_bytes() for path in results.glob("sub-*/ses-*/trials.csv")}
-    monkeypatch.chdir(results / place)
-    out = results.parent / "out"
-    assert run("verify", ".").exit_code == 0
-    assert run("analyze", ".", "--out", out, "--no-figures").exit_code == 0
-    assert run("export", ".").exit_code == 0
-    assert {path: path.read_bytes() for path in tables} == tables
-    done = run("export", ".", "--bids", results.parent / "bids")
-    assert done.exit_code == 0, done.output
-    number = 1 if place.startswith("sub") else 2
-    assert len([*(results.parent / "bids").glob("sub-*/ses-*/beh/*.tsv")]) == number
 
 
 LINKED = ["sub-01", SESSION, *(f"{SESSION}/{FILES[one]}" for one in "phjt"), "sub-01/sessions.tsv"]

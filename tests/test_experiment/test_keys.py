@@ -5,13 +5,11 @@ from __future__ import annotations
 import sys
 from dataclasses import dataclass, field
 from types import ModuleType, SimpleNamespace
-from typing import Any
 
 import pytest
 
 from device import VirtualClock
 from experiment.participant.keys import KeyReader, Stroke
-from tests.test_experiment.room import reader_with_buttons
 
 WALL_S = 1_000_000.0
 """How far the keyboard's clock is ahead of the session's."""
@@ -83,40 +81,6 @@ def reader(keyboard: Keyboard, told: list[str]) -> KeyReader:
     return KeyReader(keyboard.clock, keep=("escape",), tell=told.append)
 
 
-@dataclass(slots=True)
-class Box:
-    """A controller as pyglet has one: its presses come while its event loop takes a step."""
-
-    handlers: dict[str, Any] = field(default_factory=dict)
-    coming: list[int] = field(default_factory=list)
-    opened: bool = False
-
-    def open(self) -> None:
-        self.opened = True
-
-    def push_handlers(self, **handlers: Any) -> None:
-        self.handlers |= handlers
-
-    def close(self) -> None:
-        self.opened = False
-
-    def step(self, timeout: float) -> None:
-        assert timeout == 0.0
-        for button in self.coming if self.opened else []:
-            self.handlers["on_joybutton_press"](self, button)
-        self.coming = []
-
-
-@pytest.fixture
-def box(monkeypatch: pytest.MonkeyPatch) -> Box:
-    box = Box()
-    pyglet = ModuleType("pyglet")
-    vars(pyglet)["app"] = SimpleNamespace(platform_event_loop=box)
-    vars(pyglet)["input"] = SimpleNamespace(get_joysticks=lambda: [box])
-    monkeypatch.setitem(sys.modules, "pyglet", pyglet)
-    return box
-
-
 def heard(reader: KeyReader) -> tuple[str, float]:
     stroke = reader.next()
     assert stroke is not None
@@ -157,33 +121,3 @@ def test_a_jump_of_the_clock_is_told_and_does_not_move_a_key(
     keyboard.down("left", ago_s=0.002)
     assert heard(reader) == ("left", 4.998)
     assert len(told) == 1
-
-
-def test_a_button_is_a_key_timed_by_when_it_was_read(keyboard: Keyboard, box: Box) -> None:
-    reader = reader_with_buttons(keyboard.clock, keep=("button_7",))
-    keyboard.down("left", ago_s=0.003)
-    box.coming = [3]
-    assert heard(reader) == ("left", 4.997)
-    assert heard(reader) == ("button_3", 5.0)
-    assert reader.next() is None
-    box.coming = [2, 7]
-    reader.drop_earlier()
-    assert heard(reader) == ("button_7", 5.0)
-    assert box.opened
-    reader.close()
-    assert keyboard.stopped
-    assert not box.opened
-
-
-@pytest.mark.parametrize("error", [None, FileNotFoundError("/dev/input")])
-def test_buttons_without_a_controller_are_refused(
-    keyboard: Keyboard, box: Box, monkeypatch: pytest.MonkeyPatch, error: Exception | None
-) -> None:
-    def none_there() -> list[Box]:
-        if error is not None:
-            raise error
-        return []
-
-    monkeypatch.setattr(sys.modules["pyglet"], "input", SimpleNamespace(get_joysticks=none_there))
-    with pytest.raises(ValueError, match="controller"):
-        reader_with_buttons(keyboard.clock, keep=())

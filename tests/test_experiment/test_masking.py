@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import sys
-import threading
-import time
 from dataclasses import dataclass, field, replace
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any, TypeAlias
@@ -251,28 +249,6 @@ def test_a_card_that_cannot_be_opened_is_an_error_of_one_line(
             noise.start()
         assert str(refused.value).count("\n") == 0
         assert noise.health().ok is False
-
-
-def test_a_sound_system_that_hangs_holds_nobody_up(
-    card: Card, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("experiment.apparatus.noise._PATIENCE_S", 0.05)
-    answers = threading.Event()
-
-    def hang(callback: Callback) -> Card:
-        assert answers.wait(10.0)
-        return card.connect(callback)
-
-    noise = SoundCardNoise(PINK, card, hang)
-    with pytest.raises(NoiseError):
-        noise.start()
-    assert_lost(noise)
-    answers.set()
-    give_up_s = time.monotonic() + 10.0
-    while (card.opened == 0 or card.callback is not None) and time.monotonic() < give_up_s:
-        time.sleep(0.01)
-    assert (card.opened, card.callback) == (1, None)
-    assert not card.frames().any()
 
 
 def test_nothing_is_played_to_a_simulated_participant_or_where_the_study_wants_none() -> None:

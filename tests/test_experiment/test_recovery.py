@@ -297,7 +297,7 @@ def begin_until_full(lab: Lab, folder: Path, full_at: int) -> bool:
     """Begin a session; return whether the disk was full, and check what is left then."""
     failed: Exception | None = None
     with lab.patch.context() as patch:
-        disk = FullDisk(folder, patch, full_at=full_at)
+        disk = FullDisk(patch, full_at=full_at)
         try:
             lab.begin()
         except (JournalWriteError, OSError) as error:
@@ -344,7 +344,7 @@ def test_a_session_on_a_full_disk_ends_with_2_or_with_4_once_it_has_begun(
     while True:
         sessions = Sessions(tmp_path / str(full_at), quick_study_text + VOLTS)
         with monkeypatch.context() as patch:
-            disk = FullDisk(sessions.out, patch, full_at=full_at)
+            disk = FullDisk(patch, full_at=full_at)
             result = sessions.run(*SIMULATED)
         if not disk.full:
             break

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
-
 import pytest
 
 from experiment import Press, SessionPart
@@ -62,16 +60,6 @@ def test_escape_makes_a_pause_of_a_break_and_another_one_stops(room: Room) -> No
     assert not room.pause(paused=False, minimum_s=30.0)
 
 
-def test_an_escape_before_the_operators_pause_does_not_stop(room: Room) -> None:
-    room.requests.pause()
-    room.keys(("escape", 0.05), ("return", 0.3))
-    room.clock.wait(0.1)
-    room.at(1.0, room.requests.go_on)
-    assert room.pause(paused=True)
-    assert room.clock.now_s() >= 1.0
-    assert room.stage.shown == ["pause"]
-
-
 def test_the_operator_ends_a_pause_and_a_break_at_any_time(room: Room) -> None:
     room.at(0.7, room.requests.go_on)
     assert room.pause(paused=True)
@@ -113,14 +101,6 @@ def test_the_fingers_are_laid_on_the_plate_when_a_part_first_needs_them(room: Ro
     assert room.responder.begin(PROGRESS)  # after a resume nobody knows where they are
     assert room.responder.introduce(SessionPart.MAIN, PROGRESS)
     assert room.stage.shown[-2:] == ["placement", "main"]
-
-
-def test_the_question_is_that_of_the_trials_part(room: Room) -> None:
-    for part in (SessionPart.MAIN, SessionPart.CONTROL):
-        room.responder.cue(dataclasses.replace(PROGRESS, part=part))
-        room.responder.ask(question(room.clock.now_s()))
-    shown = [page for page in room.stage.shown if page != "ready"]
-    assert shown == ["prompt, ('left', 'right')", "prompt, ('left', 'right', 'none')"]
 
 
 @pytest.mark.parametrize("close", [False, True])

@@ -206,22 +206,6 @@ def test_resume_and_export_build_the_table_from_the_journal(sessions: Sessions, 
 
 
 @pytest.mark.slow
-def test_a_table_of_participants_that_is_none_is_refused_by_name(sessions: Sessions) -> None:
-    table = sessions.out / "participants.tsv"
-    table.parent.mkdir()
-    for content in (b"\xff\xfe", b"name\tage\n", b""):
-        table.write_bytes(content)
-        result = sessions.run(*SEED)
-        assert result.exit_code == 2
-        assert "participants.tsv" in result.stderr
-        assert table.read_bytes() == content
-        assert not sessions.folder().plan_path.exists()
-    table.write_text("participant_id\tage\nsub-00\t20\n", encoding="utf-8")
-    assert sessions.run(*SEED).exit_code == 0
-    assert table.read_text("utf-8") == "participant_id\tage\nsub-00\t20\nsub-01\tn/a\n"
-
-
-@pytest.mark.slow
 def test_a_session_that_cannot_be_exported_stops_no_other(sessions: Sessions, run: Run) -> None:
     for session in ("01", "02", "03"):
         assert sessions.run(*SIMULATED, "--session", session).exit_code == 0
