@@ -323,20 +323,6 @@ def test_a_window_that_is_taken_away_stops_the_session(sitting: Sitting) -> None
     complete_after_resume(sitting)
 
 
-def test_a_session_whose_x_server_dies_can_be_resumed(
-    display: dict[str, str], tmp_path: Path
-) -> None:
-    with x_server(tmp_path) as (dying, environment):
-        sitting = Sitting(tmp_path, environment)
-        sitting.start(study=SHORT)
-        sitting.wait_for("stimulus_commanded", going_on=True)
-        dying.terminate()
-    code, out, err = sitting.end(pressing=False)
-    assert (code, err.count("\n")) == (4, 1), (out, err)
-    sitting.environment = display
-    complete_after_resume(sitting)
-
-
 def test_every_page_is_drawn_within_its_window(display: dict[str, str], tmp_path: Path) -> None:
     import numpy as np
     from matplotlib.image import imread

@@ -194,23 +194,6 @@ def test_unfinished_and_simulated_sessions_are_exported_and_named(results: Path)
     assert all(f"sub-{person}/ses-01" in readme for person in ("01", "02"))
 
 
-@pytest.mark.parametrize("out", [None, "bids"])
-def test_a_plan_of_another_schema_ends_it_before_anything_is_written(
-    results: Path, run: Run, out: str | None
-) -> None:
-    plan = results / "sub-02" / "ses-01" / "plan.json"
-    held = json.loads(plan.read_text("utf-8"))
-    plan.write_text(json.dumps(held | {"schema": 2}), encoding="utf-8")
-    for session in ("01", "02"):
-        (results / f"sub-{session}" / "ses-01" / "trials.csv").unlink()
-    before = contents(results.parent)
-    done = run("export", results, *([] if out is None else ["--bids", results.parent / out]))
-    assert (done.exit_code, done.stderr.count("\n")) == (2, 1)
-    assert done.stderr.startswith(f"error: {plan}: ")
-    assert "3; got 2" in done.stderr
-    assert contents(results.parent) == before
-
-
 @pytest.mark.parametrize("place", [".", "sub-01", "sub-01/ses-01/bids", "sub-x", "withdrawn/bids"])
 def test_a_data_set_is_not_among_its_data(results: Path, place: str, no_export: Refused) -> None:
     no_export(results / place)

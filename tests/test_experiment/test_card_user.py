@@ -29,34 +29,6 @@ window = "hann"
 """
 SILENT = '[masking]\nnoise = "none"\n'
 CARD = '[device]\ndriver = "{}"\nport = "card"\nvolts_full_scale = {}\n'
-OWN = """
-[strip]
-width_mm = 30
-thickness_mm = 0.5
-length_mm = 150
-material = "steel"
-edge = "{}"
-[burst]
-window = "hann"
-[[actuator]]
-side = "left"
-x_mm = -35
-diameter_mm = 12.8
-[[actuator]]
-side = "right"
-x_mm = 35
-diameter_mm = 12.8
-"""
-PATCH = """diameter_mm = 9
-patch_counts = true
-piezo_thickness_mm = 0.13
-piezo_youngs_modulus_gpa = 61
-piezo_poisson_ratio = 0.3
-piezo_d31_pm_v = -170
-piezo_density_kg_m3 = 7700
-"""
-DAY = 'measured_cutoff_hz = 2870\nmeasured_by = "me"\nmeasured_on = 2026-05-04\n'
-MONITOR = 'tap = "line"\nper_unit = [1, 1]\nmeasured_by = "me"\nmeasured_on = 2026-05-04\n'
 
 
 @pytest.fixture
@@ -116,32 +88,3 @@ def test_check_reports_the_driver_in_use_and_what_run_would_refuse(
     assert [why.split()[0] for why in report["run_refuses"]] == ["masking.sound_card"]
     report = checked(text)
     assert (report["device"]["driver"], report["run_refuses"]) == ("mock", [])
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("patch", ["diameter_mm = 12.8\n", PATCH])
-def test_beside_a_computed_cut_off_stands_what_the_other_edge_gives(
-    checked: Callable[..., dict[str, Any]], patch: str
-) -> None:
-    text = OWN.replace("diameter_mm = 12.8\n", patch)
-    clamped, supported = (checked(text.format(edge)) for edge in ("clamped", "simply-supported"))
-    for here, there in ((clamped, supported), (supported, clamped)):
-        other = here["strip"]["other_edge"]
-        assert other["edge"] == there["strip"]["edge"]
-        if patch != PATCH:
-            assert other["cutoff_hz"] == there["strip"]["cutoff_hz"]
-        levels = there["conditions"][0]["displacements"]["actuators"]
-        level_db = max(finger["level_db"] for at in levels for finger in at["fingers"][:1])
-        assert other["level_db"] == pytest.approx(level_db, abs=1e-9)
-
-
-def test_the_other_edge_is_named_where_a_cut_off_is_computed_and_can_be(
-    checked: Callable[..., dict[str, Any]],
-) -> None:
-    measured = "measured_displacement_um = 2.9\nmeasured_at_vpp = 140\nmeasured_at_hz = 1800\n"
-    text = OWN.format("clamped").replace("12.8\n", f"12.8\n{measured}")
-    refusal = checked(text)["strip"]["other_edge"]["refusal"]
-    assert "measured_at_hz" in refusal  # above the other edge's cut-off frequency
-    for edge, day in (("clamped", DAY), ("measured-cutoff", DAY)):
-        report = checked(OWN.format(edge).replace("[burst]", f"{day}[burst]"))
-        assert "other_edge" not in report["strip"]

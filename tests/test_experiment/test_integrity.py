@@ -16,28 +16,9 @@ import pytest
 from analysis import ResultFileError
 from analysis.reading.load import read_inputs
 from experiment import ArchiveError, StudyError, examine, read_journal
+from tests.test_experiment import records as edits
 from tests.test_experiment.lab import Crash, Lab
-from tests.test_experiment.records import (
-    SESSION,
-    answer,
-    cell,
-    chained,
-    checksums_anew,
-    flip,
-    gone,
-    heads,
-    heads_of,
-    is_sealed,
-    journal,
-    of_another,
-    plan_of,
-    renamed,
-    replaced,
-    resealed,
-    rewrite,
-    rows,
-    without_heads,
-)
+from tests.test_experiment.records import SESSION, heads_of, is_sealed
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -61,81 +42,71 @@ FILES = {
 }
 
 
-def chained_anew(change: Callable[[list[bytes]], list[bytes]]) -> Edit:
-    return journal(change, again=True)
-
-
-EDITS: dict[str, tuple[Edit, str]] = {
-    # what is done: how, and the file by which it is named
-    "plan: its first byte": (flip("plan.json", 0.0), "plan.json"),
-    "plan: a byte of the study": (flip("plan.json", 0.1), "plan.json"),
-    "plan: a blank more": (rewrite("plan.json", lambda t: t.replace("\n", "\n ", 1)), "plan.json"),
-    "plan: its seed": (
-        rewrite("plan.json", lambda t: re.sub(r'"seed": \d+', '"seed": 99', t)),
-        "plan.json",
-    ),
-    "plan: sealed anew with other levels": (resealed, "plan.json"),
-    "plan: of another person": (of_another("plan.json"), "plan.json"),
-    "header: its first byte": (flip("header.json", 0.0), "header.json"),
-    "header: the device": (
-        rewrite("header.json", lambda t: t.replace("mock", "M1")),
-        "header.json",
-    ),
-    "header: of another person": (of_another("header.json"), "header.json"),
-    "header: gone": (gone("header.json"), "header.json"),
-    "journal: its first byte": (flip("journal.jsonl", 0.0), "journal.jsonl:1:"),
-    "journal: a byte within": (flip("journal.jsonl", 0.5), "journal.jsonl:"),
-    "journal: its last byte": (flip("journal.jsonl", 1.0), HEAD),
-    "journal: a line removed": (
-        journal(lambda lines: [*lines[:9], *lines[10:]], again=False),
-        "journal.jsonl:10:",
-    ),
-    "journal: its last line removed": (journal(lambda lines: lines[:-1], again=False), HEAD),
-    "journal: emptied": (journal(lambda _: [], again=False), HEAD),
-    "journal: of another person": (of_another("journal.jsonl"), "plan.json"),
-    "journal: a line removed, chained": (
-        chained_anew(lambda lines: [*lines[:-9], *lines[-8:]]),
-        HEAD,
-    ),
-    "journal: cut, chained": (chained_anew(lambda lines: lines[:20]), HEAD),
-    "journal: another answer, chained": (
-        chained_anew(replaced("response", b'"left"', b'"right"')),
-        HEAD,
-    ),
-    "journal: another level, chained": (
-        chained_anew(replaced("stimulus_confirmed", b'"level_', b'"nevel_')),
-        HEAD,
-    ),
-    "journal: no simulation, chained": (
-        chained_anew(replaced("session_open", b'"simulated":true', b'"simulated":false')),
-        HEAD,
-    ),
-    "trials.csv: a byte of the heading": (flip("trials.csv", 0.001), "trials.csv:1:"),
-    "trials.csv: its last byte": (flip("trials.csv", 1.0), "trials.csv:"),
-    "trials.csv: an answer and its verdict": (answer(4), "trials.csv:4:"),
-    "trials.csv: a reaction time": (cell(5, "rt_s", "0.25"), "trials.csv:5:"),
-    "trials.csv: a level": (cell(3, "level_vpp", "61"), "trials.csv:3:"),
-    "trials.csv: a trial made void": (cell(6, "status", "voided"), "trials.csv:6:"),
-    "trials.csv: its schema": (cell(2, "schema", "1"), "trials.csv:2:"),
-    "trials.csv: a row removed": (rows(lambda r: [*r[:3], *r[4:]]), "trials.csv:4:"),
-    "trials.csv: the last row removed": (rows(lambda r: r[:-1]), "trials.csv:"),
-    "trials.csv: a row repeated": (rows(lambda r: [*r[:4], *r[3:]]), "trials.csv:5:"),
-    "trials.csv: two rows exchanged": (rows(lambda r: [*r[:2], r[3], r[2], *r[4:]]), "trials.csv:"),
-    "trials.csv: other line ends": (
-        rewrite("trials.csv", lambda t: t.replace("\n", "\r\n")),
-        "trials.csv:1:",
-    ),
-    "trials.csv: of another person": (of_another("trials.csv"), "trials.csv:2:"),
-    "sessions.tsv: a digit of the hash": (
-        heads(lambda t: re.sub(r"\t([0-9a-f])", lambda m: f"\t{'0' if m[1] > '0' else '1'}", t)),
-        "sessions.tsv:",
-    ),
-    "sessions.tsv: of another session": (heads(lambda t: t.replace("ses-", "ses-9")), "sessions"),
-    "sessions.tsv: a row removed": (heads(lambda t: t.split("\n")[0] + "\n"), "sessions.tsv"),
-    "sessions.tsv: a row repeated": (heads(lambda t: t + t.split("\n")[1] + "\n"), "sessions"),
-    "sessions.tsv: gone": (without_heads, "sessions.tsv"),
-    "folder: of another session": (renamed, "plan.json"),
+OTHERS = {
+    "plan.json": "plan.json",
+    "header.json": "header.json",
+    "journal.jsonl": "plan.json",
+    "trials.csv": "trials.csv:2:",
 }
+"""What is replaced by another person's file, and what is named then."""
+CELLS = [
+    (2, ("schema", "1")),
+    (3, ("level_vpp", "61")),
+    (5, ("rt_s", "0.25")),
+    (6, ("status", "voided")),
+]
+
+
+def again(change: Callable[[list[bytes]], list[bytes]]) -> Edit:
+    """Change the journal as somebody who makes its hashes fit again."""
+    return edits.journal(change, again=True)
+
+
+def plan_text(change: Callable[[str], str]) -> Edit:
+    return edits.rewrite("plan.json", change)
+
+
+PLAN, HEADER, JOURNAL, TABLE = "plan.json", "header.json", "journal.jsonl", "trials.csv"
+SEED = plan_text(lambda t: re.sub(r'"seed": \d+', '"seed": 99', t))
+LINE_ENDS = edits.rewrite(TABLE, lambda t: t.replace("\n", "\r\n"))
+ANSWER = edits.replaced("response", b'"left"', b'"right"')
+LEVEL = edits.replaced("stimulus_confirmed", b'"level_', b'"nevel_')
+REAL = edits.replaced("session_open", b'"simulated":true', b'"simulated":false')
+EDITS: list[tuple[Edit, str]] = [
+    # how, and the file by which it is named
+    *((edits.flip(PLAN, share), PLAN) for share in (0.0, 0.1, 0.7)),
+    (plan_text(lambda t: t.replace("\n", "\n ", 1)), PLAN),
+    (SEED, PLAN),
+    (edits.resealed, PLAN),  # with other levels
+    (edits.flip(HEADER, 0.0), HEADER),
+    (edits.rewrite(HEADER, lambda t: t.replace("mock", "M1")), HEADER),
+    (edits.gone(HEADER), HEADER),
+    *((edits.of_another(name), named) for name, named in OTHERS.items()),
+    (edits.flip(JOURNAL, 0.0), f"{JOURNAL}:1:"),
+    (edits.flip(JOURNAL, 0.5), f"{JOURNAL}:"),
+    (edits.flip(JOURNAL, 1.0), HEAD),
+    (edits.journal(lambda lines: [*lines[:9], *lines[10:]], again=False), f"{JOURNAL}:10:"),
+    (edits.journal(lambda lines: lines[:-1], again=False), HEAD),
+    (edits.journal(lambda _: [], again=False), HEAD),
+    (again(lambda lines: [*lines[:-9], *lines[-8:]]), HEAD),
+    (again(lambda lines: lines[:20]), HEAD),
+    *((again(change), HEAD) for change in (ANSWER, LEVEL, REAL)),
+    (edits.flip(TABLE, 0.001), f"{TABLE}:1:"),
+    (edits.flip(TABLE, 1.0), f"{TABLE}:"),
+    (edits.answer(4), f"{TABLE}:4:"),
+    *((edits.cell(line, *to), f"{TABLE}:{line}:") for line, to in CELLS),
+    (edits.rows(lambda r: [*r[:3], *r[4:]]), f"{TABLE}:4:"),
+    (edits.rows(lambda r: r[:-1]), f"{TABLE}:"),
+    (edits.rows(lambda r: [*r[:4], *r[3:]]), f"{TABLE}:5:"),
+    (edits.rows(lambda r: [*r[:2], r[3], r[2], *r[4:]]), f"{TABLE}:"),
+    (LINE_ENDS, f"{TABLE}:1:"),
+    (edits.heads(lambda t: re.sub(r"\t[0-9a-f]{2}", "\t00", t)), "sessions.tsv:"),
+    (edits.heads(lambda t: t.replace("ses-", "ses-9")), "sessions"),
+    (edits.heads(lambda t: t.split("\n")[0] + "\n"), "sessions.tsv"),
+    (edits.heads(lambda t: t + t.split("\n")[1] + "\n"), "sessions"),
+    (edits.without_heads, "sessions.tsv"),
+    (edits.renamed, PLAN),
+]
 
 
 @pytest.fixture(scope="module")
@@ -178,9 +149,8 @@ def test_what_was_recorded_is_not_suspected(results: Path, run: Run) -> None:
     assert {"session_resume", "session_close"} <= {*events}
 
 
-@pytest.mark.parametrize("name", EDITS)
-def test_an_edit_is_found_and_named(results: Path, run: Run, name: str) -> None:
-    edit, named = EDITS[name]
+@pytest.mark.parametrize(("edit", "named"), EDITS)
+def test_an_edit_is_found_and_named(results: Path, run: Run, edit: Edit, named: str) -> None:
     edit(results)
     done = run("verify", results)
     assert (done.exit_code, named in done.output) == (1, True), done.output
@@ -192,18 +162,19 @@ def test_an_edit_is_found_and_named(results: Path, run: Run, name: str) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", EDITS)
-def test_what_is_accepted_is_read_with_its_mark_or_is_no_table(results: Path, name: str) -> None:
-    EDITS[name][0](results)
+@pytest.mark.parametrize(("edit", "named"), EDITS)
+def test_what_is_accepted_is_read_with_its_mark_or_is_no_table(
+    results: Path, edit: Edit, named: str
+) -> None:
+    edit(results)
     loaded = None
     with contextlib.suppress(ResultFileError):
         loaded = read_inputs([results], accept_altered=True)
     if loaded is None:  # no table any more, or one that contradicts itself
-        assert name.split(":", maxsplit=1)[0] in {"trials.csv", "folder"}
+        assert TABLE in named or edit is edits.renamed
     else:
         assert len(loaded.altered) == 1
-        moved = name in {"sessions.tsv: of another session", "folder: of another session"}
-        assert len(loaded.lost) == moved
+        assert len(loaded.lost) <= (named == "sessions" or edit is edits.renamed)
 
 
 def test_a_record_whose_checksums_fit_is_read_without_its_trials_in_the_journal(
@@ -217,14 +188,10 @@ def test_a_record_whose_checksums_fit_is_read_without_its_trials_in_the_journal(
 
 GIVEN_UP: dict[str, tuple[Edit, int, str]] = {
     # how, which line of the journal is damaged, if any, and what verify names
-    "another answer": (
-        chained_anew(replaced("response", b'"left"', b'"right"')),
-        0,
-        "trials.csv:",
-    ),
+    "another answer": (again(ANSWER), 0, "trials.csv:"),
     "a line damaged": (lambda _: None, 9, "journal.jsonl:9:"),
-    "the plan's seal broken": (EDITS["plan: its seed"][0], 0, "plan.json:"),
-    "other line ends": (EDITS["trials.csv: other line ends"][0], 0, "trials.csv:1:"),
+    "the plan's seal broken": (SEED, 0, "plan.json:"),
+    "other line ends": (LINE_ENDS, 0, "trials.csv:1:"),
 }
 
 
@@ -234,10 +201,10 @@ def test_verify_reads_everything_whatever_the_checksums_say(
 ) -> None:
     edit, damaged, named = GIVEN_UP[name]
     edit(results)
-    checksums_anew(results / SESSION, damaged=damaged)
+    edits.checksums_anew(results / SESSION, damaged=damaged)
     lines = (results / SESSION / "journal.jsonl").read_bytes().splitlines()
     head = hashlib.sha256(lines[-1]).hexdigest()
-    heads(lambda text: re.sub("[0-9a-f]{64}", head, text))(results)
+    edits.heads(lambda text: re.sub("[0-9a-f]{64}", head, text))(results)
     assert is_sealed(results / SESSION)  # docs/session.md says so: "Not covered"
     done = run("verify", results)
     assert (done.exit_code, named in done.output) == (1, True), done.output
@@ -249,8 +216,8 @@ def test_a_changed_table_is_named_by_all_commands_and_export_builds_it_anew(
 ) -> None:
     table = results / SESSION / "trials.csv"
     before = table.read_bytes()
-    answer(4)(results)
-    cell(5, "rt_s", "0.25")(results)
+    edits.answer(4)(results)
+    edits.cell(5, "rt_s", "0.25")(results)
     listed = run("verify", results).stdout
     assert all(f"trials.csv:{place}" in listed for place in ("4: column", "5: column 'rt_s'"))
     for command in (("analyze", "--out"), ("export", "--bids")):
@@ -266,7 +233,7 @@ def test_a_changed_table_is_named_by_all_commands_and_export_builds_it_anew(
 
 @pytest.mark.slow
 def test_what_is_accepted_is_marked_in_every_output(results: Path, run: Run) -> None:
-    of_another("header.json")(results)
+    edits.of_another("header.json")(results)
     done = analyze(run, results, "--accept-altered")
     assert done.exit_code == 0, done.output
     out = results.parent / "out"
@@ -410,7 +377,7 @@ def test_a_session_of_a_version_with_other_keys_is_named_with_it(
     plan = json.loads(folder.plan_path.read_bytes())
     del plan["study"]["monitor"]
     study = json.dumps(plan["study"], sort_keys=True, separators=(",", ":"), ensure_ascii=False)
-    older = plan_of(plan, study)
+    older = edits.plan_of(plan, study)
     folder.plan_path.write_text(older, encoding="utf-8")
     if version:
         header = folder.header_path.read_text("utf-8")
@@ -418,9 +385,9 @@ def test_a_session_of_a_version_with_other_keys_is_named_with_it(
         folder.header_path.write_text(header, encoding="utf-8")
     first, *lines = folder.journal_path.read_bytes().splitlines()
     opening = json.loads(first) | folder.sealed() | {"plan_sha256": json.loads(older)["sha256"]}
-    folder.journal_path.write_bytes(chained([json.dumps(opening).encode(), *lines]))
+    folder.journal_path.write_bytes(edits.chained([json.dumps(opening).encode(), *lines]))
     head = read_journal(folder.journal_path).head_sha256
-    heads(lambda text: re.sub("[0-9a-f]{64}", head, text))(results)
+    edits.heads(lambda text: re.sub("[0-9a-f]{64}", head, text))(results)
     assert run("verify", results).exit_code == 0
     assert len(read_inputs([results]).progress) == 1
     with pytest.raises(StudyError, match=rf"plan\.json: .*{version or 'another'}"):

@@ -138,17 +138,6 @@ def test_the_loop_has_the_level_of_the_study(card: Card) -> None:
         noise.stop()
 
 
-@pytest.mark.slow
-def test_a_card_of_the_right_speed_is_healthy_for_an_hour(card: Card) -> None:
-    card.speed = 1.001
-    noise = playing_on(card)
-    for _ in range(1200):
-        card.wait(3.0)
-        card.blocks.clear()
-        assert noise.health().ok is True
-    assert noise.health().frames == pytest.approx(3602 * RATE_HZ, rel=2e-3)
-
-
 @pytest.mark.parametrize(
     ("change", "within_s", "words"),
     [

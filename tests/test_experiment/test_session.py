@@ -205,26 +205,6 @@ def test_resume_and_export_build_the_table_from_the_journal(sessions: Sessions, 
     assert run("export", sessions.out / "nowhere").exit_code == 2
 
 
-@pytest.mark.slow
-def test_a_session_that_cannot_be_exported_stops_no_other(sessions: Sessions, run: Run) -> None:
-    for session in ("01", "02", "03"):
-        assert sessions.run(*SIMULATED, "--session", session).exit_code == 0
-    journal = sessions.folder().journal_path
-    raw = bytearray(journal.read_bytes())
-    raw[100] ^= 1
-    journal.write_bytes(raw)
-    third = sessions.folder("03")
-    third.trials_path.unlink()
-    third.journal_path.write_bytes(b"")  # as of a session that was killed before its first line
-    heads = third.path.parent / "sessions.tsv"
-    ended = heads.read_text("utf-8").splitlines(keepends=True)
-    heads.write_text("".join(line for line in ended if "03" not in line[:6]), encoding="utf-8")
-    result = run("export", sessions.out)
-    assert result.exit_code == 2
-    assert len(result.stdout.splitlines()) == 2
-    assert third.trials_path.read_text("utf-8").count("\n") == 1
-
-
 EVERY_KIND = """
 [burst]
 window = "hann"
@@ -252,20 +232,3 @@ def test_every_row_has_the_displacements_of_the_sealed_matrix(sessions: Sessions
         assert (row["peak_left_um"] == "0") == (row["kind"] == "blank")
         for column in ("peak_left_um", "peak_right_um"):
             assert len(row[column].replace(".", "").strip("0")) <= 4
-
-
-@pytest.mark.slow
-def test_a_chosen_window_is_played_recorded_and_kept_on_resume(
-    sessions: Sessions, short_study_text: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    auto = '[burst]\nwindow = "auto"\nwanted_level_db = {}\n'
-    sessions.write(short_study_text + auto.format(-40))
-    sessions.crash(9, *SEED)
-    stimulus = sessions.header()["stimuli"]["main"]
-    assert stimulus["window"] in {"tukey", "gaussian", "hann"}
-    assert stimulus["wanted_level_db"] == -40
-    with monkeypatch.context() as patch:
-        patch.setattr("experiment.study.window.chosen_window", never)
-        assert sessions.run(*RESUME).exit_code == 0
-    sessions.write(short_study_text + auto.format(-41))
-    refused(sessions, "--resume")

@@ -104,18 +104,6 @@ def test_where_nobody_attends_it_stops_and_can_be_resumed(tmp_path: Path, *, kil
 
 
 @pytest.mark.slow
-def test_flagged_bursts_stay_with_a_mark(tmp_path: Path) -> None:
-    wired = Wired(tmp_path, disagreement="flag")
-    wired.card.line.path = lambda past: past[:, ::-1]
-    assert wired.begin().finished
-    rows = wired.table()
-    assert {row["status"] for row in rows} == {"ok"}
-    swapped = [row for row in rows if row["side"] in {"left", "right"}]
-    assert {row["burst_verified"] for row in swapped} == {"false"}
-    assert counted([row for row in rows if row not in swapped])
-
-
-@pytest.mark.slow
 def test_a_delay_that_jumps_within_its_tolerance_and_motion_of_another_size_are_noted(
     tmp_path: Path,
 ) -> None:
