@@ -1,13 +1,15 @@
-"""A person at a real terminal: keys typed into a pseudo-terminal, seen from outside."""
+"""A participant, or an operator, at a real terminal: keys typed into a pseudo-terminal."""
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import select
 import shlex
 import signal
 import subprocess
+import sys
 import time
 from typing import TYPE_CHECKING, Self
 
@@ -16,9 +18,11 @@ import pytest
 from tests.test_experiment.sessions import COMMAND, Sessions
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
     from pathlib import Path
 
 pty = pytest.importorskip("pty", reason="pseudo-terminals are a POSIX feature")
+termios = pytest.importorskip("termios", reason="pseudo-terminals are a POSIX feature")
 
 LEFT, RIGHT, DOWN, ESCAPE, ENTER = b"\x1b[D", b"\x1b[C", b"\x1b[B", b"\x1b", b"\n"
 PATIENCE_S = 60
@@ -35,12 +39,12 @@ def sessions(tmp_path: Path, quick_study_text: str) -> Sessions:
 
 
 class Terminal:
-    """`tactstrip run` in a process of its own, with a pseudo-terminal for a keyboard."""
+    """A process of its own, with a pseudo-terminal for a keyboard."""
 
-    def __init__(self, sessions: Sessions, *more: str, env: dict[str, str] | None = None) -> None:
+    def __init__(self, command: list[str], env: dict[str, str] | None = None) -> None:
         self._keyboard, inner = pty.openpty()
         self.process = subprocess.Popen(
-            [*COMMAND, *sessions.words(*more)],
+            command,
             stdin=inner,
             stdout=inner,
             stderr=inner,
@@ -108,8 +112,13 @@ class Terminal:
         return self.process.wait(PATIENCE_S)
 
 
+def run(sessions: Sessions, *more: str, env: dict[str, str] | None = None) -> Terminal:
+    """Start `tactstrip run` on a terminal."""
+    return Terminal([*COMMAND, *sessions.words(*more)], env)
+
+
 def test_what_is_pressed_is_what_is_recorded(sessions: Sessions) -> None:
-    with Terminal(sessions, "--seed", "1") as terminal:
+    with run(sessions, "--seed", "1") as terminal:
         terminal.begin()
         terminal.answer(b"\x1b[15~", LEFT)  # F5 is no answer here
         terminal.answer(RIGHT, DOWN)
@@ -130,7 +139,7 @@ def test_somebody_alone_who_presses_too_early_cannot_go_on_by_themselves(
     sessions: Sessions,
 ) -> None:
     sessions.write(sessions.text.replace("[0.01, 0.02]", "[5, 5.5]"))
-    with Terminal(sessions, "--seed", "1") as terminal:
+    with run(sessions, "--seed", "1") as terminal:
         terminal.begin()
         for _ in range(3):
             terminal.go_on(b"1 of 5  ...", LEFT)
@@ -143,7 +152,7 @@ def test_somebody_alone_who_presses_too_early_cannot_go_on_by_themselves(
 
 
 def test_escape_pauses_and_escape_again_stops_until_a_resume(sessions: Sessions) -> None:
-    with Terminal(sessions, "--seed", "1") as terminal:
+    with run(sessions, "--seed", "1") as terminal:
         terminal.begin()
         terminal.answer(LEFT, ESCAPE)
         terminal.go_on(b"1 of 5")
@@ -152,7 +161,7 @@ def test_escape_pauses_and_escape_again_stops_until_a_resume(sessions: Sessions)
         assert terminal.ended() == 4, terminal.shown
     command = terminal.shown.decode().rpartition("tactstrip run")[2]
     assert sorted(shlex.split(command)) == sorted(sessions.words("--resume")[1:])
-    with Terminal(sessions, "--resume") as terminal:
+    with run(sessions, "--resume") as terminal:
         terminal.begin()
         terminal.answer(LEFT, RIGHT)
         terminal.go_on(GO_ON)
@@ -168,7 +177,7 @@ def test_escape_pauses_and_escape_again_stops_until_a_resume(sessions: Sessions)
 def test_a_signal_or_a_closed_terminal_stops_the_session_safely_while_an_answer_is_awaited(
     sessions: Sessions, number: signal.Signals | None
 ) -> None:
-    with Terminal(sessions, "--seed", "1") as terminal:
+    with run(sessions, "--seed", "1") as terminal:
         terminal.begin()
         terminal.answer(LEFT)
         terminal.expect(b" ?")
@@ -187,10 +196,118 @@ def test_without_a_terminal_that_shows_the_texts_nothing_begins(
 ) -> None:
     sessions.write(sessions.text + 'control_trials = 2\n[texts]\ncontrol = "Hände weg"\n')
     if env:
-        with Terminal(sessions, "--seed", "1", env=env) as terminal:
+        with run(sessions, "--seed", "1", env=env) as terminal:
             assert terminal.ended() == 2
         assert b"texts.control" in terminal.shown
     else:
         command, nothing = [*COMMAND, *sessions.words()], subprocess.DEVNULL
         assert subprocess.run(command, stdin=nothing, check=False).returncode == 2
     assert not sessions.out.exists()
+
+
+BESIDE = """
+import fcntl, json, os, sys, termios, threading, time
+from experiment.operator.requests import Requests, Status, StopRequested, StopSignal, Tally
+from experiment.operator.view import OperatorView
+
+requests, stop, shown = Requests(), StopSignal(), 0
+if os.isatty(0):
+    fcntl.ioctl(0, termios.TIOCSCTTY, 0)
+tallies = {"left": Tally(presented=6, correct=5, last=("left", "both")),
+           "right": Tally(presented=5, correct=4, last=("right", "timeout"))}
+facts = {}
+try:
+    with stop.on_signals(), OperatorView(requests, stop) as view:
+        facts |= {"threads": threading.active_count(), "rich": "rich" in sys.modules}
+        view.show(Status(phase=sys.argv[2], done=11, planned=155, block=2, blocks=5, left_s=610.0,
+                         noise="plays", device="ready", message="", tallies=tallies))
+        with stop.interruptible():
+            time.sleep(float(sys.argv[3]))
+except StopRequested:
+    pass
+finally:
+    facts |= {"asked": stop.asked, "notes": requests.notes(), "paused": requests.paused,
+              "go_on": requests.take_go_on()}
+    with open(sys.argv[1], "w") as file:
+        json.dump(facts, file)
+"""
+"""A program with nothing but the operator's view beside it; what became of it goes into a file."""
+
+
+class View(Terminal):
+    """An operator's view on a pseudo-terminal."""
+
+    def __init__(self, folder: Path, phase: str = "ready") -> None:
+        self._facts = folder / "facts.json"
+        command = [sys.executable, "-c", BESIDE, str(self._facts), phase, "50"]
+        super().__init__(command, env={"TERM": "xterm", "COLUMNS": "100"})
+        self.settings = termios.tcgetattr(self._keyboard)
+
+    def facts(self) -> dict[str, object]:
+        facts: dict[str, object] = json.loads(self._facts.read_text("utf-8"))
+        return facts
+
+    def given_back(self) -> bool:
+        """Return whether it has the settings and the cursor that it had."""
+        shown, hidden = (self.shown.rfind(b"\x1b[?25" + how) for how in (b"h", b"l"))
+        return termios.tcgetattr(self._keyboard) == self.settings and shown > hidden
+
+
+@pytest.fixture
+def view(tmp_path: Path) -> Iterator[View]:
+    with View(tmp_path) as view:
+        view.expect(b"p pause")
+        yield view
+
+
+def test_the_view_shows_how_far_the_session_is_and_no_level(view: View) -> None:
+    for shown in (b"11 of 155", b"2 of 5", b"10 min", b"plays", b"5 of 6", b"4 of 5", b"timeout"):
+        assert shown in view.shown
+    assert b"vpp" not in view.shown.lower()
+
+
+def test_a_note_is_kept_a_pause_ended_and_a_stop_confirmed(view: View) -> None:
+    view.press("nchair mow\x7fved, späť\rnnever mind\x1b".encode())
+    view.press(b"p")
+    view.expect(b"pause follows")
+    view.press(b"r")
+    for key in (b"n", b"y"):
+        view.press(b"s")
+        view.expect(b"y / n")
+        assert view.process.poll() is None
+        view.press(key)
+    assert view.ended() == 0
+    facts = view.facts()
+    assert facts["notes"] == ["chair moved, späť"]
+    assert (facts["asked"], facts["paused"], facts["go_on"]) == (True, False, True)
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT, signal.SIGHUP, None])
+def test_the_terminal_is_given_back_by_a_signal_or_closed(
+    view: View, number: signal.Signals | None
+) -> None:
+    if number is None:
+        view.close()
+        assert view.process.wait(PATIENCE_S) == 0
+    else:
+        view.process.send_signal(number)
+        view.expect(b"\x1b[?25h")
+        assert view.given_back()
+        assert view.ended() == 0
+    assert view.facts()["asked"] is True
+
+
+def test_nothing_is_drawn_while_an_answer_is_awaited_and_in_a_pipe_there_is_no_thread(
+    tmp_path: Path,
+) -> None:
+    with View(tmp_path, "answer") as view:
+        view.read(time.monotonic() + 1.5)
+        assert b"11 of 155" not in view.shown
+    done = subprocess.run(
+        [sys.executable, "-c", BESIDE, str(tmp_path / "facts.json"), "ready", "0"],
+        stdin=subprocess.DEVNULL,
+        capture_output=True,
+        check=True,
+    )
+    assert (done.stdout, done.stderr) == (b"", b"")
+    assert view.facts() | {"threads": 1, "rich": False} == view.facts()
