@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from tests.test_experiment.test_bids import STUDY, cut_journal, exported
+from tests.test_experiment.test_bids import STUDY, exported
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -77,13 +77,3 @@ def test_the_validator_misses_only_facts_that_the_study_lacks(
     found = Counter(issue.get("subCode", issue["code"]) for issue in issues(bids))
     assert {*found} == missed
     assert {*found.values()} <= {1, 2}  # of the data set, or of each participant
-
-
-def test_the_validator_accepts_broken_off_sessions_and_sources(
-    issues: Issues, tmp_path: Path, simulate: Simulate
-) -> None:
-    results = simulate(tmp_path / "results", study=STUDY, participants=2)
-    cut_journal(results, "01", 12)
-    cut_journal(results, "02", 1)
-    codes = {issue["code"] for issue in issues(exported(results, "--with-sourcedata"))}
-    assert all(code.endswith("_KEY_RECOMMENDED") or code == "TOO_FEW_AUTHORS" for code in codes)

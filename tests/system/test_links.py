@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 import pytest
 
-from tests.system.generators import RealGenerator
 from tests.test_experiment.sessions import COMMAND, Sessions
 
 if TYPE_CHECKING:
@@ -325,38 +324,6 @@ def test_a_killed_host_doubles_nothing(
     finish(short, *over("serial", port))
     assert [event["event"] for event in events_of(truth)].count("off") >= 3
     assert require_true(short, truth)["ok"] == 11
-
-
-@pytest.fixture
-def real(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[RealGenerator]:
-    generator = RealGenerator(tmp_path / "real.jsonl", monkeypatch)
-    yield generator
-    generator.end()
-
-
-def test_a_real_device_is_sent_nothing_without_a_word_for_its_safety_which_is_kept(
-    tiny: Sessions, real: RealGenerator, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    result = tiny.run(*over("generator", real.port))
-    assert (result.exit_code, result.stderr.count("\n")) == (2, 1)
-    assert "--confirm-hardware" in result.stderr
-    assert set(real.received.split()) == {b"*IDN?"}
-    assert not tiny.out.exists()
-    with monkeypatch.context() as patch:
-        patch.setattr("experiment.commands.options.hardware.on_terminal", lambda: True)
-        for answer in ("n\n", ""):
-            assert tiny.run(*over("generator", real.port), typed=answer).exit_code == 2
-        assert b"OUTP" not in real.received.upper()
-        assert tiny.run(*over("generator", real.port), typed="y\n").exit_code == 0
-    second = ("--confirm-hardware", "--session", "02")
-    assert tiny.run(*over("generator", real.port, *second)).exit_code == 0
-    header = json.loads(tiny.folder("02").header_path.read_text("utf-8"))
-    assert len(header["device_cannot"]) == 3
-    confirmed = header["hardware_confirmed"]
-    assert confirmed["how"] == "--confirm-hardware"
-    assert confirmed["by"]
-    assert confirmed["at"].endswith("+00:00")
-    assert len(confirmed["confirmed"]) == 3
 
 
 def test_an_emulator_is_not_asked_about_and_says_so_in_the_header(

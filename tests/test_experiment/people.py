@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import shutil
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -26,11 +25,6 @@ def change_meanwhile(results: Path, who: str) -> Iterator[Callable[[], object]]:
     person = look_up(results, who)
     with held(person) as locks:
         yield partial(remove, person, locks, today="2026-01-02")
-
-
-def without_files_of(results: Path, name: str, copy: Path) -> None:
-    """Copy results without a person."""
-    shutil.copytree(results, copy, ignore=shutil.ignore_patterns(name))
 
 
 def assert_gone(results: Path) -> None:

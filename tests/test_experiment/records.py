@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import hashlib
 import json
-import re
 import shutil
 import zlib
 from typing import TYPE_CHECKING, Any, TypeAlias
 
-from experiment import Plan, Trial, read_journal
+from experiment import Plan, Trial
 from experiment.integrity.sessions import unaltered
 from experiment.trial.plan import plan_from_json, seal
 
@@ -160,26 +159,6 @@ def without_heads(results: Path) -> None:
 
 def renamed(results: Path) -> None:
     (results / SESSION).rename(results / "sub-01" / "ses-02")
-
-
-def checksums_anew(session: Path, *, damaged: int = 0) -> None:
-    """Make the checksums of plan and table in the journal fit the files, and chain it anew."""
-    path = session / "journal.jsonl"
-    first, *between, last = path.read_bytes().splitlines()
-    for name, key in (("plan.json", b"plan_file_sha256"), ("trials.csv", b"trials_sha256")):
-        made = b'%b":"%b"' % (
-            key,
-            hashlib.sha256((session / name).read_bytes()).hexdigest().encode(),
-        )
-        first, last = (re.sub(rb'%b":"[0-9a-f]+"' % key, made, line) for line in (first, last))
-    path.write_bytes(chained([first, *between, last], damaged=damaged))
-
-
-def whole_rewritten(results: Path, edit: Edit) -> None:
-    """Edit the journal and write the head that it has then into sessions.tsv."""
-    edit(results)
-    head = read_journal(results / SESSION / "journal.jsonl").head_sha256
-    heads(lambda text: re.sub("[0-9a-f]{64}", head, text))(results)
 
 
 def heads_of(person: Path) -> dict[str, str]:

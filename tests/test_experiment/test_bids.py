@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
     from click.testing import Result
 
-    from tests.conftest import Refused, Rows, Run, Simulate
+    from tests.conftest import Refused, Rows, Simulate
 
 STUDY = """
 [study]

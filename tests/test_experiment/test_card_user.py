@@ -56,14 +56,21 @@ def checked(run: Run, tmp_path: Path) -> Callable[..., dict[str, Any]]:
     return checked
 
 
-@pytest.mark.parametrize("word", [(), ("--confirm-hardware",)])
-def test_practice_without_a_device_and_a_real_one_is_refused(
-    word: tuple[str, ...], tmp_path: Path, opened: list[str]
+@pytest.mark.parametrize(
+    ("driver", "options", "named"),
+    [
+        ("mock", ("terminal", "--driver", "audio"), "--driver"),
+        ("mock", ("terminal", "--driver", "audio", "--confirm-hardware"), "--driver"),
+        ("audio", ("simulated",), "--confirm-hardware"),
+    ],
+)
+def test_a_real_device_is_not_opened_for_practice_or_without_a_word_for_its_safety(
+    driver: str, options: tuple[str, ...], named: str, tmp_path: Path, opened: list[str]
 ) -> None:
-    sessions = Sessions(tmp_path, TINY + SILENT + CARD.format("mock", 125))
-    result = sessions.run("--responder", "terminal", "--driver", "audio", *word)
+    sessions = Sessions(tmp_path, TINY + SILENT + CARD.format(driver, 125))
+    result = sessions.run("--responder", *options)
     assert (result.exit_code, result.stderr.count("\n")) == (2, 1)
-    assert "--driver" in result.stderr
+    assert named in result.stderr
     assert (opened, sessions.out.exists()) == ([], False)
 
 

@@ -64,23 +64,6 @@ def onsets_s(lab: Lab) -> list[float]:
 
 
 @pytest.mark.parametrize("step_s", STEPS_S, ids=STEPS)
-@pytest.mark.parametrize("boot", ["first", None], ids=["named", "unnamed"])
-def test_onsets_are_those_of_the_device_whatever_the_calendar_says_while_it_runs(
-    lab: Lab, host: Host, step_s: float, boot: str | None
-) -> None:
-    host.boot = boot
-
-    def set_clock() -> None:
-        host.set_by_s += step_s
-
-    lab.begin(cue={3: set_clock})
-    begun_s = lab.entries()[0].up_s
-    emitted_s = [emission.start_us * 1e-6 for emission in lab.device.emitted]
-    for onset_s, start_s in zip(onsets_s(lab), emitted_s, strict=True):
-        assert onset_s == pytest.approx(start_s - begun_s - host.started_s, abs=1e-4)
-
-
-@pytest.mark.parametrize("step_s", STEPS_S, ids=STEPS)
 @pytest.mark.parametrize("gap_s", [0.5, 600.0, 29.9 * MINUTE_S])
 def test_over_an_interruption_the_clock_goes_on_by_what_went_by(
     lab: Lab, host: Host, step_s: float, gap_s: float

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import pytest
 
 from device import LimitExceeded, LinkError, Outcome, Refusal
-from experiment import ArchiveError, Journal, JournalError, Progress, draw_plan
+from experiment import ArchiveError, Journal, JournalError, Progress
 from tests.test_experiment.lab import Crash, FakeNoise, Lab, Scripted, Watching
 
 if TYPE_CHECKING:
@@ -279,22 +279,6 @@ def test_a_lost_journal_is_not_begun_anew_over_its_table(lab: Lab) -> None:
     assert lab.resume().finished
 
 
-@pytest.mark.slow
-@pytest.mark.usefixtures("person")
-def test_practice_after_a_resume_is_felt_in_its_own_condition(lab_of: LabOf) -> None:
-    first = set()
-    for seed in range(8):
-        lab = lab_of("practice_trials = 3\n" + TWO_CONDITIONS, str(seed))
-        lab.plan = draw_plan(lab.study, participant="01", session="01", seed=seed)
-        first.add(lab.plan.trials[0].condition)
-        lab.crash(2)
-        assert lab.resume().finished
-        felt = [row for row in lab.rows if row.level_left_vpp is not None or row.status == "voided"]
-        for row, emission in zip(felt, lab.device.emitted, strict=True):
-            assert len(emission.left_v) == SAMPLES[row.condition]
-    assert first == {"one", "two"}
-
-
 @pytest.mark.parametrize(("ok", "on_record"), [(True, [True]), (None, [])])
 def test_noise_is_on_record_in_every_row_where_some_is_to_play_and_stopped_at_the_end(
     lab: Lab, *, ok: bool | None, on_record: list[bool]
@@ -379,23 +363,6 @@ def test_the_operators_pause_comes_after_the_trial_and_is_over_when_it_ends(lab_
     early.requests.pause()
     assert early.begin().finished
     assert [e.event for e in early.entries()][:2] == ["session_open", "pause"]
-
-
-def test_notes_are_journaled_between_trials_and_at_the_end(lab: Lab, lab_of: LabOf) -> None:
-    def note() -> None:
-        lab.requests.note("chair moved")
-        lab.requests.note("door")
-
-    lab.begin(ask={2: note}, pause={1: lambda: lab.requests.note("break")})
-    assert lab.facts("note", "text") == ["chair moved", "door", "break"]
-    stopped = lab_of(place="stopped")
-
-    def note_and_stop() -> bool:
-        stopped.requests.note("tired")
-        return False
-
-    stopped.begin(pause={1: note_and_stop})
-    assert [e.event for e in stopped.entries()][-2:] == ["note", "session_close"]
 
 
 def test_the_operator_sees_how_the_session_stands(noisy: Lab) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import pytest
@@ -145,22 +144,6 @@ def test_keys_too_early_in_a_row_pause_for_the_operator_whatever_the_trials(
         assert (state.phase, state.called) == (Phase.READY, False)
 
 
-@pytest.mark.parametrize("early", EARLY.values(), ids=EARLY)
-def test_a_trial_that_is_never_waited_for_pauses_for_the_operator_however_others_go(
-    early: tuple[Happening, ...],
-) -> None:
-    state, calls = ready(*(trial(n) for n in range(1, 9))), []
-    while len(state.pending) > 1:
-        first = state.pending[0].trial.number == 1
-        state, _ = follow(state, early if first else ANSWERED)
-        if not first:
-            state = replace(state, pending=(state.pending[-1], *state.pending[:-1]))
-        if state.called:
-            calls.append(state.pending[-1].early)
-            state, _ = follow(state, [Event.CONTINUED])
-    assert calls == [3, 6]
-
-
 def test_an_answer_in_its_time_forgives_keys_too_early() -> None:
     state = ready(*(trial(n) for n in range(1, 20)))
     for _ in range(5):
@@ -243,20 +226,6 @@ def test_a_sitting_begins_with_a_welcome_and_every_part_with_its_introduction() 
         Introduce(SessionPart.CONTROL),
         Farewell(finished=True),
     ]
-
-
-def test_a_warm_up_trial_that_comes_again_comes_before_the_practice() -> None:
-    warm_up = Task(trial(9, block=0, kind="practice"), 1, warm_up=True)
-    state = ready(trial(1, block=0, kind="practice"), trial(2))
-    state = replace(state, pending=(warm_up, *state.pending), greeted=False)
-    state, _ = follow(state, [*GREETED, Event.CONTINUED])
-    assert state.part is SessionPart.WARM_UP
-    state, _ = follow(state, [*FELT, Key("left", 0.05)])
-    assert [task.trial.number for task in state.pending] == [9, 1, 2]
-    assert state.pending[0] == replace(warm_up, attempt=2, early=1)
-    assert due(state) == Event.TRIAL_DUE
-    state, _ = follow(state, [*FELT, Key("left", 0.5)])
-    assert due(state) == Event.PART_DUE
 
 
 @pytest.mark.parametrize(

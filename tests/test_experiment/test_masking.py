@@ -170,17 +170,6 @@ def test_a_gap_is_told_once_and_counted_for_ever(card: Card) -> None:
     assert (noise.health().ok, noise.health().underruns) == (True, 3)
 
 
-def test_before_the_start_and_after_the_stop_it_does_not_play(card: Card) -> None:
-    noise = noise_on(card)
-    noise.stop()
-    assert card.opened == 0
-    assert_lost(noise)
-    noise.start()
-    noise.stop()
-    assert_lost(noise)
-    assert card.callback is None
-
-
 def test_it_fades_out_and_what_was_faded_is_heard_before_it_is_closed(card: Card) -> None:
     noise = playing_on(card)
     before = len(card.frames())

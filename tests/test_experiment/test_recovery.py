@@ -47,26 +47,6 @@ def test_a_synced_line_and_all_before_it_outlive_a_power_cut(
     assert there == b"".join(path.read_bytes().splitlines(keepends=True)[:2])
 
 
-def test_a_torn_line_is_safe_elsewhere_before_it_is_cut_off(
-    tmp_path: Path, disk: LossyDisk, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    path = tmp_path / "journal.jsonl"
-    with Journal(path, now_s=lambda: 0.0, disk=disk) as journal:
-        journal.append("first", sync=True)
-    whole = path.read_bytes()
-    path.write_bytes(whole + b'{"crc":')
-    truncate, found = os.truncate, []
-
-    def observed(file: Path, length: int) -> None:
-        found.append(disk.holds(tmp_path))
-        truncate(file, length)
-
-    monkeypatch.setattr(os, "truncate", observed)
-    Journal(path, now_s=lambda: 0.0, disk=disk).close()
-    assert [there["journal.torn-1"] for there in found] == [b'{"crc":']
-    assert path.read_bytes() == whole
-
-
 def test_a_file_or_export_that_is_written_is_on_the_disk_as_a_whole(
     tmp_path: Path, disk: LossyDisk
 ) -> None:
@@ -233,28 +213,6 @@ def test_a_withdrawn_person_stays_gone_after_a_power_cut(
     assert there["participants.tsv"] == b"participant_id\nsub-02\n"
 
 
-def test_at_no_moment_of_a_withdrawal_is_data_missing_without_a_tombstone(
-    results: Path, disk: LossyDisk, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    disk.knows(results)
-    data = {name for name in disk.holds(results) if name.startswith("sub-01/")}
-    sync_folder, moments = disk.sync_folder, []
-
-    def observed(folder: Path) -> None:
-        sync_folder(folder)
-        there = disk.holds(results)
-        left = data & set(there)
-        begun = "withdrawn/sub-01.json" in there
-        moments.append((begun, len(left)))
-        assert begun or left == data
-
-    monkeypatch.setattr(disk, "sync_folder", observed)
-    withdraw(results, disk)
-    assert (False, len(data)) in moments
-    assert (True, len(data)) in moments
-    assert moments[-1] == (True, 0)
-
-
 @pytest.fixture(
     params=[*(pytest.param(mask, marks=pytest.mark.slow) for mask in (0o000, 0o077)), 0o022],
     ids=oct,
@@ -334,27 +292,3 @@ def test_wherever_the_disk_is_full_nothing_is_lost_or_felt_without_a_row(
         full_at += 1
     assert begun > 5 * TRIALS
     assert full_at - begun > 10
-
-
-@pytest.mark.slow
-def test_a_session_on_a_full_disk_ends_with_2_or_with_4_once_it_has_begun(
-    tmp_path: Path, quick_study_text: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    full_at, codes = 1, set()
-    while True:
-        sessions = Sessions(tmp_path / str(full_at), quick_study_text + VOLTS)
-        with monkeypatch.context() as patch:
-            disk = FullDisk(patch, full_at=full_at)
-            result = sessions.run(*SIMULATED)
-        if not disk.full:
-            break
-        begun = sessions.folder().plan_path.exists()
-        assert result.exit_code == (4 if begun else 2), result.output
-        assert result.stderr.startswith(f"error: {sessions.out}"), result.stderr
-        assert (len(result.stderr.splitlines()), "--resume" in result.stderr) == (1, begun)
-        again = sessions.run(*SIMULATED, *(("--resume",) if begun else ()))
-        assert again.exit_code == 0, again.output
-        codes.add(result.exit_code)
-        full_at += 4  # every operation is tried above
-    assert codes == {2, 4}
-    assert result.exit_code == 0

@@ -192,24 +192,6 @@ def test_where_no_window_opens_nothing_is_begun(
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("screen")
-def test_the_noise_is_played_to_the_sessions_end_or_the_device_has_failed(
-    sessions: Sessions, noise: FakeNoise
-) -> None:
-    noise.can_start = False
-    result = sessions.run("--responder", "screen")
-    assert (result.exit_code, result.stderr.count("\n")) == (3, 1)
-    assert not sessions.folder().plan_path.exists()
-    noise.can_start = True
-    noise.calls.clear()
-    assert sessions.run("--responder", "screen").exit_code == 0
-    assert noise.calls[:2] == ["none True", "start"]  # practice without a device
-    assert noise.calls[-1] == "stop"
-    header = sessions.header()
-    assert (header["masking_noise_played"], header["noise_level_dba"]) == (True, 62.5)
-
-
-@pytest.mark.slow
-@pytest.mark.usefixtures("screen")
 def test_practice_without_a_device_plays_no_noise_and_judges_no_answer(
     sessions: Sessions, screen: type[FakeScreen]
 ) -> None:

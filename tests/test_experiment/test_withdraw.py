@@ -15,7 +15,6 @@ from tests.test_experiment.people import (
     assert_gone,
     begin_withdrawal,
     change_meanwhile,
-    without_files_of,
 )
 from tests.test_experiment.sessions import contents
 
@@ -176,35 +175,6 @@ def test_analyses_and_copies_that_hold_the_person_are_listed(
         str(copies / "link"),
     }
     assert_gone(results)
-
-
-def test_exports_that_hold_the_person_are_listed_with_what_was_put_into_them(
-    results: Path, tmp_path: Path, run: Run, withdraw: Withdraw
-) -> None:
-    bids, one = tmp_path / "bids", tmp_path / "one"
-    assert run("export", results, "--bids", bids, "--with-sourcedata").exit_code == 0
-    whole = Holding(bids, "BIDS data set")
-    assert search([bids], "02").holdings == (whole,)
-    copies = [bids / "analysis", bids / "sourcedata" / "more"]
-    for copy in copies:
-        shutil.copytree(results / "analysis", copy)
-    (bids / "code" / "sub-02").mkdir(parents=True)
-    table = bids / "sub-02" / "sub-02_sessions.tsv"
-    table.symlink_to(table.rename(tmp_path / "elsewhere.tsv"))
-    assert set(search([bids], "02").holdings) == {
-        whole,
-        *(Holding(copy, "analysis") for copy in copies),
-        Holding(bids / "code" / "sub-02", "sessions"),
-        Holding(bids / "sub-02", "sessions"),
-    }
-    assert {search([bids], who).holdings for who in ("03", "analysis")} == {()}
-    shutil.rmtree(bids / "sub-01")
-    assert whole in search([bids], "02").holdings
-    without_files_of(results, "sub-02", one)
-    assert run("export", one, "--bids", tmp_path / "bids-01").exit_code == 0
-    analysis = shutil.copytree(results / "analysis", tmp_path / "bids-01" / "derivatives" / "ana")
-    done = withdraw("--also", tmp_path / "bids-01", who="02")
-    assert listed(done) == {f"analysis: {analysis}", f"analysis: {results / 'analysis'}"}
 
 
 REST = '"what": "analysis", "participants": ["01"], "files": {}}'
