@@ -256,6 +256,7 @@ class View(Terminal):
 @pytest.fixture
 def view(tmp_path: Path) -> Iterator[View]:
     with View(tmp_path) as view:
+        view.expect(b"right timeout")
         view.expect(b"p pause")
         yield view
 
@@ -271,11 +272,11 @@ def test_a_note_is_kept_a_pause_ended_and_a_stop_confirmed(view: View) -> None:
     view.press(b"p")
     view.expect(b"pause follows")
     view.press(b"r")
-    for key in (b"n", b"y"):
-        view.press(b"s")
-        view.expect(b"y / n")
-        assert view.process.poll() is None
-        view.press(key)
+    view.press(b"s")
+    view.go_on(b"y / n", b"n")
+    view.expect(b"p pause")
+    view.press(b"s")
+    view.go_on(b"y / n", b"y")
     assert view.ended() == 0
     facts = view.facts()
     assert facts["notes"] == ["chair moved, späť"]
