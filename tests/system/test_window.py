@@ -20,7 +20,7 @@ import pytest
 from experiment import SessionFolder
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Iterator
 
 REQUIRED = os.environ.get("TACTSTRIP_SCREEN") == "required"
 LONGEST_S = 40.0
@@ -136,20 +136,6 @@ class Sitting:
         server.close()
         time.sleep(0.05)
 
-    def wait_until(self, when: str) -> None:
-        """Wait for a place in a session where it might be stopped."""
-        if when == "welcome":
-            self.wait_for("session_open")
-            time.sleep(1.0)
-
-        if when in {"answer", "pause"}:
-            self.wait_for("stimulus_commanded", going_on=True)
-            time.sleep(0.1)
-        if when == "pause":
-            self.press("key", "Escape")
-            self.wait_for("pause")
-            time.sleep(0.1)
-
     def journal(self) -> list[dict[str, object]]:
         path = self.folder.journal_path
         if not path.exists():
@@ -208,16 +194,6 @@ def sitting(display: dict[str, str], tmp_path: Path) -> Iterator[Sitting]:
         sitting.process.communicate()
 
 
-def assert_stopped_at_zero(sitting: Sitting, ended: tuple[int, str, str]) -> None:
-    code, out, err = ended
-    assert code == 4, (out, err)
-    assert "--resume" in err
-    assert len(err.splitlines()) == 1
-    entries = sitting.journal()
-    assert entries[-1]["event"] == "session_close"
-    assert entries[-1]["finished"] is False
-
-
 def assert_complete(sitting: Sitting) -> None:
     planned = [trial.number for trial in sitting.folder.read_plan().trials]
     answered = [int(row["trial"]) for row in sitting.rows() if row["status"] == "ok"]
@@ -267,60 +243,31 @@ def test_a_session_records_what_was_pressed_from_welcome_to_end(sitting: Sitting
     assert_complete(sitting)
 
 
-def complete_after_resume(sitting: Sitting) -> None:
+@pytest.mark.parametrize("how", ["signal", "windowkill", "windowclose"])
+def test_a_stop_from_outside_is_heeded_and_the_session_completed_by_a_resume(
+    sitting: Sitting, how: str
+) -> None:
+    sitting.start(study=SHORT)
+    sitting.wait_for("stimulus_commanded", going_on=True)
+    time.sleep(0.1)
+    if how == "signal":
+        sitting.process.send_signal(signal.SIGTERM)
+    else:
+        sitting.press("search", "--name", "tactstrip", how)
+    code, out, err = sitting.end(pressing=False)
+    assert (code, err.count("\n"), "--resume" in err) == (4, 1, True), (out, err)
+    closed = sitting.journal()[-1]
+    assert (closed["event"], closed["finished"]) == ("session_close", False)
     sitting.start("--resume")
-    answer_to_the_end(sitting)
+    while (
+        sitting.wait_for("stimulus_commanded", "session_close", going_on=True)["event"]
+        != "session_close"
+    ):
+        time.sleep(0.12)
+        sitting.press("key", "Left")
     code, out, err = sitting.end()
     assert code == 0, (out, err)
     assert_complete(sitting)
-
-
-def answer_to_the_end(sitting: Sitting) -> None:
-    while True:
-        entry = sitting.wait_for("stimulus_commanded", "session_close", going_on=True)
-        if entry["event"] == "session_close":
-            return
-        time.sleep(0.12)
-        sitting.press("key", "Left")
-
-
-def terminate(sitting: Sitting) -> None:
-    sitting.process.send_signal(signal.SIGTERM)
-
-
-def close_window(sitting: Sitting) -> None:
-    """Ask the window to close, as its frame does."""
-    from Xlib import X, display
-    from Xlib.protocol.event import ClientMessage
-
-    server = display.Display(sitting.environment["DISPLAY"])
-    protocols = server.intern_atom("WM_PROTOCOLS")
-    windows = server.screen().root.query_tree().children
-    (window,) = [window for window in windows if window.get_wm_name() == "tactstrip"]
-    data = (32, [server.intern_atom("WM_DELETE_WINDOW"), X.CurrentTime, 0, 0, 0])
-    window.send_event(ClientMessage(window=window, client_type=protocols, data=data))
-    server.sync()
-    server.close()
-
-
-@pytest.mark.parametrize(
-    ("stop", "when"), [(terminate, "answer"), (close_window, "welcome"), (close_window, "pause")]
-)
-def test_a_stop_from_outside_is_heeded_in_every_wait(
-    sitting: Sitting, stop: Callable[[Sitting], None], when: str
-) -> None:
-    sitting.start()
-    sitting.wait_until(when)
-    stop(sitting)
-    assert_stopped_at_zero(sitting, sitting.end(pressing=False))
-
-
-def test_a_window_that_is_taken_away_stops_the_session(sitting: Sitting) -> None:
-    sitting.start(study=SHORT)
-    sitting.wait_until("answer")
-    sitting.press("search", "--name", "tactstrip", "windowkill")
-    assert_stopped_at_zero(sitting, sitting.end(pressing=False))
-    complete_after_resume(sitting)
 
 
 def test_every_page_is_drawn_within_its_window(display: dict[str, str], tmp_path: Path) -> None:

@@ -12,10 +12,10 @@ from device.core.reports import Health
 from device.emulate.amplifier import Adc
 from device.sound.audio import AudioDevice
 from experiment import SessionFolder, draw_plan
-from experiment.apparatus.monitor import make_monitor, planned_burst
+from experiment.apparatus.monitor import make_monitor
 from experiment.apparatus.noise import SilentNoise
 from experiment.apparatus.rig import Rig, confirmed_now
-from experiment.apparatus.slots import SLOTS, host_limits, load_condition
+from experiment.apparatus.slots import host_limits
 from experiment.archive.disk import UNWAITED
 from experiment.commands.check import end_check
 from experiment.operator.requests import Requests, StopSignal
@@ -220,19 +220,6 @@ class ByItself(Wired):
     @property
     def time(self) -> Clock:
         return self.clock
-
-    def play(self, side: str, level_vpp: float = 20.0) -> tuple[str, ...]:
-        """Play a burst of the first condition; returns its faults."""
-        condition = self.study.conditions[0]
-        self.mock.open()
-        load_condition(self.mock, condition, self.study.device)
-        self.mock.enable()
-        self.mock.set_levels(level_vpp, level_vpp)
-        self.mock.arm(1, SLOTS[side], time_to_live_s=1.0)
-        assert self.monitor is not None
-        burst = planned_burst(condition, self.study.device, (1, 1), side=side, level_vpp=level_vpp)
-        self.monitor.begin(1, burst)
-        return self.monitor.end(self.mock.fire(1)).faults
 
     def setting(self) -> Setting:
         someone = simulated_responder(self.study, self.plan, self.clock)

@@ -14,7 +14,7 @@ import pytest
 
 from analysis import ResultFileError
 from analysis.reading.load import read_inputs
-from experiment import ArchiveError, StudyError, examine, read_journal
+from experiment import ArchiveError, examine, read_journal
 from tests.test_experiment import records as edits
 from tests.test_experiment.lab import Crash, Lab
 from tests.test_experiment.records import SESSION, heads_of, is_sealed
@@ -342,34 +342,6 @@ def test_a_table_that_was_edited_is_not_written_over_by_a_resume(
     assert table.read_bytes().startswith(written)
 
 
-@pytest.mark.parametrize("version", [None, "0.0.1"])
-def test_a_session_of_a_version_with_other_keys_is_named_with_it(
-    lab: Lab, run: Run, version: str | None
-) -> None:
-    lab.begin(pause={1: False})
-    folder, results = lab.folder, lab.folder.root
-    plan = json.loads(folder.plan_path.read_bytes())
-    del plan["study"]["monitor"]
-    study = json.dumps(plan["study"], sort_keys=True, separators=(",", ":"), ensure_ascii=False)
-    older = edits.plan_of(plan, study)
-    folder.plan_path.write_text(older, encoding="utf-8")
-    if version:
-        header = folder.header_path.read_text("utf-8")
-        header = re.sub('("tactstrip": ")[^"]+', rf"\g<1>{version}", header)
-        folder.header_path.write_text(header, encoding="utf-8")
-    first, *lines = folder.journal_path.read_bytes().splitlines()
-    opening = json.loads(first) | folder.sealed() | {"plan_sha256": json.loads(older)["sha256"]}
-    folder.journal_path.write_bytes(edits.chained([json.dumps(opening).encode(), *lines]))
-    head = read_journal(folder.journal_path).head_sha256
-    edits.heads(lambda text: re.sub("[0-9a-f]{64}", head, text))(results)
-    assert run("verify", results).exit_code == 0
-    assert len(read_inputs([results]).progress) == 1
-    with pytest.raises(StudyError, match=rf"plan\.json: .*{version or 'another'}"):
-        lab.resume()
-    assert run("export", results, "--bids", results.parent / "bids").exit_code == 2
-    assert not (results.parent / "bids").exists()
-
-
 LOST = {
     # what is removed: what verify names, and whether a table of the session is still read
     "p": ("plan.json: ", True),
@@ -445,21 +417,6 @@ def test_whatever_files_are_left_all_commands_agree(
     assert (folder / "trials.csv").exists() == ("t" in left or whole)
     if whole and not never:
         assert run("verify", results).exit_code == 0
-
-
-def test_other_sessions_are_built_where_one_is_lost(results: Path, run: Run) -> None:
-    (results / SESSION / "plan.json").unlink()
-    table = results / "sub-02/ses-01/trials.csv"
-    before = table.read_bytes()
-    table.unlink()
-    done = run("export", results)
-    assert (done.exit_code, table.read_bytes()) == (2, before)
-    shutil.rmtree(results / SESSION)
-    shutil.rmtree(results / "sub-02/ses-01")
-    for folder, number in ((results, 2), (results / "sub-01", 1)):
-        verified = run("verify", folder)
-        assert (verified.exit_code, verified.stdout.count("sessions.tsv:2:")) == (1, number)
-        assert analyze(run, folder).exit_code == run("export", folder).exit_code == 2
 
 
 @pytest.fixture

@@ -218,24 +218,6 @@ def test_a_check_ends_with_1_where_a_session_would_count_no_burst(
     assert (named in wrong, wrong[:3]) == (True, "1: " if named else "")
 
 
-@pytest.mark.parametrize(
-    ("side", "delay_ms", "faults"),
-    [
-        ("left", 20, ()),
-        ("left", 10, ("early",)),
-        ("right", 10, ()),
-        ("right", 20, ("late",)),
-        ("both", 10, ()),
-        ("both", 20, ("late",)),
-    ],
-)
-def test_a_device_has_a_delay_for_each_side(
-    tmp_path: Path, side: str, delay_ms: float, faults: tuple[str, ...]
-) -> None:
-    rig = ByItself(tmp_path, keys="delay_ms = [20, 10]", delay_us=1e3 * delay_ms)
-    assert rig.play(side) == faults
-
-
 @pytest.fixture
 def measured(tmp_path: Path) -> ByItself:
     """A session that was measured and has ended."""

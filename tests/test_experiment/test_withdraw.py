@@ -184,10 +184,8 @@ REST = '"what": "analysis", "participants": ["01"], "files": {}}'
     "text",
     [
         "[" * 100_000,
-        '{"schema": ' + "[" * 100_000,
         "",
         "null",
-        "1" * 10_000,
         "\udcff",
         "{" + REST,
         '{"schema": 2, ' + REST,
@@ -195,9 +193,7 @@ REST = '"what": "analysis", "participants": ["01"], "files": {}}'
             '{"schema": 1, ' + REST.replace(*edit)
             for edit in (
                 ('["01"]', '"01"'),
-                ('["01"]', '["01", 2]'),
                 ('["01"]', '{"01": "01"}'),
-                ("{}", '["01"]'),
                 ("{}", '{"a": 1}'),
                 ('"analysis"', "1"),
                 ('"files"', '"file"'),
