@@ -54,11 +54,6 @@ MILLISECOND_S = 0.001
 
 
 @pytest.fixture
-def tiny(tmp_path: Path) -> Sessions:
-    return Sessions(tmp_path, TINY)
-
-
-@pytest.fixture
 def short(tmp_path: Path) -> Sessions:
     return Sessions(tmp_path, SHORT)
 
@@ -324,20 +319,3 @@ def test_a_killed_host_doubles_nothing(
     finish(short, *over("serial", port))
     assert [event["event"] for event in events_of(truth)].count("off") >= 3
     assert require_true(short, truth)["ok"] == 11
-
-
-def test_an_emulator_is_not_asked_about_and_says_so_in_the_header(
-    tiny: Sessions, start: Start
-) -> None:
-    _, port = start("--pty")
-    assert tiny.run(*over("serial", port)).exit_code == 0
-    assert {row["device_kind"] for row in tiny.rows()} == {"emulated"}
-    onsets_s = [float(row["onset_s"]) for row in tiny.rows()]
-    assert all(later - earlier > 0.151 for earlier, later in pairwise(onsets_s))  # real time
-    tiny.practice = False
-    person = ("--responder", "terminal", "--driver", "serial", "--port", port, "--session", "02")
-    assert tiny.run(*person).exit_code == 2  # before it is seen that there is no terminal
-    assert not tiny.folder("02").path.exists()
-    header = tiny.header()
-    assert (header["hardware_confirmed"], header["device_cannot"]) == ("n/a", [])
-    assert header["device_identity"]["emulated"] is True

@@ -102,19 +102,3 @@ def test_an_inlet_sees_every_trial_at_the_time_of_the_record(
     onsets = [float(line[heading.index("onset")]) for line in lines]
     shifted = [float(row["onset_s"]) - marked.facts["at_s"] for row in rows]
     assert onsets == pytest.approx(shifted, abs=1e-6)
-
-
-def test_a_visit_has_its_start_after_the_start_key_and_each_resume_its_own(
-    sessions: Sessions, inlets: list[Inlet], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    simulated, more = "experiment.session.simulate.SimulatedResponder", ["--responder", "simulated"]
-    for call in ("introduce", "begin"):
-        with monkeypatch.context() as patch:
-            patch.setattr(f"{simulated}.{call}", lambda *_: False)
-            assert sessions.run(*more, "--lsl").exit_code == 4
-        more = ["--responder", "simulated", "--resume"]
-    assert sessions.run(*more, "--lsl").exit_code == 0
-    assert len(sessions.entries("marker")) == 2
-    first, second, third = (inlet.take(1) for inlet in (inlets[0], inlets[2], inlets[2]))
-    assert first[0][0] == second[0][0] == RECORDING_START
-    assert third[0][0].startswith("stimulus/")

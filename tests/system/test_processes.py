@@ -9,7 +9,7 @@ import pytest
 
 from experiment import ArchiveError, SessionFolder
 from tests.test_experiment.people import assert_gone
-from tests.test_experiment.sessions import Sessions, contents
+from tests.test_experiment.sessions import contents
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -18,8 +18,6 @@ if TYPE_CHECKING:
     from tests.conftest import Run, Simulate
 
     KillAt = Callable[..., int | None]
-
-SIMULATED = ("--responder", "simulated", "--seed", "1")
 
 
 @pytest.fixture
@@ -80,18 +78,3 @@ def test_an_export_killed_anywhere_leaves_the_old_or_the_new_one_and_is_run_agai
         assert contents(bids) == new_bids
         assert sorted(path.name for path in tmp_path.iterdir()) == ["bids", "kept", "results"]
     assert seen == {"old", "new"}
-
-
-def test_a_session_killed_before_changes_of_the_disk_is_complete_in_the_end(
-    tmp_path: Path, quick_study_text: str, kill_at: KillAt, run: Run
-) -> None:
-    sessions = Sessions(tmp_path, quick_study_text)
-    words, kills = sessions.words(*SIMULATED), 0
-    while kill_at(19, *words) is None:
-        kills += 1
-        begun = sessions.folder().plan_path.exists()
-        words = sessions.words(*SIMULATED, *(["--resume"] if begun else []))
-    assert kills > 1
-    assert run("verify", sessions.out).exit_code == 0
-    ok = [row["trial"] for row in sessions.rows() if row["status"] == "ok"]
-    assert len({*ok}) == len(ok) == 5

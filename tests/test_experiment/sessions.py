@@ -11,12 +11,10 @@ import pytest
 from click.testing import CliRunner
 
 from experiment import Journal, SessionFolder, read_journal
-from experiment.study.sections.presentation import KEY_NAMES, TYPED
 from tactstrip import main
 from tests.test_experiment.lab import Crash
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
     from pathlib import Path
 
     from click.testing import Result
@@ -33,11 +31,6 @@ def contents(folder: Path) -> dict[str, bytes]:
         for path in sorted(folder.rglob("*"))
         if path.is_file() and not path.name.endswith("lock")
     }
-
-
-def typed_keys() -> tuple[Mapping[str, Any], set[str]]:
-    """Return what a terminal sends for each key that it can type, and all keys of a study."""
-    return TYPED, {*KEY_NAMES}
 
 
 class Sessions:

@@ -233,13 +233,3 @@ def test_a_changed_export_is_not_replaced(results: Path, what: str, no_export: R
     else:
         (bids / ".tactstrip.json").write_text("[]", encoding="utf-8")
     no_export()
-
-
-def test_an_unchanged_export_and_an_empty_folder_are_replaced(results: Path) -> None:
-    (results.parent / "bids").mkdir()
-    first = contents(exported(results))
-    assert contents(exported(results)) == first
-    shutil.rmtree(results / "sub-02")
-    bids = exported(results)
-    assert not (bids / "sub-02").exists()
-    assert sorted(path.name for path in results.parent.iterdir()) == ["bids", "results"]

@@ -129,18 +129,6 @@ def test_after_a_new_start_of_the_computer_the_clock_is_broken_and_says_so(
     assert [onset_s is None for onset_s in clocks[1]] == [False, False, True]  # voided: asked later
 
 
-def test_a_clock_once_broken_goes_on_from_there(lab: Lab, host: Host) -> None:
-    lab.crash(2)
-    host.start_anew()
-    lab.resume_anyway = True
-    lab.crash(2)
-    lab.resume_anyway = False
-    lab.clock.wait(100.0)
-    assert lab.resume().finished
-    assert sorted({row.onset_clock for row in lab.rows}) == [1, 2]
-    assert lab.facts("session_resume", "session_clock") == ["broken", "goes on"]
-
-
 @pytest.mark.parametrize(
     ("later_up_s", "elapsed"), [(100.0000007, 0.0), (99.0, None), (float("nan"), None)]
 )

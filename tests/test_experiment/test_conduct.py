@@ -25,8 +25,6 @@ if TYPE_CHECKING:
 
 STOPPED: dict[str, Any] = {"ask": {3: ("escape", 0.3)}, "pause": {1: False}}
 """The script of a session of which two trials are answered when it is stopped."""
-TWO_CONDITIONS = '[[condition]]\nname = "one"\n[[condition]]\nname = "two"\ncycles = 2\n'
-SAMPLES = {"one": 97, "two": 193}
 
 
 @pytest.fixture
@@ -70,20 +68,6 @@ def test_a_key_that_is_no_answer_here_is_no_miss_but_a_note(lab: Lab) -> None:
     notes = [note.split(": ", 1)[1] for note in lab.facts("note", "text")]
     for note, key in zip(notes, ("none", "key q", "key x"), strict=True):
         assert note.startswith(key)
-
-
-@pytest.mark.parametrize(
-    ("script", "emitted"), [({"wait": {1: "left"}}, 5), ({"ask": {1: ("left", 0.05)}}, 6)]
-)
-def test_a_press_that_comes_too_early_repeats_the_trial(
-    lab: Lab, script: Script, emitted: int
-) -> None:
-    lab.begin(**script)
-    first = lab.rows[0]
-    assert (first.status, first.anticipated, first.response) == ("voided", True, None)
-    assert (first.onset_s is None) == (emitted == 5)
-    assert (first.trial, 2, "ok") in lab.statuses()
-    assert len(lab.device.emitted) == emitted
 
 
 ALWAYS_EARLY: dict[str, Script] = {
@@ -241,16 +225,6 @@ def test_what_the_device_would_refuse_leaves_no_session(
     assert not lab.folder.plan_path.exists()
 
 
-@pytest.mark.usefixtures("person")
-def test_warm_up_trials_are_never_taken_for_one_another(lab: Lab) -> None:
-    lab.crash(2)
-    lab.crash(3, ask={1: ("left", 0.05)})
-    lab.crash(2)
-    assert lab.resume().finished
-    keys = [(row.trial, row.attempt) for row in lab.rows]
-    assert len(set(keys)) == len(keys) == len(lab.device.emitted)
-
-
 def test_a_session_begun_with_a_person_does_not_go_on_with_a_simulation(lab: Lab) -> None:
     with lab.patch.context() as patch:
         patch.setattr(Scripted, "simulated", False)
@@ -380,15 +354,6 @@ def test_the_operator_sees_how_the_session_stands(noisy: Lab) -> None:
         assert last.tallies[side].presented == len(rows) == 2
         assert last.tallies[side].correct == sum(row.correct is True for row in rows)
         assert last.tallies[side].last == tuple(row.response for row in rows)
-
-
-def test_the_time_left_is_that_of_the_trials_at_their_mean_pace(lab: Lab) -> None:
-    lab.begin()
-    left = {s.done: s.left_s for s in lab.display.seen if s.phase == "ready"}
-    trial_s = 0.5 + 0.015
-    assert left[4] == pytest.approx(trial_s, abs=0.02)
-    assert left[2] == pytest.approx(3 * trial_s + lab.study.design.minimum_break_s, abs=0.1)
-    assert sorted(left.values(), reverse=True) == [left[done] for done in sorted(left)]
 
 
 def test_whatever_happens_nothing_is_written_or_shown_between_onset_and_key(noisy: Lab) -> None:

@@ -254,12 +254,6 @@ EVENTS: list[Happening] = [e for e in Event if e not in {*KEYS, Event.NOT_FIRED_
 EVENTS += [Key("left", 0.5), Key("left", None)]
 
 
-@pytest.mark.parametrize("event", KEYS)
-def test_a_key_without_response_and_time_is_refused(event: Event) -> None:
-    state, _ = follow(ready(trial(1)), FELT)
-    require_refused(state, event)
-
-
 def test_a_trial_that_is_given_up_ends_after_the_outputs_are_at_zero() -> None:
     state, _ = follow(ready(trial(1)), FELT)
     _, effects = follow(state, [Event.STOP_ASKED])

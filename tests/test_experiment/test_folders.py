@@ -106,26 +106,6 @@ def test_a_session_that_does_not_begin_leaves_no_folder(lab: Lab) -> None:
     assert not lab.folder.root.exists()
 
 
-LINKED = ["", "..", "plan.json", "header.json", "journal.jsonl", "trials.csv", ".lock"]
-
-
-@pytest.mark.parametrize("name", LINKED, ids=["ses", "sub", *LINKED[2:]])
-def test_a_symbolic_link_among_the_results_is_refused_and_not_followed(
-    stopped: Lab, tmp_path: Path, run: Run, name: str
-) -> None:
-    folder = stopped.folder
-    place = folder.path.parent if name == ".." else folder.path / name
-    place.rename(tmp_path / "elsewhere")
-    place.symlink_to(tmp_path / "elsewhere")
-    before = contents(tmp_path)
-    for do in (stopped.begin, stopped.resume, folder.write_trials, folder.refuse_existing):
-        with pytest.raises(ArchiveError, match=f"^{re.escape(str(place))}: .*symbolic"):
-            do()
-    result = run("export", folder.root)
-    assert (result.exit_code, f"{place}: " in result.stderr) == (2, True)
-    assert contents(tmp_path) == before
-
-
 # Which files are left of plan, journal and table.
 LOST = ["journal.jsonl", "journal.jsonl trials.csv", "trials.csv", "plan.json"]
 

@@ -138,16 +138,3 @@ def test_a_journal_of_another_plan_or_of_lines_that_cannot_be_is_refused(plan: P
     ):
         with pytest.raises(JournalError, match=named):
             replay(plan, entries)
-
-
-@pytest.mark.parametrize(("status", "attempt"), [("ok", None), ("voided", 2), ("aborted", 2)])
-def test_a_trial_without_a_valid_answer_is_due_again_at_the_end_of_its_block(
-    plan: Plan, status: str, attempt: int | None
-) -> None:
-    entries = lines(plan, 1)
-    entries[-1] = Entry("trial_end", 4.0, 104.0, {**entries[-1].facts, "status": status})
-    pending = replay(plan, entries).pending
-    block = [task for task in pending if task.trial.block == plan.trials[0].block]
-    again = [task.attempt for task in pending if task.trial.number == 1]
-    assert again == ([] if attempt is None else [attempt])
-    assert (block[-1].trial.number == 1) == (attempt is not None)

@@ -17,7 +17,7 @@ from analysis.reading.load import read_inputs
 from experiment import ArchiveError, examine, read_journal
 from tests.test_experiment import records as edits
 from tests.test_experiment.lab import Crash, Lab
-from tests.test_experiment.records import SESSION, heads_of, is_sealed
+from tests.test_experiment.records import SESSION, heads_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -174,15 +174,6 @@ def test_what_is_accepted_is_read_with_its_mark_or_is_no_table(
     else:
         assert len(loaded.altered) == 1
         assert len(loaded.lost) <= (named == "sessions" or edit is edits.renamed)
-
-
-def test_a_record_whose_checksums_fit_is_read_without_its_trials_in_the_journal(
-    results: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    assert all(is_sealed(session) for session in results.glob("sub-*/ses-*"))
-    whole = read_inputs([results])
-    monkeypatch.setattr("experiment.integrity.sessions.replay", None)
-    assert read_inputs([results]).trials.equals(whole.trials)
 
 
 def test_a_changed_table_is_named_by_all_commands_and_export_builds_it_anew(

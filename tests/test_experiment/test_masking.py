@@ -201,16 +201,6 @@ def test_after_a_loss_it_stops_at_once_and_starts_again_with_a_fade_in(
     assert np.abs(card.frames()[-1000:]).max() > 500
 
 
-def test_a_card_that_takes_no_frames_is_an_error_within_six_seconds(card: Card) -> None:
-    card.stall()
-    noise = noise_on(card)
-    with pytest.raises(NoiseError, match="default"):
-        noise.start()
-    assert card.now_s() < 6.1
-    assert card.callback is None
-    assert_lost(noise)
-
-
 def test_a_card_that_cannot_be_opened_is_an_error_of_one_line(
     card: Card, monkeypatch: pytest.MonkeyPatch
 ) -> None:

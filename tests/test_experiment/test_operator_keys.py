@@ -2,8 +2,7 @@
 
 import pytest
 
-from experiment.operator.terminal import KEY, LONGEST_NOTE, OperatorKeys
-from tests.test_experiment.sessions import typed_keys
+from experiment.operator.terminal import LONGEST_NOTE, OperatorKeys
 
 
 def test_a_note_has_an_end_and_an_empty_one_is_none() -> None:
@@ -19,12 +18,3 @@ def test_only_a_y_confirms_a_stop(key: str) -> None:
     keys = OperatorKeys(pause=print, go_on=bool, stop=lambda: stops.append(None), note=print)
     keys.type("s" + key)
     assert len(stops) == (key == "Y")
-
-
-def test_every_key_that_a_study_may_name_is_typed_or_known_not_to_be() -> None:
-    typed, named = typed_keys()
-    modifiers = {f"{side}{key}" for side in "lr" for key in ("alt", "ctrl", "option", "shift")}
-    others = {"lcommand", "rcommand", "lwindows", "rwindows", "menu", "pause"}
-    untold = {f"f{number}" for number in range(13, 20)} | {f"button_{i}" for i in range(32)}
-    assert {*typed} == named - modifiers - others - untold
-    assert all(KEY.fullmatch(sign) for signs in typed.values() for sign in signs)

@@ -68,19 +68,6 @@ def test_a_file_or_export_that_is_written_is_on_the_disk_as_a_whole(
         }
 
 
-def test_every_file_that_is_opened_is_closed(
-    tmp_path: Path, disk: LossyDisk, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    with Journal(tmp_path / "journal.jsonl", now_s=lambda: 0.0, disk=disk):
-        assert (disk.opened, disk.closed) == (1, 0)
-    write_file(tmp_path / "table.csv", "text", disk)
-    monkeypatch.setattr(disk, "write", None)
-    with pytest.raises(TypeError):
-        write_file(tmp_path / "table.csv", "more", disk)
-    assert (disk.opened, disk.closed) == (3, 3)
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["journal.jsonl", "table.csv"]
-
-
 def test_the_system_is_asked_to_sync_files_and_folders_and_no_descriptor_stays(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

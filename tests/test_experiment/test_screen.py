@@ -60,15 +60,6 @@ def test_escape_makes_a_pause_of_a_break_and_another_one_stops(room: Room) -> No
     assert not room.pause(paused=False, minimum_s=30.0)
 
 
-def test_the_operator_ends_a_pause_and_a_break_at_any_time(room: Room) -> None:
-    room.at(0.7, room.requests.go_on)
-    assert room.pause(paused=True)
-    assert room.clock.now_s() == pytest.approx(0.7, abs=0.05)
-    room.at(1.5, room.requests.go_on)
-    assert room.pause(paused=False, minimum_s=60.0)
-    assert room.clock.now_s() == pytest.approx(1.5, abs=0.05)
-
-
 def test_a_break_lasts_its_least_time_and_counts_it_down(room: Room) -> None:
     room.keys(("return", 1.0), ("left", 2.0), ("return", 4.0))
     assert room.pause(paused=False, minimum_s=3.0)

@@ -74,10 +74,6 @@ def refused(sessions: Sessions, *more: str) -> str:
     return result.stderr
 
 
-def never(*_: object) -> None:
-    raise AssertionError
-
-
 def test_a_session_is_run_from_study_to_trials(sessions: Sessions) -> None:
     result = sessions.run(*SEED)
     assert result.exit_code == 0, result.stderr
@@ -105,22 +101,6 @@ def test_killed_after_any_journal_line_a_session_loses_nothing(sessions: Session
         shutil.rmtree(sessions.out)
         lines += 1
     assert lines > 5 * 5
-
-
-def test_a_torn_last_line_is_set_aside_and_told_and_half_files_are_swept_up(
-    killed: Sessions,
-) -> None:
-    journal = killed.folder().journal_path
-    journal.write_bytes(journal.read_bytes()[:-20])
-    journal.with_name(".plan.json.x1y2.tmp").write_text("half", encoding="utf-8")
-    before = killed.entries()
-    assert len(before) == 8
-    result = killed.run(*RESUME)
-    assert result.exit_code == 0
-    assert "journal.torn-1" in result.stderr
-    assert journal.with_name("journal.torn-1").stat().st_size > 0
-    assert not list(journal.parent.glob(".*.tmp"))
-    assert_complete_and_true(killed, before)
 
 
 def test_a_plan_or_journal_that_was_changed_or_is_anothers_is_refused(killed: Sessions) -> None:
@@ -188,21 +168,6 @@ cycles = 2
 name = "y"
 cycles = 3
 """
-
-
-@pytest.mark.slow
-def test_resume_and_export_build_the_table_from_the_journal(sessions: Sessions, run: Run) -> None:
-    sessions.run(*SEED)
-    table = sessions.folder().trials_path
-    whole, entries = table.read_bytes(), sessions.entries()
-    table.unlink()
-    assert sessions.run(*RESUME).exit_code == 0
-    assert table.read_bytes() == whole
-    assert sessions.entries() == entries
-    table.write_text("lost", encoding="utf-8")
-    assert run("export", sessions.out).exit_code == 0
-    assert table.read_bytes() == whole
-    assert run("export", sessions.out / "nowhere").exit_code == 2
 
 
 EVERY_KIND = """

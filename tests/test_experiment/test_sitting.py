@@ -255,3 +255,49 @@ def test_practice_is_analysed_and_exported_only_when_asked_for_and_marked(
         (table,) = bids.glob(name)
         with table.open(encoding="utf-8", newline="") as file:
             assert {row["device_kind"] for row in csv.DictReader(file, delimiter="\t")} == {"mock"}
+
+
+CARD = '[device]\ndriver = "{}"\nport = "card"\nvolts_full_scale = {}\n'
+
+
+@pytest.fixture
+def opened(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """Names of what was opened as a sound card."""
+    cards: list[str] = []
+    monkeypatch.setattr("device.sound.stream._started", lambda _, card, **__: cards.append(card))
+    return cards
+
+
+@pytest.mark.parametrize(
+    ("driver", "options", "named"),
+    [
+        ("mock", ("terminal", "--driver", "audio"), "--driver"),
+        ("mock", ("terminal", "--driver", "audio", "--confirm-hardware"), "--driver"),
+        ("audio", ("simulated",), "--confirm-hardware"),
+    ],
+)
+def test_a_real_device_is_not_opened_for_practice_or_without_a_word_for_its_safety(
+    driver: str, options: tuple[str, ...], named: str, sessions: Sessions, opened: list[str]
+) -> None:
+    sessions.write(CARD.format(driver, 125) + sessions.text)
+    result = sessions.run("--responder", *options)
+    assert (result.exit_code, result.stderr.count("\n")) == (2, 1)
+    assert named in result.stderr
+    assert (opened, sessions.out.exists()) == ([], False)
+
+
+@pytest.mark.parametrize("command", [["check"], ["check", "--device"], ["run"]])
+def test_levels_are_held_to_the_driver_of_the_command_line(
+    command: list[str], run: Run, sessions: Sessions, opened: list[str]
+) -> None:
+    text = sessions.text
+    sessions.write(CARD.format("mock", 60) + text)
+    options = ["--participant", "01"] if command == ["run"] else []
+    result = run(*command, sessions.study, "--driver", "audio", *options)
+    assert (result.exit_code, result.stderr.count("\n"), opened) == (2, 1, [])
+    assert "2 x device.volts_full_scale = 120; got 160" in result.stderr
+    if command == ["check"]:
+        sessions.write(CARD.format("mock", 100) + text.replace('[masking]\nnoise = "none"', ""))
+        report = json.loads(run("check", sessions.study, "--driver", "audio", "--json").stdout)
+        assert (report["device"]["driver"], report["verdict"]) == ("audio", "fit")
+        assert [why.split()[0] for why in report["run_refuses"]] == ["masking.sound_card"]

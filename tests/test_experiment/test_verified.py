@@ -13,7 +13,6 @@ from analysis import ResultFileError
 from analysis.reading.load import read_inputs
 from experiment import StudyError, examine
 from tests.test_experiment.monitored import BY_ITSELF, STUDY, ByItself, Wired
-from tests.test_experiment.records import is_sealed
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -224,17 +223,6 @@ def measured(tmp_path: Path) -> ByItself:
     rig = ByItself(tmp_path / "results")
     assert rig.begin().finished
     return rig
-
-
-def test_a_sealed_table_of_what_was_measured_is_read_as_the_journal_tells_it(
-    measured: ByItself, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    whole = examine(measured.folder.path)
-    assert is_sealed(measured.folder.path)
-    assert whole.history
-    monkeypatch.setattr("experiment.integrity.sessions.replay", None)
-    (progress,) = read_inputs([measured.folder.root]).progress
-    assert progress.measured == whole.history.measured != ()
 
 
 def edited(path: Path) -> None:
