@@ -1,4 +1,4 @@
-"""Sessions killed at random, with each kind of responder."""
+"""Sessions killed at random before changes of the disk."""
 
 from __future__ import annotations
 
@@ -14,7 +14,6 @@ from click.testing import CliRunner
 from experiment import examine
 from tactstrip import main
 from tests.long.test_fuzz import rounds
-from tests.system.test_links import bursts_of
 from tests.test_experiment.sessions import Sessions
 
 if TYPE_CHECKING:
@@ -46,7 +45,7 @@ class Watched:
         assert {one.mended_by for one in amiss} <= {"resume"}, amiss
         return ["--resume"]
 
-    def ended(self, truth: Path | None = None) -> None:
+    def ended(self) -> None:
         """Look at a session that came to its end after all."""
         told = CliRunner().invoke(main, ["verify", str(self._sessions.out)])
         assert told.exit_code == 0, told.output
@@ -61,11 +60,6 @@ class Watched:
             for entry in self._sessions.entries("trial_armed")
         }
         assert sorted(armed.values()) == sorted(rows)
-        if truth is not None:
-            felt = [burst["token"] for burst in bursts_of(truth)]
-            assert len(set(felt)) == len(felt)
-            statuses = {rows[armed[token]]["status"] for token in felt}
-            assert statuses <= {"ok", "voided", "indeterminate"}
 
 
 def killed(step: int, arguments: list[str]) -> bool:
@@ -103,7 +97,7 @@ def test_a_session_killed_thousands_of_times_loses_and_doubles_nothing(
         sessions = Sessions(tmp_path / f"{number}", quick_study_text)
         watched = Watched(sessions)
         more = ["--seed", str(rng.integers(2**31))]
-        run = ["--responder", "simulated", *["--lsl"] * (number % 8 == 1)]  # which takes longest
+        run = ["--responder", "simulated"]
         while killed(int(rng.integers(1, 40)), sessions.words(*run, *more)):
             more = watched.killed() or more
         watched.ended()

@@ -228,12 +228,6 @@ def test_a_switch_that_opens_in_mid_session_is_told_and_what_nobody_felt_is_play
     require_cut_told_and_mended(sessions, truth, board, port, sensed=sensed)
 
 
-def as_visa(url: str) -> str:
-    """Return the name of a socket as a VISA resource."""
-    host, port = url.removeprefix("socket://").split(":")
-    return f"visa:TCPIP::{host}::{port}::SOCKET"
-
-
 ANSWERS = ("trial", "kind", "side", "level_vpp", "response", "rt_s", "correct", "foreperiod_s")
 
 
@@ -258,13 +252,12 @@ def test_a_whole_session_gives_the_same_answers_over_every_link(
         "pty": ("serial", LINES["pty"]),
         "tcp": ("serial", LINES["tcp"]),
         "scpi": ("generator", GENERATOR),
-        "visa": ("generator", GENERATOR),
     }
     hosts = []
     for name, (driver, line) in links.items():
         sessions, truth = Sessions(tmp_path / name, PAPER), tmp_path / f"{name}.jsonl"
         _, port = start(*line, truth=truth)
-        options = over(driver, as_visa(port) if name == "visa" else port)
+        options = over(driver, port)
         host = subprocess.Popen([*COMMAND, *sessions.words(*options, "--seed", "7")])
         hosts.append((sessions, truth, options, host))
     for sessions, truth, options, host in hosts:

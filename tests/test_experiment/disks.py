@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 
     import pytest
 
+    from experiment.archive.disk import Disk
+
 
 class LossyDisk:
     """A disk that loses everything after the last sync: names and contents, each by itself.
@@ -110,7 +112,7 @@ class FullDisk:
         return call
 
 
-def write_file(path: Path, text: str, disk: LossyDisk) -> None:
+def write_file(path: Path, text: str, disk: Disk) -> None:
     """Write a file of a study."""
     write_atomically(path, text, disk=disk)
 

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
     from device import BurstDevice, Clock
     from experiment import AwaitedAnswer, Press
-    from experiment.preview.device import ChannelCheck
+    from experiment.preview.device import DeviceCheck
     from experiment.session.setting import Ending
 
 STUDY = """
@@ -146,7 +146,7 @@ class Wired:
         with (self.folder.path / name).open(encoding="utf-8", newline="") as file:
             return list(csv.DictReader(file))
 
-    def check(self) -> tuple[ChannelCheck, str]:
+    def check(self) -> tuple[DeviceCheck, str]:
         """Check device and monitor as `check --device`; returns what is wrong, if anything is."""
         rig = Rig(
             device=self.driven, clock=self.time, settings=self.study.device, monitor=self.monitor

@@ -326,17 +326,13 @@ def test_noise_that_cannot_be_played_at_all_leaves_no_session(noisy: Lab) -> Non
     assert noisy.resume().finished  # nothing is left to hear
 
 
-def test_the_operators_pause_comes_after_the_trial_and_is_over_when_it_ends(lab_of: LabOf) -> None:
-    lab, early = lab_of(), lab_of(place="early")
+def test_the_operators_pause_comes_after_the_trial_and_is_over_when_it_ends(lab: Lab) -> None:
     assert lab.begin(ask={2: lab.requests.pause}).finished
     events = [e.event for e in lab.entries()]
     assert events[events.index("pause") - 1] == "trial_end"
     assert events.count("pause") == 1
     assert {status for _, _, status in lab.statuses()} == {"ok"}
     assert not lab.requests.paused
-    early.requests.pause()
-    assert early.begin().finished
-    assert [e.event for e in early.entries()][:2] == ["session_open", "pause"]
 
 
 def test_the_operator_sees_how_the_session_stands(noisy: Lab) -> None:

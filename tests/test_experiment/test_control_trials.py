@@ -67,7 +67,7 @@ def test_such_trials_leave_all_others_as_they_are_with_the_same_seed() -> None:
     assert [t.condition for t in with_them.warm_up] == [t.condition for t in without.warm_up]
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=15, deadline=None)
 @given(
     audibility=st.integers(0, 8).map(lambda n: 2 * n),
     control=st.integers(0, 8).map(lambda n: 2 * n),

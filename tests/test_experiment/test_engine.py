@@ -254,12 +254,6 @@ EVENTS: list[Happening] = [e for e in Event if e not in {*KEYS, Event.NOT_FIRED_
 EVENTS += [Key("left", 0.5), Key("left", None)]
 
 
-def test_a_trial_that_is_given_up_ends_after_the_outputs_are_at_zero() -> None:
-    state, _ = follow(ready(trial(1)), FELT)
-    _, effects = follow(state, [Event.STOP_ASKED])
-    assert [type(effect) for effect in effects] == [ZeroOutputs, EndTrial, CloseSession, Farewell]
-
-
 @pytest.mark.parametrize("phase", list(Phase))
 @pytest.mark.parametrize("event", EVENTS, ids=str)
 def test_an_event_outside_the_table_is_refused_and_changes_nothing(

@@ -100,12 +100,6 @@ def test_without_locks_every_command_that_writes_refuses(
     assert everything(sessions.study.parent) == before
 
 
-def test_a_session_that_does_not_begin_leaves_no_folder(lab: Lab) -> None:
-    with lab.failing("open", OSError(errno.EIO, "dead")), pytest.raises(OSError, match="dead"):
-        lab.begin()
-    assert not lab.folder.root.exists()
-
-
 # Which files are left of plan, journal and table.
 LOST = ["journal.jsonl", "journal.jsonl trials.csv", "trials.csv", "plan.json"]
 

@@ -288,7 +288,7 @@ def honest(lab: Lab, rng: Random) -> None:
     (lab.resume if lab.folder.plan_path.exists() else lab.begin)()
 
 
-@pytest.mark.parametrize("people", [3, pytest.param(60, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("people", [2, pytest.param(60, marks=pytest.mark.slow)])
 def test_honest_sessions_are_never_suspected(
     make_study: Callable[[str], Study],
     short_study_text: str,

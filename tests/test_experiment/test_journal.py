@@ -141,11 +141,3 @@ def test_a_journal_that_cannot_be_opened_or_written_is_an_error(
     assert [entry.event for entry in read_journal(path).entries] == ["first"]
     with pytest.raises(JournalWriteError):
         Journal(path / "no-folder" / "journal.jsonl", now_s=lambda: 0.0)
-
-
-def test_no_number_that_json_does_not_know_is_written(path: Path) -> None:
-    with Journal(path, now_s=lambda: 0.0) as journal:
-        with pytest.raises(ValueError, match="JSON"):
-            journal.append("first", {"value": float("nan")})
-        journal.append("second")
-    assert [entry.event for entry in read_journal(path).entries] == ["second"]

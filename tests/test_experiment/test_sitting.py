@@ -51,15 +51,12 @@ class FakeScreen(Scripted):
     simulated = False
     settings: ClassVar[ResponderSettings]
     log: ClassVar[list[str]] = []
-    refusal: ClassVar[str] = ""
 
     def __init__(self, settings: ResponderSettings, clock: Clock) -> None:
         super().__init__(clock)
         type(self).settings, type(self).log = settings, []
 
     def __enter__(self) -> Self:
-        if self.refusal:
-            raise ValueError(self.refusal)
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -86,7 +83,6 @@ def screen(monkeypatch: pytest.MonkeyPatch) -> type[FakeScreen]:
     module = ModuleType("experiment.participant.screen")
     vars(module)["ScreenResponder"] = FakeScreen
     monkeypatch.setitem(sys.modules, "experiment.participant.screen", module)
-    monkeypatch.setattr(FakeScreen, "refusal", "")
     monkeypatch.setattr("experiment.participant.window.require_window", lambda: None)
     return FakeScreen
 
@@ -177,16 +173,6 @@ def test_an_impossible_operator_or_responder_begins_nothing(
     result = sessions.run("--responder", "simulated", option, value)
     assert (result.exit_code, result.stderr.count("\n")) == (2, 1)
     assert option.removeprefix("--") in result.stderr
-    assert not sessions.out.exists()
-
-
-@pytest.mark.usefixtures("screen")
-def test_where_no_window_opens_nothing_is_begun(
-    sessions: Sessions, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(FakeScreen, "refusal", "no display")
-    result = sessions.run("--responder", "screen")
-    assert (result.exit_code, result.stderr.count("\n")) == (2, 1)
     assert not sessions.out.exists()
 
 

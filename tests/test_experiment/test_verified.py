@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import pytest
 
@@ -211,7 +211,7 @@ def test_a_check_of_a_device_measures_gain_and_delay_of_its_monitor(tmp_path: Pa
     ],
 )
 def test_a_check_ends_with_1_where_a_session_would_count_no_burst(
-    tmp_path: Path, adc: dict[str, float], keys: str, named: str
+    tmp_path: Path, adc: dict[str, Any], keys: str, named: str
 ) -> None:
     _, wrong = ByItself(tmp_path, keys=keys, **adc).check()
     assert (named in wrong, wrong[:3]) == (True, "1: " if named else "")
