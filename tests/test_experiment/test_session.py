@@ -89,20 +89,6 @@ def test_a_session_is_run_from_study_to_trials(sessions: Sessions) -> None:
     refused(sessions)  # it exists already
 
 
-@pytest.mark.slow
-def test_killed_after_any_journal_line_a_session_loses_nothing(sessions: Sessions) -> None:
-    lines = 1
-    while sessions.crash(lines, *SEED):
-        before = sessions.entries()
-        assert len(before) == lines
-        result = sessions.run(*RESUME)
-        assert result.exit_code == 0, (lines, result.stderr)
-        assert_complete_and_true(sessions, before)
-        shutil.rmtree(sessions.out)
-        lines += 1
-    assert lines > 5 * 5
-
-
 def test_a_plan_or_journal_that_was_changed_or_is_anothers_is_refused(killed: Sessions) -> None:
     killed.run(*SIMULATED, "--seed", "2", "--session", "02")
     plan, journal = killed.folder().plan_path, killed.folder().journal_path

@@ -177,6 +177,24 @@ def test_analyses_and_copies_that_hold_the_person_are_listed(
     assert_gone(results)
 
 
+def test_of_an_export_the_whole_is_listed_and_what_was_put_into_it(
+    results: Path, tmp_path: Path, run: Run
+) -> None:
+    bids, whole = tmp_path / "bids", Holding(tmp_path / "bids", "BIDS data set")
+    assert run("export", results, "--bids", bids, "--with-sourcedata").exit_code == 0
+    assert search([bids], "02").holdings == (whole,)
+    copies = [bids / "analysis", bids / "sourcedata" / "more"]
+    for copy in copies:
+        shutil.copytree(results / "analysis", copy)
+    (bids / "code" / "sub-02").mkdir(parents=True)
+    assert set(search([bids], "02").holdings) == {
+        whole,
+        *(Holding(copy, "analysis") for copy in copies),
+        Holding(bids / "code" / "sub-02", "sessions"),
+    }
+    assert search([bids], "03").holdings == ()
+
+
 REST = '"what": "analysis", "participants": ["01"], "files": {}}'
 
 
