@@ -6,7 +6,6 @@ import json
 import os
 import signal
 import subprocess
-import sys
 import threading
 import time
 from collections import Counter
@@ -16,23 +15,11 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 import pytest
 
-import device.emulate.generator
-from device.driver import installing
-from device.emulate.generator import GeneratorEmulator
-from device.emulate.lines import TcpLine
-from experiment.apparatus.rig import assemble
-from experiment.study.study import StudyError
-from tests.test_device.buses import BUSES, Instrument
 from tests.test_experiment.sessions import COMMAND, Sessions
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
     from pathlib import Path
-
-    from click.testing import Result
-
-    from experiment.study.study import Study
-    from tests.conftest import Run
 
     Start: TypeAlias = Callable[..., tuple[subprocess.Popen[str], str]]
 
@@ -59,18 +46,11 @@ delay_ms = [0.1, 0.1]
 """
 )
 ADC = "gain=0.8,delay_us=100,noise=300"
-REFUSED = 3, "the amplifier is off: its safety switch is open"
-SILENT = 4, "monitor (amplifier): the burst was silent; put it right, then go on"
 TINY = PAPER + "trials_per_side = 1\nboth_trials = 1\nbreak_every = 3\n"
 LINES = {"pty": ("--pty",), "tcp": ("--tcp", "0")}
 GENERATOR = ("--tcp", "0", "--generator", "keysight", "--amplifier-gain", "27.5")
 SOON_S = 60.0
 MILLISECOND_S = 0.001
-
-
-@pytest.fixture
-def tiny(tmp_path: Path) -> Sessions:
-    return Sessions(tmp_path, TINY)
 
 
 @pytest.fixture
@@ -208,20 +188,13 @@ def require_cut_told_and_mended(
             time.sleep(0.003)
 
     command = [*COMMAND, *sessions.words(*options)]
-    pipe, into_it = subprocess.PIPE, subprocess.STDOUT
-    with subprocess.Popen(command, stdout=pipe, stderr=into_it, text=True) as host:
+    with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as host:
         wait_for_bursts(truth, 4, host)
         move_switch("open", 1)
-        told, _ = host.communicate(timeout=SOON_S)
-    ends = [(host.returncode, told)]
-    code, words = REFUSED if sensed else SILENT
-    for _ in range(10):
-        still = sessions.run(*options, "--resume")
-        ends.append((still.exit_code, still.output))
-        if still.exit_code == code and words in still.output:
-            break  # else a busy machine ended it
-    assert words in ends[-1][1], ends
-    assert {end for end, _ in ends} <= {3, 4}
+        codes = [host.wait(SOON_S)]
+    while len(codes) == 1 or (codes[-1] != (3 if sensed else 4) and len(codes) < 10):
+        codes.append(sessions.run(*options, "--resume").exit_code)  # a busy machine may end it
+    assert set(codes) <= {3, 4}
     move_switch("closed", 2)
     finish(sessions, *options)
     rows = sessions.rows()
@@ -244,7 +217,6 @@ def moves_s(truth: Path) -> list[float]:
     return [event["t_s"] for event in events_of(truth) if event["event"] == "switch"]
 
 
-@pytest.mark.process
 @pytest.mark.parametrize("sensed", [True, False])
 def test_a_switch_that_opens_in_mid_session_is_told_and_what_nobody_felt_is_played_again(
     tmp_path: Path, truth: Path, start: Start, *, sensed: bool
@@ -254,12 +226,6 @@ def test_a_switch_that_opens_in_mid_session_is_told_and_what_nobody_felt_is_play
     board, port = start(*LINES["tcp"], *adc, *more, truth=truth)
     sessions = Sessions(tmp_path / "host", MEASURED)
     require_cut_told_and_mended(sessions, truth, board, port, sensed=sensed)
-
-
-def as_visa(url: str) -> str:
-    """Return the name of a socket as a VISA resource."""
-    host, port = url.removeprefix("socket://").split(":")
-    return f"visa:TCPIP::{host}::{port}::SOCKET"
 
 
 ANSWERS = ("trial", "kind", "side", "level_vpp", "response", "rt_s", "correct", "foreperiod_s")
@@ -286,13 +252,12 @@ def test_a_whole_session_gives_the_same_answers_over_every_link(
         "pty": ("serial", LINES["pty"]),
         "tcp": ("serial", LINES["tcp"]),
         "scpi": ("generator", GENERATOR),
-        "visa": ("generator", GENERATOR),
     }
     hosts = []
     for name, (driver, line) in links.items():
         sessions, truth = Sessions(tmp_path / name, PAPER), tmp_path / f"{name}.jsonl"
         _, port = start(*line, truth=truth)
-        options = over(driver, as_visa(port) if name == "visa" else port)
+        options = over(driver, port)
         host = subprocess.Popen([*COMMAND, *sessions.words(*options, "--seed", "7")])
         hosts.append((sessions, truth, options, host))
     for sessions, truth, options, host in hosts:
@@ -309,7 +274,6 @@ def test_a_whole_session_gives_the_same_answers_over_every_link(
             assert require_true(sessions, truth)["ok"] == 155
 
 
-@pytest.mark.process
 @pytest.mark.parametrize("kind", LINES)
 def test_an_emulator_that_dies_in_mid_session_costs_no_trial_and_no_truth(
     kind: str, short: Sessions, truth: Path, start: Start
@@ -324,83 +288,17 @@ def test_an_emulator_that_dies_in_mid_session_costs_no_trial_and_no_truth(
     killer.start()
     result = short.run(*over("serial", port))
     killer.join()
-    assert result.exit_code == 3
-    assert len(result.stderr.splitlines()) == 1
-    assert "go on with tactstrip run " in result.stderr
+    assert (result.exit_code, result.stderr.count("\n")) == (3, 1)
     assert result.stderr.endswith(" --resume\n")
     assert 4 <= sum(row["status"] == "ok" for row in short.rows()) < 11
     _, port = start("--pty", "--serial-number", "2")
     other = short.run(*over("serial", port, "--resume"))
-    assert other.exit_code == 2
-    assert "serial_number '1'; got '2': give --resume-anyway" in other.stderr
+    assert (other.exit_code, "serial_number" in other.stderr) == (2, True)
     _, port = start(*LINES[kind], truth=truth)
     finish(short, *over("serial", port))
     require_true(short, truth)
 
 
-@pytest.mark.process
-def test_a_device_that_resets_on_a_bad_line_costs_nothing(
-    short: Sessions, truth: Path, start: Start
-) -> None:
-    faults = "reset=0.01,drop=0.002,corrupt=0.002"
-    _, port = start("--pty", "--fault", faults, "--seed", "5", truth=truth)
-    failures = 0
-    for number in range(1, 21):
-        failures += finish(short, *over("serial", port), session=f"{number:02d}")
-        boots = sum(event["event"] == "boot" for event in events_of(truth))
-        if boots > 1 and failures:
-            break
-    else:
-        pytest.fail("no reset in twenty sessions")
-    tokens = [burst["token"] for burst in bursts_of(truth)]
-    assert len(tokens) == len(set(tokens))
-    for done in range(1, number + 1):
-        require_true(short, truth, f"{done:02d}")
-
-
-@pytest.mark.process
-@pytest.mark.parametrize("named", [str, as_visa])
-def test_a_generator_on_a_line_that_breaks_costs_nothing(
-    named: Callable[[str], str], short: Sessions, truth: Path, start: Start
-) -> None:
-    faults = ("--fault", "disconnect_at=6000,reset=0.003,delay=0.02", "--seed", "3")
-    _, port = start(*GENERATOR, *faults, truth=truth)
-    assert finish(short, *over("generator", named(port))) > 0
-    assert require_true_by_time(short, truth)["ok"] == 11
-
-
-@pytest.mark.process
-@pytest.mark.parametrize("kind", BUSES)
-def test_a_session_over_visa_says_what_came_out(
-    kind: str, short: Sessions, truth: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    instrument = Instrument(BUSES[kind](monkeypatch), gain=27.5)
-    try:
-        result = short.run(*over("generator", instrument.name))
-    finally:
-        instrument.close()
-    assert result.exit_code == 0, result.output
-    truth.write_text(instrument.truth.getvalue(), encoding="utf-8")
-    assert require_true_by_time(short, truth) == {"ok": 11}
-
-
-@pytest.mark.parametrize("command", ["run", "check"])
-def test_visa_without_its_extra_is_one_line(
-    command: str, short: Sessions, check: Run, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setitem(sys.modules, "pyvisa", None)
-    words = ("--driver", "generator", "--port", "visa:TCPIP::lab::INSTR")
-    if command == "run":
-        result = short.run("--responder", "simulated", *words)
-    else:
-        result = check("--device", *words)
-    assert result.exit_code == 3
-    assert len(result.stderr.splitlines()) == 1
-    assert result.stderr.endswith(f"VISA needs pyvisa: {installing('visa')}\n")
-    assert not short.folder().path.exists()
-
-
-@pytest.mark.process
 @pytest.mark.parametrize("kind", LINES)
 def test_a_killed_host_doubles_nothing(
     kind: str, short: Sessions, truth: Path, start: Start
@@ -414,263 +312,3 @@ def test_a_killed_host_doubles_nothing(
     finish(short, *over("serial", port))
     assert [event["event"] for event in events_of(truth)].count("off") >= 3
     assert require_true(short, truth)["ok"] == 11
-
-
-@pytest.mark.process
-def test_an_answer_in_real_time_takes_its_reaction_time(tiny: Sessions, start: Start) -> None:
-    _, port = start("--pty")
-    began_s = time.monotonic()
-    assert tiny.run(*over("serial", port)).exit_code == 0
-    assert time.monotonic() - began_s > 3 * 0.151
-    onsets_s = [float(row["onset_s"]) for row in tiny.rows()]
-    assert all(later - earlier > 0.151 for earlier, later in pairwise(onsets_s))
-
-
-class RealGenerator:
-    """A generator that does not say that it is emulated, and keeps what it was sent."""
-
-    def __init__(self, truth: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-        monkeypatch.setattr(
-            device.emulate.generator, "IDENTITY", "Keysight Technologies,33512B,MY01,1.0"
-        )
-        self.line = TcpLine(0)
-        self.port = self.line.name
-        self.received = b""
-        self._read = self.line.read
-        monkeypatch.setattr(self.line, "read", self._keep)
-        self._over = threading.Event()
-        self.truth = truth
-        self._file = truth.open("w", encoding="utf-8")
-        self._emulator = GeneratorEmulator(self.line, self._file, amplifier_gain=27.5)
-        self._thread = threading.Thread(target=self._serve)
-        self._thread.start()
-
-    def _keep(self, timeout_s: float) -> bytes | None:
-        data = self._read(timeout_s)
-        self.received += data or b""
-        return data
-
-    def _serve(self) -> None:
-        while not self._over.is_set():
-            self._emulator.turn()
-
-    def end(self) -> None:
-        self._over.set()
-        self._thread.join()
-        self.line.close()
-        self._file.close()
-
-
-@pytest.fixture
-def real(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[RealGenerator]:
-    generator = RealGenerator(tmp_path / "real.jsonl", monkeypatch)
-    yield generator
-    generator.end()
-
-
-@pytest.mark.process
-@pytest.mark.parametrize("command", ["run", "check"])
-def test_without_a_word_for_its_safety_a_real_device_is_sent_nothing(
-    command: str, tiny: Sessions, run: Run, real: RealGenerator
-) -> None:
-    reached = ("--driver", "generator", "--port", real.port)
-    if command == "run":
-        result = tiny.run("--responder", "simulated", *reached)
-    else:
-        result = run("check", tiny.study, "--device", *reached)
-    assert result.exit_code == 2
-    assert len(result.stderr.splitlines()) == 1
-    assert "--confirm-hardware" in result.stderr
-    assert set(real.received.split()) == {b"*IDN?"}
-    assert not tiny.out.exists()
-
-
-@pytest.mark.process
-def test_a_word_for_its_safety_is_kept_with_what_it_cannot_promise(
-    tiny: Sessions, real: RealGenerator
-) -> None:
-    result = tiny.run(*over("generator", real.port, "--confirm-hardware"))
-    assert result.exit_code == 0, result.stderr
-    first = "this device cannot bring its outputs to zero when this program or the line to it dies"
-    assert first in result.stdout
-    header = tiny.header()
-    assert len(header["device_cannot"]) == result.stdout.count("Note: this device cannot ") == 3
-    confirmed = header["hardware_confirmed"]
-    assert confirmed["how"] == "--confirm-hardware"
-    assert confirmed["by"]
-    assert confirmed["at"].endswith("+00:00")
-    assert len(confirmed["confirmed"]) == 3
-
-
-@pytest.fixture
-def on_terminal(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("experiment.commands.options.hardware.on_terminal", lambda: True)
-
-
-@pytest.mark.process
-@pytest.mark.usefixtures("on_terminal")
-@pytest.mark.parametrize(("answers", "exit_code"), [("y\n", 0), ("n\n", 2), ("", 2)])
-def test_the_operator_is_asked_once_on_a_terminal(
-    answers: str, exit_code: int, tiny: Sessions, real: RealGenerator
-) -> None:
-    result = tiny.run(*over("generator", real.port), typed=answers)
-    assert result.exit_code == exit_code, result.stderr
-    assert result.stderr.count("All of it is so?") == 1
-    assert tiny.out.exists() == (exit_code == 0)
-    assert (b"OUTP" in real.received.upper()) == (exit_code == 0)
-
-
-@pytest.mark.process
-@pytest.mark.parametrize("given", [(), ("--confirm-hardware",)])
-def test_an_emulator_is_not_asked_about_and_says_so_in_the_header(
-    given: tuple[str, ...], tiny: Sessions, start: Start
-) -> None:
-    _, port = start("--pty")
-    assert tiny.run(*over("serial", port, *given)).exit_code == 0
-    assert {row["device_kind"] for row in tiny.rows()} == {"emulated"}
-    tiny.practice = False
-    person = ("--responder", "terminal", "--driver", "serial", "--port", port, "--session", "02")
-    refused = tiny.run(*person, *given)  # before it is seen that there is no terminal
-    assert (refused.exit_code, "the device is an emulator" in refused.stderr) == (2, True)
-    assert not tiny.folder("02").path.exists()
-    header = tiny.header()
-    assert (header["hardware_confirmed"], header["device_cannot"]) == ("n/a", [])
-    assert header["device_identity"]["emulated"] is True
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("text", "options", "told"),
-    [
-        (HANN, ["--driver", "serial"], "device.port is missing"),
-        (HANN, ["--driver", "generator", "--port", "p"], "device.amplifier_gain is missing"),
-        (HANN, ["--driver", "audio", "--port", "p"], "device.volts_full_scale is missing"),
-        (TINY, ["--driver", "audio", "--port", "no such card"], "--confirm-hardware"),
-    ],
-)
-def test_what_a_driver_lacks_is_said_before_anything_is_opened(
-    text: str, options: list[str], told: str, tmp_path: Path
-) -> None:
-    result = Sessions(tmp_path, text).run("--responder", "simulated", *options)
-    assert result.exit_code == 2
-    assert told in result.stderr
-
-
-@pytest.mark.process
-def test_the_study_names_driver_and_port_and_options_others(tiny: Sessions, start: Start) -> None:
-    _, port = start("--pty")
-    named = TINY.replace("[device]", f'[device]\ndriver = "serial"\nport = "{port}"')
-    tiny.write(named)
-    result = tiny.run("--responder", "simulated")
-    assert result.exit_code == 0, result.stderr
-    tiny.write(named.replace(port, "/no/such/port"))
-    second = ("--responder", "simulated", "--session", "02")
-    result = tiny.run(*second)
-    assert (result.exit_code, len(result.stderr.splitlines())) == (3, 1)
-    assert not tiny.folder("02").plan_path.exists()
-    assert tiny.run(*second, "--port", port).exit_code == 0
-
-
-@pytest.mark.process
-def test_the_mocks_ceiling_is_none_of_another_devices(
-    tiny: Sessions, truth: Path, start: Start, run: Run
-) -> None:
-    loud = TINY.replace("[device]", "[device]\nceiling_vpp = 260") + "levels_vpp = [60, 250]\n"
-    tiny.write(loud.replace("trials_per_side = 1", "trials_per_side = 2"))
-    refused = tiny.run("--responder", "simulated")
-    assert (refused.exit_code, "own ceiling, 200 Vpp" in refused.stderr) == (2, True)
-    _, port = start("--tcp", "0", "--ceiling-vpp", "260", truth=truth)
-    assert run("check", tiny.study, "--device", "--driver", "serial", "--port", port).exit_code == 0
-    result = tiny.run(*over("serial", port, "--seed", "1"))
-    assert result.exit_code == 0, result.stderr
-    assert 250_000 in {level for burst in bursts_of(truth) for level in burst["levels_mv"]}
-
-
-@pytest.fixture
-def check(tmp_path: Path, run: Run) -> Run:
-    """Check a study, and the device that is given."""
-
-    def check(*options: str, typed: str | None = None) -> Result:
-        return run("check", Sessions(tmp_path, QUICK).study, *options, typed=typed)
-
-    return check
-
-
-@pytest.mark.process
-def test_the_check_plays_a_tenth_on_each_channel(check: Run, truth: Path, start: Start) -> None:
-    _, port = start("--pty", truth=truth)
-    reached = ("--device", "--driver", "serial", "--port", port)
-    result = check(*reached)
-    assert result.exit_code == 0, result.stderr
-    assert "ceiling 200 Vpp, 48000 Hz" in result.stdout
-    assert "60 95 130 165 200 Vpp" in result.stdout
-    assert result.stdout.count("burst of 20 Vpp: fired, 20 Vpp read back") == 2
-    assert [burst["levels_mv"] for burst in bursts_of(truth)] == [[20_000, 0], [0, 20_000]]
-    assert events_of(truth)[-1]["event"] == "off"
-    found = json.loads(check(*reached, "--json").stdout)
-    assert [channel["good"] for channel in found["device_check"]["channels"]] == [True, True]
-
-
-@pytest.mark.process
-@pytest.mark.parametrize(
-    ("options", "told"),
-    [
-        (("--sample-rate-hz", "44100"), "device.sample_rate_hz"),
-        (("--ceiling-vpp", "150"), "own ceiling, 150 Vpp"),
-    ],
-)
-def test_a_device_that_does_not_suit_the_study_ends_the_check_with_1(
-    options: tuple[str, str], told: str, check: Run, truth: Path, start: Start
-) -> None:
-    _, port = start("--pty", *options, truth=truth)
-    result = check("--device", "--driver", "serial", "--port", port)
-    assert result.exit_code == 1
-    assert told in result.stderr
-    assert result.stdout == ""
-    assert {event["event"] for event in events_of(truth)} == {"boot"}
-
-
-@pytest.mark.process
-@pytest.mark.usefixtures("on_terminal")
-@pytest.mark.parametrize(
-    ("answers", "exit_code", "told"),
-    [
-        ("y\n" * 5, 0, "seen there alone"),
-        ("y\ny\ny\ny\nn\n", 1, "right burst of 20 Vpp: fired"),
-        ("y\nn\nn\n", 1, "left not tried, right not tried"),
-    ],
-)
-def test_each_burst_of_a_check_is_asked_for_and_confirmed(
-    answers: str, exit_code: int, told: str, check: Run, real: RealGenerator
-) -> None:
-    result = check("--device", "--driver", "generator", "--port", real.port, typed=answers)
-    assert result.exit_code == exit_code, result.stderr
-    assert told in result.output
-    assert len(bursts_of(real.truth)) == answers.count("y") // 2
-
-
-@pytest.mark.parametrize(
-    ("options", "exit_code", "told"),
-    [
-        (("--device", "--driver", "serial", "--port", "socket://127.0.0.1:1"), 3, "127.0.0.1:1"),
-        (("--confirm-hardware",), 2, "needs --device"),
-    ],
-)
-def test_a_check_without_a_device_says_so_in_one_line(
-    options: tuple[str, ...], exit_code: int, told: str, check: Run
-) -> None:
-    result = check(*options)
-    assert (result.exit_code, len(result.stderr.splitlines())) == (exit_code, 1)
-    assert told in result.stderr
-    assert result.stdout == ""
-
-
-def test_noise_on_the_actuators_sound_card_is_refused(make_study: Callable[[str], Study]) -> None:
-    text = 'masking = { noise = "pink", sound_card = "pulse" }\n'
-    device = '[device]\ndriver = "audio"\nport = "pulse"\nvolts_full_scale = 125\n'
-    study = make_study(text + device)
-    with pytest.raises(StudyError, match="must be named and another one"):
-        assemble(study, driver=None, port=None, simulated=False)
-    with pytest.raises(StudyError, match="must be named and another one"):
-        assemble(study, driver="mock", port=None, simulated=False)  # the noise is real
-    assert assemble(study, driver=None, port=None, simulated=True).settings.driver == "audio"

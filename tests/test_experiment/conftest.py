@@ -1,4 +1,4 @@
-"""What several tests of sessions need: the command line as it is typed, and the table it writes."""
+"""What several tests of sessions need: a scripted session, and a check of the lines it writes."""
 
 from __future__ import annotations
 
@@ -7,17 +7,22 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 import pytest
 
-from experiment.archive.journal import Journal
+from experiment import Journal
 from experiment.terms.entries import EVENTS
+from tests.test_experiment.lab import FakeNoise, Lab
 
 if TYPE_CHECKING:
     from collections.abc import Callable
+    from pathlib import Path
 
     from click.testing import Result
+
+    from experiment import Study
 
     Run: TypeAlias = Callable[..., Result]
     Rows: TypeAlias = Callable[..., list[dict[str, str]]]
     Refused: TypeAlias = Callable[..., str]
+    LabOf: TypeAlias = Callable[..., Lab]
 
 
 @pytest.fixture(autouse=True)
@@ -33,3 +38,36 @@ def _lines_are_as_listed(monkeypatch: pytest.MonkeyPatch) -> None:
         append(journal, event, facts, sync=sync)
 
     monkeypatch.setattr(Journal, "append", listed)
+
+
+@pytest.fixture
+def lab_of(
+    tmp_path: Path,
+    make_study: Callable[[str], Study],
+    short_study_text: str,
+    monkeypatch: pytest.MonkeyPatch,
+) -> LabOf:
+    """Set up a study with more lines than the short one's."""
+
+    def lab_of(more: str = "", place: str = "results") -> Lab:
+        return Lab(make_study(short_study_text + more), tmp_path / place, monkeypatch)
+
+    return lab_of
+
+
+@pytest.fixture
+def lab(lab_of: LabOf) -> Lab:
+    return lab_of()
+
+
+@pytest.fixture
+def noisy(lab: Lab) -> Lab:
+    """Set up a session with masking noise."""
+    lab.noise = FakeNoise()
+    return lab
+
+
+@pytest.fixture
+def anybody_may(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Ask nobody whether the hardware is safe."""
+    monkeypatch.setattr("experiment.session.conduct.require_confirmed", lambda *_: None)

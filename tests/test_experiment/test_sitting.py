@@ -4,27 +4,22 @@ from __future__ import annotations
 
 import csv
 import json
-import subprocess
 import sys
 from types import ModuleType
-from typing import TYPE_CHECKING, ClassVar, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import pytest
 
-from experiment.session.setting import LONGEST_NAME
+from experiment import Press
 from experiment.study.sections.presentation import Screen, Texts
-from experiment.terms.responder import Press
-from tests.test_experiment.lab import FakeNoise, Scripted, Watching
+from tests.test_experiment.lab import FakeNoise, Scripted
 from tests.test_experiment.sessions import Sessions
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from device.clock import Clock
-    from experiment.operator.requests import Requests
-    from experiment.participant.settings import ResponderSettings
-    from experiment.study.sections.equipment import Masking
-    from experiment.terms.responder import AwaitedAnswer, Progress, SessionPart
+    from device import Clock
+    from experiment import AwaitedAnswer, Progress, ResponderSettings, SessionPart
     from tests.conftest import Run
 
 STUDY = """
@@ -47,21 +42,21 @@ def sessions(tmp_path: Path, quick_study_text: str) -> Sessions:
     return Sessions(tmp_path, STUDY + quick_study_text + off_plate)
 
 
+LONGEST_NAME = 100
+
+
 class FakeScreen(Scripted):
     """A person in front of a window that nobody sees."""
 
     simulated = False
-    asked: ClassVar[ResponderSettings]
+    settings: ClassVar[ResponderSettings]
     log: ClassVar[list[str]] = []
-    refusal: ClassVar[str] = ""
 
     def __init__(self, settings: ResponderSettings, clock: Clock) -> None:
         super().__init__(clock)
-        type(self).asked, type(self).log = settings, []
+        type(self).settings, type(self).log = settings, []
 
     def __enter__(self) -> Self:
-        if self.refusal:
-            raise ValueError(self.refusal)
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -88,32 +83,32 @@ def screen(monkeypatch: pytest.MonkeyPatch) -> type[FakeScreen]:
     module = ModuleType("experiment.participant.screen")
     vars(module)["ScreenResponder"] = FakeScreen
     monkeypatch.setitem(sys.modules, "experiment.participant.screen", module)
-    monkeypatch.setattr(FakeScreen, "refusal", "")
     monkeypatch.setattr("experiment.participant.window.require_window", lambda: None)
     return FakeScreen
 
 
 @pytest.fixture
 def noise(monkeypatch: pytest.MonkeyPatch) -> FakeNoise:
-    """The sound card that is played on."""
+    """Play on a sound card that is none."""
     card = FakeNoise()
 
-    def noise_player(masking: Masking, clock: object, *, simulated: bool) -> FakeNoise:
-        card.calls.append(f"{masking.noise}, for nobody {simulated}")
+    def noise_player(masking: Any, clock: object, *, simulated: bool) -> FakeNoise:
+        card.calls.append(f"{masking.noise} {simulated}")
         return card
 
     monkeypatch.setattr("experiment.apparatus.noise.noise_player", noise_player)
     return card
 
 
-@pytest.mark.slow
 def test_a_simulated_session_says_nobody_was_there(sessions: Sessions, noise: FakeNoise) -> None:
+    sessions.practice = False
     assert sessions.run("--responder", "simulated").exit_code == 0
     header = sessions.header()
     assert header["responder"] == "simulated"
     assert {header[key] for key in ("operator", "response_mapping", "screen", "texts")} == {"n/a"}
     assert header["consent_version"] == "2.1"
-    assert noise.calls[0] == "none, for nobody True"
+    assert noise.calls[0] == "none True"
+    assert {row["device_kind"] for row in sessions.rows()} == {"mock"}
 
 
 @pytest.mark.slow
@@ -134,22 +129,14 @@ def test_header_and_window_get_what_is_given(sessions: Sessions, screen: type[Fa
     assert header["screen"]["full_screen"] is False
     assert header["texts"]["welcome"] == "\u200fأهلاً"
     assert header["texts"]["prompt"] == Texts().prompt
-    assert screen.asked.screen == Screen(full_screen=False)
-    assert screen.asked.responses == ("left", "right", "both")
+    assert screen.settings.screen == Screen(full_screen=False)
+    assert screen.settings.responses == ("left", "right", "both")
     assert screen.log == ["audibility", "main", "control", "closed"]
     assert {(row["kind"], row["response"]) for row in sessions.rows()} == {
         ("control", "none"),
         ("single", "both"),
         ("both", "both"),
     }
-
-
-@pytest.mark.slow
-@pytest.mark.usefixtures("screen")
-def test_the_mapping_names_accepted_answers_only(sessions: Sessions) -> None:
-    sessions.write(sessions.text.split("audibility_trials")[0])
-    sessions.run("--responder", "screen")
-    assert "none" not in sessions.header()["response_mapping"]
 
 
 @pytest.mark.slow
@@ -168,62 +155,28 @@ def test_whoever_resumes_is_noted_anew(sessions: Sessions) -> None:
     assert resumed.facts["response_mapping"]["right"] == ["right"]
     header = sessions.header()
     assert header["operator"] == "first"
-    told = resumed.facts["device_limits"], resumed.facts["device_health"]
-    assert told == (header["device_limits"], header["device_health"])
-    assert told[0]["slots"] == 8
+    for key in ("device_limits", "device_health"):
+        assert resumed.facts[key] == header[key]
+    assert header["device_limits"]["slots"] == 8
 
 
-@pytest.mark.parametrize("name", ["", " ", "a\nb", "a" * (LONGEST_NAME + 1)])
-def test_an_operator_without_a_name_begins_nothing(sessions: Sessions, name: str) -> None:
-    result = sessions.run("--responder", "simulated", "--operator", name)
-    assert result.exit_code == 2
-    assert "operator must be a name in one line" in result.stderr
-    assert len(result.stderr.splitlines()) == 1
-    assert not sessions.out.exists()
-
-
-def test_an_unknown_responder_is_refused(sessions: Sessions) -> None:
-    result = sessions.run("--responder", "robot")
-    assert result.exit_code == 2
-    assert result.stderr == (
-        "error: --responder must be one of screen, terminal, simulated; got 'robot', which no "
-        "installed distribution offers\n"
-    )
-    assert not sessions.out.exists()
-
-
-def test_a_machine_without_a_window_is_told_before_anything_else(
-    sessions: Sessions, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize(
+    ("option", "value"),
+    [
+        *(("--operator", name) for name in ("", " ", "a\nb", "a" * (LONGEST_NAME + 1))),
+        ("--responder", "robot"),
+    ],
+)
+def test_an_impossible_operator_or_responder_begins_nothing(
+    sessions: Sessions, option: str, value: str
 ) -> None:
-    monkeypatch.delenv("DISPLAY", raising=False)
-    monkeypatch.setattr(sys, "platform", "linux")
-    result = sessions.run("--responder", "screen")
-    assert (result.exit_code, result.stdout) == (2, "")
-    assert result.stderr.count("\n") == 1
+    result = sessions.run("--responder", "simulated", option, value)
+    assert (result.exit_code, result.stderr.count("\n")) == (2, 1)
+    assert option.removeprefix("--") in result.stderr
     assert not sessions.out.exists()
 
 
 @pytest.mark.slow
-def test_no_window_ends_it_in_one_line_and_nothing_is_begun(
-    sessions: Sessions, screen: type[FakeScreen], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(screen, "refusal", "--responder screen needs a display")
-    result = sessions.run("--responder", "screen")
-    assert result.exit_code == 2
-    assert result.stderr == "error: --responder screen needs a display\n"
-    assert not sessions.out.exists()
-
-
-@pytest.mark.slow
-@pytest.mark.usefixtures("screen")
-def test_the_noise_is_played_to_the_sessions_end(sessions: Sessions, noise: FakeNoise) -> None:
-    assert sessions.run("--responder", "screen").exit_code == 0
-    assert noise.calls[:2] == ["none, for nobody True", "start"]  # practice without a device
-    assert noise.calls[-1] == "stop"
-    header = sessions.header()
-    assert (header["masking_noise_played"], header["noise_level_dba"]) == (True, 62.5)
-
-
 @pytest.mark.usefixtures("screen")
 def test_practice_without_a_device_plays_no_noise_and_judges_no_answer(
     sessions: Sessions, screen: type[FakeScreen]
@@ -233,94 +186,29 @@ def test_practice_without_a_device_plays_no_noise_and_judges_no_answer(
     sessions.write(card + text)  # the noise would be played to the actuators
     result = sessions.run("--responder", "screen")
     assert result.exit_code == 0, result.stderr
-    told = "Note: practice without a device: no answer is called right or wrong, and no masking "
-    assert result.stdout.count(told) == 1
     assert sessions.header()["masking_noise_played"] is False
     assert {row["noise_ok"] for row in sessions.rows()} == {"n/a"}
-    assert screen.asked.texts.practice.endswith(" Nothing moves, so no answer is right or wrong.")
+    assert screen.settings.texts.practice != Texts().practice
     assert "practice" in screen.log
     assert not [line for line in screen.log if line.startswith("correct")]
     assert [row["kind"] for row in sessions.rows()].count("practice") == 2
 
 
-@pytest.mark.slow
-@pytest.mark.usefixtures("screen")
-def test_noise_that_cannot_be_played_is_a_failed_device_and_nothing_is_begun(
-    sessions: Sessions, noise: FakeNoise
-) -> None:
-    noise.can_start = False
-    result = sessions.run("--responder", "screen")
-    assert result.exit_code == 3
-    assert result.stderr == (
-        "error: the sound card is gone: plug it in; "
-        'a study with noise = "none" in [masking] plays none\n'
-    )
-    assert not sessions.folder().plan_path.exists()
-
-
-@pytest.mark.slow
-def test_the_operator_sees_it_unless_the_terminal_is_the_participants(
-    sessions: Sessions, screen: type[FakeScreen], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    seen: list[Requests] = []
-
-    class View(Watching):
-        def __init__(self, requests: Requests, stop: object) -> None:
-            super().__init__()
-            seen.append(requests)
-
-        def __enter__(self) -> Self:
-            return self
-
-        def __exit__(self, *_: object) -> None: ...
-
-    module = ModuleType("experiment.operator.view")
-    vars(module)["OperatorView"] = View
-    monkeypatch.setitem(sys.modules, "experiment.operator.view", module)
-    sessions.run("--responder", "screen")
-    assert seen == [screen.asked.requests]
-    sessions.run("--session", "02", "--responder", "terminal")
-    assert len(seen) == 1
-
-
-@pytest.mark.process
-def test_sessions_without_a_window_never_import_psychopy(sessions: Sessions) -> None:
-    program = (
-        "import sys; from click.testing import CliRunner; from tactstrip import main\n"
-        "for arguments in (sys.argv[1:], ['check', sys.argv[2]]):\n"
-        "    assert CliRunner().invoke(main, arguments).exit_code == 0\n"
-        "heavy = ('psychopy', 'experiment.participant.screen')\n"
-        "print(*[name for name in heavy if name in sys.modules])\n"
-    )
-    command = [sys.executable, "-c", program, *sessions.words("--responder", "simulated")]
-    done = subprocess.run(command, capture_output=True, check=True, text=True)
-    assert done.stdout.strip() == ""
-
-
-@pytest.mark.usefixtures("screen")
 @pytest.mark.parametrize("responder", ["screen", "terminal"])
-def test_a_person_on_the_mock_is_refused_by_the_name_of_the_option(
-    sessions: Sessions, responder: str, monkeypatch: pytest.MonkeyPatch
+def test_a_person_on_the_mock_needs_the_option_for_practice_on_a_resume_too(
+    sessions: Sessions, screen: type[FakeScreen], responder: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(FakeScreen, "log", [])
+    if responder == "screen":
+        monkeypatch.setattr(screen, "introduce", lambda *_: False)
+        assert sessions.run("--responder", "screen").exit_code == 4
+    resume = ["--resume"] if responder == "screen" else []
+    monkeypatch.setattr(screen, "log", [])
     sessions.practice = False
-    result = sessions.run("--responder", responder)
+    result = sessions.run("--responder", responder, *resume)
     assert (result.exit_code, result.stderr.count("\n")) == (2, 1)
-    assert "the device is a mock: nothing moves" in result.stderr
     assert "--practice-without-device" in result.stderr
-    assert not sessions.out.exists()
-    assert FakeScreen.log == []
-
-
-@pytest.mark.slow
-def test_practice_goes_on_only_as_practice(
-    sessions: Sessions, screen: type[FakeScreen], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(screen, "introduce", lambda *_: False)
-    assert sessions.run("--responder", "screen").exit_code == 4
-    sessions.practice = False
-    result = sessions.run("--responder", "screen", "--resume")
-    assert (result.exit_code, "--practice-without-device" in result.stderr) == (2, True)
+    assert sessions.out.exists() == (responder == "screen")
+    assert screen.log == []
 
 
 @pytest.mark.slow
@@ -337,37 +225,65 @@ def test_practice_is_analysed_and_exported_only_when_asked_for_and_marked(
     for command, option, target in commands:
         result = run(command, sessions.out, option, target)
         assert (result.exit_code, result.stderr.count("\n")) == (2, 1)
-        assert "device of the kind mock" in result.stderr
         assert "--allow-simulated" in result.stderr
-        assert not out.exists()
-        assert not bids.exists()
-    done = run("analyze", sessions.out, "--out", out, "--allow-simulated")
-    assert done.exit_code == 0, done.output
+        assert not target.exists()
+        done = run(command, sessions.out, option, target, "--allow-simulated")
+        assert done.exit_code == 0, done.output
     trials = len(sessions.rows())
-    mark = f"Practice without a device: {trials} of {trials} trials"
-    assert mark in done.stdout
     summary = json.loads((out / "summary.json").read_bytes())
-    assert (summary["mark"], summary["devices"]) == (mark, {"mock": trials})
+    assert summary["devices"] == {"mock": trials}
     assert summary["counts"]["without_device"] == trials
-    page = (out / "report.html").read_text("utf-8")
-    assert mark in page
-    assert f"Trials by kind of device: mock {trials}." in page
+    assert summary["mark"] in (out / "report.html").read_text("utf-8")
     for name in ("levels.csv", "participants.csv", "trials_clean.csv"):
         with (out / name).open(encoding="utf-8", newline="") as file:
             assert {row["device_kind"] for row in csv.DictReader(file)} == {"mock"}
-    exported = run("export", sessions.out, "--bids", bids, "--allow-simulated")
-    assert exported.exit_code == 0, exported.output
-    assert "practice without a device: sub-01/ses-01" in exported.stdout
-    assert "PRACTICE, a person on a device that moves nothing: sub-01/ses-01" in (
-        bids / "README"
-    ).read_text("utf-8")
     for name in ("sub-01/sub-01_sessions.tsv", "sub-01/ses-01/beh/*_events.tsv"):
         (table,) = bids.glob(name)
         with table.open(encoding="utf-8", newline="") as file:
             assert {row["device_kind"] for row in csv.DictReader(file, delimiter="\t")} == {"mock"}
 
 
-def test_a_simulated_session_on_the_mock_needs_no_word(sessions: Sessions, run: Run) -> None:
-    sessions.practice = False
-    assert sessions.run("--responder", "simulated").exit_code == 0
-    assert {row["device_kind"] for row in sessions.rows()} == {"mock"}
+CARD = '[device]\ndriver = "{}"\nport = "card"\nvolts_full_scale = {}\n'
+
+
+@pytest.fixture
+def opened(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """Names of what was opened as a sound card."""
+    cards: list[str] = []
+    monkeypatch.setattr("device.sound.stream._started", lambda _, card, **__: cards.append(card))
+    return cards
+
+
+@pytest.mark.parametrize(
+    ("driver", "options", "named"),
+    [
+        ("mock", ("terminal", "--driver", "audio"), "--driver"),
+        ("mock", ("terminal", "--driver", "audio", "--confirm-hardware"), "--driver"),
+        ("audio", ("simulated",), "--confirm-hardware"),
+    ],
+)
+def test_a_real_device_is_not_opened_for_practice_or_without_a_word_for_its_safety(
+    driver: str, options: tuple[str, ...], named: str, sessions: Sessions, opened: list[str]
+) -> None:
+    sessions.write(CARD.format(driver, 125) + sessions.text)
+    result = sessions.run("--responder", *options)
+    assert (result.exit_code, result.stderr.count("\n")) == (2, 1)
+    assert named in result.stderr
+    assert (opened, sessions.out.exists()) == ([], False)
+
+
+@pytest.mark.parametrize("command", [["check"], ["check", "--device"], ["run"]])
+def test_levels_are_held_to_the_driver_of_the_command_line(
+    command: list[str], run: Run, sessions: Sessions, opened: list[str]
+) -> None:
+    text = sessions.text
+    sessions.write(CARD.format("mock", 60) + text)
+    options = ["--participant", "01"] if command == ["run"] else []
+    result = run(*command, sessions.study, "--driver", "audio", *options)
+    assert (result.exit_code, result.stderr.count("\n"), opened) == (2, 1, [])
+    assert "2 x device.volts_full_scale = 120; got 160" in result.stderr
+    if command == ["check"]:
+        sessions.write(CARD.format("mock", 100) + text.replace('[masking]\nnoise = "none"', ""))
+        report = json.loads(run("check", sessions.study, "--driver", "audio", "--json").stdout)
+        assert (report["device"]["driver"], report["verdict"]) == ("audio", "fit")
+        assert [why.split()[0] for why in report["run_refuses"]] == ["masking.sound_card"]
