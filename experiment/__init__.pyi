@@ -1,17 +1,22 @@
 from .participant.settings import ResponderSettings
+from .preview.check import check_study
 from .session.run import run_session
 from .session.simulate import simulate_study
-from .study.read import paper_study, read_study
+from .study.physics import study_gains
+from .study.read import paper_study, read_study, study_from_text
 from .study.study import Study, StudyError
+from .terms.gains import ConditionGains
 from .terms.record import COLUMNS, TrialRow
 from .terms.responder import AwaitedAnswer, Press, Progress, Responder, SessionPart
 from .trial.draw import draw_plan
-from .trial.plan import Plan, Trial
+from .trial.plan import Plan, PlanError, Trial
 
 __all__ = [
     "COLUMNS",
     "AwaitedAnswer",
+    "ConditionGains",
     "Plan",
+    "PlanError",
     "Press",
     "Progress",
     "Responder",
@@ -21,9 +26,12 @@ __all__ = [
     "StudyError",
     "Trial",
     "TrialRow",
+    "check_study",
     "draw_plan",
     "paper_study",
     "read_study",
     "run_session",
     "simulate_study",
+    "study_from_text",
+    "study_gains",
 ]

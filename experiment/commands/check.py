@@ -86,6 +86,7 @@ def check(
         rig = assemble(study, driver=driver, port=port, simulated=True)
         device = _device_check(study, rig, given=confirm_hardware)
         found.part("device_check", device_findings(device))
+        found.note(warnings=found.coded)
     # Last: a device that is refused, or not there, is told alone, not under a page of the study.
     click.echo(found.json if as_json else found.text)
     if noise_s is not None:

@@ -1,0 +1,68 @@
+"""Studies as text, and what the check of one says to programs."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from functools import cache
+from typing import TYPE_CHECKING, Any
+
+from experiment import check_study, study_from_text
+from experiment.preview.check_report import check_findings
+from experiment.study.read import study_from_canonical
+from experiment.study.sources import study_sources
+
+if TYPE_CHECKING:
+    from experiment import ConditionGains, Study
+    from experiment.study.origins import Source
+
+
+def discs(left: str = "", right: str | None = None, *, x_mm: float = 35, mm: float = 12.8) -> str:
+    """Return two actuators with their keys; the right one has those of the left by default."""
+    return "".join(
+        f'[[actuator]]\nside = "{side}"\nx_mm = {x}\ndiameter_mm = {mm}\n{keys}'
+        for side, x, keys in (
+            ("left", -x_mm, left),
+            ("right", x_mm, left if right is None else right),
+        )
+    )
+
+
+def measured(um: float = 2.6, hz: float = 300, vpp: float = 100) -> str:
+    """Return the keys of a displacement that was measured."""
+    return f"measured_displacement_um = {um}\nmeasured_at_vpp = {vpp}\nmeasured_at_hz = {hz}\n"
+
+
+@cache
+def facts_of(
+    text: str, gains: tuple[ConditionGains, ...] | None = None, driver: str | None = None
+) -> dict[str, Any]:
+    """Check the study of a text, once; with gains given it takes no time."""
+    study = study_from_text(text, "study.toml")
+    device = study.device if driver is None else replace(study.device, driver=driver)
+    found = check_findings(check_study(study, gains=gains), "study.toml", device=device)
+    facts: dict[str, Any] = json.loads(found.json)
+    return facts
+
+
+def codes_of(facts: dict[str, Any]) -> list[str]:
+    """Return the codes of a check's warnings."""
+    return [warning["code"] for warning in facts["warnings"]]
+
+
+def message_of(facts: dict[str, Any], code: str) -> str:
+    """Return the message of the only warning with a code."""
+    (message,) = [one["message"] for one in facts["warnings"] if one["code"] == code]
+    return str(message)
+
+
+def recorded(study: Study) -> Study:
+    """Return a study as a plan holds it, read again."""
+    return study_from_canonical(study.canonical)
+
+
+def sources_of(study: Study | str) -> dict[str, Source]:
+    """Return where every number of a study is from, by its key."""
+    if isinstance(study, str):
+        study = study_from_text(study, "study.toml")
+    return {source.key: source for source in study_sources(study)}
