@@ -7,14 +7,24 @@ from dataclasses import replace
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
-from experiment import check_study, study_from_text
+from experiment import ConditionGains, check_study, study_from_text
 from experiment.preview.check_report import check_findings
 from experiment.study.read import study_from_canonical
 from experiment.study.sources import study_sources
+from experiment.trial.plan import plan_from_json
 
 if TYPE_CHECKING:
-    from experiment import ConditionGains, Study
+    from experiment import Plan, Study
     from experiment.study.origins import Source
+
+
+KNOWN = ConditionGains(
+    condition="main",
+    actuators=("left", "right"),
+    bases=("measured", "measured"),
+    per_vpp=((0.009, 0.0001), (0.0001, 0.009)),
+)
+"""What an actuator does at either finger, um per V: a check with it takes no time."""
 
 
 def discs(left: str = "", right: str | None = None, *, x_mm: float = 35, mm: float = 12.8) -> str:
@@ -59,6 +69,11 @@ def message_of(facts: dict[str, Any], code: str) -> str:
 def recorded(study: Study) -> Study:
     """Return a study as a plan holds it, read again."""
     return study_from_canonical(study.canonical)
+
+
+def recorded_plan(text: str) -> Plan:
+    """Return a plan from the text of its file, if that is as it was sealed."""
+    return plan_from_json(text)
 
 
 def sources_of(study: Study | str) -> dict[str, Source]:
