@@ -9,12 +9,14 @@ from typing import TYPE_CHECKING, Any
 
 from experiment import ConditionGains, check_study, study_from_text
 from experiment.preview.check_report import check_findings
+from experiment.preview.plate import plate_of
 from experiment.study.read import study_from_canonical
 from experiment.study.sources import study_sources
 from experiment.trial.plan import plan_from_json
 
 if TYPE_CHECKING:
     from experiment import Plan, Study
+    from experiment.preview.plate import PlatePreview
     from experiment.study.origins import Source
 
 
@@ -64,6 +66,11 @@ def message_of(facts: dict[str, Any], code: str) -> str:
     """Return the message of the only warning with a code."""
     (message,) = [one["message"] for one in facts["warnings"] if one["code"] == code]
     return str(message)
+
+
+def plate(text: str = "") -> PlatePreview:
+    """Return the plate of a study as `tactstrip field` shows it."""
+    return plate_of(study_from_text(text, "s.toml"))
 
 
 def recorded(study: Study) -> Study:

@@ -1,10 +1,9 @@
-"""The plate that a study's stimuli move: its loads and loss, its fingers, patches and like discs."""
+"""The plate that a study's stimuli move: its loads, loss, fingers, patches and like discs."""
 
 from __future__ import annotations
 
-import re
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import pytest
 
@@ -19,7 +18,6 @@ from experiment.study.physics import (
 )
 from stimuli import ALUMINIUM, MomentDisc, MomentRectangle, Scene
 from tests.test_experiment.studies import (
-    codes_of,
     discs,
     facts_of,
     measured,
@@ -172,7 +170,6 @@ def test_a_load_that_does_not_hold_for_a_burst_is_left_out() -> None:
     assert facts_of(LOSSY)["conditions"][0]["displacements"]["finger_load"] is None
 
 
-
 # --- patches that stiffen and load the plate ------------------------------------------------------
 
 OWN_HEAD = measured() + 'measured_by = "own head"\n'
@@ -308,12 +305,15 @@ def test_the_other_disc_moves_as_the_measured_one_and_is_not_called_measured() -
     study = study_from_text(STRIP + discs(FIVE, AS_LEFT), "s")
     (left, _), (right, basis) = loads_per_volt(study)
     assert left is not None
-    assert (right, basis) == (pytest.approx(left, rel=1e-6), "predicted")
+    assert right == pytest.approx(left, rel=1e-6)
+    assert basis == "predicted"
     assert study_gains(study)[0].bases == ("measured", "predicted")
     sources = sources_of(study)
     origins = [sources[f"actuator[{i}].measured_displacement_um"].origin for i in (0, 1)]
     assert origins == ["measured", "assumed"]
-    actuators = facts_of(STRIP + discs(FIVE, AS_LEFT))["conditions"][0]["displacements"]["actuators"]
+    actuators = facts_of(STRIP + discs(FIVE, AS_LEFT))["conditions"][0]["displacements"][
+        "actuators"
+    ]
     assert [one["source"] for one in actuators] == origins
     assert recorded(study) == study
     whole = FIVE + 'measured_as = "peak-to-peak"\n'
@@ -334,7 +334,7 @@ def test_the_other_disc_moves_as_the_measured_one_and_is_not_called_measured() -
 def test_it_is_assumed_of_a_measured_disc_of_the_same_size_only(
     left: str, right: str, mm: float, part: str
 ) -> None:
-    text = STRIP + discs(left, "").partition("[[actuator]]\nside = \"right\"")[0]
-    other = discs(right, mm=mm).partition("[[actuator]]\nside = \"right\"")
+    text = STRIP + discs(left, "").partition('[[actuator]]\nside = "right"')[0]
+    other = discs(right, mm=mm).partition('[[actuator]]\nside = "right"')
     with pytest.raises(StudyError, match=part):
         study_from_text(text + other[1] + other[2], "s")
