@@ -7,7 +7,7 @@ from .study.read import paper_study, read_study, study_from_text
 from .study.study import Study, StudyError
 from .terms.gains import ConditionGains
 from .terms.record import COLUMNS, TrialRow
-from .terms.responder import AwaitedAnswer, Press, Progress, Responder, SessionPart
+from .terms.responder import AwaitedAnswer, Press, Progress, Responder, ResponderError, SessionPart
 from .trial.draw import draw_plan
 from .trial.plan import Plan, PlanError, Trial
 
@@ -20,6 +20,7 @@ __all__ = [
     "Press",
     "Progress",
     "Responder",
+    "ResponderError",
     "ResponderSettings",
     "SessionPart",
     "Study",

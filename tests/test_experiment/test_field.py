@@ -1,4 +1,4 @@
-"""`tactstrip field`: its tables are the library's values, its figures are complete and repeatable."""
+"""`tactstrip field`: its tables are the library's values, its figures are repeatable."""
 
 from __future__ import annotations
 
@@ -44,8 +44,7 @@ actuator = [
 """
 STEEL = (
     "[strip]\nwidth_mm = 30\nlength_mm = 150\nthickness_mm = 0.5\n"
-    'material = "steel"\nedge = "clamped"\n'
-    + discs(measured(4) + 'measured_by = "A"\n')
+    'material = "steel"\nedge = "clamped"\n' + discs(measured(4) + 'measured_by = "A"\n')
 )
 
 
@@ -104,12 +103,9 @@ def test_a_figure_has_the_same_bytes_on_every_run(
 def test_a_field_has_the_level_of_the_burst_by_which_the_check_decides() -> None:
     (condition,) = check_study(study_from_text(STEEL, "s")).conditions
     levels_db = (condition.level_db(1, 0), condition.level_db(0, 1))
-    for field in (
-        plate_map(plate(STEEL), 500.0),
-        band(STEEL, 100.0, 3000.0, 9),
-        plate_motion(plate(STEEL)),
-    ):
-        assert with_bursts(field).bursts_db == levels_db
+    assert with_bursts(plate_map(plate(STEEL), 500.0)).bursts_db == levels_db
+    assert with_bursts(band(STEEL, 100.0, 3000.0, 9)).bursts_db == levels_db
+    assert with_bursts(plate_motion(plate(STEEL))).bursts_db == levels_db
     two = plate(STEEL + '[[condition]]\nname = "a"\n[[condition]]\nname = "b"\ncycles = 2\n')
     assert with_bursts(plate_map(two, 400.0)).bursts_db == levels_db
     unchecked = plate(f"{STEEL}[device]\nsample_rate_hz = 1000\n")
@@ -147,14 +143,13 @@ def test_a_drive_is_in_volts_where_both_displacements_are_known(
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("low_hz", "high_hz", "steps"), [(200, 5000, 500), (2500, 2900, 100)])
-def test_where_a_band_exceeds_the_limit_does_not_depend_on_its_steps(
-    low_hz: int, high_hz: int, steps: int, run: Run
-) -> None:
-    del steps
-    result = run("field", "study.toml", "--band", str(low_hz), str(high_hz), "--out", "band.svg")
-    (first_hz,) = {float(hz) for hz in re.findall(r"first at ([\d.]+) Hz", result.stdout)}
-    assert first_hz == pytest.approx(2860, abs=60)
+def test_where_a_band_exceeds_the_limit_does_not_depend_on_its_steps(run: Run) -> None:
+    found_hz = []
+    for low, high in (("200", "5000"), ("2500", "2900")):  # steps of 9.6 and 0.8 Hz
+        result = run("field", "study.toml", "--band", low, high, "--out", f"{low}.svg")
+        found_hz.append([float(hz) for hz in re.findall(r"first at ([\d.]+) Hz", result.stdout)])
+    assert found_hz[0] == pytest.approx(found_hz[1], abs=1)
+    assert len(found_hz[0]) == 2
 
 
 @pytest.mark.slow
