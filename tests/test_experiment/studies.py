@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from functools import cache
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from experiment import ConditionGains, check_study, study_from_text
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
     from experiment.study.origins import Source
 
 
+CASES = Path(__file__).with_name("cases")
 KNOWN = ConditionGains(
     condition="main",
     actuators=("left", "right"),
@@ -43,6 +45,13 @@ def discs(left: str = "", right: str | None = None, *, x_mm: float = 35, mm: flo
 def measured(um: float = 2.6, hz: float = 300, vpp: float = 100) -> str:
     """Return the keys of a displacement that was measured."""
     return f"measured_displacement_um = {um}\nmeasured_at_vpp = {vpp}\nmeasured_at_hz = {hz}\n"
+
+
+def cases(name: str) -> list[tuple[str, str]]:
+    """Read a table of cases: what is given, and behind the mark what comes of it."""
+    rows = (CASES / f"{name}.txt").read_text("utf-8").splitlines()
+    split = [row.partition(" ## ") for row in rows if " ## " in row]
+    return [(given.replace(r"\n", "\n"), expected) for given, _, expected in split]
 
 
 @cache

@@ -158,31 +158,6 @@ def test_the_bursts_of_all_conditions_are_compared_and_marked(run: Run) -> None:
     assert marked == {(200, 4), (170, 1)}
 
 
-@pytest.mark.parametrize(
-    ("options", "part"),
-    [
-        (("--frequency-hz", "3"), ">= 5 and <= 1000"),
-        (("--frequency-hz", "0.2"), "--frequency-hz 200"),
-        (("--frequency-hz", "2;3"), "'2;3'"),
-        (("--cycles", "0"), "1 to 1000000; got 0"),
-        (("--cycles", "1.5"), "1.5"),
-        (("--cycles", "2000"), "design.response_window_s = 3;"),
-        (("--window", "foo"), "none, hann, tukey, gaussian; got 'foo'"),
-        (("--window", "auto"), "none, hann, tukey, gaussian; got 'auto'"),
-        ((), "--window hann"),
-    ],
-)
-def test_what_cannot_be_compared_is_refused_by_its_option(
-    options: tuple[str, ...], part: str, refused: Refused
-) -> None:
-    text = study_text()
-    if not options:  # a window that is chosen is not compared
-        text = text.replace('"hann"', '"auto"\nwanted_level_db = -20')
-        text = text.replace("cycles = 1", "cycles = 3")
-    Path("study.toml").write_text(text, "utf-8")
-    message = refused("bursts", "study.toml", *options)
-    assert part in message
-    assert message.count("\n") == 1
 
 
 @pytest.mark.slow
@@ -210,12 +185,6 @@ def test_a_window_that_is_named_is_compared_whatever_the_study_has(burst: str, r
     assert ('window = "hann"' in lines) == ("none" in burst or "auto" in burst or "file" in burst)
 
 
-def test_what_a_study_accepts_as_unfit_is_not_fit() -> None:
-    study = study_from_text(study_text().replace("cycles = 1", 'accept_unfit = "why"\n'), "s.toml")
-    (row,) = compare_bursts(study, [(500.0, 1)], lambda done, total: None).rows
-    assert not row.stated.is_fit
-    assert row.stated.found is not None
-    assert row.stated.found.verdict == "unfit"
 
 
 def test_bursts_are_those_that_are_felt_well_with_the_study_s_own() -> None:

@@ -233,41 +233,8 @@ def test_the_table_of_a_map_has_the_librarys_values(run: Run) -> None:
     assert "0.01 assumed" in basis
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("arguments", "part"),
-    [
-        (["--frequency-hz", "nan"], ">= 0, got nan"),
-        (["--frequency-hz=-1"], ">= 0, got -1.0"),
-        (["--frequency-hz", "1e9"], "--frequency-hz"),
-        (["--frequency-hz", "2900"], "cut-off"),
-        (["--band", "500", "100"], "LO < HI"),
-        (["--band", "500", "500"], "LO < HI"),
-        (["--band", "nan", "100"], "LO < HI"),
-        (["--band", "0", "inf"], "LO < HI"),
-        (["--band", "0", "1e9"], "--band"),
-        (["--band", "1", "2", "--frequency-hz", "3"], "--frequency-hz"),
-        (["--out", "field.pdf"], ".png, .svg, .csv; got field.pdf"),
-        (["--out", "field"], ".png, .svg, .csv; got field"),
-        (["--out", "nowhere/field.png"], "nowhere/field.png:"),
-    ],
-)
-def test_bad_input_is_one_line_and_changes_nothing(
-    arguments: list[str], part: str, run: Run
-) -> None:
-    Path("study.toml").write_text(ENDLESS, encoding="utf-8")
-    result = run("field", "study.toml", *arguments)
-    assert (result.exit_code, result.stdout, files()) == (2, "", ["study.toml"])
-    assert part in result.stderr
-    assert result.stderr.count("\n") == 1
-    assert len(result.stderr) < 250
 
 
-@pytest.mark.parametrize("name", ["old.png", "old.svg", "old.csv"])
-def test_an_existing_file_is_left_alone(name: str, refused: Refused) -> None:
-    Path(name).write_text("mine", encoding="utf-8")
-    assert f"error: {name} exists" in refused("field", "study.toml", "--out", name)
-    assert "no.toml" in refused("field", "no.toml")
 
 
 def test_a_dangling_link_is_not_followed(run: Run) -> None:
@@ -307,44 +274,10 @@ def test_the_motion_above_the_actuator_is_what_its_finger_gets_by_the_check() ->
     assert own_um == pytest.approx(200 * gains.per_vpp[0][0], rel=0.02)
 
 
-@pytest.mark.slow
-@pytest.mark.skipif(shutil.which("ffmpeg") is None, reason="ffmpeg is not installed")
-def test_animate_writes_an_mp4(run: Run) -> None:
-    result = run("field", "study.toml", "--animate", "--out", "b.mp4")
-    assert (result.exit_code, result.stderr) == (0, "")
-    assert Path("b.mp4").read_bytes()[4:8] == b"ftyp"
 
 
-@pytest.mark.slow
-def test_an_ffmpeg_that_cannot_is_one_line(
-    refused: Refused, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    broken = tmp_path / "bin" / "ffmpeg"
-    broken.parent.mkdir()
-    broken.write_text("#!/bin/sh\nexit 1\n", encoding="utf-8")
-    broken.chmod(0o700)
-    monkeypatch.setenv("PATH", str(broken.parent), prepend=os.pathsep)
-    message = refused("field", "study.toml", "--animate", "--out", "b.mp4")
-    assert ".gif" in message
-    assert not Path("b.mp4").exists()
 
 
-@pytest.mark.parametrize(
-    ("options", "part"),
-    [
-        (("--out", "a.png"), ".gif, .mp4; got a.png"),
-        (("--out", "a.mp4"), "ffmpeg"),
-        (("--frequency-hz", "500"), "--animate"),
-        (("--band", "100", "500"), "--animate"),
-    ],
-)
-def test_what_cannot_be_animated_is_one_line(
-    options: tuple[str, ...], part: str, refused: Refused, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("shutil.which", lambda name: None)
-    message = refused("field", "study.toml", "--animate", *options)
-    assert part in message
-    assert message.count("\n") == 1
 
 
 @pytest.mark.slow

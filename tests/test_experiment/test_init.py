@@ -98,55 +98,6 @@ def test_of_two_like_discs_the_right_one_is_offered_what_was_measured_of_the_lef
     assert read_study("study.toml").actuators[1].measured_displacement_um == 2.9
 
 
-@pytest.mark.parametrize(
-    ("options", "part"),
-    [
-        ({"--width-mm": "-3"}, ">= 2 and <= 1000; got -3.0"),
-        ({"--width-mm": "0.03"}, "write --width-mm 30"),
-        ({"--width-mm": "30,5"}, "'30,5'; write 30.5"),
-        ({"--thickness-mm": "nan"}, "--thickness-mm"),
-        ({"--length-mm": "long"}, "endless; got 'long'"),
-        ({"--width-mm": "25 mm"}, "--width-mm"),
-        ({"--thickness-mm": "20"}, "--width-mm = 30"),
-        ({"--material": "steal"}, "aluminium, steel, "),
-        ({"--edge": "elastic"}, "simply-supported, clamped, measured-cutoff"),
-        (
-            {"--edge": "measured-cutoff", "--cutoff-hz": "900"},
-            "1365.88 Hz",
-        ),
-        ({"--cutoff-hz": "2.5"}, "--cutoff-hz 2500"),
-        (
-            {"--ceiling-vpp": "0.01"},
-            ">= 0.1 and <= 1000",
-        ),
-        (
-            {"--ceiling-vpp": "30V"},
-            "--ceiling-vpp",
-        ),
-        ({"--ceiling-vpp": "nan"}, "--ceiling-vpp"),
-        ({"--actuator": "disc:0.012@35"}, "diameter_mm = 12"),
-        ({"--actuator": "disc:12@0.035"}, "write @35"),
-        ({"--actuator": "bla"}, "disc:DIAMETER@X"),
-        ({"--actuator": "rectangle:6@35"}, "rectangle:ALONGxACROSS@X"),
-        ({"--actuator": "disc:6x7@35"}, "disc:DIAMETER@X"),
-        ({"--actuator": "disc:12,8@35"}, "'12,8'; write 12.8"),
-        ({"--actuator": "disc:12@-3"}, "got -3"),
-        ({"--actuator": "disc:12@95"}, "-75 mm"),
-        ({"--actuator": "disc:12@3"}, "--actuator: "),
-        ({"--actuator": "disc:40@35"}, "0 mm to 30 mm"),
-        (
-            {"--actuator": "disc:-4@35"},
-            "--actuator: diameter_mm",
-        ),
-    ],
-)
-def test_a_value_out_of_range_is_refused_by_its_option(
-    options: dict[str, str], part: str, refused: Refused
-) -> None:
-    message = refused(*words(STEEL | options))
-    assert part in message
-    assert message.count("\n") == message.count("error: ") == 1
-    assert "strip." not in message
 
 
 def test_the_ceiling_is_yours_and_the_levels_go_up_to_it(run: Run) -> None:
@@ -164,28 +115,6 @@ def test_the_ceiling_is_yours_and_the_levels_go_up_to_it(run: Run) -> None:
     assert sources_of(study)["device.ceiling_vpp"].origin == "assumed"
 
 
-@pytest.mark.parametrize(
-    ("arguments", "parts"),
-    [
-        (
-            ("--preset", "plate", "--width-mm", "30"),
-            ["--thickness-mm", "--length-mm", "--material", "--edge", "--actuator"],
-        ),
-        (("--preset", "plate", "--edge", "measured-cutoff"), ["--cutoff-hz"]),
-        (("--ceiling-vpp", "30"), ["--preset plate"]),
-        (("--width-mm", "30"), ["--preset plate"]),
-        (("--preset", "best"), ["best"]),
-        (("no/study.toml",), ["no/study.toml"]),
-        (("old.toml",), ["old.toml exists"]),
-        (tuple(words(STEEL, "--actuator", "disc:4@0", "--actuator", "disc:4@10"))[1:], ["got 3"]),
-    ],
-)  # fmt: skip - rows of a table
-def test_what_is_missing_or_there_already_is_named(
-    arguments: tuple[str, ...], parts: list[str], refused: Refused
-) -> None:
-    Path("old.toml").write_text("# mine\n")
-    message = refused("init", *arguments)
-    assert [part for part in parts if part not in message] == []
 
 
 def test_init_writes_the_papers_protocol_and_follows_no_dangling_link(run: Run) -> None:

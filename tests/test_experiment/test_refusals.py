@@ -16,9 +16,10 @@ from hypothesis import strategies as st
 
 from experiment import PlanError, Study, StudyError, draw_plan, read_study, study_from_text
 from experiment.terms.checks import NAME_RULE, in_mind, inward
+from tests.test_experiment.studies import cases, discs, measured
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from tests.conftest import Refused
 
 
 @pytest.fixture(autouse=True)
@@ -35,24 +36,72 @@ def refusal(text: str) -> str:
     return message
 
 
-def cases() -> Iterator[tuple[str, list[str]]]:
-    """Read study files that are refused, and what the refusal contains."""
-    for line in Path(__file__).with_name("refusals.txt").read_text("utf-8").splitlines():
-        if " ## " in line:
-            text, _, parts = line.partition(" ## ")
-            yield text.replace(r"\n", "\n"), parts.split(" | ")
-    yield "burst.frequency_hz = 1" + "0" * 400, ["burst.frequency_hz"]
-    yield "burst.frequency_hz = 0x1" + "0" * 6000, ["burst.frequency_hz"]
-    yield "x = " + "[" * 9999, ["s.toml:"]
-    yield "device.driver = 'my card'", ["device.driver", NAME_RULE, "got 'my card'"]
+HUGE = [
+    ("burst.frequency_hz = 1" + "0" * 400, "burst.frequency_hz"),
+    ("burst.frequency_hz = 0x1" + "0" * 6000, "burst.frequency_hz"),
+    ("x = " + "[" * 9999, "s.toml:"),
+    ("device.driver = 'my card'", f"device.driver | {NAME_RULE} | got 'my card'"),
+]
 
 
-@pytest.mark.parametrize(("text", "parts"), list(cases()))
-def test_a_study_that_cannot_be_is_refused_by_path_bound_and_value(
-    text: str, parts: list[str]
-) -> None:
+@pytest.mark.parametrize(("text", "parts"), [*cases("studies"), *HUGE])
+def test_a_study_that_cannot_be_is_refused_by_path_bound_and_value(text: str, parts: str) -> None:
     message = refusal(text)
-    assert [part for part in parts if part not in message] == []
+    assert [part for part in parts.split(" | ") if part not in message] == []
+
+
+WIDE = (
+    '[strip]\nwidth_mm = 60\nlength_mm = 200\nthickness_mm = 0.5\nmaterial = "steel"\n'
+    f'edge = "clamped"\n{discs()}[burst]\nfrequency_hz = 200\ncycles = 3\nwindow = "hann"\n'
+)
+FILES = {
+    "study.toml": "",
+    "old.toml": "# mine",
+    "old.png": "mine",
+    "old.svg": "mine",
+    "old.csv": "mine",
+    "endless.toml": '[strip]\nlength_mm = "endless"\n',
+    "steel.toml": WIDE,
+    "auto.toml": WIDE.replace('"hann"', '"auto"\nwanted_level_db = -20'),
+    "gpib.toml": "device.driver = 'gpib'",
+    "misspelt.toml": "design.trails_per_side = 3",
+    "unclosed.toml": "[design",
+    "slow.toml": "device.sample_rate_hz = 1500",
+    "blocks.toml": "design = {order = 'balanced', break_every = 2}",
+    "high.toml": discs(measured(2, 9000)),
+    "click.toml": "burst.file = 'click.csv'",
+    "click.csv": "0\n1\n1\n0\n",
+}  # fmt: skip - names and contents
+PLATE: dict[str, str] = {
+    "--width-mm": "30",
+    "--thickness-mm": "0.5",
+    "--length-mm": "150",
+    "--material": "steel",
+    "--edge": "clamped",
+    "--actuator": "disc:12.8@35",
+}  # fmt: skip - options and values
+
+
+@pytest.mark.parametrize(("command", "parts"), cases("commands"))
+def test_a_command_is_refused_in_one_line_and_changes_nothing(
+    command: str, parts: str, refused: Refused, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("shutil.which", lambda name: None)  # no ffmpeg
+    for name, content in FILES.items():
+        Path(name).write_text(content, encoding="utf-8")
+    word, *options = command.split()
+    if word == "plate":
+        changed = PLATE | dict(option.split("=", 1) for option in options)
+        options = [
+            "new.toml",
+            "--preset",
+            "plate",
+            *(part for pair in changed.items() for part in pair),
+        ]
+    message = refused("init" if word == "plate" else word, *options)
+    assert [part for part in parts.split(" | ") if part not in message] == []
+    assert message.count("error: ") == 1
+    assert word == "init" or message.count("\n") == 1
 
 
 def test_what_is_at_a_bound_or_means_something_there_is_accepted() -> None:
@@ -277,31 +326,6 @@ def refusal_of(make: Any, **keys: Any) -> str:
     except ValueError as error:
         return str(error)
     return ""
-
-
-@pytest.mark.slow
-@settings(deadline=None, max_examples=40)
-@given(um=st.floats(1e-4, 5000), at_vpp=st.floats(1e-3, 1000), vpp=st.floats(0.1, 200))
-def test_a_displacement_in_the_range_that_is_named_is_taken(
-    um: float, at_vpp: float, vpp: float
-) -> None:
-    def put(um: float) -> Study:
-        measured = {"measured_displacement_um": um, "measured_at_vpp": at_vpp}
-        left, right = actuators({"x_mm": -35.0}, {"x_mm": 35.0})
-        return study(
-            strip=STEEL | {"length_mm": 200.0},
-            actuator=[left | measured | {"measured_at_hz": 300.0}, right],
-            design={"levels_vpp": [vpp]},
-            simulation={"threshold_vpp": 50.0},
-        )
-
-    message = refused(put, um=um)
-    limits = re.findall(rf"[<>]= {NUMBER}", message)
-    assert limits, message
-    meant = re.findall(rf"write measured_displacement_um = {NUMBER}", message)
-    for value in map(float, (*limits, *meant)):
-        if 1e-4 <= value <= 5000:
-            put(value)
 
 
 @pytest.mark.slow
