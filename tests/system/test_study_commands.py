@@ -3,17 +3,13 @@
 from __future__ import annotations
 
 import os
-import select
 import subprocess
 import sys
-import time
 from pathlib import Path
-from typing import Self
 
 import pytest
 
-from experiment import paper_study, read_study
-from tests.test_experiment.sessions import COMMAND
+from experiment import paper_study
 
 
 @pytest.fixture(autouse=True)
@@ -85,93 +81,3 @@ def test_progress_is_on_a_terminal_only_and_not_for_what_is_over_at_once(
     assert (b"Computing" in seen) == bool(shows)
     piped = subprocess.run(command, check=True, capture_output=True, text=True)
     assert (piped.stdout, piped.stderr) == ("False\n", "")
-
-
-class Terminal:
-    """`tactstrip init --preset plate` in a process of its own, in front of a pseudo-terminal."""
-
-    def __init__(self, *options: str) -> None:
-        pty = pytest.importorskip("pty", reason="pseudo-terminals are a POSIX feature")
-        self._keyboard, inner = pty.openpty()
-        self._process = subprocess.Popen(
-            [*COMMAND, "init", "--preset", "plate", *options],
-            stdin=inner, stdout=inner, stderr=inner, start_new_session=True,
-        )  # fmt: skip
-        os.close(inner)
-        self.shown = b""
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._process.kill()
-        self._process.wait()
-        os.close(self._keyboard)
-
-    def _read(self, until_s: float) -> bool:
-        ready, _, _ = select.select([self._keyboard], [], [], max(0.0, until_s - time.monotonic()))
-        try:
-            new = os.read(self._keyboard, 4096) if ready else b""
-        except OSError:  # Linux ends a pseudo-terminal so
-            return False
-        self.shown += new
-        return bool(new)
-
-    def answer(self, question: bytes, answer: bytes) -> None:
-        until_s = time.monotonic() + PATIENCE_S
-        while question not in self.shown.replace(b"\r\n", b""):
-            assert self._read(until_s), (question, self.shown)
-        assert not Path("study.toml").exists()
-        self.shown = b""
-        os.write(self._keyboard, answer)
-
-    def ended(self) -> int:
-        until_s = time.monotonic() + PATIENCE_S
-        while self._read(until_s):
-            pass
-        return self._process.wait(PATIENCE_S)
-
-
-def test_on_a_terminal_what_is_missing_is_asked_for_until_it_is_right() -> None:
-    dialogue = [
-        (b"Width ", b"0.025"),
-        (b"got 0.025;", b"25"),
-        (b"Thickness", b"0,5"),
-        (b"write 0.5,", b"0.5"),
-        (b"Length", b"200"),
-        (b"polycarbonate: ", b"aluminum"),
-        (b"aluminium?", b"aluminium"),
-        (b"Edges: ", b"measured-cutoff"),
-        (b"First cut-off", b"9000"),
-        (b"17.4 mm", b"2500"),
-        (b"at X: ", b"disc:12.8@99"),
-        (b"100 mm", b"disc:12.8@35"),
-    ]
-    with Terminal() as terminal:
-        for question, answer in dialogue:
-            terminal.answer(question, answer + b"\n")
-        assert terminal.ended() == 0, terminal.shown
-    assert read_study("study.toml").plate.measured_cutoff_hz == 2500.0
-
-
-def test_what_the_command_line_has_is_not_asked_for_but_refused_before_the_questions() -> None:
-    given = ["--length-mm", "150", "--edge", "clamped", "--actuator", "disc:12.8@35"]
-    with Terminal(*given, "--material", "steel") as terminal:
-        terminal.answer(b"Width ", b"30\n")
-        terminal.answer(b"Thickness", b"0.5\n")
-        assert terminal.ended() == 0, terminal.shown
-    Path("study.toml").unlink()
-    with Terminal(*given, "--material", "steal") as terminal:
-        assert terminal.ended() == 2, terminal.shown
-        assert b"Width" not in terminal.shown
-    with Terminal(*given) as terminal:
-        terminal.answer(b"Width", END_OF_INPUT)
-        assert terminal.ended() == 2, terminal.shown
-        assert b"error: " in terminal.shown
-    assert not Path("study.toml").exists()
-
-
-PATIENCE_S = 60
-
-
-END_OF_INPUT = b"\x04"

@@ -9,12 +9,10 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from experiment import paper_study, study_from_text
-from experiment.preview.bursts.compared import compare_bursts, grid_of, with_burst
 from tests.test_experiment.studies import discs, facts_of, measured
 
 if TYPE_CHECKING:
-    from tests.conftest import Refused, Run
+    from tests.conftest import Run
 
 SUPPORTED = 'edge = "simply-supported"'
 PEOPLE = "[simulation]\nthreshold_um = 1.57\nthreshold_at_hz = 500\n"
@@ -145,22 +143,6 @@ def test_thresholds_are_compared_where_no_displacement_is_known_as_where_it_is(r
 
 
 @pytest.mark.slow
-def test_the_bursts_of_all_conditions_are_compared_and_marked(run: Run) -> None:
-    plain = "window = 'none'\ncycles = 1\naccept_unfit = 'control'"
-    conditions = "".join(
-        f'[[condition]]\nname = "{name}"\n{keys}\n'
-        for name, keys in (("one", "cycles = 4"), ("two", "frequency_hz = 170"), ("none", plain))
-    )
-    study = study_from_text(study_text(more=conditions), "study.toml")
-    assert {(200.0, 4), (170.0, 1), (170.0, 3)} <= set(grid_of(study))
-    rows = compared(run, study_text(more=conditions), "170,200", "1,4")["bursts"]
-    marked = {(row["frequency_hz"], row["cycles"]) for row in rows if row["is_of_study"]}
-    assert marked == {(200, 4), (170, 1)}
-
-
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize(
     "burst",
     [
@@ -183,15 +165,6 @@ def test_a_window_that_is_named_is_compared_whatever_the_study_has(burst: str, r
     page = run("bursts", "study.toml", "--frequency-hz", "100", "--cycles", "1", "--window", "hann")
     lines = page.stdout.partition("\n# ")[2]
     assert ('window = "hann"' in lines) == ("none" in burst or "auto" in burst or "file" in burst)
-
-
-
-
-def test_bursts_are_those_that_are_felt_well_with_the_study_s_own() -> None:
-    grid = grid_of(paper_study())
-    assert {hz for hz, _ in grid} == {200, 250, 300, 400, 500}
-    assert {cycles for _, cycles in grid} == {1, 2, 3}
-    assert (120.0, 7) in grid_of(with_burst(paper_study(), 120.0, 7))
 
 
 @pytest.mark.slow

@@ -3,10 +3,7 @@
 from __future__ import annotations
 
 import csv
-import os
 import re
-import shutil
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -14,7 +11,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from experiment import check_study, paper_study, study_from_text, study_gains
+from experiment import check_study, paper_study, study_from_text
 from experiment.preview.field import (
     PlateBand,
     level_db,
@@ -112,19 +109,6 @@ def test_a_field_has_the_level_of_the_burst_by_which_the_check_decides() -> None
     assert with_bursts(plate_map(unchecked, 500.0)).bursts_db == ()
 
 
-@pytest.mark.slow
-def test_an_actuator_under_neither_finger_is_shown_at_both(run: Run) -> None:
-    motor = '[[actuator]]\nside = "other"\nname = "motor"\nshape = "motor"\nx_mm = 0\n'
-    text = discs() + motor + "length_x_mm = 4\nlength_y_mm = 10\n"
-    three = plate(text)
-    assert [three.others_of(driven) for driven in range(3)] == [(1,), (0,), (0, 1)]
-    found = plate_map(three, 500.0)
-    assert found.level_db(2, 0) == pytest.approx(found.level_db(2, 1), abs=1e-6)
-    Path("study.toml").write_text(text)
-    assert run("field", "study.toml", "--band", "100", "900", "--out", "a.csv").exit_code == 0
-    assert "motor_driven_at_left_abs_um_per_unit_load" in table("a.csv")[0]
-
-
 @pytest.mark.parametrize(
     ("text", "level_vpp", "unused", "amplitudes"),
     [
@@ -186,14 +170,6 @@ def test_only_waves_that_the_actuators_make_have_their_cutoff_marked() -> None:
     assert off_centre.cutoffs_hz == (strip.cutoff_hz(2), strip.cutoff_hz(3))
 
 
-def test_the_drive_scales_every_displacement_and_no_level() -> None:
-    asked = plate()
-    left, right = asked.drive.amplitudes
-    driven = replace(asked, drive=replace(asked.drive, amplitudes=(0.5 * left, 2.0 * right)))
-    asked_m, scaled_m = (found.at_fingers_m([300.0]) for found in (asked, driven))
-    assert np.allclose(scaled_m, asked_m * np.array([0.5, 2.0])[:, None, None], rtol=1e-14)
-
-
 def test_the_measured_displacement_comes_out_at_the_highest_level() -> None:
     at_m = plate().at_fingers_m([300.0])[:, :, 0]
     assert np.abs(np.diag(at_m)) == pytest.approx(2 * 2.6e-6, rel=1e-4)
@@ -202,12 +178,6 @@ def test_the_measured_displacement_comes_out_at_the_highest_level() -> None:
 def test_a_level_is_the_other_finger_against_the_own_one() -> None:
     assert level_db(2.0, [2.0, 0.2j, -20.0]) == pytest.approx([0.0, -20.0, 20.0])
     assert level_db(1.0, 0.0) < -1000
-
-
-def test_a_plate_with_loss_has_a_field_at_its_cutoff_too() -> None:
-    found = band("[strip]\nloss_factor = 0.01", 100.0, 2900.0)
-    assert found.left_out_hz == ()
-    assert np.argmax(np.abs(found.at_fingers_m[0, 0])) == 28
 
 
 @pytest.mark.slow
@@ -233,27 +203,6 @@ def test_the_table_of_a_map_has_the_librarys_values(run: Run) -> None:
     assert "0.01 assumed" in basis
 
 
-
-
-
-
-def test_a_dangling_link_is_not_followed(run: Run) -> None:
-    Path("field.png").symlink_to("elsewhere.png")
-    assert run("field", "study.toml").exit_code == 2
-    assert not Path("elsewhere.png").exists()
-
-
-@pytest.mark.slow
-def test_a_write_that_fails_leaves_no_file_behind(
-    monkeypatch: pytest.MonkeyPatch, run: Run
-) -> None:
-    Path("study.toml").write_text(ENDLESS, encoding="utf-8")
-    monkeypatch.setattr("experiment.commands.field._content", lambda *_: "no bytes")
-    result = run("field", "study.toml")
-    assert isinstance(result.exception, TypeError)
-    assert files() == ["study.toml"]
-
-
 @pytest.mark.slow
 def test_a_burst_leaves_the_driven_disc_and_stays_there() -> None:
     found = plate_motion(plate())
@@ -265,19 +214,6 @@ def test_a_burst_leaves_the_driven_disc_and_stays_there() -> None:
         assert other_m < 0.1 * own_m
     assert not found.displacement_m[:, 0].any()
     assert np.allclose(found.displacement_m[0, :, ::-1], found.displacement_m[1], atol=1e-9)
-
-
-@pytest.mark.slow
-def test_the_motion_above_the_actuator_is_what_its_finger_gets_by_the_check() -> None:
-    (gains,) = study_gains(paper_study())
-    own_um = 1e6 * np.abs(plate_motion(plate()).at_fingers_m[0, 0]).max()
-    assert own_um == pytest.approx(200 * gains.per_vpp[0][0], rel=0.02)
-
-
-
-
-
-
 
 
 @pytest.mark.slow

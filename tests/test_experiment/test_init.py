@@ -13,7 +13,7 @@ from experiment import paper_study, read_study
 from tests.test_experiment.studies import sources_of
 
 if TYPE_CHECKING:
-    from tests.conftest import Refused, Run
+    from tests.conftest import Run
 
 STEEL = {
     "--width-mm": "30", "--thickness-mm": "0.5", "--length-mm": "150", "--material": "steel",
@@ -98,8 +98,6 @@ def test_of_two_like_discs_the_right_one_is_offered_what_was_measured_of_the_lef
     assert read_study("study.toml").actuators[1].measured_displacement_um == 2.9
 
 
-
-
 def test_the_ceiling_is_yours_and_the_levels_go_up_to_it(run: Run) -> None:
     assert run(*words(STEEL | {"--ceiling-vpp": "26"})).exit_code == 0
     study = read_study("study.toml")
@@ -113,8 +111,6 @@ def test_the_ceiling_is_yours_and_the_levels_go_up_to_it(run: Run) -> None:
     study = read_study("study.toml")
     assert study.design.levels_vpp == (40.0, 80.0, 120.0, 160.0, 200.0)
     assert sources_of(study)["device.ceiling_vpp"].origin == "assumed"
-
-
 
 
 def test_init_writes_the_papers_protocol_and_follows_no_dangling_link(run: Run) -> None:
@@ -154,3 +150,23 @@ def test_a_plate_gets_the_shortest_burst_that_is_fit_with_both_edges(
     assert facts["verdict"] == verdict
     if other is not None:
         assert facts["strip"]["other_edge"]["verdict"] == other
+
+
+def test_on_a_terminal_what_is_missing_is_asked_for_until_it_is_right(
+    run: Run, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("experiment.commands.options.plate.on_terminal", lambda: True)
+    answers = [
+        *("0.025", "25", "0,5", "0.5", "200", "aluminum", "aluminium", "measured-cutoff", "9000"),
+        *("2500", "disc:12.8@99", "disc:12.8@35"),
+    ]
+    result = run("init", "--preset", "plate", typed="\n".join(answers) + "\n")
+    assert result.exit_code == 0, result.stderr
+    assert result.stderr.count("Error: ") == 5
+    assert read_study("study.toml").plate.measured_cutoff_hz == 2500.0
+    given = ("init", "new.toml", *words(STEEL)[1:5])
+    # what the command line has is refused before any question; so is the end of answers
+    for more, typed in ((("--material", "steal"), ""), ((), "1\n")):
+        result = run(*given, *more, typed=typed)
+        assert (result.exit_code, Path("new.toml").exists()) == (2, False)
+        assert ("Length" in result.stderr) == (not more)

@@ -88,13 +88,6 @@ def test_a_forced_choice_follows_the_function_with_a_guess_rate_of_one_half(
     assert_binomial(lapsing["none"], 0.25)
 
 
-def test_with_none_offered_the_guess_rate_is_half_the_false_alarm_rate() -> None:
-    observer = replace(IDEAL, false_alarm_rate=0.2)
-    found = shares(observer, (55.0, 0.0), WITH_NONE)
-    assert_binomial(found["left"], psychometric(55.0, guess_rate=0.1))
-    assert_binomial(found["none"], 0.8 * (1 - observer.felt_probability(55.0 / 60.0)))
-
-
 @pytest.mark.parametrize(("side_bias", "guess_both"), [(0.5, 0.0), (0.8, 0.25)])
 def test_nothing_felt_in_a_forced_choice_is_a_guess_as_stated(
     side_bias: float, guess_both: float
@@ -138,16 +131,6 @@ def test_strong_and_absent_stimuli_have_a_sure_answer(
     assert shares(observer, levels_vpp, responses, trials=300)[answer] == 1.0
 
 
-@pytest.mark.slow
-def test_mirrored_stimuli_give_mirrored_answers() -> None:
-    observer = replace(IDEAL, side_bias=0.7, guess_both=0.1, lapse_rate=0.1, crosstalk_db=-10.0)
-    mirror = replace(observer, side_bias=0.3)
-    here = shares(observer, (65.0, 50.0), FORCED, trials=20_000)
-    there = shares(mirror, (50.0, 65.0), FORCED, trials=20_000, seed=2)
-    for word, mirrored in (("left", "right"), ("right", "left"), ("both", "both")):
-        assert abs(here[word] - there[mirrored]) < 5 * math.sqrt(0.5 / 20_000)
-
-
 PLATE = finger_gains((0.02, 0.001), (0.001, 0.02), "measured")
 TWICE = finger_gains((0.04, 0.0), (0.0, 0.02), "predicted")
 UNEVEN = finger_gains((0.04, 0.0), (0.0, 0.01), "measured")
@@ -183,14 +166,6 @@ def test_a_threshold_is_met_by_what_the_plate_does_at_the_finger(
     share: float,
 ) -> None:
     assert_binomial(shares(observer, levels_vpp, WITH_NONE, gains=gains)[answer], share)
-
-
-@pytest.mark.parametrize("levels_vpp", [(55.0, 0.0), (0.0, 70.0), (60.0, 60.0)])
-def test_the_threshold_may_be_stated_either_way(levels_vpp: tuple[float, float]) -> None:
-    volts, um = (
-        shares(observer, levels_vpp, WITH_NONE, trials=300, gains=PLATE) for observer in (VOLTS, UM)
-    )
-    assert volts == um
 
 
 def test_micrometres_without_a_displacement_are_refused() -> None:
@@ -237,21 +212,14 @@ def test_an_impossible_trial_is_refused(
         IDEAL.answer(*levels_vpp, responses, np.random.default_rng(0), 3.0)
 
 
-@pytest.mark.parametrize("threshold_vpp", [0.0, math.nan, math.inf])
-def test_a_drawn_threshold_is_a_number_above_0(threshold_vpp: float) -> None:
-    with pytest.raises(ValueError, match="threshold_vpp .* > 0"):
-        replace(IDEAL, threshold_vpp=threshold_vpp)
-
-
 def test_drawn_thresholds_have_the_stated_median_and_spread_in_db() -> None:
     rng = np.random.default_rng(4)
     for key, median in (("threshold_vpp", 60.0), ("threshold_um", 1.5)):
         people = population(**{key: median, "threshold_sd_db": 2.0})
-        drawn = [people.draw(70.0, rng) for _ in range(4000)]
-        level_db = 20 * np.log10([getattr(person, key) / median for person in drawn])
+        drawn = [getattr(people.draw(70.0, rng), key) for _ in range(4000)]
+        level_db = 20 * np.log10(np.array(drawn) / median)
         assert abs(np.mean(level_db)) < 5 * 2.0 / math.sqrt(4000)
         assert np.std(level_db) == pytest.approx(2.0, rel=0.06)
-        assert {replace(person, **{key: median}) for person in drawn} == {people.median}
 
 
 @pytest.mark.slow

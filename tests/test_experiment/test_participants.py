@@ -8,16 +8,14 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from experiment import simulate_study
 from experiment.archive.participants import (
     Fact,
     enter_person,
     participant_facts,
     read_people,
-    remove_person,
 )
 from tests.test_experiment.lab import Lab
-from tests.test_experiment.studies import codes_of, facts_of, recorded
+from tests.test_experiment.studies import codes_of, facts_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -99,55 +97,25 @@ def test_a_row_of_another_length_is_refused_with_its_line(tmp_path: Path) -> Non
         read_people(tmp_path)
 
 
-def test_a_half_written_table_goes_with_the_row(tmp_path: Path) -> None:
-    (tmp_path / ".participants.tsv.ab12.tmp").write_text("sub-01", encoding="utf-8")
-    enter_person(tmp_path, "01", [], ())
-    remove_person(tmp_path, "01")
-    assert not [*tmp_path.glob("*.tmp"), *tmp_path.glob(".*.tmp")]
-
-
-@pytest.mark.slow
-def test_a_simulated_study_has_the_declared_columns_without_values(
-    tmp_path: Path, make_study: Callable[[str], Study], quick_study_text: str
-) -> None:
-    study = make_study(quick_study_text + COLUMNS)
-    list(simulate_study(study, tmp_path, participants=1, seed=1))
-    assert read_people(tmp_path).rows == (("sub-01", "n/a", "n/a"),)
-
-
 # --- how the fingers lay on the plate ------------------------------------------------------------
 
-LOAD_CELL = '[contact]\ncontrol = "measured"\nforce_n = 0.5\nhow = "a load cell"\n'
+LOAD_CELL = 'control = "measured"\nforce_n = 0.5\nhow = "a load cell"\n'
 
 
-@pytest.mark.parametrize(
-    ("text", "control", "is_unknown"),
-    [
-        ("", "not stated", True),
-        ('[contact]\ncontrol = "none"\n', "none", True),
-        ('[contact]\ncontrol = "instructed"\n', "instructed", False),
-        ('[contact]\ncontrol = "held"\nhow = "20 g on the nail"\n', "held", False),
-        (LOAD_CELL, "measured", False),
-    ],
-)
-def test_the_contact_of_fingers_stands_in_header_plan_and_check(
-    tmp_path: Path,
-    make_study: Callable[[str], Study],
-    short_study_text: str,
-    monkeypatch: pytest.MonkeyPatch,
-    text: str,
-    control: str,
-    *,
-    is_unknown: bool,
-) -> None:
-    lab = Lab(make_study(short_study_text + text), tmp_path, monkeypatch)
-    lab.begin(begin={1: False})
-    header = json.loads((lab.folder.path / "header.json").read_text("utf-8"))
-    facts = facts_of(short_study_text + text, ())
-    assert header["contact"]["control"] == facts["contact"]["control"] == control
-    assert facts["contact"]["force_n"] == (0.5 if text == LOAD_CELL else None)
-    assert ("unknown_contact" in codes_of(facts)) == is_unknown
-    assert recorded(lab.study).contact == lab.study.contact
+def test_the_contact_of_fingers_stands_in_check_and_header(tmp_path: Path, run: Run) -> None:
+    held = 'control = "held"\nhow = "20 g on the nail"\n'
+    controls = [f'control = "{control}"\n' for control in ("not stated", "none", "instructed")]
+    for number, keys in enumerate((*controls, held, LOAD_CELL)):
+        text = f"[contact]\n{keys}[design]\ntrials_per_side = 5\n[burst]\nwindow = 'hann'\n"
+        facts = facts_of(text, ())
+        assert ("unknown_contact" in codes_of(facts)) == (number < 2)
+        assert facts["contact"]["control"] == keys.split('"')[1]
+        assert facts["contact"]["force_n"] == (0.5 if keys == LOAD_CELL else None)
+    (tmp_path / "study.toml").write_text(text, "utf-8")
+    words = ("run", tmp_path / "study.toml", "--participant", "01", "--out", tmp_path)
+    assert run(*words, "--responder", "simulated", "--seed", "1").exit_code == 0
+    header = json.loads((tmp_path / "sub-01" / "ses-01" / "header.json").read_text("utf-8"))
+    assert facts["contact"].items() <= header["contact"].items()
 
 
 @pytest.mark.slow
@@ -160,7 +128,7 @@ def test_sessions_of_several_contacts_are_listed_by_contact(
 ) -> None:
     results, out = tmp_path / "results", tmp_path / "out"
     for person, text in (("01", LOAD_CELL), ("02", ""), ("03", LOAD_CELL)):
-        study = make_study(short_study_text + text)
+        study = make_study(f"{short_study_text}[contact]\n{text}")
         Lab(study, results, monkeypatch, participant=person).begin()
     allowed = ("--no-figures", "--allow-simulated", "--out")
     assert run("analyze", results, *allowed, out).exit_code == 0

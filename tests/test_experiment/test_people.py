@@ -8,7 +8,6 @@ J. Neurosci. 42 (2022) 643-656, github.com/grundm/respirationCA.
 
 from __future__ import annotations
 
-import json
 import math
 import tomllib
 from dataclasses import replace
@@ -70,13 +69,6 @@ def test_a_share_of_the_people_swaps_the_keys_and_their_fingers_differ() -> None
     drawn = [people.draw(70.0, rng) for _ in range(2000)]
     assert sum(one.swapped for one in drawn) == pytest.approx(500, abs=5 * math.sqrt(375))
     assert np.std([one.finger_difference_db for one in drawn]) == pytest.approx(2.0, rel=0.1)
-
-
-def test_fingers_differ_by_half_of_the_difference_on_either_side() -> None:
-    person = replace(PERSON, finger_difference_db=4.0, guess_both=1.0)  # guesses are none of both
-    z = 2 / 20 / person.sigma
-    assert share(person, (60.0, 0.0), "left") == near(NormalDist().cdf(-z))
-    assert share(person, (0.0, 60.0), "right") == near(NormalDist().cdf(z))
 
 
 @pytest.mark.parametrize("other_db", [0.0, 6.0, 12.0])
@@ -189,24 +181,6 @@ def test_realistic_people_depend_on_their_answers_as_real_ones_do(run: Run, tmp_
     assert np.quantile(times_s, [0.05, 0.5, 0.95]) == pytest.approx([0.27, 0.575, 1.14], abs=0.02)
 
 
-@pytest.mark.slow
-def test_the_record_says_who_was_simulated_and_what_was_never_measured(
-    run: Run, tmp_path: Path
-) -> None:
-    assert run("init", tmp_path / "s.toml", "--preset", "realistic").exit_code == 0
-    tables = tomllib.loads((tmp_path / "s.toml").read_text("utf-8"))["simulation"]
-    study = paper_study().changed(simulation=tables)
-    (folder,) = simulate_study(study, tmp_path, participants=1, seed=1)
-    first = json.loads(folder.journal_path.read_text(encoding="utf-8").splitlines()[0])
-    header = json.loads(folder.header_path.read_text(encoding="utf-8"))
-    plan = json.loads(folder.plan_path.read_text(encoding="utf-8"))
-    assert first["observer"] == header["observer"]
-    (outside,) = first["observer"]["unmeasured"]
-    assert "0.01 to 1 s" in outside
-    assert "0.002 s" in outside
-    assert first["observer"]["wander_db"] == plan["study"]["simulation"]["wander_db"] > 0
-
-
 @pytest.mark.parametrize(
     ("keys", "part"),
     [
@@ -220,13 +194,6 @@ def test_the_record_says_who_was_simulated_and_what_was_never_measured(
 def test_what_nobody_is_like_is_refused(keys: dict[str, float], part: str) -> None:
     with pytest.raises(ValueError, match=part):
         population(**keys)
-
-
-def test_a_file_that_is_played_has_no_threshold_curve() -> None:
-    with pytest.raises(ValueError, match=r"simulation.threshold_at_hz .* a$"):
-        paper_study().changed(
-            condition=({"name": "a", "file": "click.wav"},), simulation={"threshold_at_hz": 250.0}
-        )
 
 
 def test_a_curve_moves_the_threshold_of_another_burst_only() -> None:

@@ -7,14 +7,13 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from experiment import StudyError, check_study, draw_plan, paper_study, study_from_text, study_gains
+from experiment import StudyError, check_study, paper_study, study_from_text, study_gains
 from experiment.study.physics import (
     bare_strip,
     field_strip,
     fingertips_of,
     loads_of,
     loads_per_volt,
-    patch_errors,
 )
 from stimuli import ALUMINIUM, MomentDisc, MomentRectangle, Scene
 from tests.test_experiment.studies import (
@@ -71,12 +70,6 @@ def test_a_plate_keeps_its_length_and_gets_a_loss_where_none_is_stated() -> None
         assert field_strip(study, 0.02) == study.strip
 
 
-def test_a_fingertip_rests_above_each_actuator() -> None:
-    left, right = fingertips_of(BOTH_SHAPES)
-    assert (left.x_m, left.y_m, right.x_m, right.y_m) == (-0.03, 0.0125, 0.03, 0.012)
-    assert left.points_m(field_strip(BOTH_SHAPES))[0] == (-0.03, 0.0125)
-
-
 # --- fingers that load the plate ------------------------------------------------------------------
 
 
@@ -125,23 +118,6 @@ def test_the_check_takes_the_worse_level_and_the_micrometres_of_the_plan() -> No
         assert at["level_db"] == study_gains(BARE)[0].level_db(1 - column, column)
     assumed = check_study(study_from_text('[strip]\nedge = "clamped"\n' + LOAD, "s"))
     assert len(assumed.conditions[0].bracket) == 4
-
-
-@pytest.mark.slow
-def test_a_window_is_chosen_that_is_quiet_with_and_without() -> None:
-    auto = LOSSY + '[burst]\nwindow = "auto"\nwanted_level_db = -30\n'
-    loaded, bare = (study_from_text(auto + load, "s") for load in (LOAD, ""))
-    assert loaded.conditions[0].drive.duration_s >= bare.conditions[0].drive.duration_s
-    assert all(gains.level_db(1, 0) <= -30 for gains in study_gains(loaded, bare=True))
-
-
-@pytest.mark.slow
-def test_fingers_press_on_a_plate_of_any_length() -> None:
-    shorter, longer = (
-        study_gains(study_from_text(f"{STRIP}{discs(mm=12)}{LOAD}".replace("150", mm), "s"))
-        for mm in ("3000", "10000")
-    )
-    assert shorter[0].per_vpp == longer[0].per_vpp
 
 
 def test_a_displacement_from_peak_to_peak_is_twice_the_amplitude() -> None:
@@ -232,50 +208,12 @@ def test_the_check_tells_what_patches_do_and_how_well_it_is_known() -> None:
     assert sources["actuator[0].carrier_density_kg_m3"].origin == "yours"
 
 
-@pytest.mark.slow
-def test_plan_and_check_have_the_same_gains() -> None:
-    gains = study_gains(patched())
-    assert draw_plan(patched(), participant="01", session="01", seed=1, gains=gains).gains == gains
-    assert check_study(patched()).gains == gains
-
-
-@pytest.mark.slow
-def test_a_patch_whose_displacement_is_not_known_is_named_by_its_keys() -> None:
-    wide = (
-        "[strip]\nwidth_mm = 60\nthickness_mm = 0.5\nlength_mm = 200\n"
-        'material = "brass"\nedge = "clamped"\nloss_factor = 0.01\n'
-    )
-    small = study_from_text(
-        wide
-        + "".join(
-            f'[[actuator]]\nside = "{side}"\nx_mm = {x_mm}\ndiameter_mm = 1\n{D31}'
-            f"patch_counts = true\n{LAYERS}"
-            for side, x_mm in (("left", -50), ("right", 50))
-        )
-        + '[burst]\nfrequency_hz = 300\nwindow = "hann"\ncycles = 2\n',
-        "s.toml",
-    )
-    with pytest.raises(StudyError, match=r"diameter_mm = 1\b.* 3% .*patch_counts = false"):
-        study_gains(small)
-
-
 @pytest.mark.parametrize("load", ["", LOAD])
 def test_a_plate_too_long_for_patches_is_named_by_its_keys(load: str) -> None:
     said = "length_mm = 8000 .*width_mm = 25 .*patch_counts = false"
     for each in (OWN_HEAD + COUNTS, D31 + "patch_counts = true\n" + LAYERS):
         with pytest.raises(StudyError, match=said):
             study_gains(patched(each, "[strip]\nlength_mm = 8000\n" + load))
-
-
-@pytest.mark.slow
-def test_the_doubt_is_that_of_the_worst_loss_that_is_tried() -> None:
-    (one,) = check_study(patched()).conditions
-    alone = [patch_errors(patched(), one.condition, (loss,)) for loss in (0.005, 0.01, 0.02)]
-    worst, levels_db = one.patch_errors, [each.levels_db for each in alone if each is not None]
-    assert worst is not None
-    assert len(levels_db) == 3
-    assert all((worst.levels_db >= each).all() for each in levels_db)
-    assert worst.own == max(each.own for each in alone if each is not None)
 
 
 @pytest.mark.slow
@@ -319,22 +257,3 @@ def test_the_other_disc_moves_as_the_measured_one_and_is_not_called_measured() -
     whole = FIVE + 'measured_as = "peak-to-peak"\n'
     study = study_from_text(STRIP + discs(whole, AS_LEFT), "s")
     assert study.actuators[1].measured_displacement_um == 2.5
-
-
-@pytest.mark.parametrize(
-    ("left", "right", "mm", "part"),
-    [
-        ("", AS_LEFT, 12.8, "measured_displacement_um"),
-        (FIVE, AS_LEFT, 10.0, "shape and size"),
-        (FIVE, 'measured_as = "as-right"\n', 12.8, "measured_displacement_um"),
-        (FIVE, measured(4) + AS_LEFT, 12.8, "measured_displacement_um, "),
-        (measured(5) + 'measured_as = "as-right"\n', AS_LEFT, 12.8, "right actuator"),
-    ],
-)
-def test_it_is_assumed_of_a_measured_disc_of_the_same_size_only(
-    left: str, right: str, mm: float, part: str
-) -> None:
-    text = STRIP + discs(left, "").partition('[[actuator]]\nside = "right"')[0]
-    other = discs(right, mm=mm).partition('[[actuator]]\nside = "right"')
-    with pytest.raises(StudyError, match=part):
-        study_from_text(text + other[1] + other[2], "s")

@@ -14,7 +14,7 @@ from click.testing import CliRunner
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from experiment import PlanError, draw_plan, simulate_study, study_from_text
+from experiment import PlanError, draw_plan, study_from_text
 from experiment.trial.plan import plan_from_json, seal, verify
 from tactstrip import main
 from tests.test_experiment.sessions import Sessions
@@ -48,22 +48,6 @@ def test_the_papers_plan_has_75_single_trials_a_side_and_5_both_finger_trials() 
     assert [t.number for t in plan.trials] == list(range(1, 156))
 
 
-def test_same_seed_gives_the_same_plan_and_another_seed_another() -> None:
-    assert draw("", 7) == draw("", 7)
-    assert draw("", 7).trials != draw("", 8).trials
-    plan = json.loads(draw("", 7).to_json())
-    assert plan["seed"] == 7
-    assert plan["generator"].startswith("PCG64 of numpy ")
-
-
-@pytest.mark.parametrize("name", ["Jane Doe", "", "all", "COM1", "é", "x" * 33, 1])
-@pytest.mark.parametrize("what", ["participant", "session"])
-def test_a_name_that_no_folder_can_have_is_refused_as_by_the_archive(what: str, name: str) -> None:
-    names: dict[str, Any] = {"participant": "01", "session": "01", what: name}
-    with pytest.raises(PlanError, match=rf"{what} .*1 to 32 .* got {re.escape(repr(name))}"):
-        draw_plan(study_from_text("", "study.toml"), seed=1, **names)
-
-
 def test_warm_up_is_one_easy_trial_a_side_after_the_longest_wait() -> None:
     plan = draw("[design]\nlevels_vpp = [80, 160]\ntrials_per_side = 2\nforeperiod_s = [0.5, 2.5]")
     assert [
@@ -73,18 +57,6 @@ def test_warm_up_is_one_easy_trial_a_side_after_the_longest_wait() -> None:
         (len(plan.trials) + 1, 0, "main", "practice", "left", 160.0, 2.5),
         (len(plan.trials) + 2, 0, "main", "practice", "right", 160.0, 2.5),
     ]
-
-
-@pytest.mark.slow
-def test_random_levels_scatter_like_independent_draws() -> None:
-    counts = [
-        Counter(t.level_vpp for t in draw("", seed).trials if t.kind == "single")[60.0]
-        for seed in range(200)
-    ]
-    mean = sum(counts) / len(counts)
-    variance = sum((c - mean) ** 2 for c in counts) / (len(counts) - 1)
-    assert mean == pytest.approx(30, abs=4 * (24 / 200) ** 0.5)
-    assert variance == pytest.approx(24, rel=0.45)
 
 
 def test_balanced_blocks_hold_every_stimulus_equally_often() -> None:
@@ -100,16 +72,6 @@ def test_balanced_blocks_hold_every_stimulus_equally_often() -> None:
 
 
 @pytest.mark.slow
-def test_the_sides_of_a_balanced_order_cannot_be_guessed_from_the_last_one() -> None:
-    same = total = 0
-    for seed in range(100):
-        sides = [t.side for t in draw(BALANCED, seed).trials if t.kind == "single"]
-        same += sum(a == b for a, b in itertools.pairwise(sides))
-        total += len(sides) - 1
-    assert same / total == pytest.approx(0.5, abs=0.03)
-
-
-@pytest.mark.slow
 @settings(max_examples=60, deadline=None)
 @given(
     levels=st.integers(1, 6),
@@ -121,7 +83,7 @@ def test_the_sides_of_a_balanced_order_cannot_be_guessed_from_the_last_one() -> 
     seed=st.integers(0, 2**40),
 )
 @example(levels=2, repeats=4, both=0, blanks=0, break_every=6, order="balanced", seed=1)
-def test_every_plan_has_the_number_given_counts_in_blocks_no_longer_than_number_given(
+def test_every_plan_has_the_stated_counts_in_blocks_no_longer_than_stated(
     levels: int, repeats: int, both: int, blanks: int, break_every: int, order: str, seed: int
 ) -> None:
     text = (
@@ -172,12 +134,6 @@ def test_every_condition_runs_the_whole_design_in_blocks_of_its_own() -> None:
     assert first == {"a", "b"}
 
 
-@pytest.mark.parametrize("seed", [-1, 1.0, True, None])
-def test_a_seed_that_is_no_whole_number_is_refused(seed: int) -> None:
-    with pytest.raises(PlanError, match="seed .* >= 0"):
-        draw("", seed)
-
-
 @pytest.mark.parametrize(
     ("change", "said"),
     [
@@ -194,14 +150,6 @@ def test_a_trial_that_no_plan_can_hold_is_refused(change: dict[str, object], sai
         replace(replace(trial, level_vpp=60.0), **change)  # type: ignore[arg-type]  # as a file might
 
 
-def test_a_break_before_a_balanced_block_can_end_is_refused_with_the_shortest_one() -> None:
-    text = '[design]\norder = "balanced"\nlevels_vpp = [60, 100]\ntrials_per_side = 6\n'
-    least = 6  # 2 sides, 2 levels, and of the 5 both-finger trials up to 2 in each of 3 blocks
-    assert draw(f"{text}break_every = {least}\n").trials[-1].block == 3
-    with pytest.raises(PlanError, match=f"at least {least} .*; got {least - 1}"):
-        draw(f"{text}break_every = {least - 1}\n")
-
-
 def test_practice_blank_and_both_finger_trials_have_the_levels_of_the_design() -> None:
     text = "[design]\npractice_trials = 4\nblank_trials = 3\nboth_level = 110\n"
     plan = draw(text + 'responses = ["left", "right", "both", "none"]')
@@ -211,14 +159,6 @@ def test_practice_blank_and_both_finger_trials_have_the_levels_of_the_design() -
     blanks = [t for t in plan.trials if t.kind == "blank"]
     assert [(t.side, t.level_vpp) for t in blanks] == [("none", None)] * 3
     assert {t.level_vpp for t in plan.trials if t.kind == "both"} == {110.0}
-
-
-@pytest.mark.parametrize(
-    "text", ["", "[]", "{}", '{"schema": 3}', '{"schema": 2}', "nonsense", "[" * 100_000]
-)
-def test_what_is_no_plan_is_refused(text: str) -> None:
-    with pytest.raises(PlanError):
-        plan_from_json(text)
 
 
 def test_a_changed_plan_is_refused() -> None:
@@ -317,39 +257,6 @@ def test_a_plan_has_the_order_of_its_participants_number_and_is_sealed_with_it(
             plan_from_json(replace(plan, participant_number=number + 1).to_json())
 
 
-def test_the_number_changes_the_order_and_no_draw(study_of: Callable[[int], Study]) -> None:
-    one, two = (plan_of(study_of(2), number) for number in (1, 2))
-    waits_s = [[trial.foreperiod_s for trial in plan.trials] for plan in (one, two)]
-    assert waits_s[0] == waits_s[1]
-    assert one.condition_order == two.condition_order[::-1]
-
-
-@pytest.mark.parametrize("order", ["random", "listed"])
-def test_without_a_balanced_order_the_number_says_nothing(
-    study_of: Callable[[int, str], Study], order: str
-) -> None:
-    study = study_of(2, order)
-    for seed in range(5):
-        assert plan_of(study, 7, seed) == plan_of(study, None, seed)
-    assert "participant_number" not in plan_of(study, 7).to_json()
-
-
-@pytest.mark.parametrize("number", [None, 0])
-def test_a_balanced_order_needs_a_number(
-    study_of: Callable[[int], Study], number: int | None
-) -> None:
-    with pytest.raises(PlanError, match=r">= 1 .* design\.condition_order"):
-        plan_of(study_of(2), number)
-
-
-def test_simulated_participants_are_balanced(
-    tmp_path: Path, study_of: Callable[[int], Study]
-) -> None:
-    folders = simulate_study(study_of(2), tmp_path, participants=4, seed=1, gains=())
-    orders = ["".join(folder.read_plan().condition_order) for folder in folders]
-    assert orders == ["ab", "ba", "ab", "ba"]
-
-
 @pytest.fixture
 def sessions(tmp_path: Path, quick_study_text: str) -> Sessions:
     line = '[design]\ncondition_order = "balanced"\n'
@@ -385,18 +292,6 @@ def test_a_number_is_the_place_in_the_table_and_a_person_keeps_theirs(
 
 
 @pytest.mark.slow
-def test_a_number_that_somebody_else_has_is_noted(sessions: Sessions) -> None:
-    number = ("--participant-number", "12")
-    assert run_simulated(sessions, "01", *number)["notes"] == []
-    assert run_simulated(sessions, "01", "--session", "02")["notes"] == []
-    for number_given in ("12", "1", "2"):
-        notes = run_simulated(sessions, f"P{number_given}", "--participant-number", number_given)[
-            "notes"
-        ]
-        assert notes == ["12"] * (number_given == "12")
-
-
-@pytest.mark.slow
 def test_a_number_may_be_given_where_it_counts_and_is_kept_on_resume(sessions: Sessions) -> None:
     number = ("--participant-number", "4")
     assert run_simulated(sessions, "01", *number)["condition_order"] == ["b", "a"]
@@ -407,3 +302,41 @@ def test_a_number_may_be_given_where_it_counts_and_is_kept_on_resume(sessions: S
     refused = sessions.run(*SIMULATED, "--session", "02", *number)
     assert (refused.exit_code, "condition_order" in refused.stderr) == (2, True)
     assert not sessions.folder("02").path.exists()
+
+
+@pytest.mark.parametrize(
+    ("changed", "part"),
+    [
+        *(
+            ({"participant": name}, "participant .*1 to 32 ")
+            for name in ("Jane Doe", "", "COM1", 1)
+        ),
+        *(({"session": name}, "session .*1 to 32 ") for name in ("all", "é", "x" * 33)),
+        *(({"seed": seed}, "seed .* >= 0") for seed in (-1, 1.0, True, None)),
+        *(({"participant_number": number}, ">= 1 ") for number in (None, 0)),
+    ],
+)
+def test_a_plan_that_cannot_be_drawn_is_refused(
+    changed: dict[str, Any], part: str, study_of: Callable[[int], Study]
+) -> None:
+    keys: Any = {"participant": "01", "session": "01", "seed": 1, "participant_number": 1}
+    with pytest.raises(PlanError, match=part):
+        draw_plan(study_of(2), **keys | changed)
+
+
+def test_a_plan_is_repeated_by_its_seed_whatever_else_changes(
+    study_of: Callable[[int, str], Study],
+) -> None:
+    assert draw("", 7) == draw("", 7)
+    assert draw("", 7).trials != draw("", 8).trials
+    assert json.loads(draw("", 7).to_json())["generator"].startswith("PCG64 of numpy ")
+    first, second = (plan_of(study_of(2, "balanced"), number) for number in (1, 2))
+    waits_s = [[trial.foreperiod_s for trial in plan.trials] for plan in (first, second)]
+    assert waits_s[0] == waits_s[1]
+    assert first.condition_order == second.condition_order[::-1]
+    for order in ("random", "listed"):  # in which the number counts for nothing
+        study = study_of(2, order)
+        assert plan_of(study, 7, 3) == plan_of(study, None, 3)
+    for text in ("", "[]", "{}", '{"schema": 3}', "nonsense", "[" * 100_000):
+        with pytest.raises(PlanError):
+            plan_from_json(text)

@@ -14,8 +14,8 @@ import pytest
 from hypothesis import assume, example, given, reject, settings
 from hypothesis import strategies as st
 
-from experiment import PlanError, Study, StudyError, draw_plan, read_study, study_from_text
-from experiment.terms.checks import NAME_RULE, in_mind, inward
+from experiment import Study, StudyError, read_study, study_from_text
+from experiment.terms.checks import NAME_RULE, inward
 from tests.test_experiment.studies import cases, discs, measured
 
 if TYPE_CHECKING:
@@ -231,38 +231,6 @@ def test_a_fraction_is_rounded_to_whole_trials_or_the_two_nearest_are_named(
         assert found / (2 * trials + found) == pytest.approx(fraction, rel=0.1)
 
 
-@settings(deadline=None, max_examples=40)
-@given(
-    levels=st.integers(1, 6),
-    repeats=st.integers(1, 10),
-    both=st.integers(60, 120),
-    blanks=st.integers(60, 120),
-    break_every=st.integers(1, 14),
-)
-def test_the_shortest_blocks_that_are_named_can_be_had(
-    levels: int, repeats: int, both: int, blanks: int, break_every: int
-) -> None:
-    def draw(break_every: int) -> None:
-        blocks = {
-            "levels_vpp": [10.0 + level for level in range(levels)],
-            "trials_per_side": levels * repeats,
-            "both_trials": both,
-            "blank_trials": blanks,
-            "responses": ["left", "right", "both", "none"],
-            "order": "balanced",
-            "break_every": break_every,
-        }
-        draw_plan(study(design=blocks), participant="01", session="01", seed=1)
-
-    try:
-        draw(break_every)
-    except PlanError as error:
-        (shortest,) = re.findall(r"at least (\d+)", str(error))
-        draw(int(shortest))
-    else:
-        reject()
-
-
 @settings(max_examples=40)
 @given(levels=st.integers(2, 9), trials=st.integers(1, MAX_TRIALS))
 def test_the_nearest_multiples_of_the_levels_are_named(levels: int, trials: int) -> None:
@@ -326,25 +294,6 @@ def refusal_of(make: Any, **keys: Any) -> str:
     except ValueError as error:
         return str(error)
     return ""
-
-
-@pytest.mark.slow
-@given(
-    value=st.floats(-1e6, 1e6).filter(bool),
-    least=st.floats(-1e3, 1e3),
-    most=st.floats(-1e3, 1e3),
-    key=st.sampled_from(["width_mm", "youngs_modulus_gpa", "loss_factor", "level_dbfs", "a_s"]),
-)
-def test_a_number_in_another_unit_is_named_only_in_the_range(
-    value: float, least: float, most: float, key: str
-) -> None:
-    def holds(number: float) -> bool:
-        return min(least, most) <= number <= max(least, most)
-
-    assume(not holds(value))
-    hint = in_mind(key, value, holds)
-    if hint:
-        assert holds(float(hint.rpartition(" ")[2])), hint
 
 
 @given(limit=st.floats(-1e12, 1e12), digits=st.integers(1, 15), upward=st.booleans())

@@ -9,7 +9,7 @@ import pytest
 
 from experiment import StudyError, draw_plan, read_study, study_from_text, study_gains
 from experiment.study.read import with_levels
-from tests.test_experiment.studies import discs, facts_of, recorded, recorded_plan, sources_of
+from tests.test_experiment.studies import discs, facts_of, recorded_plan, sources_of
 
 if TYPE_CHECKING:
     from tests.conftest import Run
@@ -78,13 +78,6 @@ def test_other_levels_are_the_labs_and_leave_the_others_whose_they_are() -> None
     assert found["burst.frequency_hz"] == "paper"
 
 
-@pytest.mark.slow
-def test_a_chosen_window_is_computed() -> None:
-    found = origins('[burst]\nwindow = "auto"\nwanted_level_db = -30\n')
-    assert found["burst.wanted_level_db"] == (-30.0, "yours")
-    assert found["condition[0].auto_cycles"][1] == "computed"
-
-
 NOT_MEASURED = [
     ("measured_displacement_um = 2.6", ""),
     ("measured_at_vpp = 100", ""),
@@ -106,22 +99,6 @@ def changed(text: str, changes: list[tuple[str, str]]) -> str:
         assert old in text
         text = text.replace(old, new)
     return text
-
-
-@pytest.mark.parametrize("strip", ['edge = "clamped"', "length_mm = 150", "width_mm = 25.5"])
-def test_no_displacement_is_measured_on_a_plate_that_nobody_measured(strip: str) -> None:
-    others = f'material = "steel"\nlength_mm = 200\nedge = "clamped"\n{DISCS}'
-    text = f"[strip]\n{strip}\n{others if 'width' in strip else ''}"
-    (gains,) = study_gains(study_from_text(text, "s"))
-    assert gains.bases == (None, None)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("edge_loss", ["plate", "none"])
-def test_the_loss_of_springs_is_stated_of_a_plate_without_ends(edge_loss: str) -> None:
-    strip = 'length_mm = "endless"\nedge = "elastic"\nedge_stiffness_n = 200\nloss_factor = 0.02'
-    (condition,) = facts_of(f'[strip]\n{strip}\nedge_loss = "{edge_loss}"\n')["conditions"]
-    assert condition["displacements"]["edge_loss"] == edge_loss
 
 
 def preset(run: Run, name: str, *more: str) -> str:
@@ -167,15 +144,6 @@ def test_what_init_wrote_of_the_papers_plate_was_not_measured_on_another(
     )
 
 
-def test_who_writes_the_papers_numbers_without_init_measured_them(run: Run) -> None:
-    text = changed(preset(run, "paper"), [("thickness_mm = 0.5", "thickness_mm = 0.6")])
-    study = study_from_text(text[: text.index("[init]")], "s")
-    sources = sources_of(study)
-    assert sources["strip.measured_cutoff_hz"].origin == "measured"
-    assert sources["actuator[0].measured_displacement_um"].origin == "measured"
-    assert recorded(study) == study
-
-
 @pytest.mark.slow
 def test_what_init_chose_for_a_plate_is_known_from_what_it_was_given(run: Run) -> None:
     sizes = ("--width-mm", "25", "--thickness-mm", "0.5", "--length-mm", "150")
@@ -199,12 +167,6 @@ def test_what_init_chose_for_a_plate_is_known_from_what_it_was_given(run: Run) -
     metal = "youngs_modulus_gpa = 67\npoisson_ratio = 0.346\ndensity_kg_m3 = 2700"
     sources = sources_of(changed(written, [('material = "steel"', metal)]))
     assert sources["strip.density_kg_m3"].origin == "yours"
-
-
-def test_an_actuator_that_init_did_not_write_is_the_labs() -> None:
-    third = '[[actuator]]\nside = "other"\nname = "b"\nx_mm = 0\ny_mm = 15\ndiameter_mm = 12\n'
-    text = f"{STEEL}{third}[init.chosen]\n'actuator.y_mm' = 15\n"
-    assert origins(text)["actuator[2].y_mm"] == (15.0, "yours")
 
 
 @pytest.mark.slow
