@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import re
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -124,16 +123,6 @@ def test_a_drive_is_in_volts_where_both_displacements_are_known(
     drive = plate(text).drive
     assert (drive.level_vpp, tuple(drive.unused)) == (level_vpp, unused)
     assert amplitudes in (None, drive.amplitudes)
-
-
-@pytest.mark.slow
-def test_where_a_band_exceeds_the_limit_does_not_depend_on_its_steps(run: Run) -> None:
-    found_hz = []
-    for low, high in (("200", "5000"), ("2500", "2900")):  # steps of 9.6 and 0.8 Hz
-        result = run("field", "study.toml", "--band", low, high, "--out", f"{low}.svg")
-        found_hz.append([float(hz) for hz in re.findall(r"first at ([\d.]+) Hz", result.stdout)])
-    assert found_hz[0] == pytest.approx(found_hz[1], abs=1)
-    assert len(found_hz[0]) == 2
 
 
 @pytest.mark.slow

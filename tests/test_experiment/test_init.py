@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import re
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -80,22 +79,6 @@ def test_two_actuators_lie_where_each_was_put(run: Run) -> None:
     assert (left.length_x_mm, left.length_y_mm) == (8.0, 6.0)
     assert (right.shape, right.x_mm, right.diameter_mm) == ("disc", 40.0, 10.0)
     assert 'as-left"  ' not in Path("study.toml").read_text("utf-8")
-
-
-def test_of_two_like_discs_the_right_one_is_offered_what_was_measured_of_the_left(
-    run: Run,
-) -> None:
-    assert run(*words(HOPELESS | {"--length-mm": "10000", "--material": "pmma"})).exit_code == 0
-    text = Path("study.toml").read_text("utf-8")
-    right = text.rpartition("[[actuator]]")[2]
-    assert '\n# measured_as = "as-left"  ' in right
-    keys = re.findall(r"^(?:# )?([a-z]\w+) =", right.partition("\n[burst]")[0], re.MULTILINE)
-    assert {"measured_displacement_um", "measured_by", "piezo_d31_pm_v"} <= set(keys)
-    assert len(keys) == len(set(keys))
-    for key, value in (("displacement_um", 2.9), ("at_vpp", 100), ("at_hz", 200)):
-        text = text.replace(f"# measured_{key} = ", f"measured_{key} = {value} ")
-    Path("study.toml").write_text(text.replace('# measured_as = "', 'measured_as = "'), "utf-8")
-    assert read_study("study.toml").actuators[1].measured_displacement_um == 2.9
 
 
 def test_the_ceiling_is_yours_and_the_levels_go_up_to_it(run: Run) -> None:

@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from experiment import paper_study, study_gains
 from experiment.terms.chances import answer_probabilities
 from tests.test_experiment.people import finger_gains, population
 
@@ -220,26 +219,6 @@ def test_drawn_thresholds_have_the_stated_median_and_spread_in_db() -> None:
         level_db = 20 * np.log10(np.array(drawn) / median)
         assert abs(np.mean(level_db)) < 5 * 2.0 / math.sqrt(4000)
         assert np.std(level_db) == pytest.approx(2.0, rel=0.06)
-
-
-@pytest.mark.slow
-def test_the_default_population_gives_a_table_like_the_papers() -> None:
-    # paper, table I: 60 V below the rest, means of 0.86 and above; here 60 V is lower
-    rng = np.random.default_rng(0)
-    people = paper_study().simulation
-    observers = [people.draw(70.0, rng) for _ in range(100)]
-    (condition,) = study_gains(paper_study())
-    gains = condition.fingers()
-    means = [
-        np.mean([
-            observer.answer(level_vpp, 0.0, FORCED, rng, 3.0, gains=gains).response == "left"
-            for observer in observers for _ in range(15)
-        ])
-        for level_vpp in paper_study().design.levels_vpp
-    ]  # fmt: skip
-    assert 0.6 < means[0] < 0.85
-    assert min(means[1:]) > 0.9
-    assert means[0] < min(means[1:]) - 0.1
 
 
 @pytest.mark.parametrize("responses", [("left", "right", "both"), ("left", "right", "none")])

@@ -8,9 +8,7 @@ import json
 import sys
 from dataclasses import replace
 from pathlib import Path
-from types import ModuleType
 from typing import TYPE_CHECKING, Any
-from unittest.mock import MagicMock
 
 import numpy as np
 import pytest
@@ -400,80 +398,3 @@ def test_a_device_of_ones_own_that_raises_is_a_failure_of_the_device(
         failure = error
     assert str(failure).startswith(f"Own.{step} ")
     assert str(failure).endswith("OSError: gone")
-
-
-# --- the larger examples, against stand-ins ------------------------------------------------------
-
-
-def example(name: str, **settings: Any) -> Any:
-    """Return the device of an example of the documentation."""
-    path = DOCS / "examples" / f"{name}.py"
-    module = ModuleType(name)
-    exec(compile(path.read_text(encoding="utf-8"), path, "exec"), vars(module))
-    return vars(module)[name](DriverSettings(limits=LIMITS, **settings), VirtualClock())
-
-
-def burst_on(device: Any) -> Any:
-    device.open()
-    device.load(0, SINE, 0 * SINE)
-    device.enable()
-    device.set_levels(100.0, 100.0)
-    device.arm(1, 0, time_to_live_s=1.0)
-    return device.fire(1).outcome
-
-
-def test_the_daq_plays_a_burst_once_from_its_buffer_and_rests_at_zero(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    module = MagicMock()
-    module.errors.Error = RuntimeError
-    for name in ("nidaqmx", "nidaqmx.constants", "nidaqmx.errors"):
-        stands_in = getattr(module, name.partition(".")[2], module)
-        monkeypatch.setitem(sys.modules, name, stands_in if "." in name else module)
-    device = example("ni_daq", port="Dev1", amplifier_gain=20.0, channels=(1, 3))
-    assert burst_on(device) is Outcome.FIRED
-    task = module.Task.return_value.__enter__.return_value
-    channels = task.ao_channels.add_ao_voltage_chan.call_args_list
-    assert [call.args[0] for call in channels] == ["Dev1/ao0", "Dev1/ao2"] * 2
-    names = [name.rpartition(".")[2] for name, *_ in task.mock_calls]
-    assert names[-5:] == ["cfg_samp_clk_timing", "write", "start", "wait_until_done", "stop"]
-    zeros, burst = (call.args[0] for call in task.write.call_args_list)
-    assert zeros == [0.0, 0.0]
-    assert abs(burst).max(axis=1) == pytest.approx([50.0 / 20.0, 0.0], abs=1e-3)
-    assert burst[:, [0, -1]].tolist() == [[0.0, 0.0], [0.0, 0.0]]
-    assert device.fire(1).outcome is Outcome.FIRED
-    assert task.write.call_count == 2, "played twice"
-    device.close()
-    assert task.write.call_args.args[0] == [0.0, 0.0]
-    module.Task.side_effect = RuntimeError("invalid.\nStatus Code: -200220")
-    with pytest.raises(LinkError, match=r"^Dev1: .*invalid\.$"):
-        example("ni_daq", port="Dev1", amplifier_gain=20.0).open()
-
-
-def test_the_sound_card_plays_on_the_chosen_outputs(monkeypatch: pytest.MonkeyPatch) -> None:
-    module = MagicMock(PortAudioError=OSError)
-    module.query_devices.return_value = {"name": "card", "max_output_channels": 4}
-    module.get_status.return_value = None
-    monkeypatch.setitem(sys.modules, "sounddevice", module)
-    settings: Any = {"port": "card", "volts_full_scale": 100.0, "channels": (3, 4)}
-    assert burst_on(example("sound_card_channels", **settings)) is Outcome.FIRED
-    (played,) = module.play.call_args_list
-    (frames,) = played.args
-    assert frames.shape == (97, 2)
-    assert abs(frames).max(axis=0) == pytest.approx([0.5, 0.0], abs=1e-4)
-    assert played.kwargs == {
-        "samplerate": 48_000.0,
-        "device": "card",
-        "mapping": [3, 4],
-        "blocking": True,
-    }  # fmt: skip - arguments of one call
-    module.get_status.return_value = "output underflow"  # whether the burst came out is open
-    assert burst_on(example("sound_card_channels", **settings)) is Outcome.INDETERMINATE
-    with pytest.raises(LinkError, match=r"card, got \[3, 5\]"):
-        example("sound_card_channels", **settings | {"channels": (3, 5)}).open()
-    module.query_devices.side_effect = ValueError
-    with pytest.raises(LinkError, match="card"):
-        example("sound_card_channels", **settings).open()
-    for name in ("ni_daq", "sound_card_channels"):
-        with pytest.raises(ValueError, match="given"):
-            example(name)

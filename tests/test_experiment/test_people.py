@@ -56,13 +56,6 @@ def near(probability: float) -> Any:
     return pytest.approx(probability, abs=5 * math.sqrt(probability * (1 - probability) / 4000))
 
 
-def test_swapped_keys_turn_every_answer_around() -> None:
-    plain, swapped = (answers(one, (60.0, 60.0)) for one in (PERSON, replace(PERSON, swapped=True)))
-    other = {"left": "right", "right": "left", "both": "both"}
-    assert swapped == [other[one] for one in plain]
-    assert {"left", "right", "both"} == {*plain}
-
-
 def test_a_share_of_the_people_swaps_the_keys_and_their_fingers_differ() -> None:
     rng = np.random.default_rng(1)
     people = population(**KEYS, finger_difference_sd_db=2.0, swapped_keys=0.25)
@@ -79,12 +72,6 @@ def test_graded_masking_raises_a_threshold_by_what_the_other_finger_feels(other_
     other = (other_db - 0.5 * 3) / 20 / person.sigma
     both = NormalDist().cdf(z) * NormalDist().cdf(other)
     assert share(person, (left_vpp, right_vpp), "both") == near(both)
-
-
-def test_graded_masking_falls_with_the_distance_of_fingers_of_one_hand() -> None:
-    people = population(threshold_vpp=60.0, masking_slope=0.4, masking_falloff_mm=50.0)
-    drawn = people.draw(100.0, np.random.default_rng(1))
-    assert drawn.masking_slope == pytest.approx(0.4 * math.exp(-2))
 
 
 @pytest.mark.slow

@@ -15,7 +15,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from experiment import PlanError, draw_plan, study_from_text
-from experiment.trial.plan import plan_from_json, seal, verify
+from experiment.trial.plan import plan_from_json, verify
 from tactstrip import main
 from tests.test_experiment.sessions import Sessions
 from tests.test_experiment.studies import facts_of
@@ -175,13 +175,6 @@ def test_a_changed_plan_is_refused() -> None:
         plan_from_json(json.dumps(json.loads(plan.to_json()) | {"sha256": None}))
     with pytest.raises(PlanError, match="sha256"):
         verify(replace(plan, seed=2))
-
-
-def test_a_plan_without_sources_or_gains_is_read() -> None:
-    older = seal(replace(draw(), sources={}))
-    assert '"sources"' not in older.to_json()
-    assert plan_from_json(older.to_json()) == older
-    assert (json.loads(older.to_json())["gains"], older.gains) == ([], ())
 
 
 def test_the_check_states_what_balanced_makes_of_the_blocks() -> None:

@@ -231,21 +231,6 @@ def test_a_fraction_is_rounded_to_whole_trials_or_the_two_nearest_are_named(
         assert found / (2 * trials + found) == pytest.approx(fraction, rel=0.1)
 
 
-@settings(max_examples=40)
-@given(levels=st.integers(2, 9), trials=st.integers(1, MAX_TRIALS))
-def test_the_nearest_multiples_of_the_levels_are_named(levels: int, trials: int) -> None:
-    keys: dict[str, Any] = {
-        "levels_vpp": [10.0 + level for level in range(levels)],
-        "order": "balanced",
-    }
-    message = refused(design, trials_per_side=trials, **keys)
-    named = re.findall(r"(\d+)", message.partition("; write ")[2])
-    assert named
-    for text in named:
-        assert abs(int(text) - trials) < levels
-        design(trials_per_side=int(text), **keys)
-
-
 def actuators(left: dict[str, Any], right: dict[str, Any]) -> list[dict[str, Any]]:
     disc = {"shape": "disc", "diameter_mm": 12.0}
     return [{"side": "left"} | disc | left, {"side": "right"} | disc | right]

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 from experiment import StudyError, draw_plan, read_study, study_from_text, study_gains
-from experiment.study.read import with_levels
 from tests.test_experiment.studies import discs, facts_of, recorded_plan, sources_of
 
 if TYPE_CHECKING:
@@ -69,13 +68,6 @@ def test_a_condition_states_its_own_numbers_only() -> None:
     found = origins('[[condition]]\nname = "a"\nfrequency_hz = 500\n[[condition]]\nname = "b"\n')
     assert found["condition[0].frequency_hz"] == (500.0, "yours")
     assert not [key for key in found if key.startswith("condition[1]") or key.endswith("].cycles")]
-
-
-def test_other_levels_are_the_labs_and_leave_the_others_whose_they_are() -> None:
-    study = with_levels(study_from_text("[burst]\ncycles = 1\n", "s"), (60.0, 95.0))
-    found = {key: one.origin for key, one in sources_of(study).items()}
-    assert (found["design.levels_vpp"], found["burst.cycles"]) == ("yours", "yours")
-    assert found["burst.frequency_hz"] == "paper"
 
 
 NOT_MEASURED = [

@@ -108,25 +108,6 @@ def test_the_threshold_is_in_micrometres_where_every_displacement_is_known() -> 
     assert (unknown.threshold_um, unknown.threshold_vpp) == (None, 58.0)
 
 
-@pytest.mark.slow
-def test_a_chosen_window_is_recorded_and_never_chosen_again(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    study = read('[burst]\nwindow = "auto"\nwanted_level_db = -40\n')
-    (table,) = json.loads(study.canonical)["condition"]
-    assert (table["window"], table["cycles"], table["wanted_level_db"]) == ("auto", 1, -40)
-    drive = study.conditions[0].drive
-    assert isinstance(drive, Burst)
-    assert (table["auto_cycles"], table["auto_window"]) == (drive.cycles, drive.window)
-
-    def never(*_: object) -> Burst:
-        raise AssertionError
-
-    monkeypatch.setattr("experiment.study.window.chosen_window", never)
-    assert study_from_canonical(study.canonical) == study
-    assert with_levels(study, (40.0, 50.0)).conditions == study.conditions
-
-
 TWO_BURSTS = """
 [design]
 trials_per_side = 30
