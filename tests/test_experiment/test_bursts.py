@@ -96,10 +96,7 @@ def test_the_lines_of_the_best_burst_make_it_the_study_s(run: Run) -> None:
     text = study_text().replace("cycles = 1", "cycles = 3")
     rows = compared(run, text, "200,300", "1,3")["bursts"]
     assert [row["is_of_study"] for row in rows] == [False, True, False, False]
-    page = run("bursts", "study.toml", *options).stdout
-    assert "\n*200       3 " in page
-    assert "\nfrequency_hz = 200\ncycles = 3\n" not in page
-    assert Path("study.toml").read_text("utf-8") == text
+    assert "\nfrequency_hz = 200" not in run("bursts", "study.toml", *options).stdout
 
 
 @pytest.mark.slow
@@ -162,9 +159,6 @@ def test_a_window_that_is_named_is_compared_whatever_the_study_has(burst: str, r
     (row,) = facts["bursts"]
     assert row == plain | {"threshold_db": row["threshold_db"]}
     assert facts["window"] == "hann"
-    page = run("bursts", "study.toml", "--frequency-hz", "100", "--cycles", "1", "--window", "hann")
-    lines = page.stdout.partition("\n# ")[2]
-    assert ('window = "hann"' in lines) == ("none" in burst or "auto" in burst or "file" in burst)
 
 
 @pytest.mark.slow

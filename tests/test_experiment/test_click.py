@@ -55,17 +55,6 @@ def test_every_format_is_scaled_to_a_peak_of_1(
     assert found == pytest.approx(SINE, abs=10.0**-digits)
 
 
-def test_24_bits_are_read(tmp_path: Path) -> None:
-    path = tmp_path / "click.wav"
-    with wave.open(str(path), "wb") as file:
-        file.setnchannels(1)
-        file.setsampwidth(3)
-        file.setframerate(RATE_HZ)
-        for value in np.round(SINE * (2**23 - 1)):
-            file.writeframes(int(value).to_bytes(3, "little", signed=True))
-    assert read_click(path, RATE_HZ) == pytest.approx(SINE, abs=1e-6)
-
-
 def test_text_with_times_or_without_means_the_same(tmp_path: Path) -> None:
     times = "".join(f"{k / RATE_HZ:.6f},{value!r}\n" for k, value in enumerate(SINE.tolist()))
     plain = "".join(f"{value!r}\n" for value in SINE.tolist())
@@ -115,6 +104,12 @@ def test_stereo_bytes_and_other_files_are_refused(tmp_path: Path) -> None:
     assert ".wav or .csv" in refusal(tmp_path / "click.mp3")
     assert refusal(tmp_path / "none.wav")
     assert "No such" in refusal(tmp_path / "none.csv")
+    path = tmp_path / "click.wav"
+    with wave.open(str(path), "wb") as file:  # of 24 bits, which are read
+        file.setparams((1, 3, RATE_HZ, 0, "NONE", ""))
+        for value in np.round(SINE * (2**23 - 1)):
+            file.writeframes(int(value).to_bytes(3, "little", signed=True))
+    assert read_click(path, RATE_HZ) == pytest.approx(SINE, abs=1e-6)
 
 
 def test_a_torn_file_is_refused_wherever_it_is_torn(tmp_path: Path) -> None:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import math
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -14,6 +13,7 @@ from hypothesis import strategies as st
 
 from experiment import (
     ConditionGains,
+    PlanError,
     StudyError,
     draw_plan,
     paper_study,
@@ -181,22 +181,17 @@ def test_the_field_that_the_measured_value_is_tied_to_is_that_of_the_disc() -> N
     assert gains.per_vpp[0][0] / 0.026 == pytest.approx(sine_400 / sine_300, rel=0.05)
 
 
-@pytest.fixture
-def contents(paper: ConditionGains) -> dict[str, Any]:
-    """What a sealed plan holds."""
+def test_a_plan_keeps_its_matrix_to_the_last_digit(paper: ConditionGains) -> None:
     study = study_from_text("[design]\ntrials_per_side = 2\nboth_trials = 1\n", "s.toml")
-    plan = draw_plan(study, participant="01", session="01", seed=1, gains=(paper,))
-    read: dict[str, Any] = json.loads(plan.to_json())
-    return read
-
-
-def test_a_plan_keeps_its_matrix_to_the_last_digit(
-    contents: dict[str, Any], paper: ConditionGains
-) -> None:
-    plan = recorded_plan(json.dumps(contents))
+    text = draw_plan(study, participant="01", session="01", seed=1, gains=(paper,)).to_json()
+    plan = recorded_plan(text)
     assert plan.gains == (paper,)
     assert plan.gains_of("main") == paper.fingers()
     assert plan.gains_of("unknown") == OWN_FINGER_ONLY
+    changed = json.loads(text)
+    changed["gains"][0]["per_vpp"][0][0] *= 2
+    with pytest.raises(PlanError, match="sealed"):
+        recorded_plan(json.dumps(changed))
 
 
 def near_the_first_mode(at_hz: float, keys: str = "") -> str:

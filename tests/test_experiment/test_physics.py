@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from experiment import StudyError, check_study, paper_study, study_from_text, study_gains
+from experiment import check_study, paper_study, study_from_text, study_gains
 from experiment.study.physics import (
     bare_strip,
     field_strip,
@@ -206,14 +206,6 @@ def test_the_check_tells_what_patches_do_and_how_well_it_is_known() -> None:
     counted = sources["actuator[0].patch_counts"]
     assert (counted.printed, counted.value, counted.origin) == ("true", True, "yours")
     assert sources["actuator[0].carrier_density_kg_m3"].origin == "yours"
-
-
-@pytest.mark.parametrize("load", ["", LOAD])
-def test_a_plate_too_long_for_patches_is_named_by_its_keys(load: str) -> None:
-    said = "length_mm = 8000 .*width_mm = 25 .*patch_counts = false"
-    for each in (OWN_HEAD + COUNTS, D31 + "patch_counts = true\n" + LAYERS):
-        with pytest.raises(StudyError, match=said):
-            study_gains(patched(each, "[strip]\nlength_mm = 8000\n" + load))
 
 
 @pytest.mark.slow

@@ -120,20 +120,6 @@ def test_foreperiods_are_exponential_and_cut_at_both_ends() -> None:
     assert max(waits) > 2.8
 
 
-def test_every_condition_runs_the_whole_design_in_blocks_of_its_own() -> None:
-    text = (
-        '[[condition]]\nname = "a"\n[[condition]]\nname = "b"\ncycles = 2\n'
-        "[design]\ntrials_per_side = 5\nboth_trials = 1\nbreak_every = 6\n"
-    )
-    plan = draw(text)
-    assert Counter(t.condition for t in plan.trials) == {"a": 11, "b": 11}
-    of_block = {t.block: t.condition for t in plan.trials}
-    assert len(of_block) == 4
-    assert all(of_block[t.block] == t.condition for t in plan.trials)
-    first = {draw(text, seed).trials[0].condition for seed in range(20)}
-    assert first == {"a", "b"}
-
-
 @pytest.mark.parametrize(
     ("change", "said"),
     [

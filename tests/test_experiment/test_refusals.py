@@ -117,24 +117,16 @@ def test_several_faults_stand_in_one_line() -> None:
     assert message.endswith("1 more")
 
 
-@pytest.mark.parametrize(
-    ("content", "line"),
-    [
-        (b"\xef\xbb\xbf[study]\n", ""),
-        ("[study]\n# \xe9\n".encode("latin-1"), "s.toml:2: "),
-        ("[study]".encode("utf-16"), "UTF-8"),
-        (None, "No such"),
-    ],
-)
-def test_a_file_that_cannot_be_read_is_one_clear_line(
-    tmp_path: Path, content: bytes | None, line: str
-) -> None:
-    if content is not None:
-        (tmp_path / "s.toml").write_bytes(content)
-    with pytest.raises(StudyError) as caught:
-        read_study(tmp_path / "s.toml")
-    assert line in str(caught.value)
-    assert "\n" not in str(caught.value)
+def test_a_file_that_cannot_be_read_is_one_clear_line(tmp_path: Path) -> None:
+    path, in_latin = tmp_path / "s.toml", "[study]\n# \xe9\n".encode("latin-1")
+    marked, wide = b"\xef\xbb\xbf[study]\n", "[study]".encode("utf-16")
+    for content, part in ((None, "No such"), (in_latin, ":2: "), (marked, ""), (wide, "UTF-8")):
+        if content is not None:
+            path.write_bytes(content)
+        with pytest.raises(StudyError) as caught:
+            read_study(path)
+        assert part in str(caught.value)
+        assert "\n" not in str(caught.value)
 
 
 # --- every value that a refusal names is accepted ------------------------------------------------
