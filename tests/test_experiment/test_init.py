@@ -15,17 +15,29 @@ if TYPE_CHECKING:
     from tests.conftest import Run
 
 STEEL = {
-    "--width-mm": "30", "--thickness-mm": "0.5", "--length-mm": "150", "--material": "steel",
-    "--edge": "clamped", "--actuator": "disc:12.8@35",
-}  # fmt: skip
+    "--width-mm": "30",
+    "--thickness-mm": "0.5",
+    "--length-mm": "150",
+    "--material": "steel",
+    "--edge": "clamped",
+    "--actuator": "disc:12.8@35",
+}  # fmt: skip - options and values
 GLASS = {
-    "--width-mm": "40", "--thickness-mm": "1", "--length-mm": "200", "--material": "glass",
-    "--edge": "simply-supported", "--actuator": "rectangle:6x18@40",
-}  # fmt: skip
+    "--width-mm": "40",
+    "--thickness-mm": "1",
+    "--length-mm": "200",
+    "--material": "glass",
+    "--edge": "simply-supported",
+    "--actuator": "rectangle:6x18@40",
+}  # fmt: skip - options and values
 ALUMINIUM = {
-    "--width-mm": "25", "--thickness-mm": "0.5", "--length-mm": "200", "--material": "aluminium",
-    "--cutoff-hz": "2500", "--actuator": "disc:12.8@35",
-}  # fmt: skip
+    "--width-mm": "25",
+    "--thickness-mm": "0.5",
+    "--length-mm": "200",
+    "--material": "aluminium",
+    "--cutoff-hz": "2500",
+    "--actuator": "disc:12.8@35",
+}  # fmt: skip - options and values
 LOW = STEEL | {"--edge": "simply-supported", "--thickness-mm": "0.3"}
 HOPELESS = LOW | {"--width-mm": "60"}
 
@@ -72,8 +84,8 @@ def test_the_study_of_a_plate_says_what_was_typed_and_passes_its_check(
 
 
 def test_two_actuators_lie_where_each_was_put(run: Run) -> None:
-    assert run(*words(STEEL | {"--actuator": "disc:10@40"}, "--actuator", "motor:8x6@-30")
-               ).exit_code == 0  # fmt: skip
+    plate = STEEL | {"--actuator": "disc:10@40"}
+    assert run(*words(plate, "--actuator", "motor:8x6@-30")).exit_code == 0
     left, right = read_study("study.toml").actuators
     assert (left.side, left.shape, left.x_mm) == ("left", "motor", -30.0)
     assert (left.length_x_mm, left.length_y_mm) == (8.0, 6.0)

@@ -81,6 +81,7 @@ def lab(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
 RUN = ("run", "study.toml", "--participant", "01", "--seed", "1", "--confirm-hardware")
 
 
+@pytest.mark.slow
 def test_a_session_is_run_by_name(lab: Path, run: Run) -> None:
     done = run(*RUN, "--driver", "printer", "--responder", "impatient")
     assert done.exit_code == 0, done.stderr
@@ -229,9 +230,9 @@ def test_what_a_converter_says_or_fails_with_is_kept_and_nothing_is_played_twice
 
 
 CONVERTER = ("name", "serial_number", "sample_rate_hz", "bits", "full_scale_v", "emulated",
-             "cannot", "connect", "play", "zero", "disconnect")  # fmt: skip
+             "cannot", "connect", "play", "zero", "disconnect")  # fmt: skip - names of one protocol
 DEVICE = ("cannot", "open", "load", "enable", "set_levels", "arm", "fire", "disarm", "query",
-          "stop", "close")  # fmt: skip
+          "stop", "close")  # fmt: skip - names of one protocol
 ANSWERER = ("simulated", "begin", "introduce", "cue", "wait", "ask", "feedback", "pause", "end")
 
 

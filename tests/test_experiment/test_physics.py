@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from experiment import check_study, paper_study, study_from_text, study_gains
+from experiment import StudyError, check_study, paper_study, study_from_text, study_gains
 from experiment.study.physics import (
     bare_strip,
     field_strip,
@@ -17,6 +17,7 @@ from experiment.study.physics import (
 )
 from stimuli import ALUMINIUM, MomentDisc, MomentRectangle, Scene
 from tests.test_experiment.studies import (
+    cases,
     discs,
     facts_of,
     measured,
@@ -249,3 +250,11 @@ def test_the_other_disc_moves_as_the_measured_one_and_is_not_called_measured() -
     whole = FIVE + 'measured_as = "peak-to-peak"\n'
     study = study_from_text(STRIP + discs(whole, AS_LEFT), "s")
     assert study.actuators[1].measured_displacement_um == 2.5
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("text", "parts"), cases("unusable"))
+def test_a_study_that_cannot_be_computed_is_refused_by_its_keys(text: str, parts: str) -> None:
+    with pytest.raises(StudyError) as caught:
+        facts_of(text)
+    assert [part for part in parts.split(" | ") if part not in str(caught.value)] == []

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 from experiment import StudyError, draw_plan, read_study, study_from_text, study_gains
-from tests.test_experiment.studies import discs, facts_of, recorded_plan, sources_of
+from tests.test_experiment.studies import cases, discs, facts_of, recorded_plan, sources_of
 
 if TYPE_CHECKING:
     from tests.conftest import Run
@@ -17,7 +17,6 @@ DISCS = discs(mm=12)
 SIZES = "width_mm = 30\nlength_mm = 200\nthickness_mm = 0.5\n"
 STEEL = f'[strip]\n{SIZES}material = "steel"\nedge = "clamped"\n{DISCS}'
 STATED = f"{STEEL}finger_diameter_mm = 10\n[burst]\nfrequency_hz = 500\n"
-FRACTIONS = "[design]\nrepeats_per_level = 15\nboth_fraction = 0.0323\n"
 
 
 @pytest.fixture(autouse=True)
@@ -30,31 +29,11 @@ def origins(text: str) -> dict[str, tuple[Any, str]]:
     return {key: (source.value, source.origin) for key, source in sources_of(text).items()}
 
 
-@pytest.mark.parametrize(
-    ("text", "key", "value", "origin"),
-    [
-        (STATED, "burst.frequency_hz", 500.0, "yours"),
-        (STATED, "burst.cycles", 1, "paper"),
-        (STATED + FRACTIONS, "design.repeats_per_level", 15, "yours"),
-        (STATED + FRACTIONS, "design.trials_per_side", 75, "computed"),
-        (STATED + FRACTIONS, "design.both_fraction", 0.0323, "yours"),
-        (STATED + FRACTIONS, "design.both_trials", 5, "computed"),
-        (STATED, "actuator[0].finger_diameter_mm", 10.0, "assumed"),
-        (STATED, "actuator[1].finger_diameter_mm", 10.0, "yours"),
-        (STATED, "strip.edge", "clamped", "yours"),
-        (STATED, "strip.material", "steel", "handbook"),
-        (STEEL, "actuator[0].y_mm", 15.0, "assumed"),
-        (STEEL.replace("diameter_mm", "y_mm = 15\ndiameter_mm"), "actuator[0].y_mm", 15.0, "yours"),
-        ("", "actuator[0].y_mm", 12.5, "paper"),
-        (discs(), "actuator[0].y_mm", 12.5, "assumed"),
-        ("strip.width_mm = 25", "strip.width_mm", 25.0, "yours"),
-        ("strip.width_mm = 25", "strip.thickness_mm", 0.5, "paper"),
-        ("strip.measured_cutoff_hz = 2900", "strip.measured_cutoff_hz", 2900.0, "measured"),
-        ("", "strip.measured_cutoff_hz", 2900.0, "paper"),
-    ],
-)
-def test_every_number_has_its_origin(text: str, key: str, value: object, origin: str) -> None:
-    assert origins(text)[key] == (value, origin)
+@pytest.mark.parametrize(("text", "expected"), cases("origins"))
+def test_every_number_has_its_origin(text: str, expected: str) -> None:
+    key, *value_and_origin = expected.split(" | ")
+    source = sources_of(text)[key]
+    assert [source.printed, source.origin] == value_and_origin
 
 
 def test_the_check_states_every_origin(run: Run) -> None:
