@@ -4,27 +4,33 @@ from .archive.history import replay
 from .archive.journal import Entry, Journal, JournalError, JournalWriteError, read_journal
 from .integrity.sessions import examine
 from .participant.settings import ResponderSettings
+from .preview.check import check_study
 from .session.run import run_session
 from .session.simulate import simulate_study
-from .study.read import first_study, paper_study, read_study
+from .study.physics import study_gains
+from .study.read import first_study, paper_study, read_study, study_from_text
 from .study.study import Study, StudyError
+from .terms.gains import ConditionGains
 from .terms.record import COLUMNS, TrialRow
-from .terms.responder import AwaitedAnswer, Press, Progress, Responder, SessionPart
+from .terms.responder import AwaitedAnswer, Press, Progress, Responder, ResponderError, SessionPart
 from .trial.draw import draw_plan
-from .trial.plan import Plan, Trial
+from .trial.plan import Plan, PlanError, Trial
 
 __all__ = [
     "COLUMNS",
     "ArchiveError",
     "AwaitedAnswer",
+    "ConditionGains",
     "Entry",
     "Journal",
     "JournalError",
     "JournalWriteError",
     "Plan",
+    "PlanError",
     "Press",
     "Progress",
     "Responder",
+    "ResponderError",
     "ResponderSettings",
     "SessionFolder",
     "SessionPart",
@@ -32,6 +38,7 @@ __all__ = [
     "StudyError",
     "Trial",
     "TrialRow",
+    "check_study",
     "draw_plan",
     "examine",
     "first_study",
@@ -41,4 +48,6 @@ __all__ = [
     "replay",
     "run_session",
     "simulate_study",
+    "study_from_text",
+    "study_gains",
 ]

@@ -95,6 +95,7 @@ def check(
         rig = assemble(study, driver=driver, port=port, simulated=True)
         device = _device_check(study, rig, given=confirm_hardware)
         findings.part("device_check", device_findings(device))
+        findings.note(warnings=findings.coded)
     # A device failure is printed alone, so nothing is printed before the device was checked.
     click.echo(findings.json if as_json else findings.text)
     if noise_s is not None:

@@ -10,6 +10,7 @@ from device.clock import VirtualClock
 from device.drivers import MOCK
 from experiment.apparatus.rig import chosen_settings, mock_device
 from experiment.apparatus.slots import require_playable, require_suitable, told_limits
+from experiment.preview.findings import CheckWarning, WarningCode
 from experiment.study.sections.design import ASSUMED_ANSWER_S
 from experiment.study.study import UnusableStudyError
 from experiment.terms.exits import ANSWER_IS_NO, CommandError
@@ -54,9 +55,15 @@ class ConditionCheck:
     @property
     def reasons(self) -> tuple[str, ...]:
         """Why the stimulus is unfit, a sentence each; empty if it is fit."""
-        reasons = list(self.burst.reasons)
+        return tuple(warning.message for warning in self.warnings)
+
+    @property
+    def warnings(self) -> tuple[CheckWarning, ...]:
+        """The reasons, each with its code."""
+        energy = WarningCode.ENERGY_ABOVE_CUTOFF
+        found = [CheckWarning(energy, reason) for reason in self.burst.reasons]
         if self.gains is None:
-            return tuple(reasons)
+            return tuple(found)
         for own, other in ((0, 1), (1, 0)):
             level_db, limit_db = self.level_db(other, own), -self.masking_limit_db
             errors = self.patch_errors
@@ -68,13 +75,15 @@ class ConditionCheck:
                 f"finger {level_db:.3f} dB re its own finger"
             )
             if level_db > limit_db:
-                reasons.append(f"{at}; the limit is {limit_db:g} dB")
+                code, words = WarningCode.CROSSTALK_ABOVE_LIMIT, f"; the limit is {limit_db:g} dB"
             else:
-                reasons.append(
-                    f"{at}, known within {doubt_db:.2g} dB: above the limit of {limit_db:g} dB "
+                code = WarningCode.UNCERTAIN_CROSSTALK
+                words = (
+                    f", known within {doubt_db:.2g} dB: above the limit of {limit_db:g} dB "
                     "cannot be excluded"
                 )
-        return tuple(reasons)
+            found.append(CheckWarning(code, f"{at}{words}"))
+        return tuple(found)
 
     def worst(self, place: int, actuator: int) -> TriedGains | None:
         """Return what of `bracket` has the greatest level above another actuator.

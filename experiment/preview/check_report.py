@@ -7,11 +7,11 @@ import textwrap
 from dataclasses import asdict, replace
 from typing import TYPE_CHECKING, Final
 
-from device.drivers import other_channels
+from device.drivers import MOCK, other_channels
 from experiment.apparatus.monitor import monitor_doubt, monitor_words
 from experiment.apparatus.rig import asked_of, full_scale_words, lacking_of, shared_card
 from experiment.preview.displacements import displacement_findings, edge_findings
-from experiment.preview.findings import Findings
+from experiment.preview.findings import Findings, WarningCode
 from experiment.study.origins import deciding_words, instead_of_trials
 from experiment.study.sections.design import part_of_both, repeats_words
 from experiment.study.sections.presentation import key_doubts, unsaid_in, untyped_of
@@ -41,6 +41,10 @@ if TYPE_CHECKING:
 
 
 JSON_SCHEMA: Final = 1
+_FULL_SCALE: Final = {
+    "warning": WarningCode.FULL_SCALE_ABOVE_CEILING,
+    "note": WarningCode.CEILING_ABOVE_FULL_SCALE,
+}
 _VERDICTS: Final = {
     "fit": "fit: below the strip's cut-off, and at most {limit_db:g} dB at the other finger",
     "accepted": "unfit, and accepted by the study: the other finger may feel it too",
@@ -48,6 +52,10 @@ _VERDICTS: Final = {
         "UNFIT: change [burst], the actuators' places or the device's sample rate, "
         "or say in accept_unfit why this stimulus is wanted"
     ),
+}
+_LEVELS: Final = {
+    True: WarningCode.THRESHOLD_NEAR_END_OF_LEVELS,
+    False: WarningCode.THRESHOLD_OUTSIDE_LEVELS,
 }
 _WIDTH: Final = 85
 THICK: Final = 0.1
@@ -108,8 +116,11 @@ def check_findings(
     )
     others = others_than_the_plates(study)
     quiet = {"masking.level_dbfs"} if study.masking.noise == "none" else set[str]()
-    for line in deciding_words(one for one in others if one.key not in quiet):
+    deciding = deciding_words(one for one in others if one.key not in quiet)
+    for line in deciding:
         found.tell("", line)
+    for line in deciding[1:-1]:  # between a heading and what is said of the others
+        found.note_warning(WarningCode.ASSUMED_VALUE, line.strip())
     for origin, whose in (("yours", "yours"), ("paper", "the paper's")):
         keys = ", ".join(one.key for one in others if one.origin == origin)
         for line in textwrap.wrap(f"{whose}: {keys}", _WIDTH) if keys else ():
@@ -121,6 +132,7 @@ def check_findings(
         "verdict",
         _VERDICTS[check.verdict].format(limit_db=-study.burst.masking_limit_db),
         verdict=check.verdict,
+        warnings=found.coded,
     )
     return found
 
@@ -152,21 +164,25 @@ def _strip(check: StudyCheck) -> Findings:
     found.note(measured_cutoff_hz=check.study.plate.measured_cutoff_hz)
     off, told = measured_beside(check.study.plate) or (None, [])
     found.note(measured_above_computed=off)
-    for words in told:
+    for words in told[:1]:
         found.tell("", words)
+    for words in told[1:]:
+        found.warn("", WarningCode.CUTOFF_MISMATCH, words)
     found.take(edge_findings(check))
     if check.edge_stiffness_n is not None:
         ends_hz = [replace(strip, edge=edge).cutoff_hz() for edge in (SIMPLY_SUPPORTED, CLAMPED)]
         found.tell("", f"simply supported edges give {ends_hz[0]:.1f} Hz, clamped {ends_hz[1]:.1f}")
     found.note(thinness=check.thinness)
     if check.thinness > THICK:
-        found.tell(
+        found.warn(
             "warning",
+            WarningCode.THICK_PLATE,
             f"not a thin plate: (k h)^2 = {check.thinness:.2g} at the cut-off, about the part by "
             "which it is wrong",
         )
     if basis == "measured-cutoff":
-        found.tell("", "a clamped strip that is a little wider can have the same cut-off")
+        words = "a clamped strip that is a little wider can have the same cut-off"
+        found.warn("", WarningCode.AMBIGUOUS_CUTOFF, words)
     return found
 
 
@@ -205,7 +221,7 @@ def _actuator(study: Study, place: int) -> Findings:
     found.tell("", f"place and size: {sources[f'actuator[{place}].x_mm'].words}{words}")
     across = sources[f"actuator[{place}].y_mm"]
     if across.origin == "assumed":
-        found.tell("", f"y: {across.words}")
+        found.warn("", WarningCode.ASSUMED_POSITION, f"y: {across.words}")
     if actuator.patch is not None:
         found.tell("", patch_words(study.strip, actuator.patch))
     return found
@@ -249,10 +265,10 @@ def _condition(check: StudyCheck, one: ConditionCheck) -> Findings:
     else:
         found.part("displacements", displacement_findings(check, one, one.gains))
     found.note(reasons=one.reasons, accept_unfit=condition.accept_unfit)
-    for reason in one.reasons:
-        found.tell("unfit", reason)
+    for warning in one.warnings:
+        found.warn("unfit", warning.code, warning.message)
     if one.verdict == "accepted":
-        found.tell("accepted", f"{condition.accept_unfit}")
+        found.warn("accepted", WarningCode.ACCEPTED_STIMULUS, f"{condition.accept_unfit}")
     return found
 
 
@@ -292,20 +308,27 @@ def _tell_plan(found: Findings, check: StudyCheck, device: DeviceSettings) -> No
     each = f"{len(study.conditions)} conditions with " if len(study.conditions) > 1 else ""
     _tell_devices(found, study, device)
     found.tell("contact", study.contact.words, contact=asdict(study.contact))
+    if study.contact.control in {"none", "not stated"}:
+        message = f"contact of the fingers: {study.contact.words}"
+        found.note_warning(WarningCode.UNKNOWN_CONTACT, message)
+    if study.masking.noise == "none":
+        found.note_warning(WarningCode.NO_MASKING_NOISE, 'masking.noise = "none"')
     stated = asdict(design) | {"both_level_vpp": design.both_level_vpp} | instead_of_trials(design)
     del stated["both_level"]  # text or a number; told as a number or null
     found.note(design=stated)
     found.tell("answers", ", ".join(design.responses))
     if unsaid := unsaid_in(study.texts, design):
-        found.tell("instructions", f"your own, {unsaid}: say it if they do not", unsaid=unsaid)
+        words = f"your own, {unsaid}: say it if they do not"
+        found.warn("instructions", WarningCode.INCOMPLETE_INSTRUCTIONS, words, unsaid=unsaid)
     if doubts := key_doubts(study.texts, study.keys, design):
-        found.tell("texts", "; ".join(doubts), key_doubts=doubts)
+        found.warn("texts", WarningCode.UNKNOWN_KEY, "; ".join(doubts), key_doubts=doubts)
     offered = (
         *design.responses,
         *(["none"] * bool(check.audibility_trials + check.control_trials)),
     )
     if untyped := untyped_of(study.keys, offered):
-        found.tell("keys", f"not for --responder terminal: {untyped}", untyped_keys=untyped)
+        words = f"not for --responder terminal: {untyped}"
+        found.warn("keys", WarningCode.UNTYPED_KEY, words, untyped_keys=untyped)
     found.tell("levels", repeats_words(design))
     some = bool(design.practice_trials)
     found.tell(
@@ -319,7 +342,7 @@ def _tell_plan(found: Findings, check: StudyCheck, device: DeviceSettings) -> No
     first, *others = block_words(design)
     found.tell("blocks", first + per_condition, block_trials=block_lengths(design))
     for words in others:
-        found.tell("", words)
+        found.warn("", WarningCode.SHORT_BLOCKS, words)
     if design.condition_order == "balanced":
         orders = order_count(len(study.conditions))
         found.tell("order", f"of conditions balanced over each {orders} participants in a row")
@@ -358,15 +381,26 @@ def _tell_people(found: Findings, check: StudyCheck, device: DeviceSettings) -> 
         for words in people_words(study, every, device):
             found.tell(label, words)
             label = ""
+        if doubt := medians[0].source_doubt:
+            found.note_warning(WarningCode.THRESHOLD_OF_ANOTHER_PLATE, doubt)
+        for name, one in zip(names, medians, strict=True):
+            if doubt := one.levels_doubt:
+                found.note_warning(_LEVELS[one.levels_lie == "around"], f"In {name}: {doubt}")
     if words := unmeasured_words(study):
-        found.tell(label, words, simulation_unmeasured=list(unmeasured(study)))
+        outside = list(unmeasured(study))
+        found.warn(
+            label, WarningCode.THRESHOLD_OUTSIDE_CURVES, words, simulation_unmeasured=outside
+        )
 
 
 def _tell_devices(found: Findings, study: Study, device: DeviceSettings) -> None:
     """Tell what drives and what measures, and what a session would refuse or blame of them."""
     found.tell("device", _device_words(study, device), device=asdict(device))
     for heading, words in full_scale_words(device, study.design.highest_vpp).items():
-        found.tell(heading, words)
+        if heading in _FULL_SCALE:
+            found.warn(heading, _FULL_SCALE[heading], words)
+        else:
+            found.tell(heading, words)
     refused = (
         ("", lacking_of(device)),
         ("", other_channels(device.driver, device.channels)),
@@ -375,12 +409,16 @@ def _tell_devices(found: Findings, study: Study, device: DeviceSettings) -> None
     found.note(run_refuses=[why for _, why in refused if why])
     for whom, why in refused:
         if why:
-            found.tell("warning", f"run refuses{whom}: {why}")
+            found.warn("warning", WarningCode.REFUSED_DEVICE, f"run refuses{whom}: {why}")
     found.tell("run", asked_of(device), run_asks=asked_of(device))
+    if device.driver == MOCK:
+        found.note_warning(WarningCode.PRACTICE_DEVICE, asked_of(device))
     if study.monitor.source != "none":
         found.tell("monitor", monitor_words(study.monitor), monitor=asdict(study.monitor))
     if doubt := monitor_doubt(study.monitor):
-        found.tell("warning", doubt)
+        unused = study.monitor.source == "none"
+        code = WarningCode.UNUSED_MONITOR if unused else WarningCode.NARROW_ONSET_TOLERANCE
+        found.warn("warning", code, doubt)
 
 
 def _in_each(study: Study, trials: int) -> str:

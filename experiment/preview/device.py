@@ -23,7 +23,7 @@ from experiment.apparatus.slots import (
     told_health,
     told_limits,
 )
-from experiment.preview.findings import Findings
+from experiment.preview.findings import Findings, WarningCode
 from experiment.preview.monitor import MonitorCalibration
 
 if TYPE_CHECKING:
@@ -265,7 +265,7 @@ def device_findings(check: DeviceCheck) -> Findings:
         found.tell("", str(check.health), health=asdict(check.health))
     found.note(cannot=list(check.cannot))
     for promise in check.cannot:
-        found.tell("", f"cannot {promise}")
+        found.warn("", WarningCode.MISSING_GUARANTEE, f"cannot {promise}")
     found.tell("takes", f"{levels} Vpp", levels_vpp=list(check.levels_vpp))
     found.parts("channels", map(_channel_findings, check.channels))
     return found
@@ -285,6 +285,8 @@ def _channel_findings(channel: ChannelCheck) -> Findings:
         seen=channel.seen,
         good=channel.good,
     )
+    if not channel.ready:
+        found.note_warning(WarningCode.FAILED_CHANNEL, f"{channel.side}: {channel.text}")
     if channel.calibration is not None:
         found.part("monitor", channel.calibration.findings)
     return found
@@ -338,7 +340,7 @@ def machine_findings(lacks: Iterable[tuple[str, Lack]]) -> Findings:
     for need, lack in lacks:
         note = Findings()
         facts = {"need": need, "lacks": lack.what, "remedy": lack.remedy}
-        note.tell("note", f"{need}: {lack}", **facts)
+        note.warn("note", WarningCode.MISSING_EQUIPMENT, f"{need}: {lack}", **facts)
         notes.append(note)
     if notes:
         found.space()

@@ -8,7 +8,7 @@ from itertools import product
 from typing import TYPE_CHECKING, Any, Final
 
 from experiment.preview.edges import edge_words, other_edge, with_other_edge
-from experiment.preview.findings import Findings
+from experiment.preview.findings import Findings, WarningCode
 from experiment.preview.plate import ALIKE
 from experiment.study.sources import displacement_source, finger_words
 from experiment.terms.gains import OWN_FINGERS, UNEQUAL_DB, significant
@@ -48,9 +48,13 @@ def displacement_findings(
     known = gains.bases[: len(OWN_FINGERS)]
     if None in known and any(known):
         missing = OWN_FINGERS[known.index(None)]
-        found.tell("", f"with none of the {missing} actuator, trials.csv has no micrometres, and")
-        found.tell("", "simulated people have a threshold in V: docs/plate.md")
-        found.tell("", ALIKE)
+        found.warn(
+            "",
+            WarningCode.ONE_SIDED_DISPLACEMENT,
+            f"with none of the {missing} actuator, trials.csv has no micrometres, and",
+            "simulated people have a threshold in V: docs/plate.md",
+            ALIKE,
+        )
     _tell_unequal(found, gains.fingers())
     found.tell("", f"{-one.masking_limit_db:g} dB at the other finger is the limit")
     moved = found.facts["actuators"]
@@ -71,6 +75,8 @@ def displacement_findings(
     found.note(finger_load=asdict(load) | {"applied": rests} if load.impedance else None)
     for words in finger_words(study, one.condition):
         found.tell("", words)
+    if load.impedance and not rests:
+        found.note_warning(WarningCode.OMITTED_FINGER_LOAD, finger_words(study, one.condition)[-1])
     return found
 
 
@@ -80,8 +86,12 @@ def _tell_unequal(found: Findings, gains: FingerGains) -> None:
     found.note(right_re_left_db=more_db)
     if more_db is not None and abs(more_db) >= UNEQUAL_DB:
         more, less = OWN_FINGERS[:: -1 if more_db > 0 else 1]
-        found.tell("", f"the same volts move the {more} finger {abs(more_db):.1f} dB more than the")
-        found.tell("", f"{less}: a threshold in V is that of both sides together, between the two")
+        found.warn(
+            "",
+            WarningCode.UNEQUAL_SIDES,
+            f"the same volts move the {more} finger {abs(more_db):.1f} dB more than the",
+            f"{less}: a threshold in V is that of both sides together, between the two",
+        )
 
 
 def _moved(study: Study, one: ConditionCheck, gains: ConditionGains, column: int) -> Findings:
@@ -124,6 +134,8 @@ def _moved(study: Study, one: ConditionCheck, gains: ConditionGains, column: int
         own_um=own_um,
         fingers=others,
     )
+    if source is None:
+        found.note_warning(WarningCode.UNKNOWN_DISPLACEMENT, f"{name}: {_UNKNOWN}")
     return found
 
 
@@ -149,7 +161,7 @@ def tell_ideal(found: Findings, levels_db: Iterable[float | None]) -> None:
     if any(one is not None and one < _IDEAL_DB for one in levels_db):
         limit = f"below about {_IDEAL_DB:g} dB (assumed)"
         words = f"{limit} crosstalk, bars and table may carry more: docs/explanation/limits.md"
-        found.tell("", words)
+        found.warn("", WarningCode.CROSSTALK_BELOW_MODEL, words)
 
 
 _PLASTICS: Final = ("pmma", "polycarbonate")
@@ -203,11 +215,12 @@ def edge_findings(check: StudyCheck) -> Findings:
             facts |= {"refusal": str(error)}
     found.tell("", words, other_edge=facts)
     if refusal:
-        found.tell("", refusal)
+        found.warn("", WarningCode.OTHER_EDGE_UNKNOWN, refusal)
     inside_db = -study.burst.masking_limit_db - facts.get("level_db", -math.inf)
     if 0 <= inside_db < _NEAR_LIMIT_DB:
-        found.tell("", f"that is {inside_db:.1f} dB inside the limit; for more: tactstrip bursts")
-    found.tell("", f"{_WHY[edge]}: measure it, docs/hardware.md")
+        words = f"that is {inside_db:.1f} dB inside the limit; for more: tactstrip bursts"
+        found.warn("", WarningCode.CROSSTALK_NEAR_LIMIT, words)
+    found.warn("", WarningCode.IDEAL_EDGE, f"{_WHY[edge]}: measure it, docs/hardware.md")
     return found
 
 
@@ -236,9 +249,13 @@ def _tell_spread(found: Findings, study: Study) -> None:
         factor = max(most / least, least / most) if least and most else 1.0
         if factor > 1 + _SURE:
             at = f"{actuator.label}: measured at {actuator.measured_at_hz:g} Hz, next to the first"
-            found.tell("", f"{at} mode of the plate; its")
-            found.tell("", f"micrometres differ by a factor of {factor:.3g} between these losses:")
-            found.tell("", "measure at a lower frequency, or state loss_factor")
+            found.warn(
+                "",
+                WarningCode.MEASURED_NEAR_MODE,
+                f"{at} mode of the plate; its",
+                f"micrometres differ by a factor of {factor:.3g} between these losses:",
+                "measure at a lower frequency, or state loss_factor",
+            )
 
 
 def _tell_loss(found: Findings, check: StudyCheck, one: ConditionCheck) -> None:
@@ -250,17 +267,17 @@ def _tell_loss(found: Findings, check: StudyCheck, one: ConditionCheck) -> None:
     material = strip.material
     viscous_s = causal(strip, one.condition.drive).material.viscous_time_s
     if not plate.is_loss_stated:
-        found.tell(
+        found.warn(
             "",
+            WarningCode.ASSUMED_LOSS,
             f"no loss is stated: the levels are the worse of loss factors {LEAST_LOSS:g} and "
             f"{MOST_LOSS:g}",
-        )
-        found.tell(
-            "", f"(assumed); micrometres, plan and simulated people have {ASSUMED_LOSS:g} (assumed)"
+            f"(assumed); micrometres, plan and simulated people have {ASSUMED_LOSS:g} (assumed)",
         )
         _tell_spread(found, check.study)
         if plate.material in _PLASTICS:
-            found.tell("", "these are of glued metal; plastics lose more: state loss_factor")
+            words = "these are of glued metal; plastics lose more: state loss_factor"
+            found.warn("", WarningCode.PLASTIC_LOSS, words)
     found.note(
         loss_basis="stated" if plate.is_loss_stated else "assumed",
         loss_factors=[LEAST_LOSS, MOST_LOSS] if not plate.is_loss_stated else [plate.loss_factor],

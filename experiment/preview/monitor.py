@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
-from experiment.preview.findings import Findings
+from experiment.preview.findings import Findings, WarningCode
 
 if TYPE_CHECKING:
     from device.monitor.measured import Measured, Planned
@@ -98,7 +98,7 @@ class MonitorCalibration:
         }
         found.note(**facts)
         if not self.good:
-            found.tell("monitor", f"WRONG: {one.words}")
+            found.warn("monitor", WarningCode.UNVERIFIED_BURST, f"WRONG: {one.words}")
         if not self._can_calibrate:
             return found
         beside = "" if noise is None else f", noise {noise:.3g} {one.tap.unit}"

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import pytest
 
 from experiment import ArchiveError, SessionFolder
-from tests.test_experiment.people import assert_gone
 from tests.test_experiment.sessions import contents
+from tests.test_experiment.withdrawals import assert_gone
 
 if TYPE_CHECKING:
     from collections.abc import Callable

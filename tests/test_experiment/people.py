@@ -1,39 +1,73 @@
-"""Folders of results with a withdrawal that is under way, or done."""
+"""Simulated participants: made from the keys of [simulation], and asked as in a session."""
 
 from __future__ import annotations
 
-import contextlib
-from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from experiment.archive.participants import Tombstone, read_people, read_tombstone, write_tombstone
-from experiment.archive.withdraw import held, look_up, remove
+import numpy as np
+
+from device import VirtualClock
+from experiment import AwaitedAnswer, ConditionGains, paper_study
+from experiment.session.simulate import SimulatedResponder
+from experiment.terms.gains import OWN_FINGER_ONLY
+from experiment.terms.people import threshold_course_db
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
-    from pathlib import Path
+    from experiment.study.sections.simulation import Simulation
+    from experiment.terms.gains import FingerGains
+    from experiment.terms.observer import Observer
 
 
-def begin_withdrawal(results: Path, who: str, day: str, *, removed: bool = False) -> None:
-    """Leave the tombstone of a withdrawal, and the data."""
-    write_tombstone(results, Tombstone(participant=who, withdrawn=day, removed=removed))
+def population(**keys: Any) -> Simulation:
+    """Return the simulated participants of a section [simulation] with these keys."""
+    return paper_study().changed(simulation=keys).simulation
 
 
-@contextlib.contextmanager
-def change_meanwhile(results: Path, who: str) -> Iterator[Callable[[], object]]:
-    """Look a person up and hold the sessions; what is given removes the person."""
-    person = look_up(results, who)
-    with held(person) as locks:
-        yield partial(remove, person, locks, today="2026-01-02")
+def finger_gains(
+    left: tuple[float, float], right: tuple[float, float], basis: Any = "measured"
+) -> FingerGains:
+    """Return what the two fingers get, in micrometres per volt if the basis is known."""
+    return ConditionGains(
+        condition="main",
+        actuators=("left", "right"),
+        bases=(basis, basis),
+        per_vpp=(left, right),
+    ).fingers()
 
 
-def assert_gone(results: Path) -> None:
-    """Check that nothing but a tombstone is left of participant 01."""
-    assert not (results / "sub-01").exists()
-    assert read_people(results).rows == (("sub-02",),)
-    tombstone = read_tombstone(results, "01")
-    assert tombstone is not None
-    assert tombstone.removed
-    assert [path.name for path in (results / "withdrawn").iterdir()] == ["sub-01.json"]
-    assert look_up(results, "01").gone
-    assert (results / "sub-02" / "ses-01" / "trials.csv").exists()
+def course_db(person: Observer, trials: int, seed: int) -> list[float]:
+    """Return how a participant's threshold moves over a session in blocks of 150 trials."""
+    blocks = [trial // 150 for trial in range(trials)]
+    return list(threshold_course_db(person, blocks, np.random.default_rng((seed, 1))))
+
+
+def in_session(person: Observer, trials: int, seed: int) -> SimulatedResponder:
+    """Seat a participant in a session."""
+    shifts_db = course_db(person, trials, seed)
+    return SimulatedResponder(
+        person,
+        VirtualClock(),
+        seed=seed,
+        gains=dict.fromkeys(range(trials), OWN_FINGER_ONLY),
+        shifts_db={trial: (shift_db,) * 2 for trial, shift_db in enumerate(shifts_db)},
+    )
+
+
+def ask(
+    responder: SimulatedResponder,
+    trial: int,
+    levels_vpp: tuple[float, float],
+    offered: Any,
+    window_s: float = 60.0,
+) -> Any:
+    """Present a trial at two levels and return the press."""
+    question = AwaitedAnswer(
+        trial=trial,
+        attempt=1,
+        level_left_vpp=levels_vpp[0],
+        level_right_vpp=levels_vpp[1],
+        onset_s=0.0,
+        window_s=window_s,
+        answers=offered,
+    )
+    return responder.ask(question)

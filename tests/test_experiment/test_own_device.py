@@ -5,31 +5,31 @@ from __future__ import annotations
 import csv
 import importlib
 import json
-import os
-import re
-import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
-from types import ModuleType, SimpleNamespace
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
 
-from device.clock import VirtualClock
-from device.core.converter import converter_device
-from device.driver import Outcome
-from device.drivers import DriverSettings, make_device
-from device.errors import LimitExceeded, LinkError
-from device.limits import Limits
-from experiment.session.run import run_session
-from experiment.study.read import study_from_text
-from experiment.terms.responder import Press, ResponderError
+from device import (
+    DriverSettings,
+    LimitExceeded,
+    Limits,
+    LinkError,
+    Outcome,
+    VirtualClock,
+    converter_device,
+    make_device,
+)
+from experiment import Press, ResponderError, run_session, study_from_text
+from experiment.apparatus.slots import require_suitable, told_limits
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from experiment.session.setting import Ending
+    from tests.conftest import Run
 
 DOCS = Path(__file__).parents[2] / "docs"
 OWN = DOCS / "examples" / "own_device"
@@ -62,101 +62,89 @@ def offer(folder: Path, entries: str, modules: dict[str, str], name: str = "lab_
 
 
 @pytest.fixture
-def lab(tmp_path: Path) -> Path:
-    """A folder with the example's distribution."""
+def lab(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    """A folder with a study, and the example's distribution where Python finds it."""
     offer(
         tmp_path / "site",
         "[tactstrip.drivers]\nprinter = lab_device:printer\n"
         "[tactstrip.responders]\nimpatient = lab_device:Impatient\n",
         {"lab_device": (OWN / "lab_device.py").read_text(encoding="utf-8")},
     )
-    return tmp_path
+    (tmp_path / "study.toml").write_text(STUDY, encoding="utf-8")
+    monkeypatch.syspath_prepend(tmp_path / "site")
+    monkeypatch.chdir(tmp_path)
+    yield tmp_path
+    for module in ("lab_device", "broken"):
+        sys.modules.pop(module, None)
 
 
-def tactstrip(folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, "-c", "from tactstrip import main; main()", *words],
-        cwd=folder, capture_output=True, text=True, check=False,
-        env=os.environ | {"PYTHONPATH": f"{folder / 'site'}:{Path.cwd()}"},
-    )  # fmt: skip
+RUN = ("run", "study.toml", "--participant", "01", "--seed", "1", "--confirm-hardware")
 
 
-def test_the_page_shows_the_example_and_keeps_its_promise_of_lines() -> None:
-    page = (DOCS / "own-device.md").read_text(encoding="utf-8")
-    blocks = re.findall(r"```\w+\n(.*?)```", page, flags=re.DOTALL)
-    files = ("lab_device.py", "pyproject.toml")
-    assert blocks == [(OWN / name).read_text(encoding="utf-8") for name in files]
-    device, responder = blocks[0].split("class Impatient:")
-    assert sum(map(bool, device.split("\n"))) <= 40
-    assert sum(map(bool, responder.split("\n"))) <= 30
-
-
-@pytest.mark.process
-def test_a_session_is_run_by_name_from_the_command_line(lab: Path) -> None:
-    (lab / "study.toml").write_text(STUDY, encoding="utf-8")
-    words = ("run", "study.toml", "--participant", "01", "--seed", "1")
-    done = tactstrip(lab, *words, "--driver", "printer", "--responder", "impatient",
-                     "--confirm-hardware")  # fmt: skip
-    assert done.returncode == 0, done.stderr
-    assert len(re.findall(r"^\d+ V left, \d+ V right$", done.stdout, flags=re.MULTILINE)) == 4
+@pytest.mark.slow
+def test_a_session_is_run_by_name(lab: Path, run: Run) -> None:
+    done = run(*RUN, "--driver", "printer", "--responder", "impatient")
+    assert done.exit_code == 0, done.stderr
     session = lab / "results" / "sub-01" / "ses-01"
     header = json.loads((session / "header.json").read_text(encoding="utf-8"))
     assert header["driver_distribution"] == header["responder_distribution"] == "lab_device 0.1"
     assert (header["responder"], header["device"]) == ("impatient", "printer")
     with (session / "trials.csv").open(encoding="utf-8") as table:
         rows = list(csv.DictReader(table))
-    assert [row["response"] for row in rows] == ["left"] * 4
-    assert {row["status"] for row in rows} == {"ok"}
+    assert [(row["response"], row["status"]) for row in rows] == [("left", "ok")] * 4
     assert {float(row["rt_s"]) // 0.01 for row in rows} <= {33.0, 34.0, 35.0, 36.0}
 
 
-@pytest.mark.process
 @pytest.mark.parametrize(
-    ("entries", "module", "said"),
+    ("driver", "entries", "module", "parts"),
     [
-        (
-            "printer = nowhere:printer",
-            "",
-            "printer of lab_device 0.1 cannot be loaded from nowhere",
-        ),
-        ("printer = broken:printer", "1 / 0", "ZeroDivisionError: division by zero"),
-        ("printer = broken:printer", "printer = 3", "must be a factory that can be called"),
+        ("other", "other = nowhere:printer", "", ["other", "nowhere"]),
+        ("other", "other = broken:printer", "1 / 0", ["other", "ZeroDivisionError"]),
+        ("other", "other = broken:printer", "printer = 3", ["other", "factory"]),
+        ("printer", "printer = other:printer", "", ["lab_device 0.1", "other_lab 0.1"]),
+        ("mock", "mock = nowhere:mock", "", None),  # the built-in one, with a note
+        ("printer", "mock = nowhere:mock", "", None),
     ],
 )
 def test_a_driver_that_cannot_be_loaded_is_refused_in_one_line(
-    tmp_path: Path, entries: str, module: str, said: str
+    driver: str, entries: str, module: str, parts: list[str] | None, lab: Path, run: Run
 ) -> None:
-    offer(tmp_path / "site", f"[tactstrip.drivers]\n{entries}\n", {"broken": module})
-    (tmp_path / "study.toml").write_text(STUDY, encoding="utf-8")
-    done = tactstrip(tmp_path, "run", "study.toml", "--participant", "01", "--driver", "printer",
-                     "--responder", "simulated", "--confirm-hardware")  # fmt: skip
-    assert done.returncode == 2
-    (line,) = [line for line in done.stderr.splitlines() if line.startswith("error: ")]
-    assert said in line
-    assert not (tmp_path / "results").exists()
+    offer(lab / "site", f"[tactstrip.drivers]\n{entries}\n", {"broken": module}, name="other_lab")
+    done = run(*RUN, "--driver", driver, "--responder", "simulated")
+    if parts is None:
+        assert (done.exit_code, done.stderr.count("other_lab 0.1")) == (0, int(driver == "mock"))
+        return
+    assert (done.exit_code, done.stderr.count("\n")) == (2, 1)
+    assert [part for part in parts if part not in done.stderr] == []
+    assert not (lab / "results").exists()
 
 
-@pytest.mark.process
-@pytest.mark.parametrize(("driver", "notes"), [("mock", 1), ("printer", 0)])
-def test_a_built_in_name_is_that_of_the_built_in_one_and_told(
-    lab: Path, driver: str, notes: int
+LEFT = "def leave(*_):\n    raise OSError('gone')\nImpatient.__enter__ = lambda self: self\n"
+
+
+@pytest.mark.parametrize(
+    ("made", "part", "exit_code"),
+    [
+        ("Printer.emulated = None", "Printer.emulated", 2),
+        ("del Printer.emulated", "Printer", 2),
+        ("Printer.play = lambda self: None", "(left_v, right_v); got ()", 2),
+        ("Printer.bits = 99", "bits", 2),
+        ("del Impatient.simulated", "Impatient", 2),
+        ("del Impatient.cue", "cue(progress)", 2),
+        ("Impatient.pause = lambda self, progress: True", "(progress, *, paused, minimum_s)", 2),
+        (f"{LEFT}Impatient.__exit__ = leave", "OSError: gone", 0),
+    ],
+)
+def test_what_is_lacking_is_one_line_with_its_distribution(
+    made: str, part: str, exit_code: int, lab: Path, run: Run
 ) -> None:
-    offer(lab / "site", "[tactstrip.drivers]\nmock = nowhere:mock\n", {}, name="other_lab")
-    (lab / "study.toml").write_text(STUDY, encoding="utf-8")
-    done = tactstrip(lab, "run", "study.toml", "--participant", "01", "--driver", driver,
-                     "--responder", "simulated", "--confirm-hardware")  # fmt: skip
-    assert done.returncode == 0, done.stderr
-    told = "mock is the built-in one; that of other_lab 0.1 is not used"
-    assert done.stderr.count(told) == notes
-
-
-@pytest.mark.process
-def test_a_name_that_two_distributions_offer_is_refused(lab: Path) -> None:
-    offer(lab / "site", "[tactstrip.drivers]\nprinter = other:printer\n", {}, name="other_lab")
-    (lab / "study.toml").write_text(STUDY, encoding="utf-8")
-    done = tactstrip(lab, "check", "study.toml", "--device", "--driver", "printer")
-    assert done.returncode == 2
-    assert "printer is offered by lab_device 0.1 and by other_lab 0.1; uninstall one" in done.stderr
+    module = lab / "site" / "lab_device.py"
+    module.write_text(f"{module.read_text('utf-8')}\n{made}\n", encoding="utf-8")
+    done = run(*RUN, "--driver", "printer", "--responder", "impatient")
+    assert done.exit_code == exit_code, done.stderr
+    (line,) = [line for line in done.stderr.splitlines() if part in line]
+    assert exit_code == 0 or "lab_device 0.1" in line
+    assert (lab / "results").exists() == (exit_code == 0)
 
 
 @pytest.fixture
@@ -166,75 +154,29 @@ def lab_device(monkeypatch: pytest.MonkeyPatch) -> Iterator[Any]:
     sys.modules.pop("lab_device")
 
 
-def test_a_session_is_run_from_python(lab_device: Any, tmp_path: Path) -> None:
-    clock = VirtualClock()
-    settings = DriverSettings(limits=LIMITS)
-    study = study_from_text(STUDY, "study.toml")
-    someone = lab_device.Impatient(None, clock)
-    ending = run_session(
-        study, "01", lab_device.printer(settings, clock), someone, out=tmp_path, clock=clock, seed=1
-    )
-    assert ending.finished
-    assert ending.trials_path.read_text(encoding="utf-8").count(",left,0.33,") == 4
-    again = lab_device.printer(settings, clock)
-    with pytest.raises(ValueError, match="exists"):
-        run_session(study, "01", again, someone, out=tmp_path, clock=clock)
-    ended = run_session(study, "01", again, someone, out=tmp_path, clock=clock, resuming=True)
-    assert ended.finished
-
-
-def test_levels_markers_and_a_late_resume_are_had_from_python_too(
-    lab_device: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize(
+    ("changed", "bound"),
+    [
+        ({"slots": 3}, "4 slots"),
+        ({"memory_samples": 387}, "388 .* 387"),
+        ({"least_interval_us": 60_000}, r"device\.least_interval_s .* 0\.06 "),
+        ({"max_duty_ppm": 10_000}, r"device\.least_interval_s .* 0\.202125 "),
+        ({"longest_time_to_live_us": 999_999}, " 1 s"),
+        ({"dc_tolerance_ppm": 1}, "DC"),
+    ],
+)
+def test_what_a_device_would_refuse_in_a_session_is_refused_before(
+    changed: dict[str, Any], bound: str
 ) -> None:
-    clock, study = VirtualClock(), study_from_text(STUDY, "study.toml")
-    sent: list[str] = []
-
-    class Markers:
-        words = "kept here"
-
-        def __init__(self, clock: Any, *, participant: str, session: str) -> None: ...
-
-        def heard(self) -> bool:
-            return True
-
-        def send(self, marker: str, time_s: float) -> None:
-            sent.append(marker)
-
-    monkeypatch.setattr("experiment.session.run.LslMarkers", Markers)
-
-    def run(**more: Any) -> Ending:
-        someone = lab_device.Impatient(None, clock)
-        device = lab_device.printer(DriverSettings(limits=LIMITS), clock)
-        return run_session(study, "01", device, someone, out=tmp_path, clock=clock, **more)
-
-    monkeypatch.setattr(lab_device.Impatient, "pause", lambda *_, **__: False, raising=False)
-    monkeypatch.setattr(lab_device.Impatient, "introduce", lambda *_: False)
-    assert not run(levels_vpp=(33.0,), seed=1).finished
-    monkeypatch.undo()
-    monkeypatch.setattr("experiment.session.run.LslMarkers", Markers)
-    monkeypatch.setattr("experiment.session.conduct.interruption_s", lambda _: 3600.0)
-    with pytest.raises(ValueError, match="interrupted 60 minutes ago"):
-        run(resuming=True)
-    ending = run(resume_anyway=True, lsl=True)
-    assert ending.finished
-    assert ending.trials_path.read_text(encoding="utf-8").count(",33,left,") == 4
-    assert [marker.split("/")[0] for marker in sent].count("stimulus") == 4
-
-
-def test_a_person_on_an_emulated_device_of_ones_own_is_practice(
-    lab_device: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    clock, study = VirtualClock(), study_from_text(STUDY, "study.toml")
-    someone = lab_device.Impatient(None, clock)
-    device = lab_device.printer(DriverSettings(limits=LIMITS), clock)
-    monkeypatch.setattr(type(someone), "simulated", False)
-    with pytest.raises(ValueError, match="--practice-without-device"):
-        run_session(study, "01", device, someone, out=tmp_path, clock=clock)
-    assert not (tmp_path / "sub-01").exists()
-    ending = run_session(
-        study, "01", device, someone, out=tmp_path, clock=clock, practice_without_device=True
-    )
-    assert ending.trials_path.read_text(encoding="utf-8").count(",false,emulated,") == 4
+    study = study_from_text("[burst]\nfrequency_hz = 499.3\n", "study.toml")
+    if "dc_tolerance_ppm" not in changed:
+        study = study_from_text("", "study.toml")
+    device = make_device("mock", DriverSettings(limits=Limits(ceiling_vpp=200.0)), VirtualClock())
+    identity, limits = device.open(), told_limits(device)
+    assert limits is not None
+    require_suitable(study, identity, limits)
+    with pytest.raises(ValueError, match=bound):
+        require_suitable(study, identity, replace(limits, **changed))
 
 
 class Faulty:
@@ -262,7 +204,7 @@ class Faulty:
 
 
 @pytest.mark.parametrize(
-    ("outcome", "told"),
+    ("outcome", "kept"),
     [
         (Outcome.NOT_FIRED, Outcome.NOT_FIRED),
         (RuntimeError("the cable is out"), Outcome.INDETERMINATE),
@@ -270,7 +212,7 @@ class Faulty:
     ],
 )
 def test_what_a_converter_says_or_fails_with_is_kept_and_nothing_is_played_twice(
-    outcome: Any, told: Outcome
+    outcome: Any, kept: Outcome
 ) -> None:
     converter = Faulty(outcome)
     device = converter_device(converter, limits=LIMITS, clock=VirtualClock())
@@ -280,329 +222,17 @@ def test_what_a_converter_says_or_fails_with_is_kept_and_nothing_is_played_twice
     device.set_levels(100.0, 50.0)
     device.arm(1, 0, time_to_live_s=1.0)
     for _ in range(3):
-        assert device.fire(1).outcome is device.query(1).outcome is told
+        assert device.fire(1).outcome is device.query(1).outcome is kept
     assert converter.played == [pytest.approx((50.0, 25.0), rel=1e-4)]
-    if told is Outcome.INDETERMINATE:
+    if kept is Outcome.INDETERMINATE:
         with pytest.raises(LinkError, match=r"^faulty: "):
             device.enable()
 
 
-def test_no_burst_is_above_what_the_converter_reaches() -> None:
-    device = converter_device(Faulty(Outcome.FIRED), limits=LIMITS, clock=VirtualClock())
-    assert device.open().ceiling_vpp == 120.0
-    device.load(0, SINE, SINE)
-    with pytest.raises(LimitExceeded):
-        device.set_levels(121.0, 0.0)
-
-
-# --- the larger examples, against stand-ins ------------------------------------------------------
-
-
-def example(name: str) -> Any:
-    path = DOCS / "examples" / f"{name}.py"
-    module = ModuleType(name)
-    exec(compile(path.read_text(encoding="utf-8"), path, "exec"), vars(module))
-    return module
-
-
-def burst_on(device: Any, level_vpp: float = 100.0) -> Any:
-    device.open()
-    device.load(0, SINE, 0 * SINE)
-    device.enable()
-    device.set_levels(level_vpp, level_vpp)
-    device.arm(1, 0, time_to_live_s=1.0)
-    return device.fire(1)
-
-
-class Tasks:
-    """A stand-in for nidaqmx with the signatures of its release 1.7, and only what is used."""
-
-    def __init__(self) -> None:
-        self.calls: list[tuple[Any, ...]] = []
-        self.error: Exception | None = None
-
-    def task(self) -> Task:
-        return Task(self)
-
-
-class Task:
-    def __init__(self, tasks: Tasks) -> None:
-        self._tasks, self._calls = tasks, tasks.calls
-        self.ao_channels = self.timing = self
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._calls.append(("closed",))
-
-    def add_ao_voltage_chan(self, physical_channel: str, *, min_val: float, max_val: float) -> None:
-        assert (min_val, max_val) == (-10.0, 10.0)
-        self._calls.append(("channel", physical_channel))
-
-    def cfg_samp_clk_timing(self, rate: float, *, sample_mode: str, samps_per_chan: int) -> None:
-        self._calls.append(("clock", rate, sample_mode, samps_per_chan))
-
-    def write(self, data: Any, *, auto_start: bool) -> None:
-        if self._tasks.error is not None:
-            raise self._tasks.error
-        volts = np.array(data)
-        assert volts.shape[0] == 2
-        assert volts.dtype == np.float64
-        assert abs(volts).max() <= 10.0
-        self._calls.append(("write", volts, auto_start))
-
-    def start(self) -> None:
-        self._calls.append(("start",))
-
-    def wait_until_done(self, timeout: float) -> None:
-        self._calls.append(("waited", timeout))
-
-    def stop(self) -> None:
-        self._calls.append(("stop",))
-
-
-@pytest.fixture
-def nidaqmx(monkeypatch: pytest.MonkeyPatch) -> Tasks:
-    tasks = Tasks()
-    module, constants, errors = (ModuleType(f"nidaqmx{part}") for part in
-                                 ("", ".constants", ".errors"))  # fmt: skip
-    vars(module).update(Task=tasks.task, constants=constants, errors=errors)
-    vars(constants)["AcquisitionType"] = SimpleNamespace(FINITE="finite")
-    vars(errors)["Error"] = RuntimeError
-    for part in (module, constants, errors):
-        monkeypatch.setitem(sys.modules, part.__name__, part)
-    return tasks
-
-
-def test_the_daq_plays_a_burst_once_from_its_buffer_and_rests_at_zero(nidaqmx: Tasks) -> None:
-    settings = DriverSettings(limits=LIMITS, port="Dev1", amplifier_gain=20.0, channels=(1, 3))
-    device = example("ni_daq").ni_daq(settings, VirtualClock())
-    assert burst_on(device).outcome is Outcome.FIRED
-    opened = [("channel", "Dev1/ao0"), ("channel", "Dev1/ao2"), ("write",), ("closed",)]
-    played = [
-        ("channel", "Dev1/ao0"), ("channel", "Dev1/ao2"), ("clock", 48_000.0, "finite", 97),
-        ("write",), ("start",), ("waited", 2.0), ("stop",), ("closed",),
-    ]  # fmt: skip
-    calls = [call if call[0] != "write" else call[:1] for call in nidaqmx.calls]
-    assert calls == opened + played
-    zeros, burst = (call[1:] for call in nidaqmx.calls if call[0] == "write")
-    assert (zeros[0].tolist(), zeros[1]) == ([0.0, 0.0], True)
-    assert burst[1] is False
-    assert abs(burst[0]).max(axis=1) == pytest.approx([50.0 / 20.0, 0.0], abs=1e-3)
-    assert burst[0][:, [0, -1]].tolist() == [[0.0, 0.0], [0.0, 0.0]]
-    assert device.fire(1).outcome is Outcome.FIRED
-    assert len(nidaqmx.calls) == len(calls), "played twice"
-    device.close()
-    assert nidaqmx.calls[-2][1].tolist() == [0.0, 0.0]
-
-
-def test_a_daq_that_is_not_there_is_told(nidaqmx: Tasks) -> None:
-    nidaqmx.error = RuntimeError("Device identifier is invalid.\nStatus Code: -200220")
-    settings = DriverSettings(limits=LIMITS, port="Dev9", amplifier_gain=20.0)
-    device = example("ni_daq").ni_daq(settings, VirtualClock())
-    with pytest.raises(LinkError, match=r"^Dev9: Device identifier is invalid\.$"):
-        device.open()
-
-
-@pytest.fixture
-def sounddevice(monkeypatch: pytest.MonkeyPatch) -> SimpleNamespace:
-    played: list[Any] = []
-
-    def play(data: Any, **how: Any) -> None:
-        played.append((data, how))
-
-    def query_devices(device: str, kind: str) -> dict[str, Any]:
-        assert kind == "output"
-        if device != "card":
-            raise ValueError(f"No output device matching {device!r}")
-        return {"name": "card", "max_output_channels": 4}
-
-    card = SimpleNamespace(status=None, played=played)
-    module = ModuleType("sounddevice")
-    vars(module).update(
-        play=play, query_devices=query_devices, PortAudioError=OSError,
-        stop=lambda: None, get_status=lambda: card.status,
-    )  # fmt: skip
-    monkeypatch.setitem(sys.modules, "sounddevice", module)
-    return card
-
-
-def card(**settings: Any) -> Any:
-    chosen: dict[str, Any] = {
-        "port": "card",
-        "volts_full_scale": 100.0,
-        "channels": (3, 4),
-    } | settings
-    module = example("sound_card_channels")
-    return module.sound_card_channels(DriverSettings(limits=LIMITS, **chosen), VirtualClock())
-
-
-def test_the_sound_card_plays_on_the_chosen_outputs(sounddevice: SimpleNamespace) -> None:
-    assert burst_on(card()).outcome is Outcome.FIRED
-    ((frames, how),) = sounddevice.played
-    assert frames.shape == (97, 2)
-    assert abs(frames).max(axis=0) == pytest.approx([0.5, 0.0], abs=1e-4)
-    expected = {"samplerate": 48_000.0, "device": "card", "mapping": [3, 4], "blocking": True}
-    assert how == expected
-
-
-def test_a_gap_leaves_it_open_whether_the_burst_came_out(sounddevice: SimpleNamespace) -> None:
-    sounddevice.status = "output underflow"
-    assert burst_on(card()).outcome is Outcome.INDETERMINATE
-
-
-@pytest.mark.parametrize(
-    ("settings", "said"),
-    [
-        ({"channels": (3, 5)}, r"channels must be at most 4 on card, got \[3, 5\]"),
-        ({"port": "none"}, "the sound card none: No output device matching"),
-    ],
-)
-def test_a_card_without_these_outputs_is_refused(
-    sounddevice: SimpleNamespace, settings: dict[str, Any], said: str
-) -> None:
-    with pytest.raises(LinkError, match=said):
-        card(**settings).open()
-
-
-def test_settings_that_an_example_needs_are_asked_for(nidaqmx: Tasks) -> None:
-    for name, factory in (("ni_daq", "ni_daq"), ("sound_card_channels", "sound_card_channels")):
-        with pytest.raises(ValueError, match="must be given for the driver"):
-            getattr(example(name), factory)(DriverSettings(limits=LIMITS), VirtualClock())
-
-
-def test_built_in_names_need_nothing_installed() -> None:
-    assert make_device("mock", DriverSettings(limits=LIMITS), VirtualClock()).open().emulated
-
-
-# --- responders and converters that misbehave ----------------------------------------------------
-
-
-def sat(lab_device: Any, tmp_path: Path, **methods: Any) -> Any:
-    """Run a session with a responder whose methods are others."""
-    clock = VirtualClock()
-    someone = lab_device.Impatient(None, clock)
-    for name, method in methods.items():
-        setattr(someone, name, method)
-    device = lab_device.printer(DriverSettings(limits=LIMITS), clock)
-    study = study_from_text(STUDY, "study.toml")
-    return run_session(study, "01", device, someone, out=tmp_path, clock=clock, seed=1)
-
-
-@pytest.mark.parametrize("word", ["Left", "banana"])
-def test_a_word_that_is_never_offered_ends_in_time_outs(
-    lab_device: Any, tmp_path: Path, word: str
-) -> None:
-    ending = sat(lab_device, tmp_path, ask=lambda question: Press(word, question.onset_s + 0.3))
-    assert ending.finished
-    assert ending.trials_path.read_text(encoding="utf-8").count(",timeout,") == 4
-
-
-@pytest.mark.parametrize(
-    ("made", "said"),
-    [
-        (lambda _: Press("left", float("nan")), "Impatient must return a Press with a word and a"),
-        (lambda _: ("left", 1.0), r"or None; got \('left', 1.0\)"),
-        (
-            lambda question: Press("left", question.onset_s + 0.3),
-            "returned a Press that is 0.3 s in the future: time_s must be a reading of the clock",
-        ),
-        (lambda _: Press("left", 1.7e9), "Impatient returned a Press that is 1.7e.09 s in the"),
-        (
-            lambda _: Press("left", -100.0),
-            "before its trial: time_s must be a reading of the clock",
-        ),
-        (lambda _: 1 / 0, "Impatient failed: ZeroDivisionError: division by zero"),
-        (lambda _: sys.exit(0), "Impatient failed: SystemExit: 0"),
-    ],
-)
-def test_a_responder_that_fails_ends_the_session_in_one_line(
-    lab_device: Any, tmp_path: Path, made: Any, said: str
-) -> None:
-    with pytest.raises(ResponderError, match=said):
-        sat(lab_device, tmp_path, ask=made)
-
-
-def test_a_responder_that_fails_at_the_cue_ends_the_session_alike(
-    lab_device: Any, tmp_path: Path
-) -> None:
-    with pytest.raises(ResponderError, match="Impatient failed: ZeroDivisionError"):
-        sat(lab_device, tmp_path, cue=lambda _: 1 / 0)
-
-
-@pytest.mark.process
-def test_a_responder_that_fails_as_it_is_left_is_told_after_the_session(lab: Path) -> None:
-    module = lab / "site" / "lab_device.py"
-    module.write_text(
-        module.read_text(encoding="utf-8")
-        + "\n\nclass Leaving(Impatient):\n    def __enter__(self):\n        return self\n\n"
-        "    def __exit__(self, *_):\n        raise OSError('the box is gone')\n",
-        encoding="utf-8",
-    )
-    entries = next((lab / "site").glob("*.dist-info")) / "entry_points.txt"
-    entries.write_text(entries.read_text().replace(":Impatient", ":Leaving"))
-    (lab / "study.toml").write_text(STUDY, encoding="utf-8")
-    words = ("run", "study.toml", "--participant", "01", "--seed", "1", "--driver", "printer")
-    done = tactstrip(lab, *words, "--responder", "impatient", "--confirm-hardware")
-    assert done.returncode == 0, done.stderr
-    assert "Traceback" not in done.stderr
-    told = "--responder impatient failed as it was left: OSError: the box is gone"
-    assert told in done.stderr
-
-
-def test_a_responder_has_to_say_whether_anybody_is_there(lab_device: Any, tmp_path: Path) -> None:
-    with pytest.raises(ResponderError, match="simulated must be True or False; got 'yes'"):
-        sat(lab_device, tmp_path, simulated="yes")
-    assert not any(tmp_path.iterdir())
-
-
-@pytest.mark.slow
-def test_a_foreperiod_is_kept_by_whoever_does_not_wait(lab_device: Any, tmp_path: Path) -> None:
-    ending = sat(lab_device, tmp_path, wait=lambda _: None)
-    with ending.trials_path.open(encoding="utf-8") as table:
-        onsets_s = [float(row["onset_s"]) for row in csv.DictReader(table)]
-    assert min(np.diff(onsets_s)) >= 0.33 + 0.01
-
-
-@pytest.mark.parametrize("step", ["connect", "zero", "disconnect"])
-def test_a_step_of_a_converter_that_fails_is_a_failure_of_the_device(step: str) -> None:
-    def failing() -> None:
-        raise OSError("no such card")
-
-    converter = Faulty(Outcome.FIRED)
-    device = converter_device(converter, limits=LIMITS, clock=VirtualClock())
-    if step != "connect":
-        device.open()
-    failing.__name__ = step
-    setattr(converter, step, failing)
-    with pytest.raises(LinkError, match=rf"^faulty: {step} failed: OSError: no such card$"):
-        device.open() if step == "connect" else device.close()
-
-
-@pytest.mark.slow
-def test_a_balanced_study_is_run_from_python(lab_device: Any, tmp_path: Path) -> None:
-    clock = VirtualClock()
-    text = STUDY.replace("[design]", '[design]\ncondition_order = "balanced"')
-    study = study_from_text(
-        text + '[[condition]]\nname = "a"\n[[condition]]\nname = "b"\ncycles = 2\n', "study.toml"
-    )
-    first = set()
-    for participant in ("01", "02"):
-        device = lab_device.printer(DriverSettings(limits=LIMITS), clock)
-        someone = lab_device.Impatient(None, clock)
-        ending = run_session(study, participant, device, someone, out=tmp_path, clock=clock)
-        with ending.trials_path.open(encoding="utf-8") as table:
-            first.add(next(csv.DictReader(table))["condition"])
-    assert first == {"a", "b"}
-
-
-# --- what lacks a part of its protocol -----------------------------------------------------------
-
 CONVERTER = ("name", "serial_number", "sample_rate_hz", "bits", "full_scale_v", "emulated",
-             "cannot", "connect", "play", "zero", "disconnect")  # fmt: skip
+             "cannot", "connect", "play", "zero", "disconnect")  # one protocol  # fmt: skip
 DEVICE = ("cannot", "open", "load", "enable", "set_levels", "arm", "fire", "disarm", "query",
-          "stop", "close")  # fmt: skip
+          "stop", "close")  # one protocol  # fmt: skip
 ANSWERER = ("simulated", "begin", "introduce", "cue", "wait", "ask", "feedback", "pause", "end")
 
 
@@ -615,89 +245,157 @@ class Lacking:
     def __getattr__(self, name: str) -> Any:
         if name == self._part:
             if self._how == "raises":
-                raise OSError("no such card")
+                raise OSError("gone")
             if self._how == "wrong":
                 return object()
             raise AttributeError(name)
         return getattr(self._whole, name)
 
 
-@pytest.mark.parametrize("how", ["lacks", "wrong", "raises"])
-@pytest.mark.parametrize("part", CONVERTER)
-def test_a_converter_without_a_part_is_refused_with_what_to_add(part: str, how: str) -> None:
-    lacking: Any = Lacking(Faulty(Outcome.FIRED), part, how)
-    with pytest.raises(ValueError, match=rf"^Lacking\b.*\b{part}\b") as refusal:
-        converter_device(lacking, limits=LIMITS, clock=VirtualClock())
-    assert "(see device.Converter)" in str(refusal.value) or "no such card" in str(refusal.value)
+@pytest.mark.parametrize("step", ["connect", "zero", "disconnect"])
+def test_a_step_of_a_converter_that_fails_is_a_failure_of_the_device(step: str) -> None:
+    def failing() -> None:
+        raise OSError("gone")
+
+    converter = Faulty(Outcome.FIRED)
+    device = converter_device(converter, limits=LIMITS, clock=VirtualClock())
+    if step != "connect":
+        assert device.open().ceiling_vpp == 120.0  # what the converter reaches
+        device.load(0, SINE, SINE)
+        with pytest.raises(LimitExceeded):
+            device.set_levels(121.0, 0.0)
+    failing.__name__ = step
+    setattr(converter, step, failing)
+    with pytest.raises(LinkError, match=rf"^faulty: {step} .*OSError: gone$"):
+        device.open() if step == "connect" else device.close()
 
 
-@pytest.mark.parametrize("how", ["lacks", "wrong", "raises"])
-@pytest.mark.parametrize("part", [*DEVICE, *ANSWERER])
-def test_a_device_or_responder_without_a_part_begins_no_session(
-    lab_device: Any, tmp_path: Path, part: str, how: str
+class Session:
+    """Sessions of participant 01 run from Python, on the example's device and responder."""
+
+    def __init__(self, lab_device: Any, out: Path) -> None:
+        self._lab_device, self._out, self.clock = lab_device, out, VirtualClock()
+        self.study = study_from_text(STUDY, "study.toml")
+        self.someone = lab_device.Impatient(None, self.clock)
+
+    @property
+    def device(self) -> Any:
+        return self._lab_device.printer(DriverSettings(limits=LIMITS), self.clock)
+
+    def run(self, *, device: Any = None, someone: Any = None, **more: Any) -> Any:
+        return run_session(
+            self.study,
+            "01",
+            device or self.device,
+            someone or self.someone,
+            out=self._out,
+            clock=self.clock,
+            **more,
+        )  # arguments of one call  # fmt: skip
+
+
+@pytest.fixture
+def session(lab_device: Any, tmp_path: Path) -> Session:
+    return Session(lab_device, tmp_path / "results")
+
+
+def test_a_session_is_run_and_resumed_from_python(
+    session: Session, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    clock, study = VirtualClock(), study_from_text(STUDY, "study.toml")
-    device: Any = lab_device.printer(DriverSettings(limits=LIMITS), clock)
-    someone: Any = lab_device.Impatient(None, clock)
-    if part in DEVICE:
-        device = Lacking(device, part, how)
-    else:
-        someone = Lacking(someone, part, how)
-    with pytest.raises((ValueError, ResponderError), match=rf"^Lacking\b.*\b{part}\b") as refusal:
-        run_session(study, "01", device, someone, out=tmp_path, clock=clock, seed=1)
-    assert "\n" not in str(refusal.value)
-    assert not any(tmp_path.iterdir())
+    monkeypatch.setattr(session.someone, "introduce", lambda *_: False)
+    monkeypatch.setattr(session.someone, "pause", lambda *_, **__: False, raising=False)
+    assert not session.run(levels_vpp=(33.0,), seed=1).finished
+    monkeypatch.undo()
+    with pytest.raises(ValueError, match="exists"):
+        session.run()
+    with monkeypatch.context() as patch:
+        patch.setattr("experiment.session.conduct.interruption_s", lambda _: 3600.0)
+        with pytest.raises(ValueError, match="60 minutes"):
+            session.run(resuming=True)
+        ending = session.run(resume_anyway=True)
+    assert ending.finished
+    text = ending.trials_path.read_text(encoding="utf-8")
+    assert (text.count(",left,0.33,"), text.count(",33,left,")) == (4, 4)
+    assert session.run(resuming=True).finished
 
 
 @pytest.mark.parametrize(
-    ("made", "said"),
+    ("method", "made", "part"),
     [
-        ("Printer.emulated = None", "Printer.emulated must be True or False; got None"),
-        ("del Printer.emulated", "Printer has no emulated: give it one, True or False"),
-        ("Printer.play = lambda self: None", "Printer.play must take (left_v, right_v); got ()"),
-        ("Printer.bits = 99", "bits"),
-        ("del Impatient.simulated", "Impatient has no simulated: give it one, True or False"),
-        ("del Impatient.cue", "Impatient has no method cue: give it cue(progress)"),
-        ("Impatient.pause = lambda self, progress: True", "take (progress, *, paused, minimum_s)"),
+        ("ask", lambda _: Press("left", float("nan")), ""),
+        ("ask", lambda _: ("left", 1.0), r"\('left', 1.0\)"),
+        ("ask", lambda question: Press("left", question.onset_s + 0.3), r" 0\.3 s .*time_s"),
+        ("ask", lambda _: Press("left", 1.7e9), " 1.7e.09 s"),
+        ("ask", lambda _: Press("left", -100.0), "time_s"),
+        ("ask", lambda _: 1 / 0, "ZeroDivisionError"),
+        ("ask", lambda _: sys.exit(0), "SystemExit: 0"),
+        ("cue", lambda _: 1 / 0, "ZeroDivisionError"),
     ],
 )
-@pytest.mark.process
-def test_what_is_lacking_is_one_line_with_its_distribution(lab: Path, made: str, said: str) -> None:
-    module = lab / "site" / "lab_device.py"
-    module.write_text(f"{module.read_text('utf-8')}\n{made}\n", encoding="utf-8")
-    (lab / "study.toml").write_text(STUDY, encoding="utf-8")
-    done = tactstrip(lab, "run", "study.toml", "--participant", "01", "--driver", "printer",
-                     "--responder", "impatient", "--confirm-hardware")  # fmt: skip
-    assert done.returncode == 2, done.stderr
-    (line,) = [line for line in done.stderr.splitlines() if line.startswith("error: ")]
-    assert said in line
-    assert "of lab_device 0.1: " in line
-    assert "Traceback" not in done.stderr
-    assert not (lab / "results").exists()
+def test_a_responder_that_fails_ends_the_session_in_one_line(
+    session: Session, method: str, made: Any, part: str
+) -> None:
+    setattr(session.someone, method, made)
+    with pytest.raises(ResponderError, match=f"Impatient .*{part}") as caught:
+        session.run()
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("word", ["Left", "banana"])
+def test_a_word_that_is_never_offered_ends_in_time_outs_after_its_foreperiod(
+    session: Session, word: str
+) -> None:
+    session.someone.wait = lambda _: None  # who does not wait
+    session.someone.ask = lambda question: Press(word, question.onset_s + 0.3)
+    ending = session.run(seed=1)
+    with ending.trials_path.open(encoding="utf-8") as table:
+        rows = list(csv.DictReader(table))
+    assert [row["response"] for row in rows] == ["timeout"] * 4
+    assert min(np.diff([float(row["onset_s"]) for row in rows])) >= 0.33 + 0.01
+
+
+PARTS = {"converter": CONVERTER, "device": DEVICE, "someone": ANSWERER}
+
+
+@pytest.mark.parametrize("how", ["lacks", "wrong", "raises"])
+@pytest.mark.parametrize(
+    ("kind", "part"), [(kind, part) for kind, parts in PARTS.items() for part in parts]
+)
+def test_what_lacks_a_part_is_refused_with_what_to_add(
+    session: Session, tmp_path: Path, kind: str, part: str, how: str
+) -> None:
+    def use_lacking() -> None:
+        if kind == "converter":
+            converter: Any = Lacking(Faulty(Outcome.FIRED), part, how)
+            converter_device(converter, limits=LIMITS, clock=session.clock)
+        else:
+            session.run(**{kind: Lacking(getattr(session, kind), part, how)})
+
+    with pytest.raises((ValueError, ResponderError), match=rf"^Lacking\b.*\b{part}\b") as caught:
+        use_lacking()
+    assert "\n" not in str(caught.value)
+    assert not (tmp_path / "results").exists()
 
 
 @pytest.mark.parametrize("step", [part for part in DEVICE if part != "cannot"])
 def test_a_device_of_ones_own_that_raises_is_a_failure_of_the_device(
-    lab_device: Any, tmp_path: Path, step: str
+    session: Session, step: str
 ) -> None:
-    clock, study = VirtualClock(), study_from_text(STUDY, "study.toml")
-    inner = lab_device.printer(DriverSettings(limits=LIMITS), clock)
-
     class Own:
         cannot = ()
 
     def failing(*_: Any, **__: Any) -> None:
-        raise OSError("no such card")
+        raise OSError("gone")
 
-    device: Any = Own()
+    inner, device = session.device, Own()
     for name in DEVICE[1:]:
         setattr(device, name, failing if name == step else getattr(inner, name))
-    someone = lab_device.Impatient(None, clock)
     if step in {"disarm", "query"}:
-        assert run_session(study, "01", device, someone, out=tmp_path, clock=clock).finished
+        assert session.run(device=device).finished
         return
     try:
-        failure = run_session(study, "01", device, someone, out=tmp_path, clock=clock).failure
+        failure = session.run(device=device).failure
     except LinkError as error:
         failure = error
-    assert str(failure) == f"Own.{step} failed: OSError: no such card"
+    assert str(failure).startswith(f"Own.{step} ")
+    assert str(failure).endswith("OSError: gone")

@@ -1,33 +1,29 @@
-"""Facts of participants: declared by the study, or refused; never overwritten."""
+"""Participants: their facts are declared and never overwritten; the contact of their fingers."""
 
 from __future__ import annotations
 
+import json
 import re
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from experiment.archive.files import ArchiveError
-from experiment.archive.folders import SessionFolder
 from experiment.archive.participants import (
     Fact,
     enter_person,
     participant_facts,
     read_people,
-    remove_person,
 )
-from experiment.session.simulate import simulate_study
-from experiment.study.sections.dataset import ParticipantColumn
-from experiment.trial.draw import draw_plan
+from tests.test_experiment.lab import Lab
+from tests.test_experiment.studies import codes_of, facts_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable
     from pathlib import Path
 
-    from experiment.study.study import Study
+    from experiment import Study
+    from tests.conftest import Run
 
-HAND = ParticipantColumn(name="hand", description="preferred hand", levels=("left", "right"))
-AGE = ParticipantColumn(name="age_group", description="ten years wide")
 COLUMNS = """
 [participants]
 columns = [
@@ -35,65 +31,61 @@ columns = [
     { name = "age_group", description = "ten years wide" },
 ]
 """
+HEAD = "participant_id\thand\tage_group\n"
 
 
-def create(study: Study, root: Path, participant: str, facts: tuple[Fact, ...] = ()) -> None:
-    folder = SessionFolder(root, participant, "01", facts=facts)
-    folder.path.mkdir(parents=True)
-    folder.create(draw_plan(study, participant=participant, session="01", seed=1), {})
+@pytest.fixture
+def columns(make_study: Callable[[str], Study]) -> Any:
+    """The columns of participants that a study declares: hand and age_group."""
+    return make_study(COLUMNS).participants.columns
 
 
 @pytest.mark.parametrize(
-    ("given", "told"),
+    ("given", "parts"),
     [
-        (["hand"], "NAME=VALUE"),
-        (["hnad=left"], "unknown key hnad; did you mean hand?; the study declares hand, age_group"),
-        (["hand=both"], "fact hand must be one of left, right, n/a; got 'both'"),
-        (["hand="], "must be one of"),
-        (["hand=left", "hand=left"], "once"),
-        (["age_group="], "1 to 200 characters"),
-        (["age_group=2\t3"], "1 to 200 characters"),
-        (["age_group=20\n"], "1 to 200 characters"),
-        (["age_group= 20"], "1 to 200 characters"),
-        (["age_group=" + "x" * 201], "1 to 200 characters"),
-        (["participant_id=sub-02"], "unknown key participant_id"),
+        (["hand"], ["NAME=VALUE"]),
+        (["hnad=left"], ["hnad", "hand?", "hand, age_group"]),
+        (["hand=both"], ["fact hand", "left, right, n/a", "'both'"]),
+        (["hand="], ["fact hand"]),
+        (["hand=left", "hand=left"], ["hand", "once"]),
+        (["age_group="], ["age_group", "1 to 200"]),
+        (["age_group=2\t3"], ["age_group", "1 to 200"]),
+        (["age_group=20\n"], ["age_group", "1 to 200"]),
+        (["age_group= 20"], ["age_group", "1 to 200"]),
+        (["age_group=" + "x" * 201], ["age_group", "1 to 200"]),
+        (["participant_id=sub-02"], ["key participant_id"]),
     ],
 )
-def test_a_fact_that_the_study_does_not_declare_is_refused(given: list[str], told: str) -> None:
-    with pytest.raises(ArchiveError, match=re.escape(told)):
-        participant_facts((HAND, AGE), given)
-
-
-def test_facts_stand_in_the_declared_columns_and_n_a_where_none_is_given(
-    tmp_path: Path, make_study: Callable[[str], Study], quick_study_text: str
+def test_a_fact_that_the_study_does_not_declare_is_refused(
+    columns: Any, given: list[str], parts: list[str]
 ) -> None:
-    study = make_study(quick_study_text + COLUMNS)
-    facts = participant_facts(study.participants.columns, ["age_group=20-29"])
-    create(study, tmp_path, "01", facts)
-    create(study, tmp_path, "02")
-    table = (tmp_path / "participants.tsv").read_text("utf-8")
-    assert table == "participant_id\thand\tage_group\nsub-01\tn/a\t20-29\nsub-02\tn/a\tn/a\n"
+    with pytest.raises(ValueError, match=re.escape(parts[0])) as caught:
+        participant_facts(columns, given)
+    assert [part for part in parts if part not in str(caught.value)] == []
 
 
-def test_an_undeclared_fact_creates_no_session(
-    tmp_path: Path, make_study: Callable[[str], Study], quick_study_text: str
+def test_an_undeclared_fact_is_refused_and_nothing_is_written(
+    tmp_path: Path, run: Run, quick_study_text: str
 ) -> None:
-    with pytest.raises(ArchiveError, match="unknown key hand"):
-        create(make_study(quick_study_text), tmp_path, "01", (Fact("hand", "left"),))
-    assert list((tmp_path / "sub-01" / "ses-01").iterdir()) == []
-    assert not (tmp_path / "participants.tsv").exists()
+    (study := tmp_path / "study.toml").write_text(quick_study_text, "utf-8")
+    words = ("run", study, "--participant", "01", "--responder", "simulated")
+    result = run(*words, "--fact", "hand=left", "--out", tmp_path / "results")
+    assert (result.exit_code, "hand" in result.stderr) == (2, True)
+    assert not (tmp_path / "results").exists()
 
 
-def test_a_fact_is_filled_in_later_and_never_overwritten(tmp_path: Path) -> None:
+def test_a_fact_is_filled_in_later_and_never_overwritten(tmp_path: Path, columns: Any) -> None:
+    hand, _ = columns
     enter_person(tmp_path, "01", [], ())
-    enter_person(tmp_path, "01", [HAND], [Fact("hand", "left")])
+    enter_person(tmp_path, "01", [hand], [Fact("hand", "left")])
     for facts in ((), [Fact("hand", "n/a")], [Fact("hand", "left")]):
-        enter_person(tmp_path, "01", [HAND, AGE], facts)
+        enter_person(tmp_path, "01", columns, facts)
+    enter_person(tmp_path, "02", columns, participant_facts(columns, ["age_group=20-29"]))
     table = tmp_path / "participants.tsv"
     whole = table.read_bytes()
-    assert whole == b"participant_id\thand\tage_group\nsub-01\tleft\tn/a\n"
-    with pytest.raises(ArchiveError, match=r"must be 'left', as participants.tsv has it"):
-        enter_person(tmp_path, "01", [HAND], [Fact("hand", "right")])
+    assert whole == f"{HEAD}sub-01\tleft\tn/a\nsub-02\tn/a\t20-29\n".encode()
+    with pytest.raises(ValueError, match=r"'left', .*participants.tsv"):
+        enter_person(tmp_path, "01", [hand], [Fact("hand", "right")])
     assert table.read_bytes() == whole
 
 
@@ -101,22 +93,44 @@ def test_a_row_of_another_length_is_refused_with_its_line(tmp_path: Path) -> Non
     (tmp_path / "participants.tsv").write_bytes(
         b"participant_id\thand\r\nsub-01\tleft\r\nsub-02\r\n"
     )
-    with pytest.raises(ArchiveError, match=r"participants.tsv:3: must have 2 cells; got 1"):
+    with pytest.raises(ValueError, match=r"participants.tsv:3: .*2 cells; got 1"):
         read_people(tmp_path)
 
 
-def test_a_half_written_table_goes_with_the_row(tmp_path: Path) -> None:
-    (tmp_path / ".participants.tsv.ab12.tmp").write_text("sub-01", encoding="utf-8")
-    enter_person(tmp_path, "01", [], ())
-    remove_person(tmp_path, "01")
-    assert not list(tmp_path.glob("*.tmp"))
-    assert not list(tmp_path.glob(".*.tmp"))
+# --- how the fingers lay on the plate ------------------------------------------------------------
+
+LOAD_CELL = 'control = "measured"\nforce_n = 0.5\nhow = "a load cell"\n'
+
+
+def test_the_contact_of_fingers_stands_in_check_and_header(tmp_path: Path, run: Run) -> None:
+    held = 'control = "held"\nhow = "20 g on the nail"\n'
+    controls = [f'control = "{control}"\n' for control in ("not stated", "none", "instructed")]
+    for number, keys in enumerate((*controls, held, LOAD_CELL)):
+        text = f"[contact]\n{keys}[design]\ntrials_per_side = 5\n[burst]\nwindow = 'hann'\n"
+        facts = facts_of(text, ())
+        assert ("unknown_contact" in codes_of(facts)) == (number < 2)
+        assert facts["contact"]["control"] == keys.split('"')[1]
+        assert facts["contact"]["force_n"] == (0.5 if keys == LOAD_CELL else None)
+    (tmp_path / "study.toml").write_text(text, "utf-8")
+    words = ("run", tmp_path / "study.toml", "--participant", "01", "--out", tmp_path)
+    assert run(*words, "--responder", "simulated", "--seed", "1").exit_code == 0
+    header = json.loads((tmp_path / "sub-01" / "ses-01" / "header.json").read_text("utf-8"))
+    assert facts["contact"].items() <= header["contact"].items()
 
 
 @pytest.mark.slow
-def test_a_simulated_study_has_the_declared_columns_without_values(
-    tmp_path: Path, make_study: Callable[[str], Study], quick_study_text: str
+def test_sessions_of_several_contacts_are_listed_by_contact(
+    tmp_path: Path,
+    make_study: Callable[[str], Study],
+    short_study_text: str,
+    monkeypatch: pytest.MonkeyPatch,
+    run: Run,
 ) -> None:
-    study = make_study(quick_study_text + COLUMNS)
-    list(simulate_study(study, tmp_path, participants=1, seed=1))
-    assert read_people(tmp_path).rows == (("sub-01", "n/a", "n/a"),)
+    results, out = tmp_path / "results", tmp_path / "out"
+    for person, text in (("01", LOAD_CELL), ("02", ""), ("03", LOAD_CELL)):
+        study = make_study(f"{short_study_text}[contact]\n{text}")
+        Lab(study, results, monkeypatch, participant=person).begin()
+    allowed = ("--no-figures", "--allow-simulated", "--out")
+    assert run("analyze", results, *allowed, out).exit_code == 0
+    contact = json.loads((out / "summary.json").read_bytes())["contact"]
+    assert sorted(contact.values()) == [["sub-01/ses-01", "sub-03/ses-01"], ["sub-02/ses-01"]]

@@ -8,7 +8,6 @@ J. Neurosci. 42 (2022) 643-656, github.com/grundm/respirationCA.
 
 from __future__ import annotations
 
-import json
 import math
 import tomllib
 from dataclasses import replace
@@ -19,23 +18,17 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 
-from device.clock import VirtualClock
-from experiment.commands.init import write_study_text
-from experiment.session.simulate import SimulatedResponder, simulate_study, simulated_responder
-from experiment.study.read import paper_study
-from experiment.study.sections.simulation import Simulation
-from experiment.study.simulated import unmeasured
-from experiment.terms.gains import OWN_FINGER_ONLY
-from experiment.terms.people import draw_observer, threshold_course_db
-from experiment.terms.responder import AwaitedAnswer
-from experiment.trial.draw import draw_plan
+from device import VirtualClock
+from experiment import draw_plan, paper_study, simulate_study
+from experiment.session.simulate import simulated_responder
+from tests.test_experiment.people import ask, course_db, in_session, population
 
 if TYPE_CHECKING:
     from pathlib import Path
 
     from numpy.typing import NDArray
 
-    from experiment.terms.observer import Observer
+    from tests.conftest import Run
 
     Floats = NDArray[np.float64]
 
@@ -47,15 +40,15 @@ KEYS = {
     "threshold_vpp": 60.0,
     "crosstalk_db": -200.0,
 }
-PERSON = Simulation(**KEYS).median
+PERSON = population(**KEYS).median
 
 
-def answers(person: Observer, levels_vpp: tuple[float, float], number: int = 4000) -> list[Any]:
+def answers(person: Any, levels_vpp: tuple[float, float], number: int = 4000) -> list[Any]:
     rng = np.random.default_rng(1)
     return [person.answer(*levels_vpp, FORCED, rng, 60.0).response for _ in range(number)]
 
 
-def share(person: Observer, levels_vpp: tuple[float, float], answer: str) -> float:
+def share(person: Any, levels_vpp: tuple[float, float], answer: str) -> float:
     return answers(person, levels_vpp).count(answer) / 4000
 
 
@@ -63,28 +56,12 @@ def near(probability: float) -> Any:
     return pytest.approx(probability, abs=5 * math.sqrt(probability * (1 - probability) / 4000))
 
 
-def test_swapped_keys_turn_every_answer_around() -> None:
-    plain, swapped = (answers(one, (60.0, 60.0)) for one in (PERSON, replace(PERSON, swapped=True)))
-    other = {"left": "right", "right": "left", "both": "both"}
-    assert swapped == [other[one] for one in plain]
-    assert {"left", "right", "both"} == {*plain}
-
-
 def test_a_share_of_the_people_swaps_the_keys_and_their_fingers_differ() -> None:
     rng = np.random.default_rng(1)
-    drawn = [
-        draw_observer(PERSON, 1.0, rng, finger_difference_sd_db=2.0, swapped_keys=0.25)
-        for _ in range(2000)
-    ]
+    people = population(**KEYS, finger_difference_sd_db=2.0, swapped_keys=0.25)
+    drawn = [people.draw(70.0, rng) for _ in range(2000)]
     assert sum(one.swapped for one in drawn) == pytest.approx(500, abs=5 * math.sqrt(375))
     assert np.std([one.finger_difference_db for one in drawn]) == pytest.approx(2.0, rel=0.1)
-
-
-def test_fingers_differ_by_half_of_the_difference_on_either_side() -> None:
-    person = replace(PERSON, finger_difference_db=4.0, guess_both=1.0)  # guesses are none of both
-    z = 2 / 20 / person.sigma
-    assert share(person, (60.0, 0.0), "left") == near(NormalDist().cdf(-z))
-    assert share(person, (0.0, 60.0), "right") == near(NormalDist().cdf(z))
 
 
 @pytest.mark.parametrize("other_db", [0.0, 6.0, 12.0])
@@ -97,53 +74,14 @@ def test_graded_masking_raises_a_threshold_by_what_the_other_finger_feels(other_
     assert share(person, (left_vpp, right_vpp), "both") == near(both)
 
 
-def test_graded_masking_falls_with_the_distance_of_fingers_of_one_hand() -> None:
-    people = Simulation(threshold_vpp=60.0, masking_slope=0.4, masking_falloff_mm=50.0)
-    drawn = people.draw(100.0, np.random.default_rng(1))
-    assert drawn.masking_slope == pytest.approx(0.4 * math.exp(-2))
-
-
 @pytest.mark.slow
 def test_the_course_of_thresholds_drifts_and_forgets() -> None:
     person = replace(PERSON, drift_db=3.0, wander_db=2.0, wander_trials=8.0)
-    courses = np.array(
-        [threshold_course_db(person, [1] * 60, np.random.default_rng(i)) for i in range(3000)]
-    )
+    courses = np.array([course_db(person, 60, seed) for seed in range(3000)])
     wander = courses - np.linspace(-1.5, 1.5, 60)
     assert wander.std() == pytest.approx(2.0, rel=0.03)
     alike = np.mean(wander[:, 8:] * wander[:, :-8]) / wander.var()
     assert alike == pytest.approx(math.exp(-1), abs=0.03)
-
-
-def ask(
-    responder: SimulatedResponder,
-    trial: int,
-    levels_vpp: tuple[float, float],
-    offered: Any,
-    window_s: float = 60.0,
-) -> Any:
-    question = AwaitedAnswer(
-        trial=trial,
-        attempt=1,
-        level_left_vpp=levels_vpp[0],
-        level_right_vpp=levels_vpp[1],
-        onset_s=0.0,
-        window_s=window_s,
-        answers=offered,
-    )
-    return responder.ask(question)
-
-
-def in_session(person: Observer, trials: int, seed: int) -> SimulatedResponder:
-    blocks = [trial // 150 for trial in range(trials)]
-    course_db = threshold_course_db(person, blocks, np.random.default_rng((seed, 1)))
-    return SimulatedResponder(
-        person,
-        VirtualClock(),
-        seed=seed,
-        gains=dict.fromkeys(range(trials), OWN_FINGER_ONLY),
-        shifts_db={trial: (course_db[trial],) * 2 for trial in range(trials)},
-    )
 
 
 @pytest.mark.slow
@@ -183,22 +121,18 @@ def dependence(answered: list[Floats]) -> tuple[float, float]:
     return float(np.mean(serial)), float(np.mean(quarters))
 
 
-def test_independent_answers_have_no_dependence() -> None:
-    rng = np.random.default_rng(1)
-    blocks = list((rng.random((1000, 100)) < 0.4).astype(float))
-    assert dependence(blocks) == pytest.approx((0.0, 1.0), abs=0.08)
-
-
 @pytest.mark.slow
-def test_realistic_people_depend_on_their_answers_as_real_ones_do() -> None:
+def test_realistic_people_depend_on_their_answers_as_real_ones_do(run: Run, tmp_path: Path) -> None:
     """.157 +- .011 and 2.78 +- .18 (.159 +- .011 and 2.81 +- .18 as defined here), and times.
 
     What is felt falls within a block, from .588 +- .018 in its first quarter to .444 +- .020.
     """
-    keys = tomllib.loads(write_study_text("realistic"))["simulation"]
+    assert run("init", tmp_path / "s.toml", "--preset", "realistic").exit_code == 0
+    keys = tomllib.loads((tmp_path / "s.toml").read_text("utf-8"))["simulation"]
     del keys["threshold_um"]
     of_sines = [key for key in keys if key.startswith("threshold_at")]
-    people = Simulation(**{k: v for k, v in keys.items() if k not in of_sines}, threshold_vpp=58.0)
+    keys = {key: value for key, value in keys.items() if key not in of_sines}
+    people = population(**keys, threshold_vpp=58.0)
     blocks, times_s = [], []
     for number in range(250):
         rng = np.random.default_rng((14, number))
@@ -228,44 +162,6 @@ def test_realistic_people_depend_on_their_answers_as_real_ones_do() -> None:
     assert np.quantile(times_s, [0.05, 0.5, 0.95]) == pytest.approx([0.27, 0.575, 1.14], abs=0.02)
 
 
-@pytest.mark.slow
-def test_the_record_says_who_was_simulated_and_what_was_never_measured(tmp_path: Path) -> None:
-    tables = tomllib.loads(write_study_text("realistic"))["simulation"]
-    study = paper_study().changed(simulation=tables)
-    (words,) = unmeasured(study)
-    assert words.startswith("durations of 0.01 to 1 s were measured (")
-    assert words.endswith("), got 0.002 s for the burst")
-    (folder,) = simulate_study(study, tmp_path, participants=1, seed=1)
-    first = json.loads(folder.journal_path.read_text(encoding="utf-8").splitlines()[0])
-    header = json.loads(folder.header_path.read_text(encoding="utf-8"))
-    plan = json.loads(folder.plan_path.read_text(encoding="utf-8"))
-    assert first["observer"] == header["observer"]
-    assert first["observer"]["unmeasured"] == [words]
-    assert first["observer"]["wander_db"] == plan["study"]["simulation"]["wander_db"] > 0
-
-
-@pytest.mark.parametrize(
-    ("keys", "told"),
-    [
-        ({"wander_db": 1.0}, "wander_trials is missing; wander_db needs it"),
-        ({"masking_falloff_mm": 9.0}, "masking_slope is missing; masking_falloff_mm needs it"),
-        ({"reaction_time_s": 0.1}, "must be a finite number > reaction_time_least_s, 0.15"),
-        ({"swapped_keys": 1.5}, "swapped_keys must be a finite number >= 0 and <= 1; got 1.5"),
-        ({"drift_db": 60.0}, "drift_db must be a finite number >= -20 and <= 20; got 60"),
-    ],
-)
-def test_what_nobody_is_like_is_refused(keys: dict[str, float], told: str) -> None:
-    with pytest.raises(ValueError, match=told):
-        Simulation(**keys)
-
-
-def test_a_file_that_is_played_has_no_threshold_curve() -> None:
-    with pytest.raises(ValueError, match=r"simulation.threshold_at_hz needs bursts.*condition a$"):
-        paper_study().changed(
-            condition=({"name": "a", "file": "click.wav"},), simulation={"threshold_at_hz": 250.0}
-        )
-
-
 def test_a_curve_moves_the_threshold_of_another_burst_only() -> None:
     study = paper_study().changed(
         condition=(
@@ -273,28 +169,29 @@ def test_a_curve_moves_the_threshold_of_another_burst_only() -> None:
             {"name": "two", "cycles": 2},
             {"name": "low", "frequency_hz": 250.0},
         ),
-        simulation={"threshold_at_hz": 500.0, "threshold_at_s": 0.002},
+        simulation={
+            "threshold_at_hz": 500.0,
+            "threshold_at_s": 0.002,
+            "sigma": 0.01,
+            "threshold_sd_db": 0.0,
+            **KEYS,
+        },
     )
     plan = draw_plan(study, participant="01", session="01", seed=1, gains=())
-    shifts_db = simulated_responder(study, plan, VirtualClock())._shifts_db
-    found = {one.condition: shifts_db[one.number] for one in plan.trials}
-    assert found["one"] == (0.0, 0.0)
-    twice_as_long_db = 10 * math.log10(math.expm1(-0.002 / 0.2) / math.expm1(-0.004 / 0.2))
-    assert found["two"] == pytest.approx((twice_as_long_db,) * 2)
-    assert found["low"] == pytest.approx((twice_as_long_db - 9.0,) * 2)  # 250 Hz, 4 ms
+    responder = simulated_responder(study, plan, VirtualClock())
+    longer_db = 10 * math.log10(math.expm1(-0.002 / 0.2) / math.expm1(-0.004 / 0.2))
+    # 250 Hz: 9 dB easier, and twice as long
+    for condition, shift_db in (("one", 0.0), ("two", longer_db), ("low", longer_db - 9.0)):
+        trial = next(row.number for row in plan.trials if row.condition == condition)
+        for side, answer in ((-1, "none"), (1, "left")):
+            level_vpp = 60.0 * 10 ** ((shift_db + side) / 20)
+            assert ask(responder, trial, (level_vpp, 0.0), WITH_NONE).response == answer
 
 
-@pytest.mark.parametrize(
-    ("changed", "told"),
-    [
-        ({"participants": 0}, "participants must be a whole number >= 1; got 0"),
-        ({"participants": 1.5}, "participants must be a whole number >= 1; got 1.5"),
-        ({"seed": -1}, "seed must be a whole number >= 0; got -1"),
-    ],
-)
-def test_nobody_and_a_seed_below_0_are_refused_before_anything_is_written(
-    tmp_path: Path, changed: dict[str, Any], told: str
-) -> None:
-    with pytest.raises(ValueError, match=told):
-        simulate_study(paper_study(), tmp_path, **{"participants": 1, "seed": 1} | changed)
-    assert not [*tmp_path.iterdir()]
+def test_nobody_and_a_seed_below_0_are_refused_before_anything_is_written(tmp_path: Path) -> None:
+    for changed in ({"participants": 0}, {"participants": 1.5}, {"seed": -1}):
+        keys: Any = {"participants": 1, "seed": 1} | changed
+        (name,) = changed
+        with pytest.raises(ValueError, match=rf"{name} .* >= [01]; got "):
+            simulate_study(paper_study(), tmp_path, **keys)
+        assert not [*tmp_path.iterdir()]

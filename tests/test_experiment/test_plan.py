@@ -4,21 +4,28 @@ from __future__ import annotations
 
 import itertools
 import json
+import re
 from collections import Counter
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import pytest
+from click.testing import CliRunner
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from experiment.archive.files import ArchiveError, check_identifier
-from experiment.study.read import study_from_text
-from experiment.trial.draw import block_count, block_lengths, draw_plan
-from experiment.trial.plan import PlanError, plan_from_json, verify
+from experiment import PlanError, draw_plan, study_from_text
+from experiment.trial.plan import plan_from_json, verify
+from tactstrip import main
+from tests.test_experiment.sessions import Sessions
+from tests.test_experiment.studies import facts_of
 
 if TYPE_CHECKING:
-    from experiment.trial.plan import Plan
+    from collections.abc import Callable
+    from pathlib import Path
+
+    from experiment import Plan, Study
+    from tests.conftest import Run
 
 
 BALANCED = '[design]\norder = "balanced"'
@@ -41,26 +48,6 @@ def test_the_papers_plan_has_75_single_trials_a_side_and_5_both_finger_trials() 
     assert [t.number for t in plan.trials] == list(range(1, 156))
 
 
-def test_same_seed_gives_the_same_plan_and_another_seed_another() -> None:
-    assert draw("", 7) == draw("", 7)
-    assert draw("", 7).trials != draw("", 8).trials
-    plan = json.loads(draw("", 7).to_json())
-    assert plan["seed"] == 7
-    assert plan["generator"].startswith("PCG64 of numpy ")
-
-
-@pytest.mark.parametrize("name", ["Jane Doe", "", "all", "COM1", "é", "x" * 33, 1])
-@pytest.mark.parametrize("what", ["participant", "session"])
-def test_a_name_that_no_folder_can_have_is_refused_as_by_the_archive(what: str, name: str) -> None:
-    names: dict[str, Any] = {"participant": "01", "session": "01", what: name}
-    with pytest.raises(PlanError) as refused:
-        draw_plan(study_from_text("", "study.toml"), seed=1, **names)
-    with pytest.raises(ArchiveError) as by_archive:
-        check_identifier(what, name)
-    assert str(refused.value) == str(by_archive.value)
-    assert f"{what} must be 1 to 32 letters" in str(refused.value)
-
-
 def test_warm_up_is_one_easy_trial_a_side_after_the_longest_wait() -> None:
     plan = draw("[design]\nlevels_vpp = [80, 160]\ntrials_per_side = 2\nforeperiod_s = [0.5, 2.5]")
     assert [
@@ -70,18 +57,6 @@ def test_warm_up_is_one_easy_trial_a_side_after_the_longest_wait() -> None:
         (len(plan.trials) + 1, 0, "main", "practice", "left", 160.0, 2.5),
         (len(plan.trials) + 2, 0, "main", "practice", "right", 160.0, 2.5),
     ]
-
-
-@pytest.mark.slow
-def test_random_levels_scatter_like_independent_draws() -> None:
-    counts = [
-        Counter(t.level_vpp for t in draw("", seed).trials if t.kind == "single")[60.0]
-        for seed in range(200)
-    ]
-    mean = sum(counts) / len(counts)
-    variance = sum((c - mean) ** 2 for c in counts) / (len(counts) - 1)
-    assert mean == pytest.approx(30, abs=4 * (24 / 200) ** 0.5)
-    assert variance == pytest.approx(24, rel=0.45)
 
 
 def test_balanced_blocks_hold_every_stimulus_equally_often() -> None:
@@ -97,16 +72,6 @@ def test_balanced_blocks_hold_every_stimulus_equally_often() -> None:
 
 
 @pytest.mark.slow
-def test_the_sides_of_a_balanced_order_cannot_be_guessed_from_the_last_one() -> None:
-    same = total = 0
-    for seed in range(100):
-        sides = [t.side for t in draw(BALANCED, seed).trials if t.kind == "single"]
-        same += sum(a == b for a, b in itertools.pairwise(sides))
-        total += len(sides) - 1
-    assert same / total == pytest.approx(0.5, abs=0.03)
-
-
-@pytest.mark.slow
 @settings(max_examples=60, deadline=None)
 @given(
     levels=st.integers(1, 6),
@@ -118,7 +83,7 @@ def test_the_sides_of_a_balanced_order_cannot_be_guessed_from_the_last_one() -> 
     seed=st.integers(0, 2**40),
 )
 @example(levels=2, repeats=4, both=0, blanks=0, break_every=6, order="balanced", seed=1)
-def test_every_plan_has_the_asked_counts_in_blocks_no_longer_than_asked(
+def test_every_plan_has_the_stated_counts_in_blocks_no_longer_than_stated(
     levels: int, repeats: int, both: int, blanks: int, break_every: int, order: str, seed: int
 ) -> None:
     text = (
@@ -132,14 +97,15 @@ def test_every_plan_has_the_asked_counts_in_blocks_no_longer_than_asked(
         plan = draw(text, seed)
     except PlanError as error:
         assert order == "balanced"
-        assert "break_every must be 0 or at least" in str(error)  # noqa: PT017 - some draws do plan
+        assert "break_every" in str(error)  # noqa: PT017 - some draws do plan
         return
     kinds = Counter(trial.kind for trial in plan.trials)
     assert kinds["single"] == 2 * levels * repeats
     assert (kinds["both"], kinds["blank"]) == (both, blanks)
     lengths = Counter(trial.block for trial in plan.trials)
-    assert len(lengths) == block_count(design)
-    assert tuple(lengths[block] for block in sorted(lengths)) == block_lengths(design)
+    facts = facts_of(text, ())
+    assert (len(lengths), facts["trials"]) == (facts["blocks"], len(plan.trials))
+    assert [lengths[block] for block in sorted(lengths)] == facts["block_trials"]
     assert max(lengths.values()) <= (break_every or len(plan.trials))
     least_s, most_s = design.foreperiod_s
     assert all(least_s <= trial.foreperiod_s <= most_s for trial in plan.trials)
@@ -154,79 +120,14 @@ def test_foreperiods_are_exponential_and_cut_at_both_ends() -> None:
     assert max(waits) > 2.8
 
 
-def test_practice_stands_first_on_both_sides_at_the_highest_level() -> None:
-    plan = draw("[design]\npractice_trials = 4")
-    practice = plan.trials[:4]
-    assert Counter(t.side for t in practice) == {"left": 2, "right": 2}
-    assert {(t.kind, t.block, t.level_vpp) for t in practice} == {("practice", 0, 200.0)}
-
-
-def test_blank_trials_have_no_level() -> None:
-    plan = draw('[design]\nblank_trials = 3\nresponses = ["left", "right", "both", "none"]')
-    blanks = [t for t in plan.trials if t.kind == "blank"]
-    assert [(t.side, t.level_vpp) for t in blanks] == [("none", None)] * 3
-
-
-def test_every_condition_runs_the_whole_design_in_blocks_of_its_own() -> None:
-    text = (
-        '[[condition]]\nname = "a"\n[[condition]]\nname = "b"\ncycles = 2\n'
-        "[design]\ntrials_per_side = 5\nboth_trials = 1\nbreak_every = 6\n"
-    )
-    plan = draw(text)
-    assert Counter(t.condition for t in plan.trials) == {"a": 11, "b": 11}
-    of_block = {t.block: t.condition for t in plan.trials}
-    assert len(of_block) == 4
-    assert all(of_block[t.block] == t.condition for t in plan.trials)
-    first = {draw(text, seed).trials[0].condition for seed in range(20)}
-    assert first == {"a", "b"}
-
-
-def test_a_fixed_level_of_both_finger_trials_is_kept() -> None:
-    plan = draw("[design]\nboth_level = 110")
-    assert {t.level_vpp for t in plan.trials if t.kind == "both"} == {110.0}
-
-
-def test_a_changed_plan_is_refused() -> None:
-    plan = draw()
-    changed = json.loads(plan.to_json())
-    changed["trials"][3]["level_vpp"] = 61.0
-    with pytest.raises(PlanError, match="changed after it was sealed"):
-        plan_from_json(json.dumps(changed))
-    with pytest.raises(PlanError, match="sha256"):
-        plan_from_json(json.dumps(json.loads(plan.to_json()) | {"sha256": None}))
-    with pytest.raises(PlanError, match="sha256"):
-        verify(replace(plan, seed=2))
-
-
-@pytest.mark.parametrize(
-    "text", ["", "[]", "{}", '{"schema": 3}', '{"schema": 2}', "nonsense", "[" * 100_000]
-)
-def test_what_is_no_plan_is_refused(text: str) -> None:
-    with pytest.raises(PlanError):
-        plan_from_json(text)
-
-
-@pytest.mark.parametrize("seed", [-1, 1.0, True, None])
-def test_a_seed_that_is_no_whole_number_is_refused(seed: int) -> None:
-    with pytest.raises(PlanError, match="seed must be a whole number >= 0"):
-        draw("", seed)
-
-
-def test_a_plan_with_a_number_that_json_has_not_is_named_as_no_plan() -> None:
-    changed = json.loads(draw().to_json())
-    changed["trials"][0]["foreperiod_s"] = float("nan")
-    with pytest.raises(PlanError, match="not a plan of this program: Out of range float"):
-        plan_from_json(json.dumps(changed))
-
-
 @pytest.mark.parametrize(
     ("change", "said"),
     [
-        ({"kind": "catch"}, "kind must be one of .*; got 'catch'"),
-        ({"side": "up"}, "side must be one of .*; got 'up'"),
-        ({"level_vpp": None}, "a single trial cannot have level_vpp = None"),
-        ({"kind": "blank"}, "a blank trial cannot have level_vpp = 60.0"),
-        ({"kind": "control", "side": "none"}, "a control trial's side must be left or right"),
+        ({"kind": "catch"}, "kind .*; got 'catch'"),
+        ({"side": "up"}, "side .*; got 'up'"),
+        ({"level_vpp": None}, "single .*level_vpp = None"),
+        ({"kind": "blank"}, "blank .*level_vpp = 60.0"),
+        ({"kind": "control", "side": "none"}, "control .*left or right"),
     ],
 )
 def test_a_trial_that_no_plan_can_hold_is_refused(change: dict[str, object], said: str) -> None:
@@ -235,9 +136,186 @@ def test_a_trial_that_no_plan_can_hold_is_refused(change: dict[str, object], sai
         replace(replace(trial, level_vpp=60.0), **change)  # type: ignore[arg-type]  # as a file might
 
 
-def test_a_break_before_a_balanced_block_can_end_is_refused_with_the_shortest_one() -> None:
-    text = '[design]\norder = "balanced"\nlevels_vpp = [60, 100]\ntrials_per_side = 6\n'
-    least = 6  # 2 sides, 2 levels, and of the 5 both-finger trials up to 2 in each of 3 blocks
-    assert draw(f"{text}break_every = {least}\n").trials[-1].block == 3
-    with pytest.raises(PlanError, match=f"0 or at least {least} .*; got {least - 1}"):
-        draw(f"{text}break_every = {least - 1}\n")
+def test_practice_blank_and_both_finger_trials_have_the_levels_of_the_design() -> None:
+    text = "[design]\npractice_trials = 4\nblank_trials = 3\nboth_level = 110\n"
+    plan = draw(text + 'responses = ["left", "right", "both", "none"]')
+    practice = plan.trials[:4]
+    assert Counter(t.side for t in practice) == {"left": 2, "right": 2}
+    assert {(t.kind, t.block, t.level_vpp) for t in practice} == {("practice", 0, 200.0)}
+    blanks = [t for t in plan.trials if t.kind == "blank"]
+    assert [(t.side, t.level_vpp) for t in blanks] == [("none", None)] * 3
+    assert {t.level_vpp for t in plan.trials if t.kind == "both"} == {110.0}
+
+
+def test_a_changed_plan_is_refused() -> None:
+    plan = draw()
+    for key, value in (("level_vpp", 61.0), ("foreperiod_s", float("nan"))):
+        changed = json.loads(plan.to_json())
+        changed["trials"][3][key] = value
+        with pytest.raises(PlanError):
+            plan_from_json(json.dumps(changed))
+    for schema in (1, 2, 4):
+        with pytest.raises(PlanError, match=f"schema .* 3; got {schema}"):
+            plan_from_json(json.dumps(json.loads(plan.to_json()) | {"schema": schema}))
+    with pytest.raises(PlanError, match="sha256"):
+        plan_from_json(json.dumps(json.loads(plan.to_json()) | {"sha256": None}))
+    with pytest.raises(PlanError, match="sha256"):
+        verify(replace(plan, seed=2))
+
+
+def test_the_check_states_what_balanced_makes_of_the_blocks() -> None:
+    design = BALANCED + '\nblank_trials = 60\nresponses = ["left", "right", "both", "none"]\n'
+    for break_every, lengths in ((43, {43}), (42, {14, 15})):
+        facts = facts_of(f"{design}break_every = {break_every}\n", ())
+        assert set(facts["block_trials"]) == lengths
+        codes = [warning["code"] for warning in facts["warnings"]]
+        assert ("short_blocks" in codes) == (break_every == 42)
+    (message,) = [one["message"] for one in facts["warnings"] if one["code"] == "short_blocks"]
+    assert message.endswith("break_every = 43")
+
+
+# --- the order of conditions ---------------------------------------------------------------------
+
+VOLTS = "[simulation]\nthreshold_vpp = 58.0\ncrosstalk_db = -30.0\n"
+SIMULATED = ("--responder", "simulated", "--seed", "1")
+
+
+def conditions(number: int) -> str:
+    return "".join(f'[[condition]]\nname = "{name}"\n' for name in "abcdefghi"[:number])
+
+
+@pytest.fixture
+def study_of(
+    make_study: Callable[[str], Study], short_study_text: str
+) -> Callable[[int, str], Study]:
+    """Return a study of so many conditions in some order."""
+
+    def study_of(number: int, order: str = "balanced") -> Study:
+        line = f'[design]\ncondition_order = "{order}"'
+        return make_study(short_study_text.replace("[design]", line) + VOLTS + conditions(number))
+
+    return study_of
+
+
+@pytest.mark.parametrize(
+    ("number", "rows"), [(1, 1), (2, 2), (3, 6), (4, 4), (5, 10), (6, 6), (7, 14), (8, 8), (9, 18)]
+)
+@pytest.mark.parametrize("first", [1, 5])
+def test_each_condition_is_at_each_place_and_before_each_other_equally_often(
+    number: int, rows: int, first: int, study_of: Callable[[int], Study]
+) -> None:
+    study = study_of(number)
+    orders = [plan_of(study, first + row).condition_order for row in range(rows)]
+    assert all(sorted(order) == list("abcdefghi"[:number]) for order in orders)
+    assert len(set(orders)) == rows
+    assert plan_of(study, first + rows).condition_order == orders[0]
+    places = Counter((place, label) for order in orders for place, label in enumerate(order))
+    assert set(places.values()) == {rows // number}
+    assert len(places) == number**2
+    pairs = Counter(pair for order in orders for pair in itertools.pairwise(order))
+    assert len(pairs) == number * (number - 1)
+    assert len(set(pairs.values())) <= 1
+    assert set(pairs.values()) <= {1, 2}
+
+
+def plan_of(study: Study, number: int | None, seed: int = 1) -> Plan:
+    return draw_plan(study, participant="01", session="01", seed=seed, participant_number=number)
+
+
+def test_a_plan_has_the_order_of_its_participants_number_and_is_sealed_with_it(
+    study_of: Callable[[int], Study],
+) -> None:
+    study = study_of(3)
+    plans = [plan_of(study, number) for number in range(1, 8)]
+    orders = ["".join(plan.condition_order) for plan in plans]
+    assert orders == ["abc", "bca", "cab", "cba", "acb", "bac", "abc"]
+    for number, plan in enumerate(plans, start=1):
+        again = plan_from_json(plan.to_json())
+        assert (again, again.participant_number) == (plan, number)
+        with pytest.raises(PlanError, match="sealed"):
+            plan_from_json(replace(plan, participant_number=number + 1).to_json())
+
+
+@pytest.fixture
+def sessions(tmp_path: Path, quick_study_text: str) -> Sessions:
+    line = '[design]\ncondition_order = "balanced"\n'
+    text = quick_study_text.replace("[design]\n", line) + VOLTS + conditions(2)
+    return Sessions(tmp_path, text)
+
+
+def run_simulated(sessions: Sessions, participant: str, *more: str) -> dict[str, Any]:
+    """Run a session with a simulated participant; returns its header and the notes."""
+    words = sessions.words(*SIMULATED, *more)
+    words[words.index("--participant") + 1] = participant
+    result = CliRunner().invoke(main, words)
+    assert result.exit_code == 0, result.stderr
+    session = more[more.index("--session") + 1] if "--session" in more else "01"
+    path = sessions.out / f"sub-{participant}" / f"ses-{session}" / "header.json"
+    header: dict[str, Any] = json.loads(path.read_text("utf-8"))
+    return header | {"notes": re.findall(r"Note: participant number (\d+)", result.stdout)}
+
+
+@pytest.mark.slow
+def test_a_number_is_the_place_in_the_table_and_a_person_keeps_theirs(
+    sessions: Sessions, run: Run
+) -> None:
+    header = run_simulated(sessions, "01")
+    assert (header["participant_number"], header["condition_order"]) == (1, ["a", "b"])
+    table = sessions.out / "participants.tsv"
+    table.write_text("participant_id\nsub-00\nsub-01\n", encoding="utf-8")
+    assert run_simulated(sessions, "01", "--session", "02")["participant_number"] == 1
+    header = run_simulated(sessions, "02")
+    assert (header["participant_number"], header["condition_order"]) == (3, ["a", "b"])
+    assert run("withdraw", sessions.out, "--participant", "01", typed="01\n").exit_code == 0
+    assert run_simulated(sessions, "03")["participant_number"] == 4
+
+
+@pytest.mark.slow
+def test_a_number_may_be_given_where_it_counts_and_is_kept_on_resume(sessions: Sessions) -> None:
+    number = ("--participant-number", "4")
+    assert run_simulated(sessions, "01", *number)["condition_order"] == ["b", "a"]
+    assert sessions.run(*SIMULATED, "--resume", *number).exit_code == 0
+    refused = sessions.run(*SIMULATED, "--resume", "--participant-number", "3")
+    assert (refused.exit_code, "4; got 3" in refused.stderr) == (2, True)
+    sessions.write(sessions.text.replace('"balanced"', '"listed"'))
+    refused = sessions.run(*SIMULATED, "--session", "02", *number)
+    assert (refused.exit_code, "condition_order" in refused.stderr) == (2, True)
+    assert not sessions.folder("02").path.exists()
+
+
+@pytest.mark.parametrize(
+    ("changed", "part"),
+    [
+        *(
+            ({"participant": name}, "participant .*1 to 32 ")
+            for name in ("Jane Doe", "", "COM1", 1)
+        ),
+        *(({"session": name}, "session .*1 to 32 ") for name in ("all", "é", "x" * 33)),
+        *(({"seed": seed}, "seed .* >= 0") for seed in (-1, 1.0, True, None)),
+        *(({"participant_number": number}, ">= 1 ") for number in (None, 0)),
+    ],
+)
+def test_a_plan_that_cannot_be_drawn_is_refused(
+    changed: dict[str, Any], part: str, study_of: Callable[[int], Study]
+) -> None:
+    keys: Any = {"participant": "01", "session": "01", "seed": 1, "participant_number": 1}
+    with pytest.raises(PlanError, match=part):
+        draw_plan(study_of(2), **keys | changed)
+
+
+def test_a_plan_is_repeated_by_its_seed_whatever_else_changes(
+    study_of: Callable[[int, str], Study],
+) -> None:
+    assert draw("", 7) == draw("", 7)
+    assert draw("", 7).trials != draw("", 8).trials
+    assert json.loads(draw("", 7).to_json())["generator"].startswith("PCG64 of numpy ")
+    first, second = (plan_of(study_of(2, "balanced"), number) for number in (1, 2))
+    waits_s = [[trial.foreperiod_s for trial in plan.trials] for plan in (first, second)]
+    assert waits_s[0] == waits_s[1]
+    assert first.condition_order == second.condition_order[::-1]
+    for order in ("random", "listed"):  # in which the number counts for nothing
+        study = study_of(2, order)
+        assert plan_of(study, 7, 3) == plan_of(study, None, 3)
+    for text in ("", "[]", "{}", '{"schema": 3}', "nonsense", "[" * 100_000):
+        with pytest.raises(PlanError):
+            plan_from_json(text)

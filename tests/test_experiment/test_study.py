@@ -3,54 +3,32 @@
 from __future__ import annotations
 
 import json
-import os
-import subprocess
-import sys
 import tomllib
-from dataclasses import asdict, fields, replace
+from dataclasses import asdict, replace
 from typing import TYPE_CHECKING, Any
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from experiment.commands.init import write_study_text
-from experiment.preview.check import check_study
-from experiment.preview.check_report import check_findings
-from experiment.study.read import (
-    is_recorded,
-    paper_study,
-    read_levels,
-    read_study,
-    study_from_canonical,
-    study_from_text,
-    with_levels,
-)
-from experiment.study.sections.dataset import Dataset
-from experiment.study.sections.presentation import (
-    Keys,
-    Screen,
-    Texts,
-    key_doubts,
-    named_keys,
-    unsaid_in,
-)
-from experiment.study.study import StudyError
-from experiment.trial.draw import draw_plan
+from experiment import StudyError, draw_plan, paper_study, read_study
+from experiment import study_from_text as read_text
+from experiment.study.read import is_recorded, read_levels, study_from_canonical, with_levels
 from stimuli import (
     CLAMPED,
     SIMPLY_SUPPORTED,
     Burst,
     ElasticEdge,
     MeasuredDisplacement,
-    PiezoLayers,
     SampledDrive,
 )
+from tests.test_experiment.studies import cases, codes_of, discs, facts_of, message_of
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from experiment.study.study import Study
+    from experiment import Study
+    from tests.conftest import Run
 
 LAYERS = (
     "piezo_thickness_mm = 0.25\npiezo_youngs_modulus_gpa = 62\npiezo_poisson_ratio = 0.34\n"
@@ -60,69 +38,10 @@ CARRIER = (
     "carrier_thickness_mm = 0.2\ncarrier_youngs_modulus_gpa = 105\ncarrier_poisson_ratio = 0.35\n"
 )
 OTHER = '[[actuator]]\nside = "other"\nname = "{}"\nx_mm = {}\ndiameter_mm = 10\n'
-EVERY_WORD = """
-[study]
-consent_version = "2.1 of 2025-03-01"
-[masking]
-noise = "pink"
-max_level_dba = 70
-measured_level_dba = 64.5
-level_dbfs = -35
-sound_card = "USB Audio"
-loop_s = 12.5
-sample_rate_hz = 44100
-[screen]
-full_screen = false
-index = 1
-width_px = 800
-height_px = 600
-text_height = 0.05
-right_to_left = true
-font = "Noto Sans Arabic"
-[keys]
-left = ["left", "num_4", "a"]
-right = ["right", "num_6"]
-go_on = ["return", "num_enter"]
-[texts]
-welcome = "\u200fأهلاً وسهلاً"
-rest = "{planned} / {done}, {seconds}"
-instructions = "שלום\\n\\nようこそ"
-[participants]
-columns = [
-    { name = "age", description = "in years", levels = [] },
-    { name = "handedness", description = "by questionnaire", levels = ["left", "right"] },
-]
-[dataset]
-name = "Étude"
-authors = ["A. Author", "B. Author"]
-license = "CC0"
-ethics_approvals = ["Board 1, 2025-17"]
-task_description = "Where was it felt?"
-[design]
-audibility_trials = 6
-control_trials = 10
-[simulation]
-threshold_vpp = 60
-crosstalk_db = -25
-"""
 
 
 def read(text: str) -> Study:
-    return study_from_text(text, "s.toml")
-
-
-def bursts(text: str) -> list[Burst]:
-    """Return the stimuli of a study's conditions, all of them bursts."""
-    drives = [condition.drive for condition in read(text).conditions]
-    assert all(isinstance(drive, Burst) for drive in drives)
-    return drives  # type: ignore[return-value]
-
-
-def discs(left: str = "", right: str = "") -> str:
-    return (
-        f'[[actuator]]\nside = "left"\nx_mm = -35\ndiameter_mm = 12.8\n{left}'
-        f'[[actuator]]\nside = "right"\nx_mm = 35\ndiameter_mm = 12.8\n{right}'
-    )
+    return read_text(text, "s.toml")
 
 
 def test_an_empty_file_is_the_papers_protocol_as_published() -> None:
@@ -149,93 +68,6 @@ def test_an_empty_file_is_the_papers_protocol_as_published() -> None:
     assert (design.order, design.both_level_vpp) == ("random", None)
 
 
-def test_the_recommended_preset_measures_guesses_in_equal_blocks() -> None:
-    design = read(write_study_text("recommended")).design
-    assert design.order == "balanced"
-    assert "none" in design.responses
-    assert design.blank_trials >= 59  # so many without a false alarm bound its rate at 5 %
-    assert design.trials % design.break_every == 0
-
-
-@pytest.mark.parametrize("preset", ["paper", "recommended"])
-def test_both_presets_say_what_every_key_is(preset: str) -> None:
-    lines = write_study_text(preset).splitlines()
-    assert max(map(len, lines)) <= 100
-    assert "pydantic" not in "".join(lines)
-    assert any("none | hann | tukey | gaussian" in line for line in lines)
-    keys = {line.removeprefix("# ").split(" =")[0] for line in lines if " =" in line}
-    for value in (Screen(), Keys(), Texts(), Dataset()):
-        assert {field.name for field in fields(value)} <= keys
-    more = {"window", "consent_version", "audibility_trials", "control_trials", "columns"}
-    assert more <= keys
-
-
-def test_an_unknown_preset_is_refused() -> None:
-    with pytest.raises(ValueError, match="paper, recommended"):
-        write_study_text("best")
-
-
-def test_comments_order_and_defaults_written_out_keep_the_checksum() -> None:
-    text = '[masking]\nnoise = "pink" # so\n[burst]\ncycles = 1\nfrequency_hz = 500.0\n'
-    assert read(text).sha256 == paper_study().sha256
-    assert read(write_study_text("paper")).sha256 == paper_study().sha256
-
-
-def test_a_study_says_all_of_it_in_its_own_words() -> None:
-    study = read(EVERY_WORD)
-    for name, table in tomllib.loads(EVERY_WORD).items():
-        section: Any = study.about if name == "study" else getattr(study, name)
-        told = json.loads(json.dumps(asdict(section)))
-        assert {key: told[key] for key in table} == table
-    assert (study.keys.both, study.texts.prompt) == (("down",), Texts().prompt)
-    median = study.simulation.median
-    assert (median.threshold_vpp, median.threshold_um, median.crosstalk_db) == (60.0, None, -25.0)
-    assert study_from_canonical(study.canonical) == study
-
-
-def test_braces_beside_placeholders_are_doubled() -> None:
-    text = read("[texts]\nrest = '{{{done}}}'").texts.rest
-    assert text.format(done=3, planned=5, seconds=7) == "{3}"
-
-
-@pytest.mark.process
-def test_the_checksum_is_the_same_in_every_process() -> None:
-    program = "from experiment.study.read import paper_study; print(paper_study().sha256)"
-    found = {
-        subprocess.run(
-            [sys.executable, "-c", program],
-            env=os.environ | {"PYTHONHASHSEED": seed},
-            capture_output=True,
-            check=True,
-            text=True,
-        ).stdout.strip()
-        for seed in ("1", "2")
-    }
-    assert found == {paper_study().sha256}
-
-
-@pytest.mark.parametrize(
-    ("in_lab_words", "in_trials"),
-    [
-        ("repeats_per_level = 15", "trials_per_side = 75"),
-        (
-            "levels_vpp = [60, 90]\nrepeats_per_level = 7",
-            "levels_vpp = [60, 90]\ntrials_per_side = 14",
-        ),
-        ("trials_per_side = 45\nboth_fraction = 0.1", "trials_per_side = 45\nboth_trials = 10"),
-        ("repeats_per_level = 15\nboth_fraction = 0.1", "both_trials = 17"),  # 10.2 %
-        ("repeats_per_level = 9\nboth_fraction = 0.1", "trials_per_side = 45\nboth_trials = 10"),
-        ("both_fraction = 0", "both_trials = 0"),
-        ("both_fraction = 0.0964", "both_trials = 16"),  # 16 of 166, as a refusal tells it
-    ],
-)
-def test_trials_may_be_said_as_a_lab_counts_them(in_lab_words: str, in_trials: str) -> None:
-    one, other = (read(f"[design]\n{text}\n") for text in (in_lab_words, in_trials))
-    assert one == other
-    assert one.sha256 == other.sha256
-    assert study_from_canonical(one.canonical) == one
-
-
 @pytest.mark.slow
 @settings(deadline=None, max_examples=40)
 @given(
@@ -258,88 +90,6 @@ def test_a_study_survives_its_canonical_text(
     assert study.design.trials == 2 * trials + 5 + blanks
 
 
-def test_a_named_material_survives_its_canonical_text() -> None:
-    text = discs().replace("12.8", "9")
-    study = read(f'[strip]\nlength_mm = 150\nmaterial = "steel"\nedge = "clamped"\n{text}')
-    assert study_from_canonical(study.canonical) == study
-    assert study.strip.material.density_kg_m3 == 7850
-    assert study.plate.youngs_modulus_gpa is None
-
-
-@pytest.mark.parametrize(
-    ("keys", "as_measured"),
-    [
-        ("length_mm = 150", False),
-        ('edge = "clamped"', False),
-        ("measured_cutoff_hz = 2500", False),
-        ("loss_factor = 0.01", True),
-        ('length_mm = "endless"', True),
-    ],
-)
-def test_the_papers_plate_is_its_width_its_thickness_and_its_material(
-    keys: str, *, as_measured: bool
-) -> None:
-    stated = "width_mm = 25\nthickness_mm = 0.5\ndensity_kg_m3 = 2700\n"
-    study = read(f"[strip]\n{stated}{keys}\n")
-    assert study == read(f"[strip]\n{keys}\n")
-    assert study.plate.is_the_papers
-    for found, papers in zip(study.actuators, paper_study().actuators, strict=True):
-        assert (found.x_mm, found.diameter_mm) == (papers.x_mm, papers.diameter_mm)
-        assert found.basis == (papers.basis if as_measured else None)
-    assert study_from_canonical(study.canonical) == study
-
-
-def test_what_the_paper_measured_on_its_plate_is_asked_for_on_another() -> None:
-    discs = "".join(
-        f'[[actuator]]\nside = "{side}"\nx_mm = {x_mm}\ndiameter_mm = 12.8\n'
-        "measured_displacement_um = 2.6\nmeasured_at_vpp = 100\nmeasured_at_hz = 300\n{}"
-        for side, x_mm in (("left", -35), ("right", 35))
-    )
-    assert read(discs.format("", "")) == paper_study()
-    for keys in ("length_mm = 150", 'edge = "clamped"', "measured_cutoff_hz = 2500"):
-        with pytest.raises(
-            StudyError, match=r"actuator\[0\].measured_displacement_um is the paper"
-        ):
-            read(f"[strip]\n{keys}\n{discs.format('', '')}")
-        by = 'measured_by = "us"\n'
-        assert all(read(f"[strip]\n{keys}\n{discs.format(by, by)}").actuators)
-
-
-def test_canonical_text_is_sorted_json_of_every_key_without_white_space() -> None:
-    text = read(discs()).canonical
-    tables = json.loads(text)
-    assert text == json.dumps(tables, sort_keys=True, separators=(",", ":"), ensure_ascii=False)
-    assert tables["strip"]["width_mm"] == 25.0
-    assert tables["burst"]["masking_limit_db"] == 20.0
-    assert tables["actuator"][0]["finger_diameter_mm"] == 10.0
-    assert tables["device"]["port"] is None
-    assert tables["texts"] == asdict(Texts())
-    assert tables["participants"] == {"columns": []}
-    assert (tables["study"]["consent_version"], tables["masking"]["loop_s"]) == (None, 30.0)
-
-
-@pytest.mark.parametrize("text", ["", "[]", "{", "{}", '{"design": {"x": 1}}', "[" * 9999])
-def test_other_text_than_the_canonical_one_is_refused(text: str) -> None:
-    with pytest.raises(StudyError, match="the recorded study"):
-        study_from_canonical(text)
-
-
-@pytest.mark.parametrize(
-    ("text", "edge"),
-    [
-        ('edge = "clamped"', CLAMPED),
-        ('edge = "simply-supported"', SIMPLY_SUPPORTED),
-        ('edge = "elastic"\nedge_stiffness_n = 100', ElasticEdge(stiffness_n=100.0)),
-    ],
-)
-def test_the_edge_is_what_the_file_says(text: str, edge: object) -> None:
-    assert read(f"[strip]\n{text}").strip.edge == edge
-
-
-def test_a_strip_may_be_endless() -> None:
-    assert read('[strip]\nlength_mm = "endless"').strip.length_m is None
-
-
 def test_actuators_are_listed_left_first_then_the_others_along_the_strip() -> None:
     text = OTHER.format("far", 60) + OTHER.format("near", -70)
     swapped = "".join(f"[[actuator]]{one}" for one in discs().split("[[actuator]]")[:0:-1])
@@ -349,148 +99,13 @@ def test_actuators_are_listed_left_first_then_the_others_along_the_strip() -> No
     assert study_from_canonical(study.canonical) == study
 
 
-def test_an_actuator_without_y_lies_on_the_centre_line() -> None:
-    plate = '[strip]\nwidth_mm = 28\nlength_mm = 200\nmaterial = "steel"\nedge = "clamped"\n'
-    left, right = read(plate + discs("y_mm = 10\n")).actuators
-    assert (left.y_m, right.y_m) == (0.01, 0.014)
-
-
-def test_a_patch_as_wide_as_the_strip_is_accepted() -> None:
-    left, _ = read(discs().replace("12.8", "25.0")).actuators
-    assert left.span_y_m[0] == pytest.approx(0, abs=1e-12)
-
-
-def test_a_rectangle_has_two_lengths_and_so_has_the_contact_of_a_motor() -> None:
-    text = 'shape = "{}"\nlength_x_mm = 6\nlength_y_mm = 18\n'
-    one_disc = discs().replace("diameter_mm = 12.8\n", text, 1)
-    for shape in ("rectangle", "motor"):
-        left, _ = read(one_disc.format(shape)).actuators
-        assert (left.shape, left.length_x_m, left.length_y_m) == (shape, 0.006, 0.018)
-        assert left.span_x_m == pytest.approx((-0.038, -0.032))
-        assert left.span_y_m == pytest.approx((0.0035, 0.0215))
-
-
-def test_layers_come_in_si_units() -> None:
-    left, right = read(discs(LAYERS, LAYERS + CARRIER)).actuators
-    assert left.basis == PiezoLayers(
-        thickness_m=0.25e-3, youngs_modulus_pa=62e9, poisson_ratio=0.34, d31_m_v=-180e-12
-    )
-    assert right.basis == replace(
-        left.basis,
-        carrier_thickness_m=0.2e-3,
-        carrier_youngs_modulus_pa=105e9,
-        carrier_poisson_ratio=0.35,
-    )
-
-
 def test_the_threshold_is_in_micrometres_where_every_displacement_is_known() -> None:
     assert paper_study().simulation.median.threshold_um == 1.57
     assert read(discs(LAYERS, LAYERS)).simulation.median.threshold_um == 1.57
-    study = read(discs(LAYERS))
+    study = read(discs(LAYERS, ""))
     assert study.actuators[1].basis is None
     unknown = study.simulation.median
     assert (unknown.threshold_um, unknown.threshold_vpp) == (None, 58.0)
-
-
-CLICK = '[burst]\nfile = "click.csv"\n'
-
-
-@pytest.fixture
-def click_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.chdir(tmp_path)
-    path = tmp_path / "click.csv"
-    path.write_text("0\n1\n2\n1\n0\n-1\n-2\n-1\n0\n")
-    return path
-
-
-def test_a_click_is_read_beside_the_study_and_kept_in_it(click_file: Path) -> None:
-    folder = click_file.parent / "lab"
-    folder.mkdir()
-    click_file = click_file.rename(folder / "click.csv")
-    (folder / "study.toml").write_text(CLICK)
-    study = read_study(folder / "study.toml")
-    (condition,) = study.conditions
-    assert condition.file == "click.csv"
-    assert isinstance(condition.drive, SampledDrive)
-    assert condition.drive.values == (0.0, 0.5, 1.0, 0.5, 0.0, -0.5, -1.0, -0.5, 0.0)
-    click_file.unlink()
-    assert study_from_canonical(study.canonical) == study
-    assert with_levels(study, (40.0, 50.0)).conditions == study.conditions
-
-
-def test_a_changed_click_is_another_study(click_file: Path) -> None:
-    first = read(CLICK)
-    assert read(CLICK).sha256 == first.sha256
-    click_file.write_text("0\n1\n-1\n0\n")
-    assert read(CLICK).sha256 != first.sha256
-
-
-@pytest.mark.usefixtures("click_file")
-def test_conditions_mix_clicks_bursts_and_windows() -> None:
-    conditions = '[[condition]]\nname = "click"\n[[condition]]\nname = "sine"\nfrequency_hz = 250\n'
-    click, sine = read(CLICK + conditions).conditions
-    assert isinstance(click.drive, SampledDrive)
-    assert sine.drive == Burst(frequency_hz=250.0, cycles=1, window="none")
-    conditions = '[[condition]]\nname = "sine"\n[[condition]]\nname = "click"\nfile = "click.csv"\n'
-    sine, click = read(conditions).conditions
-    assert sine.drive == paper_study().conditions[0].drive
-    assert isinstance(click.drive, SampledDrive)
-
-
-@pytest.mark.slow
-def test_a_chosen_window_is_recorded_and_never_chosen_again(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    study = read('[burst]\nwindow = "auto"\nwanted_level_db = -40\n')
-    (table,) = json.loads(study.canonical)["condition"]
-    assert (table["window"], table["cycles"], table["wanted_level_db"]) == ("auto", 1, -40)
-    drive = study.conditions[0].drive
-    assert isinstance(drive, Burst)
-    assert (table["auto_cycles"], table["auto_window"]) == (drive.cycles, drive.window)
-
-    def never(*_: object) -> Burst:
-        raise AssertionError
-
-    monkeypatch.setattr("experiment.study.window.chosen_window", never)
-    assert study_from_canonical(study.canonical) == study
-    assert with_levels(study, (40.0, 50.0)).conditions == study.conditions
-
-
-@pytest.mark.slow
-def test_a_condition_may_ask_for_a_quieter_window_than_the_burst() -> None:
-    text = (
-        '[burst]\nwindow = "auto"\nwanted_level_db = -20\n[[condition]]\nname = "loud"\n'
-        '[[condition]]\nname = "quiet"\nwanted_level_db = -45\n'
-        '[[condition]]\nname = "hann"\nwindow = "hann"\n'
-    )
-    loud, quiet, hann = bursts(text)
-    assert (loud.window, hann.window) == ("none", "hann")
-    assert quiet.window != "none"
-    assert read(text).conditions[2].wanted_level_db is None
-
-
-def test_a_condition_takes_from_the_burst_what_it_leaves_out() -> None:
-    conditions = '[[condition]]\nname = "one"\n[[condition]]\nname = "two"\ncycles = 2\n'
-    one, two = bursts(f'[burst]\nwindow = "hann"\n{conditions}')
-    assert (one.cycles, one.window) == (1, "hann")
-    assert two == replace(one, cycles=2)
-
-
-def test_a_reason_for_an_unfit_burst_is_none_for_another_burst() -> None:
-    study = read(
-        '[burst]\naccept_unfit = "control"\n[[condition]]\nname = "same"\n'
-        '[[condition]]\nname = "other"\nfrequency_hz = 900\n'
-    )
-    assert [condition.accept_unfit for condition in study.conditions] == ["control", None]
-    assert study_from_canonical(study.canonical) == study
-
-
-def test_other_levels_make_another_study_and_the_same_ones_the_same() -> None:
-    study = paper_study()
-    other = with_levels(study, (40.0, 50.5, 60.0))
-    assert other.design == replace(study.design, levels_vpp=(40.0, 50.5, 60.0))
-    assert other.sha256 != study.sha256
-    assert with_levels(other, study.design.levels_vpp) == study
 
 
 TWO_BURSTS = """
@@ -510,10 +125,11 @@ name = "a"
 cycles = 2
 """
 OF_EACH = {"a": (20.5, 33.0), "b": (70.0, 90.5, 140.0)}
+LEVELS: Any = [(60.0, 40.0), (), (40.0, 400.0), (float("nan"),), (True, 40.0)]
 
 
 def test_levels_of_each_condition_are_sealed_with_the_study() -> None:
-    study = study_from_text(TWO_BURSTS, "s")
+    study = read(TWO_BURSTS)
     own = with_levels(study, OF_EACH)
     assert {one.name: own.design_of(one.name).levels_vpp for one in own.conditions} == OF_EACH
     assert own.highest_vpp == 140.0
@@ -525,7 +141,7 @@ def test_levels_of_each_condition_are_sealed_with_the_study() -> None:
 
 
 def test_every_trial_has_a_level_of_its_own_condition() -> None:
-    study = study_from_text(TWO_BURSTS, "s")
+    study = read(TWO_BURSTS)
     plan = draw_plan(study, participant="01", session="01", seed=7, levels_vpp=OF_EACH)
     of_kind: dict[tuple[str, str], set[float | None]] = {}
     for trial in (*plan.trials, *plan.warm_up):
@@ -538,165 +154,209 @@ def test_every_trial_has_a_level_of_its_own_condition() -> None:
     assert ("a", "practice") not in of_kind
 
 
+def test_presets_are_the_papers_protocol_and_one_that_measures_guesses(
+    run: Run, tmp_path: Path
+) -> None:
+    for preset in ("paper", "recommended"):
+        assert run("init", tmp_path / f"{preset}.toml", "--preset", preset).exit_code == 0
+    assert read_study(tmp_path / "paper.toml").sha256 == paper_study().sha256
+    design = read_study(tmp_path / "recommended.toml").design
+    assert (design.order, "none" in design.responses) == ("balanced", True)
+    assert design.blank_trials >= 59  # so many without a false alarm bound its rate at 5 %
+    assert design.trials % design.break_every == 0
+
+
+@pytest.mark.parametrize("text", ["", "[]", "{", "{}", '{"design": {"x": 1}}', "[" * 9999])
+def test_other_text_than_the_canonical_one_is_refused(text: str) -> None:
+    with pytest.raises(StudyError):
+        study_from_canonical(text)
+
+
 @pytest.mark.parametrize(
-    ("levels", "said"),
+    ("design", "in_trials"),
     [
-        ((40.0, 50.0), "must be a table with a list for each condition, b, a, whose bursts differ"),
-        ({"b": (40.0, 50.0)}, "a list for each condition, b, a; got none for a$"),
-        (OF_EACH | {"c": (1.0,)}, "levels_vpp must be of its conditions, b, a; got c"),
-        (OF_EACH | {"a": (1.0, 201.0)}, r"condition\[1\].levels_vpp\[1\] must be at most device.c"),
-        (OF_EACH | {"a": (1.0, 2.0, 3.0, 4.0)}, "trials_per_side must be a multiple of the number"),
+        ("repeats_per_level = 15", "trials_per_side = 75"),
+        ("levels_vpp = [6, 9]\nrepeats_per_level = 7", "levels_vpp = [6, 9]\ntrials_per_side = 14"),
+        ("trials_per_side = 45\nboth_fraction = 0.1", "trials_per_side = 45\nboth_trials = 10"),
+        ("repeats_per_level = 15\nboth_fraction = 0.1", "both_trials = 17"),  # 10.2 %
+        ("both_fraction = 0", "both_trials = 0"),
+        ("both_fraction = 0.0964", "both_trials = 16"),  # 16 of 166, as a refusal names it
     ],
 )
-def test_levels_that_are_not_those_of_the_conditions_are_refused(
-    levels: dict[str, tuple[float, ...]], said: str
+def test_trials_may_be_stated_as_a_lab_counts_them(design: str, in_trials: str) -> None:
+    first, second = (read(f"[design]\n{text}\n") for text in (design, in_trials))
+    assert (first, first.sha256) == (second, second.sha256)
+    assert study_from_canonical(first.canonical) == first
+
+
+SECTIONS = """
+study.consent_version = "2.1 of 2025-03-01"
+masking = {max_level_dba = 70, measured_level_dba = 64.5, level_dbfs = -35, sound_card = "USB"}
+screen = {full_screen = false, index = 1, width_px = 800, text_height = 0.05, right_to_left = true}
+keys = {left = ["left", "num_4", "a"], go_on = ["return", "num_enter"]}
+texts = {welcome = "\u200fأهلاً وسهلاً", rest = "{{{planned}}} / {done}", instructions = "שלום"}
+participants = {columns = [{name = "hand", description = "by test", levels = ["left", "right"]}]}
+dataset = {name = "Étude", authors = ["A. Author", "B. Author"], license = "CC0"}
+design = {audibility_trials = 6, control_trials = 10}
+simulation = {threshold_vpp = 60, crosstalk_db = -25}
+"""
+
+
+def test_a_study_has_all_that_its_file_states() -> None:
+    study = read(SECTIONS)
+    for name, table in tomllib.loads(SECTIONS).items():
+        section: Any = study.about if name == "study" else getattr(study, name)
+        stated = json.loads(json.dumps(asdict(section)))
+        assert {key: stated[key] for key in table} == table
+    assert (study.keys.both, study.texts.prompt) == (("down",), paper_study().texts.prompt)
+    assert study.texts.rest.format(done=3, planned=5, seconds=7) == "{5} / 3"
+    median = study.simulation.median
+    assert (median.threshold_vpp, median.threshold_um, median.crosstalk_db) == (60.0, None, -25.0)
+    assert study_from_canonical(study.canonical) == study
+
+
+@pytest.mark.parametrize(
+    ("keys", "edge", "is_measured"),
+    [
+        ('length_mm = 150\nedge = "clamped"', CLAMPED, False),
+        ('edge = "simply-supported"', SIMPLY_SUPPORTED, False),
+        ('edge = "elastic"\nedge_stiffness_n = 100', ElasticEdge(stiffness_n=100.0), False),
+        ("measured_cutoff_hz = 2500", None, False),
+        ("loss_factor = 0.01", None, True),
+        ('length_mm = "endless"', None, True),
+    ],
+)
+def test_the_papers_plate_is_its_width_its_thickness_and_its_material(
+    keys: str, edge: object, *, is_measured: bool
 ) -> None:
-    with pytest.raises(StudyError, match=said):
-        with_levels(study_from_text(TWO_BURSTS, "s"), levels)
+    study = read(f"[strip]\nwidth_mm = 25\nthickness_mm = 0.5\ndensity_kg_m3 = 2700\n{keys}\n")
+    assert study == read(f"[strip]\n{keys}\n")
+    assert study.plate.is_the_papers
+    assert edge is None or study.strip.edge == edge
+    assert (study.strip.length_m is None) == ("endless" in keys)
+    for actuator, papers in zip(study.actuators, paper_study().actuators, strict=True):
+        assert (actuator.x_mm, actuator.diameter_mm) == (papers.x_mm, papers.diameter_mm)
+        assert actuator.basis == (papers.basis if is_measured else None)
+    assert study_from_canonical(study.canonical) == study
 
 
-def test_one_list_serves_conditions_of_the_same_burst() -> None:
-    same = study_from_text(TWO_BURSTS.replace("cycles = 3", "cycles = 2"), "s")
+@pytest.mark.parametrize(
+    ("keys", "along_m", "across_m"),
+    [
+        ("y_mm = 9\ndiameter_mm = 12", (-0.041, -0.029), (0.003, 0.015)),
+        ("diameter_mm = 28", (-0.049, -0.021), (0, 0.028)),  # as wide as the plate
+        ("shape = 'rectangle'\nlength_x_mm = 6\nlength_y_mm = 18", (-0.038, -0.032), (5e-3, 0.023)),
+        ("shape = 'motor'\nlength_x_mm = 6\nlength_y_mm = 18", (-0.038, -0.032), (5e-3, 0.023)),
+    ],
+)
+def test_an_actuator_lies_where_the_study_puts_it(
+    keys: str, along_m: tuple[float, float], across_m: tuple[float, float]
+) -> None:
+    strip = '[strip]\nwidth_mm = 28\nlength_mm = 150\nmaterial = "steel"\nedge = "clamped"\n'
+    study = read(strip + discs().replace("diameter_mm = 12.8", keys, 1))
+    left, right = study.actuators
+    assert (*left.span_x_m, *left.span_y_m) == pytest.approx((*along_m, *across_m), abs=1e-12)
+    assert right.y_m == 0.014
+    assert (study.strip.material.density_kg_m3, study.plate.youngs_modulus_gpa) == (7850, None)
+    assert study_from_canonical(study.canonical) == study
+
+
+@pytest.mark.parametrize(
+    ("text", "levels", "part"),
+    [
+        (TWO_BURSTS, (40.0, 50.0), "b, a"),
+        (TWO_BURSTS, {"b": (40.0, 50.0)}, "a$"),
+        (TWO_BURSTS, OF_EACH | {"c": (1.0,)}, "got c"),
+        (TWO_BURSTS, OF_EACH | {"a": (1.0, 201.0)}, r"condition\[1\].levels_vpp\[1\] .*device.c"),
+        (TWO_BURSTS, OF_EACH | {"a": (1.0, 2.0, 3.0, 4.0)}, "trials_per_side"),
+        *(("", levels, r"design\.levels_vpp") for levels in LEVELS),
+        (None, "level_vpp = [40]", "level_vpp; .* levels_vpp"),
+        (None, "", "got None"),
+        (None, "levels_vpp = 40", "levels_vpp .* got 40"),
+        (None, "levels_vpp = ['a']", r"levels_vpp\[0\] .* >= 0.1; got 'a'"),
+        (None, "levels_vpp = {}", "levels_vpp .* got {}"),
+        (None, "levels_vpp = { a = [4], b = 5 }", "toml: b: levels_vpp .* got 5"),
+        (None, "levels_vpp = [50, 40]", r"levels_vpp\[1\] .* > 50"),
+        (None, "participant = 1\nlevels_vpp = [50]", "participant .* '1'; got 1"),
+        (None, "participant = '2'\nlevels_vpp = [50]", "'1'; got '2'"),
+        (None, "levels_vpp = [50", "levels.toml:1: "),
+    ],
+)
+def test_levels_that_cannot_be_run_are_refused(
+    text: str | None, levels: Any, part: str, tmp_path: Path
+) -> None:
+    """Levels of a study, or a file of levels of participant 1."""
+    path = tmp_path / "levels.toml"
+    path.write_text(str(levels))
+    with pytest.raises(StudyError, match=part):
+        read_levels(path, "1") if text is None else with_levels(read(text), levels)
+
+
+def test_levels_are_those_of_the_conditions(tmp_path: Path) -> None:
+    same = read(TWO_BURSTS.replace("cycles = 3", "cycles = 2"))
     assert with_levels(same, (40.0, 50.0)).design_of("a").levels_vpp == (40.0, 50.0)
-
-
-def test_a_study_file_has_no_levels_of_one_condition() -> None:
-    with pytest.raises(StudyError, match=r"\[1\].levels_vpp is for levels that were placed"):
-        study_from_text(TWO_BURSTS + "levels_vpp = [10, 20]", "s")
-
-
-def test_a_study_with_placed_levels_is_known_by_its_file(tmp_path: Path) -> None:
-    path = tmp_path / "study.toml"
-    path.write_text(TWO_BURSTS.replace("cycles = 3", 'window = "auto"\nwanted_level_db = -40'))
+    with pytest.raises(StudyError, match=r"\[1\].levels_vpp"):
+        read(TWO_BURSTS + "levels_vpp = [10, 20]")
+    study = paper_study()
+    other = with_levels(study, (40.0, 50.5, 60.0))
+    assert other.design == replace(study.design, levels_vpp=(40.0, 50.5, 60.0))
+    assert other.sha256 != study.sha256
+    assert with_levels(other, study.design.levels_vpp) == study
+    (path := tmp_path / "s.toml").write_text(TWO_BURSTS)
     study = read_study(path)
     assert is_recorded(path, with_levels(study, OF_EACH).canonical, study.sha256)
-
-
-@pytest.mark.parametrize("levels", [(60.0, 40.0), (), (40.0, 400.0), (float("nan"),), (True, 40.0)])
-def test_levels_that_cannot_be_run_are_refused_so_nothing_changed(
-    levels: tuple[float, ...],
-) -> None:
-    study = paper_study()
-    with pytest.raises(StudyError, match=r"design\.levels_vpp"):
-        with_levels(study, levels)
-    assert study == paper_study()
-
-
-def test_levels_are_read_for_their_owner_only(tmp_path: Path) -> None:
-    path = tmp_path / "levels.toml"
-    path.write_text('participant = "01"\nlevels_vpp = [40, 50.5]\n')
-    assert read_levels(path, "01") == (40.0, 50.5)
-    with pytest.raises(StudyError, match="participant must be '02'; got '01'"):
-        read_levels(path, "02")
-    path.write_text("levels_vpp = [40, 50.5]\n")
-    assert read_levels(path, "02") == (40.0, 50.5)
     path.write_text("[levels_vpp]\none-cycle = [40, 50.5]\n'2' = [7.5]\n")
     assert read_levels(path, "02") == {"one-cycle": (40.0, 50.5), "2": (7.5,)}
+    path.write_text('participant = "01"\nlevels_vpp = [40, 50.5]\n')
+    assert read_levels(path, "01") == (40.0, 50.5)
 
 
 @pytest.mark.parametrize(
-    ("text", "said"),
+    ("responses", "counts", "has_both", "has_none"),
     [
-        ("level_vpp = [40]", "unknown key level_vpp; did you mean levels_vpp"),
-        ("", "levels_vpp must be a list of numbers; got None"),
-        ("levels_vpp = 40", "levels_vpp must be a list of numbers; got 40"),
-        ("levels_vpp = ['a']", r"levels_vpp\[0\] must be a finite number >= 0.1; got 'a'"),
-        ("levels_vpp = {}", "levels_vpp must be a list of numbers; got {}"),
-        ("levels_vpp = { a = [4], b = 5 }", "toml: b: levels_vpp must be a list of numbers; got 5"),
-        ("levels_vpp = [50, 40]", r"levels_vpp\[1\] must be a finite number > 50"),
-        ("participant = 1\nlevels_vpp = [50]", "participant must be '1'; got 1"),
-        ("levels_vpp = [50", "levels.toml:1: "),
+        ('["left", "right"]', "both_trials = 0", False, False),
+        ('["left", "right", "both"]', "", True, False),
+        ('["left", "right", "both", "none"]', "blank_trials = 4", True, True),
+        ('["left", "right", "none"]', "both_trials = 0", False, True),
     ],
 )
-def test_a_file_that_holds_no_levels_is_refused(tmp_path: Path, text: str, said: str) -> None:
-    path = tmp_path / "levels.toml"
-    path.write_text(text)
-    with pytest.raises(StudyError, match=said):
-        read_levels(path, "1")
-
-
-@pytest.mark.parametrize(
-    ("design", "said", "not_said"),
-    [
-        ('responses = ["left", "right"]\nboth_trials = 0', ["or your right"], ["both", "{none}"]),
-        ("", ["or both"], ["{none}", "no vibration"]),
-        (
-            'responses = ["left", "right", "both", "none"]\nblank_trials = 4',
-            ["or both", "Sometimes there will be no vibration: press {none} then."],
-            ["If you feel nothing"],
-        ),
-        (
-            'responses = ["left", "right", "none"]\nboth_trials = 0',
-            ["or your right", "If you feel nothing, press {none}."],
-            ["both", "Sometimes"],
-        ),
-    ],
-)
-def test_instructions_follow_the_design(design: str, said: list[str], not_said: list[str]) -> None:
-    study = study_from_text(f"[design]\n{design}", "study.toml")
-    text = study.shown_texts.instructions
-    assert text is not None
-    assert all(words in text for words in said)
-    assert not any(words in text for words in not_said)
-    assert study.texts.instructions is None  # another design makes others
-
-
-def test_a_text_with_the_key_of_an_answer_that_is_not_offered_is_refused() -> None:
-    with pytest.raises(ValueError, match=r"texts\.main has the key .* \{none\}: .*design\.resp"):
-        study_from_text('[texts]\nmain = "Press {none} if there is nothing."', "study.toml")
-    for kept in ("control", "audibility", "prompt_hands_off"):
-        study_from_text(f'[texts]\n{kept} = "Press {{none}} if there is nothing."', "study.toml")
-
-
-@pytest.mark.parametrize(
-    ("text", "keys"),
-    [
-        ("Press F for left and J for right.", ["F", "J"]),
-        ("Drücken Sie F für links, J für rechts.", ["F", "J"]),
-        ("F: links, J: rechts", ["F", "J"]),
-        ("Appuyez sur «f» ou [j], ou F1.", ["f", "j", "F1"]),
-        ("← is left, the right arrow right; press 5 or the space bar", ["←", "right arrow", "5",
-                                                                    "space bar"]),
-        ("A vibration follows. I wait. Press a key, any key, or {left}. S-Bahn, U.S.", []),
-        ("Naciśnij {left}. Z lewej, w prawo. O 5.", []),
-    ],
-)  # fmt: skip
-def test_keys_that_a_text_names_are_seen_in_most_languages(text: str, keys: list[str]) -> None:
-    assert list(named_keys(text)) == keys
-
-
-@pytest.mark.parametrize(
-    ("rest", "doubted"),
-    [
-        ('main = "Press F or J."', "texts.main names F and J, which mean nothing there"),
-        ('main = "Press F or J."\n[keys]\nleft = ["f"]\nright = ["j"]', None),
-        ('prompt = "←, ↓ or →?"', None),
-        (
-            'prompt = "←, ↓ or →?"\n[design]\nresponses = ["left", "right"]\nboth_trials = 0',
-            "names ↓",
-        ),
-        ('go_on = "Press Enter."', None),
-        ('go_on = "Press Enter."\n[keys]\ngo_on = ["f5"]', "names Enter, which means nothing"),
-        ('go_on = "Press the left arrow."', "write {go_on} where keys belong"),
-    ],
-)
-def test_keys_that_a_text_names_and_the_study_has_not_are_told(
-    rest: str, doubted: str | None
+def test_instructions_follow_the_design(
+    responses: str, counts: str, *, has_both: bool, has_none: bool
 ) -> None:
-    study = study_from_text(f"[texts]\n{rest}", "study.toml")
-    doubts = key_doubts(study.texts, study.keys, study.design)
-    assert len(doubts) == (doubted is not None)
-    assert (doubted or "") in "".join(doubts)
+    text = read(f"[design]\nresponses = {responses}\n{counts}").shown_texts.instructions or ""
+    assert ("both" in text, "{none}" in text) == (has_both, has_none)
 
 
-def test_own_instructions_that_leave_answers_out_are_told_by_check() -> None:
-    text = (
-        '[design]\nresponses = ["left", "right", "both", "none"]\nblank_trials = 10\n'
-        '[texts]\ninstructions = "Press {left}, {right} or {both}."'
+@pytest.mark.parametrize(("text", "expected"), cases("texts"))
+def test_what_participants_cannot_know_or_type_is_a_warning(text: str, expected: str) -> None:
+    facts = facts_of(text, ())
+    code, _, part = expected.partition(" | ")
+    codes = {"unknown_key", "incomplete_instructions", "untyped_key"} & {*codes_of(facts)}
+    assert codes == {code} - {"none"}
+    assert len({"unsaid", "key_doubts", "untyped_keys"} & set(facts)) == len(codes)
+    assert code == "none" or part in message_of(facts, code)
+
+
+def test_a_condition_takes_from_the_burst_what_it_leaves_out() -> None:
+    study = read(
+        '[burst]\nwindow = "hann"\naccept_unfit = "control"\n[[condition]]\nname = "same"\n'
+        '[[condition]]\nname = "other"\nfrequency_hz = 900\n'
     )
-    study = study_from_text(text, "study.toml")
-    assert unsaid_in(study.texts, study.design) == "without {none}, the answer to 10 trials"
-    assert (
-        "instructions   your own, without {none}"
-        in check_findings(check_study(study), "study.toml").text
-    )
+    assert [one.accept_unfit for one in study.conditions] == ["control", None]
+    assert [getattr(one.drive, "window", "") for one in study.conditions] == ["hann", "hann"]
+    assert study_from_canonical(study.canonical) == study
+
+
+def test_a_click_is_read_beside_the_study_and_kept_in_it(tmp_path: Path) -> None:
+    (click := tmp_path / "click.csv").write_text("0\n1\n2\n1\n0\n-1\n-2\n-1\n0\n")
+    (tmp_path / "study.toml").write_text('[burst]\nfile = "click.csv"\n')
+    study = read_study(tmp_path / "study.toml")
+    (condition,) = study.conditions
+    assert condition.file == "click.csv"
+    assert isinstance(condition.drive, SampledDrive)
+    assert condition.drive.values == (0.0, 0.5, 1.0, 0.5, 0.0, -0.5, -1.0, -0.5, 0.0)
+    click.write_text("0\n1\n-1\n0\n")
+    assert read_study(tmp_path / "study.toml").sha256 != study.sha256
+    click.unlink()
+    assert study_from_canonical(study.canonical) == study
+    assert with_levels(study, (40.0, 50.0)).conditions == study.conditions

@@ -11,12 +11,12 @@ from filelock import FileLock
 
 from experiment import ArchiveError
 from experiment.archive.manifest import NAME, Holding, search
-from tests.test_experiment.people import (
+from tests.test_experiment.sessions import contents
+from tests.test_experiment.withdrawals import (
     assert_gone,
     begin_withdrawal,
     change_meanwhile,
 )
-from tests.test_experiment.sessions import contents
 
 if TYPE_CHECKING:
     from collections.abc import Callable

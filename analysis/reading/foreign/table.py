@@ -32,7 +32,9 @@ class CountColumns:
         if not all(isinstance(name, str) and name for name in names):
             raise ValueError(f"[table]: names of columns must be text, got {names}")
         if len({*names}) < len(names):
-            raise ValueError(f"[table]: each column may be named once, got {', '.join(map(str, names))}")
+            raise ValueError(
+                f"[table]: each column may be named once, got {', '.join(map(str, names))}"
+            )
 
     def conditions(self, participant: str) -> list[str]:
         """Return their columns that are the condition, given their name of the participant."""
