@@ -300,7 +300,8 @@ def _ranks_ahead(levels: NDArray[np.float64], linked: Truths, most: int) -> NDAr
         counts = reached & single[lag:]
         total[: len(counts)] += np.where(counts, ranks[lag:], 0.0)
         number[: len(counts)] += counts
-    return np.where(number > 0, total, np.nan) / np.maximum(number, 1)
+    values: NDArray[np.float64] = np.where(number > 0, total, np.nan) / np.maximum(number, 1)
+    return values
 
 
 def serial_effects(

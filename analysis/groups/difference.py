@@ -140,7 +140,7 @@ def unpaired_difference(a: Hierarchy, b: Hierarchy) -> Difference:
         for one in (a, b)
     )
     d = (np.arange(2 * len(x) - 1) - (len(x) - 1)) * step
-    return _told(d, np.convolve(second, first[::-1]))
+    return _told(d, np.convolve(second, first[::-1]).astype(np.float64))
 
 
 def _pairs(found_a: Sequence[Surface], found_b: Sequence[Surface], ruler: Ruler) -> list[_Pair]:
@@ -291,7 +291,7 @@ def _margin(cells: Floats, axes: Sequence[Floats], kept: int) -> Floats:
     """Return the integral over all axes but one."""
     for i in reversed(range(len(axes))):
         if i != kept:
-            cells = np.tensordot(cells, trapezoid(axes[i]), (i, 0))
+            cells = np.asarray(np.tensordot(cells, trapezoid(axes[i]), (i, 0)), dtype=np.float64)
     return cells
 
 

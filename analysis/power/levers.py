@@ -205,7 +205,7 @@ def _first(enough: NDArray[np.bool_]) -> int:
 
 def _numbers() -> tuple[Floats, Floats]:
     """Return numbers of people, and the quantile of t by which their interval is wide."""
-    people = np.arange(2.0, _MOST + 1)
+    people = np.arange(2.0, _MOST + 1, dtype=np.float64)
     t: Floats = stdtrit(people - 1, 0.975).astype(np.float64)
     return people, t
 

@@ -269,7 +269,10 @@ def _logarithms(u: Floats, axes: Axes) -> Floats:
         np.multiply(rest, ndtr(at)[:, None, None], out=both[i])
         both[i] += least
     both[:, :, rest[:, :, 0, 0] < 0] = 0.0
-    return np.log(np.maximum(both, _TINY, out=both), out=both).reshape(2 * len(u), -1)
+    values: NDArray[np.float64] = np.log(np.maximum(both, _TINY, out=both), out=both).reshape(
+        2 * len(u), -1
+    )
+    return values
 
 
 @dataclass(frozen=True, slots=True)

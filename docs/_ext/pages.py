@@ -1,8 +1,8 @@
 r"""Run what a page of docs/ shows, and compare or rewrite what it prints.
 
 ``python docs/_ext/pages.py docs/tutorial.md`` runs a page and rewrites printouts and pictures;
-tests/system/test_docs.py runs them all and compares. A page lives in one empty folder, with tactstrip on
-the PATH, 80 columns and no colour. In it
+tests/system/test_docs.py runs them all and compares. A page lives in one empty folder, with
+tactstrip on the PATH, 80 columns and no colour. In it
 
 - a ``console`` block is run: a line ``$ command`` by a bash of its own (a ``\`` at its end goes on
   in the next line), and the lines up to the next ``$`` are what it prints, on stdout and stderr.

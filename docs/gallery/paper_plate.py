@@ -173,7 +173,9 @@ def over_plate(strip: Strip, driven: tuple[tuple[Load, float], ...], frequency_h
     x_m, y_m = np.linspace(-0.1, 0.1, 401), np.linspace(0.0, strip.width_m, 51)
     loads, amplitudes = zip(*driven, strict=True)
     field = displacement_map(strip, loads, frequency_hz, x_m=x_m, y_m=y_m, rtol=1e-5)
-    total_m = np.tensordot(amplitudes, field.displacement_m, axes=1)
+    total_m = np.asarray(
+        np.tensordot(amplitudes, field.displacement_m, axes=1), dtype=np.complex128
+    )
     return Map(x_m=x_m, y_m=y_m, displacement_m=total_m, loads=loads)
 
 

@@ -253,7 +253,8 @@ def _sine_of_cycles(cycle: Real) -> Real:
     """Return sin(2 pi cycle) for 0 <= cycle < 1, exactly 0 at every half cycle."""
     halves = np.floor(2 * cycle)
     rest = cycle - halves / 2
-    return (1 - 2 * halves) * np.sin(2 * np.pi * np.minimum(rest, 0.5 - rest))
+    values: Real = (1 - 2 * halves) * np.sin(2 * np.pi * np.minimum(rest, 0.5 - rest))
+    return values
 
 
 _LOBE_DEGREE: Final = 60

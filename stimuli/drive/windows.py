@@ -218,7 +218,8 @@ class _RationalTransform:
         turn = np.exp(1j * np.pi / self.stretch * (y - self.cycles))
         square: Complex = turn * turn
         lines = first * first * square + second * second * square * square
-        return first * second * turn * (1 - square) - lines / 2
+        values: Complex = first * second * turn * (1 - square) - lines / 2
+        return values
 
     def _sine_and_cosine(self, nearest: Real, rest: Real) -> tuple[Real, Real]:
         """Return those of theta as a whole number of quarter turns and a rest: exact zeros."""
@@ -259,7 +260,8 @@ class _GaussianTransform:
         sign = 1 - 2 * np.mod(nearest - self.cycles, 2.0)
         turned = sign * np.exp(1j * np.pi * rest) * self._steps(y.astype(np.complex128))
         ends: Real = math.exp(-_SHARPNESS / 4) * np.real(turned)
-        return math.sqrt(math.pi / _SHARPNESS) / 2 * (bell - ends)
+        values: Real = math.sqrt(math.pi / _SHARPNESS) / 2 * (bell - ends)
+        return values
 
     def turned(self, nearest: Real, rest: Complex) -> Complex:
         from scipy.special import wofz

@@ -196,7 +196,8 @@ def history_of(motion: Motion, drive: Drive, times_s: Real) -> tuple[Real, Real,
     doubts = [doubts_of(motion, load, every) for load in loads]
     shape = len(loads), every.size
     course = Course(motion, drive)
-    looks_s = np.arange(0.0, max(float(np.max(times_s)), drive.duration_s), course.look_s)
+    end_s = max(float(np.max(times_s)), drive.duration_s)
+    looks_s = np.arange(0.0, end_s, course.look_s, dtype=np.float64)
     largest, doubt = np.zeros(shape), np.zeros(shape)
     for answers, samples, _ in course.at(looks_s):
         for load in loads:
@@ -211,7 +212,7 @@ def history_of(motion: Motion, drive: Drive, times_s: Real) -> tuple[Real, Real,
             rest_m = oscillators.rest_m[load]
             found[which, load] = moved(weights[load], rest_m, answers, samples).T
     # where nothing moves, as at an edge, an error counts beside what moves elsewhere
-    least = max(_STILL * float(np.max(largest)), np.finfo(np.float64).tiny)
+    least = max(_STILL * float(np.max(largest)), float(np.finfo(np.float64).tiny))
     largest = np.maximum(largest, least)
     return found, _CAUTION * doubt + INTERPOLATED * largest, largest
 

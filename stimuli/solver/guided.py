@@ -174,7 +174,10 @@ class Guided:
         """
         if self.branch is not None:
             squares = [_overlap(g, g, self.sign)[0] for g in (self.g1, self.g2)]
-            return 4 * self.p * k * k * np.where(self.branch == 1, squares[0], -squares[1])
+            values: Complex = (
+                4 * self.p * k * k * np.where(self.branch == 1, squares[0], -squares[1])
+            )
+            return values
         total = self._closed_norms()
         low = np.flatnonzero(2 * np.abs(np.broadcast_to(k, self.p.shape)[:, 0]) ** 2 < _LOW)
         if low.size:

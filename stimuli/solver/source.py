@@ -354,4 +354,5 @@ class Ends:
         """Return by how much the shortest way over an end is longer than the direct one."""
         most = np.maximum(self.load + reach, self.point)
         least = np.minimum(self.load - reach, self.point)
-        return np.maximum(self.length - 2 * np.maximum(most, -least), 0.0)
+        values: Real = np.maximum(self.length - 2 * np.maximum(most, -least), 0.0)
+        return values

@@ -109,7 +109,8 @@ def section_roots(
 
 def _ordered(x: Complex) -> Complex:
     p = outgoing_root(-x)
-    return x[np.arange(len(x))[:, np.newaxis], np.lexsort((-p.real, p.imag), axis=1)]
+    values: Complex = x[np.arange(len(x))[:, np.newaxis], np.lexsort((-p.real, p.imag), axis=1)]
+    return values
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

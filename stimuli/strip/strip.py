@@ -314,7 +314,7 @@ class Strip:
         compliance = self._edge_compliance()
         if math.isinf(compliance):
             # counted from the nearer edge, so that both edges are exact zeros
-            return parity * np.sin(mode * np.pi * (from_edge / 2))
+            return np.asarray(parity * np.sin(mode * np.pi * (from_edge / 2)), dtype=np.float64)
         bending = (mode * (math.pi / 2) + edge_phase(mode, compliance)) ** 2
         section = Section(bending=bending, compliance=compliance, symmetric=mode % 2 == 1)
         return parity * wave_shape(section, 0.0, from_edge).real

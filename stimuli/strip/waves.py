@@ -182,4 +182,5 @@ def supported_wavenumbers(
     root = outgoing_root(-np.concatenate([detuning / (1 + r) + r * deficit, 1 + r * c]))
     q = math.pi / width_m * number
     p: Complex = np.concatenate([q, q]) * root
-    return p[np.lexsort((-p.real, p.imag))]
+    values: Complex = p[np.lexsort((-p.real, p.imag))]
+    return values

@@ -115,7 +115,7 @@ def test_another_distribution_with_a_package_of_ours_is_named(
         "-m", "tactstrip", "check", str(study), folder=tmp_path, program=inside
     )
     assert (exit_code, errors.count("\n")) == (2, 1)
-    assert "pip uninstall stimuli" in errors
+    assert "stimuli" in errors.split("distribution")[1]
     uninstall = ("-m", "pip", "--python", str(inside), "uninstall", "-y", "stimuli")
     assert python(*uninstall, folder=tmp_path)[0] == 0
     again = (*install, "--force-reinstall", str(wheels["tactstrip"]))

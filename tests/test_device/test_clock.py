@@ -98,7 +98,7 @@ def test_before_a_sample_nothing_is_known_and_after_one_the_drift_is_a_crystals(
 
 def test_a_clock_that_jumped_is_learned_anew() -> None:
     sync = ClockSync()
-    for host_s in np.arange(100.0, 110.0):
+    for host_s in map(float, range(100, 110)):
         sync.hear(Sample(before_s=host_s, after_s=host_s + 1e-4, device_s=host_s - 100.0))
     jumped = Sample(before_s=111.0, after_s=111.5, device_s=50.25)
     assert sync.narrowed(jumped) == (111.0, 111.5)

@@ -317,7 +317,7 @@ def _powers_where(place: Real, there: NDArray[np.bool_]) -> Real:
 def _hump_series(n_humps: int, order: int, odd: bool | None) -> Real:  # noqa: FBT001 - a key
     """Return functions that end at the rim with slope 0, in powers of the place."""
     wanted = [n for n in range(2 * n_humps) if odd is None or n % 2 == odd]
-    rim = [1.0, 0.0, -2.0, 0.0, 1.0]  # (1 - s^2)^2
+    rim = np.array([1.0, 0.0, -2.0, 0.0, 1.0])  # (1 - s^2)^2
     return _series([np.convolve(rim, _legendre_powers()[n, : n + 1]) for n in wanted], order)
 
 
