@@ -161,10 +161,18 @@ def definitions_in(unit: str) -> Mapping[str, str]:
 
 
 OF_SIDES: Final = (
-    "over_report", "mislocalised", "detected_any", "noticed", "left_only, right_only",
-    "left, right, both", "part", "none", "side",
-    "threshold_left_um, threshold_right_um", "displacement_basis",
-)  # fmt: skip
+    "over_report",
+    "mislocalised",
+    "detected_any",
+    "noticed",
+    "left_only, right_only",
+    "left, right, both",
+    "part",
+    "none",
+    "side",
+    "threshold_left_um, threshold_right_um",
+    "displacement_basis",
+)
 """Keys of `DEFINITIONS` that mean nothing where there is one place."""
 
 OF_ONE_PLACE: Final[Mapping[str, str]] = MappingProxyType(

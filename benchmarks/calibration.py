@@ -155,9 +155,13 @@ def ours(scenario: Scenario, counts: Floats, nodes: Nodes = STANDARD) -> Floats:
     for part in np.array_split(np.arange(len(counts)), -(-len(counts) // 250)):
         rulers = [ruler] * len(part)
         found = surfaces(
-            x[part] / ruler.step, counts[part], n[part], rulers=rulers,
-            guesses=guesses[: len(part)], nodes=nodes,
-        )  # fmt: skip
+            x[part] / ruler.step,
+            counts[part],
+            n[part],
+            rulers=rulers,
+            guesses=guesses[: len(part)],
+            nodes=nodes,
+        )
         points.append(posterior(found, rulers).mu * ruler.step)
     return np.concatenate(points)
 
@@ -312,8 +316,12 @@ def interval_rows(rng: np.random.Generator) -> Iterator[str]:
 def group_rows(rng: np.random.Generator) -> Iterator[str]:
     """Yield the coverage of a group's interval at three levels, then of the pooled binomial."""
     n = _CELL
-    people = ("five", 5, 0.0, SIGMA), ("five steep", 5, 0.0, SIGMA / 5), (
-        "five, forced choice", 5, 0.5, SIGMA), ("twelve", 12, 0.0, SIGMA)  # fmt: skip
+    people = (
+        ("five", 5, 0.0, SIGMA),
+        ("five steep", 5, 0.0, SIGMA / 5),
+        ("five, forced choice", 5, 0.5, SIGMA),
+        ("twelve", 12, 0.0, SIGMA),
+    )
     levels, pooled_part = (60.0, 95.0, 165.0), dict[float, list[float]]()
     for name, number, guess_rate, sigma in people:
         cells = dict.fromkeys(levels, "")

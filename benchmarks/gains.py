@@ -44,14 +44,22 @@ def _actuator(
 ) -> str:
     across = [] if y_mm is None else [f"y_mm = {y_mm}"]
     measured = [
-        "measured_displacement_um = 2.6", "measured_at_vpp = 100", "measured_at_hz = 100",
-    ]  # fmt: skip
+        "measured_displacement_um = 2.6",
+        "measured_at_vpp = 100",
+        "measured_at_hz = 100",
+    ]
     return "\n".join(
         [
-            "[[actuator]]", f'side = "{side}"', f"x_mm = {x_mm}", f"diameter_mm = {diameter_mm}",
-            *across, *measured, *lines, "",
+            "[[actuator]]",
+            f'side = "{side}"',
+            f"x_mm = {x_mm}",
+            f"diameter_mm = {diameter_mm}",
+            *across,
+            *measured,
+            *lines,
+            "",
         ]
-    )  # fmt: skip
+    )
 
 
 def _study(
@@ -71,11 +79,16 @@ def _study(
 
 
 COUNTS: Final = (
-    "patch_counts = true", "piezo_thickness_mm = 0.11", "piezo_youngs_modulus_gpa = 63",
-    "piezo_poisson_ratio = 0.31", "piezo_density_kg_m3 = 7800", "carrier_thickness_mm = 0.1",
-    "carrier_youngs_modulus_gpa = 105", "carrier_poisson_ratio = 0.35",
+    "patch_counts = true",
+    "piezo_thickness_mm = 0.11",
+    "piezo_youngs_modulus_gpa = 63",
+    "piezo_poisson_ratio = 0.31",
+    "piezo_density_kg_m3 = 7800",
+    "carrier_thickness_mm = 0.1",
+    "carrier_youngs_modulus_gpa = 105",
+    "carrier_poisson_ratio = 0.35",
     "carrier_density_kg_m3 = 8530",
-)  # fmt: skip
+)
 FINGERS: Final = (
     "[finger_load]\nmass_g = 0.2\nstiffness_n_m = 500\ndamping_n_s_m = 1\n"
     'holds_up_to_hz = 1000\nsource = "an example"\n'
@@ -158,9 +171,12 @@ def measured(
 
 MATERIALS: Final = ("steel", "aluminium", "glass", "brass", "pmma", "titanium")
 LAYERS: Final = (
-    "patch_counts = true", "piezo_thickness_mm = 0.25", "piezo_youngs_modulus_gpa = 62",
-    "piezo_poisson_ratio = 0.31", "piezo_density_kg_m3 = 7800",
-)  # fmt: skip
+    "patch_counts = true",
+    "piezo_thickness_mm = 0.25",
+    "piezo_youngs_modulus_gpa = 62",
+    "piezo_poisson_ratio = 0.31",
+    "piezo_density_kg_m3 = 7800",
+)
 
 
 def drawn(rng: np.random.Generator) -> tuple[str, bool]:

@@ -96,9 +96,12 @@ class People:
             flat = counts[first : first + _AT_ONCE].reshape(-1, len(self.levels_vpp))
             u = np.broadcast_to(np.log10(self.levels_vpp) / ruler.step, flat.shape)
             found = surfaces(
-                u, flat, np.full(flat.shape, float(N)), rulers=[ruler] * len(flat),
+                u,
+                flat,
+                np.full(flat.shape, float(N)),
+                rulers=[ruler] * len(flat),
                 guesses=[guess] * len(flat),
-            )  # fmt: skip
+            )
             for i in range(0, len(found), self.number):
                 yield found[i : i + self.number]
 

@@ -63,9 +63,12 @@ def drawn(rng: np.random.Generator) -> Scene:
     material = MATERIALS[rng.integers(len(MATERIALS))]
     lossy = dataclasses.replace(material, loss_factor=float(rng.choice([0.005, 0.01, 0.02, 0.05])))
     strip = Strip(
-        width_m=width_m, thickness_m=thickness_m, material=lossy, edge=SIMPLY_SUPPORTED,
+        width_m=width_m,
+        thickness_m=thickness_m,
+        material=lossy,
+        edge=SIMPLY_SUPPORTED,
         length_m=rng.uniform(0.12, 0.2),
-    )  # fmt: skip
+    )
     firm = ElasticEdge(
         stiffness_n=strip.bending_stiffness_n_m / width_m * 10 ** rng.uniform(0, 2),
         lossless=bool(rng.integers(2)),
@@ -123,8 +126,9 @@ def differences(count: int) -> tuple[Real, Real, Real]:
             f"plate {number}: level {levels[-2][0]:.2g} and {levels[-1][0]:.2g} dB"
             f"{' (Hann)' if is_smooth else ''}, own finger {own[-2]:.2g} and {own[-1]:.2g}, "
             f"{took_s:.2g} s and {slow_s:.2g} s",
-            file=sys.stderr, flush=True,
-        )  # fmt: skip
+            file=sys.stderr,
+            flush=True,
+        )
     return np.array(levels), np.array(own), np.array(times)
 
 
@@ -212,10 +216,12 @@ def draw(rows: Rows, spectra_s: dict[str, float], elements: Rows) -> None:
         figure = Figure(figsize=(7.2, 4.8), layout="constrained")
         FigureCanvasAgg(figure)
         axes = figure.add_subplot(
-            xscale="log", yscale="log", xlabel="processor time (s)",
+            xscale="log",
+            yscale="log",
+            xlabel="processor time (s)",
             ylabel="error of the level at the other finger (dB)",
             title="Modes kept up to 2, 3, 4, 6, 8, 12, 16 and 24 times the cut-off",
-        )  # fmt: skip
+        )
         # Okabe and Ito's colours, told apart by the colour-blind too; the markers differ as well
         for (name, points), marker, colour in zip(
             rows.items(), "osDv", ("#0072b2", "#d55e00", "#cc79a7", "#009e73"), strict=True

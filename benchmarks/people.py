@@ -137,18 +137,27 @@ DESIGNS: Final = (
         name="centred levels, 150", levels_vpp=CENTRED, per_side=15, blanks=0, responses=FORCED
     ),
     SessionDesign(
-        name='"none", 150 and 60 blanks', levels_vpp=PAPER, per_side=15, blanks=60,
+        name='"none", 150 and 60 blanks',
+        levels_vpp=PAPER,
+        per_side=15,
+        blanks=60,
         responses=WITH_NONE,
     ),
     SessionDesign(
-        name='"none", centred, 150 and 60 blanks', levels_vpp=CENTRED, per_side=15, blanks=60,
+        name='"none", centred, 150 and 60 blanks',
+        levels_vpp=CENTRED,
+        per_side=15,
+        blanks=60,
         responses=WITH_NONE,
     ),
     SessionDesign(
-        name='pilot, "none", 40 and 12 blanks', levels_vpp=(20.0, 40.0, 80.0, 160.0), per_side=5,
-        blanks=12, responses=WITH_NONE,
+        name='pilot, "none", 40 and 12 blanks',
+        levels_vpp=(20.0, 40.0, 80.0, 160.0),
+        per_side=5,
+        blanks=12,
+        responses=WITH_NONE,
     ),
-)  # fmt: skip
+)
 
 HONEST: Final = Simulation(threshold_vpp=62.0).median
 PEOPLE: Final = {

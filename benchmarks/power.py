@@ -117,19 +117,34 @@ def plans() -> list[Plan]:
     """Return forty plans, ten of each of the four kinds of goals."""
     spreads = ((1.5, (1.25, 1.5, 2.0, 2.5, 3.0)), (2.5, (1.75, 2.0, 2.5, 3.0, 3.5)))
     return [
-        *(Plan(goal=f"false-alarms={size:g}%", trials=5, blanks=blanks, false_alarms=rate,
-               most=80)
-          for (rate, size), blanks in product(
-              ((0.01, 4.5), (0.01, 5), (0.02, 6), (0.02, 7), (0.05, 10)), (20, 40))),
-        *(Plan(goal=f"detection={size}%@62V", spread_db=spread_db)
-          for spread_db, sizes in ((1.5, (8, 9, 10, 12, 15)), (2.5, (10, 11, 12, 14, 16)))
-          for size in sizes),
-        *(Plan(goal=f"difference={size:g}dB", trials=trials, blanks=blanks, placed=not blanks)
-          for size, (trials, blanks) in product((1.25, 1.5, 2.0, 2.5, 3.0), ((80, 20), (50, 0)))),
-        *(Plan(goal=f"half-width={size:g}dB", spread_db=spread_db, trials=50 + 30 * (i % 2),
-               placed=i > 2)
-          for spread_db, sizes in spreads for i, size in enumerate(sizes)),
-    ]  # fmt: skip
+        *(
+            Plan(
+                goal=f"false-alarms={size:g}%", trials=5, blanks=blanks, false_alarms=rate, most=80
+            )
+            for (rate, size), blanks in product(
+                ((0.01, 4.5), (0.01, 5), (0.02, 6), (0.02, 7), (0.05, 10)), (20, 40)
+            )
+        ),
+        *(
+            Plan(goal=f"detection={size}%@62V", spread_db=spread_db)
+            for spread_db, sizes in ((1.5, (8, 9, 10, 12, 15)), (2.5, (10, 11, 12, 14, 16)))
+            for size in sizes
+        ),
+        *(
+            Plan(goal=f"difference={size:g}dB", trials=trials, blanks=blanks, placed=not blanks)
+            for size, (trials, blanks) in product((1.25, 1.5, 2.0, 2.5, 3.0), ((80, 20), (50, 0)))
+        ),
+        *(
+            Plan(
+                goal=f"half-width={size:g}dB",
+                spread_db=spread_db,
+                trials=50 + 30 * (i % 2),
+                placed=i > 2,
+            )
+            for spread_db, sizes in spreads
+            for i, size in enumerate(sizes)
+        ),
+    ]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -194,9 +209,12 @@ def placed_sessions(
             of_trial = {trial.number: plan.gains_of(trial.condition) for trial in plan.trials}
             own_db = person["difference_db"] * (len(study.conditions) > 1)
             responder = SimulatedResponder(
-                Observer(**person), clock, seed=plan.seed, gains=of_trial,
+                Observer(**person),
+                clock,
+                seed=plan.seed,
+                gains=of_trial,
                 shifts_db={t.number: (own_db, own_db) for t in plan.trials if t.condition == last},
-            )  # fmt: skip
+            )
             _run(pilot, Path(folder), plan, responder, clock)
             levels_vpp = _levels(read_trials([Path(folder)]), study)
         at_levels = with_levels(study, levels_vpp)
@@ -221,19 +239,30 @@ def _levels(pilot: pd.DataFrame, study: Study) -> dict[str, tuple[float, ...]]:
 
 def _plan(study: Study, number: int, seed: int, gains: tuple[ConditionGains, ...]) -> SessionPlan:
     return draw_plan(
-        study, participant=f"{number:02d}", session="01", seed=seed, gains=gains,
+        study,
+        participant=f"{number:02d}",
+        session="01",
+        seed=seed,
+        gains=gains,
         participant_number=number,
-    )  # fmt: skip
+    )
 
 
 def _run(
     study: Study, root: Path, plan: SessionPlan, responder: SimulatedResponder, clock: VirtualClock
 ) -> SessionFolder:
     folder = SessionFolder(root, plan.participant, plan.session, disk=UNWAITED)
-    begin(folder, plan, Setting(
-        device=mock_device(study, clock), responder=responder, noise=SilentNoise(study.masking),
-        clock=clock, stop=StopSignal(),
-    ))  # fmt: skip
+    begin(
+        folder,
+        plan,
+        Setting(
+            device=mock_device(study, clock),
+            responder=responder,
+            noise=SilentNoise(study.masking),
+            clock=clock,
+            stop=StopSignal(),
+        ),
+    )
     return folder
 
 
@@ -259,10 +288,18 @@ def row(plan: Plan, seed: int, spread: Any, *, fresh: int = FRESH, whole: int = 
     """Return the row of a plan, with so many studies through the whole chain or without."""
     study, goal = plan.study(), Goal.parse(plan.goal)
     promise = plan_study(
-        stated_people(study, goal), goal, participants=(2, plan.most), trials_per_side=None,
-        blanks=None, placed=plan.placed, assurance=ASSURANCE, seed=seed, spread=spread,
-        predicted=lambda *_: None, step=lambda *_: None,
-    )  # fmt: skip
+        stated_people(study, goal),
+        goal,
+        participants=(2, plan.most),
+        trials_per_side=None,
+        blanks=None,
+        placed=plan.placed,
+        assurance=ASSURANCE,
+        seed=seed,
+        spread=spread,
+        predicted=lambda *_: None,
+        step=lambda *_: None,
+    )
     answer = promise.best
     levels = "placed" if plan.placed else "fixed"
     head = f"| {plan.goal} | {plan.spread_db:g} dB | {plan.trials} | {plan.blanks} | {levels} |"
@@ -285,8 +322,10 @@ def row(plan: Plan, seed: int, spread: Any, *, fresh: int = FRESH, whole: int = 
         attained(real, goal, answer, fresh, **others),
     ]
     if whole:
-        chunks = [Whole(plan=plan, participants=number, seed=_SEED + 1000 * seed, first=first)
-                  for first in range(0, whole, _WHOLE_AT_ONCE)]  # fmt: skip
+        chunks = [
+            Whole(plan=plan, participants=number, seed=_SEED + 1000 * seed, first=first)
+            for first in range(0, whole, _WHOLE_AT_ONCE)
+        ]
         told[1] = (
             sum(reached for _, reached in spread(through_the_chain, chunks)),
             _WHOLE_AT_ONCE * len(chunks),
@@ -309,8 +348,10 @@ def main(path: str) -> None:
     with Kept(Path(path), {"benchmark": "power"}) as kept:
         of_kept = partial(spread, kept=kept)
         for whole in (0, WHOLE):
-            print("| goal | between people | trials a side | blanks | levels | people | promised | "
-                  "attained | whole chain | realistic people |")  # fmt: skip
+            print(
+                "| goal | between people | trials a side | blanks | levels | people | promised | "
+                "attained | whole chain | realistic people |"
+            )
             print("|---" * 10 + "|")
             for i, plan in enumerate(plans()):
                 print(row(plan, i, of_kept, whole=whole), flush=True)

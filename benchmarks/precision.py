@@ -101,9 +101,12 @@ def draw(found: list[Grid], other: Grid | None) -> None:
     ):
         axes.loglog([one.error for one in of_grids], times, "o-", color=colour, label=label)
     axes.loglog(
-        [found[-1].error], [found[-1].batch_s], "s", color="#009E73",
+        [found[-1].error],
+        [found[-1].batch_s],
+        "s",
+        color="#009E73",
         label=f"a whole fit, one of {BATCH}",
-    )  # fmt: skip
+    )
     if other is not None:
         axes.loglog([other.error], [other.alone_s], "^", color="#CC79A7", label="psignifit, alone")
     axes.set_xlabel("largest error of limits and median of 40 tables, dB")

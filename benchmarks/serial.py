@@ -415,12 +415,15 @@ def section() -> str:
     none = {name: one for name, one in NO_EFFECT.items() if name != _UNTOLD}
     lines = [
         *_table(
-            "No serial effect", none, TABLES,
-            ("felt", "correct", "drift", "whole trials"), ("side", "difference"),
+            "No serial effect",
+            none,
+            TABLES,
+            ("felt", "correct", "drift", "whole trials"),
+            ("side", "difference"),
         ),
         *_table(_DRIFTING, DRIFT, few, ("felt", "correct", "drift", "difference"), ("side",)),
         *_table(_LOWER, LAST, few, ("felt", "correct", "difference"), ("side", "drift")),
-    ]  # fmt: skip
+    ]
     return "\n".join(["## Serial effects", "", _WORDS, *lines, ""])
 
 

@@ -94,13 +94,28 @@ def cases() -> Iterator[Case]:
     spring = ElasticEdge(stiffness_n=150.0)
     off_centre = PressureRectangle(x_m=0.0, y_m=0.31 * _WIDTH_M, length_x_m=0.004, length_y_m=0.007)
     for part in ("below", "across"):
-        yield from _case("elastic, off-centre force", part, edge=spring,
-                         load=PointForce(x_m=0.0, y_m=0.3 * _WIDTH_M))  # fmt: skip
-        yield from _case("glass, 0.7 mm, elastic, off-centre rectangle", part, edge=spring,
-                         material=GLASS, thickness_m=0.0007, load=off_centre)  # fmt: skip
-        yield from _case("steel, 0.3 mm, clamped, moment disc", part, edge=CLAMPED,
-                         material=STEEL, thickness_m=0.0003,
-                         load=MomentDisc(x_m=0.0, y_m=0.5 * _WIDTH_M, radius_m=0.005))  # fmt: skip
+        yield from _case(
+            "elastic, off-centre force",
+            part,
+            edge=spring,
+            load=PointForce(x_m=0.0, y_m=0.3 * _WIDTH_M),
+        )
+        yield from _case(
+            "glass, 0.7 mm, elastic, off-centre rectangle",
+            part,
+            edge=spring,
+            material=GLASS,
+            thickness_m=0.0007,
+            load=off_centre,
+        )
+        yield from _case(
+            "steel, 0.3 mm, clamped, moment disc",
+            part,
+            edge=CLAMPED,
+            material=STEEL,
+            thickness_m=0.0003,
+            load=MomentDisc(x_m=0.0, y_m=0.5 * _WIDTH_M, radius_m=0.005),
+        )
 
 
 def best_s(*runs: Callable[[int], object]) -> list[float]:

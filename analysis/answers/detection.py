@@ -17,15 +17,35 @@ if TYPE_CHECKING:
 
 
 LEVEL_COLUMNS = (
-    "condition", "level_vpp", "detected", "presented", "p_min", "p_mean", "p_max", "p_pooled",
-    "group_low", "group_high", "over_report", "mislocalised", "timeouts", "p_answered",
-)  # fmt: skip
+    "condition",
+    "level_vpp",
+    "detected",
+    "presented",
+    "p_min",
+    "p_mean",
+    "p_max",
+    "p_pooled",
+    "group_low",
+    "group_high",
+    "over_report",
+    "mislocalised",
+    "timeouts",
+    "p_answered",
+)
 
 _FELT = ("left", "right", "both")
 _BOTH = (
-    "participant", "noticed", "presented", "p", "low", "high", "group_low", "group_high",
-    "left_only", "right_only",
-)  # fmt: skip
+    "participant",
+    "noticed",
+    "presented",
+    "p",
+    "low",
+    "high",
+    "group_low",
+    "group_high",
+    "left_only",
+    "right_only",
+)
 _BLANK = ("participant", *_FELT, "presented", "p", "low", "high", "group_low", "group_high")
 
 

@@ -17,9 +17,18 @@ if TYPE_CHECKING:
 
 
 SENSITIVITY_COLUMNS: Final = (
-    "condition", "participant", "level_vpp", "felt", "presented", "false_alarms", "blanks",
-    "d_prime", "d_prime_low", "d_prime_high", "d_prime_answered",
-)  # fmt: skip
+    "condition",
+    "participant",
+    "level_vpp",
+    "felt",
+    "presented",
+    "false_alarms",
+    "blanks",
+    "d_prime",
+    "d_prime_low",
+    "d_prime_high",
+    "d_prime_answered",
+)
 _COUNTS: Final = ("felt", "presented", "answered")
 _BLANKS: Final = ("false_alarms", "blanks", "blanks_answered")
 _KEY: Final = ["condition", "participant"]
@@ -147,7 +156,11 @@ def _mean(level: object, rows: pd.DataFrame) -> dict[str, Any]:
         half = float(stdtrit(number - 1, LIMITS[1]) * each.std(ddof=1) / np.sqrt(number))
     sums = {name: int(rows[name].sum()) for name in (*_COUNTS, *_BLANKS)}
     return {
-        "participant": TOTAL, "level_vpp": level, **sums, "d_prime": middle,
-        "d_prime_low": middle - half, "d_prime_high": middle + half,
+        "participant": TOTAL,
+        "level_vpp": level,
+        **sums,
+        "d_prime": middle,
+        "d_prime_low": middle - half,
+        "d_prime_high": middle + half,
         "d_prime_answered": float(rows["d_prime_answered"].mean()),
-    }  # fmt: skip
+    }

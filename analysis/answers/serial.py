@@ -267,10 +267,11 @@ def following_z(
     the one before it.
     """
     return min(
-        _mantel_z(np.where(np.isnan(levels), np.nan, _ranks_ahead(levels, linked, most)),
-                  detected, run)
+        _mantel_z(
+            np.where(np.isnan(levels), np.nan, _ranks_ahead(levels, linked, most)), detected, run
+        )
         for most in _AHEAD
-    )  # fmt: skip
+    )
 
 
 def _mantel_z(ahead: NDArray[np.float64], detected: Truths, run: Integers) -> float:
@@ -364,8 +365,10 @@ def _effect(found: Rearranged, name: str, reason: str) -> SerialEffect:
         reason = "too few equal stimuli with different answers"
     share = Share(count=again, of=first)
     expected, expected_otherwise = (None, None) if reason else _expected(found.pairs[1:, index])
-    beyond = float((found.excess[0, index] - found.excess[1:, index].mean())
-                   / (found.weight[:, index].mean() or 1.0))  # fmt: skip
+    beyond = float(
+        (found.excess[0, index] - found.excess[1:, index].mean())
+        / (found.weight[:, index].mean() or 1.0)
+    )
     if not compared and share.p is not None and expected is not None:
         beyond = share.p - expected
     return SerialEffect(

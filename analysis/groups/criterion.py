@@ -26,11 +26,20 @@ if TYPE_CHECKING:
 
 
 BESIDE_COLUMNS: Final = (
-    "first", "false_alarms_a", "blanks_a", "false_alarms_b", "blanks_b",
-    "false_alarm_difference", "false_alarm_difference_low", "false_alarm_difference_high",
-    "d_prime_a", "d_prime_b",
-    "d_prime_difference", "d_prime_difference_low", "d_prime_difference_high",
-)  # fmt: skip
+    "first",
+    "false_alarms_a",
+    "blanks_a",
+    "false_alarms_b",
+    "blanks_b",
+    "false_alarm_difference",
+    "false_alarm_difference_low",
+    "false_alarm_difference_high",
+    "d_prime_a",
+    "d_prime_b",
+    "d_prime_difference",
+    "d_prime_difference_low",
+    "d_prime_difference_high",
+)
 _ALARMS_APART: Final = BESIDE_COLUMNS[5:8]
 _MOST_EXACT: Final = 10_000
 """Of more false alarms the test is that of the normal distribution."""
@@ -149,8 +158,11 @@ def _beside(
             pd.DataFrame({"at": d_prime, "low": low, "high": high}, index=each["participant"])
         )
         names = [*each["participant"], TOTAL] if len(each) else []
-        columns = ([*false_alarms, false_alarms.sum()], [*blanks, blanks.sum()],
-                   [*d_prime, d_prime.mean() if len(each) else np.nan])  # fmt: skip
+        columns = (
+            [*false_alarms, false_alarms.sum()],
+            [*blanks, blanks.sum()],
+            [*d_prime, d_prime.mean() if len(each) else np.nan],
+        )
         for name, *values in zip(names, *columns, strict=False):
             told = zip(("false_alarms", "blanks", "d_prime"), values, strict=True)
             found.setdefault(name, {}).update({f"{key}_{suffix}": value for key, value in told})

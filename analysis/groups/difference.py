@@ -169,10 +169,14 @@ def _pairs(found_a: Sequence[Surface], found_b: Sequence[Surface], ruler: Ruler)
             (pair.values.max(axis=axis) > _HALF * pair.values.max()).sum() < _ENOUGH
             for axis in (0, 1)
         )
-        own = [
-            _where_likely([(axis, sketch.values.max(axis=1 - i))], n)
-            for i, (axis, n) in enumerate(zip((sketch.m, sketch.d), _NODES, strict=True))
-        ] if narrow else []  # fmt: skip
+        own = (
+            [
+                _where_likely([(axis, sketch.values.max(axis=1 - i))], n)
+                for i, (axis, n) in enumerate(zip((sketch.m, sketch.d), _NODES, strict=True))
+            ]
+            if narrow
+            else []
+        )
         found.append(_laid(*one, *own) if narrow else pair)
     return found
 
@@ -299,8 +303,10 @@ def _likelihood(
     pairs: Sequence[_Pair], middle: Floats, spread: Floats, shift: Floats, between: Floats
 ) -> Floats:
     """Return the likelihood of M, tau, D and tau_d, greatest 1."""
-    of_m, of_d = ([np.ravel(one) for one in np.meshgrid(*axes, indexing="ij")]
-                  for axes in ((middle, spread), (shift, between)))  # fmt: skip
+    of_m, of_d = (
+        [np.ravel(one) for one in np.meshgrid(*axes, indexing="ij")]
+        for axes in ((middle, spread), (shift, between))
+    )
     weights: dict[int, Floats] = {}
     total = np.zeros((len(of_m[0]), len(of_d[0])))
     for one in pairs:

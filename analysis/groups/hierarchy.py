@@ -183,9 +183,13 @@ def hierarchy(found: Sequence[Surface], ruler: Ruler, *, prior_of_middle: bool =
         spread = spread[0] + (spread - spread[0]) ** 1.5 / np.sqrt(np.ptp(spread))
     of_kind = np.einsum("kmts,m,t,s->k", by_kind, in_middle, in_spread, in_sigma)
     return Hierarchy(
-        middle=middle, spread=spread, density=density, log_sigma=log_sigma, cells=cells,
+        middle=middle,
+        spread=spread,
+        density=density,
+        log_sigma=log_sigma,
+        cells=cells,
         of_kind=of_kind / of_kind.sum(),
-    )  # fmt: skip
+    )
 
 
 def _log_likelihood(
@@ -195,8 +199,10 @@ def _log_likelihood(
 
     With the prior of the kinds.
     """
-    of_mu, of_sigma = ([np.ravel(one) for one in np.meshgrid(*axes, indexing="ij")]
-                       for axes in ((middle, spread), (log_sigma, OMEGA)))  # fmt: skip
+    of_mu, of_sigma = (
+        [np.ravel(one) for one in np.meshgrid(*axes, indexing="ij")]
+        for axes in ((middle, spread), (log_sigma, OMEGA))
+    )
     weights: dict[int, Floats] = {}
     prior = np.repeat(kind_prior(), len(of_sigma[0]))
     total = np.tile((1 - len(found)) * np.log(prior), (len(of_mu[0]), 1))

@@ -16,11 +16,20 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 BY_LEVEL_COLUMNS: Final = (
-    "condition_a", "condition_b", "participant", "level_vpp",
-    "felt_a", "presented_a", "felt_b", "presented_b",
-    "d_prime_a", "d_prime_b",
-    "d_prime_difference", "d_prime_difference_low", "d_prime_difference_high",
-)  # fmt: skip
+    "condition_a",
+    "condition_b",
+    "participant",
+    "level_vpp",
+    "felt_a",
+    "presented_a",
+    "felt_b",
+    "presented_b",
+    "d_prime_a",
+    "d_prime_b",
+    "d_prime_difference",
+    "d_prime_difference_low",
+    "d_prime_difference_high",
+)
 NEARLY_ALL: Final = 0.9
 """Where a larger share is felt in a condition, d' there hardly tells more than false alarms."""
 SEVERAL: Final = 2

@@ -32,14 +32,34 @@ if TYPE_CHECKING:
 
 
 GROUP_COLUMNS: Final = (
-    "condition", "participants", "status", "threshold_vpp", "threshold_low_vpp",
-    "threshold_high_vpp", "spread_db", "spread_low_db", "spread_high_db", "new_low_vpp",
-    "new_high_vpp", "printed", "below", "above",
-)  # fmt: skip
+    "condition",
+    "participants",
+    "status",
+    "threshold_vpp",
+    "threshold_low_vpp",
+    "threshold_high_vpp",
+    "spread_db",
+    "spread_low_db",
+    "spread_high_db",
+    "new_low_vpp",
+    "new_high_vpp",
+    "printed",
+    "below",
+    "above",
+)
 DIFFERENCE_COLUMNS: Final = (
-    "condition_a", "condition_b", "participant", "difference_db", "low_db", "high_db",
-    "spread_db", "spread_low_db", "spread_high_db", "status", "printed",
-)  # fmt: skip
+    "condition_a",
+    "condition_b",
+    "participant",
+    "difference_db",
+    "low_db",
+    "high_db",
+    "spread_db",
+    "spread_low_db",
+    "spread_high_db",
+    "status",
+    "printed",
+)
 GROUP: Final = "all"
 _ALONE: Final = "one participant tells nothing of others"
 _BELOW: Final = ("threshold_below_levels", "median_below_levels")

@@ -103,9 +103,13 @@ def _probabilities(
 ) -> Floats:
     design = sessions[0].design
     return answer_probabilities(
-        [one.person for one in sessions], levels_vpp, design.responses, design.response_window_s,
-        gains=gains, shift_db=(db, db),
-    )  # fmt: skip
+        [one.person for one in sessions],
+        levels_vpp,
+        design.responses,
+        design.response_window_s,
+        gains=gains,
+        shift_db=(db, db),
+    )
 
 
 def _drawn(design: Design, hits: Floats, blank: Floats, rng: np.random.Generator) -> Counts:
@@ -148,8 +152,11 @@ def _course(session: Session) -> _Course:
         for place in order
         for block in shuffled_blocks(session.design_in(place), rng)
     ]
-    trials = [(place, number, *stimulus)
-              for number, (place, block) in enumerate(blocks) for stimulus in block]  # fmt: skip
+    trials = [
+        (place, number, *stimulus)
+        for number, (place, block) in enumerate(blocks)
+        for stimulus in block
+    ]
     condition, block_of, kind, side, level_vpp = zip(*trials, strict=True)
     told_vpp = np.array([one or 0.0 for one in level_vpp])
     is_side = {one: np.array(side) == one for one in _SIDES}
@@ -159,12 +166,16 @@ def _course(session: Session) -> _Course:
         condition=np.array(condition),
         left_vpp=told_vpp * (is_side["left"] | both),
         right_vpp=told_vpp * (is_side["right"] | both),
-        level=np.array([place_of[place][one] if of == "single" and one is not None else -1
-                        for place, of, one in zip(condition, kind, level_vpp, strict=True)]),
+        level=np.array(
+            [
+                place_of[place][one] if of == "single" and one is not None else -1
+                for place, of, one in zip(condition, kind, level_vpp, strict=True)
+            ]
+        ),
         blank=np.array(kind) == "blank",
         shift_db=shift_db + threshold_course_db(session.person, block_of, rng),
         chance=rng.random(len(trials)),
-    )  # fmt: skip
+    )
 
 
 def _by_trial(sessions: Sequence[Session], gains: FingerGains) -> list[list[Counts]]:
@@ -210,9 +221,15 @@ def _counted(
             for which in (single, single & (answer == sided))
         )
         blank = answer[(course.condition == condition) & course.blank]
-        words = Counter(dict(zip((*responses, None),
-                                 np.bincount(blank, minlength=len(responses) + 1).tolist(),
-                                 strict=True)))  # fmt: skip
+        words = Counter(
+            dict(
+                zip(
+                    (*responses, None),
+                    np.bincount(blank, minlength=len(responses) + 1).tolist(),
+                    strict=True,
+                )
+            )
+        )
         found.append(_counts(design, detected.tolist(), presented.tolist(), words))
     return found
 

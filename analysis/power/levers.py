@@ -177,8 +177,10 @@ def _about(number: int, *others: int, than: int, more: bool, why: str) -> Thumb:
     return Thumb(
         words=f"Rule of thumb, not simulated: about {number} participants ({why}); "
         f"try --participants {low} {high}.",
-        participants=number, low=low, high=high,
-    )  # fmt: skip
+        participants=number,
+        low=low,
+        high=high,
+    )
 
 
 def _without(why: str, people: int) -> Thumb:

@@ -103,9 +103,13 @@ def plan_study(
         return replace(found, thumb=thumb(trials, base, goal, assurance, own)) if base else found
 
     ahead = Ahead(
-        trials=trials, points=points, participants=participants, assurance=assurance,
-        kind=goal.kind, search=lambda by: changed(by, searched(by)),
-    )  # fmt: skip
+        trials=trials,
+        points=points,
+        participants=participants,
+        assurance=assurance,
+        kind=goal.kind,
+        search=lambda by: changed(by, searched(by)),
+    )
     middle = replace(points[0], participants=round(math.sqrt(math.prod(participants))))
     speed = slower(trials, middle)
     least, most = ahead.between()

@@ -36,14 +36,23 @@ SPREAD: Final = "threshold_sd_db"
 DIFFERENCE_SPREAD: Final = "difference_sd_db"
 _NODES: Final = 31
 _ALWAYS: Final = (
-    "threshold_um", "threshold_vpp", SPREAD, "sigma", "lapse_rate", "false_alarm_rate",
-)  # fmt: skip
+    "threshold_um",
+    "threshold_vpp",
+    SPREAD,
+    "sigma",
+    "lapse_rate",
+    "false_alarm_rate",
+)
 _OF_DIFFERENCE: Final = ("difference_db",)
 """Keys that the goal decides on, and the study does not."""
 _OF_BLANKS: Final = (
-    "lapse_rate", "false_alarm_rate", "reaction_time_s", "reaction_time_spread",
-    "reaction_time_least_s", "reaction_time_doubt",
-)  # fmt: skip
+    "lapse_rate",
+    "false_alarm_rate",
+    "reaction_time_s",
+    "reaction_time_spread",
+    "reaction_time_least_s",
+    "reaction_time_doubt",
+)
 """Keys that false alarms hang on: nothing is felt, so no threshold."""
 _LEAST_VPP, _MOST_VPP = 0.1, 1000.0
 _VOLTS: Final = re.compile(r"V(pp|\b)")

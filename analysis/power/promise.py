@@ -361,8 +361,12 @@ def _row(one: Tried) -> dict[str, Any]:
 
 
 def _table(tried: Sequence[Tried], goal: Goal) -> list[str]:
-    head = {"half-width": "half-width", "difference": "found", "detection": "half-width",
-            "false-alarms": "limit"}[goal.kind]  # fmt: skip
+    head = {
+        "half-width": "half-width",
+        "difference": "found",
+        "detection": "half-width",
+        "false-alarms": "limit",
+    }[goal.kind]
     first = "participants  trials a side  blanks  levels  studies  reached (95 %)    "
     rows = [
         f"{one.point.participants:12d}  {one.point.trials_per_side:13d}  "

@@ -123,8 +123,9 @@ def simulate(chunk: Chunk) -> dict[str, Any]:
         design = replace(design, levels_vpp=design.levels_vpp[:1])
     studies = range(chunk.first, chunk.first + chunk.number)
     number = chunk.point.participants
-    sessions = [_session(plan, design, chunk.seed, study, i)
-                for study in studies for i in range(number)]  # fmt: skip
+    sessions = [
+        _session(plan, design, chunk.seed, study, i) for study in studies for i in range(number)
+    ]
     if chunk.point.placed:
         sessions = _with_placed_levels(plan, sessions)
     counts = draw_counts(sessions, plan.gains)

@@ -215,9 +215,13 @@ def _parts(
                     if record.altered and record.compared and record.plan:
                         _set_schema(header, rows)
                     yield _Rows(
-                        place=place, file=file, header=header, lines=lines, rows=rows,
+                        place=place,
+                        file=file,
+                        header=header,
+                        lines=lines,
+                        rows=rows,
                         left_out=left_out,
-                    )  # fmt: skip
+                    )
         except OSError as error:
             raise unreadable(error, source.path) from None
 

@@ -39,9 +39,10 @@ PLAN = "plan.json"
 _MAX_PLAN_BYTES = 50_000_000
 _OF_TRIAL = ("condition", "block", "kind", "side", "level_vpp")
 _Row = namedtuple(  # noqa: PYI024 (whatever the types: rows are made by the hundred thousand)
-    "_Row", "participant session study_sha256 trial condition block kind side level_vpp response "
+    "_Row",
+    "participant session study_sha256 trial condition block kind side level_vpp response "
     "rt_s status line",
-)  # fmt: skip
+)
 _NEVER_DECLARED = tuple(word for word in RESPONSES if word not in ANSWERS)
 
 

@@ -74,9 +74,7 @@ class Answer:
 
 def answer(analysis: Analysis) -> Answer:
     """Answer from the tables of an analysis."""
-    second = [
-        *compared(analysis), *criterion_sentences(analysis), *alarm_sentences(analysis)
-    ]  # fmt: skip
+    second = [*compared(analysis), *criterion_sentences(analysis), *alarm_sentences(analysis)]
     return Answer(
         sentences=((*_thresholds(analysis),), (*second,), (*_left_out(analysis),)),
         rows=(

@@ -379,12 +379,14 @@ def d_prime_level_rows(analysis: Analysis) -> Iterator[tuple[str, list[str], lis
             *(f"{what}, {name}" for what in ("Felt", "d'") for name in (one.a, one.b)),
         ]
         cells = [
-            [f"{shortest(row['level_vpp'])} {analysis.axis.unit}",
-             *(f"{row[f'felt_{which}']} / {row[f'presented_{which}']}" for which in "ab"),
-             *(f"{row[f'd_prime_{which}']:.2f}" for which in "ab"),
-             _d_prime_apart(row)]
+            [
+                f"{shortest(row['level_vpp'])} {analysis.axis.unit}",
+                *(f"{row[f'felt_{which}']} / {row[f'presented_{which}']}" for which in "ab"),
+                *(f"{row[f'd_prime_{which}']:.2f}" for which in "ab"),
+                _d_prime_apart(row),
+            ]
             for _, row in rows.iterrows()
-        ]  # fmt: skip
+        ]
         if cells:
             caption = f"d' by level in condition {one.b} against {one.a} ({one.of})"
             yield plain(caption), [*header, "Difference of d' (95 %)"], cells

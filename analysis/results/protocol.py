@@ -158,9 +158,21 @@ def measured_rows(analysis: Analysis) -> list[list[str]]:
                 found.setdefault(key, []).append(row)
     if not found:
         return []
-    head = ["Condition", "Tap", "Channel", "Planned peak", "Measured (median)", "Least to most",
-            "Bursts", "Verified", "False", "n/a", "Noted",
-            "Off by (median)", "At most"]  # fmt: skip
+    head = [
+        "Condition",
+        "Tap",
+        "Channel",
+        "Planned peak",
+        "Measured (median)",
+        "Least to most",
+        "Bursts",
+        "Verified",
+        "False",
+        "n/a",
+        "Noted",
+        "Off by (median)",
+        "At most",
+    ]
     return [head, *(_measured(key, found[key]) for key in sorted(found))]
 
 

@@ -204,8 +204,14 @@ def _thresholds(analysis: Analysis) -> Iterator[Section]:
     if analysis.thresholds.empty:
         return
     chance = _chance(analysis).capitalize()
-    words = ["Threshold", "Threshold (95 %)", "Status", f"{chance} from", "Difference (95 %)",
-             "Remark"]  # fmt: skip
+    words = [
+        "Threshold",
+        "Threshold (95 %)",
+        "Status",
+        f"{chance} from",
+        "Difference (95 %)",
+        "Remark",
+    ]
     tables = []
     if analysis.groups["participants"].gt(1).any():
         header = ["Condition", "Participants", "Threshold", "Below the levels", "Above the levels"]
@@ -231,9 +237,21 @@ def _thresholds(analysis: Analysis) -> Iterator[Section]:
     # What another rate would give is of no use where blank trials tell the rate.
     zero = "" if analysis.thresholds["guess_basis"].eq("blanks").all() else f"If {chance.lower()} 0"
     third = "" if is_yes_no(analysis) or not zero else f"If {chance.lower()} 1/3"
-    header = ["Participant", "Threshold (95 %)", "Status", f"Width ({width})", "Lapse rate",
-              "Misfit p", chance, f"{chance} from", zero, third,
-              "If answers vary 2.8 times", "Levels", "Trials"]  # fmt: skip
+    header = [
+        "Participant",
+        "Threshold (95 %)",
+        "Status",
+        f"Width ({width})",
+        "Lapse rate",
+        "Misfit p",
+        chance,
+        f"{chance} from",
+        zero,
+        third,
+        "If answers vary 2.8 times",
+        "Levels",
+        "Trials",
+    ]
     for condition, rows in analysis.thresholds.groupby("condition"):
         caption = f"Thresholds of participants{_where(analysis, condition)}"
         cells = [_threshold(row, analysis.axis) for _, row in rows.iterrows()]
@@ -266,10 +284,14 @@ def _rates(analysis: Analysis) -> Iterator[str]:
 
 def _sensitivity(analysis: Analysis) -> Iterator[Section]:
     tables = [
-        Table(caption=f"Sensitivity d' by level{_where(analysis, condition)}", header=D_PRIME_HEAD,
-              rows=rows, texts=[D_PRIME_HEAD[1], D_PRIME_HEAD[4]])
+        Table(
+            caption=f"Sensitivity d' by level{_where(analysis, condition)}",
+            header=D_PRIME_HEAD,
+            rows=rows,
+            texts=[D_PRIME_HEAD[1], D_PRIME_HEAD[4]],
+        )
         for condition, rows in d_prime_rows(analysis, PAGE)
-    ]  # fmt: skip
+    ]
     apart = [
         Table(caption=caption, header=header, rows=rows, texts=[header[-1]])
         for caption, header, rows in d_prime_level_rows(analysis)
@@ -308,11 +330,13 @@ def _answers(analysis: Analysis) -> Iterator[Section]:
     header = ["Stimulus", *heads, "Presented"]
     for condition, rows in analysis.confusion.groupby("condition"):
         cells = [
-            ["stimulus" if place == row["side"] else stimulus(row["kind"], row["side"]),
-             *(str(row[name]) for name in named),
-             str(row["presented"])]
+            [
+                "stimulus" if place == row["side"] else stimulus(row["kind"], row["side"]),
+                *(str(row[name]) for name in named),
+                str(row["presented"]),
+            ]
             for _, row in rows.iterrows()
-        ]  # fmt: skip
+        ]
         caption = f"Answers to each stimulus{_where(analysis, condition)}"
         tables.append(Table(caption=caption, header=header, rows=cells))
     header = ["Quantity", "Value", "p", "Remark"]
@@ -346,13 +370,16 @@ def _reaction_times(analysis: Analysis) -> Iterator[Section]:
             caption=f"Reaction times{_where(analysis, condition)}",
             header=header,
             rows=[
-                [named.format(shortest(row["level_vpp"]), analysis.axis.unit, row["side"]),
-                 str(row["n"]), *(p_text(row[name]) for name in ("median", "p10", "p90"))]
+                [
+                    named.format(shortest(row["level_vpp"]), analysis.axis.unit, row["side"]),
+                    str(row["n"]),
+                    *(p_text(row[name]) for name in ("median", "p10", "p90")),
+                ]
                 for _, row in rows.iterrows()
             ],
         )
         for condition, rows in analysis.reaction_times.groupby("condition")
-    ]  # fmt: skip
+    ]
     told = "Of correct answers to single stimuli; time-outs have none."
     yield Section(title="Reaction times", texts=[told], tables=tables)
 
@@ -364,12 +391,20 @@ def _both_and_blank(analysis: Analysis) -> Iterator[Section]:
     of_ci, side = f"95 % {analysis.ci.title()}", analysis.one_side
     sides = ["Felt"] if side else ["Left", "Right", "Both"]
     for title, table, cells, header in (
-        ("Both-finger trials", analysis.both, lambda row: both_cells(row, PAGE),
-         ["Answered both / presented", "Share", of_ci, "Group, 95 %", "Left only", "Right only"]),
-        ("Blank trials", analysis.blank, lambda row: blank_cells(row, PAGE, side),
-         ["Presented", *sides, "False alarms", of_ci, "Group, 95 %"]),
+        (
+            "Both-finger trials",
+            analysis.both,
+            lambda row: both_cells(row, PAGE),
+            ["Answered both / presented", "Share", of_ci, "Group, 95 %", "Left only", "Right only"],
+        ),
+        (
+            "Blank trials",
+            analysis.blank,
+            lambda row: blank_cells(row, PAGE, side),
+            ["Presented", *sides, "False alarms", of_ci, "Group, 95 %"],
+        ),
         ("Fingers off the plate", analysis.control, control_cells, CONTROL_HEAD[1:]),
-    ):  # fmt: skip
+    ):
         if len(table):
             control = table is analysis.control
             caption = title if control else _TOTALS.format(title, analysis.ci.title())

@@ -215,10 +215,13 @@ def difference_rows(
             header += [f"{what}, {name}" for what in ("False alarms", "d'") for name in (a, b)]
             header.append("Difference of d' (95 %)")
         cells = [
-            ["Group" if row["participant"] == TOTAL else str(row["participant"]),
-             str(row["printed"]), *_beside(row, style)][: len(header)]
+            [
+                "Group" if row["participant"] == TOTAL else str(row["participant"]),
+                str(row["printed"]),
+                *_beside(row, style),
+            ][: len(header)]
             for _, row in rows.iterrows()
-        ]  # fmt: skip
+        ]
         if {row[2] for row in cells} == {"n/a"}:
             header, *cells = ([*row[:2], *row[3:]] for row in (header, *cells))
         yield f"Threshold in condition {b} against {a}", header, cells
@@ -238,8 +241,13 @@ def _beside(row: pd.Series[Any], style: Style) -> list[str]:
 
 
 D_PRIME_HEAD: Final = (
-    "Level", "Participant", "Felt", "False alarms", "d' (95 %)", "d' of answered"
-)  # fmt: skip
+    "Level",
+    "Participant",
+    "Felt",
+    "False alarms",
+    "d' (95 %)",
+    "d' of answered",
+)
 
 
 def d_prime_rows(analysis: Analysis, style: Style) -> Iterator[tuple[str, list[list[str]]]]:
@@ -364,8 +372,12 @@ def choice_rows(choices: Choices, *, sides: bool = True) -> Iterator[list[str]]:
         yield ["Mislocalised: the other side", _share(choices.mislocalised), "", ""]
     told = choices.information
     corrected = f"corrected for chance, still too large: {p_text(told.miller_madow_bits)} bits"
-    yield ["Information of an answer", f"{p_text(told.plugin_bits)} bits", p_text(told.p),
-           told.reason or f"{corrected}, of {p_text(told.stimulus_bits)} at most"]  # fmt: skip
+    yield [
+        "Information of an answer",
+        f"{p_text(told.plugin_bits)} bits",
+        p_text(told.p),
+        told.reason or f"{corrected}, of {p_text(told.stimulus_bits)} at most",
+    ]
     yield from _sensitivity("Detection", choices.detection)
     if sides:
         yield from _sensitivity("Left against right", choices.spatial)

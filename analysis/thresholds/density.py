@@ -126,9 +126,13 @@ def over_prior(ruler: Ruler, rates: Floats, nodes: Nodes) -> Axes:
     mu, log_sigma = _mu_and_log_sigma(ruler, nodes)
     lapse, lapse_weight = lapses(0.0, MOST_LAPSES, nodes.lapse)
     return Axes(
-        mu=mu, log_sigma=log_sigma, lapse=lapse, lapse_weight=lapse_weight, guess=rates,
+        mu=mu,
+        log_sigma=log_sigma,
+        lapse=lapse,
+        lapse_weight=lapse_weight,
+        guess=rates,
         guess_weight=np.ones(len(rates)),
-    )  # fmt: skip
+    )
 
 
 @lru_cache(maxsize=64)

@@ -357,7 +357,9 @@ class _Batch:
         by_kind /= top[:, None]
         found = [
             Surface(
-                mu=axes.mu, log_sigma=axes.log_sigma, by_kind=one,
+                mu=axes.mu,
+                log_sigma=axes.log_sigma,
+                by_kind=one,
                 lapse_rate=float(lapse_rate[i]),
                 guess_rate=float(guess_rate[i]),
                 guess_variance=max(float(square[i] - guess_rate[i] ** 2), 0.0),
@@ -365,7 +367,7 @@ class _Batch:
                 starts=self.starts(i),
             )
             for i, one in enumerate(by_kind)
-        ]  # fmt: skip
+        ]
         return found, self._doubtful(values / top, shares)
 
     def _doubtful(self, values: Floats, shares: Floats) -> NDArray[np.bool_]:

@@ -202,9 +202,12 @@ def pilot_functions(
     rulers = [Ruler.of(x[i][presented[i] > 0], "log10") for i in tell]
     step = np.array([one.step for one in rulers])[:, None]
     some = surfaces(
-        x[tell] / step, detected[tell], presented[tell],
-        rulers=rulers, guesses=[guesses[i] for i in tell],
-    )  # fmt: skip
+        x[tell] / step,
+        detected[tell],
+        presented[tell],
+        rulers=rulers,
+        guesses=[guesses[i] for i in tell],
+    )
     known = posterior(some, rulers)
     found: list[PilotFunction | LevelsError] = [
         LevelsError(
@@ -230,9 +233,11 @@ def pilot_functions(
             guess_rate=guesses[i].mean,
         )
         found[i] = PilotFunction(
-            function=function, threshold_limits_vpp=(low, high), surface=some[row],
+            function=function,
+            threshold_limits_vpp=(low, high),
+            surface=some[row],
             ruler=rulers[row],
-        )  # fmt: skip
+        )
     return found
 
 

@@ -251,8 +251,13 @@ def as_named(trials: pd.DataFrame, names: Sequence[str]) -> pd.DataFrame:
     for place, some in enumerate((theirs.tolist(), names)):
         for name in some:
             short.setdefault(_SIGNS.sub("", name), (set(), set()))[place].add(name)
-    same = {one: other for own, ours in short.values() for one in own for other in ours
-            if len(own) == len(ours) == 1}  # fmt: skip
+    same = {
+        one: other
+        for own, ours in short.values()
+        for one in own
+        for other in ours
+        if len(own) == len(ours) == 1
+    }
     return trials.assign(condition=[same.get(one, one) for one in theirs])
 
 

@@ -38,13 +38,34 @@ if TYPE_CHECKING:
 
 
 THRESHOLD_COLUMNS: Final = (
-    "participant", "condition", "status", "threshold_vpp", "threshold_low_vpp",
-    "threshold_high_vpp", "threshold_db", "threshold_low_db", "threshold_high_db", "printed",
-    "sigma", "lapse_rate", "mle_threshold_vpp", "mle_sigma", "mle_lapse_rate", "deviance",
-    "deviance_p", "guess_rate", "guess_basis", "guess_posterior", "threshold_guess_0_vpp",
-    "threshold_guess_third_vpp", "varied_low_vpp", "varied_high_vpp", "varied_printed",
-    "levels", "trials",
-)  # fmt: skip
+    "participant",
+    "condition",
+    "status",
+    "threshold_vpp",
+    "threshold_low_vpp",
+    "threshold_high_vpp",
+    "threshold_db",
+    "threshold_low_db",
+    "threshold_high_db",
+    "printed",
+    "sigma",
+    "lapse_rate",
+    "mle_threshold_vpp",
+    "mle_sigma",
+    "mle_lapse_rate",
+    "deviance",
+    "deviance_p",
+    "guess_rate",
+    "guess_basis",
+    "guess_posterior",
+    "threshold_guess_0_vpp",
+    "threshold_guess_third_vpp",
+    "varied_low_vpp",
+    "varied_high_vpp",
+    "varied_printed",
+    "levels",
+    "trials",
+)
 
 WORDS: Final[Mapping[FitStatus, str]] = MappingProxyType(
     {

@@ -62,9 +62,13 @@ class Terminal:
         script = f"stty cols 80 rows 40\n{command}\n(exit $?)"
         self._process = subprocess.Popen(
             ["bash", "-c", _ITS_OWN, "page", os.ttyname(inner), script],
-            stdin=inner, stdout=inner, stderr=inner,
-            cwd=folder, env={**environment, "TERM": "xterm"}, start_new_session=True,
-        )  # fmt: skip
+            stdin=inner,
+            stdout=inner,
+            stderr=inner,
+            cwd=folder,
+            env={**environment, "TERM": "xterm"},
+            start_new_session=True,
+        )
         os.close(inner)
         self._raw = b""
         self._seen = 0

@@ -198,10 +198,15 @@ class Page:
                 raw, code = self._attend(command.text, block.notes["keys"], meanwhile)
             else:
                 done = subprocess.run(
-                    ["bash", "-c", command.text], cwd=self._folder, env=self._environment,
-                    stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
-                    text=True, check=False,
-                )  # fmt: skip
+                    ["bash", "-c", command.text],
+                    cwd=self._folder,
+                    env=self._environment,
+                    stdin=subprocess.DEVNULL,
+                    stdout=subprocess.PIPE,
+                    stderr=subprocess.STDOUT,
+                    text=True,
+                    check=False,
+                )
                 raw, code = done.stdout, done.returncode
             wanted = int(block.notes.get("exit", 0)) if command is commands[-1] else 0
             if code != wanted:
@@ -223,9 +228,13 @@ class Page:
     def _interpret(self, block: Block) -> None:
         if self._python is None:
             self._python = subprocess.Popen(
-                [sys.executable, "-c", _INTERPRETER], cwd=self._folder, env=self._environment,
-                stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
-            )  # fmt: skip
+                [sys.executable, "-c", _INTERPRETER],
+                cwd=self._folder,
+                env=self._environment,
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                text=True,
+            )
         print(json.dumps("\n".join(block.lines)), file=_pipe(self._python.stdin), flush=True)
         told, error = json.loads(_pipe(self._python.stdout).readline())
         if error:

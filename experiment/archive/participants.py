@@ -107,9 +107,12 @@ def refuse_withdrawn(root: Path, participant: str) -> None:
     if tombstone is not None:
         raise ArchiveError(
             f"participant {participant} withdrew on {tombstone.withdrawn}; "
-            + ("give another --participant: this one is not given again" if tombstone.removed
-               else "the removal was interrupted: run tactstrip withdraw again")
-        )  # fmt: skip
+            + (
+                "give another --participant: this one is not given again"
+                if tombstone.removed
+                else "the removal was interrupted: run tactstrip withdraw again"
+            )
+        )
 
 
 ID_COLUMN: Final = "participant_id"
@@ -313,8 +316,11 @@ def check_people(root: Path, columns: Sequence[ParticipantColumn]) -> None:
     column does not know.
     """
     people, path = read_people(root), root / FILE_NAME
-    places = {column: people.heading.index(column.name)
-              for column in columns if column.name in people.heading}  # fmt: skip
+    places = {
+        column: people.heading.index(column.name)
+        for column in columns
+        if column.name in people.heading
+    }
     for number, row in _table(path)[1] if places else ():
         for column, place in places.items():
             try:

@@ -22,8 +22,15 @@ DISC = "#c9a227"
 SKIN = "#d9b99b"
 FELT = "#ff8c42"
 _TURN_OF = {"right": 0.0, "down": 90.0, "left": 180.0, "up": 270.0}
-_ARROW = ((-0.5, 0.12), (0.1, 0.12), (0.1, 0.35), (0.5, 0.0),
-          (0.1, -0.35), (0.1, -0.12), (-0.5, -0.12))  # fmt: skip
+_ARROW = (
+    (-0.5, 0.12),
+    (0.1, 0.12),
+    (0.1, 0.35),
+    (0.5, 0.0),
+    (0.1, -0.35),
+    (0.1, -0.12),
+    (-0.5, -0.12),
+)
 _FELT_AT = {"left": (-1,), "right": (1,), "both": (-1, 1), "none": ()}
 _NAMES = {"return": "Enter", "escape": "Esc", "space": "Space"}
 _SIGNS = {"left": "←", "right": "→", "up": "↑", "down": "↓"}
@@ -289,8 +296,9 @@ class Pages:
     def _hint(self, text: str) -> Page:
         """Draw a line below, as small as needed to be one."""
         height, width = min(0.8 * self._screen.text_height, 0.045), 1.9 * self._stage.half_width
-        while height > _SMALLEST_TEXT and len(
-            self._stage.broken(text, width=width, height=height)
-        ) > 1:  # fmt: skip
+        while (
+            height > _SMALLEST_TEXT
+            and len(self._stage.broken(text, width=width, height=height)) > 1
+        ):
             height *= 0.9
         return self._stage.lines((text,), top=_GO_ON_AT, color=DIM, height=height)

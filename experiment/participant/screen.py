@@ -63,8 +63,9 @@ class ScreenResponder:
         self._paused_by_key = False
         self._part = SessionPart.MAIN
         self._fingers_on = False
-        answers = {key: name for name in ("left", "right", "both", "none")
-                   for key in getattr(keys, name)}  # fmt: skip
+        answers = {
+            key: name for name in ("left", "right", "both", "none") for key in getattr(keys, name)
+        }
         self._meaning = answers | dict.fromkeys(keys.pause, ESCAPE)
 
     _stage: Stage

@@ -186,14 +186,24 @@ def _draw_level(axes: Axes, field: PlateMap, driven: int) -> AxesImage:
     x_mm, y_mm = field.x_m * 1e3, field.y_m * 1e3
     half_x, half_y = (x_mm[1] - x_mm[0]) / 2, (y_mm[1] - y_mm[0]) / 2
     image = axes.imshow(
-        level.T, origin="lower", aspect="equal", interpolation="bilinear", cmap="viridis",
-        vmin=_LEAST_DB, vmax=0.0,
+        level.T,
+        origin="lower",
+        aspect="equal",
+        interpolation="bilinear",
+        cmap="viridis",
+        vmin=_LEAST_DB,
+        vmax=0.0,
         extent=(x_mm[0] - half_x, x_mm[-1] + half_x, y_mm[0] - half_y, y_mm[-1] + half_y),
-    )  # fmt: skip
+    )
     axes.contour(
-        x_mm, y_mm, level.T, levels=[-field.plate.masking_limit_db], colors="black",
-        linewidths=1.4, linestyles="solid",
-    )  # fmt: skip
+        x_mm,
+        y_mm,
+        level.T,
+        levels=[-field.plate.masking_limit_db],
+        colors="black",
+        linewidths=1.4,
+        linestyles="solid",
+    )
     axes.set_xlim(x_mm[0], x_mm[-1])
     axes.set_ylim(y_mm[0], y_mm[-1])
     return image
@@ -214,9 +224,13 @@ def _head(figure: Figure, plate: PlatePreview, what: str) -> None:
 def _legend(figure: Figure, keys: Sequence[Artist], remark: str) -> None:
     """Explain the lines below the panels, and say what the displacements rest on."""
     figure.legend(
-        handles=keys, loc="outside lower center", ncols=len(keys), frameon=False,
-        title=in_lines(remark, figure.get_figwidth(), _SMALL_PER_IN), title_fontsize=8,
-    )  # fmt: skip
+        handles=keys,
+        loc="outside lower center",
+        ncols=len(keys),
+        frameon=False,
+        title=in_lines(remark, figure.get_figwidth(), _SMALL_PER_IN),
+        title_fontsize=8,
+    )
 
 
 # --- the band -------------------------------------------------------------------------------------
@@ -392,9 +406,14 @@ def _moving_image(axes: Axes, motion: PlateMotion, largest: float) -> AxesImage:
     x_mm, y_mm = motion.x_m * 1e3, motion.y_m * 1e3
     half_x, half_y = (x_mm[1] - x_mm[0]) / 2, (y_mm[1] - y_mm[0]) / 2
     image = axes.imshow(
-        np.zeros((y_mm.size, x_mm.size)), origin="lower", aspect="equal",
-        interpolation="bicubic", cmap="RdBu_r", vmin=-largest, vmax=largest,
+        np.zeros((y_mm.size, x_mm.size)),
+        origin="lower",
+        aspect="equal",
+        interpolation="bicubic",
+        cmap="RdBu_r",
+        vmin=-largest,
+        vmax=largest,
         extent=(x_mm[0] - half_x, x_mm[-1] + half_x, y_mm[0] - half_y, y_mm[-1] + half_y),
-    )  # fmt: skip
+    )
     axes.set(xlim=(x_mm[0], x_mm[-1]), ylim=(y_mm[0], y_mm[-1]))
     return image

@@ -242,9 +242,12 @@ def _outline(axes: Axes, shape: Patch, *, dashed: bool) -> None:
     from matplotlib.patheffects import withStroke
 
     shape.set(
-        fill=False, edgecolor="white", linewidth=1.2, linestyle=_DASHES if dashed else "-",
+        fill=False,
+        edgecolor="white",
+        linewidth=1.2,
+        linestyle=_DASHES if dashed else "-",
         path_effects=[withStroke(linewidth=2.4, foreground="black")],
-    )  # fmt: skip
+    )
     axes.add_patch(shape)
 
 

@@ -21,16 +21,43 @@ class EventKind:
 _TRIAL = ("trial", "attempt")
 _PLACE = ("host", "host_boot", "device", "device_kind", "serial_number", "boot_id")
 _MEASURED = (
-    "tap", "source", "unit", "burst_verified", "faults", "noted", "unmeasured", "planned_left",
-    "planned_right", "peak_left", "peak_right", "onset_s", "onset_uncertainty_s", "late_s",
-    "correlation_left", "correlation_right", "noise_left", "noise_right",
-)  # fmt: skip
+    "tap",
+    "source",
+    "unit",
+    "burst_verified",
+    "faults",
+    "noted",
+    "unmeasured",
+    "planned_left",
+    "planned_right",
+    "peak_left",
+    "peak_right",
+    "onset_s",
+    "onset_uncertainty_s",
+    "late_s",
+    "correlation_left",
+    "correlation_right",
+    "noise_left",
+    "noise_right",
+)
 _SITTING = (
-    "operator", "responder", "responder_distribution", "driver_distribution", "response_mapping",
-    "device_limits", "device_health", "hardware_confirmed", "masking_noise",
-    "masking_noise_played", "noise_level_dba", "noise_max_level_dba", "noise_sha256",
-    "noise_sample_rate_hz", "noise_loop_s", "noise_sound_card",
-)  # fmt: skip
+    "operator",
+    "responder",
+    "responder_distribution",
+    "driver_distribution",
+    "response_mapping",
+    "device_limits",
+    "device_health",
+    "hardware_confirmed",
+    "masking_noise",
+    "masking_noise_played",
+    "noise_level_dba",
+    "noise_max_level_dba",
+    "noise_sha256",
+    "noise_sample_rate_hz",
+    "noise_loop_s",
+    "noise_sound_card",
+)
 EVENTS: Final[Mapping[str, EventKind]] = MappingProxyType(
     {
         "session_open": EventKind(

@@ -315,8 +315,10 @@ _BLOCKS_OF = {"random": _random_blocks, "balanced": _balanced_blocks}
 
 
 def _both(design: Design, rng: np.random.Generator) -> list[Stimulus]:
-    levels = [design.both_level_vpp or float(rng.choice(design.levels_vpp))
-              for _ in range(design.both_trials)]  # fmt: skip
+    levels = [
+        design.both_level_vpp or float(rng.choice(design.levels_vpp))
+        for _ in range(design.both_trials)
+    ]
     return [("both", "both", level) for level in levels]
 
 

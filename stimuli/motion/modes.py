@@ -128,9 +128,12 @@ class Ends:
         plain = np.where(same, of_a / a + left, 2 * (a * of_a - b * of_b) / apart)
         sloped = a * b * np.where(same, of_a / a - left, 2 * (a * of_b - b * of_a) / apart)
         return Along(
-            plain=plain, bent=a**2 * plain, other=b**2 * plain, both=(a * b) ** 2 * plain,
+            plain=plain,
+            bent=a**2 * plain,
+            other=b**2 * plain,
+            both=(a * b) ** 2 * plain,
             sloped=sloped,
-        )  # fmt: skip
+        )
 
     @property
     def _slopes(self) -> Real:
@@ -173,12 +176,14 @@ def plate_modes(strip: Strip, highest_hz: float, *, centred: bool) -> list[Modes
     rates = np.geomspace(slowest, fastest, _RATES)
     return [
         _modes(
-            strip, waves.level(odd=odd), Ends(rates_rad_m=rates, half_m=length_m / 2, odd=odd),
+            strip,
+            waves.level(odd=odd),
+            Ends(rates_rad_m=rates, half_m=length_m / 2, odd=odd),
             highest_hz,
         )
         for waves in strip_waves(strip, _ABOVE * highest_hz, 2 * length_m, centred=centred)
         for odd in (False, True)
-    ]  # fmt: skip
+    ]
 
 
 class AboveFirstModeError(ValueError):

@@ -126,16 +126,22 @@ MATERIALS: Final[dict[str, Handbook]] = {
     ),
     "steel": _handbook(210, 0.3, 7850, "structural steel, EN 1993-1-1; density EN 1991-1-1"),
     "stainless": _handbook(
-        200, 0.3, 7900,
+        200,
+        0.3,
+        7900,
         "1.4301, EN 10088-1, MakeItFrom; hard-rolled 301 has 180 to 193 GPa (Elgiloy); Poisson's "
         "ratio Lai et al., Continuum Mechanics, table 5.2",
     ),
     "brass": _handbook(
-        110, 0.34, 8530,
+        110,
+        0.34,
+        8530,
         "70Cu-30Zn (C26000), makers give 110 to 117 GPa; density Olin Brass, Poisson's ratio AZoM",
     ),
     "copper": _handbook(
-        117, 0.33, 8920,
+        117,
+        0.33,
+        8920,
         "C11000, Hussey Copper, Poisson's ratio from its moduli; density copper.org",
     ),
     "titanium": _handbook(
@@ -151,7 +157,7 @@ MATERIALS: Final[dict[str, Handbook]] = {
     "polycarbonate": _handbook(
         2.4, 0.38, 1200, "Makrolon UV data sheet, ISO 527; Poisson's ratio Trident Plastics"
     ),
-}  # fmt: skip
+}
 """Materials by their names, for a plate of which nothing else was measured.
 
 Each has its values as `material`, a `Material` without loss, and says as `source` where they are

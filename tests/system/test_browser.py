@@ -99,8 +99,11 @@ def test_the_report_is_silent_asks_for_nothing_and_fits(
 ) -> None:
     browser.ask(
         "Emulation.setDeviceMetricsOverride",
-        width=width_px, height=800, deviceScaleFactor=1, mobile=width_px < 600,
-    )  # fmt: skip # arguments
+        width=width_px,
+        height=800,
+        deviceScaleFactor=1,
+        mobile=width_px < 600,
+    )
     browser.ask("Emulation.setEmulatedMedia", media=medium)
     found, said, asked = shown(browser, report)
     keep_screenshot(browser, f"{report.parent.name}-{medium}-{width_px}")

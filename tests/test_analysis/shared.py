@@ -43,17 +43,47 @@ QUANTA = {
 FLASH = [0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.9, 1.1, 1.3]
 SPEED = [1.0, 3.5, 6.0, 8.5, 11.0, 13.5, 16.0]
 ROW = TrialRow(
-    schema=2, participant="007", session="01", condition="main", block=1, trial=1, attempt=1,
-    kind="single", side="left", level_vpp=60.0, response="left", rt_s=0.5, correct=True,
-    status="ok", onset_s=12.25, foreperiod_s=1.5, level_left_vpp=60.0, level_right_vpp=0.0,
-    peak_left_um=None, peak_right_um=None, displacement_basis=None, anticipated=False,
-    noise_ok=True, simulated=False, device_kind="real", level_rule="constant",
-    level_planned_vpp=60.0, burst_verified=None, onset_clock=1, study_sha256="ab" * 32,
-)  # fmt: skip # one row
+    schema=2,
+    participant="007",
+    session="01",
+    condition="main",
+    block=1,
+    trial=1,
+    attempt=1,
+    kind="single",
+    side="left",
+    level_vpp=60.0,
+    response="left",
+    rt_s=0.5,
+    correct=True,
+    status="ok",
+    onset_s=12.25,
+    foreperiod_s=1.5,
+    level_left_vpp=60.0,
+    level_right_vpp=0.0,
+    peak_left_um=None,
+    peak_right_um=None,
+    displacement_basis=None,
+    anticipated=False,
+    noise_ok=True,
+    simulated=False,
+    device_kind="real",
+    level_rule="constant",
+    level_planned_vpp=60.0,
+    burst_verified=None,
+    onset_clock=1,
+    study_sha256="ab" * 32,
+)
 SINGLE: dict[str, Any] = {
-    "participant": "1", "condition": "main", "kind": "single", "side": "left", "level_vpp": 60.0,
-    "response": "left", "reason": "", "none_offered": True,
-}  # fmt: skip # one row
+    "participant": "1",
+    "condition": "main",
+    "kind": "single",
+    "side": "left",
+    "level_vpp": 60.0,
+    "response": "left",
+    "reason": "",
+    "none_offered": True,
+}
 """A trial as tables are counted from."""
 
 
@@ -134,9 +164,13 @@ def draft(*paths: Path) -> Draft:
 
 
 def felt(
-    detected: Iterable[int], levels: Sequence[float] = PAPER, *, n: int = 30, missed: str = "none",
+    detected: Iterable[int],
+    levels: Sequence[float] = PAPER,
+    *,
+    n: int = 30,
+    missed: str = "none",
     **same: Any,
-) -> pd.DataFrame:  # fmt: skip # one signature
+) -> pd.DataFrame:
     """Return the trials of a person who felt so many of n stimuli at each of the first levels."""
     rows = [
         SINGLE | {"level_vpp": level, "response": answer} | same

@@ -396,8 +396,13 @@ def test_results_without_misfits_and_drifts_are_those_of_the_others(
 Pairs = list[tuple[int, int]]
 
 
-DIFFERENCE = dict(zip(("condition_a", "condition_b", "participant", "status"),
-                      ("a", "b", "all", "ok"), strict=True))  # fmt: skip # keys and values
+DIFFERENCE = dict(
+    zip(
+        ("condition_a", "condition_b", "participant", "status"),
+        ("a", "b", "all", "ok"),
+        strict=True,
+    )
+)
 
 
 def with_alarms(least: Analysis, alarms: Pairs, blanks: Pairs, high_b: float = 0.6) -> Analysis:

@@ -226,11 +226,14 @@ def test_exchanging_left_and_right_mirrors(trials: pd.DataFrame) -> None:
     pairs = zip(table_of("choice", trials), table_of("choice", mirrored), strict=True)
     for one, other in pairs:
         assert (one.detection, one.information, one.mislocalised) == (
-            other.detection, other.information, other.mislocalised
-        )  # fmt: skip # two sides
+            other.detection,
+            other.information,
+            other.mislocalised,
+        )
         assert (one.extinction.left, one.blank_side.left) == (
-            other.extinction.right, other.blank_side.right
-        )  # fmt: skip # two sides
+            other.extinction.right,
+            other.blank_side.right,
+        )
         hits, wrong = other.spatial.hits, other.spatial.false_alarms
         assert one.spatial.hits.count == wrong.of - wrong.count
         assert one.spatial.false_alarms.count == hits.of - hits.count

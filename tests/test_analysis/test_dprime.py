@@ -76,8 +76,11 @@ def test_who_lacks_blanks_or_none_has_no_d_prime_and_equals_have_no_limits() -> 
     assert table_of("sensitivity", forced).empty
     other = study(felt([6]), felt([6], participant="2"), blanks(3, participant="2"))
     assert {*table_of("sensitivity", other)["participant"]} == {"2", "all"}
-    same = [part for who in "ab" for part in (felt([9], [60.0], participant=who),
-                                              blanks(2, participant=who))]  # fmt: skip # one loop
+    same = [
+        part
+        for who in "ab"
+        for part in (felt([9], [60.0], participant=who), blanks(2, participant=who))
+    ]
     rows = table_of("sensitivity", study(*same)).query("participant == 'all' and level_vpp == 60")
     assert np.isfinite(rows["d_prime"]).all()
     assert rows[["d_prime_low", "d_prime_high"]].isna().all(axis=None)
@@ -85,10 +88,12 @@ def test_who_lacks_blanks_or_none_has_no_d_prime_and_equals_have_no_limits() -> 
 
 def test_beside_a_difference_stand_false_alarms_and_d_prime_of_common_levels() -> None:
     trials = study(
-        felt([6, 25], [60.0, 95.0], condition="a"), blanks(2, condition="a"),
-        felt([20, 28], [95.0, 130.0], condition="b", block=2), blanks(5, condition="b", block=2),
+        felt([6, 25], [60.0, 95.0], condition="a"),
+        blanks(2, condition="a"),
+        felt([20, 28], [95.0, 130.0], condition="b", block=2),
+        blanks(5, condition="b", block=2),
         felt([9, 9], [60.0, 95.0], condition="a", participant="2"),
-    )  # fmt: skip # a condition a line
+    )
     found = beside(trials, "1", "all")
     assert tuple(found.columns[3:]) == BESIDE_COLUMNS
     own = found.iloc[0]

@@ -58,14 +58,26 @@ def analysed(tmp_path: Path) -> Callable[..., Analysis]:
     return analysed
 
 
-def group(people: int = 3, conditions: Sequence[str] = ("main",), levels: Sequence[float] = PAPER,
-          name: str = "S", **same: Any) -> pd.DataFrame:  # fmt: skip # defaults
+def group(
+    people: int = 3,
+    conditions: Sequence[str] = ("main",),
+    levels: Sequence[float] = PAPER,
+    name: str = "S",
+    **same: Any,
+) -> pd.DataFrame:
     rng = np.random.default_rng(5)
     return pd.concat(
-        felt(np.sort(rng.binomial(12, 0.7, len(levels))), levels, n=12,
-             participant=f"{name}{n:02d}", condition=condition, **same)
-        for condition in conditions for n in range(people)
-    )  # fmt: skip # one loop
+        felt(
+            np.sort(rng.binomial(12, 0.7, len(levels))),
+            levels,
+            n=12,
+            participant=f"{name}{n:02d}",
+            condition=condition,
+            **same,
+        )
+        for condition in conditions
+        for n in range(people)
+    )
 
 
 def blanks(who: str, answered: int, n: int = 20) -> pd.DataFrame:
@@ -97,9 +109,12 @@ def texts(figure: Figure) -> list[str]:
     ],
 )
 def test_detection_has_levels_unit_and_what_its_signs_mean(
-    analysed: Callable[..., Analysis], of: Any, ticks: list[str], present: list[str],
+    analysed: Callable[..., Analysis],
+    of: Any,
+    ticks: list[str],
+    present: list[str],
     absent: list[str],
-) -> None:  # fmt: skip # a row of the table
+) -> None:
     figure = drawn(analysed(group(**of), axis={"unit": "V"}))
     shown = texts(figure)
     assert [one for one in ticks if shown.count(one) != 1] == []
@@ -192,8 +207,9 @@ def test_pages_have_eight_people_and_of_very_many_those_to_look_at_first(
     assert "S00 to S07" in first.alt
     assert (first.title != second.title, "S08" in second.alt) == (True, True)
     names = [f"{n:02d}" for n in range(60)]
-    table = pd.DataFrame({"participant": names, "status": "ok", "deviance_p": 0.5,
-                          "guess_basis": "forced choice"})  # fmt: skip # columns
+    table = pd.DataFrame(
+        {"participant": names, "status": "ok", "deviance_p": 0.5, "guess_basis": "forced choice"}
+    )
     table.loc[[7, 9], "status"] = "flat", "decreasing"
     table.loc[20:50, "deviance_p"] = np.linspace(0.01, 0.4, 31)
     table.loc[55:, "deviance_p"] = np.nan  # nothing was fitted

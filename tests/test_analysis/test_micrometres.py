@@ -21,18 +21,28 @@ from tests.test_analysis.tables import numbers
 def trials(left: float, right: float, basis: Any = "measured", **columns: Any) -> pd.DataFrame:
     """Return a single stimulus on each side, of so many micrometres per volt."""
     table = {
-        "participant": "1", "condition": "main", "kind": "single", "side": ["left", "right"],
-        "level_vpp": [100.0, 50.0], "reason": "", "displacement_basis": basis,
-        "peak_left_um": [100 * left, 0.01], "peak_right_um": [0.01, 50 * right],
-    }  # fmt: skip # columns
+        "participant": "1",
+        "condition": "main",
+        "kind": "single",
+        "side": ["left", "right"],
+        "level_vpp": [100.0, 50.0],
+        "reason": "",
+        "displacement_basis": basis,
+        "peak_left_um": [100 * left, 0.01],
+        "peak_right_um": [0.01, 50 * right],
+    }
     return pd.DataFrame(table | columns)
 
 
 def threshold(participant: str = "1", status: str = "ok") -> pd.DataFrame:
     table = {
-        "participant": [participant], "condition": ["main"], "status": [status],
-        "threshold_vpp": [60.0], "threshold_low_vpp": [50.0], "threshold_high_vpp": [72.0],
-    }  # fmt: skip # columns
+        "participant": [participant],
+        "condition": ["main"],
+        "status": [status],
+        "threshold_vpp": [60.0],
+        "threshold_low_vpp": [50.0],
+        "threshold_high_vpp": [72.0],
+    }
     return pd.DataFrame(table)
 
 
@@ -92,8 +102,11 @@ def test_a_group_has_micrometres_where_all_with_a_threshold_have_the_same() -> N
     table = pd.concat([threshold("1"), threshold("2")], ignore_index=True)
     group = threshold().drop(columns="participant")
     other = trials(0.03, 0.03, participant="2")
-    for of, expected in ((pd.concat([EQUAL, OTHER]), 1.2), (pd.concat([EQUAL, other]), None),
-                         (EQUAL, None)):  # fmt: skip # three cases
+    for of, expected in (
+        (pd.concat([EQUAL, OTHER]), 1.2),
+        (pd.concat([EQUAL, other]), None),
+        (EQUAL, None),
+    ):
         found = with_group_micrometres(group, with_micrometres(table, of, Axis()))
         value = float(found[UM_COLUMNS[0]].to_numpy()[0])
         assert math.isnan(value) if expected is None else value == pytest.approx(expected)

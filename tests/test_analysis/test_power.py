@@ -66,8 +66,9 @@ def test_the_answer_is_the_smallest_number_that_exact_sums_allow(tmp_path: Path)
 
 @pytest.mark.slow
 def test_a_goal_out_of_reach_is_an_answer_and_no_error(tmp_path: Path) -> None:
-    code, found = powered(tmp_path, BLANKS + "false_alarm_rate = 0.01\n", "false-alarms=1%",
-                          "--participants", 1, 2)  # fmt: skip # one line
+    code, found = powered(
+        tmp_path, BLANKS + "false_alarm_rate = 0.01\n", "false-alarms=1%", "--participants", 1, 2
+    )
     assert (code, found["answer"]) == (1, None)
     assert {point["assurance"] for point in found["tried"] if point["blanks"] == 20} == {0.0}
 

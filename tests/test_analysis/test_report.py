@@ -287,8 +287,12 @@ def test_levels_in_db_give_what_their_amplitudes_give(tmp_path: Path) -> None:
             for shown, k in levels_db.items()
             for at in range(20 - 3 * (place == "palm"))
         ]
-        rows += [f"{who},{place},n/a,none,{int(at < 1)}" for who in "abc"
-                 for place in ("thumb", "palm") for at in range(20)]  # fmt: skip # one loop
+        rows += [
+            f"{who},{place},n/a,none,{int(at < 1)}"
+            for who in "abc"
+            for place in ("thumb", "palm")
+            for at in range(20)
+        ]
         columns = ColumnMap(
             task="yes/no",
             columns={"condition": "place", "level_vpp": "level"},

@@ -119,7 +119,7 @@ def test_the_other_ideal_edge_counts_where_no_more_is_known(
     edges: list[str],
     exit_code: int,
     run: Run,
-) -> None:  # one line of parameters  # fmt: skip
+) -> None:  # one line of parameters
     facts = compared(run, study_text(edge), hz, cycles, exit_code=exit_code)
     assert [one["edge"] for one in facts["edges"]] == edges
     assert (facts["best"] and facts["best"]["fit"]) == best
@@ -180,7 +180,7 @@ def test_the_shortest_burst_with_room_for_levels_is_named_if_it_is_fit(run: Run)
         (0.01, "1,9", 9),
         (0.01, "1", None),
         (between, "1,2,9", 9),
-    ):  # cases of a table  # fmt: skip
+    ):  # cases of a table
         text = (
             f"{ROOM}max_energy_above_cutoff = {limit:.6g}\n[device]\nceiling_vpp = {ceiling_vpp}\n"
             f"[design]\nlevels_vpp = [{0.3 * ceiling_vpp}, {0.9 * ceiling_vpp}]\n"

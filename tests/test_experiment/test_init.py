@@ -21,7 +21,7 @@ STEEL = {
     "--material": "steel",
     "--edge": "clamped",
     "--actuator": "disc:12.8@35",
-}  # options and values  # fmt: skip
+}  # options and values
 GLASS = {
     "--width-mm": "40",
     "--thickness-mm": "1",
@@ -29,7 +29,7 @@ GLASS = {
     "--material": "glass",
     "--edge": "simply-supported",
     "--actuator": "rectangle:6x18@40",
-}  # options and values  # fmt: skip
+}  # options and values
 ALUMINIUM = {
     "--width-mm": "25",
     "--thickness-mm": "0.5",
@@ -37,7 +37,7 @@ ALUMINIUM = {
     "--material": "aluminium",
     "--cutoff-hz": "2500",
     "--actuator": "disc:12.8@35",
-}  # options and values  # fmt: skip
+}  # options and values
 LOW = STEEL | {"--edge": "simply-supported", "--thickness-mm": "0.3"}
 HOPELESS = LOW | {"--width-mm": "60"}
 

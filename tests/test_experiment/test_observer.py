@@ -219,10 +219,20 @@ def test_answers_are_as_frequent_as_their_probabilities(
     responses: tuple[str, ...], masking_slope: float | None
 ) -> None:
     person = replace(
-        IDEAL, threshold_vpp=80.0, sigma=0.15, lapse_rate=0.1, false_alarm_rate=0.3, side_bias=0.6,
-        guess_both=0.2, reaction_time_s=0.6, reaction_time_spread=0.5, crosstalk_db=-8.0,
-        finger_difference_db=2.0, masking_slope=masking_slope, swapped=True,
-    )  # keys of one person  # fmt: skip
+        IDEAL,
+        threshold_vpp=80.0,
+        sigma=0.15,
+        lapse_rate=0.1,
+        false_alarm_rate=0.3,
+        side_bias=0.6,
+        guess_both=0.2,
+        reaction_time_s=0.6,
+        reaction_time_spread=0.5,
+        crosstalk_db=-8.0,
+        finger_difference_db=2.0,
+        masking_slope=masking_slope,
+        swapped=True,
+    )  # keys of one person
     rng = np.random.default_rng(3)
     statistic, free = 0.0, 0
     for levels_vpp in ((80.0, 0.0), (0.0, 110.0), (90.0, 90.0), (200.0, 70.0), (0.0, 0.0)):

@@ -229,10 +229,32 @@ def test_what_a_converter_says_or_fails_with_is_kept_and_nothing_is_played_twice
             device.enable()
 
 
-CONVERTER = ("name", "serial_number", "sample_rate_hz", "bits", "full_scale_v", "emulated",
-             "cannot", "connect", "play", "zero", "disconnect")  # one protocol  # fmt: skip
-DEVICE = ("cannot", "open", "load", "enable", "set_levels", "arm", "fire", "disarm", "query",
-          "stop", "close")  # one protocol  # fmt: skip
+CONVERTER = (
+    "name",
+    "serial_number",
+    "sample_rate_hz",
+    "bits",
+    "full_scale_v",
+    "emulated",
+    "cannot",
+    "connect",
+    "play",
+    "zero",
+    "disconnect",
+)  # one protocol
+DEVICE = (
+    "cannot",
+    "open",
+    "load",
+    "enable",
+    "set_levels",
+    "arm",
+    "fire",
+    "disarm",
+    "query",
+    "stop",
+    "close",
+)  # one protocol
 ANSWERER = ("simulated", "begin", "introduce", "cue", "wait", "ask", "feedback", "pause", "end")
 
 
@@ -291,7 +313,7 @@ class Session:
             out=self._out,
             clock=self.clock,
             **more,
-        )  # arguments of one call  # fmt: skip
+        )  # arguments of one call
 
 
 @pytest.fixture

@@ -71,7 +71,7 @@ FILES = {
     "high.toml": discs(measured(2, 9000)),
     "click.toml": "burst.file = 'click.csv'",
     "click.csv": "0\n1\n1\n0\n",
-}  # names and contents  # fmt: skip
+}  # names and contents
 PLATE: dict[str, str] = {
     "--width-mm": "30",
     "--thickness-mm": "0.5",
@@ -79,7 +79,7 @@ PLATE: dict[str, str] = {
     "--material": "steel",
     "--edge": "clamped",
     "--actuator": "disc:12.8@35",
-}  # options and values  # fmt: skip
+}  # options and values
 
 
 @pytest.mark.parametrize(("command", "parts"), cases("commands"))

@@ -173,11 +173,13 @@ def meaning_of(table: Sample, name: str) -> dict[str, str]:
         column, found = felt_keys(table, hit)
         keys = found if column == name else {}
     return {
-        word: keys[word] if word in keys
-        else "timeout" if word.lower() in (*NOTHING, *MISSED)
+        word: keys[word]
+        if word in keys
+        else "timeout"
+        if word.lower() in (*NOTHING, *MISSED)
         else FELT.get(word.lower(), "")
         for word in table.words(name)
-    }  # fmt: skip
+    }
 
 
 def guess_of(table: Sample, ours: str, theirs: str, word: str) -> str:

@@ -47,9 +47,28 @@ _ANSWERED: Final = 0.8
 _FORETELLING: Final = ("level_vpp", "side", "response", "detected")
 """What also tells a stimulus from a blank, or a hit from a miss, as others' columns say again."""
 _SIDE: Final = re.compile("left|right")
-_NONE: Final = ("date", "time", "expname", "expstart", "psychopyversion", "corrans",
-                "gender", "sex", "geschlecht", "sexe", "order", "outcome", "feedback", "os", "room",
-                "experimenter", "device", "language", "browser", "logfile")  # fmt: skip
+_NONE: Final = (
+    "date",
+    "time",
+    "expname",
+    "expstart",
+    "psychopyversion",
+    "corrans",
+    "gender",
+    "sex",
+    "geschlecht",
+    "sexe",
+    "order",
+    "outcome",
+    "feedback",
+    "os",
+    "room",
+    "experimenter",
+    "device",
+    "language",
+    "browser",
+    "logfile",
+)
 _OF_DESIGN: Final = re.compile("counterbal|keymap|mapping|parity|lateralit|handedness|handigkeit")
 
 
@@ -133,8 +152,11 @@ def blank_entries(table: Sample, side: str | None) -> list[tuple[str, str, str, 
         return []
     ours, known = ("-inf", SILENT) if is_signed(table, level) else ("0", ())
     words = {word: n for word, n in table.words(level).items() if word.lower() in NOTHING}
-    return [("values.level_vpp", word, ours, f"guess: {n} {BLANKS}")
-            for word, n in words.items() if word.lower() not in known]  # fmt: skip
+    return [
+        ("values.level_vpp", word, ours, f"guess: {n} {BLANKS}")
+        for word, n in words.items()
+        if word.lower() not in known
+    ]
 
 
 def without_stimulus(table: Sample) -> dict[str, int]:

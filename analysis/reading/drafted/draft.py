@@ -112,9 +112,22 @@ def map_draft(sources: Sequence[InputTable]) -> tuple[str, list[str]]:
         lines.append(
             f'# task: not needed where a key below stands for "none"; where no key does, {_TASK}'
         )
-    order = ("file", "rows.keep", "rows.skip", "columns", "values.condition", "values.side",
-             "values.level_vpp", "values.response", "values.detected", "values.rt_s", "constant",
-             "units", "axis", "table")  # fmt: skip
+    order = (
+        "file",
+        "rows.keep",
+        "rows.skip",
+        "columns",
+        "values.condition",
+        "values.side",
+        "values.level_vpp",
+        "values.response",
+        "values.detected",
+        "values.rt_s",
+        "constant",
+        "units",
+        "axis",
+        "table",
+    )
     for name in order:
         if sections.get(name):
             lines += ["", f"[{name}]", *sections[name]]
@@ -126,8 +139,12 @@ def map_draft(sources: Sequence[InputTable]) -> tuple[str, list[str]]:
 def _notes(looked_at: Sample, trials: Sample, sections: Mapping[str, list[str]]) -> Iterator[str]:
     """Say how many rows are skipped and by what, and what becomes of blanks and both sides."""
     if skipped := len(looked_at.rows) - len(trials.rows):
-        kept = [f"[{name}] {line.partition('  # ')[0]}" for name in _ROWS
-                for line in sections.get(name, ()) if not line.startswith("#")]  # fmt: skip
+        kept = [
+            f"[{name}] {line.partition('  # ')[0]}"
+            for name in _ROWS
+            for line in sections.get(name, ())
+            if not line.startswith("#")
+        ]
         are = "is" if skipped == 1 else "are"
         level = level_of(looked_at)
         words = {} if level is None else looked_at.words(level) - trials.words(level)
@@ -257,9 +274,11 @@ def _trial(table: Sample, sections: dict[str, list[str]]) -> None:
         told = f"numbered anew in each {'file' if of_file else 'block'}: the order of rows is taken"
         _put(sections, "columns", "trial", "", told)
         blocks = [one for one in table.header if _BLOCK.search(one)]
-        outer = (one for one in blocks if any(
-            one != name and table.unique(name, [*within, one]) for name in columns
-        ))  # fmt: skip
+        outer = (
+            one
+            for one in blocks
+            if any(one != name and table.unique(name, [*within, one]) for name in columns)
+        )
         if block := next(outer, None):
             told = "guess: trials are numbered anew in each, so it tells their order"
             _put(sections, "columns", "block", block, told)
@@ -281,8 +300,14 @@ def _side(
     for section, *entry in (entries := blank_entries(table, theirs)):
         _put(sections, section, *entry)
     if theirs is None:
-        _put(sections, "constant", "side", "", f"{FILL}\"left\" or \"right\": of a single place "
-             "nothing depends on which; of several name the column in [columns]")  # fmt: skip
+        _put(
+            sections,
+            "constant",
+            "side",
+            "",
+            f'{FILL}"left" or "right": of a single place '
+            "nothing depends on which; of several name the column in [columns]",
+        )
         return
     words = [WORDS.get(plain(word), word) for word in table.words(theirs)]
     places = {word for word in words if word != "none" and word.lower() not in NOTHING}

@@ -158,8 +158,11 @@ def _other(name: str) -> bool:
 def _people(table: Sample, name: str, roles: Roles) -> list[list[_Row]]:
     """Return each person's rows in their order, without words that only blanks have."""
     head = table.header
-    answers = [one for one in dict.fromkeys((*roles.answers, *filter(_answers, head)))
-               if one != name and one in head and len(table.words(one)) <= 2 * MOST]  # fmt: skip
+    answers = [
+        one
+        for one in dict.fromkeys((*roles.answers, *filter(_answers, head)))
+        if one != name and one in head and len(table.words(one)) <= 2 * MOST
+    ]
     person, place, level = (head.index(one) for one in (roles.person, name, roles.level or name))
     places = [head.index(one) for one in answers]
     found: dict[str, list[_Row]] = defaultdict(list)

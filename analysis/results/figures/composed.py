@@ -133,8 +133,9 @@ def draw_panel(
     axes.set_ylim(zero - _RESIDUALS * 1.15, _TOP)
     shown = (0.0, 0.5, 1.0) if small else (0.0, 0.25, 0.5, 0.75, 1.0)
     places = [*foot.at(np.array(scale.ticks)), *shown]
-    axes.set_yticks(places, [plain(one) for one in (*scale.ticks, *shown)],
-                    fontsize=8 if small else 9)  # fmt: skip
+    axes.set_yticks(
+        places, [plain(one) for one in (*scale.ticks, *shown)], fontsize=8 if small else 9
+    )
     axes.axhline(zero, color="#808080", lw=0.8, zorder=1)
     axes.spines["left"].set_bounds(0, 1)
     wide = 1.0 if small else 1.4
@@ -178,11 +179,26 @@ def _draw_function(axes: Axes, curve: Curve, wide: float, shade: float) -> None:
 def _draw_data(axes: Axes, curve: Curve, aside: Any, wide: float, *, largest: float) -> None:
     colour, marker, _ = curve.look
     told = np.isfinite(curve.low)
-    axes.vlines(curve.level_vpp[told], curve.low[told], curve.high[told], color=colour,
-                lw=0.8 * wide, transform=aside, zorder=4)  # fmt: skip
-    axes.scatter(curve.level_vpp, curve.p, s=(largest * curve.size) ** 2, marker=marker,
-                 facecolors="white", edgecolors=colour, linewidths=wide, transform=aside,
-                 zorder=5)  # fmt: skip
+    axes.vlines(
+        curve.level_vpp[told],
+        curve.low[told],
+        curve.high[told],
+        color=colour,
+        lw=0.8 * wide,
+        transform=aside,
+        zorder=4,
+    )
+    axes.scatter(
+        curve.level_vpp,
+        curve.p,
+        s=(largest * curve.size) ** 2,
+        marker=marker,
+        facecolors="white",
+        edgecolors=colour,
+        linewidths=wide,
+        transform=aside,
+        zorder=5,
+    )
 
 
 def _draw_start(
@@ -208,12 +224,18 @@ def _draw_mark(axes: Axes, curve: Curve, place: float, wide: float) -> None:
         _draw_limits(axes, (one.low, one.high), place, colour, wide)
     elif not np.isfinite(one.at):
         axes.annotate(
-            "no threshold", (0.5, place), xycoords=("axes fraction", "data"), ha="center",
-            va="center", fontsize=8, color=colour,
-        )  # fmt: skip
+            "no threshold",
+            (0.5, place),
+            xycoords=("axes fraction", "data"),
+            ha="center",
+            va="center",
+            fontsize=8,
+            color=colour,
+        )
     if np.isfinite(one.at):
-        axes.plot(one.at, place, color=colour, marker=marker, mfc="white", mew=wide, ms=4 * wide,
-                  zorder=5)  # fmt: skip
+        axes.plot(
+            one.at, place, color=colour, marker=marker, mfc="white", mew=wide, ms=4 * wide, zorder=5
+        )
         if curve.function is not None:
             felt = float(curve.function.at(np.array(one.at)))
             axes.plot([one.at] * 2, [place, felt], color=colour, lw=0.7 * wide, ls=":", zorder=2)
@@ -227,8 +249,16 @@ def _draw_limits(
     axes.hlines(place, *at, color=colour, lw=2.6 * wide, zorder=3)
     for end, limit, tip in zip(at, limits, "<>", strict=True):
         closed = np.isfinite(limit)
-        axes.plot(end, place, color=colour, marker="|" if closed else tip, zorder=4,
-                  ms=(5.5 if closed else 4.5) * wide, mew=wide, clip_on=False)  # fmt: skip
+        axes.plot(
+            end,
+            place,
+            color=colour,
+            marker="|" if closed else tip,
+            zorder=4,
+            ms=(5.5 if closed else 4.5) * wide,
+            mew=wide,
+            clip_on=False,
+        )
 
 
 def _draw_residuals(
@@ -237,8 +267,15 @@ def _draw_residuals(
     """Draw residuals; one that is too large for its strip is an arrow at its edge."""
     (colour, marker, _), (aside, wide) = look, drawn
     if one.low is not None and one.high is not None:
-        axes.vlines(one.level_vpp, foot.at(one.low), foot.at(one.high), color=colour,
-                    lw=0.8 * wide, transform=aside, zorder=3)  # fmt: skip
+        axes.vlines(
+            one.level_vpp,
+            foot.at(one.low),
+            foot.at(one.high),
+            color=colour,
+            lw=0.8 * wide,
+            transform=aside,
+            zorder=3,
+        )
     for chosen, sign in (
         (np.abs(one.value) <= foot.most, marker),
         (one.value > foot.most, "^"),
@@ -246,9 +283,17 @@ def _draw_residuals(
     ):
         if chosen.any():
             axes.plot(
-                one.level_vpp[chosen], foot.at(one.value[chosen]), color=colour, marker=sign,
-                ms=2.6 * wide, ls="", mfc="white", mew=0.8 * wide, transform=aside, zorder=4,
-            )  # fmt: skip
+                one.level_vpp[chosen],
+                foot.at(one.value[chosen]),
+                color=colour,
+                marker=sign,
+                ms=2.6 * wide,
+                ls="",
+                mfc="white",
+                mew=0.8 * wide,
+                transform=aside,
+                zorder=4,
+            )
 
 
 def name_parts(axes: Axes, conditions: int, scale: Scale, *, small: bool = False) -> None:
@@ -265,8 +310,14 @@ def name_parts(axes: Axes, conditions: int, scale: Scale, *, small: bool = False
         (thresholds, "Threshold", False),
     ):
         axes.annotate(
-            words, (0, place), xycoords=("axes fraction", "data"),
-            xytext=(aside_pt if turned else -5, 0), textcoords="offset points",
-            rotation=90 if turned else 0, ha="center" if turned else "right", va="center",
-            fontsize=size if turned else 8, linespacing=1.1,
-        )  # fmt: skip
+            words,
+            (0, place),
+            xycoords=("axes fraction", "data"),
+            xytext=(aside_pt if turned else -5, 0),
+            textcoords="offset points",
+            rotation=90 if turned else 0,
+            ha="center" if turned else "right",
+            va="center",
+            fontsize=size if turned else 8,
+            linespacing=1.1,
+        )

@@ -52,9 +52,14 @@ def draw(analysis: Analysis) -> Figure:
     axes[-1].annotate(
         f"In each cell: share of the row, count, 95 % interval ({analysis.ci.title()})\n"
         "of the share, which ignores that participants differ.",
-        (0.5, 0), xytext=(0, -40), xycoords="axes fraction", textcoords="offset points",
-        ha="center", va="top", fontsize=8,
-    )  # fmt: skip
+        (0.5, 0),
+        xytext=(0, -40),
+        xycoords="axes fraction",
+        textcoords="offset points",
+        ha="center",
+        va="top",
+        fontsize=8,
+    )
     return figure
 
 
@@ -87,11 +92,29 @@ def _draw(axes: Axes, rows: pd.DataFrame, ci: str) -> None:
         dark = shares[place] > _DARK
         colour = "white" if dark else "black"
         # Words within the grid need not be measured to lay the figure out.
-        axes.text(x, y - 0.24, f"{100 * shares[place]:.0f} %", fontsize=9, color=colour,
-                  ha="center", va="center", weight="bold", in_layout=False)  # fmt: skip
+        axes.text(
+            x,
+            y - 0.24,
+            f"{100 * shares[place]:.0f} %",
+            fontsize=9,
+            color=colour,
+            ha="center",
+            va="center",
+            weight="bold",
+            in_layout=False,
+        )
         limits = "–".join(_percent(float(limit[place])) for limit in (low, high))
-        axes.text(x, y + 0.18, f"{counts[place]}\n{limits} %", fontsize=7, color=colour,
-                  ha="center", va="center", linespacing=1.1, in_layout=False)  # fmt: skip
+        axes.text(
+            x,
+            y + 0.18,
+            f"{counts[place]}\n{limits} %",
+            fontsize=7,
+            color=colour,
+            ha="center",
+            va="center",
+            linespacing=1.1,
+            in_layout=False,
+        )
     names = [
         f"{stimulus(str(row.kind), str(row.side))}\nn = {row.presented}"
         for row in rows.itertuples()

@@ -49,9 +49,10 @@ def look_of(analysis: Analysis, condition: str) -> tuple[str, str, Any]:
 def person_curves(analysis: Analysis, participant: str) -> dict[str, Curve]:
     """Return what a panel shows of a person in each condition they took part in."""
     rows = {
-        condition: i for i, (condition, name) in enumerate(analysis.people.names)
+        condition: i
+        for i, (condition, name) in enumerate(analysis.people.names)
         if name == participant
-    }  # fmt: skip
+    }
     told = analysis.thresholds[analysis.thresholds["participant"].eq(participant)]
     data = analysis.participants[analysis.participants["participant"].eq(participant)]
     curves = {}
@@ -67,16 +68,24 @@ def person_curves(analysis: Analysis, participant: str) -> dict[str, Curve]:
             line = Line(
                 mu=float(analysis.axis.on_axis(row["threshold_vpp"])),
                 sigma=float(row["sigma"]) / analysis.axis.width(1.0),
-                lapse_rate=float(row["lapse_rate"]), guess_rate=float(row["guess_posterior"]),
-            )  # fmt: skip
+                lapse_rate=float(row["lapse_rate"]),
+                guess_rate=float(row["guess_posterior"]),
+            )
             function = person_function(analysis.people, rows[condition], line, analysis.axis)
             value = deviance_residuals(detected, presented, function.at(levels_vpp))
             residuals = Residuals(level_vpp=levels_vpp, value=value)
         curves[condition] = Curve(
-            look=look_of(analysis, condition), level_vpp=levels_vpp, p=p, low=low, high=high,
-            size=_sizes(presented), mark=_mark(row), start=start_of(analysis, rows[condition]),
-            function=function, residuals=residuals,
-        )  # fmt: skip
+            look=look_of(analysis, condition),
+            level_vpp=levels_vpp,
+            p=p,
+            low=low,
+            high=high,
+            size=_sizes(presented),
+            mark=_mark(row),
+            start=start_of(analysis, rows[condition]),
+            function=function,
+            residuals=residuals,
+        )
     return curves
 
 
@@ -126,11 +135,19 @@ def group_curves(analysis: Analysis) -> dict[str, Curve]:
         function = None
         if row["status"] in (*DRAWN, "separated"):
             function = group_function(analysis.people, people, analysis.axis)
-        curves[condition] = _of_means(Curve(
-            look=look_of(analysis, condition), level_vpp=levels_vpp, p=p, low=low, high=high,
-            size=_sizes(presented), mark=_mark(row), start=_mean_start(analysis, people),
-            function=function,
-        ))  # fmt: skip
+        curves[condition] = _of_means(
+            Curve(
+                look=look_of(analysis, condition),
+                level_vpp=levels_vpp,
+                p=p,
+                low=low,
+                high=high,
+                size=_sizes(presented),
+                mark=_mark(row),
+                start=_mean_start(analysis, people),
+                function=function,
+            )
+        )
     return curves
 
 
@@ -174,9 +191,14 @@ def _sizes(presented: Floats) -> Floats:
 def _mark(row: pd.Series[Any]) -> Mark:
     at, low, high, new_low, new_high = (
         float(row.get(name, np.nan))
-        for name in ("threshold_vpp", "threshold_low_vpp", "threshold_high_vpp", "new_low_vpp",
-                     "new_high_vpp")
-    )  # fmt: skip
+        for name in (
+            "threshold_vpp",
+            "threshold_low_vpp",
+            "threshold_high_vpp",
+            "new_low_vpp",
+            "new_high_vpp",
+        )
+    )
     status = str(row["status"])
     if status in (*BELOW, *ABOVE) or np.isfinite(at):  # what a table calls n/a is an open limit
         low, high = (-np.inf if np.isnan(low) else low), (np.inf if np.isnan(high) else high)

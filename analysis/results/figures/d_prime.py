@@ -65,8 +65,10 @@ def draw(analysis: Analysis) -> Figure:
     # Of two or three people the limits may be so far away that nothing else could be seen.
     low, high = table["d_prime"].min(), table["d_prime"].max()
     bars = table[table["participant"].eq(TOTAL) == several]
-    least, most = (max(bars["d_prime_low"].fillna(low).min(), low - _BEYOND),
-                   min(bars["d_prime_high"].fillna(high).max(), high + _BEYOND))  # fmt: skip
+    least, most = (
+        max(bars["d_prime_low"].fillna(low).min(), low - _BEYOND),
+        min(bars["d_prime_high"].fillna(high).max(), high + _BEYOND),
+    )
     axes.set_ylim(min(least, low) - _ROOM, max(most, high) + _ROOM)
     axes.set_ylabel("d' (detection)")
     key(axes, columns=1)
@@ -78,14 +80,41 @@ def _draw(axes: Axes, rows: pd.DataFrame, look: tuple[str, str, object], aside: 
     each, mean = (rows[rows["participant"].eq(TOTAL) == of_all] for of_all in (False, True))
     several = len({*each["participant"]}) > 1
     if several:
-        axes.scatter(each["level_vpp"], each["d_prime"], s=9, marker=marker, color=colour,
-                     alpha=0.35, linewidths=0, transform=aside, zorder=2)  # fmt: skip
+        axes.scatter(
+            each["level_vpp"],
+            each["d_prime"],
+            s=9,
+            marker=marker,
+            color=colour,
+            alpha=0.35,
+            linewidths=0,
+            transform=aside,
+            zorder=2,
+        )
     told = (mean if several else each).sort_values("level_vpp")
     bars = told[np.isfinite(told["d_prime_low"])]
-    axes.vlines(bars["level_vpp"], bars["d_prime_low"], bars["d_prime_high"], color=colour, lw=1.2,
-                transform=aside, zorder=3)  # fmt: skip
-    axes.plot(told["level_vpp"], told["d_prime"], color=colour, marker=marker, ls=line, lw=1.4,
-              ms=6, mfc="white", mew=1.4, transform=aside, zorder=4)  # fmt: skip
+    axes.vlines(
+        bars["level_vpp"],
+        bars["d_prime_low"],
+        bars["d_prime_high"],
+        color=colour,
+        lw=1.2,
+        transform=aside,
+        zorder=3,
+    )
+    axes.plot(
+        told["level_vpp"],
+        told["d_prime"],
+        color=colour,
+        marker=marker,
+        ls=line,
+        lw=1.4,
+        ms=6,
+        mfc="white",
+        mew=1.4,
+        transform=aside,
+        zorder=4,
+    )
 
 
 def _name(axes: Axes, analysis: Analysis, condition: str, *, alone: bool) -> None:

@@ -137,9 +137,16 @@ def _draw_people(axes: Axes, analysis: Analysis, conditions: list[str]) -> None:
         rows = analysis.participants[analysis.participants["condition"].eq(condition)]
         colour, marker, _ = look_of(analysis, condition)
         axes.scatter(
-            rows["level_vpp"], rows["p"], s=9, marker=marker, color=colour, alpha=0.35,
-            linewidths=0, zorder=2, transform=beside(axes, place, len(conditions)),
-        )  # fmt: skip
+            rows["level_vpp"],
+            rows["p"],
+            s=9,
+            marker=marker,
+            color=colour,
+            alpha=0.35,
+            linewidths=0,
+            zorder=2,
+            transform=beside(axes, place, len(conditions)),
+        )
 
 
 def _draw_guessing(axes: Axes, analysis: Analysis) -> None:
@@ -149,9 +156,15 @@ def _draw_guessing(axes: Axes, analysis: Analysis) -> None:
         (rate,) = rates
         axes.axhline(rate, color="black", lw=0.8, ls=(0, (4, 3)), zorder=1)
         axes.annotate(
-            f"guessing: 1/{1 / rate:.0f}", (1, rate), xycoords=("axes fraction", "data"),
-            xytext=(-4, -3), textcoords="offset points", ha="right", va="top", fontsize=8,
-        )  # fmt: skip
+            f"guessing: 1/{1 / rate:.0f}",
+            (1, rate),
+            xycoords=("axes fraction", "data"),
+            xytext=(-4, -3),
+            textcoords="offset points",
+            ha="right",
+            va="top",
+            fontsize=8,
+        )
 
 
 def _differences(analysis: Analysis) -> Iterator[str]:
@@ -174,8 +187,16 @@ def _explain(axes: Axes, analysis: Analysis, curves: Mapping[str, Curve], *, alo
         where = f"{short(condition)}: " if len(curves) > 1 else "threshold "
         where = "" if where == "threshold " and str(told).startswith("no threshold") else where
         line = line if curve.function is not None else ""
-        axes.plot([], [], color=colour, marker=marker, ls=line, mfc="white", ms=5,
-                  label=where + str(told).split(";")[0])  # fmt: skip
+        axes.plot(
+            [],
+            [],
+            color=colour,
+            marker=marker,
+            ls=line,
+            mfc="white",
+            ms=5,
+            label=where + str(told).split(";")[0],
+        )
     marker, grey = next(iter(curves.values())).look[1], "#404040"
     words = f"proportion, 95 % interval ({analysis.ci.title()})"
     if not alone:
@@ -183,7 +204,7 @@ def _explain(axes: Axes, analysis: Analysis, curves: Mapping[str, Curve], *, alo
     if any(len(curve.level_vpp) for curve in curves.values()):
         axes.errorbar(
             [], [], yerr=[], color=grey, marker=marker, mfc="white", ms=5, ls="", label=words
-        )  # fmt: skip
+        )
     else:
         axes.plot([], [], ls="", label="no level was given to everybody:\nno mean of participants")
     if any(curve.start is not None for curve in curves.values()):
@@ -194,10 +215,34 @@ def _explain(axes: Axes, analysis: Analysis, curves: Mapping[str, Curve], *, alo
     if alone:
         return
     number = analysis.participants["participant"].nunique()
-    axes.plot([], [], color=grey, marker=marker, ls="", ms=3, alpha=0.5, mew=0,
-              label=f"each of {number} participants")  # fmt: skip
+    axes.plot(
+        [],
+        [],
+        color=grey,
+        marker=marker,
+        ls="",
+        ms=3,
+        alpha=0.5,
+        mew=0,
+        label=f"each of {number} participants",
+    )
     if any(curve.mark.new is not None for curve in curves.values()):
-        axes.plot([], [], color=grey, marker="|", lw=4.2, ms=5.5,
-                  label="threshold of the group, 95 % interval")  # fmt: skip
-        axes.plot([], [], color=grey, marker="|", lw=1.7, ms=5, alpha=0.5,
-                  label="another person's threshold, 95 %")  # fmt: skip
+        axes.plot(
+            [],
+            [],
+            color=grey,
+            marker="|",
+            lw=4.2,
+            ms=5.5,
+            label="threshold of the group, 95 % interval",
+        )
+        axes.plot(
+            [],
+            [],
+            color=grey,
+            marker="|",
+            lw=1.7,
+            ms=5,
+            alpha=0.5,
+            label="another person's threshold, 95 %",
+        )

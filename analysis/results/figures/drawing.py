@@ -237,8 +237,10 @@ def _ticks(levels_vpp: Any, places: Any, letter: float) -> tuple[list[float], fl
         if len(ticks) == len(levels_vpp):
             return ticks, size
     end = places[-1] - letter * len(plain(levels_vpp[-1])) / 2
-    before = [place + letter * len(plain(level)) / 2 <= end
-              for level, place in zip(levels_vpp, places, strict=True)]  # fmt: skip
+    before = [
+        place + letter * len(plain(level)) / 2 <= end
+        for level, place in zip(levels_vpp, places, strict=True)
+    ]
     chosen = [*itertools.compress(zip(levels_vpp, places, strict=True), before)]
     ticks = _spaced([level for level, _ in chosen], [place for _, place in chosen], letter)
     return [*ticks, float(levels_vpp[-1 if ticks else 0])], 1.0

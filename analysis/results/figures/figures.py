@@ -75,7 +75,12 @@ def pictures(analysis: Analysis, *, pdf: bool = False) -> Iterator[Picture]:
         for number, sheet in enumerate(sheets(analysis), start=1):
             png, svg, *page = written(sheet.draw, pdf=pdf)
             yield Picture(
-                figure=figure, name=_file(figure, number), title=sheet.title,
-                caption=sheet.caption, alt=sheet.alt, png=png, svg=svg,
+                figure=figure,
+                name=_file(figure, number),
+                title=sheet.title,
+                caption=sheet.caption,
+                alt=sheet.alt,
+                png=png,
+                svg=svg,
                 pdf=page[0] if page else b"",
-            )  # fmt: skip
+            )

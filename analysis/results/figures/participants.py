@@ -114,8 +114,14 @@ def draw(analysis: Analysis, names: Sequence[str]) -> Figure:
         row, column = divmod(number, COLUMNS)
         left = _LEFT_IN + column * (wide_in + _BETWEEN_IN)
         top = height_in - head_in - row * step_in - above_in
-        axes = figure.add_axes((left / WIDTH_IN, (top - panel_in) / height_in,
-                                wide_in / WIDTH_IN, panel_in / height_in))  # fmt: skip
+        axes = figure.add_axes(
+            (
+                left / WIDTH_IN,
+                (top - panel_in) / height_in,
+                wide_in / WIDTH_IN,
+                panel_in / height_in,
+            )
+        )
         curves = person_curves(analysis, name)
         shown = [curves.get(condition) for condition in conditions]
         draw_panel(axes, shown, levels_vpp, analysis.axis, DEVIANCE, small=True)
@@ -124,18 +130,31 @@ def draw(analysis: Analysis, names: Sequence[str]) -> Figure:
         # At places that are given, nothing is measured to find them.
         axes.xaxis.set_label_coords(0.5, 0.0)
         axes.yaxis.set_label_coords(0.0, 0.5)
-        axes.set_title("\n".join(notes[name]), fontsize=_LETTER_PT, loc="left", y=1.0, pad=2,
-                       linespacing=1.15)  # fmt: skip
-        figure.text(left / WIDTH_IN, (top + above_in) / height_in, short(name), fontsize=9,
-                    weight="bold", va="top")  # fmt: skip
+        axes.set_title(
+            "\n".join(notes[name]), fontsize=_LETTER_PT, loc="left", y=1.0, pad=2, linespacing=1.15
+        )
+        figure.text(
+            left / WIDTH_IN,
+            (top + above_in) / height_in,
+            short(name),
+            fontsize=9,
+            weight="bold",
+            va="top",
+        )
         if column:
             axes.set_yticklabels([])
         else:
             name_parts(axes, len(conditions), DEVIANCE, small=True)
     below_in = height_in - head_in - rows * step_in
     log = "" if analysis.axis.signed else ", logarithmic"
-    figure.text(0.5, (below_in - 0.02) / height_in, f"Level{log} ({analysis.axis.label})",
-                fontsize=9, ha="center", va="top")  # fmt: skip
+    figure.text(
+        0.5,
+        (below_in - 0.02) / height_in,
+        f"Level{log} ({analysis.axis.label})",
+        fontsize=9,
+        ha="center",
+        va="top",
+    )
     if analysis.mark:
         figure.text(0.5, 1 - 0.06 / height_in, analysis.mark, fontsize=9, ha="center", va="top")
     _explain(figure, analysis, (below_in - 0.18) / height_in)
@@ -172,8 +191,15 @@ def _explain(figure: Figure, analysis: Analysis, top: float) -> None:
             )
         )
     handles += [
-        Line2D([], [], color=grey, marker="|", ls="", ms=8,
-               label=f"95 % interval ({analysis.ci.title()})"),
+        Line2D(
+            [],
+            [],
+            color=grey,
+            marker="|",
+            ls="",
+            ms=8,
+            label=f"95 % interval ({analysis.ci.title()})",
+        ),
         *(
             [Line2D([], [], color=grey, marker="o", ls="", ms=3, label=start_label(analysis))]
             if blanks_tell(analysis)
@@ -181,8 +207,12 @@ def _explain(figure: Figure, analysis: Analysis, top: float) -> None:
         ),
         Patch(color=grey, alpha=0.25, lw=0, label="95 % band of the function"),
         Line2D([], [], color=grey, marker="|", lw=2.6, ms=5.5, label="threshold, 95 % interval"),
-    ]  # fmt: skip
+    ]
     figure.legend(
-        handles=handles, loc="upper center", bbox_to_anchor=(0.5, top), fontsize=_LETTER_PT,
-        frameon=False, handlelength=2.8,
-    )  # fmt: skip
+        handles=handles,
+        loc="upper center",
+        bbox_to_anchor=(0.5, top),
+        fontsize=_LETTER_PT,
+        frameon=False,
+        handlelength=2.8,
+    )

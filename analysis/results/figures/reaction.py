@@ -90,9 +90,16 @@ def _draw_side(axes: Axes, one: pd.DataFrame, name: str, look: tuple[str, str, f
     aside = axes.transData + ScaledTranslation(shift_pt / 72, 0, figure.dpi_scale_trans)
     axes.vlines(one["level_vpp"], one["p10"], one["p90"], color=colour, lw=1.4, transform=aside)
     for column in ("p10", "p90"):
-        axes.plot(one["level_vpp"], one[column], color=colour, marker="_", ls="", ms=6,
-                  transform=aside)  # fmt: skip
+        axes.plot(
+            one["level_vpp"], one[column], color=colour, marker="_", ls="", ms=6, transform=aside
+        )
     axes.plot(
-        one["level_vpp"], one["median"], color=colour, marker=marker, ms=5, lw=1.2,
-        transform=aside, label=f"{name}median, 10–90 % of {number} answers a level",
-    )  # fmt: skip
+        one["level_vpp"],
+        one["median"],
+        color=colour,
+        marker=marker,
+        ms=5,
+        lw=1.2,
+        transform=aside,
+        label=f"{name}median, 10–90 % of {number} answers a level",
+    )

@@ -135,8 +135,15 @@ def _difference(name: str, one: pd.Series[Any], colour: str) -> _Mark:
     if np.isfinite([at, low, high]).any():  # what a table calls n/a is an open limit
         low, high = (-np.inf if np.isnan(low) else low), (np.inf if np.isnan(high) else high)
     status = str(one["status"])
-    return _Mark(name=name, at=at, low=low, high=high, status=status,
-                words=status.replace("_", " "), colour=colour)  # fmt: skip
+    return _Mark(
+        name=name,
+        at=at,
+        low=low,
+        high=high,
+        status=status,
+        words=status.replace("_", " "),
+        colour=colour,
+    )
 
 
 def _rows(analysis: Analysis, condition: str) -> list[_Mark]:
@@ -153,8 +160,9 @@ def _rows(analysis: Analysis, condition: str) -> list[_Mark]:
         row = _row(f"group of {group['participants']}", group, GROUP)
         if not np.isnan(row.at):  # what a table calls n/a is an open limit
             low, high = float(group["new_low_vpp"]), float(group["new_high_vpp"])
-            row = replace(row, new=(-np.inf if np.isnan(low) else low,
-                                    np.inf if np.isnan(high) else high))  # fmt: skip
+            row = replace(
+                row, new=(-np.inf if np.isnan(low) else low, np.inf if np.isnan(high) else high)
+            )
         rows.append(row)
     return rows
 
@@ -167,8 +175,15 @@ def _row(name: str, one: pd.Series[Any], colour: str = _PERSON) -> _Mark:
     status = str(one["status"])
     if status in _POINTED or not np.isnan(at):  # what a table calls n/a is an open limit
         low, high = (-np.inf if np.isnan(low) else low), (np.inf if np.isnan(high) else high)
-    return _Mark(name=name, at=at, low=low, high=high, status=status,
-                words=f"none: {status.replace('_', ' ')}", colour=colour)  # fmt: skip
+    return _Mark(
+        name=name,
+        at=at,
+        low=low,
+        high=high,
+        status=status,
+        words=f"none: {status.replace('_', ' ')}",
+        colour=colour,
+    )
 
 
 def _draw(axes: Axes, rows: list[_Mark], levels_vpp: Any, axis: Axis) -> None:
@@ -217,17 +232,22 @@ def _draw_rows(axes: Axes, rows: list[_Mark], outside: tuple[float, float]) -> N
                 spans[False, row.colour].append((place, *row.new))
         elif named and np.isnan(row.low):
             told = axes.annotate(
-                row.words, (0.02, place), xycoords=("axes fraction", "data"), va="center",
-                fontsize=7, color=_WORDS_COLOUR,
-            )  # fmt: skip
+                row.words,
+                (0.02, place),
+                xycoords=("axes fraction", "data"),
+                va="center",
+                fontsize=7,
+                color=_WORDS_COLOUR,
+            )
             told.set_in_layout(False)
         if not np.isnan(row.low):
             spans[True, row.colour].append((place, row.low, row.high))
     for (strong, colour), each in sorted(spans.items()):  # faint ones are below
         _draw_limits(axes, each, colour, faint=not strong)
     for (marker, colour, filled, size), at in points.items():
-        axes.plot(*np.transpose(at), color=colour, marker=marker, mfc=filled, ms=size, ls="",
-                  zorder=3)  # fmt: skip
+        axes.plot(
+            *np.transpose(at), color=colour, marker=marker, mfc=filled, ms=size, ls="", zorder=3
+        )
     axes.set_ylim(len(rows) - 0.4, -0.6)
     shown = range(len(rows)) if named else [i for i, r in enumerate(rows) if r.colour == GROUP]
     axes.set_yticks([*shown], [short(rows[i].name) for i in shown], fontsize=7)
@@ -240,14 +260,28 @@ def _draw_limits(axes: Axes, spans: list[_Span], colour: str, *, faint: bool) ->
     left, right = axes.get_xlim()
     alpha = 0.4 if faint else 1.0
     places, lows, highs = np.transpose(spans)
-    axes.hlines(places, np.maximum(lows, left), np.minimum(highs, right), color=colour,
-                lw=1.0 if faint else 1.4, alpha=alpha)  # fmt: skip
+    axes.hlines(
+        places,
+        np.maximum(lows, left),
+        np.minimum(highs, right),
+        color=colour,
+        lw=1.0 if faint else 1.4,
+        alpha=alpha,
+    )
     for limits, arrow, beyond in ((lows, "<", lows < left), (highs, ">", highs > right)):
         at = np.clip(limits, left, right)
         for marker, these in ((arrow, beyond), ("|", ~beyond)):
             if these.any():
-                axes.plot(at[these], places[these], color=colour, marker=marker, ms=4, ls="",
-                          clip_on=False, alpha=alpha)  # fmt: skip
+                axes.plot(
+                    at[these],
+                    places[these],
+                    color=colour,
+                    marker=marker,
+                    ms=4,
+                    ls="",
+                    clip_on=False,
+                    alpha=alpha,
+                )
 
 
 def _just_outside(axes: Axes, levels_vpp: Any) -> tuple[float, float]:
@@ -266,8 +300,16 @@ def _explain(axes: Axes, rows: list[_Mark]) -> None:
         told = "threshold, 95 % interval"
         axes.plot([], [], color=_PERSON, marker="o", ms=4, lw=1.4, label=told)
     if "separated" in held:
-        axes.plot([], [], color=_PERSON, marker="o", mfc="white", ms=4, lw=1.4,
-                  label="rises in one step: slope unknown")  # fmt: skip
+        axes.plot(
+            [],
+            [],
+            color=_PERSON,
+            marker="o",
+            mfc="white",
+            ms=4,
+            lw=1.4,
+            label="rises in one step: slope unknown",
+        )
     for statuses, words in (
         (_BELOW, "(probably) below the lowest tested level"),
         (_ABOVE, "(probably) above the highest tested level"),
@@ -279,5 +321,13 @@ def _explain(axes: Axes, rows: list[_Mark]) -> None:
         told = "group, everybody taking part, 95 % interval"
         axes.plot([], [], color=GROUP, marker="D", ms=4, lw=1.4, label=told)
         if any(not np.isnan(row.new[0]) for row in rows):
-            axes.plot([], [], color=GROUP, marker="|", ms=4, lw=1.0, alpha=0.4,
-                      label="another person's threshold, 95 %")  # fmt: skip
+            axes.plot(
+                [],
+                [],
+                color=GROUP,
+                marker="|",
+                ms=4,
+                lw=1.0,
+                alpha=0.4,
+                label="another person's threshold, 95 %",
+            )

@@ -17,10 +17,13 @@ if TYPE_CHECKING:
 
 
 LOOK_WORDS: Final = (
-    "circles, solid line", "squares, dashed line", "triangles, dash-dotted line",
-    "diamonds, dotted line", "triangles that point down, dash-dot-dotted line",
+    "circles, solid line",
+    "squares, dashed line",
+    "triangles, dash-dotted line",
+    "diamonds, dotted line",
+    "triangles that point down, dash-dot-dotted line",
     "crosses, short-dashed line",
-)  # fmt: skip
+)
 """What each of `analysis.results.figures.composed.LOOKS` is called."""
 
 
@@ -60,8 +63,9 @@ def _signs(analysis: Analysis, *, alone: bool) -> Iterator[str]:
     if alone:
         yield f"Open symbols are {own}"
     else:
-        shared = [shared_levels(analysis, name)["level_vpp"].nunique()
-                  for name in conditions_of(analysis)]  # fmt: skip
+        shared = [
+            shared_levels(analysis, name)["level_vpp"].nunique() for name in conditions_of(analysis)
+        ]
         where = ""
         if sum(shared) < len(analysis.levels):
             where = " at the levels that everybody was tested at"

@@ -145,8 +145,10 @@ def _verdict(blank: pd.DataFrame, one: Pair) -> _Verdict:
     points = alarms_apart(one.row) if _enough(blank, one, people) else ""
     apart = p < ALPHA
     if points:
-        low, high = (round(100 * float(one.row[f"false_alarm_difference_{end}"]), 1)
-                     for end in ("low", "high"))  # fmt: skip
+        low, high = (
+            round(100 * float(one.row[f"false_alarm_difference_{end}"]), 1)
+            for end in ("low", "high")
+        )
         apart = low > 0 or high < 0
     # What one answer would turn round points nowhere, nor does a small part of the interval.
     answers = abs(more) * min(map(sum, zip(*presented, strict=True)))
@@ -186,8 +188,9 @@ def _differences(analysis: Analysis) -> list[str]:
     return [
         f"{points.replace('points', 'percentage points')} in {isolated(one.b)} against "
         f"{isolated(one.a)}"
-        for one in pairs_of(analysis.differences) if (points := alarms_apart(one.row))
-    ]  # fmt: skip
+        for one in pairs_of(analysis.differences)
+        if (points := alarms_apart(one.row))
+    ]
 
 
 def _t_tests(analysis: Analysis) -> list[str]:

@@ -85,8 +85,10 @@ def each_participant(analysis: Analysis) -> tuple[list[str], list[list[str]]]:
 
 def _looked(analysis: Analysis) -> Iterator[tuple[str, set[str]]]:
     """Yield what was looked for, and in whom it was found."""
-    of = {kind: {one.participant for one in analysis.doubts if one.kind == kind}
-          for kind in (SWAPPED, GUESSING, DRIFTING)}  # fmt: skip
+    of = {
+        kind: {one.participant for one in analysis.doubts if one.kind == kind}
+        for kind in (SWAPPED, GUESSING, DRIFTING)
+    }
     sides = not analysis.one_side and len(analysis.trials) > 0
     if sides or analysis.detected_any is None:
         what = "sides swapped" if sides else "fewer right answers than by guessing"

@@ -24,9 +24,15 @@ def practise(path: Path, out: Path, participant: str) -> None:
     device = made["printer"](DriverSettings(limits=limits), clock)
     with redirect_stdout(StringIO()):
         run_session(
-            study, participant, device, someone,
-            out=out, clock=clock, practice_without_device=True, seed=7,
-        )  # fmt: skip
+            study,
+            participant,
+            device,
+            someone,
+            out=out,
+            clock=clock,
+            practice_without_device=True,
+            seed=7,
+        )
 
 
 def alter(table: Path) -> None:

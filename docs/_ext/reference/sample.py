@@ -205,9 +205,14 @@ def _measured_by_a_monitor(path: Path) -> list[dict[str, Any]]:
     shape = np.sin(np.linspace(0, 2 * np.pi, 97))
     planned = Planned(shape=shape, sample_rate_hz=48e3, left=50.0, right=0.0, burst=(50.0, 50.0))
     seen = Measured(
-        token=1, tap=Tap.AMPLIFIER, source="interface", peak_left=49.0, late_s=1e-4,
-        correlation_left=0.99, noise_left=0.1,
-    )  # fmt: skip
+        token=1,
+        tap=Tap.AMPLIFIER,
+        source="interface",
+        peak_left=49.0,
+        late_s=1e-4,
+        correlation_left=0.99,
+        noise_left=0.1,
+    )
     none = Measured(token=1, tap=Tap.AMPLIFIER, source="interface", unmeasured="no input")
     channels = [
         MonitorCalibration(
@@ -231,9 +236,16 @@ def _header_of_a_person(path: Path) -> dict[str, Any]:
     rig = assemble(study, driver="mock", port=None, simulated=True)
     tap = Tap.AMPLIFIER
     noise = NoiseFacts(
-        noise="pink", played=True, sha256="", sample_rate_hz=48e3, loop_s=30.0, level_dbfs=-30.0,
-        max_level_dba=75.0, measured_level_dba=70.0, sound_card="headphones",
-    )  # fmt: skip
+        noise="pink",
+        played=True,
+        sha256="",
+        sample_rate_hz=48e3,
+        loop_s=30.0,
+        level_dbfs=-30.0,
+        max_level_dba=75.0,
+        measured_level_dba=70.0,
+        sound_card="headphones",
+    )
     stand_in: Any = SimpleNamespace  # of what is only asked for what a header keeps of it
     setting = Setting(
         device=rig.device,

@@ -24,11 +24,26 @@ if TYPE_CHECKING:
     from pydantic.fields import FieldInfo
 
 _UNITS: Final = {
-    "_kg_m3": "kg/m³", "_n_s_m": "N s/m", "_n_m": "N/m", "_pm_v": "pm/V", "_gpa": "GPa",
-    "_vpp": "V peak to peak", "_dbfs": "dB re full scale", "_dba": "dB(A)", "_cm2": "cm²",
-    "_mm": "mm", "_um": "µm", "_us": "µs", "_ms": "ms", "_hz": "Hz", "_db": "dB", "_px": "pixels",
-    "_g": "g", "_n": "N", "_s": "s",
-}  # fmt: skip
+    "_kg_m3": "kg/m³",
+    "_n_s_m": "N s/m",
+    "_n_m": "N/m",
+    "_pm_v": "pm/V",
+    "_gpa": "GPa",
+    "_vpp": "V peak to peak",
+    "_dbfs": "dB re full scale",
+    "_dba": "dB(A)",
+    "_cm2": "cm²",
+    "_mm": "mm",
+    "_um": "µm",
+    "_us": "µs",
+    "_ms": "ms",
+    "_hz": "Hz",
+    "_db": "dB",
+    "_px": "pixels",
+    "_g": "g",
+    "_n": "N",
+    "_s": "s",
+}
 """By how a key ends, the longest ending first."""
 _PLAIN: Final = {str: "text", int: "whole number", float: "number", bool: "true or false"}
 PLANNED: Final = {*file_keys(Condition)} - {*file_keys(Stimulus), "name"}
@@ -173,8 +188,9 @@ def _papers(section: str) -> str:
         (one,) = paper_study().conditions
         return f"Without any there is one, {literal(one.name)}."
     discs = paper_actuators()
-    alike = [f"`{key} = {_toml(value)}`" for key, value in discs[0].items()
-             if discs[1][key] == value]  # fmt: skip
+    alike = [
+        f"`{key} = {_toml(value)}`" for key, value in discs[0].items() if discs[1][key] == value
+    ]
     places = " and ".join(f"{_toml(disc['x_mm'])}" for disc in discs)
     return (
         f"Without any the paper's plate has the paper's discs: left and right at `x_mm` {places}, "
@@ -205,15 +221,21 @@ def page() -> str:
         here = [key for key in every if key.section == section]
         rows = [
             (
-                literal(key.name), key.meaning, key.type, key.unit, key.range,
+                literal(key.name),
+                key.meaning,
+                key.type,
+                key.unit,
+                key.range,
                 " ".join(filter(None, (literal(key.default), key.left_out))),
             )
             for key in here
-        ]  # fmt: skip
+        ]
         heads = ("key", "meaning", "type", "unit", "range", "default")
         used = [place for place in range(len(heads)) if any(row[place] for row in rows)]
         columns = [[row[place] for place in used] for row in (heads, *rows)]
         told.append(table(columns[0], columns[1:]))
-        told += [f"In the study {literal(name)}:\n\n{code(text, 'toml')}"
-                 for name, text in examples(section)]  # fmt: skip
+        told += [
+            f"In the study {literal(name)}:\n\n{code(text, 'toml')}"
+            for name, text in examples(section)
+        ]
     return "\n".join(told)

@@ -17,9 +17,17 @@ if TYPE_CHECKING:
 
 # Repeated here because the module that defines them imports numpy, which --help must not.
 _MATERIALS: Final = (
-    "aluminium", "steel", "stainless", "brass", "copper", "titanium", "glass", "borosilicate",
-    "pmma", "polycarbonate",
-)  # fmt: skip
+    "aluminium",
+    "steel",
+    "stainless",
+    "brass",
+    "copper",
+    "titanium",
+    "glass",
+    "borosilicate",
+    "pmma",
+    "polycarbonate",
+)
 _EDGES: Final = ("simply-supported", "clamped", "measured-cutoff")
 
 
@@ -36,7 +44,9 @@ class Question(NamedTuple):
 # is defined by the section that reads the key; error messages name the option instead of the key.
 QUESTIONS: Final = {
     "width_mm": Question(
-        "--width-mm", "MM", "Width between the two long edges, in mm.",
+        "--width-mm",
+        "MM",
+        "Width between the two long edges, in mm.",
         "Width between the held edges, in mm",
     ),
     "thickness_mm": Question(
@@ -79,11 +89,14 @@ QUESTIONS: Final = {
             "rectangle:ALONGxACROSS@X, one at -X and one at X"
         ),
     ),
-}  # fmt: skip
+}
 _EXAMPLE_PLATE: Final = {
-    "width_mm": "25", "thickness_mm": "0.5", "length_mm": "200", "material": "steel",
+    "width_mm": "25",
+    "thickness_mm": "0.5",
+    "length_mm": "200",
+    "material": "steel",
     "edge": "clamped",
-}  # fmt: skip
+}
 """The values that stand in for properties not yet entered when an answer is checked."""
 CEILING: Final = "--ceiling-vpp"
 _WHOLE_PLATE_KEYS: Final = ("edge", "measured_cutoff_hz", "actuator")

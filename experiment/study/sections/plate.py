@@ -29,9 +29,17 @@ from stimuli import (
 )
 
 _MaterialName = Literal[
-    "aluminium", "steel", "stainless", "brass", "copper", "titanium", "glass", "borosilicate",
-    "pmma", "polycarbonate",
-]  # fmt: skip
+    "aluminium",
+    "steel",
+    "stainless",
+    "brass",
+    "copper",
+    "titanium",
+    "glass",
+    "borosilicate",
+    "pmma",
+    "polycarbonate",
+]
 EdgeBasis = Literal["simply-supported", "clamped", "elastic", "measured-cutoff"]
 
 # What the paper states belongs to its plate: 25 x 0.5 mm of its aluminium. A study whose plate has

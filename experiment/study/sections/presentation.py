@@ -60,14 +60,21 @@ TYPED: Final[Mapping[str, tuple[str, ...]]] = {
     **{f"num_{digit}": (digit,) for digit in string.digits},
     **{word[:-1]: (word[-1],) for word in _SIGNS.split()},
     **{key: _control(letter) for key, letter in _ARROWS.items()},
-    "home": (*_control("H"), *_numbered(1)), "end": (*_control("F"), *_numbered(4)),
-    "insert": _numbered(2), "delete": _numbered(3), "pageup": _numbered(5),
-    "pagedown": _numbered(6), "space": (" ",), "tab": ("\t",), "escape": ("\x1b",),
-    "return": ("\r", "\n"), "num_enter": ("\r", "\n", "\x1bOM"), "backspace": ("\x7f", "\b"),
+    "home": (*_control("H"), *_numbered(1)),
+    "end": (*_control("F"), *_numbered(4)),
+    "insert": _numbered(2),
+    "delete": _numbered(3),
+    "pageup": _numbered(5),
+    "pagedown": _numbered(6),
+    "space": (" ",),
+    "tab": ("\t",),
+    "escape": ("\x1b",),
+    "return": ("\r", "\n"),
+    "num_enter": ("\r", "\n", "\x1bOM"),
+    "backspace": ("\x7f", "\b"),
     **{f"f{i}": (_control(sign)[1], *_numbered(10 + i)) for i, sign in enumerate("PQRS", 1)},
-    **{f"f{i}": _numbered(number) for i, number in
-       enumerate((15, 17, 18, 19, 20, 21, 23, 24), 5)},
-}  # fmt: skip
+    **{f"f{i}": _numbered(number) for i, number in enumerate((15, 17, 18, 19, 20, 21, 23, 24), 5)},
+}
 """What a terminal sends for a key of `[keys]`: the signs of xterm, which the others follow."""
 
 UNTYPED: Final = KEY_NAMES - set(TYPED)

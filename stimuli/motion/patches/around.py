@@ -228,14 +228,16 @@ def rings_of(strip: Strip, patch: BondedPatch) -> Rings:
     least_m, touching_m = _LEAST_RING * small_m, (_RIM - 1) * small_m
     (left, right), (near, far) = (
         [
-            Ring(most_m, 0) if ring.reach > most_m
-            else ring if ring.reach > least_m
+            Ring(most_m, 0)
+            if ring.reach > most_m
+            else ring
+            if ring.reach > least_m
             # a patch on an edge moves as that may, one just beside it not
             else Ring(0.0, ring.free if ring.reach <= touching_m else 0)
             for ring in sides
         ]
         for sides in rings
-    )  # fmt: skip
+    )
     return (left, right), (near, far)
 
 

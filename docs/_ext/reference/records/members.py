@@ -57,11 +57,13 @@ class About:
     def without_the_study(self, value: Any) -> Any:
         """Leave out what other pages list: the keys of the study, the definitions of columns."""
         return {
-            name: {} if name == "definitions"
-            else _planned(one) if name == "study" and _is_whole(one)
+            name: {}
+            if name == "definitions"
+            else _planned(one)
+            if name == "study" and _is_whole(one)
             else one
             for name, one in value.items()
-        }  # fmt: skip
+        }
 
     def shortened(self, shape: Mapping[str, str]) -> dict[str, str]:
         """Tell once what another object, or a section of the study, has as well."""

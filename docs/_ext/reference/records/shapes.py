@@ -15,9 +15,14 @@ if TYPE_CHECKING:
     from reference.sample import Sample
 
 _TYPES: Final = {
-    str: "text", bool: "true or false", int: "whole number", float: "number",
-    type(None): "null", list: "list", dict: "object",
-}  # fmt: skip
+    str: "text",
+    bool: "true or false",
+    int: "whole number",
+    float: "number",
+    type(None): "null",
+    list: "list",
+    dict: "object",
+}
 _INTRODUCTION: Final = """\
 # JSON that is written and printed
 
@@ -65,10 +70,11 @@ def kind_of(values: list[Any]) -> str:
     'whole number or list of texts or object or null'
     """
     kinds = [
-        f"list of {_TYPES[type(value[0])]}s" if isinstance(value, list) and value
+        f"list of {_TYPES[type(value[0])]}s"
+        if isinstance(value, list) and value
         else _TYPES[type(value)]
         for value in values
-    ]  # fmt: skip
+    ]
     return " or ".join(sorted(dict.fromkeys(kinds), key="null".__eq__))
 
 
