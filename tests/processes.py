@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Callable, Iterable, Iterator
     from pathlib import Path
 
     from numpy.typing import NDArray
@@ -149,8 +149,14 @@ def _pipe(pipe: IO[str] | None) -> IO[str]:
     return pipe
 
 
-SOUND = "TACTSTRIP_SOUND"
-"""Set to "required", tests with real sound fail where they would be skipped."""
+def require(area: str, missing: Iterable[str]) -> None:
+    """Skip a test whose tools are missing, or fail it where TACTSTRIP_REQUIRED names its area.
+
+    Areas are sound, browser, firmware and screen.
+    """
+    if names := ", ".join(missing):
+        required = area in os.environ.get("TACTSTRIP_REQUIRED", "").split()
+        (pytest.fail if required else pytest.skip)(f"not installed: {names}")
 
 
 class NullSink:
@@ -216,21 +222,19 @@ class NullSink:
             process.wait()
 
 
-def _sound_missing() -> str:
+def _sound_missing() -> list[str]:
     missing = [tool for tool in ("pulseaudio", "parec", "pactl") if shutil.which(tool) is None]
     try:
         import sounddevice  # noqa: F401 - looks for PortAudio when it is imported
     except (ImportError, OSError):
         missing.append("sounddevice with PortAudio")
-    return ", ".join(missing)
+    return missing
 
 
 @pytest.fixture(scope="module")
 def null_sink(tmp_path_factory: pytest.TempPathFactory) -> Iterator[NullSink]:
     """Real sound: PortAudio plays into a null sink, which can be listened to and killed."""
-    missing = _sound_missing()
-    if missing and os.environ.get(SOUND) != "required":
-        pytest.skip(f"real sound needs {missing}")
+    require("sound", _sound_missing())
     import sounddevice
 
     folder = tmp_path_factory.mktemp("sound")

@@ -16,7 +16,7 @@ import signal
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
 
-import pytest
+from tests.processes import require
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -91,11 +91,7 @@ class Browser:
 
 def opened(home: Path) -> Iterator[Browser]:
     """Start a browser, and close it; skip the test where there is none."""
-    if not PROGRAM:
-        reason = f"none of {', '.join(NAMES)} is installed"
-        if os.environ.get("TACTSTRIP_BROWSER") == "required":
-            pytest.fail(reason)
-        pytest.skip(reason)
+    require("browser", [] if PROGRAM else [" or ".join(NAMES)])
     started = Browser(home)
     yield started
     started.close()

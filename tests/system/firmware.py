@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import shutil
 import struct
 import subprocess
@@ -11,14 +10,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any, Final, NamedTuple, Self
 
-import pytest
+from tests.processes import require
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
 FIRMWARE: Final = Path(__file__).parents[2] / "firmware"
-REQUIRED: Final = "TACTSTRIP_FIRMWARE"
-"""Set to "required", tests of the firmware fail where they would be skipped."""
 
 _RECORD = struct.Struct("<cQH")
 _SIZE = struct.Struct("<I")
@@ -28,9 +25,7 @@ READING = struct.Struct("<BBIIIIHH")
 
 def require_tools(*tools: str) -> None:
     """Skip a test, or fail it where the firmware is required, if a tool is missing."""
-    missing = [tool for tool in tools if shutil.which(tool) is None]
-    if missing and os.environ.get(REQUIRED) != "required":
-        pytest.skip(f"the firmware needs {', '.join(missing)}")
+    require("firmware", [tool for tool in tools if shutil.which(tool) is None])
 
 
 def make(folder: Path, target: str, *, sanitize: bool = False, **limits: int) -> Path:

@@ -1,7 +1,4 @@
-"""The site is built without a warning; in a browser it is silent and fits.
-
-TACTSTRIP_SITE names the folder of a site that is built already.
-"""
+"""The site is built without a warning; in a browser it is silent and fits."""
 
 from __future__ import annotations
 
@@ -26,8 +23,6 @@ ROOT = Path(__file__).resolve().parents[2]
 @pytest.fixture(scope="module")
 def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The folder of the site; a warning of Sphinx fails."""
-    if named := os.environ.get("TACTSTRIP_SITE"):
-        return Path(named).resolve()
     folder = tmp_path_factory.mktemp("site")
     command = [sys.executable, "-m", "sphinx", "-q", "-W", "--keep-going", "docs", str(folder)]
     environment = os.environ | {"PYTHONPATH": str(ROOT)}

@@ -18,11 +18,11 @@ from typing import TYPE_CHECKING
 import pytest
 
 from experiment import SessionFolder
+from tests.processes import require
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-REQUIRED = os.environ.get("TACTSTRIP_SCREEN") == "required"
 LONGEST_S = 40.0
 STUDY = """
 [design]
@@ -52,11 +52,11 @@ AT_A_SCREEN = (
 )
 
 
-def missing() -> str | None:
-    """Say what a participant's window lacks here."""
+def missing() -> list[str]:
+    """List what a participant's window lacks here."""
     tools = [tool for tool in ("Xvfb", "xdotool") if shutil.which(tool) is None]
     packages = [name for name in ("psychopy", "Xlib") if importlib.util.find_spec(name) is None]
-    return f"not installed: {', '.join(tools + packages)}" if tools or packages else None
+    return tools + packages
 
 
 @contextlib.contextmanager
@@ -79,9 +79,7 @@ def x_server(home: Path) -> Iterator[tuple[subprocess.Popen[bytes], dict[str, st
 @pytest.fixture(scope="module")
 def display(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, str]]:
     """An environment with a screen of its own and an empty home."""
-    if reason := missing():
-        assert not REQUIRED, reason
-        pytest.skip(reason)
+    require("screen", missing())
     with x_server(tmp_path_factory.mktemp("home")) as (_, environment):
         yield environment
 
