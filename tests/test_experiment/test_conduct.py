@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import pytest
 
 from device import LimitExceeded, LinkError, Outcome, Refusal
-from experiment import ArchiveError, Journal, JournalError, Progress
+from experiment import ArchiveError, Journal, JournalError, Progress, SessionPart
 from tests.test_experiment.lab import Crash, FakeNoise, Lab, Scripted, Watching
 
 if TYPE_CHECKING:
@@ -389,6 +389,37 @@ def off_plate(lab_of: LabOf) -> Lab:
     lab = lab_of("audibility_trials = 2\ncontrol_trials = 2\n")
     lab.noise = FakeNoise()
     return lab
+
+
+@pytest.mark.usefixtures("person")
+def test_a_person_gets_two_warm_up_trials_after_a_resume_and_the_tally_goes_on(lab: Lab) -> None:
+    lab.crash(2)
+    lab.display.seen.clear()
+    assert lab.resume().finished
+    resumed = lab.display.seen[0]
+    assert resumed.done == 1
+    answered = lab.rows[0].kind == "single" and lab.rows[0].status == "ok"
+    assert sum(tally.presented for tally in resumed.tallies.values()) == answered
+    warm_up = [row for row in lab.rows if row.trial > len(lab.plan.trials)]
+    assert [(row.kind, row.side, row.attempt) for row in warm_up] == [
+        ("practice", "left", 1),
+        ("practice", "right", 1),
+    ]
+    planned = [row.trial for row in lab.rows if row.status == "ok" and row not in warm_up]
+    assert sorted(planned) == [trial.number for trial in lab.plan.trials]
+
+
+@pytest.mark.usefixtures("person")
+def test_who_had_no_trial_with_the_fingers_on_is_not_warmed_up_again(lab_of: LabOf) -> None:
+    """A participant who still has to practise is not warmed up either."""
+    lab = lab_of("practice_trials = 3\naudibility_trials = 2\n")
+    for question in (2, 3, 2):
+        lab.crash(question)
+        assert SessionPart.WARM_UP not in lab.responder.parts
+    lab.crash(4)
+    assert lab.responder.parts == [SessionPart.PRACTICE, SessionPart.MAIN]
+    assert lab.resume().finished
+    assert lab.responder.parts[0] == SessionPart.WARM_UP
 
 
 @pytest.mark.slow
