@@ -10,14 +10,10 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 """Set before numpy is imported, as tactstrip.py does: the matrices are small."""
 
 import pytest
-
-pytest.register_assert_rewrite("tests.test_device.contract")
 from click.testing import CliRunner
 from hypothesis import settings
 
-from experiment.session.simulate import simulate_study
-from experiment.study.read import study_from_text
-from experiment.terms.gains import ConditionGains
+from experiment import ConditionGains, simulate_study, study_from_text
 from tactstrip import main
 from tests.processes import emulate, emulator_server, kill_at, null_sink
 from tests.test_experiment.sessions import contents
@@ -35,6 +31,7 @@ if TYPE_CHECKING:
     Refused: TypeAlias = Callable[..., str]
     Simulate: TypeAlias = Callable[..., Path]
 
+pytest.register_assert_rewrite("tests.test_device.contract")
 __all__ = ["emulate", "emulator_server", "kill_at", "null_sink"]  # fixtures
 
 settings.register_profile("repeatable", derandomize=True, deadline=None)
@@ -168,3 +165,10 @@ def pytest_addoption(parser: pytest.Parser) -> None:
         "first line of output is the port or URL; {port} becomes 0 (any), {truth} the file for "
         "what it emits, {rate} the sample rate",
     )
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Refuse to drive one real device from several processes."""
+    real = config.getoption("--port") or config.getoption("--device-url")
+    if real and config.getoption("numprocesses", None):
+        raise pytest.UsageError(f"-n must be 0 with a real device, {real}; got -n {config.getoption('numprocesses')}")
