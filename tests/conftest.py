@@ -169,6 +169,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 def pytest_configure(config: pytest.Config) -> None:
     """Refuse to drive one real device from several processes."""
-    real = config.getoption("--port") or config.getoption("--device-url")
-    if real and config.getoption("numprocesses", None):
-        raise pytest.UsageError(f"-n must be 0 with a real device, {real}; got -n {config.getoption('numprocesses')}")
+    real = any(config.getoption(name) for name in ("--driver", "--port", "--device-url"))
+    workers = config.getoption("numprocesses", None)
+    if real and workers:
+        raise pytest.UsageError(f"-n must be 0 with a real device; got {workers}")
