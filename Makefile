@@ -1,6 +1,6 @@
 PYTHON := .venv/bin/python
 
-.PHONY: help setup test lint slow system check long bench docs
+.PHONY: help setup test lint slow system window check long bench docs
 
 help:  ## list the targets
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*##/\t/' | expand -t 10
@@ -23,6 +23,9 @@ slow:  ## the slow tests: many digits, whole sessions, whole analyses
 
 system:  ## processes, ports, sound, windows, browser, firmware, docs; skips what is not installed
 	$(PYTHON) -m pytest -q -m "" --dist loadgroup tests/system
+
+window:  ## a participant's window, with PsychoPy: needs the extra `screen`
+	TACTSTRIP_REQUIRED=screen $(PYTHON) -m pytest -q -m "" tests/system/test_window.py
 
 check: lint test slow system  ## everything but the long tests
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import sys
 from contextlib import contextmanager
 from difflib import get_close_matches
@@ -126,35 +127,36 @@ def _intruder() -> str | None:
         spec = find_spec(name)
         folders = (spec and spec.submodule_search_locations) or ()
         path = Path((spec and spec.origin) or next(iter(folders), here)).resolve()
-        site = path.parents[1] if path.is_file() else path.parent
+        site = path.parents[1] if path.name == "__init__.py" else path.parent
         if distribution := _other_distributions(site).get(name):
             return (
                 f"the distribution {distribution} replaces the package {name} of tactstrip in "
                 f"{site}: run pip uninstall {distribution}, then reinstall tactstrip with "
                 "--force-reinstall"
             )
-        if path in {here, ours.parent}:
-            return f"{ours} is missing: reinstall tactstrip with --force-reinstall"
-        if path != ours:
+        if path not in {here, ours.parent, ours}:
             return (
                 f"{path} hides the package {name} of tactstrip: rename it, or take its folder off "
                 "Python's path"
+            )
+        if not ours.is_file() or "lazy_loader.attach_stub(" not in ours.read_text("utf-8"):
+            return (
+                f"{ours} is missing or overwritten: remove what replaced it, then reinstall "
+                "tactstrip with --force-reinstall"
             )
     return None
 
 
 @cache
 def _other_distributions(site: Path) -> dict[str, str]:
-    """Map packages named as ours to the other distribution that installed them in a folder."""
-    owners = {}
-    for record in site.glob("*.dist-info/RECORD"):
-        distribution = record.parent.name.partition("-")[0]
-        if distribution != "tactstrip":
-            files = "\n" + record.read_text("utf-8")
-            for package in PACKAGES:
-                if f"\n{package}/__init__.py," in files:
-                    owners[package] = distribution
-    return owners
+    """Map packages named as ours to the other distribution that installed files of that name."""
+    line = re.compile(rf"^({'|'.join(PACKAGES)})(?:/|\.py,)", re.MULTILINE)
+    return {
+        package: record.parent.name.partition("-")[0]
+        for record in site.glob("*.dist-info/RECORD")
+        if not record.parent.name.startswith("tactstrip-")
+        for package in line.findall(record.read_text("utf-8"))
+    }
 
 
 @contextmanager
@@ -176,7 +178,8 @@ def _one_line(command: str) -> Iterator[None]:
     cls=_FrontDoor,
     invoke_without_command=True,
     epilog="""\b
-    Tab completes words after this line in ~/.bashrc (in ~/.zshrc: zsh_source):
+    To complete commands with the Tab key, add this line to ~/.bashrc
+    (for zsh, to ~/.zshrc, with zsh_source):
       eval "$(_TACTSTRIP_COMPLETE=bash_source tactstrip)"
 
     Example: tactstrip demo""",
@@ -187,7 +190,7 @@ def _one_line(command: str) -> Iterator[None]:
 def main(ctx: click.Context) -> None:
     """Run vibrotactile detection experiments on narrow strip plates.
 
-    Exit codes: 0 done; 1 done, and the answer is no; 2 bad input or usage; 3 device failure;
+    Exit codes: 0 done; 1 done, but a check failed; 2 bad input or usage; 3 device failure;
     4 stopped early, can be resumed.
     """
     if ctx.invoked_subcommand is None:

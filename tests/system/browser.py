@@ -1,7 +1,7 @@
 """A headless Chromium for tests, and what a page of it says and asks for.
 
 Chromium is driven over its own debugging pipe (file descriptors 3 and 4), which needs neither a
-port nor a driver program. Without Chromium these tests are skipped; TACTSTRIP_BROWSER=required
+port nor a driver program. Without Chromium these tests are skipped; TACTSTRIP_REQUIRED=browser
 makes that a failure. Screenshots go into the folder that TACTSTRIP_SCREENSHOTS names.
 """
 

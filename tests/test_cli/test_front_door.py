@@ -217,7 +217,7 @@ def site(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     folder = tmp_path / "site"
     for package in PACKAGES:
         (folder / package).mkdir(parents=True)
-        (folder / package / "__init__.py").touch()
+        shutil.copy(Path(__file__).parents[2] / package / "__init__.py", folder / package)
     monkeypatch.setattr(tactstrip, "__file__", str(folder / "tactstrip.py"))
     for package in PACKAGES:
         monkeypatch.delitem(sys.modules, package, raising=False)
@@ -240,13 +240,18 @@ def test_a_package_that_is_replaced_shadowed_or_missing_is_one_line_and_exit_2(
     # another distribution has written to the same folder, before or after tactstrip
     record = site / "other_stimuli-1.0.dist-info" / "RECORD"
     record.parent.mkdir()
-    record.write_text(f"{package}/__init__.py,sha256=x,5\n{package}/audio.py,,\n", "utf-8")
-    assert "other_stimuli" in refusal()
+    for path in (f"{package}/__init__.py", f"{package}/audio/tone.py", f"{package}.py"):
+        record.write_text(f"README,,\n{path},sha256=x,5\n", "utf-8")
+        assert "other_stimuli" in refusal()
     shutil.rmtree(record.parent)
-    # uninstalling it takes our file away
-    (site / package / "__init__.py").unlink()
+    # something that keeps no record has overwritten a file, or removed it
+    ours = site / package / "__init__.py"
+    overwritten = ours.read_text("utf-8")
+    ours.write_text("# another program\n", encoding="utf-8")
     assert refusal()
-    (site / package / "__init__.py").touch()
+    ours.unlink()
+    assert refusal()
+    ours.write_text(overwritten, encoding="utf-8")
     # a file or a folder that comes earlier on the path
     for intruder in (f"{package}.py", f"{package}/__init__.py"):
         file = tmp_path / "lab" / intruder
