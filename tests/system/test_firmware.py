@@ -183,7 +183,7 @@ def test_only_open_and_closed_move_the_switch(
     with running(*command, *options) as (process, url):
         print(*others, "open", sep="\n", file=process.stdin, flush=True)
         give_up_s = time.monotonic() + 5.0
-        while "switch" not in truth.read_text(encoding="utf-8"):
+        while not truth.exists() or "switch" not in truth.read_text(encoding="utf-8"):
             assert time.monotonic() < give_up_s
             time.sleep(0.002)
         device = device_at(url)
