@@ -46,7 +46,7 @@ _NOTHING_YET = "no session here has a trial yet"
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class LoadedTrials:
-    """Checked trials and the files they come from.
+    r"""Checked trials and the files they come from.
 
     Attributes
     ----------
@@ -90,6 +90,19 @@ class LoadedTrials:
         Whether the tables number their trials, or else the order of their rows does.
     side_told : bool
         Whether the tables tell a side; false where a map states one for all rows.
+
+    Examples
+    --------
+    `read_inputs` returns one:
+
+    >>> from tempfile import TemporaryDirectory
+    >>> from analysis import ColumnMap, read_inputs
+    >>> with TemporaryDirectory() as folder:
+    ...     table = Path(folder) / "table.csv"
+    ...     _ = table.write_text("participant,side,level_vpp,response\n1,left,60,left\n")
+    ...     loaded = read_inputs([table], ColumnMap())
+    >>> loaded.trials["level_vpp"].tolist(), loaded.numbered, loaded.alternatives
+    ([60.0], False, 2)
     """
 
     trials: pd.DataFrame

@@ -29,7 +29,7 @@ _SIDED = ("left_vpp", "right_vpp", "left_um", "right_um")
 
 def summary_text(analysis: Analysis) -> str:
     """Write the summary as JSON: no time, no host, no absolute path; equal data give equal text."""
-    told = answer(analysis)
+    answered = answer(analysis)
     summary = {
         "schema": SCHEMA,
         "definitions": {"ci": analysis.ci, **definitions_of(analysis)},
@@ -39,8 +39,8 @@ def summary_text(analysis: Analysis) -> str:
         "axis": {"x_scale": analysis.axis.x_scale, "unit": analysis.axis.unit},
         "counts": asdict(analysis.counts),
         "mark": analysis.mark,
-        "answer": [plain(statement) for statement in told.statements],
-        "answer_codes": told.codes,
+        "answer": [plain(statement) for statement in answered.statements],
+        "answer_codes": answered.codes,
         "devices": devices(analysis.trials),
         "altered": [
             one for each in (*analysis.altered.values(), *analysis.lost.values()) for one in each
@@ -89,11 +89,11 @@ def in_own_words(table: pd.DataFrame, analysis: Analysis) -> pd.DataFrame:
 def definitions_of(analysis: Analysis) -> dict[str, str]:
     """Return what the columns mean, of `in_own_words`."""
     axis = analysis.axis
-    told = dict(DEFINITIONS if axis.is_vpp else definitions_in(axis.unit))
+    definitions = dict(DEFINITIONS if axis.is_vpp else definitions_in(axis.unit))
     if analysis.one_place:
-        told = {names: text for names, text in told.items() if names not in OF_SIDES}
-        told.update(OF_ONE_PLACE)
-    return told
+        definitions = {n: text for n, text in definitions.items() if n not in OF_SIDES}
+        definitions.update(OF_ONE_PLACE)
+    return definitions
 
 
 def versions() -> dict[str, str]:

@@ -69,8 +69,8 @@ def warnings_of(
     yield from loaded.changed
     yield from _origins(loaded)
     if len(stated) > 1:
-        told = "; ".join(f"{words} ({named(which)})" for words, which in stated.items())
-        message = f"force and contact of the fingers are not the same in all sessions: {told}"
+        contacts = "; ".join(f"{words} ({named(which)})" for words, which in stated.items())
+        message = f"force and contact of the fingers are not the same in all sessions: {contacts}"
         yield AnalysisWarning(WarningCode.CONTACT_DIFFERS, message)
     yield from with_code(WarningCode.ANSWERS_MISSING, _silent(trials))
     yield from _about_none(counted)

@@ -34,7 +34,20 @@ HEADS: Final = "sessions.tsv"
 
 
 class ArchiveError(ValueError):
-    """A session's folder that is there and must not be, or the other way round."""
+    """A session folder or another file of the archive that cannot be used.
+
+    The message is one line and names the file or the value. Errors that concern symbolic links are
+    of the subclass `LinkError`.
+
+    Examples
+    --------
+    >>> from experiment import SessionFolder
+    >>> try:
+    ...     SessionFolder(Path("results"), "01", "ses-01")
+    ... except ValueError as error:
+    ...     print(type(error).__name__, error)
+    ArchiveError session must be 1 to 32 letters (a-z, A-Z) or digits, ...; got 'ses-01'
+    """
 
 
 class LinkError(ArchiveError):

@@ -71,6 +71,27 @@ class SessionFolder:
         Where it is kept.
     facts : tuple of Fact
         What is known of the participant, for participants.tsv.
+
+    Raises
+    ------
+    ArchiveError
+        If `participant` or `session` is not an identifier.
+
+    Examples
+    --------
+    A new session has a plan and an empty history:
+
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> from experiment import draw_plan, first_study
+    >>> plan = draw_plan(first_study(), participant="01", session="02", seed=7)
+    >>> with TemporaryDirectory() as root:
+    ...     folder = SessionFolder(Path(root), "01", "02")
+    ...     with folder.locked():
+    ...         folder.create(plan, header={})
+    ...     recorded, history = folder.read_plan(), folder.read_history(plan)
+    >>> folder.name, recorded == plan, history.rows
+    ('sub-01/ses-02', True, ())
     """
 
     root: Path
@@ -119,18 +140,33 @@ class SessionFolder:
         return self.path / "header.json"
 
     def sealed(self) -> dict[str, str]:
-        """Return the checksums of header and plan as files, for the journal's first line."""
+        """Return the checksums of header and plan as files, for the journal's first line.
+
+        Returns
+        -------
+        dict of str to str
+            ``header_sha256`` and ``plan_file_sha256``: the SHA-256 of each file, 64 hexadecimal
+            digits.
+        """
         files = {"header_sha256": self.header_path, "plan_file_sha256": self.plan_path}
         return {name: sha256(path.read_bytes()).hexdigest() for name, path in files.items()}
 
     @contextlib.contextmanager
     def locked(self) -> Iterator[None]:
-        """Hold the session for this process alone.
+        """Lock the session for this process.
+
+        Yields
+        ------
+        None
+            The process holds the lock until the ``with`` block ends.
 
         Raises
         ------
         ArchiveError
-            If another process holds it.
+            If another process holds the lock, or a file or folder of the session is a symbolic
+            link.
+        LockError
+            If the drive does not support file locks.
         """
         self._refuse_links()
         made = [folder for folder in (self.path, *self.path.parents) if not folder.exists()]
@@ -205,7 +241,15 @@ class SessionFolder:
         """Enter the participant in participants.tsv, then write the files of a new session.
 
         The plan is written last: a session exists from the moment it has a plan. The journal is
-        there before it, so that a plan without one tells of a loss.
+        there before it, so that a plan without a journal indicates a loss. Call this method while
+        the session is `locked`.
+
+        Parameters
+        ----------
+        plan : Plan
+            The sealed plan of the session.
+        header : dict
+            The contents of header.json; JSON values.
 
         Raises
         ------
@@ -213,7 +257,7 @@ class SessionFolder:
             If the session exists already, or a fact of the participant is not one that the study
             declares or differs from what is known.
         JournalWriteError
-            If the plan stands, yet nobody can tell whether it would outlive a power cut.
+            If the plan is written but cannot be synced, so that a power cut could remove it.
         """
         self.refuse_existing()
         columns = study_from_canonical(plan.study).participants.columns
@@ -233,7 +277,12 @@ class SessionFolder:
             ) from error
 
     def check_people(self, study: Study) -> None:
-        """Refuse a participants.tsv in which this person, or another, could not be entered.
+        """Check that this participant can be entered in participants.tsv.
+
+        Parameters
+        ----------
+        study : Study
+            The study, which declares the columns of the table.
 
         Raises
         ------
@@ -248,9 +297,21 @@ class SessionFolder:
         read_people(self.root).with_person(self.participant, names, self.facts)
 
     def participant_number(self) -> int:
-        """Return the number of the participant: that of their earlier sessions, or by their place.
+        """Return the participant number, which selects the order of conditions.
 
-        ArchiveError where participants.tsv is no such table, PlanError as `read_plan`.
+        Returns
+        -------
+        int
+            The number in the plan of an earlier session of this participant. Without one, the
+            position of the participant in participants.tsv, counted from 1; a participant who is
+            not yet in the table comes last.
+
+        Raises
+        ------
+        ArchiveError
+            If participants.tsv is not a valid table.
+        PlanError
+            If the plan of an earlier session was changed after it was sealed.
         """
         for path in sorted(self.path.parent.glob("ses-*/plan.json")):
             if (number := _read_plan(path).participant_number) is not None:
@@ -258,9 +319,21 @@ class SessionFolder:
         return next_number(self.root, self.participant)
 
     def number_shared(self, number: int) -> str:
-        """Tell of another participant who has the same number; nothing where there is none.
+        """Report another participant who has the same number.
 
-        Headers are read, not plans, which are longer: there may be thousands.
+        Parameters
+        ----------
+        number : int
+            The participant number, counted from 1.
+
+        Returns
+        -------
+        str
+            A warning that names the other participant; empty if there is none.
+
+        Notes
+        -----
+        The method reads headers rather than plans, which are longer: there may be thousands.
         """
         for path in sorted(self.root.glob("sub-*/ses-*/header.json")):
             found = _NUMBER.search(path.read_bytes())
@@ -276,8 +349,18 @@ class SessionFolder:
     def read_plan(self) -> Plan:
         """Read and verify the plan.
 
-        ArchiveError where there is none, it belongs to another session, one of the session's files
-        is a symbolic link, or the person withdrew; PlanError for one changed after it was sealed.
+        Returns
+        -------
+        Plan
+            The sealed plan of this session.
+
+        Raises
+        ------
+        ArchiveError
+            If there is no plan, the plan belongs to another session, a file of the session is a
+            symbolic link, or the participant withdrew.
+        PlanError
+            If the plan was changed after it was sealed.
         """
         refuse_withdrawn(self.root, self.participant)
         self._refuse_links()
@@ -297,8 +380,20 @@ class SessionFolder:
     def read_study(self, plan: Plan) -> Study:
         """Return the study that the plan holds.
 
-        StudyError where it was recorded by another version of this program, for the plan's seal
-        fits.
+        Parameters
+        ----------
+        plan : Plan
+            The plan of this session.
+
+        Returns
+        -------
+        Study
+            The study as it was recorded.
+
+        Raises
+        ------
+        StudyError
+            If another version of tactstrip recorded the study, with other keys.
         """
         try:
             return study_from_canonical(plan.study)
@@ -319,19 +414,47 @@ class SessionFolder:
         return f"tactstrip {told}"
 
     def open_journal(self, now_s: Callable[[], float]) -> Journal:
-        """Open the journal for writing, at its end."""
+        """Open the journal for writing, at its end.
+
+        Parameters
+        ----------
+        now_s : callable
+            Returns the time on the session's clock, in seconds.
+
+        Returns
+        -------
+        Journal
+            The journal, which the caller closes.
+
+        Raises
+        ------
+        JournalError
+            If a line of the journal is damaged, missing or repeated.
+        JournalWriteError
+            If the file cannot be opened for writing.
+        """
         return Journal(self.journal_path, now_s=now_s, disk=self.disk)
 
     def read_history(self, plan: Plan) -> History:
-        """Read the journal and return what it says.
+        """Read the journal and return the history of the session.
+
+        Parameters
+        ----------
+        plan : Plan
+            The plan of this session.
+
+        Returns
+        -------
+        History
+            The presented trials and the pending ones, as `replay` returns them.
 
         Raises
         ------
         ArchiveError
-            If there is none.
+            If the plan or the journal is missing.
         JournalError
-            If the journal cannot be trusted, belongs to another plan, or tells of fewer trials
-            than trials.csv, which is built from it.
+            If the journal cannot be trusted, belongs to another plan, or holds fewer trials than
+            trials.csv, which is built from it.
         """
         self.refuse_loss()
         entries = read_journal(self.journal_path).entries
@@ -348,9 +471,23 @@ class SessionFolder:
         return history
 
     def tables_sha256(self, plan: Plan) -> dict[str, str]:
-        """Return the checksums of the tables that are built of the journal as it stands.
+        """Return the checksums of the tables that the current journal gives.
 
-        Raises as `read_history`.
+        Parameters
+        ----------
+        plan : Plan
+            The plan of this session.
+
+        Returns
+        -------
+        dict of str to str
+            ``trials_sha256``, and ``measured_sha256`` if a monitor measured bursts: the SHA-256 of
+            each table, 64 hexadecimal digits.
+
+        Raises
+        ------
+        ArchiveError, JournalError
+            As `read_history` does.
         """
         tables = self._tables(plan).items()
         return {f"{path.stem}_sha256": sha256(text.encode()).hexdigest() for path, text in tables}
@@ -363,9 +500,21 @@ class SessionFolder:
         return tables
 
     def write_trials(self) -> Path:
-        """Build trials.csv anew from plan and journal, and return its path; so measured.csv.
+        """Write trials.csv, and measured.csv if a monitor measured bursts, from the journal.
 
-        JournalWriteError where one cannot be written; the journal holds all of it.
+        Returns
+        -------
+        Path
+            Path of trials.csv.
+
+        Raises
+        ------
+        ArchiveError, PlanError
+            If the plan cannot be read, as `read_plan`.
+        JournalError
+            If the journal cannot be read, as `read_history`.
+        JournalWriteError
+            If a table cannot be written. The journal still holds all its data.
         """
         for path, text in self._tables(self.read_plan()).items():
             try:

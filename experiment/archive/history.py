@@ -135,9 +135,46 @@ class _Presentation:
 
 
 def replay(plan: Plan, entries: Iterable[Entry]) -> History:
-    """Tell from the verified lines of a journal what was presented and what is left.
+    """Rebuild the history of a session from the lines of its journal.
 
-    JournalError where it belongs to another plan or names a trial that the plan does not have.
+    Parameters
+    ----------
+    plan : Plan
+        The plan of the session.
+    entries : iterable of Entry
+        The verified lines of its journal, from the first line on, as `read_journal` returns them.
+
+    Returns
+    -------
+    History
+        ``rows``: one `TrialRow` per presented trial; ``pending``: the planned trials without an
+        answer; ``open_trial``: the trial in which the session was interrupted, or None;
+        ``finished``: whether the session is complete.
+
+    Raises
+    ------
+    JournalError
+        If the journal belongs to another plan, names a trial that the plan does not have, lacks a
+        member of a line, or continues after a trial that has no end.
+
+    Examples
+    --------
+    Wherever a session is interrupted, the valid and the pending trials make up the plan:
+
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> from experiment import paper_study, read_journal, simulate_study
+    >>> study = paper_study().changed(design={"trials_per_side": 5, "both_trials": 0},
+    ...                               simulation={"threshold_vpp": 100.0})
+    >>> with TemporaryDirectory() as results:
+    ...     folder, = simulate_study(study, Path(results), participants=1, seed=7, gains=())
+    ...     plan, entries = folder.read_plan(), read_journal(folder.journal_path).entries
+    >>> replay(plan, entries).finished
+    True
+    >>> history = replay(plan, entries[:100])
+    >>> valid = sum(row.status == "ok" for row in history.rows)
+    >>> valid + len(history.pending) == len(plan.trials)
+    True
     """
     entries = tuple(entries)
     try:

@@ -47,7 +47,29 @@ _encode = json.JSONEncoder(separators=(",", ":"), ensure_ascii=False, allow_nan=
 
 
 class JournalError(ValueError):
-    """A journal that cannot be trusted."""
+    """A journal that cannot be trusted.
+
+    The message is one line. Where a single line of the journal is at fault, the message begins with
+    the file and the number of that line.
+
+    Examples
+    --------
+    The checksum of a line does not match after a character has changed:
+
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> with TemporaryDirectory() as folder:
+    ...     path = Path(folder) / "journal.jsonl"
+    ...     with Journal(path, now_s=lambda: 1.5) as journal:
+    ...         journal.append("note", {"text": "left"})
+    ...     _ = path.write_bytes(path.read_bytes().replace(b"left", b"lift"))
+    ...     try:
+    ...         _ = read_journal(path)
+    ...     except ValueError as error:
+    ...         message = str(error)
+    >>> message
+    '...journal.jsonl:1: this line is damaged (its checksum does not match); restore the file ...'
+    """
 
 
 class JournalLineError(JournalError):
@@ -68,11 +90,50 @@ class RecordSchemaError(JournalError):
 
 
 class JournalWriteError(JournalError):
-    """A journal that cannot be written: what it holds is safe, nothing more may be done."""
+    """A journal or a file built from it that cannot be written.
+
+    The lines that the journal already holds are safe. The session cannot continue until the cause,
+    such as a full disk, is removed.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> with TemporaryDirectory() as folder:
+    ...     try:
+    ...         Journal(Path(folder) / "missing" / "journal.jsonl", now_s=lambda: 0.0)
+    ...     except JournalError as error:
+    ...         name = type(error).__name__
+    >>> name
+    'JournalWriteError'
+    """
 
 
 class Entry(NamedTuple):
-    """One line of a journal; there are thousands of them. `terms.entries` lists what each tells."""
+    """One line of a journal.
+
+    `experiment.terms.entries.EVENTS` lists the events and the members of `facts` for each.
+
+    Attributes
+    ----------
+    event : str
+        Name of the event.
+    t_s : float
+        Time on the session's clock, in seconds.
+    wall_s : float
+        Calendar time of the host, in seconds since 1970. The host can adjust this clock during a
+        session.
+    facts : mapping of str to object
+        The other members of the line, by name.
+    up_s : float
+        Time since the host was started, in seconds.
+
+    Examples
+    --------
+    >>> entry = Entry("block_start", 12.5, 1.8e9, {"block": 1, "condition": "main"})
+    >>> entry.event, entry.t_s, entry.facts["block"]
+    ('block_start', 12.5, 1)
+    """
 
     event: str
     t_s: float  # on the session's clock
@@ -97,9 +158,42 @@ class JournalFile:
 
 
 def read_journal(path: Path) -> JournalFile:
-    """Read and verify a journal; a last line that was cut short is returned apart.
+    """Read and verify a journal.
 
-    JournalError where a complete line is damaged, missing or repeated; with file and line.
+    Parameters
+    ----------
+    path : Path
+        The journal of a session, ``journal.jsonl``.
+
+    Returns
+    -------
+    JournalFile
+        ``entries``: an `Entry` for each complete line; ``sha256``: the hash of each line;
+        ``sound_bytes``: the length of all complete lines in bytes; ``torn``: the bytes of a last
+        line that was cut short, empty if there is none.
+
+    Raises
+    ------
+    JournalError
+        If a complete line is damaged, missing or repeated, or has the schema of another version of
+        this program. The message names the file and the line.
+    OSError
+        If the file cannot be read.
+
+    Examples
+    --------
+    A last line without its line end is not an entry:
+
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> with TemporaryDirectory() as folder:
+    ...     path = Path(folder) / "journal.jsonl"
+    ...     with Journal(path, now_s=lambda: 1.5) as journal:
+    ...         journal.append("break")
+    ...     _ = path.write_bytes(path.read_bytes() + b'{"crc":"01')
+    ...     file = read_journal(path)
+    >>> [entry.event for entry in file.entries], file.torn
+    (['break'], b'{"crc":"01')
     """
     lines = path.read_bytes().split(b"\n")
     torn = lines.pop()
@@ -195,6 +289,23 @@ class Journal:
     -----
     A last line that was cut short is moved to a file ``journal.torn-N`` beside the journal.
     ``head_sha256`` is the hash of the last line.
+
+    Examples
+    --------
+    Each line holds the hash of the line before it, so that the hash of the last line verifies all:
+
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> with TemporaryDirectory() as folder:
+    ...     path = Path(folder) / "journal.jsonl"
+    ...     with Journal(path, now_s=lambda: 1.5) as journal:
+    ...         journal.append("block_start", {"block": 1, "condition": "main"})
+    ...         journal.append("block_end", {"block": 1}, sync=True)
+    ...     file = read_journal(path)
+    >>> [(entry.event, entry.t_s) for entry in file.entries]
+    [('block_start', 1.5), ('block_end', 1.5)]
+    >>> file.head_sha256 == journal.head_sha256
+    True
     """
 
     def __init__(
@@ -243,12 +354,21 @@ class Journal:
     def append(
         self, event: str, facts: Mapping[str, object] | None = None, *, sync: bool = False
     ) -> None:
-        """Write one line; with ``sync``, return only when it and all before it are on the disk.
+        """Write one line at the end of the journal.
+
+        Parameters
+        ----------
+        event : str
+            Name of the event, a key of `experiment.terms.entries.EVENTS`.
+        facts : mapping of str to object, optional
+            The members of the line beside its times; JSON values without NaN and infinities.
+        sync : bool
+            Whether the method returns only when this line and all lines before it are on the disk.
 
         Raises
         ------
         JournalWriteError
-            If the line cannot be written; the journal takes no further line then.
+            If the line cannot be written. The journal then accepts no further line.
         """
         if self._broken:
             raise JournalWriteError(f"{self._path}: not written after an earlier failure")

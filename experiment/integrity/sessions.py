@@ -99,14 +99,21 @@ class Examined:
 
 
 def examine(folder: Path, table: str = TABLE) -> Examined:
-    """Compare what the files of a session say of each other; nothing is changed or locked.
+    """Verify the files of a session against each other, without changing or locking them.
 
     Parameters
     ----------
     folder : Path
         ``sub-<participant>/ses-<session>``.
     table : str
-        Name of the table in it; that of a copy is compared as trials.csv is.
+        Name of the table in the folder. A copy under another name is compared as trials.csv is.
+
+    Returns
+    -------
+    Examined
+        ``plan`` and ``history``: the plan and the contents of the journal, None where a file cannot
+        be trusted; ``differences``: every modification, with its file and line, empty if the
+        session is as it was recorded.
 
     Raises
     ------
@@ -116,6 +123,24 @@ def examine(folder: Path, table: str = TABLE) -> Examined:
         If a file, the folder or the person's is a symbolic link.
     OSError
         If a file cannot be read.
+
+    Examples
+    --------
+    A cell that was edited in trials.csv differs from the journal:
+
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> from experiment import paper_study, simulate_study
+    >>> study = paper_study().changed(design={"trials_per_side": 5, "both_trials": 0},
+    ...                               simulation={"threshold_vpp": 100.0})
+    >>> with TemporaryDirectory() as results:
+    ...     session, = simulate_study(study, Path(results), participants=1, seed=7, gains=())
+    ...     recorded = examine(session.path).differences
+    ...     table = session.trials_path.read_bytes().replace(b",left,", b",right,", 1)
+    ...     _ = session.trials_path.write_bytes(table)
+    ...     modified = examine(session.path).differences
+    >>> recorded, [(difference.path.name, difference.line) for difference in modified]
+    ((), [('trials.csv', 2)])
     """
     refuse_links(folder, table)
     return _Examiner(folder, table).examined()

@@ -61,9 +61,9 @@ class ConditionCheck:
     def warnings(self) -> tuple[CheckWarning, ...]:
         """The reasons, each with its code."""
         energy = WarningCode.ENERGY_ABOVE_CUTOFF
-        found = [CheckWarning(energy, reason) for reason in self.burst.reasons]
+        warnings = [CheckWarning(energy, text) for text in self.burst.reasons]
         if self.gains is None:
-            return tuple(found)
+            return tuple(warnings)
         for own, other in ((0, 1), (1, 0)):
             level_db, limit_db = self.level_db(other, own), -self.masking_limit_db
             errors = self.patch_errors
@@ -75,15 +75,15 @@ class ConditionCheck:
                 f"finger {level_db:.3f} dB re its own finger"
             )
             if level_db > limit_db:
-                code, words = WarningCode.CROSSTALK_ABOVE_LIMIT, f"; the limit is {limit_db:g} dB"
+                code, reason = WarningCode.CROSSTALK_ABOVE_LIMIT, f"; the limit is {limit_db:g} dB"
             else:
                 code = WarningCode.UNCERTAIN_CROSSTALK
-                words = (
+                reason = (
                     f", known within {doubt_db:.2g} dB: above the limit of {limit_db:g} dB "
                     "cannot be excluded"
                 )
-            found.append(CheckWarning(code, f"{at}{words}"))
-        return tuple(found)
+            warnings.append(CheckWarning(code, f"{at}{reason}"))
+        return tuple(warnings)
 
     def worst(self, place: int, actuator: int) -> TriedGains | None:
         """Return what of `bracket` has the greatest level above another actuator.
@@ -186,6 +186,12 @@ def check_study(
     levels_only : bool
         Whether no plan is made of it, so that where levels are those of other losses or without
         fingers the first of these stand for its gain matrices.
+
+    Returns
+    -------
+    StudyCheck
+        The verdict, the cut-off frequency in Hz, the checks of all conditions, the numbers of
+        trials and blocks, and the estimated duration in seconds.
 
     Raises
     ------

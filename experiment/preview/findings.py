@@ -101,8 +101,8 @@ class Findings:
         >>> [(warning["code"].value, warning["message"]) for warning in found.coded]
         [('thick_plate', 'not a thin plate')]
         """
-        for place, line in enumerate(lines):
-            self.tell("" if place else label, line)
+        for number, line in enumerate(lines):
+            self.tell("" if number else label, line)
         self.note(**facts)
         self.note_warning(code, " ".join(lines))
 

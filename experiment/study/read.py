@@ -101,11 +101,30 @@ def read_study(path: Path | str) -> Study:
 
 
 def study_from_text(text: str, file_name: str) -> Study:
-    r"""Read a study from TOML text; the files that it names lie in the folder of `file_name`.
+    r"""Read a study from TOML text.
 
-    It raises StudyError as `read_study` does.
+    Parameters
+    ----------
+    text : str
+        The contents of a study file. Keys that it omits have the values of the paper's protocol.
+    file_name : str
+        Name of the study file for messages. The files that the text names are read from the folder
+        of this file.
 
-    Comments, order and repeated defaults do not make another study:
+    Returns
+    -------
+    Study
+        The study with all its defaults and the samples of the files that it names.
+
+    Raises
+    ------
+    StudyError
+        If the text is not a study; one line that names the file, the key, the allowed values and
+        the actual value.
+
+    Examples
+    --------
+    Comments, the order of keys and repeated defaults do not change the study:
 
     >>> text = "[burst]\ncycles = 1  # the paper's"
     >>> study_from_text(text, "study.toml") == paper_study()

@@ -195,19 +195,31 @@ class ConditionGains:
                     finite(name, gain, above=0)
 
     def level_db(self, place: int, actuator: int) -> float:
-        """Return the level above another actuator, dB re that at the driven actuator's own place.
+        """Return the crosstalk from one actuator to the place above another.
 
         Parameters
         ----------
         place, actuator : int
-            Row and column.
+            Row and column of `per_vpp`, counted from 0.
+
+        Returns
+        -------
+        float
+            Level at `place`, in dB re the place above the driven actuator.
         """
         from stimuli import level_db
 
         return level_db(self.per_vpp, own=actuator, other=place)
 
     def fingers(self) -> FingerGains:
-        """Return the part of the two fingers; relative unless both displacements are known."""
+        """Return the gains of the left and the right actuator at the two fingers.
+
+        Returns
+        -------
+        FingerGains
+            Peak displacement, in um per Vpp, where the displacements of both actuators are known.
+            Otherwise the gains are relative to the finger above the driven actuator, which has 1.
+        """
         (ll, lr, *_), (rl, rr, *_) = self.per_vpp[:2]
         left, right = self.bases[:2]
         if left is not None and right is not None:

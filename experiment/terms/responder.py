@@ -140,7 +140,22 @@ class AwaitedAnswer:
 
 
 class ResponderError(RuntimeError):
-    """A responder that failed, or that returned what is no press; in one line."""
+    """A responder that lacks a method, raises an error, or returns no valid `Press`.
+
+    The message is one line. The session ends, and you can resume it.
+
+    Examples
+    --------
+    >>> from device import VirtualClock
+    >>> from experiment import first_study, run_session
+    >>> class Silent:
+    ...     simulated = True
+    >>> try:
+    ...     run_session(first_study(), "01", None, Silent(), clock=VirtualClock())
+    ... except RuntimeError as error:
+    ...     print(type(error).__name__, error)
+    ResponderError Silent has no method begin: ...
+    """
 
 
 class Responder(Protocol):

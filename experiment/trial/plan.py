@@ -18,7 +18,17 @@ CONTROL = "control"
 
 
 class PlanError(ValueError):
-    """A plan that is not what it was when it was sealed, or that cannot be drawn."""
+    """A plan that was changed after it was sealed, or that cannot be drawn.
+
+    Examples
+    --------
+    >>> from experiment import draw_plan, paper_study
+    >>> try:
+    ...     draw_plan(paper_study(), participant="01", session="01", seed=-1)
+    ... except ValueError as error:
+    ...     print(type(error).__name__, error)
+    PlanError seed must be a whole number >= 0; got -1
+    """
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
