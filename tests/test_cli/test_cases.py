@@ -1,9 +1,9 @@
 """Whole commands as they are typed, with all that they print: the one place that pins wording.
 
 Each case is a folder of ``cases/``: input files, and ``session.txt``, in which a line that begins
-with ``$`` is typed and the lines after it are what appears. ``ls`` lists the files, ``[n]`` is an
-exit code other than 0, ``!`` begins a line on stderr. To accept a changed screen, set
-``TACTSTRIP_ACCEPT=1``, run this file with ``-m ""`` and review the difference.
+with ``$`` is typed and the lines after it are what appears. ``ls`` lists the files, ``cat`` prints
+one, ``[n]`` is an exit code other than 0, ``!`` begins a line on stderr. To accept a changed
+screen, set ``TACTSTRIP_ACCEPT=1``, run this file with ``-m ""`` and review the difference.
 """
 
 from __future__ import annotations
@@ -32,6 +32,9 @@ def transcript(commands: list[str], run: Run) -> str:
         program, *arguments = shlex.split(command)
         if program == "ls":
             lines += sorted(str(path) for path in Path().rglob("*") if path.is_file())
+            continue
+        if program == "cat":
+            lines += Path(*arguments).read_text("utf-8").splitlines()
             continue
         assert program == "tactstrip", command
         result = run(*arguments)
