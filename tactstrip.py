@@ -139,7 +139,7 @@ def _intruder() -> str | None:
                 f"{path} hides the package {name} of tactstrip: rename it, or take its folder off "
                 "Python's path"
             )
-        if not ours.is_file() or "lazy_loader.attach_stub(" not in ours.read_text("utf-8"):
+        if not ours.is_file() or "attach_stub(" not in ours.read_text("utf-8"):
             return (
                 f"{ours} is missing or overwritten: remove what replaced it, then reinstall "
                 "tactstrip with --force-reinstall"
