@@ -395,6 +395,11 @@ class SampledDrive:
         return float(np.clip(inside[np.argmin(np.abs(inside - middle))], low, high))
 
 
+_TINY = 1e-20
+"""Below it, the spectrum of a step is 1 to double precision; a quotient of subnormals overflows."""
+
+
 def _held_step(z: Complex) -> Complex:
     """Return (exp(z) - 1) / z, the spectrum of a step of length 1 and height 1."""
-    return np.asarray(np.where(z == 0, 1.0, np.expm1(z) / np.where(z == 0, 1.0, z)))
+    tiny = np.abs(z) < _TINY
+    return np.asarray(np.where(tiny, 1.0, np.expm1(z) / np.where(tiny, 1.0, z)))

@@ -405,6 +405,9 @@ def sampled(draw: st.DrawFn) -> SampledDrive:
 
 
 @laws
+@example(
+    drive=SampledDrive(samples=[0.0, 0.125, 0.0], sample_rate_hz=1e3), frequency=0.0, rise=1e-308
+)
 @given(drive=sampled(), frequency=st.floats(-4000, 4000), rise=st.floats(0, 200))
 def test_sampled_spectra_are_those_of_the_signal(
     drive: SampledDrive, frequency: float, rise: float
