@@ -76,12 +76,12 @@ def dry_run(
     from analysis.commands.analyze import write_analysis
     from analysis.results.console import print_analysis
     from experiment.preview.check import require_fit
-    from experiment.study.read import FIRST_STUDY, read_study
+    from experiment.study.read import first_study, read_study
     from experiment.study.simulated import people_words, unmeasured_words
     from experiment.study.study import told_by_file
 
     with working("Checking"), told_by_file(study_file):
-        study = read_study(study_file or FIRST_STUDY)
+        study = first_study() if study_file is None else read_study(study_file)
         check = require_fit(study)
     folder = new_folder(out)
     seed = secrets.randbits(32) if seed is None else seed

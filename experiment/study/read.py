@@ -27,8 +27,8 @@ if TYPE_CHECKING:
     from experiment.study.sections.stimulus import Condition
 
 
-FIRST_STUDY: Final = Path(__file__).parent / "presets" / "first-study.toml"
-"""A complete study file, which a dry run uses if no other is given."""
+_FIRST_STUDY: Final = Path(__file__).parent / "presets" / "first-study.toml"
+"""The file of `first_study`, also shown as docs/examples/first-study.toml."""
 
 _TOML_PLACE = re.compile(r" \(at line (?P<line>\d+), column (?P<column>\d+)\)$")
 
@@ -57,14 +57,14 @@ def first_study() -> Study:
     Returns
     -------
     Study
-        The study of ``FIRST_STUDY``, a complete file to copy from.
+        The study that a dry run uses if it gets no other.
 
     Examples
     --------
     >>> first_study().design.levels_vpp
     (30.0, 42.0, 59.0, 83.0, 117.0)
     """
-    return read_study(FIRST_STUDY)
+    return read_study(_FIRST_STUDY)
 
 
 def read_study(path: Path | str) -> Study:
