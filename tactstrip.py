@@ -66,7 +66,7 @@ PACKAGES = ("stimuli", "device", "experiment", "analysis")
 """The packages of tactstrip, beside this file."""
 
 BAD_INPUT = 2
-"""Exit code; `experiment.terms.exits` has the same, but its package may be the one replaced."""
+"""Exit code; `experiment.exits` has the same, but its package may be the one replaced."""
 
 
 class _FrontDoor(click.Group):
@@ -162,7 +162,7 @@ def _other_distributions(site: Path) -> dict[str, str]:
 @contextmanager
 def _one_line(command: str) -> Iterator[None]:
     """Report a usage error, or an interruption, in one line."""
-    from experiment.terms.exits import INTERRUPTED, CommandError
+    from experiment.exits import INTERRUPTED, CommandError
 
     try:
         yield

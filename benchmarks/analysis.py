@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from experiment.session.simulate import simulate_study
+from experiment.study.files import paper_study
 from experiment.study.physics import study_gains
-from experiment.study.read import paper_study
 
 SIZES = (100, 1000)
 PANDAS = """

@@ -16,7 +16,7 @@ IMPORTS: Final = "import numpy, pydantic, scipy.linalg, scipy.special"
 MATRIX: Final = """
 import sys, time
 from pathlib import Path
-from experiment.study.read import read_study
+from experiment.study.files import read_study
 from experiment.study.physics import study_gains
 import scipy.linalg, scipy.special
 study = read_study(Path(sys.argv[1]))
@@ -28,9 +28,9 @@ DRY_RUN: Final = """
 import sys, tempfile
 from pathlib import Path
 import analysis.commands.dry_run
-from experiment.preview.check import check_study
+from experiment.check.check import check_study
 from experiment.session.simulate import simulate_study
-from experiment.study.read import read_study
+from experiment.study.files import read_study
 study = read_study(Path(sys.argv[1]))
 gains = check_study(study).gains
 with tempfile.TemporaryDirectory() as folder:

@@ -13,15 +13,15 @@ from scipy.special import ndtr
 
 from analysis.answers.doubts import doubtful
 from analysis.axis import VOLTS
-from experiment.study.sections.simulation import Simulation
-from experiment.terms.people import draw_observer, threshold_course_db
+from experiment.perception.population import draw_observer, threshold_course_db
+from experiment.study.simulation import Simulation
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from numpy.typing import ArrayLike, NDArray
 
-    from experiment.terms.observer import Observer
+    from experiment.perception.observer import Observer
 
     Floats = NDArray[np.float64]
 

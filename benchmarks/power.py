@@ -42,12 +42,12 @@ from experiment.archive.disk import UNWAITED
 from experiment.archive.folders import SessionFolder
 from experiment.commands.init import REALISTIC
 from experiment.operator.requests import StopSignal
+from experiment.perception.observer import Observer
 from experiment.session.conduct import begin
 from experiment.session.setting import Setting
 from experiment.session.simulate import SimulatedResponder, simulate_study, simulated_responder
+from experiment.study.files import study_from_text, with_levels
 from experiment.study.physics import study_gains
-from experiment.study.read import study_from_text, with_levels
-from experiment.terms.observer import Observer
 from experiment.trial.draw import draw_plan
 
 if TYPE_CHECKING:
@@ -56,8 +56,8 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from analysis.power.search import Answer
+    from experiment.perception.gains import ConditionGains
     from experiment.study.study import Study
-    from experiment.terms.gains import ConditionGains
     from experiment.trial.plan import Plan as SessionPlan
 
 

@@ -11,8 +11,8 @@ from device.clock import MonotonicClock
 from experiment.participant.screen import ScreenResponder
 from experiment.participant.settings import ResponderSettings
 from experiment.participant.window import NoScreenError, Stage
-from experiment.study.sections.presentation import Keys, Screen, Texts
-from experiment.terms.responder import Progress, SessionPart
+from experiment.study.presentation import Keys, Screen, Texts
+from experiment.trial.responder import Progress, SessionPart
 
 FLIPS = 300
 WAIT_S = 5.0

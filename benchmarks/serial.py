@@ -20,13 +20,13 @@ from analysis.answers.serial import (
     serial_effects,
 )
 from benchmarks.people import HONEST
-from experiment.terms.people import draw_observer, threshold_course_db
-from experiment.terms.record import RESPONSES, SIDES
+from experiment.perception.population import draw_observer, threshold_course_db
+from experiment.rows import RESPONSES, SIDES
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from experiment.terms.observer import Observer
+    from experiment.perception.observer import Observer
 
 LEVELS_VPP: Final = (40.0, 50.0, 62.0, 78.0, 98.0)
 SPARSE_VPP: Final = tuple(float(x) for x in np.geomspace(30, 120, 12).round(1))

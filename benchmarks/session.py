@@ -22,8 +22,8 @@ import numpy as np
 from benchmarks.link import COMMAND, STUDY, emulator
 from benchmarks.timing import duration
 from experiment.session.simulate import simulate_study
+from experiment.study.files import paper_study
 from experiment.study.physics import study_gains
-from experiment.study.read import paper_study
 from experiment.trial.draw import draw_plan
 from experiment.trial.engine import step, upcoming
 from experiment.trial.events import Event, Happening, Key, Phase, SessionState, Task
@@ -31,7 +31,7 @@ from experiment.trial.events import Event, Happening, Key, Phase, SessionState, 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from experiment.terms.gains import ConditionGains
+    from experiment.perception.gains import ConditionGains
     from experiment.trial.plan import Plan
 
 ROOT = Path(__file__).parent.parent

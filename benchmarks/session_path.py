@@ -26,7 +26,7 @@ from tactstrip import main
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from experiment.terms.responder import AwaitedAnswer, Press
+    from experiment.trial.responder import AwaitedAnswer, Press
 
 _COUNTERS = Path("/proc/self/io")
 _OPENING = "open"

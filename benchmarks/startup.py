@@ -21,10 +21,10 @@ def mark(name):
     marks.append((name, time.perf_counter()))
 import analysis.commands.dry_run
 mark("import of the command (click)")
-from experiment.study.read import paper_study
+from experiment.study.files import paper_study
 study = paper_study()
 mark("import of numpy and pydantic, the study")
-from experiment.preview.check import check_study
+from experiment.check.check import check_study
 gains = check_study(study).gains
 mark("the check: burst, displacements at the fingers")
 from experiment.session.simulate import simulate_study

@@ -2,19 +2,26 @@ from .archive.files import ArchiveError
 from .archive.folders import SessionFolder
 from .archive.history import replay
 from .archive.journal import Entry, Journal, JournalError, JournalWriteError, read_journal
+from .check.check import check_study
 from .integrity.sessions import examine
 from .participant.settings import ResponderSettings
-from .preview.check import check_study
+from .perception.gains import ConditionGains
+from .rows import COLUMNS, TrialRow
 from .session.run import run_session
 from .session.simulate import simulate_study
+from .study.files import first_study, paper_study, read_study, study_from_text
 from .study.physics import study_gains
-from .study.read import first_study, paper_study, read_study, study_from_text
 from .study.study import Study, StudyError
-from .terms.gains import ConditionGains
-from .terms.record import COLUMNS, TrialRow
-from .terms.responder import AwaitedAnswer, Press, Progress, Responder, ResponderError, SessionPart
 from .trial.draw import draw_plan
 from .trial.plan import Plan, PlanError, Trial
+from .trial.responder import (
+    AwaitedAnswer,
+    Press,
+    Progress,
+    Responder,
+    ResponderError,
+    SessionPart,
+)
 
 __all__ = [
     "COLUMNS",

@@ -30,7 +30,7 @@ from analysis.answers.serial import (
     serial_effects,
 )
 from analysis.definitions import TOTAL
-from experiment.terms.record import RESPONSES, SIDES
+from experiment.rows import RESPONSES, SIDES
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 from analysis.definitions import TOTAL, in_order
-from experiment.terms.record import COLUMNS, NOT_AVAILABLE
+from experiment.rows import COLUMNS, NOT_AVAILABLE
 from experiment.trial.plan import AUDIBILITY_BLOCK, CONTROL
 
 if TYPE_CHECKING:
@@ -57,7 +57,7 @@ def excluded_table(trials: pd.DataFrame) -> pd.DataFrame:
 def clean_table(trials: pd.DataFrame, *, more: Iterable[str] = ()) -> pd.DataFrame:
     """Return every trial with whether it counts (``counted``) and, if not, why (``reason``).
 
-    In front stand the columns of `experiment.terms.record.COLUMNS`; rows are ordered by
+    In front stand the columns of `experiment.rows.COLUMNS`; rows are ordered by
     participant, session, trial and attempt. Columns that `more` names come last.
     """
     counts = trials["reason"].eq("")

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from experiment.terms.checks import require_whole
+from experiment.names import require_whole
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -11,7 +11,7 @@ import click
 
 from analysis.definitions import METHODS
 from experiment.commands.options.hardware import working
-from experiment.terms.exits import ANSWER_IS_NO, CommandError, refusals
+from experiment.exits import ANSWER_IS_NO, CommandError, refusals
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence

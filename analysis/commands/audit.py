@@ -16,7 +16,7 @@ import click
 from analysis.audit.printed import Printed
 from analysis.audit.rows import READINGS, PrintedRow
 from analysis.reading.text import ResultFileError, one_line, shown
-from experiment.terms.exits import ANSWER_IS_NO, refusals
+from experiment.exits import ANSWER_IS_NO, refusals
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

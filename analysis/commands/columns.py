@@ -8,7 +8,7 @@ from pathlib import Path
 import click
 
 from experiment.archive.disk import DISK, write_new
-from experiment.terms.exits import CommandError, refusals
+from experiment.exits import CommandError, refusals
 
 
 @click.command(epilog="Example: tactstrip columns table.csv --write map.toml")

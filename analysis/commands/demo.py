@@ -20,7 +20,7 @@ import click
 
 from analysis.commands.dry_run import new_folder
 from experiment.commands.options.hardware import working
-from experiment.terms.exits import INTERRUPTED, STOPPED_EARLY, CommandError, refusals
+from experiment.exits import INTERRUPTED, STOPPED_EARLY, CommandError, refusals
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

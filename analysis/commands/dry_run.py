@@ -17,10 +17,10 @@ import click
 
 from experiment.archive.disk import FOLDER_MODE, UNWAITED, make_folder
 from experiment.commands.options.hardware import working
-from experiment.terms.exits import DEVICE_FAILED, CommandError, refusals
+from experiment.exits import DEVICE_FAILED, CommandError, refusals
 
 if TYPE_CHECKING:
-    from experiment.preview.check import StudyCheck
+    from experiment.check.check import StudyCheck
     from experiment.study.study import Study
 
 
@@ -75,10 +75,10 @@ def dry_run(
     """
     from analysis.commands.analyze import write_analysis
     from analysis.results.console import print_analysis
-    from experiment.preview.check import require_fit
-    from experiment.study.read import first_study, read_study
-    from experiment.study.simulated import people_words, unmeasured_words
+    from experiment.check.check import require_fit
+    from experiment.study.files import first_study, read_study
     from experiment.study.study import told_by_file
+    from experiment.study.threshold import people_words, unmeasured_words
 
     with working("Checking"), told_by_file(study_file):
         study = first_study() if study_file is None else read_study(study_file)

@@ -10,7 +10,7 @@ import click
 
 from experiment.archive.disk import DISK, write_new
 from experiment.archive.manifest import LEVELS_SUFFIX
-from experiment.terms.exits import CommandError, refusals
+from experiment.exits import CommandError, refusals
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -64,7 +64,7 @@ def levels(
     """
     from analysis.reading.load import read_trials
     from analysis.thresholds.levels import LevelsError, place_levels
-    from experiment.study.read import read_study
+    from experiment.study.files import read_study
 
     if target is not None and target.suffix != LEVELS_SUFFIX:  # a withdrawal would not find it
         raise CommandError(f"--write must be a file that ends in {LEVELS_SUFFIX}; got {target}")
@@ -118,7 +118,7 @@ def _select_placements(
 def _pilot_study(trials: pd.DataFrame) -> Study:
     """Return the study in the plan beside the last pilot's table, or the paper's study."""
     from analysis.reading.plans import read_plan
-    from experiment.study.read import paper_study, study_from_canonical
+    from experiment.study.files import paper_study, study_from_canonical
 
     files = trials["file"].unique()
     plans = [plan for file in files if (plan := read_plan(Path(file))) is not None]
@@ -166,7 +166,7 @@ _SIMULATED: Final = "Participant and answers are simulated: these levels are for
 
 
 def write_levels(placements: Sequence[Placement], target: Path, *, simulated: bool) -> None:
-    """Write a participant's levels to a new file that `experiment.study.read.read_levels` reads.
+    """Write a participant's levels to a new file that `experiment.study.files.read_levels` reads.
 
     The levels of one condition are a list, those of several conditions a table.
     """

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from experiment.commands.options.hardware import working
-from experiment.terms.exits import ANSWER_IS_NO, STOPPED_EARLY, CommandError, refusals
+from experiment.exits import ANSWER_IS_NO, STOPPED_EARLY, CommandError, refusals
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping
@@ -284,7 +284,7 @@ def power(
     from analysis.power.promise import as_json as format_json
     from analysis.power.promise import text as format_text
     from analysis.workers.kept import computed_in
-    from experiment.study.read import read_study
+    from experiment.study.files import read_study
     from experiment.study.study import told_by_file
 
     goal = Goal.parse(goal_text)

@@ -9,7 +9,7 @@ import pandas as pd
 
 from analysis.axis import alone
 from analysis.thresholds.fit import WITH_THRESHOLD
-from experiment.terms.gains import UNEQUAL_DB
+from experiment.perception.gains import UNEQUAL_DB
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator

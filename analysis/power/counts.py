@@ -1,6 +1,7 @@
 """The counts of simulated people, drawn without their sessions.
 
-How often each stimulus gets each answer is told in closed form (`experiment.terms.chances`), from
+How often each stimulus gets each answer is told in closed form
+(`experiment.perception.answers`), from
 the gain matrix, masking and guesses. Where thresholds stay as they are the counts are drawn at
 once; where they drift or hang on the last answer, trial by trial in the order of a plan. Either way
 they are distributed as those of sessions through the engine.
@@ -15,8 +16,8 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from analysis.thresholds.people import GuessRate, guessing
-from experiment.terms.chances import answer_probabilities
-from experiment.terms.people import threshold_course_db
+from experiment.perception.answers import answer_probabilities
+from experiment.perception.population import threshold_course_db
 from experiment.trial.draw import shuffled_blocks
 
 if TYPE_CHECKING:
@@ -24,9 +25,9 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from experiment.study.sections.design import Design
-    from experiment.terms.gains import FingerGains
-    from experiment.terms.observer import Observer
+    from experiment.perception.gains import FingerGains
+    from experiment.perception.observer import Observer
+    from experiment.study.design import Design
 
     Floats = NDArray[np.float64]
     Integers = NDArray[np.int64]

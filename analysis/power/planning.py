@@ -17,7 +17,7 @@ from analysis.power.so_far import Ahead, SoFar, slower
 from analysis.power.studies import Point, pilot_levels_vpp, plan_text
 from analysis.workers.crew import StoppedError
 from experiment.study.physics import study_gains
-from experiment.study.simulated import people_for_burst
+from experiment.study.threshold import people_for_burst
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence

@@ -13,10 +13,10 @@ from analysis.codes import AnalysisWarning, WarningCode
 from analysis.groups.draws import difference_spread_draws, group_draws
 from analysis.groups.hierarchy import FEW, PeopleTables
 from analysis.thresholds.people import as_amplitudes, as_named, people_of
-from experiment.study.sections.simulation import CURVE_KEYS
-from experiment.study.sections.table import stated_of
-from experiment.study.simulated import dry_run_difference_db, threshold_vpp
-from experiment.terms.chances import answer_probabilities
+from experiment.perception.answers import answer_probabilities
+from experiment.study.base import stated_of
+from experiment.study.simulation import CURVE_KEYS
+from experiment.study.threshold import dry_run_difference_db, threshold_vpp
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
@@ -26,9 +26,9 @@ if TYPE_CHECKING:
     from analysis.power.goals import Goal
     from analysis.reading.load import LoadedTrials
     from analysis.thresholds.people import PersonCounts
-    from experiment.study.sections.simulation import Simulation
+    from experiment.perception.gains import ConditionGains, FingerGains
+    from experiment.study.simulation import Simulation
     from experiment.study.study import Study
-    from experiment.terms.gains import ConditionGains, FingerGains
 
 
 ASSUMED: Final = "assumed by tactstrip"

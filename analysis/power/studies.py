@@ -19,19 +19,19 @@ from analysis.power.counts import Session, draw_counts
 from analysis.power.goals import Goal, judged
 from analysis.power.population import truth_of
 from analysis.thresholds.levels import LevelsError, pilot_functions, placed
-from experiment.study.read import study_from_canonical
-from experiment.study.sections.design import LEAST_LEVEL_VPP
-from experiment.study.sections.simulation import Simulation
-from experiment.study.simulated import people_for_burst, threshold_vpp
-from experiment.terms.gains import gains_from_json
+from experiment.perception.gains import gains_from_json
+from experiment.study.design import LEAST_LEVEL_VPP
+from experiment.study.files import study_from_canonical
+from experiment.study.simulation import Simulation
+from experiment.study.threshold import people_for_burst, threshold_vpp
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from analysis.thresholds.levels import PilotFunction
-    from experiment.study.sections.design import Design
+    from experiment.perception.gains import ConditionGains, FingerGains
+    from experiment.study.design import Design
     from experiment.study.study import Study
-    from experiment.terms.gains import ConditionGains, FingerGains
 
 
 _PILOT_LEVELS: Final = 10

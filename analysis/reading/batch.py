@@ -29,7 +29,7 @@ from analysis.reading.plans import (
 from analysis.reading.rows import exported, mapped_rows, own_rows, with_responses
 from analysis.reading.sources import unreadable
 from analysis.reading.text import CHUNK_ROWS, ResultFileError, TextFormat, text_chunks
-from experiment.terms.record import COLUMNS, SCHEMA
+from experiment.rows import COLUMNS, SCHEMA
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence

@@ -15,7 +15,7 @@ import pandas as pd
 
 from analysis.axis import LARGEST
 from analysis.reading.text import ResultFileError, shown
-from experiment.terms.record import NOT_AVAILABLE, RESPONSES, SCHEMA, Column
+from experiment.rows import NOT_AVAILABLE, RESPONSES, SCHEMA, Column
 from experiment.trial.plan import AUDIBILITY_BLOCK
 
 if TYPE_CHECKING:
@@ -115,7 +115,7 @@ _WORDING_OF: Mapping[float, tuple[str, ...]] = MappingProxyType(
 def allowed(column: Column, *, least: float | None = None) -> str:
     """Say in words which cells a column may have, of numbers from `least` on if not by itself.
 
-    >>> from experiment.terms.record import COLUMNS
+    >>> from experiment.rows import COLUMNS
     >>> [allowed(c) for c in COLUMNS if c.name in {"trial", "noise_ok"}]
     ['a whole number of at least 1', 'true, false or n/a']
     """

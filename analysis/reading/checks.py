@@ -16,7 +16,7 @@ from analysis.reading.foreign.files import FILE
 from analysis.reading.foreign.form import toml_entry
 from analysis.reading.rows import expected_correct
 from analysis.reading.text import ResultFileError, one_line
-from experiment.terms.record import NOT_AVAILABLE, format_value
+from experiment.rows import NOT_AVAILABLE, format_value
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator

@@ -20,7 +20,7 @@ from experiment.integrity.sessions import (
     removed_journal,
     unaltered,
 )
-from experiment.terms.record import ANSWERS, RESPONSES, format_value, measured_from_csv
+from experiment.rows import ANSWERS, RESPONSES, format_value, measured_from_csv
 from experiment.trial.plan import plan_from_json
 
 if TYPE_CHECKING:
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
     from analysis.reading.sources import InputTable, Sources
     from experiment.integrity.sessions import Difference, Examined
-    from experiment.terms.record import MeasuredRow
+    from experiment.rows import MeasuredRow
     from experiment.trial.plan import Plan, Trial
 
 
@@ -390,7 +390,7 @@ def contacts(
 
 
 def _contact(text: str) -> str:
-    from experiment.study.read import study_from_canonical
+    from experiment.study.files import study_from_canonical
     from experiment.study.study import StudyError
 
     try:

@@ -12,7 +12,7 @@ from analysis.axis import axis_of
 from analysis.reading.cells import ANY, CellFault, CellReader, first_fault
 from analysis.reading.foreign.columns import FORCED, YES_NO
 from analysis.reading.text import ELSEWHERE, ResultFileError, shown
-from experiment.terms.record import (
+from experiment.rows import (
     COLUMNS,
     KINDS,
     NOT_AVAILABLE,
@@ -52,7 +52,7 @@ _OTHER = {"left": "right", "right": "left"}
 def own_rows(text: pd.DataFrame, file: str) -> pd.DataFrame:
     """Read rows of a trials.csv.
 
-    The columns of `experiment.terms.record.COLUMNS`, typed, ``file`` and ``line``, which is the
+    The columns of `experiment.rows.COLUMNS`, typed, ``file`` and ``line``, which is the
     index of the text.
 
     Raises ResultFileError for an unknown or missing column, and for the first cell that cannot be

@@ -25,7 +25,7 @@ from analysis.results.summary import devices, in_own_words, summary_text
 from experiment.archive import manifest
 from experiment.archive.disk import UNWAITED, LockError, lock_on, make_folder, write_new
 from experiment.archive.manifest import Manifest
-from experiment.terms.record import NOT_AVAILABLE, format_value
+from experiment.rows import NOT_AVAILABLE, format_value
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator

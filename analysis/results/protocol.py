@@ -16,9 +16,9 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from analysis.results.tables import Analysis
+    from experiment.rows import MeasuredRow
     from experiment.study.origins import Source
     from experiment.study.study import Study
-    from experiment.terms.record import MeasuredRow
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -62,8 +62,8 @@ class Planned:
 
 def planned(analysis: Analysis) -> Planned:
     """Read the studies in the plans beside the tables."""
+    from experiment.study.files import study_from_canonical
     from experiment.study.origins import sources_of_facts
-    from experiment.study.read import study_from_canonical
     from experiment.study.sources import study_sources
 
     studies, sources, remarks = [], [], []
@@ -105,7 +105,7 @@ def protocol_rows(analysis: Analysis, plans: Planned) -> Iterator[tuple[str, lis
 
 
 def _study(study: Study, analysis: Analysis) -> Iterator[tuple[str, str]]:
-    from experiment.preview.check_report import burst_words
+    from experiment.check.check_report import burst_words
     from experiment.study.sources import plate_words
 
     design, device = study.design, study.device
@@ -234,7 +234,7 @@ def cutoff_words(study: Study) -> str:
 
 def levels_words(study: Study) -> str:
     """Return the levels of a study in words."""
-    from experiment.study.sections.stimulus import levels_words as words
+    from experiment.study.stimulus import levels_words as words
 
     return words(study.design, study.conditions)
 

@@ -64,7 +64,7 @@ from analysis.results.rows import (
     width_text,
 )
 from analysis.results.summary import definitions_of, devices
-from experiment.terms.record import NOT_AVAILABLE, RESPONSES
+from experiment.rows import NOT_AVAILABLE, RESPONSES
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator

@@ -13,7 +13,7 @@ from analysis.definitions import DEFINITIONS, OF_ONE_PLACE, OF_SIDES, definition
 from analysis.results.answer import answer
 from analysis.results.methods.words import plain
 from analysis.results.rows import levels_told
-from experiment.terms.record import NOT_AVAILABLE
+from experiment.rows import NOT_AVAILABLE
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -22,7 +22,7 @@ from analysis.results.methods.misfit import misfitting
 from analysis.results.warned import doubts_of, warnings_of
 from analysis.thresholds.people import people_in
 from analysis.thresholds.table import thresholds_of
-from experiment.terms.checks import require_whole
+from experiment.names import require_whole
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from analysis.reading.counts import Counts
     from analysis.reading.load import LoadedTrials
     from analysis.thresholds.people import PersonCounts
-    from experiment.terms.record import MeasuredRow
+    from experiment.rows import MeasuredRow
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

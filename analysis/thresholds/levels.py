@@ -17,7 +17,7 @@ from analysis.thresholds.mle import MOST_LAPSES
 from analysis.thresholds.people import GuessRate, people_of
 from analysis.thresholds.posterior import posterior
 from analysis.thresholds.table import printed
-from experiment.study.sections.design import LEAST_LEVEL_VPP
+from experiment.study.design import LEAST_LEVEL_VPP
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -23,7 +23,7 @@ from analysis.thresholds.goodness import deviance_p
 from analysis.thresholds.grid import surfaces
 from analysis.thresholds.people import FORCED_CHOICE, GuessRate, people_of
 from analysis.thresholds.posterior import posterior, within_levels
-from experiment.terms.checks import require_whole
+from experiment.names import require_whole
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from matplotlib.figure import Figure
 
+from experiment.study.files import paper_study
 from experiment.study.physics import field_strip, fingertips_of, loads_of
-from experiment.study.read import paper_study
 from stimuli import (
     Burst,
     SampledDrive,

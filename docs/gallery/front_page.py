@@ -25,10 +25,10 @@ from analysis.reading.load import read_inputs
 from analysis.results.figures.curves import group_curves
 from analysis.results.tables import analyse
 from experiment import simulate_study
-from experiment.preview.plate import plate_of
+from experiment.check.plate import plate_of
+from experiment.study.files import read_study
 from experiment.study.physics import study_gains
-from experiment.study.read import read_study
-from experiment.study.sections.stimulus import unscaled_peak
+from experiment.study.stimulus import unscaled_peak
 from stimuli import Scene, causal, transient
 
 if TYPE_CHECKING:

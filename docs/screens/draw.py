@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING
 from experiment.commands.init import write_study_text
 from experiment.participant.pages import Pages
 from experiment.participant.window import Stage
-from experiment.study.read import paper_study, study_from_text
-from experiment.study.sections.presentation import Screen, Texts
-from experiment.terms.responder import Progress, SessionPart
+from experiment.study.files import paper_study, study_from_text
+from experiment.study.presentation import Screen, Texts
+from experiment.trial.responder import Progress, SessionPart
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

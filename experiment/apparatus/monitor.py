@@ -9,9 +9,9 @@ import numpy as np
 
 from device.core.host import HostDriver
 from device.errors import LinkError
-from experiment.study.sections.stimulus import drive_samples
+from experiment.rows import NOT_AVAILABLE
+from experiment.study.stimulus import drive_samples
 from experiment.study.study import StudyError
-from experiment.terms.record import NOT_AVAILABLE
 
 if TYPE_CHECKING:
     from device.clock import Clock
@@ -19,8 +19,8 @@ if TYPE_CHECKING:
     from device.monitor.measured import Monitor, Planned
     from device.sound.recorder import Recorder
     from device.sound.stream import Stream
-    from experiment.study.sections.equipment import DeviceSettings, MonitorSettings
-    from experiment.study.sections.stimulus import Condition
+    from experiment.study.equipment import DeviceSettings, MonitorSettings
+    from experiment.study.stimulus import Condition
 
 
 def recorder_beside(
@@ -134,7 +134,7 @@ def monitor_facts(monitor: Monitor | None) -> dict[str, str] | str:
 def monitor_words(settings: MonitorSettings) -> str:
     """Say in a line what measures the bursts, and what it never sees.
 
-    >>> from experiment.study.sections.equipment import MonitorSettings
+    >>> from experiment.study.equipment import MonitorSettings
     >>> monitor_words(MonitorSettings())
     'none: no burst is verified'
     """
@@ -162,7 +162,7 @@ INPUT_ONSET_MS: Final = 20.0
 def monitor_doubt(settings: MonitorSettings) -> str:
     """Say why nothing is measured, or good bursts may be told as early or late; or empty.
 
-    >>> from experiment.study.sections.equipment import MonitorSettings
+    >>> from experiment.study.equipment import MonitorSettings
     >>> monitor_doubt(MonitorSettings())
     ''
     >>> monitor_doubt(MonitorSettings(source="none", sound_card="Scarlett"))

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
     from device.clock import Clock
     from device.sound.stream import Callback, Stream
-    from experiment.study.sections.equipment import Masking
+    from experiment.study.equipment import Masking
 
 
 class NoiseError(RuntimeError):
@@ -153,7 +153,7 @@ def noise_player(masking: Masking, clock: Clock, *, simulated: bool) -> NoisePla
     Examples
     --------
     >>> from device.clock import VirtualClock
-    >>> from experiment.study.sections.equipment import Masking
+    >>> from experiment.study.equipment import Masking
     >>> pink = Masking(noise="pink", max_level_dba=75.0, loop_s=1.0)
     >>> player = noise_player(pink, VirtualClock(), simulated=False)
     >>> player.facts.played, player.facts.sound_card, player.health().words
@@ -180,7 +180,7 @@ class SilentNoise:
 
     Examples
     --------
-    >>> from experiment.study.sections.equipment import Masking
+    >>> from experiment.study.equipment import Masking
     >>> noise = SilentNoise(Masking(noise="none", max_level_dba=75.0))
     >>> noise.start(); noise.health().ok is None, noise.facts.noise, noise.facts.played
     (True, 'none', False)

@@ -26,15 +26,15 @@ from device.drivers import (
 from device.wire.channels import LineSettings
 from experiment.apparatus.monitor import make_monitor, recorder_beside
 from experiment.apparatus.slots import host_limits
+from experiment.names import is_line
 from experiment.study.study import StudyError, UnusableStudyError
-from experiment.terms.checks import is_line
 
 if TYPE_CHECKING:
     from device.clock import Clock
     from device.driver import BurstDevice, Identity
     from device.emulate.mock import MockDevice
     from device.monitor.measured import Monitor
-    from experiment.study.sections.equipment import DeviceSettings
+    from experiment.study.equipment import DeviceSettings
     from experiment.study.study import Study
 
 
@@ -104,7 +104,7 @@ def assemble(
 
     Examples
     --------
-    >>> from experiment.study.read import paper_study
+    >>> from experiment.study.files import paper_study
     >>> assemble(paper_study(), driver="serial", port=None, simulated=True)
     Traceback (most recent call last):
     experiment.study.study.StudyError: device.port is missing: the driver serial needs it;
@@ -176,7 +176,7 @@ def chosen_settings(study: Study, *, driver: str | None, port: str | None) -> De
 def lacking_of(settings: DeviceSettings) -> str | None:
     """Say which keys are missing that the driver needs; None where it has all.
 
-    >>> from experiment.study.sections.equipment import DeviceSettings
+    >>> from experiment.study.equipment import DeviceSettings
     >>> lacking_of(DeviceSettings(driver="audio", port="card"))
     'device.volts_full_scale is missing: the driver audio needs it'
     """
@@ -193,7 +193,7 @@ def lacking_of(settings: DeviceSettings) -> str | None:
 def asked_of(settings: DeviceSettings) -> str:
     """Say what `run` asks of whoever starts a session with a person, which this device decides.
 
-    >>> from experiment.study.sections.equipment import DeviceSettings
+    >>> from experiment.study.equipment import DeviceSettings
     >>> asked_of(DeviceSettings())[:41], asked_of(DeviceSettings(driver="serial"))[:41]
     ('a person needs a real device (--driver, -', 'you are asked whether the hardware is saf')
     """
@@ -213,7 +213,7 @@ def asked_of(settings: DeviceSettings) -> str:
 def full_scale_words(settings: DeviceSettings, highest_vpp: float) -> dict[str, str]:
     """Say what a full scale comes to, and note or warn of it, by heading; nothing if none is used.
 
-    >>> from experiment.study.sections.equipment import DeviceSettings
+    >>> from experiment.study.equipment import DeviceSettings
     >>> card = DeviceSettings(driver="audio", volts_full_scale=30.0, ceiling_vpp=60.0)
     >>> full_scale_words(card, 52.0)[""]
     'full scale 30 V peak = 60 V peak-to-peak; the highest level, 52 V, is -1.2 dB re that'
@@ -281,7 +281,7 @@ def device_kind(identity: Identity) -> str:
     """Return a word of `DEVICE_KINDS`: what a device that was opened is.
 
     >>> from device.clock import VirtualClock
-    >>> from experiment.study.read import paper_study
+    >>> from experiment.study.files import paper_study
     >>> device_kind(mock_device(paper_study(), VirtualClock()).open())
     'mock'
     """

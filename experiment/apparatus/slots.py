@@ -10,13 +10,13 @@ import numpy as np
 from device.core.host import HostDriver
 from device.errors import Rejected
 from device.limits import Limits, check_waveforms
-from experiment.study.sections.stimulus import drive_samples
+from experiment.study.stimulus import drive_samples
 
 if TYPE_CHECKING:
     from device.core.reports import DeviceLimits, Health
     from device.driver import BurstDevice, Identity
-    from experiment.study.sections.equipment import DeviceSettings
-    from experiment.study.sections.stimulus import Condition
+    from experiment.study.equipment import DeviceSettings
+    from experiment.study.stimulus import Condition
     from experiment.study.study import Study
 
 

@@ -31,7 +31,7 @@ from experiment.archive.participants import (
     check_facts,
     read_people,
 )
-from experiment.terms.record import NOT_AVAILABLE, format_value
+from experiment.rows import NOT_AVAILABLE, format_value
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -40,7 +40,7 @@ if TYPE_CHECKING:
     from experiment.archive.files import NewFolder
     from experiment.archive.folders import SessionFolder
     from experiment.archive.participants import People
-    from experiment.study.sections.dataset import ParticipantColumn
+    from experiment.study.dataset import ParticipantColumn
     from experiment.study.study import Study
     from experiment.trial.plan import Plan
 

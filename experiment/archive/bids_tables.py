@@ -1,6 +1,6 @@
 """The tables of a BIDS data set and their sidecars: trials.csv under BIDS' names and units.
 
-What a column is, is said once, in `experiment.terms.record`; here is what BIDS calls it and what
+What a column is, is said once, in `experiment.rows`; here is what BIDS calls it and what
 each of its words means.
 """
 
@@ -14,16 +14,16 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Final
 
 from experiment.archive.participants import ID_COLUMN
-from experiment.study.sections.stimulus import stimulus_facts
-from experiment.terms.record import COLUMNS, NOT_AVAILABLE, format_value
+from experiment.rows import COLUMNS, NOT_AVAILABLE, format_value
+from experiment.study.stimulus import stimulus_facts
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
 
-    from experiment.study.sections.dataset import Dataset, ParticipantColumn
-    from experiment.study.sections.stimulus import Condition
+    from experiment.rows import Column, TrialRow
+    from experiment.study.dataset import Dataset, ParticipantColumn
+    from experiment.study.stimulus import Condition
     from experiment.study.study import Study
-    from experiment.terms.record import Column, TrialRow
 
 
 _NAMES: Final = MappingProxyType(
@@ -198,7 +198,7 @@ def events_sidecar(
 
     The version is that which ran the study, where it is known; a simulation was not instructed.
 
-    >>> from experiment.study.read import paper_study
+    >>> from experiment.study.files import paper_study
     >>> sidecar = events_sidecar(paper_study(), software_version=None, simulated=True)
     >>> sidecar["condition"]["Levels"]
     {'main': 'frequency_hz 500, cycles 1, window none'}
@@ -236,7 +236,7 @@ def dataset_description(name: str, dataset: Dataset, *, version: str) -> dict[st
 
     The list of authors stands there always: an empty one says that the study names none.
 
-    >>> from experiment.study.sections.dataset import Dataset
+    >>> from experiment.study.dataset import Dataset
     >>> list(dataset_description("A title", Dataset(license="CC0"), version="1"))
     ['Name', 'BIDSVersion', 'DatasetType', 'Authors', 'License', 'GeneratedBy']
     """

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Final
 
 from experiment.archive import manifest
 from experiment.archive.disk import DISK, FOLDER_MODE, make_folder, write_new
-from experiment.terms.checks import require_identifier
+from experiment.names import require_identifier
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -37,9 +37,9 @@ from experiment.archive.participants import (
     read_people,
     refuse_withdrawn,
 )
-from experiment.study.read import study_from_canonical
+from experiment.rows import MeasuredRow, TrialRow, table_csv
+from experiment.study.files import study_from_canonical
 from experiment.study.study import StudyError
-from experiment.terms.record import MeasuredRow, TrialRow, table_csv
 from experiment.trial.plan import Plan, PlanError, plan_from_json
 
 if TYPE_CHECKING:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from device.clock import MachineTime
 from experiment.archive.journal import Entry, JournalError
-from experiment.terms.record import (
+from experiment.rows import (
     CONSTANT,
     NOT_AVAILABLE,
     SCHEMA,
@@ -21,7 +21,7 @@ from experiment.trial.events import Task
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
 
-    from experiment.terms.gains import FingerGains
+    from experiment.perception.gains import FingerGains
     from experiment.trial.plan import Plan, Trial
 
 

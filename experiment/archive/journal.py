@@ -112,7 +112,7 @@ class JournalWriteError(JournalError):
 class Entry(NamedTuple):
     """One line of a journal.
 
-    `experiment.terms.entries.EVENTS` lists the events and the members of `facts` for each.
+    `experiment.archive.entries.EVENTS` lists the events and the members of `facts` for each.
 
     Attributes
     ----------
@@ -359,7 +359,7 @@ class Journal:
         Parameters
         ----------
         event : str
-            Name of the event, a key of `experiment.terms.entries.EVENTS`.
+            Name of the event, a key of `experiment.archive.entries.EVENTS`.
         facts : mapping of str to object, optional
             The members of the line beside its times; JSON values without NaN and infinities.
         sync : bool

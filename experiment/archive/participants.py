@@ -19,15 +19,15 @@ from experiment.archive.files import (
     refuse_link,
     write_atomically,
 )
-from experiment.terms.checks import is_line, unknown_key
-from experiment.terms.record import NOT_AVAILABLE
+from experiment.names import is_line, unknown_key
+from experiment.rows import NOT_AVAILABLE
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
     from pathlib import Path
 
     from experiment.archive.disk import Disk
-    from experiment.study.sections.dataset import ParticipantColumn
+    from experiment.study.dataset import ParticipantColumn
 
 
 SCHEMA: Final = 1
@@ -153,7 +153,7 @@ def participant_facts(
 
     Examples
     --------
-    >>> from experiment.study.sections.dataset import ParticipantColumn
+    >>> from experiment.study.dataset import ParticipantColumn
     >>> hand = ParticipantColumn(name="hand", description="preferred", levels=("left", "right"))
     >>> participant_facts([hand], ["hand=left"])
     (Fact(name='hand', value='left'),)

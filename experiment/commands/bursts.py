@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from experiment.commands.options.hardware import working
-from experiment.terms.exits import ANSWER_IS_NO, CommandError, refusals
+from experiment.exits import ANSWER_IS_NO, CommandError, refusals
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -81,9 +81,9 @@ def bursts(
     the edges are ideal and no cut-off frequency was measured, it also checks the other ideal edge.
     The exit code is 0 if a burst is within limits, and 1 if none is. The study file is not changed.
     """
-    from experiment.preview.bursts.compared import compare_bursts, grid_of
-    from experiment.preview.bursts.report import bursts_findings
-    from experiment.study.read import read_study
+    from experiment.check.bursts import compare_bursts, grid_of
+    from experiment.check.bursts_report import bursts_findings
+    from experiment.study.files import read_study
     from experiment.study.study import UnusableStudyError, told_by_file
 
     study = read_study(study_file)

@@ -14,13 +14,13 @@ from experiment.commands.options.hardware import (
     hardware_options,
     working,
 )
-from experiment.terms.exits import ANSWER_IS_NO, DEVICE_FAILED, CommandError, refusals
+from experiment.exits import ANSWER_IS_NO, DEVICE_FAILED, CommandError, refusals
 
 if TYPE_CHECKING:
     from device.driver import Lack
     from experiment.apparatus.rig import Rig
-    from experiment.preview.device import DeviceCheck
-    from experiment.study.sections.equipment import DeviceSettings, Masking
+    from experiment.check.device import DeviceCheck
+    from experiment.study.equipment import DeviceSettings, Masking
     from experiment.study.study import Study
 
 
@@ -71,10 +71,10 @@ def check(
     study. Notes and warnings do not change the exit code.
     """
     from experiment.apparatus.rig import assemble, chosen_settings
-    from experiment.preview.check import check_study, require_mock_suitable
-    from experiment.preview.check_report import check_findings
-    from experiment.preview.device import device_findings, machine_findings
-    from experiment.study.read import read_study
+    from experiment.check.check import check_study, require_mock_suitable
+    from experiment.check.check_report import check_findings
+    from experiment.check.device import device_findings, machine_findings
+    from experiment.study.files import read_study
     from experiment.study.study import told_by_file
 
     if confirm_hardware and not with_device:
@@ -131,8 +131,8 @@ def _play(masking: Masking, noise_s: int) -> None:
 
 def _machine_lacks(study: Study, settings: DeviceSettings) -> list[tuple[str, Lack]]:
     """List what this computer lacks for the device, the noise and the participant's window."""
+    from experiment.check.device import machine_lacks
     from experiment.participant.window import window_lacks
-    from experiment.preview.device import machine_lacks
 
     windows = [("--responder screen", lack) for lack in window_lacks()]
     return machine_lacks(settings, study.masking) + windows
@@ -141,7 +141,7 @@ def _machine_lacks(study: Study, settings: DeviceSettings) -> list[tuple[str, La
 def _device_check(study: Study, rig: Rig, *, given: bool) -> DeviceCheck:
     """Check a device; the operator answers for a real one unless --confirm-hardware is given."""
     from experiment.apparatus.slots import SuitabilityError
-    from experiment.preview.device import check_device
+    from experiment.check.device import check_device
 
     with device_failures():
         confirmation = confirmed(rig, given=given)

@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING, Final
 import click
 
 from experiment.commands.options.hardware import working
-from experiment.terms.exits import CommandError, refusals
+from experiment.exits import CommandError, refusals
 
 if TYPE_CHECKING:
+    from experiment.check.field import PlateBand, PlateMap, PlateMotion
     from experiment.commands.options.hardware import Step
-    from experiment.preview.field import PlateBand, PlateMap, PlateMotion
     from experiment.study.study import Study
 
 
@@ -67,8 +67,8 @@ def field(
     The result is a map at one frequency, the response over a band of frequencies, or an animation.
     Each actuator is driven alone. An existing file is never overwritten.
     """
-    from experiment.preview.field_report import field_text
-    from experiment.study.read import read_study
+    from experiment.check.field_report import field_text
+    from experiment.study.files import read_study
     from experiment.study.study import told_by_file
 
     if frequency_hz is not None and band_hz is not None:
@@ -81,8 +81,8 @@ def field(
     result: PlateMap | PlateBand | PlateMotion
     with working("Computing the field") as step, told_by_file(study_file):
         if animate:
-            from experiment.preview.field import plate_motion, with_bursts
-            from experiment.preview.plate import plate_of
+            from experiment.check.field import plate_motion, with_bursts
+            from experiment.check.plate import plate_of
 
             result = with_bursts(plate_motion(plate_of(study)))
             content = _animated(result, out.suffix.lower(), step)
@@ -108,8 +108,8 @@ def _check_target(out: Path, endings: tuple[str, ...]) -> None:
 def _computed(
     study: Study, frequency_hz: float | None, band_hz: tuple[float, float] | None
 ) -> PlateMap | PlateBand:
-    from experiment.preview.field import plate_band, plate_map, with_bursts
-    from experiment.preview.plate import plate_of
+    from experiment.check.field import plate_band, plate_map, with_bursts
+    from experiment.check.plate import plate_of
 
     plate = plate_of(study)
     option = "--frequency-hz" if band_hz is None else "--band"
@@ -131,16 +131,16 @@ def _name_option(message: str, option: str) -> str:
 
 def _content(result: PlateMap | PlateBand, ending: str) -> bytes:
     if ending == ".csv":
-        from experiment.preview.field_report import field_csv
+        from experiment.check.field_report import field_csv
 
         return field_csv(result).encode()
-    from experiment.preview.field_figure import render
+    from experiment.check.field_figure import render
 
     return render(result, "png" if ending == ".png" else "svg")
 
 
 def _animated(motion: PlateMotion, ending: str, step: Step) -> bytes:
-    from experiment.preview.field_figure import animate
+    from experiment.check.field_figure import animate
 
     try:
         return animate(motion, "gif" if ending == ".gif" else "mp4", step)

@@ -21,13 +21,13 @@ from experiment.commands.options.plate import (
     plate_study,
     study_keys,
 )
-from experiment.terms.checks import require_word
-from experiment.terms.exits import CommandError, refusals
+from experiment.exits import CommandError, refusals
+from experiment.names import require_word
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from experiment.preview.bursts.choice import ChosenBurst
+    from experiment.check.burst_choice import ChosenBurst
     from experiment.study.study import Study
 
 _RECOMMENDED: Final = {
@@ -153,7 +153,7 @@ def _sections_for_plate(ceiling_vpp: float) -> dict[str, Any]:
 def write_study_text(preset: str) -> str:
     r"""Write a commented study file of a preset, ``paper`` or ``recommended``.
 
-    The first reads back as `experiment.study.read.paper_study`; comments, keys and values come from
+    The first reads back as `paper_study`; comments, keys and values come from
     the sections that read it.
 
     >>> lines = write_study_text("paper").splitlines()
@@ -230,7 +230,7 @@ def _keys(table: object, *, commented: bool) -> str:
 
     `commented` adds the description of each key, once for several actuators.
     """
-    from experiment.study.sections.table import file_keys
+    from experiment.study.base import file_keys
 
     lines = []
     for key, field in file_keys(type(table)).items():
@@ -324,7 +324,7 @@ def init(*, file: Path, preset: str, **plate: Any) -> None:
     that you omit. Enter measured displacements and other materials in the file afterwards.
     """
     from experiment.archive.files import write_atomically
-    from experiment.preview.bursts.choice import chosen_burst
+    from experiment.check.burst_choice import chosen_burst
     from experiment.study.study import Study
 
     ceiling = plate.pop("ceiling_vpp")

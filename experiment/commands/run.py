@@ -23,7 +23,7 @@ from experiment.commands.options.resumed import (
     refuse_another_number,
     resumed_line,
 )
-from experiment.terms.exits import DEVICE_FAILED, STOPPED_EARLY, CommandError, refusals
+from experiment.exits import DEVICE_FAILED, STOPPED_EARLY, CommandError, refusals
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -246,7 +246,7 @@ def _print_driver_notes(study: Study, rig: Rig, responder: str, *, practice: boo
     """Note a mock device in place of the study's, and installed names that a built-in one hides."""
     from device.drivers import MOCK, NEEDS
     from device.installed import DRIVERS, RESPONDERS, shadowed
-    from experiment.terms import responder as built_in
+    from experiment.trial import responder as built_in
 
     for group, name, names in (
         (DRIVERS, rig.settings.driver, NEEDS),
@@ -299,9 +299,9 @@ def _new_plan(
     *,
     participant_number: int | None,
 ) -> Plan:
-    from experiment.preview.check import require_fit
-    from experiment.study.read import read_levels, read_study
-    from experiment.study.sections.presentation import key_doubts, unsaid_in
+    from experiment.check.check import require_fit
+    from experiment.study.files import read_levels, read_study
+    from experiment.study.presentation import key_doubts, unsaid_in
     from experiment.study.study import told_by_file
     from experiment.trial.draw import draw_plan
 
@@ -348,7 +348,7 @@ def _failures() -> Iterator[None]:
     """Turn failures of device, noise and disk into errors with exit codes."""
     from experiment.apparatus.noise import NoiseError
     from experiment.archive.journal import JournalWriteError
-    from experiment.terms.responder import ResponderError
+    from experiment.trial.responder import ResponderError
 
     try:
         with device_failures():

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from experiment.commands.options.hardware import working
-from experiment.terms.exits import ANSWER_IS_NO, refusals
+from experiment.exits import ANSWER_IS_NO, refusals
 
 if TYPE_CHECKING:
     from experiment.integrity.sessions import Examined

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from experiment.terms.exits import CommandError, refusals
+from experiment.exits import CommandError, refusals
 
 if TYPE_CHECKING:
     from experiment.archive.manifest import Search

@@ -22,7 +22,7 @@ from experiment.archive.journal import (
 )
 from experiment.integrity.heads import HeadError, in_place, kept_head, person_of
 from experiment.integrity.table import table_differences
-from experiment.terms.record import MeasuredRow, TrialRow
+from experiment.rows import MeasuredRow, TrialRow
 from experiment.trial.plan import Plan, PlanError, plan_from_json
 
 if TYPE_CHECKING:

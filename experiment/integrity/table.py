@@ -6,12 +6,12 @@ import csv
 from dataclasses import fields
 from typing import TYPE_CHECKING, TypeAlias
 
-from experiment.terms.record import format_value, table_csv
+from experiment.rows import format_value, table_csv
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from experiment.terms.record import Row
+    from experiment.rows import Row
 
     Key: TypeAlias = tuple[str, str]
 
@@ -24,7 +24,7 @@ def table_differences(
     A session that was cut off wrote its table before: so many rows at `least` have to be there, and
     those that are have to be the first ones, byte by byte.
 
-    >>> from experiment.terms.record import TrialRow
+    >>> from experiment.rows import TrialRow
     >>> table_differences(table_csv(TrialRow, []).encode(), TrialRow, [], least=0)
     []
     """

@@ -6,13 +6,13 @@ from typing import TYPE_CHECKING, Any
 
 from experiment.participant.window import BACKGROUND, DIM, FOREGROUND, PITCH
 from experiment.participant.wrapping import filled
-from experiment.terms.record import ANSWERS
-from experiment.terms.responder import SessionPart
+from experiment.rows import ANSWERS
+from experiment.trial.responder import SessionPart
 
 if TYPE_CHECKING:
     from experiment.participant.window import Stage
-    from experiment.study.sections.presentation import Keys, Screen, Texts
-    from experiment.terms.responder import Progress
+    from experiment.study.presentation import Keys, Screen, Texts
+    from experiment.trial.responder import Progress
 
     Page = list[Any]
 

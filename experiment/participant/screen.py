@@ -8,7 +8,7 @@ from dataclasses import asdict
 from typing import TYPE_CHECKING, Self
 
 from experiment.operator.requests import StopRequested
-from experiment.terms.responder import ESCAPE, Press, SessionPart
+from experiment.trial.responder import ESCAPE, Press, SessionPart
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from experiment.participant.pages import Page, Pages
     from experiment.participant.settings import ResponderSettings
     from experiment.participant.window import Stage
-    from experiment.terms.responder import AwaitedAnswer, Progress
+    from experiment.trial.responder import AwaitedAnswer, Progress
 
 
 POLL_S = 0.004

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Final
 from device.installed import RESPONDERS as GROUP
 from device.installed import Installed, lookup
 from experiment.operator.requests import Requests, StopSignal
-from experiment.study.sections.presentation import Texts
-from experiment.terms.responder import RESPONDERS, SessionPart
+from experiment.study.presentation import Texts
+from experiment.trial.responder import RESPONDERS, SessionPart
 
 if TYPE_CHECKING:
-    from experiment.study.sections.presentation import Keys, Screen
+    from experiment.study.presentation import Keys, Screen
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -61,7 +61,7 @@ def texts_without_device(texts: Texts) -> Texts:
 
     Texts of the study's own stay as they are.
 
-    >>> from experiment.study.read import paper_study
+    >>> from experiment.study.files import paper_study
     >>> texts_without_device(paper_study().texts).practice
     'Now a few trials for practice. Nothing moves, so no answer is right or wrong.'
     """

@@ -13,15 +13,15 @@ from typing import TYPE_CHECKING, Any, Final, Self
 from experiment.operator.requests import StopRequested
 from experiment.operator.terminal import KEY, read_keys
 from experiment.participant.wrapping import filled, wrapped
-from experiment.study.sections.design import EARLIEST_ANSWER_S
-from experiment.study.sections.presentation import TYPED, untyped_of
-from experiment.terms.responder import ESCAPE, Press, SessionPart
+from experiment.study.design import EARLIEST_ANSWER_S
+from experiment.study.presentation import TYPED, untyped_of
+from experiment.trial.responder import ESCAPE, Press, SessionPart
 
 if TYPE_CHECKING:
     from device.clock import Clock
     from experiment.participant.settings import ResponderSettings
-    from experiment.study.sections.presentation import Texts
-    from experiment.terms.responder import AwaitedAnswer, Progress
+    from experiment.study.presentation import Texts
+    from experiment.trial.responder import AwaitedAnswer, Progress
 
 
 _WORDS: Final = {

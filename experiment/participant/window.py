@@ -15,13 +15,13 @@ from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
 
 from device.driver import Lack, installing
+from experiment.exits import STOPPED_EARLY
 from experiment.participant.wrapping import as_drawn, wrapped
-from experiment.terms.exits import STOPPED_EARLY
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
 
-    from experiment.study.sections.presentation import Screen
+    from experiment.study.presentation import Screen
 
 
 _REMEDY = "in a second environment, " + installing("screen", "constraints-screen.txt")

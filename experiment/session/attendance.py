@@ -8,15 +8,15 @@ from typing import TYPE_CHECKING, Final, TypeVar
 from device.errors import DeviceError
 from device.installed import require_whole
 from experiment.operator.requests import StopRequested
-from experiment.terms.responder import ESCAPE, AwaitedAnswer, Press, Responder, ResponderError
 from experiment.trial.events import Event, Key
+from experiment.trial.responder import ESCAPE, AwaitedAnswer, Press, Responder, ResponderError
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from experiment.session.setting import Setting
-    from experiment.terms.responder import Progress, SessionPart
     from experiment.trial.events import Happening, Task
+    from experiment.trial.responder import Progress, SessionPart
 
 
 _Given = TypeVar("_Given")

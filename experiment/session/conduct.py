@@ -17,7 +17,7 @@ from experiment.session.attendance import require_responder
 from experiment.session.session import Session
 from experiment.session.setting import Ending, Setting, header, opening, place, resuming
 from experiment.session.settled import settle_open_trial
-from experiment.study.read import study_from_canonical
+from experiment.study.files import study_from_canonical
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator

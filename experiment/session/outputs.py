@@ -18,8 +18,8 @@ from experiment.apparatus.slots import (
     playing_s,
     told_health,
 )
+from experiment.perception.gains import significant
 from experiment.session.setting import fault_facts, trial_name
-from experiment.terms.gains import significant
 from experiment.trial.events import Event
 
 if TYPE_CHECKING:
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from experiment.apparatus.noise import NoiseHealth, NoisePlayer
     from experiment.archive.journal import Journal
     from experiment.session.setting import Setting
-    from experiment.study.sections.stimulus import Condition
+    from experiment.study.stimulus import Condition
     from experiment.study.study import Study
     from experiment.trial.events import Task
     from experiment.trial.plan import Trial

@@ -11,8 +11,8 @@ from device.drivers import whole_device
 from experiment.apparatus.noise import noise_player
 from experiment.apparatus.rig import confirmed_now
 from experiment.archive.folders import SessionFolder
+from experiment.check.check import require_fit
 from experiment.operator.requests import StopSignal
-from experiment.preview.check import require_fit
 from experiment.session.attendance import require_responder
 from experiment.session.conduct import begin, resume
 from experiment.session.markers import LslMarkers, Markers, NoMarkers, await_recorder
@@ -25,9 +25,9 @@ if TYPE_CHECKING:
     from device.clock import Clock
     from device.driver import BurstDevice
     from experiment.session.setting import Ending
-    from experiment.study.read import Levels
+    from experiment.study.files import Levels
     from experiment.study.study import Study
-    from experiment.terms.responder import Responder
+    from experiment.trial.responder import Responder
 
 
 def run_session(
@@ -114,7 +114,7 @@ def run_session(
     --------
     >>> import tempfile
     >>> from device import DriverSettings, Limits, VirtualClock, make_device
-    >>> from experiment.study.read import study_from_text
+    >>> from experiment.study.files import study_from_text
     >>> study = study_from_text(
     ...     '[design]\ntrials_per_side = 2\nboth_trials = 0\n[burst]\nwindow = "hann"\n'
     ...     '[masking]\nnoise = "none"', "study.toml")

@@ -12,11 +12,11 @@ from experiment.session.markers import RECORDING_START, UNHEARD, response_marker
 from experiment.session.outputs import BurstWatch, NoiseWatch, StimulusOut, measured_facts
 from experiment.session.setting import delivery_facts, trial_name
 from experiment.session.standing import Standing
-from experiment.terms.responder import AwaitedAnswer
 from experiment.trial import events
 from experiment.trial.engine import step, upcoming
 from experiment.trial.events import Event
 from experiment.trial.plan import CONTROL
+from experiment.trial.responder import AwaitedAnswer
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping

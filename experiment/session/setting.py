@@ -15,13 +15,13 @@ from experiment.apparatus.monitor import monitor_facts
 from experiment.apparatus.rig import device_kind, line_settings
 from experiment.apparatus.slots import host_limits, told_health, told_limits
 from experiment.archive.history import BROKEN
+from experiment.check.check import check_study
+from experiment.names import is_line
 from experiment.operator.requests import Requests
-from experiment.preview.check import check_study
+from experiment.rows import ANSWERS, NOT_AVAILABLE
 from experiment.session.markers import Markers, NoMarkers
-from experiment.study.sections.presentation import UNTYPED
-from experiment.study.sections.stimulus import stimulus_facts
-from experiment.terms.checks import is_line
-from experiment.terms.record import ANSWERS, NOT_AVAILABLE
+from experiment.study.presentation import UNTYPED
+from experiment.study.stimulus import stimulus_facts
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -34,12 +34,12 @@ if TYPE_CHECKING:
     from device.monitor.measured import Monitor
     from experiment.apparatus.noise import NoiseFacts, NoisePlayer
     from experiment.apparatus.rig import Confirmation
+    from experiment.check.check import StudyCheck
     from experiment.operator.requests import Display, Status, StopSignal
-    from experiment.preview.check import StudyCheck
     from experiment.study.study import Study
-    from experiment.terms.responder import Responder
     from experiment.trial.events import Task
     from experiment.trial.plan import Plan
+    from experiment.trial.responder import Responder
 
 
 def trial_name(task: Task) -> dict[str, object]:

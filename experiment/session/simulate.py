@@ -13,26 +13,26 @@ from experiment.apparatus.noise import SilentNoise
 from experiment.apparatus.rig import mock_device
 from experiment.archive.disk import UNWAITED
 from experiment.archive.folders import SessionFolder
+from experiment.names import require_whole
 from experiment.operator.requests import StopSignal
+from experiment.perception.population import threshold_course_db
 from experiment.session.conduct import begin
 from experiment.session.setting import Setting
 from experiment.study.physics import study_gains
-from experiment.study.simulated import unmeasured, vibrations
-from experiment.terms.checks import require_whole
-from experiment.terms.people import threshold_course_db
-from experiment.terms.responder import Press
+from experiment.study.threshold import unmeasured, vibrations
 from experiment.trial.draw import draw_plan
+from experiment.trial.responder import Press
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
     from pathlib import Path
 
     from device.clock import Clock
+    from experiment.perception.gains import ConditionGains, FingerGains
+    from experiment.perception.observer import Observer
     from experiment.study.study import Study
-    from experiment.terms.gains import ConditionGains, FingerGains
-    from experiment.terms.observer import Observer
-    from experiment.terms.responder import AwaitedAnswer, Progress, SessionPart
     from experiment.trial.plan import Plan
+    from experiment.trial.responder import AwaitedAnswer, Progress, SessionPart
 
 
 class SimulationError(RuntimeError):

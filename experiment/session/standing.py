@@ -7,15 +7,15 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from experiment.operator.requests import Status, Tally
-from experiment.study.sections.design import ASSUMED_ANSWER_S
-from experiment.terms.record import is_correct
-from experiment.terms.responder import Progress, SessionPart
+from experiment.rows import is_correct
+from experiment.study.design import ASSUMED_ANSWER_S
 from experiment.trial.events import Task
 from experiment.trial.plan import PRACTICE_BLOCK
+from experiment.trial.responder import Progress, SessionPart
 
 if TYPE_CHECKING:
     from experiment.archive.history import History
-    from experiment.study.sections.design import Design
+    from experiment.study.design import Design
     from experiment.trial.events import EndTrial, SessionState
     from experiment.trial.plan import Plan, Trial
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final, Literal, get_args
 
-from experiment.study.sections.simulation import PAPER_THRESHOLD_UM, THRESHOLD_VPP
-from experiment.study.sections.table import file_keys, stated_of
+from experiment.study.base import file_keys, stated_of
+from experiment.study.simulation import PAPER_THRESHOLD_UM, THRESHOLD_VPP
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping
@@ -180,7 +180,7 @@ Of those not of the plate: the others say how something is done, and suit most l
 def deciding_words(sources: Iterable[Source]) -> list[str]:
     r"""Return the assumed numbers that a result or somebody's safety hangs on, a line each.
 
-    >>> from experiment.study.read import paper_study
+    >>> from experiment.study.files import paper_study
     >>> from experiment.study.sources import study_sources
     >>> print(*deciding_words(study_sources(paper_study()))[:2], sep="\n")
     look at these, which are assumed:

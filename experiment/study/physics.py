@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from experiment.names import inward
+from experiment.perception.gains import ConditionGains, significant
 from experiment.study.study import UnusableStudyError
-from experiment.terms.checks import inward
-from experiment.terms.gains import ConditionGains, significant
 from stimuli import Fingertip, ForceRectangle, Load, MomentDisc, MomentRectangle, Strip
 from stimuli.fingers.mirrored import to_the_right
 from stimuli.motion.modes import AboveFirstModeError
@@ -23,8 +23,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from experiment.study.sections.actuator import Actuator
-    from experiment.study.sections.stimulus import Condition
+    from experiment.study.actuator import Actuator
+    from experiment.study.stimulus import Condition
     from experiment.study.study import Study
     from stimuli.drive.sampled import Drive
     from stimuli.fingers.work import Felt
@@ -97,7 +97,7 @@ def study_gains(
     The paper's discs, 2.6 um of amplitude at 100 Vpp and 300 Hz, do a little more in the burst,
     and the other finger gets about 25 dB less:
 
-    >>> from experiment.study.read import paper_study
+    >>> from experiment.study.files import paper_study
     >>> (gains,) = study_gains(paper_study())
     >>> 0.025 < gains.per_vpp[0][0] < 0.03, -25 < gains.level_db(1, 0) < -24.5
     (True, True)
@@ -151,7 +151,7 @@ def loads_per_volt(
 
     Examples
     --------
-    >>> from experiment.study.read import paper_study
+    >>> from experiment.study.files import paper_study
     >>> [basis for _, basis in loads_per_volt(paper_study())]
     ['measured', 'measured']
     """
@@ -201,7 +201,7 @@ def _felt_m(
     study: Study, strip: Strip, tips: tuple[Fingertip, ...], condition: Condition
 ) -> NDArray[np.float64]:
     """Return the peaks of unit loads driven by the burst as it is played: with a peak of 1."""
-    from experiment.study.sections.stimulus import unscaled_peak
+    from experiment.study.stimulus import unscaled_peak
 
     try:
         found = felt_of(strip, loads_of(study), tips, condition.drive)
@@ -294,7 +294,7 @@ def loads_of(study: Study) -> tuple[Load, ...]:
 
     Examples
     --------
-    >>> from experiment.study.read import paper_study
+    >>> from experiment.study.files import paper_study
     >>> left, right = loads_of(paper_study())
     >>> left.x_m == -right.x_m, left.radius_m
     (True, 0.0064)
@@ -314,7 +314,7 @@ def fingertips_of(study: Study, *, bare: bool = False) -> tuple[Fingertip, ...]:
 
     Examples
     --------
-    >>> from experiment.study.read import paper_study
+    >>> from experiment.study.files import paper_study
     >>> [(finger.x_m, finger.radius_m) for finger in fingertips_of(paper_study())]
     [(-0.035, 0.005), (0.035, 0.005)]
     """
@@ -342,7 +342,7 @@ def field_strip(study: Study, loss_factor: float = ASSUMED_LOSS) -> Strip:
 
     Examples
     --------
-    >>> from experiment.study.read import paper_study
+    >>> from experiment.study.files import paper_study
     >>> strip = field_strip(paper_study())
     >>> strip.length_m, strip.material.loss_factor
     (0.2, 0.01)

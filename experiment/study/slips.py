@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from typing import TYPE_CHECKING, Final
 
-from experiment.terms.checks import NUMBERS
+from experiment.names import NUMBERS
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

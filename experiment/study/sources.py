@@ -6,6 +6,16 @@ from itertools import permutations
 from math import isfinite
 from typing import TYPE_CHECKING, Final
 
+from experiment.perception.gains import OWN_FINGERS
+from experiment.study.actuator import (
+    CARRIER_PATCH_KEYS,
+    MEASURED_KEYS,
+    PATCH_KEYS,
+    PIEZO_KEYS,
+    Actuator,
+    paper_actuators,
+)
+from experiment.study.finger import FINGER_KEYS
 from experiment.study.origins import (
     ASSUMED,
     PAPERS,
@@ -17,26 +27,16 @@ from experiment.study.origins import (
     source,
     stated,
 )
-from experiment.study.sections.actuator import (
-    CARRIER_PATCH_KEYS,
-    MEASURED_KEYS,
-    PATCH_KEYS,
-    PIEZO_KEYS,
-    Actuator,
-    paper_actuators,
-)
-from experiment.study.sections.finger import FINGER_KEYS
-from experiment.study.sections.plate import PAPER_CUTOFF_HZ, PAPER_LENGTH_MM, Plate
-from experiment.terms.gains import OWN_FINGERS
+from experiment.study.plate import PAPER_CUTOFF_HZ, PAPER_LENGTH_MM, Plate
 from stimuli import MATERIALS, ElasticEdge
 from stimuli.strip.patch import laminate, layer_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
-    from experiment.study.sections.stimulus import Condition
+    from experiment.perception.gains import ConditionGains
+    from experiment.study.stimulus import Condition
     from experiment.study.study import Study
-    from experiment.terms.gains import ConditionGains
     from stimuli import BondedPatch, Strip
 
 _MATERIAL_KEYS: Final = ("youngs_modulus_gpa", "poisson_ratio", "density_kg_m3")
@@ -56,7 +56,7 @@ def study_sources(study: Study) -> tuple[Source, ...]:
 
     Examples
     --------
-    >>> from experiment.study.read import paper_study
+    >>> from experiment.study.files import paper_study
     >>> found = {one.key: one for one in study_sources(paper_study())}
     >>> found["strip.measured_cutoff_hz"].words
     'measured by the paper (figure 4)'
@@ -107,7 +107,7 @@ LEVEL: Final = "level_db."
 def plate_sources(study: Study) -> tuple[Source, ...]:
     r"""Return the sources of the numbers of the plate and of what moves it.
 
-    >>> from experiment.study.read import study_from_text
+    >>> from experiment.study.files import study_from_text
     >>> study = study_from_text("[strip]\nmeasured_cutoff_hz = 2500", "s.toml")
     >>> [one.words for one in plate_sources(study) if one.key == "strip.measured_cutoff_hz"]
     ['measured (by: not stated; on: not stated)']
@@ -165,7 +165,7 @@ def finger_sources(study: Study) -> Iterator[Source]:
 def finger_words(study: Study, condition: Condition) -> tuple[str, ...]:
     """Say what the fingers oppose to the plate under a condition's burst, and how far that goes.
 
-    >>> from experiment.study.read import paper_study
+    >>> from experiment.study.files import paper_study
     >>> study = paper_study()
     >>> finger_words(study, study.conditions[0])
     ()
@@ -191,7 +191,7 @@ def finger_words(study: Study, condition: Condition) -> tuple[str, ...]:
 def plate_words(plate: Plate) -> str:
     """Say where a plate's sizes and material are from.
 
-    >>> from experiment.study.read import paper_study
+    >>> from experiment.study.files import paper_study
     >>> plate_words(paper_study().plate)
     "sizes: the paper's; material: the paper's (section II-B)"
     """
@@ -208,7 +208,7 @@ def plate_words(plate: Plate) -> str:
 def words_of_the_others(study: Study) -> str:
     """Count whose the numbers are that are not of the plate.
 
-    >>> from experiment.study.read import paper_study
+    >>> from experiment.study.files import paper_study
     >>> words_of_the_others(paper_study()).split(", ")[:2]
     ["5 the paper's", '0 yours']
     """
@@ -363,7 +363,7 @@ def cutoff_source(plate: Plate, *, model: bool = False) -> Source:
 def in_short(source: Source, one: Plate | Actuator) -> str:
     """Say in a few words who measured a value, or how well it is predicted: for titles and tables.
 
-    >>> from experiment.study.read import paper_study
+    >>> from experiment.study.files import paper_study
     >>> plate = paper_study().plate
     >>> in_short(cutoff_source(plate), plate)
     'measured by the paper'

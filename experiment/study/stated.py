@@ -7,9 +7,9 @@ from dataclasses import replace
 from functools import cache
 from typing import TYPE_CHECKING, Any, Final
 
-from experiment.study.sections.table import Stated, Table, file_keys, stated_of, with_stated
+from experiment.names import unknown_key
+from experiment.study.base import Stated, Table, file_keys, stated_of, with_stated
 from experiment.study.study import Study
-from experiment.terms.checks import unknown_key
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping

@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, Any, Final, Self
 from pydantic import Field, ValidationInfo, field_validator, model_validator
 from pydantic_core import ArgsKwargs, PydanticCustomError
 
-from experiment.study.sections.actuator import (
+from experiment.names import in_mind
+from experiment.study.actuator import (
     MEASURED_KEYS,
     SIDES,
     Actuator,
@@ -21,21 +22,7 @@ from experiment.study.sections.actuator import (
     filled_in,
     paper_actuators,
 )
-from experiment.study.sections.dataset import About, Dataset, Participants
-from experiment.study.sections.design import Design
-from experiment.study.sections.equipment import Contact, DeviceSettings, Masking, MonitorSettings
-from experiment.study.sections.finger import FingerLoad, check_fingers, check_places
-from experiment.study.sections.plate import Plate, is_as_measured, is_papers_plate
-from experiment.study.sections.presentation import Keys, Screen, Texts, instructions_of
-from experiment.study.sections.simulation import PAPER_THRESHOLD_UM, THRESHOLD_VPP, Simulation
-from experiment.study.sections.stimulus import (
-    Condition,
-    SharedStimulus,
-    check_levels,
-    completed,
-    recorded,
-)
-from experiment.study.sections.table import (
+from experiment.study.base import (
     ASKED_FOR,
     FromTable,
     KeyRange,
@@ -44,7 +31,20 @@ from experiment.study.sections.table import (
     limits_of,
     section,
 )
-from experiment.terms.checks import in_mind
+from experiment.study.dataset import About, Dataset, Participants
+from experiment.study.design import Design
+from experiment.study.equipment import Contact, DeviceSettings, Masking, MonitorSettings
+from experiment.study.finger import FingerLoad, check_fingers, check_places
+from experiment.study.plate import Plate, is_as_measured, is_papers_plate
+from experiment.study.presentation import Keys, Screen, Texts, instructions_of
+from experiment.study.simulation import PAPER_THRESHOLD_UM, THRESHOLD_VPP, Simulation
+from experiment.study.stimulus import (
+    Condition,
+    SharedStimulus,
+    check_levels,
+    completed,
+    recorded,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -15,7 +15,7 @@ from experiment.study.physics import (
 )
 
 if TYPE_CHECKING:
-    from experiment.study.sections.stimulus import Condition
+    from experiment.study.stimulus import Condition
     from experiment.study.study import Study
     from stimuli import Burst, Fingertip, Load, Strip, WindowChoice
 

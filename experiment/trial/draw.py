@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from experiment.study.sections.design import MAX_TRIALS
-from experiment.terms.checks import require_identifier, require_whole
+from experiment.names import require_identifier, require_whole
+from experiment.study.design import MAX_TRIALS
 from experiment.trial.order import balanced_order
 from experiment.trial.plan import (
     AUDIBILITY_BLOCK,
@@ -24,11 +24,11 @@ from experiment.trial.plan import (
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
 
-    from experiment.study.read import Levels
-    from experiment.study.sections.design import Design
-    from experiment.study.sections.stimulus import Condition
+    from experiment.perception.gains import ConditionGains
+    from experiment.study.design import Design
+    from experiment.study.files import Levels
+    from experiment.study.stimulus import Condition
     from experiment.study.study import Study
-    from experiment.terms.gains import ConditionGains
 
 
 WARM_UP_SIDES = ("left", "right")
@@ -94,7 +94,7 @@ def draw_plan(
         )
     file_sha256 = study.sha256
     if levels_vpp is not None:
-        from experiment.study.read import with_levels
+        from experiment.study.files import with_levels
 
         study = with_levels(study, levels_vpp)
     from experiment.study.sources import planned_sources
@@ -169,7 +169,7 @@ def block_lengths(design: Design) -> tuple[int, ...]:
 
     Examples
     --------
-    >>> from experiment.study.read import paper_study
+    >>> from experiment.study.files import paper_study
     >>> block_lengths(paper_study().design)
     (31, 31, 31, 31, 31)
     """
@@ -191,7 +191,7 @@ def block_words(design: Design) -> list[str]:
 
     Examples
     --------
-    >>> from experiment.study.sections.design import Design
+    >>> from experiment.study.design import Design
     >>> words = ("left", "right", "both", "none")
     >>> design = Design(order="balanced", blank_trials=60, responses=words, break_every=42)
     >>> print(*block_words(design), sep="\n")

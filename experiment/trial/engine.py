@@ -9,8 +9,8 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
-from experiment.study.sections.design import EARLIEST_ANSWER_S
-from experiment.terms.record import is_correct
+from experiment.rows import is_correct
+from experiment.study.design import EARLIEST_ANSWER_S
 from experiment.trial.events import (
     ArmStimulus,
     CloseBlock,

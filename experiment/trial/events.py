@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import TYPE_CHECKING, TypeAlias
 
-from experiment.terms.responder import SessionPart
 from experiment.trial.plan import PRACTICE_BLOCK
+from experiment.trial.responder import SessionPart
 
 if TYPE_CHECKING:
     from experiment.trial.plan import Trial

@@ -7,8 +7,13 @@ import json
 from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
-from experiment.terms.gains import OWN_FINGER_ONLY, ConditionGains, FingerGains, gains_from_json
-from experiment.terms.record import KINDS, SIDES
+from experiment.perception.gains import (
+    OWN_FINGER_ONLY,
+    ConditionGains,
+    FingerGains,
+    gains_from_json,
+)
+from experiment.rows import KINDS, SIDES
 
 SCHEMA = 3
 AUDIBILITY_BLOCK = -1

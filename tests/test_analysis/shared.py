@@ -18,7 +18,7 @@ from analysis import ColumnMap, ResultFileError, load_column_map, read_inputs
 from analysis.reading.drafted.draft import map_draft
 from analysis.reading.sources import find_sources
 from analysis.thresholds.mle import Tables
-from experiment.terms.record import TrialRow, is_correct, table_csv
+from experiment.rows import TrialRow, is_correct, table_csv
 from tactstrip import main
 
 if TYPE_CHECKING:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import pytest
 
 from experiment import Journal
-from experiment.terms.entries import EVENTS
+from experiment.archive.entries import EVENTS
 from tests.test_experiment.lab import FakeNoise, Lab
 
 if TYPE_CHECKING:

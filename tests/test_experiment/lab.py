@@ -18,8 +18,8 @@ from experiment.integrity.sessions import examine, unaltered
 from experiment.operator.requests import Requests, StopSignal
 from experiment.session.conduct import begin, resume
 from experiment.session.setting import Setting
-from experiment.terms.responder import Press, SessionPart
 from experiment.trial.draw import draw_plan
+from experiment.trial.responder import Press, SessionPart
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -30,10 +30,10 @@ if TYPE_CHECKING:
     from experiment.archive.disk import Disk
     from experiment.integrity.sessions import Difference
     from experiment.operator.requests import Status
+    from experiment.rows import TrialRow
     from experiment.session.setting import Ending
     from experiment.study.study import Study
-    from experiment.terms.record import TrialRow
-    from experiment.terms.responder import AwaitedAnswer, Progress
+    from experiment.trial.responder import AwaitedAnswer, Progress
 
 
 class Crash(BaseException):

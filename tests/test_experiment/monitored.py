@@ -17,14 +17,14 @@ from experiment.apparatus.noise import SilentNoise
 from experiment.apparatus.rig import Rig, confirmed_now
 from experiment.apparatus.slots import host_limits
 from experiment.archive.disk import UNWAITED
+from experiment.check.device import check_device
 from experiment.commands.check import end_check
+from experiment.exits import CommandError
 from experiment.operator.requests import Requests, StopSignal
-from experiment.preview.device import check_device
 from experiment.session.conduct import begin, resume
 from experiment.session.setting import Setting
 from experiment.session.simulate import simulated_responder
-from experiment.study.read import study_from_text
-from experiment.terms.exits import CommandError
+from experiment.study.files import study_from_text
 from tests.test_device.in_process import LoopCard
 from tests.test_experiment.lab import Watching
 
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
     from device import BurstDevice, Clock
     from experiment import AwaitedAnswer, Press
-    from experiment.preview.device import DeviceCheck
+    from experiment.check.device import DeviceCheck
     from experiment.session.setting import Ending
 
 STUDY = """

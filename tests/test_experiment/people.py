@@ -8,14 +8,14 @@ import numpy as np
 
 from device import VirtualClock
 from experiment import AwaitedAnswer, ConditionGains, paper_study
+from experiment.perception.gains import OWN_FINGER_ONLY
+from experiment.perception.population import threshold_course_db
 from experiment.session.simulate import SimulatedResponder
-from experiment.terms.gains import OWN_FINGER_ONLY
-from experiment.terms.people import threshold_course_db
 
 if TYPE_CHECKING:
-    from experiment.study.sections.simulation import Simulation
-    from experiment.terms.gains import FingerGains
-    from experiment.terms.observer import Observer
+    from experiment.perception.gains import FingerGains
+    from experiment.perception.observer import Observer
+    from experiment.study.simulation import Simulation
 
 
 def population(**keys: Any) -> Simulation:

@@ -9,15 +9,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from experiment import ConditionGains, check_study, study_from_text
-from experiment.preview.check_report import check_findings
-from experiment.preview.plate import plate_of
-from experiment.study.read import study_from_canonical
+from experiment.check.check_report import check_findings
+from experiment.check.plate import plate_of
+from experiment.study.files import study_from_canonical
 from experiment.study.sources import study_sources
 from experiment.trial.plan import plan_from_json
 
 if TYPE_CHECKING:
     from experiment import Plan, Study
-    from experiment.preview.plate import PlatePreview
+    from experiment.check.plate import PlatePreview
     from experiment.study.origins import Source
 
 

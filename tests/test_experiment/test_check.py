@@ -14,7 +14,7 @@ import pytest
 from click.testing import CliRunner
 
 from experiment import paper_study
-from experiment.terms.exits import CommandError, refusals
+from experiment.exits import CommandError, refusals
 from tests.test_experiment.people import finger_gains
 from tests.test_experiment.studies import (
     KNOWN,

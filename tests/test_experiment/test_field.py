@@ -11,7 +11,7 @@ import pytest
 from PIL import Image
 
 from experiment import check_study, paper_study, study_from_text
-from experiment.preview.field import (
+from experiment.check.field import (
     PlateBand,
     level_db,
     plate_band,

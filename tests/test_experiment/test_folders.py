@@ -91,7 +91,7 @@ def test_on_a_drive_without_locks_no_session_begins_and_nothing_is_written(
 def test_without_locks_every_command_that_writes_refuses(
     stopped: Lab, sessions: Sessions, run: Run, monkeypatch: pytest.MonkeyPatch, command: str
 ) -> None:
-    monkeypatch.setattr("experiment.study.read.is_recorded", lambda *_: True)
+    monkeypatch.setattr("experiment.study.files.is_recorded", lambda *_: True)
     before = everything(sessions.study.parent)
     without_locks(monkeypatch, errno.ENOLCK)
     words = command.format(study=sessions.study, out=stopped.folder.root).split()

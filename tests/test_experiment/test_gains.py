@@ -20,7 +20,7 @@ from experiment import (
     study_from_text,
     study_gains,
 )
-from experiment.terms.gains import OWN_FINGER_ONLY, FingerGains, gains_from_json, significant
+from experiment.perception.gains import OWN_FINGER_ONLY, FingerGains, gains_from_json, significant
 from stimuli import MomentDisc, Scene, displacement
 from tests.test_experiment.studies import discs, measured, recorded_plan
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 from experiment import Entry, JournalError, draw_plan, replay
-from experiment.terms.gains import ConditionGains
+from experiment.perception.gains import ConditionGains
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from experiment.terms.chances import answer_probabilities
+from experiment.perception.answers import answer_probabilities
 from tests.test_experiment.people import finger_gains, population
 
 FORCED = ("left", "right", "both")

@@ -15,7 +15,7 @@ from hypothesis import assume, example, given, reject, settings
 from hypothesis import strategies as st
 
 from experiment import Study, StudyError, read_study, study_from_text
-from experiment.terms.checks import NAME_RULE, inward
+from experiment.names import NAME_RULE, inward
 from tests.test_experiment.studies import cases, discs, measured
 
 if TYPE_CHECKING:

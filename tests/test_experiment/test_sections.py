@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from experiment import Study, paper_study
-from experiment.study.sections.table import file_keys, range_of
+from experiment.study.base import file_keys, range_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self
 import pytest
 
 from experiment import Press
-from experiment.study.sections.presentation import Screen, Texts
+from experiment.study.presentation import Screen, Texts
 from tests.test_experiment.lab import FakeNoise, Scripted
 from tests.test_experiment.sessions import Sessions
 

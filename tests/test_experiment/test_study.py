@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from experiment import StudyError, draw_plan, paper_study, read_study
 from experiment import study_from_text as read_text
-from experiment.study.read import is_recorded, read_levels, study_from_canonical, with_levels
+from experiment.study.files import is_recorded, read_levels, study_from_canonical, with_levels
 from stimuli import (
     CLAMPED,
     SIMPLY_SUPPORTED,

@@ -58,7 +58,7 @@ from analysis.reading.foreign.files import (
 )
 from analysis.reading.foreign.form import RowFilter, guessed_encoding, text_format, toml_entry
 from analysis.reading.text import one_line
-from experiment.terms.record import COLUMNS
+from experiment.rows import COLUMNS
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence

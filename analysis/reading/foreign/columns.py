@@ -25,7 +25,7 @@ from analysis.reading.foreign.form import (
 from analysis.reading.foreign.table import COUNTED_COLUMNS, count_columns
 from analysis.reading.sources import read_regular
 from analysis.reading.text import ResultFileError, shown
-from experiment.terms.record import COLUMNS, NOT_AVAILABLE, Column, format_value
+from experiment.rows import COLUMNS, NOT_AVAILABLE, Column, format_value
 
 if TYPE_CHECKING:
     from collections.abc import Iterable

@@ -20,7 +20,7 @@ from analysis.reading.foreign.table import COUNTED_COLUMNS
 from analysis.reading.rows import DEFAULTS, silent_rows, typed
 from analysis.reading.sources import unreadable
 from analysis.reading.text import ResultFileError, shown
-from experiment.terms.record import Column
+from experiment.rows import Column
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator

@@ -9,7 +9,7 @@ import numpy as np
 
 from analysis.answers.intervals import proportion_ci
 from analysis.results.figures.drawing import Sheet, in_words, panels
-from experiment.terms.record import RESPONSES
+from experiment.rows import RESPONSES
 
 if TYPE_CHECKING:
     import pandas as pd

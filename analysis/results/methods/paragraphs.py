@@ -62,7 +62,7 @@ def methods_of(analysis: Analysis, plans: Planned | None = None, *, drawn: bool 
     """Write the methods of an analysis; `plans` are `planned` of it, figures `drawn` or not."""
     from jinja2 import Environment, StrictUndefined
 
-    from experiment.preview.check_report import burst_words
+    from experiment.check.check_report import burst_words
 
     plans = planned(analysis) if plans is None else plans
     pages = Environment(  # noqa: S701 (a text, no page: the page escapes it)

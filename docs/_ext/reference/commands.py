@@ -14,7 +14,7 @@ from reference.markdown import code, table
 def exit_codes() -> list[tuple[int, str]]:
     """Return each exit code with its meaning: the constants of the code and what stands below."""
     found = {0: "done"}
-    for module in ("experiment.terms.exits", "tactstrip"):
+    for module in ("experiment.exits", "tactstrip"):
         for name, text in constants(module).items():
             if text.startswith("Exit code"):
                 meaning = text.partition(": ")[2] or text.removeprefix("Exit code ")

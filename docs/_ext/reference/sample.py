@@ -199,8 +199,8 @@ def _measured_by_a_monitor(path: Path) -> list[dict[str, Any]]:
     import numpy as np
 
     from device.monitor.measured import Fault, Measured, Planned, Tap
-    from experiment.preview.monitor import MonitorCalibration
-    from experiment.study.read import read_study
+    from experiment.check.monitor import MonitorCalibration
+    from experiment.study.files import read_study
 
     shape = np.sin(np.linspace(0, 2 * np.pi, 97))
     planned = Planned(shape=shape, sample_rate_hz=48e3, left=50.0, right=0.0, burst=(50.0, 50.0))
@@ -229,7 +229,7 @@ def _header_of_a_person(path: Path) -> dict[str, Any]:
     from experiment.apparatus.noise import NoiseFacts
     from experiment.apparatus.rig import assemble, confirmed_now
     from experiment.session.setting import Setting, Sitting, header
-    from experiment.study.read import read_study
+    from experiment.study.files import read_study
     from experiment.trial.draw import draw_plan
 
     study = read_study(path)

@@ -10,11 +10,11 @@ from pathlib import Path
 from types import NoneType, UnionType
 from typing import TYPE_CHECKING, Annotated, Any, Final, Literal, Union, get_args, get_origin
 
-from experiment.study.read import paper_study
-from experiment.study.sections.actuator import paper_actuators
-from experiment.study.sections.simulation import PAPER_THRESHOLD_UM, THRESHOLD_VPP
-from experiment.study.sections.stimulus import Condition, Stimulus
-from experiment.study.sections.table import KeyRange, file_keys, range_of
+from experiment.study.actuator import paper_actuators
+from experiment.study.base import KeyRange, file_keys, range_of
+from experiment.study.files import paper_study
+from experiment.study.simulation import PAPER_THRESHOLD_UM, THRESHOLD_VPP
+from experiment.study.stimulus import Condition, Stimulus
 from experiment.study.study import Study
 from reference.markdown import code, literal, prose, table
 

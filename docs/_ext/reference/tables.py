@@ -9,13 +9,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final, get_type_hints
 
 from analysis.definitions import DEFINITIONS, OF_ONE_PLACE, definitions_in
-from experiment.terms.record import COLUMNS, MeasuredRow
+from experiment.rows import COLUMNS, MeasuredRow
 from reference.markdown import literal, table
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping
 
-    from experiment.terms.record import Column
+    from experiment.rows import Column
     from reference.sample import Sample
 
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Final, Protocol, TypeVar
 
 import click
 
-from experiment.terms.exits import DEVICE_FAILED, CommandError
+from experiment.exits import DEVICE_FAILED, CommandError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -162,7 +162,7 @@ def device_failures() -> Iterator[None]:
     >>> with device_failures():
     ...     raise LinkError("the line is gone")
     Traceback (most recent call last):
-    experiment.terms.exits.CommandError: device: the line is gone
+    experiment.exits.CommandError: device: the line is gone
     """
     from device.errors import DeviceError
 

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 import click
 
 from experiment.commands.options.hardware import on_terminal
-from experiment.terms.checks import require_word
-from experiment.terms.exits import CommandError
+from experiment.exits import CommandError
+from experiment.names import require_word
 
 if TYPE_CHECKING:
     from experiment.study.study import Study
@@ -121,7 +121,7 @@ def plate_study(plate: dict[str, Any], sections: dict[str, Any]) -> Study:
 
 def _check(plate: dict[str, Any]) -> None:
     """Raise ValueError for an invalid plate or, if they are given, invalid actuators."""
-    from experiment.study.sections.plate import Plate
+    from experiment.study.plate import Plate
 
     if "actuator" in plate:
         plate_study(plate, {})
@@ -182,7 +182,7 @@ def study_keys(plate: dict[str, Any]) -> tuple[str, ...]:
 
 def parse_ceiling_vpp(text: str) -> float:
     """Return the ceiling of the device; ValueError names the option."""
-    from experiment.study.sections.equipment import DeviceSettings
+    from experiment.study.equipment import DeviceSettings
 
     number = _number(CEILING, text)
     try:

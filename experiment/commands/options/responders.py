@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from experiment.terms.exits import CommandError
-from experiment.terms.responder import RESPONDERS, SessionPart
+from experiment.exits import CommandError
+from experiment.trial.responder import RESPONDERS, SessionPart
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -17,8 +17,8 @@ if TYPE_CHECKING:
     from experiment.operator.requests import Display, Requests, StopSignal
     from experiment.participant.settings import ResponderSettings
     from experiment.study.study import Study
-    from experiment.terms.responder import Responder
     from experiment.trial.plan import Plan
+    from experiment.trial.responder import Responder
 
 
 def distribution_of(responder: str) -> str | None:
@@ -86,7 +86,7 @@ def responder_named(
 def _enter_responder(name: str, responder: Any, stack: contextlib.ExitStack) -> Responder:
     """Enter a responder; an installed one may fail or return another object."""
     from device.installed import require_whole
-    from experiment.terms.responder import Responder
+    from experiment.trial.responder import Responder
 
     if name in RESPONDERS:
         entered: Responder = stack.enter_context(responder)
@@ -124,7 +124,7 @@ def _make_responder(name: str, settings: ResponderSettings, clock: Clock) -> Any
 
         return TerminalResponder(settings, clock)
     from experiment.participant.settings import own_responder
-    from experiment.terms.responder import Responder
+    from experiment.trial.responder import Responder
 
     try:
         return own_responder(name).make(settings, clock, Responder)

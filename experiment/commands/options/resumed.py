@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Final
 import click
 from click.core import ParameterSource
 
-from experiment.terms.exits import CommandError
+from experiment.exits import CommandError
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -45,7 +45,7 @@ def plan_to_resume(
     column_values: tuple[str, ...],
 ) -> Plan:
     """Return the plan of the session; reject options that contradict it."""
-    from experiment.study.read import is_recorded, other_levels, read_levels
+    from experiment.study.files import is_recorded, other_levels, read_levels
 
     levels_vpp = read_levels(levels_file, folder.participant) if levels_file else None
     plan = folder.read_plan()

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 def constants(module: str) -> dict[str, str]:
     """Return the text below each constant of a module.
 
-    >>> constants("experiment.terms.exits")["BAD_INPUT"]
+    >>> constants("experiment.exits")["BAD_INPUT"]
     'Exit code: bad input or usage.'
     """
     return below(ast.parse(inspect.getsource(import_module(module))).body)

@@ -6,8 +6,8 @@ from dataclasses import fields
 from typing import TYPE_CHECKING, Any, Final
 
 from experiment.archive import journal
-from experiment.terms.entries import EVENTS, EventKind
-from experiment.terms.record import COLUMNS, MeasuredRow
+from experiment.archive.entries import EVENTS, EventKind
+from experiment.rows import COLUMNS, MeasuredRow
 from reference.markdown import code, literal, prose, table
 from reference.records import members
 from reference.records.shapes import kind_of
@@ -51,7 +51,7 @@ def _rows(event: str, kind: EventKind, sample: Sample) -> Iterator[tuple[str, st
     lines = [line for line in sample.shapes[NAME] if line["event"] == event]
     known = {one.removesuffix("?") for one in kind.members}
     if others := {*_of(lines)} - known - {*_in_every(sample.shapes[NAME])}:
-        raise ValueError(f"experiment.terms.entries: {event} has {sorted(others)} too")
+        raise ValueError(f"experiment.archive.entries: {event} has {sorted(others)} too")
     about, header = members.about(NAME), members.about("header.json")
     columns = {field.name: field.metadata["description"] for field in fields(MeasuredRow)}
     columns |= {column.name: column.description for column in COLUMNS}

@@ -10,7 +10,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from experiment.study.sections.table import file_keys
+from experiment.study.base import file_keys
 from reference.api.held import meanings
 from reference.markdown import literal
 from reference.study import PLANNED, study_keys

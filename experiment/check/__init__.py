@@ -1,0 +1,1 @@
+"""What a study comes to before the first participant: bursts, displacements, devices."""

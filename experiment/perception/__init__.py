@@ -1,0 +1,1 @@
+"""What simulated participants perceive: gains at the fingertips, thresholds and answers."""

@@ -1,0 +1,107 @@
+"""A simulated population: who takes part, and how thresholds move during a session."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    import numpy as np
+
+    from experiment.perception.observer import Observer
+
+
+def draw_observer(
+    median: Observer,
+    threshold_sd_db: float,
+    rng: np.random.Generator,
+    *,
+    finger_difference_sd_db: float = 0.0,
+    swapped_keys: float = 0.0,
+    sigma_spread: float = 0.0,
+    difference_sd_db: float = 0.0,
+) -> Observer:
+    """Draw one participant of a simulated population.
+
+    Thresholds are log-normal: the population's standard deviation is stated in dB, 20 log10.
+
+    Parameters
+    ----------
+    median : Observer
+        The median participant.
+    threshold_sd_db : float
+        Standard deviation of the thresholds between participants.
+    rng : numpy.random.Generator
+        Where chance comes from.
+    finger_difference_sd_db : float
+        Standard deviation of the difference between the two fingers.
+    swapped_keys : float
+        Share of people who confuse left and right.
+    sigma_spread : float
+        Standard deviation of ln(sigma).
+    difference_sd_db : float
+        Standard deviation of the difference between the first two conditions.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from experiment.study.files import paper_study
+    >>> median = paper_study().simulation.median
+    >>> draw_observer(median, 0.0, np.random.default_rng(1)) == median
+    True
+    """
+    offset_db = threshold_sd_db * rng.standard_normal()
+    factor = 10.0 ** (offset_db / 20)
+    name = "threshold_vpp" if median.threshold_um is None else "threshold_um"
+    person = replace(median, **{name: getattr(median, name) * factor})
+    if finger_difference_sd_db:
+        difference_db = finger_difference_sd_db * rng.standard_normal()
+        person = replace(person, finger_difference_db=difference_db)
+    if swapped_keys:
+        person = replace(person, swapped=rng.random() < swapped_keys)
+    if sigma_spread:
+        person = replace(
+            person, sigma=person.sigma * math.exp(sigma_spread * rng.standard_normal())
+        )
+    if difference_sd_db:
+        moved_db = person.difference_db + difference_sd_db * rng.standard_normal()
+        person = replace(person, difference_db=moved_db)
+    return person
+
+
+def threshold_course_db(
+    observer: Observer, blocks: Sequence[int], rng: np.random.Generator
+) -> list[float]:
+    """Draw by how much an observer's thresholds lie higher in each trial of a session.
+
+    `blocks` are those of the trials. Straight drifts about the middle of the session and of each
+    block, and a stationary autoregressive course, correlated with itself by
+    exp(-lag / wander_trials).
+
+    >>> import numpy as np
+    >>> from experiment.study.files import paper_study
+    >>> person = replace(paper_study().simulation.median, drift_db=2.0, block_drift_db=1.0)
+    >>> threshold_course_db(person, [1, 1, 2, 2, 2], np.random.default_rng(1))
+    [-1.5, 0.0, -0.5, 0.5, 1.5]
+    """
+    kept = math.exp(-1.0 / observer.wander_trials)
+    fresh = math.sqrt(1.0 - kept * kept)
+    course_db, wander_db = [], observer.wander_db * rng.standard_normal()
+    of_block = Counter(blocks)
+    seen: Counter[int] = Counter()
+    for trial, block in enumerate(blocks):
+        if trial:
+            wander_db = kept * wander_db + fresh * observer.wander_db * rng.standard_normal()
+        now_db = observer.drift_db * _about_middle(trial, len(blocks))
+        now_db += observer.block_drift_db * _about_middle(seen[block], of_block[block])
+        course_db.append(wander_db + now_db)
+        seen[block] += 1
+    return course_db
+
+
+def _about_middle(place: int, of: int) -> float:
+    return place / (of - 1) - 0.5 if of > 1 else 0.0

@@ -1,1 +1,0 @@
-"""A study before anybody feels it: the check and the plate's field."""

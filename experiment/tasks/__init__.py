@@ -1,0 +1,1 @@
+"""The tasks that a participant can be given; one module each."""

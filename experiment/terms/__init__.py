@@ -1,1 +1,0 @@
-"""Words and values that everything else in an experiment shares."""
