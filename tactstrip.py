@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import re
 import sys
+import traceback
 from contextlib import contextmanager
 from difflib import get_close_matches
 from functools import cache
@@ -109,7 +110,7 @@ class _FrontDoor(click.Group):
             return super().make_context(*args, **kwargs)
 
     def invoke(self, ctx: click.Context) -> Any:
-        with _one_line(ctx.command_path):
+        with _one_line(ctx.command_path), _last_handler(debug=bool(ctx.params.get("debug"))):
             return super().invoke(ctx)
 
 
@@ -174,6 +175,26 @@ def _one_line(command: str) -> Iterator[None]:
         raise CommandError("interrupted", exit_code=INTERRUPTED) from error
 
 
+@contextmanager
+def _last_handler(*, debug: bool) -> Iterator[None]:
+    """Report a fault of tactstrip itself in one line, with the traceback before it if `debug`."""
+    from experiment.exits import INTERNAL_ERROR, CommandError
+
+    try:
+        yield
+    except (click.ClickException, click.Abort, click.exceptions.Exit, BrokenPipeError):
+        raise
+    except Exception as error:
+        if debug:
+            traceback.print_exc()
+        remedy = "please report it with the traceback above" if debug else "see tactstrip --debug"
+        raise CommandError(
+            f"{type(error).__name__}: {error} ({remedy})",
+            exit_code=INTERNAL_ERROR,
+            label="internal error: ",
+        ) from error
+
+
 @click.group(
     cls=_FrontDoor,
     invoke_without_command=True,
@@ -186,12 +207,13 @@ def _one_line(command: str) -> Iterator[None]:
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 @click.version_option(package_name="tactstrip")
+@click.option("--debug", is_flag=True, help="Show the traceback of an internal error.")
 @click.pass_context
-def main(ctx: click.Context) -> None:
+def main(ctx: click.Context, *, debug: bool) -> None:  # noqa: ARG001 (see _FrontDoor.invoke)
     """Run vibrotactile detection experiments on narrow strip plates.
 
     Exit codes: 0 done; 1 done, but a check failed; 2 bad input or usage; 3 device failure;
-    4 stopped early, can be resumed.
+    4 stopped early, can be resumed; 70 internal error.
     """
     if ctx.invoked_subcommand is None:
         click.echo(FIRST_STEPS, nl=False)

@@ -17,7 +17,7 @@ LIMITS: Final = (0.025, 0.975)
 
 DEFINITIONS: Final[Mapping[str, str]] = MappingProxyType(
     {
-        "presented": "trials of the kind with status ok, not anticipated, neither noise_ok nor "
+        "presented": "trials of the kind with status ok, not premature, neither noise_ok nor "
         "burst_verified false",
         "detected": "single stimuli answered with their own side and nothing else",
         "p": "detected (noticed, felt) / presented; time-outs and invalid keys stay in presented",
@@ -33,16 +33,16 @@ DEFINITIONS: Final[Mapping[str, str]] = MappingProxyType(
         "the far limit near 0 and 1 where people are few; none for one participant",
         "over_report": "single stimuli answered both",
         "mislocalised": "single stimuli answered with the other side",
-        "timeouts": "single stimuli (in control.csv: control trials) without an answer in time",
+        "timeouts": "single stimuli (in hands_off.csv: hands-off trials) without an answer in time",
         "p_answered": "detected / (presented without time-outs and invalid keys)",
         "detected_any": "single stimuli answered left, right or both; null where the answer "
         "none was not offered",
         "noticed": "both-finger trials answered both",
         "left_only, right_only": "both-finger trials answered with one side",
         "left, right, both": "blank trials with this answer, each a false alarm; in confusion.csv "
-        "and control.csv trials with this answer",
-        "part": "of control trials, with the fingers off the plate and in no other table: "
-        "audibility, before practice, or control, at the end",
+        "and hands_off.csv trials with this answer",
+        "part": "of hands-off trials, which are in no other table: before practice, or "
+        "after the task",
         "none": "trials answered none",
         "timeout": "trials without an answer in time",
         "invalid": "trials answered with a key that is none of the answers'",
@@ -229,20 +229,20 @@ VARY: Final = (
 )
 
 COUNTING: Final = (
-    "A trial counts where its status is ok, it was not anticipated, its masking noise was not "
+    "A trial counts where its status is ok, it was not premature, its masking noise was not "
     "known to be silent, and it is of one of the three kinds below. trials_clean.csv has every "
     "trial with the reason why it was left out."
 )
 
 COUNTING_ONE_PLACE: Final = (
     "A trial counts where it is a stimulus or a blank, and no column of its table (as status, "
-    "anticipated) says that it was not valid. trials_clean.csv has every trial with the reason why "
+    "premature) says that it was not valid. trials_clean.csv has every trial with the reason why "
     "it was left out."
 )
 """Of a table made elsewhere with one place."""
 
 OFF_THE_PLATE: Final = (
-    "Audibility and control trials, with the noise on and no finger on the plate; they are in "
+    "Hands-off trials, with the masking noise on and no finger on the plate; they are in "
     "no other number here. More answers with the driven side than with the other say that "
     "the plate is heard or seen."
 )

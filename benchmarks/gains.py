@@ -11,6 +11,8 @@ from typing import Final
 
 import numpy as np
 
+from tests.plates import on_paper_plate
+
 REPEATS: Final = 2
 IMPORTS: Final = "import numpy, pydantic, scipy.linalg, scipy.special"
 MATRIX: Final = """
@@ -31,6 +33,7 @@ import analysis.commands.dry_run
 from experiment.check.check import check_study
 from experiment.session.simulate import simulate_study
 from experiment.study.files import read_study
+from tests.plates import on_paper_plate
 study = read_study(Path(sys.argv[1]))
 gains = check_study(study).gains
 with tempfile.TemporaryDirectory() as folder:
@@ -75,7 +78,7 @@ def _study(
         _actuator(side, x_mm, *lines, **sizes)
         for side, x_mm in zip(("left", "right"), places_mm, strict=True)
     )
-    return f"[strip]\n{keys}\n{sides}{rest}"
+    return on_paper_plate(f"[strip]\n{keys}\n{sides}{rest}")
 
 
 COUNTS: Final = (
@@ -209,7 +212,8 @@ def drawn(rng: np.random.Generator) -> tuple[str, bool]:
         f'cycles = {rng.choice([1, 2])}\nwindow = "{rng.choice(["none", "hann", "tukey"])}"\n'
     )
     keys = plate.replace(";", "\n")
-    return f"[strip]\n{keys}\n{sides}{burst}{FINGERS if pressed else ''}", patched
+    text = f"[strip]\n{keys}\n{sides}{burst}{FINGERS if pressed else ''}"
+    return on_paper_plate(text), patched
 
 
 HALF, STATED, PATCHED = 0.5, 0.7, 0.4

@@ -21,6 +21,7 @@ from device.core.messages import Ping
 from device.limits import Limits
 from device.wire.channels import LineSettings, open_channel
 from device.wire.link import FrameLink
+from tests.plates import PAPER_PLATE
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -32,15 +33,15 @@ LONG_SAMPLES = 57_601
 """1.2 s at 48 kHz."""
 RATES = (BAUD, 1_000_000)
 COMMAND = (sys.executable, "-c", "from tactstrip import main; main()")
-STUDY = """
+STUDY = f"""{PAPER_PLATE}
 [burst]
 window = "hann"
 [device]
-least_interval_s = 0.01
+min_interval_s = 0.01
 [design]
 foreperiod_s = [0.01, 0.02]
 trials_per_side = 20
-minimum_break_s = 0
+min_break_s = 0
 [simulation]
 reaction_time_s = 0.151
 reaction_time_spread = 0
@@ -71,7 +72,7 @@ class _Times:
 def _times(port: str) -> _Times:
     clock = MonotonicClock()
     link = FrameLink(lambda: open_channel(port, clock), clock)
-    device = HostDriver(link, limits=Limits(ceiling_vpp=200.0, least_interval_s=0.005), clock=clock)
+    device = HostDriver(link, limits=Limits(ceiling_vpp=200.0, min_interval_s=0.005), clock=clock)
     sine = np.sin(2 * np.pi * np.arange(97) / 96)
     sine[-1] = 0.0
     device.open()

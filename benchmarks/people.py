@@ -13,6 +13,8 @@ from scipy.special import ndtr
 
 from analysis.answers.doubts import doubtful
 from analysis.axis import VOLTS
+from experiment.perception.answers import draw_answers
+from experiment.perception.gains import OWN_FINGER_ONLY
 from experiment.perception.population import draw_observer, threshold_course_db
 from experiment.study.simulation import Simulation
 
@@ -165,7 +167,7 @@ PEOPLE: Final = {
     "honest, wandering": replace(
         HONEST, wander_db=1.4, wander_trials=11.0, last_answer_db=0.35, masking_slope=0.2
     ),
-    "sides swapped": replace(HONEST, swapped=True),
+    "sides swapped": replace(HONEST, reversed_mapping=True),
     "drift of 4 dB": replace(HONEST, drift_db=4.0),
     "drift of 8 dB": replace(HONEST, drift_db=8.0),
     "feels nothing": replace(HONEST, threshold_vpp=1e5),
@@ -192,18 +194,20 @@ def sessions_of(
         for trial, i in enumerate(rng.permutation(len(every))):
             level_vpp, side = every[i]
             now_db = course_db[trial] + last_db
-            found = someone.answer(
-                level_vpp * (side == "left"),
-                level_vpp * (side == "right"),
+            answer, _ = draw_answers(
+                [someone],
+                (level_vpp * (side == "left"), level_vpp * (side == "right")),
                 design.responses,
-                rng,
                 60.0,
+                rng,
+                gains=OWN_FINGER_ONLY,
                 shift_db=(now_db, now_db),
             )
+            response = (*design.responses, None)[answer.item()]
             if "none" in design.responses:
                 half_db = someone.last_answer_db / 2
-                last_db = half_db if found.response == "none" else -half_db
-            rows.append((f"{number:04d}", trial, level_vpp or math.nan, side, found.response))
+                last_db = half_db if response == "none" else -half_db
+            rows.append((f"{number:04d}", trial, level_vpp or math.nan, side, response))
     table = pd.DataFrame(rows, columns=["participant", "trial", "level_vpp", "side", "response"])
     return table.assign(
         condition="main",

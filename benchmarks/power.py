@@ -36,19 +36,20 @@ from analysis.thresholds.table import thresholds_of
 from analysis.workers.chunks import spread
 from analysis.workers.kept import Kept
 from device.clock import VirtualClock
-from experiment.apparatus.noise import SilentNoise
-from experiment.apparatus.rig import mock_device
 from experiment.archive.disk import UNWAITED
 from experiment.archive.folders import SessionFolder
-from experiment.commands.init import REALISTIC
+from experiment.hardware.noise import SilentNoise
+from experiment.hardware.setup import mock_device
 from experiment.operator.requests import StopSignal
 from experiment.perception.observer import Observer
 from experiment.session.conduct import begin
 from experiment.session.setting import Setting
 from experiment.session.simulate import SimulatedResponder, simulate_study, simulated_responder
-from experiment.study.files import study_from_text, with_levels
+from experiment.study.files import with_levels
 from experiment.study.physics import study_gains
+from experiment.study.writing import preset_text
 from experiment.trial.draw import draw_plan
+from tests.plates import study_from_text
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -313,8 +314,9 @@ def row(plan: Plan, seed: int, spread: Any, *, fresh: int = FRESH, whole: int = 
     kept = {"threshold_at_hz", "threshold_at_s", "threshold_at_cm2"}
     if goal.kind == "false-alarms":  # whose rate is what the plan states
         kept.add("false_alarm_rate")
-    keys = {key: value for key, value in REALISTIC.items() if key not in kept}
-    real = study.changed(simulation=replace(study.simulation, **keys))
+    realistic = study_from_text(preset_text("realistic")).simulation
+    keys = {key: getattr(realistic, key) for key in realistic.model_fields_set - kept}
+    real = study.changed(simulation=study.simulation.changed(**keys))
     others = {"seed": _SEED + 1000 * seed, "spread": spread}
     told: list[tuple[int, int] | None] = [
         attained(study, goal, answer, fresh, **others),

@@ -20,6 +20,8 @@ from analysis.answers.serial import (
     serial_effects,
 )
 from benchmarks.people import HONEST
+from experiment.perception.answers import draw_answers
+from experiment.perception.gains import OWN_FINGER_ONLY
 from experiment.perception.population import draw_observer, threshold_course_db
 from experiment.rows import RESPONSES, SIDES
 
@@ -153,17 +155,19 @@ def session(order: Order, median: Observer, rng: np.random.Generator) -> Answere
             stimuli.append((order.sides[0], round(level, 6)))
         side, level_vpp = stimuli[trial]
         now_db = course_db[trial] + last_db
-        found = person.answer(
-            level_vpp * (side == "left"),
-            level_vpp * (side == "right"),
+        answer, _ = draw_answers(
+            [person],
+            (level_vpp * (side == "left"), level_vpp * (side == "right")),
             order.responses,
-            rng,
             60.0,
+            rng,
+            gains=OWN_FINGER_ONLY,
             shift_db=(now_db, now_db),
-        ).response
-        last_db = person.last_answer_db / 2 * (1 if found == "none" else -1)
-        level *= 10 ** ((2 if found == "none" else -2) / 20)
-        answers.append(RESPONSES.index(found or "timeout"))
+        )
+        response = (*order.responses, "timeout")[answer.item()]
+        last_db = person.last_answer_db / 2 * (1 if response == "none" else -1)
+        level *= 10 ** ((2 if response == "none" else -2) / 20)
+        answers.append(RESPONSES.index(response))
     return Answered(
         stimulus=np.array([SIDES.index(side) for side, _ in stimuli]),
         level_vpp=np.array([level for _, level in stimuli]),

@@ -25,8 +25,8 @@ from experiment.session.simulate import simulate_study
 from experiment.study.files import paper_study
 from experiment.study.physics import study_gains
 from experiment.trial.draw import draw_plan
-from experiment.trial.engine import step, upcoming
-from experiment.trial.events import Event, Happening, Key, Phase, SessionState, Task
+from experiment.trial.engine import next_event, step
+from experiment.trial.events import Attempt, Event, Input, Phase, Response, SessionState
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -44,24 +44,24 @@ REPEATS = 20
 
 def _engine_s(plan: Plan) -> float:
     """Return the time per trial of the engine alone, from the cue to the answer."""
-    answers: dict[Phase, Happening] = {
+    answers: dict[Phase, Input] = {
         Phase.WELCOME: Event.CONTINUED,
         Phase.INTRODUCTION: Event.CONTINUED,
         Phase.FOREPERIOD: Event.ELAPSED,
         Phase.ARMING: Event.ARMED,
         Phase.FIRING: Event.FIRED,
-        Phase.ANSWER: Key("left", 0.5),
+        Phase.ANSWER: Response("left", 0.5),
         Phase.BREAK: Event.CONTINUED,
     }
     state = SessionState(
-        pending=tuple(Task(trial, 1) for trial in plan.trials),
-        keep_anticipated=False,
-        most_anticipated=3,
+        pending=tuple(Attempt(trial, 1) for trial in plan.trials),
+        accept_premature=False,
+        max_premature=3,
         response_window_s=plan.response_window_s,
     )
     start = time.perf_counter()
     while state.phase is not Phase.FINISHED:
-        event = upcoming(state) if state.phase is Phase.READY else answers[state.phase]
+        event = next_event(state) if state.phase is Phase.READY else answers[state.phase]
         state, _ = step(state, event)
     return (time.perf_counter() - start) / len(plan.trials)
 

@@ -72,7 +72,7 @@ class Probe:
         return int(counts["read_bytes"]) + int(counts["write_bytes"])
 
     def step(
-        self, state: events.SessionState, event: events.Happening
+        self, state: events.SessionState, event: events.Input
     ) -> tuple[events.SessionState, tuple[events.Effect, ...]]:
         """Ask the engine; note when it has decided to arm or to fire."""
         after, effects = engine.step(state, event)

@@ -15,7 +15,7 @@ from device.driver import BurstDevice, Delivery, Identity
 from device.emulate.mock import DEVICE_LIMITS, MODEL, MockDevice
 from device.errors import DeviceError, LinkError
 from device.installed import DRIVERS, Installed, lookup, require_whole
-from device.wire.channels import USUAL, LineSettings
+from device.wire.channels import USUAL, LineSettings, require_port
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -124,6 +124,7 @@ def make_device(name: str, settings: DriverSettings, clock: Clock) -> BurstDevic
     if name == MOCK:
         return make_mock(limits, clock, rate_hz)
     port = _given(settings.port, "port", name)
+    require_port_of(name, port)
     if name == "serial":
         from device.wire.serial import serial_device
 
@@ -232,6 +233,20 @@ class _OwnDevice:
         return value
 
 
+def require_port_of(name: str, port: str) -> None:
+    """Raise PortError if a built-in driver opens no port of this form; nothing is opened.
+
+    >>> require_port_of("audio", "alt://a card may have any name")
+    >>> require_port_of("serial", "/dev/ttyACM0")
+    """
+    from device.scpi.visa import is_resource
+
+    # a resource without its scheme is refused with a hint when it is opened
+    is_visa = name == "generator" and (is_resource(port) or "::" in port)
+    if name in {"serial", "generator"} and not is_visa:
+        require_port(port)
+
+
 def own_driver(name: str) -> Installed:
     """Return an installed driver by its name; ValueError with the names of those that there are."""
     return lookup(DRIVERS, name, tuple(NEEDS))
@@ -256,7 +271,11 @@ def make_mock(limits: Limits, clock: Clock, sample_rate_hz: float) -> MockDevice
     return MockDevice(
         clock,
         limits=limits,
-        device_limits=replace(DEVICE_LIMITS, least_interval_s=limits.least_interval_s),
+        device_limits=replace(
+            DEVICE_LIMITS,
+            ceiling_vpp=max(DEVICE_LIMITS.ceiling_vpp, limits.ceiling_vpp),
+            min_interval_s=limits.min_interval_s,
+        ),
         output=OutputStage(sample_rate_hz=sample_rate_hz),
     )
 

@@ -1,9 +1,14 @@
-"""Why a device did not do what it was told: refusals by number, and what else goes wrong."""
+"""Why a device did not do what it was asked: refusals by number, and what else goes wrong."""
 
 from __future__ import annotations
 
-from enum import IntEnum
-from typing import Self
+from enum import IntEnum, StrEnum
+from typing import Final, Self
+
+from device.printing import shown
+
+WATCHDOG_S: Final = 0.5
+"""After this time without a heartbeat, a device switches its outputs off."""
 
 
 class Refusal(IntEnum):
@@ -82,6 +87,55 @@ class LinkError(DeviceError):
     """
 
 
+class PortError(ValueError):
+    """A port whose form no driver opens.
+
+    Parameters
+    ----------
+    port : str
+        The port; an attribute of the error.
+
+    Examples
+    --------
+    >>> raise PortError("spy:///dev/ttyACM0")
+    Traceback (most recent call last):
+    device.errors.PortError: port must be a device path, COMn, socket://HOST:PORT,
+    rfc2217://HOST:PORT or visa:RESOURCE; got 'spy:///dev/ttyACM0'
+    """
+
+    rule = "must be a device path, COMn, socket://HOST:PORT, rfc2217://HOST:PORT or visa:RESOURCE"
+
+    def __init__(self, port: str) -> None:
+        super().__init__(f"port {self.rule}; got {shown(port)}")
+        self.port = port
+
+
+class SoundCardError(LinkError):
+    """A sound card that cannot be opened or started.
+
+    Parameters
+    ----------
+    card : str
+        Its name; empty for the system's default. An attribute of the error, as the others.
+    step : str
+        ``open`` or ``start``.
+    reason : str
+        What PortAudio says.
+    code : int or None
+        PortAudio's error number, if it gave one.
+
+    Examples
+    --------
+    >>> error = SoundCardError(card="", step="open", reason="busy", code=-9985)
+    >>> print(error, error.code)
+    cannot open the sound card default: busy -9985
+    """
+
+    def __init__(self, *, card: str, step: str, reason: str, code: int | None) -> None:
+        super().__init__(f"cannot {step} the sound card {card or 'default'}: {reason}")
+        self.card, self.step, self.reason, self.code = card, step, reason, code
+
+
 class SettingError(DeviceError):
     """A device that did not take a setting, or reports a fault of its own; nothing was played.
 
@@ -146,6 +200,48 @@ class Rejected(RefusedError):  # noqa: N818 - "rejected" is the device's answer,
     >>> Rejected(Refusal.BUSY).code.name
     'BUSY'
     """
+
+
+class OffCause(StrEnum):
+    """Why a device switched its outputs off by itself.
+
+    Examples
+    --------
+    >>> OffCause("watchdog") is OffCause.WATCHDOG
+    True
+    """
+
+    WATCHDOG = "watchdog"
+    OVER_CURRENT = "over_current"
+
+
+_OFF_REASONS = {
+    OffCause.WATCHDOG: f"it heard nothing from this computer for {WATCHDOG_S * 1e3:g} ms",
+    OffCause.OVER_CURRENT: "the amplifier reported an over-current",
+}
+
+
+class OutputsOffError(Rejected):
+    """A step after the device switched its outputs off by itself.
+
+    Parameters
+    ----------
+    cause : OffCause
+        Why it did; an attribute of the error.
+
+    Examples
+    --------
+    >>> print(OutputsOffError(OffCause.WATCHDOG))
+    the device switched its outputs off: it heard nothing from this computer for 500 ms
+    """
+
+    def __init__(self, cause: OffCause) -> None:
+        super().__init__(Refusal.SAFE_STATE)
+        self.cause = cause
+
+    def __str__(self) -> str:
+        """Name the cause."""
+        return f"the device switched its outputs off: {_OFF_REASONS[self.cause]}"
 
 
 class LimitExceeded(Rejected):

@@ -12,6 +12,8 @@ from importlib.metadata import entry_points
 from numbers import Integral, Real
 from typing import TYPE_CHECKING, Any, Final
 
+from device.printing import shown
+
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
     from importlib.metadata import EntryPoint
@@ -56,13 +58,12 @@ class Installed:
 
     def make(self, settings: object, clock: object, protocol: type) -> Any:
         """Call the factory; ValueError where it fails, or makes what lacks a part of a protocol."""
+        factory = self.load()
         try:
-            made = self.load()(settings, clock)
+            made = factory(settings, clock)
             require_whole(made, protocol)
         except ValueError as error:
-            whose = f"{self.name} of {self.distribution}"
-            said = str(error)
-            raise ValueError(said if said.startswith(whose) else f"{whose}: {said}") from error
+            raise ValueError(f"{self.name} of {self.distribution}: {error}") from error
         except Exception as error:
             said = f"{type(error).__name__}: {' '.join(str(error).split())}"
             raise ValueError(f"{self.name} of {self.distribution} failed: {said}") from error
@@ -206,7 +207,7 @@ def lookup(group: str, name: str, built_in: tuple[str, ...]) -> Installed:
     if name not in offered:
         names = ", ".join(dict.fromkeys((*built_in, *offered)))
         raise ValueError(
-            f"must be one of {names}; got {name!r}, which no installed distribution offers"
+            f"must be one of {names}; got {shown(name)}, which no installed distribution offers"
         )
     first, *others = offered[name]
     if others:

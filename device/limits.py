@@ -9,7 +9,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from fractions import Fraction
-from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar
+from functools import partial
+from typing import TYPE_CHECKING, Any, Final, TypeAlias, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +23,8 @@ if TYPE_CHECKING:
 
     from device.driver import FloatArray
 
+CHANNELS: Final = ("left", "right")
+"""The output channels of a device, in their order."""
 _LARGEST_GAIN = 1e6
 _LEAST_RATIO = 1e-6
 _GRID_TOLERANCE = 1e-6
@@ -40,7 +43,7 @@ class Limits:
         Largest peak(waveform) x level x gain, in peak-to-peak volts at the actuator.
     gain : float
         Volts at the actuator per volt of level: 1 where levels are stated at the actuator.
-    least_interval_s : float
+    min_interval_s : float
         Rest from the end of one burst to the onset of the next.
     max_duty : float
         Largest ratio of a burst's duration to the time from its onset to the next onset.
@@ -72,7 +75,7 @@ class Limits:
 
     ceiling_vpp: float
     gain: float = 1.0
-    least_interval_s: float = 0.05
+    min_interval_s: float = 0.05
     max_duty: float = 0.5
     longest_waveform: int = 65536
     slots: int = 8
@@ -83,7 +86,7 @@ class Limits:
     def __post_init__(self) -> None:
         require_positive("ceiling_vpp", self.ceiling_vpp)
         require_positive("gain", self.gain, most=_LARGEST_GAIN)
-        require_real("least_interval_s", self.least_interval_s, least=0.0)
+        require_real("min_interval_s", self.min_interval_s, least=0.0)
         require_real("max_duty", self.max_duty, least=_LEAST_RATIO, most=1.0)
         require_whole("longest_waveform", self.longest_waveform, least=1, most=2**31)
         require_whole("slots", self.slots, least=1, most=255)
@@ -101,7 +104,7 @@ class Limits:
     @property
     def least_interval_us(self) -> int:
         """The least interval in microseconds."""
-        return round(self.least_interval_s * 1e6)
+        return round(self.min_interval_s * 1e6)
 
     @property
     def max_duty_ppm(self) -> int:
@@ -141,8 +144,8 @@ def check_waveforms(left: FloatArray, right: FloatArray, limits: Limits) -> tupl
     device.errors.LimitExceeded: the waveform has a DC part (a unipolar click has one): right
     """
     _check_lengths(left.size, right.size, limits)
-    peaks = (_check_waveform("left", left, limits), _check_waveform("right", right, limits))
-    return float(peaks[0]), float(peaks[1])
+    first, second = map(partial(_check_waveform, limits=limits), CHANNELS, (left, right))
+    return float(first), float(second)
 
 
 def check_codes(left: _Codes, right: _Codes, *, full_scale: int, limits: Limits) -> tuple[int, int]:
@@ -153,11 +156,9 @@ def check_codes(left: _Codes, right: _Codes, *, full_scale: int, limits: Limits)
     (32767, 0)
     """
     _check_lengths(left.size, right.size, limits)
-    peaks = (
-        _check_waveform("left", left.astype(np.int64), limits, full_scale),
-        _check_waveform("right", right.astype(np.int64), limits, full_scale),
-    )
-    return int(peaks[0]), int(peaks[1])
+    check = partial(_check_waveform, limits=limits, full_scale=full_scale)
+    first, second = map(check, CHANNELS, (left.astype(np.int64), right.astype(np.int64)))
+    return int(first), int(second)
 
 
 def _check_lengths(n_left: int, n_right: int, limits: Limits) -> None:
@@ -254,7 +255,7 @@ def check_rest(*, since_onset_us: int, duration_us: int, limits: Limits) -> None
 
     Each burst pays for its own rest, so that the duty stays within its limit over any long time.
 
-    >>> limits = Limits(ceiling_vpp=200.0, least_interval_s=0.05)
+    >>> limits = Limits(ceiling_vpp=200.0, min_interval_s=0.05)
     >>> check_rest(since_onset_us=52_000, duration_us=2_000, limits=limits)
     >>> check_rest(since_onset_us=51_999, duration_us=2_000, limits=limits)
     Traceback (most recent call last):

@@ -9,9 +9,10 @@ from .perception.gains import ConditionGains
 from .rows import COLUMNS, TrialRow
 from .session.run import run_session
 from .session.simulate import simulate_study
+from .study.base import StudyError
 from .study.files import first_study, paper_study, read_study, study_from_text
 from .study.physics import study_gains
-from .study.study import Study, StudyError
+from .study.study import Study
 from .trial.draw import draw_plan
 from .trial.plan import Plan, PlanError, Trial
 from .trial.responder import (

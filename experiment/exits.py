@@ -1,4 +1,4 @@
-"""How a command ends that cannot do what it was asked: one line on stderr and an exit code."""
+"""How a command ends that cannot do its work: one line on stderr and an exit code."""
 
 from __future__ import annotations
 
@@ -8,6 +8,8 @@ import functools
 from typing import IO, TYPE_CHECKING, Any, Final, ParamSpec, TypeVar
 
 import click
+
+from device.printing import escaped
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -21,10 +23,12 @@ DEVICE_FAILED: Final = 3
 """Exit code: device failure."""
 STOPPED_EARLY: Final = 4
 """Exit code: stopped early, can be resumed."""
+INTERNAL_ERROR: Final = 70
+"""Exit code: a fault of tactstrip itself."""
 INTERRUPTED: Final = 130
 """Exit code after Ctrl-C outside a session, as shells have it."""
 
-_FULL: Final = (errno.ENOSPC, errno.EFBIG, errno.EDQUOT)
+_NO_ROOM: Final = (errno.ENOSPC, errno.EDQUOT)
 _Parameters = ParamSpec("_Parameters")
 _Result = TypeVar("_Result")
 
@@ -34,8 +38,8 @@ class CommandError(click.ClickException):
 
     Parameters
     ----------
-    message : str
-        What is wrong and what to do; shown as one line.
+    *messages : str
+        What is wrong and what to do; a line each.
     exit_code : int
         The command's exit code.
     label : str
@@ -48,16 +52,29 @@ class CommandError(click.ClickException):
     (2, 'study.toml: no such file')
     """
 
-    def __init__(self, message: str, exit_code: int = BAD_INPUT, *, label: str = "error: ") -> None:
-        super().__init__(" ".join(message.splitlines()))
+    def __init__(self, *messages: str, exit_code: int = BAD_INPUT, label: str = "error: ") -> None:
+        self._lines = tuple(escaped(" ".join(message.split("\n"))) for message in messages)
+        super().__init__("\n".join(self._lines))
         # click declares one code per class; `main` reads the instance's
         vars(self)["exit_code"] = exit_code
         self._label = label
 
     def show(self, file: IO[Any] | None = None) -> None:
-        """Write the line, to stderr unless told otherwise; a closed terminal is no new error."""
+        """Write the lines, by default to stderr; a closed terminal is no further error."""
         with contextlib.suppress(OSError):
-            click.echo(f"{self._label}{self.format_message()}", file=file, err=file is None)
+            for line in self._lines:
+                click.echo(f"{self._label}{line}", file=file, err=file is None)
+
+
+def room_hint(error_number: int | None) -> str:
+    """Return the advice to make room, if a write failed because a disk or a quota is full.
+
+    Examples
+    --------
+    >>> room_hint(errno.ENOSPC), room_hint(errno.EIO)
+    ('make room, then ', '')
+    """
+    return "make room, then " if error_number in _NO_ROOM else ""
 
 
 def refusals(command: Callable[_Parameters, _Result]) -> Callable[_Parameters, _Result]:
@@ -87,9 +104,13 @@ def refusals(command: Callable[_Parameters, _Result]) -> Callable[_Parameters, _
             raise
         except OSError as error:
             where = f"{error.filename}: " if error.filename is not None else ""
-            hint = "; make room, then run it again" if error.errno in _FULL else ""
+            room = room_hint(error.errno)
+            hint = f"; {room}run it again" if room else ""
             raise CommandError(f"{where}{error.strerror or error}{hint}") from error
         except ValueError as error:
-            raise CommandError(str(error)) from error
+            # an error of a study has a line for each of its faults
+            source, faults = getattr(error, "source", ""), getattr(error, "faults", ())
+            lines = [f"{source}: {fault}" for fault in faults] or [str(error)]
+            raise CommandError(*lines) from error
 
     return guarded

@@ -12,22 +12,26 @@ from dataclasses import dataclass, field, fields
 from operator import attrgetter
 from typing import TYPE_CHECKING, Any, TypeAlias
 
+from experiment.tasks import LEFT_RIGHT_BOTH
+
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable
+    from collections.abc import Iterable
 
 
-SCHEMA = 2
+SCHEMA = 3
 NOT_AVAILABLE = "n/a"
+OTHER_VERSION = "another version of tactstrip wrote it"
 
-KINDS = ("single", "both", "blank", "practice", "control")
-SIDES = ("left", "right", "both", "none")
-ANSWERS = ("left", "right", "both", "none")
+PRACTICE = "practice"
+HANDS_OFF = "hands_off"
+"""The kind of the trials with the hands off the plate."""
+KINDS = (*LEFT_RIGHT_BOTH.kinds, PRACTICE, HANDS_OFF)
+SIDES = LEFT_RIGHT_BOTH.presentation_names
+ANSWERS = LEFT_RIGHT_BOTH.answer_names
 RESPONSES = (*ANSWERS, "timeout", "invalid")
 STATUSES = ("ok", "device_error", "indeterminate", "aborted", "voided")
 BASES = ("measured", "predicted")
 DEVICE_KINDS = ("real", "emulated", "mock")
-CONSTANT = "constant"
-"""The rule of levels that the plan has."""
 PLACES = ("line", "amplifier", "current", "motion", "false")
 """Where a monitor measured a burst as planned; ``false`` where it did not."""
 TAPS = PLACES[:-1]
@@ -70,7 +74,7 @@ class _Presented:
     participant: str = _column("participant's identifier")
     session: str = _column("session's identifier")
     condition: str = _column("condition's name in the study file")
-    block: int = _column("block, counted from 1; 0 is practice, -1 the audibility check")
+    block: int = _column("block, counted from 1; 0 is practice, -1 the hands-off trials before it")
     trial: int = _column("trial of the plan, counted from 1")
     attempt: int = _column("1, or more where a trial had to be presented again")
 
@@ -86,7 +90,7 @@ class TrialRow(_Presented):
     --------
     >>> from dataclasses import fields
     >>> from experiment import COLUMNS
-    >>> [one.name for one in fields(TrialRow)] == [column.name for column in COLUMNS]
+    >>> [each.name for each in fields(TrialRow)] == [column.name for column in COLUMNS]
     True
     """
 
@@ -106,12 +110,10 @@ class TrialRow(_Presented):
         "greatest displacement under the right finger, micrometres"
     )
     displacement_basis: str | None = _column("where the displacements come from", *BASES)
-    anticipated: bool = _column("a key came before the onset or within 100 ms of it")
+    premature: bool = _column("a response came before the onset or within 100 ms of it")
     noise_ok: bool | None = _column("whether the masking noise played from the onset to the answer")
     simulated: bool = _column("whether the participant is a simulation")
     device_kind: str | None = _column("what drove the actuators, if anything did", *DEVICE_KINDS)
-    level_rule: str | None = _column("how the level was chosen: constant, or adaptive:NAME")
-    level_planned_vpp: float | None = _column("level that the plan has, peak-to-peak volts")
     burst_verified: str | None = _column("where a monitor measured the burst as planned", *PLACES)
     onset_clock: int = _column(
         "1, or more after the computer was started anew: onsets of another number are on another "
@@ -148,20 +150,15 @@ class MeasuredRow(_Presented):
     noise_right: float | None = _column("effective value of the noise, right")
 
 
-def _describe() -> tuple[Column, ...]:
-    return tuple(
-        Column(
-            name=f.name,
-            type=str(f.type).removesuffix(" | None"),
-            optional=str(f.type).endswith(" | None"),
-            choices=f.metadata["choices"],
-            description=f.metadata["description"],
-        )
-        for f in fields(TrialRow)
+COLUMNS: tuple[Column, ...] = tuple(
+    Column(
+        name=each.name,
+        type=str(each.type).removesuffix(" | None"),
+        optional=str(each.type).endswith(" | None"),
+        **each.metadata,
     )
-
-
-COLUMNS: tuple[Column, ...] = _describe()
+    for each in fields(TrialRow)
+)
 """The columns of trials.csv, in their order, which are the fields of `TrialRow`.
 
 Units are the suffixes of the names; ``optional`` tells where ``n/a`` may stand, ``choices`` the
@@ -169,69 +166,32 @@ words that may.
 
 >>> from experiment import COLUMNS
 >>> [column.name for column in COLUMNS if column.type == "bool"]
-['correct', 'anticipated', 'noise_ok', 'simulated']
+['correct', 'premature', 'noise_ok', 'simulated']
 """
-_READ: dict[str, Callable[[str], Any]] = {"int": int, "float": float, "str": str}
-
-
-def is_correct(kind: str, side: str, response: str | None) -> bool | None:
-    """Tell whether an answer names the stimulus; ``None`` without an answer.
-
-    A single stimulus is named only by its own side, so ``both`` is not correct; a both-finger trial
-    only by ``both``; a blank one only by ``none``. A time-out and an invalid key are not correct.
-
-    >>> is_correct("single", "left", "both"), is_correct("both", "both", "both")
-    (False, True)
-    """
-    if response is None:
-        return None
-    return response == ("none" if kind == "blank" else side)
-
-
 Row: TypeAlias = TrialRow | MeasuredRow
 
 
 def format_value(value: object) -> str:
     """Write one value as it stands in trials.csv; numbers keep their shortest exact form.
 
-    >>> [format_value(v) for v in (None, True, 60.0, 0.25, "left")]
-    ['n/a', 'true', '60', '0.25', 'left']
+    >>> [format_value(v) for v in (None, True, 60.0, 0.25, "ok")]
+    ['n/a', 'true', '60', '0.25', 'ok']
     """
     if isinstance(value, float):  # most are
         return repr(int(value)) if value.is_integer() else repr(value)
     if value is None:
         return NOT_AVAILABLE
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    return str(value)
+    return str(value).lower() if isinstance(value, bool) else str(value)
 
 
 def table_csv(kind: type[Row], rows: Iterable[Row]) -> str:
     """Write rows of a kind as the text of their table: commas, LF line ends, the heading first."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
-    names = [one.name for one in fields(kind)]
+    names = [each.name for each in fields(kind)]
     writer.writerow(names)
     cells = attrgetter(*names)
     writer.writerows(
         [cell if type(cell) is str else format_value(cell) for cell in cells(row)] for row in rows
     )
     return text.getvalue()
-
-
-def measured_from_csv(text: str) -> tuple[MeasuredRow, ...]:
-    """Return the rows of a measured.csv that is as `table_csv` wrote it.
-
-    >>> measured_from_csv(table_csv(MeasuredRow, []))
-    ()
-    """
-    _, *lines = csv.reader(io.StringIO(text))
-    told = [(one.name, str(one.type).split(" | ")) for one in fields(MeasuredRow)]
-
-    def row(cells: list[str]) -> dict[str, Any]:
-        return {
-            name: None if optional and cell == NOT_AVAILABLE else _READ[kind](cell)
-            for (name, (kind, *optional)), cell in zip(told, cells, strict=True)
-        }
-
-    return tuple(MeasuredRow(**row(cells)) for cells in lines)

@@ -15,6 +15,7 @@ from hypothesis import settings
 
 from experiment import ConditionGains, simulate_study, study_from_text
 from tactstrip import main
+from tests.plates import PAPER_PLATE, on_paper_plate
 from tests.processes import emulate, emulator_server, kill_at, null_sink
 from tests.test_experiment.sessions import contents
 
@@ -68,19 +69,19 @@ def run() -> Run:
 @pytest.fixture(scope="session")
 def short_study_text() -> str:
     """A study file of five trials in two blocks."""
-    return SHORT_DESIGN
+    return PAPER_PLATE + SHORT_DESIGN
 
 
 @pytest.fixture(scope="session")
-def quick_study_text(short_study_text: str) -> str:
+def quick_study_text() -> str:
     """The same with a burst whose displacements are computed in a moment."""
-    return QUICK_BURST + short_study_text
+    return PAPER_PLATE + QUICK_BURST + SHORT_DESIGN
 
 
 @pytest.fixture(scope="session")
 def make_study() -> Callable[[str], Study]:
-    """A study from the text of a study file; what the text leaves out is the paper's protocol."""
-    return lambda text: study_from_text(text, "study.toml")
+    """A study from the text of a study file, on the paper's plate unless it has another."""
+    return lambda text: study_from_text(on_paper_plate(text), "study.toml")
 
 
 @pytest.fixture

@@ -38,7 +38,7 @@ for order in sys.stdin:
         continue
     os.setsid()
     nature = Nature(
-        limits=Limits(ceiling_vpp=200.0, least_interval_s=wish["least_interval_s"]),
+        limits=Limits(ceiling_vpp=200.0, min_interval_s=wish["min_interval_s"]),
         output=OutputStage(sample_rate_hz=wish["sample_rate_hz"]),
         baud=wish["baud"],
     )
@@ -59,7 +59,7 @@ USUAL_EMULATOR: dict[str, object] = {
     "baud": None,
     "volts": False,
     "sample_rate_hz": 48_000.0,
-    "least_interval_s": 0.005,
+    "min_interval_s": 0.005,
 }
 
 HALT_AT = """

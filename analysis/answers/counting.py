@@ -1,4 +1,4 @@
-"""Which trials count, which are left out and why; control trials; reaction times."""
+"""Which trials count, which are left out and why; hands-off trials; reaction times."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ import numpy as np
 import pandas as pd
 
 from analysis.definitions import TOTAL, in_order
-from experiment.rows import COLUMNS, NOT_AVAILABLE
-from experiment.trial.plan import AUDIBILITY_BLOCK, CONTROL
+from experiment.rows import COLUMNS, HANDS_OFF, NOT_AVAILABLE
+from experiment.trial.plan import HANDS_OFF_BLOCK
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -100,7 +100,8 @@ def offers_none(trials: pd.DataFrame) -> bool:
     return bool(offered.fillna(value=False).all())
 
 
-AUDIBILITY = "audibility"
+BEFORE, AFTER = "before", "after"
+"""Hands-off trials before practice, and those after the task."""
 _ANSWERS = {
     "left": "left",
     "right": "right",
@@ -110,41 +111,43 @@ _ANSWERS = {
     "invalid": "invalid",
 }
 _KEY = ["condition", "part", "side"]
-CONTROL_COLUMNS = ("participant", "part", "side", *_ANSWERS, "presented")
+HANDS_OFF_COLUMNS = ("participant", "part", "side", *_ANSWERS, "presented")
 
 
-def control_table(trials: pd.DataFrame) -> pd.DataFrame:
-    """Count the answers to control trials; none of them is in any other table.
+def hands_off_table(trials: pd.DataFrame) -> pd.DataFrame:
+    """Count the answers to hands-off trials; none of them is in any other table.
 
-    Columns `CONTROL_COLUMNS`: for each participant, then for `TOTAL`, a row for each part
-    (`AUDIBILITY` at the beginning, ``control`` at the end) and side of the plate that was driven.
+    Columns `HANDS_OFF_COLUMNS`: for each participant, then for `TOTAL`, a row for each part
+    (`BEFORE` practice, `AFTER` the task) and side of the plate that was driven.
     With several conditions a column ``condition`` stands in front, each with its own totals.
 
     >>> trials = pd.DataFrame({"participant": "1", "condition": "main", "block": [-1, 2],
-    ...     "kind": "control", "side": "left", "response": ["none", "left"], "fault": ""})
-    >>> control_table(trials)[["participant", "part", "left", "none"]].to_numpy().tolist()
-    [['1', 'audibility', 0, 1], ['1', 'control', 1, 0], ['all', 'audibility', 0, 1],
-    ['all', 'control', 1, 0]]
+    ...     "kind": "hands_off", "side": "left", "response": ["none", "left"], "fault": ""})
+    >>> hands_off_table(trials)[["participant", "part", "left", "none"]].to_numpy().tolist()
+    [['1', 'before', 0, 1], ['1', 'after', 1, 0], ['all', 'before', 0, 1], ['all', 'after', 1, 0]]
     """
-    chosen = trials[trials["kind"].astype(object).eq(CONTROL) & trials["fault"].eq("")]
+    chosen = trials[trials["kind"].astype(object).eq(HANDS_OFF) & trials["fault"].eq("")]
     response = chosen["response"].astype(object)
     marked = pd.DataFrame(
         {
             "participant": chosen["participant"],
             "condition": chosen["condition"],
-            "part": np.where(chosen["block"].eq(AUDIBILITY_BLOCK), AUDIBILITY, CONTROL),
+            "part": pd.Categorical(
+                np.where(chosen["block"].eq(HANDS_OFF_BLOCK), BEFORE, AFTER), [BEFORE, AFTER]
+            ),
             "side": chosen["side"].astype(object),
             **{name: response.eq(word).astype(np.int64) for name, word in _ANSWERS.items()},
             "presented": 1,
         }
     )
-    people = marked.groupby(["participant", *_KEY], as_index=False).sum()
+    people = marked.groupby(["participant", *_KEY], as_index=False, observed=True).sum()
     people = people.sort_values(["participant", *_KEY], key=in_order)
-    totals = people.drop(columns="participant").groupby(_KEY, as_index=False).sum()
+    totals = people.drop(columns="participant").groupby(_KEY, as_index=False, observed=True).sum()
     table = pd.concat([people, totals.assign(participant=TOTAL)])
+    table = table.astype({"part": object})
     table = table.sort_values("condition", kind="stable").reset_index(drop=True)
     several = len(set(chosen["condition"])) > 1
-    return table[["condition", *CONTROL_COLUMNS] if several else list(CONTROL_COLUMNS)]
+    return table[["condition", *HANDS_OFF_COLUMNS] if several else list(HANDS_OFF_COLUMNS)]
 
 
 REACTION_COLUMNS = ("condition", "level_vpp", "side", "n", "median", "p10", "p90")

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import click
 
 from analysis.definitions import METHODS
+from device.printing import echo
 from experiment.commands.options.hardware import working
 from experiment.exits import ANSWER_IS_NO, CommandError, refusals
 
@@ -220,7 +221,7 @@ def analyze(
         bar=True,
     )
     print_analysis(analysis, sys.stdout)
-    click.echo(f"Written to {target}{'' if pdf or no_figures else '; --pdf: figures as PDF, too'}")
+    echo(f"Written to {target}{'' if pdf or no_figures else '; --pdf: figures as PDF, too'}")
     if strict and analysis.warnings:
         click.get_current_context().exit(ANSWER_IS_NO)
 

@@ -16,6 +16,7 @@ import click
 from analysis.audit.printed import Printed
 from analysis.audit.rows import READINGS, PrintedRow
 from analysis.reading.text import ResultFileError, one_line, shown
+from device.printing import echo
 from experiment.exits import ANSWER_IS_NO, refusals
 
 if TYPE_CHECKING:
@@ -222,9 +223,9 @@ def audit(table: Path, *, as_json: bool) -> None:
 
     report = audit_rows(read_table(table))
     if as_json:
-        click.echo(audit_json(report))
+        echo(*audit_json(report).split("\n"))
     else:
         for line in format_audit(report):
-            click.echo(_wrap_line(line))
+            echo(*_wrap_line(line).split("\n"))
     if not report.possible:
         click.get_current_context().exit(ANSWER_IS_NO)

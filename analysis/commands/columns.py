@@ -7,6 +7,7 @@ from pathlib import Path
 
 import click
 
+from device.printing import echo
 from experiment.archive.disk import DISK, write_new
 from experiment.exits import CommandError, refusals
 
@@ -41,7 +42,7 @@ def columns(*, tables: tuple[Path, ...], target: Path | None) -> None:
         raise CommandError(f"{tables[0]}: a {TABLE} of tactstrip needs no map")
     text, blanks = map_draft(sources)
     if target is None:
-        click.echo(text, nl=False)
+        echo(*text.removesuffix("\n").split("\n"))
         return
     write_new(target, text.encode(), DISK)
     instruction = f"fill in {', '.join(blanks)}, then " if blanks else "check its guesses, then "
@@ -54,6 +55,6 @@ def columns(*, tables: tuple[Path, ...], target: Path | None) -> None:
     )
     for line in text.splitlines():
         if line.startswith(NOTE):
-            click.echo(line.removeprefix(NOTE))
+            echo(line.removeprefix(NOTE))
     analyze = f"tactstrip analyze {arguments} --columns {target}{out}"
-    click.echo(f"Written to {target}; {instruction}{analyze}")
+    echo(f"Written to {target}; {instruction}{analyze}")

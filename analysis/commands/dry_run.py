@@ -8,16 +8,16 @@ from __future__ import annotations
 
 import secrets
 import sys
-import textwrap
 from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
+from device.printing import echo
 from experiment.archive.disk import FOLDER_MODE, UNWAITED, make_folder
 from experiment.commands.options.hardware import working
-from experiment.exits import DEVICE_FAILED, CommandError, refusals
+from experiment.exits import DEVICE_FAILED, CommandError, refusals, room_hint
 
 if TYPE_CHECKING:
     from experiment.check.check import StudyCheck
@@ -76,25 +76,24 @@ def dry_run(
     from analysis.commands.analyze import write_analysis
     from analysis.results.console import print_analysis
     from experiment.check.check import require_fit
-    from experiment.study.files import first_study, read_study
-    from experiment.study.study import told_by_file
-    from experiment.study.threshold import people_words, unmeasured_words
+    from experiment.check.report import report_text
+    from experiment.check.study_report import simulated_participants
+    from experiment.study.files import first_study, naming, read_study
 
-    with working("Checking"), told_by_file(study_file):
+    with working("Checking"), naming(study_file):
         study = first_study() if study_file is None else read_study(study_file)
         check = require_fit(study)
     folder = new_folder(out)
     seed = secrets.randbits(32) if seed is None else seed
-    click.echo(f"{participants} simulated participants, seed {seed}, in {folder}")
-    fingers = [gains.fingers() for gains in check.gains]
-    for note in (*people_words(study, fingers), unmeasured_words(study)):
-        if note:
-            click.echo(textwrap.fill(note, _WIDTH, subsequent_indent="  ", break_on_hyphens=False))
+    people = f"{participants} simulated participant{'s' * (participants > 1)}"
+    echo(f"{people}, seed {seed}, in {folder}")
+    simulated = simulated_participants(study, check.gains)
+    echo(*report_text("simulated", simulated, warnings=True).split("\n"))
     _simulate(check, folder, participants, seed)
     print_analysis(write_analysis([folder], folder / "analysis", seed=seed, bar=True), sys.stdout)
     if with_levels:
         _print_levels(study, folder)
-    click.echo(f"Written to {folder / 'analysis'}")
+    echo(f"Written to {folder / 'analysis'}")
 
 
 def _print_levels(study: Study, folder: Path) -> None:
@@ -103,11 +102,11 @@ def _print_levels(study: Study, folder: Path) -> None:
     from analysis.reading.load import read_trials
     from analysis.thresholds.levels import LevelsError, place_levels
 
-    click.echo("Levels by these sessions:")
+    echo("Levels by these sessions:")
     trials = read_trials([folder])
     for participant in sorted(trials["participant"].unique(), key=counted_up):
         for result in place_levels(trials, participant, study):
-            click.echo(f"  {result if isinstance(result, LevelsError) else format_line(result)}")
+            echo(f"  {result if isinstance(result, LevelsError) else format_line(result)}")
 
 
 def new_folder(out: Path | None) -> Path:
@@ -144,4 +143,4 @@ def _simulate(check: StudyCheck, folder: Path, participants: int, seed: int) -> 
     except SimulationError as error:
         raise CommandError(str(error), exit_code=DEVICE_FAILED) from error
     except JournalWriteError as error:
-        raise CommandError(f"{error}; make room, then run it again") from error
+        raise CommandError(f"{error}; {room_hint(error.errno)}run it again") from error

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Final
 
 import click
 
+from device.printing import echo
 from experiment.archive.disk import DISK, write_new
 from experiment.archive.manifest import LEVELS_SUFFIX
 from experiment.exits import CommandError, refusals
@@ -92,11 +93,12 @@ def levels(
         selected = _select_placements(placements, errors, condition)
         write_levels(selected, target, simulated=simulated)
     for result in results:
-        click.echo(str(result) if isinstance(result, LevelsError) else format_placement(result))
+        text = str(result) if isinstance(result, LevelsError) else format_placement(result)
+        echo(*text.split("\n"))
     if simulated:
-        click.echo(f"{_SIMULATED}.")
+        echo(f"{_SIMULATED}.")
     if target is not None:
-        click.echo(f"Written to {target}; tactstrip run STUDY --levels {target} uses it")
+        echo(f"Written to {target}; tactstrip run STUDY --levels {target} uses it")
 
 
 def _select_placements(

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from device.printing import echo
 from experiment.commands.options.hardware import working
 from experiment.exits import ANSWER_IS_NO, STOPPED_EARLY, CommandError, refusals
 
@@ -95,7 +96,7 @@ class Progress:
             time_left = f"about {_duration(self._remaining_s(now_s, remaining))} left"
             self._message = "; ".join(filter(None, [time_left, result()]))
             if not self._terminal:
-                click.echo(self._message, err=True)
+                echo(self._message, err=True)
         self._show(round(self._done), max(round(self._done + remaining), 1), self._message)
 
     def _remaining_s(self, now_s: float, remaining: float) -> float:
@@ -284,14 +285,13 @@ def power(
     from analysis.power.promise import as_json as format_json
     from analysis.power.promise import text as format_text
     from analysis.workers.kept import computed_in
-    from experiment.study.files import read_study
-    from experiment.study.study import told_by_file
+    from experiment.study.files import naming, read_study
 
     goal = Goal.parse(goal_text)
     _require_usage({"participants": participants, "trials": trials, "blanks": blanks}, figure)
     if seed is None:
         seed = int((computed_in(keep) if keep else {}).get("seed", secrets.randbits(32)))
-    with told_by_file(study_file):
+    with naming(study_file):
         people = _people(read_study(study_file), goal, pilot, columns, population)
     computed = {"study": people.study.sha256, "goal": goal_text, "seed": seed}
     format_promise = format_json if as_json else format_text
@@ -299,7 +299,7 @@ def power(
     with (
         _partial_result(format_promise) as stopped,
         distribution as spread,
-        told_by_file(study_file),
+        naming(study_file),
         working("Simulating") as show,
     ):
         terminal = sys.stderr.isatty()
@@ -307,7 +307,7 @@ def power(
         def print_prediction(min_s: float, max_s: float) -> None:
             if max_s > _MIN_PREDICTION_S or terminal:
                 hint = _LONG_SEARCH_HINT if max_s > _LONG_SEARCH_S else ""
-                click.echo(f"{_format_prediction(min_s, max_s)}{hint}", err=True)
+                echo(f"{_format_prediction(min_s, max_s)}{hint}", err=True)
 
         promise = plan_study(
             people,
@@ -323,7 +323,7 @@ def power(
             step=Progress(show, terminal=terminal).step,
             stopped=stopped,
         )
-    click.echo(format_promise(promise))
+    echo(*format_promise(promise).split("\n"))
     if figure is not None:
         from analysis.power.figure import write_figure
 
@@ -353,7 +353,7 @@ def _partial_result(
     except (KeyboardInterrupt, CommandError):
         for promise in promises:
             if promise.tried:
-                click.echo(format_promise(promise))
+                echo(*format_promise(promise).split("\n"))
         raise
 
 
@@ -410,12 +410,12 @@ def _distributed_work(
                 workers=workers,
                 scheduler=client,
                 kept=kept,
-                tell=partial(click.echo, err=True),
+                tell=partial(echo, err=True),
             )
         except StoppedError as error:
             hint = continues if keep else "--keep FILE keeps what is finished"
-            raise CommandError(f"{error}; {hint}", STOPPED_EARLY) from error
+            raise CommandError(f"{error}; {hint}", exit_code=STOPPED_EARLY) from error
         except KeyboardInterrupt as error:
             if keep is None:
                 raise
-            raise CommandError(f"interrupted; {continues}", STOPPED_EARLY) from error
+            raise CommandError(f"interrupted; {continues}", exit_code=STOPPED_EARLY) from error

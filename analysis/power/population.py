@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -14,7 +14,6 @@ from analysis.groups.draws import difference_spread_draws, group_draws
 from analysis.groups.hierarchy import FEW, PeopleTables
 from analysis.thresholds.people import as_amplitudes, as_named, people_of
 from experiment.perception.answers import answer_probabilities
-from experiment.study.base import stated_of
 from experiment.study.simulation import CURVE_KEYS
 from experiment.study.threshold import dry_run_difference_db, threshold_vpp
 
@@ -50,8 +49,8 @@ _OF_BLANKS: Final = (
     "false_alarm_rate",
     "reaction_time_s",
     "reaction_time_spread",
-    "reaction_time_least_s",
-    "reaction_time_doubt",
+    "min_reaction_time_s",
+    "reaction_time_slowing",
 )
 """Keys that false alarms hang on: nothing is felt, so no threshold."""
 _LEAST_VPP, _MOST_VPP = 0.1, 1000.0
@@ -155,14 +154,12 @@ def _or_none(value: float | None) -> str:
 def stated_people(study: Study, goal: Goal) -> People:
     """Return the people that a study states; refuse it without what everything hangs on."""
     needed = [SPREAD] + [DIFFERENCE_SPREAD] * (goal.kind == "difference")
-    keys = stated_of(study.simulation).keys or {}
+    keys = study.simulation.model_fields_set
     for key in needed if goal.kind != "false-alarms" else ():
         if key not in keys:
             raise ValueError(
-                f"simulation.{key} must be stated, {_MEANT[key]}, in dB: in the study, from a "
-                "pilot (--pilot DIR) or as assumed (--people literature); got none of yours"
-                f"{_IF_UNKNOWN[key]} "
-                f'(in a file that tactstrip init wrote: add "simulation.{key}" to told in [init])'
+                f"simulation.{key}: is required, {_MEANT[key]}, in dB: set it in the study, or use "
+                f"--pilot DIR or --people literature{_IF_UNKNOWN[key]}"
             )
     numbers, warnings = _numbers(study, goal, study, {}), (*_wide(study),)
     return People(study=study, file=study, whose="the study's", numbers=numbers, warnings=warnings)
@@ -190,10 +187,12 @@ _MEANT: Final = {
 
 def literature_people(study: Study, goal: Goal) -> People:
     """Return people as the literature has them, where the study does not state them."""
-    keys = stated_of(study.simulation).keys or {}
+    keys = study.simulation.model_fields_set
     known = LITERATURE | (_WITH_NONE if "none" in study.design.responses else {})
     taken = {key: told for key, told in known.items() if key not in keys}
-    section = asdict(study.simulation) | {key: value for key, (value, _) in taken.items()}
+    section = study.simulation.model_dump(exclude_unset=True) | {
+        key: value for key, (value, _) in taken.items()
+    }
     changed = study.changed(simulation=section)
     numbers = _numbers(changed, goal, study, dict(taken))
     assumed = [one.key for one in numbers if taken.get(one.key, ("", ""))[1].startswith("assumed")]
@@ -254,7 +253,7 @@ def pilot_people(study: Study, goal: Goal, loaded: LoadedTrials, where: str) -> 
         )
         for key in draws[0]
     }
-    section = asdict(study.simulation) | _KNOWN_ELSEWHERE
+    section = study.simulation.model_dump(exclude_unset=True) | _KNOWN_ELSEWHERE
     changed = study.changed(simulation=section | {key: value for key, (value, _) in told.items()})
     return People(
         study=changed,
@@ -305,7 +304,7 @@ def _difference_spreads(study: Study, people: PersonCounts, where: str) -> tuple
     places = {name: i for i, name in enumerate(people.names)}
     both = [who for condition, who in people.names if condition == one and (other, who) in places]
     if len(both) < 2:  # noqa: PLR2004
-        if DIFFERENCE_SPREAD in (stated_of(study.simulation).keys or {}):
+        if DIFFERENCE_SPREAD in study.simulation.model_fields_set:
             return [], FEW
         raise ValueError(
             f"simulation.{DIFFERENCE_SPREAD} must be stated, {_MEANT[DIFFERENCE_SPREAD]}, in dB, "
@@ -361,7 +360,7 @@ def _numbers(
 
     `file` is the study as its file has it, and `taken` what was put into it.
     """
-    keys = stated_of(file.simulation).keys or {}
+    keys = file.simulation.model_fields_set
     return tuple(
         Stated(
             key=key,
@@ -373,7 +372,7 @@ def _numbers(
             else ASSUMED,
             dry_run=getattr(file.simulation, key),
         )
-        for key, value in asdict(study.simulation).items()
+        for key, value in study.simulation.model_dump().items()
         if (key in _ALWAYS or key in keys or key in taken)
         and isinstance(value, int | float)
         and _hangs_on(goal, key, study.design.responses)

@@ -269,24 +269,23 @@ def text(promise: Promise) -> str:
 def _assumed(people: People) -> str:
     """Say whom the answer holds for: the numbers that decide it, and whose they are."""
     told = {one.key: one for one in people.numbers}
-    known = people.study.simulation.known_for.words
+    values = people.study.simulation.reference_vibration.values.values()
+    known = f" at {', '.join(f'{value:g}' for value in values)}" if values else ""
     decide = _DECIDING if any(key in told for key, *_ in _DECIDING) else _WITHOUT_THRESHOLD
     parts = [
         f"{words} = {told[key].value:.4g}{unit.replace('V', people.unit)}"
         f"{known if 'median' in words else ''} "
-        f"({told[key].source}{_elsewhere(people, told[key])})"
+        f"({told[key].source}{_elsewhere(told[key])})"
         for key, words, unit in decide
         if key in told
     ]
     return f"The simulated people: {', '.join(parts)}"
 
 
-def _elsewhere(people: People, number: Stated) -> str:
-    """Say that assumed volts are another plate's; empty where they are not."""
-    own = number.key != "threshold_vpp" or number.source != ASSUMED
-    if own or people.study.plate.is_the_papers:
-        return ""
-    return ", in volts of the paper's plate; yours are not known, docs/plate.md"
+def _elsewhere(number: Stated) -> str:
+    """Say that assumed volts are those of the paper's plate."""
+    is_assumed = number.key == "threshold_vpp" and number.source == ASSUMED
+    return ", in volts of the paper's plate" if is_assumed else ""
 
 
 _FEWEST = 2

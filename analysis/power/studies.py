@@ -20,7 +20,7 @@ from analysis.power.goals import Goal, judged
 from analysis.power.population import truth_of
 from analysis.thresholds.levels import LevelsError, pilot_functions, placed
 from experiment.perception.gains import gains_from_json
-from experiment.study.design import LEAST_LEVEL_VPP
+from experiment.study.design import MIN_LEVEL_VPP
 from experiment.study.files import study_from_canonical
 from experiment.study.simulation import Simulation
 from experiment.study.threshold import people_for_burst, threshold_vpp
@@ -120,7 +120,7 @@ def simulate(chunk: Chunk) -> dict[str, Any]:
     plan = _read(chunk.plan)
     design = design_of(plan.study.design, chunk.point)
     if plan.goal.kind == "false-alarms":  # single stimuli tell nothing of them
-        design = replace(design, levels_vpp=design.levels_vpp[:1])
+        design = design.changed(levels_vpp=design.levels_vpp[:1])
     studies = range(chunk.first, chunk.first + chunk.number)
     number = chunk.point.participants
     sessions = [
@@ -157,7 +157,7 @@ def pilot_levels_vpp(study: Study, gains: FingerGains) -> tuple[float, ...]:
     least_vpp = min(
         highest_vpp / _PILOT_RANGE, threshold_vpp(people, gains) * 10 ** (-below_db / 20)
     )
-    levels_vpp = np.geomspace(max(least_vpp, LEAST_LEVEL_VPP), highest_vpp, _PILOT_LEVELS)
+    levels_vpp = np.geomspace(max(least_vpp, MIN_LEVEL_VPP), highest_vpp, _PILOT_LEVELS)
     found = np.minimum(np.round(levels_vpp, 1), highest_vpp)  # 118.78 V are not 118.8
     return tuple(found.tolist())
 
@@ -165,8 +165,7 @@ def pilot_levels_vpp(study: Study, gains: FingerGains) -> tuple[float, ...]:
 def design_of(design: Design, point: Point) -> Design:
     """Return the design of a point."""
     levels = len(design.levels_vpp)
-    return replace(
-        design,
+    return design.changed(
         trials_per_side=point.trials_per_side,
         blank_trials=point.blanks,
         order="random" if point.trials_per_side % levels else design.order,
@@ -194,8 +193,7 @@ def _with_placed_levels(plan: _Plan, sessions: Sequence[Session]) -> list[Sessio
     gets levels of its own.
     """
     design = sessions[0].design
-    pilot = replace(
-        design,
+    pilot = design.changed(
         levels_vpp=pilot_levels_vpp(plan.study, plan.gains),
         trials_per_side=_PILOT_PER_SIDE,
         blank_trials=_PILOT_BLANKS if "none" in design.responses else 0,
@@ -225,4 +223,4 @@ def _placed(plan: _Plan, design: Design, pilot: PilotFunction | LevelsError) -> 
     except LevelsError:
         return design
     order = "random" if design.trials_per_side % len(found) else plan.study.design.order
-    return replace(design, levels_vpp=found, order=order)
+    return design.changed(levels_vpp=found, order=order)

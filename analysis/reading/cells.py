@@ -16,7 +16,7 @@ import pandas as pd
 from analysis.axis import LARGEST
 from analysis.reading.text import ResultFileError, shown
 from experiment.rows import NOT_AVAILABLE, RESPONSES, SCHEMA, Column
-from experiment.trial.plan import AUDIBILITY_BLOCK
+from experiment.trial.plan import HANDS_OFF_BLOCK
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -57,7 +57,7 @@ UNITS: Mapping[str, Mapping[str, tuple[float, float]]] = MappingProxyType(
 _LEAST: Mapping[str, int] = MappingProxyType(
     {
         "schema": SCHEMA,
-        "block": AUDIBILITY_BLOCK,
+        "block": HANDS_OFF_BLOCK,
         "trial": 1,
         "attempt": 1,
         "detected": 0,

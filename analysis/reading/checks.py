@@ -16,7 +16,7 @@ from analysis.reading.foreign.files import FILE
 from analysis.reading.foreign.form import toml_entry
 from analysis.reading.rows import expected_correct
 from analysis.reading.text import ResultFileError, one_line
-from experiment.rows import NOT_AVAILABLE, format_value
+from experiment.rows import HANDS_OFF, NOT_AVAILABLE, format_value
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 MIN_MEDIAN_RT_S, MAX_MEDIAN_RT_S = 0.01, 10.0
 LEAST_PERSON_RT_S = 0.05
 """No person's median is below it; between these limits and 1000 times theirs nothing is told."""
-LEAST_LEVEL_VPP, MOST_LEVEL_VPP = 1e-6, 1e6
+MIN_LEVEL_VPP, MOST_LEVEL_VPP = 1e-6, 1e6
 KEY = ["participant", "session", "trial", "attempt"]
 
 
@@ -96,8 +96,8 @@ def _stimulus_rules(rows: pd.DataFrame, *, signed: bool) -> Iterator[Rule]:
         )
     yield Rule(
         column="block",
-        must="0 or more in any but a control trial",
-        broken=kind.ne("control") & rows["block"].lt(0),
+        must="0 or more in any but a hands-off trial",
+        broken=kind.ne(HANDS_OFF) & rows["block"].lt(0),
     )
     blank = side.eq("none")
     yield level_rule(level, ~blank, signed=signed)
@@ -114,7 +114,7 @@ def level_rule(level: pd.Series[float], stimulus: pd.Series[bool], *, signed: bo
     >>> level_rule(pd.Series([-5.0]), pd.Series([True]), signed=True).broken.tolist()
     [False]
     """
-    least, most = (-math.inf, math.inf) if signed else (LEAST_LEVEL_VPP, MOST_LEVEL_VPP)
+    least, most = (-math.inf, math.inf) if signed else (MIN_LEVEL_VPP, MOST_LEVEL_VPP)
     bounds = "" if signed else f" from {least:g} to {most:g}"
     # Of a table whose blanks have no level, and no side that says so.
     blank = _NO_LEVEL.format("-inf" if signed else "0") if (stimulus & level.isna()).any() else ""

@@ -10,17 +10,10 @@ from typing import TYPE_CHECKING, Any
 
 from analysis.reading.sources import TABLE, read_regular, unreadable
 from analysis.reading.text import ResultFileError
-from experiment.archive.files import HEADS, LinkError
+from experiment.archive.files import HEADS, JOURNAL, LinkError, refuse_links
 from experiment.archive.journal import RecordSchemaError
-from experiment.integrity.sessions import (
-    JOURNAL,
-    MEASURED,
-    examine,
-    refuse_links,
-    removed_journal,
-    unaltered,
-)
-from experiment.rows import ANSWERS, RESPONSES, format_value, measured_from_csv
+from experiment.integrity.sessions import examine, removed_journal
+from experiment.rows import ANSWERS, RESPONSES, format_value
 from experiment.trial.plan import plan_from_json
 
 if TYPE_CHECKING:
@@ -57,7 +50,7 @@ class SessionProgress:
     file_sha256: str  # of the study as its file states it, before levels were placed
     unexported: int  # trials of which the journal beside the table tells, and the table does not
     study: str  # the canonical text that the plan holds
-    sources: str  # of its numbers, as JSON text; of none in older plans
+    keys_set: tuple[str, ...]  # keys that the study file sets
     measured: tuple[MeasuredRow, ...] = field(default=(), repr=False)  # by a monitor
 
 
@@ -147,16 +140,9 @@ def read_record(table: Path, *, accept_altered: bool) -> SessionRecord:
         plan_file_sha256=found.plan_file_sha256,
         compared=True,
         ended=len(found.history.rows) if found.history else 0,
-        measured=_measured(table, found),
+        measured=found.history.measured if found.history else (),
         altered=found.differences,
     )
-
-
-def _measured(table: Path, found: Examined) -> tuple[MeasuredRow, ...]:
-    path = table.with_name(MEASURED)  # its checksum fits where no history was needed
-    if found.history or found.differences or not path.is_file():
-        return found.history.measured if found.history else ()
-    return measured_from_csv(path.read_bytes().decode())
 
 
 def _refuse_links(table: Path) -> None:
@@ -168,7 +154,7 @@ def _refuse_links(table: Path) -> None:
 
 def _examined(table: Path) -> Examined:
     try:
-        return unaltered(table.parent, table.name) or examine(table.parent, table.name)
+        return examine(table.parent, table.name)
     except (RecordSchemaError, LinkError) as error:
         line = None if isinstance(error, LinkError) else error.line
         raise ResultFileError(error.path, line, error.message) from None
@@ -348,11 +334,11 @@ def progress(told: Sequence[Any], plan: Plan, ended: int) -> SessionProgress:
     >>> from types import SimpleNamespace
     >>> trials = [SimpleNamespace(number=number) for number in (1, 2)]
     >>> plan = SimpleNamespace(participant="01", session="01", trials=trials, file_sha256="f",
-    ...     study="{}", sources={})
+    ...     study="{}", keys_set=())
     >>> told = [SimpleNamespace(trial=1, status="ok"), SimpleNamespace(trial=2, status="voided")]
     >>> progress(told, plan, 2)
     SessionProgress(participant='01', session='01', valid=1, planned=2, file_sha256='f',
-    unexported=0, study='{}', sources='{}')
+    unexported=0, study='{}', keys_set=())
     """
     numbers = {trial.number for trial in plan.trials}
     return SessionProgress(
@@ -363,7 +349,7 @@ def progress(told: Sequence[Any], plan: Plan, ended: int) -> SessionProgress:
         file_sha256=plan.file_sha256,
         unexported=max(0, ended - len(told)),
         study=plan.study,
-        sources=json.dumps(plan.sources),
+        keys_set=plan.keys_set,
     )
 
 
@@ -390,10 +376,10 @@ def contacts(
 
 
 def _contact(text: str) -> str:
+    from experiment.study.base import StudyError
     from experiment.study.files import study_from_canonical
-    from experiment.study.study import StudyError
 
     try:
-        return study_from_canonical(text).contact.words
+        return study_from_canonical(text).contact.summary
     except StudyError:
         return "not known, for this version cannot read the study"

@@ -5,7 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 
-_NEVER_COUNTED = ("practice", "control")
+from experiment.rows import HANDS_OFF, PRACTICE
+
+_NEVER_COUNTED = (PRACTICE, HANDS_OFF)
 NEVER_ANSWERED = "never_answered"
 """Reason of a participant's trials in a condition where every one that would count timed out."""
 
@@ -14,26 +16,26 @@ def with_reasons(trials: pd.DataFrame) -> pd.DataFrame:
     """Return trials with the columns ``reason`` and ``fault``.
 
     ``reason`` is why a trial is left out of all counts, the first that holds of: its kind
-    (``practice``, ``control``), a status other than ``ok``, ``anticipated``, ``unmasked``,
-    ``unverified``; empty text where it counts. ``fault`` is the same whatever the kind: control
+    (``practice``, ``hands_off``), a status other than ``ok``, ``premature``, ``unmasked``,
+    ``unverified``; empty text where it counts. ``fault`` is the same whatever the kind: hands-off
     trials are counted by themselves, and those with a fault not even there.
 
-    >>> trials = with_reasons(pd.DataFrame({"kind": ["single", "single", "control"],
-    ...     "status": ["ok", "ok", "voided"], "anticipated": [True, False, False],
+    >>> trials = with_reasons(pd.DataFrame({"kind": ["single", "single", "hands_off"],
+    ...     "status": ["ok", "ok", "voided"], "premature": [True, False, False],
     ...     "noise_ok": [None, False, True], "burst_verified": [None, "false", "line"]}))
     >>> trials[["reason", "fault"]].to_numpy().T.tolist()
-    [['anticipated', 'unmasked', 'control'], ['anticipated', 'unmasked', 'voided']]
+    [['premature', 'unmasked', 'hands_off'], ['premature', 'unmasked', 'voided']]
     """
     status, kind = trials["status"].astype(object), trials["kind"].astype(object)
     # Noise of which nobody knows whether it played is no reason: most tables do not tell.
     unmasked = trials["noise_ok"].astype("boolean").eq(other=False).fillna(value=False)
     unverified = trials["burst_verified"].astype(object).eq("false")  # as for noise
-    tests = [status.ne("ok"), trials["anticipated"], unmasked, unverified]
+    tests = [status.ne("ok"), trials["premature"], unmasked, unverified]
     fault = np.select(
         [np.asarray(test, dtype=bool) for test in tests],
         [
             np.asarray(name, dtype=object)
-            for name in (status, "anticipated", "unmasked", "unverified")
+            for name in (status, "premature", "unmasked", "unverified")
         ],
         default="",
     )

@@ -14,13 +14,15 @@ from analysis.reading.foreign.columns import FORCED, YES_NO
 from analysis.reading.text import ELSEWHERE, ResultFileError, shown
 from experiment.rows import (
     COLUMNS,
+    HANDS_OFF,
     KINDS,
     NOT_AVAILABLE,
+    OTHER_VERSION,
     RESPONSES,
     SCHEMA,
     SIDES,
-    is_correct,
 )
+from experiment.tasks import LEFT_RIGHT_BOTH
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -37,7 +39,7 @@ DEFAULTS: Mapping[str, str] = MappingProxyType(
         "block": "1",
         "attempt": "1",
         "status": "ok",
-        "anticipated": "false",
+        "premature": "false",
         "simulated": "false",
         "onset_clock": "1",
     }
@@ -79,13 +81,12 @@ def exported(text: pd.DataFrame) -> pd.DataFrame:
     >>> list(exported(pd.DataFrame(columns=["duration", "colour"])))
     ['duration', 'colour']
     """
-    from experiment.archive.bids_tables import EVENT_COLUMNS  # with all of a study's sections
+    from experiment.archive.bids import EVENT_COLUMNS  # with all of a study's sections
 
-    ours = {column.name: column.source for column in EVENT_COLUMNS}
-    if {*text.columns} != {*ours}:
+    if {*text.columns} != {*EVENT_COLUMNS}:
         return text
-    told = [name for name, source in ours.items() if source]
-    return text[told].rename(columns={name: str(ours[name]) for name in told})
+    sources = {name: source for name, source in EVENT_COLUMNS.items() if source}
+    return text[[*sources]].rename(columns=sources)
 
 
 def _check_schema(text: pd.DataFrame, file: str) -> None:
@@ -94,7 +95,7 @@ def _check_schema(text: pd.DataFrame, file: str) -> None:
         return
     found = text["schema"].iloc[0]
     if found.isdecimal() and int(found) != SCHEMA:
-        message = f"schema must be {SCHEMA}; got {found}: another version of tactstrip wrote it"
+        message = f"schema must be {SCHEMA}; got {found}: {OTHER_VERSION}"
         raise ResultFileError(file, int(text.index[0]), message)
 
 
@@ -209,7 +210,7 @@ def with_responses(rows: pd.DataFrame, task: str = "") -> pd.DataFrame:
     which its file has stimuli. Then tell where "none" was an answer.
 
     ``none_offered`` is what the task says; without one it is true where "none" was answered, else
-    missing until `offered_to_all`. Control trials tell nothing of it: "none" is always an answer
+    missing until `offered_to_all`. Hands-off trials tell nothing of it: "none" is always an answer
     there.
 
     Raises ResultFileError for a felt blank trial in a file with stimuli at more than one side.
@@ -230,7 +231,7 @@ def with_responses(rows: pd.DataFrame, task: str = "") -> pd.DataFrame:
         rows["response"] = pd.Categorical(answers, categories=list(RESPONSES))
     stated = rows["correct"].astype("boolean")
     rows["correct"] = stated.fillna(expected_correct(rows))
-    none = rows["response"].eq("none") & rows["kind"].ne("control")
+    none = rows["response"].eq("none") & rows["kind"].ne(HANDS_OFF)
     rows["none_offered"] = (
         pd.array([task == YES_NO] * len(rows), dtype="boolean")
         if task
@@ -280,14 +281,14 @@ def _felt_side(rows: pd.DataFrame, felt: pd.Series[bool]) -> pd.Series[Any]:
 
 
 def expected_correct(rows: pd.DataFrame) -> pd.Series[Any]:
-    """Tell for each row whether its response names its stimulus, as `is_correct` defines it.
+    """Return for each row whether its response names its stimulus, as the task defines it.
 
     >>> expected_correct(pd.DataFrame({"kind": ["both"], "side": ["both"], "response": ["left"]}))
     0    False
     dtype: boolean
     """
-    table = [[[is_correct(k, s, r) for r in (*RESPONSES, None)] for s in SIDES] for k in KINDS]
-    choices = {"kind": KINDS, "side": SIDES, "response": RESPONSES}
+    table = [[LEFT_RIGHT_BOTH.is_correct(s, r) for r in (*RESPONSES, None)] for s in SIDES]
+    choices = {"side": SIDES, "response": RESPONSES}
     codes = [pd.Categorical(rows[name], categories=list(c)).codes for name, c in choices.items()]
     answers = pd.array(np.array(table, dtype=object)[tuple(codes)], dtype="boolean")
     return pd.Series(answers, index=rows.index)

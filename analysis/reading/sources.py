@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING
 
 from analysis.reading.foreign.files import about, bids_tables, plain_tables
 from analysis.reading.text import ELSEWHERE, ResultFileError, one_line
-from experiment.archive.files import LinkError, refuse_link
-from experiment.integrity.heads import person_of
+from experiment.archive.files import LinkError, person_of, refuse_link
 from experiment.integrity.places import lost_sessions, refuse_given_link
 
 if TYPE_CHECKING:
@@ -148,10 +147,9 @@ def _lost(folder: Path) -> dict[Path, Difference]:
     """Find the sessions of which no file is left, though it is told of them."""
     name = folder.resolve().name
     if not name.startswith("ses-"):
-        lost = (one for person in _people(folder) for one in lost_sessions(person))
-        return {one.folder: one.difference for one in lost}
-    own = next((one for one in lost_sessions(person_of(folder)) if one.folder.name == name), None)
-    return {} if own is None else {folder: own.difference}
+        return {k: v for person in _people(folder) for k, v in lost_sessions(person).items()}
+    lost = {path.name: told for path, told in lost_sessions(person_of(folder)).items()}
+    return {folder: lost[name]} if name in lost else {}
 
 
 def _holds(path: Path) -> bool:

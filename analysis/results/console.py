@@ -14,14 +14,15 @@ from analysis.results.methods.words import plain
 from analysis.results.rows import (
     TERMINAL,
     both_cells,
-    control_totals,
     count_rows,
     forced_choice,
+    hands_off_totals,
     level_rows,
     not_compared_words,
     population_spread,
     population_text,
 )
+from device.printing import escaped
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
@@ -95,7 +96,7 @@ def print_analysis(analysis: Analysis, file: TextIO | None) -> None:
     _print_levels(analysis, file)
     for line in (
         *_both_lines(analysis),
-        *_control_lines(analysis.control),
+        *_hands_off_lines(analysis.hands_off),
         *_population_lines(analysis),
         *_excluded_lines(analysis.excluded),
     ):
@@ -110,7 +111,8 @@ def _say(file: TextIO, text: str) -> None:
 
 def _printable(text: str, file: TextIO) -> str:
     encoding = file.encoding or "utf-8"
-    return text.encode(encoding, "backslashreplace").decode(encoding)
+    lines = "\n".join(map(escaped, text.split("\n")))
+    return lines.encode(encoding, "backslashreplace").decode(encoding)
 
 
 def _in_columns(rows: Iterable[Iterable[str]]) -> str:
@@ -121,7 +123,7 @@ def _in_columns(rows: Iterable[Iterable[str]]) -> str:
 
     table = Table(*ANSWER_HEAD, box=None, padding=(0, 2, 0, 0), header_style="")
     for row in rows:
-        table.add_row(*(Text(plain(cell), overflow="fold") for cell in row))
+        table.add_row(*(Text(escaped(plain(cell)), overflow="fold") for cell in row))
     laid = io.StringIO()
     # The same in a pipe as on a terminal, whatever that says of itself.
     Console(file=laid, width=_WIDTH, color_system=None, legacy_windows=False, _environ={}).print(
@@ -169,8 +171,8 @@ def _both_lines(analysis: Analysis) -> Iterator[str]:
         )
 
 
-def _control_lines(table: pd.DataFrame) -> Iterator[str]:
-    for row, (part, own, told) in control_totals(table, TERMINAL):
+def _hands_off_lines(table: pd.DataFrame) -> Iterator[str]:
+    for row, (part, own, told) in hands_off_totals(table, TERMINAL):
         yield (
             f"Fingers off the plate, {part}{_where(row)}: {own} "
             f"answered with the driven side, {told} left, right or both."

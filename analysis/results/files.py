@@ -96,7 +96,7 @@ REPORT, METHODS = "report.html", "methods.txt"
 NAMES = (
     SUMMARY,
     manifest.NAME,
-    *("levels.csv", "participants.csv", "both.csv", "blank.csv", "control.csv"),
+    *("levels.csv", "participants.csv", "both.csv", "blank.csv", "hands_off.csv"),
     *("thresholds.csv", "differences.csv", "sensitivity.csv"),
     *("functions.csv", "d_prime_differences.csv", "confusion.csv", "trials_clean.csv"),
     *figures.NAMES,
@@ -219,7 +219,7 @@ def _contents(analysis: Analysis, *, with_figures: bool, pdf: bool) -> Iterator[
     possible = {
         "both.csv": analysis.both,
         "blank.csv": analysis.blank,
-        "control.csv": analysis.control,
+        "hands_off.csv": analysis.hands_off,
         "thresholds.csv": _with_groups(analysis),
         "differences.csv": analysis.differences,
         "sensitivity.csv": analysis.sensitivity,

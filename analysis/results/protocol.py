@@ -11,13 +11,13 @@ from statistics import median
 from typing import TYPE_CHECKING, Final
 
 from analysis.results.summary import versions
+from experiment.study.base import format_value
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from analysis.results.tables import Analysis
     from experiment.rows import MeasuredRow
-    from experiment.study.origins import Source
     from experiment.study.study import Study
 
 
@@ -49,42 +49,33 @@ class Planned:
     ----------
     studies : tuple of Study
         Those that differ, in their order; a study with levels placed for a participant is another.
-    sources : tuple of tuple of Source
-        The numbers of each, and whose they are.
+    keys_set : tuple of tuple of str
+        The keys that the file of each sets.
     remarks : tuple of str
         What a plan does not hold, or why it is not told.
     """
 
     studies: tuple[Study, ...]
-    sources: tuple[tuple[Source, ...], ...]
+    keys_set: tuple[tuple[str, ...], ...]
     remarks: tuple[str, ...]
 
 
 def planned(analysis: Analysis) -> Planned:
     """Read the studies in the plans beside the tables."""
     from experiment.study.files import study_from_canonical
-    from experiment.study.origins import sources_of_facts
-    from experiment.study.sources import study_sources
 
-    studies, sources, remarks = [], [], []
-    for text, sealed in analysis.studies:
+    studies, keys_set, remarks = [], [], []
+    for text, keys in analysis.studies:
         try:
-            study = study_from_canonical(text)
-            found = sources_of_facts(json.loads(sealed))
-        except (ValueError, KeyError, TypeError, AttributeError) as error:
-            remarks.append(f"A plan's plate is not told here: {error}")
+            studies.append(study_from_canonical(text))
+        except ValueError as error:
+            remarks.append(f"The study of a plan cannot be read: {error}")
             continue
-        if not found:
-            remarks.append(
-                "A plan does not hold what its study file stated: whose a number is, is told by "
-                "its value."
-            )
-        studies.append(study)
-        sources.append(found or study_sources(study))
+        keys_set.append(keys)
     if not studies:
-        remarks.append("The tables do not tell of apparatus and stimuli.")
+        remarks.append("The tables do not describe apparatus and stimuli.")
     return Planned(
-        studies=tuple(studies), sources=tuple(sources), remarks=tuple(dict.fromkeys(remarks))
+        studies=tuple(studies), keys_set=tuple(keys_set), remarks=tuple(dict.fromkeys(remarks))
     )
 
 
@@ -105,12 +96,9 @@ def protocol_rows(analysis: Analysis, plans: Planned) -> Iterator[tuple[str, lis
 
 
 def _study(study: Study, analysis: Analysis) -> Iterator[tuple[str, str]]:
-    from experiment.check.check_report import burst_words
-    from experiment.study.sources import plate_words
-
     design, device = study.design, study.device
     yield "Study", study.name
-    yield "Plate", f"{plate_size(study)}; {plate_words(study.plate)}"
+    yield "Plate", plate_size(study)
     yield "Material", material_words(study)
     yield "Cut-off frequency", cutoff_words(study)
     for one in study.actuators:
@@ -120,9 +108,9 @@ def _study(study: Study, analysis: Analysis) -> Iterator[tuple[str, str]]:
         yield f"Actuator, {one.label}", f"{one.shape} {size} mm at {at}"
     for condition in study.conditions:
         which = f", {condition.name}" if len(study.conditions) > 1 else ""
-        unfit = condition.accept_unfit
-        accepted = f"; taken though unfit: {unfit}" if unfit else ""
-        yield f"Stimulus{which}", f"{burst_words(condition)}{accepted}"
+        unfit = condition.accept_violation
+        accepted = f"; accepted though it violates a limit: {unfit}" if unfit else ""
+        yield f"Stimulus{which}", f"{condition.summary}{accepted}"
     yield "Levels", f"{levels_words(study)} V peak-to-peak, {design.order}"
     yield "Trials of a session", trials_words(study)
     least_s, most_s = design.foreperiod_s
@@ -135,17 +123,15 @@ def _study(study: Study, analysis: Analysis) -> Iterator[tuple[str, str]]:
 
 
 def monitored(study: Study, analysis: Analysis) -> str:
-    """Say what measured the bursts, and in how many of the sessions it did."""
-    from experiment.apparatus.monitor import monitor_words
-
-    words = monitor_words(study.monitor)
-    if study.monitor.source == "none":
-        return words
+    """Say what measured the bursts, and in how many sessions."""
+    monitor = study.monitor
+    if monitor.source == "none":
+        return "none"
     number = len({(row.participant, row.session) for row in analysis.measured})
-    if not number:
-        return f"none: no burst was verified; the plan has {words}"
-    sessions = analysis.counts.sessions
-    return words if number == sessions else f"{words}; in {number} of {sessions} sessions"
+    return (
+        f"source {monitor.source}, tap {monitor.tap}; in {number} of {analysis.counts.sessions} "
+        "sessions"
+    )
 
 
 def measured_rows(analysis: Analysis) -> list[list[str]]:
@@ -224,19 +210,22 @@ def cutoff_words(study: Study) -> str:
 
     >>> from experiment import paper_study
     >>> cutoff_words(paper_study())
-    '2900 Hz, measured by the paper (figure 4)'
+    '2900 Hz (Ben Dhiab and Hudin: section II-B; figure 4 for the cut-off frequency)'
     """
-    from experiment.study.sources import cutoff_source
-
-    found = cutoff_source(study.plate)
-    return f"{found.value:.4g} Hz, {found.words}"
+    plate = study.plate
+    source = plate.measured_by or plate.source or f"edges: {plate.edge}"
+    return f"{study.strip.cutoff_hz():.4g} Hz ({source})"
 
 
 def levels_words(study: Study) -> str:
     """Return the levels of a study in words."""
-    from experiment.study.stimulus import levels_words as words
-
-    return words(study.design, study.conditions)
+    levels = {
+        condition.name: ", ".join(f"{v:g}" for v in condition.design(study.design).levels_vpp)
+        for condition in study.conditions
+    }
+    if len(set(levels.values())) == 1:
+        return next(iter(levels.values()))
+    return "; ".join(f"{name} {listed}" for name, listed in levels.items())
 
 
 def trials_words(study: Study) -> str:
@@ -274,36 +263,23 @@ IN_METHODS: Final = {
     for told in (plate_size, material_words, cutoff_words, levels_words, trials_words, noise_words)
 }
 """What the paragraph of methods says of a study."""
-_OF_PLATE: Final = ("strip.", "actuator[", "finger_load", "level_db.")
 
 
 def number_tables(plans: Planned) -> Iterator[tuple[str, list[list[str]]]]:
-    """Yield captions, and rows of keys, values and sources; plates that are the same once."""
-    several: list[list[Source]] = []
-    others: dict[str, dict[tuple[str, str], None]] = {}
-    for sources in plans.sources:
-        plate = [one for one in sources if one.key.startswith(_OF_PLATE)]
-        if plate not in several:
-            several.append(plate)
-        for one in sources:
-            if one not in plate:
-                others.setdefault(one.key, {})[one.printed, one.words] = None
-    for place, plate in enumerate(several, start=1):
-        which = f"plate {place} of {len(several)}" if len(several) > 1 else "the plate"
-        rows = [[one.key, one.printed, one.words] for one in plate]
-        yield f"What is known of {which}, and from whom (yours: the study's)", rows
-    if others:
-        yield (
-            "Numbers of stimuli, design and devices, and from whom",
-            [
-                [
-                    key,
-                    next(iter(values))[0] if len(values) == 1 else f"{len(values)} different",
-                    "; ".join(dict.fromkeys(words for _, words in values)),
-                ]
-                for key, values in others.items()
-            ],
-        )
+    """Yield a caption, and rows of the keys that study files set, their values and sources."""
+    rows: dict[str, dict[str, None]] = {}
+    sources: dict[str, dict[str, None]] = {}
+    for study, keys in zip(plans.studies, plans.keys_set, strict=True):
+        values = json.loads(study.canonical)
+        for path in keys:
+            section, key = path.rsplit(".", 1)
+            name, _, index = section.rstrip("]").partition("[")
+            table = values[name][int(index)] if index else values[name]
+            rows.setdefault(path, {})[format_value(table[key])] = None
+            sources.setdefault(path, {})[table.get("source") or "study file"] = None
+    if rows:
+        caption = "Keys that the study file sets; the others have their defaults"
+        yield caption, [[path, "; ".join(rows[path]), "; ".join(sources[path])] for path in rows]
 
 
 def protocol_section(analysis: Analysis, plans: Planned) -> Section:

@@ -43,18 +43,18 @@ from analysis.results.protocol import (
     protocol_section,
 )
 from analysis.results.rows import (
-    CONTROL_HEAD,
     D_PRIME_HEAD,
+    HANDS_OFF_HEAD,
     PAGE,
     blank_cells,
     both_cells,
     choice_rows,
-    control_cells,
     count_rows,
     count_text,
     d_prime_rows,
     difference_rows,
     forced_choice,
+    hands_off_cells,
     level_head,
     level_rows,
     level_text,
@@ -403,17 +403,17 @@ def _both_and_blank(analysis: Analysis) -> Iterator[Section]:
             lambda row: blank_cells(row, PAGE, side),
             ["Presented", *sides, "False alarms", of_ci, "Group, 95 %"],
         ),
-        ("Fingers off the plate", analysis.control, control_cells, CONTROL_HEAD[1:]),
+        ("Fingers off the plate", analysis.hands_off, hands_off_cells, HANDS_OFF_HEAD[1:]),
     ):
         if len(table):
-            control = table is analysis.control
-            caption = title if control else _TOTALS.format(title, analysis.ci.title())
+            is_hands_off = table is analysis.hands_off
+            caption = title if is_hands_off else _TOTALS.format(title, analysis.ci.title())
             rows = [[_who(row), *cells(row)] for _, row in table.iterrows()]
-            told = not control and table["group_low"].notna().any()
+            told = not is_hands_off and table["group_low"].notna().any()
             words = BOTH_INTERVALS if table is analysis.both else BLANK_INTERVALS
             note = words.format(analysis.ci.title()) if told else ""
             made = Table(caption=caption, header=["Participant", *header], rows=rows, note=note)
-            texts = [OFF_THE_PLATE] if control else []
+            texts = [OFF_THE_PLATE] if is_hands_off else []
             yield Section(title=title, texts=texts, tables=[made])
 
 

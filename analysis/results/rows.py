@@ -6,13 +6,12 @@ import math
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any, Final
 
-from analysis.answers.counting import AUDIBILITY, CONTROL_COLUMNS
+from analysis.answers.counting import AFTER, BEFORE, HANDS_OFF_COLUMNS
 from analysis.axis import Axis, alone, half_up, rounded, shortest, with_limits
 from analysis.definitions import TOTAL
 from analysis.reading.foreign.columns import FORCED
 from analysis.reading.text import named
 from analysis.thresholds.people import FORCED_CHOICE
-from experiment.trial.plan import CONTROL
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
@@ -310,24 +309,26 @@ def not_compared_words(names: Sequence[str]) -> str:
     return f"Not compared with a journal, for none lies beside it: {named(names)}"
 
 
-CONTROL_HEAD: Final = [
+HANDS_OFF_HEAD: Final = [
     *("Participant", "Part", "Driven side"),
-    *(name.capitalize() for name in CONTROL_COLUMNS[3:]),
+    *(name.capitalize() for name in HANDS_OFF_COLUMNS[3:]),
 ]
 
 
-def control_cells(row: pd.Series[Any]) -> list[str]:
+def hands_off_cells(row: pd.Series[Any]) -> list[str]:
     """Return part, driven side, how often each answer was given, and trials presented."""
-    return [str(row[name]) for name in CONTROL_COLUMNS[1:]]
+    return [str(row[name]) for name in HANDS_OFF_COLUMNS[1:]]
 
 
-_PARTS = {AUDIBILITY: "audibility check", CONTROL: "control"}
+_PARTS = {BEFORE: "hands off, before", AFTER: "hands off, after"}
 
 
-def control_totals(table: pd.DataFrame, style: Style) -> Iterator[tuple[pd.Series[Any], list[str]]]:
+def hands_off_totals(
+    table: pd.DataFrame, style: Style
+) -> Iterator[tuple[pd.Series[Any], list[str]]]:
     """Yield a row of each part, both sides together, and its name, driven side told, any told."""
     key = [name for name in ("condition", "part") if name in table.columns]
-    for _, rows in table[table["participant"].eq(TOTAL)].groupby(key):
+    for _, rows in table[table["participant"].eq(TOTAL)].groupby(key, sort=False):
         presented = int(rows["presented"].sum())
         own = sum(int(counts[counts["side"]]) for _, counts in rows.iterrows())
         told = int(rows[["left", "right", "both"]].to_numpy().sum())

@@ -51,7 +51,7 @@ def summary_text(analysis: Analysis) -> str:
         "levels": _records(levels_told(analysis), analysis),
         "both": _records(analysis.both, analysis),
         "blank": _records(analysis.blank, analysis),
-        "control": _records(analysis.control, analysis),
+        "hands_off": _records(analysis.hands_off, analysis),
         "thresholds": _records(analysis.thresholds, analysis),
         "groups": _records(analysis.groups, analysis),
         "differences": _records(analysis.differences, analysis),

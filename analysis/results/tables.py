@@ -81,7 +81,7 @@ class Analysis:
     detected_any : pandas.DataFrame or None
         Stimuli that were felt at all: columns ``condition level_vpp detected_any``; None where
         "none" could not be answered.
-    control : pandas.DataFrame
+    hands_off : pandas.DataFrame
         Trials with the fingers off the plate, which are in none of the other tables.
     counts : Counts
         How many trials these are.
@@ -165,7 +165,7 @@ class Analysis:
     reaction_times: pd.DataFrame
     trials: pd.DataFrame
     detected_any: pd.DataFrame | None
-    control: pd.DataFrame
+    hands_off: pd.DataFrame
     counts: Counts
     inputs: tuple[InputFile, ...]
     warnings: tuple[AnalysisWarning, ...]
@@ -173,7 +173,7 @@ class Analysis:
     seed: int
     axis: Axis
     people: PersonCounts
-    studies: tuple[tuple[str, str], ...] = ()  # with the sources of their numbers
+    studies: tuple[tuple[str, tuple[str, ...]], ...] = ()  # with the keys that their files set
     measured: tuple[MeasuredRow, ...] = ()  # of the bursts that a monitor measured
     altered: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     lost: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
@@ -331,7 +331,7 @@ def analyse(
         reaction_times=reaction_table(trials),
         trials=trials,
         detected_any=detected_any,
-        control=counting.control_table(trials),
+        hands_off=counting.hands_off_table(trials),
         counts=counts_of(loaded),
         inputs=loaded.inputs,
         warnings=tuple(told),
@@ -346,7 +346,7 @@ def analyse(
         seed=seed,
         axis=loaded.axis,
         people=people,
-        studies=tuple(dict.fromkeys((one.study, one.sources) for one in loaded.progress)),
+        studies=tuple(dict.fromkeys((one.study, one.keys_set) for one in loaded.progress)),
         measured=tuple(row for one in loaded.progress for row in one.measured),
         altered=loaded.altered,
         lost=loaded.lost,

@@ -15,6 +15,7 @@ from analysis.reading.reasons import NEVER_ANSWERED
 from analysis.reading.text import named
 from analysis.results.methods.misfit import misfits
 from analysis.results.methods.words import SPELLED
+from experiment.rows import HANDS_OFF, PRACTICE
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Iterator, Mapping
@@ -25,7 +26,7 @@ if TYPE_CHECKING:
 
 
 # Left out as planned, or presented again: nothing to warn of.
-_EXPECTED = ("practice", "control", "voided")
+_EXPECTED = (PRACTICE, HANDS_OFF, "voided")
 _NO_STUDY = "n/a"
 _NEARLY: Final = 0.9
 _SEVERAL: Final = 3

@@ -17,7 +17,7 @@ from analysis.thresholds.mle import MOST_LAPSES
 from analysis.thresholds.people import GuessRate, people_of
 from analysis.thresholds.posterior import posterior
 from analysis.thresholds.table import printed
-from experiment.study.design import LEAST_LEVEL_VPP
+from experiment.study.design import MIN_LEVEL_VPP
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -285,17 +285,17 @@ def placed(
     >>> placed(one, 130.0)
     (78.8, 90.4, 100.7, 112.2, 130.0)
     """
-    least, most = _felt(function, (LEAST_LEVEL_VPP, highest_vpp))
+    least, most = _felt(function, (MIN_LEVEL_VPP, highest_vpp))
     low, high = max(FELT[0], float(least)), min(FELT[-1], float(most))
     if low > _LOWEST_MOST or high < _HIGHEST_LEAST:
         raise LevelsError(
             f"a threshold of {function.threshold_vpp:.1f} V lies too close to an end of the levels "
-            f"that can be set, {LEAST_LEVEL_VPP:g} to {highest_vpp:g} V = {key}"
+            f"that can be set, {MIN_LEVEL_VPP:g} to {highest_vpp:g} V = {key}"
         )
     share = (np.array(FELT) - FELT[0]) / (FELT[-1] - FELT[0])
     exact = math.log10(function.threshold_vpp) + function.sigma * ndtri(low + share * (high - low))
     most_vpp = math.floor(10 * highest_vpp + 1e-6) / 10  # 118.78 V are not 118.8
-    levels = np.clip(np.round(10**exact, 1), LEAST_LEVEL_VPP, most_vpp)
+    levels = np.clip(np.round(10**exact, 1), MIN_LEVEL_VPP, most_vpp)
     if not (np.diff(levels) > 0).all():
         raise LevelsError(
             f"a function as steep as sigma = {function.sigma:.3g} needs levels closer than 0.1 V"

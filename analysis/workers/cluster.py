@@ -147,10 +147,10 @@ def connected(scheduler: Any) -> Iterator[Any]:
                 self.close()  # later, without its loop, it would wait for 10 s
                 raise
 
-    patience_s = CONNECT_S if isinstance(scheduler, str) else _STARTED_S
+    response_timeout_s = CONNECT_S if isinstance(scheduler, str) else _STARTED_S
     with _quiet():
         try:
-            client = OurClient(scheduler, timeout=patience_s, set_as_default=False)
+            client = OurClient(scheduler, timeout=response_timeout_s, set_as_default=False)
         except (OSError, ValueError, TypeError) as error:  # TypeError: tls:// without certificates
             reason = " ".join(str(error).split())
             raise ValueError(

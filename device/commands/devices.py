@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING
 
 import click
 
+from device.printing import echo
+
 if TYPE_CHECKING:
     from device.wire.channels import LineSettings
 
@@ -35,38 +37,38 @@ def devices(*, ports: tuple[str, ...], baud: int) -> None:
     line = LineSettings(baud=baud)
     names = dict.fromkeys([*sorted(port.device for port in comports()), *ports])
     if names:
-        click.echo("Each port is written to: *IDN?, and a greeting to a device of ours.")
+        echo("Each port is written to: *IDN?, and a greeting to a device of ours.")
     else:
-        click.echo("This machine has no serial ports; give others, such as socket://host:5025.")
+        echo("This machine has no serial ports; give others, such as socket://host:5025.")
     for name in names:
-        click.echo(f"{name}  {_identify(name, line)}")
+        description, *reports = _identify(name, line)
+        echo(f"{name}  {description}", *(f"    {report}" for report in reports))
     cards = sound_cards()
     if not cards:
         lack = sound_lack()
         reason = "" if lack is None else f": {lack}"
-        click.echo(f"No sound card with two outputs is seen{reason}.")
+        echo(f"No sound card with two outputs is seen{reason}.")
     for card in cards:
-        click.echo(f"{card}  a sound card with two outputs: --driver audio; nothing was sent")
+        echo(f"{card}  a sound card with two outputs: --driver audio; nothing was sent")
 
 
-def _identify(port: str, line: LineSettings) -> str:
-    """Return one line that describes the device on a port."""
-    from device.errors import LinkError
+def _identify(port: str, line: LineSettings) -> list[str]:
+    """Return lines that describe the device on a port."""
+    from device.errors import LinkError, PortError
     from device.scpi.generator import identify_generator
     from device.wire.serial import identify
 
     try:
         answer = identify(port, line)
     except LinkError as error:
-        return str(error)
+        return [str(error)]
     if answer is not None:
         identity, *reports = answer
-        details = "".join(f"\n    {report}" for report in reports)
-        return f"{identity}: --driver serial{details}"
+        return [f"{identity}: --driver serial", *map(str, reports)]
     try:
         generator = identify_generator(port, line)
-    except LinkError as error:
-        return str(error)
+    except (LinkError, PortError) as error:
+        return [str(error)]
     if generator is not None:
-        return f"{generator}: --driver generator, which sets ceiling and sample rate by the study"
-    return "nothing that tactstrip can drive answers"
+        return [f"{generator}: --driver generator, which sets ceiling and sample rate by the study"]
+    return ["nothing that tactstrip can drive answers"]

@@ -13,6 +13,7 @@ from typing import IO, TYPE_CHECKING
 import click
 
 from device.commands.options import emulator_options, require_together, usage
+from device.printing import echo
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -126,7 +127,7 @@ def _run_device(
     from device.limits import Limits
 
     nature = Nature(
-        limits=Limits(ceiling_vpp=ceiling_vpp, least_interval_s=_MIN_INTERVAL_S),
+        limits=Limits(ceiling_vpp=ceiling_vpp, min_interval_s=_MIN_INTERVAL_S),
         output=OutputStage(sample_rate_hz=sample_rate_hz, rail_v=ceiling_vpp / 2),
         baud=baud,
         serial_number=serial_number,
@@ -134,7 +135,7 @@ def _run_device(
     )
     line = _line(tcp_port)
     emulator = Emulator(line, nature, faults, Truth(truth), MonotonicClock())
-    click.echo(line.name)
+    _print_port(line, "serial")
     if switch_stdin:
         threading.Thread(target=_read_switch, args=(emulator,), daemon=True).start()
     emulator.run()
@@ -149,7 +150,7 @@ def _read_switch(emulator: Emulator) -> None:
             if line in {b"open", b"closed"}:
                 emulator.move_switch(is_open=line == b"open")
             else:
-                click.echo(
+                echo(
                     f"the switch is open or closed, got {line.decode(errors='replace')!r}", err=True
                 )
 
@@ -169,11 +170,23 @@ def _run_generator(
     emulator: GeneratorEmulator = GeneratorEmulator(
         line, truth, amplifier_gain=amplifier_gain, faults=faults
     )
-    click.echo(line.name)
+    _print_port(line, "generator")
     try:
         emulator.run()
     finally:
         line.close()
+
+
+def _print_port(line: Line, driver: str) -> None:
+    """Print the port alone on the first line, for programs, and below it how to use it."""
+    echo(line.name)
+    options = f"--driver {driver} --port {line.name}"
+    echo(
+        f"Use it in another terminal: tactstrip check STUDY --device {options}",
+        f"or: tactstrip run STUDY --participant ID --practice-without-device {options}",
+        "Ctrl-C ends the emulator.",
+        err=True,
+    )
 
 
 def _line(tcp_port: int | None) -> Line:

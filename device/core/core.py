@@ -35,7 +35,7 @@ from device.core.reports import OURS, About, DeviceLimits, Health, Measurement
 from device.core.states import ILLEGAL, TRANSITIONS, State, Step
 from device.core.tokens import Fate, Record, Reply, TokenHistory
 from device.driver import LARGEST_TOKEN, FloatArray
-from device.errors import Refusal, rejection
+from device.errors import WATCHDOG_S, Refusal, rejection
 from device.limits import (
     Limits,
     check_codes,
@@ -53,7 +53,7 @@ if TYPE_CHECKING:
 # Five beats may be lost before the outputs go off, so that a busy host is not taken for a dead one;
 # longer must no actuator be driven that nobody watches. The time runs whatever else arrives:
 # questions are no beats, for a host that hangs in a loop of them is dead to its operator too.
-WATCHDOG_US = 500_000
+WATCHDOG_US = round(WATCHDOG_S * 1e6)
 """Without a beat for this long while the output is on, the device stops itself."""
 
 HISTORY = 1024

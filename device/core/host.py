@@ -31,8 +31,18 @@ from device.core.messages import (
 )
 from device.core.states import State, Step, require_legal
 from device.core.tokens import Exchange, Fate, Record, Reply, delivery
-from device.errors import DeviceError, LinkError, Refusal, RefusedError, StateError, rejection
+from device.errors import (
+    DeviceError,
+    LinkError,
+    OffCause,
+    OutputsOffError,
+    Refusal,
+    RefusedError,
+    StateError,
+    rejection,
+)
 from device.limits import (
+    CHANNELS,
     Limits,
     check_burst,
     check_rest,
@@ -106,6 +116,7 @@ class HostDriver:
         self._slots: dict[int, _HostSlot] = {}
         self._levels_vpp = (0.0, 0.0)
         self._armed: Arm | None = None
+        self._is_enabled = False
         self._burst: Delivery | None = None
         self._burst_us = 0
 
@@ -126,6 +137,7 @@ class HostDriver:
         self._identity = identity
         self._slots.clear()
         self._armed = self._burst = None
+        self._is_enabled = False
         try:
             self._link.exchange(Levels(left_mvpp=0, right_mvpp=0))
         except DeviceError:
@@ -138,7 +150,7 @@ class HostDriver:
         """Store waveforms, shape (n,) each in [-1, 1], at the device's sample rate."""
         identity = self._require(Step.LOAD)
         slot = check_slot(slot)
-        left, right = as_waveform("left", left), as_waveform("right", right)
+        left, right = map(as_waveform, CHANNELS, (left, right))
         peaks = check_waveforms(left, right, self._limits)
         codes_left, codes_right = to_codes(left, identity.bits), to_codes(right, identity.bits)
         self._link.exchange(LoadSlot(slot=slot, left=codes_left, right=codes_right))
@@ -149,6 +161,7 @@ class HostDriver:
         """Switch the output on; the only way out of a stop."""
         self._require(Step.ENABLE)
         self._link.exchange(Enable())
+        self._is_enabled = True
 
     def set_levels(self, left_vpp: float, right_vpp: float) -> None:
         """Set the levels of both channels in peak-to-peak volts at the actuator.
@@ -170,10 +183,11 @@ class HostDriver:
         try:
             self._arm(token, slot, time_to_live_s)
         except RefusedError as refused:
-            if refused.code is Refusal.SAFE_STATE and self.health().over_current:
-                raise type(refused)(
-                    refused.code, "the amplifier reported over-current"
-                ) from refused
+            # Nothing but the device itself can have switched off what was switched on here.
+            if refused.code is Refusal.SAFE_STATE and self._is_enabled:
+                over_current = self.health().over_current
+                cause = OffCause.OVER_CURRENT if over_current else OffCause.WATCHDOG
+                raise OutputsOffError(cause) from refused
             raise
 
     def _arm(self, token: int, slot: int, time_to_live_s: float) -> None:
@@ -248,11 +262,12 @@ class HostDriver:
 
     def stop(self) -> None:
         """Bring outputs to zero: from any thread, in any state, any number of times, no lock."""
+        self._is_enabled = False
         self._link.stop()
 
     def close(self) -> None:
         """Stop, then disconnect."""
-        self._link.stop()
+        self.stop()
         self._link.hang_up()
 
     @property

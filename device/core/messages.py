@@ -75,9 +75,9 @@ def to_microseconds(time_to_live_s: float) -> int:
 def as_waveform(name: str, samples: ArrayLike) -> FloatArray:
     """Return samples as float64, shape (n,), or raise a ValueError that names the argument.
 
-    >>> as_waveform("left", [True, False])
+    >>> as_waveform("wave", [True, False])
     Traceback (most recent call last):
-    ValueError: left must be a one-dimensional array of real numbers, got bool, shape (2,)
+    ValueError: wave must be a one-dimensional array of real numbers, got bool, shape (2,)
     """
     given = np.asarray(samples)
     if given.ndim != 1 or given.dtype.kind not in "iuf":

@@ -87,7 +87,7 @@ class DeviceLimits:
             limits,
             slots=self.slots,
             memory_samples=self.memory_samples,
-            least_interval_s=self.least_interval_us / 1e6,
+            min_interval_s=self.least_interval_us / 1e6,
             max_duty=self.max_duty_ppm / PPM,
             dc_tolerance=self.dc_tolerance_ppm / PPM,
             longest_time_to_live_s=self.longest_time_to_live_us / 1e6,
@@ -140,13 +140,13 @@ class Health:
     over_current: bool | None = None
 
     @classmethod
-    def of_bits(cls, *, known: int, set_bits: int) -> Self:
+    def of_bits(cls, *, reported_bits: int, set_bits: int) -> Self:
         """Return the health that two bytes tell; bits that are not named here are passed over.
 
         Parameters
         ----------
-        known : int
-            Bits of what is known: 0 amplifier, 1 switch, 2 over-current.
+        reported_bits : int
+            Bits of what the device reports: 0 amplifier, 1 switch, 2 over-current.
         set_bits : int
             Bits of what is so.
 
@@ -157,16 +157,18 @@ class Health:
 
         Examples
         --------
-        >>> Health.of_bits(known=6, set_bits=2).known
+        >>> Health.of_bits(reported_bits=6, set_bits=2).reported_bits
         6
         """
-        told = (bool(set_bits >> bit & 1) if known >> bit & 1 else None for bit in range(3))
-        enabled, closed, over = told
+        states = [bool(set_bits >> bit & 1) for bit in range(3)]
+        enabled, closed, over = (
+            state if reported_bits >> bit & 1 else None for bit, state in enumerate(states)
+        )
         return cls(amplifier_enabled=enabled, switch_closed=closed, over_current=over)
 
     @property
-    def known(self) -> int:
-        """Bits of what is known: 0 amplifier, 1 switch, 2 over-current."""
+    def reported_bits(self) -> int:
+        """Bits of what the device reports: 0 amplifier, 1 switch, 2 over-current."""
         return sum((said is not None) << bit for bit, said in enumerate(self._all))
 
     @property

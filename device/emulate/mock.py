@@ -25,7 +25,7 @@ ABOUT: Final = About(firmware="tactstrip mock")
 MODEL = "tactstrip mock"
 """What it says it is."""
 
-DEVICE_LIMITS = Limits(ceiling_vpp=200.0, least_interval_s=0.005)
+DEVICE_LIMITS = Limits(ceiling_vpp=200.0, min_interval_s=0.005)
 """The mock's own limits, unless told otherwise."""
 
 OUTPUT_STAGE = OutputStage()

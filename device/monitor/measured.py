@@ -11,6 +11,7 @@ from enum import StrEnum
 from typing import TYPE_CHECKING, Final, Protocol
 
 from device.checks import require_positive, require_real
+from device.limits import CHANNELS
 from device.monitor.matching import Template
 
 if TYPE_CHECKING:
@@ -125,9 +126,7 @@ class Planned:
 
     def __post_init__(self) -> None:
         require_positive("sample_rate_hz", self.sample_rate_hz)
-        for name, peak, full in zip(
-            ("left", "right"), (self.left, self.right), self.burst, strict=True
-        ):
+        for name, peak, full in zip(CHANNELS, self.peaks, self.burst, strict=True):
             require_positive("burst", full)
             if peak not in (0, full):
                 raise ValueError(f"{name} must be 0 or that of the burst, {full}; got {peak}")
@@ -209,7 +208,7 @@ class Measured:
         return None if self.blank else self.tap.value
 
     @property
-    def words(self) -> str:
+    def text(self) -> str:
         """Say it to the operator."""
         if self.faults:
             return f"the burst was {', '.join(self.faults)}"

@@ -88,7 +88,7 @@ def identify_generator(port: str, line: LineSettings = USUAL) -> str | None:
     clock = MonotonicClock()
     with closing(open_instrument(port, clock, line)) as channel:
         try:
-            words = ScpiLine(channel, clock, patience_s=_GLANCE_S).identify()
+            words = ScpiLine(channel, clock, response_timeout_s=_GLANCE_S).identify()
         except LinkError:
             return None
     return words if dialect_of(words) is not None else None

@@ -51,7 +51,7 @@ def matches(wanted: str, got: str) -> bool:
 class ScpiLine:
     r"""An instrument at the other end of a channel; nothing that was sent is ever sent again.
 
-    A question that was not answered within `patience_s` is given up.
+    A question that was not answered within `response_timeout_s` is given up.
 
     >>> from device.clock import VirtualClock
     >>> class Echo:
@@ -63,10 +63,12 @@ class ScpiLine:
     '1'
     """
 
-    def __init__(self, channel: Channel, clock: Clock, *, patience_s: float = PATIENCE_S) -> None:
+    def __init__(
+        self, channel: Channel, clock: Clock, *, response_timeout_s: float = PATIENCE_S
+    ) -> None:
         self._channel = channel
         self._clock = clock
-        self._patience_s = patience_s
+        self._response_timeout_s = response_timeout_s
         self._heard = self._unsent = b""
         self._identity = ""
         self._out_of_step = self._overtook = False
@@ -101,7 +103,7 @@ class ScpiLine:
             self._fall_into_step()
         self.say(*after, question)
         self._send()
-        return self._listen(question, self._patience_s + within_s)
+        return self._listen(question, self._response_timeout_s + within_s)
 
     def check_errors(self, question: str) -> None:
         """Ask for errors until the instrument says 0.
@@ -123,7 +125,7 @@ class ScpiLine:
         """Drop answers that came too late, up to the instrument's name."""
         self._overtook = True
         self._channel.write(f"{_IDENTITY}\n".encode())
-        while self._listen(_IDENTITY, self._patience_s) != self._identity:
+        while self._listen(_IDENTITY, self._response_timeout_s) != self._identity:
             self._out_of_step = True
 
     def _send(self) -> None:

@@ -133,7 +133,7 @@ def open_instrument(port: str, clock: Clock, line: LineSettings = USUAL) -> Chan
     device.errors.LinkError: cannot open TCPIP::192.168.1.5::INSTR: a VISA resource is written
     visa:TCPIP::192.168.1.5::INSTR
     """
-    if _names_a_resource(port):
+    if is_resource(port):
         return VisaChannel(port, clock)
     if "::" in port and "://" not in port:
         raise LinkError(f"cannot open {port}: a VISA resource is written {SCHEME}{port}")
@@ -142,7 +142,7 @@ def open_instrument(port: str, clock: Clock, line: LineSettings = USUAL) -> Chan
 
 def instrument_lack(port: str) -> Lack | None:
     """Tell what this machine lacks to open an instrument's port; it is not opened."""
-    if not _names_a_resource(port):
+    if not is_resource(port):
         return port_lack(port)
     needs = {"pyvisa": "pyvisa", "pyvisa_py": "pyvisa-py"}
     if port[len(SCHEME) :].upper().startswith("USB"):
@@ -151,5 +151,6 @@ def instrument_lack(port: str) -> Lack | None:
     return Lack(what=missing[0], remedy=_REMEDY) if missing else None
 
 
-def _names_a_resource(port: str) -> bool:
+def is_resource(port: str) -> bool:
+    """Return whether a port names a VISA resource."""
     return port.lower().startswith(SCHEME)

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, Literal, Protocol, TypeAlias, TypeVar
 
 from device.driver import Lack, installing
-from device.errors import LinkError
+from device.errors import LinkError, SoundCardError
 from device.sound.player import Frames
 
 if TYPE_CHECKING:
@@ -25,6 +25,10 @@ if TYPE_CHECKING:
 
 
 CHANNELS: Final = 2
+
+# PortAudio's error numbers, from portaudio.h
+INVALID_CHANNEL_COUNT: Final = -9998
+INVALID_SAMPLE_RATE: Final = -9997
 
 _STDERR: Final = 2
 
@@ -85,8 +89,8 @@ def open_duplex(
             latency="low",
             callback=both,
         )
-    except LinkError as error:
-        if "Invalid number of channels" not in str(error):
+    except SoundCardError as error:
+        if error.code != INVALID_CHANNEL_COUNT:
             raise
         raise LinkError(
             f"{error}; it must have {inputs} inputs, as monitor.inputs has them, and {CHANNELS} "
@@ -148,13 +152,19 @@ def _started(kind: str, card: str, **settings: Any) -> Any:
             dtype="int16", device=card or None, dither_off=True, **settings
         )
     except (sounddevice.PortAudioError, ValueError) as error:
-        raise LinkError(f"cannot open the sound card {card or 'default'}: {error}") from error
+        raise _sound_card_error(card, "open", error) from error
     try:
         stream.start()
     except sounddevice.PortAudioError as error:
         stream.close()
-        raise LinkError(f"cannot start the sound card {card or 'default'}: {error}") from error
+        raise _sound_card_error(card, "start", error) from error
     return stream
+
+
+def _sound_card_error(card: str, step: str, error: Exception) -> SoundCardError:
+    """Take over the error number, which PortAudio's errors carry beside their message."""
+    codes = [value for value in error.args[1:2] if isinstance(value, int)]
+    return SoundCardError(card=card, step=step, reason=str(error), code=next(iter(codes), None))
 
 
 def sound_cards() -> tuple[str, ...]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+import re
 import select
 import socket
 from dataclasses import dataclass
@@ -14,7 +15,7 @@ from urllib.parse import urlsplit
 
 from device.checks import require_real, require_whole
 from device.driver import Lack
-from device.errors import LinkError
+from device.errors import LinkError, PortError
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -40,9 +41,9 @@ class LineSettings:
         Rate of the port, or of the slowest piece of wire behind it; USB and sockets have none.
     dtr : bool
         Whether the line DTR is raised when a port is opened, which starts some boards anew.
-    opens_within_s : float
+    open_timeout_s : float
         How long a device may take to give its first answer, once its port is open.
-    patience_s : float
+    response_timeout_s : float
         How long any other question is asked again before it is given up.
 
     Raises
@@ -58,13 +59,13 @@ class LineSettings:
 
     baud: int = 115_200
     dtr: bool = True
-    opens_within_s: float = 2.0
-    patience_s: float = 2.0
+    open_timeout_s: float = 2.0
+    response_timeout_s: float = 2.0
 
     def __post_init__(self) -> None:
         require_whole("baud", self.baud, least=1200, most=10_000_000)
-        require_real("opens_within_s", self.opens_within_s, least=0.01, most=60.0)
-        require_real("patience_s", self.patience_s, least=0.01, most=60.0)
+        require_real("open_timeout_s", self.open_timeout_s, least=0.01, most=60.0)
+        require_real("response_timeout_s", self.response_timeout_s, least=0.01, most=60.0)
 
     @property
     def answer_within_s(self) -> float:
@@ -239,6 +240,26 @@ class SerialChannel:
         return LinkError(f"the line to {self._port} is gone: {error}")
 
 
+def require_port(port: str) -> None:
+    """Raise PortError unless a port has a form that is opened here.
+
+    pyserial knows further schemes: ``spy://`` writes a file that the port names.
+
+    >>> require_port("socket://127.0.0.1:5025")
+    >>> require_port("spy://x?file=results.csv")
+    Traceback (most recent call last):
+    device.errors.PortError: port must be a device path, COMn, socket://HOST:PORT, ...
+    """
+    scheme, colon, _ = port.lower().partition("://")
+    is_path = ("/" in port or "\\" in port or _COM_PORT.fullmatch(port)) and not colon
+    if not (is_path or (colon and scheme in _SCHEMES)):
+        raise PortError(port)
+
+
+_COM_PORT: Final = re.compile(r"COM[0-9]{1,3}", re.IGNORECASE)
+_SCHEMES: Final = ("socket", "rfc2217")
+
+
 def open_channel(port: str, clock: Clock, line: LineSettings = USUAL) -> Channel:
     """Return the channel to a port: of this machine, or ``socket://host:port``.
 
@@ -247,15 +268,14 @@ def open_channel(port: str, clock: Clock, line: LineSettings = USUAL) -> Channel
     Traceback (most recent call last):
     device.errors.LinkError: cannot open socket://127.0.0.1:1: ...
     """
-    return SocketChannel(port) if port.startswith(SCHEME) else SerialChannel(port, clock, line)
-
-
-_RESOLVE_WITHIN_S: Final = 0.03
-"""So long may a name server take; what is not known by then is not said to be lacking."""
+    require_port(port)
+    return (
+        SocketChannel(port) if port.lower().startswith(SCHEME) else SerialChannel(port, clock, line)
+    )
 
 
 def port_lack(port: str) -> Lack | None:
-    """Tell what this machine lacks to open a port; it is not opened, and no host is reached.
+    """Return what this machine lacks to open a port; it is not opened, and no host is reached.
 
     Examples
     --------
@@ -263,13 +283,12 @@ def port_lack(port: str) -> Lack | None:
     port is missing: /no/such/port is not there; tactstrip devices lists the ports
     >>> port_lack("socket://127.0.0.1:5025")
     """
-    if "://" in port:
-        remedy = f"no name server knows that of {port}; check the name"
-        return None if _resolves(port) else Lack(what="the host's address", remedy=remedy)
+    if "://" in port:  # no name server is asked for the host
+        return None
     if os.name != "posix":
         from serial.tools.list_ports import comports
 
-        there = port.upper() in {one.device.upper() for one in comports()}
+        there = port.upper() in {listed.device.upper() for listed in comports()}
     else:
         there = Path(port).exists()
     if not there:
@@ -279,25 +298,3 @@ def port_lack(port: str) -> Lack | None:
         remedy = f"{port} is not yours to open; join its group, often dialout"
         return Lack(what="the right to the port", remedy=remedy)
     return None
-
-
-def _resolves(url: str) -> bool:
-    """Tell whether a URL's host has an address, as far as that is known at once."""
-    try:
-        host = urlsplit(url).hostname
-    except ValueError:
-        return False
-    if host is None:  # such as loop://
-        return True
-    failed: list[OSError] = []
-
-    def ask() -> None:
-        try:
-            socket.getaddrinfo(host, None)
-        except (OSError, UnicodeError) as error:
-            failed.append(OSError(error))
-
-    thread = Thread(target=ask, daemon=True)
-    thread.start()
-    thread.join(_RESOLVE_WITHIN_S)
-    return not failed

@@ -203,7 +203,7 @@ LIMITS: Final = Layout(
     entropy=Form("B", tuple(Entropy)),
     firmware=LONG_TEXT,
 )
-HEALTH: Final = Layout(Health.of_bits, known=U8, set_bits=U8)
+HEALTH: Final = Layout(Health.of_bits, reported_bits=U8, set_bits=U8)
 MEASURED: Final = Layout(
     Measurement,
     token=U64,

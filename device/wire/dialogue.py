@@ -88,10 +88,10 @@ class Dialogue:
     Only `stop` may be called from more than one thread.
     """
 
-    def __init__(self, clock: Clock, *, answer_within_s: float, patience_s: float) -> None:
+    def __init__(self, clock: Clock, *, answer_within_s: float, response_timeout_s: float) -> None:
         self._clock = clock
         self._answer_within_s = answer_within_s
-        self._patience_s = patience_s
+        self._response_timeout_s = response_timeout_s
         self._channel: Channel | None = None
         self._writing = Lock()
         self._state = State.CLOSED
@@ -155,7 +155,7 @@ class Dialogue:
         return framed(Stop(), number, self._boot_id)
 
     def _ask(
-        self, message: Message[Any], boot_id: int, patience_s: float | None = None
+        self, message: Message[Any], boot_id: int, response_timeout_s: float | None = None
     ) -> AnswerPayload:
         """Send a question until its answer comes; also a refusal tells state and power cycle.
 
@@ -165,10 +165,10 @@ class Dialogue:
         retries = 0
         for _ in range(_STALE_AT_MOST):
             if not isinstance(message, Hello):
-                self._confirm_stops(self._patience_s)
+                self._confirm_stops(self._response_timeout_s)
             self._asked = next(self._numbers)
             question = framed(message, self._asked, boot_id)
-            answer = self._insist(question, patience_s or self._patience_s)
+            answer = self._insist(question, response_timeout_s or self._response_timeout_s)
             self._retries = retries = retries + self._retries
             if answer.refusal is not Refusal.STALE:
                 return answer
@@ -176,14 +176,14 @@ class Dialogue:
                 raise rejection(Refusal.SAFE_STATE, "a stop came meanwhile")
         raise LinkError("the device takes every question for an old one: open it again")
 
-    def _confirm_stops(self, patience_s: float) -> None:
+    def _confirm_stops(self, response_timeout_s: float) -> None:
         while stops := tuple(self._stops):
-            self._insist(self._stop_question(max(stops)), patience_s)
+            self._insist(self._stop_question(max(stops)), response_timeout_s)
 
-    def _insist(self, question: Frame, patience_s: float) -> AnswerPayload:
+    def _insist(self, question: Frame, response_timeout_s: float) -> AnswerPayload:
         began_s = self._clock.now_s()
         self._retries = -1
-        while self._clock.now_s() < began_s + patience_s:
+        while self._clock.now_s() < began_s + response_timeout_s:
             self._retries += 1
             self._write(encode(question))
             answer = self._listen(question, self._answer_within_s)
@@ -193,11 +193,11 @@ class Dialogue:
                 if question.kind != Kind.STOP:
                     self._learn_clock(answer, began_s)
                 return answer
-        raise self._unanswered(Kind(question.kind), patience_s)
+        raise self._unanswered(Kind(question.kind), response_timeout_s)
 
-    def _unanswered(self, kind: Kind, patience_s: float) -> UnansweredError:
+    def _unanswered(self, kind: Kind, response_timeout_s: float) -> UnansweredError:
         """Return the error of a question that was asked for so long, with what may be behind it."""
-        told = f"the device did not answer {kind.name} for {patience_s:g} s"
+        told = f"the device did not answer {kind.name} for {response_timeout_s:g} s"
         never_in_time = self._answer_within_s < self._fastest_s < math.inf
         return UnansweredError(f"{told}: {self._why_late()}" if never_in_time else told)
 
@@ -281,14 +281,14 @@ def speaks_our_version(answer: str) -> bool:
     return answer.startswith(f"{MAKER},") and version.partition(".")[0] == str(VERSION)
 
 
-def why_silent(answer: str, *, opens_within_s: float, baud: int, greets: bool = False) -> str:
+def why_silent(answer: str, *, open_timeout_s: float, baud: int, greets: bool = False) -> str:
     """Tell what a device that answered no HELLO lacks, by what it says in plain text.
 
     `greets` tells that it answers HELLO by now.
 
-    >>> why_silent("tactstrip,lab,7,protocol 1.0", opens_within_s=2.0, baud=115_200)
+    >>> why_silent("tactstrip,lab,7,protocol 1.0", open_timeout_s=2.0, baud=115_200)
     'it speaks protocol 1.0 and this program 2.0; put firmware of protocol 2 on it'
-    >>> why_silent("tactstrip,lab,7,protocol 3.7", opens_within_s=2.0, baud=115_200)
+    >>> why_silent("tactstrip,lab,7,protocol 3.7", open_timeout_s=2.0, baud=115_200)
     'it speaks protocol 3.7 and this program 2.0; use a newer tactstrip, which speaks 3, or put
     firmware of protocol 2 on it'
     """
@@ -297,14 +297,14 @@ def why_silent(answer: str, *, opens_within_s: float, baud: int, greets: bool = 
         other = f"{answer[:80]!r} answers, which is no device of tactstrip" if answer else ""
         return other or (
             "is it switched on? Where it starts anew whenever its port is opened, let "
-            f"device.opens_within_s be more than {opens_within_s:g}, or device.dtr be false; "
+            f"device.open_timeout_s be more than {open_timeout_s:g}, or device.dtr be false; "
             f"where its rate is another than {baud}, give device.baud"
         )
     version = rest.rpartition("protocol ")[2]
     if greets:
         return (
-            f"it answers now, so that it took longer to start; let device.opens_within_s be more "
-            f"than {opens_within_s:g}"
+            f"it answers now, so that it took longer to start; let device.open_timeout_s be more "
+            f"than {open_timeout_s:g}"
         )
     if speaks_our_version(answer):
         return (

@@ -77,7 +77,7 @@ class FrameLink(Dialogue):
 
     `connect` opens the channel or raises `LinkError`. A question is sent again after
     `answer_within_s`, which follows from the line's rate, and given up after the line's
-    `patience_s`. On the machine's clock a thread keeps up the heartbeat; on any other
+    `response_timeout_s`. On the machine's clock a thread keeps up the heartbeat; on any other
     that is for the channel to do, by `beat`. Only `stop` may be called from more than one thread.
 
     >>> from device.clock import VirtualClock
@@ -99,7 +99,7 @@ class FrameLink(Dialogue):
         super().__init__(
             clock,
             answer_within_s=answer_within_s or line.answer_within_s,
-            patience_s=line.patience_s,
+            response_timeout_s=line.response_timeout_s,
         )
         self._connect = connect
         self._line = line
@@ -190,7 +190,7 @@ class FrameLink(Dialogue):
         hello = Hello(nonce=secrets.randbits(64))
         began_s = self._clock.now_s()
         try:
-            answer = self._ask(hello, 0, self._line.opens_within_s)
+            answer = self._ask(hello, 0, self._line.open_timeout_s)
         except UnansweredError as silence:
             raise LinkError(f"{silence}: {self._why_silent()}") from silence
         took_s = self._clock.now_s() - began_s
@@ -204,7 +204,7 @@ class FrameLink(Dialogue):
 
     def _why_silent(self) -> str:
         line = self._line
-        each_s, answer = min(_PLAIN_S, 2 * line.opens_within_s) / _PLAIN_TRIES, ""
+        each_s, answer = min(_PLAIN_S, 2 * line.open_timeout_s) / _PLAIN_TRIES, ""
         for _ in range(_PLAIN_TRIES):
             answer = answer or plain_answer(self._open, self._clock, each_s)
         greets = False
@@ -212,7 +212,7 @@ class FrameLink(Dialogue):
             with contextlib.suppress(UnansweredError):
                 self._ask(Hello(nonce=secrets.randbits(64)), 0, _PLAIN_TRIES * each_s)
                 greets = True
-        return why_silent(answer, opens_within_s=line.opens_within_s, baud=line.baud, greets=greets)
+        return why_silent(answer, open_timeout_s=line.open_timeout_s, baud=line.baud, greets=greets)
 
     def _drain(self, took_s: float) -> None:
         """Wait until the answers to a HELLO that was sent again are all off a slow line."""
@@ -230,7 +230,7 @@ class FrameLink(Dialogue):
         refused; what was seen of it is told where it fails later.
         """
         within_s = self._line.answer_within_s
-        wait_s = min(self._patience_s, max(_TRY_FOR * within_s, 2 * hello_s))
+        wait_s = min(self._response_timeout_s, max(_TRY_FOR * within_s, 2 * hello_s))
         took_s = self._tried(AskLimits(), boot_id, wait_s)
         self._fastest_s = min(took_s, default=math.inf)
         if self._fastest_s <= within_s or not took_s:
@@ -277,7 +277,7 @@ class FrameLink(Dialogue):
         """Send DATA until each is answered."""
         heard_s = self._clock.now_s()
         while (due := window.due(self._clock.now_s())) or not window.is_over:
-            self._confirm_stops(self._patience_s)
+            self._confirm_stops(self._response_timeout_s)
             if due:
                 self._write(b"".join(due))
             late_s = window.late_at_s - self._clock.now_s()
@@ -286,8 +286,8 @@ class FrameLink(Dialogue):
                 if is_data and window.answered(frame.sequence, self._clock.now_s()):
                     heard_s = self._clock.now_s()
                     self._require_done(Kind.DATA, self._learn(frame))
-            if self._clock.now_s() > heard_s + self._patience_s:
-                raise self._unanswered(Kind.DATA, self._patience_s)
+            if self._clock.now_s() > heard_s + self._response_timeout_s:
+                raise self._unanswered(Kind.DATA, self._response_timeout_s)
 
     def _done(
         self,

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Final
 from device.clock import Clock, MonotonicClock
 from device.core.host import HostDriver
 from device.core.messages import AskHealth, AskLimits
-from device.errors import LinkError
+from device.errors import LinkError, PortError
 from device.wire.channels import USUAL, Channel, LineSettings, open_channel
 from device.wire.dialogue import plain_answer
 from device.wire.frames import MAKER
@@ -49,7 +49,7 @@ def identify(port: str, line: LineSettings = USUAL) -> tuple[Identity, DeviceLim
     clock = MonotonicClock()
     try:
         channel = open_channel(port, clock, line)
-    except LinkError:
+    except (LinkError, PortError):
         return None
     with closing(channel):
         if not _says_its_name(channel, clock):

@@ -7,11 +7,12 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from experiment.commands.init import write_study_text
+from experiment import ResponderSettings
 from experiment.participant.pages import Pages
 from experiment.participant.window import Stage
 from experiment.study.files import paper_study, study_from_text
 from experiment.study.presentation import Screen, Texts
+from experiment.study.writing import preset_text
 from experiment.trial.responder import Progress, SessionPart
 
 if TYPE_CHECKING:
@@ -27,22 +28,22 @@ ARABIC = Texts(
         "{right} أو {both}. إذا لم تكن متأكدا فأجب بما يبدو لك الأرجح. اضغط Esc للتوقف قليلا."
     ),
     placement="ضع إصبعا من كل يد على الصفيحة كما في الصورة، وأبقهما هناك.",
-    audibility=(
+    hands_off_before=(
         "أولا دون لمس: ارفع يديك عن الصفيحة. إذا سمعتها فأجب من أين، "
         "وإذا لم تسمع شيئا فاضغط {none}."
     ),
     practice="الآن بضع محاولات للتدريب. سيقال لك هل كانت الإجابة صحيحة.",
     warm_up="بضع محاولات للتعود من جديد. إنها لا تحسب.",
     main="الآن تبدأ التجربة.",
-    control="الآن ارفع يديك عن الصفيحة. أجب كما من قبل، وإذا لم تلاحظ شيئا فاضغط {none}.",
+    hands_off_after="الآن ارفع يديك عن الصفيحة. أجب كما من قبل، وإذا لم تلاحظ شيئا فاضغط {none}.",
     prompt="أين شعرت به؟",
     prompt_hands_off="هل لاحظت شيئا، وأين؟",
     correct="صحيح",
-    wrong="ليس كذلك",
+    incorrect="ليس كذلك",
     paused="توقف: تمت {done} من {planned} محاولة.",
     rest="استرح: تمت {done} من {planned} محاولة. يمكنك المتابعة بعد {seconds} ثانية.",
     rest_over="استرح: تمت {done} من {planned} محاولة.",
-    go_on="اضغط {go_on} للمتابعة.",
+    **{"continue": "اضغط {continue} للمتابعة."},
     finished="هذا كل شيء. شكرا جزيلا!",
     stopped="أوقفت التجربة. شكرا.",
 )
@@ -51,7 +52,7 @@ HEBREW = Texts(
         "תרגישו רטט קצר מתחת לאצבע השמאלית, מתחת לאצבע הימנית, או מתחת לשתיהן. "
         "לחצו על המקש המתאים (Esc להפסקה) תוך 2.5 שניות."
     ),
-    go_on="הקישו Enter כדי להמשיך.",
+    **{"continue": "הקישו Enter כדי להמשיך."},
 )
 LARGE = """
 [screen]
@@ -66,19 +67,24 @@ both = ["pageup"]
 
 def pages(stage: Stage, study: Study) -> Iterator[tuple[str, Page]]:
     """Return the pages of a session by name, in their order."""
-    texts, responses = study.shown_texts, study.design.responses
-    of = Pages(stage, screen=study.screen, keys=study.keys, texts=texts, responses=responses)
+    settings = ResponderSettings(
+        responses=study.design.responses,
+        screen=study.screen,
+        keys=study.keys,
+        texts=study.texts,
+    )
+    of = Pages(stage, settings)
     at = Progress(done=37, planned=155, part=SessionPart.MAIN)
     end = Progress(done=155, planned=155, part=SessionPart.MAIN)
-    yield from _numbered("instructions", of.before_sitting())
+    yield from _numbered("instructions", of.before_visit())
     for part in SessionPart:
         yield from _numbered(part.value, of.before_part(part, lay=part is SessionPart.PRACTICE))
     yield "ready", of.ready
-    yield "prompt", of.prompt(SessionPart.MAIN)
-    yield "prompt-hands-off", of.prompt(SessionPart.CONTROL)
-    yield "correct", of.feedback(correct=True)
-    yield "wrong", of.feedback(correct=False)
-    yield "pause", of.pause(at, go_on=True)
+    yield "prompt", of.prompts[False]
+    yield "prompt-hands-off", of.prompts[True]
+    yield "correct", of.feedback[True]
+    yield "incorrect", of.feedback[False]
+    yield "pause", of.pause(at, may_continue=True)
     yield "break", of.rest(at, left_s=12)
     yield "break-over", of.rest(at, left_s=0)
     yield "end", of.end(end, finished=True)
@@ -102,7 +108,7 @@ def draw(stage: Stage, page: Page, file: Path) -> None:
 
 def main(folder: Path) -> None:
     """Draw every page of the presets, and of studies in other languages and sizes."""
-    recommended = write_study_text("recommended")
+    recommended = preset_text("recommended")
     studies = {
         "paper": paper_study(),
         "recommended": study_from_text(recommended, "study.toml"),

@@ -1,63 +1,61 @@
-"""Sessions as a BIDS data set (Brain Imaging Data Structure, behaviour without imaging)."""
+"""Sessions as a BIDS data set (Brain Imaging Data Structure, behaviour without imaging).
+
+What a column is, is said once, in `experiment.rows`; what its words mean stands in bids.toml.
+"""
 
 from __future__ import annotations
 
 import json
 import re
-from dataclasses import dataclass
+import tomllib
+from dataclasses import dataclass, replace
+from functools import cache
 from importlib.metadata import version
-from typing import TYPE_CHECKING, Any
+from importlib.resources import files
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any, Final
 
-from filelock import Timeout
-
-from experiment.archive.bids_tables import (
-    SESSION_COLUMNS,
-    aligned,
-    dataset_description,
-    events_sidecar,
-    events_tsv,
-    json_text,
-    participants_sidecar,
-    tsv,
-)
-from experiment.archive.disk import lock_on
-from experiment.archive.files import HEADS, ArchiveError, replaced
+from experiment.archive.files import FILES, HEADS, ArchiveError, locked, replaced, tsv
 from experiment.archive.journal import read_journal
 from experiment.archive.manifest import Manifest
 from experiment.archive.participants import (
     FILE_NAME,
     ID_COLUMN,
-    Fact,
-    check_facts,
+    People,
     read_people,
 )
-from experiment.rows import NOT_AVAILABLE, format_value
+from experiment.rows import COLUMNS, NOT_AVAILABLE, format_value
+from experiment.study.stimulus import stimulus_values
+from experiment.tasks import LEFT_RIGHT_BOTH
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterable, Iterator, Mapping, Sequence
     from pathlib import Path
 
     from experiment.archive.files import NewFolder
     from experiment.archive.folders import SessionFolder
-    from experiment.archive.participants import People
+    from experiment.rows import Column, TrialRow
     from experiment.study.dataset import ParticipantColumn
     from experiment.study.study import Study
     from experiment.trial.plan import Plan
 
 
-_SOURCES = (
-    "plan.json",
-    "header.json",
-    "journal.jsonl",
-    "journal.torn-*",
-    "trials.csv",
-    "measured.csv",
+_FIRST: Final = {
+    "onset": "onset_s",
+    "duration": None,
+    "trial_type": "kind",
+    "response_time": "rt_s",
+}
+EVENT_COLUMNS: Final[Mapping[str, str | None]] = MappingProxyType(
+    _FIRST | {c.name: c.name for c in COLUMNS if c.name not in _FIRST.values()}
 )
+"""The columns of events.tsv in their order, and the column of trials.csv that each one is."""
+_UNITS: Final = {"_s": "s", "_vpp": "V", "_um": "um"}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ExportedSession:
-    """What is known of an exported session."""
+    """What the tables of a data set say of a session."""
 
     participant: str
     session: str
@@ -68,22 +66,18 @@ class ExportedSession:
     answered: int
     simulated: bool | None  # none for a session without a first line
     head_sha256: str | None  # of the journal's last line
-    device_kinds: tuple[str, ...]  # of its sittings that presented a trial, by name
-
-    @property
-    def practice(self) -> bool:
-        """Whether a person was presented with a device that moves nothing."""
-        return self.simulated is False and not {*self.device_kinds} <= {"real", NOT_AVAILABLE}
-
-    @property
-    def device_kind(self) -> str | None:
-        """The one kind of device, or that there were several; none without a trial."""
-        return "mixed" if len(self.device_kinds) > 1 else next(iter(self.device_kinds), None)
+    device_kind: str | None  # "mixed" where there were several; none without a trial
+    is_practice: bool  # whether a person was presented with a device that moves nothing
 
     @property
     def name(self) -> str:
         """What the session is called."""
         return f"sub-{self.participant}/ses-{self.session}"
+
+    @property
+    def progress(self) -> str:
+        """Its name, and how much there is of it."""
+        return f"{self.name} ({self.answered} of {self.planned} trials answered)"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -94,29 +88,19 @@ class Export:
     left_out: tuple[str, ...]  # columns of participants.tsv that no study declares
 
     @property
-    def unfinished(self) -> tuple[ExportedSession, ...]:
-        """The sessions that were stopped or interrupted."""
-        return tuple(session for session in self.sessions if not session.finished)
-
-    @property
-    def simulated(self) -> tuple[ExportedSession, ...]:
+    def simulated(self) -> list[ExportedSession]:
         """The sessions without a person."""
-        return tuple(session for session in self.sessions if session.simulated)
+        return [session for session in self.sessions if session.simulated]
 
     @property
-    def practice(self) -> tuple[ExportedSession, ...]:
+    def practice(self) -> list[ExportedSession]:
         """The sessions of a person on a device that moves nothing."""
-        return tuple(session for session in self.sessions if session.practice)
+        return [session for session in self.sessions if session.is_practice]
 
     @property
     def last(self) -> ExportedSession:
         """The session that was begun last: its study describes the data set."""
         return max(self.sessions, key=lambda session: session.begun)
-
-    @property
-    def descriptions(self) -> int:
-        """How many different descriptions of the data set the sessions' studies give."""
-        return len({session.study.dataset for session in self.sessions})
 
 
 def export_bids(
@@ -153,28 +137,32 @@ def export_bids(
         raise ArchiveError("there is no session to export that began")
     root = folders[0].root
     plans = [folder.read_plan() for folder in folders]  # all, before a lock or anything is made
-    people = tuple(sorted({folder.participant for folder in folders}))
-    about = Manifest(what="BIDS data set", participants=people)
-    try:
-        with lock_on(root / ".export.lock", timeout=0), replaced(out, root, about) as new:
-            sessions = tuple(
-                _write_session(new, folder, plan, with_sources=with_sourcedata)
-                for folder, plan in zip(folders, plans, strict=True)
+    participants = tuple(sorted({folder.participant for folder in folders}))
+    about = Manifest(what="BIDS data set", participants=participants)
+    busy = "another process is exporting it"
+    with locked(root / ".export.lock", busy), replaced(out, root, about) as new:
+        sessions = tuple(
+            _write_session(new, folder, plan, with_sources=with_sourcedata)
+            for folder, plan in zip(folders, plans, strict=True)
+        )
+        columns = {c.name: c for s in sessions for c in s.study.participants.columns}
+        people = read_people(root, columns.values())
+        left_out = tuple(name for name in people.heading if name not in {ID_COLUMN, *columns})
+        export = Export(sessions=sessions, left_out=left_out)
+        for session in () if allow_simulated else export.practice:
+            raise ArchiveError(
+                f"{root / session.name}: a person on a device of the kind "
+                f"{session.device_kind}, who felt nothing; --allow-simulated exports it, "
+                "with a mark: nothing was written"
             )
-            for session in sessions:
-                if session.practice and not allow_simulated:
-                    raise ArchiveError(
-                        f"{root / session.name}: a person on a device of the kind "
-                        f"{session.device_kind}, who felt nothing; --allow-simulated exports it, "
-                        "with a mark: nothing was written"
-                    )
-            for person in people if with_sourcedata else ():
-                file = root / f"sub-{person}" / HEADS
-                if file.is_file():
-                    new.write(f"sourcedata/sub-{person}/{HEADS}", file.read_bytes())
-            return _write_about(new, sessions, read_people(root))
-    except Timeout as error:
-        raise ArchiveError(f"{root}: another process is exporting it") from error
+        for participant in participants if with_sourcedata else ():
+            file = root / f"sub-{participant}" / HEADS
+            if file.is_file():
+                new.write(f"sourcedata/sub-{participant}/{HEADS}", file.read_bytes())
+        _write_people(new, participants, people, tuple(columns.values()))
+        _write_sessions(new, sessions)
+        _write_description(new, export)
+        return export
 
 
 def _write_session(
@@ -183,143 +171,186 @@ def _write_session(
     with folder.locked():
         study = folder.read_study(plan)
         history = folder.read_history(plan)
-        header = _read_header(folder)
-        if with_sources:
-            _copy_sources(new, folder)
+        begun, software_version = _read_header(folder.header_path)
+        for pattern in (*FILES, "journal.torn-*") if with_sources else ():
+            for source in sorted(folder.path.glob(pattern)):
+                new.write(f"sourcedata/{folder.name}/{source.name}", source.read_bytes())
+        head_sha256 = read_journal(folder.journal_path).head_sha256 if history.opening else None
+    simulated = history.opening.get("simulated")
+    kinds = sorted({row.device_kind or NOT_AVAILABLE for row in history.rows})
     session = ExportedSession(
         participant=folder.participant,
         session=folder.session,
-        begun=str(header.get("begun", "")),
+        begun=begun,
         study=study,
         finished=history.finished,
         planned=len(plan.trials),
         answered=len(plan.trials) - len(history.pending),
-        simulated=history.opening.get("simulated"),
-        device_kinds=tuple(sorted({row.device_kind or NOT_AVAILABLE for row in history.rows})),
-        head_sha256=read_journal(folder.journal_path).head_sha256 if history.opening else None,
+        simulated=simulated,
+        head_sha256=head_sha256,
+        device_kind="mixed" if len(kinds) > 1 else next(iter(kinds), None),
+        is_practice=simulated is False and not {*kinds} <= {"real", NOT_AVAILABLE},
     )
-    durations_s = {c.name: float(c.drive.duration_s) for c in study.conditions}
-    sidecar = events_sidecar(
-        study,
-        software_version=header.get("versions", {}).get("tactstrip"),
-        simulated=bool(session.simulated),
-    )
-    file = f"{session.name}/beh/sub-{folder.participant}_ses-{folder.session}_task-{_label(study)}"
-    rows = [aligned(row, history.recording_start_s) for row in history.rows]
-    new.write(f"{file}_events.tsv", events_tsv(rows, durations_s))
-    new.write(f"{file}_events.json", json_text(sidecar))
-    return session
-
-
-def _label(study: Study) -> str:
-    """Return the task's label: the letters and digits of the study's name."""
     label = re.sub("[^A-Za-z0-9]", "", study.name)
     if not label:
         raise ArchiveError(
             f"study.name must have a letter or digit for a BIDS data set; got {study.name!r}"
         )
-    return label
+    file = f"{folder.name}/beh/sub-{folder.participant}_ses-{folder.session}_task-{label}_events"
+    new.write(f"{file}.tsv", tsv(_event_cells(study, history.rows, history.recording_start_s)))
+    sidecar = _events_sidecar(study, software_version, simulated=bool(simulated))
+    new.write(f"{file}.json", _json(sidecar))
+    return session
 
 
-def _read_header(folder: SessionFolder) -> dict[str, Any]:
-    path = folder.path / "header.json"
+def _read_header(path: Path) -> tuple[str, str]:
+    """Return when a session was begun, and by which version of tactstrip."""
     try:
         header = json.loads(path.read_bytes())
-    except ValueError as error:
-        raise ArchiveError(f"{path}: must be JSON; got {error}") from error
-    if not isinstance(header, dict):
-        raise ArchiveError(f"{path}: must be a JSON object; got {type(header).__name__}")
-    return header
+        return str(header["begun"]), str(header["versions"]["tactstrip"])
+    except (ValueError, KeyError, TypeError) as error:
+        raise ArchiveError(f"{path}: must be the header of a session; got {error}") from error
 
 
-def _copy_sources(new: NewFolder, folder: SessionFolder) -> None:
-    place = f"sourcedata/sub-{folder.participant}/ses-{folder.session}"
-    for pattern in _SOURCES:
-        for file in sorted(folder.path.glob(pattern)):
-            new.write(f"{place}/{file.name}", file.read_bytes())
+def _json(contents: Mapping[str, object]) -> str:
+    return json.dumps(contents, ensure_ascii=False, indent=2) + "\n"
 
 
-def _write_about(new: NewFolder, sessions: tuple[ExportedSession, ...], people: People) -> Export:
-    """Write what is said of the whole data set and of each participant."""
-    columns = {c.name: c for session in sessions for c in session.study.participants.columns}
-    named = {ID_COLUMN, *columns}
-    export = Export(
-        sessions=sessions, left_out=tuple(name for name in people.heading if name not in named)
-    )
-    _write_people(new, export, people, tuple(columns.values()))
-    for participant in sorted({session.participant for session in sessions}):
-        of_one = [session for session in sessions if session.participant == participant]
-        file = f"sub-{participant}/sub-{participant}_sessions"
-        new.write(f"{file}.tsv", tsv([tuple(SESSION_COLUMNS), *map(_session_cells, of_one)]))
-        new.write(f"{file}.json", json_text(dict(SESSION_COLUMNS)))
-    name = export.last.study.dataset.name or export.last.study.name
-    if export.simulated:
-        part = "" if len(export.simulated) == len(sessions) else "partly "
-        name = f"{name} ({part}simulated)"
-    if export.practice:
-        name = f"{name} (practice without a device)"
-    description = dataset_description(name, export.last.study.dataset, version=version("tactstrip"))
-    new.write("dataset_description.json", json_text(description))
-    new.write("README", _readme(export, name))
-    return export
+def _event_cells(
+    study: Study, rows: Iterable[TrialRow], recording_start_s: float
+) -> Iterator[Sequence[str]]:
+    """Yield the rows of an events.tsv.
+
+    Onsets are counted from the marker by which recordings are aligned. A blank trial lasts 0 s.
+    """
+    durations_s = {c.name: float(c.drive.duration_s) for c in study.conditions}
+    yield tuple(EVENT_COLUMNS)
+    for row in rows:
+        aligned, duration_s = row, None
+        if row.onset_s is not None:
+            aligned = replace(row, onset_s=round(row.onset_s - recording_start_s, 6))
+            duration_s = 0.0 if row.level_vpp is None else durations_s[row.condition]
+        yield [
+            format_value(duration_s if source is None else getattr(aligned, source))
+            for source in EVENT_COLUMNS.values()
+        ]
 
 
-def _session_cells(session: ExportedSession) -> tuple[str, ...]:
-    facts = (
-        *(session.finished, session.planned, session.answered),
-        *(session.simulated, session.device_kind, session.head_sha256),
-    )
-    return (f"ses-{session.session}", *map(format_value, facts))
+def _events_sidecar(study: Study, software_version: str, *, simulated: bool) -> dict[str, Any]:
+    """Describe the task, then every column; a simulation was not instructed."""
+    sidecar: dict[str, Any] = {
+        "TaskName": study.name,
+        "TaskDescription": study.dataset.task_description,
+        "FingerContact": None if simulated else study.contact.summary,
+        "Instructions": None if simulated else study.texts.instructions,
+        "InstitutionName": study.dataset.institution_name,
+        "InstitutionAddress": study.dataset.institution_address,
+        "StimulusPresentation": {
+            "SoftwareName": "tactstrip",
+            "SoftwareVersion": software_version,
+        },
+    }
+    columns = {column.name: column for column in COLUMNS}
+    for name, source in EVENT_COLUMNS.items():
+        sidecar[name] = _described(columns[source]) if source else _tables()["duration"]
+    sidecar["condition"]["Levels"] = {
+        condition.name: ", ".join(
+            f"{key} {format_value(value)}" for key, value in stimulus_values(condition).items()
+        )
+        for condition in study.conditions
+    }
+    return _given(sidecar)
+
+
+def _described(column: Column) -> dict[str, Any]:
+    """Return what the sidecar says of a column of trials.csv."""
+    description = column.description[0].upper() + column.description[1:]
+    if column.optional:
+        description += f"; {NOT_AVAILABLE} where there is none"
+    if column.name == "onset_s":
+        description += "; from the marker recording_start, where markers were sent"
+    units = next((unit for end, unit in _UNITS.items() if column.name.endswith(end)), None)
+    return _given({"Description": description, "Units": units, "Levels": _levels(column)})
+
+
+def _levels(column: Column) -> dict[str, str]:
+    """Return what the words in a column mean: those of the task, and those of any task."""
+    of_task = {
+        "kind": LEFT_RIGHT_BOTH.kinds,
+        "side": {p.name: p.meaning for p in LEFT_RIGHT_BOTH.presentations},
+        "response": {answer.name: answer.meaning for answer in LEFT_RIGHT_BOTH.answers},
+    }
+    name = "bool" if column.type == "bool" else column.name
+    return {**of_task.get(name, {}), **_tables()["levels"].get(name, {})}
+
+
+@cache
+def _tables() -> dict[str, Any]:
+    return tomllib.loads(files(__package__).joinpath("bids.toml").read_text("utf-8"))
+
+
+def _given(facts: Mapping[str, object]) -> dict[str, Any]:
+    return {key: value for key, value in facts.items() if value}
 
 
 def _write_people(
-    new: NewFolder, export: Export, people: People, columns: tuple[ParticipantColumn, ...]
+    new: NewFolder,
+    participants: Iterable[str],
+    people: People,
+    columns: Sequence[ParticipantColumn],
 ) -> None:
-    lines = [(ID_COLUMN, *(column.name for column in columns))]
-    for participant in sorted({session.participant for session in export.sessions}):
-        facts = [Fact(c.name, people.value_of(participant, c.name)) for c in columns]
-        try:
-            check_facts(columns, facts)
-        except ArchiveError as error:
-            raise ArchiveError(f"{FILE_NAME}, participant {participant}: {error}") from error
-        lines.append((f"sub-{participant}", *(fact.value for fact in facts)))
-    new.write(FILE_NAME, tsv(lines))
-    new.write("participants.json", json_text(participants_sidecar(columns)))
+    heading = (ID_COLUMN, *(column.name for column in columns))
+    names = [f"sub-{participant}" for participant in participants]
+    rows = {name: people.rows.get(name, {ID_COLUMN: name}) for name in names}
+    sidecar = {ID_COLUMN: {"Description": "Participant's identifier"}}
+    for column in columns:
+        levels = {level: level for level in column.levels}
+        sidecar[column.name] = _given({"Description": column.description, "Levels": levels})
+    new.write(FILE_NAME, People(heading, rows).text())
+    new.write("participants.json", _json(sidecar))
 
 
-_ABOUT = """
-Vibrotactile detection on a strip plate: a short vibration at the left finger, the right finger or
-both, and the participant says where it was felt. One row of an events.tsv is one presented trial;
-the .json beside it describes every column. Onsets are seconds on the session's clock, which begins
-with the session and runs on through interruptions; where onset_clock rises the computer was started
-anew, and onsets before and after cannot be compared.
-
-Results count the trials with status ok, anticipated false, and neither noise_ok nor burst_verified
-false; practice and control trials are apart. A trial that had to be presented again has a higher
-attempt.
-
-sub-*/sub-*_sessions.tsv says which sessions are complete and which are simulations.
-"""
-
-
-def _readme(export: Export, name: str) -> str:
-    paragraphs = [name, _ABOUT.strip()]
-    if export.simulated:
-        which = ", ".join(session.name for session in export.simulated)
-        paragraphs.append(f"SIMULATED, without a person: {which}")
-        paragraphs.append(
-            "Nobody laid a finger on a plate or was instructed in these: the .json beside their "
-            "events have neither FingerContact nor Instructions."
+def _write_sessions(new: NewFolder, sessions: Sequence[ExportedSession]) -> None:
+    """Write the table of the sessions of each participant."""
+    columns = _tables()["sessions"]
+    rows: dict[str, list[list[str]]] = {}
+    for session in sessions:
+        values = (
+            *(f"ses-{session.session}", session.finished, session.planned, session.answered),
+            *(session.simulated, session.device_kind, session.head_sha256),
         )
+        rows.setdefault(session.participant, []).append([*map(format_value, values)])
+    for participant, cells in rows.items():
+        file = f"sub-{participant}/sub-{participant}_sessions"
+        new.write(f"{file}.tsv", tsv([[*columns], *cells]))
+        new.write(f"{file}.json", _json(columns))
+
+
+def _write_description(new: NewFolder, export: Export) -> None:
+    """Write dataset_description.json, without what the study does not give, and README."""
+    from jinja2 import Environment, StrictUndefined
+
+    study = export.last.study
+    name = study.dataset.name or study.name
+    if export.simulated:
+        share = "" if len(export.simulated) == len(export.sessions) else "partly "
+        name = f"{name} ({share}simulated)"
     if export.practice:
-        which = ", ".join(session.name for session in export.practice)
-        paragraphs.append(f"PRACTICE, a person on a device that moves nothing: {which}")
-    if export.unfinished:
-        which = ", ".join(describe(session) for session in export.unfinished)
-        paragraphs.append(f"Not finished: {which}")
-    return "\n\n".join(paragraphs) + "\n"
-
-
-def describe(session: ExportedSession) -> str:
-    """Say how much there is of a session."""
-    return f"{session.name} ({session.answered} of {session.planned} trials answered)"
+        name = f"{name} (practice without a device)"
+    of_task = {"institution_name", "institution_address", "task_description"}
+    given = study.dataset.model_dump(exclude={"name", "authors", *of_task})
+    description = {
+        "Name": name,
+        "BIDSVersion": "1.10.0",  # whose layout the data set follows
+        "DatasetType": "raw",
+        "Authors": study.dataset.authors,  # also none, which says that the study names none
+        # The keys of BIDS are those of the study file in camel case.
+        **_given({key.title().replace("_", ""): value for key, value in given.items()}),
+        "GeneratedBy": [{"Name": "tactstrip", "Version": version("tactstrip")}],
+    }
+    new.write("dataset_description.json", _json(description))
+    template = files(__package__).joinpath("README.jinja").read_text("utf-8")
+    environment = Environment(  # noqa: S701 (text, no page)
+        undefined=StrictUndefined, trim_blocks=True, keep_trailing_newline=True
+    )
+    new.write("README", environment.from_string(template).render(name=name, export=export))

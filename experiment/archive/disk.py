@@ -11,7 +11,7 @@ import errno
 import os
 import stat
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Final, Protocol
+from typing import TYPE_CHECKING, Final
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -31,48 +31,27 @@ class LockError(ValueError):
     """A folder in which no file can be locked: two processes would write one record."""
 
 
-class Disk(Protocol):
-    """Where a record is kept. What is written may be lost until it is synced."""
+@dataclass(eq=False)
+class Disk:
+    """The disk that holds a record; what is written may be lost until it is synced.
 
-    def open(self, path: Path, *, new: bool) -> int:
-        """Open a file for writing: a new one, or one that is continued or made."""
-        ...
-
-    def write(self, file: int, data: bytes) -> None:
-        """Write all of the data at the file's end."""
-        ...
-
-    def sync(self, file: int) -> None:
-        """Return when everything written to the file is on the disk."""
-        ...
-
-    def close(self, file: int) -> None:
-        """Close a file."""
-        ...
-
-    def sync_folder(self, folder: Path) -> None:
-        """Return when the names in a folder are on the disk: a file without one is lost."""
-        ...
-
-
-@dataclass(frozen=True, slots=True)
-class SystemDisk:
-    """The system's disk; a simulation, which has nothing to lose, does not wait for it."""
+    A simulation, which has nothing to lose, does not wait for it.
+    """
 
     waits: bool = True
 
     def open(self, path: Path, *, new: bool) -> int:
-        """Open a file for writing."""
+        """Open a file for writing: a new one, or one that is continued or made."""
         flags = os.O_WRONLY | os.O_APPEND | os.O_CREAT | (os.O_EXCL if new else 0)
         return os.open(path, flags | _BINARY, FILE_MODE)
 
     def write(self, file: int, data: bytes) -> None:
-        """Write all of the data, however little the system takes at once."""
+        """Write all of the data at the file's end, however little the system takes at once."""
         while data:
             data = data[os.write(file, data) :]
 
     def sync(self, file: int) -> None:
-        """Wait for the disk."""
+        """Return when everything written to the file is on the disk."""
         if self.waits:
             os.fsync(file)
 
@@ -81,7 +60,10 @@ class SystemDisk:
         os.close(file)
 
     def sync_folder(self, folder: Path) -> None:
-        """Wait for the names, where the system can."""
+        """Return when the names in a folder are on the disk: a file without one is lost.
+
+        Windows cannot do this.
+        """
         if not self.waits or os.name == "nt":
             return
         handle = os.open(folder, os.O_RDONLY)
@@ -93,8 +75,8 @@ class SystemDisk:
 
 
 _BINARY: int = getattr(os, "O_BINARY", 0)
-DISK: Final = SystemDisk()
-UNWAITED: Final = SystemDisk(waits=False)
+DISK: Final = Disk()
+UNWAITED: Final = Disk(waits=False)
 
 
 @contextlib.contextmanager
@@ -147,10 +129,8 @@ def lock_on(path: Path, timeout: float = -1) -> Iterator[FileLock]:
     """
     from filelock import FileLock  # the help of commands that write must not wait for it
 
-    made = False
-    with contextlib.suppress(FileExistsError):
-        os.close(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, FILE_MODE))
-        made = True
+    made = not path.exists()
+    path.touch(FILE_MODE)
     mode = stat.S_IMODE(path.stat().st_mode)
     lock = FileLock(path, timeout=timeout, mode=mode, fallback_to_soft=False)
     try:

@@ -16,12 +16,14 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
+from filelock import Timeout
+
 from experiment.archive import manifest
-from experiment.archive.disk import DISK, FOLDER_MODE, make_folder, write_new
+from experiment.archive.disk import DISK, FOLDER_MODE, lock_on, make_folder, write_new
 from experiment.names import require_identifier
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterable, Iterator
 
     from experiment.archive.disk import Disk
     from experiment.archive.manifest import Manifest
@@ -29,6 +31,15 @@ if TYPE_CHECKING:
 
 TEMPORARY = ".tmp"
 """How the name of a file ends that is still being written."""
+FOLDER: Final = "withdrawn"
+"""Where a study's folder keeps what says that people withdrew."""
+PLAN, HEADER, JOURNAL, TABLE = "plan.json", "header.json", "journal.jsonl", "trials.csv"
+MEASURED: Final = "measured.csv"
+FILES: Final = (PLAN, HEADER, JOURNAL, TABLE, MEASURED)
+"""The files that are the record of a session; the last one where a monitor measured the bursts."""
+LOCK: Final = ".lock"
+"""The file of a session that is locked while it is run, read or removed."""
+RUNNING: Final = "another process is running this session; nothing was changed"
 HEADS: Final = "sessions.tsv"
 """What a person's folder has beside the sessions: the hash of each one's last journal line."""
 
@@ -46,28 +57,30 @@ class ArchiveError(ValueError):
     ...     SessionFolder(Path("results"), "01", "ses-01")
     ... except ValueError as error:
     ...     print(type(error).__name__, error)
-    ArchiveError session must be 1 to 32 letters (a-z, A-Z) or digits, ...; got 'ses-01'
+    ArchiveError session: must be 1 to 32 letters (a-z, A-Z) or digits, ... (got 'ses-01')
     """
+
+
+_LINK: Final = (
+    "must not be a symbolic link, for what it points to lies elsewhere; put the file or folder "
+    "itself there: nothing was changed"
+)
 
 
 class LinkError(ArchiveError):
     """A symbolic link where a session's own folder or file has to be."""
 
-    def __init__(self, path: Path, message: str) -> None:
+    def __init__(self, path: Path, message: str = _LINK) -> None:
         super().__init__(f"{path}: {message}")
         self.path, self.message = path, message
 
 
-def check_identifier(name: str, value: str) -> str:
-    """Return a participant's or session's identifier.
-
-    ArchiveError where `require_identifier` refuses it.
-    """
+def check_identifier(name: str, value: str) -> None:
+    """Refuse what cannot be a participant's or session's identifier, by an ArchiveError."""
     try:
         require_identifier(name, value)
     except ValueError as error:
         raise ArchiveError(str(error)) from None
-    return value
 
 
 def refuse_link(path: Path) -> None:
@@ -76,11 +89,40 @@ def refuse_link(path: Path) -> None:
     LinkError where it is one.
     """
     if path.is_symlink():
-        raise LinkError(
-            path,
-            "must not be a symbolic link, for what it points to lies elsewhere; put the file or "
-            "folder itself there: nothing was changed",
-        )
+        raise LinkError(path)
+
+
+def person_of(folder: Path) -> Path:
+    """Return the folder of a session's person, of "." too, which names no other folder.
+
+    >>> from pathlib import Path
+    >>> person_of(Path("sub-01/ses-01")).as_posix(), person_of(Path()).as_posix()
+    ('sub-01', '..')
+    """
+    return folder / ".." if folder.name in {"", ".."} else folder.parent
+
+
+def refuse_links(session: Path, table: str = TABLE) -> None:
+    """Refuse a session of which a file, the folder or the person's is a symbolic link.
+
+    LinkError for the first.
+    """
+    person = person_of(session)
+    if "sub-" in {person.name[:4], person.resolve().name[:4]}:
+        refuse_link(person)
+    for path in (session, *(session / name for name in (*FILES, LOCK, table))):
+        refuse_link(path)
+
+
+def tsv(rows: Iterable[Iterable[str]]) -> str:
+    """Write cells with tabs between them, one line a row."""
+    return "".join("\t".join(row) + "\n" for row in rows)
+
+
+def remove_left_overs(folder: Path, name: str = "") -> None:
+    """Remove what processes left that were killed while they wrote a file, or any, of a folder."""
+    for path in folder.glob(f".{name}*{TEMPORARY}"):
+        path.unlink()
 
 
 def write_atomically(path: Path, text: str, *, disk: Disk = DISK) -> None:
@@ -91,33 +133,37 @@ def write_atomically(path: Path, text: str, *, disk: Disk = DISK) -> None:
     OSError
         If it cannot be written; the former file, if any, is unchanged then.
     """
-    try:
-        _write_and_replace(path, text.encode(), disk)
-    except OSError as error:
-        error.filename = str(path)
-        raise
-
-
-def _write_and_replace(path: Path, data: bytes, disk: Disk) -> None:
-    """Write beside the file and rename; content first, or the name could come to hold nothing."""
+    # The content is on the disk before the name, or the name could come to hold nothing.
     new = path.with_name(f".{path.name}.{secrets.token_hex(4)}{TEMPORARY}")
     try:
-        write_new(new, data, disk)
+        write_new(new, text.encode(), disk)
         new.replace(path)
-    except BaseException:
+        disk.sync_folder(path.parent)
+    except BaseException as error:
         new.unlink(missing_ok=True)
+        if isinstance(error, OSError):
+            error.filename = str(path)
         raise
-    disk.sync_folder(path.parent)
+
+
+@contextlib.contextmanager
+def locked(path: Path, busy: str) -> Iterator[None]:
+    """Hold the lock of a file; ArchiveError, which says what is `busy`, where another one does."""
+    with contextlib.ExitStack() as stack:
+        try:
+            stack.enter_context(lock_on(path, timeout=0))
+        except Timeout as error:
+            raise ArchiveError(f"{path.parent}: {busy}") from error
+        yield
 
 
 class NewFolder:
     """A folder that is being filled; it keeps the checksum of each file for its manifest."""
 
-    def __init__(self, path: Path, manifest: Manifest, disk: Disk) -> None:
+    def __init__(self, path: Path, disk: Disk) -> None:
         self._path = path
-        self._manifest = manifest
         self._disk = disk
-        self._sha256: dict[str, str] = {}
+        self.sha256: dict[str, str] = {}
 
     def write(self, name: str, content: bytes | str) -> None:
         """Write a file, by its path in the folder; it is on the disk when this returns."""
@@ -125,14 +171,7 @@ class NewFolder:
         file = self._path / name
         make_folder(file.parent, self._disk)
         write_new(file, data, self._disk)
-        self._sha256[name] = hashlib.sha256(data).hexdigest()
-
-    def close(self) -> None:
-        """Write the manifest, and wait until the names of all files are on the disk."""
-        listed = dict(sorted(self._sha256.items()))
-        self.write(manifest.NAME, replace(self._manifest, files=listed).text())
-        for place, _, _ in os.walk(self._path):
-            self._disk.sync_folder(Path(place))
+        self.sha256[name] = hashlib.sha256(data).hexdigest()
 
 
 @contextlib.contextmanager
@@ -150,9 +189,12 @@ def replaced(out: Path, source: Path, about: Manifest, disk: Disk = DISK) -> Ite
     delete_folder(new)
     new.mkdir(FOLDER_MODE)
     try:
-        folder = NewFolder(new, about, disk)
+        folder = NewFolder(new, disk)
         yield folder
-        folder.close()
+        listed = dict(sorted(folder.sha256.items()))
+        folder.write(manifest.NAME, replace(about, files=listed).text())
+        for place, _, _ in os.walk(new):
+            disk.sync_folder(Path(place))
         refuse_target(out, source)
         _exchange(new, out, disk)
     finally:
@@ -193,35 +235,23 @@ def refuse_target(out: Path, source: Path) -> None:
         return
     if not out.is_dir():
         raise ArchiveError(f"{out}: must be a folder; nothing was changed")
-    found = _first_change(out)
-    if found is not None:
-        raise ArchiveError(
-            f"{out}: must be a new or empty folder, or an export that nobody changed; got one "
-            f"{found}; give another folder: nothing was changed"
-        )
-
-
-def _first_change(out: Path) -> str | None:
-    """Say in what a folder differs from what an export made; none for an empty folder."""
-    there = sorted(_files(out))
+    there = {name: _sha256(out / name) for name in _files(out)}
     if not there:
-        return None
-    if manifest.NAME not in there:
-        return f"with {there[0]}, which is no export"
+        return
     try:
         made = manifest.read_manifest(out)
-    except ValueError:
-        made = None
-    if made is None:
-        return f"with a damaged {manifest.NAME}"
-    there.remove(manifest.NAME)
-    for name in there:
-        if name not in made.files:
-            return f"with {name} added"
-        if _sha256(out / name) != made.files[name]:
-            return f"with {name} changed"
-    gone = sorted(set(made.files) - set(there))
-    return f"with {gone[0]} removed" if gone else None
+    except ValueError as error:
+        raise ArchiveError(f"{error}; give another folder: nothing was changed") from error
+    there.pop(manifest.NAME, None)
+    listed = made.files if made else {}
+    names = sorted({*there, *listed})
+    changed = [name for name in names if there.get(name, "") != listed.get(name, "")]
+    if changed or not made:
+        raise ArchiveError(
+            f"{out}: must be a new or empty folder, or an export that nobody changed; "
+            f"{changed[0] if changed else manifest.NAME} was added, changed or removed; give "
+            "another folder: nothing was changed"
+        )
 
 
 def _files(folder: Path) -> Iterator[str]:
@@ -236,6 +266,3 @@ def _sha256(path: Path) -> str | None:
         return None
     with path.open("rb") as stream:
         return hashlib.file_digest(stream, "sha256").hexdigest()
-
-
-FOLDER: Final = "withdrawn"

@@ -5,19 +5,24 @@ from __future__ import annotations
 import contextlib
 import json
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from hashlib import sha256
-from importlib.metadata import version
 from typing import TYPE_CHECKING, Any, Final
 
-from filelock import Timeout
-
-from experiment.archive.disk import DISK, lock_on, make_folder, write_new
+from experiment.archive.disk import DISK, make_folder, write_new
 from experiment.archive.files import (
-    TEMPORARY,
+    HEADER,
+    JOURNAL,
+    LOCK,
+    MEASURED,
+    PLAN,
+    RUNNING,
+    TABLE,
     ArchiveError,
     check_identifier,
-    refuse_link,
+    locked,
+    refuse_links,
+    remove_left_overs,
     write_atomically,
 )
 from experiment.archive.history import replay
@@ -28,22 +33,18 @@ from experiment.archive.journal import (
     read_journal,
 )
 from experiment.archive.participants import (
-    NO_FACTS,
-    Fact,
-    check_facts,
-    check_people,
     enter_person,
     next_number,
     read_people,
     refuse_withdrawn,
 )
 from experiment.rows import MeasuredRow, TrialRow, table_csv
+from experiment.study.base import Fault, StudyError
 from experiment.study.files import study_from_canonical
-from experiment.study.study import StudyError
 from experiment.trial.plan import Plan, PlanError, plan_from_json
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Callable, Iterator, Mapping
     from pathlib import Path
 
     from experiment.archive.disk import Disk
@@ -51,10 +52,7 @@ if TYPE_CHECKING:
     from experiment.study.study import Study
 
 
-_LOCK: Final = ".lock"
 _NUMBER: Final = re.compile(rb'^ "participant_number": (\d+)', re.MULTILINE)
-_VERSION: Final = re.compile(rb'"tactstrip": "([^"]+)"')
-_FILES: Final = ("plan.json", "header.json", "journal.jsonl", "trials.csv", "measured.csv", _LOCK)
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,8 +67,8 @@ class SessionFolder:
         Identifiers, 1 to 32 letters or digits.
     disk : Disk
         Where it is kept.
-    facts : tuple of Fact
-        What is known of the participant, for participants.tsv.
+    facts : mapping of str to str
+        What is known of the participant, by the columns of participants.tsv.
 
     Raises
     ------
@@ -98,7 +96,7 @@ class SessionFolder:
     participant: str
     session: str
     disk: Disk = DISK
-    facts: tuple[Fact, ...] = NO_FACTS
+    facts: Mapping[str, str] = field(default_factory=dict, hash=False)
 
     def __post_init__(self) -> None:
         check_identifier("participant", self.participant)
@@ -117,27 +115,27 @@ class SessionFolder:
     @property
     def plan_path(self) -> Path:
         """The sealed plan."""
-        return self.path / "plan.json"
+        return self.path / PLAN
 
     @property
     def journal_path(self) -> Path:
         """The journal."""
-        return self.path / "journal.jsonl"
+        return self.path / JOURNAL
 
     @property
     def trials_path(self) -> Path:
         """The table of presented trials."""
-        return self.path / "trials.csv"
+        return self.path / TABLE
 
     @property
     def measured_path(self) -> Path:
         """The table of what a monitor measured, where there was one."""
-        return self.path / "measured.csv"
+        return self.path / MEASURED
 
     @property
     def header_path(self) -> Path:
         """What is worth knowing of the session and is not part of the plan."""
-        return self.path / "header.json"
+        return self.path / HEADER
 
     def sealed(self) -> dict[str, str]:
         """Return the checksums of header and plan as files, for the journal's first line.
@@ -168,20 +166,14 @@ class SessionFolder:
         LockError
             If the drive does not support file locks.
         """
-        self._refuse_links()
+        refuse_links(self.path)
         made = [folder for folder in (self.path, *self.path.parents) if not folder.exists()]
         with contextlib.ExitStack() as held:
             held.callback(_remove_empty, made)
             make_folder(self.path, self.disk)
-            try:
-                held.enter_context(lock_on(self.path / _LOCK, timeout=0))
-            except Timeout as error:
-                raise ArchiveError(
-                    f"{self.path}: another process is running this session"
-                ) from error
+            held.enter_context(locked(self.path / LOCK, RUNNING))
             held.callback(_remove_unused_lock, made)
-            for left_over in self.path.glob(f".*{TEMPORARY}"):
-                left_over.unlink()
+            remove_left_overs(self.path)
             yield
 
     def refuse_existing(self) -> None:
@@ -194,7 +186,7 @@ class SessionFolder:
             symbolic link, or the person withdrew.
         """
         refuse_withdrawn(self.root, self.participant)
-        self._refuse_links()
+        refuse_links(self.path)
         self.refuse_loss()
         if self.plan_path.exists():
             raise ArchiveError(
@@ -214,28 +206,18 @@ class SessionFolder:
             It says what is missing, what is left and what can be done.
         """
         paths = (self.plan_path, self.journal_path, self.trials_path, self.measured_path)
-        there = {path.name: path.exists() for path in paths}
-        if not self.plan_path.exists() and there[self.journal_path.name]:
-            there[self.journal_path.name] = self.journal_path.stat().st_size > 0
-        left = [name for name, is_there in there.items() if is_there]
-        if not left and self.header_path.exists() and not self.journal_path.exists():
-            left = [self.header_path.name]
-        gone = [name for name in (self.plan_path.name, self.journal_path.name) if not there[name]]
-        if not left or not gone:
+        left = [path.name for path in paths if path.exists()]
+        gone = [path.name for path in paths[:2] if not path.exists()]
+        if left == [self.journal_path.name] and not self.journal_path.stat().st_size:
             return
-        table = self.trials_path.name
-        # Without a journal nothing contradicts it; with one but no plan it is taken with a mark.
-        how = " (tactstrip analyze --accept-altered)" if self.journal_path.name in left else ""
-        analysed = f"{table} can be analysed{how}, and " if table in left else ""
-        raise ArchiveError(
-            f"{self.path}: {' and '.join(gone)} missing, {' and '.join(left)} left; restore from a "
-            f"copy what is missing and go on by --resume; without a copy {analysed}the person "
-            "needs another --session: nothing was changed"
-        )
-
-    def _refuse_links(self) -> None:
-        for path in (self.path.parent, self.path, *(self.path / name for name in _FILES)):
-            refuse_link(path)
+        if not left and self.header_path.exists():
+            left = [self.header_path.name]
+        if left and gone:
+            raise ArchiveError(
+                f"{self.path}: {' and '.join(gone)} missing, {' and '.join(left)} left; restore "
+                "from a copy what is missing and go on by --resume; without a copy the person "
+                "needs another --session: nothing was changed"
+            )
 
     def create(self, plan: Plan, header: dict[str, Any]) -> None:
         """Enter the participant in participants.tsv, then write the files of a new session.
@@ -261,7 +243,6 @@ class SessionFolder:
         """
         self.refuse_existing()
         columns = study_from_canonical(plan.study).participants.columns
-        check_facts(columns, self.facts)
         enter_person(self.root, self.participant, columns, self.facts, disk=self.disk)
         if not self.journal_path.exists():
             write_new(self.journal_path, b"", self.disk)
@@ -291,10 +272,7 @@ class SessionFolder:
             a fact of the participant is not one that the study declares or differs from it.
         """
         columns = study.participants.columns
-        check_facts(columns, self.facts)
-        check_people(self.root, columns)
-        names = [column.name for column in columns]
-        read_people(self.root).with_person(self.participant, names, self.facts)
+        read_people(self.root, columns).with_person(self.participant, columns, self.facts)
 
     def participant_number(self) -> int:
         """Return the participant number, which selects the order of conditions.
@@ -336,9 +314,9 @@ class SessionFolder:
         The method reads headers rather than plans, which are longer: there may be thousands.
         """
         for path in sorted(self.root.glob("sub-*/ses-*/header.json")):
-            found = _NUMBER.search(path.read_bytes())
+            match = _NUMBER.search(path.read_bytes())
             other = path.parent.parent.name.removeprefix("sub-")
-            if found and int(found[1]) == number and other != self.participant:
+            if match and int(match[1]) == number and other != self.participant:
                 return (
                     f"participant number {number} is that of participant {other}, too. Right if "
                     f"{self.participant} takes their place; else the orders are not balanced: "
@@ -363,7 +341,7 @@ class SessionFolder:
             If the plan was changed after it was sealed.
         """
         refuse_withdrawn(self.root, self.participant)
-        self._refuse_links()
+        refuse_links(self.path)
         if not self.plan_path.exists():
             self.refuse_loss()
             raise ArchiveError(
@@ -398,20 +376,11 @@ class SessionFolder:
         try:
             return study_from_canonical(plan.study)
         except StudyError as error:
-            raise StudyError(
-                f"{self.plan_path}: was recorded by {self._version()}, whose studies have other "
-                "keys than those of this one: go on with the session, and export it, with that "
-                "version; nothing was changed"
-            ) from error
-
-    def _version(self) -> str:
-        found = (
-            _VERSION.search(self.header_path.read_bytes()) if self.header_path.exists() else None
-        )
-        told = found and found[1].decode(errors="replace")
-        if not told or told == version("tactstrip"):
-            return "another version of tactstrip"
-        return f"tactstrip {told}"
+            rule = (
+                "was recorded by another version of tactstrip, which header.json names, and whose "
+                "studies have other keys: continue and export the session with that version"
+            )
+            raise StudyError(self.plan_path, Fault("", rule)) from error
 
     def open_journal(self, now_s: Callable[[], float]) -> Journal:
         """Open the journal for writing, at its end.
@@ -462,7 +431,8 @@ class SessionFolder:
             history = replay(plan, entries)
         except JournalError as error:
             raise JournalError(f"{self.journal_path}: {error}") from error
-        written = _rows_in(self.trials_path)
+        table = self.trials_path.read_bytes() if self.trials_path.exists() else b""
+        written = max(0, table.count(b"\n") - 1)
         if written > len(history.rows):
             raise JournalError(
                 f"{self.journal_path}: must tell of at least the {written} trials of trials.csv; "
@@ -527,8 +497,8 @@ class SessionFolder:
 def _remove_unused_lock(made: list[Path]) -> None:
     """Remove the lock, while it is held, where a session that was to begin has no other file."""
     with contextlib.suppress(OSError):  # Windows removes no open file: the folder stays
-        if made and [path.name for path in made[0].iterdir()] == [_LOCK]:
-            (made[0] / _LOCK).unlink()
+        if made and [path.name for path in made[0].iterdir()] == [LOCK]:
+            (made[0] / LOCK).unlink()
 
 
 def _remove_empty(made: list[Path]) -> None:
@@ -536,10 +506,6 @@ def _remove_empty(made: list[Path]) -> None:
     with contextlib.suppress(OSError):
         for folder in made:
             folder.rmdir()
-
-
-def _rows_in(table: Path) -> int:
-    return max(0, table.read_bytes().count(b"\n") - 1) if table.exists() else 0
 
 
 def _read_plan(path: Path) -> Plan:

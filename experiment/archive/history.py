@@ -3,35 +3,27 @@
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from typing import TYPE_CHECKING, Any, Final
 
 from device.clock import MachineTime
 from experiment.archive.journal import Entry, JournalError
-from experiment.rows import (
-    CONSTANT,
-    NOT_AVAILABLE,
-    SCHEMA,
-    MeasuredRow,
-    TrialRow,
-    is_correct,
-)
-from experiment.trial.events import Task
+from experiment.rows import HANDS_OFF, NOT_AVAILABLE, SCHEMA, MeasuredRow, TrialRow
+from experiment.trial.events import Attempt
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
 
-    from experiment.perception.gains import FingerGains
     from experiment.trial.plan import Plan, Trial
 
 
 @dataclass(frozen=True, slots=True)
-class OpenTrial:
+class InterruptedTrial:
     """A trial whose stimulus was armed and whose end was never written.
 
     Attributes
     ----------
-    task : Task
+    attempt : Attempt
         The trial and its attempt.
     token : int
         The token by which the device knows its stimulus.
@@ -41,20 +33,20 @@ class OpenTrial:
         What the device said of the stimulus, where that was still written.
     response : str or None
         The answer of the participant, where it was still written.
-    anticipated : bool
-        Whether a key came too early.
+    premature : bool
+        Whether there was a premature response.
     noise_ok : bool or None
         Whether the masking noise played, where that was still written with the answer.
     verified : str or None
         What a monitor said of the burst, where that was still written with the answer.
     """
 
-    task: Task
+    attempt: Attempt
     token: int
     boot_id: int
     outcome: str | None
     response: str | None
-    anticipated: bool
+    premature: bool
     noise_ok: bool | None
     verified: str | None
 
@@ -69,13 +61,13 @@ class History:
         One row per presented trial, in the order of presentation.
     measured : tuple of MeasuredRow
         One row per burst that a monitor measured.
-    pending : tuple of Task
+    pending : tuple of Attempt
         The planned trials without an answer, in the order in which they are due.
-    open_trial : OpenTrial or None
+    interrupted : InterruptedTrial or None
         The trial in which the session was interrupted.
     opening : mapping
         What the first line says of host, device and participant; empty before the first line.
-    warm_up : tuple of Task
+    warm_up : tuple of Attempt
         The plan's warm-up trials, for the next resume.
     finished : bool
         Whether the session was closed with every planned trial answered.
@@ -94,10 +86,10 @@ class History:
 
     rows: tuple[TrialRow, ...]
     measured: tuple[MeasuredRow, ...]
-    pending: tuple[Task, ...]
-    open_trial: OpenTrial | None
+    pending: tuple[Attempt, ...]
+    interrupted: InterruptedTrial | None
     opening: Mapping[str, Any]
-    warm_up: tuple[Task, ...]
+    warm_up: tuple[Attempt, ...]
     finished: bool
     last_t_s: float
     last: MachineTime
@@ -105,7 +97,7 @@ class History:
     onset_clock: int
     recording_start_s: float
 
-    def due(self, *, warm_up: bool) -> tuple[Task, ...]:
+    def due(self, *, warm_up: bool) -> tuple[Attempt, ...]:
         """Return what is to be presented in the next sitting, in its order.
 
         Parameters
@@ -113,9 +105,9 @@ class History:
         warm_up : bool
             Whether warm-up trials come before the next trial on the plate, if there is one.
         """
-        touched = any(task.trial.kind != "control" for task in self.pending)
-        again = self.warm_up if warm_up and touched else ()
-        return tuple(sorted((*again, *self.pending), key=lambda task: task.trial.block))
+        hands_on = any(attempt.trial.kind != HANDS_OFF for attempt in self.pending)
+        again = self.warm_up if warm_up and hands_on else ()
+        return tuple(sorted((*again, *self.pending), key=lambda attempt: attempt.trial.block))
 
 
 @dataclass(slots=True)
@@ -148,7 +140,7 @@ def replay(plan: Plan, entries: Iterable[Entry]) -> History:
     -------
     History
         ``rows``: one `TrialRow` per presented trial; ``pending``: the planned trials without an
-        answer; ``open_trial``: the trial in which the session was interrupted, or None;
+        answer; ``interrupted``: the trial in which the session was interrupted, or None;
         ``finished``: whether the session is complete.
 
     Raises
@@ -176,9 +168,8 @@ def replay(plan: Plan, entries: Iterable[Entry]) -> History:
     >>> valid + len(history.pending) == len(plan.trials)
     True
     """
-    entries = tuple(entries)
     try:
-        return _history(plan, entries)
+        return _history(plan, tuple(entries))
     except (KeyError, TypeError, AttributeError) as error:
         raise JournalError(f"a line of the journal lacks what it must say: {error}") from error
 
@@ -192,13 +183,14 @@ def _history(plan: Plan, entries: tuple[Entry, ...]) -> History:
     # open further up is a lost line or a second writer, and its row would be made up.
     if len(unended) > 1 or (unended and unended[0] is not shown[-1]):
         raise JournalError(f"trial {unended[0].trial.number} was never ended, yet others followed")
+    pending, warm_up = _due(plan, ended)
     return History(
         measured=tuple(_measured_row(plan, p) for p in ended if p.measured),
         rows=tuple(_row(plan, p, simulated=opening["simulated"]) for p in ended),
-        pending=_pending(plan, ended),
-        open_trial=_open_trial(unended[0]) if unended else None,
+        pending=pending,
+        interrupted=_interrupted(unended[0]) if unended else None,
         opening=opening,
-        warm_up=_warm_up(plan, ended),
+        warm_up=warm_up,
         finished=any(e.event == "session_close" and e.facts["finished"] for e in entries),
         last_t_s=entries[-1].t_s if entries else 0.0,
         last=_last(entries),
@@ -218,9 +210,9 @@ def _breaks_clock(entry: Entry) -> bool:
 
 def _last(entries: tuple[Entry, ...]) -> MachineTime:
     boots = [entry.facts["host_boot"] for entry in entries if entry.event in _OPENINGS]
-    known = boots and boots[-1] != NOT_AVAILABLE
+    has_boot = boots and boots[-1] != NOT_AVAILABLE
     return MachineTime(
-        boot=boots[-1] if known else None,
+        boot=boots[-1] if has_boot else None,
         up_s=entries[-1].up_s if entries else 0.0,
         wall_s=entries[-1].wall_s if entries else 0.0,
     )
@@ -279,57 +271,49 @@ def _presentations(plan: Plan, entries: Iterable[Entry]) -> list[_Presentation]:
     return list(shown.values())
 
 
-def _warm_up(plan: Plan, ended: Sequence[_Presentation]) -> tuple[Task, ...]:
-    attempts = {presentation.trial.number: presentation.attempt for presentation in ended}
-    early = _early(ended)
-    return tuple(
-        Task(trial, attempts.get(trial.number, 0) + 1, warm_up=True, early=early[trial.number])
-        for trial in plan.warm_up
-    )
-
-
-def _early(ended: Iterable[_Presentation]) -> Counter[int]:
-    """Count, trial by trial, the attempts to be repeated in which a key came too early."""
-    return Counter(
-        presentation.trial.number
-        for presentation in ended
-        if presentation.end["anticipated"] and presentation.end["status"] != "ok"
-    )
-
-
-def _pending(plan: Plan, ended: Sequence[_Presentation]) -> tuple[Task, ...]:
-    """List unanswered trials: block by block, those never presented before the repeats."""
+def _due(
+    plan: Plan, ended: Sequence[_Presentation]
+) -> tuple[tuple[Attempt, ...], tuple[Attempt, ...]]:
+    """Return the unanswered trials, block by block new ones before repeats, and the warm-up."""
     answered: set[int] = set()
     attempts: dict[int, int] = {}
+    premature: Counter[int] = Counter()  # of the attempts that have to be repeated
     for presentation in ended:
-        number = presentation.trial.number
-        if presentation.end["status"] == "ok":
+        number, end = presentation.trial.number, presentation.end
+        if end["status"] == "ok":
             answered.add(number)
+        elif end["premature"]:
+            premature[number] += 1
         # Taken out and put in again, so that the keys are in the order of the last attempts: as in
         # the engine, the trial that failed last comes last in its block.
         attempts.pop(number, None)
         attempts[number] = presentation.attempt
+
+    def attempt(trial: Trial, *, warm_up: bool) -> Attempt:
+        number = trial.number
+        again = attempts.get(number, 0) + 1
+        return Attempt(trial, again, warm_up=warm_up, premature=premature[number])
+
     turn = {number: place for place, number in enumerate(attempts, start=1)}
     waiting = [trial for trial in plan.trials if trial.number not in answered]
     waiting.sort(key=lambda trial: (trial.block, turn.get(trial.number, 0), trial.number))
-    early = _early(ended)
-    return tuple(
-        Task(trial, attempts.get(trial.number, 0) + 1, early=early[trial.number])
-        for trial in waiting
+    return (
+        tuple(attempt(trial, warm_up=False) for trial in waiting),
+        tuple(attempt(trial, warm_up=True) for trial in plan.warm_up),
     )
 
 
-def _open_trial(presentation: _Presentation) -> OpenTrial:
+def _interrupted(presentation: _Presentation) -> InterruptedTrial:
     # Before its token nothing is written of a trial but its end, and with an end it is not open:
     # one that is given up in the foreperiod was never armed.
     assert presentation.token is not None
-    return OpenTrial(
-        task=Task(presentation.trial, presentation.attempt),
+    return InterruptedTrial(
+        attempt=Attempt(presentation.trial, presentation.attempt),
         token=presentation.token,
         boot_id=presentation.boot_id,
         outcome=presentation.stimulus.get("outcome"),
         response=presentation.answer.get("response"),
-        anticipated=presentation.answer.get("anticipated", False),
+        premature=presentation.answer.get("premature", False),
         noise_ok=presentation.answer.get("noise_ok"),
         verified=presentation.measured.get("burst_verified"),
     )
@@ -338,36 +322,23 @@ def _open_trial(presentation: _Presentation) -> OpenTrial:
 def _row(plan: Plan, presentation: _Presentation, *, simulated: bool) -> TrialRow:
     trial, stimulus = presentation.trial, presentation.stimulus
     response = presentation.answer.get("response")
-    gains = plan.gains_of(trial.condition)
-    left_um, right_um, basis = _displacements(gains, stimulus, trial.kind)
+    left_um, right_um, basis = _displacements(plan, trial, stimulus)
     return TrialRow(
-        schema=SCHEMA,
-        participant=plan.participant,
-        session=plan.session,
-        condition=trial.condition,
-        block=trial.block,
-        trial=trial.number,
-        attempt=presentation.attempt,
+        **_trial_columns(plan, presentation),
         kind=trial.kind,
-        side=trial.side,
-        level_vpp=trial.level_vpp,
         response=response,
         rt_s=presentation.answer.get("rt_s"),
-        correct=is_correct(trial.kind, trial.side, response),
-        status=presentation.end["status"],
+        correct=plan.task.is_correct(trial.side, response),
         onset_s=stimulus.get("onset_s"),
-        foreperiod_s=trial.foreperiod_s,
         level_left_vpp=stimulus.get("level_left_vpp"),
         level_right_vpp=stimulus.get("level_right_vpp"),
+        **{name: presentation.end[name] for name in ("status", "premature", "noise_ok")},
+        foreperiod_s=trial.foreperiod_s,
         peak_left_um=left_um,
         peak_right_um=right_um,
         displacement_basis=basis,
-        anticipated=presentation.end["anticipated"],
-        noise_ok=presentation.end["noise_ok"],
         simulated=simulated,
         device_kind=presentation.device_kind,
-        level_rule=CONSTANT,
-        level_planned_vpp=trial.level_vpp,
         burst_verified=presentation.measured.get("burst_verified"),
         onset_clock=presentation.onset_clock,
         study_sha256=plan.study_sha256,
@@ -375,38 +346,32 @@ def _row(plan: Plan, presentation: _Presentation, *, simulated: bool) -> TrialRo
 
 
 def _measured_row(plan: Plan, presentation: _Presentation) -> MeasuredRow:
-    trial, facts = presentation.trial, presentation.measured
-    return MeasuredRow(
-        schema=SCHEMA,
-        participant=plan.participant,
-        session=plan.session,
-        condition=trial.condition,
-        block=trial.block,
-        trial=trial.number,
-        attempt=presentation.attempt,
-        side=trial.side,
-        level_vpp=trial.level_vpp,
-        faults="/".join(facts["faults"]) or None,
-        noted="/".join(facts["noted"]) or None,
-        **{name: facts[name] for name in _AS_MEASURED},
-    )
+    columns = _trial_columns(plan, presentation)
+    measured = presentation.measured
+    lists = {name: "/".join(measured[name]) or None for name in ("faults", "noted")}
+    values = {f.name: measured[f.name] for f in fields(MeasuredRow) if f.name not in columns}
+    return MeasuredRow(**columns, **values | lists)
 
 
-_AS_MEASURED: Final = (
-    *("tap", "source", "unit", "burst_verified", "unmeasured", "planned_left", "planned_right"),
-    *("peak_left", "peak_right", "onset_s", "onset_uncertainty_s", "late_s"),
-    *("correlation_left", "correlation_right", "noise_left", "noise_right"),
-)
+def _trial_columns(plan: Plan, presentation: _Presentation) -> dict[str, Any]:
+    """Return the columns that both tables have."""
+    trial = presentation.trial
+    return {
+        "schema": SCHEMA,
+        **{name: getattr(plan, name) for name in ("participant", "session")},
+        **{name: getattr(trial, name) for name in ("condition", "block", "side", "level_vpp")},
+        "trial": trial.number,
+        "attempt": presentation.attempt,
+    }
 
 
 def _displacements(
-    gains: FingerGains, stimulus: Mapping[str, Any], kind: str
+    plan: Plan, trial: Trial, stimulus: Mapping[str, Any]
 ) -> tuple[float | None, float | None, str | None]:
     """Return what the fingers got for the levels that the device reported, and its basis."""
     left_vpp, right_vpp = stimulus.get("level_left_vpp"), stimulus.get("level_right_vpp")
-    if left_vpp is None or right_vpp is None or kind == "control":
+    if left_vpp is None or right_vpp is None or trial.kind == HANDS_OFF:
         return None, None, None
+    gains = plan.gains_of(trial.condition)
     peaks_um = gains.peaks_um(left_vpp, right_vpp)
-    if peaks_um is None:
-        return None, None, None
-    return *peaks_um, gains.basis_of(left_vpp, right_vpp)
+    return (*peaks_um, gains.basis_of(left_vpp, right_vpp)) if peaks_um else (None, None, None)

@@ -1,6 +1,6 @@
 """The journal of a session: append-only lines in a chain of hashes, on disk when it matters.
 
-One line is one event: ``{"crc":"<8 hex digits>","schema":2,"seq":n,"prev":"<64 hex digits>",
+One line is one event: ``{"crc":"<8 hex digits>","schema":3,"seq":n,"prev":"<64 hex digits>",
 "event":...,...}``. The checksum is the CRC-32 of the line without its ``crc`` member: of the bytes
 ``{"schema":...}``. ``prev`` is the SHA-256 of the line before, all of it but its line end, so that
 the hash of the last line, the head, stands for the whole journal. The checksum names the line in
@@ -22,11 +22,12 @@ import re
 import time
 import zlib
 from dataclasses import dataclass
-from itertools import repeat
+from itertools import count
 from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
 from device.clock import uptime_s
 from experiment.archive.disk import DISK, write_new
+from experiment.rows import OTHER_VERSION
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -35,14 +36,12 @@ if TYPE_CHECKING:
     from experiment.archive.disk import Disk
 
 
-SCHEMA = 2
+SCHEMA = 3
 ROOT = "0" * 64
 """What the first line has for the hash of the line before."""
 _LINE = re.compile(rb'\{"crc":"([0-9a-f]{8})",')
-_BODY = len('{"crc":"01234567",')
 _BRACE = zlib.crc32(b"{")
 """The checksum is of this and of what follows its own member."""
-_decode = json.JSONDecoder().raw_decode
 _encode = json.JSONEncoder(separators=(",", ":"), ensure_ascii=False, allow_nan=False).encode
 
 
@@ -61,8 +60,8 @@ class JournalError(ValueError):
     >>> with TemporaryDirectory() as folder:
     ...     path = Path(folder) / "journal.jsonl"
     ...     with Journal(path, now_s=lambda: 1.5) as journal:
-    ...         journal.append("note", {"text": "left"})
-    ...     _ = path.write_bytes(path.read_bytes().replace(b"left", b"lift"))
+    ...         journal.append("note", {"text": "pause"})
+    ...     _ = path.write_bytes(path.read_bytes().replace(b"pause", b"cause"))
     ...     try:
     ...         _ = read_journal(path)
     ...     except ValueError as error:
@@ -75,18 +74,17 @@ class JournalError(ValueError):
 class JournalLineError(JournalError):
     """A line that is not as it was written."""
 
+    hint = "; restore the file from a copy: nothing was changed"
+
     def __init__(self, path: Path, line: int, message: str) -> None:
-        hint = "restore the file from a copy: nothing was changed"
-        super().__init__(f"{path}:{line}: {message}; {hint}")
-        self.line, self.message = line, message
+        super().__init__(f"{path}:{line}: {message}{self.hint}")
+        self.path, self.line, self.message = path, line, message
 
 
-class RecordSchemaError(JournalError):
+class RecordSchemaError(JournalLineError):
     """A journal, or a trials.csv, of another version of this program."""
 
-    def __init__(self, path: Path, line: int, message: str) -> None:
-        super().__init__(f"{path}:{line}: {message}")
-        self.path, self.line, self.message = path, line, message
+    hint = ""
 
 
 class JournalWriteError(JournalError):
@@ -107,6 +105,11 @@ class JournalWriteError(JournalError):
     >>> name
     'JournalWriteError'
     """
+
+    @property
+    def errno(self) -> int | None:
+        """The error number of the failed write."""
+        return self.__cause__.errno if isinstance(self.__cause__, OSError) else None
 
 
 class Entry(NamedTuple):
@@ -148,7 +151,6 @@ class JournalFile:
 
     entries: tuple[Entry, ...]
     sha256: tuple[str, ...]  # of each line
-    sound_bytes: int
     torn: bytes
 
     @property
@@ -169,8 +171,7 @@ def read_journal(path: Path) -> JournalFile:
     -------
     JournalFile
         ``entries``: an `Entry` for each complete line; ``sha256``: the hash of each line;
-        ``sound_bytes``: the length of all complete lines in bytes; ``torn``: the bytes of a last
-        line that was cut short, empty if there is none.
+        ``torn``: the bytes of a last line that was cut short, empty if there is none.
 
     Raises
     ------
@@ -202,35 +203,7 @@ def read_journal(path: Path) -> JournalFile:
         _parse(path, number, line, previous)
         for number, (line, previous) in enumerate(zip(lines, (ROOT, *sha256), strict=False), 1)
     )
-    return JournalFile(entries, sha256, sum(len(line) + 1 for line in lines), torn)
-
-
-@dataclass(frozen=True, slots=True)
-class JournalEnds:
-    """First and last entry of a journal in which every line has the hash of the line before."""
-
-    first: Entry
-    last: Entry
-    head_sha256: str
-
-
-def read_ends(path: Path) -> JournalEnds | None:
-    """Follow the hashes of a journal from line to line; only its ends are decoded.
-
-    None where a line is missing, cut short, or has another hash than that of the line before:
-    `read_journal` says what is wrong.
-    """
-    *lines, torn = path.read_bytes().split(b"\n")
-    sha256 = [ROOT, *(hashlib.sha256(line).hexdigest() for line in lines)]
-    begins = [
-        f'"schema":{SCHEMA},"seq":{number},"prev":"{previous}",'.encode()
-        for number, previous in enumerate(sha256[:-1], 1)
-    ]
-    linked = all(map(bytes.startswith, lines, begins, repeat(_BODY)))
-    if torn or not lines or not linked:
-        return None
-    first, last = _parse(path, 1, lines[0], ROOT), _parse(path, len(lines), lines[-1], sha256[-2])
-    return JournalEnds(first, last, sha256[-1])
+    return JournalFile(entries, sha256, torn)
 
 
 def _parse(path: Path, number: int, line: bytes, previous: str) -> Entry:
@@ -240,26 +213,20 @@ def _parse(path: Path, number: int, line: bytes, previous: str) -> Entry:
         damaged = "this line is damaged (its checksum does not match)"
         raise JournalLineError(path, number, damaged)
     try:
-        facts, end = _decode(text := "{" + body.decode())
-        if end < len(text):
-            raise json.JSONDecodeError("Extra data", text, end)
-        return _entry(path, number, facts, previous)
+        return _entry(path, number, json.loads("{" + body.decode()), previous)
     except (KeyError, UnicodeDecodeError, json.JSONDecodeError, RecursionError) as error:
         raise JournalLineError(path, number, f"this line is none of a journal: {error}") from error
 
 
 def _entry(path: Path, number: int, facts: dict[str, Any], previous: str) -> Entry:
-    if (schema := facts.pop("schema")) != SCHEMA:
-        raise RecordSchemaError(path, number, f"schema must be {SCHEMA}; got {schema!r}")
-    if (seq := facts.pop("seq")) != number:
-        message = f"seq must be {number}; got {seq}: a line is missing or repeated"
-        raise JournalLineError(path, number, message)
-    if (prev := facts.pop("prev")) != previous:
-        message = (
-            f"prev must be {previous[:12]}..., the hash of the line before; got "
-            f"{str(prev)[:12]!r}: lines up to here were changed or removed"
-        )
-        raise JournalLineError(path, number, message)
+    for member, expected, error, meaning in (
+        ("schema", SCHEMA, RecordSchemaError, OTHER_VERSION),
+        ("seq", number, JournalLineError, "a line is missing or repeated"),
+        ("prev", previous, JournalLineError, "lines up to here were changed or removed"),
+    ):
+        if (actual := facts.pop(member)) != expected:
+            rule = f"{member} must be {expected!s:.12}; got {actual!s:.12}: {meaning}"
+            raise error(path, number, rule)
     take = facts.pop
     return Entry(take("event"), take("t_s"), take("wall_s"), facts, take("up_s"))
 
@@ -327,28 +294,24 @@ class Journal:
         self.head_sha256 = ROOT
         self.torn_file: Path | None = None
         try:
-            self._open()
+            if path.exists():
+                journal = read_journal(path)
+                self._seq = len(journal.entries)
+                self.head_sha256 = journal.head_sha256
+                if journal.torn:
+                    self.torn_file = self._set_aside(journal)
+            self._file = disk.open(path, new=False)
+            disk.sync_folder(path.parent)
         except OSError as error:
             raise self._write_error(error) from error
 
-    def _open(self) -> None:
-        if self._path.exists():
-            found = read_journal(self._path)
-            self._seq = len(found.entries)
-            self.head_sha256 = found.head_sha256
-            if found.torn:
-                self.torn_file = self._set_aside(found)
-        self._file = self._disk.open(self._path, new=False)
-        self._disk.sync_folder(self._path.parent)
-
-    def _set_aside(self, found: JournalFile) -> Path:
-        number = 1
-        while (aside := self._path.with_name(f"journal.torn-{number}")).exists():
-            number += 1
-        write_new(aside, found.torn, self._disk)
+    def _set_aside(self, journal: JournalFile) -> Path:
+        asides = (self._path.with_name(f"journal.torn-{number}") for number in count(1))
+        aside = next(path for path in asides if not path.exists())
+        write_new(aside, journal.torn, self._disk)
         # The torn line goes only when its copy has a name on the disk: at no moment is it nowhere.
         self._disk.sync_folder(self._path.parent)
-        os.truncate(self._path, found.sound_bytes)
+        os.truncate(self._path, self._path.stat().st_size - len(journal.torn))
         return aside
 
     def append(

@@ -7,13 +7,15 @@ file finds too much in some and nothing in others, and its silence reads as "now
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import re
-import tomllib
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Final
+
+from experiment.bounded import parse_toml, read_bounded
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
@@ -21,6 +23,9 @@ if TYPE_CHECKING:
 
 NAME: Final = ".tactstrip.json"
 SCHEMA: Final = 1
+MAX_LEVELS_BYTES: Final = 100_000
+"""No file of levels is larger."""
+_MAX_MANIFEST_BYTES: Final = 10_000_000
 LEVELS_SUFFIX: Final = ".toml"
 """How the name of a file of placed levels ends: by it, a withdrawal finds them."""
 
@@ -57,20 +62,16 @@ def read_manifest(folder: Path) -> Manifest | None:
     if not path.is_file():
         return None
     try:
-        return _manifest_of(json.loads(path.read_bytes()))
+        contents = json.loads(read_bounded(path, _MAX_MANIFEST_BYTES))
     except (ValueError, RecursionError) as error:  # the latter of brackets without end
         raise ValueError(f"{path}: not a manifest: {error}") from error
-
-
-def _manifest_of(contents: Any) -> Manifest:
     match contents:
-        case {"schema": schema} if schema != SCHEMA:
-            raise ValueError(f"schema must be {SCHEMA}; got {schema!r}")
-        case {"schema": _, "what": str(what), "participants": [*people], "files": dict(files)} if (
+        case {"schema": 1, "what": str(what), "participants": [*people], "files": dict(files)} if (
             all(isinstance(text, str) for text in (*people, *files.values()))
         ):
             return Manifest(what=what, participants=tuple(people), files=files)
-    raise ValueError("must have schema, what, participants (a list of texts) and files")
+    rule = "must have schema 1, what, participants (a list of texts) and files"
+    raise ValueError(f"{path}: not a manifest: {rule}")
 
 
 @dataclass(frozen=True, slots=True, order=True)
@@ -121,82 +122,64 @@ def search(folders: Iterable[Path], participant: str, leave_out: Iterable[Path] 
     ...     [len(search([Path(name)], who).holdings) for who in ("07", "7", "analysis")]
     [1, 0, 0]
     """
-    seeker = _Seeker(participant, {path.resolve() for path in leave_out})
-    for folder in folders:
-        seeker.walk(folder.resolve())
-    return Search(tuple(sorted(seeker.found)), tuple(sorted(seeker.missed)))
+    search = _Search(participant, {path.resolve() for path in leave_out})
+    for top in folders:
+        for place, names, files in os.walk(top.resolve(), onerror=search.miss):
+            search.look_at(Path(place), names, files)
+    return Search(tuple(sorted(search.holdings)), tuple(sorted(search.missed)))
 
 
-class _Seeker:
-    """One search: what was found and what could not be searched."""
+class _Search:
+    """One search: what holds the person, and what could not be searched."""
 
-    def __init__(self, participant: str, known: set[Path]) -> None:
+    def __init__(self, participant: str, excluded: set[Path]) -> None:
         self._participant = participant
-        self._known = known
+        self._excluded = excluded
         self._listed: set[Path] = set()  # by the manifests of exports: files and their folders
-        self.found: set[Holding] = set()
+        self.holdings: set[Holding] = set()
         self.missed: set[Path] = set()
 
-    def walk(self, top: Path) -> None:
-        for place, folders, files in os.walk(top, onerror=self._unreadable):
-            here = Path(place)
-            links = (here / name for name in (*folders, *files))
-            self.missed |= {path for path in links if path.is_symlink()} - self._known
-            if NAME in files:
-                self._look_at_manifest(here)
-            folders[:] = [name for name in folders if self._enter(here / name)]
-            for name in files:
-                self._look_at_levels(here / name)
-
-    def _unreadable(self, error: OSError) -> None:
+    def miss(self, error: OSError) -> None:
         self.missed.add(Path(error.filename))
 
-    def _enter(self, folder: Path) -> bool:
-        """Note a copy of the person's sessions; other people's folders need no search."""
-        if folder in self._known or folder.is_symlink() or self._is_listed(folder):
-            return False
-        if folder.name == f"sub-{self._participant}":
-            self.found.add(Holding(folder, "sessions"))
-        return not _PERSON.fullmatch(folder.name)
+    def look_at(self, here: Path, names: list[str], files: list[str]) -> None:
+        """Look at a folder, and keep of the names of folders in it those to look into."""
+        links = {here / name for name in (*names, *files) if (here / name).is_symlink()}
+        self.missed |= links - self._excluded
+        for path in sorted({here / name for name in files} - links):
+            try:
+                self._look_at_file(path)
+            except OSError:
+                self.missed.add(path)
+        names[:] = [name for name in names if self._enters(here / name)]
 
-    def _is_listed(self, folder: Path) -> bool:
-        """Tell whether a manifest above, which named whose they are, lists all that is in a folder.
+    def _look_at_file(self, path: Path) -> None:
+        """Note a folder whose manifest names the person, or levels that were placed for them."""
+        if path.name == NAME:
+            try:
+                manifest = read_manifest(path.parent)
+            except ValueError:
+                self.missed.add(path)
+                return
+            if manifest and self._participant in manifest.participants:
+                self.holdings.add(Holding(path.parent, manifest.what))
+            for name in map(Path, manifest.files if manifest else ()):
+                self._listed |= {path.parent / part for part in (name, *name.parents)}
+        elif path.suffix == LEVELS_SUFFIX:
+            with contextlib.suppress(ValueError, RecursionError):  # `levels` did not write it
+                table = parse_toml(read_bounded(path, MAX_LEVELS_BYTES).decode("utf-8"))
+                if table.get("participant") == self._participant and "levels_vpp" in table:
+                    self.holdings.add(Holding(path, "levels"))
 
-        What was put into an export since, an analysis for one, may be of anybody.
+    def _enters(self, folder: Path) -> bool:
+        """Note a copy of the person's sessions; other people's folders need no search.
+
+        An export is named as a whole; in its folders may be what somebody put there since.
         """
-        paths = (
-            Path(place, name)
-            for place, folders, files in os.walk(folder, onerror=self._unreadable)
-            for name in (*folders, *files)
-        )
-        return folder in self._listed and all(
-            path in self._listed and not path.is_symlink() for path in paths
-        )
-
-    def _look_at_manifest(self, folder: Path) -> None:
-        """Note a folder whose manifest names the person, and what is listed there."""
-        try:
-            manifest = read_manifest(folder)
-        except (ValueError, OSError):
-            self.missed.add(folder / NAME)
-            return
-        if manifest is None:
-            return
-        if self._participant in manifest.participants:
-            self.found.add(Holding(folder, manifest.what))
-        for name in map(Path, manifest.files):
-            self._listed |= {folder / path for path in (name, *name.parents)}
-
-    def _look_at_levels(self, path: Path) -> None:
-        """Note a file of levels that were placed for the person, as `levels` writes it."""
-        if path.suffix != LEVELS_SUFFIX or path.is_symlink():
-            return
-        try:
-            table = tomllib.loads(path.read_text(encoding="utf-8"))
-        except (ValueError, RecursionError):  # `levels` did not write it
-            return
-        except OSError:
-            self.missed.add(path)
-            return
-        if table.get("participant") == self._participant and "levels_vpp" in table:
-            self.found.add(Holding(path, "levels"))
+        if folder in self._excluded or folder.is_symlink():
+            return False
+        if folder in self._listed or not _PERSON.fullmatch(folder.name):
+            return True
+        if folder.name == f"sub-{self._participant}":
+            self.holdings.add(Holding(folder, "sessions"))
+        return False

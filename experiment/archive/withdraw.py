@@ -17,14 +17,15 @@ import os
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from filelock import Timeout
-
-from experiment.archive.disk import DISK, lock_on
+from experiment.archive.disk import DISK
 from experiment.archive.files import (
     FOLDER,
+    LOCK,
+    RUNNING,
     ArchiveError,
     check_identifier,
     delete_folder,
+    locked,
     refuse_link,
 )
 from experiment.archive.participants import (
@@ -89,7 +90,7 @@ class Person:
         return done and not there
 
     @property
-    def known(self) -> tuple[Path, ...]:
+    def removed_paths(self) -> tuple[Path, ...]:
         """What needs no search: what is removed, and what is written about it."""
         tombstone = tombstone_path(self.root, self.participant)
         return (self.folder, self.grave, tombstone, self.root / FILE_NAME)
@@ -109,7 +110,7 @@ def look_up(root: Path, participant: str) -> Person:
     >>> from pathlib import Path
     >>> look_up(Path("."), "../07")
     Traceback (most recent call last):
-    experiment.archive.files.ArchiveError: participant must be 1 to 32 letters (a-z, A-Z) ...
+    experiment.archive.files.ArchiveError: participant: must be 1 to 32 letters (a-z, A-Z) ...
     """
     check_identifier("participant", participant)
     if not root.is_dir():
@@ -117,40 +118,31 @@ def look_up(root: Path, participant: str) -> Person:
     for path in (root / FILE_NAME, root / FOLDER, tombstone_path(root, participant)):
         refuse_link(path)
     folder = root / f"sub-{participant}"
-    there = folder.name in _names(root)
+    # On some systems, asking for ``sub-a`` finds ``sub-A``.
+    is_there = folder.name in {path.name for path in root.iterdir()}
     person = Person(
         root=root,
         participant=participant,
-        sessions=_folder_names(folder) if there and _real_folder(folder) else (),
-        files=_count_files(folder) if there else 0,
-        in_table=read_people(root).row_of(participant) is not None,
+        files=_count_files(folder) if is_there else 0,
+        sessions=_folders_in(folder) if is_there else (),
+        in_table=folder.name in read_people(root).rows,
         tombstone=read_tombstone(root, participant),
     )
-    if person.grave.exists():
-        _real_folder(person.grave)
-    if not there and not person.in_table and person.tombstone is None:
+    refuse_link(person.grave)
+    if not is_there and not person.in_table and person.tombstone is None:
         raise ArchiveError(f"{root}: there is no participant {participant} here")
     return person
 
 
-def _names(folder: Path) -> tuple[str, ...]:
-    """List what is in a folder: on some systems, asking for ``sub-a`` finds ``sub-A``."""
-    return tuple(sorted(path.name for path in folder.iterdir()))
-
-
-def _folder_names(folder: Path) -> tuple[str, ...]:
-    return tuple(name for name in _names(folder) if (folder / name).is_dir())
-
-
-def _real_folder(folder: Path) -> bool:
-    refuse_link(folder)
-    if not folder.is_dir():
-        raise ArchiveError(f"{folder}: must be a folder; nothing was changed")
-    return True
+def _folders_in(folder: Path) -> tuple[str, ...]:
+    return tuple(sorted(path.name for path in folder.iterdir() if path.is_dir()))
 
 
 def _count_files(folder: Path) -> int:
-    """Count the files of a folder and refuse links among them."""
+    """Count the files of a person's folder and refuse links among them."""
+    refuse_link(folder)
+    if not folder.is_dir():
+        raise ArchiveError(f"{folder}: must be a folder; nothing was changed")
     count = 0
     for place, folders, files in os.walk(folder, onerror=_raise):
         for name in (*folders, *files):
@@ -174,20 +166,12 @@ def held(person: Person) -> Iterator[contextlib.ExitStack]:
     """
     with contextlib.ExitStack() as locks:
         for name in person.sessions:
-            try:
-                locks.enter_context(lock_on(person.folder / name / ".lock", timeout=0))
-            except Timeout as error:
-                raise ArchiveError(
-                    f"{person.folder / name}: another process is running this session; "
-                    "nothing was changed"
-                ) from error
+            locks.enter_context(locked(person.folder / name / LOCK, RUNNING))
         yield locks
 
 
-def remove(
-    person: Person, locks: contextlib.ExitStack, *, today: str, disk: Disk = DISK
-) -> Tombstone:
-    """Remove a person whose sessions are held.
+def remove(person: Person, locks: contextlib.ExitStack, *, today: str, disk: Disk = DISK) -> None:
+    """Remove a person whose sessions are held; a withdrawal that was interrupted keeps its day.
 
     Parameters
     ----------
@@ -199,11 +183,6 @@ def remove(
         The day, as YYYY-MM-DD in UTC.
     disk : Disk
         Where it is kept.
-
-    Returns
-    -------
-    Tombstone
-        What stays. A withdrawal that was interrupted keeps its first day.
 
     Raises
     ------
@@ -230,4 +209,3 @@ def remove(
     # The last mark lies in the folder that the files went from: one sync is for both.
     done = Tombstone(participant=person.participant, withdrawn=day, removed=True)
     write_tombstone(person.root, done, disk=disk)
-    return done

@@ -1,142 +1,50 @@
-"""Bursts on one plate: each checked as a study's own is, with the stated and the other edge."""
+"""Bursts on one plate: each checked like a study's burst, with its edge and the alternative one."""
 
 from __future__ import annotations
 
 import contextlib
 import math
-from dataclasses import dataclass, replace
 from itertools import product
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
-from experiment.check.check import check_study
-from experiment.check.edges import with_other_edge
-from experiment.perception.gains import significant
-from experiment.perception.thresholds import KnownFor
-from experiment.study.physics import own_per_load_m
-from experiment.study.study import UnusableStudyError
+from experiment.check.check import check_study, with_each_edge
+from experiment.perception.gains import OWN_FINGERS
+from experiment.perception.thresholds import ReferenceVibration
+from experiment.study.base import Fault
+from experiment.study.physics import MAX_LOSS, MIN_LOSS, own_per_load_m, study_gains
 from experiment.study.threshold import median_threshold, vibrations_of
-from stimuli.drive.windows import WINDOWS
+from stimuli import Burst
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
 
-    from experiment.check.check import ConditionCheck
+    from experiment.check.check import ConditionCheck, Verdict
     from experiment.study.study import Study
-    from stimuli import Burst
     from stimuli.drive.windows import Window
 
-
-FELT_HZ: Final = (200.0, 250.0, 300.0, 400.0, 500.0)
-"""Frequencies that skin feels well, in Hz."""
+SCHEMA: Final = 2
+FREQUENCIES_HZ: Final = (200.0, 250.0, 300.0, 400.0, 500.0)
+"""Frequencies to which skin is sensitive."""
 
 CYCLES: Final = (1, 2, 3)
 _DIGITS: Final = 9
 """Durations are equal to a nanosecond."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class BurstAtEdge:
-    """How a burst goes with one kind of edge; what is refused of it has no check."""
-
-    found: ConditionCheck | None
-    refusal: str = ""
-
-    @property
-    def energy_above_cutoff(self) -> float | None:
-        """The greater part of the ideal burst's and of its staircase's energy."""
-        if self.found is None:
-            return None
-        burst = self.found.burst
-        return max(burst.energy_above_cutoff, burst.staircase_energy_above_cutoff)
-
-    @property
-    def level_db(self) -> float | None:
-        """The greater level at the other finger, of the two sides."""
-        if self.found is None or self.found.gains is None:
-            return None
-        return max(self.found.level_db(1, 0), self.found.level_db(0, 1))
-
-    @property
-    def is_fit(self) -> bool:
-        """Whether nothing speaks against it."""
-        return self.found is not None and not self.found.reasons
+Row = dict[str, Any]
+"""A burst in the JSON output of `tactstrip bursts`."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ComparedBurst:
-    """A burst on the plate.
+def length_order(duration_s: float, frequency_hz: float) -> tuple[float, float]:
+    """Return the key that sorts bursts by length, then by frequency.
 
-    Attributes
-    ----------
-    burst : Burst
-        The burst.
-    stated : BurstAtEdge
-        With the edges that the study states.
-    other : BurstAtEdge or None
-        With the other ideal edge, where that was tried.
-    own_um : tuple of (float or None)
-        What the left and the right actuator give their own fingers at the study's highest level.
-    threshold_vpp : float or None
-        Where the median simulated person feels it, if the study says for which vibration its
-        threshold is known.
-    threshold_db : float or None
-        Else the threshold in volts re that of the burst in [burst], by the curves.
-    """
+    Of equally long bursts, that of the lower frequency stays further below the cut-off, and skin is
+    most sensitive at 250 Hz.
 
-    burst: Burst
-    stated: BurstAtEdge
-    other: BurstAtEdge | None
-    own_um: tuple[float | None, float | None] = (None, None)
-    threshold_vpp: float | None = None
-    threshold_db: float | None = None
-
-    @property
-    def is_fit_with_all(self) -> bool:
-        """Whether it is fit with every edge that was tried."""
-        return self.stated.is_fit and (self.other is None or self.other.is_fit)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class BurstComparison:
-    """Bursts of one window on the plate of a study; that with its other ideal edge, where tried."""
-
-    study: Study
-    other: Study | None
-    rows: tuple[ComparedBurst, ...]
-    window: Window
-
-    def has(self, row: ComparedBurst) -> list[str]:
-        """Return the names of the study's conditions that have a burst."""
-        return [one.name for one in self.study.conditions if one.drive == row.burst]
-
-    @property
-    def own_window(self) -> str:
-        """What [burst] has, in words."""
-        return self.study.burst.window or "a file"
-
-    @property
-    def best(self) -> ComparedBurst | None:
-        """The shortest burst that is fit with all edges that were tried; else with the stated."""
-        for fit in (
-            [row for row in self.rows if row.is_fit_with_all],
-            [row for row in self.rows if row.stated.is_fit],
-        ):
-            if fit:
-                return min(fit, key=lambda row: by_length(row.burst))
-        return None
-
-
-def by_length(burst: Burst) -> tuple[float, float]:
-    """Sort bursts by their length; of equally long ones the lower frequency comes first.
-
-    It stays further below the cut-off, and 250 Hz is felt best.
-
-    >>> from stimuli import Burst
-    >>> one, two = (Burst(frequency_hz=f, cycles=c, window="hann") for f, c in ((250, 1), (500, 2)))
-    >>> by_length(one) < by_length(two)
+    >>> length_order(1 / 250, 250.0) < length_order(2 / 500, 500.0)
     True
     """
-    return round(burst.duration_s, _DIGITS), burst.frequency_hz
+    return round(duration_s, _DIGITS), frequency_hz
 
 
 def with_burst(
@@ -144,41 +52,33 @@ def with_burst(
 ) -> Study:
     """Return a study with another sine in [burst], and no other conditions.
 
-    Its window is that of [burst] unless another is given. ValueError where neither is one, or the
-    burst does not suit the study.
+    Its window is that of [burst] unless another is given. ValueError if [burst] has no standard
+    window either, or if the burst does not suit the study.
     """
     burst = study.burst
     if window is None and (burst.file is not None or burst.window == "auto"):
-        what = f'file = "{burst.file}"' if burst.file is not None else 'window = "auto"'
-        raise UnusableStudyError(
-            study.name,
-            f"bursts of one window are compared, and [burst] has {what}; "
-            "name one, such as --window hann",
-        )
-    other = replace(
-        burst,
-        frequency_hz=frequency_hz,
-        cycles=cycles,
-        window=window or burst.window,
-        wanted_level_db=None,
-        file=None,
-        accept_unfit=None,
-    )
-    return study.changed(burst=other, condition=[{"name": "main"}])
+        key, got = ("file", burst.file) if burst.file is not None else ("window", "auto")
+        rule = "has no window to compare bursts with; give --window, such as --window hann"
+        raise study.refused(Fault(f"burst.{key}", rule, got))
+    omitted = {"max_crosstalk_db", "file", "accept_violation"}
+    shared = {key: getattr(burst, key) for key in burst.model_fields_set - omitted}
+    shared |= {"frequency_hz": frequency_hz, "cycles": cycles, "window": window or burst.window}
+    return study.changed(burst=shared, condition=[{"name": "main"}])
 
 
 def grid_of(
     study: Study, frequencies_hz: Iterable[float] = (), cycles: Iterable[int] = ()
 ) -> tuple[tuple[float, int], ...]:
-    """Return the bursts to be compared; by default those that skin feels well, and the study's.
+    """Return the bursts to compare; by default common ones and the study's.
 
     >>> from experiment.study.files import paper_study
     >>> grid_of(paper_study(), (300, 100), (1,))
     ((100, 1), (300, 1))
     """
-    own = [study.burst, *study.conditions]
-    every_hz = [*frequencies_hz] or [*FELT_HZ, *(one.frequency_hz or FELT_HZ[0] for one in own)]
-    every_cycles = [*cycles] or [*CYCLES, *(one.cycles or CYCLES[0] for one in own)]
+    stimuli = [study.burst, *study.conditions]
+    own_hz = (of.frequency_hz or FREQUENCIES_HZ[0] for of in stimuli)
+    every_hz = [*frequencies_hz] or [*FREQUENCIES_HZ, *own_hz]
+    every_cycles = [*cycles] or [*CYCLES, *(of.cycles or CYCLES[0] for of in stimuli)]
     return tuple(product(sorted(set(every_hz)), sorted(set(every_cycles))))
 
 
@@ -187,91 +87,199 @@ def compare_bursts(
     bursts: Iterable[tuple[float, int]],
     step: Callable[[int, int], object],
     *,
+    file_name: str,
     window: Window | None = None,
-) -> BurstComparison:
-    """Check bursts on the plate of a study, with its edges and with the other ideal ones.
+) -> dict[str, Any]:
+    """Check bursts on the plate of a study, with its edge and with the alternative one.
+
+    The report is the JSON output of `tactstrip bursts`. Its `best` is the shortest burst within
+    limits with all edges, or else with the study's edge, and None if there is none. Thresholds in
+    dB refer to the burst in `reference`.
 
     Parameters
     ----------
     study : Study
-        The study; what it accepts as unfit is not accepted here.
+        The study; a burst that it accepts with a reason is not accepted here.
     bursts : iterable of (float, int)
         Frequencies in Hz and cycles.
     step : callable
-        Told how many of how many are done.
+        Called with the number of bursts that are done, and with that of all.
+    file_name : str
+        The file of the study.
     window : str, optional
-        Of all of them, in place of that in [burst].
+        Of all bursts, instead of that in [burst].
 
     Raises
     ------
     ValueError
-        If none of them can be checked, and for an unknown window.
+        If none of them can be checked.
     """
-    if window is not None and window not in WINDOWS:
-        raise ValueError(f"window must be one of {', '.join(WINDOWS)}; got {window!r}")
-    every, rows = tuple(bursts), list[ComparedBurst]()
-    own_m = None
-    if not study.simulation.known_for.stated:
-        with contextlib.suppress(ValueError):  # others may do where the study's own does not
-            own_m = own_per_load_m(_own(study))
-    for place, (frequency_hz, cycles) in enumerate(every):
-        step(place, len(every))
-        other = with_burst(study, frequency_hz, cycles, window)
-        row = _compared(other)
-        if own_m is not None and row.stated.level_db is not None:
-            row = replace(row, threshold_db=_threshold_db(other, known_for(study), own_m))
-        rows.append(row)
-    if all(row.stated.found is None for row in rows):
-        raise ValueError(rows[0].stated.refusal)
-    return BurstComparison(
-        study=study, other=with_other_edge(study), rows=tuple(rows), window=rows[0].burst.window
+    every, rows, sines = tuple(bursts), list[Row](), list[Burst]()
+    shared = study.burst
+    reference, reference_m = study.simulation.reference_vibration, None
+    if not reference.values:
+        with contextlib.suppress(ValueError):  # others may do where the study's burst does not
+            alone = with_burst(
+                study, shared.frequency_hz or FREQUENCIES_HZ[0], shared.cycles or CYCLES[0]
+            )
+            reference_m = own_per_load_m(alone)
+            sine = alone.conditions[0].sine
+            reference = ReferenceVibration(
+                frequency_hz=sine.frequency_hz, duration_s=sine.energy_duration_s
+            )
+    for index, (frequency_hz, cycles) in enumerate(every):
+        step(index, len(every))
+        changed = with_burst(study, frequency_hz, cycles, window)
+        sines.append(changed.conditions[0].sine)
+        rows.append(_compare(study, changed, reference, reference_m))
+    if all(row["edges"][0]["verdict"] is None for row in rows):
+        raise ValueError(rows[0]["edges"][0]["reasons"][0])
+    return {
+        "schema": SCHEMA,
+        "file": file_name,
+        "study": {"name": study.name, "sha256": study.sha256},
+        "edges": [
+            {"edge": of.plate.edge, "cutoff_hz": of.strip.cutoff_hz()}
+            for of in with_each_edge(study)
+        ],
+        "window": sines[0].window,
+        "study_window": shared.window,
+        "max_energy_above_cutoff": shared.max_energy_above_cutoff,
+        "masking_threshold_db": shared.masking_threshold_db,
+        "level_vpp": study.design.highest_vpp,
+        "loss_factors": None if study.plate.has_loss_factor else (MIN_LOSS, MAX_LOSS),
+        "reference": (
+            None
+            if reference_m is None
+            else {"frequency_hz": shared.frequency_hz, "cycles": shared.cycles}
+        ),
+        "extrapolations": reference.extrapolations(
+            *(vibration for sine in sines for vibration in vibrations_of(study, sine))
+        ),
+        "bursts": sorted(rows, key=_threshold_order),
+        "best": _best(rows),
+    }
+
+
+def _threshold_order(row: Row) -> tuple[bool, float, float, int]:
+    """Sort by threshold where it is known, else by frequency and cycles."""
+    thresholds = [row[key] for key in ("threshold_vpp", "threshold_db") if row[key] is not None]
+    threshold = thresholds[0] if thresholds else 0.0
+    return (not thresholds, threshold, row["frequency_hz"], row["cycles"])
+
+
+def _best(rows: list[Row]) -> Row | None:
+    """Return the shortest burst within limits: with all edges, else with the study's edge."""
+    with_all = [row for row in rows if row["within_limits"]]
+    with_first = [row for row in rows if row["edges"][0]["verdict"] == "within limits"]
+    return min(
+        with_all or with_first,
+        key=lambda row: length_order(row["duration_s"], row["frequency_hz"]),
+        default=None,
     )
 
 
-def _own(study: Study) -> Study:
-    """Return a study with [burst] alone."""
-    burst = study.burst
-    return with_burst(study, burst.frequency_hz or FELT_HZ[0], burst.cycles or CYCLES[0])
-
-
-def known_for(study: Study) -> KnownFor:
-    """Return of which vibration a threshold is known: as stated, else re that of [burst]."""
-    if study.simulation.known_for.stated:
-        return study.simulation.known_for
-    burst = _own(study).conditions[0].stated
-    return KnownFor(frequency_hz=burst.frequency_hz, duration_s=burst.energy_duration_s)
-
-
-def _threshold_db(study: Study, known: KnownFor, own_m: float) -> float:
+def _threshold_db(study: Study, reference: ReferenceVibration, reference_m: float) -> float:
     """Return the threshold of a burst in volts: by the curves, and by how much the plate moves."""
-    both = vibrations_of(study, study.conditions[0].stated)
-    curve_db = sum(map(known.shift_db, both)) / len(both)
-    return curve_db - 20 * math.log10(own_per_load_m(study) / own_m)
+    both = vibrations_of(study, study.conditions[0].sine)
+    curve_db = sum(map(reference.shift_db, both)) / len(both)
+    return curve_db - 20 * math.log10(own_per_load_m(study) / reference_m)
 
 
-def _compared(study: Study) -> ComparedBurst:
-    stated, other = _at_edge(study), with_other_edge(study)
-    found = stated.found
-    row = ComparedBurst(
-        burst=study.conditions[0].stated,
-        stated=stated,
-        other=None if other is None else _at_edge(other),
-    )
-    if found is None or found.gains is None:
-        return row
-    gains, level_vpp = found.gains, study.design.highest_vpp
-    left_um, right_um = (
-        None if gains.bases[side] is None else significant(gains.per_vpp[side][side] * level_vpp)
-        for side in (0, 1)
-    )
-    known = study.simulation.known_for.stated
-    threshold = median_threshold(study, gains.fingers()).level_vpp if known else None
-    return replace(row, own_um=(left_um, right_um), threshold_vpp=threshold)
+def _compare(
+    study: Study, tried: Study, reference: ReferenceVibration, reference_m: float | None
+) -> Row:
+    """Check the only burst of a study with each edge.
+
+    The threshold is that of the median simulated participant in Vpp, if the study says for which
+    vibration its threshold holds, and else in dB re the burst in [burst], by published curves.
+    """
+    burst, level_vpp = tried.conditions[0].sine, study.design.highest_vpp
+    (check, first), *others = (_at_edge(each) for each in with_each_edge(tried))
+    edges = [first, *(edge for _, edge in others)]
+    threshold_vpp = threshold_db = None
+    if check is not None and check.gains is not None:
+        if study.simulation.reference_vibration.values:
+            threshold_vpp = median_threshold(tried, check.gains.fingers()).threshold_vpp
+        elif reference_m is not None:
+            threshold_db = _threshold_db(tried, reference, reference_m)
+    return {
+        "frequency_hz": burst.frequency_hz,
+        "cycles": burst.cycles,
+        "duration_s": burst.duration_s,
+        "conditions": [of.name for of in study.conditions if of.drive == burst],
+        "edges": edges,
+        "peak_um": {
+            side: None if check is None else check.peak_um(index, index, level_vpp)
+            for index, side in enumerate(OWN_FINGERS)
+        },
+        "threshold_vpp": threshold_vpp,
+        "threshold_db": threshold_db,
+        "within_limits": all(edge["verdict"] == "within limits" for edge in edges),
+    }
 
 
-def _at_edge(study: Study) -> BurstAtEdge:
+def _at_edge(study: Study) -> tuple[ConditionCheck | None, dict[str, Any]]:
+    """Check the only burst of a study; without numbers if it cannot be computed."""
+    numbers = ("energy_above_cutoff", "staircase_energy_above_cutoff")
+    edge: dict[str, Any] = {"edge": study.plate.edge}
     try:
-        (found,) = check_study(study).conditions
+        (check,) = check_study(study).conditions
     except ValueError as error:
-        return BurstAtEdge(found=None, refusal=str(error))
-    return BurstAtEdge(found=found)
+        edge |= {"verdict": None, "reasons": [str(error)]}
+        return None, edge | dict.fromkeys((*numbers, "largest_energy_above_cutoff", "crosstalk_db"))
+    edge |= {"verdict": check.verdict, "reasons": check.reasons}
+    energies = {key: getattr(check.burst, key) for key in numbers}
+    energies["largest_energy_above_cutoff"] = max(energies.values())
+    return check, edge | energies | {"crosstalk_db": check.crosstalk_db}
+
+
+# --- the burst of a new plate ---------------------------------------------------------------------
+
+CANDIDATES: Final = sorted(
+    product(FREQUENCIES_HZ, CYCLES), key=lambda burst: length_order(burst[1] / burst[0], burst[0])
+)
+"""The bursts that are tried on a new plate, under a Hann window, the shortest first."""
+
+
+def chosen_burst(
+    make_study: Callable[[dict[str, Any]], Study], step: Callable[[int, int], object]
+) -> tuple[Study, dict[str, Verdict]]:
+    """Return the study with the shortest candidate within limits, and its verdict with each edge.
+
+    Where the edges are ideal and no cut-off was measured, a burst that is within limits with the
+    other ideal edge, too, comes before all that are not. If no burst is within limits, it is the
+    shortest.
+
+    Parameters
+    ----------
+    make_study : callable
+        Returns the plate's study with the keys of [burst] that it is given.
+    step : callable
+        Called with the number of candidates that were tried, and with that of all.
+    """
+    choices: list[tuple[Study, dict[str, Verdict]]] = []
+    for index, (frequency_hz, cycles) in enumerate(CANDIDATES):
+        step(index, len(CANDIDATES))
+        study, *alternative = with_each_edge(
+            make_study({"frequency_hz": frequency_hz, "cycles": cycles, "window": "hann"})
+        )
+        verdicts: dict[str, Verdict] = {study.plate.edge: _verdict(study)}
+        if verdicts[study.plate.edge] == "within limits":
+            verdicts |= {each.plate.edge: _verdict(each) for each in alternative}
+        if set(verdicts.values()) == {"within limits"}:
+            return study, verdicts
+        choices.append((study, verdicts))
+    return next((choice for choice in choices if "within limits" in choice[1].values()), choices[0])
+
+
+def _verdict(study: Study) -> Verdict:
+    """Check a study's burst; most violations are found with little work.
+
+    The energy above the cut-off needs no field at all, and the least assumed loss gives the most
+    crosstalk as a rule. Only a burst that passes both is worth the whole check.
+    """
+    verdict = check_study(study, gains=()).verdict
+    if verdict == "within limits":
+        verdict = check_study(study, gains=study_gains(study, MIN_LOSS)).verdict
+    return check_study(study).verdict if verdict == "within limits" else verdict

@@ -1,120 +1,146 @@
-"""What is to be known of a study before anyone takes part: is it fit, and how long does it take."""
+"""The check of a study: whether its bursts are within limits, and how long a session takes."""
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Final, Literal, get_args
 
 from device.clock import VirtualClock
 from device.drivers import MOCK
-from experiment.apparatus.rig import chosen_settings, mock_device
-from experiment.apparatus.slots import require_playable, require_suitable, told_limits
-from experiment.check.findings import CheckWarning, WarningCode
+from experiment.check.warnings import Rule, apply_rules
 from experiment.exits import ANSWER_IS_NO, CommandError
-from experiment.perception.gains import OWN_FINGERS
+from experiment.hardware.setup import (
+    chosen_settings,
+    mock_device,
+    read_limits,
+    require_playable,
+    require_suitable,
+)
+from experiment.perception.gains import OWN_FINGERS, significant
+from experiment.study.base import Fault
 from experiment.study.design import ASSUMED_ANSWER_S
-from experiment.study.study import UnusableStudyError
 from experiment.trial.draw import block_count
-from stimuli import Burst, BurstCheck, ElasticEdge, SampledDrive, check_burst
+from stimuli import Burst, BurstCheck, SampledDrive, check_burst
 
 if TYPE_CHECKING:
+    from experiment.check.warnings import CheckWarning
     from experiment.perception.gains import ConditionGains
     from experiment.study.physics import PatchErrors
+    from experiment.study.plate import EdgeBasis
     from experiment.study.stimulus import Condition
     from experiment.study.study import Study
 
 
-Verdict = Literal["fit", "accepted", "unfit"]
+Verdict = Literal["within limits", "accepted", "violates a limit"]
+"""From the best to the worst."""
+
+_ALTERNATIVES: Final[dict[str, EdgeBasis]] = {
+    "clamped": "simply-supported",
+    "simply-supported": "clamped",
+}
+
+
+def alternative_edge(study: Study) -> EdgeBasis | None:
+    """Return the other ideal edge, as a real edge lies between the two.
+
+    None for elastic edges and where a cut-off was measured: then it is known how they hold.
+    """
+    is_measured = study.plate.measured_cutoff_hz is not None
+    return None if is_measured else _ALTERNATIVES.get(study.plate.edge)
+
+
+def with_each_edge(study: Study) -> tuple[Study, ...]:
+    """Return the study, and the same study with the alternative edge if there is one.
+
+    >>> from experiment.study.files import paper_study
+    >>> paper = paper_study()
+    >>> plate = paper.plate.changed(edge="clamped", measured_cutoff_hz=None)
+    >>> [study.plate.edge for study in with_each_edge(paper.changed(strip=plate))]
+    ['clamped', 'simply-supported']
+    >>> len(with_each_edge(paper))
+    1
+    """
+    edge = alternative_edge(study)
+    if edge is None:
+        return (study,)
+    return study, study.changed(strip=study.plate.changed(edge=edge))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class TriedGains:
-    """A gain matrix that the check tries beside the plan's, and what it was computed with."""
+class GainVariant:
+    """A gain matrix that the check computes beside the plan's, and what it was computed with."""
 
     gains: ConditionGains
-    loss_factor: float | None  # none where the study states its loss
+    loss_factor: float | None  # None where the study sets its loss
     loaded: bool  # by the fingers
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ConditionCheck:
-    """A condition and how its burst goes with the strip and the fingers."""
+    """A condition, and its burst beside the limits of strip and fingers."""
 
     condition: Condition
     burst: BurstCheck
-    gains: ConditionGains | None  # none where nobody computed it
-    # with the least and the greatest loss assumed, where the study states none; with and without
-    # the load of the fingers, where it states one
-    bracket: tuple[TriedGains, ...]
-    # by how much the level at the other finger must lie below that at the own
-    masking_limit_db: float
-    # where patches count and the gains were computed: the worst of these and those of `bracket`
+    gains: ConditionGains | None  # None where it was not computed
+    # with the least and the greatest loss assumed, where the study sets none; with and without the
+    # load of the fingers, where it has one
+    variants: tuple[GainVariant, ...]
+    # by how much the peak at the undriven finger must lie below that at the driven one
+    masking_threshold_db: float
+    # where patches count and the gains were computed: the worst of these and those of `variants`
     patch_errors: PatchErrors | None = None
 
     @property
     def reasons(self) -> tuple[str, ...]:
-        """Why the stimulus is unfit, a sentence each; empty if it is fit."""
-        return tuple(warning.message for warning in self.warnings)
+        """Which limits the stimulus violates, a sentence each; empty if it is within limits."""
+        return tuple(warning.message for warning in self.violations)
 
     @property
-    def warnings(self) -> tuple[CheckWarning, ...]:
-        """The reasons, each with its code."""
-        energy = WarningCode.ENERGY_ABOVE_CUTOFF
-        warnings = [CheckWarning(energy, text) for text in self.burst.reasons]
-        if self.gains is None:
-            return tuple(warnings)
-        for own, other in ((0, 1), (1, 0)):
-            level_db, limit_db = self.level_db(other, own), -self.masking_limit_db
+    def violations(self) -> tuple[CheckWarning, ...]:
+        """The limits that the stimulus violates."""
+        burst, rules = self.burst, list[Rule]()
+        for form, part in (
+            ("ideal burst", burst.energy_above_cutoff),
+            ("sampled burst", burst.staircase_energy_above_cutoff),
+        ):
+            data = {"form": form, "part": part, "limit": burst.max_energy_above_cutoff}
+            rules.append((part > burst.max_energy_above_cutoff, "energy_above_cutoff", data))
+        for driven, other in ((0, 1), (1, 0)) if self.gains is not None else ():
+            level_db, limit_db = self.level_db(other, driven), -self.masking_threshold_db
             errors = self.patch_errors
-            doubt_db = 0.0 if errors is None else float(errors.levels_db[other, own])
-            if level_db + doubt_db <= limit_db:
-                continue
-            at = (
-                f"the {OWN_FINGERS[own]} actuator's burst is at the {OWN_FINGERS[other]} "
-                f"finger {level_db:.3f} dB re its own finger"
-            )
-            if level_db > limit_db:
-                code, reason = WarningCode.CROSSTALK_ABOVE_LIMIT, f"; the limit is {limit_db:g} dB"
-            else:
-                code = WarningCode.UNCERTAIN_CROSSTALK
-                reason = (
-                    f", known within {doubt_db:.2g} dB: above the limit of {limit_db:g} dB "
-                    "cannot be excluded"
-                )
-            warnings.append(CheckWarning(code, f"{at}{reason}"))
-        return tuple(warnings)
+            error_db = 0.0 if errors is None else float(errors.levels_db[other, driven])
+            code = "crosstalk_above_limit" if level_db > limit_db else "uncertain_crosstalk"
+            data = {"driven": OWN_FINGERS[driven], "crosstalk_db": level_db, "error_db": error_db}
+            rules.append((level_db + error_db > limit_db, code, data | {"limit_db": limit_db}))
+        return apply_rules(rules)
 
-    def worst(self, place: int, actuator: int) -> TriedGains | None:
-        """Return what of `bracket` has the greatest level above another actuator.
+    def level_db(self, finger: int, actuator: int) -> float:
+        """Return the crosstalk of an actuator at a finger: the worst of the variants, if any."""
+        every = [self.gains] if not self.variants else [variant.gains for variant in self.variants]
+        return max(gains.level_db(finger, actuator) for gains in every if gains is not None)
 
-        Parameters
-        ----------
-        place, actuator : int
-            Row and column of the gain matrix.
-        """
-        levels = self.bracket
-        return max(levels, key=lambda one: one.gains.level_db(place, actuator), default=None)
+    def peak_um(self, finger: int, actuator: int, level_vpp: float) -> float | None:
+        """Return the peak displacement at a finger; None where that of the actuator is unknown."""
+        if self.gains is None or self.gains.bases[actuator] is None:
+            return None
+        return significant(self.gains.per_vpp[finger][actuator] * level_vpp)
 
-    def level_db(self, place: int, actuator: int) -> float:
-        """Return the level above another actuator: the worst of those in `bracket`, if any."""
-        worst = self.worst(place, actuator)
-        gains = self.gains if worst is None else worst.gains
-        if gains is None:
-            raise ValueError(f"condition {self.condition.name} must have gains; got none")
-        return gains.level_db(place, actuator)
+    @property
+    def crosstalk_db(self) -> float | None:
+        """The greater crosstalk of the two sides; None where it was not computed."""
+        return None if self.gains is None else max(self.level_db(1, 0), self.level_db(0, 1))
 
     @property
     def verdict(self) -> Verdict:
-        """``accepted`` where the burst is unfit and the study says why it is wanted."""
-        if not self.reasons:
-            return "fit"
-        return "unfit" if self.condition.accept_unfit is None else "accepted"
+        """``accepted`` where the burst violates a limit and the study says why it is wanted."""
+        if not self.violations:
+            return "within limits"
+        return "violates a limit" if self.condition.accept_violation is None else "accepted"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StudyCheck:
-    """What the check of a study found.
+    """The result of the check of a study.
 
     Attributes
     ----------
@@ -128,8 +154,6 @@ class StudyCheck:
         Trials of all conditions, practice and those with the fingers off the plate left out.
     blocks : int
         Blocks that they are divided into.
-    audibility_trials, control_trials : int
-        Trials of all conditions with the fingers off the plate, at the beginning and at the end.
     duration_s : float
         Estimated length of a session with all of them: every foreperiod in the middle of its range,
         every answer after `ASSUMED_ANSWER_S`, every break at its shortest.
@@ -140,36 +164,24 @@ class StudyCheck:
     conditions: tuple[ConditionCheck, ...]
     trials: int
     blocks: int
-    audibility_trials: int
-    control_trials: int
     duration_s: float
 
     @property
     def gains(self) -> tuple[ConditionGains, ...]:
         """The gain matrix of every condition, to be sealed into a plan."""
-        return tuple(one.gains for one in self.conditions if one.gains is not None)
+        return tuple(check.gains for check in self.conditions if check.gains is not None)
 
     @property
     def verdict(self) -> Verdict:
         """The worst of the conditions' verdicts."""
-        verdicts = {condition.verdict for condition in self.conditions}
-        if "unfit" in verdicts:
-            return "unfit"
-        return "accepted" if "accepted" in verdicts else "fit"
+        verdicts = (condition.verdict for condition in self.conditions)
+        return max(verdicts, key=get_args(Verdict).index)
 
     @property
-    def thinness(self) -> float:
-        """(k h)^2 at the cut-off: by about this part the theory of thin plates is wrong there."""
-        strip = self.study.strip
-        mass_kg_m2 = strip.material.density_kg_m3 * strip.thickness_m
-        omega = 2 * math.pi * self.cutoff_hz
-        return omega * math.sqrt(mass_kg_m2 / strip.bending_stiffness_n_m) * strip.thickness_m**2
-
-    @property
-    def edge_stiffness_n(self) -> float | None:
-        """Stiffness of an elastic edge; none for simply supported and clamped ones."""
-        edge = self.study.strip.edge
-        return edge.stiffness_n if isinstance(edge, ElasticEdge) else None
+    def crosstalk_db(self) -> float | None:
+        """The greatest crosstalk of all conditions; None where it was not computed."""
+        levels_db = (check.crosstalk_db for check in self.conditions)
+        return max((level for level in levels_db if level is not None), default=None)
 
 
 def check_study(
@@ -205,7 +217,7 @@ def check_study(
     >>> from experiment.study.files import paper_study
     >>> check = check_study(paper_study(), gains=())
     >>> check.verdict, round(check.cutoff_hz), check.trials, check.blocks
-    ('fit', 2900, 155, 5)
+    ('within limits', 2900, 155, 5)
     """
     trials = study.design.trials * len(study.conditions)
     bursts = [_check_burst(study, condition) for condition in study.conditions]
@@ -213,37 +225,36 @@ def check_study(
         blocks = block_count(study.design) * len(study.conditions)
         require_playable(study)
     except ValueError as error:
-        raise UnusableStudyError(study.name, str(error)) from error
-    bracket: tuple[TriedGains, ...] = ()
+        raise study.refused(Fault("", str(error))) from error
+    variants: tuple[GainVariant, ...] = ()
     errors: list[PatchErrors | None] = [None] * len(study.conditions)
     if gains is None:
         from experiment.study.physics import (
             ASSUMED_LOSS,
-            LEAST_LOSS,
-            MOST_LOSS,
+            MAX_LOSS,
+            MIN_LOSS,
             patch_errors,
             study_gains,
         )
 
-        stated, load = study.plate.is_loss_stated, study.finger_load.impedance
-        losses = (ASSUMED_LOSS,) if stated else (LEAST_LOSS, MOST_LOSS)
+        has_loss, load = study.plate.has_loss_factor, study.finger_load.impedance
+        losses = (ASSUMED_LOSS,) if has_loss else (MIN_LOSS, MAX_LOSS)
         loaded = [load is not None and load.holds_for(one.drive) for one in study.conditions]
-        rests = any(loaded)
-        planned = not levels_only or (stated and not rests)
-        gains = study_gains(study) if planned else None
-        if rests or not stated:
-            bracket = tuple(
-                TriedGains(
-                    gains=one, loss_factor=None if stated else loss, loaded=holds and not bare
+        if any(loaded) or not has_loss:
+            variants = tuple(
+                GainVariant(
+                    gains=one, loss_factor=None if has_loss else loss, loaded=holds and not bare
                 )
-                for bare in ((False, True) if rests else (True,))
+                for bare in ((False, True) if any(loaded) else (True,))
                 for loss in losses
                 for one, holds in zip(study_gains(study, loss, bare=bare), loaded, strict=True)
             )
-        gains = tuple(one.gains for one in bracket) if gains is None else gains
-        tried = dict.fromkeys((*[ASSUMED_LOSS] * planned, *losses))
+        if variants and levels_only:
+            gains = tuple(variant.gains for variant in variants)
+        else:
+            gains, losses = study_gains(study), (ASSUMED_LOSS, *losses)
         errors = [
-            patch_errors(study, one, tried, (False, True) if holds else (False,))
+            patch_errors(study, one, losses, (False, True) if holds else (False,))
             for one, holds in zip(study.conditions, loaded, strict=True)
         ]
     gains_of = {one.condition: one for one in reversed(gains)}
@@ -252,8 +263,8 @@ def check_study(
             condition=condition,
             burst=burst,
             gains=gains_of.get(condition.name),
-            bracket=tuple(one for one in bracket if one.gains.condition == condition.name),
-            masking_limit_db=study.burst.masking_limit_db,
+            variants=tuple(one for one in variants if one.gains.condition == condition.name),
+            masking_threshold_db=study.burst.masking_threshold_db,
             patch_errors=error,
         )
         for condition, burst, error in zip(study.conditions, bursts, errors, strict=True)
@@ -264,8 +275,6 @@ def check_study(
         conditions=conditions,
         trials=trials,
         blocks=blocks,
-        audibility_trials=study.design.audibility_trials * len(study.conditions),
-        control_trials=study.design.control_trials * len(study.conditions),
         duration_s=_duration_s(study, blocks),
     )
 
@@ -294,54 +303,47 @@ def require_mock_suitable(study: Study, driver: str | None = None) -> None:
         return
     try:
         device = mock_device(study, VirtualClock())
-        require_suitable(study, device.open(), told_limits(device))
+        require_suitable(study, device.open(), read_limits(device))
     except ValueError as error:
-        raise UnusableStudyError(study.name, str(error)) from error
+        raise study.refused(Fault("", str(error))) from error
 
 
 def _check_burst(study: Study, condition: Condition) -> BurstCheck:
-    try:
-        return _check_drive(study, condition.drive)
-    except ValueError as error:
-        raise UnusableStudyError(
-            study.name,
-            f"condition {condition.name}: [burst] and device.sample_rate_hz "
-            f"do not go together: {error}",
-        ) from error
-
-
-def _check_drive(study: Study, drive: Burst | SampledDrive) -> BurstCheck:
     """Check the energy of a drive above the cut-off; a click's is that of its samples."""
-    rate_hz, limit = study.device.sample_rate_hz, study.burst.max_energy_above_cutoff
-    if isinstance(drive, Burst):
-        return check_burst(
-            drive, study.strip, sample_rate_hz=rate_hz, max_energy_above_cutoff=limit
+    drive, limit = condition.drive, study.burst.max_energy_above_cutoff
+    rate_hz, cutoff_hz = study.device.sample_rate_hz, study.strip.cutoff_hz()
+    try:
+        if isinstance(drive, Burst):
+            return check_burst(
+                drive, study.strip, sample_rate_hz=rate_hz, max_energy_above_cutoff=limit
+            )
+        held = SampledDrive(samples=drive.values, sample_rate_hz=drive.sample_rate_hz, held=True)
+        return BurstCheck(
+            cutoff_hz=cutoff_hz,
+            peak_hz=drive.peak_hz(),
+            band_hz=drive.band_hz(),
+            energy_above_cutoff=drive.energy_above(cutoff_hz),
+            staircase_energy_above_cutoff=held.energy_above(cutoff_hz),
+            max_energy_above_cutoff=limit,
+            sample_rate_hz=rate_hz,
         )
-    cutoff_hz = study.strip.cutoff_hz()
-    held = SampledDrive(samples=drive.values, sample_rate_hz=drive.sample_rate_hz, held=True)
-    return BurstCheck(
-        cutoff_hz=cutoff_hz,
-        peak_hz=drive.peak_hz(),
-        band_hz=drive.band_hz(),
-        energy_above_cutoff=drive.energy_above(cutoff_hz),
-        staircase_energy_above_cutoff=held.energy_above(cutoff_hz),
-        max_energy_above_cutoff=limit,
-        sample_rate_hz=rate_hz,
-    )
+    except ValueError as error:
+        rule = f"does not suit the burst of condition {condition.name}: {error}"
+        raise study.refused(Fault("device.sample_rate_hz", rule, rate_hz)) from error
 
 
 def _duration_s(study: Study, blocks: int) -> float:
     design = study.design
-    each = design.trials + design.audibility_trials + design.control_trials
+    each = design.trials + design.hands_off_trials_before + design.hands_off_trials_after
     trials = each * len(study.conditions) + design.practice_trials
-    breaks = blocks - 1 + (design.control_trials > 0)
+    breaks = blocks - 1 + (design.hands_off_trials_after > 0)
     answer_s = min(ASSUMED_ANSWER_S, design.response_window_s)
     trial_s = sum(design.foreperiod_s) / 2 + answer_s
-    return trials * trial_s + breaks * design.minimum_break_s
+    return trials * trial_s + breaks * design.min_break_s
 
 
 def require_fit(study: Study, *, driver: str | None = None) -> StudyCheck:
-    """Return the check of a study, or end the command where a stimulus of it is unfit.
+    """Return the check of a study, or end the command where a stimulus violates a limit.
 
     Parameters
     ----------
@@ -362,11 +364,12 @@ def require_fit(study: Study, *, driver: str | None = None) -> StudyCheck:
         chosen_settings(study, driver=driver, port=None)
     check = check_study(study)
     require_mock_suitable(study, driver)
-    for found in check.conditions:
-        if found.verdict == "unfit":
+    for condition in check.conditions:
+        if condition.verdict == "violates a limit":
             raise CommandError(
-                f"the stimulus of condition {found.condition.name} is unfit for this strip: "
-                f'{"; ".join(found.reasons)}; accept_unfit = "reason" runs it on purpose',
+                f"condition {condition.condition.name} violates a limit: "
+                f"{' '.join(condition.reasons)} Compare bursts with tactstrip bursts, or run it "
+                'on purpose with accept_violation = "reason".',
                 exit_code=ANSWER_IS_NO,
             )
     return check

@@ -1,6 +1,6 @@
-"""The check of a device against a study: who it is, what it takes, one weak burst a channel.
+"""The check of a device against a study: its identity and limits, and one weak burst a channel.
 
-Without a device: what this machine lacks to run the study.
+Without a device: what this computer lacks to run the study.
 """
 
 from __future__ import annotations
@@ -8,132 +8,192 @@ from __future__ import annotations
 import os
 import time
 from dataclasses import asdict, dataclass
-from typing import TYPE_CHECKING, Final
+from itertools import count
+from typing import TYPE_CHECKING, Any, Final
 
 from device.driver import Lack, Outcome
 from device.drivers import MOCK
-from experiment.apparatus.monitor import planned_burst
-from experiment.apparatus.rig import require_confirmed
-from experiment.apparatus.slots import (
+from device.limits import CHANNELS
+from experiment.check.warnings import apply_rules
+from experiment.hardware.monitor import planned_burst
+from experiment.hardware.setup import (
     LONGEST_ARMED_S,
     SLOTS,
     load_condition,
     onset_interval_s,
+    read_health,
+    read_limits,
+    require_confirmed,
     require_suitable,
-    told_health,
-    told_limits,
 )
-from experiment.check.findings import Findings, WarningCode
-from experiment.check.monitor import MonitorCalibration
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator
+    from collections.abc import Callable
 
-    from device.core.reports import DeviceLimits, Health
-    from device.driver import BurstDevice, Delivery, Identity
-    from experiment.apparatus.rig import Confirmation, Rig
-    from experiment.study.equipment import DeviceSettings, Masking
+    from device.monitor.measured import Measured, Planned
+    from experiment.check.warnings import CheckWarning
+    from experiment.hardware.setup import Confirmation, Hardware
+    from experiment.study.equipment import DeviceSettings, Masking, MonitorSettings
     from experiment.study.study import Study
 
 
 FRACTION: Final = 0.1
-"""Of the study's highest level: what a burst of the check has."""
+"""Level of a test burst, as a fraction of the study's highest level."""
 
 _TOLERANCE: Final = 0.01
 _STEP_VPP: Final = 0.002
 _QUIET_S: Final = 1.0
+_NOT_THE_BURST: Final = frozenset(
+    {"silent", "swapped", "stray", "doubled", "clipped", "amplifier off"}
+)
+"""Faults with which a measurement is no measurement of the burst: no key corrects them."""
+_CORRECTED: Final = {
+    "per_unit": frozenset({"too weak", "too strong"}),
+    "delay_ms": frozenset({"early", "late"}),
+}
+"""The faults that a key corrects."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MonitorCheck:
+    """What a monitor measured of a test burst, and the keys with which it would be exact.
+
+    `planned` and `peak` are in `unit` at the tap; `corrections` are those of the keys `per_unit`
+    and `delay_ms` that the faults call for.
+    """
+
+    tap: str
+    unit: str
+    verified: str | None
+    faults: tuple[str, ...]
+    unmeasured: str | None
+    planned: float
+    peak: float | None
+    noise: float | None
+    correlation: float | None
+    per_unit: float | None
+    delay_ms: float | None
+    corrections: dict[str, float]
+
+    @property
+    def failure(self) -> str | None:
+        """What is wrong with the burst, or why it was not measured."""
+        return ", ".join(self.faults) or self.unmeasured
+
+    @property
+    def is_verified(self) -> bool:
+        """Whether it was the planned burst by the study's tolerances, as in a session."""
+        return self.verified != "false"
+
+
+def check_monitor(
+    side: str, planned: Planned, measured: Measured, settings: MonitorSettings
+) -> MonitorCheck:
+    """Compare what a monitor measured of a burst with the planned one."""
+    index = CHANNELS.index(side)
+    faults = tuple(fault.value for fault in measured.faults)
+    peak = (measured.peak_left, measured.peak_right)[index]
+    is_burst = not measured.unmeasured and not _NOT_THE_BURST & {*faults}
+    scale = 1.0 if settings.per_unit is None else settings.per_unit[index]
+    delay_ms, late_s = (settings.delay_ms or (0.0, 0.0))[index], measured.late_s
+    exact = {
+        "per_unit": scale * planned.peaks[index] / peak if is_burst and peak else None,
+        "delay_ms": None if late_s is None or not is_burst else delay_ms + late_s * 1e3,
+    }
+    return MonitorCheck(
+        tap=measured.tap.value,
+        unit=measured.tap.unit,
+        verified=measured.verified,
+        faults=faults,
+        unmeasured=measured.unmeasured or None,
+        planned=planned.peaks[index],
+        peak=peak,
+        noise=(measured.noise_left, measured.noise_right)[index],
+        correlation=(measured.correlation_left, measured.correlation_right)[index],
+        **exact,
+        corrections={
+            key: value
+            for key, value in exact.items()
+            if value is not None and _CORRECTED[key] & {*faults}
+        },
+    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ChannelCheck:
-    """One channel and its burst."""
+    """One channel and its test burst.
+
+    Attributes
+    ----------
+    outcome : str or None
+        What the device says of the burst; None if the operator did not want it.
+    read_back_vpp : float or None
+        The level that the device says it set on this channel; None if nothing was fired.
+    failed : bool
+        Whether the device did something else than it was commanded, by its own report.
+    seen : bool or None
+        Whether the operator saw it there and only there; None where nobody was asked.
+    good : bool
+        Whether the burst went out as it should, as far as anybody looked.
+    """
 
     side: str
     level_vpp: float
-    delivery: Delivery | None  # none if the operator did not want it
-    seen: bool | None  # by the operator there and only there; none where nobody was asked
-    calibration: MonitorCalibration | None = None  # none without a monitor
-
-    @property
-    def read_back_vpp(self) -> float | None:
-        """The level that the device says it set on this channel; None if nothing was fired."""
-        if self.delivery is None or self.delivery.outcome is not Outcome.FIRED:
-            return None
-        left = self.side == "left"
-        return self.delivery.level_left_vpp if left else self.delivery.level_right_vpp
-
-    @property
-    def failed(self) -> bool:
-        """Whether the device did not do what it was told, by its own words."""
-        if self.delivery is None:
-            return False
-        if self.read_back_vpp is None:
-            return True
-        silent_vpp = self.delivery.level_left_vpp + self.delivery.level_right_vpp
-        off_vpp = abs(self.read_back_vpp - self.level_vpp)
-        return off_vpp > self.level_vpp * _TOLERANCE + _STEP_VPP or silent_vpp != self.read_back_vpp
-
-    @property
-    def good(self) -> bool:
-        """Whether the burst went out as it should, as far as anybody looked."""
-        measured = self.calibration is None or self.calibration.good
-        return self.ready and measured
+    outcome: str | None = None
+    read_back_vpp: float | None = None
+    uncertainty_s: float | None = None
+    failed: bool = False
+    seen: bool | None = None
+    good: bool = False
+    monitor: MonitorCheck | None = None
 
     @property
     def ready(self) -> bool:
-        """Whether device and operator say that it went out as it should."""
-        return self.delivery is not None and not self.failed and self.seen is not False
-
-    @property
-    def text(self) -> str:
-        """The result in words."""
-        if self.delivery is None:
-            return "not tried"
-        told = self.delivery.outcome.value.replace("_", " ")
-        words = [f"burst of {self.level_vpp:g} Vpp: {told}"]
-        if self.read_back_vpp is not None:
-            words += [
-                f"{self.read_back_vpp:g} Vpp read back",
-                f"onset known to {self.delivery.uncertainty_s * 1e3:.2g} ms",
-            ]
-        if self.failed:
-            words.append("WRONG: not what was set")
-        if self.seen is not None:
-            words.append("seen there alone" if self.seen else "WRONG: not seen there alone")
-        return ", ".join(words)
+        """Whether device and operator say that the burst went out as it should."""
+        return self.outcome is not None and not self.failed and self.seen is not False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DeviceCheck:
-    """What the check of a device found.
+    """The result of the check of a device.
 
     Attributes
     ----------
-    identity : Identity
-        Who answered.
+    identity : dict of str
+        The device's answer.
     cannot : tuple of str
-        What the device cannot promise.
+        What the device cannot guarantee.
     levels_vpp : tuple of float
         The study's levels; the device armed each of them on both channels.
     channels : tuple of ChannelCheck
         Left, right.
-    limits : DeviceLimits or None
-        What the device is ready to do, if it tells that.
-    health : Health or None
-        What it knows of its amplifier, with its output on.
+    limits, health : dict of str, or None
+        The limits that the device reports, and the state of its amplifier with the output on.
     """
 
-    identity: Identity
+    identity: dict[str, Any]
     cannot: tuple[str, ...]
     levels_vpp: tuple[float, ...]
     channels: tuple[ChannelCheck, ...]
-    limits: DeviceLimits | None = None
-    health: Health | None = None
+    limits: dict[str, Any] | None = None
+    health: dict[str, Any] | None = None
+
+    @property
+    def warnings(self) -> tuple[CheckWarning, ...]:
+        """What the operator should look at."""
+        rules = [(True, "missing_guarantee", {"limitation": text}) for text in self.cannot]
+        for channel in self.channels:
+            data: dict[str, Any] = {"side": channel.side, "level_vpp": channel.level_vpp}
+            rules.append((not channel.ready, "failed_channel", data))
+            if (monitor := channel.monitor) is not None:
+                data = {"side": channel.side, "faults": monitor.failure}
+                rules.append((not monitor.is_verified, "unverified_burst", data))
+        return apply_rules(rules)
 
 
 def check_device(
     study: Study,
-    rig: Rig,
+    rig: Hardware,
     *,
     confirmation: Confirmation | None,
     ask: Callable[[str], bool] | None,
@@ -146,7 +206,7 @@ def check_device(
     ----------
     study : Study
         The study.
-    rig : Rig
+    rig : Hardware
         The device, not yet opened.
     confirmation : Confirmation or None
         The operator's word that a real device is safe.
@@ -164,36 +224,44 @@ def check_device(
 
     Examples
     --------
-    >>> from experiment.apparatus.rig import assemble
+    >>> from experiment.hardware.setup import assemble
     >>> from experiment.study.files import paper_study
     >>> rig = assemble(paper_study(), driver="mock", port=None, simulated=True)
-    >>> found = check_device(paper_study(), rig, confirmation=None, ask=None)
-    >>> [channel.read_back_vpp for channel in found.channels]
+    >>> check = check_device(paper_study(), rig, confirmation=None, ask=None)
+    >>> [channel.read_back_vpp for channel in check.channels]
     [20.0, 20.0]
     """
     device = rig.device
     identity = device.open()
     try:
         require_confirmed(identity, confirmation)
-        told = told_limits(device)
-        require_suitable(study, identity, told)
+        limits = read_limits(device)
+        require_suitable(study, identity, limits)
         load_condition(device, study.conditions[0], study.device)
         device.enable()
         if rig.monitor is not None:
             rig.monitor.open()
-        levels_vpp = _levels_vpp(study)
-        for level_vpp, token in zip(levels_vpp, _tokens(), strict=False):
+        both_vpp = study.design.both_level_vpp
+        levels_vpp = sorted({*study.design.levels_vpp, *([both_vpp] if both_vpp else [])})
+        every_site = max(study.task.presentations, key=lambda p: len(p.sites))
+        # from the calendar's clock on, as in a session, so that no device saw a token before
+        tokens = count(time.time_ns())
+        for level_vpp, token in zip(levels_vpp, tokens, strict=False):
             device.set_levels(level_vpp, level_vpp)
-            device.arm(token, SLOTS["both"], time_to_live_s=LONGEST_ARMED_S)
+            device.arm(token, SLOTS[every_site.name], time_to_live_s=LONGEST_ARMED_S)
             device.disarm(token)
-        channels = tuple(_check_channel(study, rig, side, ask) for side in ("left", "right"))
+        test_vpp = round(levels_vpp[-1] * FRACTION, 3)
+        channels = tuple(
+            _check_channel(study, rig, side=side, level_vpp=test_vpp, token=next(tokens), ask=ask)
+            for side in CHANNELS
+        )
         return DeviceCheck(
-            identity=identity,
+            identity=asdict(identity),
             cannot=device.cannot,
-            levels_vpp=levels_vpp,
+            levels_vpp=tuple(levels_vpp),
             channels=channels,
-            limits=told,
-            health=told_health(device),
+            limits=None if limits is None else asdict(limits),
+            health=None if (health := read_health(device)) is None else asdict(health),
         )
     finally:
         if rig.monitor is not None:
@@ -201,99 +269,52 @@ def check_device(
         device.close()
 
 
-def _levels_vpp(study: Study) -> tuple[float, ...]:
-    both_vpp = study.design.both_level_vpp
-    levels_vpp = {*study.design.levels_vpp, *(() if both_vpp is None else (both_vpp,))}
-    return tuple(sorted(levels_vpp))
-
-
 def _check_channel(
-    study: Study, rig: Rig, side: str, ask: Callable[[str], bool] | None
+    study: Study,
+    rig: Hardware,
+    *,
+    side: str,
+    level_vpp: float,
+    token: int,
+    ask: Callable[[str], bool] | None,
 ) -> ChannelCheck:
-    level_vpp = round(max(_levels_vpp(study)) * FRACTION, 3)
+    """Play one weak burst on a channel, and measure it if the study has a monitor."""
+    condition, device, monitor = study.conditions[0], rig.device, rig.monitor
     if ask is not None and not ask(f"Play one burst of {level_vpp:g} Vpp on the {side} channel?"):
-        return ChannelCheck(side=side, level_vpp=level_vpp, delivery=None, seen=None)
-    rig.clock.wait(onset_interval_s(study.conditions[0], study.device))
-    token = next(_tokens())
-    planned = None
-    if rig.monitor is not None:
+        return ChannelCheck(side=side, level_vpp=level_vpp)
+    rig.clock.wait(onset_interval_s(condition, study.device))
+    planned = planned_burst(study, condition, side, level_vpp)
+    if monitor is not None:
         rig.clock.wait(_QUIET_S)
-        per_volt = study.monitor.at_the_tap
-        planned = planned_burst(
-            study.conditions[0], study.device, per_volt, side=side, level_vpp=level_vpp
-        )
-        rig.monitor.begin(token, planned)
-    delivery = _burst(rig.device, side, level_vpp, token)
-    calibration = None
-    if rig.monitor is not None and planned is not None and delivery.outcome is Outcome.FIRED:
-        calibration = MonitorCalibration(
-            side=side,
-            planned=planned,
-            measured=rig.monitor.end(delivery),
-            settings=study.monitor,
-        )
-    seen = None
-    if ask is not None:
-        seen = ask(f"Did the {side} output move, and only that one?")
-    return ChannelCheck(
-        side=side, level_vpp=level_vpp, delivery=delivery, seen=seen, calibration=calibration
-    )
-
-
-def _burst(device: BurstDevice, side: str, level_vpp: float, token: int) -> Delivery:
+        monitor.begin(token, planned)
     device.set_levels(level_vpp, level_vpp)
     device.arm(token, SLOTS[side], time_to_live_s=LONGEST_ARMED_S)
-    return device.fire(token)
-
-
-def _tokens() -> Iterator[int]:
-    """Count tokens up from the calendar's clock, as a session does: no device saw one before."""
-    token = 0
-    while True:
-        token = max(token + 1, time.time_ns())
-        yield token
-
-
-def device_findings(check: DeviceCheck) -> Findings:
-    """Tell what the check of a device found."""
-    levels = " ".join(f"{level_vpp:g}" for level_vpp in check.levels_vpp)
-    found = Findings()
-    found.tell("answers", str(check.identity), identity=asdict(check.identity))
-    if check.limits is not None:
-        found.tell("", str(check.limits), limits=asdict(check.limits))
-    if check.health is not None:
-        found.tell("", str(check.health), health=asdict(check.health))
-    found.note(cannot=list(check.cannot))
-    for promise in check.cannot:
-        found.warn("", WarningCode.MISSING_GUARANTEE, f"cannot {promise}")
-    found.tell("takes", f"{levels} Vpp", levels_vpp=list(check.levels_vpp))
-    found.parts("channels", map(_channel_findings, check.channels))
-    return found
-
-
-def _channel_findings(channel: ChannelCheck) -> Findings:
-    delivery = channel.delivery
-    found = Findings()
-    found.tell(
-        channel.side,
-        channel.text,
-        side=channel.side,
-        level_vpp=channel.level_vpp,
-        outcome=None if delivery is None else delivery.outcome.value,
-        read_back_vpp=channel.read_back_vpp,
-        uncertainty_s=None if delivery is None else delivery.uncertainty_s,
-        seen=channel.seen,
-        good=channel.good,
+    delivery = device.fire(token)
+    is_fired = delivery.outcome is Outcome.FIRED
+    measured = None
+    if monitor is not None and is_fired:
+        measured = check_monitor(side, planned, monitor.end(delivery), study.monitor)
+    seen = None if ask is None else ask(f"Did the {side} output move, and only that one?")
+    both_vpp = (delivery.level_left_vpp, delivery.level_right_vpp)
+    read_back_vpp = both_vpp[CHANNELS.index(side)]
+    is_off = abs(read_back_vpp - level_vpp) > level_vpp * _TOLERANCE + _STEP_VPP
+    failed = not is_fired or is_off or sum(both_vpp) != read_back_vpp
+    is_verified = measured is None or measured.is_verified
+    return ChannelCheck(
+        side=side,
+        level_vpp=level_vpp,
+        outcome=delivery.outcome.value,
+        read_back_vpp=read_back_vpp if is_fired else None,
+        uncertainty_s=delivery.uncertainty_s,
+        failed=failed,
+        seen=seen,
+        good=not failed and seen is not False and is_verified,
+        monitor=measured,
     )
-    if not channel.ready:
-        found.note_warning(WarningCode.FAILED_CHANNEL, f"{channel.side}: {channel.text}")
-    if channel.calibration is not None:
-        found.part("monitor", channel.calibration.findings)
-    return found
 
 
-def machine_lacks(settings: DeviceSettings, masking: Masking) -> list[tuple[str, Lack]]:
-    """Tell what this machine lacks for a device and for masking noise; nothing is opened.
+def missing_equipment(settings: DeviceSettings, masking: Masking) -> list[tuple[str, Lack]]:
+    """Return what this computer lacks for a device and for masking noise; nothing is opened.
 
     Parameters
     ----------
@@ -305,44 +326,21 @@ def machine_lacks(settings: DeviceSettings, masking: Masking) -> list[tuple[str,
     Returns
     -------
     list of (str, Lack)
-        What for, and what; empty where nothing is known to be lacking.
+        What needs it, and what is missing.
     """
     from device.scpi.visa import instrument_lack
     from device.sound.stream import sound_lack
     from device.wire.channels import port_lack
 
-    found: list[tuple[str, Lack | None]] = []
+    lacks: list[tuple[str, Lack | None]] = []
     if settings.driver == "audio":
-        found.append(("device", sound_lack()))
-    elif settings.driver == "generator" and settings.port is not None:
-        found.append(("device", instrument_lack(settings.port)))
+        lacks.append(("device", sound_lack()))
     elif settings.driver != MOCK and settings.port is not None:
-        found.append(("device", port_lack(settings.port)))
+        find_lack = instrument_lack if settings.driver == "generator" else port_lack
+        lacks.append(("device", find_lack(settings.port)))
     if masking.noise != "none":
-        found.append(("masking noise", sound_lack()))
+        lacks.append(("masking noise", sound_lack()))
     if os.name != "posix":
         remedy = "--responder terminal needs Linux or macOS"
-        found.append(("answers at the terminal", Lack(what="a POSIX terminal", remedy=remedy)))
-    return [(need, lack) for need, lack in found if lack is not None]
-
-
-def machine_findings(lacks: Iterable[tuple[str, Lack]]) -> Findings:
-    """Tell what this machine lacks, a note for each.
-
-    Examples
-    --------
-    >>> found = machine_findings([("masking noise", Lack(what="sound card", remedy="plug one in"))])
-    >>> found.lines[-1]
-    'note           masking noise: sound card is missing: plug one in'
-    """
-    found = Findings()
-    notes = []
-    for need, lack in lacks:
-        note = Findings()
-        facts = {"need": need, "lacks": lack.what, "remedy": lack.remedy}
-        note.warn("note", WarningCode.MISSING_EQUIPMENT, f"{need}: {lack}", **facts)
-        notes.append(note)
-    if notes:
-        found.space()
-    found.parts("machine", notes)
-    return found
+        lacks.append(("answers at the terminal", Lack(what="a POSIX terminal", remedy=remedy)))
+    return [(need, lack) for need, lack in lacks if lack is not None]

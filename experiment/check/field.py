@@ -1,21 +1,27 @@
-"""The field of a study's actuators: over the plate at one frequency or in time, and over a band."""
+"""The field of a study's actuators: over the plate at one frequency or in time, and over a band.
+
+`report_field` returns what `tactstrip field` prints, `field_csv` its table.
+"""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
-from itertools import count, takewhile
-from typing import TYPE_CHECKING, Final, TypeVar
+from dataclasses import dataclass
+from itertools import count, takewhile, zip_longest
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
 from experiment.check.plate import RTOL
+from experiment.check.report import burst_text
 from experiment.study.stimulus import unscaled_peak
 from stimuli import Scene, causal, displacement_map
 from stimuli.motion.history import frames_of
 
 if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
+    from collections.abc import Sequence
+
+    from numpy.typing import ArrayLike
 
     from experiment.check.plate import Complex, PlatePreview, Real
 
@@ -26,11 +32,11 @@ BAND_FREQUENCIES: Final = 500
 _CELLS_ACROSS: Final = 50
 _CELLS_ACROSS_MOVING: Final = 12
 _LOOKS: Final = 16
-_MOST_LOOKS: Final = 240
+_MAX_LOOKS: Final = 240
 _FINER: Final = 8
 """An animation has so many looks in a period, and at most so many for each actuator."""
 
-_MOST_CELLS_ALONG: Final = 1200
+_MAX_CELLS_ALONG: Final = 1200
 _MARGIN_WIDTHS: Final = 4.0
 """A map ends with the plate, or so many widths beyond the outermost actuators."""
 
@@ -40,8 +46,20 @@ _NEAR_CUTOFF: Final = 0.01
 _LEAST: Final = 1e-300
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class PlateMap:
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Field:
+    """A field of a plate, with its amplitudes at the fingertips: driven, fingertip, frequency."""
+
+    plate: PlatePreview
+    at_fingers_m: Complex
+
+    def level_db(self, driven: int, other: int) -> Real:
+        """Return the level at another finger re above the driven actuator, see `level_db`."""
+        return level_db(self.at_fingers_m[driven, driven], self.at_fingers_m[driven, other])
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PlateMap(_Field):
     """The displacement over the plate at one frequency, each actuator driven by itself.
 
     Attributes
@@ -56,22 +74,12 @@ class PlateMap:
         Amplitude in metres, for the drive of the plate.
     at_fingers_m : ndarray of complex128, shape (n_driven, n_fingertips)
         The same at the centres of the fingertips.
-    bursts_db : tuple of float
-        Level of the first condition's burst at the other finger, of the left and of the right
-        actuator, as the check has it; empty where that is not known. So for any field.
     """
 
-    plate: PlatePreview
     frequency_hz: float
     x_m: Real
     y_m: Real
     displacement_m: Complex
-    at_fingers_m: Complex
-    bursts_db: tuple[float, ...] = ()
-
-    def level_db(self, driven: int, other: int) -> float:
-        """Return the level at another finger re above the driven actuator, see `level_db`."""
-        return float(level_db(self.at_fingers_m[driven, driven], self.at_fingers_m[driven, other]))
 
     def peak_of(self, driven: int) -> tuple[float, float, float]:
         """Return the largest displacement of a driven actuator and its place: metres, x, y."""
@@ -80,8 +88,8 @@ class PlateMap:
         return float(np.max(size)), float(self.x_m[along]), float(self.y_m[across])
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class PlateBand:
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PlateBand(_Field):
     """The displacement at the fingers over a band, each actuator driven by itself.
 
     Attributes
@@ -100,17 +108,10 @@ class PlateBand:
         Frequencies at such a cut-off, where the field of a plate without loss is infinite.
     """
 
-    plate: PlatePreview
     band_hz: tuple[float, float]
     frequencies_hz: Real
-    at_fingers_m: Complex
     cutoffs_hz: tuple[float, ...]
     left_out_hz: tuple[float, ...]
-    bursts_db: tuple[float, ...] = ()
-
-    def level_db(self, driven: int, other: int) -> Real:
-        """Return the level at another finger re above the driven actuator, at each frequency."""
-        return level_db(self.at_fingers_m[driven, driven], self.at_fingers_m[driven, other])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -140,7 +141,6 @@ class PlateMotion:
     displacement_m: Real
     finger_times_s: Real
     at_fingers_m: Real
-    bursts_db: tuple[float, ...] = ()
 
     @property
     def step_s(self) -> float:
@@ -180,36 +180,23 @@ def plate_map(plate: PlatePreview, frequency_hz: float) -> PlateMap:
     Below the cut-off the plate moves most above the driven actuator:
 
     >>> from experiment.check.plate import plate_of
-    >>> from experiment.study.files import study_from_text
-    >>> endless = study_from_text('strip = {length_mm = "endless"}', "study.toml")
-    >>> found = plate_map(plate_of(endless), 500.0)
-    >>> [round(1e3 * place_m, 6) for place_m in found.peak_of(0)[1:]]
+    >>> from experiment.study.files import paper_study
+    >>> paper = paper_study()
+    >>> endless = paper.changed(strip=paper.plate.changed(length_mm="endless"))
+    >>> field = plate_map(plate_of(endless), 500.0)
+    >>> [round(1e3 * place_m, 6) for place_m in field.peak_of(0)[1:]]
     [-35.0, 12.5]
     """
     x_m, y_m = _grid(plate)
-    found = displacement_map(plate.strip, plate.loads, frequency_hz, x_m=x_m, y_m=y_m, rtol=RTOL)
+    field = displacement_map(plate.strip, plate.loads, frequency_hz, x_m=x_m, y_m=y_m, rtol=RTOL)
     return PlateMap(
         plate=plate,
-        frequency_hz=found.frequency_hz,
-        x_m=found.x_m,
-        y_m=found.y_m,
-        displacement_m=plate.scaled(found.displacement_m),
-        at_fingers_m=plate.at_fingers_m([found.frequency_hz])[..., 0],
+        frequency_hz=field.frequency_hz,
+        x_m=field.x_m,
+        y_m=field.y_m,
+        displacement_m=plate.scaled(field.displacement_m),
+        at_fingers_m=plate.at_fingers_m([field.frequency_hz])[..., 0],
     )
-
-
-Field = TypeVar("Field", PlateMap, PlateBand, PlateMotion)
-
-
-def with_bursts(field: Field) -> Field:
-    """Return a field with the levels of the burst; as it is, where the study cannot be checked."""
-    from experiment.check.check import check_study
-
-    try:
-        found = check_study(field.plate.study).conditions[0]
-        return replace(field, bursts_db=(found.level_db(1, 0), found.level_db(0, 1)))
-    except ValueError:  # which the check tells
-        return field
 
 
 def plate_motion(plate: PlatePreview) -> PlateMotion:
@@ -234,9 +221,9 @@ def plate_motion(plate: PlatePreview) -> PlateMotion:
 
     >>> from experiment.check.plate import plate_of
     >>> from experiment.study.files import paper_study
-    >>> found = plate_motion(plate_of(paper_study()))
-    >>> own_m, other_m = abs(found.at_fingers_m[0]).max(axis=1)
-    >>> found.step_s, found.times_s.size, bool(other_m < 0.1 * own_m)
+    >>> field = plate_motion(plate_of(paper_study()))
+    >>> own_m, other_m = abs(field.at_fingers_m[0]).max(axis=1)
+    >>> field.step_s, field.times_s.size, bool(other_m < 0.1 * own_m)
     (0.0001, 41, True)
     """
     condition = plate.study.conditions[0]
@@ -247,11 +234,11 @@ def plate_motion(plate: PlatePreview) -> PlateMotion:
     scene = Scene(strip=causal(plate.strip, drive), loads=loads, points_m=tuple(points_m))
     step_s = _round_down(1 / (_LOOKS * max(plate.drive_hz, drive.band_hz()[1] / 2)))
     after_s = max(drive.duration_s / 2, 1 / plate.drive_hz)
-    end_s = min(drive.duration_s + after_s, _MOST_LOOKS * step_s)
-    times_s, found_m = frames_of(scene, drive, step_s=step_s / _FINER, end_s=end_s)
+    end_s = min(drive.duration_s + after_s, _MAX_LOOKS * step_s)
+    times_s, moved_m = frames_of(scene, drive, step_s=step_s / _FINER, end_s=end_s)
     amplitudes = np.array(plate.drive.amplitudes[: len(loads)])
-    found_m *= amplitudes[:, np.newaxis, np.newaxis] / unscaled_peak(condition, plate.study.device)
-    over_m = found_m[:, : x_m.size * y_m.size, ::_FINER]
+    moved_m *= amplitudes[:, np.newaxis, np.newaxis] / unscaled_peak(condition, plate.study.device)
+    over_m = moved_m[:, : x_m.size * y_m.size, ::_FINER]
     return PlateMotion(
         plate=plate,
         times_s=times_s[::_FINER],
@@ -259,7 +246,7 @@ def plate_motion(plate: PlatePreview) -> PlateMotion:
         y_m=y_m,
         displacement_m=np.moveaxis(over_m, 2, 1).reshape(len(loads), -1, x_m.size, y_m.size),
         finger_times_s=times_s,
-        at_fingers_m=found_m[:, x_m.size * y_m.size :],
+        at_fingers_m=moved_m[:, x_m.size * y_m.size :],
     )
 
 
@@ -284,7 +271,7 @@ def _grid(plate: PlatePreview, cells_across: int = _CELLS_ACROSS) -> tuple[Real,
     if length_m is not None and length_m / 2 <= cells * step_m:
         cells = max(1, round(length_m / 2 / step_m))
         step_m = length_m / 2 / cells
-    kept = min(cells, _MOST_CELLS_ALONG // 2)
+    kept = min(cells, _MAX_CELLS_ALONG // 2)
     x_m = step_m * cells / kept * np.arange(-kept, kept + 1)
     return x_m.astype(np.float64), np.linspace(0.0, width_m, cells_across + 1)
 
@@ -314,10 +301,11 @@ def plate_band(
     Without ends and loss the plate's own cut-off is left out, where the field is infinite:
 
     >>> from experiment.check.plate import plate_of
-    >>> from experiment.study.files import study_from_text
-    >>> study = study_from_text('[strip]\nlength_mm = "endless"', "study.toml")
-    >>> found = plate_band(plate_of(study), (400.0, 2900.0), n_frequencies=6)
-    >>> found.frequencies_hz.tolist(), len(found.left_out_hz)
+    >>> from experiment.study.files import paper_study
+    >>> paper = paper_study()
+    >>> study = paper.changed(strip=paper.plate.changed(length_mm="endless"))
+    >>> field = plate_band(plate_of(study), (400.0, 2900.0), n_frequencies=6)
+    >>> field.frequencies_hz.tolist(), len(field.left_out_hz)
     ([400.0, 900.0, 1400.0, 1900.0, 2400.0], 1)
     """
     lower_hz, upper_hz = band_hz
@@ -327,37 +315,185 @@ def plate_band(
             f"got {lower_hz:.12g} {upper_hz:.12g}"
         )
     plate.scene.checked([lower_hz, upper_hz], RTOL)
-    asked_hz = np.linspace(lower_hz, upper_hz, n_frequencies)
-    cutoffs_hz = _cutoffs_hz(plate, upper_hz)
-    near = _near_cutoffs(plate, asked_hz, cutoffs_hz)
+    frequencies_hz = np.linspace(lower_hz, upper_hz, n_frequencies)
+    # antisymmetric loads alone excite the waves of even order
+    antisymmetric = any(-1 in job.signs for job in plate.scene.jobs())
+    every_cutoff_hz = map(plate.strip.cutoff_hz, count(1, 1 if antisymmetric else 2))
+    cutoffs_hz = tuple(takewhile(lambda cutoff_hz: cutoff_hz <= upper_hz, every_cutoff_hz))
+    steps = (frequencies_hz[:, np.newaxis] - cutoffs_hz) / (frequencies_hz[1] - frequencies_hz[0])
+    near = np.any(np.abs(steps) < _NEAR_CUTOFF, axis=1) & plate.is_lossless
     return PlateBand(
         plate=plate,
         band_hz=band_hz,
-        frequencies_hz=asked_hz[~near],
-        at_fingers_m=plate.at_fingers_m(asked_hz[~near]),
+        frequencies_hz=frequencies_hz[~near],
+        at_fingers_m=plate.at_fingers_m(frequencies_hz[~near]),
         cutoffs_hz=tuple(cutoff_hz for cutoff_hz in cutoffs_hz if cutoff_hz >= lower_hz),
-        left_out_hz=tuple(asked_hz[near].tolist()),
+        left_out_hz=tuple(frequencies_hz[near].tolist()),
     )
 
 
-def _cutoffs_hz(plate: PlatePreview, highest_hz: float) -> tuple[float, ...]:
-    """Return the cut-offs of the waves that go from the loads to the fingers."""
-    antisymmetric = any(-1 in job.signs for job in plate.scene.jobs())
-    modes = count(1, 1 if antisymmetric else 2)
-    return tuple(
-        takewhile(lambda cutoff_hz: cutoff_hz <= highest_hz, map(plate.strip.cutoff_hz, modes))
-    )
+# --- its report and its table ---------------------------------------------------------------------
+
+FRAMES_PER_S: Final = 20
+"""Of an animation."""
+
+_PLATEAU_DB: Final = 0.1
+"""The first frequency within this of the largest level is reported: a plateau has no top."""
 
 
-def _near_cutoffs(
-    plate: PlatePreview, frequencies_hz: Real, cutoffs_hz: tuple[float, ...]
-) -> NDArray[np.bool_]:
-    """Tell which frequencies all but meet a cut-off where a plate without loss has no field."""
-    material = plate.strip.material
-    near = np.zeros(frequencies_hz.size, dtype=np.bool_)
-    if material.loss_factor or material.viscous_time_s:
-        return near
-    step_hz = float(frequencies_hz[1] - frequencies_hz[0])
-    for cutoff_hz in cutoffs_hz:
-        near |= np.abs(frequencies_hz - cutoff_hz) < _NEAR_CUTOFF * step_hz
-    return near
+def report_field(field: PlateMap | PlateBand | PlateMotion, file_name: str) -> dict[str, Any]:
+    """Report what a field shows; see `_report_driven` for each actuator.
+
+    Examples
+    --------
+    >>> from experiment.check.plate import plate_of
+    >>> from experiment.study.files import paper_study
+    >>> paper = paper_study()
+    >>> endless = paper.changed(strip=paper.plate.changed(length_mm="endless"))
+    >>> _, right = report_field(plate_map(plate_of(endless), 500.0), "study.toml")["driven"]
+    >>> [round(value, 2) for value in (*right["shown_db"], right["peak_um"])]
+    [-90.85, 5.25]
+    """
+    plate = field.plate
+    study = plate.study
+    condition = study.conditions[0]
+    return {
+        "kind": {PlateMap: "map", PlateBand: "band", PlateMotion: "motion"}[type(field)],
+        "file": file_name,
+        "study": study.name,
+        "condition": condition.name,
+        "burst": burst_text(condition),
+        "cutoff_hz": plate.strip.cutoff_hz(),
+        "edge": study.plate.edge,
+        "load": plate.drive.load,
+        "loss_factor": plate.strip.material.loss_factor,
+        "loss_basis": plate.loss_basis,
+        "omits_patches": any(actuator.patch_counts for actuator in study.actuators),
+        "omits_finger_load": study.finger_load.impedance is not None,
+        "unused": plate.drive.unused,
+        "limit_db": -plate.masking_threshold_db,
+        "driven": [
+            {"name": name, "burst_db": burst_db, **_report_driven(field, driven)}
+            for driven, (name, burst_db) in enumerate(
+                zip_longest(plate.drive.names[: len(field.at_fingers_m)], plate.bursts_db)
+            )
+        ],
+        **_extent(field),
+    }
+
+
+def _extent(field: PlateMap | PlateBand | PlateMotion) -> dict[str, Any]:
+    """Return at which places, frequencies or times a field is."""
+    if isinstance(field, PlateMap):
+        return {"frequency_hz": field.frequency_hz, "x_mm": (field.x_m[[0, -1]] * 1e3).tolist()}
+    if isinstance(field, PlateMotion):
+        end_s = float(field.times_s[-1])
+        return {"end_s": end_s, "step_s": field.step_s, "slowdown": slowdown(field)}
+    infinite_hz = field.cutoffs_hz if field.plate.is_lossless else ()
+    return {
+        "band_hz": field.band_hz,
+        "frequencies": field.frequencies_hz.size,
+        "left_out_hz": field.left_out_hz,
+        "infinite_at_hz": [hz for hz in infinite_hz if hz not in field.left_out_hz],
+    }
+
+
+def _report_driven(field: PlateMap | PlateBand | PlateMotion, driven: int) -> dict[str, Any]:
+    """Return what is shown of one driven actuator.
+
+    `shown_db` is the crosstalk at each undriven finger: of the tone, the largest over the band (at
+    `shown_hz`), or that of the peaks in the animation. `peak_um` is the largest displacement over
+    the map or at the driven finger. Over a band, `crossings_hz` are the frequencies from which on
+    tones exceed the limit, None if they do not.
+    """
+    others = field.plate.others_of(driven)
+    if isinstance(field, PlateMap):
+        peak_m, x_m, y_m = field.peak_of(driven)
+        return {
+            "shown_db": [float(field.level_db(driven, other)) for other in others],
+            "peak_um": peak_m * 1e6,
+            "peak_x_mm": x_m * 1e3,
+            "peak_y_mm": y_m * 1e3,
+        }
+    if isinstance(field, PlateMotion):
+        peaks_m = np.max(np.abs(field.at_fingers_m[driven]), axis=1)
+        return {
+            "shown_db": [float(level_db(peaks_m[driven], peaks_m[other])) for other in others],
+            "peak_um": float(peaks_m[driven]) * 1e6,
+        }
+    frequencies_hz, limit_db = field.frequencies_hz, -field.plate.masking_threshold_db
+    size_m = np.abs(field.at_fingers_m[driven, driven])
+    largest = int(np.argmax(size_m))
+    levels_db = [field.level_db(driven, other) for other in others]
+    tops = [int(np.argmax(level > np.max(level) - _PLATEAU_DB)) for level in levels_db]
+    return {
+        "shown_db": [float(level[top]) for level, top in zip(levels_db, tops, strict=True)],
+        "shown_hz": frequencies_hz[tops].tolist(),
+        "crossings_hz": [_crossing_hz(frequencies_hz, level, limit_db) for level in levels_db],
+        "peak_um": float(size_m[largest]) * 1e6,
+        "peak_hz": float(frequencies_hz[largest]),
+    }
+
+
+def _crossing_hz(frequencies_hz: Real, levels_db: Real, limit_db: float) -> float | None:
+    """Return where a level first exceeds a limit, on the line between two frequencies.
+
+    >>> round(_crossing_hz(np.array([100.0, 110.0]), np.array([-24.0, -19.0]), -20.0), 1)
+    108.0
+    """
+    above = np.flatnonzero(levels_db > limit_db)
+    if not above.size:
+        return None
+    after = int(above[0])
+    if not after:
+        return float(frequencies_hz[0])
+    ends = slice(after - 1, after + 1)
+    return float(np.round(np.interp(limit_db, levels_db[ends], frequencies_hz[ends]), 1))
+
+
+def slowdown(field: PlateMotion) -> float:
+    """Return how much longer an animation takes than the motion that it shows."""
+    return float(f"{1 / (FRAMES_PER_S * field.step_s):.3g}")
+
+
+def field_csv(field: PlateMap | PlateBand) -> str:
+    """Write a field as CSV: a row for each place of a map, or for each frequency of a band.
+
+    Numbers are in full precision; displacements are amplitudes with the time factor
+    exp(-i omega t), as real part, imaginary part and magnitude.
+
+    Examples
+    --------
+    >>> from experiment.check.plate import plate_of
+    >>> from experiment.study.files import paper_study
+    >>> band = plate_band(plate_of(paper_study()), (100.0, 500.0), n_frequencies=9)
+    >>> head, first, *_ = field_csv(band).splitlines()
+    >>> head.split(",")[:2], first.split(",")[0]
+    (['frequency_hz', 'left_driven_at_left_re_um'], '100.0')
+    """
+    import pandas as pd
+
+    plate, drive = field.plate, field.plate.drive
+    names = [f"{name}_driven" for name in drive.names]
+    where: Sequence[Real]
+    if isinstance(field, PlateMap):
+        columns = ["frequency_hz", "x_mm", "y_mm"]
+        where = np.meshgrid(field.frequency_hz, field.x_m * 1e3, field.y_m * 1e3, indexing="ij")
+        values_m = field.displacement_m.reshape(len(names), -1)
+    else:
+        columns, where = ["frequency_hz"], [field.frequencies_hz]
+        names = [f"{name}_at_{finger}" for name in names for finger in drive.names]
+        values_m = field.at_fingers_m.reshape(len(names), -1)
+    unit = "um_per_unit_load" if drive.level_vpp is None else "um"
+    columns += [f"{name}_{value}_{unit}" for name in names for value in ("re", "im", "abs")]
+    constants = {
+        "level_vpp": "n/a" if drive.level_vpp is None else f"{drive.level_vpp:g}",
+        "load_unit": " or ".join(dict.fromkeys(drive.units)),
+        "loss_factor": f"{plate.strip.material.loss_factor:g}",
+        "loss_basis": plate.loss_basis,
+    }
+    numbers = [axis.ravel() for axis in where]
+    for value in values_m * 1e6:
+        numbers += [value.real, value.imag, np.abs(value)]
+    table = pd.DataFrame(np.transpose(numbers), columns=columns).assign(**constants)
+    return table.to_csv(index=False, lineterminator="\n")

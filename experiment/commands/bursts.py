@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
+from device.printing import echo
 from experiment.commands.options.hardware import working
-from experiment.exits import ANSWER_IS_NO, CommandError, refusals
+from experiment.exits import ANSWER_IS_NO, refusals
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -31,17 +31,6 @@ def _list_parser(item: Callable[[str], Any], items: str) -> Callable[..., tuple[
     return parse
 
 
-def _name_options(message: str) -> str:
-    """Replace the keys of a study file in an error message by the options of this command.
-
-    >>> message = "frequency_hz must be >= 5; if these are kilohertz, write frequency_hz = 3000"
-    >>> _name_options(message)
-    '--frequency-hz must be >= 5; if these are kilohertz, write --frequency-hz 3000'
-    """
-    message = re.sub(r"\bfrequency_hz( =)?", "--frequency-hz", message)
-    return re.sub(r"^(cycles|window)\b", r"--\1", message).removeprefix("condition main: ")
-
-
 @click.command(epilog="Example: tactstrip bursts study.toml --frequency-hz 200,300 --cycles 1,2")
 @click.argument("study_file", metavar="STUDY", type=click.Path(path_type=Path))
 @click.option(
@@ -61,9 +50,9 @@ def _name_options(message: str) -> str:
 )
 @click.option(
     "--window",
-    metavar="NAME",
+    type=click.Choice(("none", "hann", "tukey", "gaussian")),
     show_default="that of [burst]",
-    help="Window of every burst: none, hann, tukey or gaussian.",
+    help="Window of every burst.",
 )
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object instead of text.")
 @refusals
@@ -75,28 +64,32 @@ def bursts(
     window: Window | None,
     as_json: bool,
 ) -> None:
-    """Compare bursts on a study's plate and select the shortest within limits.
+    """Compare bursts on a study's plate, and print the shortest within limits as TOML.
 
     tactstrip checks each combination of frequency and number of cycles like `tactstrip check`. If
     the edges are ideal and no cut-off frequency was measured, it also checks the other ideal edge.
     The exit code is 0 if a burst is within limits, and 1 if none is. The study file is not changed.
     """
     from experiment.check.bursts import compare_bursts, grid_of
-    from experiment.check.bursts_report import bursts_findings
-    from experiment.study.files import read_study
-    from experiment.study.study import UnusableStudyError, told_by_file
+    from experiment.check.report import report_json, report_text
+    from experiment.study.base import StudyError
+    from experiment.study.files import naming, read_study
 
     study = read_study(study_file)
-    with working("Comparing bursts") as step, told_by_file(study_file):
+    with working("Comparing bursts") as step, naming(study_file):
         try:
-            comparison = compare_bursts(
-                study, grid_of(study, frequencies_hz, cycles), step, window=window
+            report = compare_bursts(
+                study,
+                grid_of(study, frequencies_hz, cycles),
+                step,
+                file_name=str(study_file),
+                window=window,
             )
-        except UnusableStudyError:
-            raise
-        except ValueError as error:
-            raise CommandError(_name_options(str(error))) from error
-    findings = bursts_findings(comparison, str(study_file))
-    click.echo(findings.json if as_json else findings.text)
-    if comparison.best is None:
+        except StudyError as error:
+            given = {"frequency_hz": frequencies_hz, "cycles": cycles, "window": window}
+            options = {f"burst.{key}": f"--{key.replace('_', '-')}" for key in given if given[key]}
+            raise error.renamed(options) from error
+    text = report_json(report) if as_json else report_text("bursts", report)
+    echo(*text.splitlines())
+    if report["best"] is None:
         click.get_current_context().exit(ANSWER_IS_NO)

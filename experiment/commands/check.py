@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from device.printing import echo, escaped
 from experiment.commands.options.hardware import (
     answer,
     confirmed,
@@ -17,10 +18,9 @@ from experiment.commands.options.hardware import (
 from experiment.exits import ANSWER_IS_NO, DEVICE_FAILED, CommandError, refusals
 
 if TYPE_CHECKING:
-    from device.driver import Lack
-    from experiment.apparatus.rig import Rig
-    from experiment.check.device import DeviceCheck
-    from experiment.study.equipment import DeviceSettings, Masking
+    from experiment.check.device import ChannelCheck, DeviceCheck
+    from experiment.hardware.setup import Hardware
+    from experiment.study.equipment import Masking
     from experiment.study.study import Study
 
 
@@ -37,6 +37,7 @@ if TYPE_CHECKING:
 )
 @click.argument("study_file", metavar="STUDY", type=click.Path(path_type=Path))
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object instead of text.")
+@click.option("--details", is_flag=True, help="Print all results and all warnings.")
 @click.option(
     "--device",
     "with_device",
@@ -58,6 +59,7 @@ def check(
     *,
     study_file: Path,
     as_json: bool,
+    details: bool,
     with_device: bool,
     noise_s: int | None,
     driver: str | None,
@@ -67,40 +69,49 @@ def check(
     """Check the stimuli, the levels and the duration of a study.
 
     tactstrip compares every burst with the cut-off frequency of the strip, and every level with the
-    limits of the device. It also lists the equipment and software that this computer lacks for the
-    study. Notes and warnings do not change the exit code.
+    limits of the device. Warnings do not change the exit code. With --details, it also
+    lists the equipment that this computer lacks.
     """
-    from experiment.apparatus.rig import assemble, chosen_settings
     from experiment.check.check import check_study, require_mock_suitable
-    from experiment.check.check_report import check_findings
-    from experiment.check.device import device_findings, machine_findings
-    from experiment.study.files import read_study
-    from experiment.study.study import told_by_file
+    from experiment.check.device import missing_equipment
+    from experiment.check.report import report_json, report_text
+    from experiment.check.study_report import report_study
+    from experiment.hardware.setup import assemble, chosen_settings
+    from experiment.participant.window import window_lacks
+    from experiment.study.files import naming, read_study
 
     if confirm_hardware and not with_device:
         raise CommandError("--confirm-hardware needs --device")
-    with working("Checking"), told_by_file(study_file):
+    with working("Checking"), naming(study_file):
         study = read_study(study_file)
         if noise_s is not None and study.masking.noise == "none":
             raise CommandError('--noise needs masking.noise = "pink" in the study; got "none"')
         settings = chosen_settings(study, driver=driver, port=port)
         checked = check_study(study)
         require_mock_suitable(study, driver)
-    lacks = _machine_lacks(study, settings)
-    findings = check_findings(checked, str(study_file), machine_findings(lacks), device=settings)
-    if "device" in dict(lacks):
-        findings.tell("", "of the study; on this machine the device is missing, see the notes")
+    machine = missing_equipment(settings, study.masking)
+    machine += [("--responder screen", lack) for lack in window_lacks()]
+    violates = checked.verdict == "violates a limit"
     device = None
-    if with_device and checked.verdict != "unfit":
+    if with_device and not violates:
         rig = assemble(study, driver=driver, port=port, simulated=True)
         device = _device_check(study, rig, given=confirm_hardware)
-        findings.part("device_check", device_findings(device))
-        findings.note(warnings=findings.coded)
     # A device failure is printed alone, so nothing is printed before the device was checked.
-    click.echo(findings.json if as_json else findings.text)
+    report = report_study(
+        checked, escaped(study_file), machine, device=settings, device_check=device
+    )
+    if as_json:
+        echo(report_json(report))
+    else:
+        text = report_text("details" if details else "check", report, details=details)
+        verdict, *rest = text.split("\n")
+        click.echo(click.style(escaped(verdict), fg="red" if violates else "green", bold=True))
+        echo(*rest)
+        if device is not None:
+            echo(*report_text("device", device).split("\n"))
     if noise_s is not None:
         _play(study.masking, noise_s)
-    if checked.verdict == "unfit":
+    if violates:
         click.get_current_context().exit(ANSWER_IS_NO)
     if device is not None:
         end_check(device)
@@ -109,14 +120,14 @@ def check(
 def _play(masking: Masking, noise_s: int) -> None:
     """Play the masking noise without bursts, as in a session."""
     from device.clock import MonotonicClock
-    from experiment.apparatus.noise import NoiseError, noise_player
+    from experiment.hardware.noise import NoiseError, noise_player
 
     clock = MonotonicClock()
     try:
         player = noise_player(masking, clock, simulated=False)
         try:
             player.start()
-            click.echo(f"the noise plays for {noise_s} s; Ctrl-C ends it", err=True)
+            echo(f"the noise plays for {noise_s} s; Ctrl-C ends it", err=True)
             ends_s, health = clock.now_s() + noise_s, player.health()
             while health.ok and (left_s := ends_s - clock.now_s()) > 0:
                 clock.wait(min(left_s, 1.0))
@@ -126,22 +137,13 @@ def _play(masking: Masking, noise_s: int) -> None:
     except NoiseError as error:
         raise CommandError(str(error), exit_code=DEVICE_FAILED) from error
     if not health.ok:
-        raise CommandError(health.words, exit_code=DEVICE_FAILED)
+        raise CommandError(health.message, exit_code=DEVICE_FAILED)
 
 
-def _machine_lacks(study: Study, settings: DeviceSettings) -> list[tuple[str, Lack]]:
-    """List what this computer lacks for the device, the noise and the participant's window."""
-    from experiment.check.device import machine_lacks
-    from experiment.participant.window import window_lacks
-
-    windows = [("--responder screen", lack) for lack in window_lacks()]
-    return machine_lacks(settings, study.masking) + windows
-
-
-def _device_check(study: Study, rig: Rig, *, given: bool) -> DeviceCheck:
+def _device_check(study: Study, rig: Hardware, *, given: bool) -> DeviceCheck:
     """Check a device; the operator answers for a real one unless --confirm-hardware is given."""
-    from experiment.apparatus.slots import SuitabilityError
     from experiment.check.device import check_device
+    from experiment.hardware.setup import SuitabilityError
 
     with device_failures():
         confirmation = confirmed(rig, given=given)
@@ -156,20 +158,21 @@ def _device_check(study: Study, rig: Rig, *, given: bool) -> DeviceCheck:
 
 def end_check(device: DeviceCheck) -> None:
     """Raise CommandError if a channel is not ready or the monitor does not verify its burst."""
-    not_ready = [
-        f"{channel.side} {channel.text}" for channel in device.channels if not channel.ready
-    ]
-    unverified = [
-        f"{channel.side}: {channel.calibration.wrong}"
-        for channel in device.channels
-        if channel.calibration is not None and channel.calibration.wrong
-    ]
-    problems = []
-    if not_ready:
-        problems.append(f"the device is not ready: {', '.join(not_ready)}")
-    if unverified:
-        problems.append(f"the monitor does not verify the bursts: {', '.join(unverified)}")
-    if problems:
+    failures = [_failure(channel) for channel in device.channels if not channel.good]
+    if failures:
         failed = any(channel.failed for channel in device.channels)
         exit_code = DEVICE_FAILED if failed else ANSWER_IS_NO
-        raise CommandError("; ".join(problems), exit_code=exit_code)
+        raise CommandError("; ".join(failures), exit_code=exit_code)
+
+
+def _failure(channel: ChannelCheck) -> str:
+    """Name what is wrong with the burst of a channel, and the keys that would correct it."""
+    monitor = channel.monitor
+    if not channel.ready or monitor is None:
+        outcome = channel.outcome or "not tried"
+        return f"{channel.side} channel: the device is not ready (burst: {outcome})"
+    keys = " and ".join(f"{key} = {value:.4g}" for key, value in monitor.corrections.items())
+    correct = f"; {keys} would be exact" if keys else ""
+    return (
+        f"{channel.side} channel: the monitor does not verify the burst: {monitor.failure}{correct}"
+    )

@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+import contextlib
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
+from device.printing import echo
 from experiment.exits import CommandError, refusals
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from experiment.archive.bids import Export
     from experiment.archive.folders import SessionFolder
     from experiment.integrity.places import FoundSessions
 
@@ -44,7 +49,7 @@ def export(*, folder: Path, out: Path | None, with_sourcedata: bool, allow_simul
     if out is not None:
         _export_bids(folder, out, with_sourcedata=with_sourcedata, allow_simulated=allow_simulated)
     elif with_sourcedata:
-        raise CommandError("--with-sourcedata goes with --bids; got it alone")
+        raise CommandError("--with-sourcedata needs --bids")
     else:
         _export_tables(folder)
 
@@ -53,37 +58,40 @@ def _export_tables(folder: Path) -> None:
     from experiment.integrity.places import find_sessions
     from experiment.integrity.sessions import refuse_altered
 
-    def write(session: SessionFolder) -> None:
-        with session.locked():
-            session.read_history(session.read_plan())
-            for difference in refuse_altered(session.path):
-                if difference.mended_by == "export":
-                    click.echo(f"{difference}; it is built anew", err=True)
-            click.echo(session.write_trials())
-            if session.measured_path.exists():
-                click.echo(session.measured_path)
-
     # An unreadable plan stops the export before any lock is taken or table written. A damaged
     # journal is detected only under its lock, and does not stop the export of other sessions.
     # Neither do lost sessions.
     located = find_sessions(folder)
     errors = [str(link) for link in located.links]
-    sessions = []
-    for session in _begun_sessions(located):
-        try:
+    sessions = _begun_sessions(located)
+    for session in sessions:
+        with _collecting(errors):
             if session.plan_path.exists():
                 session.read_plan()
-            sessions.append(session)
-        except ValueError as error:
-            errors.append(str(error))
-    _raise_errors(errors)
+    if errors:
+        raise CommandError(*errors)
     for session in sessions:
-        try:
-            session.read_plan()
-            write(session)
-        except ValueError as error:
-            errors.append(str(error))
-    _raise_errors([*errors, *_lost_messages(located)])
+        with _collecting(errors):
+            plan = session.read_plan()
+            with session.locked():
+                session.read_history(plan)
+                for difference in refuse_altered(session.path):
+                    if difference.mended_by == "export":
+                        echo(f"{difference}; the table is rebuilt", err=True)
+                echo(session.write_trials())
+                if session.measured_path.exists():
+                    echo(session.measured_path)
+    errors += [f"{lost}; restore it from a copy" for lost in located.lost]
+    if errors:
+        raise CommandError(*errors)
+
+
+@contextlib.contextmanager
+def _collecting(errors: list[str]) -> Iterator[None]:
+    try:
+        yield
+    except ValueError as error:
+        errors.append(str(error))
 
 
 def _begun_sessions(located: FoundSessions) -> list[SessionFolder]:
@@ -95,22 +103,12 @@ def _begun_sessions(located: FoundSessions) -> list[SessionFolder]:
         if session.plan_path.exists() or examine(session.path).begun:
             sessions.append(session)
         else:
-            click.echo(f"never began: {session.name}", err=True)
+            echo(f"never began: {session.name}", err=True)
     return sessions
 
 
-def _lost_messages(located: FoundSessions) -> list[str]:
-    return [f"{session.difference}; restore it from a copy" for session in located.lost]
-
-
-def _raise_errors(errors: list[str]) -> None:
-    if errors:
-        remainder = f" (and {len(errors) - 1} more)" if len(errors) > 1 else ""
-        raise CommandError(errors[0] + remainder)
-
-
 def _export_bids(folder: Path, out: Path, *, with_sourcedata: bool, allow_simulated: bool) -> None:
-    from experiment.archive.bids import describe, export_bids
+    from experiment.archive.bids import export_bids
     from experiment.integrity.places import find_sessions
 
     located = find_sessions(folder)
@@ -120,36 +118,42 @@ def _export_bids(folder: Path, out: Path, *, with_sourcedata: bool, allow_simula
     for session in sessions:
         session.read_plan()
         session.refuse_loss()
-    for message in _lost_messages(located):
-        raise CommandError(f"{message}; nothing was written")
+    for lost in located.lost:
+        raise CommandError(f"{lost}; restore it from a copy; nothing was written")
     for session in sessions:
         _require_unmodified(session.path)
     exported = export_bids(
         sessions, out, with_sourcedata=with_sourcedata, allow_simulated=allow_simulated
     )
-    click.echo(f"{out}: {len(exported.sessions)} sessions")
-    for unfinished in exported.unfinished:
-        click.echo(f"not finished: {describe(unfinished)}")
+    _print_export(out, exported)
+
+
+def _print_export(out: Path, exported: Export) -> None:
+    echo(f"{out}: {len(exported.sessions)} sessions")
+    for session in exported.sessions:
+        if not session.finished:
+            echo(f"not finished: {session.progress}")
     if exported.simulated:
-        click.echo(f"simulated: {len(exported.simulated)} of {len(exported.sessions)} sessions")
-    for practice in exported.practice:
-        click.echo(f"practice without a device: {practice.name}")
-    if exported.descriptions > 1:
-        click.echo(
-            f"the sessions' studies give {exported.descriptions} different [dataset] sections: "
-            f"that of {exported.last.name}, which was begun last, is taken"
+        echo(f"simulated: {len(exported.simulated)} of {len(exported.sessions)} sessions")
+    for session in exported.practice:
+        echo(f"practice without a device: {session.name}")
+    n_descriptions = len({session.study.dataset for session in exported.sessions})
+    if n_descriptions > 1:
+        echo(
+            f"The studies have {n_descriptions} different [dataset] sections; the one of "
+            f"{exported.last.name}, the latest session, is used."
         )
     for column in exported.left_out:
-        click.echo(f"left out of participants.tsv, declared by no study: {column}")
+        echo(f"left out of participants.tsv, declared by no study: {column}")
 
 
 def _require_unmodified(session: Path) -> None:
-    """Raise CommandError if a session was modified."""
+    """Raise CommandError if a session was modified, unless only a table is missing."""
     from experiment.integrity.sessions import examine
 
     for difference in examine(session).differences:
-        can_rebuild = difference.mended_by == "export"
-        if can_rebuild and difference.line is None:  # no table; the journal is published instead
-            continue
-        hint = "; tactstrip export DIR builds it anew from the journal" if can_rebuild else ""
-        raise CommandError(f"{difference}{hint}; nothing was written")
+        if difference.mended_by != "export":
+            raise CommandError(f"{difference}; nothing was written")
+        if difference.line is not None:
+            hint = "tactstrip export DIR rebuilds it from the journal"
+            raise CommandError(f"{difference}; {hint}; nothing was written")

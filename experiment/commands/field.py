@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 import shutil
 import subprocess
 from pathlib import Path
@@ -10,6 +9,7 @@ from typing import TYPE_CHECKING, Final
 
 import click
 
+from device.printing import echo
 from experiment.commands.options.hardware import working
 from experiment.exits import CommandError, refusals
 
@@ -51,8 +51,9 @@ _ANIMATION_ENDINGS: Final = (".gif", ".mp4")
     type=click.Path(path_type=Path),
     metavar="FILE",
     show_default="field.png, or burst.gif with --animate",
-    help="New file. Its extension selects the format: .png, .svg or .csv.",
+    help="File to write. Its extension selects the format: .png, .svg or .csv.",
 )
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON object instead of text.")
 @refusals
 def field(
     *,
@@ -61,15 +62,16 @@ def field(
     band_hz: tuple[float, float] | None,
     animate: bool,
     out: Path | None,
+    as_json: bool,
 ) -> None:
     """Draw the displacement field of a study's plate.
 
     The result is a map at one frequency, the response over a band of frequencies, or an animation.
-    Each actuator is driven alone. An existing file is never overwritten.
+    Each actuator is driven alone. An existing picture or table of that name is replaced.
     """
-    from experiment.check.field_report import field_text
-    from experiment.study.files import read_study
-    from experiment.study.study import told_by_file
+    from experiment.check.field import report_field
+    from experiment.check.report import report_json, report_text
+    from experiment.study.files import naming, read_study
 
     if frequency_hz is not None and band_hz is not None:
         raise CommandError("--frequency-hz gives a map and --band none; give one of them")
@@ -78,82 +80,84 @@ def field(
     study = read_study(study_file)
     out = out or Path("burst.gif" if animate else "field.png")
     _check_target(out, _ANIMATION_ENDINGS if animate else _ENDINGS)
-    result: PlateMap | PlateBand | PlateMotion
-    with working("Computing the field") as step, told_by_file(study_file):
-        if animate:
-            from experiment.check.field import plate_motion, with_bursts
-            from experiment.check.plate import plate_of
+    with working("Computing the field") as step, naming(study_file):
+        result = _computed(study, frequency_hz, band_hz, animate=animate)
+        content = _content(result, out.suffix.lower().removeprefix("."), step)
+        report = report_field(result, str(study_file)) | {"out": str(out)}
+    _replace(out, content)
+    text = report_json(report) if as_json else report_text("field", report)
+    echo(*text.splitlines())
 
-            result = with_bursts(plate_motion(plate_of(study)))
-            content = _animated(result, out.suffix.lower(), step)
-        else:
-            result = _computed(study, frequency_hz, band_hz)
-            content = _content(result, out.suffix.lower())
-    _write_new(out, content)
-    click.echo(field_text(result, str(study_file)))
-    click.echo(f"\n{out} written")
+
+_HEAD_BYTES: Final = 4096
+_MARKS: Final = {".csv": b"frequency_hz,", ".gif": b"GIF8", ".mp4": b"ftyp"}
+"""What stands at the head of a file that this command wrote; a picture names the program."""
 
 
 def _check_target(out: Path, endings: tuple[str, ...]) -> None:
-    if out.suffix.lower() not in endings:
+    """Refuse a file of an unknown type, or one that something else wrote."""
+    from experiment.check.report import CREATOR
+
+    ending = out.suffix.lower()
+    if ending not in endings:
         raise CommandError(f"--out must end in {', '.join(endings)}; got {out}")
-    if out.suffix.lower() == ".mp4" and shutil.which("ffmpeg") is None:
+    if ending == ".mp4" and shutil.which("ffmpeg") is None:
         raise CommandError(f"--out must end in .gif: an MP4 needs ffmpeg, not found; got {out}")
-    if out.exists() or out.is_symlink():
+    head = b""
+    if out.is_file():
+        with out.open("rb") as file:
+            head = file.read(_HEAD_BYTES)
+    is_own = _MARKS.get(ending, CREATOR.encode()) in head
+    if out.is_symlink() or (out.exists() and not is_own):
         raise CommandError(
-            f"{out} exists and is left as it is; delete it, or name another file with --out"
+            f"{out} is not a file that tactstrip field writes; name another file with --out"
         )
 
 
 def _computed(
-    study: Study, frequency_hz: float | None, band_hz: tuple[float, float] | None
-) -> PlateMap | PlateBand:
-    from experiment.check.field import plate_band, plate_map, with_bursts
+    study: Study,
+    frequency_hz: float | None,
+    band_hz: tuple[float, float] | None,
+    *,
+    animate: bool,
+) -> PlateMap | PlateBand | PlateMotion:
+    from experiment.check.field import plate_band, plate_map, plate_motion
     from experiment.check.plate import plate_of
 
     plate = plate_of(study)
+    if animate:
+        return plate_motion(plate)
     option = "--frequency-hz" if band_hz is None else "--band"
     try:
         if band_hz is not None:
-            return with_bursts(plate_band(plate, band_hz))
-        map_hz = plate.drive_hz if frequency_hz is None else frequency_hz
-        return with_bursts(plate_map(plate, map_hz))
+            return plate_band(plate, band_hz)
+        return plate_map(plate, plate.drive_hz if frequency_hz is None else frequency_hz)
     except ValueError as error:
-        raise ValueError(_name_option(str(error), option)) from error
+        raise ValueError(f"{option}: {error}") from error
 
 
-def _name_option(message: str, option: str) -> str:
-    """Replace the parameter in an error message by the option of this command."""
-    message = message.replace("be a one-dimensional array of frequencies from", "lie from")
-    message = re.sub(r"lie from 0 to (\S+ Hz), got \[(.*)\]", r"lie from 0 to \1; got \2", message)
-    return re.sub(r"\b(frequency_hz|frequencies_hz|band)(?= must)", option, message)
+def _content(result: PlateMap | PlateBand | PlateMotion, ending: str, step: Step) -> bytes:
+    """Return the contents of the file, by its extension."""
+    from experiment.check.field import PlateMotion, field_csv
+    from experiment.check.figure import animate, render
 
-
-def _content(result: PlateMap | PlateBand, ending: str) -> bytes:
-    if ending == ".csv":
-        from experiment.check.field_report import field_csv
-
-        return field_csv(result).encode()
-    from experiment.check.field_figure import render
-
-    return render(result, "png" if ending == ".png" else "svg")
-
-
-def _animated(motion: PlateMotion, ending: str, step: Step) -> bytes:
-    from experiment.check.field_figure import animate
-
+    if not isinstance(result, PlateMotion):
+        return field_csv(result).encode() if ending == "csv" else render(result, ending)
     try:
-        return animate(motion, "gif" if ending == ".gif" else "mp4", step)
+        return animate(result, ending, step)
     except (BrokenPipeError, subprocess.CalledProcessError) as error:
         # The installed ffmpeg may lack the codec.
         raise CommandError("ffmpeg cannot write an MP4 here; let --out end in .gif") from error
 
 
-def _write_new(path: Path, content: bytes) -> None:
-    """Create a file; remove it if it cannot be written completely."""
-    with path.open("xb") as file:
-        try:
-            file.write(content)
-        except BaseException:
-            path.unlink(missing_ok=True)
-            raise
+def _replace(path: Path, content: bytes) -> None:
+    """Write a file; the one that it replaces is kept until the new one is complete."""
+    new = path.with_name(f".{path.name}.new")
+    try:
+        new.write_bytes(content)
+        new.replace(path)
+    except OSError as error:
+        error.filename = str(path)
+        raise
+    finally:
+        new.unlink(missing_ok=True)

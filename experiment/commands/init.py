@@ -1,358 +1,417 @@
-"""The command `init`: a commented study file, written from a preset and the study sections."""
+"""The command `init`: a study file from a preset, from your own plate, or from another study."""
 
 from __future__ import annotations
 
-import json
-import shlex
-import textwrap
+import math
+import re
 from pathlib import Path
-from types import UnionType
-from typing import TYPE_CHECKING, Any, Final, Literal, Union, get_args, get_origin
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import click
 
-from experiment.commands.options.hardware import working
-from experiment.commands.options.plate import (
-    CEILING,
-    QUESTIONS,
-    complete_plate,
-    parse_ceiling_vpp,
-    plate_options,
-    plate_study,
-    study_keys,
-)
+from device.printing import echo
+from experiment.commands.options.hardware import on_terminal, working
 from experiment.exits import CommandError, refusals
-from experiment.names import require_word
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping
 
-    from experiment.check.burst_choice import ChosenBurst
     from experiment.study.study import Study
 
-_RECOMMENDED: Final = {
-    "blank_trials": 60,
-    "practice_trials": 10,
-    "order": "balanced",
-    "responses": ["left", "right", "both", "none"],
-    "break_every": 43,
-}
-REALISTIC: Final = {
-    "false_alarm_rate": 0.06,
-    "reaction_time_s": 0.58,
-    "reaction_time_spread": 0.45,
-    "reaction_time_least_s": 0.0,
-    "reaction_time_doubt": 1.0,
-    "threshold_at_hz": 500.0,
-    "threshold_at_s": 0.002,
-    "threshold_at_cm2": 0.785,
-    "finger_difference_sd_db": 1.0,
-    "masking_slope": 0.2,
-    "drift_db": 1.0,
-    "block_drift_db": 1.1,
-    "wander_db": 1.4,
-    "wander_trials": 11.0,
-    "last_answer_db": 0.35,
-    "swapped_keys": 0.05,
-}
-"""Realistic simulated participants; docs/model.md, section 4, has the sources.
-
-The threshold is that of the paper's burst, which no published measurement covers. The published
-curves give only the difference to the threshold of another burst.
-"""
-_OVERRIDES: Final[dict[str, dict[str, Any]]] = {
-    "paper": {},
-    "recommended": {
-        "study": {"name": "recommended"},
-        "burst": {"window": "hann"},
-        "design": _RECOMMENDED,
-    },
-    "realistic": {
-        "study": {"name": "realistic"},
-        "burst": {"window": "hann"},
-        "design": _RECOMMENDED,
-        "simulation": REALISTIC,
-    },
-}
-PLATE: Final = "plate"
+PRESETS: Final = ("paper", "recommended", "realistic", "plate")
+_PLATE: Final = "plate"
 _N_LEVELS: Final = 5
-"""The number of levels, in equal steps up to the ceiling."""
-_CHOSEN_KEYS: Final = ("burst.frequency_hz", "burst.cycles")
-"""The keys that `init` chooses for a plate, even if they equal those of the paper."""
-PRESETS: Final = (*_OVERRIDES, PLATE)
-_INTRODUCTIONS: Final = {
-    "paper": (
-        "The protocol of A. Ben Dhiab and C. Hudin, 'Confinement of Vibrotactile Stimuli in Narrow "
-        "Plates'. What the paper does not state (waits, breaks, the device) is ours. Every key may "
-        "be left out: the paper preset's value is its default; but a plate of other width, "
-        "thickness or material needs its own material, edge or measured_cutoff_hz, and actuators, "
-        "and one of other length or cut-off what was measured of its actuators."
-    ),
-    "recommended": (
-        "The paper's plate with the design we recommend: each level equally often in every block, "
-        "'none' as an answer and 60 blank trials to measure guesses, a Hann window to confine the "
-        "burst, practice before the first block."
-    ),
-    "realistic": (
-        "The recommended design for simulated people who are less simple: their fingers and their "
-        "thresholds differ, drift and wander, the last answer counts, some swap the keys. It is "
-        "for trying out an analysis before there are participants."
-    ),
-    PLATE: (
-        "A plate of your own, with the design that we recommend. Without a measured displacement "
-        "or the layers of an actuator no micrometres are known."
-    ),
+_PILOT: Final[dict[str, Any]] = {
+    "trials_per_side": 20,
+    "repeats_per_level": None,
+    "both_trials": 0,
+    "both_fraction": None,
+    "blank_trials": 12,
+    "order": "balanced",
 }
-_PLACED: Final = (
-    "Place each participant's own afterwards, in a file with levels_vpp = [...], and give it with "
-    "`tactstrip run --levels FILE`."
+_N_PILOT_LEVELS: Final = 10
+_PILOT_RANGE: Final = 4.0
+"""A pilot's levels lie this factor below and above an expected threshold."""
+_ACTUATOR: Final = re.compile(
+    r"(?:(?P<shape>disc|rectangle|motor)(?::(?P<size>[\d.]+)(?:x(?P<across>[\d.]+))?)?)?"
+    r"@(?P<x_mm>[-+]?[\d.]+)"
 )
-_LEVELS: Final = {
-    "paper": "",
-    "recommended": f"The levels below are for a pilot session. {_PLACED}",
-    "realistic": f"The levels below are for a pilot session. {_PLACED}",
-    PLATE: (
-        "The levels are assumed: they and ceiling_vpp must suit your actuators. They rise in equal "
-        "steps of volts; 'Which levels for a new plate', docs/plate.md, tells how to write equal "
-        f"steps of dB for a pilot. {_PLACED}"
-    ),
-}
-_CONDITIONS: Final = """\
-# To compare stimuli, list conditions; each runs the whole design. What one leaves out is taken from
-# [burst]. Without any there is one condition, main.
-# [[condition]]
-# name = "two-cycles"
-# cycles = 2
-"""
-_UNSET: Final = "# measured_as =\n"
-_AS_LEFT: Final = """\
-# measured_as = "as-left"              # or this alone: assumed equal to the left one
-"""
-_SIZES: Final = ("shape", "diameter_mm", "length_x_mm", "length_y_mm")
-_INIT: Final = (
-    "What `tactstrip init` was told, what it left out or commented out although the paper's study "
-    "has it, and what it chose by itself, for the sources that the check tells. What it was told "
-    "and what you change or add is yours, whatever its value; what is still as init wrote it is "
-    "not, until you add its key to told. Without this section all that the file states is yours."
-)
-_COLUMN: Final = 37
-"""The column in which the comment of a key begins, unless the value is longer."""
-_WIDTH: Final = 100
+"""An actuator on the command line: shape, size and centre."""
 
 
-def _sections_for_plate(ceiling_vpp: float) -> dict[str, Any]:
-    """Return the sections that do not describe the plate."""
-    levels_vpp = [float(f"{ceiling_vpp * step / _N_LEVELS:.4g}") for step in range(1, _N_LEVELS)]
-    return {
-        "study": {"name": PLATE},
-        "design": _RECOMMENDED | {"levels_vpp": [*levels_vpp, ceiling_vpp]},
-        "device": {"ceiling_vpp": ceiling_vpp},
+def _number(text: str) -> float:
+    """Return a number."""
+    try:
+        return float(text)
+    except ValueError as error:
+        raise click.BadParameter(f"{text!r} is not a number, such as 0.5") from error
+
+
+def _length(text: str) -> float | str:
+    """Return a number of millimetres, or endless."""
+    return text if text == "endless" else _number(text)
+
+
+def _actuator(text: str) -> dict[str, Any]:
+    """Return shape, size and centre of an actuator, as keys of [[actuator]]."""
+    match = _ACTUATOR.fullmatch(text.replace(" ", ""))
+    if match is None or (match["across"] is not None) == (match["shape"] == "disc"):
+        raise click.BadParameter(
+            f"{text!r} is not disc:DIAMETER@X, rectangle:ALONGxACROSS@X or motor:ALONGxACROSS@X "
+            "in mm, such as disc:12.8@35"
+        )
+    table: dict[str, Any] = {"shape": match["shape"] or "disc", "x_mm": float(match["x_mm"])}
+    sizes = [float(match[group]) for group in ("size", "across") if match[group]]
+    keys = ("diameter_mm",) if table["shape"] == "disc" else ("length_x_mm", "length_y_mm")
+    return table | dict(zip(keys, sizes, strict=False))
+
+
+class Question(NamedTuple):
+    """A property of the plate: its key, its type, the prompt, a hint above it, and a default."""
+
+    key: str
+    type: Any
+    metavar: str
+    prompt: str
+    hint: str = ""
+    default: str | None = None
+
+    @property
+    def name(self) -> str:
+        """The parameter of the command."""
+        return self.key.rpartition(".")[2].removeprefix("measured_")
+
+    @property
+    def option(self) -> str:
+        """The option on the command line."""
+        return f"--{self.name.replace('_', '-')}"
+
+
+_EDGES: Final = ("simply-supported", "clamped", "measured-cutoff")
+_MEASURED: Final = "measured-cutoff"
+# In the order of the prompts. The section that reads a key has its meaning and its range.
+QUESTIONS: Final = (
+    Question("strip.width_mm", _number, "MM", "Width between the held edges, in mm"),
+    Question("strip.thickness_mm", _number, "MM", "Thickness of the plate, in mm"),
+    Question("strip.length_mm", _length, "MM", "Length in mm, or endless", default="endless"),
+    Question(
+        "strip.material", str, "NAME", "Material, such as aluminium or glass", default="aluminium"
+    ),
+    Question(
+        "strip.edge",
+        click.Choice(_EDGES),
+        "NAME",
+        "Support of the long edges: simply-supported, clamped or measured-cutoff",
+        "Edges glued with epoxy or taped lie between simply-supported and clamped: measure the\n"
+        "cut-off frequency. Until then, take the edge with which check reports more crosstalk.",
+        default="clamped",
+    ),
+    Question("strip.measured_cutoff_hz", _number, "HZ", "Measured cut-off frequency, in Hz"),
+    Question(
+        "actuator",
+        _actuator,
+        "SHAPE@X",
+        "Actuators at -X and X, such as disc:12.8@35 or rectangle:20x10@35",
+        "Sizes and X are in mm, X from the middle of the strip. The diameter is that of the\n"
+        "electrode, not of the metal.",
+    ),
+    Question(
+        "device.ceiling_vpp",
+        _number,
+        "V",
+        "Ceiling, the highest level that the actuators withstand, in V peak-to-peak",
+        "Data sheets of buzzer discs often allow 30 V.",
+        default="30",
+    ),
+)
+
+
+def _sections(values: Mapping[str, Any], disc: str | None) -> dict[str, Any]:
+    """Return the keys that options set, by section; of an option that is omitted, none."""
+    import tomllib
+
+    from experiment.study.writing import discs, preset_text
+
+    sections: dict[str, Any] = {"strip": {}, "device": {}}
+    for question in QUESTIONS:
+        section, _, key = question.key.partition(".")
+        if key and (value := values.get(question.name)) is not None:
+            sections[section][key] = value
+    if "measured_cutoff_hz" in sections["strip"]:
+        sections["strip"].setdefault("edge", _MEASURED)
+    actuators = values.get("actuator") or ()
+    tables = tomllib.loads(preset_text(_PLATE))["actuator"] if not actuators else _pair(actuators)
+    layers = {} if disc is None else discs()[disc]
+    sections["actuator"] = [layers | table for table in tables]
+    if ceiling_vpp := sections["device"].get("ceiling_vpp"):
+        steps = (ceiling_vpp * step / _N_LEVELS for step in range(1, _N_LEVELS))
+        levels_vpp = [float(f"{level_vpp:.4g}") for level_vpp in steps]
+        sections["design"] = {"levels_vpp": [*levels_vpp, ceiling_vpp]}
+    return sections
+
+
+def _pair(actuators: tuple[dict[str, Any], ...]) -> list[dict[str, Any]]:
+    """Return the actuator of each site: one on the command line stands for a pair at -X and X."""
+    from experiment.tasks import LEFT_RIGHT_BOTH
+
+    tables = list(actuators)
+    if len(tables) == 1:
+        tables = [tables[0] | {"x_mm": -tables[0]["x_mm"]}, tables[0]]
+    if len(tables) != len(LEFT_RIGHT_BOTH.sites):
+        raise CommandError(f"--actuator: must be given once or twice (got {len(tables)})")
+    tables.sort(key=lambda table: float(table["x_mm"]))
+    return [
+        {"side": site} | table for site, table in zip(LEFT_RIGHT_BOTH.sites, tables, strict=True)
+    ]
+
+
+def _option_names(disc: str | None) -> dict[str, str]:
+    """Return the options by the keys that they set, those of both actuators included."""
+    from experiment.study.writing import discs
+
+    options = dict.fromkeys(
+        ("x_mm", "y_mm", "diameter_mm", "length_x_mm", "length_y_mm"), "--actuator"
+    )
+    options |= dict.fromkeys(discs()[disc] if disc else (), "--disc")
+    names = {question.key: question.option for question in QUESTIONS}
+    return names | {
+        f"actuator[{index}].{key}": f"{option}, {key}"
+        for key, option in options.items()
+        for index in range(2)
     }
 
 
-def write_study_text(preset: str) -> str:
-    r"""Write a commented study file of a preset, ``paper`` or ``recommended``.
+def _plate_text(values: Mapping[str, Any], disc: str | None, burst: Mapping[str, Any]) -> str:
+    from experiment.study.writing import aligned, changed_text, preset_text
 
-    The first reads back as `paper_study`; comments, keys and values come from
-    the sections that read it.
-
-    >>> lines = write_study_text("paper").splitlines()
-    >>> print(*lines[lines.index("[masking]"):][:3], sep="\n")
-    [masking]
-    noise = "pink"                         # pink | none; what is played
-    max_level_dba = 75                     # at the ear; 80 at most
-    """
-    from experiment.study.study import Study
-
-    require_word("preset", preset, _OVERRIDES)
-    return _text(Study(**_OVERRIDES[preset]), preset, ())
+    return aligned(changed_text(preset_text(_PLATE), _sections(values, disc) | {"burst": burst}))
 
 
-def _text(
-    study: Study, preset: str, entered_keys: tuple[str, ...], chosen: ChosenBurst | None = None
-) -> str:
-    sections = [_comment(_INTRODUCTIONS[preset])]
-    remarks = {"design": _LEVELS[preset], "burst": _burst_remark(chosen)}
-    for name, table in study.sections().items():
-        if name == "condition":
-            sections.append(_CONDITIONS)
-        elif isinstance(table, tuple):
-            left, *rest = table
-            sections.append(_section(f"[[{name}]]", left))
-            sections += [f"[[{name}]]\n{_right_actuator(preset, left, right)}" for right in rest]
+def _plate_study(values: Mapping[str, Any], disc: str | None, burst: Mapping[str, Any]) -> Study:
+    """Return the study of a plate; CommandError names the options."""
+    from experiment.study.base import StudyError
+    from experiment.study.files import study_from_text
+
+    try:
+        return study_from_text(_plate_text(values, disc, burst), "study.toml")
+    except StudyError as error:
+        faults = [str(fault) for fault in error.renamed(_option_names(disc)).faults]
+        # what follows from an option is a fault of the option alone
+        lines = [fault for fault in faults if fault.startswith("--")]
+        raise CommandError(*(lines or faults)) from error
+
+
+def _ask(values: dict[str, Any], disc: str | None) -> dict[str, Any]:
+    """Prompt for the options that are omitted; without a terminal, CommandError lists them."""
+    answers = {name: value for name, value in values.items() if value not in (None, ())}
+    if "cutoff_hz" in answers:
+        answers.setdefault("edge", _MEASURED)
+    missing = []
+    for question in QUESTIONS:
+        is_needed = question.name != "cutoff_hz" or answers.get("edge") == _MEASURED
+        if question.name in answers or not is_needed:
+            continue
+        if on_terminal():
+            answers[question.name] = _prompt(question, answers, disc)
         else:
-            sections.append(_section(f"[{name}]", table, remarks.get(name, "")))
-    sections.append(_init(study, entered_keys, _CHOSEN_KEYS if preset == PLATE else ()))
-    return "\n".join(sections)
+            missing.append(question.option)
+    if missing:
+        raise CommandError(f"{', '.join(missing)}: required with --preset plate")
+    return answers
 
 
-def _burst_remark(chosen: ChosenBurst | None) -> str:
-    """Return the remark of the file on how the burst was chosen."""
-    if chosen is None:
-        return ""
-    if chosen.found.verdict == "unfit":
-        return f"It is unfit for this plate; {chosen.words}. `tactstrip bursts` compares others."
-    return f"Chosen as {chosen.words}. Longer ones are felt more easily: `tactstrip bursts`."
+def _prompt(question: Question, answers: dict[str, Any], disc: str | None) -> Any:
+    """Prompt until the value violates no rule of its own key."""
+
+    def parse(text: str) -> Any:
+        value = click.types.convert_type(question.type).convert(text, None, None)
+        value = (value,) if question.name == "actuator" else value
+        trial = answers | {question.name: value}
+        if trial.get("edge") == _MEASURED and "cutoff_hz" not in trial:
+            trial["edge"] = "clamped"
+        try:
+            _plate_study(trial, disc, {})
+        except CommandError as error:
+            for line in error.message.splitlines():
+                if line.startswith(question.option):
+                    raise click.UsageError(line) from error
+        return value
+
+    try:
+        if question.hint:
+            echo(*question.hint.splitlines(), err=True)
+        return click.prompt(question.prompt, default=question.default, value_proc=parse, err=True)
+    except click.Abort as error:
+        raise CommandError("not every question was answered; nothing was written") from error
 
 
-def _right_actuator(preset: str, left: object, right: object) -> str:
-    """Write the keys of the right actuator; on a plate, offer to equate it to the left one."""
-    keys = _keys(right, commented=False)
-    same_size = all(getattr(left, key, None) == getattr(right, key, None) for key in _SIZES)
-    return keys.replace(_UNSET, _AS_LEFT) if same_size and preset == PLATE else keys
+def _choose_burst(values: dict[str, Any], disc: str | None) -> tuple[str, dict[str, Any]]:
+    """Return the file of a plate with the shortest burst that suits it, and its report."""
+    from experiment.check.bursts import chosen_burst
+    from experiment.check.report import burst_text
+
+    with working("Trying bursts") as step:
+        study, verdicts = chosen_burst(lambda burst: _plate_study(values, disc, burst), step)
+    burst = study.burst
+    keys = {key: getattr(burst, key) for key in ("frequency_hz", "cycles", "window")}
+    report = {"burst": burst_text(study.conditions[0]), "verdicts": verdicts}
+    return _plate_text(values, disc, keys), report
 
 
-def _init(study: Study, entered_keys: tuple[str, ...], chosen_keys: tuple[str, ...]) -> str:
-    """Write the section [init]: the values that are not the choice of the lab."""
-    from experiment.study.stated import chosen_values, left_out
+def pilot_levels_vpp(study: Study) -> list[float]:
+    """Return a pilot's levels, in equal steps of dB.
 
-    chosen = chosen_values(study, entered_keys, chosen_keys)
-    lines = [f"{_comment(_INIT)}[init]", *_listed("told", entered_keys)]
-    if missing := left_out(study):
-        lines += _listed("left_out", missing)
-    if chosen:
-        values = (f'"{path}" = {_toml(value)}' for path, value in chosen.items())
-        lines += ["[init.chosen]", *values]
-    return "\n".join(lines) + "\n"
-
-
-def _listed(key: str, paths: Sequence[str]) -> list[str]:
-    return [f"{key} = [", *(f'    "{path}",' for path in paths), "]"]
-
-
-def _section(heading: str, table: object, remark: str = "") -> str:
-    comments = _comment(type(table).__doc__ or "") + _comment(remark)
-    return f"{comments}{heading}\n{_keys(table, commented=True)}"
-
-
-def _keys(table: object, *, commented: bool) -> str:
-    """Write the keys of a table; a key without a value is written as a comment.
-
-    `commented` adds the description of each key, once for several actuators.
+    They lie around the threshold that simulated participants have, if it is known in volts on this
+    plate and low enough, and else below the ceiling.
     """
-    from experiment.study.base import file_keys
+    import numpy as np
 
-    lines = []
-    for key, field in file_keys(type(table)).items():
-        value = getattr(table, key)
-        line = f"# {key} =" if value is None else f"{key} = {_toml(value)}"
-        comment = "; ".join(filter(None, (_allowed_values(field.annotation), field.description)))
-        if len(line) > _WIDTH and isinstance(value, str):
-            line = _wrapped(key, value)
-        if commented and comment:
-            lines.append(_beside(line, comment))
-        else:
-            lines.append(line)
-    return "".join(f"{line}\n" for line in lines)
+    from experiment.study.physics import study_gains
+    from experiment.study.threshold import median_threshold
 
-
-def _beside(line: str, comment: str) -> str:
-    """Put a comment behind a key, or above it if the line is too short."""
-    together = f"{line:{_COLUMN}}  # {comment}"
-    fits = max(map(len, together.split("\n"))) <= _WIDTH
-    return together if fits else f"{_comment(comment)}{line}"
+    high_vpp, _ = study.device.highest
+    low_vpp = high_vpp / 10
+    has_displacements = study.simulation.threshold_um is not None
+    if has_displacements or "threshold_vpp" in study.simulation.model_fields_set:
+        gains = study_gains(study)[0].fingers()
+        level_vpp = median_threshold(study, gains).threshold_vpp
+        if level_vpp * _PILOT_RANGE < high_vpp:
+            low_vpp, high_vpp = level_vpp / _PILOT_RANGE, level_vpp * _PILOT_RANGE
+    digits = max(0, 2 - math.floor(math.log10(low_vpp)))
+    levels_vpp = np.geomspace(low_vpp, high_vpp, _N_PILOT_LEVELS)
+    return [round(level_vpp, digits) for level_vpp in levels_vpp.tolist()]
 
 
-def _wrapped(key: str, text: str) -> str:
-    """Write a long text over several lines; a line's last backslash joins it to the next."""
-    lines = textwrap.wrap(_toml(text)[1:-1], width=_WIDTH - 6, break_on_hyphens=False)
-    return f'{key} = """\\\n    ' + " \\\n    ".join(lines) + '"""'
+def _from_study(source: Path, disc: str | None, *, pilot: bool) -> str:
+    """Return another study's file, with a disc's layers or as a pilot study."""
+    from experiment.study.base import StudyError
+    from experiment.study.files import read_study, read_text, study_from_text
+    from experiment.study.writing import changed_text, discs
+
+    study, text = read_study(source), read_text(source)
+    if disc is not None:
+        tables = [
+            {key: getattr(actuator, key) for key in actuator.model_fields_set}
+            | (discs()[disc] if actuator in study.driven else {})
+            for actuator in study.actuators
+        ]
+        text = changed_text(text, {"actuator": tables})
+        try:
+            study = study_from_text(text, str(source))
+        except StudyError as error:
+            raise error.renamed(_option_names(disc)) from error
+    if pilot:
+        design = _PILOT | {"levels_vpp": pilot_levels_vpp(study)}
+        text = changed_text(text, {"study": {"name": "pilot"}, "design": design})
+    return text
 
 
-def _allowed_values(annotation: object) -> str:
-    """List the values of a key that allows two or more literals."""
-    if get_origin(annotation) in {Union, UnionType}:
-        return "".join(_allowed_values(member) for member in get_args(annotation))
-    values = get_args(annotation) if get_origin(annotation) is Literal else ()
-    return " | ".join(values) if len(values) > 1 else ""
-
-
-def _comment(text: str) -> str:
-    return "".join(
-        f"# {line}\n"
-        for line in textwrap.wrap(" ".join(text.split()), width=98, break_on_hyphens=False)
-    )
-
-
-def _toml(value: object) -> str:
-    """Write a value in TOML; JSON's texts are TOML's, and a whole number needs no point."""
-    if isinstance(value, tuple | list):
-        return f"[{', '.join(_toml(item) for item in value)}]"
-    if isinstance(value, float) and value.is_integer():
-        return str(int(value))
-    return json.dumps(value)
-
-
-def _print_summary(study: Study, chosen: ChosenBurst | None, file: Path) -> None:
-    from experiment.study.sources import measured_beside
-    from experiment.trial.draw import block_words
-
-    _, cutoff_lines = measured_beside(study.plate) or (0.0, [])
-    for heading, line in zip(("cut-off", ""), cutoff_lines, strict=False):
-        click.echo(f"{heading:8}{line}")
-    if chosen is not None:
-        cycles = "1 cycle" if study.burst.cycles == 1 else f"{study.burst.cycles} cycles"
-        burst = f"{cycles} of {study.burst.frequency_hz:g} Hz, hann window"
-        check = chosen.found
-        click.echo(f"burst   {'; '.join((f'{burst}: {check.verdict}', *check.reasons))}")
-        click.echo(f"        {chosen.words}")
-        label = "longer ones are felt more easily" if check.verdict == "fit" else "others"
-        click.echo(f"        {label}: tactstrip bursts {shlex.quote(str(file))}")
-    for heading, line in zip(("blocks", ""), block_words(study.design), strict=False):
-        click.echo(f"{heading:8}{line}")
+def _options(command: Any) -> Any:
+    """Add the options that describe a plate."""
+    for question in reversed(QUESTIONS):
+        command = click.option(
+            question.option,
+            type=question.type,
+            metavar=question.metavar,
+            multiple=question.name == "actuator",
+            help=f"{question.prompt}.",
+        )(command)
+    return command
 
 
 @click.command(epilog="Example: tactstrip init study.toml")
-@click.argument(
-    "file", metavar="[FILE]", type=click.Path(path_type=Path), default=Path("study.toml")
-)
+@click.argument("file", metavar="[FILE]", type=click.Path(path_type=Path), required=False)
 @click.option(
     "--preset",
     type=click.Choice(PRESETS),
     default="paper",
     show_default=True,
-    help="Protocol to start from: that of the paper, the recommended design, the recommended "
+    help="Study to start from: the paper's protocol, the recommended design, the recommended "
     "design with realistic simulated participants, or the recommended design on your own plate.",
 )
-@plate_options
+@_options
+@click.option(
+    "--disc",
+    metavar="NAME",
+    help="Buzzer disc by name, such as 7BB-20-3: its layers predict the displacement.",
+)
+@click.option(
+    "--from",
+    "source",
+    type=click.Path(path_type=Path),
+    help="Study file to start from, in place of a preset; with --pilot or --disc.",
+)
+@click.option("--pilot", is_flag=True, help="Write a pilot study: few trials at ten levels.")
+@click.option("--all", "every_key", is_flag=True, help="Add every other key as a comment.")
 @refusals
-def init(*, file: Path, preset: str, **plate: Any) -> None:
-    """Write a commented study file.
+def init(
+    *,
+    file: Path | None,
+    preset: str,
+    disc: str | None,
+    source: Path | None,
+    pilot: bool,
+    every_key: bool,
+    **values: Any,
+) -> None:
+    """Write a study file.
 
-    FILE is study.toml by default; an existing file is never overwritten. With --preset plate, the
-    options from --width-mm to --ceiling-vpp describe your plate, and tactstrip prompts for those
-    that you omit. Enter measured displacements and other materials in the file afterwards.
+    FILE is study.toml, or pilot.toml with --pilot; an existing file is never overwritten. With
+    --preset plate, the options from --width-mm to --ceiling-vpp describe your plate, and tactstrip
+    prompts for those that you omit. A file study.schema.json beside it lets editors complete keys.
     """
-    from experiment.archive.files import write_atomically
-    from experiment.check.burst_choice import chosen_burst
-    from experiment.study.study import Study
+    from experiment.check.report import report_text
+    from experiment.study.files import study_from_text
+    from experiment.study.writing import discs, preset_text, with_directive, with_every_key
 
-    ceiling = plate.pop("ceiling_vpp")
-    options = [question.option for key, question in QUESTIONS.items() if plate[key]]
-    options += [CEILING] * (ceiling is not None)
-    if options and preset != PLATE:
-        raise CommandError(f"{options[0]} needs --preset plate")
+    file = file or Path("pilot.toml" if pilot else "study.toml")
+    _check_options(values, preset=preset, disc=disc, source=source, pilot=pilot)
+    if disc is not None and disc not in discs():
+        raise CommandError(f"--disc: must be one of {', '.join(discs())} (got {disc!r})")
     if file.exists() or file.is_symlink():
-        raise CommandError(f"{file} exists and is left as it is; name another file")
+        raise CommandError(f"{file}: exists; name another file")
     if not file.parent.is_dir():
         raise CommandError(f"{file}: No such file or directory")
-    chosen, entered_keys = None, tuple[str, ...]()
-    if preset == PLATE:
-        sections = _sections_for_plate(200.0 if ceiling is None else parse_ceiling_vpp(ceiling))
-        plate = complete_plate(plate)
-        entered_keys = study_keys(plate) + ("device.ceiling_vpp",) * (ceiling is not None)
-        with working("Trying bursts") as step:
-            chosen = chosen_burst(
-                lambda burst: plate_study(plate, sections | {"burst": burst}), step
-            )
-        study = chosen.study
+    burst = None
+    if source is not None:
+        text = _from_study(source, disc, pilot=pilot)
+    elif preset == _PLATE:
+        text, burst = _choose_burst(_ask(values, disc), disc)
     else:
-        study = Study(**_OVERRIDES[preset])
+        text = preset_text(preset)
+    text = with_directive(with_every_key(text) if every_key else text)
+    study_from_text(text, str(file))
+    _write(file, text)
+    echo(*report_text("init", {"file": str(file), "chosen": burst}).splitlines())
+
+
+def _check_options(
+    values: Mapping[str, Any], *, preset: str, disc: str | None, source: Path | None, pilot: bool
+) -> None:
+    """Refuse options without what they need."""
+    given = [one.option for one in QUESTIONS if values[one.name] not in (None, ())]
+    if given and (preset != _PLATE or source is not None):
+        raise CommandError(f"{given[0]}: requires --preset plate and excludes --from")
+    if disc is not None and preset != _PLATE and source is None:
+        raise CommandError("--disc: requires --preset plate or --from")
+    if pilot and source is None:
+        raise CommandError("--pilot: requires --from")
+    if source is not None and not pilot and disc is None:
+        raise CommandError("--from: requires --pilot or --disc")
+
+
+def _write(file: Path, text: str) -> None:
+    """Write a study file and its JSON Schema."""
+    from experiment.archive.files import write_atomically
+    from experiment.study.writing import SCHEMA_FILE, schema_text
+
+    schema_file = file.with_name(SCHEMA_FILE)
+    if schema_file.exists() and '"$id": "tactstrip-study"' not in schema_file.read_text("utf-8"):
+        raise CommandError(f"{schema_file}: is not a schema of tactstrip; rename it")
     file.open("x").close()
     try:
-        write_atomically(file, _text(study, preset, entered_keys, chosen))
+        write_atomically(file, text)
+        write_atomically(schema_file, schema_text())
     except OSError:
         file.unlink(missing_ok=True)
         raise
-    click.echo(f"{file} holds the {preset} preset; next: tactstrip check {file}")
-    _print_summary(study, chosen, file)

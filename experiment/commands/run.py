@@ -7,33 +7,32 @@ import secrets
 import shlex
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 import click
+from click.core import ParameterSource
 
+from device.printing import echo
 from experiment.commands.options.hardware import (
     confirmed,
     device_failures,
     hardware_options,
     working,
 )
-from experiment.commands.options.responders import display_beside, distribution_of, responder_named
-from experiment.commands.options.resumed import (
-    plan_to_resume,
-    refuse_another_number,
-    resumed_line,
+from experiment.commands.options.responders import (
+    complete_responders,
+    display_beside,
+    require_usable,
+    responder_named,
 )
-from experiment.exits import DEVICE_FAILED, STOPPED_EARLY, CommandError, refusals
+from experiment.exits import DEVICE_FAILED, STOPPED_EARLY, CommandError, refusals, room_hint
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from device.clock import Clock
-    from experiment.apparatus.noise import NoisePlayer
-    from experiment.apparatus.rig import Confirmation, Rig
     from experiment.archive.folders import SessionFolder
+    from experiment.hardware.setup import Hardware
     from experiment.operator.requests import StopSignal
-    from experiment.session.markers import Markers
     from experiment.session.setting import Ending
     from experiment.study.study import Study
     from experiment.trial.plan import Plan
@@ -69,6 +68,7 @@ if TYPE_CHECKING:
     default="terminal",
     show_default=True,
     metavar="NAME",
+    shell_complete=complete_responders,
     help="Source of the responses: screen (a participant at a window), terminal (a participant at "
     "this terminal), simulated (a simulated participant), or an installed responder.",
 )
@@ -151,37 +151,32 @@ def run(
     stopped or interrupted, repeat the command with --resume to continue it.
     """
     from device.drivers import MOCK
-    from experiment.apparatus.rig import assemble, require_device
     from experiment.archive.folders import SessionFolder
     from experiment.archive.participants import participant_facts
+    from experiment.hardware.noise import noise_player
+    from experiment.hardware.setup import assemble, require_device
     from experiment.operator.requests import Requests, StopSignal
     from experiment.session.conduct import begin, completed, resume
-    from experiment.session.markers import NoMarkers
-    from experiment.session.setting import Setting, Sitting
+    from experiment.session.markers import LslMarkers, await_recorder
+    from experiment.session.setting import Setting, require_operator
 
     stop, requests = StopSignal(), Requests()
-    responder_from = distribution_of(responder)
-    Sitting(operator=operator)  # rejects an invalid name before anything else happens
+    responder_from = require_usable(responder)  # an invalid name is rejected before anything else
+    require_operator(operator)
     with stop.on_signals():
-        if responder == "screen":
-            from experiment.participant.window import require_window
-
-            require_window()
         folder = SessionFolder(out, participant, session)
         driver = MOCK if practice and driver is None and port is None else driver
         resuming = resuming or resume_anyway
+        chosen = {"seed": seed, "participant_number": participant_number}
         if resuming:
-            plan = plan_to_resume(folder, study_file, seed, levels_file, column_values)
-            refuse_another_number(participant_number, plan)
+            plan = _plan_to_resume(folder, study_file, levels_file, column_values, **chosen)
             with _failures():
-                ending = completed(folder, plan, click.echo)
+                ending = completed(folder, plan, echo)
             if ending is not None:
                 _print_result(ending, plan)
                 return
         else:
-            plan = _new_plan(
-                folder, study_file, seed, levels_file, driver, participant_number=participant_number
-            )
+            plan = _new_plan(folder, study_file, levels_file, driver, **chosen)
         study = folder.read_study(plan)
         if column_values:
             folder = replace(
@@ -189,103 +184,78 @@ def run(
             )
         folder.check_people(study)  # before a window opens or the operator is prompted
         simulated = responder == "simulated"
-        rig = assemble(study, driver=driver, port=port, simulated=simulated, practice=practice)
-        _print_driver_notes(study, rig, responder, practice=practice)
-        markers = _markers(folder, rig.clock) if lsl else NoMarkers()
-        sitting = Sitting(
-            responder=responder,
-            operator=operator,
-            responder_from=responder_from,
-            driver_from=rig.driver_from,
-        )
-        with device_failures():
-            confirmation = _confirm_hardware(rig, stop, given=confirm_hardware, practice=practice)
-        if confirmation is None and responder in {"screen", "terminal"}:
-            # This check precedes the window. A confirmed device identifies itself when it is
-            # opened, and an installed responder declares whether it is a person.
-            kind = "mock" if rig.settings.driver == MOCK else "emulated"
-            require_device(kind, simulated=False, practice=practice)
-        if lsl:
-            _await_recorder(markers, stop)
+        hardware = assemble(study, driver=driver, port=port, simulated=simulated, practice=practice)
+        _print_driver_notes(study, hardware, responder, practice=practice)
+        names = {"participant": participant, "session": session}
+        markers = LslMarkers(hardware.clock, **names) if lsl else None
+        with device_failures(), _interruptible(stop):
+            confirmation = confirmed(hardware, given=confirm_hardware, practice=practice)
+            if confirmation is None and responder in {"screen", "terminal"}:
+                # Before a window opens. A confirmed device identifies itself when it is opened, and
+                # an installed responder declares whether it is a person.
+                kind = "mock" if hardware.settings.driver == MOCK else "emulated"
+                require_device(kind, simulated=False, practice=practice)
+            if markers is not None:
+                await_recorder(markers, echo, asking=True)
         with (
             _failures(),
             responder_named(
-                *(responder, study, plan, rig.clock),
+                *(responder, study, plan, hardware.clock),
                 requests=requests,
                 stop=stop,
                 practice=practice,
             ) as active_responder,
-            display_beside(responder, requests, stop) as display,
+            display_beside(responder, requests, stop) as (show, report),
         ):
             setting = Setting(
-                device=rig.device,
+                device=hardware.device,
                 responder=active_responder,
-                noise=_noise(study, rig.clock, simulated=simulated or practice),
-                clock=rig.clock,
+                noise=noise_player(study.masking, hardware.clock, simulated=simulated or practice),
+                clock=hardware.clock,
                 stop=stop,
                 resume_anyway=resume_anyway,
                 confirmation=confirmation,
                 practice=practice,
-                tell=_print_below if responder == "terminal" else click.echo,
+                report=report,
                 requests=requests,
-                display=display,
-                sitting=sitting,
+                show=show,
+                responder_name=responder,
+                operator=operator,
+                responder_from=responder_from,
+                driver_from=hardware.driver_from,
                 markers=markers,
-                monitor=rig.monitor,
+                monitor=hardware.monitor,
             )
             ending = resume(folder, setting) if resuming else begin(folder, plan, setting)
         _print_result(ending, plan, practice_out=out if practice and not simulated else None)
 
 
-def _print_below(message: str) -> None:
-    """Print on a new line, because the last line of a participant's terminal stays open."""
-    click.echo(f"\n{message}")
-
-
-def _print_driver_notes(study: Study, rig: Rig, responder: str, *, practice: bool) -> None:
+def _print_driver_notes(
+    study: Study, hardware: Hardware, responder: str, *, practice: bool
+) -> None:
     """Note a mock device in place of the study's, and installed names that a built-in one hides."""
     from device.drivers import MOCK, NEEDS
     from device.installed import DRIVERS, RESPONDERS, shadowed
     from experiment.trial import responder as built_in
 
-    for group, name, names in (
-        (DRIVERS, rig.settings.driver, NEEDS),
-        (RESPONDERS, responder, built_in.RESPONDERS),
-    ):
-        if name in names and (warning := shadowed(group, name)):
-            click.echo(f"Note: {warning}.", err=True)
-    if practice and rig.settings.driver == MOCK != study.device.driver:
-        click.echo(
-            f"Note: the mock takes the place of the driver {study.device.driver}: no device is "
-            "opened, nothing moves."
-        )
+    driver = hardware.settings.driver
+    hidden = [shadowed(DRIVERS, driver)] if driver in NEEDS else []
+    hidden += [shadowed(RESPONDERS, responder)] if responder in built_in.RESPONDERS else []
+    for warning in filter(None, hidden):
+        echo(f"Note: {warning}.", err=True)
+    if practice and driver == MOCK != study.device.driver:
+        note = f"the mock takes the place of the driver {study.device.driver}"
+        echo(f"Note: {note}: no device is opened, nothing moves.")
 
 
-def _markers(folder: SessionFolder, clock: Clock) -> Markers:
-    from experiment.session.markers import LslMarkers
-
-    return LslMarkers(clock, participant=folder.participant, session=folder.session)
-
-
-def _await_recorder(markers: Markers, stop: StopSignal) -> None:
-    from experiment.operator.requests import StopRequested
-    from experiment.session.markers import await_recorder
-
-    try:
-        with stop.interruptible():
-            await_recorder(markers, click.echo, asking=True)
-    except StopRequested as error:
-        raise KeyboardInterrupt from error
-
-
-def _confirm_hardware(
-    rig: Rig, stop: StopSignal, *, given: bool, practice: bool
-) -> Confirmation | None:
+@contextlib.contextmanager
+def _interruptible(stop: StopSignal) -> Iterator[None]:
+    """Let a stop end a wait for the operator, before the session begins, as Ctrl-C does."""
     from experiment.operator.requests import StopRequested
 
     try:
         with stop.interruptible():
-            return confirmed(rig, given=given, practice=practice)
+            yield
     except StopRequested as error:
         raise KeyboardInterrupt from error
 
@@ -293,21 +263,20 @@ def _confirm_hardware(
 def _new_plan(
     folder: SessionFolder,
     study_file: Path,
-    seed: int | None,
     levels_file: Path | None,
     driver: str | None,
     *,
+    seed: int | None,
     participant_number: int | None,
 ) -> Plan:
+    """Check the study and draw the plan of a session."""
     from experiment.check.check import require_fit
-    from experiment.study.files import read_levels, read_study
-    from experiment.study.presentation import key_doubts, unsaid_in
-    from experiment.study.study import told_by_file
+    from experiment.study.files import naming, read_levels, read_study
     from experiment.trial.draw import draw_plan
 
     levels_vpp = read_levels(levels_file, folder.participant) if levels_file else None
     folder.refuse_existing()
-    with working("Checking"), told_by_file(study_file):
+    with working("Checking"), naming(study_file):
         study = read_study(study_file)
         gains = require_fit(study, driver=driver).gains
     balanced = study.design.condition_order == "balanced"
@@ -318,86 +287,121 @@ def _new_plan(
             f'--participant-number needs condition_order = "balanced" in [design]; got '
             f"{study.design.condition_order!r}"
         )
-    if omitted := unsaid_in(study.texts, study.design):
-        click.echo(f"Note: your own instructions are {omitted}: say it if they do not.")
-    for warning in key_doubts(study.texts, study.keys, study.design):
-        click.echo(f"Note: {warning}.")
-    seed = secrets.randbits(32) if seed is None else seed
-    with told_by_file(levels_file):
+    with naming(levels_file):
         plan = draw_plan(
             study,
             participant=folder.participant,
             session=folder.session,
-            seed=seed,
+            seed=secrets.randbits(32) if seed is None else seed,
             levels_vpp=levels_vpp,
             gains=gains,
             participant_number=participant_number,
         )
-    click.echo(f"seed {seed}")
-    if balanced:
+    echo(f"seed {plan.seed}")
+    if plan.participant_number is not None:
         order = ", ".join(plan.condition_order)
-        click.echo(f"participant number {participant_number}: conditions in the order {order}")
-        assert plan.participant_number is not None
+        echo(f"participant number {plan.participant_number}: conditions in the order {order}")
         if warning := folder.number_shared(plan.participant_number):
-            click.echo(f"Note: {warning}.")
+            echo(f"Note: {warning}.")
     return plan
+
+
+def _plan_to_resume(
+    folder: SessionFolder,
+    study_file: Path,
+    levels_file: Path | None,
+    column_values: tuple[str, ...],
+    **chosen: int | None,
+) -> Plan:
+    """Return the plan of the session; reject options that contradict it."""
+    from experiment.study.files import is_recorded, read_levels, with_levels
+
+    levels_vpp = read_levels(levels_file, folder.participant) if levels_file else None
+    plan = folder.read_plan()
+    folder.refuse_loss()
+    if column_values:
+        raise CommandError(
+            f"--fact must be given when a session begins; got {column_values[0]!r} with --resume: "
+            "correct participants.tsv while no session runs"
+        )
+    if not is_recorded(study_file, plan.study, plan.file_sha256):
+        raise CommandError(
+            f"STUDY is not the study that this session was begun with; got {study_file}, of "
+            f"another sha256 than {plan.file_sha256[:12]}...: resume with the file as it was, or "
+            "begin another session (--session, --out)"
+        )
+    for key, value in chosen.items():
+        planned = getattr(plan, key)
+        if value not in {None, planned}:
+            option, was = f"--{key.replace('_', '-')}", "none" if planned is None else planned
+            raise CommandError(f"{option} must be that of the session, {was}; got {value}")
+    study = folder.read_study(plan)
+    if levels_vpp is not None and with_levels(study, levels_vpp).sha256 != study.sha256:
+        raise CommandError("--levels: must be the levels that the session was begun with")
+    return plan
+
+
+_OMITTED: Final = frozenset(
+    {"confirm_hardware", "column_values", "resuming", "resume_anyway", "seed"}
+)
+"""Options that apply only when a session begins, or that must be confirmed anew."""
+
+
+def _resumed_line() -> str:
+    """Return the command line of the current command with --resume."""
+    context = click.get_current_context()
+    arguments = ["tactstrip", str(context.info_name)]
+    for parameter in context.command.params:
+        name = parameter.name or ""
+        is_given = context.get_parameter_source(name) is ParameterSource.COMMANDLINE
+        if is_given and name not in _OMITTED:
+            value = context.params[name]
+            arguments += parameter.opts[:1] if isinstance(parameter, click.Option) else []
+            arguments += [] if value is True else [str(value)]
+    return shlex.join([*arguments, "--resume"])
 
 
 @contextlib.contextmanager
 def _failures() -> Iterator[None]:
     """Turn failures of device, noise and disk into errors with exit codes."""
-    from experiment.apparatus.noise import NoiseError
     from experiment.archive.journal import JournalWriteError
+    from experiment.hardware.noise import NoiseError
     from experiment.trial.responder import ResponderError
 
     try:
         with device_failures():
             yield
     except ResponderError as error:
-        raise CommandError(
-            f"responder: {error}; a session that was begun goes on with --resume",
-            exit_code=STOPPED_EARLY,
-        ) from error
+        message = f"responder: {error}; continue a session that began with --resume"
+        raise CommandError(message, exit_code=STOPPED_EARLY) from error
     except NoiseError as error:
-        raise CommandError(
-            f'{error}; a study with noise = "none" in [masking] plays none',
-            exit_code=DEVICE_FAILED,
-        ) from error
+        message = f'{error}; a study with noise = "none" in [masking] plays none'
+        raise CommandError(message, exit_code=DEVICE_FAILED) from error
     except JournalWriteError as error:
-        raise CommandError(
-            f"{error}; what is recorded is safe: make room, then go on with --resume",
-            exit_code=STOPPED_EARLY,
-        ) from error
-
-
-def _noise(study: Study, clock: Clock, *, simulated: bool) -> NoisePlayer:
-    from experiment.apparatus.noise import noise_player
-
-    return noise_player(study.masking, clock, simulated=simulated)
-
-
-def _has_trials(table: Path) -> bool:
-    return table.read_bytes().count(b"\n") > 1
+        hint = f"{room_hint(error.errno)}continue with {_resumed_line()}"
+        message = f"{error}; the record is safe: {hint}"
+        raise CommandError(message, exit_code=STOPPED_EARLY) from error
 
 
 def _print_result(ending: Ending, plan: Plan, practice_out: Path | None = None) -> None:
-    click.echo(f"head hash of the journal, to be written down elsewhere: {ending.head_sha256}")
+    """Print where the table is, what is still due, and the checksum last."""
     if ending.torn_file is not None:
-        click.echo(
-            f"a last journal line that was cut short was moved to {ending.torn_file}", err=True
-        )
-    if ending.failure is not None:
-        message = f"device: {ending.failure}; go on with {resumed_line()}"
-        raise CommandError(message, exit_code=DEVICE_FAILED)
+        echo(f"An incomplete last line of the journal was moved to {ending.torn_file}.", err=True)
     if ending.finished:
-        unanswered = ending.unanswered
-        outcome = f"done, {unanswered} of them without an answer" if unanswered else "answered"
-        click.echo(f"all {plan.trials_words()} are {outcome}: {ending.trials_path}")
-    if practice_out is not None and _has_trials(ending.trials_path):
+        unanswered = f", {ending.unanswered} without an answer" if ending.unanswered else ""
+        echo(f"All {plan.describe_trials()} are done{unanswered}: {ending.trials_path}")
+    if practice_out is not None and ending.trials_path.read_bytes().count(b"\n") > 1:
         command = f"tactstrip analyze {shlex.quote(str(practice_out))} --allow-simulated"
-        click.echo(f"nobody felt anything; to analyze it all the same: {command}")
-    if not ending.finished:
-        message = (
-            f"stopped early, {ending.trials_path} holds what is done; go on with {resumed_line()}"
-        )
-        raise CommandError(message, exit_code=STOPPED_EARLY, label="")
+        echo(f"No stimulus was presented. To analyze the session nevertheless: {command}")
+    error = None
+    if ending.failure is not None:
+        message = f"device: {ending.failure}; continue with {_resumed_line()}"
+        error = CommandError(message, exit_code=DEVICE_FAILED)
+    elif not ending.finished:
+        message = f"Stopped early: {ending.trials_path}; continue with {_resumed_line()}"
+        error = CommandError(message, exit_code=STOPPED_EARLY, label="")
+    if error is not None:
+        error.show()
+    echo(f"Session checksum (copy it to your lab book): {ending.head_sha256}")
+    if error is not None:
+        click.get_current_context().exit(error.exit_code)

@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING
 
 import click
 
+from device.printing import echo
 from experiment.commands.options.hardware import working
-from experiment.exits import ANSWER_IS_NO, refusals
+from experiment.exits import ANSWER_IS_NO, CommandError, refusals
 
 if TYPE_CHECKING:
     from experiment.integrity.sessions import Examined
@@ -30,47 +31,43 @@ def verify(*, folder: Path) -> None:
     """Verify that recorded sessions have not been modified.
 
     For each session below DIR, tactstrip checks plan, header, journal, trials.csv and measured.csv
-    against the checksums in the journal and the final hash in sessions.tsv. It prints the final
-    hash of each session, and each difference with its file and line.
+    against the checksums in the journal and the session checksum in sessions.tsv. It prints the
+    checksum of each session, and each difference with its file and line.
 
     The check does not cover participants.tsv, the other columns of sessions.tsv, or the last lines
-    of a session that has not ended. To detect a modified final hash, write the hash down when a
-    session ends, and compare it with the output of this command.
+    of a session that has not ended. To detect a modified checksum, write it down when a session
+    ends, and compare it with the output of this command.
     """
     from experiment.integrity.places import find_sessions
-    from experiment.integrity.sessions import Examined, examine
+    from experiment.integrity.sessions import examine
 
     sessions = find_sessions(folder)
-    records: list[Examined | ValueError | OSError] = []
+    errors = [*map(str, sessions.links)]
+    lines: list[object] = []
+    n_differences = len(sessions.lost)
     with working("Comparing") as step:
-        for session in sessions.folders:
+        for number, session in enumerate(sessions.folders, 1):
+            name = "/".join(session.resolve().parts[-2:])
             try:
-                records.append(examine(session))
+                examined = examine(session)
             except (ValueError, OSError) as error:  # continue with the other sessions
-                records.append(error)
-            step(len(records), len(sessions.folders))
-    n_differences = 0
-    errors: list[ValueError | OSError] = [*sessions.links]
-    for session, examined in zip(sessions.folders, records, strict=True):
-        name = "/".join(session.resolve().parts[-2:])
-        if not isinstance(examined, Examined):
-            errors.append(examined)
-            click.echo(f"{name}: cannot be examined")
-            continue
-        n_differences += len(examined.differences)
-        click.echo(f"{name}: {_verdict(examined)}")
-        click.echo(f"  head {examined.head_sha256 or 'n/a'}")
-        for difference in examined.differences:
-            click.echo(f"  {difference}")
-    for lost in sessions.lost:
-        n_differences += 1
-        click.echo(f"{lost.difference}")
-    # The first error ends the command below, which prints it.
-    further = (str(error) for error in errors[1:] if str(error) != str(errors[0]))
-    for message in dict.fromkeys(further):
-        click.echo(message, err=True)
+                reason = str(error)
+                if isinstance(error, OSError):
+                    reason = f"{error.filename}: {error.strerror}"
+                errors.append(reason)
+                lines.append(f"{name}: cannot be examined")
+            else:
+                lines += (
+                    f"{name}: {_verdict(examined)}",
+                    f"  session checksum {examined.head_sha256 or 'n/a'}",
+                    *(f"  {difference}" for difference in examined.differences),
+                )
+                n_differences += len(examined.differences)
+            step(number, len(sessions.folders))
+    for line in (*lines, *sessions.lost):
+        echo(line)
     if errors:
-        raise errors[0]
+        raise CommandError(*dict.fromkeys(errors))
     if n_differences:
         click.get_current_context().exit(ANSWER_IS_NO)
 
@@ -80,7 +77,7 @@ def _verdict(examined: Examined) -> str:
     if number:
         return f"{number} difference{'s' if number > 1 else ''}"
     if not examined.begun:
-        return "it never began"
+        return "never began"
     if examined.ended:
-        return "as it was recorded"
-    return "as it was recorded, but for its last lines, which are not covered: it has not ended"
+        return "unmodified"
+    return "unmodified; the session has not ended, so its last lines are not covered"

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from device.printing import echo, shown
 from experiment.exits import CommandError, refusals
 
 if TYPE_CHECKING:
@@ -24,7 +25,7 @@ if TYPE_CHECKING:
     "--also",
     "folders",
     multiple=True,
-    type=click.Path(path_type=Path),
+    type=click.Path(path_type=Path, exists=True, file_okay=False),
     metavar="FOLDER",
     help="Also search this folder for exports and analyses. Repeat the option for several folders.",
 )
@@ -39,26 +40,25 @@ def withdraw(*, folder: Path, participant: str, folders: tuple[Path, ...]) -> No
     from experiment.archive.manifest import search
     from experiment.archive.withdraw import held, look_up, remove
 
-    for additional in folders:
-        if not additional.is_dir():
-            raise CommandError(f"--also must be a folder; got {additional}")
     person = look_up(folder, participant)
     if person.gone:
-        click.echo(f"Participant {participant} is removed already.")
+        echo(f"Participant {participant} was removed before.")
     else:
         with held(person) as locks:
             _confirm(person)
             remove(person, locks, today=datetime.now(UTC).date().isoformat())
-        click.echo(f"Participant {participant} is removed from {folder}.")
-    _print_search(search((folder, *folders), participant, leave_out=person.known), participant)
+        echo(f"Participant {participant} is removed from {folder}.")
+    _print_search(
+        search((folder, *folders), participant, leave_out=person.removed_paths), participant
+    )
 
 
 def _confirm(person: Person) -> None:
     """Require the operator to type the ID of the participant."""
     row = "a row" if person.in_table else "no row"
-    click.echo(
+    echo(
         f"{person.folder}: {person.files} files in {len(person.sessions)} sessions, {row} of "
-        "participants.tsv. They are deleted for good.",
+        "participants.tsv. They will be permanently deleted.",
         err=True,
     )
     try:
@@ -67,19 +67,18 @@ def _confirm(person: Person) -> None:
         raise CommandError("not confirmed; nothing was changed") from error
     if typed != person.participant:
         raise CommandError(
-            f"not confirmed: {person.participant} must be typed; got {typed!r}; nothing was changed"
+            f"not confirmed: {person.participant} must be typed; got {shown(typed)}; "
+            "nothing was changed"
         )
 
 
 def _print_search(result: Search, participant: str) -> None:
     if result.holdings:
-        click.echo(f"Participant {participant} is still in:")
+        echo(f"Participant {participant} is still in:")
+        echo(*(f"  {holding.what}: {holding.path}" for holding in result.holdings))
     else:
-        click.echo("Nothing else that was searched holds this person.")
-    for holding in result.holdings:
-        click.echo(f"  {holding.what}: {holding.path}")
+        echo("The folders that were searched hold nothing else of this participant.")
     if result.not_searched:
-        click.echo("Not searched (links, damaged manifests, no permission):")
-    for path in result.not_searched:
-        click.echo(f"  {path}")
-    click.echo("Files of other origin, packed files and backups are not known here.")
+        echo("Not searched (links, damaged manifests, no permission):")
+        echo(*(f"  {path}" for path in result.not_searched))
+    echo("Files of other programs, archives and backups were not searched.")

@@ -11,8 +11,17 @@ import re
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
+from device.printing import shown
 from experiment.archive.disk import DISK, lock_on
-from experiment.archive.files import HEADS, TEMPORARY, ArchiveError, refuse_link, write_atomically
+from experiment.archive.files import (
+    HEADS,
+    ArchiveError,
+    person_of,
+    refuse_link,
+    remove_left_overs,
+    tsv,
+    write_atomically,
+)
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -20,9 +29,9 @@ if TYPE_CHECKING:
     from experiment.archive.disk import Disk
 
 
-COLUMNS: Final = ("session_id", "head_sha256", "ended")
+_HEADING: Final = "session_id\thead_sha256\tended"
+_LINE: Final = re.compile(r"ses-([^\t]*)\t([0-9a-f]{64})\t([^\t]*)")
 _LOCK: Final = ".sessions.lock"
-_SHA256 = re.compile(r"[0-9a-f]{64}")
 
 
 class HeadError(ArchiveError):
@@ -42,55 +51,33 @@ class SessionHead:
     ended: str  # in UTC
     line: int = 0  # in the file
 
-    def text(self) -> str:
-        """Write it as a line of the file."""
-        return "\t".join((f"ses-{self.session}", self.head_sha256, self.ended)) + "\n"
 
-
-def person_of(folder: Path) -> Path:
-    """Return the folder of a session's person, of "." too, which names no other folder.
-
-    >>> from pathlib import Path
-    >>> person_of(Path("sub-01/ses-01")).as_posix(), person_of(Path()).as_posix()
-    ('sub-01', '..')
-    """
-    return folder / ".." if folder.name in {"", ".."} else folder.parent
-
-
-def read_heads(person: Path) -> tuple[SessionHead, ...]:
-    """Read what is kept in a person's folder; nothing where there is no file.
+def read_heads(person: Path) -> dict[str, SessionHead]:
+    """Read what is kept in a person's folder, by session; nothing where there is no file.
 
     HeadError where it is no such table, or tells of a session twice; LinkError for a link.
     """
     path = person / HEADS
     refuse_link(path)
     if not path.exists():
-        return ()
+        return {}
     heading, *lines = path.read_text(encoding="utf-8", errors="replace").splitlines() or [""]
-    if tuple(heading.split("\t")) != COLUMNS:
-        raise HeadError(path, 1, f"the columns must be {', '.join(COLUMNS)}")
-    heads = [_head(path, number, line) for number, line in enumerate(lines, start=2)]
-    first: dict[str, int] = {}
-    for head in heads:
-        if head.session in first:
-            told = f"session {head.session} stands in line {first[head.session]} already"
-            raise HeadError(path, head.line, told)
-        first[head.session] = head.line
-    return tuple(heads)
-
-
-def _head(path: Path, number: int, line: str) -> SessionHead:
-    cells = line.split("\t")
-    if len(cells) != len(COLUMNS) or not cells[0].startswith("ses-"):
-        raise HeadError(path, number, f"must be {', '.join(COLUMNS)} of a session; got {line!r}")
-    session, head_sha256, ended = cells
-    if not _SHA256.fullmatch(head_sha256):
-        raise HeadError(
-            path, number, f"head_sha256 must be 64 of 0-9 and a-f; got {head_sha256[:70]!r}"
+    if heading != _HEADING:
+        raise HeadError(path, 1, f"the columns must be {', '.join(_HEADING.split())}")
+    heads: dict[str, SessionHead] = {}
+    for number, line in enumerate(lines, start=2):
+        match = _LINE.fullmatch(line)
+        if match is None:
+            rule = "must be ses- and a session, 64 of 0-9 and a-f, and when it ended"
+            raise HeadError(path, number, f"{rule}; got {shown(line)}")
+        session, head_sha256, ended = match.groups()
+        if session in heads:
+            message = f"session {session} stands in line {heads[session].line} already"
+            raise HeadError(path, number, message)
+        heads[session] = SessionHead(
+            session=session, head_sha256=head_sha256, ended=ended, line=number
         )
-    return SessionHead(
-        session=session.removeprefix("ses-"), head_sha256=head_sha256, ended=ended, line=number
-    )
+    return heads
 
 
 def in_place(folder: Path) -> bool:
@@ -100,11 +87,9 @@ def in_place(folder: Path) -> bool:
 
 def kept_head(folder: Path) -> SessionHead | None:
     """Return the head that was kept of a session, if any was; raises as `read_heads`."""
-    name = folder.resolve().name
-    if not name.startswith("ses-"):
+    if not in_place(folder):
         return None
-    heads = read_heads(person_of(folder))
-    return next((head for head in heads if f"ses-{head.session}" == name), None)
+    return read_heads(person_of(folder)).get(folder.resolve().name.removeprefix("ses-"))
 
 
 def enter_head(person: Path, head: SessionHead, *, disk: Disk = DISK) -> None:
@@ -113,12 +98,11 @@ def enter_head(person: Path, head: SessionHead, *, disk: Disk = DISK) -> None:
     HeadError where there is a file that is no such table.
     """
     with lock_on(person / _LOCK):
-        for left_over in person.glob(f".{HEADS}.*{TEMPORARY}"):
-            left_over.unlink()
-        there = {one.session: one for one in read_heads(person)}
-        known = there.get(head.session)
-        if known is not None and known.head_sha256 == head.head_sha256:
+        remove_left_overs(person, HEADS)
+        heads = read_heads(person)
+        entered = heads.get(head.session)
+        if entered is not None and entered.head_sha256 == head.head_sha256:
             return  # a finished session that only gets its trials.csv again ended when it ended
-        lines = [one.text() for one in (there | {head.session: head}).values()]
-        heading = "\t".join(COLUMNS) + "\n"
-        write_atomically(person / HEADS, heading + "".join(lines), disk=disk)
+        heads[head.session] = head
+        rows = ((f"ses-{h.session}", h.head_sha256, h.ended) for h in heads.values())
+        write_atomically(person / HEADS, tsv([_HEADING.split(), *rows]), disk=disk)

@@ -9,26 +9,17 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
-from experiment.archive.files import HEADS, ArchiveError, LinkError, refuse_link
+from experiment.archive.files import FILES, HEADS, ArchiveError, LinkError, person_of, refuse_link
 from experiment.archive.folders import SessionFolder
-from experiment.integrity.heads import HeadError, person_of, read_heads
-from experiment.integrity.sessions import FILES, MEASURED, Difference
+from experiment.integrity.heads import HeadError, read_heads
+from experiment.integrity.sessions import Difference
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
     from pathlib import Path
 
 
 _PERSON, _SESSION = "sub-", "ses-"
 _IN_PLACE: Final = (_PERSON, _SESSION)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LostSession:
-    """A session that has ended, by sessions.tsv, and of which no file is left."""
-
-    folder: Path
-    difference: Difference
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -39,14 +30,14 @@ class FoundSessions:
     ----------
     folders : tuple of Path
         Those with a file of a record.
-    lost : tuple of LostSession
-        Those without any.
+    lost : tuple of Difference
+        What sessions.tsv tells of those without any.
     links : tuple of LinkError
         Symbolic links where a person's or session's folder has to be: nothing there is read.
     """
 
     folders: tuple[Path, ...]
-    lost: tuple[LostSession, ...]
+    lost: tuple[Difference, ...]
     links: tuple[LinkError, ...]
 
     @property
@@ -75,18 +66,18 @@ def find_sessions(root: Path) -> FoundSessions:
     else:
         people = [root] if kind == _PERSON else _real(root, _PERSON, links)
         folders = [path for person in people for path in _real(person, _SESSION, links)]
-    lost: list[LostSession] = []
+    lost: dict[Path, Difference] = {}
     for person in people:
         try:
-            lost += lost_sessions(person)
+            lost |= lost_sessions(person)
         except LinkError as error:
             links.append(error)
     if kind == _SESSION:
-        lost = [one for one in lost if one.folder.name == root.resolve().name]
+        lost = {path: lost[path] for path in lost if path.name == root.resolve().name}
     folders = [folder for folder in folders if _holds_any(folder)]
     if not folders and not lost and not links:
         raise ArchiveError(f"{root}: there is no session below this folder")
-    return FoundSessions(folders=tuple(folders), lost=tuple(lost), links=tuple(links))
+    return FoundSessions(folders=tuple(folders), lost=tuple(lost.values()), links=tuple(links))
 
 
 def _kind(root: Path) -> str:
@@ -110,44 +101,36 @@ def refuse_given_link(root: Path) -> None:
 
 def _real(folder: Path, prefix: str, links: list[LinkError]) -> list[Path]:
     """List folders by name; links among them, which may be dead, go to the list of links."""
-    found = []
+    folders = []
     for path in sorted(folder.glob(f"{prefix}*")):
-        try:
-            refuse_link(path)
-        except LinkError as error:
-            if not path.is_file():
-                links.append(error)
-        else:
-            if path.is_dir():
-                found.append(path)
-    return found
+        if path.is_symlink() and not path.is_file():
+            links.append(LinkError(path))
+        elif path.is_dir():
+            folders.append(path)
+    return folders
 
 
 def _holds_any(folder: Path) -> bool:
-    return any(
-        (folder / file).exists() or (folder / file).is_symlink() for file in (*FILES, MEASURED)
-    )
+    return any((folder / file).exists() or (folder / file).is_symlink() for file in FILES)
 
 
-def lost_sessions(person: Path) -> Iterator[LostSession]:
-    """Yield the sessions of a person that have ended and of which no file is left.
+def lost_sessions(person: Path) -> dict[Path, Difference]:
+    """Return the folders of a person's sessions that have ended and of which no file is left.
 
     LinkError where sessions.tsv is a symbolic link.
     """
+    path = person / HEADS
     try:
         heads = read_heads(person)
     except HeadError as error:  # of a session that is there, `examine` tells it
-        if not any(_holds_any(path) for path in person.glob(f"{_SESSION}*")):
-            bad = Difference(path=person / HEADS, line=error.line, message=error.message)
-            yield LostSession(folder=person / _SESSION, difference=bad)
-        return
-    for head in heads:
+        if any(_holds_any(session) for session in person.glob(f"{_SESSION}*")):
+            return {}
+        return {person / _SESSION: Difference(path=path, line=error.line, message=error.message)}
+    lost = {}
+    for head in heads.values():
         folder = person / f"{_SESSION}{head.session}"
-        if folder.is_symlink() or _holds_any(folder):
-            continue
-        what = "no file of it is left" if folder.is_dir() else "its folder is lost"
-        told = f"session {head.session} ended on {head.ended}, and {what}"
-        yield LostSession(
-            folder=folder,
-            difference=Difference(path=person / HEADS, line=head.line, message=told),
-        )
+        if not folder.is_symlink() and not _holds_any(folder):
+            what = "no file of it is left" if folder.is_dir() else "its folder is lost"
+            message = f"session {head.session} ended on {head.ended}, and {what}"
+            lost[folder] = Difference(path=path, line=head.line, message=message)
+    return lost

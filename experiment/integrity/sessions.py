@@ -7,25 +7,36 @@ the journal.
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 from dataclasses import dataclass
+from itertools import zip_longest
 from typing import TYPE_CHECKING, Final, Literal, TypeAlias
 
-from experiment.archive.files import HEADS, ArchiveError, refuse_link
+from experiment.archive.files import (
+    HEADER,
+    HEADS,
+    JOURNAL,
+    MEASURED,
+    PLAN,
+    TABLE,
+    ArchiveError,
+    person_of,
+    refuse_links,
+)
 from experiment.archive.history import replay
 from experiment.archive.journal import (
     JournalError,
     JournalLineError,
     RecordSchemaError,
-    read_ends,
     read_journal,
 )
-from experiment.integrity.heads import HeadError, in_place, kept_head, person_of
-from experiment.integrity.table import table_differences
-from experiment.rows import MeasuredRow, TrialRow
+from experiment.integrity.heads import HeadError, in_place, kept_head
+from experiment.rows import MeasuredRow, TrialRow, table_csv
 from experiment.trial.plan import Plan, PlanError, plan_from_json
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
     from pathlib import Path
 
     from experiment.archive.history import History
@@ -33,10 +44,6 @@ if TYPE_CHECKING:
     from experiment.integrity.heads import SessionHead
 
 
-PLAN, HEADER, JOURNAL, TABLE = "plan.json", "header.json", "journal.jsonl", "trials.csv"
-MEASURED: Final = "measured.csv"  # beside them where a monitor measured the bursts
-FILES: Final = (PLAN, HEADER, JOURNAL, TABLE)
-"""The files of a session that are its record."""
 Mended: TypeAlias = Literal["export", "resume", "removal"]  # what puts a difference right
 
 
@@ -62,40 +69,6 @@ class Difference:
     def __str__(self) -> str:
         """Name file and line first, as a compiler does."""
         return f"{self.place}: {self.message}{self.hint}"
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Examined:
-    """What there is of a session's record, and what is amiss with it.
-
-    Attributes
-    ----------
-    plan : Plan or None
-        The plan, where there is a sealed one of this session.
-    plan_file_sha256 : str
-        Checksum of its bytes; empty without a file.
-    history : History or None
-        What the journal says, where journal and plan can be trusted.
-    head_sha256 : str or None
-        Hash of the journal's last line; none where it has none, or cannot be trusted.
-    compared : bool
-        Whether there is a journal, with which the table was compared.
-    begun : bool
-        Whether there is, or was, anything of it but what is made before a plan.
-    ended : bool
-        Whether the last line is the one whose hash was kept when a sitting ended.
-    differences : tuple of Difference
-        Empty where everything is as it was written.
-    """
-
-    plan: Plan | None
-    plan_file_sha256: str
-    history: History | None
-    head_sha256: str | None
-    compared: bool
-    begun: bool
-    ended: bool
-    differences: tuple[Difference, ...]
 
 
 def examine(folder: Path, table: str = TABLE) -> Examined:
@@ -143,260 +116,251 @@ def examine(folder: Path, table: str = TABLE) -> Examined:
     ((), [('trials.csv', 2)])
     """
     refuse_links(folder, table)
-    return _Examiner(folder, table).examined()
+    return Examined(folder, table)
 
 
-def unaltered(folder: Path, table: str = TABLE) -> Examined | None:
-    """Find by checksums alone that a session is as it was recorded; None where `examine` has to.
+class Examined:
+    """What there is of a session's record, and what is amiss with it.
 
-    The head that was kept seals the journal, the journal's first line plan and header, its last one
-    the table. The trials in the journal are not read, so that there is no history. Raises as
-    `examine`.
+    Attributes
+    ----------
+    folder : Path
+        The session's folder.
+    table : str
+        Name of its table.
+    files : dict of str to bytes or None
+        What plan, header and tables hold, by name.
+    journal : JournalFile or None
+        The journal, where each of its lines is as it was written.
+    plan : Plan or None
+        The plan, where there is a sealed one of this session.
+    plan_file_sha256 : str
+        Checksum of its bytes; empty without a file.
+    head : SessionHead or None
+        What sessions.tsv keeps of the session.
+    history : History or None
+        What the journal says, where journal and plan can be trusted.
+    differences : tuple of Difference
+        Empty where everything is as it was written.
     """
-    refuse_links(folder, table)
-    return _Examiner(folder, table).unaltered()
-
-
-def refuse_links(folder: Path, table: str = TABLE) -> None:
-    """Refuse a session of which a file, the folder or the person's is a symbolic link.
-
-    LinkError for the first.
-    """
-    person = person_of(folder)
-    if "sub-" in {person.name[:4], person.resolve().name[:4]}:
-        refuse_link(person)
-    for path in (folder, *(folder / name for name in (*FILES, MEASURED, table))):
-        refuse_link(path)
-
-
-class _Examiner:
-    """One session, read once."""
 
     def __init__(self, folder: Path, table: str) -> None:
-        self._folder = folder
-        self._table_name = table
-        self._found: list[Difference] = []
-        self._bytes = {
+        self.folder, self.table = folder, table
+        self.files = {
             name: (folder / name).read_bytes() if (folder / name).is_file() else None
             for name in (PLAN, HEADER, MEASURED, table)
         }
+        self.journal: JournalFile | None = None
+        self.plan: Plan | None = None
+        self.head: SessionHead | None = None
+        self.history: History | None = None
+        self.errors: list[Difference] = []
+        path, plan = folder / JOURNAL, self.files[PLAN]
+        self.plan_file_sha256 = "" if plan is None else _sha256(plan)
+        self.has_journal = path.is_file()
+        self.has_lines = self.has_journal and path.stat().st_size > 0
+        with self._noting_errors(JOURNAL):
+            self.journal = read_journal(path) if self.has_journal else None
+        with self._noting_errors(PLAN):
+            self.plan = None if plan is None else plan_from_json(plan.decode())
+        with self._noting_errors(HEADS):
+            self.head = kept_head(folder)
+        entries = self.journal.entries if self.journal else ()
+        self.events = [entry.event for entry in entries]
+        self.opening = entries[0].facts if entries else {}
+        with self._noting_errors(JOURNAL):
+            if self.journal and self.plan and self.has_sealed_plan:
+                self.history = replay(self.plan, entries)
+        self.differences = (*self.errors, *(d for check in _CHECKS for d in check(self)))
 
-    def _sha256(self, name: str) -> str:
-        raw = self._bytes[name]
-        return "" if raw is None else hashlib.sha256(raw).hexdigest()
-
-    def _note(
-        self, name: str, line: int | None, message: str, mended_by: Mended | None = None
-    ) -> None:
-        path = (person_of(self._folder) if name == HEADS else self._folder) / name
-        self._found.append(Difference(path=path, line=line, message=message, mended_by=mended_by))
-
-    def unaltered(self) -> Examined | None:
-        kept, path = self._head(), self._folder / JOURNAL
+    @contextlib.contextmanager
+    def _noting_errors(self, name: str) -> Iterator[None]:
         try:
-            ends = read_ends(path) if path.is_file() else None
-        except JournalError:
-            return None
-        if ends is None or kept is None or ends.head_sha256 != kept.head_sha256:
-            return None
-        first, last = ends.first.facts, ends.last.facts
-        sealed = {
-            PLAN: first.get("plan_file_sha256"),
-            HEADER: first.get("header_sha256"),
-            self._table_name: last.get("trials_sha256"),
-            MEASURED: last.get("measured_sha256", ""),  # none where nothing was measured
-        }
-        if any(self._sha256(name) != sha256 for name, sha256 in sealed.items()):
-            return None
-        plan = self._plan(known=True)
-        if plan is None or self._found or plan.sha256 != first.get("plan_sha256"):
-            return None
-        return self._of(plan, ended=True, begun=True, head_sha256=kept.head_sha256)
-
-    def examined(self) -> Examined:
-        journal = self._journal()
-        plan = self._plan()
-        opening = journal.entries[0].facts if journal and journal.entries else {}
-        sound = self._seals(plan, opening)
-        history = self._history(plan, journal) if plan and journal and sound else None
-        kept = self._head()
-        registered = self._registered(journal, kept) if journal else None
-        begun = kept is not None or self._begun()
-        if begun and not (self._folder / JOURNAL).is_file():
-            self._journal_missing(kept)
-        ended = journal is not None and 0 < len(journal.entries) == registered
-        if history and history.finished and journal and journal.torn and ended:
-            told = f"{len(journal.torn)} bytes follow the line that ended the session"
-            self._note(JOURNAL, len(journal.entries) + 1, told)
-        if history and journal:
-            events = [entry.event for entry in journal.entries[:registered]]
-            self._table(history, events, kept if registered else None)
-        elif begun and self._bytes[self._table_name] is None:
-            self._note(self._table_name, None, f"is missing, too, and cannot be built {_WITHOUT}")
-        head_sha256 = journal.sha256[-1] if journal and journal.entries else None
-        return self._of(plan, history, begun=begun, ended=ended, head_sha256=head_sha256)
-
-    def _of(
-        self,
-        plan: Plan | None,
-        history: History | None = None,
-        *,
-        begun: bool,
-        ended: bool,
-        head_sha256: str | None,
-    ) -> Examined:
-        return Examined(
-            plan=plan,
-            plan_file_sha256=self._sha256(PLAN),
-            history=history,
-            head_sha256=head_sha256,
-            compared=(self._folder / JOURNAL).is_file(),
-            begun=begun,
-            ended=ended,
-            differences=tuple(self._found),
-        )
-
-    def _begun(self) -> bool:
-        """Tell whether a file is left of a session that began: its journal was made before them."""
-        journal = self._folder / JOURNAL
-        if journal.is_file() and journal.stat().st_size:
-            return True
-        there = {name for name, raw in self._bytes.items() if raw is not None}
-        return bool(there - {HEADER} if journal.is_file() else there)
-
-    def _journal_missing(self, kept: SessionHead | None) -> None:
-        if kept is not None:
-            self._found.append(_removed(self._folder, kept))
-        elif not self._found:
-            with_it = "the table cannot be compared with it"
-            without = "nothing tells of the session's trials"
-            told = without if self._bytes[self._table_name] is None else with_it
-            self._note(JOURNAL, None, f"is missing: {told}")
-
-    def _journal(self) -> JournalFile | None:
-        path = self._folder / JOURNAL
-        if not path.is_file():
-            return None
-        try:
-            return read_journal(path)
+            yield
         except RecordSchemaError:
             raise
-        except JournalLineError as error:
-            self._note(JOURNAL, error.line, error.message)
-            return None
+        except (JournalLineError, HeadError) as error:
+            self.errors.append(self.difference(name, error.line, error.message))
+        except (JournalError, PlanError, UnicodeDecodeError) as error:
+            self.errors.append(self.difference(name, None, str(error)))
 
-    def _plan(self, *, known: bool = False) -> Plan | None:
-        raw = self._bytes[PLAN]
-        if raw is None:
-            if (self._folder / JOURNAL).is_file() and (self._folder / JOURNAL).stat().st_size:
-                self._note(PLAN, None, "is missing")
-            return None
-        try:
-            plan = plan_from_json(raw.decode(), known=known)
-        except (PlanError, UnicodeDecodeError) as error:
-            self._note(PLAN, None, str(error))
-            return None
-        place = self._folder.resolve()
-        for prefix, must, name in (
-            ("sub-", plan.participant, place.parent.name),
-            ("ses-", plan.session, place.name),
-        ):
-            if name.startswith(prefix) and name != prefix + must:
-                self._note(PLAN, None, f"is the plan of {prefix}{must}, but the folder is {name}")
-        return plan
+    def difference(
+        self, name: str, line: int | None, message: str, mended_by: Mended | None = None
+    ) -> Difference:
+        """Return a difference in a file of the session, or in the sessions.tsv beside it."""
+        folder = person_of(self.folder) if name == HEADS else self.folder
+        return Difference(path=folder / name, line=line, message=message, mended_by=mended_by)
 
-    def _seals(self, plan: Plan | None, opening: object) -> bool:
-        """Compare plan and header with the journal's first line; whether it is of this plan."""
-        if not isinstance(opening, dict) or not opening:
-            return plan is not None
-        sealed = opening.get("plan_sha256")
-        own = plan is None or plan.sha256 == sealed
-        if not own:
-            self._note(PLAN, None, f"is sealed anew: {_other(plan and plan.sha256, sealed)}")
-        for name, key in ((PLAN, "plan_file_sha256"), (HEADER, "header_sha256")):
-            if self._bytes[name] is None:
-                if name == HEADER:
-                    self._note(HEADER, None, "is missing")
-                continue
-            sha256 = self._sha256(name)
-            already = any(one.path.name == name for one in self._found)
-            if sha256 != opening.get(key) and not already:
-                told = _other(sha256, opening.get(key))
-                self._note(name, None, f"is not the file that the session was begun with: {told}")
-        return own
+    @property
+    def has_sealed_plan(self) -> bool:
+        """Whether the plan is the one that the journal's first line names, if there is a line."""
+        sealed = self.opening.get("plan_sha256")
+        return not self.opening or (self.plan is not None and self.plan.sha256 == sealed)
 
-    def _history(self, plan: Plan, journal: JournalFile) -> History | None:
-        try:
-            return replay(plan, journal.entries)
-        except JournalError as error:
-            self._note(JOURNAL, None, str(error))
-            return None
+    @property
+    def head_sha256(self) -> str | None:
+        """Hash of the journal's last line; none where it has none, or cannot be trusted."""
+        return self.journal.sha256[-1] if self.journal and self.journal.sha256 else None
 
-    def _head(self) -> SessionHead | None:
-        try:
-            return kept_head(self._folder)
-        except HeadError as error:
-            self._note(HEADS, error.line, error.message)
-            return None
+    @property
+    def ended(self) -> bool:
+        """Whether the last line is the one whose hash was kept when a sitting ended."""
+        return 0 < len(self.events) == self.n_sealed
 
-    def _registered(self, journal: JournalFile, kept: SessionHead | None) -> int:
-        """Return how many lines the journal had when its head was kept; note where that differs."""
-        entries = journal.entries
-        closed = bool(entries) and entries[-1].event == "session_close"
-        if kept is None:
-            # A process killed between its last line and this one leaves none: only a resume, which
-            # somebody asks for, may take a journal's word for its own end.
-            if (
-                closed
-                and in_place(self._folder)
-                and not any(one.path.name == HEADS for one in self._found)
-            ):
-                self._note(HEADS, None, _NO_HEAD, "resume")
+    @property
+    def begun(self) -> bool:
+        """Whether anything is left of a session that began: its journal was made first."""
+        left = {name for name, raw in self.files.items() if raw is not None}
+        started = left - {HEADER} if self.has_journal else left
+        return self.head is not None or self.has_lines or bool(started)
+
+    @property
+    def n_sealed(self) -> int:
+        """How many lines the journal had when its hash was kept; 0 where no line has that hash."""
+        if self.journal is None or self.head is None:
             return 0
-        if kept.head_sha256 not in journal.sha256:
-            torn = "; its last line is cut short" if journal.torn else ""
-            self._note(
-                HEADS,
-                kept.line,
-                f"head_sha256 {kept.head_sha256[:12]}... is of no line of {JOURNAL}, which was "
-                f"changed or cut since{torn}",
+        hashes = [None, *self.journal.sha256]
+        return hashes.index(self.head.head_sha256) if self.head.head_sha256 in hashes else 0
+
+
+def _check_plan(record: Examined) -> Iterator[Difference]:
+    if record.files[PLAN] is None and record.has_lines:
+        yield record.difference(PLAN, None, "is missing")
+    if record.plan is None:
+        return
+    place = record.folder.resolve()
+    person, session = f"sub-{record.plan.participant}", f"ses-{record.plan.session}"
+    for folder, name in ((place.parent, person), (place, session)):
+        if folder.name.startswith(name[:4]) and folder.name != name:
+            message = f"is the plan of {name}, but the folder is {folder.name}"
+            yield record.difference(PLAN, None, message)
+
+
+def _check_seals(record: Examined) -> Iterator[Difference]:
+    """Compare plan and header with the checksums in the journal's first line."""
+    if not record.opening:
+        return
+    seals: list[tuple[str, str, str]] = []
+    if record.plan and record.has_sealed_plan:
+        seals.append((PLAN, record.plan_file_sha256, "plan_file_sha256"))
+    elif record.plan:
+        seals.append((PLAN, record.plan.sha256, "plan_sha256"))
+    header = record.files[HEADER]
+    if header is None:
+        yield record.difference(HEADER, None, "is missing")
+    else:
+        seals.append((HEADER, _sha256(header), "header_sha256"))
+    for name, actual, key in seals:
+        sealed = record.opening.get(key)
+        if actual != sealed:
+            message = (
+                f"is not the one that the session began with: sha256 {actual[:12]}..., line 1 of "
+                f"{JOURNAL} has {str(sealed)[:12]}..."
             )
-            return 0
-        lines = journal.sha256.index(kept.head_sha256) + 1
-        if lines < len(entries) and entries[lines].event != "session_resume":
-            self._note(JOURNAL, lines + 1, "was added after the session had ended")
-        elif lines < len(entries) and closed:
-            message = f"the last line of {JOURNAL} is another one than head_sha256 tells of"
-            self._note(HEADS, kept.line, message, "resume")
-        return lines
+            yield record.difference(name, None, message)
 
-    def _table(self, history: History, told: list[str], kept: SessionHead | None) -> None:
-        for name, kind, rows, event in (
-            (self._table_name, TrialRow, history.rows, "trial_end"),
-            (MEASURED, MeasuredRow, history.measured, "stimulus_measured"),
-        ):
-            raw, least = self._bytes[name], told.count(event)
-            if raw is None and kept and (least or kind is TrialRow):
-                self._note(name, None, _missing(kept), "export")
-            if name == MEASURED and raw is not None and not rows:
-                self._note(name, None, "is there, though nothing was measured", "removal")
-                continue
+
+def _check_journal(record: Examined) -> Iterator[Difference]:
+    if record.begun and not record.has_journal:
+        message = "is missing: no table can be compared with it"
+        message = _missing(record.head) if record.head else message
+        yield record.difference(JOURNAL, None, message)
+    torn = record.journal.torn if record.journal else b""
+    if torn and record.history and record.history.finished and record.ended:
+        message = f"{len(torn)} bytes follow the line that ended the session"
+        yield record.difference(JOURNAL, len(record.events) + 1, message)
+
+
+def _check_head(record: Examined) -> Iterator[Difference]:
+    """Compare the journal with the hash of its last line that was kept in sessions.tsv."""
+    journal, head, n_sealed = record.journal, record.head, record.n_sealed
+    if journal is None:
+        return
+    later = record.events[n_sealed:]
+    closed = record.events[-1:] == ["session_close"]
+    if head is None:
+        # A process killed between its last line and this one leaves none: only a resume, which
+        # somebody asks for, may take a journal's word for its own end.
+        unreadable = {error.path.name for error in record.errors}
+        if closed and in_place(record.folder) and HEADS not in unreadable:
+            yield record.difference(HEADS, None, _NO_HEAD, "resume")
+    elif not n_sealed:
+        torn = "; its last line is cut short" if journal.torn else ""
+        message = (
+            f"head_sha256 {head.head_sha256[:12]}... is of no line of {JOURNAL}, which was "
+            f"changed or cut since{torn}"
+        )
+        yield record.difference(HEADS, head.line, message)
+    elif later and later[0] != "session_resume":
+        yield record.difference(JOURNAL, n_sealed + 1, "was added after the session had ended")
+    elif later and closed:
+        message = f"the last line of {JOURNAL} is another one than head_sha256 tells of"
+        yield record.difference(HEADS, head.line, message, "resume")
+
+
+def _check_tables(record: Examined) -> Iterator[Difference]:
+    """Compare the tables with those that the journal gives.
+
+    A session that was cut off wrote its tables before: the rows of the lines that are sealed have
+    to be there, and those that are there have to be the first ones.
+    """
+    history = record.history
+    if history is None:
+        if record.begun and record.files[record.table] is None:
+            yield record.difference(record.table, None, f"is missing, too, {_WITHOUT}")
+        return
+    sealed = record.events[: record.n_sealed]
+    for name, kind, rows, event in (
+        (record.table, TrialRow, history.rows, "trial_end"),
+        (MEASURED, MeasuredRow, history.measured, "stimulus_measured"),
+    ):
+        actual, recorded = record.files[name], table_csv(kind, rows).encode()
+        n_rows = sealed.count(event)
+        if actual is None:
+            if record.head and sealed and (n_rows or name != MEASURED):
+                yield record.difference(name, None, _missing(record.head), "export")
+        elif name == MEASURED and not rows:
+            message = "is there, though nothing was measured"
+            yield record.difference(name, None, message, "removal")
+        elif difference := first_difference(actual, recorded, min_rows=n_rows):
             mended_by: Mended | None = "export" if name in {TABLE, MEASURED} else None
-            for line, message in table_differences(raw, kind, rows, least=least):
-                self._note(name, line, message, mended_by)
+            yield record.difference(name, *difference, mended_by)
 
 
-_WITHOUT = f"without {PLAN} and {JOURNAL} as they were recorded"
+def first_difference(actual: bytes, recorded: bytes, *, min_rows: int) -> tuple[int, str] | None:
+    r"""Return the first line in which a table differs, and how; at least so many rows are due.
+
+    >>> first_difference(b"trial,side\n1,left\n", b"trial,side\n1,both\n", min_rows=1)
+    (2, "column 'side' is 'left'; by the journal it is 'both'")
+    >>> first_difference(b"trial,side\n", b"trial,side\n1,both\n", min_rows=0)
+    """
+    is_beginning = actual.endswith(b"\n") and recorded.startswith(actual)
+    if actual == recorded or (is_beginning and actual.count(b"\n") > min_rows):
+        return None
+    lines = enumerate(zip_longest(actual.split(b"\n"), recorded.split(b"\n")), 1)
+    number, (line, expected) = next((n, pair) for n, pair in lines if pair[0] != pair[1])
+    names, cells, expected_cells = (
+        (raw or b"").decode(errors="backslashreplace").split(",")
+        for raw in (recorded.split(b"\n")[0], line, expected)
+    )
+    if number > 1 and len(cells) == len(names) == len(expected_cells):
+        name, cell, other = next(
+            row for row in zip(names, cells, expected_cells, strict=True) if row[1] != row[2]
+        )
+        return number, f"column '{name}' is {cell!r}; by the journal it is {other!r}"
+    return number, "is not the line that the journal gives"
+
+
+_CHECKS: Final = (_check_plan, _check_seals, _check_journal, _check_head, _check_tables)
+
+
+_WITHOUT = f"and cannot be built without {PLAN} and {JOURNAL} as they were recorded"
 _NO_HEAD = "has no line of this session, whose journal has ended"
 _KILLED = "; where the session was killed in that moment, tactstrip run --resume puts it right"
 
 
-def _other(found: object, must: object) -> str:
-    return f"sha256 {str(found)[:12]}..., line 1 of {JOURNAL} has {str(must)[:12]}..."
-
-
-def _removed(folder: Path, kept: SessionHead) -> Difference:
-    return Difference(path=folder / JOURNAL, line=None, message=_missing(kept))
+def _sha256(raw: bytes) -> str:
+    return hashlib.sha256(raw).hexdigest()
 
 
 def _missing(kept: SessionHead) -> str:
@@ -405,11 +369,10 @@ def _missing(kept: SessionHead) -> str:
 
 def removed_journal(folder: Path) -> tuple[Difference, ...]:
     """Tell of a journal that is missing though a head of it was kept; no other file is read."""
-    try:
-        kept = None if (folder / JOURNAL).is_file() else kept_head(folder)
-    except ArchiveError:  # `examine` tells
-        return ()
-    return () if kept is None else (_removed(folder, kept),)
+    with contextlib.suppress(ArchiveError):  # `examine` tells
+        if not (folder / JOURNAL).is_file() and (head := kept_head(folder)) is not None:
+            return (Difference(path=folder / JOURNAL, line=None, message=_missing(head)),)
+    return ()
 
 
 def refuse_altered(folder: Path) -> tuple[Difference, ...]:

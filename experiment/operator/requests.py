@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import contextlib
 import signal
-import threading
 from collections import deque
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -53,11 +52,11 @@ class StopSignal:
         """Let Ctrl-C, SIGTERM and a closed terminal ask for the stop, not end the program."""
         names = ("SIGINT", "SIGTERM", "SIGHUP")
         numbers = [getattr(signal, name) for name in names if hasattr(signal, name)]
-        before = [signal.signal(number, lambda *_: self.ask()) for number in numbers]
+        before = {number: signal.signal(number, lambda *_: self.ask()) for number in numbers}
         try:
             yield
         finally:
-            for number, handler in zip(numbers, before, strict=True):
+            for number, handler in before.items():
                 signal.signal(number, handler)
 
 
@@ -84,30 +83,24 @@ class Requests:
 
     def __init__(self) -> None:
         self.attended = False
-        self._paused = threading.Event()
-        self._go_on = threading.Event()
+        self.paused = False
+        self._is_continue_requested = False
         self._notes: deque[str] = deque()
-
-    @property
-    def paused(self) -> bool:
-        """Whether a pause is asked for and not yet ended."""
-        return self._paused.is_set()
 
     def pause(self) -> None:
         """Ask for a pause after the current trial."""
-        self._go_on.clear()
-        self._paused.set()
+        self._is_continue_requested = False
+        self.paused = True
 
-    def go_on(self) -> None:
+    def request_continue(self) -> None:
         """End a pause, whoever asked for it."""
-        self._paused.clear()
-        self._go_on.set()
+        self.paused = False
+        self._is_continue_requested = True
 
-    def take_go_on(self) -> bool:
-        """Tell, once, whether the end of a pause was asked for."""
-        asked = self._go_on.is_set()
-        self._go_on.clear()
-        return asked
+    def take_continue(self) -> bool:
+        """Return, once, whether the end of a pause was asked for."""
+        is_requested, self._is_continue_requested = self._is_continue_requested, False
+        return is_requested
 
     def note(self, text: str) -> None:
         """Leave a note for the journal."""
@@ -115,10 +108,7 @@ class Requests:
 
     def notes(self) -> tuple[str, ...]:
         """Return the notes that were left since the last call."""
-        taken: list[str] = []
-        while self._notes:
-            taken.append(self._notes.popleft())
-        return tuple(taken)
+        return tuple(self._notes.popleft() for _ in range(len(self._notes)))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -172,11 +162,3 @@ class Status:
     device: str
     message: str
     tallies: Mapping[str, Tally]
-
-
-class Display(Protocol):
-    """Who is shown how a session stands; a call returns at once and touches no disk."""
-
-    def show(self, status: Status) -> None:
-        """Take the newest status."""
-        ...

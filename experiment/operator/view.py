@@ -1,178 +1,265 @@
-"""The operator's live view on the terminal, and the operator's keys there."""
+"""The operator's live panel on the terminal, and the commands that the operator types there.
+
+A command is a line: p, r, n TEXT or s, then Enter. The terminal keeps its usual settings, so that
+nothing has to be restored when the program is suspended or killed.
+"""
 
 from __future__ import annotations
 
-import contextlib
+import _thread
+import math
 import os
+import select
 import signal
+import sys
 import threading
 from codecs import getincrementaldecoder
-from typing import TYPE_CHECKING, Any, Final, Self
+from collections import deque
+from typing import TYPE_CHECKING, Final, Self
 
-from experiment.operator.terminal import OperatorKeys
+from device.printing import echo, escaped
 from experiment.trial.events import Phase
+from experiment.trial.plan import HANDS_OFF_BLOCK, PRACTICE_BLOCK
 
 if TYPE_CHECKING:
-    from experiment.operator.lines import ViewLines
-    from experiment.operator.requests import Requests, Status, StopSignal
-    from experiment.operator.terminal import BorrowedTerminal
+    from rich.live import Live
+    from rich.text import Text
+
+    from experiment.operator.requests import Requests, Status, StopSignal, Tally
 
 
-LOOK_EVERY_S: Final = 0.1
-"""So often the view looks for a new status; a key is seen at once."""
+REFRESH_INTERVAL_S: Final = 0.1
+MAX_NOTE_CHARACTERS: Final = 500
+"""Further characters of a note are dropped."""
+HINTS: Final = "Type p (pause), r (resume), n TEXT (note) or s (stop), then Enter: "
+RESUME_HINT: Final = "Press r to continue."
 
 _TIMED: Final = (Phase.ARMING, Phase.FIRING, Phase.ANSWER)
 """Nothing is drawn here unless the operator types: a reaction time is being measured."""
-
 _RUNNING: Final = (Phase.READY, Phase.FOREPERIOD, *_TIMED)
-"""Here nothing waits for somebody to say that it goes on."""
+"""Here nothing waits for somebody to continue."""
+_MAX_EXIT_S: Final = 1.0
+_SECONDS_UP_TO_S: Final = 90.0
+_STEP_S: Final = 10
 
 
 class OperatorView:
-    """Shows an operator how a session stands and takes their keys; a context manager and `Display`.
+    """Shows an operator the progress of a session and takes commands; a context manager.
 
-    To be entered in the main thread, within `StopSignal.on_signals`. On a terminal a thread draws
-    the view and reads p pause, r resume, n note, s stop. In a pipe, or in the background of a
-    shell, there is neither view nor keys. The terminal's settings are given back at the end, when
-    the program is suspended, and when it is stopped by a signal; a terminal that goes away leaves
-    the session as it is.
+    Enter it in the main thread, within `StopSignal.on_signals`. On a terminal, one thread draws the
+    panel and reads p (pause), r (resume), n TEXT (note) and s (stop). In a pipe, or in the
+    background of a shell, there is neither panel nor commands. A terminal that goes away, or is
+    held by Ctrl-S, does not hold up the session.
 
     Parameters
     ----------
     requests : Requests
-        Is told of pauses and notes.
+        Receives pauses and notes.
     stop : StopSignal
-        Is told of a stop.
+        Receives a stop.
 
     Examples
     --------
-    >>> from experiment.operator.requests import StopSignal
-    >>> from experiment.operator.requests import Requests, Status
-    >>> with OperatorView(Requests(), StopSignal()) as view:  # nothing to see in a pipe
+    >>> from experiment.operator.requests import Requests, Status, StopSignal
+    >>> with OperatorView(Requests(), StopSignal()) as view:  # no panel in a pipe
     ...     view.show(Status(phase="ready", done=0, planned=5, block=1, blocks=2, left_s=30.0,
     ...                      noise="plays", device="ready", message="", tallies={}))
+    ...     view.print("Note: this device cannot read its levels back.")
+    Note: this device cannot read its levels back.
     """
 
     def __init__(self, requests: Requests, stop: StopSignal) -> None:
         self._requests = requests
         self._stop = stop
         self._status: Status | None = None
-        self._keys = OperatorKeys(
-            pause=requests.pause, go_on=self._go_on, stop=self._ask_to_stop, note=requests.note
-        )
-        self._decoder = getincrementaldecoder("utf-8")("replace")
-        self._terminal: BorrowedTerminal | None = None
-        self._picture: ViewLines | None = None
-        self._drawn: object = None
-        self._holding = threading.RLock()
+        self._notice = ""
+        self._lines: deque[str] = deque()
         self._over = threading.Event()
         self._thread: threading.Thread | None = None
-        self._suspended_before: Any = None
 
     def show(self, status: Status) -> None:
-        """Take the newest status; it is drawn by the view's own thread."""
+        """Take the newest status; the view's own thread draws it."""
         self._status = status
 
-    def __enter__(self) -> Self:
-        if os.name != "posix":
-            return self
-        from experiment.operator.terminal import operators_terminal
+    def print(self, line: str) -> None:
+        """Print a line above the panel."""
+        if self._thread is None:
+            echo(line)
+        else:
+            self._lines.append(line)
 
-        self._terminal = operators_terminal()
-        if self._terminal is None:
-            return self
-        self._suspended_before = signal.signal(signal.SIGTSTP, self._suspend)
-        with contextlib.suppress(OSError):
-            self._look(self._terminal, 0.0)  # rich is imported now, not during a trial
-        self._thread = threading.Thread(
-            target=self._run, args=(self._terminal,), name="tactstrip operator", daemon=True
-        )
-        self._thread.start()
-        self._requests.attended = True
+    def __enter__(self) -> Self:
+        if sys.stdin.isatty() and sys.stdout.isatty():
+            import rich.live  # noqa: F401 - now, not during a trial
+
+            self._thread = threading.Thread(target=self._run, daemon=True)
+            self._thread.start()
+            self._requests.attended = True
         return self
 
     def __exit__(self, *_: object) -> None:
-        if self._terminal is None or self._thread is None:
-            return
         self._over.set()
-        self._thread.join()
-        self._put_down(self._terminal)
-        signal.signal(signal.SIGTSTP, self._suspended_before)
-        self._terminal.close()
+        if self._thread is not None:
+            self._thread.join(_MAX_EXIT_S)
+            self._thread = None
 
-    def _run(self, terminal: BorrowedTerminal) -> None:
-        with contextlib.suppress(OSError):  # the terminal is gone: the view falls silent
-            while not self._over.is_set():
-                self._look(terminal, LOOK_EVERY_S)
+    def _run(self) -> None:
+        from rich.console import Console
+        from rich.live import Live
 
-    def _look(self, terminal: BorrowedTerminal, within_s: float) -> None:
-        """Read what is typed and draw what is new, where the terminal is this program's."""
-        if not terminal.in_front:
-            self._over.wait(within_s)
+        console = Console(highlight=False)
+        drawn: object = None
+        decode = getincrementaldecoder("utf-8")("replace").decode
+        typed = ""
+        try:
+            with Live(console=console, auto_refresh=False, transient=False) as live:
+                console.show_cursor()  # the operator types behind the panel
+                while not self._over.is_set():
+                    status = self._status
+                    state = (status, self._requests.paused, self._notice, console.size)
+                    is_timed = status is not None and status.phase in _TIMED and not typed
+                    if _is_in_front() and not is_timed and (state != drawn or self._lines):
+                        self._draw(live, hints=True)
+                        drawn = state
+                    *lines, typed = (typed + decode(_read_typed())).split("\n")
+                    for line in lines:
+                        console.file.write(_UP_AND_CLEAR)  # Enter moved the cursor on
+                        self.obey(line.rstrip("\r"))
+                self._draw(live, hints=False)
+        except OSError:  # the terminal is gone: the session goes on without it
             return
-        with self._holding:
-            if terminal.take() or self._picture is None:
-                from experiment.operator.lines import ViewLines  # rich is slow to import
 
-                self._picture, self._drawn = ViewLines(), None
-        typed = terminal.read(within_s)
-        self._keys.type(self._decoder.decode(typed))
-        with self._holding:
-            self._draw(terminal, at_once=bool(typed))
+    def _draw(self, live: Live, *, hints: bool) -> None:
+        from rich.text import Text
 
-    def _draw(self, terminal: BorrowedTerminal, *, at_once: bool) -> None:
-        status, keys, picture = self._status, self._keys, self._picture
-        timed = status is not None and status.phase in _TIMED
-        if picture is None or (timed and not at_once):
-            return
-        asked = self._requests.paused
-        new = (status, asked, keys.notice, keys.prompt, picture.size)
-        if new != self._drawn and not terminal.busy:
-            self._drawn = new
-            terminal.write(
-                picture.draw(status, pause_asked=asked, notice=keys.notice, prompt=keys.prompt)
-            )
+        while self._lines:
+            live.console.print(Text(escaped(self._lines.popleft())))
+        lines = status_lines(self._status, is_pause_requested=self._requests.paused)
+        if hints:
+            lines += [Text(self._notice, "green")] * bool(self._notice) + [Text(HINTS, "reverse")]
+        live.update(Text("\n").join(lines), refresh=True)
 
-    def _put_down(self, terminal: BorrowedTerminal) -> None:
-        """Leave the last picture where it is, without keys, and give the terminal back."""
-        with self._holding:
-            picture, self._picture = self._picture, None
-            with contextlib.suppress(OSError):
-                if picture is not None and terminal.in_front:
-                    asked = self._requests.paused
-                    terminal.write(picture.end(self._status, pause_asked=asked))
-                    terminal.flush()
-            terminal.give_back()
+    def obey(self, line: str) -> None:
+        """Carry out a command; a line without a meaning is answered by the list of commands."""
+        command, _, text = line.strip().partition(" ")
+        note = escaped(text.strip())[:MAX_NOTE_CHARACTERS]
+        match command.lower(), note:
+            case "p", "":
+                self._requests.pause()
+                self._notice = ""
+            case "r", "":
+                # No wish is kept for later: only a pause, or a wait, can be ended.
+                is_waiting = self._status is not None and self._status.phase not in _RUNNING
+                self._notice = "" if is_waiting or self._requests.paused else "Nothing is paused."
+                if not self._notice:
+                    self._requests.request_continue()
+            case "n", note if note:
+                self._requests.note(note)
+                self._notice = f"Noted: {note}"
+            case "s", "":
+                self._notice = "Stopping ..."
+                self._request_stop()
+            case _:
+                self._notice = "There is no such command." if command else ""
 
-    def _suspend(self, *_: object) -> None:
-        """Give the terminal back and halt; the thread takes it again when the program goes on.
-
-        The system halts no program that has no shell to continue it: then it goes on at once.
-        """
-        with self._holding:
-            if self._terminal is not None:
-                self._put_down(self._terminal)
-            mine = signal.signal(signal.SIGTSTP, self._suspended_before)
-            signal.raise_signal(signal.SIGTSTP)
-            signal.signal(signal.SIGTSTP, mine)
-
-    def _go_on(self) -> bool:
-        """End what waits for it, and tell whether anything does: a wish is not kept for later."""
-        status = self._status
-        waits = status is not None and status.phase not in _RUNNING
-        if waits or self._requests.paused:
-            self._requests.go_on()
-            return True
-        return False
-
-    def _ask_to_stop(self) -> None:
+    def _request_stop(self) -> None:
         """Have the main thread, where waits are interrupted, ask for the stop.
 
-        `StopSignal.ask` ends a wait by raising in the thread that calls it, so it is called by the
-        handler of a signal, sent to that thread alone: a signal to the process could reach another
-        one, and the wait would go on.
+        `StopSignal.ask` ends a wait by raising in the thread that calls it. It is therefore called
+        by the handler of a signal, sent to the main thread alone: a signal to the process could
+        reach another thread, and the wait would continue.
         """
         self._stop.asked = True
         main = threading.main_thread().ident
-        if main is not None and callable(signal.getsignal(signal.SIGTERM)):
+        if main is None or not callable(signal.getsignal(signal.SIGTERM)):
+            return
+        if hasattr(signal, "pthread_kill"):
             signal.pthread_kill(main, signal.SIGTERM)
+        else:
+            _thread.interrupt_main(signal.SIGTERM)
+
+
+_UP_AND_CLEAR: Final = "\x1b[1A\x1b[2K"
+
+
+def _is_in_front() -> bool:
+    """Return whether this program may use the terminal: it is not in a shell's background."""
+    if os.name != "posix":
+        return True
+    try:
+        return os.tcgetpgrp(sys.stdin.fileno()) == os.getpgrp()
+    except OSError:  # no job control on this terminal
+        return True
+
+
+def _read_typed() -> bytes:
+    """Return what was typed up to Enter, or nothing after a moment.
+
+    `os.read` is used, as a thread that waits in `sys.stdin` would block the end of the program.
+    """
+    keyboard = sys.stdin.fileno()
+    if os.name == "posix" and not select.select([keyboard], [], [], REFRESH_INTERVAL_S)[0]:
+        return b""
+    if not _is_in_front():
+        return b""
+    typed = os.read(keyboard, 4096)
+    if not typed:
+        raise OSError
+    return typed
+
+
+def status_lines(status: Status | None, *, is_pause_requested: bool) -> list[Text]:
+    """Return what an operator has to know of a session, before its first status and after it.
+
+    Examples
+    --------
+    >>> [line.plain for line in status_lines(None, is_pause_requested=False)]
+    ['The session begins ...']
+    """
+    if status is None:
+        return [_line(("The session begins ...", ""))]
+    lines = [
+        _line(
+            (_position(status), "bold"), (f"   {status.phase}   {format_left(status.left_s)}", "")
+        ),
+        _line(("device  ", "dim"), (status.device, "")),
+        _line(("noise   ", "dim"), (status.noise, "")),
+        *(_tally_line(site, tally) for site, tally in status.tallies.items()),
+    ]
+    if status.message:
+        hint = f" {RESUME_HINT}" if status.phase == Phase.PAUSED else ""
+        lines.append(_line((f"{status.message.rstrip('.')}.{hint}", "bold yellow")))
+    if is_pause_requested and status.phase != Phase.PAUSED:
+        lines.append(_line(("A pause follows this trial.", "yellow")))
+    return lines
+
+
+def format_left(left_s: float) -> str:
+    """Return a remaining time as an operator reads it.
+
+    Examples
+    --------
+    >>> format_left(1234.5), format_left(42.0)
+    ('21 min left', '50 s left')
+    """
+    if left_s <= _SECONDS_UP_TO_S:
+        return f"{math.ceil(left_s / _STEP_S) * _STEP_S} s left"
+    return f"{round(left_s / 60)} min left"
+
+
+def _position(status: Status) -> str:
+    names = {PRACTICE_BLOCK: "practice", HANDS_OFF_BLOCK: "before practice"}
+    block = names.get(status.block, f"block {status.block} of {status.blocks}")
+    return f"{status.done} of {status.planned} trials done   {block}"
+
+
+def _tally_line(site: str, tally: Tally) -> Text:
+    count = f"{tally.correct} of {tally.presented} correct"
+    return _line((f"{site:<8}", "dim"), (f"{count:<20}", ""), (" ".join(tally.last), "cyan"))
+
+
+def _line(*spans: tuple[str, str]) -> Text:
+    """Return a line that wraps at the width of the terminal."""
+    from rich.text import Text
+
+    return Text.assemble(*((escaped(text), style) for text, style in spans))

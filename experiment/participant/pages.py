@@ -2,98 +2,87 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
-from experiment.participant.window import BACKGROUND, DIM, FOREGROUND, PITCH
-from experiment.participant.wrapping import filled
-from experiment.rows import ANSWERS
+from experiment.participant.keys import ARROWS
+from experiment.participant.window import DIM, FOREGROUND, PITCH
 from experiment.trial.responder import SessionPart
 
 if TYPE_CHECKING:
+    from experiment.participant.settings import ResponderSettings
     from experiment.participant.window import Stage
-    from experiment.study.presentation import Keys, Screen, Texts
+    from experiment.tasks.task import Answer
     from experiment.trial.responder import Progress
 
     Page = list[Any]
+    Point = tuple[float, float]
 
 
 PLATE = "#6f8fa8"
 DISC = "#c9a227"
 SKIN = "#d9b99b"
 FELT = "#ff8c42"
-_TURN_OF = {"right": 0.0, "down": 90.0, "left": 180.0, "up": 270.0}
+_TURN_OF = {arrow: 90.0 * turns for turns, arrow in enumerate(ARROWS)}
+_SHAFT, _BARB = 0.12, 0.35
 _ARROW = (
-    (-0.5, 0.12),
-    (0.1, 0.12),
-    (0.1, 0.35),
-    (0.5, 0.0),
-    (0.1, -0.35),
-    (0.1, -0.12),
-    (-0.5, -0.12),
+    *((-0.5, _SHAFT), (0.1, _SHAFT), (0.1, _BARB), (0.5, 0.0)),
+    *((0.1, -_BARB), (0.1, -_SHAFT), (-0.5, -_SHAFT)),
 )
-_FELT_AT = {"left": (-1,), "right": (1,), "both": (-1, 1), "none": ()}
+"""An arrow to the right, of length 1, counted from its middle."""
 _NAMES = {"return": "Enter", "escape": "Esc", "space": "Space"}
-_SIGNS = {"left": "←", "right": "→", "up": "↑", "down": "↓"}
 WIDEST_PANEL = 0.36
 """Width of one answer's picture where there is room."""
 
 
-class Artist:
+class Drawings:
     """Draws on a stage the plate, fingers and the keys of every answer."""
 
-    def __init__(self, stage: Stage, keys: Keys) -> None:
+    def __init__(self, stage: Stage, settings: ResponderSettings) -> None:
         self._stage = stage
-        self._keys = keys
+        self._settings = settings
 
-    def placement(
-        self, answers: tuple[str, ...], *, middle: float, hands_off: bool = False
-    ) -> list[Any]:
-        """Draw, for each answer in a row, the fingers, what is felt, and the key beside it."""
-        width = min(WIDEST_PANEL, 1.9 * self._stage.half_width / len(answers))
+    def answers(self, part: SessionPart, *, middle: float) -> list[Any]:
+        """Draw, for each answer that counts in a part, the fingers, what is felt, and its keys."""
+        names = self._settings.answers(part)
+        width = min(WIDEST_PANEL, 1.9 * self._stage.half_width / len(names))
+        answers = {answer.name: answer for answer in self._settings.task.answers}
         drawings = []
-        for i, answer in enumerate(answers):
-            x = width * (i - (len(answers) - 1) / 2)
-            drawings += self._plate(answer, (x, middle), 0.8 * width, hands_off=hands_off)
-            drawings += self._caps(answer, (x, middle - 0.62 * width), width)
+        for i, name in enumerate(names):
+            at = (width * (i - (len(names) - 1) / 2), middle)
+            drawings += self._plate(answers[name], at, 0.8 * width, hands_off=part.hands_off)
+            drawings += self._caps(name, (at[0], middle - 0.62 * width), width)
         return drawings
 
     def bar(self, progress: Progress, *, middle: float) -> list[Any]:
         """Draw how far the session has come."""
         width, height = 1.2 * self._stage.half_width, 0.03
-        filled = width * progress.done / max(1, progress.planned)
+        done = width * progress.done / max(1, progress.planned)
         frame = self._box((0.0, middle), (width, height), line=DIM)
-        if not filled:
-            return [frame]
-        inner = self._box(((filled - width) / 2, middle), (filled, height), fill=PLATE)
-        return [inner, frame]
+        inner = ((done - width) / 2, middle)
+        return [*([self._box(inner, (done, height), fill=PLATE)] if done else []), frame]
 
-    def _plate(
-        self, answer: str, at: tuple[float, float], width: float, *, hands_off: bool
-    ) -> list[Any]:
+    def _plate(self, answer: Answer, at: Point, width: float, *, hands_off: bool) -> list[Any]:
+        """Draw plate and actuators, and a finger above each; circles where a vibration is felt."""
         x, y = at
-        drawings = [self._box((x, y), (width, 0.22 * width), fill=PLATE)]
-        for side in (-1, 1):
-            disc = (x + side * 0.27 * width, y)
-            felt = side in _FELT_AT[answer]
+        drawings = [self._box(at, (width, 0.22 * width), fill=PLATE)]
+        sites = self._settings.task.sites
+        for i, site in enumerate(sites):
+            disc = (x + (2 * i - len(sites) + 1) / len(sites) * 0.54 * width, y)
+            is_felt = site in answer.sites
             drawings.append(self._disc(disc, 0.08 * width, fill=DISC))
-            if felt:
-                drawings += [self._disc(disc, radius * width, line=FELT) for radius in (0.15, 0.19)]
-            tip = y - 0.27 * width if hands_off else y
-            drawings += self._finger(
-                (disc[0], tip), width, fill=FELT if felt and not hands_off else SKIN
-            )
+            circles = (0.15, 0.19) if is_felt else ()
+            drawings += [self._disc(disc, radius * width, line=FELT) for radius in circles]
+            tip = (disc[0], y - 0.27 * width if hands_off else y)
+            skin = FELT if is_felt and not hands_off else SKIN
+            finger = (tip[0], tip[1] - 0.12 * width)
+            drawings.append(self._box(finger, (0.1 * width, 0.24 * width), fill=skin))
+            drawings.append(self._disc(tip, 0.05 * width, fill=skin))
         return drawings
 
-    def _finger(self, tip: tuple[float, float], width: float, *, fill: str) -> list[Any]:
-        x, y = tip
-        return [
-            self._box((x, y - 0.12 * width), (0.1 * width, 0.24 * width), fill=fill),
-            self._disc((x, y), 0.05 * width, fill=fill),
-        ]
-
-    def _caps(self, answer: str, at: tuple[float, float], width: float) -> list[Any]:
+    def _caps(self, answer: str, at: Point, width: float) -> list[Any]:
         """Draw the keys of an answer beside one another."""
-        keys: tuple[str, ...] = getattr(self._keys, answer)
+        keys = self._settings.keys.meanings[answer]
         side = min(0.2 * width, 0.9 * width / len(keys))
         drawings = []
         for i, key in enumerate(keys):
@@ -101,84 +90,49 @@ class Artist:
             drawings += self._cap(key, (x, at[1]), side, alone=len(keys) == 1)
         return drawings
 
-    def _cap(self, key: str, at: tuple[float, float], side: float, *, alone: bool) -> list[Any]:
+    def _cap(self, key: str, at: Point, side: float, *, alone: bool) -> list[Any]:
         label = _label(key)
         wide = alone and key not in _TURN_OF and len(label) > 1
         width = 3 * side if wide else side
         frame = self._box(at, (width, side), line=FOREGROUND)
         if key in _TURN_OF:
-            return [frame, self._arrow(at, 0.7 * side, _TURN_OF[key])]
+            arrow = {"vertices": _ARROW, "size": 0.7 * side, "ori": _TURN_OF[key]}
+            return [frame, self._shape("ShapeStim", at, {"fill": FOREGROUND}, **arrow)]
         if key == "space":
-            place = (at[0], at[1] - 0.2 * side)
-            return [frame, self._box(place, (0.6 * width, 0.08 * side), fill=FOREGROUND)]
+            bar = (at[0], at[1] - 0.2 * side)
+            return [frame, self._box(bar, (0.6 * width, 0.08 * side), fill=FOREGROUND)]
         height = min(0.6 * side, 1.4 * width / len(label))
         top = at[1] + 0.75 * height
         return [frame, *self._stage.lines((label,), top=top, height=height, x=at[0])]
 
-    def _box(
-        self,
-        at: tuple[float, float],
-        size: tuple[float, float],
-        *,
-        fill: str | None = None,
-        line: str | None = None,
-    ) -> Any:
-        from psychopy.visual import Rect
+    def _box(self, at: Point, size: tuple[float, float], **look: str) -> Any:
+        return self._shape("Rect", at, look, width=size[0], height=size[1])
 
-        return Rect(
+    def _disc(self, at: Point, radius: float, **look: str) -> Any:
+        return self._shape("Circle", at, look, radius=radius, edges=48)
+
+    def _shape(self, kind: str, at: Point, look: dict[str, str], **form: Any) -> Any:
+        """Return a shape of PsychoPy; `look` gives the colours of its `fill` and of its `line`."""
+        from psychopy import visual
+
+        return getattr(visual, kind)(
             self._stage.window,
-            width=size[0],
-            height=size[1],
             pos=at,
-            fillColor=fill,
-            lineColor=line,
+            fillColor=look.get("fill"),
+            lineColor=look.get("line"),
             lineWidth=2,
             autoLog=False,
-        )
-
-    def _disc(
-        self,
-        at: tuple[float, float],
-        radius: float,
-        *,
-        fill: str | None = None,
-        line: str | None = None,
-    ) -> Any:
-        from psychopy.visual import Circle
-
-        return Circle(
-            self._stage.window,
-            radius=radius,
-            edges=48,
-            pos=at,
-            fillColor=fill,
-            lineColor=line,
-            lineWidth=2,
-            autoLog=False,
-        )
-
-    def _arrow(self, at: tuple[float, float], size: float, turn_deg: float) -> Any:
-        from psychopy.visual import ShapeStim
-
-        return ShapeStim(
-            self._stage.window,
-            vertices=_ARROW,
-            size=size,
-            ori=turn_deg,
-            pos=at,
-            fillColor=FOREGROUND,
-            lineColor=BACKGROUND,
-            autoLog=False,
+            **form,
         )
 
 
 def labelled(keys: tuple[str, ...]) -> str:
     """Return the keys of an answer as they are named in a text, in any language.
 
-    >>> labelled(("left", "num_4")), labelled(("space",)), labelled(("button_2",))
-    ('← / 4', 'Space', 'B2')
+    >>> labelled(("up", "num_4")), labelled(("space",)), labelled(("button_2",))
+    ('↑ / 4', 'Space', 'B2')
     """
-    return " / ".join(_SIGNS.get(key) or _label(key) for key in keys)
+    return " / ".join(ARROWS.get(key) or _label(key) for key in keys)
 
 
 def _label(key: str) -> str:
@@ -186,7 +140,7 @@ def _label(key: str) -> str:
     return _NAMES.get(key, key.upper() if len(key) == 1 else short)
 
 
-_EACH_WAY = (SessionPart.MAIN, SessionPart.CONTROL)
+_EACH_WAY = (SessionPart.MAIN, SessionPart.HANDS_OFF_AFTER)
 """A part with the fingers on the plate, and one without."""
 _TOP = 0.44
 _GO_ON_AT = -0.42
@@ -198,82 +152,65 @@ _GOOD, _BAD = "#7fc97f", "#fdae6b"
 
 
 class Pages:
-    """Lays out what a study says, for the answers offered, on a stage."""
+    """Lays out what a study says, for the answers offered, on a stage.
 
-    def __init__(
-        self, stage: Stage, *, screen: Screen, keys: Keys, texts: Texts, responses: tuple[str, ...]
-    ) -> None:
+    `ready` announces a trial; `prompts` asks, by whether the hands are off the plate; `feedback`
+    follows a practice answer, by whether it is correct.
+    """
+
+    def __init__(self, stage: Stage, settings: ResponderSettings) -> None:
         self._stage = stage
-        self._screen = screen
-        self._texts = texts
-        self._responses = responses
-        self._artist = Artist(stage, keys)
-        named = (*ANSWERS, "go_on")
-        self._labels = {meaning: labelled(getattr(keys, meaning)) for meaning in named}
-        self._go_on = self._hint(filled(texts.go_on, self._labels))
+        self._screen = settings.screen
+        self._texts = texts = settings.texts
+        self._drawings = Drawings(stage, settings)
+        self._labels = {meaning: labelled(keys) for meaning, keys in settings.keys.meanings.items()}
+        self._continue = self._hint(texts.continue_.format(**self._labels))
         self.ready: Page = stage.centred(texts.ready, middle=0.0)
         # Drawn before they are needed: nothing may take a while once a stimulus is out.
-        self._prompts = {part.hands_off: self._prompt(part) for part in _EACH_WAY}
-        self._feedback = {
+        self.prompts = {
+            part.hands_off: [
+                *stage.centred(settings.prompt(part).format(**self._labels), middle=0.18),
+                *self._drawings.answers(part, middle=-0.12),
+            ]
+            for part in _EACH_WAY
+        }
+        self.feedback = {
             True: stage.centred(texts.correct, middle=0.0, color=_GOOD),
-            False: stage.centred(texts.wrong, middle=0.0, color=_BAD),
+            False: stage.centred(texts.incorrect, middle=0.0, color=_BAD),
         }
 
-    def feedback(self, *, correct: bool) -> Page:
-        """Return what a practice answer is followed by."""
-        return self._feedback[correct]
-
-    def prompt(self, part: SessionPart) -> Page:
-        """Return the question after a stimulus, with the answers that count in a part."""
-        return self._prompts[part.hands_off]
-
-    def _prompt(self, part: SessionPart) -> Page:
-        text = self._texts.prompt_hands_off if part.hands_off else self._texts.prompt
-        return [
-            *self._stage.centred(filled(text, self._labels), middle=0.18),
-            *self._answers(part, middle=-0.12),
-        ]
-
-    def before_sitting(self) -> list[Page]:
+    def before_visit(self) -> list[Page]:
         """Return welcome and instructions."""
-        texts = self._texts
-        return [
-            *self._reading(texts.welcome),
-            *self._reading(filled(texts.instructions or "", self._labels)),
-        ]
+        instructions = self._texts.instructions.format(**self._labels)
+        return [*self._reading(self._texts.welcome), *self._reading(instructions)]
 
     def before_part(self, part: SessionPart, *, lay: bool) -> list[Page]:
         """Return where the fingers are laid, if they have to be, and what a part asks for."""
-        text = filled(getattr(self._texts, part.value), self._labels)
-        picture = self._answers(part, middle=_PICTURE_AT)
+        text = getattr(self._texts, part).format(**self._labels)
+        picture = self._drawings.answers(part, middle=_PICTURE_AT)
         placement = self._reading(self._texts.placement, picture) if lay else []
         return [*placement, *self._reading(text, picture)]
 
-    def _answers(self, part: SessionPart, *, middle: float) -> Page:
-        """Draw the answers that count in a part, the fingers where they are in it."""
-        return self._artist.placement(
-            part.answers(self._responses), middle=middle, hands_off=part.hands_off
-        )
-
-    def pause(self, progress: Progress, *, go_on: bool) -> Page:
+    def pause(self, progress: Progress, *, may_continue: bool) -> Page:
         """Return a pause, with the hint how to go on where the participant may."""
-        return self._halt(self._texts.paused, progress, go_on=go_on)
+        called = "" if may_continue else f"\n{self._texts.called}"
+        return self._halt(self._texts.paused + called, progress, may_continue=may_continue)
 
     def rest(self, progress: Progress, *, left_s: int) -> Page:
         """Return a break that lasts at least so many seconds more."""
         text = self._texts.rest if left_s else self._texts.rest_over
-        return self._halt(text, progress, go_on=not left_s, seconds=left_s)
+        return self._halt(text, progress, may_continue=not left_s, seconds=left_s)
 
     def end(self, progress: Progress, *, finished: bool) -> Page:
         """Return the last page."""
         text = self._texts.finished if finished else self._texts.stopped
-        return self._halt(text, progress, go_on=finished)
+        return self._halt(text, progress, may_continue=finished)
 
-    def _halt(self, text: str, progress: Progress, *, go_on: bool, seconds: int = 0) -> Page:
-        facts = {"done": progress.done, "planned": progress.planned, "seconds": seconds}
-        hint = self._go_on if go_on else []
-        bar = self._artist.bar(progress, middle=-0.15)
-        return [*self._stage.centred(filled(text, facts), middle=0.12), *bar, *hint]
+    def _halt(self, text: str, progress: Progress, *, may_continue: bool, seconds: int = 0) -> Page:
+        text = text.format(done=progress.done, planned=progress.planned, seconds=seconds)
+        hint = self._continue if may_continue else []
+        bar = self._drawings.bar(progress, middle=-0.15)
+        return [*self._stage.centred(text, middle=0.12), *bar, *hint]
 
     def _reading(self, text: str, picture: Page | None = None) -> list[Page]:
         """Break a text into as many pages as it needs, the picture below the last."""
@@ -291,14 +228,12 @@ class Pages:
     def _page(self, lines: tuple[str, ...], picture: Page | None = None) -> Page:
         height = PITCH * self._screen.text_height * len(lines)
         top = min(_TOP, height / 2) if picture is None else _TOP
-        return [*self._stage.lines(lines, top=top), *(picture or ()), *self._go_on]
+        return [*self._stage.lines(lines, top=top), *(picture or ()), *self._continue]
 
     def _hint(self, text: str) -> Page:
         """Draw a line below, as small as needed to be one."""
-        height, width = min(0.8 * self._screen.text_height, 0.045), 1.9 * self._stage.half_width
-        while (
-            height > _SMALLEST_TEXT
-            and len(self._stage.broken(text, width=width, height=height)) > 1
-        ):
+        height = min(0.8 * self._screen.text_height, 0.045)
+        broken = partial(self._stage.broken, text, width=1.9 * self._stage.half_width)
+        while height > _SMALLEST_TEXT and len(broken(height=height)) > 1:
             height *= 0.9
         return self._stage.lines((text,), top=_GO_ON_AT, color=DIM, height=height)

@@ -4,21 +4,18 @@ from __future__ import annotations
 
 import contextlib
 import math
-from dataclasses import asdict
+from itertools import chain
 from typing import TYPE_CHECKING, Self
 
 from experiment.operator.requests import StopRequested
 from experiment.trial.responder import ESCAPE, Press, SessionPart
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
     from device.clock import Clock
-    from experiment.participant.buttons import ButtonReader
-    from experiment.participant.keys import KeyReader
-    from experiment.participant.pages import Page, Pages
+    from experiment.participant.pages import Page
     from experiment.participant.settings import ResponderSettings
-    from experiment.participant.window import Stage
     from experiment.trial.responder import AwaitedAnswer, Progress
 
 
@@ -57,55 +54,38 @@ class ScreenResponder:
     def __init__(self, settings: ResponderSettings, clock: Clock) -> None:
         self._clock = clock
         self._settings = settings
-        self._keys = keys = settings.keys
         self._requests = settings.requests
-        self._stop = settings.stop
+        self._keys = keys = settings.keys
         self._paused_by_key = False
         self._part = SessionPart.MAIN
         self._fingers_on = False
-        answers = {
-            key: name for name in ("left", "right", "both", "none") for key in getattr(keys, name)
-        }
+        answers = {key: name for name in settings.task.answer_names for key in getattr(keys, name)}
         self._meaning = answers | dict.fromkeys(keys.pause, ESCAPE)
-
-    _stage: Stage
-    _pages: Pages
-    _reader: KeyReader
 
     def __enter__(self) -> Self:
         from experiment.participant.window import Stage
 
         settings = self._settings
-        self._stage = Stage(settings.screen)  # first: it tells what is missing
-        from experiment.participant.keys import KeyReader
+        self._stage = Stage(settings.screen)  # first: its error says what is missing
+        from experiment.participant.keys import PREFIX, ButtonReader, KeyReader
         from experiment.participant.pages import Pages
 
-        self._pages = Pages(
-            self._stage,
-            screen=settings.screen,
-            keys=settings.keys,
-            texts=settings.texts,
-            responses=settings.responses,
-        )
+        self._pages = Pages(self._stage, settings)
+        has_buttons = any(key.startswith(PREFIX) for key in chain(*self._keys.meanings.values()))
         self._reader = KeyReader(
-            self._clock, keep=self._keys.pause, tell=self._tell, buttons=self._buttons()
+            self._clock,
+            keep=self._keys.pause,
+            report=self._leave_note,
+            buttons=ButtonReader(self._clock) if has_buttons else None,
         )
         if not self._stage.has_font:
-            self._tell(f"font {settings.screen.font} is not installed here: another one is shown")
-        prompts = [self._pages.prompt(part) for part in SessionPart]
-        for page in (*prompts, self._pages.ready):
+            self._leave_note(
+                f"font {settings.screen.font} is not installed here: another one is shown"
+            )
+        for page in (*self._pages.prompts.values(), self._pages.ready):
             self._stage.show(page)  # what is drawn first is drawn slowly
         self._stage.show(())
         return self
-
-    def _buttons(self) -> ButtonReader | None:
-        """Listen to controllers where any button means anything."""
-        from experiment.participant.buttons import PREFIX, ButtonReader
-
-        named = (key for keys in asdict(self._keys).values() for key in keys)
-        if not any(key.startswith(PREFIX) for key in named):
-            return None
-        return ButtonReader(self._clock)
 
     def __exit__(self, *_: object) -> None:
         self._reader.close()
@@ -119,7 +99,7 @@ class ScreenResponder:
         self._fingers_on = False
         self._stage.take_focus()
         self._reader.drop_all()
-        return self._read_through(self._pages.before_sitting(), progress)
+        return self._read_through(self._pages.before_visit(), progress)
 
     def introduce(self, part: SessionPart, progress: Progress) -> bool:
         """Tell where the fingers go and what the part asks for."""
@@ -139,13 +119,13 @@ class ScreenResponder:
 
     def ask(self, question: AwaitedAnswer) -> Press | None:
         """Wait for the answer; a key pressed before the onset is one, with its time."""
-        self._stage.show(self._pages.prompt(self._part))
+        self._stage.show(self._pages.prompts[self._part.hands_off])
         return self._pressed(question.onset_s + question.window_s + KEY_DELAY_S)
 
     def feedback(self, *, correct: bool) -> None:
         """Show whether a practice answer was right, for a moment."""
-        self._stage.show(self._pages.feedback(correct=correct))
-        self._linger(FEEDBACK_S)
+        self._stage.show(self._pages.feedback[correct])
+        self._hold(FEEDBACK_S)
 
     def pause(self, progress: Progress, *, paused: bool, minimum_s: float) -> bool:
         """Hold a pause or offer a break.
@@ -154,13 +134,17 @@ class ScreenResponder:
         the operator ends it at any time. The key for a pause makes a pause of a break, and stops
         the session in a pause.
         """
-        self._requests.take_go_on()
+        self._requests.take_continue()
         if paused and not self._paused_by_key:
             self._reader.drop_all()
         else:
             self._reader.drop_earlier()
         self._paused_by_key = False
-        if not paused and self._rest(progress, self._clock.now_s() + minimum_s):
+        rested_s = self._clock.now_s() + minimum_s
+        if not paused and self._show_until_continued(
+            lambda left_s: self._pages.rest(progress, left_s=left_s),
+            lambda: max(0, math.ceil(rested_s - self._clock.now_s())),
+        ):
             return True
         return self._hold_pause(progress)
 
@@ -168,39 +152,41 @@ class ScreenResponder:
         """Say good-bye until the key to go on, or for a moment after an early end."""
         self._stage.show(self._pages.end(progress, finished=finished))
         if not finished:
-            self._linger(STOPPED_S)
+            self._hold(STOPPED_S)
             return
         self._reader.drop_all()
         until_s = self._clock.now_s() + END_S
         with contextlib.suppress(StopRequested):
-            while (stroke := self._stroke(until_s)) and stroke[0] not in self._keys.go_on:
+            while (
+                press := self._next_press(until_s)
+            ) and press.response not in self._keys.continue_:
                 pass
 
-    def _rest(self, progress: Progress, rested_s: float) -> bool:
-        """Show a break and what is left of its least time; ``False`` if a pause is wanted."""
-        shown = -1
-        while True:
-            left_s = max(0, math.ceil(rested_s - self._clock.now_s()))
-            if left_s != shown:
-                shown = left_s
-                self._stage.show(self._pages.rest(progress, left_s=left_s))
-            key = self._next_key()
-            if key in self._keys.pause:
-                return False
-            if (key in self._keys.go_on and not left_s) or self._requests.take_go_on():
-                self._stage.take_focus()
-                return True
-
     def _hold_pause(self, progress: Progress) -> bool:
-        asked = None
+        """Show a pause, which only the operator ends where they asked for it."""
+        return self._show_until_continued(
+            lambda asked: self._pages.pause(progress, may_continue=not asked),
+            lambda: self._requests.paused,
+        )
+
+    def _show_until_continued(
+        self, page: Callable[[int], Page], reason_to_wait: Callable[[], int]
+    ) -> bool:
+        """Show a page until somebody continues; ``False`` if the key for a pause is pressed.
+
+        As long as there is a reason to wait, only the operator can continue. It is given to `page`,
+        which is shown anew when it changes.
+        """
+        shown: int | None = None
         while True:
-            if asked is not self._requests.paused:
-                asked = self._requests.paused
-                self._stage.show(self._pages.pause(progress, go_on=not asked))
+            reason = reason_to_wait()
+            if reason != shown:
+                shown = reason
+                self._stage.show(page(reason))
             key = self._next_key()
             if key in self._keys.pause:
                 return False
-            if (key in self._keys.go_on and not asked) or self._requests.take_go_on():
+            if (key in self._keys.continue_ and not reason) or self._requests.take_continue():
                 self._stage.take_focus()
                 return True
 
@@ -210,61 +196,54 @@ class ScreenResponder:
 
     def _read_page(self, page: Page, progress: Progress) -> bool:
         self._reader.drop_earlier()
-        self._stage.show(page)
-        while True:
-            key = self._next_key()
-            if key in self._keys.go_on or self._requests.take_go_on():
-                return True
-            if key in self._keys.pause:
-                if not self._hold_pause(progress):
-                    return False
-                self._stage.show(page)
+        while not self._show_until_continued(lambda _: page, lambda: False):
+            if not self._hold_pause(progress):
+                return False
+        return True
 
     def _pressed(self, until_s: float) -> Press | None:
         """Return the next key's meaning, or its name; ``None`` when the time is over."""
-        stroke = self._stroke(until_s)
-        if stroke is None:
+        press = self._next_press(until_s)
+        if press is None:
             return None
-        meaning = self._meaning.get(stroke[0], f"key {stroke[0]}")
+        meaning = self._meaning.get(press.response, f"key {press.response}")
         self._paused_by_key = meaning == ESCAPE
-        return Press(meaning, stroke[1])
+        return Press(meaning, press.time_s)
 
     def _next_key(self) -> str | None:
         """Return the next key, ``None`` after a moment without."""
-        stroke = self._stroke(self._clock.now_s() + 5 * POLL_S)
-        return None if stroke is None else stroke[0]
+        press = self._next_press(self._clock.now_s() + 5 * POLL_S)
+        return None if press is None else press.response
 
-    def _stroke(self, until_s: float) -> tuple[str, float] | None:
+    def _next_press(self, until_s: float) -> Press | None:
         """Return a key and when it was pressed, ``None`` when the time is over.
 
         A window that was closed ends the wait by `StopRequested`, as a wish to stop does.
         """
         while True:
-            self._heed_stop()
-            stroke = self._reader.next()
-            if stroke is None:
+            self._stage.poll()
+            if self._stage.closed and not self._settings.stop.asked:
+                self._settings.stop.ask()
+            if self._settings.stop.asked:
+                raise StopRequested
+            press = self._reader.next()
+            if press is None:
                 left_s = until_s - self._clock.now_s()
                 if left_s <= 0:
                     return None
                 self._clock.wait(min(POLL_S, left_s))
             elif self._stage.focused:
-                return stroke.key, stroke.time_s
+                return press
             else:
-                self._tell(f"a key ({stroke.key}) was not heard: the window had lost the keyboard")
+                key = press.response
+                self._leave_note(f"a key ({key}) was not heard: the window had lost the keyboard")
 
-    def _heed_stop(self) -> None:
-        self._stage.poll()
-        if self._stage.closed and not self._stop.asked:
-            self._stop.ask()
-        if self._stop.asked:
-            raise StopRequested
-
-    def _linger(self, duration_s: float) -> None:
+    def _hold(self, duration_s: float) -> None:
         """Leave a screen for a moment; keys stay unread."""
         until_s = self._clock.now_s() + duration_s
         while not self._stage.closed and (left_s := until_s - self._clock.now_s()) > 0:
             self._stage.poll()
             self._clock.wait(min(5 * POLL_S, left_s))
 
-    def _tell(self, what: str) -> None:
-        self._requests.note(f"screen: {what}")
+    def _leave_note(self, text: str) -> None:
+        self._requests.note(f"screen: {text}")

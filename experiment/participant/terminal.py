@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import contextlib
 import os
+import re
 import select
 import shutil
 import sys
-from dataclasses import asdict
-from typing import TYPE_CHECKING, Any, Final, Self
+from typing import TYPE_CHECKING, Final, Self
 
 from experiment.operator.requests import StopRequested
-from experiment.operator.terminal import KEY, read_keys
-from experiment.participant.wrapping import filled, wrapped
+from experiment.participant.keys import ARROWS
+from experiment.participant.window import wrapped
 from experiment.study.design import EARLIEST_ANSWER_S
-from experiment.study.presentation import TYPED, untyped_of
+from experiment.study.key_names import TYPED
 from experiment.trial.responder import ESCAPE, Press, SessionPart
 
 if TYPE_CHECKING:
@@ -27,21 +27,26 @@ if TYPE_CHECKING:
 _WORDS: Final = {
     "return": "Enter",
     "escape": "Esc",
-    **{side: f"{side} arrow" for side in ("left", "right", "up", "down")},
+    **{arrow: f"{arrow} arrow" for arrow in ARROWS},
 }
-TOO_EARLY: Final = " (too early)"
 _COUNTED: Final = {
-    SessionPart.AUDIBILITY: ("hands off", "hands-off trials"),
+    SessionPart.HANDS_OFF_BEFORE: ("hands off", "hands-off trials"),
     SessionPart.PRACTICE: ("practice", "practice trials"),
-    SessionPart.CONTROL: ("hands off", "hands-off trials"),
+    SessionPart.HANDS_OFF_AFTER: ("hands off", "hands-off trials"),
 }
 """What is counted apart from the trials of the task, and several of them."""
 _PLACEMENT: Final = (
-    "Lay one finger of each hand on the plate, above the left and the right actuator, and keep "
-    "them there."
+    "Lay one finger of each hand on the plate, one above each actuator, and keep them there."
 )
 """In the place of the default, which speaks of a picture."""
-_ALWAYS_SHOWN: Final = ("welcome", "instructions", "placement", "prompt")
+
+
+KEY: Final = re.compile(r"\x1b\[[0-?]*[ -/]*[@-~]|\x1bO.|.", re.DOTALL)
+"""A key: a control sequence as a whole, or one character."""
+_UNFINISHED: Final = re.compile(rb"(?<!\x1b)\x1b(\[[0-?]*[ -/]*|O)?\Z")
+"""What a key's control sequence may begin with; of Esc held down only the first is waited for."""
+_MAX_BYTES: Final = 1024
+_REST_S: Final = 0.05
 
 
 class NoTerminalError(ValueError):
@@ -73,19 +78,17 @@ class TerminalResponder:
                 "--responder terminal needs a terminal (on Linux or macOS) as standard input; "
                 "use --responder simulated to try a study out without one"
             )
-        _require_encodable(settings.texts, settings.parts, sys.stdout.encoding)
+        _require_encodable(settings.texts, sys.stdout.encoding)
         self._meaning, self._labels = _typed_keys(settings)
         self._clock = clock
-        self._responses = self._answers = settings.responses
-        self._texts = settings.texts
-        shown = self._texts.placement
-        self._placement = _PLACEMENT if shown == type(self._texts)().placement else shown
+        self._answers = settings.responses
+        self._session = settings
+        is_default = settings.texts.placement == settings.task.texts["placement"]
+        self._placement = _PLACEMENT if is_default else settings.texts.placement
         self._fingers_on = False
         self._asked: AwaitedAnswer | None = None
         self._input = sys.stdin.fileno()
-        self._settings: list[Any] = []
-        self._typed = ""
-        self._key_s = 0.0
+        self._typed: list[str] = []
         self._gone = False
 
     def __enter__(self) -> Self:
@@ -107,41 +110,34 @@ class TerminalResponder:
         """Welcome and instruct; the fingers are laid on the plate when a part needs them."""
         self._fingers_on = False
         self._forget_typed()
-        told = (self._texts.welcome, self._with_keys(self._texts.instructions or ""))
-        self._say("", *_broken(*told), "")
+        instructions = self._session.texts.instructions.format(**self._labels)
+        self._say("", *_broken(self._session.texts.welcome, instructions), "")
+        keys = (f"{answer}: {self._labels[answer]}" for answer in self._answers)
+        self._say(*_broken(", ".join(keys)), "")
         pause = self._labels["pause"]
-        self._say(*_broken(self._key_list()), "")
-        self._say(f"In a trial {pause} pauses; in a pause, or on a page as this, it stops.", "")
+        self._say(f"{pause} pauses a trial. On a page like this one, it ends the session.", "")
         return self._goes_on()
-
-    def _key_list(self) -> str:
-        return ", ".join(f"{answer}: {self._labels[answer]}" for answer in self._responses)
 
     def introduce(self, part: SessionPart, progress: Progress) -> bool:
         """Say where the fingers go, what the part asks for, and the keys of its answers."""
-        texts = self._texts
         lay = not part.hands_off and not self._fingers_on
         self._fingers_on = not part.hands_off
-        told = (
-            *([self._placement] if lay else []),
-            self._with_keys(getattr(texts, part.value)),
-            self._with_keys(texts.prompt_hands_off if part.hands_off else texts.prompt),
-        )
-        lines = (
-            *_broken(*told),
-            *(f"  {answer:<6} {self._labels[answer]}" for answer in part.answers(self._responses)),
-        )
+        texts = (getattr(self._session.texts, part), self._session.prompt(part))
+        shown = [self._placement] * lay + [text.format(**self._labels) for text in texts]
+        answers = self._session.answers(part)
         self._forget_typed()
-        self._say("", "", *lines, "")
+        keys = (f"  {answer:<6} {self._labels[answer]}" for answer in answers)
+        self._say("", "", *_broken(*shown), *keys, "")
         return self._goes_on()
 
     def cue(self, progress: Progress) -> None:
         """Show the trial's number in its part, if it counts; keys typed before are dropped."""
         self._forget_typed()
-        self._answers = progress.part.answers(self._responses)
-        one, _ = _COUNTED.get(progress.part, ("trial", ""))
-        place = f"{one} {progress.done + 1} of {progress.planned}"
-        self._say("", f"{'warm-up' if progress.part == SessionPart.WARM_UP else place}  ...")
+        self._answers = self._session.answers(progress.part)
+        noun, _ = _COUNTED.get(progress.part, ("trial", ""))
+        is_counted = progress.part != SessionPart.WARM_UP
+        trial = f"{noun} {progress.done + 1} of {progress.planned}" if is_counted else "warm-up"
+        self._say("", f"{trial}  ...")
 
     def wait(self, until_s: float) -> Press | None:
         """Let the foreperiod pass; of an answer in it, it is said that it is too early."""
@@ -150,7 +146,7 @@ class TerminalResponder:
             return None
         response = self._word(key)
         if response in self._answers:
-            self._say(TOO_EARLY)
+            self._say(" (too early)")
         return Press(response, self._key_s)
 
     def ask(self, question: AwaitedAnswer) -> Press | None:
@@ -171,7 +167,7 @@ class TerminalResponder:
 
     def feedback(self, *, correct: bool) -> None:
         """Say whether a practice answer was right."""
-        self._say(f" - {self._texts.correct if correct else self._texts.wrong}")
+        self._say(f" - {self._session.texts.correct if correct else self._session.texts.incorrect}")
 
     def pause(self, progress: Progress, *, paused: bool, minimum_s: float) -> bool:
         """Wait for the key to go on, or that for a pause, which stops.
@@ -183,34 +179,32 @@ class TerminalResponder:
         _, of = _COUNTED.get(progress.part, ("", "trials"))
         self._say("", f"{what}: {progress.done} of {progress.planned} {of} are done.", "")
         if minimum_s > 0:
-            stops = f"{self._labels['pause']} stops the session"
-            self._say(f"Rest for at least {minimum_s:g} s; {stops}.", "")
-            rested_s = self._clock.now_s() + minimum_s
-            while (key := self._read(rested_s)) is not None:
-                if self._meaning.get(key) == "pause":
-                    return False
+            pause = self._labels["pause"]
+            self._say(f"Rest for at least {minimum_s:g} s. {pause} stops the session.", "")
+            if self._await_key("pause", until_s=self._clock.now_s() + minimum_s):
+                return False
         return self._goes_on()
 
     def end(self, progress: Progress, *, finished: bool) -> None:
         """Say nothing: the command reports how it ended."""
 
-    def _with_keys(self, text: str) -> str:
-        return filled(text, self._labels)
-
     def _goes_on(self) -> bool:
         """Wait for a person to go on; ``False`` means stop."""
-        go_on, pause = self._labels["go_on"], self._labels["pause"]
-        self._say(f"{go_on} goes on, {pause} stops the session.", "")
-        while True:
-            key = self._read(None)
-            meaning = None if key is None else self._meaning.get(key)
-            if meaning in {"go_on", "pause"}:
-                return meaning == "go_on"
+        resume, pause = self._labels["continue"], self._labels["pause"]
+        self._say(f"Press {resume} to continue, or {pause} to stop the session.", "")
+        return self._await_key("continue", "pause") == "continue"
+
+    def _await_key(self, *meanings: str, until_s: float | None = None) -> str | None:
+        """Return the meaning of the next key that has one of these; None when the time is over."""
+        while (key := self._read(until_s)) is not None:
+            if (meaning := self._meaning.get(key)) in meanings:
+                return meaning
+        return None
 
     def _word(self, key: str) -> str:
         """Return the answer that a key stands for, else its name."""
-        meaning = self._meaning.get(key, "go_on")
-        if meaning == "go_on":
+        meaning = self._meaning.get(key, "continue")
+        if meaning == "continue":
             return key if key.isprintable() else f"key {key!a}"
         return ESCAPE if meaning == "pause" else meaning
 
@@ -218,8 +212,7 @@ class TerminalResponder:
         """Drop the keys that were typed so far, but those of one meaning."""
         while not self._gone and select.select([self._input], [], [], 0)[0]:
             self._typed += self._typed_now()
-        keys = KEY.findall(self._typed)
-        self._typed = "".join(key for key in keys if self._meaning.get(key, "-") == but)
+        self._typed = [key for key in self._typed if self._meaning.get(key, "-") == but]
 
     def _say(self, *lines: str) -> None:
         """Write lines; the last stays open. A terminal that is gone ends the next wait."""
@@ -247,24 +240,28 @@ class TerminalResponder:
             ready, _, _ = select.select([self._input], [], [], remaining_s)
             if not ready:
                 return None
-            self._key_s = self._clock.now_s()  # Esc is waited for, but came now
-            self._typed = self._typed_now()
-        else:
-            self._key_s = self._clock.now_s()
-        match = KEY.match(self._typed)
-        assert match is not None
-        self._typed = self._typed[match.end() :]
-        return match[0]
+        self._key_s = self._clock.now_s()  # the rest of Esc is waited for, but it came now
+        self._typed = self._typed or self._typed_now()
+        return self._typed.pop(0)
 
-    def _typed_now(self) -> str:
-        try:
-            typed = read_keys(self._input)
-        except OSError:
-            typed = b""
+    def _typed_now(self) -> list[str]:
+        """Return the keys that are typed; waits for the first key, and for the rest of one.
+
+        A key may arrive in pieces, whose first alone would be Esc: that is Esc only if nothing
+        follows.
+        """
+        typed = b""
+        with contextlib.suppress(OSError):
+            typed = os.read(self._input, _MAX_BYTES)
+            while _UNFINISHED.search(typed) and select.select([self._input], [], [], _REST_S)[0]:
+                rest = os.read(self._input, _MAX_BYTES)
+                typed += rest
+                if not rest:
+                    break
         if not typed:
             self._lose_terminal()
             raise StopRequested
-        return typed.decode(errors="replace")
+        return KEY.findall(typed.decode(errors="replace"))
 
 
 def _broken(*texts: str) -> list[str]:
@@ -280,31 +277,33 @@ def _typed_keys(settings: ResponderSettings) -> tuple[dict[str, str], dict[str, 
 
     NoTerminalError where a meaning has no key that can be typed, or two share one.
     """
-    answers = [answer for part in settings.parts for answer in part.answers(settings.responses)]
-    if said := untyped_of(settings.keys, tuple(dict.fromkeys(answers))):
-        raise NoTerminalError(f"{said}; or use --responder screen")
+    answers = [answer for part in settings.parts for answer in settings.answers(part)]
     meanings: dict[str, str] = {}
     labels = {}
-    for meaning, names in asdict(settings.keys).items():
+    for meaning, names in settings.keys.meanings.items():
         typed = [name for name in names if name in TYPED]
+        if not typed and meaning in {*answers, "pause", "continue"}:
+            raise NoTerminalError(
+                f"keys.{meaning}: none of {', '.join(names)} can be typed at a terminal; add a key "
+                "that can, or use --responder screen"
+            )
         shown = (_WORDS.get(name, name.removeprefix("num_")) for name in typed)
         labels[meaning] = " or ".join(dict.fromkeys(shown))
-        for name in typed:
-            meanings |= dict.fromkeys(TYPED[name], meaning)
+        for sign in (sign for name in typed for sign in TYPED[name]):
+            if meanings.setdefault(sign, meaning) != meaning:
+                raise NoTerminalError(
+                    f"keys.{meaning}: is the same key at a terminal as keys.{meanings[sign]}"
+                )
     return meanings, labels
 
 
-def _require_encodable(texts: Texts, parts: frozenset[SessionPart], encoding: str) -> None:
+def _require_encodable(texts: Texts, encoding: str) -> None:
     """Refuse texts that would end the session in its midst, when they are written."""
-    off, practice = any(part.hands_off for part in parts), SessionPart.PRACTICE in parts
-    shown = [*_ALWAYS_SHOWN, *(part.value for part in SessionPart if part in parts)]
-    shown += ["prompt_hands_off"] * off + ["correct", "wrong"] * practice
-    for name in shown:
+    for name, text in texts.model_dump(by_alias=True).items():
         try:
-            getattr(texts, name).encode(encoding)
+            text.encode(encoding)
         except UnicodeEncodeError as error:
             raise NoTerminalError(
-                f"texts.{name} cannot be shown on this terminal, whose encoding is "
-                f"{encoding}; got {error.object[error.start : error.end]!a} in {error.object!a}: "
+                f"texts.{name} cannot be shown on this terminal, whose encoding is {encoding}: "
                 "use a terminal of UTF-8, or --responder screen"
             ) from error

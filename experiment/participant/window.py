@@ -1,22 +1,19 @@
-# ruff: noqa: SLF001 - pyglet tells of a lost window only in its private parts
-"""The participant's window: opened, or refused in one line; drawn on; lost.
+"""The participant's window: opened, or refused in one line; texts broken into lines; drawn on.
 
-A window can go away under its program: destroyed by another one, or cut off from X. Without care
-the first ends in an error of OpenGL, and at the second Xlib ends the program. Neither PsychoPy nor
-pyglet tells of it, hence the look into them.
+A window that another program destroys raises an error when it is drawn on next, which ends the
+session as a stop does: the record is complete, and the session can be resumed.
 """
 
 from __future__ import annotations
 
-import ctypes
+import contextlib
 import os
 import sys
+from functools import partial
 from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
 
 from device.driver import Lack, installing
-from experiment.exits import STOPPED_EARLY
-from experiment.participant.wrapping import as_drawn, wrapped
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
@@ -25,54 +22,6 @@ if TYPE_CHECKING:
 
 
 _REMEDY = "in a second environment, " + installing("screen", "constraints-screen.txt")
-_kept: list[object] = []
-"""What Xlib may call until the program ends."""
-
-
-def watch_window(
-    window: Any, *, destroyed: Callable[[], None], cut_off: Callable[[], None]
-) -> None:
-    """Have the loss of a window told, on Linux; elsewhere the system tells of a closed one only.
-
-    `destroyed` is called, while the window's events are dispatched, if the window is no more;
-    `cut_off`, within a call to the window, if its connection is: nothing that needs it may be
-    called from then on, not even to close the window. Where the X server itself is no more, the
-    program ends at once with exit code 4.
-    """
-    if not sys.platform.startswith("linux"):
-        return
-    import pyglet
-    from pyglet.libs.x11 import xlib
-
-    window._event_handlers[xlib.DestroyNotify] = lambda _: destroyed()
-    set_exit = getattr(ctypes.CDLL("libX11.so.6"), "XSetIOErrorExitHandler", None)
-    if set_exit is None:  # before libX11 1.7: there is no way not to be ended
-        return
-    mine = {_address(display._display): display for display in pyglet.canvas._displays}
-
-    def lost(display: Any) -> int:
-        if _address(display) not in mine:  # the keyboard's: the X server itself is no more
-            os.write(2, b"error: the X server has gone away; go on with --resume\n")
-            os._exit(STOPPED_EARLY)  # as Xlib would, from the keyboard's thread
-        return 0
-
-    lost_c = xlib.XIOErrorHandler(lost)
-    stay_c = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_void_p)(lambda *_: cut_off())
-    _kept.extend([lost_c, stay_c, mine])
-    xlib.XSetIOErrorHandler(lost_c)
-    for display in mine.values():
-        set_exit(display._display, stay_c, None)
-
-
-def _address(pointer: Any) -> int | None:
-    return ctypes.cast(pointer, ctypes.c_void_p).value
-
-
-def abandon(window: Any) -> None:
-    """Have PsychoPy and pyglet not close a window that was cut off when the program ends."""
-    window._closed = True
-    window.winHandle._window = None
-
 
 BACKGROUND = "#202020"
 FOREGROUND = "#e8e8e8"
@@ -85,84 +34,24 @@ class NoScreenError(ValueError):
     """A participant cannot be shown anything here."""
 
 
-def require_python(version: tuple[int, int]) -> None:
-    """Refuse a Python for which there is no PsychoPy.
-
-    Examples
-    --------
-    >>> require_python((3, 13))
-    Traceback (most recent call last):
-    experiment.participant.window.NoScreenError: --responder screen needs Python 3.11 or 3.12, ...
-    """
-    if version >= (3, 13):
-        raise NoScreenError(
-            "--responder screen needs Python 3.11 or 3.12, for which PsychoPy exists; got "
-            f"Python {version[0]}.{version[1]}; --responder terminal runs on this one"
-        )
-
-
-def require_display(system: str, display: str | None) -> None:
-    """Refuse a Linux process that no X server was named to.
-
-    Examples
-    --------
-    >>> require_display("linux", ":0")
-    >>> require_display("linux", None)
-    Traceback (most recent call last):
-    experiment.participant.window.NoScreenError: --responder screen needs a display; DISPLAY is ...
-    """
-    if system == "linux" and not display:
-        raise NoScreenError(
-            "--responder screen needs a display; DISPLAY is not set: start it from a graphical "
-            "session, or use --responder terminal"
-        )
-
-
 def window_lacks() -> tuple[Lack, ...]:
-    """Tell what this machine lacks for a window; PsychoPy is not imported, no display is asked."""
+    """Return what this machine lacks for a window; PsychoPy is not imported, no display opened."""
     lacks = []
-    try:
-        require_python(sys.version_info[:2])
-        if find_spec("psychopy") is None:
-            lacks.append(Lack(what="PsychoPy", remedy=_REMEDY))
-    except NoScreenError:
-        lacks.append(Lack(what="Python 3.11 or 3.12", remedy="PsychoPy has no newer one"))
-    try:
-        require_display(sys.platform, os.environ.get("DISPLAY"))
-    except NoScreenError:
-        remedy = "DISPLAY is not set"
+    if sys.version_info >= (3, 13):
+        lacks.append(Lack(what="Python 3.11 or 3.12", remedy="PsychoPy supports no newer one"))
+    elif find_spec("psychopy") is None:
+        lacks.append(Lack(what="PsychoPy", remedy=_REMEDY))
+    if sys.platform.startswith("linux") and not os.environ.get("DISPLAY"):
+        remedy = "DISPLAY is not set: start tactstrip from a graphical session"
         lacks.append(Lack(what="display", remedy=remedy))
     return tuple(lacks)
 
 
 def require_window() -> None:
-    """Refuse a machine on which no window can be opened; nothing is opened.
-
-    Raises
-    ------
-    NoScreenError
-        Without PsychoPy, the Python that it needs, or a display.
-    """
-    require_python(sys.version_info[:2])
-    require_display(sys.platform, os.environ.get("DISPLAY"))
+    """Raise NoScreenError on a machine on which no window can be opened; none is opened."""
+    for lack in window_lacks():
+        raise NoScreenError(f"--responder screen: {lack}; --responder terminal needs no window")
     _visual()
-
-
-def open_window(screen: Screen) -> Any:
-    """Open a PsychoPy window; without PsychoPy, a display, or that screen, refuse and open none."""
-    require_window()
-    visual = _visual()
-    _require_screen(screen.index)
-    return visual.Window(
-        size=(screen.width_px, screen.height_px),
-        fullscr=screen.full_screen,
-        screen=screen.index,
-        allowGUI=not screen.full_screen,
-        units="height",
-        color=BACKGROUND,
-        checkTiming=False,
-        winType="pyglet",
-    )
 
 
 def _visual() -> Any:
@@ -188,77 +77,63 @@ def _visual() -> Any:
     return visual
 
 
-def _require_screen(index: int) -> None:
-    """Refuse a screen that is not there: PsychoPy would take the first one without a word."""
-    import pyglet
-
-    found = len(pyglet.canvas.get_display().get_screens())
-    if index >= found:
-        raise NoScreenError(
-            f"screen.index must be below {found}, the number of screens; got {index}"
-        )
-
-
 class Stage:
     """A window to draw on: heights are in units of the window's, the middle is (0, 0).
 
     It is `focused` where keys are meant for it, as far as the system tells, and `closed` once
-    somebody closed it.
+    somebody closed it. `has_font`: the font of the texts is installed.
     """
 
     def __init__(self, screen: Screen) -> None:
-        self.window: Any = open_window(screen)
+        require_window()
+        visual = _visual()
+        import pyglet
+
+        # PsychoPy would take the first screen in the place of a missing one without a word.
+        n_screens = len(pyglet.canvas.get_display().get_screens())
+        if screen.index >= n_screens:
+            raise NoScreenError(
+                f"screen.index must be below {n_screens}, the number of screens; got {screen.index}"
+            )
+        self.window: Any = visual.Window(
+            size=(screen.width_px, screen.height_px),
+            fullscr=screen.full_screen,
+            screen=screen.index,
+            allowGUI=not screen.full_screen,
+            units="height",
+            color=BACKGROUND,
+            checkTiming=False,
+            winType="pyglet",
+        )
         self._screen = screen
-        width_px, height_px = self.window.size
-        self.half_width = float(width_px) / float(height_px) / 2
-        self._height_px = float(height_px)
+        width_px, self._height_px = map(float, self.window.size)
+        self.half_width = width_px / self._height_px / 2
+        self.has_font = bool(pyglet.font.have_font(screen.font))
         self.closed = False
         self.focused = True
         self._shown: tuple[Any, ...] = ()
         self._exposed = False
-        self._cut_off = False
         handle = self.window.winHandle
         handle.set_caption("tactstrip")
-        handle.on_close = self._note_close
-        handle.on_activate = self._note_focus
-        handle.on_deactivate = self._note_no_focus
-        handle.on_expose = self._note_exposed
-        watch_window(handle, destroyed=self._note_close, cut_off=self._note_cut_off)
+        handle.on_close = partial(self._note, closed=True)
+        handle.on_activate = partial(self._note, focused=True)
+        handle.on_deactivate = partial(self._note, focused=False)
+        handle.on_expose = partial(self._note, _exposed=True)
         self.take_focus()
 
-    def _note_close(self) -> None:
-        self.closed = True
-
-    def _note_cut_off(self) -> None:
-        self.closed = self._cut_off = True
-
-    def _note_focus(self) -> None:
-        self.focused = True
-
-    def _note_no_focus(self) -> None:
-        self.focused = False
-
-    def _note_exposed(self) -> None:
-        self._exposed = True
-
-    @property
-    def has_font(self) -> bool:
-        """Whether the font of the texts is installed."""
-        import pyglet
-
-        return bool(pyglet.font.have_font(self._screen.font))
+    def _note(self, **state: bool) -> None:
+        """Keep what the system reports of the window."""
+        vars(self).update(state)
 
     def take_focus(self) -> None:
         """Ask the system for the keyboard."""
-        if self.closed:
-            return
-        self.window.winHandle.activate()
+        if not self.closed:
+            self.window.winHandle.activate()
 
     def poll(self) -> None:
         """Let the system tell what happened to the window; draw anew what was covered."""
-        if self.closed:
-            return
-        self.window.winHandle.dispatch_events()
+        if not self.closed:
+            self.window.winHandle.dispatch_events()
         if self._exposed:
             self.show(self._shown)
 
@@ -267,44 +142,29 @@ class Stage:
         if self.closed:
             return
         self._shown = tuple(drawings)
-        try:
-            for drawing in self._shown:
-                drawing.draw()
-            self.window.flip()
-        except Exception:  # what OpenGL says of a window that has just gone away
-            if not self._gone():
-                raise
+        for drawing in self._shown:
+            drawing.draw()
+        self.window.flip()
         self._exposed = False
 
-    def _gone(self) -> bool:
-        if not self.closed:
-            self.window.winHandle.dispatch_events()
-        return self.closed
-
     def close(self) -> None:
-        """Close the window."""
-        if self._cut_off:
-            abandon(self.window)
-        else:
+        """Close the window, which may be gone already."""
+        with contextlib.suppress(Exception):
             self.window.close()
 
     def broken(self, text: str, *, width: float, height: float | None = None) -> tuple[str, ...]:
         """Break a text into lines of at most `width`, in reading order."""
-        return wrapped(text, self._fits(width, height or self._screen.text_height))
-
-    def _fits(self, width: float, height: float) -> Callable[[str], bool]:
         import pyglet
 
         # the size that TextStim takes for this height
-        size_pt = int(height * self._height_px * 0.75)
+        size_pt = int((height or self._screen.text_height) * self._height_px * 0.75)
         font = pyglet.font.load(self._screen.font, size_pt, dpi=96)
-        widest_px = width * self._height_px
 
         def fits(line: str) -> bool:
-            drawn = as_drawn(line, right_to_left=self._screen.right_to_left)
-            return bool(sum(glyph.advance for glyph in font.get_glyphs(drawn)) <= widest_px)
+            glyphs = font.get_glyphs(as_drawn(line, right_to_left=self._screen.right_to_left))
+            return bool(sum(glyph.advance for glyph in glyphs) <= width * self._height_px)
 
-        return fits
+        return wrapped(text, fits)
 
     def lines(
         self,
@@ -339,3 +199,60 @@ class Stage:
         lines = self.broken(text, width=1.8 * self.half_width)
         top = middle + PITCH * self._screen.text_height * len(lines) / 2
         return self.lines(lines, top=top, color=color)
+
+
+# Texts for a window that knows neither line breaks nor right-to-left scripts
+
+
+def wrapped(text: str, fits: Callable[[str], bool]) -> tuple[str, ...]:
+    """Break a text of any language into lines, in reading order; its own line breaks are kept.
+
+    Text without spaces is broken anywhere, at least one character to a line.
+
+    Examples
+    --------
+    >>> wrapped("one two three", lambda line: len(line) <= 7)
+    ('one two', 'three')
+    >>> wrapped("触覚実験", lambda line: len(line) <= 3)
+    ('触覚実', '験')
+    """
+    lines: list[str] = []
+    for paragraph in text.split("\n"):
+        line = ""
+        for word in paragraph.split():
+            longer = f"{line} {word}" if line else word
+            if fits(longer):
+                line = longer
+                continue
+            if line:
+                lines.append(line)
+            *whole, line = _pieces(word, fits)
+            lines += whole
+        lines.append(line)
+    return tuple(lines)
+
+
+def _pieces(word: str, fits: Callable[[str], bool]) -> list[str]:
+    """Break a word that is longer than a line."""
+    pieces = [word[:1]]
+    for character in word[1:]:
+        if fits(pieces[-1] + character):
+            pieces[-1] += character
+        else:
+            pieces.append(character)
+    return pieces
+
+
+def as_drawn(line: str, *, right_to_left: bool) -> str:
+    """Return a line's characters from left to right, in the shapes in which they join.
+
+    The line is in reading order, and was broken before: one that is broken after this would begin
+    with its end. `right_to_left` is of the line as a whole.
+    """
+    from arabic_reshaper import ArabicReshaper
+    from bidi.algorithm import get_display
+
+    # vowel signs follow their letter once the line is turned around
+    reshaper = ArabicReshaper({"delete_harakat": False, "shift_harakat_position": True})
+    drawn: str = get_display(reshaper.reshape(line), base_dir="R" if right_to_left else "L")
+    return drawn

@@ -1,14 +1,20 @@
-"""How often simulated people give each answer: `Observer.answer` in closed form, as arrays."""
+"""What simulated participants answer: the probability of every answer, and draws from it.
+
+The psychometric function, masking between the fingers, lapses and reaction times are here; which
+answer follows from what was detected is the task's (`experiment.tasks`). Equations (28), (29) and
+(71) of docs/model.md.
+"""
 
 from __future__ import annotations
 
-from itertools import product
-from typing import TYPE_CHECKING
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from scipy.special import ndtr
 
-from experiment.perception.observer import MASKING_RATIO, ROUNDING
+from experiment.tasks import LEFT_RIGHT_BOTH
+from experiment.tasks.task import Guessing
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -17,8 +23,19 @@ if TYPE_CHECKING:
 
     from experiment.perception.gains import FingerGains
     from experiment.perception.observer import Observer
+    from experiment.tasks.task import Task
 
     Floats = NDArray[np.float64]
+
+
+MASKING_DB: Final = 20.0
+"""Level difference, 20 log10 of the amplitudes' ratio, from which the weaker finger feels nothing.
+
+Source: paper, section V, after Kim et al. 2012.
+"""
+_MASKING_RATIO: Final = 10.0 ** (MASKING_DB / 20)
+_ROUNDING: Final = 1.0 + 1e-12
+"""Amplitudes that differ by `MASKING_DB` but for the rounding of a product count as doing so."""
 
 
 def answer_probabilities(
@@ -29,6 +46,7 @@ def answer_probabilities(
     *,
     gains: FingerGains,
     shift_db: tuple[ArrayLike, ArrayLike] = (0.0, 0.0),
+    task: Task = LEFT_RIGHT_BOTH,
 ) -> Floats:
     """Return how often each response is given; what is left to 1 is too late.
 
@@ -39,108 +57,111 @@ def answer_probabilities(
     >>> from experiment.study.files import paper_study
     >>> from experiment.perception.gains import OWN_FINGER_ONLY
     >>> from dataclasses import replace
-    >>> one = replace(paper_study().simulation.median, threshold_um=None, threshold_vpp=60.0)
-    >>> p = answer_probabilities([one], ([60.0], [0.0]), ("left", "right"), 9.0,
+    >>> person = replace(paper_study().simulation.median, threshold_um=None, threshold_vpp=60.0)
+    >>> p = answer_probabilities([person], ([60.0], [0.0]), LEFT_RIGHT_BOTH.sites, 9.0,
     ...                          gains=OWN_FINGER_ONLY)
     >>> p.round(2).tolist()
     [[[0.74, 0.26]]]
     """
-    if people[0].crosstalk_db is not None:
-        gains = gains.with_crosstalk(people[0].crosstalk_db)
-    left_vpp, right_vpp = (np.asarray(one, dtype=np.float64) for one in levels_vpp)
-    amplitudes = (
-        gains.left[0] * left_vpp + gains.left[1] * right_vpp,
-        gains.right[0] * left_vpp + gains.right[1] * right_vpp,
-    )
-    chances = _felt(people, amplitudes, gains, shift_db)
-    heard = chances
-    if people[0].masking_slope is None:
-        left, right = amplitudes
-        heard = (
-            chances[0] * (left * MASKING_RATIO > right * ROUNDING),
-            chances[1] * (right * MASKING_RATIO > left * ROUNDING),
-        )
-    found = _answers(people, amplitudes, heard, responses)
-    in_time = _in_time(people, np.maximum(*chances), response_window_s)
-    return np.stack([in_time * found[one] for one in responses], axis=-1)
+    sensation = _sense(people, levels_vpp, gains, shift_db)
+    answers = _decide(people, sensation, responses, task)
+    median_s, least_s, spread = _reaction(people, sensation.clarity)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        late = np.log(np.maximum(response_window_s - least_s, 0.0) / median_s)
+        # Without a spread everybody takes the median.
+        in_time = np.where(spread > 0, ndtr(late / spread), late >= 0)
+    return np.stack([in_time * answers[name] for name in responses], axis=-1)
+
+
+def draw_answers(
+    people: Sequence[Observer],
+    levels_vpp: tuple[ArrayLike, ArrayLike],
+    responses: tuple[str, ...],
+    response_window_s: float,
+    rng: np.random.Generator,
+    *,
+    gains: FingerGains,
+    shift_db: tuple[ArrayLike, ArrayLike] = (0.0, 0.0),
+    task: Task = LEFT_RIGHT_BOTH,
+) -> tuple[NDArray[np.int64], Floats]:
+    """Draw the answers to trials, as `answer_probabilities` has them.
+
+    Returns the position of each answer in `responses`, their number where no answer came in time,
+    and the reaction times in seconds; both (people, stimuli). The reaction time depends on how
+    clearly a stimulus is felt, and not on which answer it gets.
+    """
+    sensation = _sense(people, levels_vpp, gains, shift_db)
+    median_s, least_s, spread = _reaction(people, sensation.clarity)
+    rt_s = least_s + median_s * np.exp(spread * rng.standard_normal(median_s.shape))
+    p = _decide(people, sensation, responses, task)
+    below = np.cumsum([p[name] for name in responses[:-1]], axis=0)
+    answers = (below <= rng.random(median_s.shape)).sum(axis=0)
+    return np.where(rt_s > response_window_s, len(responses), answers), rt_s
+
+
+@dataclass(frozen=True, slots=True)
+class _Sensation:
+    """What the fingers get and detect of stimuli; a value a finger, each (people, stimuli)."""
+
+    amplitudes: tuple[Floats, Floats]
+    detected: tuple[Floats, Floats]  # probabilities
+    clarity: Floats  # the greatest of them before a finger is masked
 
 
 def _of(people: Sequence[Observer], name: str) -> Floats:
     """Return a number of each of the people, shape (people, 1)."""
-    return np.array([[getattr(one, name)] for one in people], dtype=np.float64)
+    return np.array([[getattr(person, name)] for person in people], dtype=np.float64)
 
 
-def _felt(
+def _sense(
     people: Sequence[Observer],
-    amplitudes: tuple[Floats, Floats],
+    levels_vpp: tuple[ArrayLike, ArrayLike],
     gains: FingerGains,
     shift_db: tuple[ArrayLike, ArrayLike],
-) -> tuple[Floats, Floats]:
-    """Return how often the left and the right finger would feel its amplitude alone."""
-    of_gains = [one.thresholds(gains) for one in people]
-    strengths = [
-        amplitude / (np.array([[one[finger]] for one in of_gains]) * 10 ** (np.asarray(db) / 20))
-        for finger, (amplitude, db) in enumerate(zip(amplitudes, shift_db, strict=True))
-    ]
+) -> _Sensation:
+    if people[0].crosstalk_db is not None:
+        gains = gains.with_crosstalk(people[0].crosstalk_db)
+    # the first axis is that of the fingers
+    first_vpp, second_vpp = (np.asarray(vpp, dtype=np.float64) for vpp in levels_vpp)
+    from_first, from_second = np.array([gains.left, gains.right]).T[..., None, None]
+    amplitudes = from_first * first_vpp + from_second * second_vpp
+    thresholds = np.array([person.thresholds(gains) for person in people]).T[..., None]
+    shifts_db = np.stack(np.broadcast_arrays(*map(np.atleast_2d, shift_db)))
     with np.errstate(divide="ignore"):
-        left, right = (np.log10(one) for one in strengths)
-    if people[0].masking_slope is not None:
-        slope = _of(people, "masking_slope")
-        left, right = left - slope * np.maximum(right, 0), right - slope * np.maximum(left, 0)
-    sigma = _of(people, "sigma")
-    return np.asarray(ndtr(left / sigma)), np.asarray(ndtr(right / sigma))
+        over = np.log10(amplitudes / thresholds) - shifts_db / 20
+    has_slope = people[0].masking_slope is not None
+    if has_slope:
+        over = over - _of(people, "masking_slope") * np.maximum(over[::-1], 0.0)
+    detected = np.asarray(ndtr(over / _of(people, "sigma")))
+    clarity = detected.max(axis=0)
+    if not has_slope:
+        detected = detected * (amplitudes * _MASKING_RATIO > amplitudes[::-1] * _ROUNDING)
+    return _Sensation((amplitudes[0], amplitudes[1]), (detected[0], detected[1]), clarity)
 
 
-def _answers(
-    people: Sequence[Observer],
-    amplitudes: tuple[Floats, Floats],
-    heard: tuple[Floats, Floats],
-    responses: tuple[str, ...],
+def _decide(
+    people: Sequence[Observer], sensation: _Sensation, responses: tuple[str, ...], task: Task
 ) -> dict[str, Floats]:
-    """Return how often each response is given by people whose fingers feel that often."""
-    lapse, false_alarm, bias, both = (
-        _of(people, name) for name in ("lapse_rate", "false_alarm_rate", "side_bias", "guess_both")
-    )
-    found = {one: np.full(heard[0].shape, lapse / len(responses)) for one in responses}
-    left, right = (np.broadcast_to(one, heard[0].shape) for one in amplitudes)
-    for felt_left, felt_right in product((True, False), repeat=2):
-        share = (1 - lapse) * (heard[0] if felt_left else 1 - heard[0])
-        share = share * (heard[1] if felt_right else 1 - heard[1])
-        if felt_left and felt_right:
-            if "both" in responses:
-                found["both"] += share
-                continue
-            found["left"] += share * (left > right)
-            found["right"] += share * (left < right)
-            share = share * (left == right)
-        elif felt_left or felt_right:
-            found["left" if felt_left else "right"] += share
-            continue
-        elif "none" in responses:
-            found["none"] += share * (1 - false_alarm)
-            share = share * false_alarm
-        if "both" in responses:
-            found["both"] += share * both
-            share = share * (1 - both)
-        found["left"] += share * bias
-        found["right"] += share * (1 - bias)
-    if any(one.swapped for one in people):
-        swapped = _of(people, "swapped") > 0
-        left, right = found["left"], found["right"]
-        found["left"], found["right"] = (
-            np.where(swapped, right, left),
-            np.where(swapped, left, right),
-        )
-    return found
+    """Return how often each response is given, however late."""
+    names = ("false_alarm_rate", "side_bias", "guess_both")
+    guessing = Guessing(*(_of(people, name) for name in names))
+    answers = task.decide(sensation.detected, sensation.amplitudes, responses, guessing)
+    lapse = _of(people, "lapse_rate")
+    answers = {name: lapse / len(responses) + (1 - lapse) * p for name, p in answers.items()}
+    if any(person.reversed_mapping for person in people):
+        is_reversed = _of(people, "reversed_mapping") > 0
+        answers = {
+            name: np.where(is_reversed, answers[task.reversed_mapping.get(name, name)], p)
+            for name, p in answers.items()
+        }
+    return answers
 
 
-def _in_time(people: Sequence[Observer], clarity: Floats, response_window_s: float) -> Floats:
-    """Return how often the reaction ends within the window."""
-    median_s, spread, least_s, doubt = (
-        _of(people, f"reaction_time_{name}") for name in ("s", "spread", "least_s", "doubt")
-    )
-    left_s = np.maximum(response_window_s - least_s, 0.0)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        late = np.log(left_s / ((median_s - least_s) * (doubt - (doubt - 1) * clarity)))
-        # Without a spread everybody takes the median.
-        return np.asarray(np.where(spread > 0, ndtr(late / spread), late >= 0))
+def _reaction(people: Sequence[Observer], clarity: Floats) -> tuple[Floats, Floats, Floats]:
+    """Return the shifted log-normal of reaction times: median past the shift, shift and spread.
+
+    It takes longer the less could be felt.
+    """
+    median_s, min_s = _of(people, "reaction_time_s"), _of(people, "min_reaction_time_s")
+    spread, slowing = _of(people, "reaction_time_spread"), _of(people, "reaction_time_slowing")
+    return (median_s - min_s) * (slowing - (slowing - 1) * clarity), min_s, spread

@@ -7,10 +7,11 @@ after that: by the simulated participant, by trials.csv, and by the check.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Final
 
 from experiment.rows import BASES
+from experiment.tasks import LEFT_RIGHT_BOTH
 from stimuli.checks import finite
 
 if TYPE_CHECKING:
@@ -25,7 +26,7 @@ UNEQUAL_DB: Final = 1.0
 """From here on it is told that the same volts move one finger more; people differ by 1.5 dB and
 more."""
 
-OWN_FINGERS: Final = ("left", "right")
+OWN_FINGERS: Final = LEFT_RIGHT_BOTH.sites
 """The actuators under the two fingers: the first two of every matrix."""
 
 
@@ -130,13 +131,8 @@ class FingerGains:
         (1.0, 0.1)
         """
         leak: float = 10.0 ** (crosstalk_db / 20)
-        own_left, own_right = self.left[0], self.right[1]
-        return FingerGains(
-            left=(own_left, leak * own_right),
-            right=(leak * own_left, own_right),
-            basis=self.basis,
-            bases=self.bases,
-        )
+        left, right = self.left[0], self.right[1]
+        return replace(self, left=(left, leak * right), right=(leak * left, right))
 
 
 OWN_FINGER_ONLY: Final = FingerGains(left=(1.0, 0.0), right=(0.0, 1.0), basis=None)
@@ -167,7 +163,7 @@ class ConditionGains:
 
     Examples
     --------
-    >>> gains = ConditionGains(condition="main", actuators=("left", "right"),
+    >>> gains = ConditionGains(condition="main", actuators=OWN_FINGERS,
     ...     bases=("measured", None), per_vpp=((0.02, 0.1), (0.001, 1.0)))
     >>> gains.fingers()
     FingerGains(left=(1.0, 0.1), right=(0.05, 1.0), basis=None, bases=None)
@@ -181,7 +177,9 @@ class ConditionGains:
     def __post_init__(self) -> None:
         size = len(self.actuators)
         if self.actuators[:2] != OWN_FINGERS:
-            raise ValueError(f"actuators must begin with left, right; got {self.actuators}")
+            raise ValueError(
+                f"actuators must begin with {', '.join(OWN_FINGERS)}; got {self.actuators}"
+            )
         if [len(self.bases), *map(len, (self.per_vpp, *self.per_vpp))] != [size] * (size + 2):
             raise ValueError(f"per_vpp must have a row and a column for each of {self.actuators}")
         for basis in self.bases:
@@ -189,10 +187,8 @@ class ConditionGains:
                 raise ValueError(f"bases must be of {', '.join(BASES)}; got {basis!r}")
         for row, gains in enumerate(self.per_vpp):
             for column, gain in enumerate(gains):
-                name = f"per_vpp[{row}][{column}]"
-                finite(name, gain, least=0)
-                if row == column:
-                    finite(name, gain, above=0)
+                above = 0 if row == column else -math.inf
+                finite(f"per_vpp[{row}][{column}]", gain, least=0, above=above)
 
     def level_db(self, place: int, actuator: int) -> float:
         """Return the crosstalk from one actuator to the place above another.
@@ -226,16 +222,12 @@ class ConditionGains:
             basis = "predicted" if "predicted" in (left, right) else "measured"
             bases = None if left == right else (left, right)
             return FingerGains(left=(ll, lr), right=(rl, rr), basis=basis, bases=bases)
-        return FingerGains(
-            left=(1.0, significant(lr / rr)), right=(significant(rl / ll), 1.0), basis=None
-        )
+        lr, rl = significant(lr / rr), significant(rl / ll)
+        return FingerGains(left=(1.0, lr), right=(rl, 1.0), basis=None)
 
 
 def gains_from_json(contents: Mapping[str, Any]) -> ConditionGains:
     """Rebuild a matrix from what `dataclasses.asdict` and JSON made of it."""
-    return ConditionGains(
-        condition=contents["condition"],
-        actuators=tuple(contents["actuators"]),
-        bases=tuple(contents["bases"]),
-        per_vpp=tuple(tuple(row) for row in contents["per_vpp"]),
-    )
+    tuples = {name: tuple(contents[name]) for name in ("actuators", "bases")}
+    per_vpp = tuple(map(tuple, contents["per_vpp"]))
+    return ConditionGains(condition=contents["condition"], per_vpp=per_vpp, **tuples)

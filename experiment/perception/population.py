@@ -21,9 +21,9 @@ def draw_observer(
     rng: np.random.Generator,
     *,
     finger_difference_sd_db: float = 0.0,
-    swapped_keys: float = 0.0,
     sigma_spread: float = 0.0,
     difference_sd_db: float = 0.0,
+    reversed_mapping_rate: float = 0.0,
 ) -> Observer:
     """Draw one participant of a simulated population.
 
@@ -39,12 +39,12 @@ def draw_observer(
         Where chance comes from.
     finger_difference_sd_db : float
         Standard deviation of the difference between the two fingers.
-    swapped_keys : float
-        Share of people who confuse left and right.
     sigma_spread : float
         Standard deviation of ln(sigma).
     difference_sd_db : float
         Standard deviation of the difference between the first two conditions.
+    reversed_mapping_rate : float
+        Share of participants who confuse the keys.
 
     Examples
     --------
@@ -54,23 +54,17 @@ def draw_observer(
     >>> draw_observer(median, 0.0, np.random.default_rng(1)) == median
     True
     """
-    offset_db = threshold_sd_db * rng.standard_normal()
-    factor = 10.0 ** (offset_db / 20)
-    name = "threshold_vpp" if median.threshold_um is None else "threshold_um"
-    person = replace(median, **{name: getattr(median, name) * factor})
-    if finger_difference_sd_db:
-        difference_db = finger_difference_sd_db * rng.standard_normal()
-        person = replace(person, finger_difference_db=difference_db)
-    if swapped_keys:
-        person = replace(person, swapped=rng.random() < swapped_keys)
-    if sigma_spread:
-        person = replace(
-            person, sigma=person.sigma * math.exp(sigma_spread * rng.standard_normal())
-        )
-    if difference_sd_db:
-        moved_db = person.difference_db + difference_sd_db * rng.standard_normal()
-        person = replace(person, difference_db=moved_db)
-    return person
+    threshold = "threshold_vpp" if median.threshold_um is None else "threshold_um"
+    spreads = (threshold_sd_db, finger_difference_sd_db, sigma_spread, difference_sd_db)
+    higher_db, finger_db, width, difference_db = rng.standard_normal(4) * spreads
+    return replace(
+        median,
+        **{threshold: getattr(median, threshold) * 10.0 ** (higher_db / 20)},
+        finger_difference_db=median.finger_difference_db + finger_db,
+        sigma=median.sigma * math.exp(width),
+        difference_db=median.difference_db + difference_db,
+        reversed_mapping=rng.random() < reversed_mapping_rate,
+    )
 
 
 def threshold_course_db(

@@ -1,7 +1,7 @@
 """How the threshold of a vibration depends on its frequency, its duration and its area.
 
 From people in other laboratories, with sines at one place of the hand: what is asked beyond where
-these were measured is extrapolated, and `unmeasured` says so.
+these were measured is extrapolated, and `ReferenceVibration.extrapolations` lists it.
 """
 
 from __future__ import annotations
@@ -27,41 +27,47 @@ class Vibration:
     area_cm2: float
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Reach:
-    """Between which values a curve was measured, in words of its unit."""
+@dataclass(frozen=True, slots=True)
+class ValidRange:
+    """The range over which a threshold curve was measured."""
 
-    what: str
+    quantity: str
     unit: str
-    key: str  # of the study, what a threshold is known for
-    least: float
-    most: float
-    of: str = ""  # what exactly the values are
+    key: str  # of the study: for which value its threshold holds
+    min: float
+    max: float
 
 
 # The frequency curve is of Verrillo's thenar eminence; above 500 Hz nothing was found that could be
-# cited. Durations are those of temporal summation in the Pacinian channel.
-_REACHES: Final = {
-    "frequency_hz": _Reach(
-        what="frequencies", unit="Hz", key="threshold_at_hz", least=20.0, most=500.0
-    ),
-    "duration_s": _Reach(
-        what="durations",
-        unit="s",
-        key="threshold_at_s",
-        least=0.01,
-        most=1.0,
-        of=" (a window counts by what it leaves of the energy)",
-    ),
-    "area_cm2": _Reach(what="areas", unit="cm2", key="threshold_at_cm2", least=0.005, most=5.1),
+# cited. Durations are those of temporal summation in the Pacinian channel; a window counts by what
+# it leaves of the energy.
+VALID_RANGES: Final = {
+    "frequency_hz": ValidRange("frequency", "Hz", "threshold_at_hz", min=20.0, max=500.0),
+    "duration_s": ValidRange("duration", "s", "threshold_at_s", min=0.01, max=1.0),
+    "area_cm2": ValidRange("area", "cm2", "threshold_at_cm2", min=0.005, max=5.1),
 }
+
+
+@dataclass(frozen=True, slots=True)
+class Extrapolation:
+    """Values at which a threshold curve is used outside the range over which it was measured."""
+
+    curve: ValidRange
+    of_bursts: tuple[float, ...]
+    of_threshold: float | None  # for which the study's threshold holds; None inside the range
+
+    @property
+    def values(self) -> tuple[float, ...]:
+        """All values outside the range."""
+        reference = () if self.of_threshold is None else (self.of_threshold,)
+        return self.of_bursts + reference
 
 
 def frequency_db(frequency_hz: float) -> float:
     """Return the threshold re that at 250 Hz, of 1 s under 2.9 cm2.
 
     Level below 40 Hz, falling by 12 dB an octave to 250 Hz, rising by 9 dB an octave above. R. T.
-    Verrillo, J. Acoust. Soc. Am. 35 (1963) 1962-1966, as told by G. A. Gescheider and R. T.
+    Verrillo, J. Acoust. Soc. Am. 35 (1963) 1962-1966, as reported by G. A. Gescheider and R. T.
     Verrillo in *Sensory Functions of the Skin of Humans* (1979): thenar eminence. The rise is that
     of hairy skin above 220 Hz (Verrillo, J. Exp. Psychol. 71 (1966) 47-50), said to be alike.
 
@@ -107,18 +113,15 @@ def threshold_db(vibration: Vibration) -> float:
     The three curves are added, as if none depended on another but through the channel.
     """
     frequency_hz = vibration.frequency_hz
-    return (
-        frequency_db(frequency_hz)
-        + duration_db(vibration.duration_s, frequency_hz)
-        + area_db(vibration.area_cm2, frequency_hz)
-    )
+    level_db = frequency_db(frequency_hz) + duration_db(vibration.duration_s, frequency_hz)
+    return level_db + area_db(vibration.area_cm2, frequency_hz)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class KnownFor:
+class ReferenceVibration:
     """What of a vibration a threshold is known for; the curves of the others are not used.
 
-    >>> known = KnownFor(frequency_hz=250.0)
+    >>> known = ReferenceVibration(frequency_hz=250.0)
     >>> round(known.shift_db(Vibration(frequency_hz=500.0, duration_s=0.002, area_cm2=0.8)), 9)
     9.0
     """
@@ -128,53 +131,31 @@ class KnownFor:
     area_cm2: float | None = None
 
     @property
-    def stated(self) -> dict[str, float]:
-        """What is known, by name."""
-        every = {name: getattr(self, name) for name in _REACHES}
-        return {name: value for name, value in every.items() if value is not None}
-
-    @property
-    def words(self) -> str:
-        """Say of which vibration a threshold is: " at 500 Hz, 0.002 s"; nothing of a study's own.
-
-        >>> KnownFor(frequency_hz=500.0, duration_s=0.002).words, KnownFor().words
-        (' at 500 Hz, 0.002 s', '')
-        >>> KnownFor(frequency_hz=500.0).words
-        ' at 500 Hz, of whatever duration (no threshold_at_s)'
-        """
-        told = [f"{value:g} {_REACHES[name].unit}" for name, value in self.stated.items()]
-        if told and self.duration_s is None:
-            told.append("of whatever duration (no threshold_at_s)")
-        return f" at {', '.join(told)}" if told else ""
+    def values(self) -> dict[str, float]:
+        """The quantities that are set, by name."""
+        return {name: x for name in VALID_RANGES if (x := getattr(self, name)) is not None}
 
     def shift_db(self, vibration: Vibration) -> float:
         """Return by how much a vibration's threshold lies above the known one."""
-        return threshold_db(vibration) - threshold_db(replace(vibration, **self.stated))
+        return threshold_db(vibration) - threshold_db(replace(vibration, **self.values))
 
-    def unmeasured(self, *vibrations: Vibration) -> tuple[str, ...]:
-        r"""Say where curves that are used were not measured, each curve once.
+    def extrapolations(self, *vibrations: Vibration) -> tuple[Extrapolation, ...]:
+        """Return where the curves in use were not measured, each curve once.
 
         >>> short = Vibration(frequency_hz=500.0, duration_s=0.002, area_cm2=0.8)
-        >>> print(*KnownFor(duration_s=1.0).unmeasured(short, short)[0].split(", "), sep=",\n")
-        durations of 0.01 to 1 s were measured (a window counts by what it leaves of the energy),
-        got 0.002 s for the burst
-        >>> KnownFor(duration_s=0.003).unmeasured(short)[0].partition("), ")[2]
-        'got 0.002 s for the burst and 0.003 s in threshold_at_s'
+        >>> reference = ReferenceVibration(duration_s=0.003)
+        >>> [each.values for each in reference.extrapolations(short, short)]
+        [(0.002, 0.003)]
+        >>> reference.extrapolations()
+        ()
         """
-        told = []
-        for name, known in self.stated.items():
-            reach = _REACHES[name]
-            asked = dict.fromkeys(getattr(one, name) for one in vibrations)
-            beyond = [f"{one:.3g}" for one in asked if not reach.least <= one <= reach.most]
-            got = []
-            if beyond:
-                bursts = f"burst{'s' * (len(beyond) > 1)}"
-                got.append(f"{' and '.join(beyond)} {reach.unit} for the {bursts}")
-            if not reach.least <= known <= reach.most and known not in asked:
-                got.append(f"{known:.3g} {reach.unit} in {reach.key}")
-            if got and vibrations:
-                told.append(
-                    f"{reach.what} of {reach.least:g} to {reach.most:g} {reach.unit} were measured"
-                    f"{reach.of}, got {' and '.join(got)}"
-                )
-        return tuple(told)
+        extrapolations = []
+        for name, reference in self.values.items():
+            curve = VALID_RANGES[name]
+            values = dict.fromkeys(getattr(vibration, name) for vibration in vibrations)
+            outside = tuple(value for value in values if not curve.min <= value <= curve.max)
+            is_inside = curve.min <= reference <= curve.max or reference in values
+            if vibrations and (outside or not is_inside):
+                of_threshold = None if is_inside else reference
+                extrapolations.append(Extrapolation(curve, outside, of_threshold))
+        return tuple(extrapolations)

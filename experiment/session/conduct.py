@@ -7,16 +7,28 @@ from datetime import UTC, datetime
 from typing import TYPE_CHECKING
 
 from device.clock import elapsed_s, machine_time
-from experiment.apparatus.rig import device_kind, require_confirmed, require_device
-from experiment.apparatus.slots import require_suitable, told_limits
 from experiment.archive.files import HEADS, ArchiveError
 from experiment.archive.journal import JournalWriteError
+from experiment.hardware.setup import (
+    device_kind,
+    read_limits,
+    require_confirmed,
+    require_device,
+    require_suitable,
+)
 from experiment.integrity.heads import SessionHead, enter_head, read_heads
 from experiment.integrity.sessions import refuse_altered
 from experiment.session.attendance import require_responder
+from experiment.session.resolve import resolve_interrupted_trial
 from experiment.session.session import Session
-from experiment.session.setting import Ending, Setting, header, opening, place, resuming
-from experiment.session.settled import settle_open_trial
+from experiment.session.setting import (
+    Ending,
+    Setting,
+    header,
+    host_and_device,
+    opening,
+    resuming,
+)
 from experiment.study.files import study_from_canonical
 
 if TYPE_CHECKING:
@@ -24,7 +36,6 @@ if TYPE_CHECKING:
 
     from device.driver import Identity
     from device.errors import DeviceError
-    from experiment.apparatus.noise import NoisePlayer
     from experiment.archive.folders import SessionFolder
     from experiment.archive.history import History
     from experiment.archive.journal import Journal
@@ -56,7 +67,7 @@ def refuse_another_place(history: History, identity: Identity, setting: Setting)
         )
     if setting.resume_anyway:
         return
-    here = place(identity)
+    here = host_and_device(identity)
     for what in ("host", "device", "serial_number"):
         if here[what] != history.opening[what]:
             raise ArchiveError(
@@ -64,18 +75,11 @@ def refuse_another_place(history: History, identity: Identity, setting: Setting)
                 "give --resume-anyway if that makes no difference"
             )
     gap_s = interruption_s(history)
-    if gap_s is None:
-        by_calendar_s = machine_time().wall_s - history.last.wall_s
+    if gap_s is None or gap_s > LONGEST_INTERRUPTION_S:
+        minutes = (gap_s or machine_time().wall_s - history.last.wall_s) / 60
+        source = "" if gap_s else " by the calendar clock, as the computer was started anew"
         raise ArchiveError(
-            "the computer was started anew, or its calendar clock was set, so that nothing tells "
-            f"for sure how long the session was interrupted: {by_calendar_s / 60:.0f} minutes by "
-            "the calendar. Give --resume-anyway if it was at most "
-            f"{LONGEST_INTERRUPTION_S / 60:.0f} and fingers, plate and noise are as they were; "
-            "onsets are on another clock then"
-        )
-    if gap_s > LONGEST_INTERRUPTION_S:
-        raise ArchiveError(
-            f"the session was interrupted {gap_s / 60:.0f} minutes ago, the most is "
+            f"the session was interrupted for {minutes:.0f} minutes{source}; the most is "
             f"{LONGEST_INTERRUPTION_S / 60:.0f}: give --resume-anyway if fingers, plate and noise "
             "are as they were"
         )
@@ -125,8 +129,8 @@ def begin(folder: SessionFolder, plan: Plan, setting: Setting) -> Ending:
     >>> from tempfile import TemporaryDirectory
     >>> from device import VirtualClock
     >>> from experiment import draw_plan, paper_study
-    >>> from experiment.apparatus.noise import SilentNoise
-    >>> from experiment.apparatus.rig import mock_device
+    >>> from experiment.hardware.noise import SilentNoise
+    >>> from experiment.hardware.setup import mock_device
     >>> from experiment.archive.folders import SessionFolder
     >>> from experiment.operator.requests import StopSignal
     >>> from experiment.session.setting import Setting
@@ -144,29 +148,25 @@ def begin(folder: SessionFolder, plan: Plan, setting: Setting) -> Ending:
     """
     require_responder(setting.responder)
     folder.refuse_existing()
-    _refuse_kept(folder)
-    study = study_from_canonical(plan.study)
-    folder.check_people(study)
-    with folder.locked(), _opened(setting, study) as identity, _playing(setting.noise):
-        folder.create(plan, header(study, plan, setting, identity))
-        return _run(folder, study, plan, setting, identity)
-
-
-def _refuse_kept(folder: SessionFolder) -> None:
-    """Refuse to begin a session anew that has ended once, by the head that was kept of it."""
-    for head in read_heads(folder.path.parent):
+    for head in read_heads(folder.path.parent).values():
         if head.session == folder.session:
             raise ArchiveError(
                 f"{folder.path.parent / HEADS}:{head.line}: this session ended on {head.ended}, "
                 f"yet {folder.path} is lost; restore it from a copy, or give another --session: "
                 "nothing was changed"
             )
+    study = study_from_canonical(plan.study)
+    folder.check_people(study)
+    with folder.locked(), _opened(setting, study) as identity:
+        setting.noise.start()
+        folder.create(plan, header(study, plan, setting, identity))
+        return _run(folder, study, plan, setting, identity)
 
 
 def resume(folder: SessionFolder, setting: Setting) -> Ending:
     """Go on with a session that was interrupted; a finished one only gets its trials.csv again.
 
-    The trial in which it was interrupted is settled by what the device knows of it. It is repeated
+    The trial in which it was interrupted is resolved by what the device knows of it. It is repeated
     unless its answer was written already and counts. Done trials stay as they are.
 
     Parameters
@@ -207,8 +207,8 @@ def resume(folder: SessionFolder, setting: Setting) -> Ending:
     >>> from tempfile import TemporaryDirectory
     >>> from device import VirtualClock
     >>> from experiment import paper_study, simulate_study
-    >>> from experiment.apparatus.noise import SilentNoise
-    >>> from experiment.apparatus.rig import mock_device
+    >>> from experiment.hardware.noise import SilentNoise
+    >>> from experiment.hardware.setup import mock_device
     >>> from experiment.operator.requests import StopSignal
     >>> from experiment.session.setting import Setting
     >>> from experiment.session.simulate import simulated_responder
@@ -229,21 +229,21 @@ def resume(folder: SessionFolder, setting: Setting) -> Ending:
     folder.refuse_loss()
     study = folder.read_study(plan)
     folder.check_people(study)
-    ending = completed(folder, plan, setting.tell)
+    ending = completed(folder, plan, setting.report)
     if ending is not None:
         return ending
     with folder.locked(), _opened(setting, study) as identity:
         history = folder.read_history(plan)
-        _refuse_altered(folder, setting.tell)
+        _refuse_altered(folder, setting.report)
         if history.opening:
             refuse_another_place(history, identity, setting)
         else:
-            setting.tell("Note: its journal is empty, so the session begins at its first trial.")
-        with _playing(setting.noise):
-            return _run(folder, study, plan, setting, identity)
+            setting.report("Note: its journal is empty, so the session begins at its first trial.")
+        setting.noise.start()
+        return _run(folder, study, plan, setting, identity)
 
 
-def completed(folder: SessionFolder, plan: Plan, tell: Callable[[str], object]) -> Ending | None:
+def completed(folder: SessionFolder, plan: Plan, report: Callable[[str], object]) -> Ending | None:
     """Write table and head of a session that has come to its end; None of any other.
 
     It may have been killed before they were written. Neither device nor participant is needed.
@@ -253,12 +253,12 @@ def completed(folder: SessionFolder, plan: Plan, tell: Callable[[str], object]) 
         history = folder.read_history(plan)
         if not history.finished:
             return None
-        _refuse_altered(folder, tell)
+        _refuse_altered(folder, report)
         with folder.open_journal(lambda: history.last_t_s) as journal:
-            return _ending(folder, plan, journal, finished=True, failure=None)
+            return _end(folder, plan, journal, finished=True, failure=None)
 
 
-def _refuse_altered(folder: SessionFolder, tell: Callable[[str], object]) -> None:
+def _refuse_altered(folder: SessionFolder, report: Callable[[str], object]) -> None:
     """Refuse a record that was changed; tell what a resume puts right, for it is not seen later."""
     differences = refuse_altered(folder.path)
     for difference in differences:
@@ -268,79 +268,65 @@ def _refuse_altered(folder: SessionFolder, tell: Callable[[str], object]) -> Non
                 "changed"
             )
     for difference in differences:
-        tell(f"Note: {difference.place}: {difference.message}; it is written anew.")
+        report(f"Note: {difference.place}: {difference.message}; it is written anew.")
 
 
 @contextlib.contextmanager
 def _opened(setting: Setting, study: Study) -> Iterator[Identity]:
-    device = setting.device
-    identity = device.open()
-    try:
-        require_device(
-            device_kind(identity),
-            simulated=setting.responder.simulated,
-            practice=setting.practice,
-        )
+    """Open device and monitor, and refuse what the session cannot be run with.
+
+    At the end both are closed, and the noise, which the caller starts, is stopped.
+    """
+    device, monitor = setting.device, setting.monitor
+    with contextlib.ExitStack() as opened:
+        identity = device.open()
+        opened.callback(device.close)
+        kind, simulated = device_kind(identity), setting.responder.simulated
+        require_device(kind, simulated=simulated, practice=setting.practice)
         require_confirmed(identity, setting.confirmation)
-        require_suitable(study, identity, told_limits(device))
+        require_suitable(study, identity, read_limits(device))
         for promise in device.cannot:
-            setting.tell(f"Note: this device cannot {promise}.")
-        if setting.monitor is not None:
-            setting.monitor.open()
-            tap, unseen = setting.monitor.tap, setting.monitor.unseen
-            setting.tell(f"Note: the monitor, at the tap {tap}, never sees {unseen}.")
+            setting.report(f"Note: this device cannot {promise}.")
+        if monitor is not None:
+            opened.callback(monitor.close)
+            monitor.open()
+            setting.report(
+                f"Note: the monitor, at the tap {monitor.tap}, never sees {monitor.unseen}."
+            )
+        opened.callback(setting.noise.stop)
         yield identity
-    finally:
-        if setting.monitor is not None:
-            setting.monitor.close()
-        device.close()
-
-
-@contextlib.contextmanager
-def _playing(noise: NoisePlayer) -> Iterator[None]:
-    try:
-        noise.start()
-        yield
-    finally:
-        noise.stop()
 
 
 def _run(
     folder: SessionFolder, study: Study, plan: Plan, setting: Setting, identity: Identity
 ) -> Ending:
+    """Note the beginning, or the resume; there, resolve the interrupted trial. Run the rest."""
     history = folder.read_history(plan)
-    origin_s = setting.clock.now_s()
-    gap_s = interruption_s(history) if history.opening else 0.0
-    if history.opening:
-        # Over a new start of the computer no clock goes on: the time between is not guessed at, the
-        # lines only stay in their order.
-        origin_s -= history.last_t_s + (gap_s or 0.0)
+    resumed = bool(history.opening)
+    gap_s = interruption_s(history) if resumed else 0.0
+    clock_goes_on = gap_s is not None
+    # Over a new start of the computer no clock goes on: the time between is not guessed at, the
+    # lines only stay in their order.
+    origin_s = setting.clock.now_s() - history.last_t_s - (gap_s or 0.0)
     with folder.open_journal(lambda: setting.clock.now_s() - origin_s) as journal:
-        _enter(
-            folder,
-            study,
-            plan,
-            history,
-            journal,
-            setting=setting,
-            identity=identity,
-            clock_goes_on=gap_s is not None,
-        )
-        session = Session(
-            setting,
-            study,
-            plan,
-            folder.read_history(plan),
-            journal,
-            tables_sha256=lambda: folder.tables_sha256(plan),
-            resumed=bool(history.opening),
-            origin_s=origin_s,
-        )
+        if resumed:
+            contents = resuming(study, plan, identity, setting, clock_goes_on=clock_goes_on)
+            journal.append("session_resume", contents, sync=True)
+        else:
+            contents = opening(plan, identity, setting) | folder.sealed()
+            journal.append("session_open", contents, sync=True)
+        if not clock_goes_on:
+            text = CLOCK_BROKEN.format(history.onset_clock + 1)
+            journal.append("note", {"text": text}, sync=True)
+            setting.report(f"Note: {text}.")
+        if history.interrupted is not None:
+            resolve_interrupted_trial(history.interrupted, study, journal, setting.device, identity)
+        session = Session(setting, study, plan, folder, journal, resumed=resumed, origin_s=origin_s)
         finished = session.run()
-        return _ending(folder, plan, journal, finished=finished, failure=session.failure)
+        return _end(folder, plan, journal, finished=finished, failure=session.stimulus.failure)
 
 
-def _ending(
+def _end(
     folder: SessionFolder,
     plan: Plan,
     journal: Journal,
@@ -348,20 +334,10 @@ def _ending(
     finished: bool,
     failure: DeviceError | None,
 ) -> Ending:
-    done = [row for row in folder.read_history(plan).rows if row.status == "ok"]
+    """Write the tables, then the final hash: who finds it may expect the tables, too."""
+    answered = [row for row in folder.read_history(plan).rows if row.status == "ok"]
     planned = {trial.number for trial in plan.trials}  # without those of a warm-up
-    return Ending(
-        finished=finished,
-        unanswered=sum(row.response == "timeout" and row.trial in planned for row in done),
-        failure=failure,
-        trials_path=folder.write_trials(),
-        torn_file=journal.torn_file,
-        head_sha256=_keep_head(folder, journal),
-    )
-
-
-def _keep_head(folder: SessionFolder, journal: Journal) -> str:
-    """Keep the head, last of all: who finds it may expect the table, too."""
+    trials_path = folder.write_trials()
     now = datetime.now(UTC).isoformat(timespec="seconds")
     head = SessionHead(session=folder.session, head_sha256=journal.head_sha256, ended=now)
     try:
@@ -370,31 +346,11 @@ def _keep_head(folder: SessionFolder, journal: Journal) -> str:
         raise JournalWriteError(
             f"{folder.path.parent / HEADS}: cannot be written ({error.strerror})"
         ) from error
-    return journal.head_sha256
-
-
-def _enter(
-    folder: SessionFolder,
-    study: Study,
-    plan: Plan,
-    history: History,
-    journal: Journal,
-    *,
-    setting: Setting,
-    identity: Identity,
-    clock_goes_on: bool,
-) -> None:
-    """Note the beginning, or the resume; there, settle the trial that is still open."""
-    if not history.opening:
-        told = opening(plan, identity, setting) | folder.sealed()
-        journal.append("session_open", told, sync=True)
-        return
-    told = resuming(study, plan, identity, setting, clock_goes_on=clock_goes_on)
-    journal.append("session_resume", told, sync=True)
-    if not clock_goes_on:
-        text = CLOCK_BROKEN.format(history.onset_clock + 1)
-        journal.append("note", {"text": text}, sync=True)
-        setting.tell(f"Note: {text}.")
-    if history.open_trial is not None:
-        same_boot = history.open_trial.boot_id == identity.boot_id
-        settle_open_trial(history.open_trial, study, journal, setting.device, same_boot=same_boot)
+    return Ending(
+        finished=finished,
+        unanswered=sum(row.response == "timeout" and row.trial in planned for row in answered),
+        failure=failure,
+        trials_path=trials_path,
+        torn_file=journal.torn_file,
+        head_sha256=journal.head_sha256,
+    )

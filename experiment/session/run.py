@@ -8,15 +8,15 @@ from typing import TYPE_CHECKING
 
 from device.clock import MonotonicClock
 from device.drivers import whole_device
-from experiment.apparatus.noise import noise_player
-from experiment.apparatus.rig import confirmed_now
 from experiment.archive.folders import SessionFolder
 from experiment.check.check import require_fit
+from experiment.hardware.noise import noise_player
+from experiment.hardware.setup import confirmed_now
 from experiment.operator.requests import StopSignal
 from experiment.session.attendance import require_responder
 from experiment.session.conduct import begin, resume
-from experiment.session.markers import LslMarkers, Markers, NoMarkers, await_recorder
-from experiment.session.setting import Setting, Sitting
+from experiment.session.markers import LslMarkers, await_recorder
+from experiment.session.setting import Setting, require_operator
 from experiment.trial.draw import draw_plan
 
 if TYPE_CHECKING:
@@ -48,7 +48,7 @@ def run_session(
     operator: str | None = None,
     levels_vpp: Levels | None = None,
     lsl: bool = False,
-    tell: Callable[[str], object] = print,
+    report: Callable[[str], object] = print,
 ) -> Ending:
     r"""Run one session with a device and a responder of one's own, or go on with it.
 
@@ -78,7 +78,7 @@ def run_session(
         Your word that what docs/hardware.md lists is so; a real device is refused without it.
     practice_without_device : bool
         Your word that a person only tries it out where the device says that it is emulated: no
-        noise is played, and no answer in practice is called right or wrong. Analyses refuse such a
+        noise is played, and practice gives no feedback. Analyses refuse such a
         session unless they are told otherwise.
     operator : str, optional
         Who runs the session, for its header.
@@ -86,8 +86,8 @@ def run_session(
         Placed for this participant, instead of the study's, when a session begins.
     lsl : bool
         Send markers over the Lab Streaming Layer; a recorder is waited for, at most 10 s.
-    tell : callable
-        Is given each line that the operator has to know.
+    report : callable
+        Receives each line that the operator has to know.
 
     Returns
     -------
@@ -114,10 +114,10 @@ def run_session(
     --------
     >>> import tempfile
     >>> from device import DriverSettings, Limits, VirtualClock, make_device
-    >>> from experiment.study.files import study_from_text
-    >>> study = study_from_text(
-    ...     '[design]\ntrials_per_side = 2\nboth_trials = 0\n[burst]\nwindow = "hann"\n'
-    ...     '[masking]\nnoise = "none"', "study.toml")
+    >>> from experiment.study.files import paper_study
+    >>> study = paper_study().changed(
+    ...     design={"trials_per_side": 2, "both_trials": 0}, burst={"window": "hann"},
+    ...     masking={"noise": "none"})
     >>> class Left:
     ...     simulated = True
     ...     def begin(self, progress): return True
@@ -126,13 +126,13 @@ def run_session(
     ...     def wait(self, until_s): clock.wait(until_s - clock.now_s())
     ...     def ask(self, question):
     ...         clock.wait(0.5)
-    ...         return Press("left", clock.now_s())
+    ...         return Press(question.answers[0], clock.now_s())
     ...     def feedback(self, *, correct): pass
     ...     def pause(self, progress, *, paused, minimum_s): return True
     ...     def end(self, progress, *, finished): pass
     >>> from experiment import Press
     >>> clock = VirtualClock()
-    >>> settings = DriverSettings(limits=Limits(ceiling_vpp=200.0, least_interval_s=0.05))
+    >>> settings = DriverSettings(limits=Limits(ceiling_vpp=200.0, min_interval_s=0.05))
     >>> device = make_device("mock", settings, clock)
     >>> with tempfile.TemporaryDirectory() as out:
     ...     ending = run_session(study, "01", device, Left(), out=out, clock=clock, seed=1)
@@ -141,6 +141,7 @@ def run_session(
     """
     clock = MonotonicClock() if clock is None else clock
     require_responder(responder)
+    require_operator(operator)
     driver_from, device = type(device).__module__, whole_device(device)
     folder = SessionFolder(Path(out), participant, session)
     resuming = resuming or resume_anyway
@@ -162,11 +163,10 @@ def run_session(
             participant_number=participant_number,
         )
         if plan.participant_number and (shared := folder.number_shared(plan.participant_number)):
-            tell(f"Note: {shared}.")
-    markers: Markers = NoMarkers()
-    if lsl:
-        markers = LslMarkers(clock, participant=participant, session=session)
-        await_recorder(markers, tell, asking=False)
+            report(f"Note: {shared}.")
+    markers = LslMarkers(clock, participant=participant, session=session) if lsl else None
+    if markers is not None:
+        await_recorder(markers, report, asking=False)
     setting = Setting(
         device=device,
         responder=responder,
@@ -178,13 +178,11 @@ def run_session(
         resume_anyway=resume_anyway,
         confirmation=confirmed_now("run_session") if hardware_confirmed else None,
         practice=practice_without_device,
-        sitting=Sitting(
-            responder=type(responder).__name__,
-            operator=operator,
-            responder_from=type(responder).__module__,
-            driver_from=driver_from,
-        ),
-        tell=tell,
+        responder_name=type(responder).__name__,
+        operator=operator,
+        responder_from=type(responder).__module__,
+        driver_from=driver_from,
+        report=report,
         markers=markers,
     )
     return resume(folder, setting) if resuming else begin(folder, plan, setting)

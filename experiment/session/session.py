@@ -3,49 +3,51 @@
 from __future__ import annotations
 
 import contextlib
-from typing import TYPE_CHECKING, Final
+from functools import partial
+from typing import TYPE_CHECKING, Any, Final
 
 from device.driver import Outcome
 from device.errors import DeviceError
-from experiment.session.attendance import Attendance
+from experiment.rows import HANDS_OFF, PRACTICE
+from experiment.session.attendance import GuardedResponder
 from experiment.session.markers import RECORDING_START, UNHEARD, response_marker, stimulus_marker
-from experiment.session.outputs import BurstWatch, NoiseWatch, StimulusOut, measured_facts
-from experiment.session.setting import delivery_facts, trial_name
+from experiment.session.outputs import NoiseMonitor, StimulusDelivery, measured_values
+from experiment.session.setting import delivery_values, trial_name
 from experiment.session.standing import Standing
 from experiment.trial import events
-from experiment.trial.engine import step, upcoming
+from experiment.trial.engine import next_event, step
 from experiment.trial.events import Event
-from experiment.trial.plan import CONTROL
 from experiment.trial.responder import AwaitedAnswer
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
+    from experiment.archive.folders import SessionFolder
     from experiment.archive.history import History
     from experiment.archive.journal import Journal
     from experiment.session.setting import Setting
     from experiment.study.study import Study
-    from experiment.trial.events import Happening
+    from experiment.trial.events import Input
     from experiment.trial.plan import Plan
+    from experiment.trial.responder import Progress
 
 
-_SHOWN_BEFORE = (events.Greet, events.Introduce, events.Cue, events.Rest, events.Farewell)
+_SHOWN_BEFORE = (events.Welcome, events.Introduce, events.Cue, events.Rest, events.Farewell)
 """What takes a while: the operator is told first. From the cue's end to the answer nobody is."""
 
 
-TOO_EARLY: Final = (
-    "the participant pressed too early too often: say that an answer comes after the vibration, "
-    "then go on"
+TOO_MANY_PREMATURE: Final = (
+    "Too many premature responses: remind the participant to answer after the vibration"
 )
-"""What the operator is told who is called; where nobody attends, going on is a resume."""
+"""The message with which the operator is called."""
 
 
 class Session:
     """A session in progress: the device is opened, the noise started, the journal open.
 
     `resumed`: after an interruption a person who had answered with the fingers on gets the warm-up
-    trials. `origin_s` is the clock's reading at the session's beginning. `tables_sha256` tells the
-    checksums of the tables that are built of the journal so far.
+    trials. `origin_s` is the clock's reading at the session's beginning. `stimulus` holds what the
+    device failed with, if it did.
     """
 
     def __init__(
@@ -53,66 +55,66 @@ class Session:
         setting: Setting,
         study: Study,
         plan: Plan,
-        history: History,
+        folder: SessionFolder,
         journal: Journal,
         *,
-        tables_sha256: Callable[[], dict[str, str]],
         resumed: bool,
         origin_s: float,
     ) -> None:
+        history = folder.read_history(plan)
+        self._setting = setting
         self._study = study
-        self._device = setting.device
+        self._plan = plan
         self._responder = setting.responder
-        self._participant = Attendance(setting, responses=plan.responses)
+        self._participant = GuardedResponder(setting, plan)
         self._clock = setting.clock
         self._origin_s = origin_s
         self._journal = journal
-        self._tables_sha256 = tables_sha256
+        self._tables_sha256 = partial(folder.tables_sha256, plan)
         self._requests = setting.requests
-        self._display = setting.display
-        self._stop = setting.stop
-        self._tell = setting.tell
         self._markers = setting.markers
-        self._marked = self._markers.words is None
-        self._due_s = 0.0
-        self._watch = BurstWatch(setting.monitor, study, setting.device)
-        self._emission = StimulusOut(
-            setting, study, journal, last_token=history.last_token, watch=self._watch
-        )
-        self._noise = NoiseWatch(setting.noise, journal)
+        self._marked = False
+        self.stimulus = StimulusDelivery(setting, study, journal, last_token=history.last_token)
+        self._noise = NoiseMonitor(setting.noise, journal)
         self._standing = Standing(plan, study.design, history)
-        self._judges = setting.responder.simulated or not setting.practice
-        again = resumed and not self._responder.simulated and _got_used_to_it(history)
+        # Where nothing moved, no answer of a person is right or wrong.
+        self._gives_feedback = setting.responder.simulated or not setting.practice
+        warm_up = resumed and not self._responder.simulated and _needs_warm_up(history)
         self._state = events.SessionState(
-            pending=history.due(warm_up=again),
-            keep_anticipated=study.design.anticipated == "keep",
-            most_anticipated=study.design.most_anticipated,
+            pending=history.due(warm_up=warm_up),
+            accept_premature=study.design.premature_responses == "accept",
+            max_premature=study.design.max_premature,
             response_window_s=study.design.response_window_s,
         )
-        self._perform: Mapping[type[events.Effect], Callable[..., Happening | None]] = {
-            events.Greet: self._greet,
-            events.Introduce: self._introduce,
-            events.OpenBlock: self._open_block,
-            events.CloseBlock: self._close_block,
+        attend = self._participant.attend
+        self._perform: Mapping[type[events.Effect], Callable[[Any], Input | None]] = {
+            events.Welcome: lambda _: attend(self._responder.begin, self._progress()),
+            events.Introduce: lambda effect: attend(
+                self._responder.introduce, effect.part, self._progress()
+            ),
+            events.OpenBlock: lambda effect: journal.append(
+                "block_start",
+                {"block": effect.attempt.trial.block, "condition": effect.attempt.trial.condition},
+            ),
+            events.CloseBlock: lambda effect: journal.append("block_end", {"block": effect.block}),
             events.Cue: self._cue,
-            events.Wait: self._wait,
-            events.ArmStimulus: self._arm,
+            events.Wait: lambda effect: self._participant.wait(effect.attempt, self._due_s),
+            events.ArmStimulus: lambda effect: (
+                Event.NOISE_LOST if self._noise.lost() else self.stimulus.arm(effect.attempt)
+            ),
             events.FireStimulus: self._fire,
             events.Listen: self._listen,
             events.EndTrial: self._end_trial,
-            events.Feedback: self._feedback,
+            events.Feedback: lambda effect: (
+                self._participant.feedback(correct=effect.correct) if self._gives_feedback else None
+            ),
             events.Rest: self._rest,
-            events.OpenMonitor: self._open_monitor,
-            events.StartNoise: self._start_noise,
-            events.ZeroOutputs: self._zero_outputs,
+            events.OpenMonitor: lambda _: self.stimulus.open_monitor(),
+            events.StartNoise: lambda _: self._noise.start_again(),
+            events.ZeroOutputs: lambda _: self._setting.device.stop(),
             events.CloseSession: self._close,
             events.Farewell: self._farewell,
         }
-
-    @property
-    def failure(self) -> DeviceError | None:
-        """What the device failed with, if it did."""
-        return self._emission.failure
 
     def run(self) -> bool:
         """Run to the end, or until the session is stopped; return whether it is complete.
@@ -124,66 +126,68 @@ class Session:
             # exists yet, so that only the fault is written, and the trial is one that was never
             # cued. Whatever ends the loop, a full disk and a fault of the program included, the
             # outputs are at zero afterwards.
-            event = self._look_around()
+            event = self._next_event()
             while self._state.phase not in (events.Phase.FINISHED, events.Phase.STOPPED):
                 event = self._step(event)
         except DeviceError as error:
-            self._emission.fail(error)
+            self.stimulus.fail(error)
             self._show()
         finally:
-            self._device.stop()
+            self._setting.device.stop()
         return self._state.phase is events.Phase.FINISHED
 
-    def _mark_start(self, time_s: float | None = None) -> None:
+    def _mark_start(self, at_s: float) -> None:
         """Send the first marker of a sitting; by its time the record is aligned to others.
 
         A recorder hears nothing of what was sent before it was connected, so that it is not sent
         before the start key, nor to nobody; before a marker for a past time it has that time.
         """
-        if self._marked or not self._state.greeted or not self._markers.heard():
+        markers = self._markers
+        if markers is None or self._marked or not (self._state.welcomed and markers.heard()):
             return
         self._marked = True
-        at_s = self._clock.now_s() if time_s is None else time_s
-        self._markers.send(RECORDING_START, at_s)
-        told = {"marker": RECORDING_START, "at_s": round(at_s - self._origin_s, 6)}
-        self._journal.append("marker", told, sync=True)
+        markers.send(RECORDING_START, at_s)
+        marker = {"marker": RECORDING_START, "at_s": round(at_s - self._origin_s, 6)}
+        self._journal.append("marker", marker, sync=True)
 
     def _mark_trial(self, end: events.EndTrial) -> None:
         """Send the markers of a trial whose stimulus surely went out."""
-        delivery, onset_s = self._emission.delivery, self._emission.onset_s
-        if delivery is None or delivery.outcome is not Outcome.FIRED:
+        delivery, onset_s = self.stimulus.delivery, self.stimulus.onset_s
+        measured = self.stimulus.measured
+        if self._markers is None or delivery is None or delivery.outcome is not Outcome.FIRED:
             return
-        felt_s = self._watch.onset_s(or_told_s=onset_s)
-        self._mark_start(min(onset_s, felt_s))
-        self._markers.send(stimulus_marker(end.task, delivery), felt_s)
+        measured_s = None if measured is None or measured.faults else measured.onset_s
+        measured_s = onset_s if measured_s is None else measured_s
+        self._mark_start(min(onset_s, measured_s))
+        self._markers.send(stimulus_marker(end.attempt, delivery), measured_s)
         if end.response is not None and end.rt_s is not None:
-            self._markers.send(response_marker(end.task, end.response), onset_s + end.rt_s)
+            self._markers.send(response_marker(end.attempt, end.response), onset_s + end.rt_s)
 
-    def _step(self, event: Happening) -> Happening:
-        self._state, effects = step(self._state, event)
+    def _step(self, event: Input) -> Input:
+        self._state, effects = step(self._state, event, self._plan.task)
         answer = None
         for effect in effects:
             if isinstance(effect, _SHOWN_BEFORE):
-                self._requests.take_go_on()  # one that was asked for before is none for this wait
+                self._requests.take_continue()  # an earlier request does not end this wait
                 self._show()
             answer = self._perform[type(effect)](effect) or answer
-        return self._look_around() if answer is None else answer
+        return self._next_event() if answer is None else answer
 
-    def _look_around(self) -> Happening:
+    def _next_event(self) -> Input:
         """Between two trials: note what is new, show how it stands, heed the operator."""
         if self._state.phase is events.Phase.READY:
             self._note()
-            self._mark_start()
+            self._mark_start(self._clock.now_s())
             self._show()
         # A session with no trial left is finished even if a stop was asked for: as stopped it would
         # be resumed for nothing. A stop comes before a pause, which would wait for somebody to go
         # on.
-        event = upcoming(self._state)
-        if event is Event.NOTHING_LEFT:
+        event = next_event(self._state)
+        if event is Event.NO_TRIAL_LEFT:
             return event
-        if self._stop.asked:
-            return Event.STOP_ASKED
-        return Event.PAUSE_ASKED if self._requests.paused else event
+        if self._setting.stop.asked:
+            return Event.STOP_REQUESTED
+        return Event.PAUSE_REQUESTED if self._requests.paused else event
 
     def _note(self) -> None:
         """Journal the operator's notes, and the noise where it changed."""
@@ -192,105 +196,86 @@ class Session:
         self._noise.note()
 
     def _show(self) -> None:
-        failures = self._state.failures
-        device = f"{failures} stimuli in a row not delivered" if failures else "ok"
-        if self.failure is not None:
-            device = "failed"
-        status = self._standing.status(
-            self._state,
-            noise=self._noise.words(),
-            device=device,
-            message=self._trouble(),
+        state, failure = self._state, self.stimulus.failure
+        device = f"{state.failures} stimuli in a row not delivered" if state.failures else "ok"
+        is_unheard = self._markers is not None and not self._markers.heard()
+        messages = (  # the worst first
+            "" if failure is None else str(failure),
+            TOO_MANY_PREMATURE if state.operator_needed else "",
+            self._noise.trouble,
+            self.stimulus.trouble,
+            self._participant.ignored,
+            UNHEARD if is_unheard else "",
         )
-        self._display.show(status)
+        status = self._standing.status(
+            state,
+            noise=self._setting.noise.health().message,
+            device=device if failure is None else "failed",
+            message=next(filter(None, messages), ""),
+        )
+        self._setting.show(status)
 
-    def _trouble(self) -> str:
-        """Say what the operator has to know, the worst first."""
-        if self.failure is not None:
-            return str(self.failure)
-        called = TOO_EARLY if self._state.called else ""
-        unheard = "" if self._markers.words is None or self._markers.heard() else UNHEARD
-        worse = called or self._noise.trouble or self._watch.trouble
-        return worse or self._participant.ignored or unheard
-
-    def _greet(self, _: events.Greet) -> Happening:
-        return self._participant.greet(self._standing.progress(self._state))
-
-    def _introduce(self, effect: events.Introduce) -> Happening:
-        return self._participant.introduce(effect.part, self._standing.progress(self._state))
-
-    def _open_block(self, effect: events.OpenBlock) -> None:
-        trial = effect.task.trial
-        facts = {"block": trial.block, "condition": trial.condition}
-        self._journal.append("block_start", facts)
-
-    def _close_block(self, effect: events.CloseBlock) -> None:
-        self._journal.append("block_end", {"block": effect.block})
+    def _progress(self) -> Progress:
+        return self._standing.progress(self._state)
 
     def _cue(self, effect: events.Cue) -> None:
-        trial = effect.task.trial
-        self._noise.begin_trial()
+        trial = effect.attempt.trial
+        self._noise.ok = None  # nothing was heard in this trial yet
         self._standing.trial_begins(self._clock.now_s())
-        rested_s = self._emission.prepare(trial)
-        self._participant.cue(self._standing.progress(self._state))
+        rested_s = self.stimulus.prepare(trial)
+        self._participant.cue(self._progress())
         # The foreperiod runs from the end of the cue, for loading a condition may take a while. The
         # device may need longer: its rest after the stimulus before is kept whatever was drawn.
         self._due_s = max(self._clock.now_s() + trial.foreperiod_s, rested_s)
 
-    def _wait(self, effect: events.Wait) -> Happening:
-        return self._participant.wait(effect.task, self._due_s)
-
-    def _arm(self, effect: events.ArmStimulus) -> Happening:
-        return Event.NOISE_LOST if self._noise.lost() else self._emission.arm(effect.task)
-
-    def _fire(self, _: events.FireStimulus) -> Happening:
+    def _fire(self, _: events.FireStimulus) -> Input:
         """Emit the stimulus; nothing touches the disk from here to the answer."""
-        event = self._emission.fire()
+        event = self.stimulus.fire()
         if event is Event.FIRED:
             self._noise.hear_onset()
         return event
 
-    def _listen(self, effect: events.Listen) -> Happening:
-        delivery = self._emission.delivery
+    def _listen(self, effect: events.Listen) -> Input:
+        delivery = self.stimulus.delivery
         assert delivery is not None
         question = AwaitedAnswer(
-            trial=effect.task.trial.number,
-            attempt=effect.task.attempt,
+            trial=effect.attempt.trial.number,
+            attempt=effect.attempt.number,
             level_left_vpp=delivery.level_left_vpp,
             level_right_vpp=delivery.level_right_vpp,
-            onset_s=self._emission.onset_s,
+            onset_s=self.stimulus.onset_s,
             window_s=effect.window_s,
-            answers=self._participant.answers(effect.task),
+            answers=self._plan.answers_to(effect.attempt.trial),
         )
         # The noise is asked for when the answer is in, for nothing may be done while it is awaited.
         # Lost noise voids any answer; only a stop outranks it, or the session would go on in a
         # pause.
-        event = self._participant.ask(effect.task, question)
+        event = self._participant.ask(effect.attempt, question)
         lost = self._noise.lost()
-        self._watch.measure(delivery)
-        if event is Event.STOP_ASKED:
+        self.stimulus.measure()
+        if event is Event.STOP_REQUESTED:
             return event
         if lost:
             return Event.NOISE_LOST
-        refused = self._watch.refused and event is not Event.PAUSE_ASKED
-        return Event.NOT_VERIFIED if refused else event
+        refused = self.stimulus.is_refused and event is not Event.PAUSE_REQUESTED
+        return Event.BURST_MISMATCH if refused else event
 
     def _end_trial(self, effect: events.EndTrial) -> None:
         # What became of the stimulus and of the answer is written only here, with one sync at the
         # end: from the onset to the answer nothing may touch the disk. If these lines are lost, the
         # token that lies on the disk since before the onset is enough for the device to tell
         # whether it played.
-        name = trial_name(effect.task)
-        how = {"anticipated": effect.anticipated, "noise_ok": self._noise.ok}
-        if self._emission.delivery is not None:
-            onset_s = round(self._emission.onset_s - self._origin_s, 6)
-            facts = delivery_facts(self._emission.delivery, onset_s)
-            self._journal.append("stimulus_confirmed", name | facts)
-            self._watch.measure(self._emission.delivery)
-        measured, planned = self._watch.measured, self._watch.planned
+        name = trial_name(effect.attempt)
+        how = {"premature": effect.premature, "noise_ok": self._noise.ok}
+        if self.stimulus.delivery is not None:
+            onset_s = round(self.stimulus.onset_s - self._origin_s, 6)
+            values = delivery_values(self.stimulus.delivery, onset_s)
+            self._journal.append("stimulus_confirmed", name | values)
+            self.stimulus.measure()
+        measured, planned = self.stimulus.measured, self.stimulus.planned
         if measured is not None and planned is not None:
-            facts = measured_facts(measured, planned, self._origin_s)
-            self._journal.append("stimulus_measured", name | facts)
+            values = measured_values(measured, planned, self._origin_s)
+            self._journal.append("stimulus_measured", name | values)
         if effect.response is not None:
             answer = {"response": effect.response, "rt_s": effect.rt_s}
             self._journal.append("response", name | answer | how)
@@ -298,54 +283,41 @@ class Session:
         self._mark_trial(effect)
         self._standing.trial_ends(effect, self._clock.now_s())
 
-    def _feedback(self, effect: events.Feedback) -> None:
-        if self._judges:  # where nothing moved no answer of a person is right or wrong
-            self._participant.feedback(correct=effect.correct)
-
-    def _rest(self, effect: events.Rest) -> Happening:
+    def _rest(self, effect: events.Rest) -> Input:
         self._note()
-        why = TOO_EARLY if self._state.called else ""
-        if self._state.unverified and not why:
-            why = self._watch.trouble
-        called = {"operator_called": why} if why else None
-        self._journal.append("pause" if effect.paused else "break", called, sync=True)
-        if called and self._requests.attended:
+        mismatch = self.stimulus.trouble if self._state.burst_mismatch else ""
+        why = TOO_MANY_PREMATURE if self._state.operator_needed else mismatch
+        reason = {"operator_called": why} if why else None
+        self._journal.append("pause" if effect.paused else "break", reason, sync=True)
+        if reason and self._requests.attended:
             self._requests.pause()  # the participant, whom it does not concern, does not end it
-        elif called:  # nobody could tell whether the operator goes on or the participant
-            on = "" if why.endswith("go on") else "; go on"
-            self._tell(f"Stopped: {why}{on} with --resume.")
-            return Event.STOP_ASKED
-        minimum_s = 0.0 if effect.paused else self._study.design.minimum_break_s
-        progress = self._standing.progress(self._state)
-        event = self._participant.rest(progress, paused=effect.paused, minimum_s=minimum_s)
+        elif reason:  # nobody could tell whether the operator goes on or the participant
+            self._setting.report(f"Stopped. {why}. Continue with --resume.")
+            return Event.STOP_REQUESTED
+        minimum_s = 0.0 if effect.paused else self._study.design.min_break_s
+        event = self._participant.attend(
+            self._responder.pause, self._progress(), paused=effect.paused, minimum_s=minimum_s
+        )
         if effect.paused:
-            self._requests.go_on()
+            self._requests.request_continue()
         return event
-
-    def _open_monitor(self, _: events.OpenMonitor) -> Happening | None:
-        return None if self._watch.open_again() else Event.NOT_VERIFIED
-
-    def _start_noise(self, _: events.StartNoise) -> Happening | None:
-        return None if self._noise.start_again() else Event.NOISE_LOST
-
-    def _zero_outputs(self, _: events.ZeroOutputs) -> None:
-        self._device.stop()
 
     def _close(self, effect: events.CloseSession) -> None:
         self._note()
-        told: dict[str, object] = {"finished": effect.finished}
+        contents: dict[str, object] = {"finished": effect.finished}
         # With them the last line seals the tables, too: who reads all need not build them anew. But
         # a session has ended whatever lies there: who writes the tables next says what is wrong.
         with contextlib.suppress(ValueError, OSError):
-            told |= self._tables_sha256()
-        self._journal.append("session_close", told, sync=True)
+            contents |= self._tables_sha256()
+        self._journal.append("session_close", contents, sync=True)
 
     def _farewell(self, effect: events.Farewell) -> None:
-        self._noise.stop()
-        self._participant.leave(self._standing.progress(self._state), finished=effect.finished)
+        self._setting.noise.stop()
+        # A stop from outside leaves no time for it.
+        self._participant.attend(self._responder.end, self._progress(), finished=effect.finished)
 
 
-def _got_used_to_it(history: History) -> bool:
-    """Tell whether a person had answered with the fingers on, and is not to practise anyway."""
-    answered = any(row.kind != CONTROL and row.status == "ok" for row in history.rows)
-    return answered and all(task.trial.kind != "practice" for task in history.pending)
+def _needs_warm_up(history: History) -> bool:
+    """Return whether a person had answered with the hands on, and is not to practise anyway."""
+    answered = any(row.kind != HANDS_OFF and row.status == "ok" for row in history.rows)
+    return answered and all(attempt.trial.kind != PRACTICE for attempt in history.pending)

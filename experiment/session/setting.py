@@ -11,237 +11,147 @@ from typing import TYPE_CHECKING, Any, Final
 
 from device.clock import boot
 from device.driver import Outcome
-from experiment.apparatus.monitor import monitor_facts
-from experiment.apparatus.rig import device_kind, line_settings
-from experiment.apparatus.slots import host_limits, told_health, told_limits
 from experiment.archive.history import BROKEN
 from experiment.check.check import check_study
+from experiment.hardware.monitor import monitor_facts
+from experiment.hardware.setup import (
+    device_kind,
+    host_limits,
+    line_settings,
+    read_health,
+    read_limits,
+)
 from experiment.names import is_line
 from experiment.operator.requests import Requests
-from experiment.rows import ANSWERS, NOT_AVAILABLE
-from experiment.session.markers import Markers, NoMarkers
-from experiment.study.presentation import UNTYPED
-from experiment.study.stimulus import stimulus_facts
+from experiment.rows import HANDS_OFF, NOT_AVAILABLE
+from experiment.study.key_names import UNTYPED
+from experiment.study.stimulus import stimulus_values
 
 if TYPE_CHECKING:
     from collections.abc import Callable
     from pathlib import Path
 
     from device.clock import Clock
-    from device.core.reports import DeviceLimits, Health
     from device.driver import BurstDevice, Delivery, Identity
     from device.errors import DeviceError
     from device.monitor.measured import Monitor
-    from experiment.apparatus.noise import NoiseFacts, NoisePlayer
-    from experiment.apparatus.rig import Confirmation
-    from experiment.check.check import StudyCheck
-    from experiment.operator.requests import Display, Status, StopSignal
+    from experiment.hardware.noise import NoiseFacts, NoisePlayer
+    from experiment.hardware.setup import Confirmation
+    from experiment.operator.requests import Status, StopSignal
+    from experiment.session.markers import LslMarkers
     from experiment.study.study import Study
-    from experiment.trial.events import Task
+    from experiment.trial.events import Attempt
     from experiment.trial.plan import Plan
     from experiment.trial.responder import Responder
 
 
-def trial_name(task: Task) -> dict[str, object]:
+def trial_name(attempt: Attempt) -> dict[str, object]:
     """List how the journal names an attempt at a trial."""
-    return {"trial": task.trial.number, "attempt": task.attempt}
+    return {"trial": attempt.trial.number, "attempt": attempt.number}
 
 
-def delivery_facts(delivery: Delivery, onset_s: float | None) -> dict[str, object]:
+def delivery_values(delivery: Delivery, onset_s: float | None) -> dict[str, object]:
     """List what the journal keeps of a delivery; onset and levels only if it surely went out."""
-    fired = delivery.outcome is Outcome.FIRED
-    return {
-        "outcome": delivery.outcome.value,
-        "token": delivery.token,
-        "boot_id": delivery.boot_id,
-        "device_us": delivery.device_us,
-        "onset_s": onset_s if fired else None,
-        "uncertainty_s": delivery.uncertainty_s,
-        "retries": delivery.retries,
-        "level_left_vpp": delivery.level_left_vpp if fired else None,
-        "level_right_vpp": delivery.level_right_vpp if fired else None,
-    }
+    names = ("token", "boot_id", "device_us", "uncertainty_s", "retries")
+    values = {"outcome": delivery.outcome.value} | {name: getattr(delivery, name) for name in names}
+    levels = ("level_left_vpp", "level_right_vpp")
+    if delivery.outcome is Outcome.FIRED:
+        return values | {"onset_s": onset_s} | {name: getattr(delivery, name) for name in levels}
+    return values | dict.fromkeys(("onset_s", *levels))
 
 
-def fault_facts(error: DeviceError) -> dict[str, object]:
+def fault_values(error: DeviceError) -> dict[str, object]:
     """List what the journal keeps of a device's fault."""
     return {"error": type(error).__name__, "message": str(error)}
 
 
-LONGEST_NAME: Final = 100
+MAX_NAME_CHARACTERS: Final = 100
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Sitting:
-    """Who answers in a sitting, and who watches over it.
-
-    Attributes
-    ----------
-    responder : str
-        A word of `RESPONDERS`, or the name of an installed one.
-    operator : str or None
-        The operator's name or sign, where it was given.
-    responder_from, driver_from : str or None
-        Which distributions they are of, and their versions, where they are a lab's own.
-
-    Raises
-    ------
-    ValueError
-        If the operator's name is no short line of text.
+def require_operator(name: str | None) -> None:
+    """Raise ValueError unless the operator's name, if one is given, is a short line of text.
 
     Examples
     --------
-    >>> Sitting(operator=" ")
+    >>> require_operator(" ")
     Traceback (most recent call last):
     ValueError: operator must be a name in one line of text, of at most 100 characters; got ' '
     """
-
-    responder: str = "simulated"
-    operator: str | None = None
-    responder_from: str | None = None
-    driver_from: str | None = None
-
-    def __post_init__(self) -> None:
-        name = self.operator
-        if name is not None and not (is_line(name) and len(name) <= LONGEST_NAME):
-            raise ValueError(
-                "operator must be a name in one line of text, of at most "
-                f"{LONGEST_NAME} characters; got {name!r}"
-            )
-
-    def facts(self, study: Study, plan: Plan) -> dict[str, Any]:
-        """List what may be another one whenever a session goes on: people and keys."""
-        return {
-            "operator": NOT_AVAILABLE if self.operator is None else self.operator,
-            "responder": self.responder,
-            "responder_distribution": _or_not(self.responder_from),
-            "driver_distribution": _or_not(self.driver_from),
-            "response_mapping": _mapping(self.responder, study, plan) or NOT_AVAILABLE,
-        }
-
-    def header(self, study: Study, plan: Plan) -> dict[str, Any]:
-        """List what a header keeps: the sitting, the consent form, what was shown."""
-        screen, nobody = self.responder == "screen", self.responder == "simulated"
-        return {
-            **self.facts(study, plan),
-            "consent_version": study.about.consent_version or NOT_AVAILABLE,
-            "screen": asdict(study.screen) if screen else NOT_AVAILABLE,
-            "texts": NOT_AVAILABLE if nobody else asdict(study.shown_texts),
-        }
-
-
-def _mapping(responder: str, study: Study, plan: Plan) -> dict[str, list[str]]:
-    """Return the keys of every answer that is accepted in some trial, and of the wishes.
-
-    None of a responder whose keys are its own business.
-    """
-    from experiment.trial.plan import CONTROL
-
-    if responder not in {"screen", "terminal"}:
-        return {}
-    untyped = UNTYPED if responder == "terminal" else frozenset()
-    keys = {
-        meaning: [name for name in names if name not in untyped]
-        for meaning, names in asdict(study.keys).items()
-    }
-    accepted = {*plan.responses}
-    if any(trial.kind == CONTROL for trial in plan.trials):
-        accepted.add("none")
-    return {
-        meaning: names
-        for meaning, names in keys.items()
-        if meaning not in ANSWERS or meaning in accepted
-    }
+    if name is not None and not (is_line(name) and len(name) <= MAX_NAME_CHARACTERS):
+        raise ValueError(
+            "operator must be a name in one line of text, of at most "
+            f"{MAX_NAME_CHARACTERS} characters; got {name!r}"
+        )
 
 
 def header(study: Study, plan: Plan, setting: Setting, identity: Identity) -> dict[str, Any]:
-    """List what is worth knowing of a session and is not part of the plan."""
-    return {
-        "schema": 1,
-        "begun": datetime.now(UTC).isoformat(timespec="seconds"),
-        **opening(plan, identity, setting),
-        **setting.sitting.header(study, plan),
-        "device_identity": asdict(identity),
-        **_of_device(setting.device),
-        "device_line": asdict(line_settings(study.device)),
-        "device_cannot": list(setting.device.cannot),
-        "markers": _or_not(setting.markers.words),
-        "monitor": monitor_facts(setting.monitor),
-        "hardware_confirmed": _confirmed(setting, identity),
-        "limits": asdict(host_limits(study.device)),
-        "responses": plan.responses,
-        "participant_number": _or_not(plan.participant_number),
-        "condition_order": plan.condition_order,
-        **noise_facts(setting.noise.facts),
-        "stimuli": {c.name: stimulus_facts(c) for c in study.conditions},
-        "unfit_stimuli_accepted": dict(
-            _accepted(study) if plan.gains else _reasons(check_study(study, ()))
-        ),
-        "platform": platform.platform(),
-        "python": platform.python_version(),
-        "versions": {name: version(name) for name in ("tactstrip", "numpy")},
-        "contact": asdict(study.contact) | {"words": study.contact.words},
-    }
-
-
-# A plan's gains are of one loss and have no doubt: what was accepted for the worst loss, or for
-# what is not known of patches, shows only where all is computed. Once a study, which may have a
-# hundred simulated sessions, and not at all where no reason is stated.
-@lru_cache(maxsize=1)
-def _accepted(study: Study) -> tuple[tuple[str, str], ...]:
-    """List the conditions whose unfit stimuli a study accepts, each with its reason."""
-    if all(condition.accept_unfit is None for condition in study.conditions):
-        return ()
-    return _reasons(check_study(study))
-
-
-def _reasons(check: StudyCheck) -> tuple[tuple[str, str], ...]:
-    accepted = [c.condition for c in check.conditions if c.verdict == "accepted"]
-    return tuple((one.name, one.accept_unfit or "") for one in accepted)
+    """Return the contents of header.json: what is worth knowing and is not part of the plan."""
+    is_simulated = setting.responder_name == "simulated"
+    return _marked_unknown(
+        {
+            "schema": 1,
+            "begun": datetime.now(UTC).isoformat(timespec="seconds"),
+            **opening(plan, identity, setting),
+            **_people(study, plan, setting),
+            "consent_version": study.about.consent_version or None,
+            "screen": study.screen.model_dump() if setting.responder_name == "screen" else None,
+            "texts": None if is_simulated else study.texts.model_dump(by_alias=True),
+            "device_identity": asdict(identity),
+            **_device_state(setting.device),
+            "device_line": asdict(line_settings(study.device)),
+            "device_cannot": list(setting.device.cannot),
+            "markers": setting.markers and setting.markers.description,
+            "monitor": monitor_facts(setting.monitor),
+            "hardware_confirmed": _confirmation(setting, identity),
+            "limits": asdict(host_limits(study.device)),
+            "responses": plan.responses,
+            "participant_number": plan.participant_number,
+            "condition_order": plan.condition_order,
+            **_noise(setting.noise.facts),
+            "stimuli": {c.name: stimulus_values(c) for c in study.conditions},
+            "accepted_violations": _accepted_violations(study, has_gains=bool(plan.gains)),
+            "platform": platform.platform(),
+            "python": platform.python_version(),
+            "versions": {name: version(name) for name in ("tactstrip", "numpy")},
+            "contact": study.contact.model_dump() | {"summary": study.contact.summary},
+        }
+    )
 
 
 def opening(plan: Plan, identity: Identity, setting: Setting) -> dict[str, Any]:
-    """List what a session's first journal line says."""
+    """Return what the first journal line of a session says."""
+    responder = setting.responder
+    # Of a simulated participant the journal keeps what was drawn; an installed one has no such
+    # values.
+    observer = getattr(responder, "observer_facts", None) if responder.simulated else None
     return {
         "participant": plan.participant,
         "session": plan.session,
         "plan_sha256": plan.sha256,
-        "simulated": setting.responder.simulated,
-        **_simulated_person(setting.responder),
-        **place(identity),
+        "simulated": responder.simulated,
+        **({"observer": observer} if isinstance(observer, dict) else {}),
+        **host_and_device(identity),
     }
-
-
-def _simulated_person(responder: Responder) -> dict[str, Any]:
-    """Tell whom our own simulation drew; a lab's own says nothing of whom it simulates."""
-    facts = getattr(responder, "observer_facts", None)
-    return {"observer": facts} if responder.simulated and isinstance(facts, dict) else {}
 
 
 def resuming(
     study: Study, plan: Plan, identity: Identity, setting: Setting, *, clock_goes_on: bool
 ) -> dict[str, Any]:
-    """List what the first journal line of a later sitting says."""
-    return {
-        **place(identity),
-        "session_clock": "goes on" if clock_goes_on else BROKEN,
-        **setting.sitting.facts(study, plan),
-        **_of_device(setting.device),
-        "hardware_confirmed": _confirmed(setting, identity),
-        **noise_facts(setting.noise.facts),
-    }
+    """Return what the first journal line of a later visit says: all that may have changed."""
+    return _marked_unknown(
+        {
+            **host_and_device(identity),
+            "session_clock": "goes on" if clock_goes_on else BROKEN,
+            **_people(study, plan, setting),
+            **_device_state(setting.device),
+            "hardware_confirmed": _confirmation(setting, identity),
+            **_noise(setting.noise.facts),
+        }
+    )
 
 
-def _of_device(device: BurstDevice) -> dict[str, Any]:
-    """List what the device says of itself, which new firmware may have changed since."""
-    return {
-        "device_limits": _facts(told_limits(device)),
-        "device_health": _facts(told_health(device)),
-    }
-
-
-def place(identity: Identity) -> dict[str, Any]:
-    """List on which host and device a session goes on."""
+def host_and_device(identity: Identity) -> dict[str, Any]:
+    """Return on which host and device a visit takes place."""
     return {
         "host": platform.node(),
         "host_boot": boot() or NOT_AVAILABLE,
@@ -252,52 +162,74 @@ def place(identity: Identity) -> dict[str, Any]:
     }
 
 
-def noise_facts(facts: NoiseFacts) -> dict[str, Any]:
-    """List what is kept of the masking noise; what is not known, or does not apply, is ``n/a``.
+def _marked_unknown(contents: dict[str, Any]) -> dict[str, Any]:
+    """Write n/a where a value is not known or does not apply."""
+    return {key: NOT_AVAILABLE if value is None else value for key, value in contents.items()}
 
-    Examples
-    --------
-    >>> from experiment.apparatus.noise import NoiseFacts
-    >>> kept = noise_facts(NoiseFacts(noise="none", played=False))
-    >>> kept["masking_noise_played"], kept["noise_level_dba"]
-    (False, 'n/a')
-    """
+
+def _people(study: Study, plan: Plan, setting: Setting) -> dict[str, Any]:
     return {
-        "masking_noise": facts.noise,
-        "masking_noise_played": facts.played,
-        "noise_level_dba": _or_not(facts.measured_level_dba),
-        "noise_max_level_dba": _or_not(facts.max_level_dba),
-        "noise_sha256": _or_not(facts.sha256),
-        "noise_sample_rate_hz": _or_not(facts.sample_rate_hz),
-        "noise_loop_s": _or_not(facts.loop_s),
-        "noise_sound_card": _or_not(facts.sound_card),
+        "operator": setting.operator,
+        "responder": setting.responder_name,
+        "responder_distribution": setting.responder_from,
+        "driver_distribution": setting.driver_from,
+        "response_mapping": _response_mapping(setting.responder_name, study, plan),
     }
 
 
-def _facts(told: DeviceLimits | Health | None) -> dict[str, Any] | str:
-    return NOT_AVAILABLE if told is None else asdict(told)
+def _response_mapping(responder: str, study: Study, plan: Plan) -> dict[str, list[str]] | None:
+    """Return the keys of pause and continue, and of every answer accepted in some trial.
+
+    The keys of an installed responder are not known.
+    """
+    if responder not in {"screen", "terminal"}:
+        return None
+    untyped = UNTYPED if responder == "terminal" else frozenset()
+    hands_off = any(trial.kind == HANDS_OFF for trial in plan.trials)
+    accepted = study.task.offered(plan.responses, hands_off=hands_off)
+    return {
+        meaning: [name for name in names if name not in untyped]
+        for meaning, names in study.keys.meanings.items()
+        if meaning in accepted or meaning not in study.task.answer_names
+    }
 
 
-def _or_not(value: float | str | None) -> float | str:
-    return NOT_AVAILABLE if value is None else value
+def _device_state(device: BurstDevice) -> dict[str, Any]:
+    """Return what the device reports of itself, which new firmware may change."""
+    reports = {"device_limits": read_limits(device), "device_health": read_health(device)}
+    return {name: None if report is None else asdict(report) for name, report in reports.items()}
 
 
-def _confirmed(setting: Setting, identity: Identity) -> dict[str, Any] | str:
-    """Return the word that a real device is safe; one given for an emulator says nothing."""
-    if setting.confirmation is None or identity.emulated:
-        return NOT_AVAILABLE
-    return setting.confirmation.facts
+def _noise(facts: NoiseFacts) -> dict[str, Any]:
+    return {
+        "masking_noise": facts.noise,
+        "masking_noise_played": facts.played,
+        "noise_level_dba": facts.measured_level_dba,
+        "noise_max_level_dba": facts.max_level_dba,
+        "noise_sha256": facts.sha256,
+        "noise_sample_rate_hz": facts.sample_rate_hz,
+        "noise_loop_s": facts.loop_s,
+        "noise_sound_card": facts.sound_card,
+    }
 
 
-def _tell_nobody(_: str) -> None:
-    """Tell nobody: a simulation has no operator."""
+def _confirmation(setting: Setting, identity: Identity) -> dict[str, Any] | None:
+    """Return the confirmation of a real device; for an emulator none counts."""
+    confirmation = None if identity.emulated else setting.confirmation
+    return None if confirmation is None else asdict(confirmation)
 
 
-class NobodyLooks:
-    """The display of a session that no operator looks at."""
-
-    def show(self, status: Status) -> None:
-        """Show nothing."""
+# The gains in a plan are those of one loss factor, without an uncertainty: what was accepted for
+# the largest loss, or for unknown patches, shows only if everything is computed. That is done once
+# for a study, which may have a hundred simulated sessions, and only if it states a reason.
+@lru_cache(maxsize=1)
+def _accepted_violations(study: Study, *, has_gains: bool) -> dict[str, str | None]:
+    """Return the study's reason for each condition whose burst violates a limit."""
+    if all(condition.accept_violation is None for condition in study.conditions):
+        return {}
+    check = check_study(study) if has_gains else check_study(study, ())
+    accepted = (c.condition for c in check.conditions if c.verdict == "accepted")
+    return {condition.name: condition.accept_violation for condition in accepted}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -323,15 +255,19 @@ class Setting:
         The operator's word that a real device is safe; an emulator needs none.
     practice : bool
         The operator's word that a person tries it out on a device that moves nothing.
-    tell : callable
+    report : callable
         Is given, before the first trial, each line about what the device cannot promise.
     requests : Requests
         What the operator asks for while it runs.
-    display : Display
-        Is shown how it stands.
-    sitting : Sitting
-        Who answers and who operates, for the record.
-    markers : Markers
+    show : callable
+        Is given each new status for the operator; it returns at once and touches no disk.
+    responder_name : str
+        A word of `RESPONDERS`, or the name of an installed responder, for the record.
+    operator : str or None
+        The operator's name or sign.
+    responder_from, driver_from : str or None
+        The distributions, with versions, of an installed responder and driver.
+    markers : LslMarkers or None
         Where markers for other recordings go.
     monitor : Monitor or None
         What measures every burst; without one nothing is verified.
@@ -340,8 +276,8 @@ class Setting:
     --------
     >>> from device import VirtualClock
     >>> from experiment import draw_plan, paper_study
-    >>> from experiment.apparatus.noise import SilentNoise
-    >>> from experiment.apparatus.rig import mock_device
+    >>> from experiment.hardware.noise import SilentNoise
+    >>> from experiment.hardware.setup import mock_device
     >>> from experiment.operator.requests import StopSignal
     >>> from experiment.session.simulate import simulated_responder
     >>> study, clock = paper_study(), VirtualClock()
@@ -361,11 +297,14 @@ class Setting:
     resume_anyway: bool = False
     confirmation: Confirmation | None = None
     practice: bool = False
-    tell: Callable[[str], object] = _tell_nobody
+    report: Callable[[str], object] = lambda _: None
     requests: Requests = field(default_factory=Requests)
-    display: Display = field(default_factory=NobodyLooks)
-    sitting: Sitting = field(default_factory=Sitting)
-    markers: Markers = field(default_factory=NoMarkers)
+    show: Callable[[Status], object] = lambda _: None
+    responder_name: str = "simulated"
+    operator: str | None = None
+    responder_from: str | None = None
+    driver_from: str | None = None
+    markers: LslMarkers | None = None
     monitor: Monitor | None = None
 
 

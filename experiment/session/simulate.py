@@ -3,23 +3,26 @@
 from __future__ import annotations
 
 import math
-from dataclasses import asdict
+from dataclasses import KW_ONLY, asdict, dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from device.clock import VirtualClock
-from experiment.apparatus.noise import SilentNoise
-from experiment.apparatus.rig import mock_device
 from experiment.archive.disk import UNWAITED
 from experiment.archive.folders import SessionFolder
+from experiment.hardware.noise import SilentNoise
+from experiment.hardware.setup import mock_device
 from experiment.names import require_whole
 from experiment.operator.requests import StopSignal
+from experiment.perception.answers import draw_answers
 from experiment.perception.population import threshold_course_db
+from experiment.rows import HANDS_OFF
 from experiment.session.conduct import begin
 from experiment.session.setting import Setting
 from experiment.study.physics import study_gains
-from experiment.study.threshold import unmeasured, vibrations
+from experiment.study.threshold import extrapolations, vibrations
+from experiment.tasks import LEFT_RIGHT_BOTH
 from experiment.trial.draw import draw_plan
 from experiment.trial.responder import Press
 
@@ -31,6 +34,7 @@ if TYPE_CHECKING:
     from experiment.perception.gains import ConditionGains, FingerGains
     from experiment.perception.observer import Observer
     from experiment.study.study import Study
+    from experiment.tasks.task import Task
     from experiment.trial.plan import Plan
     from experiment.trial.responder import AwaitedAnswer, Progress, SessionPart
 
@@ -39,6 +43,7 @@ class SimulationError(RuntimeError):
     """A simulated session that did not come to its end."""
 
 
+@dataclass
 class SimulatedResponder:
     """An observer that answers by itself; the same answers whenever a session is interrupted.
 
@@ -50,26 +55,16 @@ class SimulatedResponder:
     """
 
     simulated = True
-
-    def __init__(
-        self,
-        observer: Observer,
-        clock: Clock,
-        *,
-        seed: int,
-        gains: Mapping[int, FingerGains],
-        untouched: frozenset[int] = frozenset(),
-        shifts_db: Mapping[int, tuple[float, float]] | None = None,
-        facts: Mapping[str, Any] | None = None,
-    ) -> None:
-        self.observer_facts = {} if facts is None else dict(facts)
-        self._shifts_db = {} if shifts_db is None else shifts_db
-        self._last_db = 0.0
-        self._observer = observer
-        self._clock = clock
-        self._seed = seed
-        self._gains = gains
-        self._untouched = untouched
+    observer: Observer
+    clock: Clock
+    _: KW_ONLY
+    seed: int
+    gains: Mapping[int, FingerGains]
+    untouched: frozenset[int] = frozenset()
+    shifts_db: Mapping[int, tuple[float, float]] = field(default_factory=dict)
+    observer_facts: dict[str, Any] = field(default_factory=dict)
+    task: Task = LEFT_RIGHT_BOTH
+    _last_db: float = field(default=0.0, init=False)
 
     def begin(self, progress: Progress) -> bool:
         """Need no instruction."""
@@ -84,49 +79,39 @@ class SimulatedResponder:
 
     def wait(self, until_s: float) -> Press | None:
         """Wait, and press nothing."""
-        self._wait_until(until_s)
+        self.clock.wait(max(0.0, until_s - self.clock.now_s()))
         return None
 
     def ask(self, question: AwaitedAnswer) -> Press | None:
         """Answer as the observer does."""
-        rng = np.random.default_rng((self._seed, question.trial, question.attempt))
+        rng = np.random.default_rng((self.seed, question.trial, question.attempt))
         levels_vpp = (question.level_left_vpp, question.level_right_vpp)
-        answer = self._observer.answer(
-            *((0.0, 0.0) if question.trial in self._untouched else levels_vpp),
-            responses=question.answers,
-            rng=rng,
-            response_window_s=question.window_s,
-            gains=self._gains[question.trial],
-            shift_db=self._shift_db(question.trial),
+        left_db, right_db = self.shifts_db.get(question.trial, (0.0, 0.0))
+        answer, rt_s = draw_answers(
+            [self.observer],
+            (0.0, 0.0) if question.trial in self.untouched else levels_vpp,
+            question.answers,
+            question.window_s,
+            rng,
+            gains=self.gains[question.trial],
+            shift_db=(left_db + self._last_db, right_db + self._last_db),
+            task=self.task,
         )
-        self._remember(question, answer.response)
-        if answer.response is None or answer.rt_s is None:
-            self._wait_until(question.onset_s + question.window_s)
-            return None
-        time_s = question.onset_s + answer.rt_s
-        self._wait_until(time_s)
-        return Press(answer.response, time_s)
-
-    def _shift_db(self, trial: int) -> tuple[float, float]:
-        left_db, right_db = self._shifts_db.get(trial, (0.0, 0.0))
-        return left_db + self._last_db, right_db + self._last_db
-
-    def _remember(self, question: AwaitedAnswer, response: str | None) -> None:
-        """Let the next thresholds be lower after something was felt than after ``none``."""
-        half_db = self._observer.last_answer_db / 2
-        if question.trial in self._untouched or "none" not in question.answers or not half_db:
-            return
-        self._last_db = {None: 0.0, "none": half_db}.get(response, -half_db)
+        response = (*question.answers, None)[answer.item()]
+        # The next thresholds are lower after something was felt than after nothing was.
+        half_db, nothing = self.observer.last_answer_db / 2, self.task.nothing
+        if question.trial not in self.untouched and nothing in question.answers:
+            self._last_db = {None: 0.0, nothing: half_db}.get(response, -half_db)
+        until_s = question.onset_s + (question.window_s if response is None else rt_s.item())
+        self.wait(until_s)
+        return None if response is None else Press(response, until_s)
 
     def feedback(self, *, correct: bool) -> None:
         """Learn nothing from it."""
 
-    def _wait_until(self, time_s: float) -> None:
-        self._clock.wait(max(0.0, time_s - self._clock.now_s()))
-
     def pause(self, progress: Progress, *, paused: bool, minimum_s: float) -> bool:
         """Rest as briefly as is allowed, and go on."""
-        self._clock.wait(minimum_s)
+        self.clock.wait(minimum_s)
         return True
 
     def end(self, progress: Progress, *, finished: bool) -> None:
@@ -146,9 +131,11 @@ def simulated_responder(study: Study, plan: Plan, clock: Clock) -> SimulatedResp
         clock,
         seed=plan.seed,
         gains={trial.number: of_condition[trial.condition] for trial in trials},
-        untouched=frozenset(trial.number for trial in trials if trial.kind == "control"),
+        untouched=frozenset(trial.number for trial in trials if trial.kind == HANDS_OFF),
         shifts_db=_shifts_db(study, observer, plan),
-        facts=asdict(observer) | {"unmeasured": list(unmeasured(study))},
+        observer_facts=asdict(observer)
+        | {"unmeasured": [e.curve.key for e in extrapolations(study)]},
+        task=study.task,
     )
 
 
@@ -160,28 +147,21 @@ _COURSE_STREAM = 2**32 - 2
 
 def _shifts_db(study: Study, observer: Observer, plan: Plan) -> dict[int, tuple[float, float]]:
     """Return by how much both thresholds lie higher in each trial, by its number."""
-    known = study.simulation.known_for
-    of_condition = {
-        name: (known.shift_db(left), known.shift_db(right))
-        for name, (left, right) in vibrations(study).items()
+    reference = study.simulation.reference_vibration
+    condition_db = {
+        name: np.array([reference.shift_db(vibration) for vibration in fingers])
+        for name, fingers in vibrations(study).items()
     }
     if observer.difference_db and len(study.conditions) > 1:
         second = study.conditions[1].name
-        left_db, right_db = of_condition.get(second, (0.0, 0.0))
-        of_condition[second] = (
-            left_db + observer.difference_db,
-            right_db + observer.difference_db,
-        )
-    courses = (observer.drift_db, observer.block_drift_db, observer.wander_db)
-    if not of_condition and not any(courses):
-        return {}
+        condition_db[second] = condition_db.get(second, np.zeros(2)) + observer.difference_db
     rng = np.random.default_rng((plan.seed, _COURSE_STREAM))
     course_db = threshold_course_db(observer, [trial.block for trial in plan.trials], rng)
     shifts_db = {}
     for trial in (*plan.trials, *plan.warm_up):
-        left_db, right_db = of_condition.get(trial.condition, (0.0, 0.0))
         now_db = course_db[min(trial.number, len(course_db)) - 1]
-        shifts_db[trial.number] = left_db + now_db, right_db + now_db
+        left_db, right_db = condition_db.get(trial.condition, np.zeros(2)) + now_db
+        shifts_db[trial.number] = left_db.item(), right_db.item()
     return shifts_db
 
 
@@ -239,37 +219,35 @@ def simulate_study(
     """
     require_whole("participants", participants, 1)
     require_whole("seed", seed, 0)
-    return _simulated(study, root, participants, seed, gains)
-
-
-def _simulated(
-    study: Study,
-    root: Path,
-    participants: int,
-    seed: int,
-    gains: tuple[ConditionGains, ...] | None,
-) -> Iterator[SessionFolder]:
     gains = study_gains(study) if gains is None else gains
     children = np.random.SeedSequence(seed).spawn(participants)
-    for number, child in enumerate(children, start=1):
-        folder = SessionFolder(root, f"{number:02d}", "01", disk=UNWAITED)
-        plan = draw_plan(
-            study,
-            participant=folder.participant,
-            session=folder.session,
-            seed=int(child.generate_state(1)[0]),
-            gains=gains,
-            participant_number=number,
-        )
-        clock = VirtualClock()
-        setting = Setting(
-            device=mock_device(study, clock),
-            responder=simulated_responder(study, plan, clock),
-            noise=SilentNoise(study.masking),
-            clock=clock,
-            stop=StopSignal(),
-        )
-        ending = begin(folder, plan, setting)
-        if ending.failure is not None:
-            raise SimulationError(f"participant {folder.participant}: device: {ending.failure}")
-        yield folder
+    return (
+        _simulate_session(study, root, number, int(child.generate_state(1)[0]), gains)
+        for number, child in enumerate(children, start=1)
+    )
+
+
+def _simulate_session(
+    study: Study, root: Path, number: int, seed: int, gains: tuple[ConditionGains, ...]
+) -> SessionFolder:
+    folder = SessionFolder(root, f"{number:02d}", "01", disk=UNWAITED)
+    plan = draw_plan(
+        study,
+        participant=folder.participant,
+        session=folder.session,
+        seed=seed,
+        gains=gains,
+        participant_number=number,
+    )
+    clock = VirtualClock()
+    setting = Setting(
+        device=mock_device(study, clock),
+        responder=simulated_responder(study, plan, clock),
+        noise=SilentNoise(study.masking),
+        clock=clock,
+        stop=StopSignal(),
+    )
+    ending = begin(folder, plan, setting)
+    if ending.failure is not None:
+        raise SimulationError(f"participant {folder.participant}: device: {ending.failure}")
+    return folder

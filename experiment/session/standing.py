@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from experiment.operator.requests import Status, Tally
-from experiment.rows import is_correct
 from experiment.study.design import ASSUMED_ANSWER_S
-from experiment.trial.events import Task
+from experiment.trial.events import Attempt
 from experiment.trial.plan import PRACTICE_BLOCK
 from experiment.trial.responder import Progress, SessionPart
 
@@ -28,16 +26,17 @@ class Standing:
     """What is counted while a session goes on; earlier sittings are in its history."""
 
     def __init__(self, plan: Plan, design: Design, history: History) -> None:
-        self._planned = Counter(Task(trial, attempt=1).part for trial in plan.trials)
+        self._planned = Counter(Attempt(trial, number=1).part for trial in plan.trials)
         self._blocks = len({t.block for t in plan.trials if t.block > PRACTICE_BLOCK})
         self._design = design
-        self._tallies = {"left": Tally(), "right": Tally()}
+        self._task = plan.task
+        self._tallies = {site: Tally() for site in plan.task.sites}
         self._begun_s = 0.0
         self._spent_s = 0.0
         self._done = 0
         for row in history.rows:
-            if row.status == "ok" and row.kind == "single" and row.response is not None:
-                self._count(row.side, row.response)
+            if row.status == "ok" and row.response is not None:
+                self._count(row.kind, row.side, row.response)
 
     def trial_begins(self, now_s: float) -> None:
         """Note when a trial began."""
@@ -49,16 +48,15 @@ class Standing:
         if end.status != "ok" or end.response is None:
             return
         self._done += 1
-        trial: Trial = end.task.trial
-        if trial.kind == "single":
-            self._count(trial.side, end.response)
+        trial: Trial = end.attempt.trial
+        self._count(trial.kind, trial.side, end.response)
 
     def progress(self, state: SessionState) -> Progress:
         """Return how far the part has come that was introduced last, or is the first to come.
 
-        Behind the last trial of all it is the task.
+        Behind the last trial of all it is the attempt.
         """
-        left = [task.part for task in state.pending if not task.warm_up]
+        left = [attempt.part for attempt in state.pending if not attempt.warm_up]
         ahead = left[0] if left else SessionPart.MAIN
         part = (state.part if left else None) or ahead
         of = ahead if part == SessionPart.WARM_UP else part
@@ -66,46 +64,37 @@ class Standing:
         return Progress(done=planned - left.count(of), planned=planned, part=part)
 
     def status(self, state: SessionState, *, noise: str, device: str, message: str) -> Status:
-        """Return what the operator is shown."""
-        progress = self.progress(state)
+        """Return what the operator is shown.
+
+        Every trial is expected to take the mean time of those answered in this visit, every break
+        its shortest time.
+        """
+        design, progress = self._design, self.progress(state)
+        pace_s = sum(design.foreperiod_s) / 2 + min(ASSUMED_ANSWER_S, design.response_window_s)
+        if self._done:
+            pace_s = self._spent_s / self._done
+        blocks = [t.trial.block for t in state.pending if t.trial.block > PRACTICE_BLOCK]
+        breaks = max(0, len(set(blocks)) - 1)
+        next_block = state.pending[0].trial.block if state.pending else self._blocks
         return Status(
             phase=state.phase.value,
             done=progress.done,
             planned=progress.planned,
-            block=self._block(state),
+            block=next_block if state.block is None else state.block,
             blocks=self._blocks,
-            left_s=self._left_s(state),
+            left_s=len(state.pending) * pace_s + breaks * design.min_break_s,
             noise=noise,
             device=device,
             message=message,
             tallies=dict(self._tallies),
         )
 
-    def _block(self, state: SessionState) -> int:
-        """Return the open block, or the one to come; after the last one, the last."""
-        if state.block is not None:
-            return state.block
-        return state.pending[0].trial.block if state.pending else self._blocks
-
-    def _left_s(self, state: SessionState) -> float:
-        """Expect every trial to take the mean of those so far, every break its shortest time."""
-        blocks = {t.trial.block for t in state.pending if t.trial.block > PRACTICE_BLOCK}
-        breaks = max(0, len(blocks) - 1)
-        return len(state.pending) * self._pace_s() + breaks * self._design.minimum_break_s
-
-    def _pace_s(self) -> float:
-        """Return the mean time for a trial that was answered in this sitting."""
-        if self._done:
-            return self._spent_s / self._done
-        answer_s = min(ASSUMED_ANSWER_S, self._design.response_window_s)
-        return sum(self._design.foreperiod_s) / 2 + answer_s
-
-    def _count(self, side: str, response: str) -> None:
+    def _count(self, kind: str, side: str, response: str) -> None:
+        """Count the answer to a stimulus at one site."""
+        if kind not in self._task.kinds or side not in self._tallies:
+            return
         tally = self._tallies[side]
-        correct = is_correct("single", side, response) is True
-        self._tallies[side] = replace(
-            tally,
-            presented=tally.presented + 1,
-            correct=tally.correct + correct,
-            last=(*tally.last, response)[-LAST_ANSWERS:],
-        )
+        correct = self._task.is_correct(side, response) is True
+        last = (*tally.last, response)[-LAST_ANSWERS:]
+        counts = {"presented": tally.presented + 1, "correct": tally.correct + correct}
+        self._tallies[side] = Tally(**counts, last=last)

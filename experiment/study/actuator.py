@@ -1,400 +1,369 @@
-"""The sections [[actuator]] of study.toml: what moves the plate, and what is known of it."""
+"""The sections [[actuator]] and [finger_load]: what moves the plate, and the fingertips on it."""
 
 from __future__ import annotations
 
-from dataclasses import replace
+import math
 from functools import cached_property
-from typing import TYPE_CHECKING, Annotated, Any, Final, Literal, get_args
+from itertools import combinations
+from typing import TYPE_CHECKING, Annotated, Any, Final, Literal
 
-from pydantic import Field, model_validator
-from pydantic_core import ArgsKwargs
+import numpy as np
+from pydantic import Field
 
 from experiment.names import NAME, NAME_RULE
 from experiment.study.base import (
-    Table,
-    filled,
-    is_left_as_it_was,
-    refuse_below,
-    refuse_incomplete,
-    section,
-)
-from experiment.study.plate import (
-    PAPER_CUTOFF_HZ,
-    PAPER_LENGTH_MM,
-    PAPER_SIZES,
     Day,
-    Density,
     Line,
-    Modulus,
-    Plate,
-    dated,
-    refuse_orphans,
+    Section,
+    all_or_none,
+    is_distinct,
+    obey,
+    obeying,
+    zero_or_at_least,
 )
-from stimuli import BondedPatch, MeasuredDisplacement, PiezoLayers
+from experiment.study.plate import Density, Modulus
+from stimuli import (
+    BondedPatch,
+    ForceRectangle,
+    Impedance,
+    MeasuredDisplacement,
+    MomentDisc,
+    MomentRectangle,
+    PiezoLayers,
+)
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Iterator
 
-Side = Literal["left", "right", "other"]
-SIDES: Final[tuple[str, ...]] = get_args(Side)
+    from experiment.study.base import Rule
+    from stimuli import Load, Strip
+
+UNDRIVEN: Final = "other"
+"""The side of actuators that no session drives."""
 Shape = Literal["disc", "rectangle", "motor"]
 
-# Discs of piezo begin at some millimetres, contacts of motors at tenths, layers at films of 5 um.
+# Piezo discs begin at some millimetres, the contacts of motors at tenths, layers at films of 5 um.
 _Layer = Annotated[float, Field(ge=0.005, le=20)]
-_Micrometres = Annotated[float, Field(ge=1e-4, le=5000)]
-_Diameter = Annotated[float, Field(ge=0.5, le=1000)]
-_Side = Annotated[float, Field(ge=0.2, le=1000)]
-_Place = Annotated[float, Field(ge=-5000, le=5000)]
 _LayerRatio = Annotated[float, Field(ge=-0.999, le=0.5)]
-
-_LEAST_D31_PM_V: Final = 0.5
-"""Quartz has about 2, films of polymer 20, ceramics 100 to 300."""
-
-LEAST_FINGER_MM: Final = 1.0
-_ALIKE: Final = {"as-left": "left", "as-right": "right"}
+_Length = Annotated[float, Field(ge=0.2, le=1000)]
+_Constant = Annotated[
+    float, Field(ge=-5000, le=5000), zero_or_at_least(0.5), obeying(bool, "must not be 0")
+]
+_Position = Annotated[float, Field(ge=-5000, le=5000)]
 
 MEASURED_KEYS: Final = ("measured_displacement_um", "measured_at_vpp", "measured_at_hz")
-PIEZO_KEYS: Final = (
-    "piezo_thickness_mm",
-    "piezo_youngs_modulus_gpa",
-    "piezo_poisson_ratio",
-    "piezo_d31_pm_v",
-)
-CARRIER_KEYS: Final = (
-    "carrier_thickness_mm",
-    "carrier_youngs_modulus_gpa",
-    "carrier_poisson_ratio",
-)
-PATCH_KEYS: Final = (*PIEZO_KEYS[:-1], "piezo_density_kg_m3")
-"""What a patch has to have to stiffen and load the plate; and a carrier, if there is one:"""
-
-CARRIER_PATCH_KEYS: Final = (*CARRIER_KEYS, "carrier_density_kg_m3")
-_SIZES: Final[dict[Shape, tuple[str, ...]]] = {
-    "disc": ("diameter_mm",),
-    "rectangle": ("length_x_mm", "length_y_mm"),
-    "motor": ("length_x_mm", "length_y_mm"),
-}
+_LAYER_KEYS: Final = ("thickness_mm", "youngs_modulus_gpa", "poisson_ratio")
+SIZE_KEYS: Final = ("diameter_mm", "length_x_mm", "length_y_mm")
+_ROUNDING_MM: Final = 1e-9
+"""A patch as wide as the strip ends on its edges, but for the rounding of the sums."""
+_REACH_M: Final = 1.0
+"""Two fingers farther apart cannot rest on a plate comfortably; its field would take minutes."""
+_MIN_UM_PER_VPP: Final = 1e-4
+"""Less stays below a tenth of a micrometre, the least that anybody feels, at 1000 Vpp."""
 
 
-@section
-class Actuator:
-    """A patch or a motor under the strip, and the finger above it.
+def _in_metres(key: str) -> Any:
+    """Return a property with the value of a key in metres; none where it is omitted."""
+    return property(lambda self: None if (mm := getattr(self, key)) is None else mm / 1e3)
 
-    One is left, one is right; those that are never driven in a session are other.
-    """
 
-    side: Side = Field(description="as the participant sees it")
-    name: str | None = Field(default=None, description="of one whose side is other")
-    shape: Shape = Field(default="disc", description="motor: over its contact")
-    x_mm: _Place = Field(description="centre along the strip, from its middle, right positive")
-    y_mm: _Place = Field(description="centre across, from one edge; default the middle")
-    diameter_mm: _Diameter | None = Field(
-        default=None, description="of a disc: of its ceramic's electrode, not the metal"
-    )
-    length_x_mm: _Side | None = Field(
-        default=None, description="of a rectangle or motor, along the strip"
-    )
-    length_y_mm: _Side | None = Field(
-        default=None, description="of a rectangle or motor, across the strip"
-    )
-    finger_diameter_mm: float = Field(
-        default=10.0, ge=LEAST_FINGER_MM, le=50, description="contact of the fingertip above it"
-    )
-    measured_displacement_um: _Micrometres | None = Field(
-        default=None, description="at its centre, as measured, no finger on the plate"
-    )
-    measured_as: Literal["peak", "peak-to-peak", "as-left", "as-right"] | None = Field(
-        default=None,
-        description="peak is the amplitude, and assumed without it; as-left or as-right: not "
-        "measured, assumed equal to the like actuator there",
-    )
-    measured_at_vpp: float | None = Field(
-        default=None, ge=1e-3, le=1000, description="... with a sine or burst of this level"
-    )
-    measured_at_hz: float | None = Field(
-        default=None, ge=1, le=1e5, description="... and this frequency, well below the cut-off"
-    )
-    measured_by: Line | None = Field(default=None, description="... by whom")
-    measured_on: Day | None = Field(default=None, description="... and when")
-    piezo_thickness_mm: _Layer | None = Field(
-        default=None, description="or its layers: displacements are predicted"
-    )
-    piezo_youngs_modulus_gpa: Modulus | None = Field(default=None, description="1 / s11E")
-    piezo_poisson_ratio: _LayerRatio | None = Field(default=None, description="-s12E / s11E")
-    piezo_d31_pm_v: float | None = Field(
-        default=None, ge=-5000, le=5000, description="strain per field in its plane"
-    )
-    carrier_thickness_mm: _Layer | None = Field(
-        default=None, description="metal between piezo and plate, if any"
-    )
-    carrier_youngs_modulus_gpa: Modulus | None = Field(default=None, description="of that metal")
-    carrier_poisson_ratio: _LayerRatio | None = Field(default=None, description="of that metal")
-    patch_counts: bool = Field(
-        default=False, description="its layers stiffen and load the plate, which must have ends"
-    )
-    piezo_density_kg_m3: Density | None = Field(default=None, description="with patch_counts")
-    carrier_density_kg_m3: Density | None = Field(default=None, description="with patch_counts")
+class Actuator(Section):
+    """A patch or a motor under the strip, and the finger above it."""
 
-    @model_validator(mode="before")
-    @classmethod
-    def _date(cls, given: Any) -> Any:
-        return ArgsKwargs((), dated(given.kwargs)) if isinstance(given, ArgsKwargs) else given
+    side: Line
+    """site of the finger, left or right as the participant sees it; other: no session drives it"""
+    name: str | None = None
+    """name of an actuator whose side is other"""
+    shape: Shape = "disc"
+    """shape of the patch, or motor with the size of its contact"""
+    x_mm: _Position
+    """centre along the strip, from its middle, positive to the right"""
+    y_mm: _Position | None = None
+    """centre across the strip, from one edge; by default the middle"""
+    diameter_mm: Annotated[float, Field(ge=0.5, le=1000)] | None = None
+    """diameter of a disc: of the electrode on the ceramic, not of the metal"""
+    length_x_mm: _Length | None = None
+    """length along the strip of a rectangle or motor"""
+    length_y_mm: _Length | None = None
+    """length across the strip of a rectangle or motor"""
+    finger_diameter_mm: Annotated[float, Field(ge=1, le=50)] = 10.0
+    """diameter of the fingertip's contact area above it"""
+    measured_displacement_um: Annotated[float, Field(ge=1e-4, le=5000)] | None = None
+    """displacement measured at its centre, without a finger on the plate"""
+    measured_as: Literal["peak", "peak-to-peak"] = "peak"
+    """whether the measured displacement is an amplitude or peak-to-peak"""
+    measured_at_vpp: Annotated[float, Field(ge=1e-3, le=1000)] | None = None
+    """level of the sine or burst it was measured with"""
+    measured_at_hz: Annotated[float, Field(ge=1, le=1e5)] | None = None
+    """its frequency, well below the cut-off"""
+    measured_by: Line | None = None
+    """who measured it"""
+    measured_on: Day | None = None
+    """day of the measurement"""
+    assumed_equal_to: Line | None = None
+    """in place of a measurement: the side of an equal actuator that was measured"""
+    piezo_thickness_mm: _Layer | None = None
+    """thickness of the piezo layer; from layers, displacements are predicted to a factor of two"""
+    piezo_youngs_modulus_gpa: Modulus | None = None
+    """Young's modulus of the piezo, 1 / s11E"""
+    piezo_poisson_ratio: _LayerRatio | None = None
+    """Poisson's ratio of the piezo, -s12E / s11E"""
+    piezo_d31_pm_v: _Constant | None = None
+    """piezoelectric constant d31, strain in the plane per field"""
+    carrier_thickness_mm: _Layer | None = None
+    """thickness of a metal layer between piezo and plate, if any"""
+    carrier_youngs_modulus_gpa: Modulus | None = None
+    """Young's modulus of that metal"""
+    carrier_poisson_ratio: _LayerRatio | None = None
+    """Poisson's ratio of that metal"""
+    patch_counts: bool = False
+    """whether the layers stiffen and load the plate, which must have ends"""
+    piezo_density_kg_m3: Density | None = None
+    """density of the piezo, with patch_counts"""
+    carrier_density_kg_m3: Density | None = None
+    """density of that metal, with patch_counts"""
+    source: Line | None = None
+    """where these values are from"""
 
-    def __post_init__(self) -> None:
-        self._check_name()
-        for key in ("diameter_mm", "length_x_mm", "length_y_mm"):
-            given = getattr(self, key) is not None
-            if given and key not in _SIZES[self.shape]:
-                shapes = " or ".join(shape for shape, keys in _SIZES.items() if key in keys)
-                raise ValueError(f"{key} is for shape = {shapes} only; got shape = {self.shape}")
-            if not given and key in _SIZES[self.shape]:
-                raise ValueError(f"{key} is missing; got shape = {self.shape}")
-        self._check_basis()
-
-    def _check_name(self) -> None:
-        if (self.name is not None) != (self.side == "other"):
-            raise ValueError(
-                f"name must be given where side is other, and only there; got "
-                f"{self.name or 'none'} where side is {self.side}"
+    def rules(self) -> Iterator[Rule]:
+        """Yield the rules of its name, size, measurement and layers."""
+        name, is_undriven = self.name, self.side == UNDRIVEN
+        rule = f'must be given with side = "{UNDRIVEN}", and only then'
+        yield (name is not None) != is_undriven, "name", rule, None
+        is_valid = name is None or (NAME.fullmatch(name) and name != UNDRIVEN)
+        yield not is_valid, "name", f"{NAME_RULE}, and not {UNDRIVEN}"
+        for key in SIZE_KEYS:
+            is_needed = (key == "diameter_mm") == (self.shape == "disc")
+            rule = (
+                f'{"is required" if is_needed else "must be left out"} with shape = "{self.shape}"'
             )
-        if self.name is not None and (not NAME.fullmatch(self.name) or self.name in SIDES):
-            raise ValueError(f"name must be {NAME_RULE} and no side; got {self.name!r}")
-
-    def _check_basis(self) -> None:
-        """Refuse half a basis, two, or one that the shape cannot have."""
-        self._check_patch()
-        piezo = tuple(sorted(PIEZO_KEYS)) if self.patch_counts else PIEZO_KEYS  # d31, its only one
-        as_patch = self.patch_counts and self.piezo_d31_pm_v is None
-        basis = refuse_incomplete(self, MEASURED_KEYS, *([] if as_patch else [piezo]))
-        refuse_orphans(self, MEASURED_KEYS[0])
-        if self.measured_as is not None and self.measured_displacement_um is None:
-            raise ValueError(f"{MEASURED_KEYS[0]} is missing; measured_as needs it")
-        carrier = refuse_incomplete(self, CARRIER_KEYS)
-        if carrier is not None and self.piezo_thickness_mm is None:
-            raise ValueError(f"{PIEZO_KEYS[0]} is missing; {carrier} needs it")
-        if self.shape == "motor" and basis == PIEZO_KEYS[0]:
-            raise ValueError(f"{basis} is for patches only; got shape = motor")
-        if self.piezo_d31_pm_v == 0:
-            raise ValueError("piezo_d31_pm_v must not be 0; got 0")
-        refuse_below(self, "piezo_d31_pm_v", _LEAST_D31_PM_V, "or its negative")
-
-    def _check_patch(self) -> None:
-        """Refuse a patch that counts without its layers, and what only such a patch has."""
-        densities = (PATCH_KEYS[-1], CARRIER_PATCH_KEYS[-1])
-        if not self.patch_counts:
-            given = [key for key in densities if getattr(self, key) is not None]
-            if given:
-                raise ValueError(f"patch_counts = true is missing; {given[0]} needs it")
-            return
-        if self.shape == "motor":
-            raise ValueError("patch_counts is for patches only; got shape = motor")
-        missing = [key for key in PATCH_KEYS if getattr(self, key) is None]
-        if missing:
-            raise ValueError(f"{missing[0]} is missing; patch_counts needs it")
-        refuse_incomplete(self, CARRIER_PATCH_KEYS)
-
-    @property
-    def is_the_papers(self) -> bool:
-        """Whether it is a disc of the paper, where it was, with what the paper measured of it."""
-        return (
-            self.measured_by is None
-            and self.measured_as in {None, "peak"}
-            and any(
-                all(getattr(self, key) == value for key, value in disc.items())
-                for disc in paper_actuators()
-            )
-        )
-
-    @property
-    def alike(self) -> str | None:
-        """The side of the actuator whose displacement is assumed of it, which was not measured."""
-        return _ALIKE.get(self.measured_as or "")
+            yield (getattr(self, key) is not None) != is_needed, key, rule, None
+        yield from all_or_none(self, MEASURED_KEYS)
+        is_measured = self.measured_displacement_um is not None
+        lack = not is_measured and bool(self.measured_by or self.measured_on)
+        yield lack, MEASURED_KEYS[0], "is required with measured_by and measured_on"
+        yield self.assumed_equal_to == self.side, "assumed_equal_to", "must be another side"
+        has_d31 = self.piezo_d31_pm_v is not None
+        excess = has_d31 and (is_measured or self.assumed_equal_to is not None)
+        rule = "must be left out where the displacement is measured"
+        yield excess, "piezo_d31_pm_v", rule, None
+        for layer in ("piezo", "carrier"):
+            density, keys = f"{layer}_density_kg_m3", [f"{layer}_{key}" for key in _LAYER_KEYS]
+            excess = getattr(self, density) is not None and not self.patch_counts
+            yield excess, density, "must be left out unless patch_counts = true", None
+            yield from all_or_none(self, [*keys, density] if self.patch_counts else keys)
+        has_piezo = self.piezo_thickness_mm is not None
+        excess = self.shape == "motor" and (has_piezo or self.patch_counts)
+        yield excess, "shape", "must be disc or rectangle with layers"
+        for key in ("patch_counts", "piezo_d31_pm_v", "carrier_thickness_mm"):
+            lack = bool(getattr(self, key)) and not has_piezo
+            yield lack, "piezo_thickness_mm", f"is required with {key}"
+        lack = has_piezo and not has_d31 and not self.patch_counts
+        yield lack, "piezo_d31_pm_v", "is required with piezo_thickness_mm"
 
     @property
     def label(self) -> str:
-        """What it is called: its side, or its name."""
+        """Its side, or its name."""
         return self.name or self.side
 
-    @property
-    def x_m(self) -> float:
-        """Place of its centre along the strip, from the middle, positive to the right."""
-        return self.x_mm / 1e3
+    x_m = _in_metres("x_mm")
+    """Centre along the strip, from its middle, positive to the right."""
+    y_m = _in_metres("y_mm")
+    """Centre across the strip, from one edge; a study fills it in."""
+    diameter_m = _in_metres("diameter_mm")
+    """Diameter of a disc, else none."""
+    length_x_m = _in_metres("length_x_mm")
+    """Length along the strip of a rectangle or of a motor's contact, else none."""
+    length_y_m = _in_metres("length_y_mm")
+    """Length across the strip of a rectangle or of a motor's contact, else none."""
+    finger_diameter_m = _in_metres("finger_diameter_mm")
+    """Diameter of the fingertip's contact area."""
 
     @property
-    def y_m(self) -> float:
-        """Place of its centre across the strip, from one edge."""
-        return self.y_mm / 1e3
-
-    @property
-    def diameter_m(self) -> float | None:
-        """Diameter of a disc, else none."""
-        return None if self.diameter_mm is None else self.diameter_mm / 1e3
-
-    @property
-    def length_x_m(self) -> float | None:
-        """Side of a rectangle or of a motor's contact along the strip, else none."""
-        return None if self.length_x_mm is None else self.length_x_mm / 1e3
-
-    @property
-    def length_y_m(self) -> float | None:
-        """Side of a rectangle or of a motor's contact across the strip, else none."""
-        return None if self.length_y_mm is None else self.length_y_mm / 1e3
-
-    @property
-    def finger_diameter_m(self) -> float:
-        """Contact of the fingertip above it."""
-        return self.finger_diameter_mm / 1e3
+    def size_m(self) -> tuple[float, float]:
+        """Length along and across the strip."""
+        return self.diameter_m or self.length_x_m, self.diameter_m or self.length_y_m
 
     @property
     def span_x_m(self) -> tuple[float, float]:
         """Where the patch begins and ends along the strip."""
-        return _span_m(self.x_m, self.diameter_m or self.length_x_m)
+        return self.x_m - self.size_m[0] / 2, self.x_m + self.size_m[0] / 2
 
     @property
     def span_y_m(self) -> tuple[float, float]:
         """Where the patch begins and ends across the strip."""
-        return _span_m(self.y_m, self.diameter_m or self.length_y_m)
+        return self.y_m - self.size_m[1] / 2, self.y_m + self.size_m[1] / 2
 
-    @cached_property
+    @property
+    def load(self) -> Load:
+        """The load of the physics: a bonded patch of 1 N m per metre, or a motor of 1 N."""
+        if self.diameter_m is not None:
+            return MomentDisc(x_m=self.x_m, y_m=self.y_m, radius_m=self.diameter_m / 2)
+        shape = ForceRectangle if self.shape == "motor" else MomentRectangle
+        length_x_m, length_y_m = self.size_m
+        return shape(x_m=self.x_m, y_m=self.y_m, length_x_m=length_x_m, length_y_m=length_y_m)
+
+    @property
     def basis(self) -> MeasuredDisplacement | PiezoLayers | None:
-        """What is known of its displacement per volt."""
+        """What its displacement per volt is computed from, if anything."""
         if self.measured_displacement_um is not None:
-            displacement_um, level_vpp, frequency_hz = self._given(MEASURED_KEYS)
+            displacement_um, level_vpp, frequency_hz = (getattr(self, k) for k in MEASURED_KEYS)
             amplitude_um = displacement_um / (2 if self.measured_as == "peak-to-peak" else 1)
             return MeasuredDisplacement(
                 displacement_m=amplitude_um / 1e6, level_vpp=level_vpp, frequency_hz=frequency_hz
             )
         if self.piezo_d31_pm_v is None:
             return None
-        return replace(self._layers, d31_m_v=self.piezo_d31_pm_v / 1e12)
+        return self._layers(d31_m_v=self.piezo_d31_pm_v / 1e12)
 
     @property
     def patch(self) -> BondedPatch | None:
-        """What stiffens and loads the plate, if it counts."""
+        """The patch that stiffens and loads the plate, if it counts."""
         if not self.patch_counts:
             return None
         return BondedPatch(
             x_m=self.x_m,
             y_m=self.y_m,
-            length_x_m=self.diameter_m or self.length_x_m or 0.0,
-            length_y_m=self.diameter_m or self.length_y_m or 0.0,
-            layers=self._layers.layers,
+            length_x_m=self.size_m[0],
+            length_y_m=self.size_m[1],
+            layers=self._layers(d31_m_v=1e-6).layers,  # no layer's stiffness depends on its strain
             is_disc=self.shape == "disc",
         )
 
-    @property
-    def _layers(self) -> PiezoLayers:
-        """The layers, with a piezo that strains by 1 m/m in a field of 1 MV/m."""
-        thickness_mm, modulus_gpa, poisson_ratio = self._given(PIEZO_KEYS[:-1])
-        layers = PiezoLayers(
-            thickness_m=thickness_mm / 1e3,
-            youngs_modulus_pa=modulus_gpa * 1e9,
-            poisson_ratio=poisson_ratio,
-            d31_m_v=1e-6,
-            density_kg_m3=self.piezo_density_kg_m3 or 0.0,
+    def _layers(self, d31_m_v: float) -> PiezoLayers:
+        values: dict[str, Any] = {"d31_m_v": d31_m_v}
+        for layer, prefix in (("piezo", ""), ("carrier", "carrier_")):
+            if getattr(self, f"{layer}_thickness_mm") is not None:
+                thickness_mm, modulus_gpa, ratio, density_kg_m3 = (
+                    getattr(self, f"{layer}_{key}") for key in (*_LAYER_KEYS, "density_kg_m3")
+                )
+                values[f"{prefix}thickness_m"] = thickness_mm / 1e3
+                values[f"{prefix}youngs_modulus_pa"] = modulus_gpa * 1e9
+                values[f"{prefix}poisson_ratio"] = ratio
+                values[f"{prefix}density_kg_m3"] = density_kg_m3 or 0.0
+        return PiezoLayers(**values)
+
+    def equality_rules(self, reference: Actuator | None) -> Iterator[Rule]:
+        """Yield the rules of an actuator that is assumed equal to another, which was measured."""
+        is_usable = reference and not reference.assumed_equal_to and reference.measured_at_hz
+        rule = "must be the side of an actuator that was measured"
+        yield not is_usable, "assumed_equal_to", rule
+        for size in ("shape", *SIZE_KEYS):
+            value, rule = getattr(self, size), f"needs actuators of the same {size}"
+            yield value != getattr(reference, size), "assumed_equal_to", rule, value
+        bases = None if reference is None else reference.basis, None
+        rule = "excludes a measurement of its own; give one of the two"
+        yield self.basis not in bases, "assumed_equal_to", rule, None
+
+    def plate_rules(self, strip: Strip, highest_vpp: float) -> Iterator[Rule]:
+        """Yield the rules that it lies on the strip, and that its displacement is plausible."""
+        rule = "needs a number as strip.length_mm"
+        yield self.patch_counts and strip.length_m is None, "patch_counts", rule, None
+        end_m = (strip.length_m or math.inf) / 2
+        for key, size_m, low_m, high_m in (
+            ("y_mm", self.size_m[1], 0.0, strip.width_m),
+            ("x_mm", self.size_m[0], -end_m, end_m),
+        ):
+            size_key = "diameter_mm" if self.shape == "disc" else f"length_{key}"
+            rule = f"must be at most {1e3 * (high_m - low_m):.6g} to lie on the strip"
+            fits = size_m <= high_m - low_m
+            yield not fits, size_key, rule
+            low_mm, high_mm = 1e3 * (low_m + size_m / 2), 1e3 * (high_m - size_m / 2)
+            rule = f"must be from {low_mm:.6g} to {high_mm:.6g} to lie on the strip"
+            is_on = low_mm - _ROUNDING_MM <= getattr(self, key) <= high_mm + _ROUNDING_MM
+            yield fits and not is_on, key, rule
+        level_vpp = self.measured_at_vpp or 0.0  # without a measurement, limits and value are 0
+        low_um = _MIN_UM_PER_VPP * level_vpp
+        high_um = 1e6 * strip.thickness_m / highest_vpp * level_vpp
+        rule = (
+            f"must be from {low_um:.6g} to {high_um:.6g} at {level_vpp:g} Vpp, so that it can be "
+            f"felt and stays within the plate's thickness at the highest level, {highest_vpp:g} Vpp"
         )
-        if self.carrier_thickness_mm is None:
-            return layers
-        carrier_mm, carrier_gpa, carrier_ratio = self._given(CARRIER_KEYS)
-        return replace(
-            layers,
-            carrier_thickness_m=carrier_mm / 1e3,
-            carrier_youngs_modulus_pa=carrier_gpa * 1e9,
-            carrier_poisson_ratio=carrier_ratio,
-            carrier_density_kg_m3=self.carrier_density_kg_m3 or 0.0,
-        )
+        is_plausible = low_um <= (self.measured_displacement_um or 0.0) <= high_um
+        yield not is_plausible, MEASURED_KEYS[0], rule
 
-    def _given(self, keys: Iterable[str]) -> list[float]:
-        return [getattr(self, key) for key in keys]
+    def finger_rules(self, strip: Strip) -> Iterator[Rule]:
+        """Yield the rule that the loaded fingertip above it rests on the plate."""
+        end_m = (strip.length_m or 0.0) / 2
+        room_mm = 2e3 * min(end_m - abs(self.x_m), self.y_m, strip.width_m - self.y_m)
+        rule = f"must be at most {room_mm:.6g} with [finger_load], so that the fingertip rests on"
+        is_beside = self.finger_diameter_mm > room_mm + _ROUNDING_MM
+        yield is_beside, "finger_diameter_mm", f"{rule} the strip"
 
 
-def _span_m(centre_m: float, length_m: float | None) -> tuple[float, float]:
-    half_m = (length_m or 0.0) / 2
-    return centre_m - half_m, centre_m + half_m
+class FingerLoad(Section):
+    """Mechanical impedance of each fingertip: mass, stiffness, damping. Set all keys, or none.
+
+    No values are built in: they must hold for pressing, not for shear, and for the participants'
+    force.
+    """
+
+    # What moves with a fingertip weighs tenths of a gram, with the whole finger some grams;
+    # hundreds to thousands of N/m hold it, and about 1 N s/m damps it.
+    mass_g: Annotated[float, Field(ge=0.01, le=10)] | None = None
+    """mass that moves with the plate"""
+    stiffness_n_m: Annotated[float, Field(ge=0, le=1e5), zero_or_at_least(10)] | None = None
+    """stiffness between that mass and the bone"""
+    damping_n_s_m: Annotated[float, Field(ge=0, le=100), zero_or_at_least(0.01)] | None = None
+    """damping beside that stiffness"""
+    holds_up_to_hz: Annotated[float, Field(ge=20, le=20_000)] | None = None
+    """highest frequency of these values; a burst whose band is above has no finger load"""
+    source: Line | None = None
+    """where these values are from"""
+
+    def rules(self) -> Iterator[Rule]:
+        """Yield the rule that all keys are given, or none."""
+        return all_or_none(self, type(self).model_fields)
+
+    @cached_property
+    def impedance(self) -> Impedance | None:
+        """The impedance of the physics, if it is given."""
+        if self.mass_g is None:
+            return None
+        values = self.model_dump(include={"stiffness_n_m", "damping_n_s_m", "holds_up_to_hz"})
+        return Impedance(mass_kg=self.mass_g / 1e3, **values)
 
 
-def displacements_are_known(actuators: tuple[Actuator, ...]) -> bool:
-    """Tell whether the two actuators under the fingers have a basis each."""
-    return all(one.basis is not None for one in actuators if one.side != "other")
+def complete_actuators(
+    actuators: tuple[Actuator, ...], width_mm: float, sites: tuple[str, ...]
+) -> tuple[Actuator, ...]:
+    """Fill in the middle of the strip and equal measurements; sort by site and position.
+
+    An actuator that is assumed equal to another has the same displacement per volt.
+    """
+    order = (*sites, UNDRIVEN)
+    rule = f"must be one of {', '.join(order)}"
+    for index, actuator in enumerate(actuators):
+        obey([(actuator.side not in order, "side", rule)], actuator, f"[{index}]")
+    driven = [actuator.side for actuator in actuators if actuator.side != UNDRIVEN]
+    rule = f"must be given once for each site, with side = {', '.join(sites)}"
+    obey([(sorted(driven) != sorted(sites), "", rule, driven)])
+    names = [actuator.name for actuator in actuators if actuator.name is not None]
+    rule = "must have distinct names, none of them a site"
+    obey([(not is_distinct([*names, *sites]), "", rule, names)])
+    by_side = {actuator.side: actuator for actuator in actuators}
+    complete = []
+    for index, actuator in enumerate(actuators):
+        values: dict[str, Any] = {} if actuator.y_mm is not None else {"y_mm": width_mm / 2}
+        if actuator.assumed_equal_to is not None:
+            reference = by_side.get(actuator.assumed_equal_to)
+            obey(actuator.equality_rules(reference), actuator, f"[{index}]")
+            values |= {key: getattr(reference, key) for key in (*MEASURED_KEYS, "measured_as")}
+        complete.append(actuator.completed(**values) if values else actuator)
+    return tuple(sorted(complete, key=lambda each: (order.index(each.side), each.x_m, each.y_m)))
 
 
-_PAPER_MEASURED: Final = dict(zip(MEASURED_KEYS, (2.6, 100.0, 300.0), strict=True))
-"""Amplitude of the paper's discs (section III-B), on its own plate."""
-
-
-def paper_actuators(*, measured: bool = True) -> list[dict[str, Any]]:
-    """Return the paper's discs; where they are measured with 2.6 um at 100 Vpp and 300 Hz."""
-    return [
-        Table(
-            {"side": side, "x_mm": x_mm, "diameter_mm": 12.8}
-            | (_PAPER_MEASURED if measured else {})
-        )
-        for side, x_mm in (("left", -35.0), ("right", 35.0))
-    ]
-
-
-def filled_in(tables: list[Any], width_mm: float) -> list[Any]:
-    """Put every actuator that is nowhere else across the middle; fill in what is assumed alike."""
-    if not all(isinstance(table, dict) for table in tables):
-        return tables
-    of_side, found = {one.get("side"): one for one in tables}, []
-    for table in tables:
-        own = {"y_mm": width_mm / 2} if table.get("y_mm") is None else {}
-        other = of_side.get(_ALIKE.get(str(table.get("measured_as")), ""), {})
-        keys = {key: other.get(key) for key in MEASURED_KEYS if table.get(key) is None}
-        um = keys.get(MEASURED_KEYS[0])
-        if other.get("measured_as") == "peak-to-peak" and isinstance(um, int | float):
-            keys[MEASURED_KEYS[0]] = um / 2
-        found.append(filled(table, **own, **(keys if other else {})) if own or other else table)
-    return found
-
-
-def _check_alike(actuators: tuple[Actuator, ...]) -> None:
-    """Refuse a displacement that is assumed of another actuator than one measured and like it."""
-    for place, one in enumerate(actuators):
-        if one.alike is None:
-            continue
-        other = next(two for two in actuators if two.side == one.alike)
-        named = f"actuator[{place}].measured_as = {one.measured_as}"
-        if other.alike is not None:
-            raise ValueError(f"{named} needs what was measured of the {one.alike} actuator itself")
-        sizes = ("shape", *_SIZES["disc"], *_SIZES["rectangle"])
-        if any(getattr(one, key) != getattr(other, key) for key in sizes):
-            raise ValueError(f"{named} needs actuators of the same shape and size")
-        if one.basis != other.basis or one.measured_by or one.measured_on:
-            raise ValueError(
-                f"{named}: leave out {', '.join(MEASURED_KEYS)}, measured_by and measured_on, "
-                f"which are the {one.alike} actuator's"
-            )
-
-
-def check_measured(plate: Plate, actuators: tuple[Actuator, ...]) -> None:
-    """Ask for what was measured on this plate where the paper's numbers are on another one."""
-    _check_alike(actuators)
-    if plate.is_as_measured:
-        return
-    sizes = " and ".join(f"{key} = {mm:g}" for key, mm in PAPER_SIZES.items())
-    own = f"is the paper's, of its own plate of {sizes}, of aluminium"
-    if plate.is_the_papers:
-        own = (
-            f"is the paper's, of its own plate of length_mm = {PAPER_LENGTH_MM:g} and "
-            f"measured_cutoff_hz = {PAPER_CUTOFF_HZ:g}"
-        )
-    elif _is_nobodys(plate, "measured_cutoff_hz"):
-        raise ValueError(
-            f"strip.measured_cutoff_hz = {PAPER_CUTOFF_HZ:g} {own}: leave it out with edge = "
-            "clamped or simply-supported, or state yours with measured_by"
-        )
-    for place, actuator in enumerate(actuators):
-        papers = plate.is_the_papers and actuator.is_the_papers
-        if papers or (actuator.alike is None and _is_nobodys(actuator, MEASURED_KEYS[0])):
-            raise ValueError(
-                f"actuator[{place}].{MEASURED_KEYS[0]} {own}: leave {', '.join(MEASURED_KEYS)} "
-                "out, or state yours with measured_by"
-            )
-
-
-def _is_nobodys(measured: Plate | Actuator, key: str) -> bool:
-    """Tell whether a measured value is the paper's that `tactstrip init` wrote, and no lab's."""
-    is_given = getattr(measured, key) is not None
-    return is_given and measured.measured_by is None and is_left_as_it_was(measured, key)
+def distance_rules(actuators: tuple[Actuator, ...]) -> Iterator[Rule]:
+    """Yield the rules that patches lie in the order of the sites, and not over each other."""
+    left, right = actuators[:2]
+    low_mm = 1e3 * (left.span_x_m[1] + right.x_m - right.span_x_m[0])
+    rule = f"must be at least {low_mm:.6g}, so that it lies right of the {left.label} actuator"
+    yield left.span_x_m[1] > right.span_x_m[0], "actuator[1].x_mm", rule, right.x_mm
+    rule = f"must be at most {1e3 * _REACH_M:g} mm from the {left.label} actuator"
+    yield right.x_m - left.x_m > _REACH_M, "actuator[1].x_mm", rule, right.x_mm
+    for (i, first), (j, second) in combinations(enumerate(actuators), 2):
+        reach_x_m, reach_y_m = np.add(first.size_m, second.size_m) / 2 - 1e-3 * _ROUNDING_MM
+        is_near = abs(first.x_m - second.x_m) < reach_x_m
+        is_over = is_near and abs(first.y_m - second.y_m) < reach_y_m
+        rule = f"must not overlap with actuator[{i}], at x_mm = {first.x_mm:g}"
+        yield bool(is_over), f"actuator[{j}].x_mm", rule, second.x_mm

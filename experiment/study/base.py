@@ -1,377 +1,378 @@
-"""What every section of study.toml is: one frozen class, strict, and refused by the user's keys.
-
-A section states each key once: its type, unit, range, default and meaning. Its values stand as in
-the file, its SI values are properties; a refusal is worded here from the key's own field.
-"""
+"""What every section of a study file is: a strict, frozen model whose faults name key and rule."""
 
 from __future__ import annotations
 
-import reprlib
-from dataclasses import dataclass as plain_dataclass
-from dataclasses import replace
-from datetime import date
-from functools import wraps
-from types import NoneType, UnionType
-from typing import (
-    TYPE_CHECKING,
-    Annotated,
-    Any,
-    Final,
-    TypeVar,
-    Union,
-    dataclass_transform,
-    get_args,
-    get_origin,
-)
+import json
+import re
+import tomllib
+from dataclasses import dataclass, replace
+from datetime import UTC, date, datetime, timedelta
+from difflib import get_close_matches
+from functools import cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Final, Self
 
-from pydantic import ConfigDict, Field, GetCoreSchemaHandler, ValidationError
-from pydantic.dataclasses import dataclass
-from pydantic_core import ArgsKwargs, core_schema
+from pydantic import AfterValidator, BaseModel, ConfigDict, ValidationError, model_validator
 
-from experiment.names import in_mind, inward, unknown_key
+from device.printing import escaped, shortened
+from experiment.names import NAME, NAME_RULE, is_line
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Callable, Collection, Hashable, Iterable, Iterator, Mapping
 
-    from pydantic.fields import FieldInfo
-    from pydantic_core import ErrorDetails
+_MAX_SHOWN: Final = 80
+"""The longest part of a value that a message repeats."""
+_RENAMED: Final = tomllib.loads(Path(__file__).with_name("renamed.toml").read_text("utf-8"))
+"""Former keys with their present names, by section."""
+_EARTH_AHEAD: Final = timedelta(hours=14)
 
-_Section = TypeVar("_Section")
-
-_CONFIG: Final = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
-
-
-# Without slots, though values have them elsewhere: what a section works out of its keys (a strip
-# with a measured cut-off, a click's samples) is worked out once, as a cached property. Its errors
-# are put in words here, where a section is made, so that nobody else has to know pydantic's.
-@dataclass_transform(frozen_default=True, kw_only_default=True, field_specifiers=(Field,))
-def section(cls: type[_Section]) -> type[_Section]:
-    """Make a class a section: frozen, strict, refused by a ValueError of one line."""
-    made: Any = dataclass(cls, frozen=True, kw_only=True, config=_CONFIG)
-
-    @wraps(made.__init__)
-    def make(self: Any, /, **keys: Any) -> None:
-        try:
-            _fill(self, keys)
-        except ValidationError as error:
-            raise ValueError(_in_words(error, type(self))) from error
-
-    made.__init__ = make
-    checked: type[_Section] = made
-    return checked
+Rule = tuple[bool, str, str] | tuple[bool, str, str, object]
+"""Whether a key violates a rule, the key, the rule, and the value if it is not that of the key."""
 
 
-def _fill(instance: Any, keys: dict[str, Any]) -> Any:
-    """Check keys and put them into a new instance; keys may have any name that a file has."""
-    validator = type(instance).__pydantic_validator__
-    made = validator.validate_python(ArgsKwargs((), keys), self_instance=instance)
-    return with_stated(made, _origin_of(keys))
+class Section(BaseModel):
+    """A section of a study file. `model_fields_set` has the fields that the file sets."""
 
-
-@plain_dataclass(frozen=True, slots=True, kw_only=True)
-class Stated:
-    """What of a section its writer stated, told by the file and never by the values."""
-
-    keys: Mapping[str, Any] | None  # with their values; none where nobody recorded it
-    chosen: frozenset[str] = frozenset()  # what `tactstrip init` chose and nobody changed
-
-
-class Table(dict[str, Any]):
-    """A table in which keys were filled in, and what of it was stated."""
-
-    def __init__(self, keys: Mapping[str, Any], stated: Stated | None = None) -> None:
-        super().__init__(keys)
-        self.stated = Stated(keys={}) if stated is None else stated
-
-
-def filled(table: dict[str, Any], **keys: Any) -> Table:
-    """Return a table with more keys, which nobody stated."""
-    return Table(table | keys, _origin_of(table))
-
-
-def stated_of(section: object) -> Stated:
-    """Return what of a section was stated."""
-    stated: Stated = vars(section)[_STATED]
-    return stated
-
-
-def is_left_as_it_was(section: object, key: str) -> bool:
-    """Tell whether a key is known to be a default, be it one that `tactstrip init` wrote down."""
-    told = stated_of(section)
-    return told.keys is not None and key not in told.keys and key not in told.chosen
-
-
-def _origin_of(table: dict[str, Any]) -> Stated:
-    if isinstance(table, Table):
-        return table.stated
-    return Stated(keys={key: value for key, value in table.items() if value is not None})
-
-
-# beside the fields, so that it is no part of what makes two studies the same
-_STATED: Final = "_stated"
-
-
-def with_stated(section: _Section, stated: Stated) -> _Section:
-    """Tell what of a section was stated, and return it."""
-    object.__setattr__(section, _STATED, stated)
-    return section
-
-
-class _AsTable:
-    """Reads a section from a table; strict pydantic takes nothing but an instance for a class."""
-
-    def __get_pydantic_core_schema__(
-        self, source: Any, handler: GetCoreSchemaHandler
-    ) -> core_schema.CoreSchema:
-        def read(value: Any) -> Any:
-            # not by its __init__: the places in pydantic's error belong below the section's own
-            return _fill(object.__new__(source), value) if isinstance(value, dict) else value
-
-        return core_schema.no_info_before_validator_function(read, handler(source))
-
-
-FromTable = Annotated[_Section, _AsTable()]
-"""A section, or the table of its keys."""
-
-
-def file_keys(cls: type) -> dict[str, FieldInfo]:
-    """Return the fields of a section by the keys that a file has for them."""
-    fields: dict[str, FieldInfo] = getattr(cls, "__pydantic_fields__", {})
-    return {field.alias or name: field for name, field in fields.items()}
-
-
-@plain_dataclass(frozen=True, slots=True, kw_only=True)
-class KeyRange:
-    """Between which numbers a key's value must lie; none where there is no limit."""
-
-    gt: float | None = None
-    ge: float | None = None
-    le: float | None = None
-    lt: float | None = None
-
-    def hold(self, value: float) -> bool:
-        """Tell whether a number is one of these."""
-        above = self.gt is None or value > self.gt
-        below = self.lt is None or value < self.lt
-        least = self.ge is None or value >= self.ge
-        return above and below and least and (self.le is None or value <= self.le)
-
-    def words(self, *, whole: bool) -> str:
-        """Say which numbers these are.
-
-        Examples
-        --------
-        >>> KeyRange(gt=0, le=60).words(whole=False), KeyRange(ge=1, le=9).words(whole=True)
-        ('a finite number > 0 and <= 60', 'a whole number from 1 to 9')
-        """
-        if whole:
-            return f"a whole number from {self.ge} to {self.le}"
-        signs = ((">", self.gt), (">=", self.ge), ("<=", self.le), ("<", self.lt))
-        told = [
-            f"{sign} {inward(limit, least=sign[0] == '>', digits=12)}"
-            for sign, limit in signs
-            if limit is not None
-        ]
-        return " ".join(filter(None, ("a finite number", " and ".join(told))))
-
-
-def range_of(kind: Any, metadata: tuple[Any, ...] = ()) -> KeyRange | None:
-    """Return the limits that a key's type and field state, if any."""
-    found = {
-        name: limit
-        for part in _stated(kind, metadata)
-        for name in ("gt", "ge", "le", "lt")
-        if (limit := getattr(part, name, None)) is not None
-    }
-    return KeyRange(**found) if found else None
-
-
-def limits_of(cls: type, key: str) -> KeyRange:
-    """Return between which numbers a key of a section must lie."""
-    field = file_keys(cls)[key]
-    return range_of(field.annotation, tuple(field.metadata)) or KeyRange()
-
-
-def _stated(kind: Any, metadata: tuple[Any, ...]) -> Iterator[Any]:
-    """List what stands beside a type, those of a union's members included."""
-    for part in metadata:
-        yield from getattr(part, "metadata", [part])
-    if get_origin(kind) is Annotated:
-        inner, *beside = get_args(kind)
-        yield from _stated(inner, tuple(beside))
-    elif get_origin(kind) in {Union, UnionType}:
-        for member in get_args(kind):
-            yield from _stated(member, ())
-
-
-@plain_dataclass(frozen=True, slots=True, kw_only=True)
-class _Place:
-    """Where a value stands: its path in the file, and what is stated of it."""
-
-    path: str = ""
-    kind: Any = None
-    metadata: tuple[Any, ...] = ()
-
-    def step(self, step: int | str) -> _Place | None:
-        """Go on to a key or an item; none where the step is but one type of several."""
-        kind = get_args(self.kind)[0] if get_origin(self.kind) is Annotated else self.kind
-        if isinstance(step, int):
-            if NoneType in get_args(kind):
-                kind = next(one for one in get_args(kind) if one is not NoneType)
-            items = [item for item in get_args(kind) if item is not Ellipsis]
-            return _Place(path=f"{self.path}[{step}]", kind=items[min(step, len(items) - 1)])
-        keys = file_keys(kind)
-        if not keys:
-            return None
-        path = f"{self.path}.{step}".removeprefix(".")
-        if step not in keys:
-            return _Place(path=path)
-        return _Place(path=path, kind=keys[step].annotation, metadata=tuple(keys[step].metadata))
-
-    def keys(self) -> list[str]:
-        """List the keys that the table at this place may have."""
-        kind = get_args(self.kind)[0] if get_origin(self.kind) is Annotated else self.kind
-        return list(file_keys(kind))
-
-
-def _place(root: type, steps: tuple[int | str, ...]) -> _Place:
-    place = _Place(kind=root)
-    for step in steps:
-        following = place.step(step)
-        if following is None:
-            break
-        place = following
-    return place
-
-
-ASKED_FOR: Final = "asked_for"
-"""Kind of a fault whose message names its keys itself."""
-
-MOST_FAULTS = 3
-"""How many faults a message names; it counts the others."""
-
-_RANGES: Final = frozenset(
-    (
-        "float_type",
-        "finite_number",
-        "int_type",
-        "greater_than",
-        "greater_than_equal",
-        "less_than",
-        "less_than_equal",
+    model_config = ConfigDict(
+        frozen=True,
+        extra="forbid",
+        strict=True,
+        allow_inf_nan=False,
+        use_attribute_docstrings=True,
     )
-)
-_EXPECTED: Final = {
-    "float_type": "a number",
-    "finite_number": "a finite number",
-    "int_type": "a whole number",
-    "string_type": "text",
-    "bool_type": "true or false",
-    "tuple_type": "a list",
-    "too_long": "a list of {max_length}",
-    "literal_error": "{expected}",
-    "dataclass_type": "a table",
-    "dataclass_exact_type": "a table",
-}
-_ARRAYS: Final = ("actuator", "condition")
-"""The sections that are written [[section]], once for each of several tables."""
+
+    def rules(self) -> Iterable[Rule]:
+        """Return the rules that types do not state; of a key, the first that is violated counts.
+
+        They are evaluated one by one, so that a rule can rely on those before it.
+        """
+        return ()
+
+    @model_validator(mode="after")
+    def _obey_rules(self) -> Self:
+        obey(self.rules(), self)
+        return self
+
+    @property
+    def keys_set(self) -> tuple[str, ...]:
+        """The keys that the file sets, as it writes them."""
+        aliases = {name: field.alias for name, field in type(self).model_fields.items()}
+        return tuple(sorted(aliases.get(name) or name for name in self.model_fields_set))
+
+    @classmethod
+    def from_json(cls, text: str, source: object) -> Self:
+        """Return the section of a JSON text; StudyError names its source."""
+        try:
+            return cls.model_validate_json(text)
+        except ValidationError as error:
+            raise StudyError(str(source), *faults_of(error, cls)) from error
+
+    def changed(self, **values: Any) -> Self:
+        """Return the section with other values; StudyError if they are not valid."""
+        keys = {name: field.alias or name for name, field in type(self).model_fields.items()}
+        present = {key: getattr(self, name) for name, key in keys.items()}
+        given = {keys.get(name, name): value for name, value in values.items()}
+        try:
+            changed = type(self).model_validate(present | (self.__pydantic_extra__ or {}) | given)
+        except ValidationError as error:
+            raise StudyError(type(self).__name__, *faults_of(error, type(self))) from error
+        names_set = {name for name, key in keys.items() if key in given} | self.model_fields_set
+        object.__setattr__(changed, "__pydantic_fields_set__", names_set)
+        return changed
+
+    def completed(self, **values: Any) -> Self:
+        """Return a copy with values for keys that the file omits; they do not count as set."""
+        copy = self.model_copy()
+        # of the fields only: what was computed from them, such as a drive, is that of other values
+        fields = {name: getattr(self, name) for name in type(self).model_fields}
+        copy.__dict__ = fields | values
+        return copy
 
 
-def _in_words(error: ValidationError, root: type) -> str:
-    """Say what is wrong in one line: the path of each key, what is allowed and what it got.
+@dataclass(frozen=True, slots=True)
+class Fault:
+    """What is wrong in a study file: the key, the rule that it violates, and its value.
 
-    A key that may be of either of two types has one fault, not two; and what a plate lacks is asked
-    for once what it has is right.
+    Examples
+    --------
+    >>> str(Fault("strip.width_mm", "must be a number from 2 to 1000", 0.025))
+    'strip.width_mm: must be a number from 2 to 1000 (got 0.025)'
     """
-    found: dict[str, list[ErrorDetails]] = {}
-    every = error.errors(include_url=False)
-    slips = any(one["loc"][:1] == ("strip",) and one["type"] != ASKED_FOR for one in every)
-    for detail in every:
-        if slips and detail["type"] == ASKED_FOR:
-            continue
-        found.setdefault(_place(root, detail["loc"]).path, []).append(detail)
-    faults = [_fault(path, details, root) for path, details in found.items()]
-    more = len(faults) - MOST_FAULTS
-    return "; ".join(faults[:MOST_FAULTS] + ([f"and {more} more"] if more > 0 else []))
+
+    key: str
+    rule: str
+    got: object = None
+
+    def __str__(self) -> str:
+        key = f"{shortened(escaped(self.key))}: " if self.key else ""
+        got = "" if self.got is None else f" (got {format_value(self.got)})"
+        return f"{key}{self.rule}{got}"
 
 
-def _fault(path: str, errors: list[ErrorDetails], root: type) -> str:
-    first = errors[0]
-    if first["type"] == "unexpected_keyword_argument":
-        return unknown_key(path, _place(root, first["loc"][:-1]).keys())
-    if first["type"] == "missing":
-        return f"{path} is missing"
-    if first["type"] == ASKED_FOR:
-        return str(first["msg"])
-    if first["type"] == "value_error":
-        refusal = str(first["ctx"]["error"])
-        joint = " " if refusal.startswith("must ") else "."
-        return f"{path}{joint}{refusal}".removeprefix(".")
-    place = _place(root, first["loc"])
-    allowed = " or ".join(_allowed(error, place) for error in errors)
-    if path in _ARRAYS:
-        allowed = f"given as [[{path}]]"
-    slip = _comma(first) or _slip(place, first["input"])
-    return f"{path} must be {allowed}; got {_shown(first['input'])}{slip}"
+class StudyError(ValueError):
+    """A study file, or a file of levels, that cannot be used.
+
+    Attributes
+    ----------
+    source : str
+        The file, or the name of the study.
+    faults : tuple of Fault
+        What is wrong, one line of the message each.
+
+    Examples
+    --------
+    >>> from experiment import read_study
+    >>> read_study("nowhere.toml")
+    Traceback (most recent call last):
+    experiment.study.base.StudyError: nowhere.toml: No such file or directory
+    """
+
+    def __init__(self, source: Path | str, fault: Fault, *faults: Fault) -> None:
+        self.source = str(source)
+        self.faults = (fault, *faults)
+        super().__init__("\n".join(f"{self.source}: {each}" for each in self.faults))
+
+    def __reduce__(self) -> tuple[type[StudyError], tuple[str, *tuple[Fault, ...]]]:
+        return type(self), (self.source, *self.faults)
+
+    def renamed(self, names: Mapping[str, str]) -> StudyError:
+        """Return the error with other names of keys, such as the options that set them.
+
+        Parameters
+        ----------
+        names : mapping of str to str
+            New names by key; a key that is not in it keeps its name.
+
+        Returns
+        -------
+        StudyError
+        """
+        faults: dict[str, Fault] = {}  # one option may set several keys
+        for fault in self.faults:
+            name = names.get(fault.key, fault.key)
+            faults.setdefault(name, replace(fault, key=name))
+        return StudyError(self.source, *faults.values())
 
 
-def _comma(error: ErrorDetails) -> str:
-    """Say how a list is written whose numbers have decimal commas."""
-    given, wanted = error["input"], error.get("ctx", {}).get("max_length", 0)
-    if error["type"] != "too_long" or not isinstance(given, list) or len(given) != 2 * wanted:
-        return ""
-    points = [f"{whole}.{part}" for whole, part in zip(given[::2], given[1::2], strict=True)]
-    return f"; with points, not commas: [{', '.join(points)}]"
+def refusal(key: str, rule: str, got: object = None) -> StudyError:
+    """Return the error with which a validator refuses the value of a key of its section."""
+    return StudyError("study", Fault(key, rule, got))
 
 
-def _slip(place: _Place, value: object) -> str:
-    """Say what a refused value would be in the unit that its writer may have had in mind."""
-    limits = range_of(place.kind, place.metadata)
-    return "" if limits is None else in_mind(place.path, value, limits.hold)
+def rules_below(rules: Iterable[Rule], section: Section, path: str) -> Iterator[Rule]:
+    """Yield the rules of a section with its path before their keys, and with the keys' values."""
+    for is_violated, key, rule, *values in rules:
+        value: Any = values[0] if values else section
+        for step in [] if values or not is_violated else re.findall(r"\w+", key):
+            value = value[int(step)] if step.isdigit() else getattr(value, step)
+        yield is_violated, join_keys(path, key), rule, value
 
 
-def _allowed(error: ErrorDetails, place: _Place) -> str:
-    limits = range_of(place.kind, place.metadata)
-    if error["type"] in _RANGES and limits is not None:
-        return limits.words(whole=_is_whole(place.kind))
-    text = _EXPECTED.get(error["type"])
-    return error["msg"] if text is None else text.format(**error.get("ctx", {}))
-
-
-def _is_whole(kind: Any) -> bool:
-    return kind is int or int in get_args(kind)
-
-
-def _shown(value: object) -> str:
-    if isinstance(value, date):
-        return value.isoformat()
-    shown = reprlib.Repr()
-    shown.maxstring = shown.maxother = shown.maxlong = 60
+def obey(
+    rules: Iterable[Rule], section: Section | None = None, path: str = "", source: str = "study"
+) -> None:
+    """Refuse the keys of a section that violate rules; the path is that of the section."""
+    faults: dict[str, Fault] = {}
     try:
-        return shown.repr(value)
-    except ValueError:  # Python refuses to write a whole number of so many digits
-        return "a number of thousands of digits"
+        for is_violated, key, rule, *values in (
+            rules if section is None else rules_below(rules, section, path)
+        ):
+            if is_violated:
+                faults.setdefault(key, Fault(key, rule, *values))
+    except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError):
+        if not faults:  # else it is a rule that relies on one that is violated
+            raise
+    if faults:
+        raise StudyError(source, *faults.values())
 
 
-def refuse_incomplete(values: object, *groups: tuple[str, ...]) -> str | None:
-    """Return the first key of the one group that is given, if any; refuse a part of one, or two."""
-    given = [[key for key in keys if getattr(values, key) is not None] for keys in groups]
-    for keys, found in zip(groups, given, strict=True):
-        if found and len(found) < len(keys):
-            missing = next(key for key in keys if key not in found)
-            raise ValueError(f"{missing} is missing; {found[0]} needs it")
-    chosen = [found[0] for found in given if found]
-    if len(chosen) > 1:
-        raise ValueError(f"{chosen[0]} and {chosen[1]} exclude each other; got both")
-    return chosen[0] if chosen else None
+def all_or_none(section: Section, keys: Iterable[str]) -> Iterator[Rule]:
+    """Yield the rule that keys which belong together are all given, or none."""
+    given = [key for key in keys if getattr(section, key) is not None]
+    for key in keys:
+        yield bool(given) and key not in given, key, f"is required with {' '.join(given[:1])}"
 
 
-def refuse_below(values: object, key: str, least: float, otherwise: str) -> None:
-    """Refuse a number whose size is not 0 but less than what can be meant; say what else may be."""
-    stated: float | None = getattr(values, key)
-    if stated is None or not 0 < abs(stated) < least:
-        return
-    limits = limits_of(type(values), key)
-    hint = in_mind(key, stated, lambda meant: abs(meant) >= least and limits.hold(meant))
-    words = replace(limits, ge=least).words(whole=False)
-    raise ValueError(f"{key} must be {words}, {otherwise}; got {stated:g}{hint}")
+def join_keys(section: str, key: str) -> str:
+    """Return the path of a key of a section; an index follows without a point.
+
+    >>> join_keys("actuator", "[0].x_mm"), join_keys("strip", "width_mm"), join_keys("", "strip")
+    ('actuator[0].x_mm', 'strip.width_mm', 'strip')
+    """
+    return f"{section}{'.' if section and key and not key.startswith('[') else ''}{key}"
+
+
+def format_value(value: object) -> str:
+    """Write a value as in a study file; a long one is cut.
+
+    >>> format_value([1.0, True, "a"]), len(format_value("x" * 1000))
+    ('[1, true, "a"]', 83)
+    """
+    if isinstance(value, list | tuple):
+        shown = f"[{', '.join(map(format_value, value[:_MAX_SHOWN]))}]"
+    elif isinstance(value, float):
+        shown = f"{value:.12g}"
+    else:
+        shown = json.dumps(value, ensure_ascii=False, default=str)
+    return shown if len(shown) <= _MAX_SHOWN else f"{shown[:_MAX_SHOWN]}..."
+
+
+def faults_of(error: ValidationError, model: type[Section]) -> tuple[Fault, ...]:
+    """Return the faults that pydantic found in the tables of a model, one for each key."""
+    faults: dict[str, Fault] = {}
+    missing, similar = set(), set()
+    for detail in error.errors(include_url=False):
+        key, schema = _locate(model, detail["loc"])
+        match detail["type"]:
+            case "value_error":
+                refused = detail["ctx"]["error"]
+                inner = getattr(refused, "faults", [Fault("", str(refused))])
+                joined = [replace(fault, key=join_keys(key, fault.key)) for fault in inner]
+            case "missing":
+                missing.add(key)
+                joined = [Fault(key, "is required")]
+            case "extra_forbidden":
+                section, table = _locate(model, detail["loc"][:-1])
+                name = str(detail["loc"][-1])
+                names = get_close_matches(name, table.get("properties", {}), n=1)
+                names = names or _sections_with(name, model)
+                similar |= {join_keys(section, name) for name in names}
+                hint = f"; did you mean {names[0]}?" if names else ""
+                is_table = isinstance(detail["input"], dict | list)
+                joined = [Fault(key, f"unknown key{hint}", None if is_table else detail["input"])]
+            case _:
+                joined = [Fault(key, f"must be {describe(schema)}", detail["input"])]
+        for fault in joined:
+            section, _, name = re.sub(r"\[\d+\]", "", fault.key).rpartition(".")
+            present = _RENAMED.get(section, {}).get(name)
+            renamed = Fault(fault.key, f"renamed to {section}.{present}")
+            faults.setdefault(fault.key, renamed if present else fault)
+    # a required key that is misspelt is one fault
+    return tuple(fault for key, fault in faults.items() if key not in missing & similar)
+
+
+def _sections_with(key: str, model: type[Section]) -> list[str]:
+    """Return the path of a key in the first section of a study that has it, if any."""
+    for section in schema_of(model).get("properties", {}):
+        _, table = _locate(model, (section,))
+        if key in table.get("properties", {}):
+            return [f"{section}.{key}"]
+    return []
+
+
+@cache
+def schema_of(model: type[BaseModel]) -> dict[str, Any]:
+    """Return the JSON Schema of a model, by the keys of a study file."""
+    schema: dict[str, Any] = model.model_json_schema(by_alias=True)
+    return schema
+
+
+def _locate(model: type[BaseModel], location: tuple[int | str, ...]) -> tuple[str, dict[str, Any]]:
+    """Return the path of a location in pydantic's errors, and the schema of what is there."""
+    root = schema_of(model)
+    tables = {f"#/$defs/{name}": table for name, table in root.get("$defs", {}).items()}
+    path, schema = "", root
+    for step in location:
+        choices = [tables.get(each.get("$ref", ""), each) for each in schema.get("anyOf", [schema])]
+        table = next((choice for choice in choices if "properties" in choice), None)
+        if isinstance(step, int):
+            path += f"[{step}]"
+            arrays = [choice for choice in choices if choice.get("type") == "array"]
+            array: dict[str, Any] = arrays[0] if arrays else {}
+            items = array.get("prefixItems", [])
+            schema = items[step] if step < len(items) else array.get("items", {})
+        elif table is not None:
+            path = join_keys(path, step)
+            schema = table["properties"].get(step, table.get("additionalProperties") or {})
+        # Any other step is the branch of a union that did not fit.
+        schema = tables.get(schema.get("$ref", ""), schema)
+    return path, schema
+
+
+def describe(schema: Mapping[str, Any]) -> str:
+    """Say which values a JSON Schema allows.
+
+    Examples
+    --------
+    >>> describe({"type": "integer", "minimum": 1, "maximum": 9})
+    'a whole number from 1 to 9'
+    >>> describe({"anyOf": [{"type": "number", "exclusiveMinimum": 0}, {"const": "endless"}]})
+    'a number above 0, or "endless"'
+    """
+    if "anyOf" in schema:
+        choices = (choice for choice in schema["anyOf"] if choice.get("type") != "null")
+        return ", or ".join(map(describe, choices))
+    if "const" in schema or "enum" in schema:
+        values = ", ".join(map(json.dumps, schema.get("enum", [schema.get("const")])))
+        return f"one of {values}" if "enum" in schema else values
+    kind = schema.get("type", "object")
+    if kind == "array" and "prefixItems" in schema:
+        return f"a list of {len(schema['prefixItems'])}, each {describe(schema['prefixItems'][0])}"
+    if kind == "array" and "$ref" not in schema.get("items", {}):
+        least = f" of at least {schema['minItems']}" if "minItems" in schema else ""
+        return f"a list{least}, each {describe(schema.get('items', {}))}"
+    return _KINDS[kind] + _range(schema)
+
+
+_KINDS: Final = {
+    "number": "a number",
+    "integer": "a whole number",
+    "string": "text in quotes",
+    "boolean": "true or false",
+    "array": "an array of tables, written [[...]]",
+    "object": "a table",
+}
+
+
+def _range(schema: Mapping[str, Any]) -> str:
+    if "minimum" in schema and "maximum" in schema:
+        even = f", a multiple of {schema['multipleOf']}" if "multipleOf" in schema else ""
+        return f" from {schema['minimum']:.12g} to {schema['maximum']:.12g}{even}"
+    given = [f"{phrase} {schema[key]:.12g}" for key, phrase in _LIMITS.items() if key in schema]
+    return " " + " and ".join(given) if given else ""
+
+
+_LIMITS: Final = {
+    "minimum": "of at least",
+    "exclusiveMinimum": "above",
+    "maximum": "of at most",
+    "exclusiveMaximum": "below",
+}
+
+
+def obeying(is_valid: Callable[[Any], bool], rule: str) -> AfterValidator:
+    """Return a validator that refuses values for which a function is false."""
+
+    def check(value: Any) -> Any:
+        obey([(not is_valid(value), "", rule, value)])
+        return value
+
+    return AfterValidator(check)
+
+
+def zero_or_at_least(minimum: float) -> AfterValidator:
+    """Return a validator that refuses values near 0, which are slips of the unit, but not 0."""
+    rule = f"must be 0 or at least {minimum:g} in size"
+    return obeying(lambda value: not 0 < abs(value) < minimum, rule)
+
+
+def is_distinct(values: Collection[Hashable]) -> bool:
+    """Tell whether no value occurs twice."""
+    return len(set(values)) == len(values)
+
+
+# It is today as soon as it is today anywhere, so that a study is valid in all time zones at once.
+def _is_past_day(text: str) -> bool:
+    try:
+        day = date.fromisoformat(text)
+    except ValueError:
+        return False
+    return day.isoformat() == text and day <= (datetime.now(UTC) + _EARTH_AHEAD).date()
+
+
+Line = Annotated[str, obeying(is_line, "must be one line of text")]
+"""One line of text that is not blank."""
+Name = Annotated[str, obeying(lambda text: NAME.fullmatch(text) is not None, NAME_RULE)]
+"""A name that can be part of a file's name."""
+Day = Annotated[str, obeying(_is_past_day, "must be a day up to today, as year-month-day")]
+"""A day, today or in the past, such as 2026-05-04."""

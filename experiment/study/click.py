@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import csv
-import math
+import io
 import struct
 import warnings
+from array import array
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
+
+from device.printing import shown
+from experiment.bounded import read_bounded
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -16,8 +20,11 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 
-MOST_SAMPLES: Final = 1_000_000
+MAX_SAMPLES: Final = 1_000_000
+_MAX_BYTES: Final = 64_000_000
+"""Of a file: as many samples in text, with their times."""
 _HEADINGS: Final = (["time_s", "value"], ["value"])
+_RATE_RULE: Final = "must have the device's sample rate, device.sample_rate_hz = {:g}"
 _OFF_GRID: Final = 0.1
 """Part of a sample by which a stated time may miss its place: times are rounded when written."""
 
@@ -30,31 +37,27 @@ def read_click(path: Path, sample_rate_hz: float) -> NDArray[np.float64]:
     end with 0, as the device needs it, one sample of 0 is put there. A ValueError begins with the
     file's name: no such file, of another sample rate, silent, or too long.
     """
-    readers = {".wav": _read_wav, ".csv": _read_csv}
-    reader = readers.get(path.suffix.lower())
+    reader = {".wav": _read_wav, ".csv": _read_csv}.get(path.suffix.lower())
     try:
         if reader is None:
             raise ValueError(f"must be a .wav or .csv file; got {path.suffix!r}")
-        return _scaled(reader(path, sample_rate_hz))
-    except OSError as error:
-        raise ValueError(f"{path}: {error.strerror or error}") from error
-    except (ValueError, csv.Error) as error:
-        raise ValueError(f"{path}: {error}") from error
+        return _scaled(reader(read_bounded(path, _MAX_BYTES), sample_rate_hz))
+    except (OSError, ValueError, csv.Error) as error:
+        raise ValueError(f"{path}: {getattr(error, 'strerror', None) or error}") from error
 
 
 def _scaled(samples: NDArray[np.float64]) -> NDArray[np.float64]:
-    if not 1 <= samples.size <= MOST_SAMPLES:
-        raise ValueError(f"must hold 1 to {MOST_SAMPLES} samples; got {samples.size}")
+    if not 1 <= samples.size <= MAX_SAMPLES:
+        raise ValueError(f"must hold 1 to {MAX_SAMPLES} samples; got {samples.size}")
     if not np.all(np.isfinite(samples)):
         raise ValueError("must hold finite samples only")
     peak = float(np.max(np.abs(samples)))
     if peak == 0:
         raise ValueError("must hold a sample that is not 0; got silence")
-    before, after = int(samples[0] != 0), int(samples[-1] != 0)
-    return np.pad(samples / peak, (before, after))
+    return np.pad(samples / peak, (int(samples[0] != 0), int(samples[-1] != 0)))
 
 
-def _read_wav(path: Path, sample_rate_hz: float) -> NDArray[np.float64]:
+def _read_wav(content: bytes, sample_rate_hz: float) -> NDArray[np.float64]:
     from scipy.io import wavfile
 
     with warnings.catch_warnings():
@@ -62,7 +65,7 @@ def _read_wav(path: Path, sample_rate_hz: float) -> NDArray[np.float64]:
         warnings.simplefilter("ignore", wavfile.WavFileWarning)
         warnings.filterwarnings("error", "Reached EOF", wavfile.WavFileWarning)
         try:
-            rate_hz, samples = wavfile.read(path)
+            rate_hz, samples = wavfile.read(io.BytesIO(content))
         except (struct.error, EOFError, ArithmeticError, wavfile.WavFileWarning) as error:
             raise ValueError(f"must be a whole .wav file; {error}") from error
     if samples.ndim != 1:
@@ -70,49 +73,42 @@ def _read_wav(path: Path, sample_rate_hz: float) -> NDArray[np.float64]:
     if samples.dtype.kind not in "if":
         raise ValueError("must be PCM of 16, 24 or 32 bits or float; got 8 bits")
     if rate_hz != sample_rate_hz:
-        raise ValueError(_rates(rate_hz, sample_rate_hz))
+        raise ValueError(f"{_RATE_RULE.format(sample_rate_hz)}; got {rate_hz:g} Hz")
     return np.asarray(samples, dtype=np.float64)
 
 
-def _rates(rate_hz: float, sample_rate_hz: float) -> str:
-    return (
-        f"must have the device's sample rate, device.sample_rate_hz = {sample_rate_hz:g}; "
-        f"got {rate_hz:g} Hz"
-    )
-
-
-def _read_csv(path: Path, sample_rate_hz: float) -> NDArray[np.float64]:
-    with path.open(encoding="utf-8-sig", newline="") as file:
-        rows = [(number, row) for number, row in enumerate(csv.reader(file), start=1) if row]
-    if rows and [cell.strip() for cell in rows[0][1]] in _HEADINGS:
-        del rows[0]
-    columns = len(rows[0][1]) if rows else 1
-    if columns > len(_HEADINGS):
-        raise ValueError(f"must have the columns time_s,value or one of samples; got {columns}")
-    table = np.array([_numbers(line, row, columns) for line, row in rows]).reshape(-1, columns)
-    if columns == len(_HEADINGS):
+def _read_csv(content: bytes, sample_rate_hz: float) -> NDArray[np.float64]:
+    rows = csv.reader(io.StringIO(content.decode("utf-8-sig"), newline=""))
+    values, n_columns = array("d"), 0
+    for row in rows:
+        if not row or (not values and [cell.strip() for cell in row] in _HEADINGS):
+            continue
+        n_columns = n_columns or len(row)
+        if n_columns > len(_HEADINGS):
+            raise ValueError(
+                f"must have the columns time_s,value or one of samples; got {n_columns}"
+            )
+        try:
+            values.extend(float(cell) for cell, _ in zip(row, range(n_columns), strict=True))
+        except ValueError as error:
+            raise ValueError(
+                f"line {rows.line_num} must hold {n_columns} numbers, below a heading "
+                f"time_s,value if any; got {shown(','.join(row))}"
+            ) from error
+        if len(values) > n_columns * MAX_SAMPLES:
+            raise ValueError(f"must hold 1 to {MAX_SAMPLES} samples; got more")
+    table = np.array(values).reshape(-1, n_columns or 1)
+    if n_columns == len(_HEADINGS):
         _check_times(table[:, 0], sample_rate_hz)
     return table[:, -1]
-
-
-def _numbers(line: int, row: list[str], columns: int) -> list[float]:
-    told = ",".join(row)
-    if len(row) != columns:
-        raise ValueError(f"line {line} must have {columns} columns; got {told!r}")
-    try:
-        return [float(cell) for cell in row]
-    except ValueError as error:
-        raise ValueError(
-            f"line {line} must hold numbers, below a heading time_s,value if any; got {told!r}"
-        ) from error
 
 
 def _check_times(times_s: NDArray[np.float64], sample_rate_hz: float) -> None:
     if times_s.size < 2 or not np.all(np.isfinite(times_s)):  # noqa: PLR2004 - a step needs two
         raise ValueError("must hold at least two finite times")
-    off = (times_s - times_s[0]) * sample_rate_hz - np.arange(times_s.size)
-    if np.max(np.abs(off)) <= _OFF_GRID:
-        return
-    span_s = float(times_s[-1] - times_s[0])
-    rate_hz = (times_s.size - 1) / span_s if span_s > 0 else math.inf
-    raise ValueError(_rates(rate_hz, sample_rate_hz) + " on average, in steps of one sample")
+    steps = (times_s - times_s[0]) * sample_rate_hz
+    if np.max(np.abs(steps - np.arange(times_s.size))) > _OFF_GRID:
+        with np.errstate(divide="ignore"):
+            rate_hz = sample_rate_hz * (times_s.size - 1) / max(steps[-1], 0.0)
+        rule = _RATE_RULE.format(sample_rate_hz)
+        raise ValueError(f"{rule}; got {rate_hz:g} Hz on average, in steps of one sample")

@@ -6,26 +6,33 @@ import math
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import product
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from experiment.names import inward
 from experiment.perception.gains import ConditionGains, significant
-from experiment.study.study import UnusableStudyError
-from stimuli import Fingertip, ForceRectangle, Load, MomentDisc, MomentRectangle, Strip
+from experiment.study.actuator import SIZE_KEYS, UNDRIVEN
+from experiment.study.base import Fault
+from stimuli import Fingertip
+from stimuli.errors import (
+    FingertipLoadError,
+    LevelNotReachedError,
+    PeakOutOfRangeError,
+    SpectrumTailError,
+    TooManyModesError,
+)
 from stimuli.fingers.mirrored import to_the_right
 from stimuli.motion.modes import AboveFirstModeError
-from stimuli.motion.peaks import TOO_MANY_FOR_PATCHES, PatchesUnknownError
+from stimuli.motion.peaks import PatchesUnknownError
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
     from numpy.typing import NDArray
 
-    from experiment.study.actuator import Actuator
     from experiment.study.stimulus import Condition
     from experiment.study.study import Study
+    from stimuli import Load, Strip, WindowChoice
     from stimuli.drive.sampled import Drive
     from stimuli.fingers.work import Felt
 
@@ -33,8 +40,30 @@ if TYPE_CHECKING:
 ASSUMED_LOSS: Final = 0.01
 """Loss factor of a plate whose study states none: the middle of what glued aluminium shows."""
 
-LEAST_LOSS, MOST_LOSS = 0.005, 0.02
+MIN_LOSS, MAX_LOSS = 0.005, 0.02
 """Between these it is likely to lie; a stimulus has to be fit with both."""
+
+_RULES: Final[dict[type[Exception], str]] = {
+    AboveFirstModeError: "must be below {error.first_hz:.6g} Hz, the first mode of this plate: "
+    "above it, the displacement depends on the loss as much as on the actuator",
+    PatchesUnknownError: "what the fingers get of the {actuator.label} actuator ({size}) on the "
+    "plate with its patches has an error of up to {percent:g} % (at most {max_percent:g} %); leave "
+    "patches out of the plate's stiffness and mass with patch_counts = false, or take patches of "
+    "another size or place",
+    TooManyModesError: "a plate of length_mm = {plate.length_mm:.6g} and width_mm = "
+    "{plate.width_mm:.6g} has too many modes for its patches to be counted; leave their stiffness "
+    "and mass out with patch_counts = false, or take a shorter plate",
+    PeakOutOfRangeError: "a plate of width_mm = {plate.width_mm:g} and thickness_mm = "
+    "{plate.thickness_mm:g} is too wide and thin for a drive with its peak at {error.peak_hz:.6g} "
+    "Hz; take a lower frequency, or a narrower or thicker plate",
+    SpectrumTailError: "the drive, with its peak at {peak_hz:.6g} Hz, ends too sharply for this "
+    'plate; take a window such as "hann", fade the file out, or state a loss_factor',
+    FingertipLoadError: "[finger_load] on this plate is not computed to 0.5 %: leave it out, or "
+    "lower length_mm",
+    LevelNotReachedError: "must be at least {error.lowest_db:.2f}, which {error.cycles} cycles "
+    "with window {error.window} leave",
+}
+"""What a study must change where the physics refuses it, in the names of its keys."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -57,14 +86,6 @@ class PatchErrors:
         """The worst of each."""
         others = ~np.eye(len(self.levels_db), dtype=bool)
         return {"own": self.own, "level_db": float(np.max(self.levels_db[others]))}
-
-    @property
-    def words(self) -> str:
-        """The same in words."""
-        return (
-            f"patches counted: own fingers known within {self.own:.1%}, levels within "
-            f"{self.facts['level_db']:.2g} dB"
-        )
 
 
 def study_gains(
@@ -105,16 +126,22 @@ def study_gains(
     labels = tuple(actuator.label for actuator in study.actuators)
     strip = field_strip(study, loss_factor)
     per_volt = loads_per_volt(study)  # of the bare plate, as it was measured
-    tips = fingertips_of(study, bare=bare)
-    return tuple(
-        ConditionGains(
-            condition=condition.name,
-            actuators=labels,
-            bases=tuple(basis for _, basis in per_volt),
-            per_vpp=_per_vpp(_felt_m(study, strip, tips, condition), [one for one, _ in per_volt]),
+    bases = tuple(basis for _, basis in per_volt)
+    matrices = []
+    for condition in study.conditions:
+        peaks_m = _felt_m(study, strip, fingertips_of(study, bare=bare), condition)
+        # A level in Vpp is twice the amplitude; 1e6 um are 1 m. A column without a load per volt is
+        # relative to the actuator's finger.
+        factors = [
+            1 / own_m if load_per_v is None else 1e6 * load_per_v / 2
+            for own_m, (load_per_v, _) in zip(np.diag(peaks_m), per_volt, strict=True)
+        ]
+        gains = (np.array(factors) * peaks_m).tolist()
+        per_vpp = tuple(tuple(map(significant, row)) for row in gains)
+        matrices.append(
+            ConditionGains(condition=condition.name, actuators=labels, bases=bases, per_vpp=per_vpp)
         )
-        for condition in study.conditions
-    )
+    return tuple(matrices)
 
 
 def own_per_load_m(study: Study) -> float:
@@ -158,43 +185,23 @@ def loads_per_volt(
     from stimuli import load_per_volt
 
     strip = field_strip(study) if strip is None else strip
-    found: list[tuple[float | None, str | None]] = []
+    per_volt: list[tuple[float | None, str | None]] = []
     for actuator, load in zip(study.actuators, loads_of(study), strict=True):
         if actuator.basis is None:
-            found.append((None, None))
+            per_volt.append((None, None))
             continue
         try:
-            known = load_per_volt(strip, to_the_right(strip, load), actuator.basis)
+            scaled = load_per_volt(strip, to_the_right(strip, load), actuator.basis)
         except AboveFirstModeError as error:
-            first, ends = ("cut-off", "") if strip.length_m is None else ("mode", "its ends and ")
-            named = f"the plate's first {first}, {inward(error.first_hz, least=False)} Hz"
-            raise UnusableStudyError(
-                study.name,
-                f"the {actuator.label} actuator: measured_at_hz must lie below {named}, from where "
-                f"on its motion depends on {ends}its loss as much as on the actuator; got "
-                f"{actuator.measured_at_hz:.10g}: measure at a lower frequency",
-            ) from error
+            key = f"actuator[{study.actuators.index(actuator)}].measured_at_hz"
+            fault = Fault(key, _rule_of(error, study), actuator.measured_at_hz)
+            raise study.refused(fault) from error
         except ValueError as error:
-            too_many = str(error).startswith(TOO_MANY_FOR_PATCHES)
-            why = _long_in_keys(study) if too_many else error
-            raise UnusableStudyError(
-                study.name, f"the displacement of the {actuator.label} actuator: {why}"
-            ) from error
-        found.append((known.load_per_v, "predicted" if actuator.alike else known.basis))
-    return found
-
-
-def _per_vpp(
-    per_load_m: NDArray[np.float64], loads_per_v: list[float | None]
-) -> tuple[tuple[float, ...], ...]:
-    """Return the matrix of a condition; a column without a load per volt is relative."""
-    columns = []
-    for place, load_per_v in enumerate(loads_per_v):
-        column = per_load_m[:, place]
-        # a level in Vpp is twice the amplitude; 1e6 um are 1 m
-        factor = 1 / column[place] if load_per_v is None else 1e6 * load_per_v / 2
-        columns.append([significant(float(gain)) for gain in factor * column])
-    return tuple(zip(*columns, strict=True))
+            rule = f"the displacement of the {actuator.label} actuator: {_rule_of(error, study)}"
+            raise study.refused(Fault("", rule)) from error
+        basis = "predicted" if actuator.assumed_equal_to else scaled.basis
+        per_volt.append((scaled.load_per_v, basis))
+    return per_volt
 
 
 def _felt_m(
@@ -204,13 +211,12 @@ def _felt_m(
     from experiment.study.stimulus import unscaled_peak
 
     try:
-        found = felt_of(strip, loads_of(study), tips, condition.drive)
+        motion = felt_of(strip, loads_of(study), tips, condition.drive)
     except ValueError as error:
-        raise UnusableStudyError(
-            study.name,
-            f"condition {condition.name}: the displacement: {_in_keys(study, condition, error)}",
-        ) from error
-    scaled: NDArray[np.float64] = found.peak_m / unscaled_peak(condition, study.device)
+        rule = _rule_of(error, study, condition.drive.peak_hz())
+        fault = Fault("", f"condition {condition.name}: displacement: {rule}")
+        raise study.refused(fault) from error
+    scaled: NDArray[np.float64] = motion.peak_m / unscaled_peak(condition, study.device)
     return scaled
 
 
@@ -227,54 +233,18 @@ def felt_of(
     return felt_known(strip, loads, tips, drive)
 
 
-def _in_keys(study: Study, condition: Condition, refusal: ValueError) -> str:
-    """Say what a field over time refuses by the keys of the study, with what helps."""
-    drive, error = condition.drive, str(refusal)
-    if isinstance(refusal, PatchesUnknownError):
-        return _patch_in_keys(study, refusal)
-    if error.startswith(TOO_MANY_FOR_PATCHES):
-        return _long_in_keys(study)
-    if error.startswith("burst must have its peak"):
-        plate = study.plate
-        return (
-            f"a plate of width_mm = {plate.width_mm:g} and thickness_mm = {plate.thickness_mm:g} "
-            f"is too wide and thin for a drive with its peak at {drive.peak_hz():.6g} Hz; take a "
-            "lower frequency, or a narrower or thicker plate"
-        )
-    if error.startswith("rtol must"):
-        return (
-            f"the drive, with its peak at {drive.peak_hz():.6g} Hz, ends too sharply for this "
-            'plate; take a window such as "hann", fade the file out, or state a loss_factor'
-        )
-    if error.startswith(("fingertips must have no", "length_m must be one whose modes")):
-        return (
-            "[finger_load] on this plate is not computed to 0.5 %: leave it out, or lower length_mm"
-        )
-    return error
-
-
-def _patch_in_keys(study: Study, refusal: PatchesUnknownError) -> str:
-    """Say whose patch leaves the displacement unknown; where it has none, any may be it."""
-    actuator = study.actuators[refusal.load]
-    sizes_mm = {
-        "diameter_mm": actuator.diameter_m,
-        "length_x_mm": actuator.length_x_m,
-        "length_y_mm": actuator.length_y_m,
-    }
-    size = ", ".join(f"{key} = {1e3 * m:.6g}" for key, m in sizes_mm.items() if m is not None)
-    return (
-        f"what the fingers get of the {actuator.label} actuator ({size}) on the plate with its "
-        f"patches {refusal.words}; leave patches out of the plate's stiffness and mass with "
-        "patch_counts = false, or take patches of another size or place"
-    )
-
-
-def _long_in_keys(study: Study) -> str:
-    plate = study.strip
-    return (
-        f"a plate of length_mm = {1e3 * (plate.length_m or 0.0):.6g} and width_mm = "
-        f"{1e3 * plate.width_m:.6g} has too many modes for its patches to be counted; "
-        "leave their stiffness and mass out with patch_counts = false, or take a shorter plate"
+def _rule_of(error: ValueError, study: Study, peak_hz: float = 0.0) -> str:
+    """Return the rule that a study violates, in the names of its keys."""
+    actuator = study.actuators[getattr(error, "load", 0)]  # any patch may be the cause
+    sizes_mm = {key: getattr(actuator, key) for key in SIZE_KEYS}
+    return _RULES.get(type(error), "{error}").format(
+        error=error,
+        plate=study.plate,
+        peak_hz=peak_hz,
+        actuator=actuator,
+        size=", ".join(f"{key} = {mm:.6g}" for key, mm in sizes_mm.items() if mm is not None),
+        percent=math.ceil(1000 * getattr(error, "relative_error", 0.0)) / 10,
+        max_percent=100 * PatchesUnknownError.max_relative_error,
     )
 
 
@@ -299,7 +269,7 @@ def loads_of(study: Study) -> tuple[Load, ...]:
     >>> left.x_m == -right.x_m, left.radius_m
     (True, 0.0064)
     """
-    return tuple(_load(actuator) for actuator in study.actuators)
+    return tuple(actuator.load for actuator in study.actuators)
 
 
 def fingertips_of(study: Study, *, bare: bool = False) -> tuple[Fingertip, ...]:
@@ -321,12 +291,12 @@ def fingertips_of(study: Study, *, bare: bool = False) -> tuple[Fingertip, ...]:
     load = None if bare else study.finger_load.impedance
     return tuple(
         Fingertip(
-            x_m=one.x_m,
-            y_m=one.y_m,
-            radius_m=one.finger_diameter_m / 2,
-            impedance=None if one.side == "other" else load,
+            x_m=actuator.x_m,
+            y_m=actuator.y_m,
+            radius_m=actuator.finger_diameter_m / 2,
+            impedance=None if actuator.side == UNDRIVEN else load,
         )
-        for one in study.actuators
+        for actuator in study.actuators
     )
 
 
@@ -353,7 +323,7 @@ def field_strip(study: Study, loss_factor: float = ASSUMED_LOSS) -> Strip:
 
 def bare_strip(study: Study, loss_factor: float = ASSUMED_LOSS) -> Strip:
     """Return the same plate without its patches' stiffness and mass."""
-    if study.plate.is_loss_stated:
+    if study.plate.has_loss_factor:
         return study.strip
     return replace(study.strip, material=replace(study.strip.material, loss_factor=loss_factor))
 
@@ -371,25 +341,39 @@ def patch_errors(
     strips = tuple(dict.fromkeys(field_strip(study, loss) for loss in losses))
     if not strips[0].patches:
         return None
-    parts = []
-    for strip, without in product(strips, bare):
-        tips = fingertips_of(study, bare=without)
-        found = felt_of(strip, loads_of(study), tips, condition.drive)
-        if found.error_m is not None:
-            parts.append(found.error_m / found.peak_m)
-    part = np.max(parts, axis=0)
-    levels_db = 20 * np.log10((1 + part) * (1 + np.diag(part)))
-    return PatchErrors(own=float(np.max(np.diag(part))), levels_db=levels_db)
-
-
-def _load(actuator: Actuator) -> Load:
-    x_m, y_m = actuator.x_m, actuator.y_m
-    if actuator.diameter_m is not None:
-        return MomentDisc(x_m=x_m, y_m=y_m, radius_m=actuator.diameter_m / 2)
-    shape = ForceRectangle if actuator.shape == "motor" else MomentRectangle
-    return shape(
-        x_m=x_m,
-        y_m=y_m,
-        length_x_m=actuator.length_x_m or 0.0,
-        length_y_m=actuator.length_y_m or 0.0,
+    motions = (
+        felt_of(strip, loads_of(study), fingertips_of(study, bare=without), condition.drive)
+        for strip, without in product(strips, bare)
     )
+    errors = [each.error_m / each.peak_m for each in motions if each.error_m is not None]
+    error = np.max(errors, axis=0)
+    levels_db = 20 * np.log10((1 + error) * (1 + np.diag(error)))
+    return PatchErrors(own=float(np.max(np.diag(error))), levels_db=levels_db)
+
+
+def chosen_window(study: Study, condition: Condition) -> WindowChoice:
+    """Return the shortest standard burst that does what ``window = "auto"`` asks for.
+
+    Where no loss is stated it has to do so with the least and with the greatest that is assumed.
+    ValueError where none keeps the crosstalk below the limit.
+    """
+    max_crosstalk_db = condition.max_crosstalk_db
+    if max_crosstalk_db is None:
+        raise ValueError(f"condition {condition.name}: must have window = auto")
+    strip, *also = dict.fromkeys(field_strip(study, loss) for loss in (MIN_LOSS, MAX_LOSS))
+    loads, tips = loads_of(study)[:2], fingertips_of(study)[:2]
+    try:
+        return _shortest_window(
+            strip, loads, tips, condition.sine, max_crosstalk_db, also=tuple(also)
+        )
+    except LevelNotReachedError as error:
+        key = study.stimulus_key(condition, "max_crosstalk_db")
+        raise study.refused(Fault(key, _rule_of(error, study), max_crosstalk_db)) from error
+
+
+@lru_cache(maxsize=8)
+def _shortest_window(*setting: Any, also: tuple[Strip, ...]) -> WindowChoice:
+    """Choose once: a check asks for what was found when its study was read."""
+    from stimuli import shortest_window
+
+    return shortest_window(*setting, also=also)

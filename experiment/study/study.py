@@ -1,326 +1,256 @@
-"""A study: the sections of study.toml together, what must agree between them, and its one text."""
+"""A study: all sections of a study file, the rules between them, and its canonical text."""
 
 from __future__ import annotations
 
 import hashlib
 import json
-from contextlib import contextmanager
-from dataclasses import asdict, replace
+from datetime import date, time
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Final, Self
 
-from pydantic import Field, ValidationInfo, field_validator, model_validator
-from pydantic_core import ArgsKwargs, PydanticCustomError
+from pydantic import Field, ValidationInfo, field_validator
 
-from experiment.names import in_mind
 from experiment.study.actuator import (
-    MEASURED_KEYS,
-    SIDES,
+    UNDRIVEN,
     Actuator,
-    check_measured,
-    displacements_are_known,
-    filled_in,
-    paper_actuators,
+    FingerLoad,
+    complete_actuators,
+    distance_rules,
 )
 from experiment.study.base import (
-    ASKED_FOR,
-    FromTable,
-    KeyRange,
-    file_keys,
-    filled,
-    limits_of,
-    section,
+    Fault,
+    Section,
+    StudyError,
+    obey,
+    rules_below,
 )
 from experiment.study.dataset import About, Dataset, Participants
 from experiment.study.design import Design
 from experiment.study.equipment import Contact, DeviceSettings, Masking, MonitorSettings
-from experiment.study.finger import FingerLoad, check_fingers, check_places
-from experiment.study.plate import Plate, is_as_measured, is_papers_plate
-from experiment.study.presentation import Keys, Screen, Texts, instructions_of
-from experiment.study.simulation import PAPER_THRESHOLD_UM, THRESHOLD_VPP, Simulation
-from experiment.study.stimulus import (
-    Condition,
-    SharedStimulus,
-    check_levels,
-    completed,
-    recorded,
-)
+from experiment.study.plate import Plate
+from experiment.study.presentation import Keys, Screen, Texts
+from experiment.study.simulation import CURVE_KEYS, Simulation
+from experiment.study.stimulus import Condition, SharedStimulus, complete_conditions
+from experiment.tasks import LEFT_RIGHT_BOTH
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from pathlib import Path
+    from collections.abc import Iterator, Mapping
 
+    from experiment.study.base import Rule
+    from experiment.tasks.task import Task
     from stimuli import Strip
 
 
-LEAST_UM_PER_VPP: Final = 1e-4
-"""Less stays below a tenth of a micrometre, the least that is felt, at all levels to 1000 Vpp."""
-
-
-class StudyError(ValueError):
-    """A study file, or a file of levels, that cannot be used; the message is one line.
-
-    Examples
-    --------
-    >>> from experiment import read_study
-    >>> read_study("nowhere.toml")
-    Traceback (most recent call last):
-    experiment.study.study.StudyError: nowhere.toml: No such file or directory
-    """
-
-
-class UnusableStudyError(StudyError):
-    """A study that was read but cannot be computed or played, told by its name.
-
-    >>> UnusableStudyError("paper", "no device plays it").of_file("study.toml")
-    StudyError('study.toml: no device plays it')
-    """
-
-    def __init__(self, name: str, what: str) -> None:
-        super().__init__(f"study {name}: {what}")
-        self.what = what
-
-    def of_file(self, path: Path | str) -> StudyError:
-        """Return the same, told by the file of the study."""
-        return StudyError(f"{path}: {self.what}")
-
-
-@contextmanager
-def told_by_file(path: Path | str | None) -> Iterator[None]:
-    """Begin with its file what is refused of a study, where it is from one."""
-    try:
-        yield
-    except UnusableStudyError as error:
-        if path is None:
-            raise
-        raise error.of_file(path) from error
-
-
-def _one_condition() -> list[dict[str, Any]]:
-    return [{"name": "main"}]
-
-
-# A section that is left to be filled in from another one stands below it: pydantic checks the
-# fields in their order, and each sees those above it. The order is also that of `tactstrip init`.
-@section
-class Study:
+class Study(Section):
     """Everything that is fixed before the first participant comes.
 
-    `read_study` and `paper_study` make one. Its attributes are the sections of a study file;
-    `tactstrip init` writes one with every key, its unit and what it means. Nothing is left out of
-    it but a file that was not read yet and a window that was not chosen yet.
-
-    The constructor has a parameter for each attribute, of the same name but where it is told.
+    `read_study`, `paper_study` and `study_from_text` make one. Its attributes are the sections of a
+    study file, each an immutable model; ``model_fields_set`` of a section has the keys that the
+    file sets. Sections other than ``[strip]`` and ``[[actuator]]`` can be omitted.
 
     Attributes
     ----------
     about : About
-        Parameter ``study``, section ``[study]``: its name, and what its participants agree to.
+        Section ``[study]``: the study's name, and the consent of its participants.
     plate : Plate
-        Parameter ``strip``, section ``[strip]``: the plate; the property `strip` has its physics.
+        Section ``[strip]``: the plate; the property `strip` has its physics.
     actuators : tuple of Actuator
-        Parameter ``actuator``, tables ``[[actuator]]``: left and right, under the two fingers,
-        then the others, which no session drives.
+        Tables ``[[actuator]]``: one for each site of the task, then those that no session drives.
     finger_load : FingerLoad
-        What the two fingertips oppose to the plate.
+        Mechanical impedance of the fingertips.
     burst : SharedStimulus
         What drives the actuators, unless a condition says otherwise.
     conditions : tuple of Condition
-        Parameter ``condition``, tables ``[[condition]]``: stimuli, each of which runs the whole
-        design; at least one.
+        Tables ``[[condition]]``: stimuli, each of which runs the whole design; at least one.
     design : Design
         What is presented, how often, and what may be answered.
     device : DeviceSettings
-        What drives the actuators, and what it may do.
+        What drives the actuators, and its limits.
     monitor : MonitorSettings
-        What measures each burst beside the device.
+        What measures each burst.
     masking : Masking
-        The noise in the headphones that hides the sound of the actuators.
+        The masking noise.
     contact : Contact
-        How the fingers lay on the plate.
+        How the fingers rest on the plate.
     screen, keys, texts : Screen, Keys, Texts
-        The participant's window, the keys of each answer, and what is read.
+        The participant's window, keys and texts.
     participants, dataset : Participants, Dataset
-        What participants.tsv has beside the identifier, and what an exported data set says.
+        Columns of participants.tsv, and what an exported data set says about itself.
     simulation : Simulation
-        The people that a dry run simulates.
+        The population of simulated participants.
 
     Raises
     ------
-    ValueError
-        If a value is out of its range, or two do not go together: patches off the strip, levels
-        above the device's ceiling, bursts longer than the time for an answer, conditions of the
-        same name.
+    StudyError
+        From the functions that make one: a value out of its range, or two that contradict each
+        other.
 
     Examples
     --------
-    Its checksum tells one study from another, whatever else its file says:
+    Its checksum identifies a study, whatever comments its file has:
 
     >>> from experiment import paper_study
     >>> study = paper_study()
-    >>> study.changed(design={"levels_vpp": (60.0, 95.0)}).sha256 == study.sha256
+    >>> study.changed(design={"levels_vpp": [60, 95]}).sha256 == study.sha256
     False
     >>> study.changed().sha256 == study.sha256
     True
     """
 
-    about: FromTable[About] = Field(default_factory=About, alias="study")
-    plate: FromTable[Plate] = Field(default_factory=Plate, alias="strip")
-    actuators: tuple[FromTable[Actuator], ...] = Field(
-        default_factory=paper_actuators, alias="actuator", strict=False, validate_default=True
+    # A section whose defaults depend on another stands below it: pydantic validates in this order.
+    about: About = Field(default_factory=About, alias="study")
+    plate: Plate = Field(alias="strip")
+    actuators: tuple[Actuator, ...] = Field(alias="actuator")
+    finger_load: FingerLoad = FingerLoad()
+    burst: SharedStimulus = SharedStimulus()
+    conditions: tuple[Condition, ...] = Field(
+        default=(Condition(),), alias="condition", validate_default=True
     )
-    finger_load: FromTable[FingerLoad] = Field(default_factory=FingerLoad)
-    burst: FromTable[SharedStimulus] = Field(default_factory=SharedStimulus)
-    conditions: tuple[FromTable[Condition], ...] = Field(
-        default_factory=_one_condition, alias="condition", strict=False, validate_default=True
-    )
-    design: FromTable[Design] = Field(default_factory=Design)
-    device: FromTable[DeviceSettings] = Field(default_factory=DeviceSettings)
-    monitor: FromTable[MonitorSettings] = Field(default_factory=MonitorSettings)
-    masking: FromTable[Masking] = Field(default_factory=Masking)
-    contact: FromTable[Contact] = Field(default_factory=Contact)
-    screen: FromTable[Screen] = Field(default_factory=Screen)
-    keys: FromTable[Keys] = Field(default_factory=Keys)
-    texts: FromTable[Texts] = Field(default_factory=Texts)
-    participants: FromTable[Participants] = Field(default_factory=Participants)
-    dataset: FromTable[Dataset] = Field(default_factory=Dataset)
-    simulation: FromTable[Simulation] = Field(default_factory=dict, validate_default=True)
+    design: Design = Field(default=Design(), validate_default=True)
+    device: DeviceSettings = DeviceSettings()
+    monitor: MonitorSettings = MonitorSettings()
+    masking: Masking = Masking()
+    contact: Contact = Contact()
+    screen: Screen = Screen()
+    keys: Keys = Field(default_factory=Keys, validate_default=True)
+    texts: Texts = Field(default=Texts(), validate_default=True)
+    participants: Participants = Participants()
+    dataset: Dataset = Dataset()
+    simulation: Simulation = Field(default=Simulation(), validate_default=True)
 
-    @model_validator(mode="before")
     @classmethod
-    def _ask_for_actuators(cls, given: Any) -> Any:
-        """Fill in the discs of the paper's plate; mark those that another one does not state."""
-        if not isinstance(given, ArgsKwargs):
-            return given
-        keys = dict(given.kwargs or {})
-        plate = keys.get("strip", {})
-        stated = vars(plate) if isinstance(plate, Plate) else plate
-        if "actuator" not in keys and isinstance(stated, dict):
-            papers = paper_actuators(measured=is_as_measured(stated))
-            keys["actuator"] = papers if is_papers_plate(stated) else None
-        return ArgsKwargs((), keys)
+    def from_tables(cls, tables: Mapping[str, Any], source: object = "study") -> Self:
+        """Return the study of the tables of a TOML file; StudyError has every fault.
 
-    @field_validator("actuators", mode="before")
+        Tables are validated as JSON, where lists are tuples and whole numbers are numbers, so that
+        a study file and the study in a plan are read by the same rules.
+
+        Parameters
+        ----------
+        tables : mapping
+            Sections by their names in a study file.
+        source : object
+            Name of the file, for messages.
+
+        Returns
+        -------
+        Study
+
+        Raises
+        ------
+        StudyError
+            A value violates a rule.
+        """
+        try:
+            return cls.from_json(json.dumps(_json_values(tables)), source)
+        except RecursionError as error:
+            raise StudyError(str(source), Fault("", "is nested too deeply")) from error
+
+    @field_validator("actuators", "conditions", "design", "keys", "texts", "simulation")
     @classmethod
-    def _put_on_the_centre_line(cls, tables: Any, info: ValidationInfo) -> Any:
-        """Fill in where every actuator is across the strip, and what is assumed alike of two."""
-        if tables is None:
-            raise PydanticCustomError(
-                ASKED_FOR,
-                "[[actuator]] is missing, one with side = left and one with side = right, as the "
-                "paper's belong to its plate",
-            )
-        if not isinstance(tables, list):
-            return tables
-        plate = info.data.get("plate", Plate())
-        return filled_in(tables, plate.width_mm)
+    def _complete(cls, section: Any, info: ValidationInfo) -> Any:
+        """Fill in what depends on the task or on a section above, unless that has faults."""
+        task, above = LEFT_RIGHT_BOTH, info.data
+        match info.field_name:
+            case "actuators" if "plate" in above:
+                return complete_actuators(section, above["plate"].width_mm, task.sites)
+            case "conditions" if "burst" in above:
+                return complete_conditions(section, above["burst"])
+            case "design" | "keys":
+                return section.with_answers(task)
+            case "texts" if "design" in above:
+                return section.with_task(task, above["design"])
+            case "simulation" if "actuators" in above:
+                driven = (each for each in above["actuators"] if each.side != UNDRIVEN)
+                return section.with_threshold([actuator.basis for actuator in driven])
+        return section
 
-    @field_validator("actuators", mode="after")
-    @classmethod
-    def _sort(cls, actuators: tuple[Actuator, ...]) -> tuple[Actuator, ...]:
-        return tuple(sorted(actuators, key=lambda one: (SIDES.index(one.side), one.x_mm, one.y_mm)))
+    def rules(self) -> Iterator[Rule]:
+        """Yield the rules between sections.
 
-    @field_validator("conditions", mode="before")
-    @classmethod
-    def _take_from_the_burst(cls, tables: Any, info: ValidationInfo) -> Any:
-        if not isinstance(tables, list):
-            return tables
-        if "burst" not in info.data:
-            return ()  # the fault is that of [burst], none of theirs
-        return [
-            completed(table, info.data["burst"]) if isinstance(table, dict) else table
-            for table in tables
-        ]
-
-    @field_validator("simulation", mode="before")
-    @classmethod
-    def _give_a_threshold(cls, table: Any, info: ValidationInfo) -> Any:
-        """Put in the threshold that was left out, in the unit that the actuators allow."""
-        if not isinstance(table, dict) or any(
-            table.get(key) is not None for key in ("threshold_um", "threshold_vpp")
-        ):
-            return table
-        if displacements_are_known(info.data.get("actuators", ())):
-            return filled(table, threshold_um=PAPER_THRESHOLD_UM)
-        return filled(table, threshold_vpp=THRESHOLD_VPP)
-
-    def __post_init__(self) -> None:
-        check_places(self.actuators, self.strip)
-        check_measured(self.plate, self.actuators)
-        names = [condition.name for condition in self.conditions]
-        if not names or len(set(names)) != len(names):
-            raise ValueError(f"condition names must be distinct, at least one; got {names}")
-        self._check_displacements()
-        if self.simulation.threshold_um is not None and not displacements_are_known(self.actuators):
-            raise ValueError(
-                "simulation.threshold_um needs the displacement or the layers of the left and the "
-                'right actuator (such as measured_as = "as-left", docs/plate.md); else give '
-                "threshold_vpp"
-            )
-        self.simulation.check_played([one.name for one in self.conditions if one.file is not None])
-        if self.finger_load.impedance is not None:
-            check_fingers(self.actuators[:2], self.strip)
-        self.check_levels(self.device)
-        self._check_drives()
-        self.monitor.check_beside(self.device.driver, self.design.foreperiod_s[0])
-        self.texts.check_answers(self.design.responses)
-
-    def _check_displacements(self) -> None:
-        """Refuse micrometres per volt that no finger could feel, or that no plate could bear."""
-        highest_vpp, thickness_um = self.highest_vpp, 1e3 * self.plate.thickness_mm
-        for place, actuator in enumerate(self.actuators):
-            um, at_vpp = actuator.measured_displacement_um, actuator.measured_at_vpp
-            if um is None or at_vpp is None:
+        Yields
+        ------
+        tuple
+            Whether a key violates a rule, the key, the rule, and the value.
+        """
+        device, foreperiod_s = self.device, self.design.foreperiod_s[0]
+        for index, actuator in enumerate(self.actuators):
+            plate_rules = actuator.plate_rules(self.strip, self.highest_vpp)
+            yield from rules_below(plate_rules, actuator, f"actuator[{index}]")
+        yield from distance_rules(self.actuators)
+        has_load, is_endless = self.finger_load.impedance is not None, self.strip.length_m is None
+        rule = "must be a number with [finger_load]"
+        yield has_load and is_endless, "strip.length_mm", rule, "endless"
+        if has_load and not is_endless:
+            for index, actuator in enumerate(self.driven):
+                finger_rules = actuator.finger_rules(self.strip)
+                yield from rules_below(finger_rules, actuator, f"actuator[{index}]")
+        has_file = any(condition.file is not None for condition in self.conditions)
+        rule = "must be left out where a condition plays a file: the curves are those of sines"
+        for key in CURVE_KEYS:
+            excess = has_file and getattr(self.simulation, key) is not None
+            yield excess, f"simulation.{key}", rule, None
+        yield from self._device_rules(device)
+        for index, condition in enumerate(self.conditions):
+            if condition.file is not None and not condition.is_complete:
                 continue
-            path, per_vpp = f"actuator[{place}].{MEASURED_KEYS[0]}", thickness_um / highest_vpp
-            limits = KeyRange(ge=LEAST_UM_PER_VPP * at_vpp, le=per_vpp * at_vpp)
-            own = limits_of(Actuator, MEASURED_KEYS[1])
-            least_vpp, most_vpp = max(um / per_vpp, own.ge or 0.0), um / LEAST_UM_PER_VPP
-            levels = KeyRange(ge=least_vpp, le=min(most_vpp, own.le or most_vpp))
-            if not limits.hold(um):
-                raise ValueError(
-                    f"{path} must be {limits.words(whole=False)} at {at_vpp:g} Vpp, so that it "
-                    f"is felt at some level and within the plate's thickness at {highest_vpp:g} "
-                    f"Vpp; got {um:g}{in_mind(path, um, limits.hold)}"
-                    f"{in_mind(MEASURED_KEYS[1], at_vpp, levels.hold)}"
-                )
+            is_other = condition.sample_rate_hz not in {None, device.sample_rate_hz}
+            rule = f"must be device.sample_rate_hz = {device.sample_rate_hz:g}"
+            yield is_other, f"condition[{index}].sample_rate_hz", rule, condition.sample_rate_hz
+            duration_s, window_s = condition.drive.duration_s, self.design.response_window_s
+            name = "cycles" if condition.file is None else "file"
+            rule = f"must be shorter: the burst takes {duration_s:.10g} s, longer than "
+            rule += f"design.response_window_s = {window_s:g}"
+            key, value = self.stimulus_key(condition, name), getattr(condition, name)
+            yield duration_s > window_s, key, rule, value
+            drive, rate_hz = condition.drive, device.sample_rate_hz
+            yield from self.monitor.drive_rules(drive, rate_hz, foreperiod_s)
 
-    def check_levels(self, device: DeviceSettings) -> None:
-        """Refuse levels above what a device reaches, be it the study's or one instead of it.
+    def _device_rules(self, device: DeviceSettings) -> Iterator[Rule]:
+        """Yield the rules that a device reaches every level, and has the monitor's source."""
+        high_vpp, limit = device.highest
+        rule = f"must be at most {limit} = {high_vpp:.12g}"
+        both_vpp = self.design.both_level_vpp or 0.0
+        yield both_vpp > high_vpp, "design.both_level", rule, both_vpp
+        for index, condition in enumerate(self.conditions):
+            section = "design" if condition.levels_vpp is None else f"condition[{index}]"
+            levels_vpp = condition.levels_vpp or self.design.levels_vpp
+            n_within = sum(level_vpp <= high_vpp for level_vpp in levels_vpp)  # they increase
+            key, first_vpp = f"{section}.levels_vpp[{n_within}]", levels_vpp[n_within:][:1]
+            yield first_vpp != (), key, rule, first_vpp and first_vpp[0]
+        yield from self.monitor.driver_rules(device.driver)
+
+    def check_device(self, device: DeviceSettings) -> None:
+        """Refuse a device in place of the study's that does not reach its levels or monitor it.
 
         Parameters
         ----------
         device : DeviceSettings
-            The device, with its ceiling and, where it has one, its full scale.
+            The device, with its ceiling and, if it has one, its full scale.
 
         Raises
         ------
-        ValueError
-            If some level is too high for it.
+        StudyError
+            If a level is too high for it, or it does not have the monitor's source.
         """
-        check_levels(self.design, self.conditions, device)
+        obey(self._device_rules(device), source=f"study {self.name}")
 
-    def _check_drives(self) -> None:
-        window_s, rate_hz = self.design.response_window_s, self.device.sample_rate_hz
-        least_s = self.design.foreperiod_s[0]
-        for place, condition in enumerate(self.conditions):
-            if condition.file is not None and not condition.is_found:
-                continue
-            if condition.sample_rate_hz not in {None, rate_hz}:
-                raise ValueError(
-                    f"condition[{place}].sample_rate_hz must be device.sample_rate_hz = "
-                    f"{rate_hz:g}; got {condition.sample_rate_hz:g}"
-                )
-            if condition.drive.duration_s > window_s:
-                raise ValueError(
-                    f"condition {condition.name}: the burst must last at most "
-                    f"design.response_window_s = {window_s:.10g}; "
-                    f"got {condition.drive.duration_s:.10g} s"
-                )
-            self.monitor.check_drive(condition.name, condition.drive, rate_hz, least_s)
+    def refused(self, *faults: Fault) -> StudyError:
+        """Return the error of a study that is valid but cannot be computed or played.
+
+        Parameters
+        ----------
+        *faults : Fault
+            What is wrong.
+
+        Returns
+        -------
+        StudyError
+        """
+        return StudyError(f"study {self.name}", *faults)
 
     def design_of(self, condition: str) -> Design:
-        """Return the design of a condition, with its own levels where some were placed for it.
+        """Return the design of a condition, with its levels if some were chosen for it.
 
         Parameters
         ----------
@@ -331,37 +261,55 @@ class Study:
         -------
         Design
         """
-        own = (one.own(self.design) for one in self.conditions if one.name == condition)
-        return next(own, self.design)
+        designs = (each.design(self.design) for each in self.conditions if each.name == condition)
+        return next(designs, self.design)
+
+    @property
+    def task(self) -> Task:
+        """The task of the participant."""
+        return LEFT_RIGHT_BOTH
+
+    @property
+    def driven(self) -> tuple[Actuator, ...]:
+        """The actuators under the fingers, in the order of the task's sites."""
+        return tuple(actuator for actuator in self.actuators if actuator.side != UNDRIVEN)
+
+    def stimulus_key(self, condition: Condition, key: str) -> str:
+        """Return where the file has a key of a condition's stimulus: there, or in [burst].
+
+        Parameters
+        ----------
+        condition : Condition
+            The condition.
+        key : str
+            A key that [burst] has, too.
+
+        Returns
+        -------
+        str
+        """
+        is_own = key in condition.model_fields_set
+        return f"condition[{self.conditions.index(condition)}].{key}" if is_own else f"burst.{key}"
 
     @property
     def highest_vpp(self) -> float:
         """The highest level that is ever presented."""
-        return max(one.own(self.design).highest_vpp for one in self.conditions)
+        return max(each.design(self.design).highest_vpp for each in self.conditions)
 
     @property
     def name(self) -> str:
-        """What it is called."""
+        """Its name."""
         return self.about.name
 
     @property
-    def shown_texts(self) -> Texts:
-        """What a person reads, with the instructions that fit the design where none are given."""
-        instructions = self.texts.instructions or instructions_of(self.design)
-        return replace(self.texts, instructions=instructions)
-
-    @property
     def strip(self) -> Strip:
-        """The plate as the physics has it."""
+        """The plate of the physics."""
         return self.plate.strip
 
     @cached_property
     def canonical(self) -> str:
         """The complete study as JSON text with sorted keys, defaults filled in."""
-        tables = {
-            name: [recorded(one) for one in table] if isinstance(table, tuple) else asdict(table)
-            for name, table in self.sections().items()
-        }
+        tables = self.model_dump(mode="json", by_alias=True)
         return json.dumps(tables, sort_keys=True, separators=(",", ":"), ensure_ascii=False)
 
     @cached_property
@@ -369,19 +317,20 @@ class Study:
         """Checksum of the canonical text."""
         return hashlib.sha256(self.canonical.encode()).hexdigest()
 
-    def sections(self) -> dict[str, Any]:
-        """Return the sections by their names in a file, in the order of `tactstrip init`.
-
-        Returns
-        -------
-        dict of str
-            To each name its section; of actuators and conditions a tuple.
-        """
-        names = zip(file_keys(type(self)), self.__dataclass_fields__, strict=True)
-        return {in_file: getattr(self, name) for in_file, name in names}
+    @property
+    def keys_set(self) -> tuple[str, ...]:
+        """The keys that the file sets, with their sections, such as ``strip.width_mm``."""
+        keys = []
+        for name, field in type(self).model_fields.items():
+            value, section = getattr(self, name), field.alias or name
+            tables = {section: value}
+            if isinstance(value, tuple):
+                tables = {f"{section}[{index}]": table for index, table in enumerate(value)}
+            keys += [f"{path}.{key}" for path, table in tables.items() for key in table.keys_set]
+        return tuple(keys)
 
     def changed(self, **sections: Any) -> Self:
-        """Return the study with other sections, checked anew.
+        """Return the study with other sections, validated.
 
         Parameters
         ----------
@@ -394,7 +343,41 @@ class Study:
 
         Raises
         ------
-        ValueError
-            As for the study itself.
+        StudyError
+            If a value is out of its range, or two contradict each other.
         """
-        return type(self)(**self.sections() | sections)
+        try:
+            return super().changed(**{key: _immutable(value) for key, value in sections.items()})
+        except StudyError as error:
+            raise self.refused(*error.faults) from error
+
+
+def section_models() -> dict[str, type[Section]]:
+    """Return the models of the sections by their names in a file."""
+    kinds: dict[str, Any] = {f.alias or n: f.annotation for n, f in Study.model_fields.items()}
+    return {name: getattr(kind, "__args__", (kind,))[0] for name, kind in kinds.items()}
+
+
+def _immutable(value: Any) -> Any:
+    """Return a value with tuples in place of lists."""
+    if isinstance(value, dict):
+        return {key: _immutable(item) for key, item in value.items()}
+    return tuple(map(_immutable, value)) if isinstance(value, list | tuple) else value
+
+
+_MAX_BITS: Final = 1024
+"""More bits than any number that a key can have; Python writes no number of thousands of digits."""
+
+
+def _json_values(value: Any, key: str = "") -> Any:
+    """Return what JSON has no type for as text: the day of a measurement; else as a table."""
+    match value:
+        case dict():
+            return {name: _json_values(item, name) for name, item in value.items()}
+        case list():
+            return [_json_values(item) for item in value]
+        case int() if value.bit_length() > _MAX_BITS:
+            return {"a number": "of more than 300 digits"}
+        case date() | time():
+            return str(value) if key == "measured_on" else {type(value).__name__: str(value)}
+    return value

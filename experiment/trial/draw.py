@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
+import itertools
 import math
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from experiment.names import require_identifier, require_whole
-from experiment.study.design import MAX_TRIALS
+from experiment.rows import HANDS_OFF, PRACTICE
+from experiment.tasks import LEFT_RIGHT_BOTH
 from experiment.trial.order import balanced_order
 from experiment.trial.plan import (
-    AUDIBILITY_BLOCK,
-    CONTROL,
+    HANDS_OFF_BLOCK,
     PRACTICE_BLOCK,
     Plan,
     PlanError,
@@ -29,10 +29,6 @@ if TYPE_CHECKING:
     from experiment.study.files import Levels
     from experiment.study.stimulus import Condition
     from experiment.study.study import Study
-
-
-WARM_UP_SIDES = ("left", "right")
-"""Two easy trials, presented again to a person whenever a session is resumed."""
 
 
 def draw_plan(
@@ -85,23 +81,25 @@ def draw_plan(
     >>> one == same, one.trials == other.trials, len(one.trials)
     (True, False, 155)
     """
-    _refuse_unfit(participant, session, seed)
-    number = participant_number if study.design.condition_order == "balanced" else None
-    if study.design.condition_order == "balanced" and (number is None or number < 1):
-        raise PlanError(
-            "participant_number must be a whole number >= 1 where design.condition_order is "
-            f"balanced; got {number}"
-        )
+    is_balanced = study.design.condition_order == "balanced"
+    number = participant_number if is_balanced else None
+    try:
+        require_identifier("participant", participant)
+        require_identifier("session", session)
+        require_whole("seed", seed, 0)
+        if is_balanced:
+            require_whole("participant_number", number, 1)
+    except ValueError as error:
+        raise PlanError(str(error)) from None
     file_sha256 = study.sha256
     if levels_vpp is not None:
         from experiment.study.files import with_levels
 
         study = with_levels(study, levels_vpp)
-    from experiment.study.sources import planned_sources
-
     rng = np.random.Generator(np.random.PCG64(seed))
     order = _order(study, number, rng)
-    trials = tuple(_number(_draw_trials(study, order, rng, _off_plate_generator(seed))))
+    hands_off_rng = np.random.Generator(np.random.PCG64((seed, _HANDS_OFF_STREAM)))
+    trials = tuple(_draw_trials(study, order, rng, hands_off_rng))
     return seal(
         Plan(
             participant=participant,
@@ -116,20 +114,10 @@ def draw_plan(
             trials=trials,
             warm_up=_warm_up(study, trials),
             gains=gains,
-            sources={one.key: one.facts for one in planned_sources(study, gains)},
+            keys_set=study.keys_set,
             participant_number=number,
         )
     )
-
-
-def _refuse_unfit(participant: str, session: str, seed: int) -> None:
-    """Refuse identifiers that no session's folder can have, and a seed that is none."""
-    try:
-        require_identifier("participant", participant)
-        require_identifier("session", session)
-        require_whole("seed", seed, 0)
-    except ValueError as error:
-        raise PlanError(str(error)) from None
 
 
 def block_count(design: Design) -> int:
@@ -144,21 +132,19 @@ def block_count(design: Design) -> int:
     PlanError
         If no block of a balanced design is as short as ``break_every`` asks.
     """
-    total = design.trials
     if design.break_every == 0:
         return 1
-    fewest = math.ceil(total / design.break_every)
+    fewest = math.ceil(design.trials / design.break_every)
     if design.order == "random":
         return fewest
     repeats = design.trials_per_side // len(design.levels_vpp)
     for count in range(fewest, repeats + 1):
         if repeats % count == 0:
             return count
-    shortest = math.ceil(total / repeats)
-    least = f" or at least {shortest}" if shortest <= MAX_TRIALS else ""
+    shortest = math.ceil(design.trials / repeats)
     raise PlanError(
-        f"design.break_every must be 0{least} (the shortest block with the same number of every "
-        f"stimulus has {shortest} trials); got {design.break_every}"
+        f"design.break_every must be 0 or at least {shortest}, the length of the shortest block "
+        f"with the same number of every stimulus; got {design.break_every}"
     )
 
 
@@ -173,103 +159,83 @@ def block_lengths(design: Design) -> tuple[int, ...]:
     >>> block_lengths(paper_study().design)
     (31, 31, 31, 31, 31)
     """
-    count = block_count(design)
-    if design.order == "random":
-        length = design.break_every or design.trials
-        return tuple(min(length, design.trials - length * block) for block in range(count))
-    # dealt out one by one, as `_balanced_blocks` does: the first blocks get one more
-    each, left_over = divmod(design.both_trials + design.blank_trials, count)
-    single = 2 * design.trials_per_side // count
-    return tuple(single + each + (block < left_over) for block in range(count))
+    # The lengths do not depend on chance, so that any generator gives them.
+    blocks = shuffled_blocks(design, np.random.default_rng(0))
+    return tuple(len(stimuli) for stimuli in blocks)
 
 
-def block_words(design: Design) -> list[str]:
-    r"""Say how long the blocks of one condition become, a line each.
+def longer_blocks(design: Design) -> tuple[int, int] | None:
+    """Return the `break_every` of the next longer blocks, and their number; None where it is kept.
 
-    The order ``balanced`` may make them much shorter than ``break_every``; then the next longer
-    ones are told, with the key that gives them.
+    The order ``balanced`` may make blocks much shorter than ``break_every``.
 
     Examples
     --------
     >>> from experiment.study.design import Design
-    >>> words = ("left", "right", "both", "none")
-    >>> design = Design(order="balanced", blank_trials=60, responses=words, break_every=42)
-    >>> print(*block_words(design), sep="\n")
-    15 of 14 or 15 trials, each side and level once in each
-    all alike, so shorter than break_every = 42; for 5 of 43 write break_every = 43
+    >>> from experiment.tasks import LEFT_RIGHT_BOTH
+    >>> answers = LEFT_RIGHT_BOTH.answer_names
+    >>> longer_blocks(Design(order="balanced", blank_trials=60, responses=answers, break_every=42))
+    (43, 5)
     """
-    lengths = block_lengths(design)
-    told = f"{len(lengths)} of {_range(lengths)} trials"
     if design.order == "random":
-        return [told]
+        return None
+    count = block_count(design)
     repeats = design.trials_per_side // len(design.levels_vpp)
-    times = repeats // len(lengths)
-    lines = [f"{told}, each side and level {_times(times)} in each"]
-    fewer = [count for count in range(1, len(lengths)) if repeats % count == 0]
-    asked = math.ceil(design.trials / (design.break_every or design.trials))
-    if fewer and len(lengths) > asked:
-        longest = math.ceil(design.trials / fewer[-1])
-        longer = block_lengths(replace(design, break_every=longest))
-        lines.append(
-            f"all alike, so shorter than break_every = {design.break_every}; "
-            f"for {len(longer)} of {_range(longer)} write break_every = {longest}"
-        )
-    return lines
+    fewer = [blocks for blocks in range(1, count) if repeats % blocks == 0]
+    if not fewer or count <= math.ceil(design.trials / (design.break_every or design.trials)):
+        return None
+    break_every = math.ceil(design.trials / fewer[-1])
+    return break_every, block_count(design.changed(break_every=break_every))
 
 
-def _range(lengths: tuple[int, ...]) -> str:
-    ends = sorted({min(lengths), max(lengths)})
-    joined = " or " if ends[-1] - ends[0] == 1 else " to "
-    return joined.join(map(str, ends))
-
-
-def _times(times: int) -> str:
-    return {1: "once", 2: "twice"}.get(times, f"{times} times")
-
-
-def _number(trials: Iterator[Trial]) -> Iterator[Trial]:
-    for number, trial in enumerate(trials, start=1):
-        yield replace(trial, number=number)
-
-
-def _off_plate_generator(seed: int) -> np.random.Generator:
-    """Return what draws the trials with the fingers off; the others stay as they are without."""
-    return np.random.Generator(np.random.PCG64((seed, _OFF_PLATE_STREAM)))
-
-
-_OFF_PLATE_STREAM = 1
+_HANDS_OFF_STREAM = 1
+"""The hands-off trials have a stream of their own; the others stay as they are without."""
 
 
 def _order(study: Study, number: int | None, rng: np.random.Generator) -> list[Condition]:
     """Return the conditions in the order of their blocks; only a random one draws from `rng`."""
-    places: Iterable[int] = range(len(study.conditions))
+    indices: Iterable[int] = range(len(study.conditions))
     if study.design.condition_order == "random":
-        places = rng.permutation(len(study.conditions))
+        indices = rng.permutation(len(study.conditions))
     elif number is not None:
-        places = balanced_order(len(study.conditions), number)
-    return [study.conditions[place] for place in places]
+        indices = balanced_order(len(study.conditions), number)
+    return [study.conditions[index] for index in indices]
 
 
 def _draw_trials(
     study: Study,
     conditions: Sequence[Condition],
     rng: np.random.Generator,
-    off_plate: np.random.Generator,
+    hands_off_rng: np.random.Generator,
 ) -> Iterator[Trial]:
     # The order of the draws is part of what a seed means: one draw more from `rng`, or two in
-    # another order, and the whole plan is another. Hence the trials off the plate, which a study
-    # may add or leave out without touching the others, draw from a stream of their own.
-    audibility, control = study.design.audibility_trials, study.design.control_trials
-    yield from _off_plate(study, conditions, AUDIBILITY_BLOCK, audibility, off_plate)
-    yield from _practice(study.design_of(conditions[0].name), conditions[0], rng)
-    next_block = 1
-    for condition in conditions:
-        design = study.design_of(condition.name)
+    # another order, and the whole plan is another. Hence the hands-off trials, which a study may
+    # add or leave out without touching the others, draw from a stream of their own.
+    numbers = itertools.count(1)
+    designs = [(condition.name, study.design_of(condition.name)) for condition in conditions]
+
+    def present(
+        block: int, name: str, design: Design, stimuli: list[Stimulus], rng: np.random.Generator
+    ) -> Iterator[Trial]:
+        for stimulus in stimuli:
+            foreperiod_s = _draw_foreperiod_s(design.foreperiod_s, rng)
+            yield Trial(next(numbers), block, name, *stimulus, foreperiod_s)
+
+    def hands_off(block: int, trials: int) -> Iterator[Trial]:
+        for name, design in designs:
+            stimuli = _at_each_site(HANDS_OFF, trials, design.highest_vpp, hands_off_rng)
+            yield from present(block, name, design, stimuli, hands_off_rng)
+
+    yield from hands_off(HANDS_OFF_BLOCK, study.design.hands_off_trials_before)
+    name, design = designs[0]
+    practice = _at_each_site(PRACTICE, design.practice_trials, max(design.levels_vpp), rng)
+    yield from present(PRACTICE_BLOCK, name, design, practice, rng)
+    block = 0
+    for name, design in designs:
         for stimuli in shuffled_blocks(design, rng):
-            for stimulus in stimuli:
-                yield _trial(design, condition, next_block, stimulus, rng)
-            next_block += 1
-    yield from _off_plate(study, conditions, next_block, control, off_plate)
+            block += 1
+            yield from present(block, name, design, stimuli, rng)
+    yield from hands_off(block + 1, study.design.hands_off_trials_after)
 
 
 Stimulus = tuple[str, str, float | None]
@@ -279,19 +245,19 @@ Stimulus = tuple[str, str, float | None]
 def shuffled_blocks(design: Design, rng: np.random.Generator) -> Iterator[list[Stimulus]]:
     """Draw the stimuli of one condition, block by block, in their order."""
     for stimuli in _BLOCKS_OF[design.order](design, rng):
-        yield [stimuli[place] for place in rng.permutation(len(stimuli))]
+        yield [stimuli[i] for i in rng.permutation(len(stimuli))]
 
 
 def _random_blocks(design: Design, rng: np.random.Generator) -> list[list[Stimulus]]:
     """Draw every level independently, as in the paper, and cut the shuffled list into blocks."""
     stimuli: list[Stimulus] = [
-        ("single", side, float(rng.choice(design.levels_vpp)))
-        for side in ("left", "right")
+        (single.kind, single.name, float(rng.choice(design.levels_vpp)))
+        for single in _SINGLE
         for _ in range(design.trials_per_side)
     ]
     # Shuffled over all blocks; the caller shuffles each block once more, which changes nothing of
     # the distribution here and is what a balanced block needs.
-    stimuli += _both(design, rng) + _blank(design)
+    stimuli += _catch_stimuli(design, rng)
     shuffled = [stimuli[i] for i in rng.permutation(len(stimuli))]
     length = design.break_every or len(shuffled)
     return [shuffled[i : i + length] for i in range(0, len(shuffled), length)]
@@ -302,85 +268,46 @@ def _balanced_blocks(design: Design, rng: np.random.Generator) -> list[list[Stim
     count = block_count(design)
     repeats = design.trials_per_side // len(design.levels_vpp) // count
     each: list[Stimulus] = [
-        ("single", side, level) for side in ("left", "right") for level in design.levels_vpp
+        (single.kind, single.name, level) for single in _SINGLE for level in design.levels_vpp
     ]
     blocks = [each * repeats for _ in range(count)]
-    others = _both(design, rng) + _blank(design)
-    for place, stimulus in enumerate(others):
-        blocks[place % count].append(stimulus)
+    for i, stimulus in enumerate(_catch_stimuli(design, rng)):
+        blocks[i % count].append(stimulus)
     return blocks
 
 
 _BLOCKS_OF = {"random": _random_blocks, "balanced": _balanced_blocks}
+_TASK = LEFT_RIGHT_BOTH
+_SINGLE = [p for p in _TASK.presentations if len(p.sites) == 1]
 
 
-def _both(design: Design, rng: np.random.Generator) -> list[Stimulus]:
-    levels = [
-        design.both_level_vpp or float(rng.choice(design.levels_vpp))
-        for _ in range(design.both_trials)
-    ]
-    return [("both", "both", level) for level in levels]
+def _catch_stimuli(design: Design, rng: np.random.Generator) -> list[Stimulus]:
+    """Draw the stimuli at several sites at once, and the trials without one."""
+    stimuli: list[Stimulus] = []
+    for catch in (p for p in _TASK.presentations if p not in _SINGLE):
+        for _ in range(design.trials_of(catch)):
+            level_vpp = design.both_level_vpp if catch.sites else None
+            if catch.sites and level_vpp is None:
+                level_vpp = float(rng.choice(design.levels_vpp))
+            stimuli.append((catch.kind, catch.name, level_vpp))
+    return stimuli
 
 
-def _blank(design: Design) -> list[Stimulus]:
-    return [("blank", "none", None)] * design.blank_trials
-
-
-def _practice(design: Design, condition: Condition, rng: np.random.Generator) -> Iterator[Trial]:
-    """Draw the practice trials: both sides alike, at the highest level."""
-    sides = [WARM_UP_SIDES[i % 2] for i in range(design.practice_trials)]
-    for place in rng.permutation(len(sides)):
-        stimulus = ("practice", sides[place], max(design.levels_vpp))
-        yield _trial(design, condition, PRACTICE_BLOCK, stimulus, rng)
-
-
-def _off_plate(
-    study: Study,
-    conditions: Sequence[Condition],
-    block: int,
-    trials: int,
-    rng: np.random.Generator,
-) -> Iterator[Trial]:
-    """Draw one block with the fingers off the plate: condition by condition, both sides alike."""
-    for condition in conditions:
-        design = study.design_of(condition.name)
-        for place in rng.permutation(trials):
-            stimulus = (CONTROL, WARM_UP_SIDES[place % 2], design.highest_vpp)
-            yield _trial(design, condition, block, stimulus, rng)
+def _at_each_site(
+    kind: str, trials: int, level_vpp: float, rng: np.random.Generator
+) -> list[Stimulus]:
+    """Draw the order of trials at one level that are at every site equally often."""
+    return [(kind, _TASK.sites[i % len(_TASK.sites)], level_vpp) for i in rng.permutation(trials)]
 
 
 def _warm_up(study: Study, planned: tuple[Trial, ...]) -> tuple[Trial, ...]:
-    design = study.design_of(planned[0].condition)
+    """Return an easy trial at each site, presented again to a person after a resume."""
+    condition = planned[0].condition
+    design = study.design_of(condition)
+    level_vpp, foreperiod_s = max(design.levels_vpp), design.foreperiod_s[1]
     return tuple(
-        Trial(
-            number=len(planned) + place,
-            block=PRACTICE_BLOCK,
-            condition=planned[0].condition,
-            kind="practice",
-            side=side,
-            level_vpp=max(design.levels_vpp),
-            foreperiod_s=design.foreperiod_s[1],
-        )
-        for place, side in enumerate(WARM_UP_SIDES, start=1)
-    )
-
-
-def _trial(
-    design: Design,
-    condition: Condition,
-    block: int,
-    stimulus: Stimulus,
-    rng: np.random.Generator,
-) -> Trial:
-    kind, side, level_vpp = stimulus
-    return Trial(
-        number=0,
-        block=block,
-        condition=condition.name,
-        kind=kind,
-        side=side,
-        level_vpp=level_vpp,
-        foreperiod_s=_draw_foreperiod_s(design.foreperiod_s, rng),
+        Trial(number, PRACTICE_BLOCK, condition, PRACTICE, site, level_vpp, foreperiod_s)
+        for number, site in enumerate(_TASK.sites, start=len(planned) + 1)
     )
 
 

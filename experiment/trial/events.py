@@ -1,4 +1,4 @@
-"""The words of the trial: where a session stands, what can happen, what can be done."""
+"""Phases, events and effects of a session: where it stands, what can happen, what is done."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import TYPE_CHECKING, TypeAlias
 
+from experiment.rows import HANDS_OFF, PRACTICE
 from experiment.trial.plan import PRACTICE_BLOCK
 from experiment.trial.responder import SessionPart
 
@@ -17,7 +18,7 @@ class Phase(StrEnum):
     """Where a session stands."""
 
     READY = "ready"  # between two trials
-    WELCOME = "welcome"  # a sitting begins
+    WELCOME = "welcome"  # a visit begins
     INTRODUCTION = "introduction"  # a part begins: what it asks for, where the fingers lie
     FOREPERIOD = "foreperiod"  # the cue is shown, the stimulus has yet to come
     ARMING = "arming"  # the device was told of the stimulus
@@ -30,36 +31,35 @@ class Phase(StrEnum):
 
 
 @dataclass(frozen=True, slots=True)
-class Task:
-    """A trial to be presented, for the how-many-eth time.
+class Attempt:
+    """One presentation of a trial.
 
     Attributes
     ----------
     trial : Trial
         The trial.
-    attempt : int
+    number : int
         Counted from 1.
     warm_up : bool
         Whether it is one of those after a resume, which do not count.
-    early : int
-        How many earlier attempts at it had a key too early.
+    premature : int
+        How many earlier attempts at the trial had a premature response.
     """
 
     trial: Trial
-    attempt: int
+    number: int
     warm_up: bool = False
-    early: int = 0
+    premature: int = 0
 
     @property
     def part(self) -> SessionPart:
         """The part of the session that it belongs to."""
         if self.warm_up:
             return SessionPart.WARM_UP
-        if self.trial.kind == "control":
-            return (
-                SessionPart.AUDIBILITY if self.trial.block < PRACTICE_BLOCK else SessionPart.CONTROL
-            )
-        return SessionPart.PRACTICE if self.trial.kind == "practice" else SessionPart.MAIN
+        if self.trial.kind == HANDS_OFF:
+            is_before = self.trial.block < PRACTICE_BLOCK
+            return SessionPart.HANDS_OFF_BEFORE if is_before else SessionPart.HANDS_OFF_AFTER
+        return SessionPart.PRACTICE if self.trial.kind == PRACTICE else SessionPart.MAIN
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -68,88 +68,88 @@ class SessionState:
 
     Attributes
     ----------
-    pending : tuple of Task
+    pending : tuple of Attempt
         What is still to be presented, in order; the first is the current one.
-    keep_anticipated : bool
-        The study's rule: an anticipated trial is kept and flagged, not presented again.
-    most_anticipated : int
-        After so many keys too early, in a row or at one trial, the operator is called.
+    accept_premature : bool
+        The study's rule: a trial with a premature response counts, flagged, and is not repeated.
+    max_premature : int
+        The operator is called after this many premature responses in a row, or at one trial.
     response_window_s : float
         How long an answer is awaited.
     phase : Phase
         Where the session stands.
     block : int or None
         The open block.
-    anticipated : bool
-        A key came too early in the current trial.
-    early : int
-        Trials in a row, the current one included, in which a key came too early.
-    called : bool
-        The operator was called, and nobody has gone on yet.
+    premature : bool
+        The current trial had a premature response.
+    premature_in_a_row : int
+        Trials in a row, the current one included, with a premature response.
+    operator_needed : bool
+        The operator was called, and nobody has continued yet.
     failures : int
         Stimuli in a row that were not delivered.
-    greeted : bool
-        The participant was welcomed in this sitting.
+    welcomed : bool
+        The participant was welcomed in this visit.
     part : SessionPart or None
-        The part that was introduced last in this sitting.
+        The part that was introduced last in this visit.
     noise_lost : bool
         The masking noise has to be started again before the next trial.
-    unverified : bool
-        A burst was not verified, and nobody has gone on yet.
+    burst_mismatch : bool
+        A burst was not verified, and nobody has continued yet.
     """
 
-    pending: tuple[Task, ...]
-    keep_anticipated: bool
-    most_anticipated: int
+    pending: tuple[Attempt, ...]
+    accept_premature: bool
+    max_premature: int
     response_window_s: float
     phase: Phase = Phase.READY
     block: int | None = None
-    anticipated: bool = False
-    early: int = 0
-    called: bool = False
+    premature: bool = False
+    premature_in_a_row: int = 0
+    operator_needed: bool = False
     failures: int = 0
-    greeted: bool = False
+    welcomed: bool = False
     part: SessionPart | None = None
     noise_lost: bool = False
-    unverified: bool = False
+    burst_mismatch: bool = False
 
 
 class Event(StrEnum):
-    """What can happen. A key press is a `Key`; the table knows it by one of four words."""
+    """What can happen. An answer is a `Response`; the table knows it by one of four events."""
 
-    SITTING_DUE = "sitting due"  # the participant was not welcomed yet
-    PART_DUE = "part due"  # the next trial belongs to a part that was not introduced yet
-    TRIAL_DUE = "trial due"  # the next trial belongs to the open block, or opens one
-    PRACTICE_OVER = "practice over"  # no trial left before the first block, which follows at once
-    BREAK_DUE = "break due"  # the open block has no trial left, a later one has
-    NOTHING_LEFT = "nothing left"  # no trial at all
+    VISIT_STARTS = "visit starts"  # the participant was not welcomed yet
+    PART_STARTS = "part starts"  # the next trial belongs to a part that was not introduced yet
+    TRIAL_STARTS = "trial starts"  # the next trial belongs to the open block, or opens one
+    PRACTICE_ENDS = "practice ends"  # no trial is left before the first block, which follows
+    BREAK_STARTS = "break starts"  # the open block has no trial left, a later one has
+    NO_TRIAL_LEFT = "no trial left"  # every planned trial is answered
     ELAPSED = "elapsed"  # the foreperiod, or the time for an answer, is over
-    KEY = "key"  # an answer within its time
-    EARLY_KEY = "early key"  # a key before an answer was possible; the trial is void
-    EARLY_KEY_AGAIN = "early key again"  # the same once too often: the operator has to come
-    EARLY_KEY_KEPT = "early key kept"  # the same, where the study keeps and flags such a trial
+    RESPONSE = "response"  # an answer within its time
+    PREMATURE = "premature response"  # before an answer was possible; the trial is void
+    TOO_MANY_PREMATURE = "too many premature responses"  # the same: the operator has to come
+    PREMATURE_ACCEPTED = "premature response accepted"  # the same, where such a trial counts
     ARMED = "armed"  # the device holds the stimulus ready
     FIRED = "fired"  # the device confirmed that the stimulus went out
     NOT_FIRED = "not fired"  # the device confirmed that it did not
-    NOT_FIRED_AGAIN = "not fired again"  # the same for the last time: it does not do its work
-    FIRED_PERHAPS = "fired perhaps"  # nobody can tell whether it went out
+    TOO_MANY_FAILURES = "too many failures"  # the same too often: the device does not do its work
+    DELIVERY_UNKNOWN = "delivery unknown"  # nobody can tell whether it went out
     DEVICE_FAILED = "device failed"  # it refused, or its link is lost
-    NOT_VERIFIED = "not verified"  # what was measured is another burst, or could not be measured
+    BURST_MISMATCH = "burst mismatch"  # what was measured is another burst, or was not measurable
     NOISE_LOST = "noise lost"  # the masking noise does not play, or did not at the onset
-    PAUSE_ASKED = "pause asked"  # Esc was pressed, or the operator asked for a pause
+    PAUSE_REQUESTED = "pause requested"  # by the participant or the operator
     CONTINUED = "continued"  # welcome, introduction, break or pause is over
-    STOP_ASKED = "stop asked"  # the session is to be stopped now
+    STOP_REQUESTED = "stop requested"  # the session is to be stopped now
 
 
 @dataclass(frozen=True, slots=True)
-class Key:
-    """An answer key was pressed; `rt_s` after the onset, or before it where there is none."""
+class Response:
+    """An answer was given; `rt_s` after the onset, or None before there is one."""
 
-    response: str
+    answer: str
     rt_s: float | None
 
 
-Happening: TypeAlias = Event | Key
+Input: TypeAlias = Event | Response
 
 
 # What is to be done: the effects.
@@ -161,24 +161,24 @@ class Effect:
 
 
 @dataclass(frozen=True, slots=True)
-class TaskEffect(Effect):
+class AttemptEffect(Effect):
     """One that belongs to an attempt at a trial."""
 
-    task: Task
+    attempt: Attempt
 
 
-class Greet(Effect):
-    """Welcome and instruct the participant. Answered by CONTINUED or STOP_ASKED."""
+class Welcome(Effect):
+    """Welcome and instruct the participant. Answered by CONTINUED or STOP_REQUESTED."""
 
 
 @dataclass(frozen=True, slots=True)
 class Introduce(Effect):
-    """Tell what a part asks for. Answered by CONTINUED or STOP_ASKED."""
+    """Tell what a part asks for. Answered by CONTINUED or STOP_REQUESTED."""
 
     part: SessionPart
 
 
-class OpenBlock(TaskEffect):
+class OpenBlock(AttemptEffect):
     """Note that a block begins; its waveforms go to the device."""
 
 
@@ -189,27 +189,30 @@ class CloseBlock(Effect):
     block: int
 
 
-class Cue(TaskEffect):
+class Cue(AttemptEffect):
     """Show that a trial begins."""
 
 
-class Wait(TaskEffect):
-    """Let the foreperiod pass, or its rest. Answered by ELAPSED, Key, PAUSE_ASKED or STOP_ASKED."""
+class Wait(AttemptEffect):
+    """Let the foreperiod pass, or its rest.
+
+    Answered by ELAPSED, Response, PAUSE_REQUESTED or STOP_REQUESTED.
+    """
 
 
-class ArmStimulus(TaskEffect):
+class ArmStimulus(AttemptEffect):
     """Journal the token, then arm the device. Answered by ARMED, NOISE_LOST or DEVICE_FAILED."""
 
 
-class FireStimulus(TaskEffect):
-    """Emit the stimulus. Answered by FIRED, NOT_FIRED, FIRED_PERHAPS or DEVICE_FAILED."""
+class FireStimulus(AttemptEffect):
+    """Emit the stimulus. Answered by FIRED, NOT_FIRED, DELIVERY_UNKNOWN or DEVICE_FAILED."""
 
 
 @dataclass(frozen=True, slots=True)
-class Listen(TaskEffect):
+class Listen(AttemptEffect):
     """Wait for the answer.
 
-    Answered by Key, ELAPSED, NOT_VERIFIED, NOISE_LOST, PAUSE_ASKED or STOP_ASKED.
+    Answered by Response, ELAPSED, BURST_MISMATCH, NOISE_LOST, PAUSE_REQUESTED or STOP_REQUESTED.
     """
 
     window_s: float
@@ -219,11 +222,11 @@ class Listen(TaskEffect):
 class EndTrial(Effect):
     """Record how the trial ended."""
 
-    task: Task
+    attempt: Attempt
     status: str
     response: str | None = None
     rt_s: float | None = None
-    anticipated: bool = False
+    premature: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -235,13 +238,13 @@ class Feedback(Effect):
 
 @dataclass(frozen=True, slots=True)
 class Rest(Effect):
-    """Offer a break, or hold a pause. Answered by CONTINUED or STOP_ASKED."""
+    """Offer a break, or hold a pause. Answered by CONTINUED or STOP_REQUESTED."""
 
     paused: bool
 
 
 class OpenMonitor(Effect):
-    """Have the monitor listen anew, where it can. Answered by NOT_VERIFIED if that fails."""
+    """Have the monitor listen anew, where it can. Answered by BURST_MISMATCH if that fails."""
 
 
 class StartNoise(Effect):

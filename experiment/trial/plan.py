@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import hashlib
 import json
-from dataclasses import asdict, dataclass, field, replace
-from typing import Any
+from dataclasses import asdict, dataclass, replace
+from typing import TYPE_CHECKING, Any
 
 from experiment.perception.gains import (
     OWN_FINGER_ONLY,
@@ -13,13 +13,24 @@ from experiment.perception.gains import (
     FingerGains,
     gains_from_json,
 )
-from experiment.rows import KINDS, SIDES
+from experiment.rows import HANDS_OFF, OTHER_VERSION, PRACTICE
+from experiment.tasks import LEFT_RIGHT_BOTH
 
-SCHEMA = 3
-AUDIBILITY_BLOCK = -1
+if TYPE_CHECKING:
+    from experiment.tasks.task import Task
+
+
+SCHEMA = 4
+_HAS_STIMULUS = {
+    (kind, presentation.name): bool(presentation.sites)
+    for presentation in LEFT_RIGHT_BOTH.presentations
+    for kind in (presentation.kind, PRACTICE, HANDS_OFF)
+    if kind != HANDS_OFF or len(presentation.sites) == 1
+}
+"""The kinds and sides that a trial can have."""
+HANDS_OFF_BLOCK = -1
+"""The block of the hands-off trials before practice; those after the task have the last block."""
 PRACTICE_BLOCK = 0
-CONTROL = "control"
-"""The kind of the trials with the fingers off the plate."""
 
 
 class PlanError(ValueError):
@@ -32,11 +43,11 @@ class PlanError(ValueError):
     ...     draw_plan(paper_study(), participant="01", session="01", seed=-1)
     ... except ValueError as error:
     ...     print(type(error).__name__, error)
-    PlanError seed must be a whole number >= 0; got -1
+    PlanError seed: must be a whole number of at least 0 (got -1)
     """
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True)
 class Trial:
     """One planned trial.
 
@@ -45,13 +56,13 @@ class Trial:
     number : int
         Place in the plan, counted from 1.
     block : int
-        Block, counted from 1; 0 is practice and warm-up, -1 the audibility check.
+        Block, counted from 1; 0 is practice and warm-up, -1 the hands-off trials before them.
     condition : str
         Name of the study's condition.
-    kind : {"single", "both", "blank", "practice", "control"}
-        What sort of trial it is.
-    side : {"left", "right", "both", "none"}
-        Where the stimulus is.
+    kind : str
+        A kind of the task's presentations, ``practice`` or ``hands_off``.
+    side : str
+        Which of the task's presentations it is.
     level_vpp : float or None
         Peak-to-peak volts at the actuator; none for a blank trial.
     foreperiod_s : float
@@ -60,15 +71,14 @@ class Trial:
     Raises
     ------
     PlanError
-        If kind or side is another word, a blank trial has a level or another one has none, a
-        control trial is not on one side, or a kind cannot stand in that block.
+        If no trial of this kind can have this side, level and block.
 
     Examples
     --------
     >>> Trial(number=1, block=1, condition="main", kind="blank", side="none", level_vpp=60.0,
     ...       foreperiod_s=1.5)
     Traceback (most recent call last):
-    experiment.trial.plan.PlanError: a blank trial cannot have level_vpp = 60.0
+    experiment.trial.plan.PlanError: a blank trial cannot have side = 'none', level_vpp = 60.0, ...
     """
 
     number: int
@@ -80,18 +90,13 @@ class Trial:
     foreperiod_s: float
 
     def __post_init__(self) -> None:
-        if self.kind not in KINDS:
-            raise PlanError(f"kind must be one of {', '.join(KINDS)}; got {self.kind!r}")
-        if self.side not in SIDES:
-            raise PlanError(f"side must be one of {', '.join(SIDES)}; got {self.side!r}")
-        if (self.level_vpp is None) != (self.kind == "blank"):
-            raise PlanError(f"a {self.kind} trial cannot have level_vpp = {self.level_vpp!r}")
-        if self.kind == CONTROL and self.side not in {"left", "right"}:
-            raise PlanError(f"a control trial's side must be left or right; got {self.side!r}")
-        if self.block < AUDIBILITY_BLOCK or (
-            self.block == AUDIBILITY_BLOCK and self.kind != CONTROL
-        ):
-            raise PlanError(f"a {self.kind} trial cannot be of block {self.block}")
+        first_block = HANDS_OFF_BLOCK if self.kind == HANDS_OFF else PRACTICE_BLOCK
+        has_stimulus = _HAS_STIMULUS.get((self.kind, self.side))
+        if has_stimulus != (self.level_vpp is not None) or self.block < first_block:
+            raise PlanError(
+                f"a {self.kind} trial cannot have side = {self.side!r}, level_vpp = "
+                f"{self.level_vpp!r}, block = {self.block}"
+            )
 
 
 _TRIAL_FIELDS = tuple(Trial.__dataclass_fields__)
@@ -125,8 +130,8 @@ class Plan:
         The trials presented to a person again after a resume.
     gains : tuple of ConditionGains
         The gain matrix of every condition; empty where displacements are not known.
-    sources : dict
-        Value, source and words of every number of the study, by its key; empty in older plans.
+    keys_set : tuple of str
+        The keys that the study file sets, with their sections; the others have their defaults.
     participant_number : int or None
         By which the order of conditions was chosen, where it is balanced.
     sha256 : str
@@ -158,12 +163,12 @@ class Plan:
     trials: tuple[Trial, ...]
     warm_up: tuple[Trial, ...]
     gains: tuple[ConditionGains, ...] = ()
-    sources: dict[str, dict[str, Any]] = field(default_factory=dict)
+    keys_set: tuple[str, ...] = ()
     participant_number: int | None = None
     sha256: str = ""
 
     def answers_to(self, trial: Trial) -> tuple[str, ...]:
-        """Return the answers accepted in a trial; ``none`` always is with the fingers off.
+        """Return the answers accepted in a trial; with the hands off, "nothing" always is.
 
         Parameters
         ----------
@@ -173,11 +178,14 @@ class Plan:
         Returns
         -------
         tuple of str
-            Words of `responses`, and perhaps ``none``.
+            `responses`, and perhaps the task's answer that nothing was noticed.
         """
-        if trial.kind != CONTROL or "none" in self.responses:
-            return self.responses
-        return (*self.responses, "none")
+        return self.task.offered(self.responses, hands_off=trial.kind == HANDS_OFF)
+
+    @property
+    def task(self) -> Task:
+        """The task that the participant is given."""
+        return LEFT_RIGHT_BOTH
 
     def gains_of(self, condition: str) -> FingerGains:
         """Return what the two fingers get in a condition.
@@ -193,18 +201,16 @@ class Plan:
             Of both actuators at both fingers: micrometres per Vpp, or, where its ``basis`` is None,
             parts of what the own finger gets. `OWN_FINGER_ONLY` where the plan has no gains.
         """
-        for gains in self.gains:
-            if gains.condition == condition:
-                return gains.fingers()
-        return OWN_FINGER_ONLY
+        gains = {gains.condition: gains for gains in self.gains}.get(condition)
+        return OWN_FINGER_ONLY if gains is None else gains.fingers()
 
     @property
     def condition_order(self) -> tuple[str, ...]:
         """The conditions in the order of their blocks."""
-        blocks = (t for t in self.trials if t.block > PRACTICE_BLOCK and t.kind != CONTROL)
+        blocks = (t for t in self.trials if t.block > PRACTICE_BLOCK and t.kind != HANDS_OFF)
         return tuple(dict.fromkeys(trial.condition for trial in blocks))
 
-    def trials_words(self) -> str:
+    def describe_trials(self) -> str:
         """Say how many trials there are.
 
         Returns
@@ -212,7 +218,7 @@ class Plan:
         str
             Those of practice are counted apart.
         """
-        practice = sum(trial.kind == "practice" for trial in self.trials)
+        practice = sum(trial.kind == PRACTICE for trial in self.trials)
         of_practice = f" and {practice} of practice" if practice else ""
         return f"{len(self.trials) - practice} trials{of_practice}"
 
@@ -224,10 +230,12 @@ class Plan:
         str
             JSON, checksum included.
         """
-        return (
-            json.dumps(_contents(self) | {"sha256": self.sha256}, ensure_ascii=False, indent=1)
-            + "\n"
-        )
+        contents = _contents(self) | {"sha256": self.sha256}
+        return json.dumps(contents, ensure_ascii=False, indent=1) + "\n"
+
+
+_CANONICAL: Any = {"sort_keys": True, "separators": (",", ":"), "ensure_ascii": False}
+"""How JSON is written of which a checksum is taken."""
 
 
 def _contents(plan: Plan) -> dict[str, Any]:
@@ -236,8 +244,6 @@ def _contents(plan: Plan) -> dict[str, Any]:
     del contents["sha256"]
     if plan.participant_number is None:  # it says nothing, nor did it in plans before there was one
         del contents["participant_number"]
-    if not plan.sources:
-        del contents["sources"]
     contents["study"] = json.loads(plan.study)
     for name in ("trials", "warm_up"):  # by hand: asdict takes ten times as long
         contents[name] = [{f: getattr(t, f) for f in _TRIAL_FIELDS} for t in contents[name]]
@@ -246,14 +252,7 @@ def _contents(plan: Plan) -> dict[str, Any]:
 
 
 def _checksum(plan: Plan) -> str:
-    canonical = json.dumps(
-        _contents(plan),
-        sort_keys=True,
-        separators=(",", ":"),
-        ensure_ascii=False,
-        allow_nan=False,
-        default=list,
-    )
+    canonical = json.dumps(_contents(plan), **_CANONICAL, allow_nan=False, default=list)
     return hashlib.sha256(canonical.encode()).hexdigest()
 
 
@@ -271,16 +270,16 @@ def verify(plan: Plan) -> None:
 
     PlanError where the checksum does not match the contents.
     """
-    found = _checksum(plan)
-    if plan.sha256 != found:
+    expected = _checksum(plan)
+    if plan.sha256 != expected:
         raise PlanError(
-            f"the plan's sha256 must be {found[:12]}...; got {str(plan.sha256)[:12]!r}: "
+            f"the plan's sha256 must be {expected[:12]}...; got {str(plan.sha256)[:12]!r}: "
             "the plan was changed after it was sealed"
         )
 
 
-def plan_from_json(text: str, *, known: bool = False) -> Plan:
-    """Read the text of a plan.json and verify its seal, unless it is `known` to be what was sealed.
+def plan_from_json(text: str) -> Plan:
+    """Read the text of a plan.json and verify its seal.
 
     Raises
     ------
@@ -290,19 +289,19 @@ def plan_from_json(text: str, *, known: bool = False) -> Plan:
     try:
         contents = json.loads(text)
         if contents["schema"] != SCHEMA:
-            raise PlanError(f"the plan's schema must be {SCHEMA}; got {contents['schema']!r}")
-        contents = {"participant_number": None, "sources": {}} | contents
+            raise PlanError(
+                f"the plan's schema must be {SCHEMA}; got {contents['schema']!r}: {OTHER_VERSION}"
+            )
+        contents = {"participant_number": None} | contents
         fields = {name: contents[name] for name in Plan.__dataclass_fields__}
-        fields["study"] = json.dumps(
-            contents["study"], sort_keys=True, separators=(",", ":"), ensure_ascii=False
-        )
-        fields["responses"] = tuple(contents["responses"])
-        fields["trials"] = tuple(Trial(**trial) for trial in contents["trials"])
-        fields["warm_up"] = tuple(Trial(**trial) for trial in contents["warm_up"])
+        fields["study"] = json.dumps(contents["study"], **_CANONICAL)
+        for name in ("responses", "keys_set"):
+            fields[name] = tuple(contents[name])
+        for name in ("trials", "warm_up"):
+            fields[name] = tuple(Trial(**trial) for trial in contents[name])
         fields["gains"] = tuple(gains_from_json(gains) for gains in contents["gains"])
         plan = Plan(**fields)
-        if not known:
-            verify(plan)
+        verify(plan)
     except PlanError:
         raise
     except (KeyError, TypeError, ValueError, AttributeError, RecursionError) as error:

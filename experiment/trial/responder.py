@@ -11,50 +11,29 @@ ESCAPE = "escape"
 
 
 class SessionPart(StrEnum):
-    """A part of a session, by what a person is told before it.
+    """A part of a session; its value is the key of [texts] that introduces it.
 
     Examples
     --------
     >>> [part.value for part in SessionPart if part.hands_off]
-    ['audibility', 'control']
+    ['hands_off_before', 'hands_off_after']
     """
 
-    AUDIBILITY = "audibility"
-    """Fingers off the plate, noise on: is anything heard?"""
+    HANDS_OFF_BEFORE = "hands_off_before"
+    """Hands off the plate, masking noise on: is anything heard?"""
     PRACTICE = "practice"
     """Trials with feedback."""
     WARM_UP = "warm_up"
     """A few trials after a resume, not counted."""
     MAIN = "main"
     """The task."""
-    CONTROL = "control"
-    """Fingers off the plate, the task as before."""
+    HANDS_OFF_AFTER = "hands_off_after"
+    """Hands off the plate, the task as before."""
 
     @property
     def hands_off(self) -> bool:
-        """Whether the fingers are off the plate."""
-        return self in {SessionPart.AUDIBILITY, SessionPart.CONTROL}
-
-    def answers(self, responses: tuple[str, ...]) -> tuple[str, ...]:
-        """Return the answers that count in this part.
-
-        Parameters
-        ----------
-        responses : tuple of str
-            Those that the study offers.
-
-        Returns
-        -------
-        tuple of str
-            The same; where the fingers are off the plate nothing may be noticed, so ``none`` is
-            among them.
-
-        Examples
-        --------
-        >>> SessionPart.CONTROL.answers(("left", "right")), SessionPart.MAIN.answers(("left",))
-        (('left', 'right', 'none'), ('left',))
-        """
-        return tuple(dict.fromkeys((*responses, "none"))) if self.hands_off else responses
+        """Whether the hands are off the plate."""
+        return self in {SessionPart.HANDS_OFF_BEFORE, SessionPart.HANDS_OFF_AFTER}
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,15 +43,15 @@ class Press:
     Attributes
     ----------
     response : str
-        ``left``, ``right``, ``both`` or ``none``; ``escape``, which asks for a pause; or the name
-        of a key that means neither.
+        An answer of the task; ``escape``, which asks for a pause; or the name of a key that means
+        neither.
     time_s : float
         When, on the clock that the responder was given, in seconds.
 
     Examples
     --------
-    >>> Press("left", 12.25).response
-    'left'
+    >>> Press("escape", 12.25).response
+    'escape'
     """
 
     response: str
@@ -125,9 +104,9 @@ class AwaitedAnswer:
     An answer half a second after the onset is a press at that time:
 
     >>> question = AwaitedAnswer(trial=3, attempt=1, level_left_vpp=130.0, level_right_vpp=0.0,
-    ...                          onset_s=12.0, window_s=3.0, answers=("left", "right", "both"))
+    ...                          onset_s=12.0, window_s=3.0, answers=("yes", "no"))
     >>> Press(question.answers[0], question.onset_s + 0.5)
-    Press(response='left', time_s=12.5)
+    Press(response='yes', time_s=12.5)
     """
 
     trial: int
@@ -166,9 +145,9 @@ class Responder(Protocol):
 
     Examples
     --------
-    Somebody who always answers left, half a second after the onset:
+    Somebody who always gives the first answer, half a second after the onset:
 
-    >>> class Left:
+    >>> class First:
     ...     simulated = True
     ...     def __init__(self, clock): self.clock = clock
     ...     def begin(self, progress): return True
@@ -177,12 +156,12 @@ class Responder(Protocol):
     ...     def wait(self, until_s): self.clock.wait(until_s - self.clock.now_s())
     ...     def ask(self, question):
     ...         self.clock.wait(0.5)
-    ...         return Press("left", self.clock.now_s())
+    ...         return Press(question.answers[0], self.clock.now_s())
     ...     def feedback(self, *, correct): pass
     ...     def pause(self, progress, *, paused, minimum_s): return True
     ...     def end(self, progress, *, finished): pass
     >>> from device import VirtualClock
-    >>> somebody: Responder = Left(VirtualClock())
+    >>> somebody: Responder = First(VirtualClock())
     >>> somebody.wait(2.0), somebody.clock.now_s()
     (None, 2.0)
     """
@@ -190,7 +169,6 @@ class Responder(Protocol):
     @property
     def simulated(self) -> bool:
         """Whether nobody is there."""
-        ...
 
     def begin(self, progress: Progress) -> bool:
         """Welcome and instruct, before the first trial of a sitting.
@@ -205,7 +183,6 @@ class Responder(Protocol):
         bool
             Whether to go on; False ends the sitting.
         """
-        ...
 
     def introduce(self, part: SessionPart, progress: Progress) -> bool:
         """Tell what the next part asks for, and where the fingers lie.
@@ -222,7 +199,6 @@ class Responder(Protocol):
         bool
             Whether to go on; False ends the sitting.
         """
-        ...
 
     def cue(self, progress: Progress) -> None:
         """Show that a trial begins; what was pressed before is to be forgotten.
@@ -232,7 +208,6 @@ class Responder(Protocol):
         progress : Progress
             How far the session has come.
         """
-        ...
 
     def wait(self, until_s: float) -> Press | None:
         """Let the foreperiod pass; return early with a key that was pressed in it.
@@ -249,7 +224,6 @@ class Responder(Protocol):
         Press or None
             The key; None if the time is over.
         """
-        ...
 
     def ask(self, question: AwaitedAnswer) -> Press | None:
         """Wait for an answer.
@@ -266,7 +240,6 @@ class Responder(Protocol):
         Press or None
             The answer; None if the time is over.
         """
-        ...
 
     def feedback(self, *, correct: bool) -> None:
         """Tell whether a practice answer was right.
@@ -276,7 +249,6 @@ class Responder(Protocol):
         correct : bool
             Whether it was.
         """
-        ...
 
     def pause(self, progress: Progress, *, paused: bool, minimum_s: float) -> bool:
         """Hold a pause, or offer a break.
@@ -297,7 +269,6 @@ class Responder(Protocol):
         bool
             Whether to go on; False ends the sitting.
         """
-        ...
 
     def end(self, progress: Progress, *, finished: bool) -> None:
         """Thank and say good-bye.
@@ -309,7 +280,6 @@ class Responder(Protocol):
         finished : bool
             Whether it came to its end; false where it was stopped early.
         """
-        ...
 
 
 RESPONDERS: Final = ("screen", "terminal", "simulated")

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from stimuli.errors import SpectrumTailError
 from stimuli.field.field import solve
 from stimuli.field.tail import Tail, limits_hz, probes, tail
 from stimuli.solver.source import LEAST_RTOL
@@ -277,10 +278,8 @@ class PanelSweep:
         least = self._tail.least_m[moved] / (_TAIL * self.peaks_m[moved])
         worst = float(np.max(least, initial=0.0))
         if worst > self.rtol:
-            raise ValueError(
-                f"rtol must be at least {1.2 * worst:.2g} for this drive and scene: they reach "
-                f"beyond {np.min(self._limits_hz):.6g} Hz, the highest frequency of the field; "
-                f"smoother ends or viscous loss reach less far, got {self.rtol!r}"
+            raise SpectrumTailError(
+                rtol=self.rtol, min_rtol=1.2 * worst, highest_hz=float(np.min(self._limits_hz))
             )
 
 

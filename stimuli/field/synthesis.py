@@ -11,6 +11,7 @@ import numpy as np
 from stimuli.checks import finite, finite_array, instance
 from stimuli.drive.sampled import Drive
 from stimuli.drive.sums import exponential_sums
+from stimuli.errors import PeakOutOfRangeError
 from stimuli.field.panels import PanelSweep, line_for, swept
 from stimuli.field.scene import Scene
 from stimuli.field.tail import limits_hz
@@ -169,10 +170,7 @@ def checked_times(
         )
     most_hz = _MOST_PEAK * float(np.min(limits_hz(scene)))
     if drive.peak_hz() > most_hz:
-        raise ValueError(
-            f"burst must have its peak below {most_hz:.6g} Hz, where the field is known far beyond "
-            f"it, got one of {drive.peak_hz():.6g} Hz"
-        )
+        raise PeakOutOfRangeError(drive.peak_hz(), most_hz)
     _refuse_constant_loss(scene, drive)
     return times, finite("rtol", rtol, least=LEAST_RTOL, most=MOST_RTOL)
 

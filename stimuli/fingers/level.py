@@ -12,6 +12,7 @@ import numpy as np
 
 from stimuli.checks import finite, finite_array, instance, whole
 from stimuli.drive.burst import Burst
+from stimuli.errors import LevelNotReachedError
 from stimuli.fingers.fingertip import checked_fingertips, felt
 from stimuli.tuned import tuned
 
@@ -189,10 +190,8 @@ def shortest_window(
                 )
             louder.append((tried, worst_db))
     best, best_db = min(louder, key=lambda one: one[1])
-    raise ValueError(
-        f"wanted_db must be reached by a burst of at most {MOST_CYCLES} cycles, got "
-        f"{wanted_db!r}: the lowest level found is {best_db:.2f} dB, of {best.cycles} "
-        f"cycles with window {best.window}"
+    raise LevelNotReachedError(
+        wanted_db, best_db, cycles=best.cycles, window=best.window, max_cycles=MOST_CYCLES
     )
 
 

@@ -69,7 +69,7 @@ class Images(NamedTuple):
         try:
             yield
         except PatchesUnknownError as error:
-            raise PatchesUnknownError(self.some[error.load], error.part) from None
+            raise PatchesUnknownError(self.some[error.load], error.relative_error) from None
 
 
 def images_of(strip: Strip, loads: Sequence[Load], fingertips: Sequence[Placed]) -> Images:

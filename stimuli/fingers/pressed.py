@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 from numpy.polynomial.legendre import leggauss
 
+from stimuli.errors import FingertipLoadError
 from stimuli.fingers.dampers import Lossy, Ties, coupled_poles
 from stimuli.load import PointForce, PressureDisc
 from stimuli.motion.motion import (
@@ -134,7 +135,7 @@ def pressed_peaks(
     known = first_known(pressed_motions(section, drive, there, repeated(section, scene)), look)
     if known is not None:
         return *known, section
-    raise ValueError(
+    raise FingertipLoadError(
         f"fingertips must have no impedance where the plate's modes do not give rtol = {rtol:g}, "
         f"got {pressed!r}"
     )
@@ -210,7 +211,7 @@ def pressed_motion(
     bare = bare_of(*sought, period_m)
     n_modes = sum(moved.shape[0] * moved.shape[2] for moved in bare.moved)
     if n_modes > MOST_COUPLED:
-        raise ValueError(
+        raise FingertipLoadError(
             f"length_m must be one whose modes below {highest_hz:.6g} Hz are at most "
             f"{MOST_COUPLED} where fingers press, got {strip.length_m or period_m!r} and "
             f"{n_modes} modes"

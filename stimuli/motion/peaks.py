@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
+from stimuli.errors import TooManyModesError
 from stimuli.field.synthesis import MOST_TIME_S
 from stimuli.motion.course import BLOCK, LATE, MOST_WAITS, Course, crests, widened
 from stimuli.motion.patches.around import sliver_doubt
@@ -42,9 +43,6 @@ _NEAR: Final = 0.5
 
 _PATCHED: Final = 0.03
 """Part of the own finger's displacement that has to be known where patches count."""
-
-TOO_MANY_FOR_PATCHES: Final = "the plate has too many modes for its patches"
-"""How a refusal begins, for who says it in other words."""
 
 _SLOWLY, _LEFT, _QUIET = 1.2, 2e-3, 3e-5
 """What fewer functions change is multiplied with; to that come what both sizes miss at corners and
@@ -177,16 +175,20 @@ def _near(size: Real, found: float) -> NDArray[np.intp]:
 class PatchesUnknownError(ValueError):
     """What a load does to a plate with patches is not known well enough.
 
-    >>> PatchesUnknownError(0, 0.0301).words
-    'is known to 3.1% only, 3% is the most'
+    >>> error = PatchesUnknownError(0, 0.0301)
+    >>> error.load, error.relative_error, error.max_relative_error
+    (0, 0.0301, 0.03)
     """
 
-    def __init__(self, load: int, part: float) -> None:
-        self.load, self.part = load, part
-        self.words = (
-            f"is known to {math.ceil(1000 * part) / 10:g}% only, {_PATCHED:.0%} is the most"
+    max_relative_error = _PATCHED
+
+    def __init__(self, load: int, relative_error: float) -> None:
+        percent = math.ceil(1000 * relative_error) / 10
+        super().__init__(
+            f"loads[{load}]: the displacement with patches has an error of up to {percent:g} %, "
+            f"above the limit of {100 * _PATCHED:g} %"
         )
-        super().__init__(f"loads[{load}]: the displacement with patches {self.words}")
+        self.load, self.relative_error = load, relative_error
 
 
 def patched_peaks(
@@ -203,7 +205,7 @@ def patched_peaks(
     """
     sizes = list(found)
     if not sizes:
-        raise ValueError(f"{TOO_MANY_FOR_PATCHES} to be counted, got length_m = {strip.length_m!r}")
+        raise TooManyModesError(strip.length_m)
     first = peaks_of(sizes[0], groups, drive, wait_s=wait_s, with_error=False)
     last = peaks_of(sizes[-1], groups, drive, wait_s=wait_s)
     changed_m, largest_m = np.abs(last.peak_m - first.peak_m), np.max(last.peak_m, axis=0)

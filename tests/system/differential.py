@@ -224,7 +224,7 @@ class Reference:
         elif operation == "H":
             self._endpoint.hang_up(now_us)
         elif operation == "S":
-            self._core.sense(now_us, Health.of_bits(known=some[0], set_bits=some[1]))
+            self._core.sense(now_us, Health.of_bits(reported_bits=some[0], set_bits=some[1]))
         else:
             self._reader.reading = measurement_of(READING.unpack(some)) if some else None
         return answer, self._burst()

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
+from tests.plates import PAPER_PLATE
 from tests.test_experiment.test_bids import exported
 
 if TYPE_CHECKING:
@@ -20,7 +21,7 @@ if TYPE_CHECKING:
 
     Issues = Callable[[Path], list[dict[str, Any]]]
 
-PAPER = '[study]\nname = "paper"\n[burst]\nwindow = "hann"\n'
+PAPER = f'[study]\nname = "paper"\n{PAPER_PLATE}[burst]\nwindow = "hann"\n'
 MISSED = {
     *("HEDVersion", "SourceDatasets", "CogAtlasID", "CogPOID", "InstitutionalDepartmentName"),
     *("Instructions", "InstitutionAddress", "InstitutionName", "TaskDescription", "License"),

@@ -28,7 +28,7 @@ def why_not(port: str, **line: Any) -> str:
 @pytest.mark.parametrize("baud", [9600, 1_000_000])
 def test_a_board_of_another_rate_is_driven_at_its_rate_and_refused_at_another(baud: int) -> None:
     with board(baud=baud) as (port, truth):
-        assert "device.baud" in why_not(port, opens_within_s=0.3)
+        assert "device.baud" in why_not(port, open_timeout_s=0.3)
         device = device_at(port, baud=baud)
         ready(device, 100.0, burst=QUICK)
         for token in (1, 2, 3):
@@ -44,8 +44,8 @@ def test_a_board_of_another_rate_is_driven_at_its_rate_and_refused_at_another(ba
 
 def test_a_board_that_starts_when_it_is_opened_is_waited_for_as_long_as_is_set() -> None:
     with board(baud=115_200, boots_for_s=2.0) as (port, _):
-        assert "device.opens_within_s" in why_not(port, opens_within_s=0.3)
-        ready(device := device_at(port, opens_within_s=5.0), burst=QUICK)
+        assert "device.open_timeout_s" in why_not(port, open_timeout_s=0.3)
+        ready(device := device_at(port, open_timeout_s=5.0), burst=QUICK)
         device.close()
 
 
@@ -65,17 +65,17 @@ def test_devices_lists_a_board_of_another_rate_by_that_rate(run: Run) -> None:
         (b"tactstrip,lab,7,protocol 2.7\n", ("2.7",)),
         (b"k\ntactstrip,lab,7,protocol 1.0\n", ("1.0", "2.0")),
         (b"RIGOL TECHNOLOGIES,DG1022\n", ("RIGOL", "DG1022")),
-        (b"\x01\n", ("opens_within_s",)),
-        (b"\x01\x02\x03\x04\x05k\n", ("opens_within_s",)),
+        (b"\x01\n", ("open_timeout_s",)),
+        (b"\x01\x02\x03\x04\x05k\n", ("open_timeout_s",)),
     ],
 )
 def test_what_is_no_device_of_ours_is_refused_with_what_it_says(
     answer: bytes, parts: tuple[str, ...]
 ) -> None:
     with says(answer) as port:
-        error = why_not(port, opens_within_s=0.3)
+        error = why_not(port, open_timeout_s=0.3)
         if b"tactstrip" in answer[:9]:
             with pytest.raises(LinkError, match=parts[0]):
                 identify(port)
     assert [part for part in parts if part not in error] == []
-    assert ("opens_within_s" in error) == (parts[0] == "opens_within_s")
+    assert ("open_timeout_s" in error) == (parts[0] == "open_timeout_s")

@@ -76,14 +76,16 @@ def rows_of(folder: Path) -> list[dict[str, str]]:
 def test_a_person_sees_a_session_killed_resumed_verified_and_analyzed(tmp_path: Path) -> None:
     person = Person(tmp_path, "--out", "kept")
     try:
-        assert person.press_until_ended({b"Enter goes on": ENTER, b" ?": LEFT}) == 0, person.shown
+        assert person.press_until_ended({b"Press Enter to continue": ENTER, b" ?": LEFT}) == 0, (
+            person.shown
+        )
         assert person.terminal_as_before()
     finally:
         person.close()
     text = person.shown.decode().replace("\r\n", "\n")
     assert re.findall(r"^\S*(\d)\. ", text, re.MULTILINE) == ["1", "2", "3", "4", "5"]
     assert all(part in text for part in ("-23.7 dB", "Killed", "--resume"))
-    (assumed,) = re.findall(r"median threshold ([\d.]+) V", text)
+    (assumed,) = re.findall(r"threshold ([\d.]+) Vpp", text)
     ((lower, upper),) = re.findall(r"95 % interval ([\d.]+) to ([\d.]+)", text)
     assert float(lower) < float(assumed) < float(upper)
     rows = rows_of(tmp_path / "kept")
@@ -97,7 +99,7 @@ def test_a_person_sees_a_session_killed_resumed_verified_and_analyzed(tmp_path: 
 def test_of_a_demo_that_is_stopped_nothing_stays(tmp_path: Path) -> None:
     person = Person(tmp_path)
     try:
-        ended = person.press_until_ended({b"Enter goes on": ESCAPE})
+        ended = person.press_until_ended({b"Press Enter to continue": ESCAPE})
         assert person.terminal_as_before()
     finally:
         person.close()

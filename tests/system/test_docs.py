@@ -66,7 +66,9 @@ def test_every_link_of_a_page_leads_to_a_file_and_a_heading(page: Path) -> None:
         path, _, anchor = unquote(target).partition("#")
         file = (page.parent / path).resolve() if path else page
         headed = not anchor or file.suffix != ".md" or anchor in anchors(file)
-        if ":" not in path and not (file.exists() and headed):
+        # the reference is generated: the site's own test follows the links into it
+        is_generated = file.is_relative_to(DOCS / "reference")
+        if ":" not in path and not is_generated and not (file.exists() and headed):
             dead.append(target)
     assert dead == []
 

@@ -56,7 +56,7 @@ from device import DriverSettings, Limits, MonotonicClock, make_device
 
 burst = np.sin(2 * np.pi * np.arange(25) / 24)
 burst[-1] = 0.0
-limits = Limits(ceiling_vpp=200.0, least_interval_s=0.005)
+limits = Limits(ceiling_vpp=200.0, min_interval_s=0.005)
 settings = DriverSettings(limits=limits, port=sys.argv[1])
 device = make_device("serial", settings, MonotonicClock())
 device.open()
@@ -156,7 +156,7 @@ def test_what_does_not_answer_has_no_identity_and_is_left_alone() -> None:
     os.close(theirs)
     assert identify(name) is None
     with pytest.raises(LinkError):
-        device_at(name, patience_s=0.1).open()
+        device_at(name, response_timeout_s=0.1).open()
     assert os.read(ours, 100)  # it was asked
     os.close(ours)
 

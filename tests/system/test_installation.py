@@ -78,7 +78,9 @@ def wheels(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
         ["git", "ls-files"], cwd=ROOT, capture_output=True, text=True, check=True
     ).stdout.splitlines()
     for file in files:
-        if file.endswith((".py", ".pyi", ".typed", ".toml", ".jinja", ".css", ".md", "LICENSE")):
+        if file.endswith(
+            (".py", ".pyi", ".typed", ".toml", ".mplstyle", ".jinja", ".css", ".md", "LICENSE")
+        ):
             (source / file).parent.mkdir(parents=True, exist_ok=True)
             shutil.copy(ROOT / file, source / file)
     options = ("--no-deps", "--no-build-isolation", "--no-index", "--wheel-dir", str(folder))

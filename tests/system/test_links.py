@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 import pytest
 
+from tests.plates import PAPER_PLATE
 from tests.test_experiment.sessions import COMMAND, Sessions
 
 if TYPE_CHECKING:
@@ -23,17 +24,17 @@ if TYPE_CHECKING:
 
     Start: TypeAlias = Callable[..., tuple[subprocess.Popen[str], str]]
 
-HANN = '[burst]\nwindow = "hann"\n'
+HANN = PAPER_PLATE + '[burst]\nwindow = "hann"\n'
 QUICK = f"""
 {HANN}[device]
-least_interval_s = 0.01
+min_interval_s = 0.01
 amplifier_gain = 27.5
 volts_full_scale = 110
 [simulation]
 reaction_time_s = 0.151
 reaction_time_spread = 0
 """
-PAPER = QUICK + "[design]\nforeperiod_s = [0.01, 0.02]\nminimum_break_s = 0\n"
+PAPER = QUICK + "[design]\nforeperiod_s = [0.01, 0.02]\nmin_break_s = 0\n"
 SHORT = PAPER + "trials_per_side = 5\nboth_trials = 1\nbreak_every = 6\n"
 MEASURED = (
     SHORT

@@ -9,17 +9,18 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 from device.emulate.amplifier import Amplifier
+from tests.plates import PAPER_PLATE
 from tests.system.boards import board, says
 from tests.test_experiment.sessions import Sessions
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-QUICK = """
+QUICK = f"""{PAPER_PLATE}
 [burst]
 window = "hann"
 [device]
-least_interval_s = 0.01
+min_interval_s = 0.01
 amplifier_gain = 27.5
 volts_full_scale = 110
 [simulation]
@@ -27,7 +28,7 @@ reaction_time_s = 0.151
 reaction_time_spread = 0
 [design]
 foreperiod_s = [0.01, 0.02]
-minimum_break_s = 0
+min_break_s = 0
 """
 TINY = QUICK + "trials_per_side = 1\nboth_trials = 1\nbreak_every = 3\n"
 SHORT = QUICK + "trials_per_side = 5\nboth_trials = 1\nbreak_every = 6\n"
@@ -43,7 +44,7 @@ def with_line(text: str, **keys: object) -> str:
 def test_a_session_on_a_slow_board_that_boots_is_run_by_the_options_and_kept(
     tmp_path: Path,
 ) -> None:
-    options = {"baud": 9600, "opens_within_s": 3.0}
+    options = {"baud": 9600, "open_timeout_s": 3.0}
     sessions = Sessions(tmp_path, with_line(TINY, **options))
     with board(baud=9600, boots_for_s=0.5) as (port, truth):
         result = sessions.run(*SERIAL, "--port", port)
@@ -51,7 +52,7 @@ def test_a_session_on_a_slow_board_that_boots_is_run_by_the_options_and_kept(
         events = [json.loads(line) for line in truth.getvalue().splitlines()]
     assert "watchdog" not in {event["event"] for event in events}
     header = sessions.header()
-    assert header["device_line"] == {"dtr": True, "patience_s": 2.0} | options
+    assert header["device_line"] == {"dtr": True, "response_timeout_s": 2.0} | options
     assert header["device_limits"]["firmware"] == "tactstrip emulator"
     assert header["device_health"]["switch_closed"] is True
 
@@ -66,7 +67,7 @@ def test_a_session_on_a_slow_board_that_boots_is_run_by_the_options_and_kept(
 def test_a_device_of_another_age_or_none_is_one_line_and_exit_3(
     answer: bytes, part: str, tmp_path: Path
 ) -> None:
-    sessions = Sessions(tmp_path, with_line(QUICK, opens_within_s=0.2))
+    sessions = Sessions(tmp_path, with_line(QUICK, open_timeout_s=0.2))
     with says(answer) as port:
         result = sessions.run(*SERIAL, "--port", port)
     assert (result.exit_code, len(result.stderr.splitlines())) == (3, 1)

@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from experiment import paper_study
+from tests.plates import PRESETS
 
 
 @pytest.fixture(autouse=True)
@@ -30,8 +31,9 @@ def in_empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         ),
         (
             (
-                "import sys\nfrom tactstrip import main\nopen('study.toml', 'w').close()\n"
-                "main(['field', 'study.toml', '--out', 'field.csv'], standalone_mode=False)\n"
+                "import sys\nfrom tactstrip import main\n"
+                f"main(['field', {str(PRESETS / 'paper.toml')!r}, '--out', 'field.csv'], "
+                "standalone_mode=False)\n"
                 "print('matplotlib' in sys.modules)"
             ),
             "False",

@@ -17,9 +17,9 @@ from analysis.power.population import stated_people
 from analysis.power.search import Trials, Tried, answers, smallest
 from analysis.power.studies import Chunk, Point, pilot_levels_vpp, plan_text, simulate
 from experiment.perception.gains import OWN_FINGER_ONLY, ConditionGains
-from experiment.study.files import study_from_text
 from experiment.study.physics import study_gains
 from experiment.study.threshold import people_for_burst
+from tests.plates import study_from_text
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator

@@ -18,7 +18,8 @@ from analysis import ColumnMap, ResultFileError, load_column_map, read_inputs
 from analysis.reading.drafted.draft import map_draft
 from analysis.reading.sources import find_sources
 from analysis.thresholds.mle import Tables
-from experiment.rows import TrialRow, is_correct, table_csv
+from experiment.rows import TrialRow, table_csv
+from experiment.tasks import LEFT_RIGHT_BOTH
 from tactstrip import main
 
 if TYPE_CHECKING:
@@ -43,7 +44,7 @@ QUANTA = {
 FLASH = [0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.9, 1.1, 1.3]
 SPEED = [1.0, 3.5, 6.0, 8.5, 11.0, 13.5, 16.0]
 ROW = TrialRow(
-    schema=2,
+    schema=3,
     participant="007",
     session="01",
     condition="main",
@@ -64,12 +65,10 @@ ROW = TrialRow(
     peak_left_um=None,
     peak_right_um=None,
     displacement_basis=None,
-    anticipated=False,
+    premature=False,
     noise_ok=True,
     simulated=False,
     device_kind="real",
-    level_rule="constant",
-    level_planned_vpp=60.0,
     burst_verified=None,
     onset_clock=1,
     study_sha256="ab" * 32,
@@ -90,7 +89,7 @@ SINGLE: dict[str, Any] = {
 def row(trial: int = 1, **changes: Any) -> TrialRow:
     """Return a row of trials.csv, whose verdict fits unless it is given."""
     made = replace(ROW, trial=trial, **changes)
-    verdict = is_correct(made.kind, made.side, made.response)
+    verdict = LEFT_RIGHT_BOTH.is_correct(made.side, made.response)
     return made if "correct" in changes else replace(made, correct=verdict)
 
 

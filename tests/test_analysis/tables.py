@@ -40,7 +40,7 @@ TABLES: dict[str, Callable[..., Any]] = {
     "blank": detection.blank_table,
     "excluded": counting.excluded_table,
     "detected_any": detection.detected_any,
-    "control": counting.control_table,
+    "hands_off": counting.hands_off_table,
     "reaction_times": counting.reaction_table,
     "confusion": choice.confusion_table,
     "choice": choice.choices,
@@ -57,7 +57,7 @@ def table_of(name: str, trials: pd.DataFrame, **options: Any) -> Any:
 
 def reasoned(*rows: dict[str, Any], **same: Any) -> pd.DataFrame:
     """Return trials, each with the reason that leaves it out."""
-    unasked = {"status": "ok", "anticipated": False, "noise_ok": None, "burst_verified": None}
+    unasked = {"status": "ok", "premature": False, "noise_ok": None, "burst_verified": None}
     return with_reasons(
         pd.DataFrame([unasked | same | row for row in rows]).astype({"noise_ok": "boolean"})
     )

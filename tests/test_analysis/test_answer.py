@@ -9,9 +9,7 @@ import json
 import math
 import random
 import re
-import tomllib
 from dataclasses import replace
-from pathlib import Path
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
@@ -35,6 +33,7 @@ from tests.test_analysis.tables import numbers
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
+    from pathlib import Path
 
     from analysis import Analysis
 
@@ -461,12 +460,3 @@ def test_whether_false_alarms_differ_rests_on_people_or_on_a_test(
     assert [one.code for one in found] == codes
     if shown:
         assert [one for one in numbers(found[0].text) if one != 95][: len(shown)] == shown
-
-
-def test_every_code_is_documented() -> None:
-    path = Path(__file__).parents[2] / "docs/_ext/reference/records/members.toml"
-    members = tomllib.loads(path.read_text(encoding="utf-8"))
-    summary, power = members["summary.json"], members["tactstrip power --json"]
-    warnings = f"{summary['warnings[].code']}, {power['warnings[].code']}".replace(":", ",")
-    assert {*WarningCode} <= {*warnings.split(", ")}
-    assert {*StatementCode} <= {*summary["answer_codes[][]"].replace(":", ",").split(", ")}

@@ -323,44 +323,44 @@ def test_other_tables_and_seeds_are_refused_by_name(change: Any, names: list[str
     assert all(name in str(caught.value) for name in names)
 
 
-HEADER = "participant,block,trial,kind,side,level_vpp,response,status,anticipated,noise_ok\n"
+HEADER = "participant,block,trial,kind,side,level_vpp,response,status,premature,noise_ok\n"
 MAIN = (
     "1,1,90,single,left,60,left,ok,false,true\n1,1,91,single,right,60,left,ok,false,true\n"
     "1,1,92,both,both,60,both,ok,false,true\n"
 )
-CONTROL = (
-    "1,-1,1,control,left,200,none,ok,false,true\n"
-    "1,-1,2,control,right,200,right,ok,false,true\n"
-    "1,-1,3,control,left,200,left,voided,false,false\n"
-    "1,-1,4,control,left,200,left,ok,true,true\n"
-    "1,9,94,control,left,200,timeout,ok,false,true\n"
-    "1,9,95,control,left,200,both,ok,false,true\n"
-    "1,9,96,control,right,200,none,ok,false,n/a\n"
-    "1,9,97,control,right,200,left,ok,false,false\n"
-    "2,-1,1,control,right,200,invalid,ok,false,true\n"
+HANDS_OFF = (
+    "1,-1,1,hands_off,left,200,none,ok,false,true\n"
+    "1,-1,2,hands_off,right,200,right,ok,false,true\n"
+    "1,-1,3,hands_off,left,200,left,voided,false,false\n"
+    "1,-1,4,hands_off,left,200,left,ok,true,true\n"
+    "1,9,94,hands_off,left,200,timeout,ok,false,true\n"
+    "1,9,95,hands_off,left,200,both,ok,false,true\n"
+    "1,9,96,hands_off,right,200,none,ok,false,n/a\n"
+    "1,9,97,hands_off,right,200,left,ok,false,false\n"
+    "2,-1,1,hands_off,right,200,invalid,ok,false,true\n"
 )
 
 
 def test_hands_off_trials_are_counted_by_person_part_and_side(tmp_path: Path) -> None:
-    without, trials = (loaded(tmp_path, HEADER + one).trials for one in (MAIN, MAIN + CONTROL))
-    control = table_of("control", trials)
+    without, trials = (loaded(tmp_path, HEADER + one).trials for one in (MAIN, MAIN + HANDS_OFF))
+    hands_off = table_of("hands_off", trials)
     counts = ["left", "right", "both", "none", "timeouts", "invalid", "presented"]
-    assert list(control.columns) == ["participant", "part", "side", *counts]
-    assert control.to_numpy().tolist() == [
-        ["1", "audibility", "left", 0, 0, 0, 1, 0, 0, 1],
-        ["1", "audibility", "right", 0, 1, 0, 0, 0, 0, 1],
-        ["1", "control", "left", 0, 0, 1, 0, 1, 0, 2],
-        ["1", "control", "right", 0, 0, 0, 1, 0, 0, 1],
-        ["2", "audibility", "right", 0, 0, 0, 0, 0, 1, 1],
-        ["all", "audibility", "left", 0, 0, 0, 1, 0, 0, 1],
-        ["all", "audibility", "right", 0, 1, 0, 0, 0, 1, 2],
-        ["all", "control", "left", 0, 0, 1, 0, 1, 0, 2],
-        ["all", "control", "right", 0, 0, 0, 1, 0, 0, 1],
+    assert list(hands_off.columns) == ["participant", "part", "side", *counts]
+    assert hands_off.to_numpy().tolist() == [
+        ["1", "before", "left", 0, 0, 0, 1, 0, 0, 1],
+        ["1", "before", "right", 0, 1, 0, 0, 0, 0, 1],
+        ["1", "after", "left", 0, 0, 1, 0, 1, 0, 2],
+        ["1", "after", "right", 0, 0, 0, 1, 0, 0, 1],
+        ["2", "before", "right", 0, 0, 0, 0, 0, 1, 1],
+        ["all", "before", "left", 0, 0, 0, 1, 0, 0, 1],
+        ["all", "before", "right", 0, 1, 0, 0, 0, 1, 2],
+        ["all", "after", "left", 0, 0, 1, 0, 1, 0, 2],
+        ["all", "after", "right", 0, 0, 0, 1, 0, 0, 1],
     ]
     for name in ("levels", "both"):
         assert_same(table_of(name, trials), table_of(name, without))
     trials["condition"] = trials["trial"].mod(2).map({0: "a", 1: "b"})
-    totals = table_of("control", trials).query("participant == 'all'")
+    totals = table_of("hands_off", trials).query("participant == 'all'")
     assert totals.groupby("condition")["presented"].sum().to_dict() == {"a": 3, "b": 3}
 
 

@@ -24,6 +24,7 @@ from analysis.thresholds.levels import (
 )
 from benchmarks.calibration import psychometric
 from experiment import draw_plan, paper_study, read_study
+from tests.plates import PAPER_PLATE
 from tests.test_analysis.shared import PAPER, felt, put, run
 
 if TYPE_CHECKING:
@@ -237,7 +238,9 @@ def test_the_command_writes_levels_about_the_threshold(folder: Path, tmp_path: P
 def test_placed_levels_stay_within_what_the_device_reaches_and_fit_its_study(
     folder: Path, tmp_path: Path, device: str, most_vpp: float, key: str
 ) -> None:
-    study = put(tmp_path / "s.toml", f"[design]\nlevels_vpp = [40, 110]\n[device]\n{device}\n")
+    study = put(
+        tmp_path / "s.toml", f"{PAPER_PLATE}[design]\nlevels_vpp = [40, 110]\n[device]\n{device}\n"
+    )
     target, name = tmp_path / "levels.toml", owner(folder)
     result = run("levels", folder, "--participant", name, "--study", study, "--write", target)
     assert result.exit_code == 0, result.stderr
@@ -268,7 +271,7 @@ def test_no_levels_come_from_a_person_without_a_device(table: Path, tmp_path: Pa
     ],
 )
 def test_a_refusal_is_one_line(folder: Path, tmp_path: Path, arguments: str, parts: str) -> None:
-    study = "[design]\nlevels_vpp = [60, 90]\n[device]\nceiling_vpp = 90\n"
+    study = f"{PAPER_PLATE}[design]\nlevels_vpp = [60, 90]\n[device]\nceiling_vpp = 90\n"
     mine = put(tmp_path / "levels.toml", "mine")
     study_file = put(tmp_path / "study.toml", study)
     named = {"dir": folder, "me": owner(folder), "study": study_file, "file": mine}

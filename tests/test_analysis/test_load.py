@@ -113,7 +113,7 @@ CELLS = {
     "rt_s": ["-0.1", "", "NaN"],
     "onset_s": ["-inf"],
     "foreperiod_s": ["n/a"],
-    "anticipated": ["True", "n/a"],
+    "premature": ["True", "n/a"],
     "noise_ok": ["1"],
     "correct": ["yes"],
 }
@@ -269,9 +269,9 @@ def test_a_plan_beside_a_bare_table_keeps_its_declared_answers(
 def test_a_fault_in_one_of_many_is_told_as_it_is_alone(sessions: Path, old: str, new: str) -> None:
     for name in ("sub-02", "sub-03"):
         table = sessions / name / "ses-01" / "trials.csv"
-        text = table.read_text("utf-8").replace("\n2,", "\n2@")  # the schema stands in front
-        text = text.replace(old.replace("\n", "\n2@"), new.replace("\n", "\n2@"))
-        table.write_text(text.replace("\n2@", "\n2,"), encoding="utf-8")
+        text = table.read_text("utf-8").replace("\n3,", "\n3@")  # the schema stands in front
+        text = text.replace(old.replace("\n", "\n3@"), new.replace("\n", "\n3@"))
+        table.write_text(text.replace("\n3@", "\n3,"), encoding="utf-8")
     together = refused(sessions)
     assert str(together) == str(refused(sessions / "sub-02"))
     assert "sub-02" in together.file

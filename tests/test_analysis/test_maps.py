@@ -36,12 +36,12 @@ def test_four_columns_are_enough_and_the_rest_has_its_default(tmp_path: Path) ->
     assert trials["trial"].tolist() == [1, 2, 3]
     assert trials["correct"].tolist() == [True, False, True]
     constants = {"session": "01", "condition": "main", "attempt": 1, "block": 1, "status": "ok"}
-    constants |= {"anticipated": False, "simulated": False, "schema": 2}
-    constants |= {"study_sha256": "n/a", "level_rule": "n/a"}
+    constants |= {"premature": False, "simulated": False, "schema": 3}
+    constants |= {"study_sha256": "n/a"}
     for name, value in constants.items():
         assert trials[name].tolist() == [value] * 3, name
     absent = ["rt_s", "onset_s", "foreperiod_s", "noise_ok", "level_left_vpp", "peak_left_um"]
-    absent += ["device_kind", "level_planned_vpp", "burst_verified"]
+    absent += ["device_kind", "burst_verified"]
     assert trials[absent].isna().all(axis=None)
 
 

@@ -169,9 +169,9 @@ def test_a_row_not_planned_is_refused(table: Path, column: str, text: str, must:
 def test_another_kind_or_side_than_planned_is_refused(table: Path) -> None:
     rows = list(csv.DictReader(table.read_text(encoding="utf-8").splitlines()))
     line, side = next((n, row["side"]) for n, row in enumerate(rows, 2) if row["kind"] == "single")
-    change(table, line, kind="control")
+    change(table, line, kind="hands_off")
     error = str(refused(table))
-    assert all(part in error for part in ("'kind'", "control", "single"))
+    assert all(part in error for part in ("'kind'", "hands_off", "single"))
     other = {"left": "right", "right": "left"}[side]
     change(table, line, kind="single", side=other, correct=None)
     error = str(refused(table))

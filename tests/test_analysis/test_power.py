@@ -16,6 +16,7 @@ from scipy.stats import binom
 
 from analysis import proportion_ci
 from analysis.commands.power import Progress
+from tests.plates import on_paper_plate
 from tests.test_analysis import planning
 from tests.test_analysis.planning import BOTH_AND_NONE, evenly, made_up, search, study_of
 from tests.test_analysis.shared import cases, put, run
@@ -37,7 +38,7 @@ CERTAIN = "lapse_rate = 0.0\nreaction_time_spread = 0.0\n"
 
 def powered(folder: Path, study: str, goal: str, *options: object) -> tuple[int, dict[str, Any]]:
     """Plan by the command; return its exit code and the object it prints."""
-    path = put(folder / "study.toml", study)
+    path = put(folder / "study.toml", on_paper_plate(study))
     done = run("power", path, "--goal", goal, "--seed", 3, "--json", *options)
     assert done.exit_code in (0, 1), done.stderr
     return done.exit_code, json.loads(done.stdout)
@@ -324,6 +325,8 @@ def test_what_cannot_be_planned_is_refused_in_one_line(
     goal: str, study: str, parts: str, tmp_path: Path
 ) -> None:
     stated = "[simulation]\nthreshold_sd_db = 2.0\ndifference_sd_db = 1.0"
-    done = run("power", put(tmp_path / "study.toml", study or stated), "--goal", goal)
+    done = run(
+        "power", put(tmp_path / "study.toml", on_paper_plate(study or stated)), "--goal", goal
+    )
     assert (done.exit_code, done.stdout, done.stderr.count("\n")) == (2, "", 1)
     assert all(part in done.stderr for part in parts.split("|"))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,6 +11,7 @@ from scipy.special import ndtr
 
 from analysis import load_column_map, read_inputs
 from analysis.power.population import literature_people, pilot_people, stated_people, truth_of
+from tests.plates import on_paper_plate
 from tests.test_analysis.planning import BOTH_AND_NONE, gains_of, goal_of, study_of
 from tests.test_analysis.shared import put, run
 
@@ -71,7 +71,7 @@ def test_false_alarms_hang_on_no_threshold() -> None:
     known = {"threshold_vpp": 60.0, "threshold_um": None}
     others = {"threshold_vpp": 9.0, "threshold_um": None, "threshold_sd_db": 9.0, "sigma": 0.4}
     rates = [
-        truth_of(goal, type(simulation)(**(asdict(simulation) | keys)), people.study, fingers)
+        truth_of(goal, simulation.changed(**keys), people.study, fingers)
         for keys in (known, known | {"side_bias": 0.9}, others, known | {"lapse_rate": 0.2})
     ]
     assert rates[0] == pytest.approx(rates[1]) == pytest.approx(rates[2])
@@ -159,7 +159,9 @@ def test_a_pilot_that_does_not_fit_the_study_is_refused(
     tmp_path: Path, unit: str | None, scale: float, options: str, parts: str
 ) -> None:
     data = pilot_table(tmp_path / "data" / "all.csv").parent
-    study = put(tmp_path / "study.toml", f"[simulation]\nthreshold_sd_db = 2.0\n{TWO}")
+    study = put(
+        tmp_path / "study.toml", on_paper_plate(f"[simulation]\nthreshold_sd_db = 2.0\n{TWO}")
+    )
     columns = ["--columns", map_of(tmp_path, unit, scale)] if unit else []
     asked = ("--goal", "difference=2dB", "--participants", 4, 4, *columns)
     done = run("power", study, *asked, *options.format(data=data).split())

@@ -15,7 +15,7 @@ from tests.test_analysis.shared import cases, loaded, put
 if TYPE_CHECKING:
     from pathlib import Path
 
-TRIALS = """participant,trial,kind,side,level_vpp,response,status,anticipated,noise_ok
+TRIALS = """participant,trial,kind,side,level_vpp,response,status,premature,noise_ok
 P,1,practice,left,60,left,ok,false,true
 P,2,single,left,60,left,ok,false,true
 P,3,single,left,60,left,voided,false,false
@@ -26,7 +26,7 @@ P,6,blank,none,0,none,ok,false,n/a
 GOOD: dict[str, Any] = {
     "kind": "single",
     "status": "ok",
-    "anticipated": False,
+    "premature": False,
     "noise_ok": None,
     "burst_verified": None,
 }
@@ -53,7 +53,7 @@ def test_the_first_reason_that_holds_is_told_and_a_fault_whatever_the_kind(
 @pytest.mark.slow
 def test_no_table_looks_at_what_the_reason_was_told_from(tmp_path: Path) -> None:
     read = read_inputs(tables(tmp_path, 2), ColumnMap())
-    bare = read.trials.drop(columns=["anticipated", "noise_ok"])
+    bare = read.trials.drop(columns=["premature", "noise_ok"])
     assert numbers(analyse(replace(read, trials=bare))) == numbers(analyse(read))
 
 
@@ -61,7 +61,9 @@ def test_every_table_goes_by_the_reason(tmp_path: Path) -> None:
     read = read_inputs(tables(tmp_path, 1), ColumnMap())
     lost = analyse(replace(read, trials=read.trials.assign(reason="voided", fault="voided")))
     assert lost.excluded.to_numpy().tolist() == [["0", "voided", 6]]
-    assert all(t.empty for t in (lost.levels, lost.both, lost.blank, lost.confusion, lost.control))
+    assert all(
+        t.empty for t in (lost.levels, lost.both, lost.blank, lost.confusion, lost.hands_off)
+    )
     assert level_table(read.trials)["presented"].tolist() == [1]
 
 

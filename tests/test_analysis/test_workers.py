@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
+from tests.plates import on_paper_plate
 from tests.test_analysis.shared import put, run
 from tests.test_analysis.toy import STUDIES, Studies, begin, chunks, draw, keeping, numbers
 
@@ -78,7 +79,7 @@ threshold_sd_db = 2.0
 
 def power(folder: Path, *options: object) -> Result:
     asked = ("--goal", "detection=40%@80V", "--participants", 1, 2, "--json", *options)
-    return run("power", put(folder / "study.toml", STUDY), *asked)
+    return run("power", put(folder / "study.toml", on_paper_plate(STUDY)), *asked)
 
 
 @pytest.mark.slow

@@ -10,10 +10,12 @@ from typing import TYPE_CHECKING
 
 import click
 import pytest
+from click.shell_completion import ShellComplete
 
 import tactstrip
 from device import LinkError
 from tactstrip import COMMANDS, PACKAGES, main
+from tests.plates import on_paper_plate
 
 if TYPE_CHECKING:
     from tests.conftest import Run
@@ -62,19 +64,19 @@ def test_bad_input_is_one_line_on_stderr_and_exit_2(
 @pytest.mark.parametrize(
     ("study", "exit_code", "key"),
     [
-        ("[device]\nceiling_vpp = 300\n[design]\nlevels_vpp = [60, 250]", 2, "levels_vpp"),
+        ("[device]\nceiling_vpp = 230\n[design]\nlevels_vpp = [60, 250]", 2, "levels_vpp"),
         ("[burst]\ncycles = 1000", 2, "burst"),
-        ('[burst]\nfrequency_hz = 5000\naccept_unfit = "a control"', 2, "burst"),
+        ('[burst]\nfrequency_hz = 5000\naccept_violation = "a control"', 2, "burst"),
         ("[device]\nsample_rate_hz = 1000", 2, "device.sample_rate_hz"),
         ("[design]\nlevels_vpp = [0.01, 60]", 2, "levels_vpp[0]"),
-        ('[strip]\nedge = "simply-supported"\n[burst]\nfrequency_hz = 1500\n', 1, "unfit"),
+        ('[strip]\nedge = "simply-supported"\n[burst]\nfrequency_hz = 1500\n', 1, "violates"),
     ],
 )
 def test_a_study_that_no_device_could_run_is_refused(
     study: str, exit_code: int, key: str, run: Run, tmp_path: Path
 ) -> None:
     file, out = tmp_path / "study.toml", tmp_path / "out"
-    file.write_text(study, encoding="utf-8")
+    file.write_text(on_paper_plate(study), encoding="utf-8")
     simulated = ("--participant", "01", "--responder", "simulated", "--out", out)
     for command in (("check", file), ("dry-run", file, "--out", out), ("run", file, *simulated)):
         result = run(*command)
@@ -86,15 +88,15 @@ def test_a_study_that_no_device_could_run_is_refused(
 @pytest.mark.slow
 def test_an_accepted_violation_is_in_the_header(run: Run, tmp_path: Path) -> None:
     study, out = tmp_path / "study.toml", tmp_path / "out"
-    study.write_text(
-        '[strip]\nmeasured_cutoff_hz = 2500\n[burst]\naccept_unfit = "control condition"\n'
-        "[design]\ntrials_per_side = 5\n",
-        encoding="utf-8",
+    text = (
+        '[strip]\nmeasured_cutoff_hz = 2500\n[burst]\naccept_violation = "control condition"\n'
+        "[design]\ntrials_per_side = 5\n"
     )
+    study.write_text(on_paper_plate(text), encoding="utf-8")
     result = run("run", study, "--participant", "01", "--responder", "simulated", "--out", out)
     assert result.exit_code == 0, result.stderr
     header = json.loads((out / "sub-01" / "ses-01" / "header.json").read_text("utf-8"))
-    assert header["unfit_stimuli_accepted"] == {"main": "control condition"}
+    assert header["accepted_violations"] == {"main": "control condition"}
 
 
 @pytest.mark.slow
@@ -261,3 +263,18 @@ def test_a_package_that_is_replaced_shadowed_or_missing_is_one_line_and_exit_2(
             earlier.syspath_prepend(str(tmp_path / "lab"))
             assert str(file) in refusal()
         file.unlink()
+
+
+@pytest.mark.parametrize(
+    ("option", "typed", "names"),
+    [
+        ("--responder", "s", {"screen", "simulated"}),
+        ("--driver", "", {"mock", "serial", "generator", "audio"}),
+    ],
+)
+def test_the_shell_completes_names_of_drivers_and_responders(
+    option: str, typed: str, names: set[str]
+) -> None:
+    completed = ShellComplete(main, {}, "tactstrip", "_TACTSTRIP_COMPLETE")
+    items = completed.get_completions(["run", "study.toml", option], typed)
+    assert names <= {item.value for item in items}

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
     from device import Emission, Measurement, State
 
-LIMITS = Limits(ceiling_vpp=200.0, least_interval_s=0.01, max_duty=0.5)
+LIMITS = Limits(ceiling_vpp=200.0, min_interval_s=0.01, max_duty=0.5)
 BURST_US = 2021
 """Duration of the burst of `Bench.load`, of 97 samples at 48 kHz."""
 

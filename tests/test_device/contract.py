@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from device import LimitExceeded, Outcome, Refusal, RefusedError
+from device import LimitExceeded, OffCause, Outcome, OutputsOffError, Refusal, RefusedError
 from device.core.converter import ConverterDevice
 from device.core.host import HostDriver
 from device.scpi.generator import GeneratorDevice
@@ -315,7 +315,10 @@ class DeviceContract:
             assert 0.3 < after_s < live.long_s
             assert live.in_real_time or 0.5 < after_s <= 0.75 + 1e-4
             assert not cut.left_v[math.ceil(after_s * live.rate_hz) :].any()
-        assert refusal(lambda: live.device.arm(2, 0, time_to_live_s=0.1)) is Refusal.SAFE_STATE
+        with pytest.raises(OutputsOffError) as refused:
+            live.device.arm(2, 0, time_to_live_s=0.1)
+        assert refused.value.cause is OffCause.WATCHDOG
+        assert refused.value.code is Refusal.SAFE_STATE
 
     def test_a_stop_cuts_the_burst_and_only_enable_undoes_it(self, live: Rig) -> None:
         load_long(live)

@@ -33,7 +33,7 @@ def limits_of(facts: Mapping[str, Any]) -> Limits:
     """Return the limits of a device as the file describes one."""
     return Limits(
         ceiling_vpp=facts["ceiling_vpp"],
-        least_interval_s=facts["least_interval_us"] / 1e6,
+        min_interval_s=facts["least_interval_us"] / 1e6,
         max_duty=facts["max_duty_ppm"] / 1e6,
         longest_waveform=facts["longest_waveform"],
         slots=facts["slots"],
@@ -115,7 +115,7 @@ def replay(device: Endpoint, reader: Reader, step: Mapping[str, Any]) -> bytes:
         case {"question": question}:
             return device.receive(step["at_us"], bytes.fromhex(question))
         case {"sense": sensed}:
-            health = Health.of_bits(known=sensed["known"], set_bits=sensed["set"])
+            health = Health.of_bits(reported_bits=sensed["known"], set_bits=sensed["set"])
             device.core.sense(step["at_us"], health)
         case {"reading": reading}:
             reader.reading = measurement_of(tuple(reading.values())) if reading else None

@@ -40,7 +40,7 @@ if TYPE_CHECKING:
 
 _LEAST_STEP_S: Final = 1e-7
 
-LIMITS = Limits(ceiling_vpp=200.0, least_interval_s=0.01)
+LIMITS = Limits(ceiling_vpp=200.0, min_interval_s=0.01)
 
 
 class Buffers:
@@ -99,7 +99,7 @@ class InProcess:
     ) -> None:
         self.clock = clock or VirtualClock()
         self.faults = Faults(FaultScript.parse(script), np.random.default_rng(rng))
-        self.limits = limits or Limits(ceiling_vpp=200.0, least_interval_s=0.005)
+        self.limits = limits or Limits(ceiling_vpp=200.0, min_interval_s=0.005)
         self._buffers, self._truth = Buffers(), io.StringIO()
         nature_of = Nature(limits=self.limits, output=output or OutputStage(), **nature)
         truth = Truth(self._truth)
@@ -300,7 +300,7 @@ class RecordedLine:
 
     def __init__(self) -> None:
         self.over: list[Emission] = []
-        limits = Limits(ceiling_vpp=200.0, least_interval_s=0.005)
+        limits = Limits(ceiling_vpp=200.0, min_interval_s=0.005)
         self.core = DeviceCore(
             boot_id=self.BOOT_ID, limits=limits, output=OutputStage(), sink=self.over.append
         )

@@ -138,7 +138,7 @@ def emulator_rig(kind: str) -> MakeRig:
     def make(request: pytest.FixtureRequest) -> Rig:
         emulate = request.getfixturevalue("emulate")
         port, truth, _ = emulate(
-            kind, volts=True, sample_rate_hz=EMULATED_RATE_HZ, least_interval_s=0.01
+            kind, volts=True, sample_rate_hz=EMULATED_RATE_HZ, min_interval_s=0.01
         )
         return process_rig(port, truth)
 

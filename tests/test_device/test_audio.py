@@ -183,10 +183,13 @@ def test_a_stream_is_opened_without_dither_and_closed_where_it_cannot_start(
 def test_a_card_without_the_inputs_of_a_monitor_is_refused_by_their_key(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    def refuse(**_: object) -> None:
-        raise ValueError("Invalid number of channels [PaErrorCode -9998]")
+    class PortAudioError(Exception):
+        pass
 
-    library = SimpleNamespace(PortAudioError=OSError, Stream=refuse)
+    def refuse(**_: object) -> None:
+        raise PortAudioError("in another language", -9998)
+
+    library = SimpleNamespace(PortAudioError=PortAudioError, Stream=refuse)
     monkeypatch.setitem(sys.modules, "sounddevice", library)
     with pytest.raises(LinkError, match=r"monitor\.inputs"):
         stream.open_duplex(print, LoopCard().recorder, card="x", sample_rate_hz=RATE_HZ)

@@ -147,7 +147,7 @@ def test_a_device_plays_what_is_exactly_within_its_ceiling_and_refuses_the_rest(
         gain = float(rng.choice([1.0, 0.1, 27.5, 1 / 3, rng.uniform(0.01, 100.0)]))
         peak = float(rng.choice([1.0, 0.5, rng.uniform(0.001, 1.0)]))
         level_mvpp = max(0, round(ceiling_vpp / gain / peak * 1000) + int(rng.integers(-1, 2)))
-        limits = Limits(ceiling_vpp=ceiling_vpp, gain=gain, least_interval_s=0.0)
+        limits = Limits(ceiling_vpp=ceiling_vpp, gain=gain, min_interval_s=0.0)
         bench = Bench(limits=limits, output=OutputStage(rail_v=1000.0, slew_v_s=1e9))
         bench.load(0, n=5, left=peak)
         bench.take(0, "OUTPUT")

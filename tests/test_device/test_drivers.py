@@ -9,7 +9,7 @@ from device import DriverSettings, Limits, LinkError, MonotonicClock, VirtualClo
 from device.drivers import NEEDS, is_emulated
 from tactstrip import main
 
-LIMITS = Limits(ceiling_vpp=200.0, least_interval_s=0.02)
+LIMITS = Limits(ceiling_vpp=200.0, min_interval_s=0.02)
 SETTINGS = {"port": "/no/such/port", "amplifier_gain": 20.0, "volts_full_scale": 110.0}
 
 

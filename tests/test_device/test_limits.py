@@ -92,15 +92,15 @@ def test_a_bad_waveform_is_refused_with_its_own_code_on_either_channel(
 @given(
     durations_us=st.lists(st.integers(1, 1_000_000), min_size=2, max_size=20),
     max_duty=st.floats(0.01, 1.0),
-    least_interval_s=st.floats(0.0, 0.5),
+    min_interval_s=st.floats(0.0, 0.5),
 )
 def test_bursts_as_early_as_allowed_keep_the_duty_over_any_time(
-    durations_us: list[int], max_duty: float, least_interval_s: float
+    durations_us: list[int], max_duty: float, min_interval_s: float
 ) -> None:
-    limits = Limits(ceiling_vpp=1.0, max_duty=max_duty, least_interval_s=least_interval_s)
+    limits = Limits(ceiling_vpp=1.0, max_duty=max_duty, min_interval_s=min_interval_s)
     elapsed_us = 0
     for duration_us in durations_us:
-        least_us = duration_us + round(least_interval_s * 1e6)
+        least_us = duration_us + round(min_interval_s * 1e6)
         earliest_us = max(least_us, -(-duration_us * 10**6 // limits.max_duty_ppm))
         check_rest(since_onset_us=earliest_us, duration_us=duration_us, limits=limits)
         with pytest.raises(LimitExceeded):
@@ -127,7 +127,7 @@ def test_a_time_to_live_outside_its_range_is_refused(time_to_live_us: int) -> No
         ("gain", -1.0),
         ("gain", math.inf),
         ("gain", 1.01e6),
-        ("least_interval_s", -0.1),
+        ("min_interval_s", -0.1),
         ("max_duty", 1.1),
         ("longest_waveform", 0),
         ("longest_waveform", 1e3),
@@ -148,7 +148,7 @@ def test_what_no_study_says_of_its_limits_is_cautious() -> None:
     assert Limits(ceiling_vpp=200.0) == Limits(
         ceiling_vpp=200.0,
         gain=1.0,
-        least_interval_s=0.05,
+        min_interval_s=0.05,
         max_duty=0.5,
         longest_waveform=2**16,
         dc_tolerance=0.01,
@@ -160,7 +160,7 @@ def test_what_no_study_says_of_its_limits_is_cautious() -> None:
 
 
 def test_a_device_counts_its_limits_in_whole_numbers() -> None:
-    limits = Limits(ceiling_vpp=64.1, least_interval_s=0.0123, max_duty=0.3, dc_tolerance=0.07)
+    limits = Limits(ceiling_vpp=64.1, min_interval_s=0.0123, max_duty=0.3, dc_tolerance=0.07)
     assert (limits.ceiling_mvpp, limits.least_interval_us) == (64_100, 12_300)
     assert (limits.max_duty_ppm, limits.dc_tolerance_ppm) == (300_000, 70_000)
     assert limits.longest_time_to_live_us == 10_000_000

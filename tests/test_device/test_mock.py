@@ -32,7 +32,7 @@ from device.emulate.amplifier import Adc, Amplifier
 from tests.test_device.bursts import BURST, SILENCE, changed, play, ready, refusal
 from tests.test_device.in_process import InProcess
 
-LIMITS = Limits(ceiling_vpp=200.0, least_interval_s=0.01)
+LIMITS = Limits(ceiling_vpp=200.0, min_interval_s=0.01)
 
 
 def live_mock(clock: VirtualClock, **options: Any) -> MockDevice:
@@ -93,7 +93,7 @@ def test_nothing_is_sent_to_a_device_that_is_not_open(
 
 def test_the_hosts_ceiling_and_the_devices_hold_both() -> None:
     clock = VirtualClock()
-    low = Limits(ceiling_vpp=120.0, least_interval_s=0.005)
+    low = Limits(ceiling_vpp=120.0, min_interval_s=0.005)
     for limits, device_limits in ((low, LIMITS), (LIMITS, low)):
         device = MockDevice(clock, limits=limits, device_limits=device_limits)
         device.open()
@@ -108,7 +108,7 @@ def test_the_hosts_ceiling_and_the_devices_hold_both() -> None:
 
 def test_the_hosts_own_limits_hold_where_the_devices_would_let_it_pass() -> None:
     clock = VirtualClock()
-    strict = Limits(ceiling_vpp=120.0, least_interval_s=1.0, longest_time_to_live_s=5.0)
+    strict = Limits(ceiling_vpp=120.0, min_interval_s=1.0, longest_time_to_live_s=5.0)
     device = MockDevice(clock, limits=strict)
     device.open()
     device.load(0, BURST, SILENCE)

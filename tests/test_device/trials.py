@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
     from device import Clock
 
-LIMITS = Limits(ceiling_vpp=200.0, least_interval_s=0.005)
+LIMITS = Limits(ceiling_vpp=200.0, min_interval_s=0.005)
 QUICK = sine(25)
 PAIRS = [(QUICK, 0 * QUICK), (0 * QUICK, QUICK), (QUICK, QUICK), (0 * QUICK, 0 * QUICK)]
 WINDOW_S = 3.0
@@ -164,11 +164,13 @@ class Trials:
 
 
 def device_at(
-    port: str, *, answer_within_s: float | None = None, patience_s: float = 2.0, **line: Any
+    port: str, *, answer_within_s: float | None = None, response_timeout_s: float = 2.0, **line: Any
 ) -> HostDriver:
     """Return the driver of the device at a port of this machine."""
     clock = MonotonicClock()
-    settings = LineSettings(patience_s=patience_s, **{"opens_within_s": patience_s} | line)
+    settings = LineSettings(
+        response_timeout_s=response_timeout_s, **{"open_timeout_s": response_timeout_s} | line
+    )
     link = FrameLink(
         lambda: open_channel(port, clock, settings),
         clock,

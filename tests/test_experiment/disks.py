@@ -6,7 +6,7 @@ import errno
 import os
 from typing import TYPE_CHECKING, Any
 
-from experiment.archive.disk import SystemDisk
+from experiment.archive.disk import Disk
 from experiment.archive.files import replaced, write_atomically
 from experiment.archive.manifest import Manifest
 from experiment.archive.withdraw import held, look_up, remove
@@ -17,10 +17,8 @@ if TYPE_CHECKING:
 
     import pytest
 
-    from experiment.archive.disk import Disk
 
-
-class LossyDisk:
+class LossyDisk(Disk):
     """A disk that loses everything after the last sync: names and contents, each by itself.
 
     It works on real files. What has arrived is what a file held, or which names a folder had, when
@@ -28,7 +26,7 @@ class LossyDisk:
     """
 
     def __init__(self) -> None:
-        self._disk = SystemDisk(waits=False)
+        super().__init__(waits=False)
         self._open: dict[int, Path] = {}
         self._contents: dict[int, bytes] = {}
         self._names: dict[int, dict[str, int]] = {}
@@ -37,7 +35,7 @@ class LossyDisk:
 
     def open(self, path: Path, *, new: bool) -> int:
         made = not path.exists()
-        file = self._disk.open(path, new=new)
+        file = super().open(path, new=new)
         if made:  # an inode may have been another file's
             self._contents.pop(os.fstat(file).st_ino, None)
         self._open[file] = path
@@ -45,14 +43,14 @@ class LossyDisk:
         return file
 
     def write(self, file: int, data: bytes) -> None:
-        self._disk.write(file, data)
+        super().write(file, data)
 
     def sync(self, file: int) -> None:
         self._contents[os.fstat(file).st_ino] = self._open[file].read_bytes()
 
     def close(self, file: int) -> None:
         del self._open[file]
-        self._disk.close(file)
+        super().close(file)
         self.closed += 1
 
     def sync_folder(self, folder: Path) -> None:

@@ -8,7 +8,7 @@ from types import ModuleType, SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
 from device import VirtualClock
-from experiment.participant.buttons import ButtonReader
+from experiment.participant.keys import ButtonReader
 
 if TYPE_CHECKING:
     import pytest

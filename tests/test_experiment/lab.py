@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 from device.clock import VirtualClock
-from experiment.apparatus.noise import NoiseError, NoiseFacts, NoiseHealth
-from experiment.apparatus.rig import mock_device
 from experiment.archive.disk import UNWAITED
 from experiment.archive.folders import SessionFolder
 from experiment.archive.history import replay
 from experiment.archive.journal import Entry, Journal, read_journal
-from experiment.integrity.sessions import examine, unaltered
+from experiment.hardware.noise import NoiseError, NoiseFacts, NoiseHealth
+from experiment.hardware.setup import mock_device
+from experiment.integrity.sessions import examine
 from experiment.operator.requests import Requests, StopSignal
 from experiment.session.conduct import begin, resume
 from experiment.session.setting import Setting
@@ -126,7 +126,7 @@ class FakeNoise:
 
     def health(self) -> NoiseHealth:
         words = {True: "plays", False: "silent", None: "none"}
-        return NoiseHealth(ok=self.ok, words=words[self.ok])
+        return NoiseHealth(ok=self.ok, message=words[self.ok])
 
     def stop(self) -> None:
         self.calls.append("stop")
@@ -195,10 +195,10 @@ class Lab:
             clock=self.clock,
             stop=self.stop,
             requests=self.requests,
-            display=self.display,
+            show=self.display.show,
             practice=self.practice,
             resume_anyway=self.resume_anyway,
-            tell=self.messages.append,
+            report=self.messages.append,
         )
 
     def begin(self, **script: Mapping[int, object]) -> Ending:
@@ -257,8 +257,9 @@ class Lab:
         return examine(self.folder.path).differences
 
     def is_sealed(self) -> bool:
-        """Return whether the checksums in the journal fit all files."""
-        return unaltered(self.folder.path) is not None
+        """Return whether the checksums in the journal's last line fit the tables."""
+        sealed = {n: v for n, v in self.entries()[-1].facts.items() if n.endswith("_sha256")}
+        return bool(sealed) and sealed == self.folder.tables_sha256(self.plan)
 
     def entries(self, event: str | None = None) -> list[Entry]:
         entries = read_journal(self.folder.journal_path).entries

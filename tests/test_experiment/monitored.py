@@ -12,19 +12,18 @@ from device.core.reports import Health
 from device.emulate.amplifier import Adc
 from device.sound.audio import AudioDevice
 from experiment import SessionFolder, draw_plan
-from experiment.apparatus.monitor import make_monitor
-from experiment.apparatus.noise import SilentNoise
-from experiment.apparatus.rig import Rig, confirmed_now
-from experiment.apparatus.slots import host_limits
 from experiment.archive.disk import UNWAITED
 from experiment.check.device import check_device
 from experiment.commands.check import end_check
 from experiment.exits import CommandError
+from experiment.hardware.monitor import make_monitor
+from experiment.hardware.noise import SilentNoise
+from experiment.hardware.setup import Hardware, confirmed_now, host_limits
 from experiment.operator.requests import Requests, StopSignal
 from experiment.session.conduct import begin, resume
 from experiment.session.setting import Setting
 from experiment.session.simulate import simulated_responder
-from experiment.study.files import study_from_text
+from tests.plates import study_from_text
 from tests.test_device.in_process import LoopCard
 from tests.test_experiment.lab import Watching
 
@@ -44,7 +43,7 @@ window = "hann"
 driver = "audio"
 port = "card"
 volts_full_scale = 125
-least_interval_s = 0.01
+min_interval_s = 0.01
 [design]
 levels_vpp = [100, 200]
 trials_per_side = {trials}
@@ -125,8 +124,8 @@ class Wired:
             clock=self.card,
             stop=StopSignal(),
             requests=self.requests,
-            display=self.display,
-            tell=self.messages.append,
+            show=self.display.show,
+            report=self.messages.append,
             monitor=self.monitor,
             confirmation=None,
         )
@@ -148,7 +147,7 @@ class Wired:
 
     def check(self) -> tuple[DeviceCheck, str]:
         """Check device and monitor as `check --device`; returns what is wrong, if anything is."""
-        rig = Rig(
+        rig = Hardware(
             device=self.driven, clock=self.time, settings=self.study.device, monitor=self.monitor
         )
         found = check_device(self.study, rig, confirmation=confirmed_now("asked"), ask=None)

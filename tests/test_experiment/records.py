@@ -9,7 +9,6 @@ import zlib
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from experiment import Plan, Trial
-from experiment.integrity.sessions import unaltered
 from experiment.trial.plan import plan_from_json, seal
 
 if TYPE_CHECKING:
@@ -166,8 +165,3 @@ def heads_of(person: Path) -> dict[str, str]:
     lines = (person / "sessions.tsv").read_text("utf-8").splitlines()
     rows = [dict(zip(lines[0].split("\t"), line.split("\t"), strict=True)) for line in lines[1:]]
     return {row["session_id"]: row["head_sha256"] for row in rows}
-
-
-def is_sealed(session: Path) -> bool:
-    """Return whether the checksums in the journal fit all files of a session."""
-    return unaltered(session) is not None

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections import deque
-from dataclasses import dataclass, field, replace
-from typing import Any
+from dataclasses import dataclass, field
+from typing import Any, ClassVar
 
 from device import VirtualClock
-from experiment import AwaitedAnswer, Progress, ResponderSettings, SessionPart, paper_study
+from experiment import AwaitedAnswer, Press, Progress, ResponderSettings, SessionPart, paper_study
 from experiment.operator.requests import Requests, StopSignal
-from experiment.participant.keys import Stroke
 from experiment.participant.screen import ScreenResponder
 
 PROGRESS = Progress(done=1, planned=4, part=SessionPart.MAIN)
@@ -20,9 +19,9 @@ class Keyboard:
     """Keys that go down at given times."""
 
     clock: VirtualClock
-    coming: deque[Stroke] = field(default_factory=deque)
+    coming: deque[Press] = field(default_factory=deque)
 
-    def next(self) -> Stroke | None:
+    def next(self) -> Press | None:
         due = self.coming and self.coming[0].time_s <= self.clock.now_s()
         return self.coming.popleft() if due else None
 
@@ -31,7 +30,7 @@ class Keyboard:
             pass
 
     def drop_earlier(self) -> None:
-        kept = [stroke for stroke in iter(self.next, None) if stroke.key == "escape"]
+        kept = [stroke for stroke in iter(self.next, None) if stroke.response == "escape"]
         self.coming.extendleft(reversed(kept))
 
 
@@ -58,24 +57,20 @@ class Pages:
     """Pages by what they are, not by what is on them."""
 
     ready = "ready"
+    prompts: ClassVar = {False: "prompt", True: "prompt, hands off"}
+    feedback: ClassVar = {False: "incorrect", True: "correct"}
 
-    def prompt(self, part: SessionPart) -> str:
-        return f"prompt, {part.answers(('left', 'right'))}"
-
-    def before_sitting(self) -> list[str]:
+    def before_visit(self) -> list[str]:
         return ["welcome", "instructions"]
 
     def before_part(self, part: SessionPart, *, lay: bool) -> list[str]:
         return [*["placement"] * lay, part.value]
 
-    def pause(self, _: Progress, *, go_on: bool) -> str:
-        return "pause+" if go_on else "pause"
+    def pause(self, _: Progress, *, may_continue: bool) -> str:
+        return "pause+" if may_continue else "pause"
 
     def rest(self, _: Progress, *, left_s: int) -> str:
         return f"rest {left_s}"
-
-    def feedback(self, *, correct: bool) -> str:
-        return "correct" if correct else "wrong"
 
     def end(self, _: Progress, *, finished: bool) -> str:
         return "end" if finished else "stopped"
@@ -93,7 +88,7 @@ class Room:
         settings = ResponderSettings(
             responses=("left", "right"),
             screen=paper_study().screen,
-            keys=replace(paper_study().keys, left=("left", "a")),
+            keys=paper_study().changed(keys={"left": ("left", "a")}).keys,
             texts=paper_study().texts,
             requests=self.requests,
             stop=self.stop,
@@ -105,7 +100,7 @@ class Room:
 
     def keys(self, *strokes: tuple[str, float]) -> None:
         """Let keys go down at given times."""
-        self.keyboard.coming.extend(Stroke(*stroke) for stroke in strokes)
+        self.keyboard.coming.extend(Press(*stroke) for stroke in strokes)
 
     def at(self, time_s: float, act: Any) -> None:
         """Let something happen at a time."""

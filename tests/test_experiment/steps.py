@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING
 import pytest
 
 from experiment import Trial
-from experiment.trial.engine import TRANSITIONS, IllegalStepError, step, upcoming
-from experiment.trial.events import Event, SessionState, Task
+from experiment.trial.engine import TRANSITIONS, IllegalStepError, next_event, step
+from experiment.trial.events import Attempt, Event, SessionState
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from experiment.trial.events import Effect, Happening, Phase
+    from experiment.trial.events import Effect, Input, Phase
 
 
 def trial(number: int, block: int = 1, kind: str = "single", side: str = "left") -> Trial:
@@ -29,18 +29,18 @@ def trial(number: int, block: int = 1, kind: str = "single", side: str = "left")
     )
 
 
-def ready(*trials: Trial, keep_anticipated: bool = False, greeted: bool = True) -> SessionState:
+def ready(*trials: Trial, accept_premature: bool = False, welcomed: bool = True) -> SessionState:
     """Return a session between two trials."""
     return SessionState(
-        pending=tuple(Task(t, 1) for t in trials),
-        keep_anticipated=keep_anticipated,
-        most_anticipated=3,
+        pending=tuple(Attempt(t, 1) for t in trials),
+        accept_premature=accept_premature,
+        max_premature=3,
         response_window_s=3.0,
-        greeted=greeted,
+        welcomed=welcomed,
     )
 
 
-def follow(state: SessionState, events: Iterable[Happening]) -> tuple[SessionState, list[Effect]]:
+def follow(state: SessionState, events: Iterable[Input]) -> tuple[SessionState, list[Effect]]:
     """Let events happen one after the other; returns the last state and all effects."""
     effects: list[Effect] = []
     for event in events:
@@ -51,14 +51,14 @@ def follow(state: SessionState, events: Iterable[Happening]) -> tuple[SessionSta
 
 def due(state: SessionState) -> Event:
     """Return what comes next between two trials."""
-    return upcoming(state)
+    return next_event(state)
 
 
-def row_of(event: Happening, early: Event = Event.EARLY_KEY) -> Event:
+def row_of(event: Input, early: Event = Event.PREMATURE) -> Event:
     """Return what the table calls an event."""
     if isinstance(event, Event):
         return event
-    return early if event.rt_s is None else Event.KEY
+    return early if event.rt_s is None else Event.RESPONSE
 
 
 def legal_events(phase: Phase) -> set[Event]:
@@ -66,7 +66,7 @@ def legal_events(phase: Phase) -> set[Event]:
     return {event for at, event in TRANSITIONS if at is phase}
 
 
-def require_refused(state: SessionState, event: Happening) -> None:
+def require_refused(state: SessionState, event: Input) -> None:
     """Check that an event is refused and that nothing changes."""
     before = repr(state)
     with pytest.raises(IllegalStepError):

@@ -3,22 +3,21 @@
 from __future__ import annotations
 
 import json
-from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from experiment import ConditionGains, check_study, study_from_text
-from experiment.check.check_report import check_findings
+from experiment import ConditionGains, check_study
 from experiment.check.plate import plate_of
+from experiment.check.report import report_json
+from experiment.check.study_report import report_study
 from experiment.study.files import study_from_canonical
-from experiment.study.sources import study_sources
 from experiment.trial.plan import plan_from_json
+from tests.plates import study_from_text
 
 if TYPE_CHECKING:
     from experiment import Plan, Study
     from experiment.check.plate import PlatePreview
-    from experiment.study.origins import Source
 
 
 CASES = Path(__file__).with_name("cases")
@@ -60,9 +59,9 @@ def facts_of(
 ) -> dict[str, Any]:
     """Check the study of a text, once; with gains given it takes no time."""
     study = study_from_text(text, "study.toml")
-    device = study.device if driver is None else replace(study.device, driver=driver)
-    found = check_findings(check_study(study, gains=gains), "study.toml", device=device)
-    facts: dict[str, Any] = json.loads(found.json)
+    device = study.device if driver is None else study.device.changed(driver=driver)
+    report = report_study(check_study(study, gains=gains), "study.toml", device=device)
+    facts: dict[str, Any] = json.loads(report_json(report))
     return facts
 
 
@@ -90,10 +89,3 @@ def recorded(study: Study) -> Study:
 def recorded_plan(text: str) -> Plan:
     """Return a plan from the text of its file, if that is as it was sealed."""
     return plan_from_json(text)
-
-
-def sources_of(study: Study | str) -> dict[str, Source]:
-    """Return where every number of a study is from, by its key."""
-    if isinstance(study, str):
-        study = study_from_text(study, "study.toml")
-    return {source.key: source for source in study_sources(study)}

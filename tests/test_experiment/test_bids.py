@@ -14,6 +14,7 @@ from filelock import FileLock
 from experiment import SessionFolder
 from experiment.archive.participants import Tombstone, write_tombstone
 from tactstrip import main
+from tests.plates import on_paper_plate
 from tests.test_experiment.sessions import Sessions, contents
 
 if TYPE_CHECKING:
@@ -135,7 +136,7 @@ def test_participants_have_the_declared_columns_and_no_other(
 ) -> None:
     people = results / "participants.tsv"
     people.write_text("participant_id\thandedness\nsub-02\tboth\n", encoding="utf-8")
-    assert "participants.tsv, participant 02:" in no_export()
+    assert "participants.tsv:2:" in no_export()
     people.write_text(
         "participant_id\tage_group\tphone\nsub-01\t20-29\ttel-555\nsub-09\tn/a\ttel-556\n",
         encoding="utf-8",
@@ -158,7 +159,7 @@ def test_host_and_operator_are_only_in_sourcedata(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("platform.node", lambda: "labhost7")
-    sessions = Sessions(tmp_path, STUDY)
+    sessions = Sessions(tmp_path, on_paper_plate(STUDY))
     done = sessions.run("--responder", "simulated", "--operator", "grete")
     assert done.exit_code == 0, done.output
     results = sessions.out

@@ -17,11 +17,11 @@ from experiment import (
     StudyError,
     draw_plan,
     paper_study,
-    study_from_text,
     study_gains,
 )
 from experiment.perception.gains import OWN_FINGER_ONLY, FingerGains, gains_from_json, significant
 from stimuli import MomentDisc, Scene, displacement
+from tests.plates import study_from_text
 from tests.test_experiment.studies import discs, measured, recorded_plan
 
 KNOWN = measured()
@@ -161,11 +161,11 @@ def test_at_100_vpp_an_actuator_does_what_it_is_known_to_do(
 
 @pytest.mark.slow
 def test_the_chosen_window_is_the_shortest_one_that_is_quiet_enough() -> None:
-    study = study_from_text('[burst]\nwindow = "auto"\nwanted_level_db = -35', "s.toml")
+    study = study_from_text('[burst]\nwindow = "auto"\nmax_crosstalk_db = -35', "s.toml")
     (condition,) = study.conditions
     (gains,) = study_gains(study)
     assert max(gains.level_db(1, 0), gains.level_db(0, 1)) <= -35.0 + 0.05
-    assert condition.drive.duration_s >= condition.stated.duration_s == 0.002
+    assert condition.drive.duration_s >= condition.sine.duration_s == 0.002
 
 
 @pytest.mark.slow
@@ -216,5 +216,5 @@ def test_a_displacement_is_measured_below_the_first_mode_or_cutoff() -> None:
         (endless, "2900"),
         (discs(measured(2.6, 3000), KNOWN), "got 3000"),
     ):
-        with pytest.raises(StudyError, match=rf"measured_at_hz .*{first_hz}"):
+        with pytest.raises(StudyError, match=rf"measured_at_hz.*{first_hz}"):
             gains_of(text)

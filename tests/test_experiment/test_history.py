@@ -26,7 +26,7 @@ GAINS = ConditionGains(
 
 @pytest.fixture
 def plan(make_study: Callable[[str], Study], short_study_text: str) -> Plan:
-    study = make_study(short_study_text.replace("[design]", "[design]\ncontrol_trials = 2"))
+    study = make_study(short_study_text.replace("[design]", "[design]\nhands_off_trials_after = 2"))
     return draw_plan(study, participant="01", session="01", seed=1, gains=(GAINS,))
 
 
@@ -45,7 +45,7 @@ def lines(plan: Plan, number: int, **confirmed: Any) -> list[Entry]:
         ("trial_armed", name | {"token": 12}),
         ("stimulus_confirmed", name | {"outcome": "fired", "onset_s": 3.5} | confirmed),
         ("response", name | {"response": "left", "rt_s": 0.5}),
-        ("trial_end", name | {"status": "ok", "anticipated": False, "noise_ok": True}),
+        ("trial_end", name | {"status": "ok", "premature": False, "noise_ok": True}),
     ]
     return [
         Entry(event, float(at), 100.0 + at, facts, 7.0 + at)
@@ -81,9 +81,9 @@ def test_displacements_are_of_the_levels_that_the_device_reported(
 
 
 def test_no_displacement_is_told_of_an_unknown_level_or_a_finger_that_is_off(plan: Plan) -> None:
-    control = next(trial for trial in plan.trials if trial.kind == "control")
+    hands_off = next(trial for trial in plan.trials if trial.kind == "hands_off")
     known = {"level_left_vpp": 100.0, "level_right_vpp": 40.0}
-    assert peaks(row_of(plan, control.number, **known)) == (None, None, None)
+    assert peaks(row_of(plan, hands_off.number, **known)) == (None, None, None)
     for name in known:
         assert peaks(row_of(plan, 1, **known | {name: None})) == (None, None, None)
 
@@ -94,9 +94,8 @@ def test_a_row_says_what_plan_and_lines_say(plan: Plan) -> None:
     planned = (1, trial.kind, trial.side, trial.level_vpp)
     assert (row.trial, row.kind, row.side, row.level_vpp) == planned
     assert (row.response, row.rt_s, row.onset_s, row.status) == ("left", 0.5, 3.5, "ok")
-    assert (row.anticipated, row.noise_ok, row.simulated) == (False, True, False)
+    assert (row.premature, row.noise_ok, row.simulated) == (False, True, False)
     assert row.correct is (trial.side == "left")
-    assert (row.level_rule, row.level_planned_vpp) == ("constant", trial.level_vpp)
     assert (row.device_kind, row.burst_verified) == ("emulated", None)
 
 
@@ -116,11 +115,11 @@ def test_a_row_says_whether_its_onset_can_be_compared(
 
 def test_a_trial_without_its_end_is_open_with_all_that_was_written(plan: Plan) -> None:
     history = replay(plan, lines(plan, 1)[:-1])
-    trial = history.open_trial
+    trial = history.interrupted
     assert trial is not None
     assert (trial.token, trial.boot_id, trial.outcome, trial.response) == (12, 7, "fired", "left")
     assert history.rows == ()
-    assert [task.trial.number for task in history.pending] == [t.number for t in plan.trials]
+    assert [attempt.trial.number for attempt in history.pending] == [t.number for t in plan.trials]
     assert (history.last_t_s, history.last_token) == (3.0, 12)
     last = history.last
     assert (last.boot, last.up_s, last.wall_s) == ("first", 10.0, 103.0)

@@ -39,7 +39,7 @@ def test_what_is_appended_is_read_back(path: Path) -> None:
     assert read_journal(path).head_sha256 == "0" * 64
     write(path, "first")
     assert re.fullmatch(
-        r'\{"crc":"[0-9a-f]{8}","schema":2,"seq":1,"prev":"0{64}","event":"first",.*\}\n',
+        r'\{"crc":"[0-9a-f]{8}","schema":3,"seq":1,"prev":"0{64}","event":"first",.*\}\n',
         path.read_text(encoding="utf-8"),
     )
     write(path, "second", "third")
@@ -72,7 +72,7 @@ def test_any_changed_byte_is_found_with_its_line(
 def test_a_sound_line_of_another_schema_is_refused(path: Path) -> None:
     body = b'"schema":1,"seq":1,"event":"first","t_s":0.0,"wall_s":0.0}'
     path.write_bytes(b'{"crc":"%08x",%b\n' % (zlib.crc32(b"{" + body), body))
-    with pytest.raises(JournalError, match=r":1: schema .* 2; got 1$"):
+    with pytest.raises(JournalError, match=r":1: schema .* 3; got 1: another version"):
         read_journal(path)
 
 
@@ -104,7 +104,7 @@ def test_a_changed_line_with_a_checksum_that_fits_breaks_the_chain_after_it(path
     body = lines[1].replace(b"0.1", b"0.2").split(b",", 1)[1].rstrip(b"\n")
     lines[1] = b'{"crc":"%08x",%b\n' % (zlib.crc32(b"{" + body), body)
     path.write_bytes(b"".join(lines))
-    with pytest.raises(JournalError, match=r":3: prev .*[0-9a-f]{12}\.\.\."):
+    with pytest.raises(JournalError, match=r":3: prev .*[0-9a-f]{12}"):
         read_journal(path)
     path.write_bytes(b"".join(lines[:2]))
     assert read_journal(path).entries[1].facts["value"] == 0.2  # the head alone tells of it

@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from experiment.participant.keys import KeyReader, Stroke
+from experiment import Press
+from experiment.participant.keys import KeyReader
 from tests.test_experiment.keyboard import button_reader, installed_box, installed_keyboard
 
 if TYPE_CHECKING:
@@ -30,13 +31,13 @@ def events() -> list[str]:
 
 @pytest.fixture
 def reader(keyboard: Keyboard, events: list[str]) -> KeyReader:
-    return KeyReader(keyboard.clock, keep=("escape",), tell=events.append)
+    return KeyReader(keyboard.clock, keep=("escape",), report=events.append)
 
 
 def heard(reader: KeyReader) -> tuple[str, float]:
-    stroke = reader.next()
-    assert stroke is not None
-    return stroke.key, round(stroke.time_s, 9)
+    press = reader.next()
+    assert press is not None
+    return press.response, round(press.time_s, 9)
 
 
 def test_a_key_is_timed_on_the_sessions_clock(keyboard: Keyboard, reader: KeyReader) -> None:
@@ -48,7 +49,7 @@ def test_a_tap_that_ended_before_it_was_read_is_heard_once(
     keyboard: Keyboard, reader: KeyReader
 ) -> None:
     keyboard.up(keyboard.down("left"))
-    assert reader.next() == Stroke("left", 5.0)
+    assert reader.next() == Press("left", 5.0)
     assert reader.next() is None
 
 
@@ -59,7 +60,7 @@ def test_the_release_of_a_key_is_no_stroke(keyboard: Keyboard, reader: KeyReader
     keyboard.up(press)
     assert reader.next() is None
     keyboard.down("right")
-    assert reader.next() == Stroke("right", 7.0)
+    assert reader.next() == Press("right", 7.0)
 
 
 def test_of_two_keys_the_earlier_comes_first(keyboard: Keyboard, reader: KeyReader) -> None:
@@ -86,7 +87,7 @@ def test_a_jump_of_the_clock_is_noted_and_does_not_move_a_key(
     assert reader.next() is not None
     keyboard.down("left", ago_s=0.002)
     keyboard.ahead_s += jump_s
-    assert reader.next() == Stroke("left", 5.0)  # when it was read
+    assert reader.next() == Press("left", 5.0)  # when it was read
     assert [f"{1e3 * jump_s:.1f} ms" in event for event in events] == [True]
     keyboard.up(held)
     assert reader.next() is None
@@ -106,7 +107,7 @@ def test_a_smaller_step_is_no_jump(
 
 def test_a_button_is_a_key_timed_by_when_it_was_read(keyboard: Keyboard, box: Box) -> None:
     buttons = button_reader(keyboard)
-    reader = KeyReader(keyboard.clock, keep=("button_7",), tell=print, buttons=buttons)
+    reader = KeyReader(keyboard.clock, keep=("button_7",), report=print, buttons=buttons)
     keyboard.down("left", ago_s=0.003)
     box.coming = [3]
     assert heard(reader) == ("left", 4.997)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import sys
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any, TypeAlias
 
@@ -13,7 +13,7 @@ import pytest
 
 from device import LinkError, MonotonicClock, VirtualClock
 from experiment import paper_study
-from experiment.apparatus.noise import (
+from experiment.hardware.noise import (
     FADE_IN_S,
     FADE_OUT_S,
     LATENCY_S,
@@ -23,6 +23,7 @@ from experiment.apparatus.noise import (
     SoundCardNoise,
     noise_player,
 )
+from tests.plates import on_paper_plate
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -35,7 +36,7 @@ if TYPE_CHECKING:
     Frames: TypeAlias = NDArray[np.int16]
     Callback: TypeAlias = Callable[..., None]
 
-PINK = replace(paper_study().masking, noise="pink", max_level_dba=75.0, loop_s=1.0)
+PINK = paper_study().masking.changed(noise="pink", max_level_dba=75.0, loop_s=1.0)
 RATE_HZ = 48_000
 BUFFER = 2_400
 LOOP_SHA256 = "dde72e97c82daaa8e91c8e9a31357acde9c467fcb5029fa511729679d2555a60"
@@ -111,7 +112,7 @@ def playing_on(card: Card) -> SoundCardNoise:
 def assert_lost(noise: SoundCardNoise, word: str = "") -> None:
     health = noise.health()
     assert health.ok is False
-    assert word in health.words
+    assert word in health.message
 
 
 def test_it_fades_in_and_then_repeats_the_loop_whose_checksum_it_states(card: Card) -> None:
@@ -130,7 +131,7 @@ def test_it_fades_in_and_then_repeats_the_loop_whose_checksum_it_states(card: Ca
 def test_the_loop_has_the_level_of_the_study(card: Card) -> None:
     for level_dbfs in (-40.0, -30.0, -20.0):
         card.blocks.clear()
-        noise = noise_on(card, replace(PINK, level_dbfs=level_dbfs))
+        noise = noise_on(card, PINK.changed(level_dbfs=level_dbfs))
         noise.start()
         card.wait(2.0)
         loop = card.frames()[-RATE_HZ:, 0] / 32_767
@@ -220,7 +221,7 @@ def test_a_card_that_cannot_be_opened_is_an_error_of_one_line(
 
 
 def test_nothing_is_played_to_a_simulated_participant_or_where_the_study_wants_none() -> None:
-    for masking, simulated in ((PINK, True), (replace(PINK, noise="none"), False)):
+    for masking, simulated in ((PINK, True), (PINK.changed(noise="none"), False)):
         noise = noise_player(masking, VirtualClock(), simulated=simulated)
         assert isinstance(noise, SilentNoise)
         noise.start()
@@ -232,7 +233,7 @@ def test_nothing_is_played_to_a_simulated_participant_or_where_the_study_wants_n
 
 
 def test_the_facts_are_those_of_the_study() -> None:
-    masking = replace(PINK, measured_level_dba=71.5, level_dbfs=-33.0, sound_card="headphones")
+    masking = PINK.changed(measured_level_dba=71.5, level_dbfs=-33.0, sound_card="headphones")
     facts = noise_player(masking, VirtualClock(), simulated=False).facts
     assert (facts.played, facts.noise, facts.sound_card) == (True, "pink", "headphones")
     assert (facts.max_level_dba, facts.measured_level_dba, facts.level_dbfs) == (75.0, 71.5, -33.0)
@@ -242,7 +243,7 @@ def test_the_facts_are_those_of_the_study() -> None:
 
 
 def test_a_level_that_would_be_clipped_is_refused_before_anything_is_opened() -> None:
-    masking = replace(PINK, level_dbfs=-18.0)
+    masking = PINK.changed(level_dbfs=-18.0)
     assert noise_player(masking, VirtualClock(), simulated=False).facts.level_dbfs == -18.0
     object.__setattr__(masking, "level_dbfs", -10.0)
     with pytest.raises(NoiseError, match=r"-1\d\.\d\d.*got -10"):
@@ -251,5 +252,5 @@ def test_a_level_that_would_be_clipped_is_refused_before_anything_is_opened() ->
 
 def test_without_noise_there_is_none_to_play(tmp_path: Path, refused: Refused) -> None:
     study = tmp_path / "study.toml"
-    study.write_text('[masking]\nnoise = "none"\n', encoding="utf-8")
+    study.write_text(on_paper_plate('[masking]\nnoise = "none"\n'), encoding="utf-8")
     assert "masking.noise" in refused("check", study, "--noise", "5")

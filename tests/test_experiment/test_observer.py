@@ -9,13 +9,13 @@ from typing import Any
 
 import numpy as np
 import pytest
-from scipy.stats import chi2
 
-from experiment.perception.answers import answer_probabilities
+from experiment.perception.answers import answer_probabilities, draw_answers
 from tests.test_experiment.people import finger_gains, population
 
 FORCED = ("left", "right", "both")
 WITH_NONE = ("left", "right", "both", "none")
+OFFERED = (("left", "right"), FORCED, ("left", "right", "none"), WITH_NONE)
 FASTEST_S = 0.15
 IDEAL = replace(
     population(threshold_vpp=60.0).median,
@@ -28,8 +28,6 @@ IDEAL = replace(
     reaction_time_s=0.5,
     reaction_time_spread=0.2,
 )
-
-
 OWN_FINGERS = finger_gains((1.0, 0.0), (0.0, 1.0), None)
 
 
@@ -38,21 +36,12 @@ def shares(
     levels_vpp: tuple[float, float],
     responses: tuple[str, ...],
     *,
-    trials: int = 4000,
-    seed: int = 1,
     gains: Any = OWN_FINGERS,
-) -> dict[str | None, float]:
-    rng = np.random.default_rng(seed)
-    answers = [
-        observer.answer(*levels_vpp, responses, rng, 60.0, gains=gains).response
-        for _ in range(trials)
-    ]
-    return {word: answers.count(word) / trials for word in (*responses, None)}
-
-
-def assert_binomial(share: float, probability: float, trials: int = 4000) -> None:
-    # five standard deviations: one test in a million fails by chance
-    assert abs(share - probability) <= 5 * math.sqrt(probability * (1 - probability) / trials)
+    window_s: float = math.inf,
+) -> dict[str, float]:
+    """Return the probability of every answer to one stimulus."""
+    p = answer_probabilities([observer], levels_vpp, responses, window_s, gains=gains)
+    return dict(zip(responses, p.ravel().tolist(), strict=True))
 
 
 def psychometric(level_vpp: float, guess_rate: float = 0.0, lapse_rate: float = 0.0) -> float:
@@ -61,18 +50,11 @@ def psychometric(level_vpp: float, guess_rate: float = 0.0, lapse_rate: float = 
     return guess_rate + (1.0 - guess_rate - lapse_rate) * felt
 
 
-def test_a_finger_feels_never_without_a_vibration_and_always_with_a_strong_one() -> None:
-    strengths = [0.0, 1e-300, 1.0, 1e6, 1e300]
-    assert [IDEAL.felt_probability(one) for one in strengths] == [0.0, 0.0, 0.5, 1.0, 1.0]
-
-
-def test_it_feels_by_the_normal_distribution_of_the_logarithm() -> None:
+def test_a_finger_detects_by_the_normal_distribution_of_the_logarithm() -> None:
     # Phi(1) = 0.8413447460685429 (Abramowitz and Stegun, table 26.1)
-    assert IDEAL.felt_probability(10**0.1) == pytest.approx(0.8413447460685429, abs=1e-14)
-    levels_vpp = np.geomspace(20, 200, 50)
-    felt = [IDEAL.felt_probability(float(v) / 60.0) for v in levels_vpp]
-    assert felt == pytest.approx([psychometric(float(v)) for v in levels_vpp], abs=1e-14)
-    assert np.all(np.diff(felt) > 0)
+    for strength, p in ((0.0, 0.0), (1e-300, 0.0), (1.0, 0.5), (10**0.1, 0.8413447460685429)):
+        missed = shares(IDEAL, (60.0 * strength, 0.0), WITH_NONE)["none"]
+        assert missed == pytest.approx(1 - p, abs=1e-14)
 
 
 @pytest.mark.parametrize("level_vpp", [40.0, 55.0, 60.0, 70.0, 95.0, 200.0])
@@ -82,9 +64,9 @@ def test_a_forced_choice_follows_the_function_with_a_guess_rate_of_one_half(
     observer = replace(IDEAL, lapse_rate=0.06)
     # a lapse picks one of three answers: two of three are wrong; the rest guess or feel
     expected = psychometric(level_vpp, guess_rate=0.94 * 0.5 + 0.06 / 3, lapse_rate=0.06 * 2 / 3)
-    assert_binomial(shares(observer, (level_vpp, 0.0), FORCED)["left"], expected)
+    assert shares(observer, (level_vpp, 0.0), FORCED)["left"] == pytest.approx(expected)
     lapsing = shares(replace(IDEAL, lapse_rate=1.0), (200.0, 0.0), WITH_NONE)
-    assert_binomial(lapsing["none"], 0.25)
+    assert lapsing == pytest.approx(dict.fromkeys(WITH_NONE, 0.25))
 
 
 @pytest.mark.parametrize(("side_bias", "guess_both"), [(0.5, 0.0), (0.8, 0.25)])
@@ -92,10 +74,9 @@ def test_nothing_felt_in_a_forced_choice_is_a_guess_as_stated(
     side_bias: float, guess_both: float
 ) -> None:
     observer = replace(IDEAL, side_bias=side_bias, guess_both=guess_both)
-    found = shares(observer, (0.0, 0.0), FORCED)
-    assert_binomial(found["both"], guess_both)
-    assert_binomial(found["left"], (1 - guess_both) * side_bias)
-    assert found[None] == 0.0
+    guesses = shares(observer, (0.0, 0.0), FORCED)
+    assert guesses["both"] == pytest.approx(guess_both)
+    assert guesses["left"] == pytest.approx((1 - guess_both) * side_bias)
 
 
 @pytest.mark.parametrize(
@@ -118,6 +99,9 @@ def test_nothing_felt_in_a_forced_choice_is_a_guess_as_stated(
         # below threshold on its own, above it with what comes from the other side
         ((50.0, 0.0), {"crosstalk_db": -6.0, "sigma": 0.001}, WITH_NONE, "none"),
         ((50.0, 50.0), {"crosstalk_db": -6.0, "sigma": 0.001}, FORCED, "both"),
+        # confused keys change sides only
+        ((1000.0, 0.0), {"reversed_mapping": True}, FORCED, "right"),
+        ((1000.0, 1000.0), {"reversed_mapping": True}, FORCED, "both"),
     ],
 )
 def test_strong_and_absent_stimuli_have_a_sure_answer(
@@ -127,7 +111,7 @@ def test_strong_and_absent_stimuli_have_a_sure_answer(
     answer: str,
 ) -> None:
     observer = replace(IDEAL, **changed)
-    assert shares(observer, levels_vpp, responses, trials=300)[answer] == 1.0
+    assert shares(observer, levels_vpp, responses)[answer] == pytest.approx(1.0)
 
 
 PLATE = finger_gains((0.02, 0.001), (0.001, 0.02), "measured")
@@ -145,7 +129,7 @@ UM = replace(VOLTS, threshold_vpp=None, threshold_um=1.2)
         # in micrometres it is met by the displacement: 60 Vpp at 0.02 um per Vpp are 1.2 um
         (PLATE, UM, (60.0, 0.0), "left", 0.5),
         (TWICE, UM, (30.0, 0.0), "left", 0.5),
-        (TWICE, UM, (0.0, 30.0), "none", 1 - UM.felt_probability(0.5)),
+        (TWICE, UM, (0.0, 30.0), "none", 1 - psychometric(30.0)),
         # in volts it is that of the own finger
         (UNEVEN, VOLTS, (60.0, 0.0), "left", 0.5),
         (UNEVEN, VOLTS, (0.0, 60.0), "right", 0.5),
@@ -164,12 +148,12 @@ def test_a_threshold_is_met_by_what_the_plate_does_at_the_finger(
     answer: str,
     share: float,
 ) -> None:
-    assert_binomial(shares(observer, levels_vpp, WITH_NONE, gains=gains)[answer], share)
+    assert shares(observer, levels_vpp, WITH_NONE, gains=gains)[answer] == pytest.approx(share)
 
 
 def test_micrometres_without_a_displacement_are_refused() -> None:
     with pytest.raises(ValueError, match="threshold_um"):
-        UM.answer(60.0, 0.0, FORCED, np.random.default_rng(0), 3.0)
+        shares(UM, (60.0, 0.0), FORCED)
 
 
 @pytest.mark.parametrize("thresholds", [(None, None), (1.2, 60.0)])
@@ -178,29 +162,33 @@ def test_an_observer_has_one_threshold(thresholds: tuple[float | None, float | N
         replace(IDEAL, threshold_um=thresholds[0], threshold_vpp=thresholds[1])
 
 
+@pytest.mark.parametrize("other_db", [0.0, 6.0, 12.0])
+def test_graded_masking_raises_a_threshold_by_what_the_other_finger_feels(other_db: float) -> None:
+    person = replace(IDEAL, masking_slope=0.5)
+    left_vpp, right_vpp = 60.0 * 10 ** (3 / 20), 60.0 * 10 ** (other_db / 20)
+    left, right = (3 - 0.5 * other_db) / 2, (other_db - 0.5 * 3) / 2  # in sigma, 2 dB
+    both = NormalDist().cdf(left) * NormalDist().cdf(right)
+    assert shares(person, (left_vpp, right_vpp), FORCED)["both"] == pytest.approx(both)
+
+
 def test_reactions_are_slower_to_weak_stimuli_and_never_impossibly_fast() -> None:
-    rng = np.random.default_rng(3)
     observer = replace(IDEAL, reaction_time_spread=1.5)
-    times = {
-        level_vpp: [observer.answer(level_vpp, 0.0, FORCED, rng, 1e9).rt_s for _ in range(2000)]
-        for level_vpp in (40.0, 60.0, 200.0)
-    }
-    medians = [float(np.median(np.array(found, dtype=float))) for found in times.values()]
-    assert medians[0] > medians[1] > medians[2]
-    assert medians[2] == pytest.approx(0.5, rel=0.1)
-    assert min(t for found in times.values() for t in found if t is not None) > FASTEST_S
+    levels_vpp = np.repeat([[40.0], [60.0], [200.0]], 2000, axis=1)
+    _, times_s = draw_answers(
+        [observer],
+        (levels_vpp, 0.0),
+        FORCED,
+        math.inf,
+        np.random.default_rng(3),
+        gains=OWN_FINGERS,
+    )
+    medians_s = np.median(times_s, axis=1)
+    assert np.all(np.diff(medians_s) < 0)
+    assert medians_s[2] == pytest.approx(0.5, rel=0.1)
+    assert times_s.min() > FASTEST_S
     slow = replace(IDEAL, reaction_time_s=10.0, reaction_time_spread=0.0)
-    late, early = (slow.answer(200.0, 0.0, FORCED, rng, window_s) for window_s in (9.9, 10.1))
-    assert (late.response, late.rt_s, early.response) == (None, None, "left")
-
-
-def test_an_impossible_trial_is_refused() -> None:
-    for levels_vpp in ((-1.0, 0.0), (math.nan, 0.0), (0.0, math.inf)):
-        with pytest.raises(ValueError, match=" must "):
-            IDEAL.answer(*levels_vpp, FORCED, np.random.default_rng(0), 3.0)
-    for responses in (("left",), ("left", "right", "up")):
-        with pytest.raises(ValueError, match=" must "):
-            IDEAL.answer(60.0, 0.0, responses, np.random.default_rng(0), 3.0)
+    late, early = (shares(slow, (200.0, 0.0), FORCED, window_s=s)["left"] for s in (9.9, 10.1))
+    assert (late, early) == pytest.approx((0.0, 1.0))
 
 
 def test_drawn_thresholds_have_the_stated_median_and_spread_in_db() -> None:
@@ -213,40 +201,42 @@ def test_drawn_thresholds_have_the_stated_median_and_spread_in_db() -> None:
         assert np.std(level_db) == pytest.approx(2.0, rel=0.06)
 
 
-@pytest.mark.parametrize("responses", [("left", "right", "both"), ("left", "right", "none")])
-@pytest.mark.parametrize("masking_slope", [None, 0.2])
-def test_answers_are_as_frequent_as_their_probabilities(
-    responses: tuple[str, ...], masking_slope: float | None
-) -> None:
+@pytest.mark.parametrize("seed", range(20))
+def test_draws_are_as_frequent_as_their_probabilities(seed: int) -> None:
+    rng = np.random.default_rng((20, seed))
     person = replace(
         IDEAL,
-        threshold_vpp=80.0,
-        sigma=0.15,
-        lapse_rate=0.1,
-        false_alarm_rate=0.3,
-        side_bias=0.6,
-        guess_both=0.2,
-        reaction_time_s=0.6,
-        reaction_time_spread=0.5,
-        crosstalk_db=-8.0,
-        finger_difference_db=2.0,
-        masking_slope=masking_slope,
-        swapped=True,
-    )  # keys of one person
-    rng = np.random.default_rng(3)
-    statistic, free = 0.0, 0
-    for levels_vpp in ((80.0, 0.0), (0.0, 110.0), (90.0, 90.0), (200.0, 70.0), (0.0, 0.0)):
+        threshold_vpp=rng.uniform(40.0, 120.0),
+        sigma=rng.uniform(0.03, 0.3),
+        lapse_rate=rng.uniform(0.0, 0.1),
+        false_alarm_rate=rng.uniform(0.0, 0.3),
+        side_bias=rng.uniform(0.2, 0.8),
+        guess_both=rng.uniform(0.0, 0.3),
+        reaction_time_s=rng.uniform(0.3, 1.0),
+        reaction_time_spread=rng.uniform(0.1, 0.8),
+        crosstalk_db=rng.uniform(-40.0, -5.0),
+        finger_difference_db=rng.normal(0.0, 3.0),
+        masking_slope=(None, 0.2, 0.6)[seed % 3],
+        reversed_mapping=seed % 2 == 1,
+    )
+    responses, window_s = OFFERED[seed % len(OFFERED)], rng.uniform(0.4, 2.0)
+    stimuli_vpp = rng.choice([0.0, 60.0, 90.0, 200.0], (5, 2))
+    shift_db: Any = tuple(rng.normal(0.0, 2.0, 2))
+    trials = 20_000  # of each stimulus
+    for left_vpp, right_vpp in stimuli_vpp:
+        levels_vpp = (np.full(trials, left_vpp), np.full(trials, right_vpp))
+        drawn, _ = draw_answers(
+            [person], levels_vpp, responses, window_s, rng, gains=OWN_FINGERS, shift_db=shift_db
+        )
         p = answer_probabilities(
-            [person], levels_vpp, responses, 1.0, gains=OWN_FINGERS, shift_db=(1.0, -1.0)
+            [person],
+            ([left_vpp], [right_vpp]),
+            responses,
+            window_s,
+            gains=OWN_FINGERS,
+            shift_db=shift_db,
         ).ravel()
-        expected = 1500 * np.array([*p, 1 - sum(p)])
-        drawn = [
-            person.answer(*levels_vpp, responses, rng, 1.0, shift_db=(1.0, -1.0)).response
-            for _ in range(1500)
-        ]
-        found = np.array([drawn.count(one) for one in (*responses, None)])
-        assert not found[expected < 1e-9].any()
-        seen = expected > 1e-9
-        statistic += float(((found - expected)[seen] ** 2 / expected[seen]).sum())
-        free += int(seen.sum()) - 1
-    assert chi2.sf(statistic, free) > 0.001
+        p = np.append(p, max(0.0, 1 - p.sum()))
+        share = np.bincount(drawn.ravel(), minlength=p.size) / trials
+        # five standard deviations: one of the 100 stimuli fails in ten thousand seeds
+        assert np.all(np.abs(share - p) <= 5 * np.sqrt(p * (1 - p) / trials) + 1e-9)

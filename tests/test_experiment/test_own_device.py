@@ -23,8 +23,9 @@ from device import (
     converter_device,
     make_device,
 )
-from experiment import Press, ResponderError, run_session, study_from_text
-from experiment.apparatus.slots import require_suitable, told_limits
+from experiment import Press, ResponderError, run_session
+from experiment.hardware.setup import read_limits, require_suitable
+from tests.plates import on_paper_plate, study_from_text
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -39,7 +40,7 @@ levels_vpp = [80, 160]
 trials_per_side = 2
 both_trials = 0
 foreperiod_s = [0.01, 0.02]
-minimum_break_s = 0
+min_break_s = 0
 [burst]
 window = "hann"
 [masking]
@@ -47,7 +48,7 @@ noise = "none"
 [device]
 volts_full_scale = 100
 """
-LIMITS = Limits(ceiling_vpp=200.0, least_interval_s=0.02)
+LIMITS = Limits(ceiling_vpp=200.0, min_interval_s=0.02)
 SINE = np.append(np.sin(2 * np.pi * np.arange(96) / 96), 0.0)
 
 
@@ -70,7 +71,7 @@ def lab(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
         "[tactstrip.responders]\nimpatient = lab_device:Impatient\n",
         {"lab_device": (OWN / "lab_device.py").read_text(encoding="utf-8")},
     )
-    (tmp_path / "study.toml").write_text(STUDY, encoding="utf-8")
+    (tmp_path / "study.toml").write_text(on_paper_plate(STUDY), encoding="utf-8")
     monkeypatch.syspath_prepend(tmp_path / "site")
     monkeypatch.chdir(tmp_path)
     yield tmp_path
@@ -159,8 +160,8 @@ def lab_device(monkeypatch: pytest.MonkeyPatch) -> Iterator[Any]:
     [
         ({"slots": 3}, "4 slots"),
         ({"memory_samples": 387}, "388 .* 387"),
-        ({"least_interval_us": 60_000}, r"device\.least_interval_s .* 0\.06 "),
-        ({"max_duty_ppm": 10_000}, r"device\.least_interval_s .* 0\.202125 "),
+        ({"least_interval_us": 60_000}, r"device\.min_interval_s: .* 0\.06 "),
+        ({"max_duty_ppm": 10_000}, r"device\.min_interval_s: .* 0\.202125 "),
         ({"longest_time_to_live_us": 999_999}, " 1 s"),
         ({"dc_tolerance_ppm": 1}, "DC"),
     ],
@@ -172,11 +173,13 @@ def test_what_a_device_would_refuse_in_a_session_is_refused_before(
     if "dc_tolerance_ppm" not in changed:
         study = study_from_text("", "study.toml")
     device = make_device("mock", DriverSettings(limits=Limits(ceiling_vpp=200.0)), VirtualClock())
-    identity, limits = device.open(), told_limits(device)
+    identity, limits = device.open(), read_limits(device)
     assert limits is not None
     require_suitable(study, identity, limits)
     with pytest.raises(ValueError, match=bound):
         require_suitable(study, identity, replace(limits, **changed))
+    with pytest.raises(ValueError, match=r"design\.levels_vpp: .* 199 Vpp \(got 200\)"):
+        require_suitable(study, replace(identity, ceiling_vpp=199.0))
 
 
 class Faulty:

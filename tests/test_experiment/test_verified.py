@@ -141,26 +141,26 @@ DEVICE = BY_ITSELF.format(tap="line", gain=1)
     ("text", "key", "instead", "named"),
     [
         (MONITOR, 'source = "duplex"\n', "", r"monitor\.source"),
-        (MONITOR, "[125, 125]", "[1e-15, 125]", "per_unit .*1e-12"),
+        (MONITOR, "[125, 125]", "[1e-15, 125]", "per_unit.*1e-12"),
         (MONITOR, '"duplex"', '"duplex"\nsound_card = "x"', "sound_card"),
         (MONITOR, '"repeat"', '"repeat"\nonset_tolerance_ms = 200', "onset_tolerance_ms"),
         (MONITOR, '"repeat"', '"repeat"\nsample_rate_hz = 96000', "sample_rate_hz"),
-        (MONITOR, "[1, 1]", "[0, 1]", r"per_volt\[0\] .*1e-09.* got 0"),
-        (MONITOR, "[0.3, 0.4]", "[0.1, 0.4]", r"onset_tolerance_ms .*foreperiod_s\[0\], 50,"),
-        (MONITOR, "hann", 'hann"\ncycles = 20 #', r"foreperiod_s\[0\] .*0\.32: .*; got 0\.3$"),
-        (MONITOR, "hann", 'hann"\ncycles = 64 #', r"main: .* 0\.125 s .*; got 0\.128 s"),
-        (MONITOR, "hann", 'hann"\nfrequency_hz = 15000 #', r"sample_rate_hz .*; got 48000"),
-        (MONITOR, '"duplex"', '"device"', "source .*input, .*audio; got device"),
-        (MONITOR, '"audio"', '"serial"', "source .*input, .*serial; got duplex"),
-        (MONITOR, "2026-05-04", '"soon"', "measured_on .*'soon'"),
-        (MONITOR, "2026-05-04", "2999-01-01", "measured_on .*'2999-01-01'"),
+        (MONITOR, "[1, 1]", "[0, 1]", r"per_volt\[0\].*1e-09.*got 0"),
+        (MONITOR, "[0.3, 0.4]", "[0.1, 0.4]", r"onset_tolerance_ms.*foreperiod_s\[0\], 50 "),
+        (MONITOR, "hann", 'hann"\ncycles = 20 #', r"foreperiod_s\[0\].*0\.32.*got 0\.3"),
+        (MONITOR, "hann", 'hann"\ncycles = 64 #', r"source.*0\.125 s.*0\.128 s"),
+        (MONITOR, "hann", 'hann"\nfrequency_hz = 15000 #', r"device.sample_rate_hz.*got 48000"),
+        (MONITOR, '"duplex"', '"device"', "source.*audio.*input.*device"),
+        (MONITOR, '"audio"', '"serial"', "source.*serial.*input.*duplex"),
+        (MONITOR, "2026-05-04", '"soon"', 'measured_on.*"soon"'),
+        (MONITOR, "2026-05-04", "2999-01-01", 'measured_on.*"2999-01-01"'),
         (MONITOR, "2026-05-04", '"20260504"', "measured_on"),
-        (DEVICE, 'source = "device"', 'source = "device"\nper_unit = [-1, 1]', "per_unit .* 0 "),
+        (DEVICE, 'source = "device"', 'source = "device"\nper_unit = [-1, 1]', "per_unit.* 0 "),
         (
             MONITOR.replace("duplex", "input").replace("hann", 'hann"\nfrequency_hz = 2000 #'),
             '"repeat"',
             '"repeat"\nsample_rate_hz = 8000',
-            r"monitor\.sample_rate_hz .*main.*; got 8000",
+            r"monitor\.sample_rate_hz.*got 8000",
         ),
     ],
 )
@@ -182,10 +182,10 @@ def test_a_check_of_a_device_measures_gain_and_delay_of_its_monitor(tmp_path: Pa
     check, wrong = wired.check()
     assert wrong == ""
     for channel, delay in zip(check.channels, (252, 264), strict=True):
-        assert channel.calibration is not None
+        assert channel.monitor is not None
         assert channel.good
-        assert channel.calibration.per_unit == pytest.approx(125 / 0.95, rel=0.02)
-        assert channel.calibration.delay_ms == pytest.approx(delay / 48, abs=0.02)
+        assert channel.monitor.per_unit == pytest.approx(125 / 0.95, rel=0.02)
+        assert channel.monitor.delay_ms == pytest.approx(delay / 48, abs=0.02)
     wired.cut()
     check, wrong = wired.check()
     assert not any(channel.good for channel in check.channels)
@@ -199,7 +199,7 @@ def test_a_check_of_a_device_measures_gain_and_delay_of_its_monitor(tmp_path: Pa
         ({"gain": 1.2}, "", "strong; per_unit = 0.833"),
         ({"delay_us": 5e4}, "", "late; delay_ms = 50 "),
         ({"delay_us": 1e4}, "delay_ms = [30, 10]", "early; delay_ms = 10 "),
-        ({"noise": 200.0}, "least_correlation = 0.9999", "distorted"),
+        ({"noise": 200.0}, "min_correlation = 0.9999", "distorted"),
         ({"loss": 1.0}, "", "silent"),
         (
             {"delay_us": 1e4, "gain": 0.5},

@@ -401,7 +401,7 @@ def test_patches_whose_effect_is_not_known_well_are_refused() -> None:
     small = [rectangle(x_m, size_m=(0.0008, 0.0008)) for x_m in (-0.03, 0.03)]
     tips = [Fingertip(x_m=patch.x_m, y_m=W / 2) for patch in small]
     strip = bearing(on(FIRM, LENGTH_M, viscous_s=5e-7), *small)
-    with pytest.raises(ValueError, match=r"^loads\[0\]: .*5\.8%.*3%"):
+    with pytest.raises(ValueError, match=r"^loads\[0\]: .*5\.8 %.*3 %"):
         felt(strip, [moment(patch) for patch in small], tips, CYCLE)
 
 

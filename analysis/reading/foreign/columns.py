@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 import pandas as pd
 
@@ -334,9 +334,14 @@ def _check_scale(columns: ColumnMap) -> None:
             raise ValueError(f"[scale] {ours}: [units] already says what its numbers are")
 
 
+_RENAMED: Final = {"anticipated": "premature"}
+
+
 def _check_entries(columns: ColumnMap) -> None:
     for section in _BY_COLUMN:
         for ours, value in getattr(columns, section).items():
+            if ours in _RENAMED:
+                raise ValueError(f"[{section}] {ours}: the column is named {_RENAMED[ours]}")
             if ours not in _OURS:
                 raise ValueError(f"[{section}] {ours}: not a column of trials.csv")
             _check_type(section, ours, value)

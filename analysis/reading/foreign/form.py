@@ -20,6 +20,7 @@ from analysis.reading.text import (
     shown,
     text_chunks,
 )
+from experiment.bounded import parse_toml
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -55,7 +56,7 @@ def toml_document(text: str) -> dict[str, Any]:
     ValueError: Expected ...; [values.side] stands on a line of its own, what is in it below
     """
     try:
-        return tomllib.loads(text)
+        return parse_toml(text)
     except tomllib.TOMLDecodeError as error:
         at = re.search(r"at line (\d+)", str(error))
         if at and (found := _SECTION.match(text.split("\n")[int(at[1]) - 1])):

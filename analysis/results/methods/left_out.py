@@ -14,9 +14,9 @@ if TYPE_CHECKING:
 
 REASONS: Final = {
     "practice": "practice",
-    "control": "fingers off the plate",
+    "hands_off": "hands off the plate",
     "voided": "presented again",
-    "anticipated": "answered too early",
+    "premature": "premature response",
     "unmasked": "without masking noise",
     "unverified": "not measured as planned",
     "never_answered": "nothing but time-outs in a condition",

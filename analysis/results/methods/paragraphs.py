@@ -62,8 +62,6 @@ def methods_of(analysis: Analysis, plans: Planned | None = None, *, drawn: bool 
     """Write the methods of an analysis; `plans` are `planned` of it, figures `drawn` or not."""
     from jinja2 import Environment, StrictUndefined
 
-    from experiment.check.check_report import burst_words
-
     plans = planned(analysis) if plans is None else plans
     pages = Environment(  # noqa: S701 (a text, no page: the page escapes it)
         undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
@@ -82,7 +80,6 @@ def methods_of(analysis: Analysis, plans: Planned | None = None, *, drawn: bool 
         study=plans.studies[0] if plans.studies else None,
         studies=len(plans.studies),
         isolated=isolated,
-        burst_words=burst_words,
         short=short_words(analysis),
         design=design_words(analysis),
         unanswered=unanswered_words(analysis),

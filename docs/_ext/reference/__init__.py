@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 
 from reference import commands, example, refusals, study, tables
 from reference.api import python
-from reference.records import journal, shapes
 from reference.sample import make_sample
 
 if TYPE_CHECKING:
@@ -19,7 +18,7 @@ SITE = "_site"
 _INDEX = """\
 # Reference
 
-Read from the program itself when this site was built: what stands here is what it does.
+These pages are generated from the program when the site is built.
 
 ```{toctree}
 :maxdepth: 1
@@ -28,8 +27,6 @@ example
 study
 commands
 tables
-journal
-json
 refusals
 /glossary
 python
@@ -46,8 +43,6 @@ def write_reference(folder: Path) -> None:
             "study.md": study.page(),
             "commands.md": commands.page(),
             "tables.md": tables.page(sample),
-            "journal.md": journal.page(sample),
-            "json.md": shapes.page(sample),
             "refusals.md": refusals.page(Path(place)),
             "example.md": example.page(sample),
             **python.pages(),

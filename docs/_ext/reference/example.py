@@ -1,4 +1,4 @@
-"""A plate of one's own, from its file to the report of a dry run."""
+"""An example of your own plate, from its file to the report of a dry run."""
 
 from __future__ import annotations
 
@@ -11,33 +11,30 @@ if TYPE_CHECKING:
 
 _TITLES = (
     "The plate",
-    "Is a stimulus fit for it?",
-    "Where the plate moves",
+    "The check",
+    "The displacement of the plate",
     "A dry run",
 )
 _TEXTS = (
     (
-        "Width, thickness, length, material and edges are given; the burst is the first of those "
-        "tried that is fit."
+        "The options state width, thickness, length, material and edges; the burst is the shortest "
+        "within all limits."
     ),
-    (
-        "Here the file has two conditions, of one and of two cycles, and trials with the fingers "
-        "off the plate."
-    ),
+    "The file now also has two conditions, of one and of two cycles, and hands-off trials.",
     "![The plate moves above the driven disc, and hardly at the other](_site/example/field.png)",
     (
-        "Five simulated people on the mock device. Its tables, figures and the report are what the "
-        "sessions of real people give."
+        "Five simulated participants on the mock device. The tables, figures and the report are of "
+        "the same form as those of real sessions."
     ),
 )
 _REPORT = """\
 ## The report
 
-One file, without scripts, as any browser shows it:
+The report is one file without scripts:
 
 ```{raw} html
 <iframe class="report" src="../example/report.html" title="The report of the dry run"></iframe>
-<p><a href="../example/report.html">The report on a page of its own</a></p>
+<p><a href="../example/report.html">The report on its own page</a></p>
 ```
 """
 
@@ -45,7 +42,7 @@ One file, without scripts, as any browser shows it:
 def page(sample: Sample) -> str:
     """Write the page: each command with what it prints, the field and the report."""
     told = [
-        "# An example: a plate of one's own\n",
+        "# An example: your own plate\n",
         (
             "A steel plate of 30 x 0.5 mm, clamped, with two discs. The commands ran when this "
             "site was built.\n"

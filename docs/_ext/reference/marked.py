@@ -1,4 +1,4 @@
-"""Sessions that an analysis marks, beside those of simulated people: of practice, and altered."""
+"""Sessions that an analysis marks: of practice without a device, and modified ones."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ _OWN_DEVICE = Path(__file__).parents[2] / "examples" / "own_device" / "lab_devic
 
 
 def practise(path: Path, out: Path, participant: str) -> None:
-    """Let somebody who is no simulation try out a study, on a device that moves nothing."""
+    """Run a session that is not marked as simulated, on a device that moves nothing."""
     from device.clock import VirtualClock
     from device.drivers import DriverSettings
     from device.limits import Limits
@@ -20,7 +20,7 @@ def practise(path: Path, out: Path, participant: str) -> None:
     study, clock, made = read_study(path), VirtualClock(), runpy.run_path(str(_OWN_DEVICE))
     someone = made["Impatient"](None, clock)
     someone.simulated = False
-    limits = Limits(ceiling_vpp=study.device.ceiling_vpp, least_interval_s=0.02)
+    limits = Limits(ceiling_vpp=study.device.ceiling_vpp, min_interval_s=0.02)
     device = made["printer"](DriverSettings(limits=limits), clock)
     with redirect_stdout(StringIO()):
         run_session(
@@ -36,7 +36,7 @@ def practise(path: Path, out: Path, participant: str) -> None:
 
 
 def alter(table: Path) -> None:
-    """Change a time in the first row of a table of trials, so that its journal tells another."""
+    """Change a time in the first row of a table of trials, so that it contradicts its journal."""
     heading, row, *rows = table.read_text(encoding="utf-8").splitlines(keepends=True)
     place, cells = heading.split(",").index("rt_s"), row.split(",")
     cells[place] = f"{cells[place]}1"

@@ -34,7 +34,10 @@ _PLACES: Final = {
     "frequency_hz": "frequency, Hz",
     "x_mm": "place along the strip, from its middle, mm",
     "y_mm": "place across the strip, from one edge, mm",
-    "basis": "what the displacements rest on, and at which level, in words",
+    "level_vpp": "level that the displacements are for; `n/a` for a unit load",
+    "load_unit": "unit of the actuators' loads",
+    "loss_factor": "loss factor of the plate",
+    "loss_basis": "whether that is `set` in the study or `assumed`",
 }
 
 
@@ -154,7 +157,7 @@ def _fields(sample: Sample) -> Iterator[str]:
     yield (
         "## Tables of a field\n\n`tactstrip field STUDY --out FILE.csv` writes displacements as "
         "amplitudes with the time factor exp(-i omega t), at the study's highest level. Where that "
-        "of any actuator per volt is not known they are per unit load, `basis` names its unit, and "
+        "of any actuator per volt is not known they are per unit load, in `load_unit`, and "
         "`_um` at the end of a name is `_um_per_unit_load`.\n"
     )
     for what, paths in sample.fields.items():

@@ -1,1 +1,1 @@
-"""Options that describe a plate, a device, a responder, or a session to resume."""
+"""Options that select a device or a responder, and what follows from them."""

@@ -5,19 +5,28 @@ from __future__ import annotations
 import contextlib
 import sys
 from threading import Event, Thread
-from typing import TYPE_CHECKING, Final, Protocol, TypeVar
+from typing import TYPE_CHECKING, Any, Final, Protocol, TypeVar
 
 import click
 
+from device.printing import echo
 from experiment.exits import DEVICE_FAILED, CommandError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
-    from experiment.apparatus.rig import Confirmation, Rig
+    from experiment.hardware.setup import Confirmation, Hardware
 
 
 _Command = TypeVar("_Command", bound="Callable[..., object]")
+
+
+def complete_drivers(_: click.Context, __: click.Parameter, typed: str) -> list[str]:
+    """Complete the name of a built-in or installed driver."""
+    from device.drivers import NEEDS
+    from device.installed import DRIVERS, installed
+
+    return [name for name in (*NEEDS, *installed(DRIVERS)) if name.startswith(typed)]
 
 
 def hardware_options(command: _Command) -> _Command:
@@ -35,6 +44,7 @@ def hardware_options(command: _Command) -> _Command:
         click.option(
             "--driver",
             metavar="NAME",
+            shell_complete=complete_drivers,
             help="Use this driver instead of that of the study: mock, serial, generator, audio, or "
             "an installed driver.",
         ),
@@ -43,22 +53,22 @@ def hardware_options(command: _Command) -> _Command:
     return command
 
 
-def confirmed(rig: Rig, *, given: bool, practice: bool = False) -> Confirmation | None:
+def confirmed(rig: Hardware, *, given: bool, practice: bool = False) -> Confirmation | None:
     """Return the operator's confirmation that a device is safe; None for a mock or an emulator.
 
     Raises CommandError if the confirmation is neither `given` on the command line nor entered at a
     terminal, and for a real device during `practice`. Raises LinkError if no device answers.
     """
     from device.drivers import MOCK
-    from experiment.apparatus.rig import QUESTION, confirmed_now
+    from experiment.hardware.setup import SAFETY_CONDITIONS, confirmed_now
 
     driver = rig.settings.driver
     if driver == MOCK or rig.is_emulated():  # nothing moves, even if --confirm-hardware is given
         return None
     if practice:
         raise CommandError(
-            f"--practice-without-device must have the mock or an emulator; got the driver {driver} "
-            "of a real device: leave out --driver and --port, and the mock takes its place"
+            "--practice-without-device needs the mock device or an emulator; got the driver "
+            f"{driver} of a real device: omit --driver and --port to use the mock"
         )
     if given:
         return confirmed_now("--confirm-hardware")
@@ -67,12 +77,10 @@ def confirmed(rig: Rig, *, given: bool, practice: bool = False) -> Confirmation 
             f"the driver {driver} moves real actuators: read docs/hardware.md, then give "
             "--confirm-hardware (or answer on a terminal); nothing was switched on"
         )
-    click.echo(
-        f"The driver {driver} moves real actuators. Is all of this so (docs/hardware.md)?", err=True
-    )
-    for condition in QUESTION:
-        click.echo(f"  - {condition}", err=True)
-    if not answer("All of it is so?"):
+    echo(f"The driver {driver} moves real actuators. Confirm (see docs/hardware.md) that", err=True)
+    for condition in SAFETY_CONDITIONS:
+        echo(f"  - {condition}", err=True)
+    if not answer("Are all of these conditions met?"):
         raise CommandError("the hardware was not confirmed; nothing was switched on")
     return confirmed_now("asked")
 
@@ -115,12 +123,13 @@ def working(activity: str) -> Iterator[Step]:
     >>> with working("Computing") as step:
     ...     step(1, 2)
     """
-    finished, reports = Event(), [(0, 0, "")]
+    finished = Event()
+    progress: dict[str, Any] = {"completed": 0, "total": None, "result": ""}
 
     def step(done: int, total: int, result: str = "") -> None:
-        reports.append((done, total, result))
+        progress.update(completed=done, total=total or None, result=result)
 
-    thread = Thread(target=_show_progress, args=(activity, finished, reports), daemon=True)
+    thread = Thread(target=_show_progress, args=(activity, finished, progress), daemon=True)
     is_visible = sys.stderr.isatty()
     if is_visible:
         thread.start()
@@ -132,24 +141,19 @@ def working(activity: str) -> Iterator[Step]:
             thread.join()
 
 
-def _show_progress(activity: str, finished: Event, reports: list[tuple[int, int, str]]) -> None:
+def _show_progress(activity: str, finished: Event, progress: dict[str, Any]) -> None:
     """Draw the progress line until the work is finished, and remove it."""
     if finished.wait(_SHOWN_AFTER_S):
         return
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
-    columns = (
-        TextColumn("{task.description}"),
-        BarColumn(_BAR_CHARACTERS),
-        TimeElapsedColumn(),
-        TextColumn("{task.fields[result]}"),
-    )
+    text, result = TextColumn("{task.description}"), TextColumn("{task.fields[result]}")
+    columns = (text, BarColumn(_BAR_CHARACTERS), TimeElapsedColumn(), result)
     with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task(activity, total=None, result="")
+        task = bar.add_task(activity, **progress)
         while not finished.wait(_REFRESH_INTERVAL_S):
-            done, total, result = reports[-1]
-            bar.update(task, completed=done, total=total or None, result=result)
+            bar.update(task, **progress)
 
 
 @contextlib.contextmanager

@@ -5,40 +5,36 @@ from __future__ import annotations
 import contextlib
 from typing import TYPE_CHECKING, Any
 
-import click
-
+from device.printing import echo
 from experiment.exits import CommandError
 from experiment.trial.responder import RESPONDERS, SessionPart
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Callable, Iterator
+
+    import click
 
     from device.clock import Clock
-    from experiment.operator.requests import Display, Requests, StopSignal
+    from experiment.operator.requests import Requests, Status, StopSignal
     from experiment.participant.settings import ResponderSettings
     from experiment.study.study import Study
     from experiment.trial.plan import Plan
     from experiment.trial.responder import Responder
 
 
-def distribution_of(responder: str) -> str | None:
-    """Return the distribution of an installed responder; None for a built-in one."""
+def require_usable(responder: str) -> str | None:
+    """Refuse a responder that cannot be used here; return the distribution of an installed one."""
     from experiment.participant.settings import own_responder
+    from experiment.participant.window import require_window
 
+    if responder == "screen":
+        require_window()
     if responder in RESPONDERS:
         return None
     try:
         return own_responder(responder).distribution
     except ValueError as error:
         raise CommandError(f"--responder {error}") from error
-
-
-def _print_practice_note(study: Study) -> None:
-    """Print what practice without a device omits."""
-    omissions = ["no answer is called right or wrong"] * (study.design.practice_trials > 0)
-    omissions += ["no masking noise is played"] * (study.masking.noise != "none")
-    if omissions:
-        click.echo(f"Note: practice without a device: {', and '.join(omissions)}.")
 
 
 @contextlib.contextmanager
@@ -62,24 +58,24 @@ def responder_named(
         yield simulated_responder(study, plan, clock)
         return
     if practice:
-        _print_practice_note(study)
+        echo("Note: practice without a device gives no feedback and plays no masking noise.")
     from experiment.participant.settings import ResponderSettings, texts_without_device
-    from experiment.trial.events import Task
+    from experiment.trial.events import Attempt
 
     settings = ResponderSettings(
         responses=plan.responses,
         screen=study.screen,
         keys=study.keys,
-        texts=texts_without_device(study.shown_texts) if practice else study.shown_texts,
-        parts=frozenset(Task(trial, 1).part for trial in plan.trials) | {SessionPart.WARM_UP},
+        texts=texts_without_device(study.texts) if practice else study.texts,
+        parts=frozenset(Attempt(trial, 1).part for trial in plan.trials) | {SessionPart.WARM_UP},
         requests=requests,
         stop=stop,
+        task=study.task,
     )
     responder = _make_responder(name, settings, clock)
-    if hasattr(responder, "__enter__"):
-        with contextlib.ExitStack() as stack:
-            yield _enter_responder(name, responder, stack)
-    else:
+    with contextlib.ExitStack() as stack:
+        if hasattr(responder, "__enter__"):
+            responder = _enter_responder(name, responder, stack)
         yield responder
 
 
@@ -88,8 +84,9 @@ def _enter_responder(name: str, responder: Any, stack: contextlib.ExitStack) -> 
     from device.installed import require_whole
     from experiment.trial.responder import Responder
 
+    entered: Responder
     if name in RESPONDERS:
-        entered: Responder = stack.enter_context(responder)
+        entered = stack.enter_context(responder)
         return entered
 
     def leave(*exception: Any) -> bool | None:
@@ -98,7 +95,7 @@ def _enter_responder(name: str, responder: Any, stack: contextlib.ExitStack) -> 
             suppressed: bool | None = responder.__exit__(*exception)
         except (Exception, SystemExit) as error:  # noqa: BLE001 (whatever a lab's code raises)
             message = f"{type(error).__name__}: {' '.join(str(error).split())}"
-            click.echo(f"--responder {name} failed as it was left: {message}", err=True)
+            echo(f"--responder {name} failed as it was left: {message}", err=True)
             return False
         return suppressed
 
@@ -133,14 +130,25 @@ def _make_responder(name: str, settings: ResponderSettings, clock: Clock) -> Any
 
 
 @contextlib.contextmanager
-def display_beside(name: str, requests: Requests, stop: StopSignal) -> Iterator[Display]:
-    """Show the operator the progress, unless the participant uses the terminal."""
-    if name == "terminal":
-        from experiment.session.setting import NobodyLooks
+def display_beside(
+    name: str, requests: Requests, stop: StopSignal
+) -> Iterator[tuple[Callable[[Status], object], Callable[[str], object]]]:
+    """Yield what shows a status to the operator, and a function that prints a line beside it.
 
-        yield NobodyLooks()
+    If the participant uses the terminal nothing is shown, and a line begins below the open one.
+    """
+    if name == "terminal":
+        yield lambda _: None, lambda line: echo("", line)
     else:
         from experiment.operator.view import OperatorView
 
         with OperatorView(requests, stop) as view:
-            yield view
+            yield view.show, view.print
+
+
+def complete_responders(_: click.Context, __: click.Parameter, typed: str) -> list[str]:
+    """Complete the name of a built-in or installed responder."""
+    from device.installed import RESPONDERS as GROUP
+    from device.installed import installed
+
+    return [name for name in (*RESPONDERS, *installed(GROUP)) if name.startswith(typed)]

@@ -1,1 +1,0 @@
-"""What is written and printed for programs: JSON, and the lines of a journal."""

@@ -1,0 +1,108 @@
+"""What measures the bursts of a session, by its study; and what it is to see of each."""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from device.core.host import HostDriver
+from device.errors import LinkError, SoundCardError
+from experiment.rows import NOT_AVAILABLE
+from experiment.study.stimulus import drive_samples
+from experiment.tasks import LEFT_RIGHT_BOTH
+
+if TYPE_CHECKING:
+    from device.clock import Clock
+    from device.driver import BurstDevice
+    from device.monitor.measured import Monitor, Planned
+    from device.sound.recorder import Recorder
+    from device.sound.stream import Stream
+    from experiment.study.equipment import MonitorSettings
+    from experiment.study.stimulus import Condition
+    from experiment.study.study import Study
+
+
+def make_monitor(
+    settings: MonitorSettings, device: BurstDevice, clock: Clock, recorder: Recorder | None
+) -> Monitor | None:
+    """Return the monitor of a study, nothing opened yet; None where it has none.
+
+    `recorder` is the one that the device records with.
+    """
+    if settings.source == "none" or settings.tap is None:
+        return None
+    # scipy.signal takes a tenth of a second to import: only who measures needs it
+    from device.monitor.inputs import Calibration, InputMonitor
+    from device.monitor.measured import Tap, Tolerances
+    from device.monitor.reported import DeviceMonitor
+    from device.sound.recorder import Recorder
+
+    tap, delay_s = Tap(settings.tap), None
+    if settings.delay_ms is not None:
+        delay_s = (settings.delay_ms[0] * 1e-3, settings.delay_ms[1] * 1e-3)
+    per_unit = settings.per_unit or (1.0, 1.0)
+    tolerances = Tolerances(
+        peak=settings.peak_tolerance,
+        onset_s=settings.onset_tolerance_ms * 1e-3,
+        correlation=settings.min_correlation,
+        silence=settings.silence,
+    )
+    shared: dict[str, Any] = {"tap": tap, "tolerances": tolerances}
+    if isinstance(device, HostDriver) and settings.source == "device":
+        delay_s = delay_s or (0.0, 0.0)
+        return DeviceMonitor(device, clock, per_unit=per_unit, delay_s=delay_s, **shared)
+    shared["calibration"] = Calibration(per_unit=per_unit, delay_s=delay_s)
+    card = "that drives"
+    if recorder is None:
+        recorder = Recorder(clock, settings.record_rate_hz, channels=settings.inputs)
+        card, shared["connect"] = settings.sound_card or "default", partial(_open_inputs, settings)
+    else:
+        shared |= {name: getattr(device, name, None) for name in ("played", "renew")}
+    return InputMonitor(recorder, clock, source=f"inputs of the sound card {card}", **shared)
+
+
+def _open_inputs(settings: MonitorSettings, heard: Recorder) -> Stream:
+    """Open a monitor's own card; a `LinkError` names the key that has to be another."""
+    from device.sound.stream import INVALID_CHANNEL_COUNT, INVALID_SAMPLE_RATE, open_inputs
+
+    rules = {
+        INVALID_CHANNEL_COUNT: ("inputs", "inputs of the card", list(settings.inputs)),
+        INVALID_SAMPLE_RATE: ("sample_rate_hz", "a rate of the card", settings.record_rate_hz),
+    }
+    free = ("sound_card", "a sound card with inputs that no program uses", settings.sound_card)
+    try:
+        return open_inputs(heard, card=settings.sound_card)
+    except SoundCardError as error:
+        key, rule, value = rules.get(error.code, free) if error.code is not None else free
+        raise LinkError(f"monitor.{key} must be {rule}; got {value!r} ({error})") from error
+
+
+def monitor_facts(monitor: Monitor | None) -> dict[str, str] | str:
+    """List what the header keeps of what measured the bursts, and of what it never sees."""
+    if monitor is None:
+        return NOT_AVAILABLE
+    return {
+        "source": monitor.source,
+        "tap": monitor.tap.value,
+        "unit": monitor.tap.unit,
+        "never_sees": monitor.unseen,
+    }
+
+
+def planned_burst(study: Study, condition: Condition, side: str, level_vpp: float) -> Planned:
+    """Return what is to be seen at the study's tap of a burst at one side, or at both."""
+    from device.monitor.measured import Planned
+
+    samples = drive_samples(condition, study.device)
+    peak = float(np.max(np.abs(samples)))
+    first, second = study.monitor.at_the_tap
+    burst = (level_vpp / 2 * peak * first, level_vpp / 2 * peak * second)
+    driven = LEFT_RIGHT_BOTH.presentation(side).sites
+    left, right = (
+        amplitude if site in driven else 0.0
+        for site, amplitude in zip(LEFT_RIGHT_BOTH.sites, burst, strict=True)
+    )
+    shape, rate_hz = samples / peak, study.device.sample_rate_hz
+    return Planned(shape=shape, sample_rate_hz=rate_hz, left=left, right=right, burst=burst)
