@@ -193,7 +193,7 @@ def test_only_open_and_closed_move_the_switch(
         )
         device.close()
     assert [fact.get("closed") for fact in facts_of(truth)][:2] == [None, False]
-    errors = capfd.readouterr().err.splitlines()
+    errors = capfd.readouterr().err.splitlines()[-len(others) :]  # below how to use the port
     assert [repr(word) in error for word, error in zip(others, errors, strict=True)] == [True] * 6
 
 
