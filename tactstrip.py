@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 COMMANDS = {
-    "demo": ("analysis", "Demonstrate a session in two minutes."),
+    "demo": ("experiment", "Demonstrate a session in two minutes."),
     "init": ("experiment", "Write a commented study file."),
     "check": ("experiment", "Check the stimuli and levels of a study."),
     "bursts": ("experiment", "Compare bursts on a study's plate."),

@@ -27,7 +27,7 @@ NAMES = (
         "skipping",
         "link",
     ),
-    *("analysis", "precision", "calibration", "groups", "crosscheck", "people", "serial"),
+    *("analysis", "precision", "calibration", "groups", "crosscheck", "people"),
 )
 PAGE = Path(__file__).parent.parent / "docs" / "benchmarks.md"
 BY_HAND = "## Long runs\n"

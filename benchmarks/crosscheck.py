@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from analysis.groups.hierarchy import OMEGA_SPREAD, SPREAD, hierarchy
-from analysis.thresholds.density import QUANTILES, kind_prior
-from analysis.thresholds.mle import MOST_LAPSES, SIGMA_FACTOR, SIGMA_MEDIAN
+from analysis.thresholds.function import MAX_LAPSE, SIGMA_FACTOR, SIGMA_MEDIAN
+from analysis.thresholds.group import OMEGA_SCALE, SPREAD_SCALE, group_posterior
+from analysis.thresholds.likelihood import POINTS
 from benchmarks.calibration import CENTRED, PAPER
 from benchmarks.groups import TRUTH_DB, People
 
@@ -43,20 +43,15 @@ def _model(x: Floats, counts: Floats, presented: float, guess_rate: float) -> No
     middle = numpyro.sample("middle", dist.Uniform(low - 60, high + 60))
     outside = jnp.maximum(jnp.maximum(low - middle, middle - high), 0.0)
     numpyro.factor("prior_of_middle", -outside / 3)
-    spread = numpyro.sample("spread", dist.HalfNormal(SPREAD))
+    spread = numpyro.sample("spread", dist.HalfNormal(SPREAD_SCALE))
     steepness = numpyro.sample(
         "steepness", dist.Normal(math.log(SIGMA_MEDIAN), math.log(SIGMA_FACTOR))
     )
-    omega = numpyro.sample("omega", dist.HalfNormal(OMEGA_SPREAD))
+    omega = numpyro.sample("omega", dist.HalfNormal(OMEGA_SCALE))
     with numpyro.plate("people", people):
         mu = middle + spread * numpyro.sample("mu", dist.Normal(0, 1))
         sigma = jnp.exp(steepness + omega * numpyro.sample("sigma", dist.Normal(0, 1)))
-        lapse = numpyro.sample("lapse", dist.Uniform(0, MOST_LAPSES))
-    t = lapse / MOST_LAPSES
-    kinds = jnp.stack([(1 - t) ** 2, 2 * t * (1 - t), t**2])
-    prior = jnp.asarray(kind_prior())[:, None]
-    of_kind = jnp.log(prior[:, 0]) + jnp.log(kinds / prior).sum(axis=1)
-    numpyro.factor("kinds", jax.scipy.special.logsumexp(of_kind))
+        lapse = numpyro.sample("lapse", dist.Uniform(0, MAX_LAPSE))
     numpyro.factor("prior_of_lapses", 9 * jnp.log1p(-lapse).sum())
     felt = jax.scipy.stats.norm.cdf((x - mu[:, None]) / sigma[:, None])
     p = guess_rate + (1 - guess_rate - lapse[:, None]) * felt
@@ -86,12 +81,12 @@ def rows() -> Iterator[str]:
         rng = people.generator()
         counts = people.answers(rng, TRUTH_DB + people.offsets_db(rng, 1))
         (found,) = people.likelihoods(counts)
-        grid = hierarchy(found, people.ruler())
+        grid = group_posterior(found, people.prior())
         sampler = sampled(20 * np.log10(levels), counts[0], 30, people.guess_rate)
         drawn = sampler.get_samples()
         cells = []
-        for ours, name in ((grid.of_middle(), "middle"), (grid.of_spread(), "spread")):
-            theirs = np.quantile(np.asarray(drawn[name]), QUANTILES)
+        for ours, name in ((grid.middle_points(), "middle"), (grid.spread_points(), "spread")):
+            theirs = np.quantile(np.asarray(drawn[name]), POINTS)
             size = effective_sample_size(np.asarray(drawn[name])[None])
             # Of a normal density the 2.5 % point of so many draws is known so well.
             error = np.ptp(theirs) / 3.92 * 2.67 / math.sqrt(size)

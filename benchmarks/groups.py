@@ -10,14 +10,12 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 from scipy.special import ndtr
 
-from analysis.groups.difference import paired_difference
-from analysis.groups.group import LEVEL
-from analysis.groups.hierarchy import hierarchy
-from analysis.groups.population import population_thresholds
-from analysis.thresholds.density import Ruler
-from analysis.thresholds.fit import fit_many, status_of
-from analysis.thresholds.grid import surfaces
-from analysis.thresholds.people import Guessing, GuessRate, PersonCounts
+from analysis.thresholds.band import group_draws
+from analysis.thresholds.difference import paired_posterior
+from analysis.thresholds.function import Prior
+from analysis.thresholds.group import NOT_RISING, group_fit, group_posterior
+from analysis.thresholds.guess import GuessRate
+from analysis.thresholds.likelihood import Tables, likelihoods
 from benchmarks.calibration import CENTRED, PAPER
 
 if TYPE_CHECKING:
@@ -25,14 +23,12 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from analysis.thresholds.grid import Surface
+    from analysis.thresholds.likelihood import Likelihood
 
     Floats = NDArray[np.float64]
 
 
 STUDIES: Final = 1000
-BESIDE: Final = 100
-"""Studies that statsmodels fits, too."""
 TRUTH_DB: Final = 20 * math.log10(62)
 LEVELS: Final = (PAPER, CENTRED)
 PEOPLE: Final = (3, 5, 12)
@@ -89,25 +85,33 @@ class People:
             p = rng.beta(np.maximum(p * size, 1e-6), np.maximum((1 - p) * size, 1e-6))
         return np.asarray(rng.binomial(N, p), dtype=np.float64)
 
-    def likelihoods(self, counts: Floats) -> Iterator[list[Surface]]:
+    def tables(self, counts: Floats) -> Tables:
+        """Return counts, (people, levels), as they are fitted."""
+        return Tables(
+            x=np.broadcast_to(np.log10(self.levels_vpp), counts.shape),
+            detected=counts,
+            presented=np.full(counts.shape, float(N)),
+            guesses=[GuessRate(mean=self.guess_rate)] * len(counts),
+        )
+
+    def likelihoods(self, counts: Floats) -> Iterator[list[Likelihood]]:
         """Yield the likelihoods of each study's people, of counts (studies, people, levels)."""
-        ruler, guess = self.ruler(), GuessRate(mean=self.guess_rate)
-        for first in range(0, len(counts), _AT_ONCE):
-            flat = counts[first : first + _AT_ONCE].reshape(-1, len(self.levels_vpp))
-            u = np.broadcast_to(np.log10(self.levels_vpp) / ruler.step, flat.shape)
-            found = surfaces(
-                u,
-                flat,
-                np.full(flat.shape, float(N)),
-                rulers=[ruler] * len(flat),
-                guesses=[guess] * len(flat),
-            )
+        flat = counts.reshape(-1, len(self.levels_vpp))
+        for first in range(0, len(flat), _AT_ONCE * self.number):
+            found = likelihoods(self.tables(flat[first : first + _AT_ONCE * self.number]))
             for i in range(0, len(found), self.number):
                 yield found[i : i + self.number]
 
-    def ruler(self) -> Ruler:
-        """Measure the levels."""
-        return Ruler.of(np.log10(self.levels_vpp), "log10")
+    def prior(self) -> Prior:
+        """Return the prior that goes with the levels."""
+        return Prior.of(np.log10(self.levels_vpp), "log10")
+
+    def population_p(self, x_db: Floats, middle_db: Floats) -> Floats:
+        """Return the mean function over people at places, (studies, places); sigma varies too."""
+        at, weight = np.polynomial.hermite_e.hermegauss(21)
+        width = np.hypot(2.0 * np.exp(0.3 * at), self.between_db or 0.0)
+        felt = ndtr((x_db - middle_db[:, None])[..., None] / width) @ (weight / weight.sum())
+        return np.asarray(self.guess_rate + (1 - self.guess_rate - self.lapse_rate) * felt)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -134,22 +138,55 @@ def group_score(people: People, studies: int) -> tuple[Score, float]:
     rng = people.generator()
     truth_db = people.middles_db(rng, studies)
     counts = people.answers(rng, truth_db + people.offsets_db(rng, studies))
-    ruler, found, given = people.ruler(), [], 0
-    guesses = [GuessRate(mean=people.guess_rate)] * people.number
-    x, n = (
-        np.broadcast_to(np.log10(people.levels_vpp), counts.shape[1:]),
-        np.full(counts.shape[1:], float(N)),
-    )
+    found, given = [], 0
     for k, one in zip(counts, people.likelihoods(counts), strict=True):
-        low, middle, high = (float(v) for v in hierarchy(one, ruler).of_middle())
-        status = status_of(x, k, n, (low, middle, high), ruler)
+        posterior = group_posterior(one, people.prior())
+        fit = group_fit(people.tables(k), one, posterior=posterior)
         # Only where nobody's table rises a group has no limits.
-        given += status not in LEVEL or not all(
-            fit.status in LEVEL for fit in fit_many(x, k, n, guesses=guesses)
-        )
-        found.append((low, middle, high))
+        given += fit.status not in NOT_RISING
+        found.append(posterior.middle_points())
     low_db, middle_db, high_db = (np.array(found) - truth_db).T
     return Score(low=low_db, middle=middle_db, high=high_db), given / studies
+
+
+def coverage_rows(studies: int) -> Iterator[str]:
+    """Yield how often intervals hold the truth: M, the next person, the band, differences."""
+    for between_db, levels, number in itertools.product((1.0, 2.0, 4.0, 6.0), LEVELS, PEOPLE):
+        people = People(number=number, levels_vpp=levels, between_db=between_db)
+        rng = people.generator()
+        truth_db = people.middles_db(rng, studies)
+        counts = people.answers(rng, truth_db + people.offsets_db(rng, studies))
+        next_db = truth_db[:, 0] + between_db * rng.standard_normal(studies)
+        x = np.log10(levels)
+        truth_p = people.population_p(20 * x, truth_db[:, 0])
+        inside = np.zeros(3)
+        for i, (k, one) in enumerate(zip(counts, people.likelihoods(counts), strict=True)):
+            posterior = group_posterior(one, people.prior())
+            limits = posterior.middle_points()[[0, 2]], posterior.next_person_points()[[0, 2]]
+            low, high = group_draws(people.tables(k), one, posterior).band(x)
+            inside += [
+                limits[0][0] <= truth_db[i, 0] <= limits[0][1],
+                limits[1][0] <= next_db[i] <= limits[1][1],
+                ((low <= truth_p[i]) & (truth_p[i] <= high)).mean(),
+            ]
+        name = "paper's" if levels == PAPER else "centred"
+        middle, following, band = inside / studies
+        yield (
+            f"group | {name}, {number} people, {between_db:g} dB | threshold {middle:.1%}, "
+            f"next person {following:.1%}, band {band:.1%}"
+        )
+    for shift_db, varying_db in ((0.0, 0.5), (2.0, 1.0), (2.0, 3.0)):
+        for levels, number in itertools.product(LEVELS, PEOPLE):
+            people = People(number=number, levels_vpp=levels)
+            score = difference_score(
+                people, shift_db=shift_db, varying_db=varying_db, studies=studies
+            )
+            name = "paper's" if levels == PAPER else "centred"
+            cover = score.cells()[0]
+            yield (
+                f"difference | {name}, {number} people, {shift_db:g} dB varying by "
+                f"{varying_db:g} dB | {cover} %"
+            )
 
 
 def group_rows() -> Iterator[str]:
@@ -178,44 +215,15 @@ def _spread_words(dispersion: int) -> str:
     return f", dispersion {dispersion}" if dispersion > 1 else ""
 
 
-def population_rows() -> Iterator[str]:
-    """Yield ours beside statsmodels, of people who hardly guess: its model has no guesses."""
-    for number in (5, 12):
-        people = People(number=number, levels_vpp=CENTRED, guess_rate=0.02)
-        score, _ = group_score(people, BESIDE)
-        yield f"| {number} | `fit_group` | {' | '.join(score.cells())} |"
-        rng = people.generator()
-        counts = people.answers(rng, TRUTH_DB + people.offsets_db(rng, BESIDE))
-        found = np.array([_population(people, k) for k in counts]) - TRUTH_DB
-        other = Score(low=found[:, 0], middle=found[:, 1], high=found[:, 2])
-        yield f"| {number} | statsmodels (`--population`) | {' | '.join(other.cells())} |"
-
-
-def _population(people: People, counts: Floats) -> tuple[float, float, float]:
-    guess = Guessing(rate=GuessRate(mean=people.guess_rate), basis="blanks")
-    (found,) = population_thresholds(
-        PersonCounts(
-            names=tuple(("main", str(i)) for i in range(people.number)),
-            level_vpp=np.broadcast_to(people.levels_vpp, counts.shape),
-            detected=counts,
-            presented=np.full(counts.shape, float(N)),
-            guesses=(guess,) * people.number,
-        )
-    )
-    low, high = found.threshold_limits_vpp
-    low_db, middle_db, high_db = 20 * np.log10([low, found.threshold_vpp, high])
-    return float(low_db), float(middle_db), float(high_db)
-
-
-def difference_score(people: People, *, shift_db: float, varying_db: float) -> Score:
+def difference_score(people: People, *, shift_db: float, varying_db: float, studies: int) -> Score:
     """Return how the difference of two conditions of the same people did."""
     rng = people.generator()
-    middle_db = TRUTH_DB + people.offsets_db(rng, STUDIES)
+    middle_db = TRUTH_DB + people.offsets_db(rng, studies)
     d = shift_db + varying_db * rng.standard_normal(middle_db.shape)
     a, b = (people.answers(rng, middle_db + part * d) for part in (-0.5, 0.5))
     found: list[Sequence[float]] = []
     for of_a, of_b in zip(people.likelihoods(a), people.likelihoods(b), strict=True):
-        one, _ = paired_difference(of_a, of_b, people.ruler())
+        one = paired_posterior(of_a, of_b, people.prior()).group
         low, high = one.difference_limits_db
         found.append((low, one.difference_db, high))
     low_db, told, high_db = (np.array(found) - shift_db).T
@@ -229,7 +237,9 @@ def difference_rows() -> Iterator[str]:
         cells = [f"{shift_db:g} dB | {varying_db:g} dB{_spread_words(dispersion)}"]
         for levels, number in itertools.product(LEVELS, PEOPLE):
             people = People(number=number, levels_vpp=levels, dispersion=dispersion)
-            score = difference_score(people, shift_db=shift_db, varying_db=varying_db)
+            score = difference_score(
+                people, shift_db=shift_db, varying_db=varying_db, studies=STUDIES
+            )
             cells.append(", ".join(score.cells()))
         yield f"| {' | '.join(cells)} |"
 
@@ -245,12 +255,6 @@ def section() -> str:
             f"| between people | {_COLUMNS} |",
             f"|{'---|' * (1 + len(LEVELS) * len(PEOPLE))}",
             *group_rows(),
-            "",
-            _POPULATION,
-            "",
-            "| people | method | limits cover, % | width, dB | bias, dB | RMSE, dB |",
-            "|---|---|---|---|---|---|",
-            *population_rows(),
             "",
             _DIFFERENCES,
             "",
@@ -273,10 +277,6 @@ _GROUPS: Final = (
     "times as much as the binomial; `prior`: spread and middle are drawn from their priors for "
     "each study. Limits are the posterior's, printed or not (open outside the levels). Left out, "
     "as their neighbours show them: 4 dB between people, and differences of 2 dB that vary by 2 dB."
-)
-_POPULATION: Final = (
-    f"Beside statsmodels, {BESIDE} studies (standard error of coverage 1.4 to 2.7 %): 2 dB between "
-    "people, centred levels, guess rate 0.02 (its model has neither guesses nor lapses)."
 )
 _DIFFERENCES: Final = (
     "Differences of two conditions, of people as above, 2 dB apart. Open limits count as covering."

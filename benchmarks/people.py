@@ -11,8 +11,9 @@ import pandas as pd
 from scipy.signal import lfilter
 from scipy.special import ndtr
 
-from analysis.answers.doubts import doubtful
 from analysis.axis import VOLTS
+from analysis.counts.checks import check_trials
+from analysis.counts.table import count_answers
 from experiment.perception.answers import draw_answers
 from experiment.perception.gains import OWN_FINGER_ONLY
 from experiment.perception.population import draw_observer, threshold_course_db
@@ -223,7 +224,8 @@ def doubt_rows() -> Iterator[str]:
     for design in DESIGNS:
         cells = []
         for person in PEOPLE.values():
-            told = [str(one) for one in doubtful(sessions_of(person, design, SESSIONS), VOLTS)]
+            trials = sessions_of(person, design, SESSIONS)
+            told = [str(one) for one in check_trials(trials, count_answers(trials), VOLTS)]
             counts = [sum(words in one for one in told) for words in KINDS.values()]
             cells.append(", ".join(map(str, counts)))
         yield f"| {design.name} | {' | '.join(cells)} |"

@@ -21,20 +21,18 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from analysis.answers.detection import blank_table, level_table
 from analysis.axis import VOLTS
-from analysis.groups.tables import GROUP, difference_table, group_table
-from analysis.power.goals import Goal
-from analysis.power.planning import plan_study
-from analysis.power.population import stated_people
-from analysis.power.search import Trials
-from analysis.power.studies import pilot_levels_vpp, plan_text
-from analysis.reading.load import read_trials
-from analysis.thresholds.levels import LevelsError, pilot_functions, placed
+from analysis.counts.table import count_answers, count_blanks, level_table
+from analysis.planning.curve import Studies, plan_study
+from analysis.planning.estimates import fit_people
+from analysis.planning.goals import Goal
+from analysis.planning.levels import LevelsError, placed_levels
+from analysis.planning.people import stated_people
+from analysis.planning.spread import Kept, spread
+from analysis.planning.studies import pilot_levels_vpp, plan_text
+from analysis.reading.trials import read_trials
 from analysis.thresholds.people import people_of
-from analysis.thresholds.table import thresholds_of
-from analysis.workers.chunks import spread
-from analysis.workers.kept import Kept
+from analysis.thresholds.table import GROUP, difference_table, group_table, thresholds_of
 from device.clock import VirtualClock
 from experiment.archive.disk import UNWAITED
 from experiment.archive.folders import SessionFolder
@@ -56,7 +54,7 @@ if TYPE_CHECKING:
 
     import pandas as pd
 
-    from analysis.power.search import Answer
+    from analysis.planning.result import Answer
     from experiment.perception.gains import ConditionGains
     from experiment.study.study import Study
     from experiment.trial.plan import Plan as SessionPlan
@@ -162,10 +160,12 @@ def attained(
     study: Study, goal: Goal, answer: Answer, number: int, *, seed: int, spread: Any
 ) -> tuple[int, int]:
     """Return in how many of so many fresh studies the goal is reached."""
-    point = replace(answer.point, participants=answer.participants or 0)
+    point = answer.at(answer.participants or 0)
     plan = plan_text(study, study_gains(study), goal)
-    (found,) = Trials(plan=plan, seed=seed, spread=spread).run([point], number)
-    return found.reached, found.studies
+    studies = Studies(plan=plan, seed=seed, spread=spread)
+    studies.run([point], 0, number)
+    tally = studies.tally(point, 0, number)
+    return tally.reached, tally.studies
 
 
 def through_the_chain(chunk: Whole) -> int:
@@ -226,15 +226,13 @@ def placed_sessions(
 def _levels(pilot: pd.DataFrame, study: Study) -> dict[str, tuple[float, ...]]:
     """Place levels as `tactstrip levels` does, without the second it takes to tell their error."""
     people = people_of(pilot)
-    functions = pilot_functions(
-        people.level_vpp, people.detected, people.presented, [one.rate for one in people.guesses]
-    )
+    counts = (people.level_vpp, people.detected, people.presented)
+    fits = fit_people(*counts, [guessing.rate for guessing in people.guesses])
     levels_vpp = {}
-    for (condition, _), found in zip(people.names, functions, strict=True):
+    for (condition, _), fit in zip(people.names, fits, strict=True):
         levels_vpp[condition] = study.design.levels_vpp
-        if not isinstance(found, LevelsError):
-            with suppress(LevelsError):
-                levels_vpp[condition] = placed(found.function, *study.device.highest)
+        with suppress(LevelsError):
+            levels_vpp[condition] = placed_levels(fit, *study.device.highest)
     return levels_vpp
 
 
@@ -270,7 +268,10 @@ def _run(
 def _reached(trials: pd.DataFrame, goal: Goal) -> bool:
     """Tell by the tables of an analysis."""
     if goal.kind == "difference":
-        found = difference_table(people_of(trials), VOLTS)
+        people = people_of(trials)
+        thresholds = thresholds_of(people, seed=0, axis=VOLTS)
+        groups = group_table(people, thresholds, VOLTS)
+        found = difference_table(people, VOLTS, thresholds, groups)
         return bool(found.loc[found["participant"].eq(GROUP), "low_db"].iloc[0] > 0)
     first = trials[trials["condition"].eq("a")]
     if goal.kind == "half-width":
@@ -281,14 +282,14 @@ def _reached(trials: pd.DataFrame, goal: Goal) -> bool:
     if goal.kind == "detection":
         table = level_table(first)
         row = table[np.isclose(table["level_vpp"], goal.level_vpp or 0.0)].iloc[0]
-        return bool(row["group_high"] - row["group_low"] <= 2 * goal.size)
-    return bool(blank_table(first)["high"].iloc[-1] <= goal.size)
+        return bool(row["p_high"] - row["p_low"] <= 2 * goal.size)
+    return bool(count_blanks(count_answers(first))["high"].iloc[-1] <= goal.size)
 
 
 def row(plan: Plan, seed: int, spread: Any, *, fresh: int = FRESH, whole: int = WHOLE) -> str:
     """Return the row of a plan, with so many studies through the whole chain or without."""
     study, goal = plan.study(), Goal.parse(plan.goal)
-    promise = plan_study(
+    result = plan_study(
         stated_people(study, goal),
         goal,
         participants=(2, plan.most),
@@ -298,10 +299,8 @@ def row(plan: Plan, seed: int, spread: Any, *, fresh: int = FRESH, whole: int = 
         assurance=ASSURANCE,
         seed=seed,
         spread=spread,
-        predicted=lambda *_: None,
-        step=lambda *_: None,
     )
-    answer = promise.best
+    answer = result.best
     levels = "placed" if plan.placed else "fixed"
     head = f"| {plan.goal} | {plan.spread_db:g} dB | {plan.trials} | {plan.blanks} | {levels} |"
     if answer is None:
@@ -310,7 +309,7 @@ def row(plan: Plan, seed: int, spread: Any, *, fresh: int = FRESH, whole: int = 
     people = f"{number}"
     if (answer.low, answer.high) != (number, number):
         people = f"{number} ({answer.low} to {answer.high or 'more'})"
-    promised = answer.checked.assurance if answer.checked else math.nan
+    promised = answer.checked.share if answer.checked else math.nan
     kept = {"threshold_at_hz", "threshold_at_s", "threshold_at_cm2"}
     if goal.kind == "false-alarms":  # whose rate is what the plan states
         kept.add("false_alarm_rate")
@@ -347,16 +346,15 @@ def share(reached: int, studies: int) -> str:
 
 def main(path: str) -> None:
     """Print the table, first without the whole chain."""
-    with Kept(Path(path), {"benchmark": "power"}) as kept:
-        of_kept = partial(spread, kept=kept)
-        for whole in (0, WHOLE):
-            print(
-                "| goal | between people | trials a side | blanks | levels | people | promised | "
-                "attained | whole chain | realistic people |"
-            )
-            print("|---" * 10 + "|")
-            for i, plan in enumerate(plans()):
-                print(row(plan, i, of_kept, whole=whole), flush=True)
+    keeping = partial(spread, kept=Kept(Path(path), {"benchmark": "power"}))
+    for whole in (0, WHOLE):
+        print(
+            "| goal | between people | trials a side | blanks | levels | people | promised | "
+            "attained | whole chain | realistic people |"
+        )
+        print("|---" * 10 + "|")
+        for i, plan in enumerate(plans()):
+            print(row(plan, i, keeping, whole=whole), flush=True)
 
 
 if __name__ == "__main__":

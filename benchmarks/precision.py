@@ -13,9 +13,8 @@ import numpy as np
 from scipy.special import ndtr
 
 from analysis import compare_conditions, fit_group
-from analysis.thresholds.density import Nodes
 from analysis.thresholds.fit import fit_many
-from analysis.thresholds.grid import STANDARD
+from analysis.thresholds.likelihood import STANDARD, Nodes
 from benchmarks.calibration import BESIDE, CENTRED, PAPER, SCENARIOS, ours, theirs
 from benchmarks.timing import duration, processor_s
 
@@ -49,8 +48,7 @@ class Grid:
 
 
 def _whole(scenario: Scenario, counts: Floats) -> object:
-    x, n, guesses = scenario.asked(counts)
-    return fit_many(x, counts, n, guesses=guesses)
+    return fit_many(scenario.tables(counts))
 
 
 def grids() -> list[Grid]:

@@ -32,8 +32,8 @@ root = Path(sys.argv[1])
 for _ in simulate_study(study, root, participants=5, seed=7, gains=gains):
     pass
 mark("five sessions of 155 trials")
-from analysis.reading.load import read_inputs
-from analysis.results.tables import analyse
+from analysis.reading.trials import read_inputs
+from analysis.results.analysis import analyse
 import pandas
 mark("import of pandas")
 analysis_ = analyse(read_inputs([root], None), ci="wilson", seed=7, allow_simulated=False)

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import sys
+import webbrowser
 from contextlib import nullcontext
+from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
-from analysis.definitions import METHODS
-from device.printing import echo
+from analysis.numbers import METHODS
 from experiment.commands.options.hardware import working
 from experiment.exits import ANSWER_IS_NO, CommandError, refusals
 
@@ -18,9 +19,10 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
     from contextlib import AbstractContextManager
 
-    from analysis.reading.foreign.columns import ColumnMap
+    from analysis.reading.columns import ColumnMap
     from analysis.reading.sources import InputTable
-    from analysis.results.tables import Analysis
+    from analysis.results.analysis import Analysis
+    from analysis.results.figures.drawing import Style
 
 
 _BIDS = "dataset_description.json"
@@ -37,9 +39,8 @@ def write_analysis(
     allow_simulated: bool = False,
     accept_altered: bool = False,
     seed: int = 0,
-    population: bool = False,
     figures: bool = True,
-    pdf: bool = False,
+    style: Style | None = None,
     bar: bool = False,
 ) -> Analysis:
     r"""Read result files, analyse them and write tables, summary, figures and a report.
@@ -59,13 +60,11 @@ def write_analysis(
     accept_altered : bool
         Whether to analyse modified sessions, and mark them in every output.
     seed : int
-        The seed of the bootstrap and the permutation tests, saved in the summary.
-    population : bool
-        Whether to also fit the participants of each condition as one population.
+        The seed of the bootstrap, saved in the summary.
     figures : bool
         Whether to write figures.
-    pdf : bool
-        Whether to also write figures as PDF.
+    style : Style, optional
+        The width, the style sheet and the formats of the figures.
     bar : bool
         Whether to show progress on a terminal.
 
@@ -93,14 +92,13 @@ def write_analysis(
     ...     _ = table.write_text("participant,side,level_vpp,response\n1,left,60,left\n")
     ...     analysis = write_analysis([table], folder, columns=ColumnMap(), figures=False)
     ...     sorted(path.name for path in Path(folder).iterdir())
-    ['.tactstrip.json', 'confusion.csv', 'levels.csv', 'methods.txt', 'participants.csv',
-    'report.html', 'summary.json', 'table.csv', 'thresholds.csv', 'trials_clean.csv']
+    ['.tactstrip.json', 'columns.json', 'confusion.csv', 'levels.csv', 'methods.txt',
+    'participants.csv', 'report.html', 'summary.json', 'table.csv', 'thresholds.csv',
+    'trials_clean.csv']
     >>> analysis.levels[["detected", "presented"]].to_numpy().tolist()
     [[1, 1]]
     """
-    from analysis.reading.load import no_search_for_circles, read_inputs
-    from analysis.results.files import save
-    from analysis.results.tables import analyse
+    from analysis.reading.trials import no_search_for_circles, read_inputs
 
     loaded = read_inputs(
         paths,
@@ -108,12 +106,16 @@ def write_analysis(
         watched=_reading_progress if bar else nullcontext,
         accept_altered=accept_altered,
     )
+    from analysis.results.analysis import analyse
+
     with working("Fitting") if bar else nullcontext(), no_search_for_circles():
-        analysis = analyse(
-            loaded, ci=ci, seed=seed, allow_simulated=allow_simulated, population=population
-        )
+        analysis = analyse(loaded, ci=ci, seed=seed, allow_simulated=allow_simulated)
+    from analysis.results.figures.drawing import DEFAULT_STYLE
+    from analysis.results.files import save
+
     with working("Writing") if bar else nullcontext(), no_search_for_circles():
-        save(analysis, Path(out_dir), with_figures=figures, read=loaded.paths, pdf=pdf)
+        chosen = (style or DEFAULT_STYLE) if figures else None
+        save(analysis, Path(out_dir), read=loaded.paths, style=chosen)
     return analysis
 
 
@@ -131,7 +133,7 @@ def _reading_progress(
 @click.option(
     "--out",
     type=click.Path(path_type=Path),
-    show_default="PATH/analysis for a single folder of sessions, ./analysis otherwise",
+    show_default="PATH/analysis for a single folder of sessions, PATH-analysis otherwise",
     help="Folder for the results.",
 )
 @click.option(
@@ -162,19 +164,29 @@ def _reading_progress(
     metavar="N",
     default=0,
     show_default=True,
-    help="Seed of the bootstrap and the permutation tests, saved in summary.json.",
-)
-@click.option(
-    "--population",
-    is_flag=True,
-    help="Also fit all participants of a condition as one population. Not available for a guess "
-    "rate above 0.03 or for forced choice.",
+    help="Seed of the bootstrap, saved in summary.json.",
 )
 @click.option("--strict", is_flag=True, help="Exit with code 1 if there is a warning.")
 @click.option("--pdf", is_flag=True, help="Also write each figure as PDF.")
 @click.option(
+    "--width-mm",
+    type=click.FloatRange(60, 400),
+    metavar="MM",
+    default=85.0,
+    show_default=True,
+    help="Width of the figures.",
+)
+@click.option(
+    "--style",
+    type=click.Path(exists=True, dir_okay=False, path_type=Path),
+    metavar="FILE",
+    help="Matplotlib style sheet for the figures.",
+)
+@click.option(
     "--no-figures", is_flag=True, help="Write no figures. The report contains tables only."
 )
+@click.option("--details", is_flag=True, help="Also print the tables.")
+@click.option("--open", "open_report", is_flag=True, help="Open the report in the web browser.")
 @refusals
 def analyze(
     paths: tuple[Path, ...],
@@ -185,10 +197,13 @@ def analyze(
     *,
     allow_simulated: bool,
     accept_altered: bool,
-    population: bool,
     strict: bool,
     pdf: bool,
+    width_mm: float,
+    style: Path | None,
     no_figures: bool,
+    details: bool,
+    open_report: bool,
 ) -> None:
     """Analyze result files and write tables, figures and a report.
 
@@ -196,43 +211,57 @@ def analyze(
     --columns every .csv and .tsv file. It verifies each session against its journal, and stops with
     exit code 2 if a session was modified. A table without a journal is analyzed and marked.
     """
-    from analysis.reading.foreign.columns import load_column_map
-    from analysis.results.console import print_analysis
-
     if pdf and no_figures:
         raise click.UsageError("--pdf writes figures: leave --no-figures out")
-    # Results are written into a folder of sessions, but not into data of another program.
-    is_session_folder = columns is None and len(paths) == 1 and paths[0].is_dir()
-    is_session_folder = is_session_folder and not (paths[0] / _BIDS).exists()
-    target = out or (paths[0] if is_session_folder else Path()) / "analysis"
-    if out is None:
-        _require_analysis_folder(target)
+    from analysis.reading.columns import load_column_map
+
+    column_map = load_column_map(columns) if columns else None
+    for path in paths:
+        if not path.exists():
+            raise CommandError(f"{path}: no such file or folder")
+    from analysis.results.figures.drawing import Style
+
+    target = out or default_folder(paths, external=columns is not None)
     analysis = write_analysis(
         paths,
         target,
-        columns=load_column_map(columns) if columns else None,
+        columns=column_map,
         ci=ci,
         allow_simulated=allow_simulated,
         accept_altered=accept_altered,
         seed=seed,
-        population=population,
         figures=not no_figures,
-        pdf=pdf,
+        style=Style(width_mm=width_mm, style=style, pdf=pdf),
         bar=True,
     )
-    print_analysis(analysis, sys.stdout)
-    echo(f"Written to {target}{'' if pdf or no_figures else '; --pdf: figures as PDF, too'}")
+    from analysis.results.console import print_analysis
+    from analysis.results.files import REPORT
+
+    report = target / REPORT
+    print_analysis(analysis, sys.stdout, details=details, report=str(report))
+    if open_report:
+        webbrowser.open(report.resolve().as_uri())
     if strict and analysis.warnings:
         click.get_current_context().exit(ANSWER_IS_NO)
 
 
-def _require_analysis_folder(target: Path) -> None:
-    """Reject a default folder that holds files but no earlier analysis."""
+def default_folder(paths: Sequence[Path], *, external: bool) -> Path:
+    """Return the folder for the results: new, empty, or of an earlier analysis.
+
+    Results are written into a folder of sessions, but not into data of another program.
+    """
     from experiment.archive import manifest
 
-    if target.is_dir() and not (target / manifest.NAME).exists() and any(target.iterdir()):
-        first = min(path.name for path in target.iterdir())
-        raise CommandError(
-            f"{target}: has files that no analysis wrote, such as {first}; --out DIR names another "
-            "folder"
-        )
+    first = paths[0]
+    is_session_folder = not external and len(paths) == 1 and first.is_dir()
+    if is_session_folder and not (first / _BIDS).exists():
+        base = first / "analysis"
+    else:
+        base = Path(f"{first.resolve().stem}-analysis")
+    for number in count(1):
+        folder = base if number == 1 else base.with_name(f"{base.name}-{number}")
+        if not folder.exists() or (folder.is_dir() and not any(folder.iterdir())):
+            break
+        if (folder / manifest.NAME).exists():
+            break
+    return folder

@@ -7,23 +7,16 @@ import json
 import re
 import sys
 import textwrap
-from dataclasses import asdict
+from importlib.resources import files
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Any
 
 import click
 
-from analysis.audit.printed import Printed
-from analysis.audit.rows import READINGS, PrintedRow
+from analysis.audit import Printed, PrintedRow
 from analysis.reading.text import ResultFileError, one_line, shown
 from device.printing import echo
 from experiment.exits import ANSWER_IS_NO, refusals
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from analysis.audit.rows import Audit, ReadingVerdict, RowAudit
-
 
 LABEL_COLUMNS = ("level_vpp", "level", "label")
 REQUIRED_COLUMNS = ("min", "mean", "max")
@@ -126,74 +119,17 @@ def _parse_participants(text: str) -> int | None:
     return int(text)
 
 
-def format_audit(report: Audit) -> Iterator[str]:
-    """Format an audit as lines of text."""
-    yield (
-        f"{len(report.rows)} rows; {report.decimals} decimals, of which zeros at the end may have "
-        "been dropped. Means are taken as unweighted over participants."
+def format_audit(report: dict[str, Any]) -> str:
+    """Format an audit as text."""
+    from jinja2 import Environment, StrictUndefined
+
+    environment = Environment(  # noqa: S701 (text, no page)
+        undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
-    for row in report.rows:
-        yield from _format_row(row)
-    if report.exchange_fits:
-        yield f"Some order of the means fits all rows ({', '.join(report.exchange_fits)})."
-    else:
-        yield "No order of the means fits all rows."
-    impossible = [one_line(row.row.label) for row in report.rows if not row.possible]
-    labels = ", ".join(impossible) if impossible else "none"
-    yield f"Impossible under every reading: {labels}."
-
-
-def _format_row(audited: RowAudit) -> Iterator[str]:
-    row = audited.row
-    numbers = f"{row.least.text}, {row.mean.text}, {row.largest.text}"
-    state = "possible" if audited.possible else "impossible"
-    yield f"{one_line(row.label)}: least, mean, largest {numbers}: {state}"
-    for verdict in audited.verdicts:
-        yield f"  {verdict.reading}: {'; '.join(verdict.reasons) or 'possible'}"
-        if verdict.reasons:
-            fitting = ", ".join(verdict.fitting_means) or "none"
-            yield f"    means of this table that would fit: {fitting}"
-        yield from _format_trials(verdict)
-    if not audited.possible and audited.possible_as_shown:
-        readings = " or ".join(audited.possible_as_shown)
-        yield (
-            f"  possible only if no zeros were dropped and each number was {readings} to what it "
-            "shows"
-        )
-
-
-def _format_trials(verdict: ReadingVerdict) -> Iterator[str]:
-    counts = {"least": verdict.least_trials, "largest": verdict.largest_trials}
-    for name, trials in counts.items():
-        if trials and len(trials) <= _MAX_COUNTS_LISTED:
-            yield f"    the {name} value needs n = {', '.join(map(str, trials))}"
-
-
-def audit_json(report: Audit) -> str:
-    """Format an audit as one JSON object: results for the table, then for each row."""
-    rows = [
-        {
-            "label": audited.row.label,
-            "min": audited.row.least.text,
-            "mean": audited.row.mean.text,
-            "max": audited.row.largest.text,
-            "n": audited.row.trials,
-            "participants": audited.row.participants,
-            "possible": audited.possible,
-            "possible_as_shown": audited.possible_as_shown,
-            "readings": [asdict(v) | {"possible": v.possible} for v in audited.verdicts],
-        }
-        for audited in report.rows
-    ]
-    summary = {
-        "schema": 1,
-        "possible": report.possible,
-        "decimals": report.decimals,
-        "readings": list(READINGS),
-        "exchange_fits": report.exchange_fits,
-        "rows": rows,
-    }
-    return json.dumps(summary, allow_nan=False)
+    environment.filters["one_line"] = one_line
+    template = files(__package__).joinpath("templates", "audit.txt.jinja").read_text("utf-8")
+    text = environment.from_string(template)
+    return text.render(report=report, max_counts=_MAX_COUNTS_LISTED)
 
 
 _WIDTH = 80
@@ -219,13 +155,13 @@ def audit(table: Path, *, as_json: bool) -> None:
     participant (such as 30 or 20-40). The exit code is 1 if a row is impossible both with rounding
     and with truncation.
     """
-    from analysis.audit.rows import audit as audit_rows
+    from analysis.audit import audit_rows
 
     report = audit_rows(read_table(table))
     if as_json:
-        echo(*audit_json(report).split("\n"))
+        echo(json.dumps(report, allow_nan=False))
     else:
-        for line in format_audit(report):
+        for line in format_audit(report).split("\n"):
             echo(*_wrap_line(line).split("\n"))
-    if not report.possible:
+    if not report["possible"]:
         click.get_current_context().exit(ANSWER_IS_NO)

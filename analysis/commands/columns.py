@@ -32,7 +32,7 @@ def columns(*, tables: tuple[Path, ...], target: Path | None) -> None:
     the map, review the lines marked `# guess`, and fill in those marked `# FILL IN`. Then pass the
     map to `tactstrip analyze --columns`.
     """
-    from analysis.reading.drafted.draft import NOTE, map_draft
+    from analysis.reading.draft import NOTE, propose_map
     from analysis.reading.sources import TABLE, find_sources
 
     if target is not None and (target.exists() or target.is_symlink()):
@@ -40,7 +40,7 @@ def columns(*, tables: tuple[Path, ...], target: Path | None) -> None:
     sources = find_sources([*tables], foreign=True).tables
     if not sources or all(source.path.name == TABLE for source in sources):
         raise CommandError(f"{tables[0]}: a {TABLE} of tactstrip needs no map")
-    text, blanks = map_draft(sources)
+    text, blanks = propose_map(sources)
     if target is None:
         echo(*text.removesuffix("\n").split("\n"))
         return

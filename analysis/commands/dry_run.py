@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import secrets
 import sys
+import webbrowser
 from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -59,6 +60,9 @@ _WIDTH = 80
     help="Also choose stimulus levels from each session, as `tactstrip levels` does from a pilot "
     "session, and print their expected error.",
 )
+@click.option("--no-figures", is_flag=True, help="Write no figures.")
+@click.option("--details", is_flag=True, help="Also print the tables.")
+@click.option("--open", "open_report", is_flag=True, help="Open the report in the web browser.")
 @refusals
 def dry_run(
     *,
@@ -67,6 +71,9 @@ def dry_run(
     seed: int | None,
     out: Path | None,
     with_levels: bool,
+    no_figures: bool,
+    details: bool,
+    open_report: bool,
 ) -> None:
     """Simulate participants on the mock device and analyze their sessions.
 
@@ -74,9 +81,7 @@ def dry_run(
     threshold. The same seed reproduces every trials.csv.
     """
     from analysis.commands.analyze import write_analysis
-    from analysis.results.console import print_analysis
     from experiment.check.check import require_fit
-    from experiment.check.report import report_text
     from experiment.check.study_report import simulated_participants
     from experiment.study.files import first_study, naming, read_study
 
@@ -87,20 +92,30 @@ def dry_run(
     seed = secrets.randbits(32) if seed is None else seed
     people = f"{participants} simulated participant{'s' * (participants > 1)}"
     echo(f"{people}, seed {seed}, in {folder}")
-    simulated = simulated_participants(study, check.gains)
-    echo(*report_text("simulated", simulated, warnings=True).split("\n"))
     _simulate(check, folder, participants, seed)
-    print_analysis(write_analysis([folder], folder / "analysis", seed=seed, bar=True), sys.stdout)
+    target = folder / "analysis"
+    analysis = write_analysis([folder], target, seed=seed, figures=not no_figures, bar=True)
+    from analysis.results.answer import simulated_row
+    from analysis.results.console import print_analysis
+    from analysis.results.files import REPORT
+
+    report = target / REPORT
+    simulated = simulated_participants(study, check.gains)
+    row = simulated_row(simulated["thresholds"], simulated["threshold_sd_db"])
+    print_analysis(analysis, sys.stdout, details=details, report=str(report), more=[row])
+    for warning in simulated["warnings"]:
+        echo(f"Warning: {warning.message}")
     if with_levels:
         _print_levels(study, folder)
-    echo(f"Written to {folder / 'analysis'}")
+    if open_report:
+        webbrowser.open(report.resolve().as_uri())
 
 
 def _print_levels(study: Study, folder: Path) -> None:
     from analysis.commands.levels import format_line
-    from analysis.definitions import counted_up
-    from analysis.reading.load import read_trials
-    from analysis.thresholds.levels import LevelsError, place_levels
+    from analysis.numbers import counted_up
+    from analysis.planning.levels import LevelsError, place_levels
+    from analysis.reading.trials import read_trials
 
     echo("Levels by these sessions:")
     trials = read_trials([folder])

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     import pandas as pd
 
-    from analysis.thresholds.levels import ExpectedError, LevelsError, Placement
+    from analysis.planning.levels import ExpectedError, LevelsError, Placement
     from experiment.study.study import Study
 
 
@@ -63,8 +63,8 @@ def levels(
     condition, tactstrip fits the psychometric function and chooses five levels. Levels from a
     simulated session are marked as such.
     """
-    from analysis.reading.load import read_trials
-    from analysis.thresholds.levels import LevelsError, place_levels
+    from analysis.planning.levels import LevelsError, place_levels
+    from analysis.reading.trials import read_trials
     from experiment.study.files import read_study
 
     if target is not None and target.suffix != LEVELS_SUFFIX:  # a withdrawal would not find it
@@ -119,7 +119,7 @@ def _select_placements(
 
 def _pilot_study(trials: pd.DataFrame) -> Study:
     """Return the study in the plan beside the last pilot's table, or the paper's study."""
-    from analysis.reading.plans import read_plan
+    from analysis.reading.session import read_plan
     from experiment.study.files import paper_study, study_from_canonical
 
     files = trials["file"].unique()
@@ -132,10 +132,10 @@ def format_placement(placement: Placement) -> str:
     low, high = placement.threshold_limits_vpp
     function = placement.function
     rows = "\n".join(
-        f"  {level:7.1f} V  felt {share:.0%}"
-        for level, share in zip(placement.levels_vpp, placement.felt, strict=True)
+        f"  {level:7.1f} V  detected {share:.0%}"
+        for level, share in zip(placement.levels_vpp, placement.shares, strict=True)
     )
-    fixed = " ".join(f"{level:g}" for level in placement.fixed_levels_vpp)
+    study_levels = " ".join(f"{level:g}" for level in placement.study_levels_vpp)
     highest_vpp, key = placement.highest
     limited = f" (the device reaches {highest_vpp:g} V = {key})"
     limited *= placement.levels_vpp[-1] > highest_vpp - 0.1
@@ -146,7 +146,7 @@ def format_placement(placement: Placement) -> str:
         f"Expected error of the threshold after {placement.trials} stimuli (RMSE), by what the "
         f"pilot tells:\n"
         f"  {_error(placement.error)} with these levels\n"
-        f"  {_error(placement.fixed_error)} with {fixed} V"
+        f"  {_error(placement.study_error)} with {study_levels} V"
     )
 
 
@@ -156,12 +156,12 @@ def format_line(placement: Placement) -> str:
     return (
         f"{placement.participant} {placement.condition}: {levels} V, expected error after "
         f"{placement.trials} stimuli {_error(placement.error)}; with the levels of the study that "
-        f"was run {_error(placement.fixed_error)}"
+        f"was run {_error(placement.study_error)}"
     )
 
 
 def _error(error: ExpectedError) -> str:
-    return f"{error.median_db:.2f} dB (90 %: below {error.most_db:.2f})"
+    return f"{error.median_db:.2f} dB (90 %: below {error.p90_db:.2f})"
 
 
 _SIMULATED: Final = "Participant and answers are simulated: these levels are for no person"

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import os
+import re
 import stat
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
-from analysis.reading.foreign.files import about, bids_tables, plain_tables
 from analysis.reading.text import ELSEWHERE, ResultFileError, one_line
 from experiment.archive.files import LinkError, person_of, refuse_link
 from experiment.integrity.places import lost_sessions, refuse_given_link
@@ -21,6 +21,43 @@ if TYPE_CHECKING:
 
 
 TABLE = "trials.csv"
+FILE: Final = "file-"
+"""The column that has the name of a file without its ending."""
+STANDS_FOR: Final = {"participant": "sub-", "session": "ses-", "block": "run-"}
+"""Which of our columns the name of a BIDS file has, where the table has not."""
+_BIDS_TABLE: Final = re.compile(r".+_(beh|events)\.tsv")
+_ENTITY: Final = re.compile(r"([A-Za-z]+)-([A-Za-z0-9+]+)")
+_ENDINGS: Final = ((".csv", ".tsv"), (".txt",))
+"""Endings of tables; the last only where there is none of the first: most .txt are no tables."""
+
+
+def read_name(path: Path) -> dict[str, str]:
+    """Return what the name of a file says: the entities of BIDS, and ``file-``, all of it.
+
+    >>> from pathlib import Path
+    >>> read_name(Path("sub-07_task-felt_run-2_beh.tsv"))
+    {'file-': 'sub-07_task-felt_run-2_beh', 'sub-': '07', 'task-': 'felt', 'run-': '2'}
+    """
+    named = path.stem.split("_") if path.name.startswith("sub-") else ()
+    entities = (_ENTITY.fullmatch(entity) for entity in named)
+    return {FILE: path.stem} | {f"{entity[1]}-": entity[2] for entity in entities if entity}
+
+
+def bids_tables(people: list[Path]) -> list[Path]:
+    """Return the tables of behaviour and events below folders ``sub-*``, by name."""
+    below = (path for folder in people for path in folder.rglob("*.tsv"))
+    return sorted(p for p in below if _BIDS_TABLE.fullmatch(p.name) and _is_visible(p))
+
+
+def plain_tables(folder: Path) -> list[Path]:
+    """Return the tables in a folder that is no data set, by name."""
+    files = sorted(path for path in folder.iterdir() if _is_visible(path))
+    tables = ([path for path in files if path.suffix.lower() in ends] for ends in _ENDINGS)
+    return next(filter(None, tables), [])
+
+
+def _is_visible(path: Path) -> bool:
+    return not path.name.startswith(".")  # as a spreadsheet's lock and macOS's copies do
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -35,7 +72,7 @@ class InputTable:
         Printable, relative to the one folder that was asked for, or to the folder that holds
         everything that was asked for: the same wherever that lies.
     about : mapping of str to str
-        What the file's name tells, see `analysis.reading.foreign.files.about`.
+        What the file's name tells, see `read_name`.
     """
 
     path: Path
@@ -84,100 +121,80 @@ def find_sources(paths: list[Path], *, foreign: bool = False) -> Sources:
         raise ValueError("paths must name at least one file or folder, got none")
     tables: list[tuple[Path, Path]] = []
     without: list[tuple[Path, Path]] = []
-    lost: list[tuple[tuple[Path, Path], Difference]] = []
+    lost: list[tuple[Path, Path, Difference]] = []
     for path in paths:
-        if not _is_folder(path):
-            _check_file(path)
-            tables.append((path.parent, path))
-            continue
-        with _links_refused():
+        with _faults_named(path):
+            if not path.is_dir():
+                tables.append((path.parent, _checked(path)))
+                continue
             refuse_given_link(path)
             gone = _lost(path)
-            sessions = [folder for folder in _sessions(path) if folder not in gone]
-        if not gone and not any(_holds(session / TABLE) for session in sessions):
-            elsewhere = _elsewhere(path, foreign=foreign and not sessions)
-            tables += [(path, table) for table in elsewhere]
-            if elsewhere:
-                continue
-        if not sessions and not gone:
-            which = "table (.csv, .tsv or .txt)" if foreign else f"sub-*/ses-*/{TABLE}"
-            hint = f"; {ELSEWHERE}" if not foreign and plain_tables(path) else ""
-            raise ResultFileError(path, None, f"no {which} in this folder{hint}")
-        for session in sessions:
-            if _holds(session / TABLE):
-                with _links_refused():
-                    refuse_link(session / TABLE)
-                _check_file(session / TABLE)
-                tables.append((path, session / TABLE))
-            else:
-                without.append((path, session / TABLE))
-        lost += [((path, folder / TABLE), told) for folder, told in gone.items()]
-    names = _names([*tables, *without, *(place for place, _ in lost)])
+            sessions = [folder / TABLE for folder in _sessions(path) if folder not in gone]
+            complete = [table for table in sessions if _exists(table)]
+            elsewhere = []
+            if not gone and not complete:
+                elsewhere = _elsewhere(path, foreign=foreign and not sessions)
+            if not sessions and not gone and not elsewhere:
+                which = "table (.csv, .tsv or .txt)" if foreign else f"sub-*/ses-*/{TABLE}"
+                hint = f"; {ELSEWHERE}" if not foreign and plain_tables(path) else ""
+                raise ResultFileError(path, None, f"no {which} in this folder{hint}")
+            for table in complete:
+                refuse_link(table)
+            tables += [(path, _checked(table)) for table in (*elsewhere, *complete)]
+            if not elsewhere:
+                without += [(path, table) for table in sessions if table not in complete]
+                lost += [(path, folder / TABLE, why) for folder, why in gone.items()]
+    names = _names([*tables, *without, *((folder, path) for folder, path, _ in lost)])
     return Sources(
-        tables=tuple(
-            InputTable(path=path, name=names[path], about=about(path)) for _, path in tables
-        ),
+        tables=tuple(InputTable(path=p, name=names[p], about=read_name(p)) for _, p in tables),
         without=tuple(InputTable(path=path, name=names[path]) for _, path in without),
-        lost=tuple((InputTable(path=path, name=names[path]), told) for (_, path), told in lost),
+        lost=tuple((InputTable(path=path, name=names[path]), why) for _, path, why in lost),
     )
 
 
-def _elsewhere(folder: Path, *, foreign: bool) -> list[Path]:
-    """List the tables of a folder that is none of ours."""
-    given = folder.resolve().name.startswith(("sub-", "ses-"))
-    try:
-        found = bids_tables([folder] if given else _folders(folder, "sub-"))
-        found = found or (plain_tables(folder) if foreign else [])
-    except OSError as error:
-        raise unreadable(error, folder) from None
-    for table in found:
-        _check_file(table)
-    return found
-
-
 @contextmanager
-def _links_refused() -> Iterator[None]:
+def _faults_named(path: Path) -> Iterator[None]:
     try:
         yield
     except LinkError as error:
         raise ResultFileError(error.path, None, error.message) from None
+    except OSError as error:
+        raise unreadable(error, path) from None
+
+
+def _elsewhere(folder: Path, *, foreign: bool) -> list[Path]:
+    """Return the tables of a folder that is none of ours."""
+    given = folder.resolve().name.startswith(("sub-", "ses-"))
+    tables = bids_tables([folder] if given else _folders(folder, "sub-"))
+    return tables or (plain_tables(folder) if foreign else [])
 
 
 def _lost(folder: Path) -> dict[Path, Difference]:
-    """Find the sessions of which no file is left, though it is told of them."""
+    """Return the sessions of which no file is left, though the record names them."""
     name = folder.resolve().name
     if not name.startswith("ses-"):
         return {k: v for person in _people(folder) for k, v in lost_sessions(person).items()}
-    lost = {path.name: told for path, told in lost_sessions(person_of(folder)).items()}
+    lost = {path.name: why for path, why in lost_sessions(person_of(folder)).items()}
     return {folder: lost[name]} if name in lost else {}
 
 
-def _holds(path: Path) -> bool:
-    """Tell whether something is there; unlike `Path.exists`, fail where that cannot be known."""
+def _exists(path: Path) -> bool:
+    """Return whether something is there; unlike `Path.exists`, fail where nobody can know."""
     try:
         path.lstat()
     except FileNotFoundError:
         return False
-    except OSError as error:
-        raise unreadable(error, path) from None
     return True
 
 
-def _names(found: list[tuple[Path, Path]]) -> dict[Path, str]:
-    """Name files by their way from the folder that holds all folders that were asked for."""
-    resolved = {folder: folder.resolve() for folder in {folder for folder, _ in found}}
+def _names(files: list[tuple[Path, Path]]) -> dict[Path, str]:
+    """Name files by their way from the folder that holds all folders that were given."""
+    resolved = {folder: folder.resolve() for folder in {folder for folder, _ in files}}
     base = os.path.commonpath(resolved.values())
     return {
         path: one_line((resolved[folder] / path.relative_to(folder)).relative_to(base).as_posix())
-        for folder, path in found
+        for folder, path in files
     }
-
-
-def _is_folder(path: Path) -> bool:
-    try:
-        return path.is_dir()
-    except OSError as error:
-        raise unreadable(error, path) from None
 
 
 def _sessions(folder: Path) -> list[Path]:
@@ -191,22 +208,20 @@ def _people(folder: Path) -> list[Path]:
 
 
 def _folders(folder: Path, prefix: str) -> list[Path]:
-    """List folders by name; unlike a glob, never pass over one that cannot be read."""
-    try:
-        found = sorted(path for path in folder.iterdir() if path.name.startswith(prefix))
-        for path in found:
-            if not path.is_file():
-                refuse_link(path)
-        return [path for path in found if path.is_dir()]
-    except OSError as error:
-        raise unreadable(error, folder) from None
+    """Return folders by name; unlike a glob, never pass over one that cannot be read."""
+    folders = sorted(path for path in folder.iterdir() if path.name.startswith(prefix))
+    for path in folders:
+        if not path.is_file():
+            refuse_link(path)
+    return [path for path in folders if path.is_dir()]
 
 
-def _check_file(path: Path) -> None:
+def _checked(path: Path) -> Path:
     if not path.exists():
         raise ResultFileError(path, None, "no such file or folder")
     if not path.is_file():
         raise ResultFileError(path, None, "not a regular file")
+    return path
 
 
 def unreadable(error: OSError, path: Path) -> ResultFileError:
@@ -244,7 +259,7 @@ def unchanged(paths: Iterable[Path]) -> Iterator[None]:
     """Refuse what is read within, where one of the files is another one afterwards.
 
     A file that is there only before or only after is another one, too; so is one with other
-    permissions. What is found wrong with a file that changes is no fault of that file.
+    permissions. A fault of a file that changes is no fault of that file.
 
     Raises ResultFileError for the first file with another size, time of change or place on the
     disk.
@@ -274,7 +289,7 @@ def _refuse_changed(before: list[tuple[Path, tuple[int, ...] | None]]) -> None:
 
 def _stamp(path: Path) -> tuple[int, ...] | None:
     try:
-        found = path.stat()
+        status = path.stat()
     except OSError:
         return None
-    return (found.st_dev, found.st_ino, found.st_size, found.st_mtime_ns, found.st_ctime_ns)
+    return (status.st_dev, status.st_ino, status.st_size, status.st_mtime_ns, status.st_ctime_ns)

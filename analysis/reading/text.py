@@ -1,4 +1,4 @@
-"""The text of a table in chunks of rows: bounded in memory, each fault with file and line."""
+"""The text of a table in chunks of rows: bounded in memory, each fault with its file and line."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import codecs
 import csv
 import io
 import re
+from collections import Counter
 from contextlib import suppress
 from dataclasses import dataclass
 from itertools import chain, islice
@@ -41,8 +42,8 @@ class ResultFileError(ValueError):
     def __init__(self, file: str | Path, line: int | None, message: str) -> None:
         self.file = str(file)
         self.line = line
-        place = one_line(self.file) if line is None else f"{one_line(self.file)}:{line}"
-        super().__init__(f"{place}: {message}")
+        location = one_line(self.file) if line is None else f"{one_line(self.file)}:{line}"
+        super().__init__(f"{location}: {one_line(message)}")
 
 
 def one_line(text: str) -> str:
@@ -71,11 +72,15 @@ DELIMITERS: Final[Mapping[str, str]] = MappingProxyType(
     {",": "commas", ";": "semicolons", "\t": "tabs", "|": "vertical bars", " ": "spaces"}
 )
 """What may stand between the columns of a table made elsewhere."""
-ELSEWHERE: Final = "a table made elsewhere needs --columns MAP.toml, which tactstrip columns drafts"
+ELSEWHERE: Final = "an external table needs --columns MAP.toml, which tactstrip columns proposes"
 TWICE: Final = " (twice)"
 """What a name has behind it that a heading has more than once: nobody can tell which is meant."""
-_SEEN = ",;\t|"
+SEPARATORS = ",;\t|"
 """Those of them that a heading shows; spaces stand in names, too."""
+NUMBER: Final = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)([eE][+-]?\d+)?", re.ASCII)
+_SPACED: Final = re.compile(r'"[^"]*"( "[^"]*")+')
+_HEADING_LINES: Final = 16
+_MIN_ROWS_BELOW_HEADING: Final = 4
 # UTF-32 first: in little-endian order its mark begins with that of UTF-16.
 _MARKS = {
     "UTF-32": (codecs.BOM_UTF32_LE, codecs.BOM_UTF32_BE),
@@ -119,7 +124,12 @@ def text_chunks(
     records = _records(stream, file, form)
     _, header = next(records, (0, []))
     _check_header(header, file, form)
-    header = [f"{name}{TWICE}" if name and header.count(name) > 1 else name for name in header]
+    if form and (first := next(records, None)):
+        records = chain([first], records)
+        if len(first[1]) == len(header) + 1 and first[1][0] == "1":
+            header = ["", *header]  # R writes row names, which count the rows, without a heading
+    counts = Counter(header)
+    header = [f"{name}{TWICE}" if name and counts[name] > 1 else name for name in header]
     return header, _chunks(records, len(header), file, empty_allowed=empty_allowed)
 
 
@@ -144,11 +154,13 @@ def _records(
 ) -> Iterator[tuple[int, list[str]]]:
     """Yield each record with the line on which it begins."""
     lines = _lines(stream, file, form)
-    first = next(lines, "")
+    start = list(islice(lines, _HEADING_LINES if form else 1))
+    if form and form.quoted:
+        _refuse_lines_above_heading(start, file, form)
     reader = csv.reader(
-        chain([first], lines),
+        chain(start, lines),
         strict=True,
-        delimiter=_delimiter(first, file, form) if form else ",",
+        delimiter=_delimiter(start[0] if start else "", file, form) if form else ",",
         quoting=csv.QUOTE_MINIMAL if form is None or form.quoted else csv.QUOTE_NONE,
     )
     begins = 1
@@ -162,11 +174,32 @@ def _records(
         raise ResultFileError(file, begins, message) from None
 
 
+def _refuse_lines_above_heading(start: list[str], file: str, form: TextFormat) -> None:
+    """Refuse a table whose rows agree with a later line that has more columns than the first."""
+    if any(line.count('"') % 2 for line in start):
+        return  # cells of several lines
+    for delimiter in form.delimiter or SEPARATORS:
+        rows = list(csv.reader(start, delimiter=delimiter))
+        width = len(rows[-1]) if rows else 1
+        heading = next((n for n, row in enumerate(rows) if len(row) == width), 0)
+        below = rows[heading:]
+        if (
+            len(rows[0] if rows else ()) < width
+            and len(below) >= _MIN_ROWS_BELOW_HEADING
+            and all(len(row) == width for row in below)
+            and not any(not name or NUMBER.fullmatch(name) for name in rows[heading])
+        ):
+            message = f"the heading seems to be line {heading + 1}; delete the lines above it"
+            raise ResultFileError(file, 1, message)
+
+
 def _delimiter(heading: str, file: str, form: TextFormat) -> str:
     if form.delimiter:
         return form.delimiter
+    if _SPACED.fullmatch(heading.rstrip("\r\n")):
+        return " "
     bare = re.sub('"[^"]*"', "", heading)
-    seen = [delimiter for delimiter in _SEEN if delimiter in bare] or [","]
+    seen = [delimiter for delimiter in SEPARATORS if delimiter in bare] or [","]
     most = max(seen, key=bare.count)
     if len(seen) > 1 and most != ",":
         could = " or ".join(DELIMITERS[delimiter] for delimiter in seen)
@@ -197,7 +230,9 @@ def _lines(stream: BinaryIO, file: str, form: TextFormat | None) -> Iterator[str
                 byte = ord(bad[0]) - 0xDC00
                 message = f"byte 0x{byte:02x} is not UTF-8; save the table as UTF-8 text"
                 if form:
-                    message += ', or state what it is in a map: [file] encoding = "cp1252"'
+                    message += (
+                        ", or state [file] encoding in the map (tactstrip columns proposes it)"
+                    )
                 raise ResultFileError(file, number, message)
             yield line
     except UnicodeError as error:
@@ -235,11 +270,12 @@ def _check_header(header: list[str], file: str, form: TextFormat | None) -> None
     if not any(header):
         raise ResultFileError(file, 1, "the file is empty, or its first line is not a header")
     if header[0].lower().startswith("sep="):
-        raise ResultFileError(
-            file, 1, "this is Excel's note of the separator, no header: delete it"
-        )
+        raise ResultFileError(file, 1, "this line names Excel's separator, no columns: delete it")
+    if form and all(NUMBER.fullmatch(name) for name in header if name):
+        message = "the first line looks like numbers, not like a heading; add a line with names"
+        raise ResultFileError(file, 1, message)
     joined = ",".join(header)
-    likely = max(_SEEN, key=joined.count)
+    likely = max(SEPARATORS, key=joined.count)
     if form is None and likely != ",":
         seem = f"the columns seem to be separated by {DELIMITERS[likely]}"
         message = f"{seem}; only commas are read; {ELSEWHERE}"
@@ -265,4 +301,4 @@ def named(names: Sequence[str]) -> str:
     ('a, b', 'a, b, c, d, e and 2 more')
     """
     more = f" and {len(names) - _NAMED} more" if len(names) > _NAMED else ""
-    return ", ".join(names[:_NAMED]) + more
+    return ", ".join(name[:_LONGEST_SHOWN] for name in names[:_NAMED]) + more

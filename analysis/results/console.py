@@ -1,75 +1,64 @@
-"""What the terminal says of an analysis, readable in 80 columns and in a pipe."""
+"""The answer on a terminal: at most 12 lines of 80 columns; the tables on request."""
 
 from __future__ import annotations
 
-import io
-import math
 import textwrap
-from typing import TYPE_CHECKING, Any, TextIO
+from typing import TYPE_CHECKING, Final, TextIO
 
-from analysis.definitions import FAR_LIMIT, POPULATION, TOTAL
-from analysis.results.answer import ANSWER_HEAD, answer
-from analysis.results.methods.task import one_side_words
-from analysis.results.methods.words import plain
-from analysis.results.rows import (
-    TERMINAL,
-    both_cells,
-    count_rows,
-    forced_choice,
-    hands_off_totals,
-    level_rows,
-    not_compared_words,
-    population_spread,
-    population_text,
-)
+from analysis.results.answer import AnswerRow, answer
+from analysis.results.rendering import phrases, plain
+from analysis.results.tables import detail_tables
 from device.printing import escaped
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator
+    from collections.abc import Iterable, Sequence
 
-    import pandas as pd
-
-    from analysis.results.tables import Analysis
-
-
-_WIDTH = 80
-_FEW = 10
-_LEGEND = (
-    "k/n: single stimuli answered with their own side / presented. P: participants. min, mean, "
-    f"max: over participants' k/n. group 95 %: {FAR_LIMIT}. both, other: answered both, "
-    "the other side. late: time-outs. p_ans: k / answered."
-)
-_LEGEND_ONE = (
-    "k/n: stimuli that were felt / presented. P: participants. min, mean, max: over participants' "
-    f"k/n. group 95 %: {FAR_LIMIT}. late: time-outs. p_ans: k / answered."
-)
-_LEGEND_ANY = " any: answered left, right or both."
+    from analysis.results.analysis import Analysis
+    from analysis.results.tables import Table
 
 
-def print_analysis(analysis: Analysis, file: TextIO | None) -> None:
-    r"""Print the answer, the table of levels, what was left out, and warnings.
+WIDTH: Final = 80
+MAX_LINES: Final = 12
+_LABEL: Final = 19
+_MAX_NAME: Final = {1: 20, 2: 14}
+"""Letters of a condition's name, and of each of a pair's."""
+
+
+def print_analysis(
+    analysis: Analysis,
+    file: TextIO | None,
+    *,
+    details: bool = False,
+    report: str = "",
+    more: Sequence[AnswerRow] = (),
+) -> None:
+    r"""Print the answer in at most 12 lines of 80 columns.
 
     Parameters
     ----------
     analysis : Analysis
-        What came out.
+        The analysis.
     file : text file or None
-        Where to print; ``None``, which `sys.stdout` is where it was closed, prints nothing. What
-        its encoding does not have is written as an escape.
+        Where to print; None, which `sys.stdout` is where it was closed, prints nothing. Characters
+        that its encoding lacks are written as escapes.
+    details : bool
+        Whether to print the tables below the answer.
+    report : str
+        The path of the report; empty where none was written.
+    more : sequence of AnswerRow
+        Rows to put below those of the analysis.
 
     Raises
     ------
     OSError, ValueError
-        As the file does where it cannot be written to, or is closed.
+        If the file cannot be written to, or is closed.
 
     Examples
     --------
     >>> import io
     >>> from pathlib import Path
     >>> from tempfile import TemporaryDirectory
-    >>> from analysis import ColumnMap
-    >>> from analysis.reading.load import read_inputs
-    >>> from analysis.results.tables import analyse
+    >>> from analysis import ColumnMap, analyse, read_inputs
     >>> with TemporaryDirectory() as folder:
     ...     table = Path(folder) / "table.csv"
     ...     _ = table.write_text("participant,side,level_vpp,response\n1,left,60,left\n")
@@ -81,125 +70,90 @@ def print_analysis(analysis: Analysis, file: TextIO | None) -> None:
     """
     if file is None:
         return
-    if analysis.mark:
-        _say(file, f"{analysis.mark}.")
-    told = answer(analysis)
-    for statement in told.statements:
-        _say(file, plain(statement))
-    print(file=file)
-    print(_printable(_in_columns(told.rows), file), file=file)
-    print(file=file)
-    if analysis.not_compared:
-        _say(file, f"{not_compared_words(analysis.not_compared)}.")
-    *kinds, left_out = (" ".join(row) for row in count_rows(analysis, TERMINAL))
-    _say(file, f"Counted: {', '.join(kinds)}; {left_out}.")
-    _print_levels(analysis, file)
-    for line in (
-        *_both_lines(analysis),
-        *_hands_off_lines(analysis.hands_off),
-        *_population_lines(analysis),
-        *_excluded_lines(analysis.excluded),
-    ):
-        _say(file, line)
-    for warning in analysis.warnings:
-        _say(file, f"warning: {warning}")
+    mark = textwrap.wrap(f"{analysis.mark}.", WIDTH) if analysis.mark else []
+    rows = [*answer(analysis), *more]
+    last = _layout([AnswerRow(kind="report", text=report)] if report else [])
+    lines = [*mark, *_layout(rows)]
+    if len(lines) + len(last) >= MAX_LINES:
+        lines = [*mark[:1], *_layout(rows, cut=True)]
+    lines += [*_warning_lines(analysis, MAX_LINES - len(lines) - len(last)), *last]
+    if details:
+        for table in detail_tables(analysis):
+            lines += ["", *_table_lines(table)]
+        lines += ["", *_full_warnings(analysis)] if analysis.warnings else []
+    for line in lines:
+        print(_printable(line.rstrip(), file), file=file)
 
 
-def _say(file: TextIO, text: str) -> None:
-    print(textwrap.fill(_printable(text, file), _WIDTH, subsequent_indent="  "), file=file)
+def _layout(rows: Iterable[AnswerRow], *, cut: bool = False) -> list[str]:
+    """Lay out labels, names and texts in columns; long texts go on below, or are cut."""
+    rows = list(rows)
+    names = [_names(row) for row in rows]
+    column = max((len(name) for name in names), default=0) if len(rows) > 1 else 0
+    lines, before = [], ""
+    for row, name in zip(rows, names, strict=True):
+        label = "" if row.kind == before else row.label
+        width = column if row.kind in _SAME_COLUMN or name else 0
+        text = f"{name:<{min(width, max(len(name), _SHORT))}}  {row.text}" if name else row.text
+        indent = " " * (_LABEL + 2)
+        line = f"{label:<{_LABEL}}  {escaped(plain(text))}"
+        if cut and len(line) > WIDTH:
+            lines.append(f"{line[: WIDTH - 1]}…")
+        else:
+            lines += textwrap.wrap(line, WIDTH, subsequent_indent=indent, break_on_hyphens=False)
+        before = row.kind
+    return lines
+
+
+_SHORT: Final = 12
+_SAME_COLUMN: Final = ("threshold", "micrometres", "side")
+
+
+def _names(row: AnswerRow) -> str:
+    """Return the name of a condition, or of a pair, cut to its width."""
+    most = _MAX_NAME.get(len(row.names), 0)
+    cut = [name if len(name) <= most else f"{name[: most - 1]}…" for name in row.names]
+    return " - ".join(cut)
+
+
+def _warning_lines(analysis: Analysis, room: int) -> list[str]:
+    """Return the warnings by number, or how many there are where they do not fit."""
+    label = phrases()["answer"]["warnings"]
+    if not analysis.warnings:
+        return _layout([AnswerRow(kind="warnings", text="none")])
+    texts = [f"{n}  {each.code.text}" for n, each in enumerate(analysis.warnings, start=1)]
+    lines = [f"{label if n == 0 else '':<{_LABEL}}  {text}" for n, text in enumerate(texts)]
+    if len(lines) <= room:
+        return lines
+    shown = max(room - 1, 0)
+    more = (
+        f"{len(texts) - shown} more, see the report" if shown else f"{len(texts)}, see the report"
+    )
+    return [*lines[:shown], f"{'' if shown else label:<{_LABEL}}  {more}"]
+
+
+def _full_warnings(analysis: Analysis) -> list[str]:
+    lines: list[str] = []
+    for number, each in enumerate(analysis.warnings, start=1):
+        text = escaped(f"Warning {number}: {each.message}")
+        lines += textwrap.wrap(text, WIDTH, subsequent_indent="  ")
+    return lines
+
+
+def _table_lines(table: Table) -> list[str]:
+    """Lay out a table in columns: the first to the left, the others to the right."""
+    rows = [[escaped(plain(str(cell))) for cell in row] for row in (table.header, *table.rows)]
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    lines = [escaped(plain(table.caption))]
+    for row in rows:
+        first, *others = (
+            cell.ljust(width) if n == 0 else cell.rjust(width)
+            for n, (cell, width) in enumerate(zip(row, widths, strict=True))
+        )
+        lines.append("  ".join([first, *others]))
+    return lines
 
 
 def _printable(text: str, file: TextIO) -> str:
     encoding = file.encoding or "utf-8"
-    lines = "\n".join(map(escaped, text.split("\n")))
-    return lines.encode(encoding, "backslashreplace").decode(encoding)
-
-
-def _in_columns(rows: Iterable[Iterable[str]]) -> str:
-    """Lay the rows of the answer out in columns, the words in them wrapped."""
-    from rich.console import Console
-    from rich.table import Table
-    from rich.text import Text
-
-    table = Table(*ANSWER_HEAD, box=None, padding=(0, 2, 0, 0), header_style="")
-    for row in rows:
-        table.add_row(*(Text(escaped(plain(cell)), overflow="fold") for cell in row))
-    laid = io.StringIO()
-    # The same in a pipe as on a terminal, whatever that says of itself.
-    Console(file=laid, width=_WIDTH, color_system=None, legacy_windows=False, _environ={}).print(
-        table
-    )
-    return "\n".join(line.rstrip() for line in laid.getvalue().splitlines())
-
-
-def _print_levels(analysis: Analysis, file: TextIO) -> None:
-    levels = level_rows(analysis, TERMINAL)
-    for condition, rows in levels.of_condition.items():
-        print(file=file)
-        if analysis.counts.conditions > 1:
-            _say(file, f"Condition {condition}")
-        _print_table(levels.header, rows, file)
-    if len(analysis.levels):
-        forced = analysis.detected_any is None
-        if analysis.one_side:
-            _say(file, _LEGEND_ONE)
-            if not analysis.one_place:
-                _say(file, f"{one_side_words(analysis.one_side)}.")
-        else:
-            _say(file, _LEGEND + ("" if forced else _LEGEND_ANY))
-        if forced:
-            _say(file, forced_choice(analysis, "k/n"))
-
-
-def _print_table(header: list[str], rows: list[list[str]], file: TextIO) -> None:
-    widths = [max(map(len, column)) for column in zip(header, *rows, strict=True)]
-    for row in (header, *rows):
-        cells = (cell.rjust(width) for cell, width in zip(row, widths, strict=True))
-        print(" ".join(cells), file=file)
-
-
-def _both_lines(analysis: Analysis) -> Iterator[str]:
-    table = analysis.both
-    for _, row in table[table["participant"].eq(TOTAL)].iterrows():
-        noticed, p, own, group, left, right = both_cells(row, TERMINAL)
-        limits = f"group 95 % {group}"
-        if math.isnan(row["group_low"]):
-            limits = f"95 % {analysis.ci.title()} {own}"
-        yield (
-            f"Both-finger trials{_where(row)}: {noticed} answered both, {p}, {limits}; left only "
-            f"{left}, right only {right}."
-        )
-
-
-def _hands_off_lines(table: pd.DataFrame) -> Iterator[str]:
-    for row, (part, own, told) in hands_off_totals(table, TERMINAL):
-        yield (
-            f"Fingers off the plate, {part}{_where(row)}: {own} "
-            f"answered with the driven side, {told} left, right or both."
-        )
-
-
-def _population_lines(analysis: Analysis) -> Iterator[str]:
-    for one in analysis.population:
-        where = f" in condition {one.condition}" if analysis.counts.conditions > 1 else ""
-        told = f"not fitted ({one.reason})"
-        if not one.reason:
-            spread = population_spread(one, analysis.axis)
-            told = f"{population_text(one, analysis.axis)}, between people {spread} (SD)"
-        yield f"Threshold of the population{where}: {told}."
-    if not all(one.reason for one in analysis.population):
-        yield POPULATION
-
-
-def _where(row: pd.Series[Any]) -> str:
-    return f" in condition {row['condition']}" if "condition" in row.index else ""
-
-
-def _excluded_lines(excluded: pd.DataFrame) -> Iterator[str]:
-    """Tell of few participants whose trials are left out; the report has a table of them."""
-    for reason, rows in excluded.groupby("reason"):
-        if len(rows) <= _FEW:
-            pairs = zip(rows["participant"], rows["trials"], strict=True)
-            each = ", ".join(f"{name} {number}" for name, number in pairs)
-            count = rows["trials"].sum()
-            yield f"Left out, {reason}: {count} trial{'' if count == 1 else 's'} ({each})."
+    return text.encode(encoding, "backslashreplace").decode(encoding)

@@ -14,14 +14,15 @@ from typing import TYPE_CHECKING, Any
 import pandas as pd
 from filelock import Timeout
 
-from analysis.answers.counting import clean_table
-from analysis.definitions import TOTAL
-from analysis.groups.micrometres import with_group_micrometres
+from analysis.counts.table import clean_table
+from analysis.numbers import TOTAL
 from analysis.results.figures import figures
 from analysis.results.figures.curves import function_table
-from analysis.results.methods.paragraphs import methods_of
+from analysis.results.figures.drawing import DEFAULT_STYLE, Style
+from analysis.results.methods import methods_of
 from analysis.results.report import report_html
-from analysis.results.summary import devices, in_own_words, summary_text
+from analysis.results.summary import columns_text, devices, in_own_words, summary_text
+from analysis.thresholds.displacement import with_group_micrometres
 from experiment.archive import manifest
 from experiment.archive.disk import UNWAITED, LockError, lock_on, make_folder, write_new
 from experiment.archive.manifest import Manifest
@@ -30,7 +31,7 @@ from experiment.rows import NOT_AVAILABLE, format_value
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
-    from analysis.results.tables import Analysis
+    from analysis.results.analysis import Analysis
 
 
 # At the beginning, or behind what some spreadsheet takes for the end of a cell; = + - @ also wide.
@@ -92,28 +93,28 @@ def harmless(text: str) -> str:
 
 SUMMARY = "summary.json"
 # The summary first: wherever moving stops, the next analysis knows the folder for one of its own.
-REPORT, METHODS = "report.html", "methods.txt"
+REPORT, METHODS, COLUMNS = "report.html", "methods.txt", "columns.json"
 NAMES = (
     SUMMARY,
     manifest.NAME,
     *("levels.csv", "participants.csv", "both.csv", "blank.csv", "hands_off.csv"),
-    *("thresholds.csv", "differences.csv", "sensitivity.csv"),
+    *("thresholds.csv", "differences.csv", "sensitivity.csv", "sides.csv"),
     *("functions.csv", "d_prime_differences.csv", "confusion.csv", "trials_clean.csv"),
     *figures.NAMES,
+    COLUMNS,
     METHODS,
     REPORT,
 )
 _PREFIX, _LOCK = ".analysis-", "lock"
-_SUMMARY_BEGINS = re.compile(rb'\{\n "schema": \d+,\n "definitions": \{')
+_SUMMARY_BEGINS = re.compile(rb'\{\n "schema": \d+,\n "(ci|definitions)": ')
 
 
 def save(
     analysis: Analysis,
     out_dir: Path,
     *,
-    with_figures: bool,
     read: Iterable[Path],
-    pdf: bool = False,
+    style: Style | None = DEFAULT_STYLE,
 ) -> None:
     """Write the files of an analysis into a folder; those of an earlier analysis are replaced.
 
@@ -127,12 +128,10 @@ def save(
         What came out.
     out_dir : Path
         The folder; made where it does not exist.
-    with_figures : bool
-        Whether to draw.
     read : iterable of Path
         The files that were analysed.
-    pdf : bool
-        Whether figures are written as PDF, too.
+    style : Style, optional
+        How figures look; None writes none.
 
     Raises
     ------
@@ -149,7 +148,7 @@ def save(
         _sweep(out_dir)
         with TemporaryDirectory(prefix=_PREFIX, dir=out_dir) as name, lock_on(Path(name) / _LOCK):
             made = Path(name)
-            for file, content in _contents(analysis, with_figures=with_figures, pdf=pdf):
+            for file, content in _contents(analysis, style):
                 _write(made / file, content, out_dir / file)
             _move(made, out_dir)
     except BaseException:
@@ -182,9 +181,9 @@ def _check_target(out_dir: Path, read: Iterable[Path]) -> None:
         raise ValueError(f"out_dir must be a folder, got the file {out_dir}")
     named = [out_dir / name for name in NAMES]
     there = [target for target in named if target.exists() or target.is_symlink()]
-    held = {_place(target) for target in there if target.exists()}
+    held = {_file_identity(target) for target in there if target.exists()}
     for path in read:
-        if _place(path) in held:
+        if _file_identity(path) in held:
             raise ValueError(f"out_dir must not hold what is analysed, got {path} there")
     for target in there:
         if target.is_dir():
@@ -194,10 +193,10 @@ def _check_target(out_dir: Path, read: Iterable[Path]) -> None:
         raise ValueError(f"{message}, got {there[0]}")
 
 
-def _place(path: Path) -> tuple[int, int]:
+def _file_identity(path: Path) -> tuple[int, int]:
     """Return what two paths have in common that lead to the same file."""
-    found = path.stat()
-    return found.st_dev, found.st_ino
+    status = path.stat()
+    return status.st_dev, status.st_ino
 
 
 def _is_summary(path: Path) -> bool:
@@ -208,7 +207,7 @@ def _is_summary(path: Path) -> bool:
         return _SUMMARY_BEGINS.match(stream.read(100)) is not None
 
 
-def _contents(analysis: Analysis, *, with_figures: bool, pdf: bool) -> Iterator[tuple[str, bytes]]:
+def _contents(analysis: Analysis, style: Style | None) -> Iterator[tuple[str, bytes]]:
     """Yield the files one by one, so that only one is held besides the figures."""
     yield SUMMARY, summary_text(analysis).encode()
     people = tuple(sorted(map(str, analysis.trials["participant"].unique())))
@@ -222,6 +221,7 @@ def _contents(analysis: Analysis, *, with_figures: bool, pdf: bool) -> Iterator[
         "hands_off.csv": analysis.hands_off,
         "thresholds.csv": _with_groups(analysis),
         "differences.csv": analysis.differences,
+        "sides.csv": analysis.sides,
         "sensitivity.csv": analysis.sensitivity,
         "d_prime_differences.csv": analysis.d_prime_differences,
         "confusion.csv": analysis.confusion,
@@ -229,16 +229,19 @@ def _contents(analysis: Analysis, *, with_figures: bool, pdf: bool) -> Iterator[
     tables |= {name: table for name, table in possible.items() if len(table)}
     for name, table in tables.items():
         yield name, _csv(_marked(table, trials, marks), analysis)
-    drawn = tuple(figures.pictures(analysis, pdf=pdf)) if with_figures else ()
+    drawn = () if style is None else tuple(figures.pictures(analysis, style))
     if drawn and len(table := function_table(analysis)):
         yield "functions.csv", _csv(_marked(table, trials, marks), analysis)
-    for one in drawn:
-        yield f"{one.name}.png", one.png
-        yield f"{one.name}.svg", one.svg
-        if one.pdf:
-            yield f"{one.name}.pdf", one.pdf
-    yield METHODS, methods_of(analysis, drawn=bool(drawn)).text.encode()
-    yield REPORT, report_html(analysis, drawn).encode()
+    for picture in drawn:
+        yield f"{picture.name}.png", picture.png
+        yield f"{picture.name}.svg", picture.svg
+        if picture.pdf:
+            yield f"{picture.name}.pdf", picture.pdf
+    caption = next((picture.caption for picture in drawn if picture.figure == "detection"), "")
+    methods = methods_of(analysis, caption=caption)
+    yield COLUMNS, columns_text(analysis).encode()
+    yield METHODS, methods.text.encode()
+    yield REPORT, report_html(analysis, drawn, methods).encode()
 
 
 def _csv(table: pd.DataFrame, analysis: Analysis) -> bytes:
@@ -254,40 +257,41 @@ def _marks(analysis: Analysis) -> tuple[pd.DataFrame, list[str]]:
     marks = {
         "simulated": 0 < counts.simulated < counts.trials,
         "device_kind": bool(counts.without_device) or len(devices(trials)) > 1,
-        "altered": bool(analysis.altered or analysis.lost),
+        "altered": bool(analysis.loaded.altered or analysis.loaded.lost),
     }
-    altered = trials["file"].isin([*analysis.altered])
-    return trials.assign(altered=altered), [name for name, is_told in marks.items() if is_told]
+    altered = trials["file"].isin([*analysis.loaded.altered])
+    return trials.assign(altered=altered), [name for name, is_marked in marks.items() if is_marked]
 
 
 def _marked(table: pd.DataFrame, trials: pd.DataFrame, marks: Iterable[str]) -> pd.DataFrame:
     """Say in last columns which trials a row is of: true, false or the kind of device, or mixed."""
-    return table.assign(**{name: _words(table, trials, name) for name in marks})
+    return table.assign(**{name: _sorts(table, trials, name) for name in marks})
 
 
-def _words(table: pd.DataFrame, trials: pd.DataFrame, mark: str) -> list[str]:
-    told = trials.assign(told=trials[mark].astype(object).map(_told))
-    of_whom: dict[tuple[str, ...], dict[Any, str]] = {
-        key: told.groupby(list(key))["told"].agg(_alike).to_dict()
-        for key in (("condition",), ("participant",), ("participant", "condition"))
+def _sorts(table: pd.DataFrame, trials: pd.DataFrame, mark: str) -> list[str]:
+    """Return the value of a mark in the trials of each row, or mixed."""
+    texts = trials.assign(text=trials[mark].astype(object).map(_text))
+    keys = ("condition",), ("participant",), ("participant", "condition")
+    of_rows: dict[tuple[str, ...], dict[Any, str]] = {
+        key: texts.groupby(list(key))["text"].agg(_same).to_dict() for key in keys
     }
-    words = []
+    sorts = []
     for row in table.to_dict("records"):
         names = ("participant", "condition")
         key = tuple(name for name in names if name in row and row[name] != TOTAL)
         values = tuple(row[name] for name in key)
-        one = values if len(values) > 1 else values[0] if key else None
-        words.append(of_whom[key][one] if key else _alike(told["told"]))
-    return words
+        value = values if len(values) > 1 else values[0] if key else None
+        sorts.append(of_rows[key][value] if key else _same(texts["text"]))
+    return sorts
 
 
-def _told(value: object) -> str:
+def _text(value: object) -> str:
     missing = value is None or value != value  # noqa: PLR0124 (NaN, as categoricals have it)
     return NOT_AVAILABLE if missing else format_value(value)
 
 
-def _alike(words: pd.Series[Any]) -> str:
-    different = words.unique()
+def _same(texts: pd.Series[Any]) -> str:
+    different = texts.unique()
     return str(different[0]) if len(different) == 1 else "mixed"
 
 

@@ -1,175 +1,141 @@
-"""How it was measured: what the sealed plans say of plate, stimuli, design and device.
-
-With it what a page is made of, sections and tables.
-"""
+"""How it was measured: plate, stimuli, design and device of the sealed plans."""
 
 from __future__ import annotations
 
 import json
 from dataclasses import dataclass
 from statistics import median
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING
 
-from analysis.results.summary import versions
+from analysis.results.analysis import contacts_of
+from analysis.results.rendering import phrases
+from analysis.results.tables import Table, make_table
 from experiment.study.base import format_value
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Iterator
 
-    from analysis.results.tables import Analysis
+    from analysis.results.analysis import Analysis
     from experiment.rows import MeasuredRow
     from experiment.study.study import Study
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Table:
-    """A table of texts; the first cell names its row, `texts` are the headers of words."""
-
-    caption: str
-    header: Sequence[str]
-    rows: Sequence[Sequence[str]]
-    texts: Sequence[str] = ()
-    note: str = ""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Section:
-    """A part of the page under its heading."""
-
-    title: str
-    texts: Sequence[str] = ()
-    tables: Sequence[Table] = ()
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class Planned:
-    """What the plans hold.
+    """The different studies of the plans, with the keys that their files set.
 
-    Attributes
-    ----------
-    studies : tuple of Study
-        Those that differ, in their order; a study with levels placed for a participant is another.
-    keys_set : tuple of tuple of str
-        The keys that the file of each sets.
-    remarks : tuple of str
-        What a plan does not hold, or why it is not told.
+    `faults` are plans that cannot be read.
     """
 
     studies: tuple[Study, ...]
     keys_set: tuple[tuple[str, ...], ...]
-    remarks: tuple[str, ...]
+    faults: tuple[str, ...]
 
 
 def planned(analysis: Analysis) -> Planned:
     """Read the studies in the plans beside the tables."""
     from experiment.study.files import study_from_canonical
 
-    studies, keys_set, remarks = [], [], []
-    for text, keys in analysis.studies:
+    studies, keys_set, faults = [], [], []
+    texts = dict.fromkeys((one.study, one.keys_set) for one in analysis.loaded.progress)
+    for text, keys in texts:
         try:
             studies.append(study_from_canonical(text))
         except ValueError as error:
-            remarks.append(f"The study of a plan cannot be read: {error}")
+            faults.append(str(error))
             continue
         keys_set.append(keys)
-    if not studies:
-        remarks.append("The tables do not describe apparatus and stimuli.")
     return Planned(
-        studies=tuple(studies), keys_set=tuple(keys_set), remarks=tuple(dict.fromkeys(remarks))
+        studies=tuple(studies), keys_set=tuple(keys_set), faults=tuple(dict.fromkeys(faults))
     )
 
 
 def protocol_rows(analysis: Analysis, plans: Planned) -> Iterator[tuple[str, list[str]]]:
-    """Yield what was measured with, and its words; several where sessions differ, none unknown."""
-    told: dict[str, dict[str, None]] = {}
+    """Yield quantities of the study with their values; several where sessions differ."""
+    values: dict[str, dict[str, None]] = {}
     for study in plans.studies:
-        for what, words in _study(study, analysis):
-            told.setdefault(what, {})[words] = None
-    yield from ((what, [*words]) for what, words in told.items())
-    if not told and {*analysis.contacts} <= {"not stated"}:
+        for quantity, value in _study(study, analysis):
+            values.setdefault(quantity, {})[value] = None
+    yield from ((quantity, [*each]) for quantity, each in values.items())
+    contacts = contacts_of(analysis)
+    if not values and {*contacts} <= {"not stated"}:
         return
-    yield "Analysis by", [f"tactstrip {versions()['tactstrip']}"]
-    contacts = analysis.contacts
     several = len(contacts) > 1
-    told_of = [f"{w}: {', '.join(who)}" if several else w for w, who in contacts.items()]
-    yield "Force and contact of the fingers", told_of or ["not stated"]
+    texts = [f"{text}: {', '.join(who)}" if several else text for text, who in contacts.items()]
+    yield "Force and contact of the fingers", texts or ["not stated"]
 
 
 def _study(study: Study, analysis: Analysis) -> Iterator[tuple[str, str]]:
     design, device = study.design, study.device
     yield "Study", study.name
-    yield "Plate", plate_size(study)
-    yield "Material", material_words(study)
-    yield "Cut-off frequency", cutoff_words(study)
-    for one in study.actuators:
-        sizes_m = (one.diameter_m, one.length_x_m, one.length_y_m)
+    yield "Plate", format_plate(study)
+    yield "Material", format_material(study)
+    yield "Cut-off frequency", format_cutoff(study)
+    for disc in study.actuators:
+        sizes_m = (disc.diameter_m, disc.length_x_m, disc.length_y_m)
         size = " x ".join(f"{size_m * 1e3:g}" for size_m in sizes_m if size_m is not None)
-        at = f"x = {one.x_m * 1e3:g}, y = {one.y_m * 1e3:g} mm"
-        yield f"Actuator, {one.label}", f"{one.shape} {size} mm at {at}"
+        at = f"x = {disc.x_m * 1e3:g}, y = {disc.y_m * 1e3:g} mm"
+        yield f"Actuator, {disc.label}", f"{disc.shape} {size} mm at {at}"
     for condition in study.conditions:
         which = f", {condition.name}" if len(study.conditions) > 1 else ""
-        unfit = condition.accept_violation
-        accepted = f"; accepted though it violates a limit: {unfit}" if unfit else ""
+        violation = condition.accept_violation
+        accepted = f"; accepted although it violates a limit: {violation}" if violation else ""
         yield f"Stimulus{which}", f"{condition.summary}{accepted}"
-    yield "Levels", f"{levels_words(study)} V peak-to-peak, {design.order}"
-    yield "Trials of a session", trials_words(study)
-    least_s, most_s = design.foreperiod_s
-    yield "Onset", f"{least_s:g} to {most_s:g} s after the cue"
+    yield "Levels", f"{format_levels(study)} V peak-to-peak, {design.order}"
+    yield "Trials of a session", format_trials(study)
+    min_s, max_s = design.foreperiod_s
+    yield "Onset", f"{min_s:g} to {max_s:g} s after the cue"
     yield "Answers", f"{', '.join(design.responses)}; within {design.response_window_s:g} s"
-    yield "Masking noise", noise_words(study)
-    yield "Monitor", monitored(study, analysis)
+    yield "Masking noise", format_noise(study)
+    yield "Monitor", format_monitor(study, analysis)
     driver = f"{device.driver} at {device.sample_rate_hz:g} Hz"
     yield "Device in the plan", f"{driver}, ceiling {device.ceiling_vpp:g} V peak-to-peak"
 
 
-def monitored(study: Study, analysis: Analysis) -> str:
-    """Say what measured the bursts, and in how many sessions."""
+def format_monitor(study: Study, analysis: Analysis) -> str:
+    """Return the monitor that measured the bursts, and in how many sessions."""
     monitor = study.monitor
     if monitor.source == "none":
         return "none"
-    number = len({(row.participant, row.session) for row in analysis.measured})
+    number = len({(row.participant, row.session) for row in _measured_rows(analysis)})
     return (
         f"source {monitor.source}, tap {monitor.tap}; in {number} of {analysis.counts.sessions} "
         "sessions"
     )
 
 
-def measured_rows(analysis: Analysis) -> list[list[str]]:
-    """Return a heading, and what a monitor measured beside what was planned; nothing without."""
-    found: dict[tuple[str, str, str, float, str], list[MeasuredRow]] = {}
-    for row in analysis.measured:
+def _measured_rows(analysis: Analysis) -> list[MeasuredRow]:
+    return [row for session in analysis.loaded.progress for row in session.measured]
+
+
+def measured_table(analysis: Analysis) -> Table | None:
+    """Return the peaks that a monitor measured beside the planned ones; None without any."""
+    bursts: dict[tuple[str, str, str, float, str], list[MeasuredRow]] = {}
+    for row in _measured_rows(analysis):
         for side, peak in (("left", row.planned_left), ("right", row.planned_right)):
             if peak or (side == "left" and not row.planned_right):  # of a blank one row
                 key = row.condition, row.tap, side if peak else "none", peak, row.unit
-                found.setdefault(key, []).append(row)
-    if not found:
-        return []
-    head = [
-        "Condition",
-        "Tap",
-        "Channel",
-        "Planned peak",
-        "Measured (median)",
-        "Least to most",
-        "Bursts",
-        "Verified",
-        "False",
-        "n/a",
-        "Noted",
-        "Off by (median)",
-        "At most",
-    ]
-    return [head, *(_measured(key, found[key]) for key in sorted(found))]
+                bursts.setdefault(key, []).append(row)
+    if not bursts:
+        return None
+    header = phrases()["measured"]
+    rows = [_measured(key, bursts[key]) for key in sorted(bursts)]
+    return Table(
+        name="measured",
+        caption=header["caption"],
+        header=[text for key, text in header.items() if key != "caption"],
+        rows=rows,
+    )
 
 
 def _measured(key: tuple[str, str, str, float, str], rows: list[MeasuredRow]) -> list[str]:
     condition, tap, side, planned_peak, unit = key
-    told = [] if side == "none" else [getattr(row, f"peak_{side}") for row in rows]
-    peaks = sorted(peak for peak in told if peak is not None)
+    measured = [] if side == "none" else [getattr(row, f"peak_{side}") for row in rows]
+    peaks = sorted(peak for peak in measured if peak is not None)
     late_ms = sorted(abs(row.late_s) * 1e3 for row in rows if row.late_s is not None)
     verified = [row.burst_verified for row in rows]
-    false, not_told = verified.count("false"), verified.count(None)
-    counts = len(rows), len(rows) - false - not_told, false, not_told
+    false, unknown = verified.count("false"), verified.count(None)
+    counts = len(rows), len(rows) - false - unknown, false, unknown
     return [
         *(condition, tap, side, f"{planned_peak:.4g} {unit}"),
         f"{median(peaks):.4g}" if peaks else "n/a",
@@ -181,11 +147,11 @@ def _measured(key: tuple[str, str, str, float, str], rows: list[MeasuredRow]) ->
     ]
 
 
-def plate_size(study: Study) -> str:
-    """Return width, length and thickness in words.
+def format_plate(study: Study) -> str:
+    """Return the width, length and thickness of the plate.
 
     >>> from experiment import paper_study
-    >>> plate_size(paper_study())
+    >>> format_plate(paper_study())
     '25 mm wide, 200 mm long, 0.5 mm thick'
     """
     strip = study.strip
@@ -193,23 +159,23 @@ def plate_size(study: Study) -> str:
     return f"{strip.width_m * 1e3:g} mm wide, {length}, {strip.thickness_m * 1e3:g} mm thick"
 
 
-def material_words(study: Study) -> str:
-    """Return what a plate is made of.
+def format_material(study: Study) -> str:
+    """Return the material of the plate.
 
     >>> from experiment import paper_study
-    >>> material_words(paper_study())
-    "67 GPa, Poisson's ratio 0.346, 2700 kg/m3"
+    >>> format_material(paper_study())
+    "67 GPa, Poisson's ratio 0.346, 2700 kg/m³"
     """
     made_of = study.strip.material
     elastic = f"{made_of.youngs_modulus_pa / 1e9:g} GPa, Poisson's ratio"
-    return f"{elastic} {made_of.poisson_ratio:g}, {made_of.density_kg_m3:g} kg/m3"
+    return f"{elastic} {made_of.poisson_ratio:g}, {made_of.density_kg_m3:g} kg/m³"
 
 
-def cutoff_words(study: Study) -> str:
-    """Return a plate's first cut-off, and where it is from.
+def format_cutoff(study: Study) -> str:
+    """Return the cut-off frequency of the plate and its source.
 
     >>> from experiment import paper_study
-    >>> cutoff_words(paper_study())
+    >>> format_cutoff(paper_study())
     '2900 Hz (Ben Dhiab and Hudin: section II-B; figure 4 for the cut-off frequency)'
     """
     plate = study.plate
@@ -217,8 +183,8 @@ def cutoff_words(study: Study) -> str:
     return f"{study.strip.cutoff_hz():.4g} Hz ({source})"
 
 
-def levels_words(study: Study) -> str:
-    """Return the levels of a study in words."""
+def format_levels(study: Study) -> str:
+    """Return the levels of a study."""
     levels = {
         condition.name: ", ".join(f"{v:g}" for v in condition.design(study.design).levels_vpp)
         for condition in study.conditions
@@ -228,11 +194,11 @@ def levels_words(study: Study) -> str:
     return "; ".join(f"{name} {listed}" for name, listed in levels.items())
 
 
-def trials_words(study: Study) -> str:
-    """Say which trials a session has.
+def format_trials(study: Study) -> str:
+    """Return the trials of a session.
 
     >>> from experiment import paper_study
-    >>> trials_words(paper_study())
+    >>> format_trials(paper_study())
     '75 left, 75 right, 5 of both fingers'
     """
     design = study.design
@@ -242,14 +208,14 @@ def trials_words(study: Study) -> str:
         "of both fingers": design.both_trials,
         "blank": design.blank_trials,
     }
-    told = ", ".join(f"{number} {words}" for words, number in many.items() if number)
+    trials = ", ".join(f"{number} {words}" for words, number in many.items() if number)
     each = " of each condition" if len(study.conditions) > 1 else ""
     practice = f"; {design.practice_trials} for practice" if design.practice_trials else ""
-    return f"{told}{each}{practice}"
+    return f"{trials}{each}{practice}"
 
 
-def noise_words(study: Study) -> str:
-    """Say what noise masks the sound of the actuators."""
+def format_noise(study: Study) -> str:
+    """Return the masking noise."""
     masking = study.masking
     if masking.noise == "none":
         return "none"
@@ -258,15 +224,17 @@ def noise_words(study: Study) -> str:
     return f"{masking.noise}, {level}"
 
 
-IN_METHODS: Final = {
-    told.__name__: told
-    for told in (plate_size, material_words, cutoff_words, levels_words, trials_words, noise_words)
-}
-"""What the paragraph of methods says of a study."""
+def protocol_tables(analysis: Analysis, plans: Planned) -> Iterator[Table]:
+    """Yield the protocol, and the bursts that a monitor measured."""
+    rows = [[what, value] for what, values in protocol_rows(analysis, plans) for value in values]
+    if rows:
+        yield Table(name="protocol", caption="Protocol", header=["Quantity", "Value"], rows=rows)
+    if (measured := measured_table(analysis)) is not None:
+        yield measured
 
 
-def number_tables(plans: Planned) -> Iterator[tuple[str, list[list[str]]]]:
-    """Yield a caption, and rows of the keys that study files set, their values and sources."""
+def source_tables(analysis: Analysis, plans: Planned) -> Iterator[Table]:
+    """Yield the keys that study files set, with values and sources; and checksums."""
     rows: dict[str, dict[str, None]] = {}
     sources: dict[str, dict[str, None]] = {}
     for study, keys in zip(plans.studies, plans.keys_set, strict=True):
@@ -276,32 +244,18 @@ def number_tables(plans: Planned) -> Iterator[tuple[str, list[list[str]]]]:
             name, _, index = section.rstrip("]").partition("[")
             table = values[name][int(index)] if index else values[name]
             rows.setdefault(path, {})[format_value(table[key])] = None
-            sources.setdefault(path, {})[table.get("source") or "study file"] = None
-    if rows:
-        caption = "Keys that the study file sets; the others have their defaults"
-        yield caption, [[path, "; ".join(rows[path]), "; ".join(sources[path])] for path in rows]
-
-
-def protocol_section(analysis: Analysis, plans: Planned) -> Section:
-    """Return how it was measured, for the page."""
-    rows = [[what, one] for what, words in protocol_rows(analysis, plans) for one in words]
-    head = ["What", "As planned" if plans.studies else "As told"]
-    table = [Table(caption="Protocol", header=head, rows=rows, texts=head[1:])] if rows else []
-    told = measured_rows(analysis)
-    more = [Table(caption="Bursts measured", header=told[0], rows=told[1:])] if told else []
-    return Section(title="How it was measured", texts=plans.remarks, tables=[*table, *more])
-
-
-def folded_tables(analysis: Analysis, plans: Planned) -> Iterator[Table]:
-    """Yield what stands folded at a page's end: sources of numbers, checksums, versions."""
-    header = ["Number, by its key in study.toml", "Value", "Source"]
-    for caption, rows in number_tables(plans):
-        yield Table(caption=caption, header=header, rows=rows, texts=header)
+            sources.setdefault(path, {})[table.get("source") or ""] = None
+    key_rows, before = [], ""
+    for path, values_of in rows.items():
+        source = "; ".join(sources[path])
+        row = {"key": path, "value": "; ".join(values_of)}
+        key_rows.append(row | {"source": "" if source == before else source})
+        before = source
+    if (made := make_table("keys", key_rows)) is not None:
+        yield made
     yield Table(
-        caption="Files that were read",
+        name="files",
+        caption="Files",
         header=["File", "sha256"],
-        rows=[[one.name, one.sha256] for one in analysis.inputs],
-        texts=["sha256"],
+        rows=[[file.name, file.sha256] for file in analysis.loaded.inputs],
     )
-    told = [[name, number] for name, number in versions().items()]
-    yield Table(caption="Versions", header=["Package", "Version"], rows=told, texts=["Version"])

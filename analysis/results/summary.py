@@ -1,99 +1,145 @@
-"""The summary of an analysis: everything that is not a table of trials, as JSON."""
+"""The summary of an analysis as JSON, and the meaning of the columns of its tables."""
 
 from __future__ import annotations
 
 import json
 import math
 import platform
+import tomllib
 from dataclasses import asdict
+from functools import cache
 from importlib.metadata import version
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, Final
 
-from analysis.definitions import DEFINITIONS, OF_ONE_PLACE, OF_SIDES, definitions_in
+from analysis.results.analysis import contacts_of
 from analysis.results.answer import answer
-from analysis.results.methods.words import plain
-from analysis.results.rows import levels_told
+from analysis.results.rendering import read_text
 from experiment.rows import NOT_AVAILABLE
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     import pandas as pd
 
-    from analysis.groups.population import PopulationThreshold
-    from analysis.results.tables import Analysis
+    from analysis.axis import Axis
+    from analysis.results.analysis import Analysis
 
 
-SCHEMA = 1
-_COUNTS = ("false_alarms_a", "blanks_a", "false_alarms_b", "blanks_b")
-_SIDED = ("left_vpp", "right_vpp", "left_um", "right_um")
+SCHEMA: Final = 2
+_COUNTS: Final = ("false_alarms_a", "blanks_a", "false_alarms_b", "blanks_b")
+_SIDED: Final = ("left_vpp", "right_vpp", "left_um", "right_um")
+_TABLES: Final = (
+    "excluded",
+    "levels",
+    "both",
+    "blank",
+    "hands_off",
+    "thresholds",
+    "groups",
+    "sides",
+    "side_groups",
+    "differences",
+    "sensitivity",
+    "d_prime_differences",
+    "reaction_times",
+)
 
 
 def summary_text(analysis: Analysis) -> str:
     """Write the summary as JSON: no time, no host, no absolute path; equal data give equal text."""
-    answered = answer(analysis)
+    loaded, axis = analysis.loaded, analysis.axis
+    modified = (*loaded.altered.values(), *loaded.lost.values())
+    tables = {name: getattr(analysis, name) for name in _TABLES} | {"levels": any_side(analysis)}
     summary = {
         "schema": SCHEMA,
-        "definitions": {"ci": analysis.ci, **definitions_of(analysis)},
-        "inputs": [asdict(file) for file in analysis.inputs],
+        "ci": analysis.ci,
+        "inputs": [asdict(file) for file in loaded.inputs],
         "versions": versions(),
         "seed": analysis.seed,
-        "axis": {"x_scale": analysis.axis.x_scale, "unit": analysis.axis.unit},
+        "axis": {"x_scale": axis.x_scale, "unit": axis.unit},
         "counts": asdict(analysis.counts),
         "mark": analysis.mark,
-        "answer": [plain(statement) for statement in answered.statements],
-        "answer_codes": answered.codes,
+        "answer": [asdict(row) for row in answer(analysis)],
         "devices": devices(analysis.trials),
-        "altered": [
-            one for each in (*analysis.altered.values(), *analysis.lost.values()) for one in each
-        ],
-        "not_compared": list(analysis.not_compared),
-        "contact": {words: list(which) for words, which in analysis.contacts.items()},
-        "excluded": _records(analysis.excluded, analysis),
-        "levels": _records(levels_told(analysis), analysis),
-        "both": _records(analysis.both, analysis),
-        "blank": _records(analysis.blank, analysis),
-        "hands_off": _records(analysis.hands_off, analysis),
-        "thresholds": _records(analysis.thresholds, analysis),
-        "groups": _records(analysis.groups, analysis),
-        "differences": _records(analysis.differences, analysis),
-        "sensitivity": _records(analysis.sensitivity, analysis),
-        "d_prime_differences": _records(analysis.d_prime_differences, analysis),
-        "population": [_population(one, analysis) for one in analysis.population],
-        "choice": [asdict(one) for one in analysis.choice],
-        "reaction_times": _records(analysis.reaction_times, analysis),
-        "warnings": [asdict(one) for one in analysis.warnings],
+        "altered": [difference for each in modified for difference in each],
+        "not_compared": list(loaded.not_compared),
+        "contact": {text: list(names) for text, names in contacts_of(analysis).items()},
+        "side_p": dict(analysis.side_p),
+        **{name: _records(table, analysis) for name, table in tables.items()},
+        "warnings": [asdict(warning) for warning in analysis.warnings],
     }
-    return json.dumps(summary, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+    return (
+        json.dumps(summary, indent=1, ensure_ascii=False, allow_nan=False, default=_python) + "\n"
+    )
+
+
+def _python(value: Any) -> object:
+    """Return a number of numpy as one of Python."""
+    return value.item()
+
+
+def any_side(analysis: Analysis) -> pd.DataFrame:
+    """Return the levels with ``detected_any``, NaN where "none" could not be answered."""
+    table = analysis.detected_any
+    return analysis.levels.assign(detected_any=math.nan if table is None else table["detected_any"])
 
 
 def in_own_words(table: pd.DataFrame, analysis: Analysis) -> pd.DataFrame:
-    """Return a table of results with a lab's own unit and place.
+    """Return a table of results with a lab's unit and place.
 
-    Where levels are no volts peak-to-peak, columns lose their ``_vpp`` and a last one tells the
-    unit. Where a table made elsewhere has one place, whose side only the map states, no side is
-    told.
+    Where levels are no volts peak-to-peak, columns lose their ``_vpp`` and a last one has the
+    unit. An external table of one place, whose side only the map states, has no side.
     """
     side, unit = analysis.one_place, analysis.axis.unit
     if side:
-        felt = {side: "felt", "none": "not_felt"}
+        answers = {side: "felt", "none": "not_felt"}
         sided = {"side", "left", "right", "both", "over_report", "mislocalised"} - {side}
         sided |= {f"{of}_{at}" for of in ("level", "peak") for at in _SIDED}
-        table = table.drop(columns=[name for name in table if name in sided]).rename(columns=felt)
+        table = table.drop(columns=[name for name in table if name in sided]).rename(
+            columns=answers
+        )
         if "response" in table:
-            table = table.assign(response=table["response"].astype(object).replace(felt))
+            table = table.assign(response=table["response"].astype(object).replace(answers))
     if not analysis.axis.is_vpp and any(str(name).endswith("_vpp") for name in table):
         names = {name: str(name).removesuffix("_vpp") for name in table}
         table = table.rename(columns=names).assign(unit=unit)
     return table
 
 
-def definitions_of(analysis: Analysis) -> dict[str, str]:
-    """Return what the columns mean, of `in_own_words`."""
-    axis = analysis.axis
-    definitions = dict(DEFINITIONS if axis.is_vpp else definitions_in(axis.unit))
-    if analysis.one_place:
-        definitions = {n: text for n, text in definitions.items() if n not in OF_SIDES}
-        definitions.update(OF_ONE_PLACE)
-    return definitions
+@cache
+def _columns() -> Mapping[str, Any]:
+    return tomllib.loads(read_text("columns.toml"))
+
+
+def column_meanings(axis: Axis, *, one_place: bool = False) -> dict[str, str]:
+    """Return what the columns of the tables mean, of `in_own_words`.
+
+    >>> from analysis.axis import Axis
+    >>> column_meanings(Axis(unit="vol"))["threshold_db"]
+    'the threshold in dB re 1 vol'
+    """
+    texts = _columns()
+    unit = "volts peak-to-peak" if axis.is_vpp else axis.unit
+    db = axis.unit if axis.unit.lower().startswith("db") else f"dB re 1 {axis.unit}"
+    if axis.is_vpp:
+        db = "dB re 1 V peak-to-peak"
+    meanings = {
+        name if axis.is_vpp else name.replace("_vpp", ""): text.format(unit=unit, db=db)
+        for name, text in texts["columns"].items()
+    }
+    if not axis.is_vpp:
+        meanings |= texts["own_unit"]
+    if one_place:
+        hidden = texts["two_places"]["names"]
+        meanings = {name: text for name, text in meanings.items() if name not in hidden}
+        meanings |= texts["one_place"]
+    return meanings
+
+
+def columns_text(analysis: Analysis) -> str:
+    """Write what the columns mean as JSON."""
+    meanings = column_meanings(analysis.axis, one_place=bool(analysis.one_place))
+    return json.dumps(meanings, indent=1, ensure_ascii=False) + "\n"
 
 
 def versions() -> dict[str, str]:
@@ -107,7 +153,7 @@ def versions() -> dict[str, str]:
 
 
 def devices(trials: pd.DataFrame) -> dict[str, int]:
-    """Count the trials of each kind of device; a table made elsewhere may not tell it.
+    """Count the trials of each kind of device; an external table may not have it.
 
     >>> import pandas as pd
     >>> devices(pd.DataFrame({"device_kind": ["mock", "mock", None]}))
@@ -118,31 +164,16 @@ def devices(trials: pd.DataFrame) -> dict[str, int]:
     return {str(kind): int(counts[kind]) for kind in sorted(counts.index)}
 
 
-def _population(one: PopulationThreshold, analysis: Analysis) -> dict[str, object]:
-    limits = [_known(limit) for limit in one.threshold_limits_vpp]
-    told = {n: _known(value) for n, value in asdict(one).items()} | {"threshold_limits_vpp": limits}
-    if analysis.axis.is_vpp:
-        return told
-    return {n.removesuffix("_vpp"): value for n, value in told.items()} | {
-        "unit": analysis.axis.unit
-    }
-
-
-def _known(value: object) -> object:
-    return None if isinstance(value, float) and math.isnan(value) else value
-
-
 def _records(table: pd.DataFrame, analysis: Analysis) -> list[dict[str, object]]:
     table = in_own_words(table, analysis)
     return [
-        {
-            name: _counted(name, _known(value))
-            for name, value in zip(table.columns, row, strict=True)
-        }
+        {name: _json(name, value) for name, value in zip(table.columns, row, strict=True)}
         for row in table.itertuples(index=False, name=None)
     ]
 
 
-def _counted(name: str, value: object) -> object:
-    """Write a count as one, where its column holds floats for the rows without it."""
+def _json(name: str, value: object) -> object:
+    """Return null for NaN, and a count as one where its column holds floats."""
+    if isinstance(value, float) and math.isnan(value):
+        return None
     return int(value) if name in _COUNTS and isinstance(value, float) else value

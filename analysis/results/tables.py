@@ -1,391 +1,423 @@
-"""One analysis of checked trials: all tables, all counts, and what a reader has to be told."""
+"""Tables for terminal and page: rows of text, with captions and headings of tables.toml."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+import math
+import tomllib
+from dataclasses import asdict, dataclass
+from functools import cache
+from typing import TYPE_CHECKING, Any, Final
 
-from analysis.answers import counting, detection
-from analysis.answers.choice import choices, confusion_table
-from analysis.answers.counting import reaction_table
-from analysis.answers.doubts import DRIFTING, SWAPPED
-from analysis.answers.dprime import sensitivity_table
-from analysis.definitions import METHODS
-from analysis.groups.criterion import with_criterion
-from analysis.groups.micrometres import with_micrometres
-from analysis.groups.sensitivity import d_prime_differences
-from analysis.groups.tables import difference_table, group_table, without_people
-from analysis.reading.counts import counts_of, without_device
-from analysis.reading.plans import contacts
-from analysis.reading.text import ResultFileError
-from analysis.results.methods.misfit import misfitting
-from analysis.results.warned import doubts_of, warnings_of
-from analysis.thresholds.people import people_in
-from analysis.thresholds.table import thresholds_of
-from experiment.names import require_whole
+from analysis.numbers import TOTAL, counted_up, decimals, p_value, percent, shortest, signed
+from analysis.results.findings import (
+    differences,
+    estimates,
+    person_estimates,
+    records,
+    side_estimates,
+)
+from analysis.results.rendering import phrases, read_text
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Iterable, Iterator, Mapping, Sequence
 
     import pandas as pd
 
-    from analysis.answers.choice import Choices
-    from analysis.answers.doubts import Doubt
-    from analysis.axis import Axis
-    from analysis.codes import AnalysisWarning
-    from analysis.groups.population import PopulationThreshold
-    from analysis.groups.tables import Without
-    from analysis.reading.batch import InputFile
-    from analysis.reading.counts import Counts
-    from analysis.reading.load import LoadedTrials
-    from analysis.thresholds.people import PersonCounts
-    from experiment.rows import MeasuredRow
+    from analysis.results.analysis import Analysis
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Analysis:
-    r"""What came out of a set of trials.
-
-    `write_analysis` returns one. Its tables have the columns of the files of the same names, where
-    there is one; `analysis.definitions` says what they mean. Levels are peak-to-peak volts unless
-    `axis` says otherwise.
-
-    Attributes
-    ----------
-    levels, participants : pandas.DataFrame
-        Detection probabilities over participants, and of each of them, at every level.
-    both, blank : pandas.DataFrame
-        What was answered in both-finger and in blank trials.
-    excluded : pandas.DataFrame
-        What does not count: columns ``participant reason trials``, the last how many.
-    thresholds : pandas.DataFrame
-        The threshold of every participant in every condition.
-    groups : pandas.DataFrame
-        The threshold of the group in every condition: the rows all of thresholds.csv, with the
-        number of participants, and of those below and above the levels.
-    differences : pandas.DataFrame
-        By how many dB thresholds differ between conditions.
-    sensitivity, d_prime_differences : pandas.DataFrame
-        d' and criterion, and by how much d' differs between conditions.
-    population : tuple of PopulationThreshold
-        The threshold of all people of a condition as one population; empty unless asked for.
-    confusion : pandas.DataFrame
-        Answers by kind and side of the stimulus.
-    choice : tuple of Choices
-        What each participant answered, and all of them: shares, information, d'.
-    reaction_times : pandas.DataFrame
-        Median, 10 % and 90 % points of the times of correct answers in seconds: columns
-        ``condition level_vpp side n median p10 p90``.
-    trials : pandas.DataFrame
-        All trials as `read_trials` returns them.
-    detected_any : pandas.DataFrame or None
-        Stimuli that were felt at all: columns ``condition level_vpp detected_any``; None where
-        "none" could not be answered.
-    hands_off : pandas.DataFrame
-        Trials with the fingers off the plate, which are in none of the other tables.
-    counts : Counts
-        How many trials these are.
-    inputs : tuple of InputFile
-        The files that were read.
-    warnings : tuple of AnalysisWarning
-        A code and a sentence each; empty where nothing is amiss.
-    ci : str
-        Method of the cells' intervals.
-    seed : int
-        Of everything that is drawn at random: bootstrap and permutations.
-    axis : Axis
-        What the levels are.
-    people : PersonCounts
-        What everybody was shown and detected, as the thresholds are of.
-    studies : tuple of (str, str)
-        Canonical texts of the studies in the plans beside the tables, each once, with the sources
-        of their numbers.
-    measured : tuple of MeasuredRow
-        What a monitor measured of the bursts, a row of measured.csv each.
-    altered : mapping of str to tuple of str
-        Sessions that are not as they were recorded: the path of each table, and what differs.
-    lost : mapping of str to tuple of str
-        Such sessions of which no table is left.
-    not_compared : tuple of str
-        Tables of sessions without a journal.
-    contacts : mapping of str to tuple of str
-        How the fingers lay on the plate, as studies state it, with the sessions of each.
-    doubts : tuple of Doubt
-        People who look as if they guessed or drifted, or had their sides swapped.
-    task : str
-        ``yes/no`` or ``forced choice`` where a map states it; else empty.
-    unswapped : pandas.DataFrame or None
-        `groups` without the people whose sides look swapped; ``None`` where there are none.
-    fitting : Without or None
-        Without the people with a function that does not fit, or a threshold that drifts; ``None``
-        where there are none.
-    side_told : bool
-        Whether the tables tell a side; false where a map states one for all rows.
-    left_out_by : str
-        The keys of a map that leave out rows and, of several, how many each.
-
-    Raises
-    ------
-    ValueError
-        If `ci` is no method of `proportion_ci`.
-
-    Notes
-    -----
-    Types of attributes that the package does not offer by name may change; what they hold is in the
-    files.
-
-    Examples
-    --------
-    >>> from pathlib import Path
-    >>> from tempfile import TemporaryDirectory
-    >>> from analysis import ColumnMap
-    >>> from analysis.reading.load import read_inputs
-    >>> from analysis.results.tables import analyse
-    >>> with TemporaryDirectory() as folder:
-    ...     table = Path(folder) / "table.csv"
-    ...     _ = table.write_text("participant,side,level_vpp,response\n1,left,60,left\n")
-    ...     found = analyse(read_inputs([table], ColumnMap()))
-    >>> found.counts.trials, found.levels["p_mean"].tolist()
-    (1, [1.0])
-    """
-
-    levels: pd.DataFrame
-    participants: pd.DataFrame
-    both: pd.DataFrame
-    blank: pd.DataFrame
-    excluded: pd.DataFrame
-    thresholds: pd.DataFrame
-    groups: pd.DataFrame
-    differences: pd.DataFrame
-    sensitivity: pd.DataFrame
-    d_prime_differences: pd.DataFrame
-    population: tuple[PopulationThreshold, ...]
-    confusion: pd.DataFrame
-    choice: tuple[Choices, ...]
-    reaction_times: pd.DataFrame
-    trials: pd.DataFrame
-    detected_any: pd.DataFrame | None
-    hands_off: pd.DataFrame
-    counts: Counts
-    inputs: tuple[InputFile, ...]
-    warnings: tuple[AnalysisWarning, ...]
-    ci: str
-    seed: int
-    axis: Axis
-    people: PersonCounts
-    studies: tuple[tuple[str, tuple[str, ...]], ...] = ()  # with the keys that their files set
-    measured: tuple[MeasuredRow, ...] = ()  # of the bursts that a monitor measured
-    altered: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
-    lost: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
-    not_compared: tuple[str, ...] = ()
-    contacts: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
-    doubts: tuple[Doubt, ...] = ()
-    task: str = ""
-    unswapped: pd.DataFrame | None = None
-    fitting: Without | None = None
-    side_told: bool = True
-    left_out_by: str = ""
-
-    def __post_init__(self) -> None:
-        if self.ci not in METHODS:
-            raise ValueError(f"ci must be one of {', '.join(METHODS)}, got {self.ci!r}")
-
-    @property
-    def one_side(self) -> str:
-        """The side of all stimuli and of every answer that names one; else empty."""
-        table = self.confusion
-        if table.empty or self.detected_any is None or table["kind"].eq("both").any():
-            return ""
-        sides = {*table.loc[table["kind"].eq("single"), "side"]}
-        others = [name for name in ("left", "right", "both") if name not in sides]
-        none = not table[others].to_numpy().any()
-        return str(sides.pop()) if len(sides) == 1 and none else ""
-
-    @property
-    def one_place(self) -> str:
-        """That side where only a map states it, for a table of one place: then no output does."""
-        return "" if self.side_told else self.one_side
-
-    @property
-    def mark(self) -> str:
-        """What every output says of the trials where they are no plain results; else empty."""
-        return "; ".join(filter(None, (self._simulated, self._practice, self._altered, self._lost)))
-
-    @property
-    def _simulated(self) -> str:
-        if self.counts.simulated == self.counts.trials:
-            return "Simulated participants"
-        return "Simulated and real participants mixed" if self.counts.simulated else ""
-
-    @property
-    def _practice(self) -> str:
-        number = self.counts.without_device
-        told = f"Practice without a device: {number} of {self.counts.trials} trials"
-        return told if number else ""
-
-    @property
-    def _altered(self) -> str:
-        number = len(self.altered)
-        return (
-            f"Altered after recording: {number} of {self.counts.sessions} sessions"
-            if number
-            else ""
-        )
-
-    @property
-    def _lost(self) -> str:
-        number = len(self.lost)
-        some = "" if number == 1 else "s"
-        return f"Lost after recording, left out: {number} session{some}" if number else ""
+Row = dict[str, str]
+EMPTY: Final = ("", "n/a")
+MIN_BOOTSTRAP_P: Final = 0.002
+"""The smallest p that 499 drawn tables can show."""
 
 
-def analyse(
-    loaded: LoadedTrials,
-    *,
-    ci: str = "wilson",
-    seed: int = 0,
-    allow_simulated: bool = False,
-    population: bool = False,
-) -> Analysis:
-    r"""Count, tabulate and look for what a reader has to be told.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Table:
+    """A table of texts; the first cell names its row."""
 
-    Parameters
-    ----------
-    loaded : LoadedTrials
-        From `analysis.reading.load.read_inputs`.
-    ci : str
-        Method of the cells' intervals, see `analysis.proportion_ci`.
-    seed : int
-        Of bootstrap and permutations.
-    allow_simulated : bool
-        Whether simulated and real sessions may be mixed, and people without a device be analysed.
-    population : bool
-        Whether to fit the participants of each condition as one population.
+    name: str
+    caption: str
+    header: Sequence[str]
+    rows: Sequence[Sequence[str]]
+    note: str = ""
 
-    Returns
-    -------
-    Analysis
 
-    Raises
-    ------
-    ValueError
-        For an unknown method, and a seed that is no whole number of at least 0.
-    ResultFileError
-        For simulated trials beside real ones, and trials of a person without a device.
+@cache
+def _layouts() -> Mapping[str, Any]:
+    return tomllib.loads(read_text("tables.toml"))
 
-    Examples
-    --------
-    >>> from pathlib import Path
-    >>> from tempfile import TemporaryDirectory
-    >>> from analysis import ColumnMap, analyse, read_inputs
-    >>> with TemporaryDirectory() as folder:
-    ...     table = Path(folder) / "table.csv"
-    ...     _ = table.write_text("participant,side,level_vpp,response\n1,left,60,left\n")
-    ...     analysis = analyse(read_inputs([table], ColumnMap()))
-    >>> analysis.counts.trials, [warning.code for warning in analysis.warnings]
-    (1, [])
-    """
-    require_whole("seed", seed, 0)
-    trials = loaded.trials
-    if trials["simulated"].any() and not trials["simulated"].all() and not allow_simulated:
-        one = trials[trials["simulated"]].iloc[0]
-        message = "a simulated trial, and others are real; --allow-simulated accepts both"
-        raise ResultFileError(one["file"], int(one["line"]), message)
-    practice = trials[without_device(trials)]
-    if len(practice) and not allow_simulated:
-        one = practice.iloc[0]
-        message = (
-            f"a trial of a person on a device of the kind {one['device_kind']}, who felt nothing; "
-            "--allow-simulated accepts it"
-        )
-        raise ResultFileError(one["file"], int(one["line"]), message)
-    excluded = counting.excluded_table(trials)
-    stated = contacts(loaded.progress, _sessions_of(trials))
-    cells = detection.cells(trials) if loaded.cells is None else loaded.cells
-    people, doubts = people_in(loaded, cells), tuple(doubts_of(loaded))
-    fitted = thresholds_of(people, seed=seed, axis=loaded.axis)
-    thresholds = with_micrometres(fitted, trials, loaded.axis) if loaded.side_told else fitted
-    sensitivity = sensitivity_table(trials)
-    blank, detected_any = detection.blank_table(trials, ci, loaded.blanks), _detected_any(loaded)
-    told = warnings_of(loaded, excluded, stated, doubts=doubts, people=people, fits=thresholds)
-    return Analysis(
-        levels=detection.levels_of(cells),
-        participants=detection.participants_of(cells, ci),
-        both=detection.both_table(trials, ci),
-        blank=blank,
-        excluded=excluded,
-        thresholds=thresholds,
-        groups=group_table(people, thresholds, loaded.axis),
-        differences=with_criterion(
-            difference_table(people, loaded.axis),
-            trials,
-            sensitivity,
-            blank=blank if detected_any is not None else None,
-            numbered=loaded.numbered,
-        ),
-        sensitivity=sensitivity,
-        d_prime_differences=d_prime_differences(sensitivity),
-        population=_population(people, loaded.axis) if population else (),
-        confusion=confusion_table(trials),
-        choice=choices(trials, seed),
-        reaction_times=reaction_table(trials),
-        trials=trials,
-        detected_any=detected_any,
-        hands_off=counting.hands_off_table(trials),
-        counts=counts_of(loaded),
-        inputs=loaded.inputs,
-        warnings=tuple(told),
-        doubts=doubts,
-        task=loaded.task,
-        unswapped=_unswapped(people, thresholds, doubts, loaded.axis),
-        fitting=without_people(
-            misfitting(thresholds) | {one.participant for one in doubts if one.kind == DRIFTING},
-            *(people, thresholds, loaded.axis),
-        ),
-        ci=ci,
-        seed=seed,
-        axis=loaded.axis,
-        people=people,
-        studies=tuple(dict.fromkeys((one.study, one.keys_set) for one in loaded.progress)),
-        measured=tuple(row for one in loaded.progress for row in one.measured),
-        altered=loaded.altered,
-        lost=loaded.lost,
-        not_compared=loaded.not_compared,
-        contacts=stated,
-        side_told=loaded.side_told,
-        left_out_by=loaded.left_out_by,
+
+def make_table(name: str, rows: Iterable[Row], where: str = "") -> Table | None:
+    """Lay out rows in the columns of tables.toml that have a value; None without any row."""
+    cells, layout = [*rows], _layouts()[name]
+    if not cells:
+        return None
+    keys = [key for key in layout["columns"] if any(row.get(key, "") not in EMPTY for row in cells)]
+    return Table(
+        name=name,
+        caption=f"{layout['caption']}{f', {where}' if where else ''}",
+        header=[layout["columns"][key] for key in keys],
+        rows=[[row.get(key, "") for key in keys] for row in cells],
+        note=layout.get("note", ""),
     )
 
 
-def _unswapped(
-    people: PersonCounts, thresholds: pd.DataFrame, doubts: tuple[Doubt, ...], axis: Axis
-) -> pd.DataFrame | None:
-    """Fit the groups without people whose sides look swapped.
+def by_condition(analysis: Analysis, name: str, table: pd.DataFrame, rows: Any) -> Iterator[Table]:
+    """Yield a table for each condition; `rows` makes them of the rows of that condition."""
+    if table.empty:
+        return
+    for condition, each in table.groupby("condition"):
+        where = str(condition) if analysis.counts.conditions > 1 else ""
+        made = make_table(name, rows(str(condition), each), where)
+        if made is not None:
+            yield made
 
-    Who looks as if guessing stays in: often it is a high threshold, without which the group's
-    would be too low.
+
+def group_tables(analysis: Analysis) -> Iterator[Table]:
+    """Yield the thresholds of groups, of both sides where they differ, and the differences."""
+    conditions = analysis.counts.conditions > 1
+    rows = [
+        {
+            "condition": each.condition if conditions else "",
+            "participants": each.participant or str(each.participants),
+            "threshold": each.value or phrases()["status"].get(each.status, ""),
+            "um": ", ".join(f"{one['side']} {one['value']}".strip() for one in each.fingertips),
+            "sigma": each.sigma,
+            "spread": each.spread,
+            "next": each.next_participant,
+            "below": _or_empty(each.below),
+            "above": _or_empty(each.above),
+        }
+        for each in estimates(analysis)
+    ]
+    sides = [
+        {
+            "condition": each["condition"] if conditions else "",
+            "side": side.side,
+            "threshold": side.value or phrases()["status"].get(side.status, ""),
+        }
+        for each in side_estimates(analysis)
+        for side in each["sides"]
+    ]
+    tables = (
+        make_table("group", rows),
+        make_table("side_group", sides),
+        make_table("differences", _difference_rows(analysis)),
+    )
+    yield from filter(None, tables)
+
+
+def _or_empty(number: float) -> str:
+    return str(int(number)) if number else ""
+
+
+def _difference_rows(analysis: Analysis) -> Iterator[Row]:
+    for pair in differences(analysis):
+        row = pair.row
+        low, high = (decimals(value, 1) for value in (pair.low, pair.high))
+        text = f"{signed(pair.value)} dB" if math.isfinite(pair.value) else "n/a"
+        points = [
+            row.get(f"false_alarm_difference{end}", math.nan) for end in ("", "_low", "_high")
+        ]
+        shown = [signed(100 * value) for value in points if math.isfinite(value)]
+        of_points = len(shown) == 3  # noqa: PLR2004 (the difference and its limits)
+        d_prime = [row.get(f"d_prime_difference{end}", math.nan) for end in ("", "_low", "_high")]
+        yield {
+            "pair": f"{pair.b} - {pair.a}",
+            "participant": "" if row["participant"] == TOTAL else str(row["participant"]),
+            "difference": "none: one level only"
+            if pair.status == "one_level"
+            else f"{text} ({_open(low)} to {_open(high)})",
+            "ratio": pair.ratio,
+            "first": row["first"] if isinstance(row["first"], str) else "",
+            "alarms": f"{shown[0]} points ({shown[1]} to {shown[2]})" if of_points else "",
+            "alarms_p": "" if math.isnan(row["false_alarm_p"]) else p_value(row["false_alarm_p"]),
+            "d_prime": _with_limits(d_prime),
+        }
+
+
+def _open(text: str) -> str:
+    return "open" if text == "n/a" else text
+
+
+def _with_limits(values: Sequence[float], number: int = 2) -> str:
+    """Return a value, with its limits where it has some."""
+    at, low, high = (decimals(value, number) for value in values)
+    return at if low == "n/a" else f"{at} ({low} to {high})"
+
+
+def people_tables(analysis: Analysis) -> Iterator[Table]:
+    """Yield the thresholds of participants, with d' and criterion over all levels."""
+    table = analysis.sensitivity
+    overall = table[table["level_vpp"].isna()] if len(table) else table
+    of_person = {(row["condition"], row["participant"]): row for row in records(overall)}
+
+    def rows(condition: str, each: pd.DataFrame) -> Iterator[Row]:
+        shown = person_estimates(analysis, condition)
+        for row, estimate in zip(records(each), shown, strict=True):
+            sensitivity = of_person.get((condition, row["participant"]), {})
+            p = row["deviance_p"]
+            yield {
+                "participant": estimate.participant,
+                "threshold": estimate.value or phrases()["status"][estimate.status],
+                "sigma": estimate.sigma,
+                "lapse": decimals(row["lapse_rate"], 3),
+                "guess": decimals(row["guess_rate"], 3),
+                "d_prime": decimals(sensitivity.get("d_prime"), 2),
+                "criterion": decimals(sensitivity.get("criterion"), 2),
+                "misfit": "<= " * (p <= MIN_BOOTSTRAP_P) + decimals(p, 3),
+                "status": phrases()["status_of_fit"][estimate.status],
+                "trials": str(row["trials"]),
+            }
+
+    yield from by_condition(analysis, "people", analysis.thresholds, rows)
+
+
+def level_tables(analysis: Analysis) -> Iterator[Table]:
+    """Yield detection by level, and by side where a table has both."""
+    people = analysis.participants.groupby(["condition", "level_vpp"]).size()
+    late = analysis.levels["timeouts"].gt(0).any() or analysis.counts.invalid
+    any_side = analysis.detected_any
+    unit = analysis.axis.unit
+
+    def rows(condition: str, each: pd.DataFrame) -> Iterator[Row]:
+        for at, row in zip(each.index, records(each), strict=True):
+            detected_any = "" if any_side is None else str(any_side["detected_any"].iloc[at])
+            detected = f"{row['detected']}/{row['presented']}"
+            several = int(people[condition, row["level_vpp"]])
+            yield {
+                "level": f"{shortest(row['level_vpp'])} {unit}",
+                "detected": detected,
+                "participants": str(several) if several > 1 else "",
+                "min": decimals(row["p_min"], 3) if several > 1 else "",
+                "mean": decimals(row["p_mean"], 3),
+                "max": decimals(row["p_max"], 3) if several > 1 else "",
+                "band": _limits(row["p_low"], row["p_high"]),
+                "both": _count(row["over_report"]),
+                "other": _count(row["mislocalised"]),
+                "late": _count(row["timeouts"]),
+                "answered": decimals(row["p_answered"], 3) if late else "",
+                "any": detected_any if detected_any != str(row["detected"]) else "",
+            }
+
+    yield from by_condition(analysis, "levels", analysis.levels, rows)
+
+
+def _count(number: float) -> str:
+    return "" if math.isnan(number) or not number else str(int(number))
+
+
+def _limits(low: float, high: float) -> str:
+    return "n/a" if math.isnan(low) else f"{decimals(low, 3)} to {decimals(high, 3)}"
+
+
+def side_tables(analysis: Analysis) -> Iterator[Table]:
+    """Yield detection by side and level, where stimuli were at both sides."""
+
+    def rows(_: str, each: pd.DataFrame) -> Iterator[Row]:
+        for row in records(each.sort_values(["level_vpp", "side"])):
+            yield {
+                "level": f"{shortest(row['level_vpp'])} {analysis.axis.unit}",
+                "side": str(row["side"]),
+                "detected": f"{row['detected']}/{row['presented']}",
+                "min": decimals(row["p_min"], 3),
+                "mean": decimals(row["p_mean"], 3),
+                "max": decimals(row["p_max"], 3),
+            }
+
+    yield from by_condition(analysis, "sides", analysis.sides, rows)
+
+
+def answer_tables(analysis: Analysis) -> Iterator[Table]:
+    """Yield the answers to each stimulus, and those of each participant."""
+    site, side = analysis.one_place, analysis.one_side
+    named = {site: "felt", "none": "not_felt"} if site else {}
+    hidden = {"left", "right", "both"} - {side} if side else set()
+    columns = ("left", "right", "both", "none", "timeout", "invalid")
+
+    def rows(_: str, each: pd.DataFrame) -> Iterator[Row]:
+        for row in records(each):
+            shown = row["kind"] if row["kind"] != "single" or site else row["side"]
+            yield {
+                "stimulus": "stimulus" if site and row["kind"] == "single" else str(shown),
+                "presented": str(row["presented"]),
+                **{
+                    named.get(name, name): str(row[name])
+                    for name in columns
+                    if name not in hidden and (name in columns[:4] or row[name])
+                },
+            }
+
+    yield from by_condition(analysis, "answers", analysis.confusion, rows)
+    if len(analysis.trials):
+        made = make_table("each", _each_participant(analysis))
+        if made is not None:
+            yield made
+
+
+def _each_participant(analysis: Analysis) -> list[Row]:
+    """Return what no warning is based on: false alarms, side preference and reaction times."""
+    counted = analysis.trials[analysis.trials["reason"].eq("")].astype({"response": object})
+    several = analysis.counts.conditions > 1
+    rows = []
+    for (who, condition), each in counted.groupby(["participant", "condition"], observed=True):
+        single, blank = (each[each["kind"].eq(kind)] for kind in ("single", "blank"))
+        side, response = single["side"].astype(str), single["response"].astype(str)
+        elsewhere = (response.isin(["left", "right"]) & response.ne(side)).sum()
+        alarms = blank["response"].isin(["left", "right", "both"]).sum()
+        left, right = (int(each["response"].eq(name).sum()) for name in ("left", "right"))
+        row = {
+            "participant": f"{who}, {condition}" if several else str(who),
+            "trials": str(len(each)),
+            "late": _count(int(each["response"].eq("timeout").sum())),
+            "time": decimals(float(single.loc[response.eq(side), "rt_s"].median()), 3),
+        }
+        if analysis.detected_any is not None and len(blank):
+            row["alarms"] = f"{alarms}/{len(blank)}"
+        if not analysis.one_side:
+            row |= {"other": f"{elsewhere}/{len(single)}", "said": f"{left} : {right}"}
+        rows.append(row)
+    return sorted(rows, key=lambda row: counted_up(row["participant"]))
+
+
+def blank_tables(analysis: Analysis) -> Iterator[Table]:
+    """Yield blank and both-finger trials, and those with the hands off the plate.
+
+    Of several participants only the totals are shown; blank.csv and both.csv have each.
     """
-    swapped = {one.participant for one in doubts if one.kind == SWAPPED}
-    if not swapped:
-        return None
-    places = [i for i, (_, who) in enumerate(people.names) if who not in swapped]
-    return group_table(people.at(places), thresholds, axis)
+    side = analysis.one_side
+    several = analysis.counts.participants > 1
+    blank = [
+        {
+            "participant": _who(row),
+            "presented": str(int(row["presented"])),
+            **({} if side else {n: decimals(row[n], 0) for n in ("left", "right", "both")}),
+            "p": f"{percent(row['p'])} %",
+            "interval": _percents(row),
+        }
+        for row in records(analysis.blank)
+        if row["participant"] == TOTAL or not several
+    ]
+    both = [
+        {
+            "participant": _who(row),
+            "noticed": f"{row['noticed']}/{row['presented']}",
+            "p": f"{percent(row['p'])} %",
+            "interval": _percents(row),
+            "left_only": _count(row["left_only"]),
+            "right_only": _count(row["right_only"]),
+        }
+        for row in records(analysis.both)
+        if row["participant"] == TOTAL or not several
+    ]
+    hands_off = [
+        {name: str(value) for name, value in row.items()}
+        | {"participant": _who(row), "part": phrases()["parts"][row["part"]]}
+        for row in records(analysis.hands_off)
+    ]
+    named = (("blank", blank), ("both", both), ("hands_off", hands_off))
+    yield from filter(None, (make_table(name, rows) for name, rows in named))
 
 
-def _population(people: PersonCounts, axis: Axis) -> tuple[PopulationThreshold, ...]:
-    from analysis.groups.population import population_thresholds  # statsmodels is slow to load
-
-    return population_thresholds(people, axis=axis)
-
-
-def _detected_any(loaded: LoadedTrials) -> pd.DataFrame | None:
-    """Count what was felt at all; of a table of counts that is what was detected."""
-    trials, cells = loaded.trials, loaded.cells
-    if cells is not None:
-        return detection.detected_any_of(cells) if cells["none_offered"].all() else None
-    return detection.detected_any(trials) if counting.offers_none(trials) else None
+def _percents(row: Mapping[str, Any]) -> str:
+    """Return the limits of a share, of the mean of participants in a row of all of them."""
+    group = math.isfinite(row.get("group_low", math.nan)) and row["participant"] == TOTAL
+    ends = [row[f"{'group_' if group else ''}{end}"] for end in ("low", "high")]
+    return f"{percent(ends[0])} to {percent(ends[1])} %"
 
 
-def _sessions_of(trials: pd.DataFrame) -> list[tuple[str, str]]:
-    told = trials[["participant", "session"]].drop_duplicates()
-    return list(told.itertuples(index=False, name=None))
+def _who(row: Mapping[str, Any]) -> str:
+    """Name a participant, and the condition where there are several."""
+    return f"{row['participant']}{', ' + row['condition'] if 'condition' in row else ''}"
+
+
+def sensitivity_tables(analysis: Analysis) -> Iterator[Table]:
+    """Yield d' and criterion of all participants by level, and differences of d'."""
+    table = analysis.sensitivity
+    unit = analysis.axis.unit
+
+    def rows(_: str, each: pd.DataFrame) -> Iterator[Row]:
+        for row in records(each):
+            level = row["level_vpp"]
+            yield {
+                "level": "all" if math.isnan(level) else f"{shortest(level)} {unit}",
+                "felt": f"{row['felt']:.0f}/{row['presented']:.0f}",
+                "alarms": f"{row['false_alarms']:.0f}/{row['blanks']:.0f}",
+                "d_prime": _with_limits([row[f"d_prime{end}"] for end in ("", "_low", "_high")]),
+                "criterion": decimals(row["criterion"], 2),
+            }
+
+    yield from by_condition(analysis, "sensitivity", table[table["participant"].eq(TOTAL)], rows)
+    apart = analysis.d_prime_differences
+    apart = apart[apart["participant"].eq(TOTAL)]
+    for (a, b), each in apart.groupby(["condition_a", "condition_b"]):
+        cells = [
+            {
+                "level": f"{shortest(row['level_vpp'])} {unit}",
+                "a": decimals(row["d_prime_a"], 2),
+                "b": decimals(row["d_prime_b"], 2),
+                "difference": _with_limits(
+                    [row[f"d_prime_difference{end}"] for end in ("", "_low", "_high")]
+                ),
+            }
+            for row in records(each)
+        ]
+        made = make_table("d_prime_differences", cells, f"a = {a}, b = {b}")
+        if made is not None:
+            yield made
+
+
+def time_tables(analysis: Analysis) -> Iterator[Table]:
+    """Yield the reaction times of correct answers."""
+    table = analysis.reaction_times
+
+    def rows(_: str, each: pd.DataFrame) -> Iterator[Row]:
+        for row in records(each):
+            yield {
+                "level": f"{shortest(row['level_vpp'])} {analysis.axis.unit}",
+                "side": "" if analysis.one_place else str(row["side"]),
+                "n": str(int(row["n"])),
+                **{name: decimals(row[name], 3) for name in ("median", "p10", "p90")},
+            }
+
+    if table["n"].gt(0).any():
+        yield from by_condition(analysis, "reaction_times", table, rows)
+
+
+def count_tables(analysis: Analysis) -> Iterator[Table]:
+    """Yield how many trials were read, and which were left out."""
+    names, seldom = phrases()["counts"], ("simulated", "without_device", "unread", "unread_files")
+    counts = asdict(analysis.counts)
+    rows = [
+        {"what": text, "number": str(counts[name])}
+        for name, text in names.items()
+        if counts[name] or name not in (*seldom, "both", "timeouts", "invalid")
+    ]
+    reasons = phrases()["reasons"]
+    excluded = [
+        {
+            "participant": str(row["participant"]),
+            "reason": reasons.get(row["reason"], row["reason"]),
+            "trials": str(row["trials"]),
+        }
+        for row in records(analysis.excluded)
+    ]
+    tables = make_table("counts", rows), make_table("excluded", excluded)
+    yield from filter(None, tables)
+
+
+def detail_tables(analysis: Analysis) -> Iterator[Table]:
+    """Yield the tables that the terminal prints on request."""
+    for tables in (
+        group_tables,
+        people_tables,
+        level_tables,
+        side_tables,
+        answer_tables,
+        blank_tables,
+        sensitivity_tables,
+        time_tables,
+        count_tables,
+    ):
+        yield from tables(analysis)

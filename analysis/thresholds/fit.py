@@ -1,31 +1,35 @@
-"""Psychometric functions fitted to counts: a threshold, or the reason why there is none."""
+"""Psychometric functions fitted to counts: a threshold, a bound, or the reason for neither."""
 
 from __future__ import annotations
 
-import itertools
 import math
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Final, Literal, get_args
+from typing import TYPE_CHECKING, Final, Literal
 
-import numpy as np
+from scipy.special import ndtr
 
-from analysis.axis import LARGEST, XScale
-from analysis.thresholds.density import Ruler
-from analysis.thresholds.grid import surfaces
-from analysis.thresholds.mle import Tables, at_upper_lapse, likeliest, probabilities
-from analysis.thresholds.people import GuessRate
-from analysis.thresholds.posterior import posterior, within_levels
-from analysis.thresholds.probit import deviance, fit_lines, increasing_exists, scale, slope_p
+from analysis.thresholds.guess import GuessRate
+from analysis.thresholds.likeliest import likeliest_function, overlaps, trend
+from analysis.thresholds.likelihood import (
+    Tables,
+    checked_levels,
+    checked_table,
+    likelihoods,
+    pooled,
+    posteriors,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    import numpy as np
     from numpy.typing import ArrayLike, NDArray
 
-    from analysis.thresholds.posterior import Posterior
+    from analysis.axis import XScale
+    from analysis.thresholds.function import FunctionName, Prior
+    from analysis.thresholds.likelihood import Likelihood
 
     Floats = NDArray[np.float64]
-
 
 FitStatus = Literal[
     "ok",
@@ -40,62 +44,48 @@ FitStatus = Literal[
     "lapse_at_bound",
 ]
 WITH_THRESHOLD: Final = ("ok", "lapse_at_bound", "separated")
-"""Statuses of a table that tells a threshold."""
+"""Statuses of a table that has a threshold."""
 BOUNDED: Final = (
     "threshold_below_levels",
     "threshold_above_levels",
     "median_below_levels",
     "median_above_levels",
 )
-"""Statuses of a table that tells only a bound of the threshold."""
-
-_SLOPE_P: Final = 0.05
-_GAIN: Final = 1e-13
-"""Of log likelihood; a step that gains less moves no digit that is told."""
-_LEVEL: Final = 1e-12
-"""A rise of the normal quantile over all levels that is no more is rounding."""
-_AT_ONCE: Final = 250
-"""Tables whose likelihoods are held in memory together, 60 kB each."""
-_NAN: Final = float("nan")
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ProbitFit:
-    """The likeliest p = Phi((x - mu)/sigma), mu and sigma in the units of x."""
-
-    mu: float
-    sigma: float
-    deviance: float  # twice the log likelihood that the table's own proportions have more
+"""Statuses of a table that has only a bound of the threshold."""
+_MAX_TREND_P: Final = 0.05
+_MARGIN: Final = 0.1
+"""Steps, 0.1 dB. A limit that lies closer to the end of the levels counts as just inside."""
+_NAN: Final = math.nan
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PsychometricFit:
-    """What a table of counts tells of a psychometric function.
+    """A psychometric function fitted to one table of counts.
 
     Attributes
     ----------
     status : str
         With a threshold: ``ok``, ``lapse_at_bound``, ``separated``. With a bound as one of the
         limits: ``threshold_below_levels``, ``threshold_above_levels``, ``median_below_levels``,
-        ``median_above_levels``. With neither: ``one_level``, ``decreasing``, ``flat``. What is not
-        known is NaN. What each means: docs/statistics.md, section 8.
+        ``median_above_levels``. With neither: ``one_level``, ``decreasing``, ``flat``. Numbers that
+        the table does not determine are NaN. What each means: docs/statistics.md, section 8.
     threshold : float
-        Level felt half of the time, posterior median, in the levels' unit.
+        Level at which F is 1/2, posterior median, in the levels' unit.
     threshold_limits : tuple of float
         95 % equal-tailed limits; outside the tested levels an end is open, -inf or inf.
     sigma : float
         Posterior median of the width: log10 units, or the levels' unit on a linear axis. NaN where
-        detection rises in one step (``separated``): the prior alone would tell it.
+        detection rises in one step (``separated``), which leaves sigma to its prior.
     lapse_rate, guess_rate : float
-        Posterior means; a guess rate that is known is that.
+        Posterior means; a guess rate that is known stays as it is.
     mle_threshold, mle_sigma, mle_lapse_rate : float
         The likeliest values, sigma and lambda within their priors' bounds; NaN where ``separated``.
     deviance : float
-        At these.
+        Of the likeliest function.
 
     Examples
     --------
-    `fit_psychometric` gives one. Where everything was felt it knows only a bound:
+    `fit_psychometric` returns one. Where everything was detected it has only a bound:
 
     >>> fit = fit_psychometric([60, 200], [30, 30], [30, 30], guess_rate=0.5)
     >>> fit.status, fit.threshold, fit.threshold_limits[0]
@@ -114,84 +104,34 @@ class PsychometricFit:
     deviance: float = _NAN
 
 
-def probit_mle(x: ArrayLike, detected: ArrayLike, presented: ArrayLike) -> ProbitFit:
-    """Return the likeliest increasing probit function without guesses and lapses.
-
-    Equation and method: docs/statistics.md, section 8.
-
-    Parameters
-    ----------
-    x : array_like, shape (levels,)
-        Levels, on the axis on which the function is normal; in any order.
-    detected, presented : array_like, shape (levels,)
-        Counts. Levels without a stimulus count for nothing.
-
-    Returns
-    -------
-    ProbitFit
-        ``mu`` and ``sigma`` in the units of x, and the ``deviance``.
-
-    Raises
-    ------
-    ValueError
-        For impossible counts, and where no increasing function is the likeliest: one level, tables
-        without overlap, tables that do not rise.
-
-    Examples
-    --------
-    Two levels are met exactly, wherever the axis begins:
-
-    >>> fit = probit_mle([1e6, 1e6 + 2], [16, 84], [100, 100])
-    >>> round(fit.mu - 1e6, 9), round(fit.deviance, 9)
-    (1.0, 0.0)
-    >>> probit_mle([1, 2, 3], [0, 0, 9], [9, 9, 9])
-    Traceback (most recent call last):
-    ValueError: detected must overlap (something felt below a level at which something was missed)
-    for a likeliest probit function to exist; got 0/9 0/9 9/9
-    """
-    levels, k, n = _table(x, detected, presented)
-    counts = " ".join(f"{a:g}/{b:g}" for a, b in zip(k, n, strict=True))
-    scaled = scale(levels[None, :], n[None])
-    if scaled.width[0] == 0:
-        raise ValueError(f"x must hold at least two levels with stimuli; got {levels.tolist()}")
-    if not increasing_exists(scaled.u, k[None], n[None])[0]:
-        raise ValueError(
-            "detected must overlap (something felt below a level at which something was missed) "
-            f"for a likeliest probit function to exist; got {counts}"
-        )
-    lines = fit_lines(scaled.u, k[None], n[None])
-    slope = float(lines.slope[0])
-    if not slope > _LEVEL:
-        raise ValueError(f"detected must rise with x; got {counts}")
-    return ProbitFit(
-        mu=float(scaled.low[0] - scaled.width[0] * lines.intercept[0] / slope),
-        sigma=float(scaled.width[0] / slope),
-        deviance=float(lines.deviance[0]),
-    )
-
-
 def fit_psychometric(
-    levels_vpp: ArrayLike,
+    levels: ArrayLike,
     detected: ArrayLike,
     presented: ArrayLike,
     *,
     guess_rate: float | GuessRate,
     x_scale: XScale = "log10",
+    function: FunctionName = "normal",
 ) -> PsychometricFit:
-    """Fit p = gamma + (1 - gamma - lambda) Phi((x - mu)/sigma) to one table of counts.
+    """Fit p = gamma + (1 - gamma - lambda) F((x - mu)/sigma) to one table of counts.
 
     Priors, method and coverage: docs/statistics.md, section 8.
 
     Parameters
     ----------
-    levels_vpp : array_like, shape (levels,)
-        Drive levels; above 0 on the axis ``log10``.
+    levels : array_like, shape (levels,)
+        Stimulus levels; above 0 on the axis ``log10``.
     detected, presented : array_like, shape (levels,)
-        Counts. Levels without a stimulus count for nothing; equal levels are pooled.
+        Counts. Levels without a stimulus have no effect; equal levels are pooled.
     guess_rate : float or GuessRate
-        gamma: 0 where a person who feels nothing says so, 1/2 where a side has to be guessed.
+        gamma: 1/2 where a participant has to guess one of two sides. 0 is only right where a
+        participant without a sensation never reports one.
     x_scale : str
         ``log10`` or ``linear``.
+    function : str
+        F: ``normal``, ``logistic``, ``weibull`` or ``gumbel``, all with F(0) = 1/2 and the same
+        slope there. A Weibull function of the level, which needs ``log10``, is a Gumbel function of
+        its logarithm.
 
     Returns
     -------
@@ -200,42 +140,43 @@ def fit_psychometric(
     Raises
     ------
     ValueError
-        For impossible counts, levels not above 0 on the axis ``log10``, or another axis.
+        For impossible counts, levels not above 0 on the axis ``log10``, another axis or function.
 
     Examples
     --------
-    >>> levels_vpp, presented = [50, 71, 100, 141, 200], [50] * 5
-    >>> fit = fit_psychometric(levels_vpp, [1, 7, 26, 48, 50], presented, guess_rate=0.0)
+    >>> levels, presented = [50, 71, 100, 141, 200], [50] * 5
+    >>> fit = fit_psychometric(levels, [1, 7, 26, 48, 50], presented, guess_rate=0.0)
     >>> fit.status, fit.threshold_limits[0] < 100 < fit.threshold_limits[1]
     ('ok', True)
     """
-    x, k, n = _table(levels_vpp, detected, presented, name="levels_vpp")
-    axis = checked_levels("levels_vpp", x, x_scale)
+    x, k, n = checked_table(levels, detected, presented)
     guess = guess_rate if isinstance(guess_rate, GuessRate) else GuessRate(mean=guess_rate)
-    fit = fit_many(axis[None], k[None], n[None], guesses=(guess,), x_scale=x_scale)[0]
-    return in_volts(fit) if x_scale == "log10" else fit
+    check_function(function, x_scale)
+    tables = Tables(
+        x=checked_levels(x, x_scale)[None],
+        detected=k[None],
+        presented=n[None],
+        guesses=[guess],
+        x_scale=x_scale,
+        function=function,
+    )
+    people = likelihoods(tables)
+    (fit,) = with_likeliest(fit_many(tables, people), tables, people)
+    return in_levels(fit) if x_scale == "log10" else fit
 
 
-def checked_levels(name: str, levels: NDArray[np.generic], x_scale: XScale) -> Floats:
-    """Return levels on the axis; a ValueError unless they can lie there."""
-    if levels.size and levels.dtype.kind not in "iuf":
-        raise ValueError(f"{name} must be finite numbers; got {levels.tolist()!r}")
-    x = levels.astype(np.float64)
-    if not (np.abs(x) <= LARGEST).all():
-        wrong = x[~(np.abs(x) <= LARGEST)].tolist()
-        raise ValueError(f"{name} must be finite and at most {LARGEST:g}; got {wrong}")
-    if x_scale not in get_args(XScale):
-        raise ValueError(f"x_scale must be one of log10, linear; got {x_scale!r}")
-    if x_scale == "log10" and (x <= 0).any():
+def check_function(function: str, x_scale: str) -> None:
+    """Raise a ValueError for another function, and for a Weibull function of a linear axis."""
+    if function not in ("normal", "logistic", "weibull", "gumbel"):
         raise ValueError(
-            f"{name} must be above 0 on the axis log10; got {x[x <= 0].tolist()}: use "
-            'x_scale="linear"'
+            f"function must be one of normal, logistic, weibull, gumbel; got {function!r}"
         )
-    return np.log10(x) if x_scale == "log10" else x
+    if function == "weibull" and x_scale == "linear":
+        raise ValueError('function="weibull" needs x_scale="log10"; on a linear axis use "gumbel"')
 
 
-def in_volts(fit: PsychometricFit) -> PsychometricFit:
-    """Return a fit on the axis log10 as one in the levels' unit."""
+def in_levels(fit: PsychometricFit) -> PsychometricFit:
+    """Return a fit on the axis log10 in the levels' unit."""
     low, high = fit.threshold_limits
     return replace(
         fit,
@@ -246,153 +187,108 @@ def in_volts(fit: PsychometricFit) -> PsychometricFit:
 
 
 def fit_many(
-    x: Floats,
-    detected: Floats,
-    presented: Floats,
-    *,
-    guesses: Sequence[GuessRate],
-    x_scale: XScale = "log10",
+    tables: Tables, people: Sequence[Likelihood] | None = None
 ) -> tuple[PsychometricFit, ...]:
-    """Fit many tables as one array job, on the axis of x.
+    """Fit many tables, on their axis; `people` are their likelihoods if these are known.
 
-    Tables are (fits, levels), with counts that are checked; where presented is 0 the level is not
-    used. Each has its guess rate.
+    The likeliest functions, which take longest, are left to `with_likeliest`.
     """
-    if len(x) > _AT_ONCE:
-        parts = [slice(i, i + _AT_ONCE) for i in range(0, len(x), _AT_ONCE)]
-        some = (
-            fit_many(x[i], detected[i], presented[i], guesses=guesses[i], x_scale=x_scale)
-            for i in parts
-        )
-        return tuple(itertools.chain.from_iterable(some))
-    shown = np.asarray(presented, dtype=np.float64)
-    many = [i for i, row in enumerate(shown) if np.ptp(x[i][row > 0]) > 0]
-    fits = [PsychometricFit(status="one_level")] * len(shown)
-    if not many:
-        return tuple(fits)
-    rulers = [Ruler.of(x[i][shown[i] > 0], x_scale) for i in many]
-    step = np.array([one.step for one in rulers])
-    tables = Tables(
-        u=x[many] / step[:, None],
-        detected=np.asarray(detected, dtype=np.float64)[many],
-        presented=shown[many],
-        guess_rate=np.array([guesses[i].mean for i in many]),
-    )
-    counts = (tables.u, tables.detected, tables.presented)
-    found = surfaces(*counts, rulers=rulers, guesses=[guesses[i] for i in many])
-    known = posterior(found, rulers)
-    words = _statuses(tables, known.mu, rulers)
-    best, misfit = np.full((len(many), 3), _NAN), np.full(len(many), _NAN)
-    # Others tell no likeliest function, and theirs are the slowest to find.
-    likely = np.flatnonzero([word == "ok" for word in words])
-    if len(likely):
-        part = tables[likely]
-        best[likely] = likeliest(part, known.starts[likely], least_gain=_GAIN)
-        misfit[likely] = deviance(part.detected, part.presented, *probabilities(part, best[likely]))
-        for row in likely[at_upper_lapse(best[likely])]:
-            words[row] = "lapse_at_bound"
-    for row, i in enumerate(many):
-        found_best = (*best[row].tolist(), float(misfit[row]))
-        fits[i] = _fit(known, found_best, row, rulers[row], words[row])
+    people = people or likelihoods(tables)
+    priors = tables.priors()
+    mu, log_sigma = posteriors(people, priors)
+    step = tables.prior.step
+    fits = []
+    for row, (likelihood, prior, at) in enumerate(zip(people, priors, mu.tolist(), strict=True)):
+        used = tables.presented[row] > 0
+        counts = (tables.x[row, used], tables.detected[row, used], tables.presented[row, used])
+        status = status_of(*counts, at, prior)
+        limits = within_levels(at[0], at[2], prior)
+        if status in BOUNDED:
+            fits.append(PsychometricFit(status=status, threshold_limits=limits))
+        elif status not in WITH_THRESHOLD:
+            fits.append(PsychometricFit(status=status))
+        else:
+            sigma = step * math.exp(log_sigma[row, 1])
+            fits.append(
+                PsychometricFit(
+                    status=status,
+                    threshold=at[1] * step,
+                    threshold_limits=limits,
+                    sigma=_NAN if status == "separated" else sigma,
+                    lapse_rate=likelihood.lapse[0],
+                    guess_rate=likelihood.gamma[0],
+                )
+            )
     return tuple(fits)
 
 
-def _fit(
-    known: Posterior,
-    best: tuple[float, float, float, float],
-    row: int,
-    ruler: Ruler,
-    status: FitStatus,
-) -> PsychometricFit:
-    """Lay one table's posterior on its axis, as far as its status lets it be told.
+def with_likeliest(
+    fits: Sequence[PsychometricFit], tables: Tables, people: Sequence[Likelihood]
+) -> tuple[PsychometricFit, ...]:
+    """Return fits with their likeliest functions, where these have a slope."""
+    step, result = tables.prior.step, []
+    for row, (fit, likelihood) in enumerate(zip(fits, people, strict=True)):
+        if fit.status != "ok":
+            result.append(fit)
+            continue
+        best = likeliest_function(tables, row, likelihood.node)
+        result.append(
+            replace(
+                fit,
+                status="lapse_at_bound" if best.at_max_lapse else "ok",
+                mle_threshold=best.mu * step,
+                mle_sigma=step * math.exp(best.log_sigma),
+                mle_lapse_rate=best.lapse_rate,
+                deviance=best.deviance,
+            )
+        )
+    return tuple(result)
 
-    With its likeliest mu, log sigma and lambda and their deviance.
+
+def within_levels(low: float, high: float, prior: Prior) -> tuple[float, float]:
+    """Return limits on the axis: outside the levels they are open, or no closer than the levels.
+
+    An upper limit below the levels states that the threshold lies there. Of people exactly at the
+    lowest level it does so in 3 % of sessions, and 0.1 dB below in 2 %. A closer one is therefore
+    given as just inside, and likewise at the highest level.
+
+    >>> from analysis.thresholds.function import Prior
+    >>> prior = Prior(low=0.0, high=10.0, step=0.5, tail=3.0)
+    >>> within_levels(-2.0, 4.0, prior), within_levels(11.0, 12.0, prior)
+    ((-inf, 2.0), (5.0, inf))
     """
-    low, middle, high = known.mu[row].tolist()
-    limits = within_levels(low, high, ruler)
-    if status in BOUNDED:
-        return PsychometricFit(status=status, threshold_limits=limits)
-    if status not in WITH_THRESHOLD:
-        return PsychometricFit(status=status)
-    mu, log_sigma, lapse_rate, misfit = best
-    steep = status == "separated"
-    return PsychometricFit(
-        status=status,
-        threshold=middle * ruler.step,
-        threshold_limits=limits,
-        sigma=_NAN if steep else ruler.step * math.exp(known.log_sigma[row, 1]),
-        lapse_rate=float(known.lapse_rate[row]),
-        guess_rate=float(known.guess_rate[row]),
-        mle_threshold=ruler.step * mu,
-        mle_sigma=ruler.step * math.exp(log_sigma),
-        mle_lapse_rate=lapse_rate,
-        deviance=misfit,
+    margin = _MARGIN * prior.scale
+    high = high if high <= prior.low - margin else max(high, prior.low + margin)
+    low = low if low >= prior.high + margin else min(low, prior.high - margin)
+    return (
+        -math.inf if low < prior.low else min(low, prior.high) * prior.step,
+        math.inf if high > prior.high else max(high, prior.low) * prior.step,
     )
 
 
 def status_of(
-    x: Floats, detected: Floats, presented: Floats, mu: tuple[float, float, float], ruler: Ruler
+    x: Floats, detected: Floats, presented: Floats, mu: Sequence[float], prior: Prior
 ) -> FitStatus:
-    """Return the status of many people's tables pooled, with the limits and median of their mu."""
-    levels, place = np.unique(x[presented > 0], return_inverse=True)
-    if len(levels) == 1:
-        return "one_level"
-    k, n = np.zeros(len(levels)), np.zeros(len(levels))
-    np.add.at(k, place, detected[presented > 0])
-    np.add.at(n, place, presented[presented > 0])
-    pooled = Tables(
-        u=levels[None] / ruler.step, detected=k[None], presented=n[None], guess_rate=np.zeros(1)
-    )
-    return _statuses(pooled, np.array([mu]), [ruler])[0]
+    """Return the status of one table, or of many people's counts pooled: the first line that holds.
 
-
-def _statuses(tables: Tables, mu: Floats, rulers: Sequence[Ruler]) -> list[FitStatus]:
-    """Decide the status of each table, whose mu has limits and median (fits, 3): the first line.
-
-    That of lapses at their bound is decided later, among those that are "ok".
-
-    A table that does not rise says "flat", unless it can hardly be but the upper end of a function
-    that rises below its levels: then the threshold lies there. At the lower end there is no such
-    line: answers at chance may have other reasons than levels that are too low.
+    `mu` are the limits and the median of the threshold. A table that does not rise is "flat",
+    unless it can hardly be but the upper end of a function that rises below its levels: then the
+    threshold lies there. At the lower end there is no such line, as answers at chance may have
+    other reasons than levels that are too low.
     """
-    k, n = tables.detected, tables.presented
-    p_rise, p_fall = slope_p(fit_lines(scale(tables.u, n).u, k, n))
-    low, high = np.array([[one.low, one.high] for one in rulers]).T
-    rows: list[tuple[NDArray[np.bool_], FitStatus]] = [
-        ((k == n).all(axis=1), "threshold_below_levels"),
-        ((k == 0).all(axis=1), "threshold_above_levels"),
-        (p_fall < _SLOPE_P, "decreasing"),
-        ((p_rise >= _SLOPE_P) & (mu[:, 2] < low), "threshold_below_levels"),
-        (p_rise >= _SLOPE_P, "flat"),
-        (mu[:, 1] < low, "median_below_levels"),
-        (mu[:, 1] > high, "median_above_levels"),
-        (~increasing_exists(tables.u, k, n), "separated"),
-        (np.ones(len(tables), dtype=bool), "ok"),
-    ]
-    chosen = np.argmax([holds for holds, _ in rows], axis=0)
-    return [rows[i][1] for i in chosen]
-
-
-def _table(
-    x: ArrayLike, detected: ArrayLike, presented: ArrayLike, name: str = "x"
-) -> tuple[Floats, Floats, Floats]:
-    """Check one table, drop levels without a stimulus, pool equal ones, and sort it."""
-    from analysis.answers.intervals import checked_counts
-    from analysis.definitions import MOST_PRESENTED
-
-    k, n = checked_counts(detected, presented)
-    levels = checked_levels(name, np.asarray(x), "linear")
-    if levels.ndim != 1 or levels.shape != k.shape or k.shape != n.shape:
-        raise ValueError(
-            f"{name}, detected and presented must be lists of one length; got the shapes "
-            f"{levels.shape}, {k.shape}, {n.shape}"
-        )
-    if (n > MOST_PRESENTED).any():
-        raise ValueError(f"presented must be at most {MOST_PRESENTED:.0e}; got {n.max():g}")
-    if not (n > 0).any():
-        raise ValueError("presented must hold at least one stimulus; got none")
-    at, place = np.unique(levels[n > 0], return_inverse=True)
-    felt, shown = np.zeros(len(at)), np.zeros(len(at))
-    np.add.at(felt, place, k[n > 0])
-    np.add.at(shown, place, n[n > 0])
-    return at, felt, shown
+    x, k, n = pooled(x, detected, presented)
+    z = trend(x, k, n)
+    falling, flat = float(ndtr(z)) < _MAX_TREND_P, float(ndtr(-z)) >= _MAX_TREND_P
+    rows: tuple[tuple[bool, FitStatus], ...] = (
+        (len(x) == 1, "one_level"),
+        (bool((k == n).all()), "threshold_below_levels"),
+        (bool((k == 0).all()), "threshold_above_levels"),
+        (falling, "decreasing"),
+        (flat and mu[2] < prior.low, "threshold_below_levels"),
+        (flat, "flat"),
+        (mu[1] < prior.low, "median_below_levels"),
+        (mu[1] > prior.high, "median_above_levels"),
+        (not overlaps(x, k, n), "separated"),
+        (True, "ok"),
+    )
+    return next(status for holds, status in rows if holds)

@@ -1,53 +1,46 @@
-"""Thresholds of participants and of their group, from checked trials."""
+"""Thresholds of participants, of their groups, and differences of conditions, as tables."""
 
 from __future__ import annotations
 
+import itertools
 import math
-from types import MappingProxyType
 from typing import TYPE_CHECKING, Final
 
-import numpy as np
 import pandas as pd
 
-from analysis.answers.counting import NEEDED, require_columns
-from analysis.axis import VOLTS, alike, between, bounded, spread_of, with_limits
-from analysis.definitions import in_order
-from analysis.thresholds.density import Ruler
-from analysis.thresholds.fit import (
-    BOUNDED,
-    WITH_THRESHOLD,
-    PsychometricFit,
-    fit_many,
+from analysis.axis import VOLTS
+from analysis.counts.table import NEEDED, require_columns
+from analysis.numbers import (
+    TOTAL,
+    counted_up,
+    in_order,
 )
-from analysis.thresholds.goodness import deviance_p
-from analysis.thresholds.grid import surfaces
-from analysis.thresholds.people import FORCED_CHOICE, GuessRate, people_of
-from analysis.thresholds.posterior import posterior, within_levels
+from analysis.thresholds.difference import Difference, difference_of
+from analysis.thresholds.fit import PsychometricFit, fit_many
+from analysis.thresholds.group import NOT_RISING, GroupFit, group_fit
+from analysis.thresholds.likeliest import deviance_p, likeliest_function
+from analysis.thresholds.people import people_of, tables_and_likelihoods
 from experiment.names import require_whole
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Sequence
 
+    import numpy as np
     from numpy.typing import NDArray
 
     from analysis.axis import Axis
-    from analysis.thresholds.fit import FitStatus
     from analysis.thresholds.people import PersonCounts
 
     Floats = NDArray[np.float64]
 
-
+_IN_LEVELS: Final = ("threshold_vpp", "threshold_low_vpp", "threshold_high_vpp")
+_IN_DB: Final = ("threshold_db", "threshold_low_db", "threshold_high_db")
 THRESHOLD_COLUMNS: Final = (
     "participant",
     "condition",
     "status",
-    "threshold_vpp",
-    "threshold_low_vpp",
-    "threshold_high_vpp",
-    "threshold_db",
-    "threshold_low_db",
-    "threshold_high_db",
-    "printed",
+    *_IN_LEVELS,
+    *_IN_DB,
     "sigma",
     "lapse_rate",
     "mle_threshold_vpp",
@@ -58,39 +51,41 @@ THRESHOLD_COLUMNS: Final = (
     "guess_rate",
     "guess_basis",
     "guess_posterior",
-    "threshold_guess_0_vpp",
-    "threshold_guess_third_vpp",
-    "varied_low_vpp",
-    "varied_high_vpp",
-    "varied_printed",
     "levels",
     "trials",
 )
-
-WORDS: Final[Mapping[FitStatus, str]] = MappingProxyType(
-    {
-        "ok": "threshold found",
-        "lapse_at_bound": "threshold found; misses at high levels are more than lapses allow",
-        "one_level": "no threshold: one level only",
-        "threshold_below_levels": "below the lowest level",
-        "threshold_above_levels": "above the highest level",
-        "decreasing": "no threshold: detection falls with level",
-        "flat": "no threshold: detection does not rise with level",
-        "separated": "threshold found, slope unknown: detection rises in one step",
-        "median_below_levels": "probably below the lowest level",
-        "median_above_levels": "probably above the highest level",
-    }
+GROUP_COLUMNS: Final = (
+    "condition",
+    "participants",
+    "status",
+    *_IN_LEVELS,
+    "spread_db",
+    "spread_low_db",
+    "spread_high_db",
+    "new_low_vpp",
+    "new_high_vpp",
+    "sigma",
+    "sigma_low",
+    "sigma_high",
+    "below",
+    "above",
 )
-"""What a status means to a reader."""
-
-_THIRD: Final = 1 / 3
-
-_VARIED_COLUMNS: Final = ("varied_low_vpp", "varied_high_vpp", "varied_printed")
-VARIED: Final = 2.8
-"""Variance of real answers over the binomial one, near threshold, where "none" is offered.
-
-Quarters of a block in M. Grund et al., J. Neurosci. 42 (2022) 643-656; docs/statistics.md, 8.
-"""
+DIFFERENCE_COLUMNS: Final = (
+    "condition_a",
+    "condition_b",
+    "participant",
+    "difference_db",
+    "low_db",
+    "high_db",
+    "spread_db",
+    "spread_low_db",
+    "spread_high_db",
+    "status",
+)
+GROUP: Final = TOTAL
+_NOT_BOUNDED: Final = (*[math.nan] * 6, "unknown")
+_BELOW: Final = ("threshold_below_levels", "median_below_levels")
+_ABOVE: Final = ("threshold_above_levels", "median_above_levels")
 
 
 def threshold_table(trials: pd.DataFrame, *, seed: int, axis: Axis = VOLTS) -> pd.DataFrame:
@@ -110,7 +105,7 @@ def threshold_table(trials: pd.DataFrame, *, seed: int, axis: Axis = VOLTS) -> p
     -------
     pandas.DataFrame
         A row for each participant in each condition, with the columns of thresholds.csv but those
-        in micrometres: docs/statistics.md, section 8, defines them. dB are re 1 Vpp.
+        in micrometres; docs/statistics.md, section 8, has the model. dB are re 1 Vpp.
 
     Raises
     ------
@@ -124,149 +119,183 @@ def threshold_table(trials: pd.DataFrame, *, seed: int, axis: Axis = VOLTS) -> p
     >>> trials = pd.DataFrame({"participant": "1", "condition": "main", "kind": "single",
     ...     "side": "left", "level_vpp": np.repeat([60.0, 90.0, 120.0], 30), "reason": "",
     ...     "response": ["left"] * 4 + ["none"] * 40 + ["left"] * 46, "none_offered": True})
-    >>> threshold_table(trials, seed=1)[["participant", "status", "printed"]].to_numpy().tolist()
-    [['1', 'ok', '89.5 V (79.6 to 95.4)']]
+    >>> table = threshold_table(trials, seed=1)
+    >>> table["status"].tolist(), table["threshold_vpp"].round().tolist()
+    (['ok'], [89.0])
     """
-    require_columns(trials, (*NEEDED, "none_offered"))
+    require_columns(trials, NEEDED)
     require_whole("seed", seed, 0)
     return thresholds_of(people_of(trials), seed=seed, axis=axis)
 
 
 def thresholds_of(people: PersonCounts, *, seed: int, axis: Axis) -> pd.DataFrame:
-    """Return `threshold_table` of participants whose counts are known, from trials or not."""
+    """Return `threshold_table` of participants' counts."""
     if not people.names:
         return pd.DataFrame(columns=list(THRESHOLD_COLUMNS))
-    people = people.by_content()
-    x = axis.on_axis(people.level_vpp)
-    counts = (people.detected, people.presented)
-    rates = [one.rate for one in people.guesses]
-    scale = axis.fitted
-    fits = fit_many(x, *counts, guesses=rates, x_scale=scale)
-    others = [
-        fit_many(x, *counts, guesses=[GuessRate(mean=rate)] * len(rates), x_scale=scale)
-        for rate in (0.0, _THIRD)
-    ]
-    misfits = deviance_p(x, *counts, fits=fits, guesses=rates, x_scale=scale, seed=seed)
-    spreads = _spreads(people, fits, axis)
-    varied = _varied(people, fits, axis, spreads)
-    rows = [
-        {
+    tables, likelihoods = tables_and_likelihoods(people, axis)
+    fits = fit_many(tables, likelihoods)
+    rows = []
+    for i, (condition, participant) in enumerate(people.names):
+        fit, guess = fits[i], people.guesses[i]
+        row: dict[str, object] = {
             "participant": participant,
             "condition": condition,
-            **_numbers(fits[i], axis),
-            "printed": printed(fits[i], _shown(people, i), axis, spreads.get(i)),
-            "deviance_p": misfits[i],
-            "guess_rate": people.guesses[i].rate.mean,
-            "guess_basis": people.guesses[i].basis,
-            "guess_posterior": fits[i].guess_rate,
-            "threshold_guess_0_vpp": axis.level(others[0][i].threshold),
-            "threshold_guess_third_vpp": axis.level(others[1][i].threshold),
-            **varied[i],
+            "status": fit.status,
+            **_threshold(fit, axis),
+            "sigma": axis.width(fit.sigma),
+            "lapse_rate": fit.lapse_rate,
+            "guess_rate": guess.rate.mean,
+            "guess_basis": guess.basis,
+            "guess_posterior": fit.guess_rate,
             "levels": int((people.presented[i] > 0).sum()),
             "trials": int(people.presented[i].sum()),
         }
-        for i, (condition, participant) in enumerate(people.names)
-    ]
+        if fit.status == "ok":
+            best = likeliest_function(tables, i, likelihoods[i].node)
+            row |= {
+                "status": "lapse_at_bound" if best.at_max_lapse else "ok",
+                "mle_threshold_vpp": axis.level(best.mu * tables.prior.step),
+                "mle_sigma": axis.width(math.exp(best.log_sigma) * tables.prior.step),
+                "mle_lapse_rate": best.lapse_rate,
+                "deviance": best.deviance,
+                "deviance_p": deviance_p(tables, i, best, likelihoods[i], seed),
+            }
+        rows.append(row)
     table = pd.DataFrame(rows, columns=list(THRESHOLD_COLUMNS))
     return table.sort_values(["condition", "participant"], key=in_order, ignore_index=True)
 
 
-def _shown(people: PersonCounts, i: int) -> Floats:
-    return np.asarray(people.level_vpp[i, people.presented[i] > 0])
+def group_table(people: PersonCounts, thresholds: pd.DataFrame, axis: Axis) -> pd.DataFrame:
+    """Return the threshold of the group of each condition, in which everybody takes part.
 
-
-def _spreads(people: PersonCounts, fits: Sequence[PsychometricFit], axis: Axis) -> dict[int, float]:
-    """Return by what the thresholds are rounded, `alike`, of those who have one."""
-    told = [i for i, fit in enumerate(fits) if fit.status in WITH_THRESHOLD]
-    own = []
-    for i in told:
-        low, high = levels_of(fits[i].threshold_limits, axis)
-        at = axis.level(fits[i].threshold)
-        own.append(spread_of(low, at, high, _shown(people, i).tolist()))
-    return dict(zip(told, alike(own), strict=True))
-
-
-def _varied(
-    people: PersonCounts,
-    fits: Sequence[PsychometricFit],
-    axis: Axis,
-    spreads: Mapping[int, float],
-) -> list[dict[str, object]]:
-    """Return the limits of each threshold if answers vary `VARIED` times the binomial.
-
-    The likelihood of a table to the power of 1 / `VARIED`, on the same grid. None where there is no
-    threshold, and none in a forced choice, of which no such factor is known.
+    `thresholds` are `thresholds_of` these people, and maybe of others. ``below`` and ``above``
+    count the people whose own threshold lies outside the levels.
     """
-    found: list[dict[str, object]] = [dict.fromkeys(_VARIED_COLUMNS, math.nan) for _ in fits]
-    rows = [
-        i
-        for i, fit in enumerate(fits)
-        if fit.status in WITH_THRESHOLD and people.guesses[i].basis != FORCED_CHOICE
-    ]
-    if not rows:
-        return found
-    x, shown = axis.on_axis(people.level_vpp[rows]), people.presented[rows]
-    rulers = [Ruler.of(one[of > 0], axis.fitted) for one, of in zip(x, shown, strict=True)]
-    tables = surfaces(
-        x / np.array([[ruler.step] for ruler in rulers]),
-        people.detected[rows] / VARIED,
-        shown / VARIED,
-        rulers=rulers,
-        guesses=[people.guesses[i].rate for i in rows],
-    )
-    for i, ruler, mu in zip(rows, rulers, posterior(tables, rulers).mu, strict=True):
-        low, high = levels_of(within_levels(float(mu[0]), float(mu[2]), ruler), axis)
-        # To the decimals of `printed`, beside which it stands.
-        words = f"{between(low, high, _shown(people, i).tolist(), spreads[i])} {axis.unit}"
-        values = (low if low > -math.inf else math.nan, high if high < math.inf else math.nan)
-        found[i] = dict(zip(_VARIED_COLUMNS, (*values, words), strict=True))
-    return found
+    if not people.names:
+        return pd.DataFrame(columns=list(GROUP_COLUMNS))
+    tables, likelihoods = tables_and_likelihoods(people, axis)
+    statuses_of = thresholds.set_index(["condition", "participant"])["status"].to_dict()
+    rows = []
+    for condition, chosen in people.conditions().items():
+        statuses = [statuses_of[people.names[i]] for i in chosen]
+        fit = GroupFit(status="one_level")
+        if len(chosen) > 1:
+            fit = group_fit(tables.at(chosen), [likelihoods[i] for i in chosen], statuses)
+        spread = (fit.spread_db, *fit.spread_limits_db)
+        row: dict[str, object] = {
+            "condition": condition,
+            "participants": len(chosen),
+            "status": fit.status if len(chosen) > 1 else "one_participant",
+            **_threshold(fit, axis),
+            **dict(zip(("spread_db", "spread_low_db", "spread_high_db"), spread, strict=True)),
+            **dict(
+                zip(
+                    ("new_low_vpp", "new_high_vpp"),
+                    (_finite_or_nan(end) for end in levels_of(fit.new_person_limits, axis)),
+                    strict=True,
+                )
+            ),
+            "sigma": axis.width(fit.sigma),
+            "sigma_low": axis.width(fit.sigma_limits[0]),
+            "sigma_high": axis.width(fit.sigma_limits[1]),
+            "below": sum(status in _BELOW for status in statuses) if len(chosen) > 1 else math.nan,
+            "above": sum(status in _ABOVE for status in statuses) if len(chosen) > 1 else math.nan,
+        }
+        rows.append(row)
+    return pd.DataFrame(rows, columns=list(GROUP_COLUMNS))
 
 
-def _numbers(fit: PsychometricFit, axis: Axis) -> dict[str, object]:
-    # An open limit is n/a in a table, which has no word for infinity.
-    low, high = (end if math.isfinite(end) else math.nan for end in fit.threshold_limits)
-    at = [axis.level(value) for value in (fit.threshold, low, high)]
-    decibel = [
-        20 * value if axis.is_logarithmic else math.nan for value in (fit.threshold, low, high)
-    ]
-    return {
-        "status": fit.status,
-        **dict(zip(("threshold_vpp", "threshold_low_vpp", "threshold_high_vpp"), at, strict=True)),
-        **dict(
-            zip(("threshold_db", "threshold_low_db", "threshold_high_db"), decibel, strict=True)
-        ),
-        "sigma": axis.width(fit.sigma),
-        "lapse_rate": fit.lapse_rate,
-        "mle_threshold_vpp": axis.level(fit.mle_threshold),
-        "mle_sigma": axis.width(fit.mle_sigma),
-        "mle_lapse_rate": fit.mle_lapse_rate,
-        "deviance": fit.deviance,
-    }
+def difference_table(
+    people: PersonCounts, axis: Axis, thresholds: pd.DataFrame, groups: pd.DataFrame
+) -> pd.DataFrame:
+    """Return by how many dB thresholds differ between every two conditions.
 
-
-def printed(
-    fit: PsychometricFit, levels_vpp: Floats, axis: Axis, spread: float | None = None
-) -> str:
-    """Return a threshold as a reader is told it, rounded by a spread, or why there is none.
-
-    >>> import numpy as np
-    >>> printed(
-    ...     PsychometricFit(status="median_below_levels", threshold_limits=(-math.inf, 1.9)),
-    ...     np.array([60.0, 200.0]), VOLTS)
-    'at most 79.4 V (95 %)'
+    Where some people took part in both, these are compared, each and as a group; where nobody did,
+    the groups are. Nothing is compared on a linear axis, which has no dB. The last row of a pair is
+    the group's, ``all``. Where detection does not rise with level in either condition, by
+    `thresholds` and `groups`, there is no difference.
     """
-    low, high = levels_of(fit.threshold_limits, axis)
-    told = levels_vpp.tolist()
-    if fit.status in BOUNDED:
-        return bounded(low, high, axis.unit, told)
-    if fit.status not in WITH_THRESHOLD:
-        return WORDS[fit.status]
-    words = with_limits(axis.level(fit.threshold), low, high, axis.unit, told, spread=spread)
-    return f"{words}, slope unknown" if fit.status == "separated" else words
+    each = [thresholds, groups[groups["participants"].gt(1)].assign(participant=GROUP)]
+    statuses = pd.concat([table[["condition", "participant", "status"]] for table in each])
+    falling = statuses[statuses["status"].isin(NOT_RISING)]
+    not_rising = {*zip(falling["condition"], falling["participant"], strict=True)}
+    rows: list[list[object]] = []
+    if axis.is_logarithmic and len(people.conditions()) > 1:
+        pairs = itertools.combinations(people.conditions().items(), 2)
+        for (a, rows_a), (b, rows_b) in pairs:
+            for name, *numbers in _pair(people, rows_a, rows_b, axis):
+                flat = {(a, name), (b, name)} & not_rising
+                rows.append([a, b, name, *(_NOT_BOUNDED if flat else numbers)])
+    return pd.DataFrame(rows, columns=list(DIFFERENCE_COLUMNS))
+
+
+def side_thresholds(
+    trials: pd.DataFrame, axis: Axis = VOLTS, alternatives: int = 2
+) -> pd.DataFrame:
+    """Return the threshold of the group of each condition and side: ``side``, then `group_table`.
+
+    The stimuli of one side are fitted alone, with answers of that side to blank trials as its false
+    alarms. Of one participant the rows hold the participant's own threshold.
+    """
+    single = trials["kind"].astype(object).eq("single")
+    frames = []
+    for side in sorted({*trials.loc[single, "side"].dropna().astype(str)}):
+        people = people_of(trials[~single | trials["side"].eq(side)], alternatives)
+        thresholds = thresholds_of(people, seed=0, axis=axis)
+        groups = group_table(people, thresholds, axis).set_index("condition")
+        alone = thresholds[thresholds["condition"].map(groups["participants"]).eq(1)]
+        groups.update(alone.set_index("condition")[["status", *_IN_LEVELS, "sigma"]])
+        frames.append(groups.reset_index().assign(side=side))
+    columns = ["condition", "side", *GROUP_COLUMNS[1:]]
+    if not frames:
+        return pd.DataFrame(columns=columns)
+    table = pd.concat(frames, ignore_index=True)[columns]
+    return table.sort_values(["condition", "side"], ignore_index=True)
 
 
 def levels_of(limits: tuple[float, float], axis: Axis) -> tuple[float, float]:
     """Return limits on the axis as levels; an open one stays open."""
     low, high = limits
     return low if low == -math.inf else axis.level(low), axis.level(high)
+
+
+def _threshold(fit: PsychometricFit | GroupFit, axis: Axis) -> dict[str, float]:
+    """Return a threshold and its limits; an open limit is n/a in a table."""
+    on_axis = (fit.threshold, *(_finite_or_nan(end) for end in fit.threshold_limits))
+    in_db = [20 * value if axis.is_logarithmic else math.nan for value in on_axis]
+    return {
+        **dict(zip(_IN_LEVELS, map(axis.level, on_axis), strict=True)),
+        **dict(zip(_IN_DB, in_db, strict=True)),
+    }
+
+
+def _finite_or_nan(value: float) -> float:
+    return value if math.isfinite(value) else math.nan
+
+
+def _pair(
+    people: PersonCounts, rows_a: Sequence[int], rows_b: Sequence[int], axis: Axis
+) -> list[list[object]]:
+    """Return the rows of two conditions, from ``participant`` on."""
+    of_a, of_b = ({people.names[i][1]: i for i in rows} for rows in (rows_a, rows_b))
+    both = [name for name in of_a if name in of_b]
+    if both:
+        rows_a, rows_b = ([of[name] for name in both] for of in (of_a, of_b))
+    tables, likelihoods = tables_and_likelihoods(people, axis)
+    chosen = [likelihoods[i] for i in (*rows_a, *rows_b)]
+    a, b = tables.at(rows_a), tables.at(rows_b)
+    difference = difference_of(a, b, chosen, same_people=bool(both))
+    rows = [
+        [name, *_difference(person)] for name, person in zip(both, difference.people, strict=True)
+    ]
+    rows.sort(key=lambda row: counted_up(str(row[0])))
+    if min(len(rows_a), len(rows_b)) == 1:
+        return [*rows, [GROUP, *[math.nan] * 6, "one_participant"]]
+    return [*rows, [GROUP, *_difference(difference)]]
+
+
+def _difference(difference: Difference) -> list[object]:
+    low, high = difference.difference_limits_db
+    spread = difference.spread_db, *difference.spread_limits_db
+    numbers = (difference.difference_db, low, high, *spread)
+    return [*map(_finite_or_nan, numbers), difference.status]

@@ -21,9 +21,9 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import NullLocator
 from paper_plate import BLUE, LENGTH_M, ORANGE, outline, save
 
-from analysis.reading.load import read_inputs
+from analysis.reading.trials import read_inputs
+from analysis.results.analysis import analyse
 from analysis.results.figures.curves import group_curves
-from analysis.results.tables import analyse
 from experiment import simulate_study
 from experiment.check.plate import plate_of
 from experiment.study.files import read_study
@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from matplotlib.image import AxesImage
     from numpy.typing import NDArray
 
-    from analysis.groups.functions import Function
+    from analysis.thresholds.band import Function
     from experiment import Study
     from stimuli import Load
 
@@ -69,8 +69,8 @@ class FrontPage:
         Displacement at each of `MOMENTS_S` with the left disc driven at `SHOWN_VPP`.
     um_per_vpp : (float, float)
         Largest displacement over the contact of the driven and of the other finger, per level.
-    levels_vpp, means, low, high : ndarray of float64, shape (n_levels,)
-        Detection at each level: mean of the people, and the group's 95 % interval.
+    levels_vpp, means : ndarray of float64, shape (n_levels,)
+        Detection at each level: mean of the people.
     each : ndarray of float64, shape (n_levels, n_people)
         Detection of everybody.
     function : Function
@@ -87,8 +87,6 @@ class FrontPage:
     um_per_vpp: tuple[float, float]
     levels_vpp: Real
     means: Real
-    low: Real
-    high: Real
     each: Real
     function: Function
     threshold_vpp: float
@@ -129,11 +127,9 @@ def numbers() -> FrontPage:
         um_per_vpp=(own, other),
         levels_vpp=curve.level_vpp,
         means=curve.p,
-        low=curve.low,
-        high=curve.high,
         each=each.to_numpy(),
         function=curve.function,
-        threshold_vpp=curve.mark.at,
+        threshold_vpp=curve.threshold_vpp,
     )
 
 
@@ -211,8 +207,7 @@ def _draw_detection(figure: SubFigure, found: FrontPage) -> None:
     dots: dict[str, Any] = {"ls": "", "marker": "o", "color": BLUE}
     axes.plot(um, found.each, ms=3, alpha=0.35, mew=0, **dots)
     axes.plot([], [], ms=4, alpha=0.5, mew=0, label=f"each of {PEOPLE}", **dots)
-    below_above = (found.means - found.low, found.high - found.means)
-    axes.errorbar(um, found.means, yerr=below_above, mfc="white", ms=6, label="mean, 95 %", **dots)
+    axes.plot(um, found.means, mfc="white", ms=6, label="mean", **dots)
     axes.plot(own * line_vpp, function.at(line_vpp), color=BLUE, lw=2, label="fit, 95 %")
     band_um = own * function.level_vpp
     axes.fill_between(band_um, function.low, function.high, color=BLUE, alpha=0.2, lw=0)

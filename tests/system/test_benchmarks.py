@@ -72,7 +72,7 @@ def test_statsmodels_agrees_where_there_are_neither_guesses_nor_lapses() -> None
     [
         ("analysis", {"SIZES": (2,)}),
         ("calibration", {"STUDIES": 20, "BESIDE": 0, "SCENARIOS": calibration.SCENARIOS[:2]}),
-        ("groups", {"STUDIES": 1, "BESIDE": 1, "PEOPLE": (3,)}),
+        ("groups", {"STUDIES": 1, "PEOPLE": (3,)}),
         ("gains", {"STUDIES": {}, "REPEATS": 1, "N_DRAWN": 2}),
         ("people", {"SESSIONS": 3}),
     ],

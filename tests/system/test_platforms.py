@@ -8,7 +8,7 @@ import sys
 PROGRAM = """
 import sys
 sys.modules['termios'] = sys.modules['tty'] = None
-import experiment.participant.terminal, experiment.operator.view, analysis.commands.demo
+import experiment.participant.terminal, experiment.operator.view, experiment.commands.demo
 """
 
 

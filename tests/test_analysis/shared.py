@@ -3,21 +3,18 @@
 from __future__ import annotations
 
 import json
-import re
 import tomllib
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
 import pandas as pd
 import pytest
 from click.testing import CliRunner, Result
 
 from analysis import ColumnMap, ResultFileError, load_column_map, read_inputs
-from analysis.reading.drafted.draft import map_draft
+from analysis.reading.draft import propose_map
 from analysis.reading.sources import find_sources
-from analysis.thresholds.mle import Tables
 from experiment.rows import TrialRow, table_csv
 from experiment.tasks import LEFT_RIGHT_BOTH
 from tactstrip import main
@@ -141,12 +138,6 @@ class Draft:
         """The parsed map."""
         return tomllib.loads(self.text)
 
-    @property
-    def offered(self) -> list[list[Any]]:
-        """Entries that are proposed behind a #: key and value."""
-        entries = re.findall(r'^# ((?:[\w.-]+|"[^"]*") = ["\[].*)', self.text, re.MULTILINE)
-        return [[*pair] for entry in entries for pair in tomllib.loads(entry).items()]
-
     def filled(self, path: Path, words: Mapping[str, str]) -> ColumnMap:
         """Fill in what is empty, write the map and load it."""
         lines = self.text.splitlines()
@@ -159,7 +150,7 @@ class Draft:
 
 def draft(*paths: Path) -> Draft:
     """Propose a column map for external tables."""
-    return Draft(*map_draft(find_sources([*paths], foreign=True).tables))
+    return Draft(*propose_map(find_sources([*paths], foreign=True).tables))
 
 
 def felt(
@@ -177,17 +168,6 @@ def felt(
         for answer in ["left"] * k + [missed] * (n - k)
     ]
     return pd.DataFrame(rows)
-
-
-def counts_at(u: Any, detected: Any, presented: Any, guess_rate: float = 0.0) -> Tables:
-    """Return one table of counts, or several, at the same scaled levels."""
-    k = np.atleast_2d(np.asarray(detected, float))
-    return Tables(
-        u=np.broadcast_to(np.asarray(u, float), k.shape),
-        detected=k,
-        presented=np.broadcast_to(np.asarray(presented, float), k.shape),
-        guess_rate=np.full(len(k), guess_rate),
-    )
 
 
 def run(*arguments: object) -> Result:

@@ -11,47 +11,54 @@ import numpy as np
 import pandas as pd
 
 from analysis import Axis, GuessRate, PsychometricFit, level_table
-from analysis.answers import choice, counting, detection, dprime
-from analysis.groups.difference import paired_difference
-from analysis.groups.hierarchy import hierarchy
-from analysis.groups.sensitivity import d_prime_differences
-from analysis.groups.tables import difference_table, group_table
-from analysis.reading.reasons import with_reasons
+from analysis.counts import sensitivity, table
+from analysis.counts.checks import sides_differ
+from analysis.counts.table import count_answers
+from analysis.reading.trials import with_reasons
 from analysis.results.figures.curves import group_curves, person_curves
-from analysis.thresholds.density import Ruler, kind_prior
+from analysis.thresholds.difference import paired_posterior
 from analysis.thresholds.fit import fit_many
-from analysis.thresholds.grid import Surface, surfaces
-from analysis.thresholds.people import Guessing, PersonCounts, people_of, people_of_counts
-from analysis.thresholds.posterior import posterior
-from analysis.thresholds.table import thresholds_of
+from analysis.thresholds.function import Prior, class_prior
+from analysis.thresholds.group import group_posterior
+from analysis.thresholds.guess import Guessing
+from analysis.thresholds.likelihood import Likelihood, Tables, likelihoods, posteriors
+from analysis.thresholds.people import PersonCounts, people_of, people_of_counts
+from analysis.thresholds.table import difference_table, group_table, thresholds_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from analysis import Analysis
-    from analysis.thresholds.mle import Tables
 
+COUNTED: dict[str, Callable[..., Any]] = {
+    "participants": lambda counts, ci="wilson": table.summarize_participants(
+        table.count_levels(counts), ci
+    ),
+    "both": table.count_both,
+    "blank": table.count_blanks,
+    "confusion": table.count_confusions,
+    "detected_any": lambda counts: table.count_detected_any(table.count_levels(counts)),
+    "answer_shares": sensitivity.answer_shares,
+    "sensitivity": sensitivity.sensitivity_table,
+    "sides": table.summarize_sides,
+    "sides_differ": sides_differ,
+    "d_prime_differences": lambda counts: sensitivity.d_prime_differences(
+        sensitivity.sensitivity_table(counts)
+    ),
+}
 TABLES: dict[str, Callable[..., Any]] = {
     "levels": level_table,
-    "participants": lambda trials, ci="wilson": detection.participants_of(
-        detection.cells(trials), ci
-    ),
-    "both": detection.both_table,
-    "blank": detection.blank_table,
-    "excluded": counting.excluded_table,
-    "detected_any": detection.detected_any,
-    "hands_off": counting.hands_off_table,
-    "reaction_times": counting.reaction_table,
-    "confusion": choice.confusion_table,
-    "choice": choice.choices,
-    "sensitivity": dprime.sensitivity_table,
-    "d_prime_differences": lambda trials: d_prime_differences(dprime.sensitivity_table(trials)),
+    "excluded": table.excluded_table,
+    "hands_off": table.hands_off_table,
+    "reaction_times": table.reaction_table,
 }
 """By the attribute of `Analysis` that holds the table."""
 
 
 def table_of(name: str, trials: pd.DataFrame, **options: Any) -> Any:
     """Compute one table of an analysis from trials, by its name in `Analysis`."""
+    if name in COUNTED:
+        return COUNTED[name](count_answers(trials), **options)
     return TABLES[name](trials, **options)
 
 
@@ -76,57 +83,61 @@ def fit_people(trials: pd.DataFrame | PersonCounts, axis: Axis | None = None) ->
     axis = axis or Axis()
     people = trials if isinstance(trials, PersonCounts) else people_of(trials)
     thresholds = thresholds_of(people, seed=0, axis=axis)
+    groups = group_table(people, thresholds, axis)
     return SimpleNamespace(
         people=people,
         thresholds=thresholds,
-        groups=group_table(people, thresholds, axis),
-        differences=difference_table(people, axis),
+        groups=groups,
+        differences=difference_table(people, axis, thresholds, groups),
     )
 
 
-def fit_counts(x: Any, k: Any, n: Any, guess: float | Sequence[GuessRate]) -> list[PsychometricFit]:
+STEP = 1 / 20
+
+
+def tables_at(
+    x: Any, detected: Any, presented: Any, guess: float | GuessRate, **options: Any
+) -> Tables:
+    """Return tables of counts at the same levels on the axis log10, with one guess rate."""
+    k = np.atleast_2d(np.asarray(detected, float))
+    rate = guess if isinstance(guess, GuessRate) else GuessRate(mean=guess)
+    levels, n = (np.array(np.broadcast_to(one, k.shape), float) for one in (x, presented))
+    return Tables(x=levels, detected=k, presented=n, guesses=[rate] * len(k), **options)
+
+
+def fit_counts(x: Any, k: Any, n: Any, guess: float) -> list[PsychometricFit]:
     """Fit many tables of counts at once, on the axis log10."""
-    k = np.asarray(k, float)
-    rates = [GuessRate(mean=guess)] * len(k) if isinstance(guess, float) else guess
-    levels, presented = (np.array(np.broadcast_to(one, k.shape), float) for one in (x, n))
-    return list(fit_many(levels, k, presented, guesses=rates))
+    return list(fit_many(tables_at(x, k, n, guess)))
 
 
-def posterior_of(table: Tables, guess: GuessRate | None = None, *, x: Any = None) -> Any:
-    """Return the posterior of tables of counts: levels from 0 to 10 steps of a dB, or `x`."""
-    ruler = Ruler(low=0.0, high=10.0, step=0.05, tail=3.0)
-    if x is not None:
-        ruler = Ruler.of(np.array(x), "log10")
-    rulers = [ruler] * len(table)
-    guesses = [guess or GuessRate(mean=0.0)] * len(table)
-    found = surfaces(table.u, table.detected, table.presented, rulers=rulers, guesses=guesses)
-    return posterior(found, rulers)
+def posterior_of(tables: Tables) -> np.ndarray[Any, Any]:
+    """Return limits and median of mu in steps of the prior, of the first table."""
+    (mu,), _ = posteriors(likelihoods(tables)[:1], tables.priors()[:1])
+    return np.asarray(mu)
 
 
 def group_of_normals(at: Sequence[float], width: Sequence[float]) -> Any:
     """Return the group of people whose thresholds are known like normal values."""
     people = [_normal(*one) for one in zip(at, width, strict=True)]
-    return hierarchy(people, Ruler(low=0.0, high=10.0, step=0.05, tail=3.0))
+    return group_posterior(people, Prior(low=0.0, high=10.0, step=STEP, tail=3.0))
 
 
 def difference_of_normals(a: Sequence[float], b: Sequence[float], width: float) -> Any:
     """Return the paired difference of such people in two conditions, of the group and of each."""
     of_a, of_b = ([_normal(float(at), width) for at in each] for each in (a, b))
-    return paired_difference(of_a, of_b, Ruler(low=0.0, high=10.0, step=0.05, tail=3.0))
+    return paired_posterior(of_a, of_b, Prior(low=0.0, high=10.0, step=STEP, tail=3.0))
 
 
-def _normal(at: float, width: float) -> Surface:
+def _normal(at: float, width: float) -> Likelihood:
     mu, log_sigma = np.linspace(-30, 40, 1401), np.linspace(-1, 2, 9)
     values = np.exp(-0.5 * ((mu - at) / width) ** 2)[:, None] * np.ones(9)
-    return Surface(
+    return Likelihood(
         mu=mu,
         log_sigma=log_sigma,
-        by_kind=kind_prior()[:, None, None] * values,
-        lapse_rate=0.0,
-        guess_rate=0.0,
-        guess_variance=0.0,
-        lapse_by_kind=np.zeros((2, 3)),
-        starts=np.array([[at, 0.7, 0.0]]),
+        by_class=class_prior()[:, None, None] * values,
+        gamma=(0.0, 0.0),
+        lapse=(0.0, 0.0),
+        node=(at, 0.7, 0.0),
     )
 
 

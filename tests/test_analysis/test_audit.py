@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from analysis.audit.printed import HALF_EVEN, HALF_UP, TRUNCATED
+from analysis.audit import HALF_EVEN, HALF_UP, TRUNCATED
 from tests.test_analysis.shared import EXAMPLES, cases, put, run
 
 if TYPE_CHECKING:

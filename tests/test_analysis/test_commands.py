@@ -6,6 +6,7 @@ import csv
 import hashlib
 import io
 import json
+import re
 import shutil
 from typing import TYPE_CHECKING, Any
 
@@ -33,7 +34,7 @@ HEADER = "participant,session,trial,kind,side,level_vpp,response,status,simulate
 REAL, SIMULATED = (f"1,01,1,single,left,60,left,ok,{word}\n" for word in ("false", "true"))
 OTHER_SIMULATED = SIMULATED.replace("1", "2", 1)
 BASIC = {"levels.csv", "participants.csv", "summary.json", "trials_clean.csv", "report.html"}
-BASIC |= {".tactstrip.json", "methods.txt"}
+BASIC |= {".tactstrip.json", "methods.txt", "columns.json"}
 
 
 def table(path: Path, *rows: str) -> Path:
@@ -95,7 +96,7 @@ def test_the_tables_have_the_promised_columns_and_definitions(example: Path) -> 
     clean = " ".join([*(column.name for column in COLUMNS), "counted", "reason"])
     for name, columns in [*cases("columns of files"), ["trials_clean.csv", clean]]:
         assert files(example)[name].splitlines()[0].decode() == ",".join(columns.split())
-    defined = {name for key in summary(example)["definitions"] for name in key.split(", ")}
+    defined = {*json.loads((example / "columns.json").read_text(encoding="utf-8"))}
     for path in example.glob("*.csv"):
         assert {*rows(path)[0]} - {column.name for column in COLUMNS} <= defined, path.name
 
@@ -124,7 +125,7 @@ def test_the_summary_has_inputs_by_checksum_and_the_numbers_of_the_tables(tmp_pa
 @pytest.mark.parametrize("method", ["wilson", "jeffreys", "clopper-pearson"])
 def test_the_interval_is_the_one_asked_for(tmp_path: Path, analyze: Analyze, method: str) -> None:
     analyze(table(tmp_path / "t.csv", REAL), "--ci", method)
-    assert summary(tmp_path / "out")["definitions"]["ci"] == method
+    assert summary(tmp_path / "out")["ci"] == method
 
 
 @pytest.mark.slow
@@ -138,10 +139,13 @@ def test_results_go_into_the_folder_that_was_given_or_the_current_one(
     path = table(tmp_path / "study" / "sub-1" / "ses-01" / "trials.csv", REAL)
     options = ("--no-figures", "--columns", put(tmp_path / "names.toml", ""))
     for name, given in (("a file", path), ("a folder made elsewhere", tmp_path / "study")):
-        (tmp_path / name).mkdir()
+        taken = put(tmp_path / name / f"{given.stem}-analysis" / "mine.txt", "mine")
         monkeypatch.chdir(tmp_path / name)
-        assert run("analyze", given, *options).exit_code == 0
-        assert (tmp_path / name / "analysis" / "levels.csv").exists()
+        for _ in range(2):  # beside the user's folder, and over the earlier analysis
+            assert run("analyze", given, *options).exit_code == 0
+        assert (tmp_path / name / f"{given.stem}-analysis-2" / "levels.csv").exists()
+        assert [*taken.parent.iterdir()] == [taken]
+        assert len([*(tmp_path / name).iterdir()]) == 2
     assert not (tmp_path / "study" / "analysis").exists()
 
 
@@ -194,7 +198,7 @@ def folder_in_the_way(out: Path, _: pytest.MonkeyPatch) -> None:
 
 
 def no_room_for_figures(_: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("analysis.results.figures.figures.written", no_room)
+    monkeypatch.setattr("analysis.results.figures.figures.render", no_room)
 
 
 def no_room_for_a_table(_: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -244,6 +248,7 @@ def test_only_what_a_killed_analysis_left_is_removed(tmp_path: Path, analyze: An
         ([TABLE, "--seed", "-1"], "-1"),
         ([TABLE, "--columns", "no/such.toml"], "no/such.toml"),
         (["no/such.csv"], "error: no/such.csv: "),
+        (["no/such.csv", "--columns", "no/such.toml"], "error: no/such.toml: "),
         ([TABLE], "--columns MAP.toml"),
         ([TABLE, "--pdf", "--no-figures"], "--pdf"),
     ],
@@ -306,6 +311,8 @@ def test_strict_makes_a_warning_exit_1(
     plain, strict = analyze(path), analyze(path, "--strict")
     assert (plain.exit_code, strict.exit_code) == (0, 1)
     assert plain.stdout == strict.stdout
+    listed = re.findall(r"^(?:Warnings)? +(\d)  ", plain.stdout, re.MULTILINE)
+    assert len(listed) == len(summary(tmp_path / "out")["warnings"])
     assert number in json.dumps(summary(tmp_path / "out")["warnings"])
 
 
@@ -324,3 +331,15 @@ def test_a_study_where_nothing_counts_has_no_thresholds(tmp_path: Path, analyze:
     assert set(files(tmp_path / "out")) == BASIC
     excluded = summary(tmp_path / "out")["excluded"]
     assert [[*row.values()] for row in excluded] == [["1", "practice", 1], ["2", "practice", 1]]
+
+
+def test_the_report_is_opened_on_request(
+    tmp_path: Path, analyze: Analyze, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    opened: list[str] = []
+    monkeypatch.setattr("webbrowser.open", opened.append)
+    path = table(tmp_path / "t.csv", REAL)
+    short, long = analyze(path), analyze(path, "--open", "--details")
+    assert opened == [(tmp_path / "out" / "report.html").as_uri()]
+    assert long.stdout.startswith(short.stdout)
+    assert len(short.stdout.splitlines()) <= 12 < len(long.stdout.splitlines())

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import json
-from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 import pytest
 
 from analysis import ColumnMap, analyse, read_trials, write_analysis
-from tests.test_analysis.shared import cases, loaded, put, refused
+from tests.test_analysis.shared import cases, draft, loaded, put, refused
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -51,6 +50,35 @@ def test_cells_are_summed_over_sessions_and_sides(tmp_path: Path) -> None:
     assert cells[["detected", "presented"]].to_numpy().tolist() == [[5, 9]]
 
 
+def test_blocks_of_a_table_are_summed_and_misses_are_presented(tmp_path: Path) -> None:
+    blocks = "participant,level,k,missed\nA,60,2,8\nA,60,3,7\nA,90,9,1\nA,90,9,1\n"
+    columns = ColumnMap(
+        columns={"level_vpp": "level"},
+        table={"detected": "k", "missed": "missed"},
+        task="yes/no",
+    )
+    cells = cells_of(tmp_path, blocks, columns)
+    assert cells[["detected", "presented"]].to_numpy().tolist() == [[5, 20], [18, 20]]
+
+
+def test_rows_that_a_column_left_aside_distinguishes_are_not_summed(tmp_path: Path) -> None:
+    text = "participant,level,hz,k,n\n" + "".join(
+        f"A,{level},{hz},{k},10\n" for hz in (0, 32) for level, k in ((60, 2), (90, 8))
+    )
+    table = put(tmp_path / "t.csv", text)
+    sections: dict[str, Any] = {"columns": {"level_vpp": "level"}, "task": "yes/no"}
+    counted = {"detected": "k", "presented": "n"}
+    error = refused(table, columns=ColumnMap(**sections, table=counted))
+    assert error.line == 4
+    assert 'group = ["hz"]' in str(error)
+    assert "condition" in draft(table).fill_in
+    grouped = ColumnMap(**sections, table=counted | {"group": ["hz"]})
+    assert len(cells_of(tmp_path, text, grouped)) == 4
+    sections["columns"] |= {"session": "hz"}
+    blocks = ColumnMap(**sections, table=counted)
+    assert cells_of(tmp_path, text, blocks)["detected"].tolist() == [4, 16]
+
+
 def test_a_thousand_million_trials_take_no_more_room_than_one(tmp_path: Path) -> None:
     found = analysed(tmp_path, "A,0,60,900000000,1000000000\nA,0,70,0,0\nB,0,60,7,10\n")
     counts = found.levels[["detected", "presented"]].to_numpy().tolist()
@@ -65,7 +93,7 @@ def test_what_counts_do_not_tell_is_not_given(tmp_path: Path) -> None:
     unknown = ("over_report", "mislocalised", "timeouts", "p_answered")
     assert [level[name] for name in unknown] == [None] * 4
     assert level["detected_any"] == 9
-    forced = replace(MAP, task="forced choice")
+    forced = MAP.model_copy(update={"task": "forced choice"})
     assert analysed(tmp_path, "A,0,60,9,10\n", forced).detected_any is None
 
 
@@ -115,7 +143,7 @@ def test_blanks_of_a_table_of_counts_are_the_false_alarms_of_its_trials(
 
 
 def test_a_cell_told_in_two_files_is_refused(tmp_path: Path) -> None:
-    paths = [put(tmp_path / name, HEADER + "A,0,60,1,10\n") for name in ("a.csv", "b.csv")]
+    paths = [put(tmp_path / f"{k}.csv", HEADER + f"A,0,60,{k},10\n") for k in (1, 2)]
     error = refused(*paths, columns=MAP)
     assert (error.file, error.line) == (str(paths[1]), 2)
     assert f"{paths[0]}:2" in str(error)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -12,21 +11,11 @@ import pandas as pd
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.stats import binomtest
+from scipy.special import ndtr
+from scipy.stats import ttest_1samp
 
-from analysis import (
-    group_interval,
-    proportion_ci,
-    threshold_table,
-)
-from analysis.answers.sensitivity import (
-    Share,
-    binomial_p,
-    detection_sensitivity,
-    mean_sensitivity,
-    side_preference,
-    spatial_sensitivity,
-)
+from analysis import group_interval, proportion_ci, threshold_table
+from analysis.counts.table import count_answers, count_levels, summarize_levels
 from tests.test_analysis.shared import SINGLE, loaded
 from tests.test_analysis.tables import reasoned, table_of
 
@@ -37,8 +26,10 @@ MIRROR = {"left": "right", "right": "left"}
 KIND_OF = {"left": "single", "right": "single", "both": "both", "none": "blank"}
 WORDS = ("left", "right", "both", "none", "timeout", "invalid")
 BOTH = {"kind": "both", "side": "both", "response": "both"}
+KEY = ("condition", "level_vpp")
 BLANK = {"kind": "blank", "side": "none", "level_vpp": math.nan}
 COUNTS = ("levels", "participants", "both", "blank", "excluded")
+FRAMES = (*COUNTS, "confusion", "sides", "answer_shares", "sensitivity", "reaction_times")
 few = settings(deadline=None, max_examples=6)
 """Tables cost the same whatever their size: few examples of many trials show as much for less."""
 assert_same = partial(pd.testing.assert_frame_equal, check_exact=True)
@@ -64,12 +55,6 @@ def sequence(*pairs: tuple[str, str], **same: Any) -> pd.DataFrame:
     return trials.assign(**{name: fixed[name] for name in fixed if name not in trials} | of_trial)
 
 
-def choice_of(trials: pd.DataFrame, participant: str = "all", **options: Any) -> Any:
-    every = table_of("choice", trials, **options)
-    (one,) = (each for each in every if each.participant == participant)
-    return one
-
-
 def test_only_the_stimulated_side_is_detected() -> None:
     number = {"left": 2, "right": 1, "both": 2, "timeout": 3, "invalid": 4, "none": 1}
     answers = [word for word, times in number.items() for _ in range(times)]
@@ -78,7 +63,7 @@ def test_only_the_stimulated_side_is_detected() -> None:
     assert (levels["mislocalised"], levels["over_report"], levels["timeouts"]) == (1, 2, 3)
     assert (levels["p_pooled"], levels["p_answered"]) == (2 / 13, 2 / 6)
     nobody = table_of("levels", answered("timeout", "invalid"))
-    assert nobody[["p_answered", "group_low", "group_high"]].isna().all(axis=None)
+    assert nobody[["p_answered", "p_low", "p_high"]].isna().all(axis=None)
 
 
 def test_what_does_not_count_is_listed_by_participant_and_reason() -> None:
@@ -107,13 +92,29 @@ def test_totals_of_several_people_have_the_interval_of_the_group() -> None:
     assert ends.iloc[:-1].isna().all(axis=None)
     assert table_of("blank", parts[0])["group_low"].isna().all()
     noticed = {"1": 8, "2": 3, "3": 8}
-    rows = [(name, "both" if i < k else "left") for name, k in noticed.items() for i in range(8)]
-    trials = pd.DataFrame(rows, columns=["participant", "response"])
-    both = table_of("both", trials.assign(condition="main", kind="both", reason=""))
+    parts = [
+        answered(*["both"] * k, *["left"] * (8 - k), kind="both", side="both", participant=name)
+        for name, k in noticed.items()
+    ]
+    both = table_of("both", pd.concat(parts, ignore_index=True))
     assert both["group_low"].isna().tolist() == [True, True, True, False]
     last = both.iloc[-1]
     assert (last["group_low"], last["group_high"]) == group_interval([8, 3, 8], [8, 8, 8])
     assert last["group_low"] < last["low"]
+
+
+def test_levels_have_the_band_of_the_function_or_else_limits_by_t() -> None:
+    hits = {"1": 8, "2": 3, "3": 6}
+    parts = [
+        answered(*["left"] * k, *["none"] * (10 - k), participant=name, level_vpp=level)
+        for name, k in hits.items()
+        for level in (60.0, 95.0)
+    ]
+    cells = count_levels(count_answers(pd.concat(parts, ignore_index=True)))
+    bands = pd.DataFrame({"condition": "main", "level_vpp": [60.0], "p_low": 0.5, "p_high": 0.6})
+    limits = summarize_levels(cells, bands)[["p_low", "p_high"]].to_numpy()
+    by_t = ttest_1samp([k / 10 for k in hits.values()], 0).confidence_interval()
+    assert limits.tolist() == [[0.5, 0.6], pytest.approx(np.clip([*by_t], 0, 1))]
 
 
 def test_conditions_levels_and_kinds_are_never_pooled() -> None:
@@ -137,20 +138,18 @@ def test_both_finger_trials_and_blanks_are_counted_by_their_answers() -> None:
     answers = ("left", "right", "right", "both", "none", "none", "timeout", "invalid")
     last = table_of("blank", answered(*answers, **BLANK)).iloc[-1]
     assert last[["left", "right", "both", "presented", "p"]].tolist() == [1, 2, 1, 8, 0.5]
-    felt = table_of("detected_any", answered(*answers[:6]))
-    assert felt["detected_any"].tolist() == [4]
+    any_site = table_of("detected_any", answered(*answers[:6]))
+    assert any_site["detected_any"].tolist() == [4]
     for offered in (False, None):
-        with pytest.raises(ValueError, match="none"):
-            table_of("detected_any", table({}, {"none_offered": offered}))
+        assert table_of("detected_any", table({}, {"none_offered": offered})) is None
 
 
 def test_what_did_not_occur_has_an_empty_table_with_its_columns() -> None:
-    something = sequence(*((one, one) for one in KIND_OF))
+    something = sequence(*((side, side) for side in KIND_OF))
     nothing = something.assign(reason="voided")
-    for name in ("levels", "participants", "both", "blank", "confusion", "reaction_times"):
-        empty, full = (table_of(name, one) for one in (nothing, something))
+    for name in (*COUNTS[:-1], *FRAMES[len(COUNTS) :]):
+        empty, full = (table_of(name, trials) for trials in (nothing, something))
         assert (len(empty), [*empty.columns]) == (0, [*full.columns])
-    assert table_of("choice", nothing) == ()
 
 
 def test_participants_are_in_the_order_of_their_numbers() -> None:
@@ -172,16 +171,16 @@ def studies(draw: st.DrawFn) -> pd.DataFrame:
         size = int(rng.integers(5, 60))
         sides = rng.choice(list(KIND_OF), size, p=[0.4, 0.4, 0.1, 0.1])
         guess = rng.choice(WORDS, size, p=[0.3, 0.3, 0.1, 0.2, 0.05, 0.05])
-        one = sequence(*zip(sides, np.where(rng.random(size) < 0.6, sides, guess), strict=True))
+        person = sequence(*zip(sides, np.where(rng.random(size) < 0.6, sides, guess), strict=True))
         drawn = {
             "participant": name,
-            "block": 1 + one["trial"] // 15,
+            "block": 1 + person["trial"] // 15,
             "reason": rng.choice(["", "voided", "practice"], size, p=[0.9, 0.05, 0.05]),
             "condition": rng.choice(["main", "bare"], size, p=[0.8, 0.2]),
             "level_vpp": np.where(sides == "none", math.nan, rng.choice([60.0, 95.0], size)),
             "rt_s": rng.random(size),
         }
-        people.append(one.assign(**drawn))
+        people.append(person.assign(**drawn))
     return pd.concat([*people, people[0].assign(participant="4")], ignore_index=True)
 
 
@@ -192,20 +191,16 @@ def test_neither_the_order_of_trials_nor_names_change_a_number(
     trials: pd.DataFrame, random: Any
 ) -> None:
     shuffled = trials.iloc[random.sample(range(len(trials)), len(trials))].reset_index(drop=True)
-    for name in (*COUNTS, "confusion", "reaction_times"):
+    for name in FRAMES:
         assert_same(table_of(name, trials), table_of(name, shuffled))
-    assert table_of("choice", shuffled) == table_of("choice", trials)
     names = {"1": "z", "2": "b", "3": "007", "4": "A", "all": "all"}
     renamed = trials.assign(participant=trials["participant"].map(names))
     assert_same(table_of("levels", trials), table_of("levels", renamed))
-    own = table_of("participants", trials).replace({"participant": names})
-    key = ["participant", "condition", "level_vpp"]
-    ordered = table_of("participants", renamed).sort_values(key, ignore_index=True)
-    assert_same(own.sort_values(key, ignore_index=True), ordered)
-    expected = {
-        replace(one, participant=names[one.participant]) for one in table_of("choice", trials)
-    }
-    assert {*table_of("choice", renamed)} == expected
+    for name in ("participants", "answer_shares"):
+        before, after = (table_of(name, each) for each in (trials, renamed))
+        key = [column for column in ("participant", *KEY) if column in before]
+        before = before.replace({"participant": names})
+        assert_same(*(each.sort_values(key, ignore_index=True) for each in (before, after)))
 
 
 @pytest.mark.slow
@@ -213,8 +208,13 @@ def test_neither_the_order_of_trials_nor_names_change_a_number(
 @given(studies())
 def test_exchanging_left_and_right_mirrors(trials: pd.DataFrame) -> None:
     mirrored = trials.replace({"side": MIRROR, "response": MIRROR})
-    for name in ("levels", "participants"):
+    for name in ("levels", "participants", "answer_shares", "sensitivity"):
         assert_same(table_of(name, trials), table_of(name, mirrored))
+    sides, there = (table_of("sides", each) for each in (trials, mirrored))
+    there = there.replace({"side": MIRROR}).sort_values(["condition", "side", "level_vpp"])
+    assert_same(sides, there.reset_index(drop=True))
+    p, same = (table_of("sides_differ", each)["p"].tolist() for each in (trials, mirrored))
+    assert p == pytest.approx(same, rel=1e-9)
     swap = {"left_only": "right_only", "right_only": "left_only"} | MIRROR
     for name in ("both", "blank"):
         here = table_of(name, trials)
@@ -223,25 +223,6 @@ def test_exchanging_left_and_right_mirrors(trials: pd.DataFrame) -> None:
     here, key = table_of("confusion", trials), ["condition", "kind", "side"]
     there = there[here.columns].sort_values(key, ignore_index=True)
     assert_same(here.sort_values(key, ignore_index=True), there)
-    pairs = zip(table_of("choice", trials), table_of("choice", mirrored), strict=True)
-    for one, other in pairs:
-        assert (one.detection, one.information, one.mislocalised) == (
-            other.detection,
-            other.information,
-            other.mislocalised,
-        )
-        assert (one.extinction.left, one.blank_side.left) == (
-            other.extinction.right,
-            other.blank_side.right,
-        )
-        hits, wrong = other.spatial.hits, other.spatial.false_alarms
-        assert one.spatial.hits.count == wrong.of - wrong.count
-        assert one.spatial.false_alarms.count == hits.of - hits.count
-        assert one.spatial.d_prime == pytest.approx(other.spatial.d_prime)
-        if one.spatial.criterion is not None:
-            assert one.spatial.criterion == pytest.approx(-other.spatial.criterion)
-        if one.wrong_side.expected_left is not None:
-            assert one.wrong_side.expected_left == pytest.approx(1 - other.wrong_side.expected_left)
 
 
 @few
@@ -264,11 +245,12 @@ def test_counts_add_up_and_agree_with_each_other(trials: pd.DataFrame) -> None:
     single = answers[answers["kind"] == "single"].groupby("condition")[["presented", "both"]].sum()
     of_levels = levels.groupby("condition")[["presented", "over_report"]].sum()
     assert single.to_numpy().tolist() == of_levels.to_numpy().tolist()
-    main = trials[trials["condition"] == "main"]
-    found = choice_of(main)
-    for row in table_of("both", main).tail(1).itertuples():
-        assert (found.extinction.left, found.extinction.right) == (row.left_only, row.right_only)
-        assert (found.both.count, found.both.of) == (row.noticed, row.presented)
+    shares = table_of("answer_shares", trials).query("participant == 'all'")
+    columns = ["presented", "over_report", "mislocalised"]
+    of_levels = levels.groupby("condition")[columns].sum()
+    assert shares[columns].to_numpy().tolist() == of_levels.to_numpy().tolist()
+    sides = table_of("sides", trials).groupby(["condition", "level_vpp"])[["detected", "presented"]]
+    assert sides.sum().to_numpy().tolist() == levels[["detected", "presented"]].to_numpy().tolist()
 
 
 def test_answers_are_counted_by_kind_and_side() -> None:
@@ -284,14 +266,67 @@ def test_answers_are_counted_by_kind_and_side() -> None:
         ["both", "both", 1, 0, 1, 0, 0, 0, 2],
         ["blank", "none", 0, 0, 0, 1, 0, 1, 2],
     ]
-    found = choice_of(trials)
-    assert (found.over_report.p, found.mislocalised.p, found.both.p) == (0.25, 0.25, 0.5)
-    assert (found.extinction.left, found.extinction.right, found.extinction.p) == (1, 0, 1.0)
-    assert (found.detection.hits.p, found.detection.false_alarms.p) == (0.75, 0.0)
-    assert (found.spatial.hits.of, found.spatial.false_alarms.p) == (1, 1.0)
-    assert found.information.trials == 6
+    shares = table_of("answer_shares", trials).iloc[-1]
+    counts = ["presented", "over_report", "mislocalised", "hits", "false_alarms", "blanks"]
+    assert shares[counts].tolist() == [4, 1, 1, 3, 0, 2]
     with pytest.raises(ValueError, match="response"):
-        table_of("choice", sequence(("left", "top")))
+        table_of("confusion", sequence(("left", "top")))
+
+
+def people_with_sides(
+    rng: np.random.Generator, difference_db: float, sd_db: float = 0.0, people: int = 5
+) -> Any:
+    """Return trials whose thresholds at left and right are so many dB apart, about 60 V."""
+    level_vpp = np.array([30.0, 45.0, 60.0, 80.0, 105.0])
+    shape = (people, 2, len(level_vpp), 15)
+    person, side, level, _ = (axis.ravel() for axis in np.indices(shape))
+    apart = difference_db + rng.normal(0, sd_db, people)[person]
+    threshold = rng.normal(0, 2, people)[person] + apart * (side - 0.5)
+    z = (20 * np.log10(level_vpp[level] / 60) - threshold) / 2
+    hits = rng.random(len(z)) < 0.02 + 0.95 * ndtr(z)
+    sides = np.array(["left", "right"])[side]
+    return pd.DataFrame(
+        SINGLE
+        | {
+            "participant": person.astype(str),
+            "side": sides,
+            "level_vpp": level_vpp[level],
+            "response": np.where(hits, sides, "none"),
+        }
+    )
+
+
+@pytest.mark.slow
+def test_sides_are_said_to_differ_in_one_of_20_studies_where_they_do_not() -> None:
+    rng = np.random.default_rng(1)
+    shares = [
+        np.mean(
+            [
+                table_of("sides_differ", people_with_sides(rng, db, sd_db))["p"].item() < 0.05
+                for _ in range(studies)
+            ]
+        )
+        for db, sd_db, studies in ((0.0, 0.0, 200), (0.0, 1.4, 200), (5.0, 1.4, 30))
+    ]
+    # Two tests that must both find a difference are cautious where participants are alike.
+    assert shares[0] <= 0.06
+    assert 0.01 <= shares[1] <= 0.09
+    assert shares[2] == 1.0
+
+
+def test_people_at_45_v_left_and_80_v_right_are_not_pooled_without_a_word() -> None:
+    trials = people_with_sides(np.random.default_rng(2), 5.0)
+    (p,) = table_of("sides_differ", trials)["p"]
+    assert p < 0.01
+    sides = table_of("sides", trials).query("level_vpp == 60")
+    left, right = sides["p_mean"]
+    assert sides["side"].tolist() == ["left", "right"]
+    assert left - right > 0.4
+    assert sides["presented"].tolist() == [75, 75]
+    one_side = trials[trials["side"].eq("left")]
+    assert table_of("sides_differ", one_side).empty
+    forced = trials.assign(response=trials["response"].replace("none", "right"), none_offered=False)
+    assert not table_of("sides_differ", forced)["none_offered"].item()
 
 
 def test_reaction_times_are_those_of_correct_single_trials() -> None:
@@ -342,7 +377,7 @@ HANDS_OFF = (
 
 
 def test_hands_off_trials_are_counted_by_person_part_and_side(tmp_path: Path) -> None:
-    without, trials = (loaded(tmp_path, HEADER + one).trials for one in (MAIN, MAIN + HANDS_OFF))
+    without, trials = (loaded(tmp_path, HEADER + rows).trials for rows in (MAIN, MAIN + HANDS_OFF))
     hands_off = table_of("hands_off", trials)
     counts = ["left", "right", "both", "none", "timeouts", "invalid", "presented"]
     assert list(hands_off.columns) == ["participant", "part", "side", *counts]
@@ -362,90 +397,3 @@ def test_hands_off_trials_are_counted_by_person_part_and_side(tmp_path: Path) ->
     trials["condition"] = trials["trial"].mod(2).map({0: "a", 1: "b"})
     totals = table_of("hands_off", trials).query("participant == 'all'")
     assert totals.groupby("condition")["presented"].sum().to_dict() == {"a": 3, "b": 3}
-
-
-def share(count: int, of: int) -> Share:
-    return Share(count=count, of=of)
-
-
-shares = st.integers(1, 60).flatmap(lambda of: st.integers(0, of).map(lambda k: share(k, of)))
-
-
-@pytest.mark.parametrize(
-    ("hits", "false", "d_prime", "criterion"),
-    [
-        # Participants 1, 2 and 25 of M. Grund et al., J. Neurosci. 42 (2022) 643-656.
-        (share(91, 397), share(1, 200), 1.695006918098493, 1.5866813322403461),
-        (share(171, 397), share(0, 199), 2.6329619811422074, 1.4905527777727006),
-        (share(232, 399), share(67, 199), 0.6243880687566047, 0.10710171866309363),
-    ],
-)
-def test_published_counts_give_d_prime(
-    hits: Share, false: Share, d_prime: float, criterion: float
-) -> None:
-    found = detection_sensitivity(hits, false)
-    assert (found.d_prime, found.criterion) == pytest.approx((d_prime, criterion), abs=1e-12)
-
-
-@pytest.mark.slow
-@given(shares, shares)
-def test_laws_of_sensitivity(hits: Share, others: Share) -> None:
-    found = detection_sensitivity(hits, others)
-    missed, refused = (share(one.of - one.count, one.of) for one in (hits, others))
-    turned = detection_sensitivity(refused, missed)  # who says no for yes turns the criterion only
-    assert found.criterion is not None
-    assert (turned.d_prime, turned.criterion) == (found.d_prime, -found.criterion)
-    narrow = spatial_sensitivity(hits, others)
-    assert found.d_prime is not None
-    assert narrow.d_prime == pytest.approx(found.d_prime / math.sqrt(2), abs=1e-15)
-
-
-def test_what_the_data_do_not_tell_has_a_reason_and_no_value() -> None:
-    unknown = detection_sensitivity(share(9, 10), share(0, 0))
-    assert (unknown.d_prime, unknown.criterion, unknown.participants) == (None, None, 0)
-    assert unknown.reason
-    forced = detection_sensitivity(share(9, 10), share(10, 10), reason="why")
-    assert (forced.d_prime, forced.reason) == (None, "why")
-    assert spatial_sensitivity(share(9, 10), share(0, 0)).d_prime is None
-    none = side_preference(0, 0, of="answer")
-    assert (none.p, bool(none.reason), none.expected_left) == (None, True, 0.5)
-    one_sided = side_preference(3, 0, odds=(0, 9), of="answer")
-    assert (one_sided.p, one_sided.expected_left, bool(one_sided.reason)) == (None, None, True)
-
-
-def test_the_d_prime_of_a_group_is_the_mean_of_those_who_have_one() -> None:
-    none, one, other = (
-        detection_sensitivity(share(*hits), share(*false))
-        for hits, false in (((5, 10), (0, 0)), ((9, 10), (1, 10)), ((5, 10), (2, 10)))
-    )
-    found = mean_sensitivity((none, one, other))
-    assert one.d_prime is not None
-    assert other.d_prime is not None
-    assert found.d_prime == (one.d_prime + other.d_prime) / 2
-    assert (found.participants, found.hits) == (2, share(19, 30))
-    nobody = mean_sensitivity((none, none))
-    assert (nobody.d_prime, nobody.reason) == (None, none.reason)
-    with pytest.raises(ValueError, match="participant"):
-        mean_sensitivity(())
-
-
-@pytest.mark.slow
-@given(st.integers(0, 3000), st.integers(0, 80), st.integers(1, 99), st.integers(1, 9))
-def test_the_binomial_p_is_that_of_scipy_and_has_no_side(
-    left: int, right: int, a: int, b: int
-) -> None:
-    p = binomial_p(left, right, (a, b))
-    assert p == binomial_p(right, left, (b, a))
-    expected = binomtest(left, left + right, a / (a + b)).pvalue if left + right else 1
-    assert p == pytest.approx(expected, rel=1e-9)
-
-
-@pytest.mark.parametrize(
-    ("count", "of"), [(-1, 2), (3, 2), (True, 2), (1.0, 2), (1, math.inf), (None, 2)]
-)
-def test_impossible_shares_are_refused(count: Any, of: Any) -> None:
-    with pytest.raises(ValueError, match=r"count|of"):
-        Share(count=count, of=of)
-    for left, right, odds in ((-1, 2, (1, 1)), (1, 2, (0, 1))):
-        with pytest.raises(ValueError, match="left"):
-            binomial_p(left, right, odds)

@@ -116,24 +116,16 @@ def false_alarms(table: Path, columns: ColumnMap) -> tuple[int, int]:
     return int((~blank["response"].isin(["none", "timeout"])).sum()), len(blank)
 
 
-def code_of(silent: str) -> tuple[str, str]:
-    """Return what is put in front of [axis], so that a code for no stimulus makes blanks."""
-    entry = f'[values.level_vpp]\n{silent} = "-inf"\n\n[axis]'
-    return ("[axis]", entry) if silent == "-999" else ("", "")
-
-
 @pytest.mark.parametrize("silent", ["-inf", "-Inf", "", "NA", "-999"])
 @pytest.mark.parametrize("places", [1, 2])
-def test_blanks_in_db_are_drafted_by_their_level(tmp_path: Path, silent: str, places: int) -> None:
+def test_blanks_in_db_are_proposed_by_their_level(tmp_path: Path, silent: str, places: int) -> None:
     """A number that may be a code is asked for and not guessed."""
     table = put(tmp_path / "t.csv", (one_place if places == 1 else two_places)(silent))
     made = draft(table)
-    assert made.fill_in == (["task", "side"] if places == 1 else [])
-    text = made.text.replace(*code_of(silent)) if silent == "-999" else made.text
-    assert text.count('"-inf"') >= (silent in ("", "NA", "-999"))
-    words = {"task": "yes/no", "side": "left"}
-    columns = type(made)(text, made.fill_in).filled(tmp_path / "map.toml", words)
-    assert false_alarms(table, columns) == (6, 60)
+    asked = ["-999"] if silent == "-999" else []
+    assert made.fill_in == (["task", *asked, "side"] if places == 1 else asked)
+    words = {"task": "yes/no", "side": "left", "-999": "-inf"}
+    assert false_alarms(table, made.filled(tmp_path / "map.toml", words)) == (6, 60)
 
 
 @pytest.mark.parametrize("silent", ["0", "", "-inf"])
@@ -146,13 +138,7 @@ def test_blanks_of_amplitudes_are_drafted_as_well(tmp_path: Path, silent: str) -
 def test_levels_of_an_amplitude_are_not_taken_for_signed_by_a_code(tmp_path: Path) -> None:
     made = draft(put(tmp_path / "t.csv", one_place("-999", AMPLITUDES, "amp_um")))
     assert made.map["axis"] == {"unit": "um"}
-    assert '-999 = "0"' in made.text
-
-
-@pytest.mark.parametrize("name", ["ans", "said", "verdict"])
-def test_answers_are_offered_as_no_condition(tmp_path: Path, name: str) -> None:
-    table = one_place("0", AMPLITUDES, "amp_um").replace(",ans,", f",{name},", 1)
-    assert draft(put(tmp_path / "t.csv", table)).offered == []
+    assert made.fill_in == ["task", "-999", "side"]
 
 
 def example(folder: Path, name: str, text: str) -> LoadedTrials:

@@ -1,4 +1,4 @@
-"""Groups, differences and populations: everybody takes part, laws, brute force, recovery."""
+"""Groups and differences: everybody takes part, laws, brute force, recovery."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
+from scipy.special import ndtr
 
 from analysis import Axis, compare_conditions, fit_group
-from analysis.groups.population import PopulationThreshold, population_thresholds
-from benchmarks.calibration import psychometric
+from analysis.thresholds.table import side_thresholds
 from tests.test_analysis.shared import PAPER, felt
 from tests.test_analysis.tables import (
     difference_of_normals,
@@ -35,8 +35,8 @@ def test_a_group_of_normal_likelihoods_is_that_of_a_sum_over_the_hyperparameters
     density *= np.exp(-0.5 * (spread / 6) ** 2)
     density *= np.exp(-np.maximum(np.maximum(-middle, middle - 10), 0) / 3)[:, None]
     for points, axis, margin in (
-        (found.of_middle(), middle, density.sum(axis=1)),
-        (found.of_spread(), spread, density.sum(axis=0)),
+        (found.middle_points(), middle, density.sum(axis=1)),
+        (found.spread_points(), spread, density.sum(axis=0)),
     ):
         share = np.cumsum(margin) / margin.sum()
         assert points == pytest.approx(np.interp([0.025, 0.5, 0.975], share, axis), abs=0.08)
@@ -45,7 +45,8 @@ def test_a_group_of_normal_likelihoods_is_that_of_a_sum_over_the_hyperparameters
 @pytest.mark.slow
 def test_a_difference_of_normal_likelihoods_is_that_of_a_sum_over_the_hyperparameters() -> None:
     a, d, width = np.array([1.0, 4.0, 6.5, 3.0]), np.array([2.0, 1.0, 3.5, 1.5]), 0.6
-    found, people = difference_of_normals(a.tolist(), (a + d).tolist(), width)
+    posterior = difference_of_normals(a.tolist(), (a + d).tolist(), width)
+    found, people = posterior.group, posterior.people
     shift, spread = np.linspace(-15, 20, 1401), np.linspace(0.02, 25, 800)
     total = np.sqrt(2 * width**2 + spread**2)
     z = (d[:, None, None] - shift[:, None]) / total
@@ -61,6 +62,59 @@ def test_a_difference_of_normal_likelihoods_is_that_of_a_sum_over_the_hyperparam
     half = 1.96 * math.sqrt(2) * width
     for one, at in zip(people, d, strict=True):
         assert one.difference_limits_db == pytest.approx((at - half, at + half), abs=0.06)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("number", [2, 3, 5, 12])
+@pytest.mark.parametrize("apart", [0.2, 1.0])
+def test_the_next_person_is_that_of_the_exact_integral(number: int, apart: float) -> None:
+    """M given tau is normal but for its prior: a sum over both, a hundred times finer."""
+    at = 5 + apart * np.linspace(-2, 2, number)
+    width = np.full(number, 0.5)
+    found = group_of_normals(at.tolist(), width.tolist())
+    middle, spread = np.linspace(-25, 35, 2401), np.concatenate([np.linspace(0.05, 40, 800)])
+    total = np.hypot(0.5, spread)
+    z = (at[:, None, None] - middle[:, None]) / total
+    density = np.exp((-0.5 * z * z - np.log(total)).sum(axis=0) - 0.5 * (spread / 6) ** 2)
+    density *= np.exp(-np.maximum(np.maximum(-middle, middle - 10), 0) / 3)[:, None]
+    density /= density.sum()
+    mu = np.linspace(-40, 50, 361)
+    below = [float((density * ndtr((one - middle[:, None]) / spread)).sum()) for one in mu]
+    expected = np.interp([0.025, 0.5, 0.975], below, mu)
+    points, group = found.next_person_points(), found.middle_points()
+    assert points == pytest.approx(expected, abs=0.02 * np.ptp(expected[[0, 2]]))
+    assert points[0] <= group[0]
+    assert group[2] <= points[2]
+
+
+def test_one_level_has_no_threshold_and_no_difference() -> None:
+    k, n = [[20], [24], [15]], [[30]] * 3
+    assert fit_group([60.0], k, n, guess_rate=0.0).status == "one_level"
+    found = compare_conditions([60.0], k, n, [[9], [12], [7]], n, guess_rate=0.0)
+    assert found.status == "one_level"
+    assert math.isnan(found.difference_db)
+    assert np.isnan(found.difference_limits_db).all()
+    assert {one.status for one in found.people} == {"one_level"}
+    first = np.array([1, 0, 0, 0, 0])
+    two = compare_conditions(PAPER, RISING, N, RISING * first, N * first, guess_rate=0.5)
+    assert two.status == "one_level"
+
+
+def test_sides_that_differ_have_their_own_thresholds() -> None:
+    levels = [30.0, 42.0, 59.0, 83.0, 117.0]
+    parts = []
+    for side, at in (("left", 45.0), ("right", 80.0)):
+        k = np.round(30 * ndtr(20 * np.log10(np.array(levels) / at) / 2)).astype(int).tolist()
+        people = [felt(k, levels, participant=str(i)) for i in range(5)]
+        parts += [one.replace({"left": side}) for one in people]
+    trials = pd.concat(parts, ignore_index=True)
+    table = side_thresholds(trials).set_index("side")
+    assert table["participants"].tolist() == [5, 5]
+    assert table["threshold_vpp"].tolist() == pytest.approx([45, 80], rel=0.05)
+    high_left, low_right = table["threshold_high_vpp"]["left"], table["threshold_low_vpp"]["right"]
+    assert float(high_left) < float(low_right)
+    alone = side_thresholds(trials[trials["participant"].eq("0")]).set_index("side")
+    assert alone["threshold_vpp"].tolist() == pytest.approx([45, 80], rel=0.08)
 
 
 def test_everybody_takes_part_in_a_group() -> None:
@@ -106,7 +160,7 @@ def test_a_difference_turns_round_with_its_conditions() -> None:
     )
     by = 10 ** (3 / 20)
     same = compare_conditions(
-        PAPER, RISING, N, RISING, N, guess_rate=0.5, levels_b_vpp=[v * by for v in PAPER]
+        PAPER, RISING, N, RISING, N, guess_rate=0.5, levels_b=[v * by for v in PAPER]
     )
     assert same.difference_db == pytest.approx(3, abs=0.05)
     others = compare_conditions(PAPER, RISING, N, higher, N, guess_rate=0.5, paired=False)
@@ -141,7 +195,8 @@ def test_the_tables_have_a_row_for_each_condition_and_each_pair() -> None:
     assert found.differences["spread_db"].notna().tolist() == [False, False, False, True]
     linear = fit_people(pd.concat(people), Axis(x_scale="linear", unit="cm/s"))
     assert linear.groups["status"].iloc[0] == "ok"
-    assert "cm/s" in linear.groups["printed"].iloc[0]
+    row = found.groups.iloc[0]
+    assert row["sigma_low"] < row["sigma"] < row["sigma_high"]
     assert linear.differences.empty  # a linear axis has no decibels
     alone = fit_people(people[0])
     assert alone.groups["status"].tolist() == ["one_participant"]
@@ -167,68 +222,12 @@ def test_guess_rates_of_a_group_are_fixed_or_from_blanks() -> None:
         ({"guess_rate": 0.5, "blanks": ([1] * 4, [9] * 4)}, "guess_rate"),
         ({"blanks": ([1], [9])}, "blanks"),
         ({"guess_rate": 0.5, "x_scale": "ln"}, "x_scale"),
-        ({"guess_rate": 0.5, "levels_vpp": PAPER[:4]}, "shape"),
+        ({"guess_rate": 0.5, "levels": PAPER[:4]}, "shape"),
     ],
 )
 def test_other_groups_are_refused(options: Any, name: str) -> None:
-    levels = options.pop("levels_vpp", PAPER)
+    levels = options.pop("levels", PAPER)
     with pytest.raises(ValueError, match=name):
         fit_group(levels, RISING, N, **options)
     with pytest.raises(ValueError, match="row"):
         compare_conditions(PAPER, RISING, N, RISING[:3], N[:3], guess_rate=0.5)
-
-
-STEPS = [60.0, 80.0, 100.0, 125.0, 160.0]
-
-
-def drawn(
-    *, people: int = 10, between_db: float = 2.0, seed: int = 1, n: int = 30, **same: Any
-) -> pd.DataFrame:
-    """Return the trials of people whose thresholds scatter about 100 V."""
-    rng = np.random.default_rng(seed)
-    each = []
-    for number in range(people):
-        truth = 100.0 * 10 ** (between_db * rng.standard_normal() / 20)
-        p = psychometric(STEPS, threshold_vpp=truth, sigma=0.1, guess_rate=0, lapse_rate=0)
-        each.append(felt(rng.binomial(n, p), STEPS, n=n, **({"participant": str(number)} | same)))
-    return pd.concat(each, ignore_index=True)
-
-
-def population_of(trials: pd.DataFrame) -> PopulationThreshold:
-    (found,) = population_thresholds(fit_people(trials).people)
-    return found
-
-
-@pytest.mark.slow
-def test_the_threshold_and_spread_of_a_population_are_found() -> None:
-    found = population_of(drawn(people=40, between_db=2.0, seed=3))
-    assert found.reason == ""
-    error_db = 20 * math.log10(found.threshold_vpp / 100)
-    assert error_db == pytest.approx(0, abs=3 * 2.1 / math.sqrt(40))
-    assert 20 * found.between_sd == pytest.approx(2.0, abs=3 * 2.0 / math.sqrt(80))
-    low, high = found.threshold_limits_vpp
-    assert low < found.threshold_vpp < high
-
-
-@pytest.mark.slow
-def test_each_condition_has_its_own_whatever_the_order() -> None:
-    two = pd.concat([drawn(seed=1), drawn(seed=2, condition="plate B")])
-    found = population_thresholds(fit_people(two.sample(frac=1, random_state=1)).people)
-    assert [one.condition for one in found] == ["main", "plate B"]
-    assert found[0] == population_of(drawn(seed=1))
-
-
-@pytest.mark.parametrize(
-    "trials",
-    [
-        drawn(people=1),
-        drawn(none_offered=False),
-        drawn(level_vpp=60.0),
-        pytest.param(drawn(response="left"), marks=pytest.mark.slow),
-        drawn(response="none"),
-    ],
-)
-def test_where_the_model_does_not_hold_there_is_only_a_reason(trials: pd.DataFrame) -> None:
-    found = population_of(trials)
-    assert found.reason
-    assert all(map(math.isnan, (found.threshold_vpp, *found.threshold_limits_vpp)))

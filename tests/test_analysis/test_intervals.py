@@ -6,13 +6,15 @@ import math
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.stats import betabinom, cauchy
+from scipy.stats import betabinom, cauchy, fisher_exact, ttest_1samp
 
 from analysis import group_interval, proportion_ci
-from analysis.answers.information import information
+from analysis.counts.information import transmitted_information
+from analysis.counts.intervals import equal_rates_p, hypergeometric_tails, mean_limits
 
 # statsmodels 0.14, proportion_confint, methods wilson, jeffreys and beta; and, to four digits,
 # Newcombe (1998), Statistics in Medicine 17, 857-872, table I, methods 3 (score) and 5 (exact).
@@ -52,9 +54,9 @@ def test_the_limits_are_published(
 @given(counts)
 def test_limits_hold_the_proportion_mirror_and_rise_with_it(kn: tuple[int, int]) -> None:
     k, n = kn
-    found = {}
+    intervals = {}
     for method in METHODS:
-        low, high = found[method] = proportion_ci(k, n, method)
+        low, high = intervals[method] = proportion_ci(k, n, method)
         assert 0 <= low <= k / n <= high <= 1
         mirrored_low, mirrored_high = proportion_ci(n - k, n, method)
         assert (1 - mirrored_high, 1 - mirrored_low) == pytest.approx((low, high), abs=1e-12)
@@ -65,9 +67,9 @@ def test_limits_hold_the_proportion_mirror_and_rise_with_it(kn: tuple[int, int])
             assert low < more[0]
             assert high < more[1] or more[1] == high == 1
         assert proportion_ci(0, 0, method) == (0.0, 1.0)  # nothing is known
-    assert found["clopper-pearson"][0] <= found["jeffreys"][0]
-    assert found["jeffreys"][1] <= found["clopper-pearson"][1]
-    for limit in found["wilson"]:  # which solves the score equation
+    assert intervals["clopper-pearson"][0] <= intervals["jeffreys"][0]
+    assert intervals["jeffreys"][1] <= intervals["clopper-pearson"][1]
+    for limit in intervals["wilson"]:  # which solves the score equation
         squared = 1.959963984540054**2 * limit * (1 - limit)
         assert n * (k / n - limit) ** 2 == pytest.approx(squared, abs=1e-9)
 
@@ -85,7 +87,7 @@ def test_arrays_give_what_single_numbers_give(method: str) -> None:
     [("wilson", 0.953), ("jeffreys", 0.951), ("clopper-pearson", 0.973)],
 )
 def test_coverage_at_30_trials_is_as_documented(method: str, expected: float) -> None:
-    # Mean of the exact coverage over p = .001, .002, ... .999, as docs/statistics.md tells it.
+    # Mean of the exact coverage over p = .001, .002, ... .999, as docs/statistics.md states it.
     k = np.arange(31)
     low, high = proportion_ci(k, 30, method)
     p = np.linspace(0.001, 0.999, 999)[:, None]
@@ -104,7 +106,7 @@ def test_the_group_interval_is_that_of_a_plain_sum_over_beta_binomials(
     m, spread = ((np.arange(nodes) + 0.5) / nodes for nodes in (1500, 300))
     size = 1 / spread**2 - 1
     a, b = m[:, None] * size, (1 - m[:, None]) * size
-    log = sum(betabinom.logpmf(felt, shown, a, b) for felt, shown in zip(k, n, strict=True))
+    log = sum(betabinom.logpmf(hits, shown, a, b) for hits, shown in zip(k, n, strict=True))
     below = np.cumsum(np.exp(log).sum(axis=1))
     expected = np.interp([0.025, 0.975], below / below[-1], m + 0.5 / 1500)
     assert group_interval(k, n) == pytest.approx(expected, abs=2e-3)
@@ -124,8 +126,8 @@ def test_the_interval_of_false_alarms_is_that_of_a_plain_sum_with_cauchy_log_odd
         odds = most * tenths
         size = 1 / (odds**2 * m * (1 - m)) - 1
         log = sum(
-            betabinom.logpmf(felt, shown, m * size, (1 - m) * size)
-            for felt, shown in zip(k, n, strict=True)
+            betabinom.logpmf(hits, shown, m * size, (1 - m) * size)
+            for hits, shown in zip(k, n, strict=True)
         )
         prior = cauchy.pdf(odds)
         weight[at] = (1 - m) ** 4 * (np.exp(log) * prior).sum() / prior.sum()
@@ -191,84 +193,57 @@ def test_impossible_counts_and_methods_are_refused(k: Any, n: Any, method: str, 
         proportion_ci(k, n, method) if method else group_interval(k, n)
 
 
-tables_of_answers = st.lists(
-    st.lists(st.integers(0, 12), min_size=16, max_size=16), min_size=1, max_size=3
-).map(lambda rows: np.array(rows, dtype=np.int64).reshape(-1, 4, 4))
+def test_a_mean_has_limits_by_students_t_unless_all_values_are_equal() -> None:
+    values = pd.Series([0.1, 0.1, 0.3, 0.7, 0.2, 0.9])
+    limits = mean_limits(values, [pd.Series([*"aabbcc"]), pd.Series([1, 1, 2, 2, np.nan, 2])])
+    by_t = ttest_1samp([0.3, 0.7], 0).confidence_interval()
+    assert limits.to_numpy()[0].tolist() == pytest.approx([0.1, np.nan, np.nan], nan_ok=True)
+    assert limits.to_numpy()[1].tolist() == pytest.approx([0.5, *by_t])
+    assert limits["low"].isna().tolist() == [True, False, True, True]
 
 
-def answers(*rows: tuple[int, ...]) -> Any:
-    filled = np.zeros((1, 4, 4), dtype=np.int64)
-    for row, values in enumerate(rows):
-        filled[0, row, : len(values)] = values
-    return filled
+@pytest.mark.parametrize(
+    ("table", "rel"),
+    [
+        ([[3, 9], [8, 2]], 1e-12),
+        ([[0, 5], [5, 0]], 1e-12),
+        ([[40, 35], [30, 45]], 1e-12),
+        ([[6, 0], [9, 0]], 1e-12),
+        ([[300_100, 299_900], [199_700, 200_300]], 2e-3),  # the normal distribution's tails
+    ],
+)
+def test_tails_are_those_of_fishers_test(table: list[list[int]], rel: float) -> None:
+    counts = np.array(table, dtype=float)
+    expected = [fisher_exact(counts, alternative=tail).pvalue for tail in ("less", "greater")]
+    margins = counts.sum(), counts[0].sum(), counts[:, 0].sum()
+    tails = hypergeometric_tails(*(np.array([n]) for n in (counts[0, 0], *margins)))
+    assert np.concatenate(tails) == pytest.approx(expected, rel=rel)
+
+
+def test_equal_rates_are_tested_within_strata() -> None:
+    alone = np.array([[21, 22], [219, 218]])
+    assert equal_rates_p([(21, 22)], [(240, 240)]) == pytest.approx(fisher_exact(alone).pvalue)
+    hits, shown = [(1, 6), (0, 5), (14, 19)], [(20, 20), (30, 30), (20, 20)]
+    rng = np.random.default_rng(1)
+    drawn = sum(
+        rng.hypergeometric(a + b, of[0] + of[1] - a - b, of[0], 100_000)
+        for (a, b), of in zip(hits, shown, strict=True)
+    )
+    number, times = np.unique(drawn, return_counts=True)
+    rare = times[times <= times[number == 15]].sum() / 100_000
+    assert equal_rates_p(hits, shown) == pytest.approx(rare, abs=0.001)
+    many = np.array([[5000, 5200], [85_000, 84_800]])
+    p = equal_rates_p([(5000, 5200)], [(90_000, 90_000)])
+    assert p == pytest.approx(fisher_exact(many).pvalue, rel=0.02)
+    assert equal_rates_p([(2, 0), (5, 5)], [(4, 0), (5, 5)]) == 1.0  # without information
 
 
 def test_a_published_table_gives_its_information() -> None:
     # Near-threshold and null trials, felt or not: M. Grund et al., J. Neurosci. 42 (2022) 643-656.
-    _, found = information(answers((8007, 8035), (497, 7545)))
-    assert found.trials == 24084
-    assert found.plugin_bits == pytest.approx(0.159008507271803, abs=1e-13)
-    assert found.miller_madow_bits == pytest.approx(0.158978555954728, abs=1e-13)
-    assert found.stimulus_bits == pytest.approx(0.918876036288604, abs=1e-13)
-    assert found.p == 0.001
-
-
-def test_without_information_or_stimuli_there_is_none() -> None:
-    _, found = information(answers((6, 2), (3, 1)))
-    assert found.plugin_bits == pytest.approx(0, abs=1e-15)
-    assert found.p == 1
-    assert (found.miller_madow_bits or 0) < 0
-    _, found = information(answers((5,), (5,)))
-    assert (found.plugin_bits, found.miller_madow_bits, found.p) == (0, 0, 1)
-    for only in ((), ((3, 1),)):  # no answer; one kind of stimulus
-        (one,), together = information(answers(*only))
-        assert one == together
-        assert one.reason
-        assert (one.plugin_bits, one.miller_madow_bits, one.p) == (None, None, None)
-
-
-@pytest.mark.slow
-def test_p_is_uniform_where_there_is_no_information() -> None:
-    rng = np.random.default_rng(2)
-    drawn = rng.multinomial(25, [0.5, 0.3, 0.2], (300, 2))
-    ps = [information(answers(*map(tuple, rows)))[1].p for rows in drawn]
-    for level in (0.05, 0.2, 0.5):
-        assert np.mean(np.array(ps) <= level) == pytest.approx(level, abs=0.07)
-
-
-def test_participants_who_only_differ_from_each_other_carry_no_information() -> None:
-    likes_left, likes_right = answers((18, 2), (9, 1)), answers((1, 9), (2, 18))
-    each, together = information(np.concatenate([likes_left, likes_right]))
-    assert (together.plugin_bits or 0) > 0.05
-    assert (together.p or 0) > 0.2
-    assert [one.plugin_bits for one in each] == pytest.approx([0, 0], abs=1e-15)
-
-
-@pytest.mark.slow
-@fast
-@given(tables_of_answers, st.integers(0, 3))
-def test_neither_order_nor_sides_change_a_value(tables: Any, seed: int) -> None:
-    together: Any
-    each, together = information(tables, seed)
-    backwards, same = information(tables[::-1], seed)
-    assert (backwards[::-1], same) == (each, together)
-    mirrored = tables[:, [1, 0, 2, 3]][:, :, [1, 0, 2, 3]]
-    assert information(mirrored, seed) == (each, together)
-    if not together.reason:
-        assert 0 <= together.plugin_bits <= together.stimulus_bits + 1e-12
-        assert 0 < together.p <= 1
-
-
-@pytest.mark.parametrize(
-    ("tables", "seed", "name"),
-    [
-        (np.zeros((4, 4), np.int64), 0, "tables"),
-        (np.zeros((1, 4, 3), np.int64), 0, "tables"),
-        (np.zeros((1, 4, 4)), 0, "tables"),
-        (np.full((1, 4, 4), -1), 0, "tables"),
-        *((answers((1, 2), (2, 1)), seed, "seed") for seed in (-1, True, 0.5)),
-    ],
-)
-def test_other_tables_of_answers_and_seeds_are_refused(tables: Any, seed: Any, name: str) -> None:
-    with pytest.raises(ValueError, match=name):
-        information(tables, seed)
+    bits = transmitted_information([[8007, 8035], [497, 7545]])
+    assert bits == pytest.approx(0.159008507271803, abs=1e-13)
+    assert transmitted_information([[6, 2], [3, 1]]) == pytest.approx(0, abs=1e-15)
+    assert math.isnan(transmitted_information([[0, 0]]))
+    for table in ([1, 2], [[1.5, 2]], [[-1, 2]]):
+        with pytest.raises(ValueError, match="counts"):
+            transmitted_information(table)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import tomllib
+from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -13,14 +14,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from analysis import threshold_table
-from analysis.thresholds.levels import (
-    FELT,
-    Function,
+from analysis.planning.estimates import Function
+from analysis.planning.levels import (
+    TARGETS,
     LevelsError,
     Placement,
     expected_error,
+    levels_on,
     place_levels,
-    placed,
 )
 from benchmarks.calibration import psychometric
 from experiment import draw_plan, paper_study, read_study
@@ -69,7 +70,7 @@ def folder(tmp_path: Path, simulate: Simulate) -> Path:
 @pytest.fixture
 def few_studies(monkeypatch: pytest.MonkeyPatch) -> None:
     """Expected errors from fewer drawn functions: enough where their digits do not matter."""
-    monkeypatch.setattr("analysis.thresholds.levels._DRAWS", 5)
+    monkeypatch.setattr("analysis.planning.levels._DRAWS", 5)
 
 
 def only(trials: pd.DataFrame) -> Placement:
@@ -89,9 +90,9 @@ def test_each_level_is_felt_as_often_as_it_should_be(
     threshold_vpp: float, sigma: float, guess_rate: float
 ) -> None:
     one = Function(threshold_vpp=threshold_vpp, sigma=sigma, lapse_rate=0.0, guess_rate=guess_rate)
-    levels = placed(one, 1000.0)
+    levels = levels_on(one, 1000.0)
     p = psychometric(levels, threshold_vpp=threshold_vpp, sigma=sigma, guess_rate=0, lapse_rate=0)
-    assert p == pytest.approx(FELT, abs=0.4 * 0.05 / (levels[0] * sigma * 2.3) + 1e-9)
+    assert p == pytest.approx(TARGETS, abs=0.4 * 0.05 / (levels[0] * sigma * 2.3) + 1e-9)
 
 
 @settings(max_examples=50)
@@ -101,7 +102,7 @@ def test_levels_rise_within_what_can_be_set_or_are_refused(
 ) -> None:
     one = Function(threshold_vpp=threshold_vpp, sigma=sigma, lapse_rate=0.0, guess_rate=0.0)
     try:
-        levels = placed(one, 200.0)
+        levels = levels_on(one, 200.0)
     except LevelsError:
         assert threshold_vpp * 10 ** (0.675 * sigma) > 200 or threshold_vpp * sigma < 0.5
         return
@@ -119,12 +120,12 @@ def error_db(levels: Sequence[float], trials: int) -> float:
 def test_the_papers_levels_find_one_threshold_to_0_8_db_and_placed_levels_to_0_5_db() -> None:
     """150 stimuli; a forced choice with a threshold near the paper's lowest level."""
     assert error_db(PAPER, 150) == pytest.approx(0.81, abs=0.1)
-    assert error_db(placed(TYPICAL, 200.0), 150) == pytest.approx(0.5, abs=0.06)
+    assert error_db(levels_on(TYPICAL, 200.0), 150) == pytest.approx(0.5, abs=0.06)
 
 
 @pytest.mark.slow
 def test_more_trials_make_the_error_smaller_by_their_root() -> None:
-    levels = placed(TYPICAL, 200.0)
+    levels = levels_on(TYPICAL, 200.0)
     errors = [error_db(levels, trials) for trials in (300, 1200)]
     assert errors[0] / errors[1] == pytest.approx(2, rel=0.2)
     assert error_db(levels, 300) == errors[0]
@@ -139,10 +140,10 @@ def test_one_level_finds_no_threshold() -> None:
 def test_a_pilot_places_levels_around_its_threshold() -> None:
     found = only(pilot())
     assert found.levels_vpp[0] < found.function.threshold_vpp < found.levels_vpp[3]
-    assert found.felt == pytest.approx(FELT, abs=0.01)
-    assert found.error.median_db < found.error.most_db
-    assert found.error.median_db < found.fixed_error.median_db
-    assert (found.trials, found.fixed_levels_vpp) == (150, tuple(PAPER))
+    assert found.shares == pytest.approx(TARGETS, abs=0.01)
+    assert found.error.median_db < found.error.p90_db
+    assert found.error.median_db < found.study_error.median_db
+    assert (found.trials, found.study_levels_vpp) == (150, tuple(PAPER))
     row = threshold_table(pilot(), seed=1).iloc[0]
     assert found.function.threshold_vpp == pytest.approx(row["threshold_vpp"], rel=0.005)
     limits = (row["threshold_low_vpp"], row["threshold_high_vpp"])
@@ -184,14 +185,15 @@ def test_each_condition_of_a_pilot_has_levels_or_a_reason() -> None:
     assert isinstance(b, LevelsError)
     assert "threshold_below_levels" in str(b)
     alone = only(pilot(condition="a"))
-    assert a == alone
+    assert (a.levels_vpp, a.error) == (alone.levels_vpp, alone.error)
+    assert asdict(a.function) == pytest.approx(asdict(alone.function))
 
 
 def test_levels_at_the_ceiling_are_refused_below_three_quarters() -> None:
     one = Function(threshold_vpp=185.0, sigma=0.1, lapse_rate=0.0, guess_rate=0.0)
     with pytest.raises(LevelsError, match="200"):
-        placed(one, 200.0)
-    assert placed(one, 220.0)[-1] == 220.0
+        levels_on(one, 200.0)
+    assert levels_on(one, 220.0)[-1] == 220.0
 
 
 @pytest.fixture

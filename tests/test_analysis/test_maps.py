@@ -14,6 +14,7 @@ from tests.test_analysis.shared import LEAST, cases, loaded, put, refused
 
 if TYPE_CHECKING:
     from analysis import LoadedTrials
+    from tests.conftest import Run
 
 FELT = "participant,side,level_vpp,detected\n"
 TIMED = LEAST.replace("\n", ",rt_s\n")
@@ -130,16 +131,12 @@ def timed(times: dict[str, float]) -> str:
     return TIMED + "".join(f"{who},left,60,left,{rt}\n" for who, rt in times.items())
 
 
-def test_milliseconds_of_some_participants_are_found_and_reported(tmp_path: Path) -> None:
+def test_times_in_the_unit_that_the_map_states_are_read(tmp_path: Path) -> None:
     in_ms = ColumnMap(units={"rt_s": "ms"})
-    for times, columns, changed in (
-        ({"1": 0.6, "2": 612.0, "3": 0.8}, ColumnMap(), "2"),
-        ({"1": 600, "2": 612.0, "3": 800}, in_ms, ""),
-        ({"1": 0.6, "2": 612.0, "3": 800}, in_ms, "1"),
-    ):
-        read = loaded(tmp_path, timed(times), columns)
-        assert read.trials["rt_s"].tolist() == pytest.approx([0.6, 0.612, 0.8])
-        assert [re.findall(r"\d", str(warning))[0] for warning in read.changed] == [*changed]
+    read = loaded(tmp_path, timed({"1": 600, "2": 612.0, "3": 800}), in_ms)
+    assert read.trials["rt_s"].tolist() == pytest.approx([0.6, 0.612, 0.8])
+    error = refused(put(tmp_path / "t.csv", timed({"1": 0.6, "2": 612})), columns=in_ms)
+    assert (error.line, "ms" in str(error)) == (2, True)
 
 
 @pytest.mark.parametrize(
@@ -202,13 +199,13 @@ PLATES = "participant,side,level,response,plate,grip,sound\n" + "".join(
 @pytest.mark.parametrize(
     ("condition", "grips", "named"),
     [
-        (None, "", ["plate", "sound"]),
+        (None, "", ["plate"]),  # a file for each level says the stimulus again
         ("", "", []),
-        ("plate", "", []),  # a file for each level says the stimulus again
+        ("plate", "", []),
         ("plate", "loose tight", ["grip"]),
     ],
 )
-def test_columns_that_vary_and_are_no_condition_are_warned_of(
+def test_columns_of_words_that_the_map_leaves_aside_are_named(
     tmp_path: Path, condition: str | None, grips: str, named: list[str]
 ) -> None:
     cells = grips.split() or ["bare"]
@@ -229,7 +226,7 @@ def test_one_place_for_all_is_refused_where_a_column_and_the_answers_name_two(
     theirs = {"level_vpp": "amp_um", "response": "key"}
     values = {"response": {"down": "none"}}
     columns = ColumnMap(columns=theirs, values=values, constant={"side": "left"})
-    assert '[columns] side = "target"' in str(refused(table, columns=columns))
+    assert "left and right" in str(refused(table, columns=columns))
     values = {"response": {"down": "none", "left": "none", "right": "left"}}  # yes/no by arrows
     read_inputs([table], ColumnMap(columns=theirs, values=values, constant={"side": "left"}))
 
@@ -252,15 +249,15 @@ def begun_again(folder: Path) -> Path:
 
 
 @pytest.mark.parametrize(
-    ("sections", "rows", "warned"),
+    ("sections", "rows", "numbered"),
     [
-        ({"rows": {"skip": {"file-": "p1_a"}}}, 16, 0),
-        ({"columns": {"session": "file-"}}, 18, 0),
-        ({"columns": {"trial": ""}}, 18, 1),
+        ({"rows": {"skip": {"file-": "p1_a"}}}, 16, True),
+        ({"columns": {"session": "file-"}}, 18, True),
+        ({"columns": {"trial": ""}}, 18, False),
     ],
 )
 def test_a_run_begun_anew_is_pooled_with_no_other(
-    tmp_path: Path, sections: dict[str, Any], rows: int, warned: int
+    tmp_path: Path, sections: dict[str, Any], rows: int, *, numbered: bool
 ) -> None:
     data = begun_again(tmp_path / "data")
     error = refused(data, columns=ColumnMap())
@@ -268,5 +265,51 @@ def test_a_run_begun_anew_is_pooled_with_no_other(
     assert '[rows.skip] file- = "p1_a"' in str(error)
     read = read_inputs([data], ColumnMap(**sections))
     assert len(read.trials) == rows
-    assert sum("p1_a" in str(warning) for warning in read.changed) == warned
-    assert read.numbered is not bool(warned)
+    assert read.numbered is numbered
+
+
+def test_names_that_differ_in_spelling_only_are_warned_of(tmp_path: Path) -> None:
+    people = ("A01", "a01 ", "007", "7", "7.0", "B")
+    rows = "".join(f"{who},left,60,left,{skin}\n" for who in people for skin in ("Dry", "DRY"))
+    warnings = loaded(tmp_path, LEAST.replace("\n", ",condition\n") + rows).changed
+    assert [warning.code for warning in warnings] == ["names_alike"] * 2
+    assert re.findall("'[^']+'", str(warnings[0])) == [repr(name) for name in people[:-1]]
+    assert re.findall("'[^']+'", str(warnings[1])) == ["'Dry'", "'DRY'"]
+
+
+@pytest.mark.parametrize(
+    ("column", "limit"), [("condition", 24), ("participant", 1000), ("level_vpp", 50_000)]
+)
+def test_a_column_with_thousands_of_values_is_refused_at_once(
+    tmp_path: Path, column: str, limit: int
+) -> None:
+    values = {"participant": "1", "condition": "a", "level_vpp": "60"}
+    lines = [",".join({**values, column: str(n + 1)}.values()) for n in range(60_000)]
+    text = "participant,condition,level_vpp,response\n" + ",left\n".join([*lines, ""])
+    columns = ColumnMap(constant={"side": "left"})
+    error = str(refused(put(tmp_path / "t.csv", text), columns=columns))
+    assert f"{column} has " in error
+    assert f"at most {limit} " in error
+
+
+def test_a_map_that_is_not_filled_in_is_refused_before_data_are_read(
+    tmp_path: Path, run: Run
+) -> None:
+    columns = put(tmp_path / "m.toml", 'task = ""  # FILL IN: a\n[axis]\nunit = ""  # FILL IN: b\n')
+    result = run("analyze", tmp_path / "no.csv", "--columns", columns, "--out", tmp_path / "out")
+    assert result.exit_code == 2
+    assert result.stderr.endswith("m.toml: fill in task (line 1), unit (line 3)\n")
+
+
+def test_columns_of_words_are_named_where_the_table_has_no_side(tmp_path: Path) -> None:
+    head = "participant,level_vpp,detected,skin,date,stepSize\n"
+    rows = "".join(
+        f"{who},{level},{hit},{skin},day {who},{('up', 'down')[hit]}\n"
+        for who in "ab"
+        for level in (5, 9, 14)
+        for hit in (0, 1)
+        for skin in ("dry", "moist")
+    )
+    columns = ColumnMap(constant={"side": "left"}, task="yes/no")
+    (warning,) = loaded(tmp_path, head + rows, columns).changed
+    assert str(warning).endswith(": skin")

@@ -9,13 +9,11 @@ import pandas as pd
 import pytest
 
 from analysis import Axis
-from analysis.groups.micrometres import (
+from analysis.thresholds.displacement import (
     UM_COLUMNS,
-    unequal_sides,
     with_group_micrometres,
     with_micrometres,
 )
-from tests.test_analysis.tables import numbers
 
 
 def trials(left: float, right: float, basis: Any = "measured", **columns: Any) -> pd.DataFrame:
@@ -77,25 +75,6 @@ def test_a_threshold_has_the_micrometres_of_counted_single_stimuli(
     left, right, basis = people.iloc[0][[*UM_COLUMNS]]
     assert [left, right] == pytest.approx(expected[:2], nan_ok=True)
     assert basis == expected[2] or (expected[2] is None and pd.isna(basis))
-
-
-@pytest.mark.parametrize(
-    ("of", "said"),
-    [
-        (trials(0.02, 0.0225), [1.0]),
-        (trials(0.0225, 0.02), [1.0]),
-        (pd.concat([trials(0.02, 0.03), OTHER]), [3.5]),
-        (trials(0.02, 0.0223), None),
-        (EQUAL, None),
-        (trials(0.02, math.nan), None),
-    ],
-)
-def test_volts_that_move_one_finger_more_are_warned_of(
-    of: pd.DataFrame, said: list[float] | None
-) -> None:
-    found = [*unequal_sides(of, Axis())]
-    assert [numbers(one) for one in found] == ([said] if said else [])
-    assert not [*unequal_sides(of, Axis(x_scale="linear", unit="mm"))]
 
 
 def test_a_group_has_micrometres_where_all_with_a_threshold_have_the_same() -> None:

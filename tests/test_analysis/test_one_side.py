@@ -7,12 +7,11 @@ import io
 import json
 import math
 import re
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import pytest
 
-from analysis import ColumnMap, analyse, print_analysis, write_analysis
+from analysis import Axis, ColumnMap, analyse, print_analysis, write_analysis
 from tests.test_analysis.shared import LEAST, files, loaded, put
 
 if TYPE_CHECKING:
@@ -61,7 +60,8 @@ def test_of_one_place_no_output_has_the_side_that_the_map_alone_states(tmp_path:
         for key in keys * 3
     )
     path = put(tmp_path / "t.csv", head + rows)
-    mapped = replace(YES_NO, constant={"side": "right"}, axis={"unit": "mN"})
+    axis = Axis(unit="mN", peak_to_peak=False)
+    mapped = YES_NO.model_copy(update={"constant": {"side": "right"}, "axis": axis})
     analysis = write_analysis([path], tmp_path / "out", columns=mapped, figures=True)
     assert (analysis.one_side, analysis.one_place) == ("right", "right")
     printed = io.StringIO()
@@ -83,4 +83,4 @@ def test_of_one_place_no_output_has_the_side_that_the_map_alone_states(tmp_path:
     summary = json.loads(files(tmp_path / "out")["summary.json"])
     assert summary["axis"] == {"x_scale": "log10", "unit": "mN"}
     assert {"level", "unit"} <= {*summary["levels"][0]}
-    assert not any("_vpp" in names for names in summary["definitions"])
+    assert not any("_vpp" in name for name in json.loads(files(tmp_path / "out")["columns.json"]))

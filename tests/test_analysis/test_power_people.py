@@ -10,9 +10,10 @@ import pytest
 from scipy.special import ndtr
 
 from analysis import load_column_map, read_inputs
-from analysis.power.population import literature_people, pilot_people, stated_people, truth_of
+from analysis.planning.goals import Goal
+from analysis.planning.people import literature_people, pilot_people, stated_people, truth_of
 from tests.plates import on_paper_plate
-from tests.test_analysis.planning import BOTH_AND_NONE, gains_of, goal_of, study_of
+from tests.test_analysis.planning import ALONE, BOTH_AND_NONE, study_of
 from tests.test_analysis.shared import put, run
 
 if TYPE_CHECKING:
@@ -21,7 +22,7 @@ if TYPE_CHECKING:
 
     from experiment import Study
 
-HALF_WIDTH, DIFFERENCE = goal_of("half-width=1dB"), goal_of("difference=2dB")
+HALF_WIDTH, DIFFERENCE = Goal.parse("half-width=1dB"), Goal.parse("difference=2dB")
 NONE_OFFERED = study_of(BOTH_AND_NONE, "sigma = 0.2")
 TWO = '\n[[condition]]\nname = "bare"\n[[condition]]\nname = "glove"\n'
 
@@ -35,9 +36,9 @@ def two_conditions(people: str) -> Study:
 
 def test_people_of_the_literature_have_a_source_for_each_number() -> None:
     people = literature_people(NONE_OFFERED, HALF_WIDTH)
-    values = {number.key: number.value for number in people.numbers}
+    values = {number.key: number.value for number in people.parameters}
     assert (values["sigma"], values["threshold_sd_db"]) == (0.2, 3.0)
-    assert all(number.source for number in people.numbers)
+    assert all(number.source for number in people.parameters)
     assert "threshold_sd_db" in str(people.warnings[0])
     assert people.study.simulation.wander_db == 1.4
 
@@ -54,8 +55,8 @@ def test_people_of_the_literature_have_a_source_for_each_number() -> None:
 def test_only_numbers_that_the_goal_hangs_on_are_listed(
     goal: str, study: Study, without: set[str]
 ) -> None:
-    people = literature_people(study, goal_of(goal))
-    keys = {number.key for number in people.numbers}
+    people = literature_people(study, Goal.parse(goal))
+    keys = {number.key for number in people.parameters}
     assert keys.isdisjoint(without)
     assert {"difference_sd_db", "false_alarm_rate"} <= keys | without
     assert ("difference_sd_db" in " ".join(map(str, people.warnings))) == (
@@ -64,10 +65,10 @@ def test_only_numbers_that_the_goal_hangs_on_are_listed(
 
 
 def test_false_alarms_hang_on_no_threshold() -> None:
-    goal = goal_of("false-alarms=9%")
+    goal = Goal.parse("false-alarms=9%")
     people = literature_people(NONE_OFFERED, goal)
-    assert [number.key for number in people.numbers] == ["lapse_rate", "false_alarm_rate"]
-    simulation, fingers = people.study.simulation, gains_of(main=1.0)[0].fingers()
+    assert [number.key for number in people.parameters] == ["lapse_rate", "false_alarm_rate"]
+    simulation, fingers = people.study.simulation, ALONE.fingers()
     known = {"threshold_vpp": 60.0, "threshold_um": None}
     others = {"threshold_vpp": 9.0, "threshold_um": None, "threshold_sd_db": 9.0, "sigma": 0.4}
     rates = [
@@ -76,6 +77,14 @@ def test_false_alarms_hang_on_no_threshold() -> None:
     ]
     assert rates[0] == pytest.approx(rates[1]) == pytest.approx(rates[2])
     assert rates[3] > rates[0] + 0.01
+
+
+def test_stated_people_must_state_how_much_they_differ() -> None:
+    with pytest.raises(ValueError, match=r"simulation\.threshold_sd_db"):
+        stated_people(NONE_OFFERED, HALF_WIDTH)
+    people = stated_people(study_of("", "threshold_sd_db = 4.0"), HALF_WIDTH)
+    assert ("threshold_sd_db", 4.0) in {(p.key, p.value) for p in people.parameters}
+    assert {p.source for p in people.parameters} == {"stated in the study", "default of tactstrip"}
 
 
 @pytest.mark.parametrize(("sigma", "warned"), [(0.1, False), (0.5, False), (2.0, True)])

@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 
 from analysis import Analysis, ColumnMap, analyse, level_table, read_inputs
-from analysis.reading.reasons import with_reasons
+from analysis.reading.trials import with_reasons
 from tests.test_analysis.shared import cases, loaded, put
 
 if TYPE_CHECKING:
@@ -89,4 +89,5 @@ def test_who_never_answers_in_a_condition_counts_there_for_nothing(tmp_path: Pat
     assert found.excluded.to_numpy().tolist() == [["01", "never_answered", 24]]
     assert found.levels.query("condition == 'mute'")["presented"].tolist() == [8, 8, 8]
     assert [*found.differences["participant"]] == ["02", "all"]
-    assert any("24 of 24" in str(warning) for warning in found.warnings)
+    (silent,) = (each for each in found.warnings if each.code == "answers_missing")
+    assert silent.data == {"participant": "01", "condition": "mute", "number": 24}

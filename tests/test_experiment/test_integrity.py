@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 from analysis import ResultFileError
-from analysis.reading.load import read_inputs
+from analysis.reading.trials import read_inputs
 from experiment import ArchiveError, examine, read_journal
 from tests.test_experiment import records as edits
 from tests.test_experiment.lab import Crash, Lab

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 from analysis import ResultFileError
-from analysis.reading.load import read_inputs
+from analysis.reading.trials import read_inputs
 from experiment import StudyError, examine
 from tests.test_experiment.monitored import BY_ITSELF, STUDY, ByItself, Wired
 

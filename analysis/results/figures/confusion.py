@@ -1,14 +1,20 @@
-"""The figure of answers to each stimulus: shares in a grid, with counts and intervals."""
+"""The answers to each stimulus, as shares in a grid."""
 
 from __future__ import annotations
 
-from functools import partial
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from analysis.answers.intervals import proportion_ci
-from analysis.results.figures.drawing import Sheet, in_words, panels
+from analysis.results.figures.curves import stimulus
+from analysis.results.figures.drawing import (
+    DEFAULT_STYLE,
+    em_mm,
+    name_axes,
+    new_region,
+    short,
+    text_em,
+)
 from experiment.rows import RESPONSES
 
 if TYPE_CHECKING:
@@ -16,115 +22,125 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from analysis.results.tables import Analysis
+    from analysis.results.analysis import Analysis
+    from analysis.results.figures.drawing import Style
 
 
-_ROW_IN = 0.62
-_AROUND_IN = 1.5
-_DARK = 0.62
-_LEAST_SHOWN = 0.005
+_DARK: Final = 0.62
+"""From this share on a cell is so dark that its letters are white."""
 _COLOURS: Final = "Blues"  # from white to dark blue: lightness alone orders it, for every eye
+_ROW_EM: Final = 2.9
 
 
-def sheets(analysis: Analysis) -> list[Sheet]:
-    """Return the figure; none where there are no answers, or of one side only."""
-    if analysis.confusion.empty or analysis.one_side:
-        return []
-    shown = "Grid of stimuli and answers with the share of each answer"
-    return [
-        Sheet(
-            title="Answers to each stimulus",
-            caption="In each cell: the answer's share of the stimulus's trials, its count, and the "
-            "share's 95 % interval, which ignores that participants differ.",
-            alt=in_words(analysis, shown, "counts are in the table of answers"),
-            draw=partial(draw, analysis),
-        )
-    ]
+def plot_confusion(
+    analysis: Analysis, ax: Axes | None = None, *, style: Style = DEFAULT_STYLE
+) -> Figure:
+    r"""Draw which answers were given to each stimulus: percentages and counts, by condition.
 
+    Answers that nobody gave are left out.
 
-def draw(analysis: Analysis) -> Figure:
-    """Draw a grid of stimuli and answers; each cell has its share, count and 95 % interval."""
-    groups = [(str(name), rows) for name, rows in analysis.confusion.groupby("condition")]
-    heights = [_AROUND_IN + _ROW_IN * len(rows) for _, rows in groups]
-    figure, axes = panels([name for name, _ in groups], heights, analysis.mark)
-    for panel, (_, rows) in zip(axes, groups, strict=True):
-        _draw(panel, rows, analysis.ci)
-    axes[-1].annotate(
-        f"In each cell: share of the row, count, 95 % interval ({analysis.ci.title()})\n"
-        "of the share, which ignores that participants differ.",
-        (0.5, 0),
-        xytext=(0, -40),
-        xycoords="axes fraction",
-        textcoords="offset points",
-        ha="center",
-        va="top",
-        fontsize=8,
-    )
-    return figure
+    Parameters
+    ----------
+    analysis : Analysis
+        From `write_analysis` or `analyse`.
+    ax : matplotlib.axes.Axes, optional
+        Which the panels replace; a new figure by default.
+    style : Style
+        Width and style sheet of a new figure.
 
+    Returns
+    -------
+    matplotlib.figure.Figure
+        The figure that was drawn into.
 
-def stimulus(kind: str, side: str) -> str:
-    """Name a stimulus.
-
-    >>> stimulus("single", "left"), stimulus("both", "both"), stimulus("blank", "none")
-    ('left', 'both', 'blank')
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> from analysis import ColumnMap, analyse, plot_confusion, read_inputs
+    >>> with TemporaryDirectory() as folder:
+    ...     table = Path(folder) / "table.csv"
+    ...     _ = table.write_text("participant,side,level_vpp,response,rt_s\n" + (
+    ...         "1,left,60,none,0.6\n1,left,60,left,0.5\n1,left,90,left,0.4\n"
+    ...         "1,left,40,none,0.7\n1,none,0,none,0.6\n") * 9)
+    ...     result = analyse(read_inputs([table], ColumnMap()))
+    >>> plot_confusion(result).axes[0].get_xlabel()
+    'Answer (%)'
     """
-    return side if kind == "single" else kind
+    table = analysis.confusion
+    answers = [name for name in RESPONSES if table[name].any()]
+    groups = {str(name): rows for name, rows in table.groupby("condition")}
+    with style.applied(ax):
+        names = {
+            condition: [
+                f"{stimulus(str(row.kind), str(row.side))}\nn = {row.presented}"
+                for row in rows.itertuples()
+            ]
+            for condition, rows in groups.items()
+        }
+        left_em = max(text_em(name) for each in names.values() for name in each) + 0.8
+        # Labels of rows stand at each panel: their numbers of trials differ.
+        wide_em = style.width_mm / em_mm()
+        title_em = max(text_em(short(name)) for name in groups) if len(groups) > 1 else 0.0
+        panel_em = wide_em / 2 - left_em
+        has_room = max(4 * len(answers) - 6, title_em + 2.0) < panel_em
+        columns = min(len(groups), 2) if has_room else 1
+        rows_of_panels = -(-len(groups) // columns)
+        top_em = 1.7 if len(groups) > 1 else 0.4
+        rows_em = _ROW_EM * max(map(len, names.values()))
+        region = new_region(
+            style,
+            em_mm() * (rows_of_panels * (rows_em + 3.6) - 0.6 + top_em),
+            (left_em + 1.6, 3.2, 0.4, top_em),
+            ax=ax,
+            note=analysis.mark,
+        )
+        gap_em = (left_em + 0.4, 3.6)
+        panels = region.split(rows_of_panels, columns, gap_em)
+        for panel, (condition, rows) in zip(panels, groups.items(), strict=False):
+            _draw(panel, rows, answers, names[condition])
+            if len(groups) > 1:
+                panel.set_title(short(condition), fontsize="small")
+        for index, panel in enumerate(panels):
+            panel.set_visible(index < len(groups))
+            name_axes(
+                panel,
+                "Answer (%)" if index // columns == rows_of_panels - 1 else "",
+                "Stimulus" if index % columns == 0 else "",
+                left_em - 0.6,
+            )
+    return region.figure
 
 
-def _percent(share: float) -> str:
-    """Write a share as a whole percentage; none is written 0 that is not.
+def _draw(axes: Axes, rows: pd.DataFrame, answers: list[str], names: list[str]) -> None:
+    counts = rows[answers].to_numpy(dtype=np.int64)
+    shares = counts / rows["presented"].to_numpy(dtype=np.int64)[:, None]
+    edges_x, edges_y = np.arange(len(answers) + 1) - 0.5, np.arange(len(rows) + 1) - 0.5
+    axes.pcolormesh(
+        edges_x, edges_y, shares, cmap=_COLOURS, vmin=0, vmax=1, edgecolors="white", lw=0.8
+    )
+    for y, x in np.ndindex(counts.shape):
+        axes.text(
+            x,
+            y,
+            f"{percent(shares[y, x])}\n{counts[y, x]}",
+            fontsize="small",
+            color="white" if shares[y, x] > _DARK else "black",
+            ha="center",
+            va="center",
+            linespacing=1.15,
+        )
+    axes.set_ylim(len(rows) - 0.5, -0.5)
+    axes.set_xticks(range(len(answers)), answers)
+    axes.set_yticks(range(len(rows)), names)
+    axes.tick_params(length=0)
+    axes.spines[:].set_visible(False)
 
-    >>> _percent(0.002), _percent(0.0), _percent(0.254)
+
+def percent(share: float) -> str:
+    """Write a share in percent; one that is small but not 0 is not written as 0.
+
+    >>> percent(0.002), percent(0.0), percent(0.254)
     ('<1', '0', '25')
     """
-    return "<1" if 0 < share < _LEAST_SHOWN else f"{100 * share:.0f}"
-
-
-def _draw(axes: Axes, rows: pd.DataFrame, ci: str) -> None:
-    counts = rows[list(RESPONSES)].to_numpy(dtype=np.int64)
-    presented = np.broadcast_to(rows["presented"].to_numpy(dtype=np.int64)[:, None], counts.shape)
-    shares = counts / presented
-    low, high = proportion_ci(counts, presented, ci)
-    axes.imshow(shares, cmap=_COLOURS, vmin=0, vmax=1, aspect="auto")
-    for place in np.ndindex(counts.shape):
-        y, x = place
-        dark = shares[place] > _DARK
-        colour = "white" if dark else "black"
-        # Words within the grid need not be measured to lay the figure out.
-        axes.text(
-            x,
-            y - 0.24,
-            f"{100 * shares[place]:.0f} %",
-            fontsize=9,
-            color=colour,
-            ha="center",
-            va="center",
-            weight="bold",
-            in_layout=False,
-        )
-        limits = "–".join(_percent(float(limit[place])) for limit in (low, high))
-        axes.text(
-            x,
-            y + 0.18,
-            f"{counts[place]}\n{limits} %",
-            fontsize=7,
-            color=colour,
-            ha="center",
-            va="center",
-            linespacing=1.1,
-            in_layout=False,
-        )
-    names = [
-        f"{stimulus(str(row.kind), str(row.side))}\nn = {row.presented}"
-        for row in rows.itertuples()
-    ]
-    axes.set_yticks(range(len(rows)), names, fontsize=8)
-    axes.set_xticks(range(len(RESPONSES)), list(RESPONSES), fontsize=8)
-    axes.set_xticks(np.arange(len(RESPONSES) - 1) + 0.5, minor=True)
-    axes.set_yticks(np.arange(len(rows) - 1) + 0.5, minor=True)
-    axes.grid(which="minor", color="white", lw=1.5)
-    axes.tick_params(which="both", length=0)
-    axes.spines[:].set_visible(False)
-    axes.set_xlabel("Answer (% of the stimulus's trials)")
-    axes.set_ylabel("Stimulus (n trials)")
+    return "<1" if 0 < share < 0.005 else f"{100 * share:.0f}"  # noqa: PLR2004

@@ -1,129 +1,179 @@
-"""The figure of d' against level: sensitivity that a willingness to answer hardly moves."""
+"""Sensitivity d' against level."""
 
 from __future__ import annotations
 
-from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, Final
 
-import numpy as np
-
-from analysis.definitions import TOTAL
-from analysis.results.figures.composed import beside
-from analysis.results.figures.curves import conditions_of, look_of
-from analysis.results.figures.drawing import Sheet, key, level_axis, of_people, panels, short
+from analysis.numbers import TOTAL
+from analysis.results.figures.curves import conditions_of
+from analysis.results.figures.drawing import (
+    DEFAULT_STYLE,
+    GREY,
+    MAX_LEGEND_ENTRIES,
+    add_legend,
+    alike_labels,
+    aside,
+    condition_handle,
+    em_mm,
+    label_outer,
+    legend_rows,
+    level_axis,
+    level_label,
+    look,
+    name_axes,
+    new_region,
+    round_ticks,
+    short,
+)
 
 if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from matplotlib.transforms import Transform
 
-    from analysis.results.tables import Analysis
-
-
-_HEIGHT_IN, _ROW_IN = 3.9, 0.18
-_BEYOND, _ROOM = 2.0, 0.2
+    from analysis.results.analysis import Analysis
+    from analysis.results.figures.drawing import Style
 
 
-def sheets(analysis: Analysis) -> list[Sheet]:
-    """Return the figure; none without blank trials, or where "none" was no answer."""
-    table = analysis.sensitivity
-    if table.empty:
-        return []
-    people = table.loc[table["participant"].ne(TOTAL), "participant"]
-    bars = "the bars are 95 % intervals"
-    if len({*people}) > 1:
-        bars = "participants are faint, their mean has its 95 % interval"
-    return [
-        Sheet(
-            title="Sensitivity d' by level",
-            caption="d' compares what was felt at a level with what was felt of blank trials: "
-            "unlike a proportion, at one level it hardly moves with the willingness to answer; "
-            f"{bars}.",
-            alt=f"d' against level in {analysis.axis.label}, {of_people(people)}, with 95 % "
-            "intervals; the numbers are in the table of sensitivity.",
-            draw=partial(draw, analysis),
-        )
-    ]
+_MAX_BEYOND: Final = 2.0
+"""How far limits widen the axis beyond the values: of two people they may be at 20."""
 
 
-def draw(analysis: Analysis) -> Figure:
-    """Draw the mean d' of the participants at each level, conditions over each other."""
+def plot_d_prime(
+    analysis: Analysis, ax: Axes | None = None, *, style: Style = DEFAULT_STYLE
+) -> Figure:
+    r"""Draw the mean d' of the participants at each level with its 95 % interval.
+
+    Parameters
+    ----------
+    analysis : Analysis
+        From `write_analysis` or `analyse`, of trials with blanks.
+    ax : matplotlib.axes.Axes, optional
+        Where to draw; a new figure by default.
+    style : Style
+        Width and style sheet of a new figure.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        The figure that was drawn into.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> from analysis import ColumnMap, analyse, plot_d_prime, read_inputs
+    >>> with TemporaryDirectory() as folder:
+    ...     table = Path(folder) / "table.csv"
+    ...     _ = table.write_text("participant,side,level_vpp,response,rt_s\n" + (
+    ...         "1,left,60,none,0.6\n1,left,60,left,0.5\n1,left,90,left,0.4\n"
+    ...         "1,left,40,none,0.7\n1,none,0,none,0.6\n") * 9)
+    ...     result = analyse(read_inputs([table], ColumnMap()))
+    >>> plot_d_prime(result).axes[0].get_xlabel()
+    'Drive level (V peak-to-peak)'
+    """
     table = analysis.sensitivity[analysis.sensitivity["level_vpp"].notna()]
     conditions = [one for one in conditions_of(analysis) if table["condition"].eq(one).any()]
-    several = len({*table["participant"]} - {TOTAL}) > 1
-    figure, (axes,) = panels(
-        [""], [_HEIGHT_IN + _ROW_IN * (len(conditions) + several)], analysis.mark
-    )
-    level_axis(axes, table["level_vpp"], analysis.axis, beyond=0.09)
-    axes.axhline(0, color="#808080", lw=0.8, zorder=1)
-    for place, condition in enumerate(conditions):
-        rows = table[table["condition"].eq(condition)]
-        _draw(axes, rows, look_of(analysis, condition), beside(axes, place, len(conditions)))
-        _name(axes, analysis, condition, alone=len({*rows["participant"]} - {TOTAL}) == 1)
-    if several:
-        axes.scatter([], [], s=9, color="#606060", alpha=0.6, label="each participant")
-    # Of two or three people the limits may be so far away that nothing else could be seen.
-    low, high = table["d_prime"].min(), table["d_prime"].max()
-    bars = table[table["participant"].eq(TOTAL) == several]
-    least, most = (
-        max(bars["d_prime_low"].fillna(low).min(), low - _BEYOND),
-        min(bars["d_prime_high"].fillna(high).max(), high + _BEYOND),
-    )
-    axes.set_ylim(min(least, low) - _ROOM, max(most, high) + _ROOM)
-    axes.set_ylabel("d' (detection)")
-    key(axes, columns=1)
-    return figure
+    several = len(conditions) > MAX_LEGEND_ENTRIES and ax is None
+    with style.applied(ax):
+        handles = []
+        if len(conditions) > 1 and not several:
+            handles = [condition_handle(index, one) for index, one in enumerate(conditions)]
+        rows, columns = (-(-len(conditions) // 2), 2) if several else (1, 1)
+        labels = [str(handle.get_label()) for handle in handles]
+        top_em = 0.8 + 1.2 * legend_rows(labels, style.width_mm / em_mm() - 4.8) + several
+        height_mm = rows * (0.44 if several else 0.66) * style.width_mm + top_em * em_mm()
+        region = new_region(style, height_mm, (4.0, 3.4, 0.8, top_em), ax=ax, note=analysis.mark)
+        panels = region.split(rows, columns, (1.2, 2.6), sharex=True, sharey=True)
+        low, high = _limits(table)
+        for panel in panels:
+            level_axis(panel, table["level_vpp"], analysis.axis)
+            panel.axhline(0, color=GREY, lw=0.6, zorder=1)
+            panel.set_ylim(low, high)
+        ticks = round_ticks(low, high, log=False)
+        panels[0].set_yticks(ticks, alike_labels(ticks))
+        for index, condition in enumerate(conditions):
+            panel = panels[index if several else 0]
+            beside = aside(panel, 0, 1) if several else aside(panel, index, len(conditions), 4.0)
+            _draw(panel, table[table["condition"].eq(condition)], look(index), beside)
+            if several:
+                panel.set_title(short(condition), fontsize="small")
+        names = level_label(analysis.axis), "Sensitivity d'"
+        if several:
+            label_outer(panels, len(conditions), columns, names)
+        else:
+            name_axes(panels[0], *names)
+            add_legend(panels[0], handles)
+    return region.figure
 
 
-def _draw(axes: Axes, rows: pd.DataFrame, look: tuple[str, str, object], aside: object) -> None:
-    colour, marker, line = look
-    each, mean = (rows[rows["participant"].eq(TOTAL) == of_all] for of_all in (False, True))
-    several = len({*each["participant"]}) > 1
-    if several:
+def _summary(table: pd.DataFrame) -> pd.DataFrame:
+    """Return the rows with intervals: of the mean, or of the only participant."""
+    people = table.loc[table["participant"].ne(TOTAL), "participant"].nunique()
+    return table[table["participant"].eq(TOTAL) == (people > 1)]
+
+
+def _limits(table: pd.DataFrame) -> tuple[float, float]:
+    """Return limits that hold all values, and intervals unless they are very wide."""
+    low, high = (float(getattr(table["d_prime"], name)()) for name in ("min", "max"))
+    rows = _summary(table)
+    low = min(low, max(float(rows["d_prime_low"].fillna(low).min()), low - _MAX_BEYOND), 0.0)
+    high = max(high, min(float(rows["d_prime_high"].fillna(high).max()), high + _MAX_BEYOND))
+    margin = 0.05 * (high - low) or 0.5
+    return low - margin, high + margin
+
+
+def _draw(axes: Axes, rows: pd.DataFrame, symbols: tuple[str, str, Any], beside: Transform) -> None:
+    colour, marker, _ = symbols
+    mean = _summary(rows)
+    people = rows[rows["participant"].ne(TOTAL)]
+    if len(people) > len(mean):
         axes.scatter(
-            each["level_vpp"],
-            each["d_prime"],
-            s=9,
+            people["level_vpp"],
+            people["d_prime"],
+            s=7,
             marker=marker,
             color=colour,
-            alpha=0.35,
+            alpha=0.4,
             linewidths=0,
-            transform=aside,
+            transform=beside,
             zorder=2,
         )
-    told = (mean if several else each).sort_values("level_vpp")
-    bars = told[np.isfinite(told["d_prime_low"])]
     axes.vlines(
-        bars["level_vpp"],
-        bars["d_prime_low"],
-        bars["d_prime_high"],
+        mean["level_vpp"],
+        mean["d_prime_low"],
+        mean["d_prime_high"],
         color=colour,
-        lw=1.2,
-        transform=aside,
+        lw=1.0,
+        transform=beside,
         zorder=3,
     )
     axes.plot(
-        told["level_vpp"],
-        told["d_prime"],
+        mean["level_vpp"],
+        mean["d_prime"],
         color=colour,
         marker=marker,
-        ls=line,
-        lw=1.4,
-        ms=6,
         mfc="white",
-        mew=1.4,
-        transform=aside,
+        ms=5,
+        ls="",
+        transform=beside,
         zorder=4,
     )
-
-
-def _name(axes: Axes, analysis: Analysis, condition: str, *, alone: bool) -> None:
-    """Tell in the key how many false alarms a condition has."""
-    colour, marker, line = look_of(analysis, condition)
-    table = analysis.sensitivity
-    row = table[table["condition"].eq(condition) & table["participant"].eq(TOTAL)].iloc[-1]
-    who = "" if alone else "mean of participants, "
-    if analysis.counts.conditions > 1:
-        who = f"{short(condition)}: " + who
-    told = f"{who}false alarms {row['false_alarms']:.0f} of {row['blanks']:.0f}"
-    axes.plot([], [], color=colour, marker=marker, ls=line, mfc="white", ms=5, label=told)
+    bottom, top = axes.get_ylim()
+    for sign, end, is_cut in (
+        ("v", bottom, mean["d_prime_low"] < bottom),
+        ("^", top, mean["d_prime_high"] > top),
+    ):
+        cut = mean.loc[is_cut, "level_vpp"]
+        axes.plot(
+            cut,
+            [end] * len(cut),
+            color=colour,
+            marker=sign,
+            ms=3,
+            mew=0,
+            ls="",
+            transform=beside,
+            clip_on=False,
+        )

@@ -1,333 +1,323 @@
-"""The figure of thresholds: each participant's with its interval, and the group's."""
+"""Thresholds of participants and group with their intervals, and differences of conditions."""
 
 from __future__ import annotations
 
-from collections import defaultdict
-from dataclasses import dataclass, replace
-from functools import partial
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from analysis.definitions import TOTAL
+from analysis.numbers import TOTAL
+from analysis.results.figures.curves import ABOVE, BELOW, by_threshold, conditions_of
 from analysis.results.figures.drawing import (
-    GROUP,
-    Sheet,
-    in_words,
-    key,
-    level_axis,
-    of_people,
-    panels,
+    DEFAULT_STYLE,
+    GREY,
+    axes_em,
+    em_mm,
+    look,
+    name_axes,
+    new_region,
+    round_ticks,
+    set_ticks,
     short,
+    text_em,
 )
 
 if TYPE_CHECKING:
-    from typing import TypeAlias
-
     import pandas as pd
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from analysis.axis import Axis
-    from analysis.results.tables import Analysis
+    from analysis.results.analysis import Analysis
+    from analysis.results.figures.drawing import Style
 
-    _Span: TypeAlias = tuple[float, float, float]  # its place, then its limits
 
-_BELOW: Final = ("threshold_below_levels", "median_below_levels")
-_ABOVE: Final = ("threshold_above_levels", "median_above_levels")
-
-_PERSON = "black"
-_WORDS_COLOUR = "#595959"
-_NAMED = 60
-_OF_PAIRS = (
-    " Below, by how much the threshold of each participant differs between two conditions, with "
-    "its 95 % interval and that of the mean of people like them. Each is of that participant's own "
-    "answers, drawn towards the others in the slope only, and may lie on either side of the ratio "
-    "of both thresholds, which have priors."
-)
-_ROW_IN = 0.21
-_TALLEST_IN = 9.0
-_AROUND_IN = 2.0
-_BEYOND = 0.35
-_MOST_PAIRS = 3
-_POINTED = dict.fromkeys(_BELOW, "<") | dict.fromkeys(_ABOVE, ">")
+_MAX_NAMED: Final = 60
+_MAX_PAIRS: Final = 6
+_ROW_EM: Final = 1.25
+_UNNAMED_ROW_EM: Final = 0.3
+_NEXT_CONDITION: Final = 0.6
+"""Between rows of one participant, in parts of a row."""
+_BEFORE_GROUP: Final = 0.4
+_FAINT: Final = 0.35
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Mark:
-    """A line of the figure: a value with its limits, an arrow at an end, or words."""
+class Interval:
+    """A row of a panel: a value with its limits; an infinite limit is open, NaN is none."""
 
-    name: str
-    at: float
+    label: str
+    height: float  # of its row, from the top
+    value: float
     low: float
     high: float
-    status: str
-    words: str
-    colour: str
-    new: tuple[float, float] = (np.nan, np.nan)  # where another person's is expected
+    index: int  # of its condition
+    status: str = "ok"
+    is_group: bool = False
+    next_low: float = np.nan  # where another participant's is expected
+    next_high: float = np.nan
 
 
-def sheets(analysis: Analysis) -> list[Sheet]:
-    """Return the figure; none where there are no thresholds."""
-    if analysis.thresholds.empty:
-        return []
-    people = of_people(analysis.thresholds["participant"])
-    shown = f"Thresholds in {analysis.axis.label} with 95 % intervals, {people}"
-    return [
-        Sheet(
-            title="Thresholds of participants and group",
-            caption="Each line is a threshold with its 95 % interval; an arrow stands where it "
-            "lies outside the tested levels, and where a limit is open."
-            + (_OF_PAIRS if _pairs(analysis) else ""),
-            alt=in_words(analysis, shown, "numbers are in the tables of thresholds"),
-            draw=partial(draw, analysis),
+def plot_thresholds(
+    analysis: Analysis, ax: Axes | None = None, *, style: Style = DEFAULT_STYLE
+) -> Figure:
+    r"""Draw the threshold of each participant and of the group, and differences of conditions.
+
+    Participants are sorted by threshold. Differences of two conditions stand beside the thresholds,
+    those of more conditions below them, of the group only.
+
+    Parameters
+    ----------
+    analysis : Analysis
+        From `write_analysis` or `analyse`.
+    ax : matplotlib.axes.Axes, optional
+        Which the panels replace; a new figure by default.
+    style : Style
+        Width and style sheet of a new figure.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        The figure that was drawn into.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> from analysis import ColumnMap, analyse, plot_thresholds, read_inputs
+    >>> with TemporaryDirectory() as folder:
+    ...     table = Path(folder) / "table.csv"
+    ...     _ = table.write_text("participant,side,level_vpp,response,rt_s\n" + (
+    ...         "1,left,60,none,0.6\n1,left,60,left,0.5\n1,left,90,left,0.4\n"
+    ...         "1,left,40,none,0.7\n1,none,0,none,0.6\n") * 9)
+    ...     result = analyse(read_inputs([table], ColumnMap()))
+    >>> plot_thresholds(result).axes[0].get_xlabel()
+    'Threshold (V peak-to-peak)'
+    """
+    rows = threshold_rows(analysis)
+    pairs = analysis.differences[["condition_a", "condition_b"]].drop_duplicates()
+    beside = len(pairs) == 1
+    below = _pair_rows(analysis) if 1 < len(pairs) <= _MAX_PAIRS else []
+    unit = "dB" if analysis.axis.is_logarithmic else analysis.axis.unit
+    with style.applied(ax):
+        named = analysis.thresholds["participant"].nunique() <= _MAX_NAMED
+        shown = [row for row in rows if named or row.is_group]
+        left_em = max(text_em(row.label) for row in [*shown, *below]) + (0.9 if named else 2.2)
+        height_em = (_ROW_EM if named else _UNNAMED_ROW_EM) * (rows[-1].height + 1.2)
+        below_em, gap_em = _ROW_EM * len(below), 3.6 if below else 0.0
+        bottom_em = 4.6 if beside else 3.4
+        region = new_region(
+            style,
+            (height_em + below_em + gap_em + bottom_em + 0.6) * em_mm(),
+            (left_em, bottom_em, 0.9, 0.6),
+            ax=ax,
+            note=analysis.mark,
         )
+        if beside:
+            main, second = region.split(1, 2, (1.4, 0), width_ratios=(1.45, 1), sharey=True)
+            a, b = (short(str(pairs.iloc[0][name])) for name in ("condition_a", "condition_b"))
+            _draw_differences(second, _difference_rows(analysis, rows))
+            label = f"{b}\n\N{MINUS SIGN} {a} ({unit})"
+            # The caption has the names, too.
+            has_room = text_em(label, 1.0) <= axes_em(second) + 1.0
+            name_axes(second, label if has_room else f"\N{GREEK CAPITAL LETTER DELTA} ({unit})", "")
+            second.tick_params(axis="y", length=0)
+        elif below:
+            ratios = (height_em, below_em)
+            main, second = region.split(2, 1, (0, gap_em), height_ratios=ratios)
+            _draw_differences(second, below)
+            name_axes(second, f"Difference of the group ({unit})", "")
+            _name_rows(second, below, below)
+        else:
+            main = region.axes()
+        _draw_thresholds(main, rows, analysis)
+        people = "" if named else f"{analysis.thresholds['participant'].nunique()} participants"
+        name_axes(main, f"Threshold ({analysis.axis.label})", people, left_em - 2.2)
+        _name_rows(main, rows, shown)
+    return region.figure
+
+
+def threshold_rows(analysis: Analysis) -> list[Interval]:
+    """Return the rows of the panel: participants by threshold, then the group, by condition."""
+    conditions, rows, height = conditions_of(analysis), [], 0.0
+    table: Any = analysis.thresholds.set_index(["participant", "condition"])
+    for name in by_threshold(analysis):
+        tested = [index for index, one in enumerate(conditions) if (name, one) in table.index]
+        for order, index in enumerate(tested):
+            label = short(name) if order == 0 else ""
+            rows.append(_interval(table.loc[(name, conditions[index])], label, height, index))
+            height += _NEXT_CONDITION if order < len(tested) - 1 else 1.0
+    is_named = analysis.thresholds["participant"].nunique() <= _MAX_NAMED
+    group_row = 1.0 if is_named else _ROW_EM / _UNNAMED_ROW_EM
+    height += (_BEFORE_GROUP if is_named else 0.5) * group_row
+    for index, condition in enumerate(conditions):
+        row: Any = analysis.groups[analysis.groups["condition"].eq(condition)].iloc[0]
+        if row["participants"] > 1 or len(conditions) > 1:
+            label = short(condition) if len(conditions) > 1 else "group"
+            rows.append(_interval(row, label, height, index, is_group=True))
+            height += group_row
+    return rows
+
+
+def _interval(
+    row: pd.Series[Any], label: str, height: float, index: int, *, is_group: bool = False
+) -> Interval:
+    value, low, high, next_low, next_high = (
+        float(row.get(f"{name}_vpp", np.nan))
+        for name in ("threshold", "threshold_low", "threshold_high", "new_low", "new_high")
+    )
+    if np.isfinite(value) or row["status"] in (*BELOW, *ABOVE):
+        low, high = _opened(low, high)
+    if "new_low_vpp" in row.index and row["participants"] > 1 and np.isfinite(value):
+        next_low, next_high = _opened(next_low, next_high)
+    return Interval(
+        label=label,
+        height=height,
+        value=value,
+        low=low,
+        high=high,
+        index=index,
+        status=str(row["status"]),
+        is_group=is_group,
+        next_low=next_low,
+        next_high=next_high,
+    )
+
+
+def _opened(low: float, high: float) -> tuple[float, float]:
+    """Return limits of which those that a table calls n/a are open."""
+    return (-np.inf if np.isnan(low) else low), (np.inf if np.isnan(high) else high)
+
+
+def _difference(row: pd.Series[Any], label: str, height: float, *, is_group: bool) -> Interval:
+    value, low, high = (float(row[f"{name}_db"]) for name in ("difference", "low", "high"))
+    if np.isfinite([value, low, high]).any():
+        low, high = _opened(low, high)
+    return Interval(
+        label=label, height=height, value=value, low=low, high=high, index=-1, is_group=is_group
+    )
+
+
+def _difference_rows(analysis: Analysis, rows: list[Interval]) -> list[Interval]:
+    """Return the differences of two conditions at the heights of the thresholds beside them."""
+    table: Any = analysis.differences.set_index("participant")
+    labelled = [row for row in rows if row.label and not row.is_group]
+    drawn = [
+        _difference(table.loc[name], "", row.height + _NEXT_CONDITION / 2, is_group=False)
+        for name, row in zip(by_threshold(analysis), labelled, strict=True)
+        if name in table.index
+    ]
+    if len(drawn) != 1:
+        height = float(np.mean([row.height for row in rows if row.is_group]))
+        drawn.append(_difference(table.loc[TOTAL], "", height, is_group=True))
+    return drawn
+
+
+def _pair_rows(analysis: Analysis) -> list[Interval]:
+    """Return the differences of the group, of every two conditions."""
+    rows = analysis.differences[analysis.differences["participant"].eq(TOTAL)]
+    pairs = zip(rows["condition_b"], rows["condition_a"], strict=True)
+    labels = [f"{short(str(b))} \N{MINUS SIGN} {short(str(a))}" for b, a in pairs]
+    return [
+        _difference(row, label, height, is_group=True)
+        for height, (label, (_, row)) in enumerate(zip(labels, rows.iterrows(), strict=True))
     ]
 
 
-def draw(analysis: Analysis) -> Figure:
-    """Draw one line for each participant, and the group's below.
+def _draw_thresholds(axes: Axes, rows: list[Interval], analysis: Analysis) -> None:
+    """Draw the rows on an axis that holds the thresholds and their limits."""
+    log = not analysis.axis.signed
+    if log:
+        axes.set_xscale("log")
+    levels = analysis.levels["level_vpp"].to_numpy(dtype=np.float64)
+    ends = [end for row in rows for end in (row.value, row.low, row.high) if np.isfinite(end)]
+    ends += [levels.min()] if any(row.status in BELOW for row in rows) else []
+    ends += [levels.max()] if any(row.status in ABOVE for row in rows) else []
+    _set_limits(axes, ends or [*levels], log=log)
+    _draw_rows(axes, rows)
 
-    A threshold outside the tested levels is an arrow at their end, with the limit that is known;
-    an open limit runs to the end of the axis; where there is none the reason stands in words. Above
-    60 participants the lines are ordered by threshold and not named.
+
+def _draw_differences(axes: Axes, rows: list[Interval]) -> None:
+    """Draw differences on an axis that holds them and 0."""
+    ends = [end for row in rows for end in (row.value, row.low, row.high) if np.isfinite(end)]
+    _set_limits(axes, [*ends, 0.0], log=False)
+    axes.axvline(0, color=GREY, lw=0.6, zorder=1)
+    _draw_rows(axes, rows)
+
+
+def _set_limits(axes: Axes, ends: list[float], *, log: bool) -> None:
+    at = np.log(ends) if log else np.array(ends)
+    margin = 0.07 * float(np.ptp(at)) or (0.1 if log else 1.0)
+    limits = np.array([at.min() - margin, at.max() + margin])
+    axes.set_xlim(*(np.exp(limits) if log else limits))
+    set_ticks(axes, round_ticks(*axes.get_xlim(), log=log), log=log)
+
+
+def _draw_rows(axes: Axes, rows: list[Interval]) -> None:
+    """Draw values with their limits; an arrow stands at an end that is open or outside the axis.
+
+    What looks alike is drawn in one call: a call for each of a thousand people takes seconds.
     """
-    conditions, pairs = list(analysis.groups["condition"]), _pairs(analysis)
-    rows = [_rows(analysis, condition) for condition in conditions]
-    apart = [_differences(analysis, *pair) for pair in pairs]
-    heights = [_AROUND_IN + min(_ROW_IN * len(each), _TALLEST_IN) for each in (*rows, *apart)]
-    titles = [f"{short(b)} against {short(a)}" for a, b in pairs]
-    unit = "dB" if analysis.axis.is_logarithmic else analysis.axis.label
-    figure, axes = panels([*conditions, *titles], heights, analysis.mark)
-    for panel, each in zip(axes, rows, strict=False):
-        levels_vpp = analysis.participants["level_vpp"].to_numpy(dtype=float)
-        _draw(panel, each, levels_vpp, analysis.axis)
-        key(panel, columns=1)
-    of_pairs = zip(axes[len(rows) :], apart, titles, pairs, strict=True)
-    for panel, each, title, (_, b) in of_pairs:
-        panel.set_title(title, fontsize=11)
-        _compare(panel, each, unit, short(b))
-    return figure
-
-
-def _pairs(analysis: Analysis) -> list[tuple[str, str]]:
-    """Return the pairs of conditions in which the same people took part; none where too many."""
-    people = analysis.differences[analysis.differences["participant"].ne(TOTAL)]
-    pairs = people[["condition_a", "condition_b"]].drop_duplicates()
-    found = [(str(a), str(b)) for a, b in pairs.itertuples(index=False)]
-    return found if len(found) <= _MOST_PAIRS else []
-
-
-def _differences(analysis: Analysis, a: str, b: str) -> list[_Mark]:
-    table = analysis.differences
-    table = table[table["condition_a"].eq(a) & table["condition_b"].eq(b)]
-    people, group = (table[table["participant"].eq(TOTAL) == total] for total in (False, True))
-    if len(people) > _NAMED:
-        people = people.sort_values("difference_db", kind="stable")
-    rows = [_difference(str(one["participant"]), one, _PERSON) for _, one in people.iterrows()]
-    if len(rows) > 1:
-        rows.append(_difference(f"group of {len(rows)}", group.iloc[0], GROUP))
-    return rows
-
-
-def _difference(name: str, one: pd.Series[Any], colour: str) -> _Mark:
-    at, low, high = (float(one[f"{column}_db"]) for column in ("difference", "low", "high"))
-    if np.isfinite([at, low, high]).any():  # what a table calls n/a is an open limit
-        low, high = (-np.inf if np.isnan(low) else low), (np.inf if np.isnan(high) else high)
-    status = str(one["status"])
-    return _Mark(
-        name=name,
-        at=at,
-        low=low,
-        high=high,
-        status=status,
-        words=status.replace("_", " "),
-        colour=colour,
-    )
-
-
-def _rows(analysis: Analysis, condition: str) -> list[_Mark]:
-    people = analysis.thresholds[analysis.thresholds["condition"].eq(condition)]
-    group = analysis.groups[analysis.groups["condition"].eq(condition)].iloc[0]
-    if len(people) > _NAMED:
-        rank = people["threshold_vpp"].astype(float)
-        rank = rank.mask(people["status"].isin(_BELOW), -np.inf).mask(
-            people["status"].isin(_ABOVE), np.inf
-        )
-        people = people.iloc[np.argsort(rank.to_numpy(), kind="stable")]
-    rows = [_row(str(one["participant"]), one) for _, one in people.iterrows()]
-    if group["participants"] > 1:
-        row = _row(f"group of {group['participants']}", group, GROUP)
-        if not np.isnan(row.at):  # what a table calls n/a is an open limit
-            low, high = float(group["new_low_vpp"]), float(group["new_high_vpp"])
-            row = replace(
-                row, new=(-np.inf if np.isnan(low) else low, np.inf if np.isnan(high) else high)
-            )
-        rows.append(row)
-    return rows
-
-
-def _row(name: str, one: pd.Series[Any], colour: str = _PERSON) -> _Mark:
-    at, low, high = (
-        float(one[column])
-        for column in ("threshold_vpp", "threshold_low_vpp", "threshold_high_vpp")
-    )
-    status = str(one["status"])
-    if status in _POINTED or not np.isnan(at):  # what a table calls n/a is an open limit
-        low, high = (-np.inf if np.isnan(low) else low), (np.inf if np.isnan(high) else high)
-    return _Mark(
-        name=name,
-        at=at,
-        low=low,
-        high=high,
-        status=status,
-        words=f"none: {status.replace('_', ' ')}",
-        colour=colour,
-    )
-
-
-def _draw(axes: Axes, rows: list[_Mark], levels_vpp: Any, axis: Axis) -> None:
-    level_axis(axes, levels_vpp, axis, beyond=_BEYOND)
-    _draw_rows(axes, rows, _just_outside(axes, levels_vpp))
-    log = "" if axis.signed else ", log."
-    axes.set_xlabel(f"Threshold ({axis.label}{log})")
-    _explain(axes, rows)
-
-
-def _compare(axes: Axes, rows: list[_Mark], unit: str, higher: str) -> None:
-    """Draw a line for each participant's difference of thresholds, and the group's below.
-
-    Above 0 the threshold is higher in the condition `higher`.
-    """
-    ends = [end for row in rows for end in (row.at, row.low, row.high) if np.isfinite(end)]
-    most = max(map(abs, ends), default=1.0) or 1.0
-    left, right = (
-        min(-most / 5, 1.1 * min(ends, default=0)),
-        max(most / 5, 1.1 * max(ends, default=0)),
-    )
-    axes.set_xlim(left, right)
-    axes.grid(color="#E5E5E5", lw=0.6)
-    axes.set_axisbelow(True)
-    axes.axvline(0.0, color="black", lw=0.8)
-    _draw_rows(axes, rows, (left, right))
-    axes.set_xlabel(f"Difference of thresholds ({unit})\nabove 0: higher in {higher}")
-
-
-def _draw_rows(axes: Axes, rows: list[_Mark], outside: tuple[float, float]) -> None:
-    """Draw a line for each; what lies outside the levels is an arrow at these places."""
-    named = len(rows) <= _NAMED + 1
-    # What looks alike is drawn at once: a call for each of a thousand people would take seconds.
-    spans: dict[tuple[bool, str], list[_Span]] = defaultdict(list)
-    points: dict[tuple[str, str, str, float], list[tuple[float, float]]] = defaultdict(list)
-    for place, row in enumerate(rows):
-        if row.status in _POINTED:
-            where = outside[row.status in _ABOVE]
-            look = (_POINTED[row.status], row.colour, row.colour, 6.0)
-            points[look].append((where, place))
-        elif not np.isnan(row.at):
-            filled = "white" if row.status == "separated" else row.colour
-            marker = "D" if row.colour == GROUP else "o"
-            points[marker, row.colour, filled, 4.0 if named else 2.0].append((row.at, place))
-            if not np.isnan(row.new[0]):
-                spans[False, row.colour].append((place, *row.new))
-        elif named and np.isnan(row.low):
-            told = axes.annotate(
-                row.words,
-                (0.02, place),
-                xycoords=("axes fraction", "data"),
-                va="center",
-                fontsize=7,
-                color=_WORDS_COLOUR,
-            )
-            told.set_in_layout(False)
-        if not np.isnan(row.low):
-            spans[True, row.colour].append((place, row.low, row.high))
-    for (strong, colour), each in sorted(spans.items()):  # faint ones are below
-        _draw_limits(axes, each, colour, faint=not strong)
-    for (marker, colour, filled, size), at in points.items():
-        axes.plot(
-            *np.transpose(at), color=colour, marker=marker, mfc=filled, ms=size, ls="", zorder=3
-        )
-    axes.set_ylim(len(rows) - 0.4, -0.6)
-    shown = range(len(rows)) if named else [i for i, r in enumerate(rows) if r.colour == GROUP]
-    axes.set_yticks([*shown], [short(rows[i].name) for i in shown], fontsize=7)
-    axes.set_ylabel("Participant" if named else f"{len(rows) - len([*shown])} participants")
-    axes.grid(visible=False, axis="y")
-
-
-def _draw_limits(axes: Axes, spans: list[_Span], colour: str, *, faint: bool) -> None:
-    """Draw lines from limit to limit; one beyond the axis ends in an arrow there."""
     left, right = axes.get_xlim()
-    alpha = 0.4 if faint else 1.0
-    places, lows, highs = np.transpose(spans)
-    axes.hlines(
-        places,
-        np.maximum(lows, left),
-        np.minimum(highs, right),
-        color=colour,
-        lw=1.0 if faint else 1.4,
-        alpha=alpha,
-    )
-    for limits, arrow, beyond in ((lows, "<", lows < left), (highs, ">", highs > right)):
-        at = np.clip(limits, left, right)
-        for marker, these in ((arrow, beyond), ("|", ~beyond)):
-            if these.any():
+    alike: dict[tuple[int, bool], list[Interval]] = {}
+    for row in rows:
+        alike.setdefault((row.index, row.is_group), []).append(row)
+    for (index, is_group), members in alike.items():
+        colour, marker, _ = look(index) if index >= 0 else ("black", "o", "-")
+        heights, values, lows, highs, next_lows, next_highs = np.transpose(
+            [(m.height, m.value, m.low, m.high, m.next_low, m.next_high) for m in members]
+        )
+        for first, last, width, alpha in (
+            (next_lows, next_highs, 0.9, _FAINT),
+            (lows, highs, 2.0 if is_group else 1.0, 1.0),
+        ):
+            ends = np.clip(first, left, right), np.clip(last, left, right)
+            axes.hlines(heights, *ends, color=colour, lw=width, alpha=alpha, zorder=2)
+            for sign, end, is_open in (("<", left, first < left), (">", right, last > right)):
+                if is_open.any():
+                    axes.plot(
+                        np.full(is_open.sum(), end),
+                        heights[is_open],
+                        color=colour,
+                        marker=sign,
+                        ms=3,
+                        mew=0,
+                        ls="",
+                        alpha=alpha,
+                        clip_on=False,
+                    )
+        separated = np.array([row.status == "separated" for row in members])
+        for chosen, filled in ((~separated, colour), (separated, "white")):
+            if chosen.any():
                 axes.plot(
-                    at[these],
-                    places[these],
+                    values[chosen],
+                    heights[chosen],
                     color=colour,
                     marker=marker,
-                    ms=4,
+                    mfc=filled,
+                    ms=5 if is_group else 3.4,
+                    mew=0.8,
                     ls="",
-                    clip_on=False,
-                    alpha=alpha,
+                    zorder=3,
+                )
+        for row in members:
+            if np.isnan([row.value, row.low, row.high]).all() and len(rows) <= _MAX_NAMED:
+                axes.annotate(
+                    f"none: {row.status.replace('_', ' ')}" if row.status != "ok" else "none",
+                    (0.02, row.height),
+                    xycoords=("axes fraction", "data"),
+                    va="center",
+                    fontsize="small",
+                    color=GREY,
                 )
 
 
-def _just_outside(axes: Axes, levels_vpp: Any) -> tuple[float, float]:
-    """Return the places a quarter of the way from the outermost levels to the axis's ends."""
-    left, right = axes.get_xlim()
-    low, high = float(np.min(levels_vpp)), float(np.max(levels_vpp))
-    if axes.get_xscale() == "log":
-        return low * (left / low) ** 0.25, high * (right / high) ** 0.25
-    return low + (left - low) / 4, high + (right - high) / 4
-
-
-def _explain(axes: Axes, rows: list[_Mark]) -> None:
-    """Put into the key what the panel has."""
-    held = {row.status for row in rows}
-    if any(not np.isnan(row.at) and row.colour == _PERSON for row in rows):
-        told = "threshold, 95 % interval"
-        axes.plot([], [], color=_PERSON, marker="o", ms=4, lw=1.4, label=told)
-    if "separated" in held:
-        axes.plot(
-            [],
-            [],
-            color=_PERSON,
-            marker="o",
-            mfc="white",
-            ms=4,
-            lw=1.4,
-            label="rises in one step: slope unknown",
-        )
-    for statuses, words in (
-        (_BELOW, "(probably) below the lowest tested level"),
-        (_ABOVE, "(probably) above the highest tested level"),
-    ):
-        if held.intersection(statuses):
-            pointed = _POINTED[statuses[0]]
-            axes.plot([], [], color=_PERSON, marker=pointed, ls="", ms=6, label=words)
-    if any(row.colour == GROUP for row in rows):
-        told = "group, everybody taking part, 95 % interval"
-        axes.plot([], [], color=GROUP, marker="D", ms=4, lw=1.4, label=told)
-        if any(not np.isnan(row.new[0]) for row in rows):
-            axes.plot(
-                [],
-                [],
-                color=GROUP,
-                marker="|",
-                ms=4,
-                lw=1.0,
-                alpha=0.4,
-                label="another person's threshold, 95 %",
-            )
+def _name_rows(axes: Axes, rows: list[Interval], shown: list[Interval]) -> None:
+    """Name the shown rows at the left, those of conditions in their colour; the first is on top."""
+    axes.set_ylim(rows[-1].height + 0.6, -0.6)
+    named = [row for row in shown if row.label]
+    axes.set_yticks([row.height for row in named], [row.label for row in named])
+    axes.tick_params(axis="y", length=0)
+    for row, label in zip(named, axes.get_yticklabels(), strict=True):
+        if row.is_group and row.index >= 0:
+            label.set_color(look(row.index)[0])

@@ -113,9 +113,9 @@ def _simulate_and_analyze(folder: Path) -> None:
     """Simulate, analyse and draw what the example does not have."""
     _simulated(folder, "layered", people=3, out="layered")
     _simulated(folder, "paper", people=2, out="paper")
-    _done(folder, "analyze", "layered", "--allow-simulated", "--population", "--out", "population")
+    _done(folder, "analyze", "layered", "--allow-simulated", "--out", "population")
     for name, (table, columns) in _ELSEWHERE.items():
-        out = ("--out", f"elsewhere/{name}", "--population", "--no-figures")
+        out = ("--out", f"elsewhere/{name}", "--no-figures")
         _done(folder, "analyze", str(table), "--columns", str(columns), *out)
     for what, options in _FIELDS.items():
         for name in ("paper", "plate"):

@@ -8,18 +8,20 @@ from dataclasses import fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Final, get_type_hints
 
-from analysis.definitions import DEFINITIONS, OF_ONE_PLACE, definitions_in
+from analysis.axis import VOLTS, Axis
+from analysis.results.summary import column_meanings
 from experiment.rows import COLUMNS, MeasuredRow
 from reference.markdown import literal, table
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Mapping
+    from collections.abc import Iterable, Iterator
 
     from experiment.rows import Column
     from reference.sample import Sample
 
 
 OWN_UNIT: Final = "the levels' unit"
+_PLACEHOLDER: Final = "@unit@"  # a unit has at most 16 letters
 TRIALS: Final = "trials_clean.csv"
 MARKS: Final = {
     "simulated": "whether the participant is a simulation",
@@ -46,20 +48,21 @@ def defined() -> dict[str, str]:
 
     Those of a unit that is not volts lack the end of the name, those of one place are others.
 
-    >>> defined()["threshold_db"], defined()["threshold_guess_0"]
-    ('the threshold in dB re 1 V peak-to-peak', 'the threshold if the guess rate were 0')
+    >>> defined()["threshold_db"]
+    'the threshold in dB re 1 V peak-to-peak'
     """
-    ours = _by_name({**definitions_in(OWN_UNIT), **DEFINITIONS})
-    of_one_place = _by_name(OF_ONE_PLACE)
+    ours = column_meanings(Axis(unit=_PLACEHOLDER)) | column_meanings(VOLTS)
+    ours = {name: text.replace(_PLACEHOLDER, OWN_UNIT) for name, text in ours.items()}
+    of_one_place = {
+        name: text
+        for name, text in column_meanings(VOLTS, one_place=True).items()
+        if text != ours.get(name)
+    }
     both = {
         name: f"{ours[name]}; of one place: {of_one_place[name]}"
         for name in {*ours} & {*of_one_place}
     }
     return of_one_place | ours | both
-
-
-def _by_name(definitions: Mapping[str, str]) -> dict[str, str]:
-    return {name: text for names, text in definitions.items() for name in names.split(", ")}
 
 
 def meanings(name: str) -> dict[str, str]:
@@ -117,7 +120,9 @@ def page(sample: Sample) -> str:
         (
             "Levels and thresholds in another unit than volts have no `_vpp` in their names, and "
             "`unit` says which; of a table made elsewhere with one place the answers are `felt` "
-            "and `not_felt`. Of a column that only such tables have, the example is from one.\n"
+            "and `not_felt`. Of a column that only such tables have, the example is from one. "
+            "`columns.json`, beside the tables, holds the meaning of each column as one JSON "
+            "object: names and texts.\n"
         ),
         *_marks(sample),
     ]

@@ -1,1 +1,0 @@
-"""Whether a printed table of proportions can be true."""

@@ -1,0 +1,456 @@
+"""What was answered, counted once: one tidy frame of counts, and the tables that follow from it."""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+import pandas as pd
+
+from analysis.counts.intervals import group_interval, mean_limits, proportion_ci
+from analysis.numbers import TOTAL, in_order
+from experiment.rows import ANSWERS, COLUMNS, HANDS_OFF, NOT_AVAILABLE, RESPONSES, SIDES
+from experiment.tasks import LEFT_RIGHT_BOTH
+from experiment.trial.plan import HANDS_OFF_BLOCK
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
+
+TASK: Final = LEFT_RIGHT_BOTH
+COUNTED_KINDS: Final = tuple(TASK.kinds)
+SINGLE, BOTH, BLANK = (
+    next(p.kind for p in TASK.presentations if len(p.sites) == number)
+    for number in (1, len(TASK.sites), 0)
+)
+SITE_ANSWERS: Final = tuple(answer.name for answer in TASK.answers if answer.sites)
+"""Answers that something was felt; to a blank trial each is a false alarm."""
+
+NEEDED: Final = (
+    *("participant", "condition", "kind", "side", "level_vpp", "response"),
+    *("none_offered", "reason"),
+)
+"""Columns of trials that `count_answers` needs."""
+_KEY: Final = ["condition", "participant", "kind", "side", "level_vpp", "response", "none_offered"]
+_PERSON: Final = ["condition", "participant"]
+_LEVEL: Final = ["condition", "level_vpp"]
+
+LEVEL_COLUMNS: Final = (
+    *(*_LEVEL, "detected", "presented", "p_min", "p_mean", "p_max", "p_pooled", "p_low", "p_high"),
+    *("over_report", "mislocalised", "timeouts", "p_answered"),
+)
+SIDE_COLUMNS: Final = (
+    *("condition", "side", "level_vpp", "detected", "presented", "p_min", "p_mean", "p_max"),
+)
+_WITH_INTERVALS: Final = ("presented", "p", "low", "high", "group_low", "group_high")
+
+
+def require_columns(trials: pd.DataFrame, names: Iterable[str]) -> None:
+    """Refuse a table of trials that lacks a column.
+
+    >>> require_columns(pd.DataFrame({"kind": ["single"]}), ("kind", "reason"))
+    Traceback (most recent call last):
+    ValueError: trials must be a table that analysis.read_trials returned; got one without reason
+    """
+    missing = [name for name in names if name not in trials]
+    if missing:
+        raise ValueError(
+            "trials must be a table that analysis.read_trials returned; got one without "
+            f"{', '.join(missing)}"
+        )
+
+
+def counted(trials: pd.DataFrame, kind: str) -> pd.DataFrame:
+    """Return the trials of a kind that count."""
+    return trials[trials["reason"].eq("") & trials["kind"].eq(kind)]
+
+
+def uncounted(trials: pd.DataFrame) -> list[str]:
+    """Return the participants of whom no trial counts.
+
+    >>> trials = pd.DataFrame({"participant": ["1", "2", "1"], "reason": ["", "voided", "voided"]})
+    >>> uncounted(trials)
+    ['2']
+    """
+    with_trials = trials.loc[trials["reason"].eq(""), "participant"].unique()
+    return sorted({*trials["participant"].unique()} - {*with_trials})
+
+
+def count_answers(trials: pd.DataFrame) -> pd.DataFrame:
+    """Count each answer to each stimulus, of the trials that count.
+
+    Columns ``condition participant kind side level_vpp response none_offered n``, sorted. All
+    tables below are sums of these rows.
+
+    >>> trials = pd.DataFrame({"participant": "1", "condition": "main", "kind": "single",
+    ...     "side": "left", "level_vpp": 60.0, "response": ["left", "both", "left"], "reason": "",
+    ...     "none_offered": True})
+    >>> count_answers(trials)[["response", "n"]].to_numpy().tolist()
+    [['both', 1], ['left', 2]]
+    """
+    require_columns(trials, NEEDED)
+    chosen = trials[trials["reason"].eq("") & trials["kind"].isin(COUNTED_KINDS)]
+    categories = [name for name in _KEY if name not in ("level_vpp", "none_offered")]
+    offered = chosen["none_offered"].astype("boolean").fillna(value=False).astype(bool)
+    keys = chosen[_KEY].astype(dict.fromkeys(categories, object)).assign(none_offered=offered)
+    for name, choices in (("side", SIDES), ("response", RESPONSES)):
+        if not keys[name].isin(choices).all():
+            raise ValueError(f"{name} must be one of {', '.join(choices)} where a trial counts")
+    return keys.groupby(_KEY, dropna=False).size().reset_index(name="n")
+
+
+@cache
+def _outcomes() -> pd.DataFrame:
+    """Return what each response is to each presentation, as the task defines it."""
+    sites = {answer.name: {*answer.sites} for answer in TASK.answers}
+    rows = {
+        (shown.name, response): {
+            "presented": True,
+            "detected": response == shown.correct,
+            "detected_any": bool(sites.get(response)),
+            "answered": response in sites,
+            "over_report": sites.get(response, set()) > {*shown.sites},
+            "mislocalised": bool(sites.get(response)) and not sites[response] & {*shown.sites},
+            "timeouts": response == "timeout",
+            "invalid": response == "invalid",
+        }
+        for shown in TASK.presentations
+        for response in RESPONSES
+    }
+    table = pd.DataFrame.from_dict(rows, orient="index")
+    return table.rename_axis(["side", "response"]).astype(np.int64)
+
+
+def sum_outcomes(counts: pd.DataFrame, kind: str, key: Sequence[str]) -> pd.DataFrame:
+    """Return how often each outcome occurred in trials of a kind, by the columns of `key`.
+
+    Columns ``presented detected detected_any answered over_report mislocalised timeouts invalid``.
+
+    >>> trials = pd.DataFrame({"participant": "1", "condition": "main", "kind": "single",
+    ...     "side": "left", "level_vpp": 60.0, "response": ["left", "both", "timeout"],
+    ...     "reason": "", "none_offered": True})
+    >>> sums = sum_outcomes(count_answers(trials), "single", ["condition"])
+    >>> sums[["presented", "detected", "detected_any", "answered"]].to_numpy().tolist()
+    [[3, 1, 2, 2]]
+    """
+    rows = counts[counts["kind"].eq(kind)].reset_index(drop=True)
+    places = pd.MultiIndex.from_frame(rows[["side", "response"]])
+    marks = _outcomes().loc[places].reset_index(drop=True).mul(rows["n"], axis=0)
+    return pd.concat([rows[[*key]], marks], axis=1).groupby([*key], as_index=False).sum()
+
+
+def count_levels(counts: pd.DataFrame, *more: str) -> pd.DataFrame:
+    """Count the answers of each participant at each level of each condition.
+
+    Columns ``condition level_vpp participant``, those that `more` names, the outcomes of
+    `sum_outcomes` and ``none_offered``: the common shape of trials and of tables of counts.
+    """
+    key = [*_LEVEL, "participant", *more]
+    rows = counts[counts["kind"].eq(SINGLE)]
+    offered = rows.groupby(key)["none_offered"].all()
+    return sum_outcomes(counts, SINGLE, key).assign(none_offered=offered.to_numpy(dtype=bool))
+
+
+def summarize_participants(cells: pd.DataFrame, ci: str = "wilson") -> pd.DataFrame:
+    """Return the detection probability of every participant at every level.
+
+    Columns ``participant condition level_vpp detected presented p low high``, of `count_levels` or
+    of a table of counts; `ci` is a method of `proportion_ci`.
+
+    >>> cells = {"participant": ["1"], "condition": "main", "level_vpp": 60.0, "detected": 10**9,
+    ...     "presented": 2 * 10**9}
+    >>> summarize_participants(pd.DataFrame(cells))["p"].tolist()
+    [0.5]
+    """
+    key = ["participant", "condition", "level_vpp"]
+    table = cells.sort_values(key, key=in_order)[[*key, "detected", "presented"]]
+    return _with_interval(table.reset_index(drop=True), "detected", ci)
+
+
+def _with_interval(table: pd.DataFrame, hits: str, ci: str) -> pd.DataFrame:
+    k, n = table[hits].to_numpy(), table["presented"].to_numpy()
+    low, high = proportion_ci(k, n, ci)
+    return table.assign(p=k / n, low=low, high=high)
+
+
+def level_table(trials: pd.DataFrame) -> pd.DataFrame:
+    """Return the detection probability over participants, one row per condition and level.
+
+    A single stimulus is detected where the answer names its side and nothing else. ``none``,
+    time-outs and invalid keys are not detected and stay in the number of presented stimuli.
+
+    Parameters
+    ----------
+    trials : pandas.DataFrame
+        From `analysis.read_trials`.
+
+    Returns
+    -------
+    pandas.DataFrame
+        Columns ``condition level_vpp detected presented p_min p_mean p_max p_pooled p_low p_high
+        over_report mislocalised timeouts p_answered``, defined in columns.json of an analysis;
+        levels in peak-to-peak volts. ``p_low`` and ``p_high`` are 95 % limits of ``p_mean`` by
+        Student's t, NaN for a single participant; ``p_answered`` is NaN where nobody answered.
+
+    Raises
+    ------
+    ValueError
+        For a table without a column that is needed, as `analysis.read_trials` gives them.
+
+    Examples
+    --------
+    >>> trials = pd.DataFrame({"participant": ["1", "1"], "condition": "main", "kind": "single",
+    ...     "side": "left", "level_vpp": 60.0, "response": ["left", "both"], "reason": "",
+    ...     "none_offered": True})
+    >>> level_table(trials)[["detected", "presented", "over_report", "p_mean"]].to_numpy().tolist()
+    [[1.0, 2.0, 1.0, 0.5]]
+    """
+    return summarize_levels(count_levels(count_answers(trials)))
+
+
+def summarize_levels(cells: pd.DataFrame, bands: pd.DataFrame | None = None) -> pd.DataFrame:
+    """Return `level_table` of `count_levels` or of a table of counts.
+
+    ``p_low`` and ``p_high`` are those of `bands` (columns ``condition level_vpp p_low p_high``, the
+    95 % band of the group's function) where it has them. Counts of errors are NaN where a table of
+    counts has none.
+    """
+    limits, table = _summary(cells, _LEVEL)
+    errors = ["over_report", "mislocalised", "timeouts", "invalid"]
+    groups = cells.groupby(_LEVEL)[errors]
+    table[errors] = groups.sum().where(groups.count().eq(groups.size(), axis=0))
+    answered = table["presented"] - table["timeouts"] - table["invalid"]
+    table["p_answered"] = (table["detected"] / answered).where(answered > 0)
+    table["p_pooled"] = table["detected"] / table["presented"]
+    table["p_low"], table["p_high"] = (limits[end].clip(0.0, 1.0) for end in ("low", "high"))
+    if bands is not None:
+        table.update(bands.set_index(_LEVEL)[["p_low", "p_high"]])
+    return table.reset_index()[[*LEVEL_COLUMNS]]
+
+
+def summarize_sides(counts: pd.DataFrame) -> pd.DataFrame:
+    """Return the detection probability at each side: columns `SIDE_COLUMNS`."""
+    _, table = _summary(count_levels(counts, "side"), ["condition", "side", "level_vpp"])
+    return table.reset_index()[[*SIDE_COLUMNS]]
+
+
+def _summary(cells: pd.DataFrame, key: list[str]) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """Return t limits, and sums and participants' proportions, of each group of cells."""
+    p = (cells["detected"] / cells["presented"]).rename("p").astype(float)
+    limits = mean_limits(p, [cells[name] for name in key])
+    groups = p.groupby([cells[name] for name in key])
+    table = cells.groupby(key)[["detected", "presented"]].sum()
+    return limits, table.assign(p_min=groups.min(), p_mean=limits["mean"], p_max=groups.max())
+
+
+def count_detected_any(cells: pd.DataFrame) -> pd.DataFrame | None:
+    """Count single stimuli that were felt at all, wherever: columns ``condition level_vpp`` too.
+
+    None unless ``none`` was always offered. In a table of counts these are the detected ones.
+
+    >>> cells = pd.DataFrame({"condition": "main", "level_vpp": [60.0], "detected": 3,
+    ...     "none_offered": True})
+    >>> count_detected_any(cells).to_numpy().tolist()
+    [['main', 60.0, 3]]
+    """
+    if not cells["none_offered"].all():
+        return None
+    detected = cells["detected_any" if "detected_any" in cells else "detected"]
+    table = cells[_LEVEL].assign(detected_any=detected)
+    return table.groupby(_LEVEL, as_index=False).sum()
+
+
+def count_both(counts: pd.DataFrame, ci: str = "wilson") -> pd.DataFrame:
+    """Count trials with a stimulus at every site, noticed only by the answer that names them all.
+
+    Columns ``participant noticed presented p low high group_low group_high`` and a column ``_only``
+    for each site, the last row `TOTAL`: there ``low`` and ``high`` ignore that participants differ,
+    and ``group_low`` and ``group_high`` are `group_interval`, NaN in other rows. With more than one
+    condition among the trials that count, a column ``condition`` stands in front and each has its
+    last row.
+
+    >>> trials = pd.DataFrame({"participant": ["1", "2"], "condition": "main", "kind": "both",
+    ...     "side": "both", "level_vpp": 60.0, "response": ["both", "left"], "reason": "",
+    ...     "none_offered": True})
+    >>> both = count_both(count_answers(trials))
+    >>> both[["participant", "noticed", "presented"]].to_numpy().tolist()
+    [['1', 1, 1], ['2', 0, 1], ['all', 1, 2]]
+    """
+    only = [f"{site}_only" for site in TASK.sites]
+    answers = dict(zip(TASK.sites, only, strict=True))
+    people = _answers_of(counts, BOTH).rename(columns={"detected": "noticed"} | answers)
+    table = _with_totals(people[[*_PERSON, "noticed", "presented", *only]], "noticed", ci)
+    columns = ["participant", "noticed", *_WITH_INTERVALS, *only]
+    return table[["condition", *columns] if len({*counts["condition"]}) > 1 else columns]
+
+
+def count_blanks(
+    counts: pd.DataFrame, ci: str = "wilson", blanks: pd.DataFrame | None = None
+) -> pd.DataFrame:
+    """Count blank trials; any answer that names a site is a false alarm there.
+
+    Columns ``participant``, a column for each such answer, ``presented p low high group_low
+    group_high``; the rest as in `count_both`. `blanks` are those of a table of counts, see
+    `analysis.reading.foreign.sum_counts`, which do not have the answers.
+
+    >>> blanks = {"condition": "main", "participant": ["1", "2"], "felt": [3, 1], "presented": 20}
+    >>> table = count_blanks(pd.DataFrame(), blanks=pd.DataFrame(blanks))
+    >>> table[["participant", "presented", "p"]].to_numpy().tolist()
+    [['1', 20, 0.15], ['2', 20, 0.05], ['all', 40, 0.1]]
+    """
+    if blanks is None:
+        people = _answers_of(counts, BLANK).rename(columns={"detected_any": "felt"})
+        people = people[[*_PERSON, *SITE_ANSWERS, "felt", "presented"]]
+        conditions = counts["condition"]
+    else:
+        people, conditions = blanks[[*_PERSON, "felt", "presented"]], blanks["condition"]
+    table = _with_totals(people, "felt", ci, false_alarms=True)
+    columns = ["participant", *SITE_ANSWERS, *_WITH_INTERVALS]
+    columns = ["condition", *columns] if len({*conditions}) > 1 else columns
+    return table.reindex(columns=columns)
+
+
+def _answers_of(counts: pd.DataFrame, kind: str) -> pd.DataFrame:
+    """Count outcomes and answers of each participant to trials of a kind."""
+    rows = counts[counts["kind"].eq(kind)]
+    answers = rows.pivot_table("n", _PERSON, "response", aggfunc="sum", fill_value=0)
+    answers = answers.reindex(columns=[*RESPONSES], fill_value=0).reset_index()
+    people = answers.merge(sum_outcomes(counts, kind, _PERSON), on=_PERSON)
+    return people.sort_values(_PERSON, key=in_order)
+
+
+def _with_totals(
+    people: pd.DataFrame, hits: str, ci: str, *, false_alarms: bool = False
+) -> pd.DataFrame:
+    """Put totals below the participants of each condition; return both with their intervals."""
+    totals = people.drop(columns="participant").groupby("condition", as_index=False).sum()
+    table = pd.concat([people, totals.assign(participant=TOTAL)])
+    table = table.sort_values("condition", kind="stable").reset_index(drop=True)
+    limits = pd.DataFrame(np.nan, table.index, ["group_low", "group_high"])
+    shown = people[people["presented"].gt(0)]
+    for index in table.index[table["participant"].eq(TOTAL)]:
+        group = shown[shown["condition"].eq(table.loc[index, "condition"])]
+        if len(group):
+            tables = group[hits].to_numpy(), group["presented"].to_numpy()
+            limits.loc[index] = group_interval(*tables, false_alarms=false_alarms)
+    return pd.concat([_with_interval(table, hits, ci), limits], axis=1)
+
+
+def count_confusions(counts: pd.DataFrame) -> pd.DataFrame:
+    """Count the answers to each stimulus, over levels and participants.
+
+    Columns ``condition kind side``, one for each response, ``presented``; one row per condition and
+    stimulus that was presented.
+    """
+    key = ["condition", "kind", "side"]
+    table = counts.pivot_table("n", key, "response", aggfunc="sum", fill_value=0)
+    table = table.reindex(columns=[*RESPONSES], fill_value=0).astype(np.int64)
+    table = table.assign(presented=table.sum(axis=1)).rename_axis(columns=None).reset_index()
+    table["side"] = pd.Categorical(table["side"], SIDES)  # in the order of the task
+    table = table.sort_values(["condition", "side"], ignore_index=True)
+    return table.astype({"side": object})
+
+
+def excluded_table(trials: pd.DataFrame) -> pd.DataFrame:
+    """Count what is left out, in columns ``participant reason trials``.
+
+    A trial that would be neither counted nor listed is a RuntimeError: then this program is wrong.
+
+    >>> trials = pd.DataFrame({"participant": "1", "kind": "single", "reason": ["", "voided"]})
+    >>> excluded_table(trials).to_numpy().tolist()
+    [['1', 'voided', 1]]
+    """
+    left_out = trials.loc[trials["reason"].ne(""), ["participant", "reason"]]
+    table = left_out.groupby(["participant", "reason"]).size().reset_index(name="trials")
+    table = table.sort_values(["participant", "reason"], key=in_order, ignore_index=True)
+    number = int((trials["reason"].eq("") & trials["kind"].isin(COUNTED_KINDS)).sum())
+    if number + len(left_out) != len(trials):
+        message = (
+            f"internal error: {number} counted and {len(left_out)} left out of {len(trials)} "
+            "trials, some are neither or both"
+        )
+        raise RuntimeError(message)
+    return table
+
+
+def clean_table(trials: pd.DataFrame, *, more: Iterable[str] = ()) -> pd.DataFrame:
+    """Return every trial with whether it counts (``counted``) and, if not, why (``reason``).
+
+    In front stand the columns of `experiment.rows.COLUMNS`; rows are ordered by
+    participant, session, trial and attempt. Columns that `more` names come last.
+    """
+    counts = trials["reason"].eq("")
+    table = trials[[column.name for column in COLUMNS]].assign(
+        counted=counts,
+        reason=trials["reason"].mask(counts, NOT_AVAILABLE),
+        **{name: trials[name] for name in more},
+    )
+    order = ["participant", "session", "trial", "attempt"]
+    return table.sort_values(order, key=in_order, ignore_index=True)
+
+
+BEFORE, AFTER = "before", "after"
+"""Hands-off trials before practice, and those after the task."""
+_HANDS_OFF_ANSWERS: Final = {answer: answer for answer in ANSWERS} | {
+    "timeouts": "timeout",
+    "invalid": "invalid",
+}
+HANDS_OFF_COLUMNS: Final = ("participant", "part", "side", *_HANDS_OFF_ANSWERS, "presented")
+
+
+def hands_off_table(trials: pd.DataFrame) -> pd.DataFrame:
+    """Count the answers to hands-off trials; none of them is in any other table.
+
+    Columns `HANDS_OFF_COLUMNS`: for each participant, then for `TOTAL`, a row for each part
+    (`BEFORE` practice, `AFTER` the task) and side of the plate that was driven.
+    With several conditions a column ``condition`` stands in front, each with its own totals.
+
+    >>> trials = pd.DataFrame({"participant": "1", "condition": "main", "block": [-1, 2],
+    ...     "kind": "hands_off", "side": "left", "response": ["none", "left"], "fault": ""})
+    >>> hands_off_table(trials)[["participant", "part", "left", "none"]].to_numpy().tolist()
+    [['1', 'before', 0, 1], ['1', 'after', 1, 0], ['all', 'before', 0, 1], ['all', 'after', 1, 0]]
+    """
+    chosen = trials[trials["kind"].astype(object).eq(HANDS_OFF) & trials["fault"].eq("")]
+    before = chosen["block"].eq(HANDS_OFF_BLOCK)
+    marked = chosen[["participant", "condition", "side"]].astype(object)
+    marked = marked.assign(
+        part=pd.Categorical(np.where(before, BEFORE, AFTER), [BEFORE, AFTER]),
+        **{
+            name: chosen["response"].eq(word).astype(int)
+            for name, word in _HANDS_OFF_ANSWERS.items()
+        },
+        presented=1,
+    )
+    key = ["condition", "part", "side"]
+    people = marked.groupby(["participant", *key], as_index=False, observed=True).sum()
+    people = people.sort_values(["participant", *key], key=in_order)
+    totals = people.drop(columns="participant").groupby(key, as_index=False, observed=True).sum()
+    table = pd.concat([people, totals.assign(participant=TOTAL)]).astype({"part": object})
+    table = table.sort_values("condition", kind="stable").reset_index(drop=True)
+    several = len({*chosen["condition"]}) > 1
+    return table[["condition", *HANDS_OFF_COLUMNS] if several else [*HANDS_OFF_COLUMNS]]
+
+
+def reaction_table(trials: pd.DataFrame) -> pd.DataFrame:
+    """Return the median, 10 % and 90 % points of the reaction time by level and side, in seconds.
+
+    Columns ``condition level_vpp side n median p10 p90``. Only correct answers to single stimuli
+    with a time count; percentiles interpolate linearly and are NaN where ``n`` is 0.
+
+    >>> trials = pd.DataFrame({"condition": "main", "kind": "single", "side": "left",
+    ...     "level_vpp": 60.0, "response": ["left", "left", "right"], "rt_s": [0.4, 0.6, 9.0],
+    ...     "reason": ""})
+    >>> reaction_table(trials)[["n", "median"]].to_numpy().tolist()
+    [[2.0, 0.5]]
+    """
+    single = counted(trials, SINGLE)
+    side, response = (single[name].astype(object) for name in ("side", "response"))
+    correct = {shown.name: shown.correct for shown in TASK.presentations}
+    times_s = single["rt_s"].astype(float).where(response.eq(side.map(correct)))
+    groups = times_s.groupby([single["condition"].astype(object), single["level_vpp"], side])
+    points = {"median": 0.5, "p10": 0.1, "p90": 0.9}
+    table = pd.DataFrame(
+        {"n": groups.count(), **{n: groups.quantile(q) for n, q in points.items()}}
+    )
+    return table.reset_index()

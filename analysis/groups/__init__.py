@@ -1,1 +1,0 @@
-"""Groups of people: their threshold, and how conditions differ."""

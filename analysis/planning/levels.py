@@ -1,0 +1,223 @@
+"""Levels for one participant, chosen on the psychometric function of a pilot session."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+from scipy.special import ndtr, ndtri
+
+from analysis.planning.estimates import Function, fit_people, threshold_medians
+from analysis.thresholds.people import people_of
+from experiment.study.design import MIN_LEVEL_VPP
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    import pandas as pd
+    from numpy.typing import NDArray
+
+    from analysis.planning.estimates import PersonFit
+    from experiment.study.study import Study
+
+TARGETS: Final = (0.15, 0.35, 0.55, 0.75, 0.95)
+"""How often the chosen levels should be detected, between guesses and lapses."""
+_MAX_WIDTH_DB: Final = 14.0
+"""Limits of a pilot's threshold that lie farther apart place levels nearly anywhere."""
+_MAX_LOWEST: Final = 0.35
+_MIN_HIGHEST: Final = 0.75
+_DRAWS: Final = 200
+"""Functions drawn from the pilot's posterior; the expected error differs between them."""
+_SESSIONS: Final = 48
+"""Simulated for each drawn function; the median of means of fewer squares is too small."""
+
+
+class LevelsError(ValueError):
+    """A pilot that cannot place levels, and why."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ExpectedError:
+    """Root mean square error of a threshold, dB: the median and the 90 % point over functions."""
+
+    median_db: float
+    p90_db: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Placement:
+    """Levels for one participant in one condition, and the error of a threshold that they give.
+
+    `shares` is how often each level is detected by the function, `trials` the number of single
+    stimuli of a session, `highest` the largest level that the device allows and the key that says
+    so. The errors are those after these trials, at these levels and at those of the study.
+    """
+
+    participant: str
+    condition: str
+    function: Function
+    threshold_limits_vpp: tuple[float, float]
+    levels_vpp: tuple[float, ...]
+    highest: tuple[float, str]
+    shares: tuple[float, ...]
+    trials: int
+    error: ExpectedError
+    study_error: ExpectedError
+    study_levels_vpp: tuple[float, ...]
+
+
+def place_levels(
+    trials: pd.DataFrame, participant: str, study: Study, *, seed: int = 0
+) -> tuple[Placement | LevelsError, ...]:
+    """Place levels on a participant's functions, one for each condition of the pilot.
+
+    `trials` is from `analysis.read_trials`; `study` is what is to be run: its device, number of
+    trials, and levels to compare with. A condition without a usable threshold has its error.
+    LevelsError is raised if there is no pilot of the participant.
+    """
+    people = people_of(trials[trials["participant"].eq(participant)])
+    if not people.names:
+        raise LevelsError(
+            f"participant {participant} must have single stimuli that count; got none"
+        )
+    counts = (people.level_vpp, people.detected, people.presented)
+    fits = fit_people(*counts, [guessing.rate for guessing in people.guesses])
+    results: list[Placement | LevelsError] = []
+    for (condition, _), fit, level_vpp, presented in zip(
+        people.names, fits, people.level_vpp, people.presented, strict=True
+    ):
+        tested = level_vpp[presented > 0]
+        try:
+            placement = _choose(
+                fit, participant, condition, study=study, tested_vpp=tested, seed=seed
+            )
+            results.append(placement)
+        except LevelsError as error:
+            results.append(error)
+    return tuple(results)
+
+
+def _choose(
+    fit: PersonFit,
+    participant: str,
+    condition: str,
+    *,
+    study: Study,
+    tested_vpp: NDArray[np.float64],
+    seed: int,
+) -> Placement:
+    pilot = f"the pilot of participant {participant} in condition {condition}"
+    if fit.function is None:
+        raise LevelsError(
+            f"{pilot} cannot place levels: {fit.status} (levels {tested_vpp.min():g} V to "
+            f"{tested_vpp.max():g} V); run another one over a wider range or with more trials"
+        )
+    low, high = fit.threshold_limits_vpp
+    levels_vpp = placed_levels(fit, *study.device.highest, pilot=pilot)
+    design = study.design_of(condition)
+    trials = 2 * design.trials_per_side
+    functions = fit.draw(_DRAWS, np.random.default_rng(seed))
+    error, study_error = (
+        expected_error(functions, levels, trials, seed=seed)
+        for levels in (levels_vpp, design.levels_vpp)
+    )
+    return Placement(
+        participant=participant,
+        condition=condition,
+        function=fit.function,
+        threshold_limits_vpp=(low, high),
+        levels_vpp=levels_vpp,
+        highest=study.device.highest,
+        shares=tuple(_share(fit.function, levels_vpp).tolist()),
+        trials=trials,
+        error=error,
+        study_error=study_error,
+        study_levels_vpp=design.levels_vpp,
+    )
+
+
+def placed_levels(
+    fit: PersonFit, highest_vpp: float, key: str = "device.ceiling_vpp", *, pilot: str = "the pilot"
+) -> tuple[float, ...]:
+    """Return the levels for a fitted pilot; LevelsError where its threshold is unknown or vague."""
+    if fit.function is None:
+        raise LevelsError(f"{pilot} cannot place levels: {fit.status}")
+    low, high = fit.threshold_limits_vpp
+    width_db = 20 * math.log10(high / low)
+    if width_db > _MAX_WIDTH_DB:
+        raise LevelsError(
+            f"{pilot} knows the threshold only as {low:.1f} to {high:.1f} V, {width_db:.1f} dB; at "
+            f"most {_MAX_WIDTH_DB:g} dB place levels: run more trials"
+        )
+    return levels_on(fit.function, highest_vpp, key)
+
+
+def levels_on(
+    function: Function, highest_vpp: float, key: str = "device.ceiling_vpp"
+) -> tuple[float, ...]:
+    """Return the levels detected as often as `TARGETS` says, none above what the device reaches.
+
+    Where an end cannot be reached, the others move evenly towards it: the lowest may be detected
+    up to 35 % of the time, the highest must be detected 75 %. LevelsError where the levels that
+    can be set lie too much on one side of the threshold.
+
+    >>> function = Function(threshold_vpp=100.0, sigma=0.1, lapse_rate=0.02, guess_rate=0.5)
+    >>> levels_on(function, 200.0)
+    (78.8, 91.5, 102.9, 116.8, 146.0)
+    >>> levels_on(function, 130.0)
+    (78.8, 90.4, 100.7, 112.2, 130.0)
+    """
+    at_lowest, at_highest = _share(function, (MIN_LEVEL_VPP, highest_vpp)).tolist()
+    low, high = max(TARGETS[0], at_lowest), min(TARGETS[-1], at_highest)
+    if low > _MAX_LOWEST or high < _MIN_HIGHEST:
+        raise LevelsError(
+            f"a threshold of {function.threshold_vpp:.1f} V lies too close to an end of the levels "
+            f"that can be set, {MIN_LEVEL_VPP:g} to {highest_vpp:g} V = {key}"
+        )
+    share = (np.array(TARGETS) - TARGETS[0]) / (TARGETS[-1] - TARGETS[0])
+    exact = math.log10(function.threshold_vpp) + function.sigma * ndtri(low + share * (high - low))
+    max_vpp = math.floor(10 * highest_vpp + 1e-6) / 10  # 118.78 V are not 118.8
+    levels = np.clip(np.round(10**exact, 1), MIN_LEVEL_VPP, max_vpp)
+    if not (np.diff(levels) > 0).all():
+        raise LevelsError(
+            f"a function as steep as sigma = {function.sigma:.3g} needs levels closer than 0.1 V"
+        )
+    return tuple(levels.tolist())
+
+
+def expected_error(
+    functions: Sequence[Function], levels_vpp: Sequence[float], trials: int, *, seed: int = 0
+) -> ExpectedError:
+    """Return the error of a threshold measured at some levels, whichever function is the true one.
+
+    The root mean square error for each function, by simulation, in dB: 20 log10 of the ratio of
+    posterior median and truth, whatever its status. `trials` stimuli are spread evenly over the
+    levels; one level alone gives no threshold: NaN.
+    """
+    x = np.log10(levels_vpp)
+    if np.ptp(x) == 0:
+        return ExpectedError(median_db=math.nan, p90_db=math.nan)
+    presented = np.diff(np.round(np.linspace(0, trials, len(x) + 1)))
+    p = np.repeat(
+        [
+            f.guess_rate + (1 - f.guess_rate - f.lapse_rate) * _share(f, levels_vpp)
+            for f in functions
+        ],
+        _SESSIONS,
+        axis=0,
+    )
+    detected = np.random.default_rng(seed).binomial(presented.astype(np.int64), p).astype(float)
+    medians = threshold_medians(x, detected, presented, functions[0].guess_rate)
+    truth = np.log10([function.threshold_vpp for function in functions])
+    deviations = medians.reshape(len(functions), -1) - truth[:, None]
+    errors = 20 * np.sqrt(np.square(deviations).mean(axis=1))
+    median_db, p90_db = np.quantile(errors, (0.5, 0.9)).tolist()
+    return ExpectedError(median_db=median_db, p90_db=p90_db)
+
+
+def _share(function: Function, levels_vpp: Sequence[float]) -> NDArray[np.float64]:
+    """Return how often levels are detected, between guesses and lapses."""
+    z = (np.log10(levels_vpp) - math.log10(function.threshold_vpp)) / function.sigma
+    return np.asarray(ndtr(z))

@@ -1,0 +1,196 @@
+"""The result of a power analysis: what was simulated, and the answer, as text or JSON."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import asdict, dataclass, replace
+from functools import cache
+from importlib.resources import files
+from typing import TYPE_CHECKING, Any
+
+from analysis.planning.studies import PILOT_STIMULI, Point
+
+if TYPE_CHECKING:
+    from jinja2 import Environment
+
+    from analysis.planning.goals import Goal
+    from analysis.planning.people import People
+    from experiment.study.study import Study
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Tally:
+    """The outcome of the simulated studies of a point.
+
+    `share` of them reached the goal, with its 95 % limits by the number of studies (Wilson);
+    `median` is that of the number that decides, infinite where it is open in half of the studies;
+    `covered` is the share of intervals that hold the truth, `unplaced` that of people whose pilot
+    placed no levels.
+    """
+
+    point: Point
+    studies: int
+    reached: int
+    share: float
+    low: float
+    high: float
+    median: float
+    open_share: float
+    covered: float
+    unplaced: float | None
+
+    def json(self) -> dict[str, Any]:
+        """Return the tally as plain values."""
+        values: dict[str, Any] = asdict(self.point) | asdict(self)
+        del values["point"]
+        return values | {"median": self.median if math.isfinite(self.median) else None}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Answer:
+    """The smallest number of participants of a design; None where none in the range suffices.
+
+    `low` and `high` are the 95 % limits of the curve, `checked` the fresh studies of this number,
+    `tried` the points of the curve, `extrapolated` a number beyond the range.
+    """
+
+    point: Point
+    participants: int | None
+    low: int | None = None
+    high: int | None = None
+    extrapolated: int | None = None
+    checked: Tally | None = None
+    tried: tuple[Tally, ...] = ()
+
+    def at(self, participants: int) -> Point:
+        """Return the design with another number of participants."""
+        return replace(self.point, participants=participants)
+
+    @property
+    def trials(self) -> int:
+        """The number of trials of all participants together."""
+        return (self.participants or 0) * (2 * self.point.trials_per_side + self.point.blanks)
+
+    def json(self) -> dict[str, Any]:
+        """Return the answer as plain values."""
+        return asdict(self.point) | {
+            "participants": self.participants,
+            "participants_low": self.low,
+            "participants_high": self.high,
+            "extrapolated": self.extrapolated,
+            "checked": self.checked.json() if self.checked else None,
+        }
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PowerResult:
+    """A power analysis: the question, the answer of each design, and the assumed population.
+
+    `best` is the checked answer with the fewest trials altogether; `false_alarm_rate` the true one
+    where the goal concerns it; `pilot_vpp` the levels of the pilots that place levels.
+    """
+
+    study: Study
+    goal: Goal
+    assurance: float
+    participants: tuple[int, int]
+    best: Answer | None
+    answers: tuple[Answer, ...]
+    people: People
+    false_alarm_rate: float | None
+    pilot_vpp: tuple[float, ...]
+    seed: int
+    plan_sha256: str
+
+    @property
+    def shown(self) -> Answer:
+        """The answer whose curve is shown: the best, or the one that comes closest to the goal."""
+        return self.best or max(
+            self.answers, key=lambda answer: max(tally.share for tally in answer.tried)
+        )
+
+    @property
+    def curve(self) -> list[Tally]:
+        """The points near the answer, which have the most studies."""
+        tried = self.shown.tried
+        return [t for t in tried if t.studies == max(tally.studies for tally in tried)]
+
+    @property
+    def largest(self) -> Tally:
+        """The outcome of the largest number of participants."""
+        return self.shown.tried[-1]
+
+    @property
+    def sources(self) -> dict[str, list[str]]:
+        """The parameters of the population by their source."""
+        sources: dict[str, list[str]] = {}
+        for parameter in self.people.parameters:
+            sources.setdefault(parameter.source, []).append(parameter.text)
+        return sources
+
+    @property
+    def covered(self) -> float:
+        """The share of all simulated intervals that hold the truth."""
+        tallies = [tally for answer in self.answers for tally in answer.tried]
+        covered = math.fsum(tally.covered * tally.studies for tally in tallies)
+        return covered / sum(tally.studies for tally in tallies)
+
+    @property
+    def unplaced(self) -> float | None:
+        """The share of all pilots that placed no levels; None where levels are fixed."""
+        tallies = [t for answer in self.answers for t in answer.tried if t.unplaced is not None]
+        people = [t.studies * t.point.participants for t in tallies]
+        without = (n * (t.unplaced or 0.0) for n, t in zip(people, tallies, strict=True))
+        return math.fsum(without) / sum(people) if people else None
+
+    def text(self) -> str:
+        """Return the result for a terminal: the answer first."""
+        return self._render("power.txt.jinja")
+
+    def ethics(self) -> str:
+        """Return a paragraph for an ethics committee; empty where there is no answer."""
+        return self._render("ethics.txt.jinja") if self.best else ""
+
+    def _render(self, template: str) -> str:
+        text = _templates().get_template(template)
+        return text.render(result=self, pilot_stimuli=PILOT_STIMULI).strip()
+
+    def json(self) -> str:
+        """Return the result as one JSON object."""
+        values = {
+            "schema": 2,
+            "study": self.study.name,
+            "goal": asdict(self.goal),
+            "assurance": self.assurance,
+            "seed": self.seed,
+            "answer": self.best.json() if self.best else None,
+            "answers": [answer.json() for answer in self.answers],
+            "tried": [tally.json() for answer in self.answers for tally in answer.tried],
+            "pilot_vpp": list(self.pilot_vpp) or None,
+            "people": [asdict(parameter) for parameter in self.people.parameters],
+            "warnings": [asdict(warning) for warning in self.people.warnings],
+            "ethics": self.ethics(),
+            "plan_sha256": self.plan_sha256,
+        }
+        return json.dumps(values, indent=2, ensure_ascii=False, allow_nan=False)
+
+
+@cache
+def _templates() -> Environment:
+    from jinja2 import Environment, FunctionLoader, StrictUndefined
+
+    folder = files(__package__).joinpath("templates")
+    environment = Environment(  # noqa: S701 (text, no page)
+        loader=FunctionLoader(lambda name: folder.joinpath(name).read_text(encoding="utf-8")),
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters |= {
+        "g": "{:g}".format,
+        "percent": lambda share: f"{100 * share:.0f} %",
+        "db": lambda value: f"{value:.2f} dB" if math.isfinite(value) else "open",
+        "rate": lambda value: f"{value:.1%}" if math.isfinite(value) else "open",
+    }
+    return environment

@@ -1,0 +1,224 @@
+"""Simulated studies, in chunks that any process can compute by itself.
+
+Person i of study s has a generator of its own, spawned from the root seed by (s, i): designs of one
+study have the same people (common random numbers), and no number depends on which process draws it,
+or with which others.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import asdict, dataclass, replace
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+
+from analysis.planning.estimates import fit_people
+from analysis.planning.goals import Goal, evaluate
+from analysis.planning.levels import LevelsError, placed_levels
+from analysis.planning.people import truth_of
+from analysis.planning.sessions import Session, draw_counts
+from experiment.perception.gains import gains_from_json
+from experiment.study.design import MIN_LEVEL_VPP
+from experiment.study.files import study_from_canonical
+from experiment.study.simulation import Simulation
+from experiment.study.threshold import people_for_burst, threshold_vpp
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from analysis.planning.estimates import PersonFit
+    from experiment.perception.gains import ConditionGains, FingerGains
+    from experiment.study.design import Design
+    from experiment.study.study import Study
+
+
+_PILOT_LEVELS: Final = 10
+_PILOT_RANGE: Final = 10.0
+"""A pilot's levels lie evenly on the logarithm, from the highest down to a tenth of it ..."""
+_PILOT_MARGIN_DB: Final = 3.0
+"""... or, if that is lower, to this far below a threshold two SD below the median."""
+_PILOT_PER_SIDE: Final = 20
+PILOT_STIMULI: Final = 2 * _PILOT_PER_SIDE
+_PILOT_BLANKS: Final = 12
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, order=True)
+class Point:
+    """A design: participants, trials of each side, blanks, whether levels are placed."""
+
+    participants: int
+    trials_per_side: int
+    blanks: int
+    placed: bool = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Chunk:
+    """Some studies of one design: all that a process needs, as plain values.
+
+    `plan` is from `plan_text`.
+    """
+
+    plan: str
+    point: Point
+    first: int
+    number: int
+    seed: int
+
+
+def plan_text(
+    study: Study,
+    gains: Sequence[ConditionGains],
+    goal: Goal,
+    draws: Sequence[dict[str, float]] = (),
+) -> str:
+    """Return what all chunks share, as JSON; `draws` of the population take turns."""
+    study = study.changed(simulation=people_for_burst(study))
+    return json.dumps(
+        {
+            "study": study.canonical,
+            "gains": [asdict(one) for one in gains],
+            "goal": asdict(goal),
+            "draws": list(draws),
+        }
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Plan:
+    study: Study
+    gains: FingerGains
+    goal: Goal
+    populations: tuple[Simulation, ...]
+    truths: tuple[float, ...]
+
+
+@lru_cache(maxsize=4)
+def _read_plan(plan: str) -> _Plan:
+    values = json.loads(plan)
+    study, goal = study_from_canonical(values["study"]), Goal(**values["goal"])
+    gains = gains_from_json(values["gains"][0]).fingers()
+    populations: tuple[Simulation, ...] = (study.simulation,)
+    if values["draws"]:
+        keys = json.loads(study.canonical)["simulation"] | {"threshold_um": None}
+        populations = tuple(Simulation(**(keys | draw)) for draw in values["draws"])
+    return _Plan(
+        study=study,
+        gains=gains,
+        goal=goal,
+        populations=populations,
+        truths=tuple(truth_of(goal, population, study, gains) for population in populations),
+    )
+
+
+def simulate(chunk: Chunk) -> dict[str, list[Any]]:
+    """Return whether each study of a chunk reached its goal, its number, and its coverage.
+
+    Where levels are placed, also for how many people the pilot placed none.
+    """
+    plan = _read_plan(chunk.plan)
+    design = design_of(plan.study.design, chunk.point)
+    if plan.goal.kind == "false-alarms":  # single stimuli say nothing about them
+        design = design.changed(levels_vpp=design.levels_vpp[:1])
+    studies, people = range(chunk.first, chunk.first + chunk.number), chunk.point.participants
+    sessions = [_session(plan, design, chunk.seed, s, i) for s in studies for i in range(people)]
+    if chunk.point.placed:
+        sessions = _place_levels(plan, sessions)
+    tables = draw_counts(sessions, plan.gains)
+    outcomes = [
+        evaluate(
+            plan.goal,
+            [counts.rows(k * people, people) for counts in tables],
+            plan.truths[study % len(plan.truths)],
+        )
+        for k, study in enumerate(studies)
+    ]
+    result: dict[str, list[Any]] = {
+        "reached": [int(outcome.reached) for outcome in outcomes],
+        "number": [o.number if math.isfinite(o.number) else None for o in outcomes],
+        "covered": [int(outcome.covered) for outcome in outcomes],
+    }
+    if chunk.point.placed:
+        unplaced = [any(own is design for own in session.designs) for session in sessions]
+        result["unplaced"] = [sum(unplaced[k * people :][:people]) for k in range(chunk.number)]
+    return result
+
+
+def pilot_levels_vpp(study: Study, gains: FingerGains) -> tuple[float, ...]:
+    """Return the levels of a simulated pilot, from the highest down to below most thresholds."""
+    (highest_vpp, _), people = study.device.highest, study.simulation
+    below_db = 2 * people.threshold_sd_db + _PILOT_MARGIN_DB
+    lowest_vpp = min(
+        highest_vpp / _PILOT_RANGE, threshold_vpp(people, gains) * 10 ** (-below_db / 20)
+    )
+    levels_vpp = np.geomspace(max(lowest_vpp, MIN_LEVEL_VPP), highest_vpp, _PILOT_LEVELS)
+    rounded = np.minimum(np.round(levels_vpp, 1), highest_vpp)  # 118.78 V are not 118.8
+    return tuple(rounded.tolist())
+
+
+def design_of(design: Design, point: Point) -> Design:
+    """Return the design of a point."""
+    levels = len(design.levels_vpp)
+    return design.changed(
+        trials_per_side=point.trials_per_side,
+        blank_trials=point.blanks,
+        order="random" if point.trials_per_side % levels else design.order,
+    )
+
+
+def _session(plan: _Plan, design: Design, seed: int, study: int, i: int) -> Session:
+    """Draw a participant, in the conditions that the goal depends on."""
+    rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(study, i)))
+    left, right = plan.study.actuators[:2]
+    distance_mm = math.hypot(left.x_mm - right.x_mm, (left.y_m - right.y_m) * 1e3)
+    population = plan.populations[study % len(plan.populations)]
+    person = population.draw(distance_mm, rng)
+    shifts_db = [0.0]
+    if plan.goal.kind == "difference":  # the mean is the goal's, whatever the study states
+        deviation_db = person.difference_db - population.median.difference_db
+        shifts_db.append(deviation_db + plan.goal.size)
+    designs = (design,) * len(shifts_db)
+    return Session(person=person, designs=designs, rng=rng, shifts_db=tuple(shifts_db))
+
+
+def _place_levels(plan: _Plan, sessions: Sequence[Session]) -> list[Session]:
+    """Place levels after a pilot, as `tactstrip levels` does; where it cannot, the study's remain.
+
+    The pilot has 40 stimuli, and 12 blanks where they can be answered, in each condition, which
+    gets levels of its own.
+    """
+    design = sessions[0].designs[0]
+    pilot = design.changed(
+        levels_vpp=pilot_levels_vpp(plan.study, plan.gains),
+        trials_per_side=_PILOT_PER_SIDE,
+        blank_trials=_PILOT_BLANKS if "none" in design.responses else 0,
+        order="balanced",
+        break_every=0,
+    )
+    conditions = len(sessions[0].designs)
+    pilots = [replace(session, designs=(pilot,) * conditions) for session in sessions]
+    designs = [
+        [
+            _placed_design(plan, design, fit)
+            for fit in fit_people(
+                counts.level_vpp, counts.detected, counts.presented, counts.guesses
+            )
+        ]
+        for counts in draw_counts(pilots, plan.gains)
+    ]
+    return [
+        replace(session, designs=own)
+        for session, own in zip(sessions, zip(*designs, strict=True), strict=True)
+    ]
+
+
+def _placed_design(plan: _Plan, design: Design, pilot: PersonFit) -> Design:
+    try:
+        levels_vpp = placed_levels(pilot, *plan.study.device.highest)
+    except LevelsError:
+        return design
+    order = "random" if design.trials_per_side % len(levels_vpp) else plan.study.design.order
+    return design.changed(levels_vpp=levels_vpp, order=order)

@@ -1,1 +1,0 @@
-"""Power: how many people and trials a study needs, told before the first person comes."""

@@ -1,0 +1,490 @@
+"""MAP.toml: how an external table names and codes what trials.csv names and codes."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import re
+import tomllib
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Annotated, Any, Final, Literal, Self
+
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    StrictFloat,
+    StrictInt,
+    StrictStr,
+    ValidationError,
+    model_validator,
+)
+
+from analysis.axis import Axis, axis_of
+from analysis.reading.cells import (
+    BLANK_LEVEL,
+    DETECTED,
+    NOTHING,
+    UNANSWERED,
+    CellReader,
+    format_allowed,
+    parse,
+    units_of,
+)
+from analysis.reading.sources import read_regular
+from analysis.reading.text import TextFormat, one_line, shown
+from experiment.bounded import parse_toml
+from experiment.rows import COLUMNS, NOT_AVAILABLE, Column, format_value
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+
+YES_NO, FORCED = "yes/no", "forced choice"
+SECTIONS: Final = (
+    *("file", "rows", "columns", "values", "constant", "units", "scale", "axis", "table"),
+)
+KEYS: Final = ("task", "alternatives")
+"""They stand before any section."""
+COUNTED_COLUMNS: Final = ("participant", "session", "condition", "kind", "side", "level_vpp")
+"""What a row of counts may say besides its counts."""
+ANSWERS: Final = ("response", "detected")
+TASK_MISSING: Final = (
+    'counts, and answers of 0 and 1, need task = "yes/no" (people who felt nothing could say so) '
+    'or task = "forced choice" (they had to guess) at the top of the map'
+)
+FILL_IN: Final = "FILL IN"
+_MAX_MAP_BYTES: Final = 1_000_000
+_RENAMED: Final = {"anticipated": "premature"}
+# An external table may lack these values; a trials.csv has them in every row.
+_OPTIONAL_ELSEWHERE: Final = {"foreperiod_s", "study_sha256"}
+OURS: Final[Mapping[str, Column]] = MappingProxyType(
+    {
+        c.name: replace(c, optional=c.optional or c.name in _OPTIONAL_ELSEWHERE)
+        for c in (*COLUMNS, DETECTED, UNANSWERED)
+    }
+)
+_BARE_KEY: Final = re.compile(r"[A-Za-z0-9_-]+")
+
+
+def _check_encoding(name: str) -> str:
+    try:
+        "".encode(name)
+    except (LookupError, ValueError):
+        raise ValueError('must name an encoding, such as "cp1252" or "utf-16"') from None
+    return name
+
+
+def _as_tuple(texts: object) -> object:
+    return (texts,) if isinstance(texts, str) else texts
+
+
+def _as_axis(section: object) -> object:
+    return axis_of(section) if isinstance(section, Mapping) else section
+
+
+def _none_if_empty(section: object) -> object:
+    return section or None
+
+
+def _as_text(value: object) -> object:
+    """Write a constant of TOML as it would stand in a cell."""
+    return format_value(value) if type(value) in {bool, int, float} else value
+
+
+Texts = Annotated[tuple[StrictStr, ...], BeforeValidator(_as_tuple)]
+
+
+class Section(BaseModel):
+    """A section of a map: no key but its own."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, arbitrary_types_allowed=True)
+
+
+class File(Section):
+    """How the text of a table is written; what is empty text is seen in the file."""
+
+    delimiter: Literal["", ",", ";", "\t", "|", " "] = ""
+    decimal: Literal[".", ","] = "."
+    encoding: Annotated[StrictStr, AfterValidator(_check_encoding)] | None = None
+
+    @model_validator(mode="after")
+    def _differ(self) -> Self:
+        if self.delimiter == self.decimal:
+            raise ValueError("delimiter must be another sign than decimal")
+        return self
+
+
+class Rows(Section):
+    """Which rows are read: by the words in columns of theirs."""
+
+    keep: dict[str, Texts] = {}
+    skip: dict[str, Texts] = {}
+
+
+class Table(Section):
+    """Which columns of theirs are counts, and which distinguish functions."""
+
+    detected: StrictStr
+    presented: StrictStr = ""
+    missed: StrictStr = ""
+    group: tuple[StrictStr, ...] = ()
+
+    @model_validator(mode="after")
+    def _name_each_column_once(self) -> Self:
+        if bool(self.presented) == bool(self.missed):
+            raise ValueError("needs detected, and either presented or missed")
+        names = [self.detected, self.presented or self.missed, *self.group]
+        if len({*names}) < len(names) or not all(names):
+            raise ValueError(f"each column may be named once, got {', '.join(names)}")
+        return self
+
+
+class ColumnMap(Section):
+    """Where the columns of trials.csv come from in an external table: `read_trials` takes it.
+
+    docs/howto/external-table.md goes through one, docs/statistics.md, section 5, has all words.
+
+    Parameters
+    ----------
+    columns : mapping of str to str
+        Our column to theirs. A column of theirs may serve several of ours. A column that has our
+        name already needs no entry, and empty text leaves it out; theirs that nobody names are
+        ignored.
+    values : mapping of str to mapping of str to str
+        For a column of ours, their word to our word; other words stay as they are.
+    constant : mapping of str to str
+        Our column to the one value that it has in every row, in our unit; a level only where there
+        is a stimulus.
+    units : mapping of str to str
+        Our column to their unit: ``s``, ``ms``, ``us`` of times, and of levels ``V`` and ``mV``,
+        which are peak-to-peak, or ``V-peak`` and ``mV-peak``, amplitudes, so that they count twice.
+    scale : mapping of str to float
+        Our column to the factor from their unit to ours, where they differ.
+    file : File
+        ``delimiter``, ``decimal``, ``encoding``.
+    rows : Rows
+        ``keep`` and ``skip``: their column to a word or to words; which rows are read.
+    axis : Axis
+        ``x_scale``, ``log10``, ``dB`` or ``linear``, and ``unit``.
+    table : Table or None
+        For counts instead of trials: ``detected``, ``presented`` or ``missed``, ``group``.
+    task : str
+        ``yes/no`` or ``forced choice``; needed for counts, and where the answer is ``detected``.
+    alternatives : int
+        Of a forced choice: who feels nothing is right once in so many times.
+    name, sha256 : str
+        File name and checksum of the map, where it was read from a file.
+
+    Raises
+    ------
+    ValueError
+        For a column that trials.csv does not have, a word it does not allow, an unknown unit, a
+        constant with a source or a unit, ``detected`` beside ``response``, or counts without task.
+
+    Examples
+    --------
+    >>> ColumnMap(columns={"response": "key"}, values={"response": {"l": "left"}}).task
+    ''
+    >>> ColumnMap(values={"response": {"l": "links"}})
+    Traceback (most recent call last):
+    pydantic_core._pydantic_core.ValidationError: 1 validation error for ColumnMap
+      Value error, [values.response] 'l': allowed left, right, both, none, ..., got 'links' ...
+    """
+
+    task: Literal["", "yes/no", "forced choice"] = ""
+    alternatives: Annotated[StrictInt, Field(ge=2, le=100)] = 2
+    file: File = File()
+    rows: Rows = Rows()
+    columns: dict[str, StrictStr] = {}
+    values: dict[str, dict[str, StrictStr]] = {}
+    constant: dict[str, Annotated[StrictStr, BeforeValidator(_as_text)]] = {}
+    units: dict[str, StrictStr] = {}
+    scale: dict[str, Annotated[StrictFloat | StrictInt, Field(gt=0, allow_inf_nan=False)]] = {}
+    axis: Annotated[Axis, BeforeValidator(_as_axis)] = Field(default_factory=lambda: axis_of({}))
+    table: Annotated[Table | None, BeforeValidator(_none_if_empty)] = None
+    name: str = ""
+    sha256: str = ""
+
+    if TYPE_CHECKING:  # sections may be given as mappings, too
+
+        def __init__(self, **sections: Any) -> None: ...
+
+    @model_validator(mode="after")
+    def _refuse_contradictions(self) -> Self:
+        faults = [*self._unknown_columns()] or [
+            *self._contradictions(),
+            *self._wrong_units(),
+            *self._wrong_words(),
+        ]
+        if faults:
+            raise ValueError("; ".join(faults))
+        return self
+
+    def _unknown_columns(self) -> Iterator[str]:
+        for section in ("columns", "values", "constant", "units", "scale"):
+            for ours in getattr(self, section):
+                if ours in _RENAMED:
+                    yield f"[{section}] {ours}: the column is named {_RENAMED[ours]}"
+                elif ours not in OURS:
+                    yield f"[{section}] {one_line(ours)}: not a column of trials.csv"
+                elif self.table and ours not in COUNTED_COLUMNS:
+                    allowed = ", ".join(COUNTED_COLUMNS)
+                    yield f"[{section}] {ours}: with [table] allowed {allowed}"
+
+    def _contradictions(self) -> Iterator[str]:
+        named, constant = self.named(), self.constant
+        for ours in constant:
+            if ours in named:
+                yield f"[constant] {ours}: [columns] already says where it comes from"
+            if ours in {**self.units, **self.scale}:
+                yield f"[units] {ours}: a constant is in our unit, so it has no other"
+        if {*ANSWERS} <= {*named, *constant}:
+            yield "[columns] detected: allowed only without response, got both"
+        if "alternatives" in self.model_fields_set and self.task != FORCED:
+            yield f'alternatives: allowed beside task = "{FORCED}" only'
+        if self.conditions() and "condition" in {*named, *constant}:
+            yield "[table] group: it is the condition already, so condition has no other"
+        if not self.task and (self.table or "detected" in {*named, *constant}):
+            yield TASK_MISSING
+
+    def _wrong_units(self) -> Iterator[str]:
+        for ours in self.scale:
+            if OURS[ours].type != "float":
+                yield f"[scale] {ours}: not a column of numbers with a unit"
+            if ours in self.units:
+                yield f"[scale] {ours}: [units] already says what its numbers are"
+        for ours, unit in self.units.items():
+            if unit not in units_of(ours):
+                choices = ", ".join(units_of(ours)) or "no unit but its own"
+                yield f"[units] {ours}: allowed {choices}, got {shown(unit)}"
+
+    def _wrong_words(self) -> Iterator[str]:
+        entries = [(f"[constant] {ours}", ours, word) for ours, word in self.constant.items()]
+        for ours, translations in self.values.items():
+            for theirs, word in translations.items():
+                entries.append((f"[values.{ours}] {shown(theirs)}", ours, word))
+        for entry, ours, word in entries:
+            minimum = self.minimum(ours)
+            try:
+                parse(OURS[ours], word, minimum=minimum)
+            except ValueError:
+                allowed = format_allowed(OURS[ours], minimum=minimum)
+                yield f"{entry}: allowed {allowed}, got {shown(word)}"
+        for theirs, word in self.values.get("level_vpp", {}).items():
+            if self.axis.signed and theirs.lower() in NOTHING and word == "0":
+                yield (
+                    f'[values.level_vpp] "{theirs}" = "0": 0 is a level where x_scale = '
+                    f'"{self.axis.x_scale}"; "{theirs}" = "-inf" makes blanks of these rows'
+                )
+
+    def named(self) -> dict[str, str]:
+        """Return our columns that the map takes from a column of theirs.
+
+        Returns
+        -------
+        dict of str to str
+            Our column to theirs.
+        """
+        return {ours: theirs for ours, theirs in self.columns.items() if theirs}
+
+    def conditions(self) -> list[str]:
+        """Return the columns of theirs that together are the condition of a table of counts.
+
+        Returns
+        -------
+        list of str
+            Empty for a table of trials.
+        """
+        participant = self.named().get("participant", "participant")
+        return [name for name in self.table.group if name != participant] if self.table else []
+
+    def minimum(self, ours: str) -> float | None:
+        """Return the smallest value of a column where it is another one than in trials.csv.
+
+        Parameters
+        ----------
+        ours : str
+            A column of trials.csv.
+
+        Returns
+        -------
+        float or None
+            In our unit; None where the limit of trials.csv holds.
+        """
+        if ours == "level_vpp" and self.axis.signed:
+            return BLANK_LEVEL
+        return 0 if ours == "trial" else None  # some count from 0
+
+    def label(self, ours: str) -> str:
+        """Return the name of a column in messages.
+
+        Parameters
+        ----------
+        ours : str
+            A column of trials.csv.
+
+        Returns
+        -------
+        str
+            Their name, with ours in brackets where it differs.
+        """
+        theirs = self.columns.get(ours) or ours
+        return ours if ours == theirs else f"{theirs} ({ours})"
+
+    def reader(self, ours: str) -> CellReader:
+        """Return how cells of the table become a column of ours; an empty cell is ``n/a``.
+
+        Parameters
+        ----------
+        ours : str
+            A column of trials.csv.
+
+        Returns
+        -------
+        CellReader
+
+        Examples
+        --------
+        >>> ColumnMap(units={"rt_s": "ms"}).reader("rt_s").read(["612"])[0]
+        np.float64(0.612)
+        """
+        unit = units_of(ours)[self.units[ours]] if ours in self.units else (1.0, 1.0)
+        return CellReader(
+            column=OURS[ours],
+            label=self.label(ours),
+            translations={"": NOT_AVAILABLE} | self.values.get(ours, {}),
+            scale=(self.scale[ours], 1.0) if ours in self.scale else unit,
+            minimum=self.minimum(ours),
+            decimal=self.file.decimal,
+        )
+
+    def text_format(self, suffix: str) -> TextFormat:
+        r"""Return how a file with this ending is written; one that ends in .tsv has tabs.
+
+        Parameters
+        ----------
+        suffix : str
+            The ending, with its point.
+
+        Returns
+        -------
+        TextFormat
+
+        Examples
+        --------
+        >>> ColumnMap().text_format(".tsv").delimiter
+        '\t'
+        """
+        delimiter = self.file.delimiter or ("\t" if suffix.lower() == ".tsv" else "")
+        return TextFormat(delimiter=delimiter, encoding=self.file.encoding or "")
+
+
+def load_column_map(path: str | Path) -> ColumnMap:
+    r"""Read a MAP.toml.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file; keys ``task`` and ``alternatives``, then sections ``[file]``, ``[rows.keep]``,
+        ``[rows.skip]``, ``[columns]``, ``[values.COLUMN]``, ``[constant]``, ``[units]``,
+        ``[scale]``, ``[axis]``, ``[table]``.
+
+    Returns
+    -------
+    ColumnMap
+
+    Raises
+    ------
+    ValueError
+        Naming the file, for anything but a regular file, text that is not TOML, lines that are
+        still to be filled in, an unknown section, a value of another type than text, and for
+        everything that `ColumnMap` refuses.
+    OSError
+        Where the file cannot be read.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = Path(folder) / "MAP.toml"
+    ...     _ = path.write_text('[values.kind]\nnull = "blank"')
+    ...     load_column_map(path).values["kind"]["null"]
+    'blank'
+    """
+    path = Path(path)
+    try:
+        raw = read_regular(path, _MAX_MAP_BYTES)
+        text = raw.decode()
+        document = parse_toml(text)
+        if empty := open_lines(text):
+            raise ValueError(f"fill in {', '.join(f'{key} (line {n})' for n, key in empty)}")
+        for name, section in document.items():
+            if name not in KEYS and (name not in SECTIONS or type(section) is not dict):
+                allowed = ", ".join(f"[{key}]" for key in SECTIONS)
+                message = f"[{one_line(name)}] is not a section of a map, allowed {allowed}"
+                raise ValueError(message)
+        return ColumnMap(**document, name=path.name, sha256=hashlib.sha256(raw).hexdigest())
+    except ValidationError as error:
+        faults = "; ".join(map(_format_fault, error.errors()))
+        raise ValueError(f"{path}: {faults}") from None
+    except tomllib.TOMLDecodeError as error:
+        message = f"{path}: {error}; text stands in quotation marks, a [section] on its own line"
+        raise ValueError(message) from None
+    except (ValueError, RecursionError) as error:
+        raise ValueError(f"{path}: {error}") from None
+
+
+def open_lines(text: str) -> list[tuple[int, str]]:
+    r"""Return the lines of a map that nobody has filled in, each with its key.
+
+    >>> open_lines('task = ""  # FILL IN\n[columns]\nside = "s"  # FILL IN: done')
+    [(1, 'task')]
+    """
+    lines = []
+    for number, line in enumerate(text.splitlines(), 1):
+        entry, mark, _ = line.partition(f"# {FILL_IN}")
+        key, _, value = entry.rpartition("=")
+        if mark and value.strip() in ('""', "''"):
+            lines.append((number, one_line(key.strip())))
+    return lines
+
+
+def _format_fault(error: Any) -> str:
+    """Return a fault that pydantic has found with the section and key of the map."""
+    keys = [str(key) for key in error["loc"] if key != "str" and not isinstance(key, int)]
+    message = error["msg"].removeprefix("Value error, ")
+    if not keys or message.startswith("["):
+        return one_line(message)
+    if keys[0] in SECTIONS:
+        number = 2 if keys[0] == "rows" else 1
+        keys = [f"[{'.'.join(keys[:number])}]", *keys[number:]]
+    if error["type"] == "literal_error":
+        message = "allowed " + error["ctx"]["expected"].replace("'", '"').removeprefix('"", ')
+    elif error["type"] == "extra_forbidden":
+        models: dict[str, type[Section]] = {"[file]": File, "[rows]": Rows, "[table]": Table}
+        allowed = models.get(keys[0], ColumnMap).model_fields
+        message = f"not a key of it, allowed {', '.join(allowed)}"
+    given = error["input"]
+    got = "" if isinstance(given, dict) and len(given) > 1 else f", got {shown(str(given))}"
+    return one_line(f"{' '.join(keys)}: {message}{got}")
+
+
+def toml_entry(key: str, value: str | list[str], comment: str = "") -> str:
+    """Write a key of TOML with its value and a comment, if there is one.
+
+    >>> print(toml_entry("resp.keys", "None", "guess"))
+    "resp.keys" = "None"  # guess
+    """
+    name = key if _BARE_KEY.fullmatch(key) else _quote(key)
+    return f"{name} = {_quote(value)}" + (f"  # {comment}" if comment else "")
+
+
+def _quote(value: str | list[str]) -> str:
+    quoted = json.dumps(value, ensure_ascii=False)
+    return "".join(c if c.isprintable() else f"\\U{ord(c):08x}" for c in quoted)

@@ -1,1 +1,0 @@
-"""The draft of a map, from the headings and the cells of tables made elsewhere."""

@@ -1,1 +1,0 @@
-"""Work in chunks: spread over processes or a Dask cluster, and kept in a file."""
