@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Annotated, Any, Final, Literal, Self
+from typing import TYPE_CHECKING, Annotated, Any, Final, Literal, NamedTuple, Self
 
 from pydantic import (
     AfterValidator,
@@ -46,6 +46,9 @@ if TYPE_CHECKING:
 
 
 YES_NO, FORCED = "yes/no", "forced choice"
+REQUIRED: Final = ("participant", "side", "level_vpp", "response")
+COUNTED_REQUIRED: Final = ("participant", "level_vpp")
+"""Of our columns, those that each table of trials or of counts needs."""
 SECTIONS: Final = (
     *("file", "rows", "columns", "values", "constant", "units", "scale", "axis", "table"),
 )
@@ -69,6 +72,8 @@ OURS: Final[Mapping[str, Column]] = MappingProxyType(
         for c in (*COLUMNS, DETECTED, UNANSWERED)
     }
 )
+_COMMENT: Final = re.compile(r"""(?:""|'')[\s}]*#\s*(.*)$""")
+"""The comment behind empty text."""
 _BARE_KEY: Final = re.compile(r"[A-Za-z0-9_-]+")
 
 
@@ -422,13 +427,13 @@ def load_column_map(path: str | Path) -> ColumnMap:
         raw = read_regular(path, _MAX_MAP_BYTES)
         text = raw.decode()
         document = parse_toml(text)
-        if empty := open_lines(text):
-            raise ValueError(f"fill in {', '.join(f'{key} (line {n})' for n, key in empty)}")
         for name, section in document.items():
             if name not in KEYS and (name not in SECTIONS or type(section) is not dict):
                 allowed = ", ".join(f"[{key}]" for key in SECTIONS)
                 message = f"[{one_line(name)}] is not a section of a map, allowed {allowed}"
                 raise ValueError(message)
+        if gaps := find_gaps(text, document):
+            raise ValueError(f"fill in {', '.join(f'{key} (line {n})' for n, key in gaps)}")
         return ColumnMap(**document, name=path.name, sha256=hashlib.sha256(raw).hexdigest())
     except ValidationError as error:
         faults = "; ".join(map(_format_fault, error.errors()))
@@ -440,19 +445,86 @@ def load_column_map(path: str | Path) -> ColumnMap:
         raise ValueError(f"{path}: {error}") from None
 
 
-def open_lines(text: str) -> list[tuple[int, str]]:
-    r"""Return the lines of a map that nobody has filled in, each with its key.
+class _EmptyKey(NamedTuple):
+    """A key of a map whose value is empty text."""
 
-    >>> open_lines('task = ""  # FILL IN\n[columns]\nside = "s"  # FILL IN: done')
-    [(1, 'task')]
+    path: tuple[str, ...]
+    line: int
+    comment: str
+
+
+def find_gaps(text: str, document: Mapping[str, Any]) -> list[tuple[int, str]]:
+    r"""Return the lines of a map that are still to be filled in, each with its key.
+
+    These are the lines with `FILL_IN`, and those that no map may leave empty. Empty text leaves out
+    a column of ours, so that ``detected`` may be empty beside ``response``, which needs no entry,
+    and ``task``, too. They are gaps only where the map has other gaps and names no answer, and no
+    comment says that the column is left out.
+
+    >>> text = 'task = ""  # FILL IN\n[columns]\nsession = ""\nside = ""'
+    >>> find_gaps(text, tomllib.loads(text))
+    [(1, 'task'), (4, 'side')]
     """
-    lines = []
-    for number, line in enumerate(text.splitlines(), 1):
-        entry, mark, _ = line.partition(f"# {FILL_IN}")
-        key, _, value = entry.rpartition("=")
-        if mark and value.strip() in ('""', "''"):
-            lines.append((number, one_line(key.strip())))
-    return lines
+    empty = [*_empty_keys(text)]
+    gaps = [
+        key for key in empty if key.comment.startswith(FILL_IN) or _is_required(key.path, document)
+    ]
+    columns, constant = (document.get(name, {}) for name in ("columns", "constant"))
+    if gaps and not any(section.get(name) for section in (columns, constant) for name in ANSWERS):
+        answers = [key for key in empty if key.path in _OF_ANSWERS and not key.comment]
+        gaps += [key for key in answers if key not in gaps]
+    keys = {key.line: key.path[-1] for key in gaps}
+    return [(line, one_line(_format_key(keys[line]))) for line in sorted(keys)]
+
+
+_OF_ANSWERS: Final = [("task",), *(("columns", name) for name in ANSWERS)]
+
+
+def _empty_keys(text: str) -> Iterator[_EmptyKey]:
+    """Yield the keys with empty text; lines that are no TOML by themselves are passed over."""
+    section: tuple[str, ...] = ()
+    for number, line in enumerate(text.replace("\r\n", "\n").split("\n"), 1):
+        is_header = line.lstrip().startswith("[")
+        if not (is_header or '""' in line or "''" in line):
+            continue
+        try:
+            entries = [*_flatten(parse_toml(line))]
+        except tomllib.TOMLDecodeError:
+            continue
+        comment = _COMMENT.search(line)
+        for path, value in entries:
+            if is_header:
+                section = path
+            elif value == "":
+                yield _EmptyKey((*section, *path), number, comment[1] if comment else "")
+
+
+def _flatten(
+    table: Mapping[str, Any], path: tuple[str, ...] = ()
+) -> Iterator[tuple[tuple[str, ...], Any]]:
+    """Yield the values of a table of TOML and of the tables in it, with their keys."""
+    for key, value in table.items():
+        if value and isinstance(value, dict):
+            yield from _flatten(value, (*path, key))
+        else:
+            yield (*path, key), value
+
+
+def _is_required(path: tuple[str, ...], document: Mapping[str, Any]) -> bool:
+    """Return whether no map of this kind may leave a key empty."""
+    columns, constant = (document.get(name, {}) for name in ("columns", "constant"))
+    table = document.get("table", {})
+    match path:
+        case ("task",):
+            return bool(table or columns.get("detected") or constant.get("detected"))
+        case ("columns", name):
+            required = COUNTED_REQUIRED if table else REQUIRED
+            return name in required and name not in (*constant, *ANSWERS)
+        case ("table", "presented" | "missed"):
+            return not (table.get("presented") or table.get("missed"))
+        case ("table", "detected") | ("file", "encoding" | "decimal"):
+            return True
+    return path[0] in ("values", "constant", "units", "axis")
 
 
 def _format_fault(error: Any) -> str:
@@ -481,8 +553,11 @@ def toml_entry(key: str, value: str | list[str], comment: str = "") -> str:
     >>> print(toml_entry("resp.keys", "None", "guess"))
     "resp.keys" = "None"  # guess
     """
-    name = key if _BARE_KEY.fullmatch(key) else _quote(key)
-    return f"{name} = {_quote(value)}" + (f"  # {comment}" if comment else "")
+    return f"{_format_key(key)} = {_quote(value)}" + (f"  # {comment}" if comment else "")
+
+
+def _format_key(key: str) -> str:
+    return key if _BARE_KEY.fullmatch(key) else _quote(key)
 
 
 def _quote(value: str | list[str]) -> str:

@@ -18,7 +18,14 @@ from analysis.reading.cells import NO, NOTHING, SILENT, TRUTHS, YES
 from analysis.reading.columns import FILL_IN, FORCED, YES_NO, ColumnMap, File, toml_entry
 from analysis.reading.foreign import MAX_CONDITIONS, UnusedColumns
 from analysis.reading.sources import FILE, STANDS_FOR, unreadable
-from analysis.reading.text import NUMBER, ResultFileError, named, one_line, text_chunks
+from analysis.reading.text import (
+    NUMBER,
+    ResultFileError,
+    guess_unmarked_utf_16,
+    named,
+    one_line,
+    text_chunks,
+)
 from experiment.rows import COLUMNS
 from experiment.tasks import LEFT_RIGHT_BOTH
 
@@ -36,6 +43,7 @@ MAX_CELLS: Final = 1_000_000
 MAX_ALL_CELLS: Final = 20_000_000
 _MAX_WORDS: Final = 12
 _MAX_SHOWN: Final = 8
+_MAX_NAMED: Final = 5
 _MIN_CODE_DIGITS: Final = 2
 _MAX_METRES: Final = 1e-3
 _MAX_SECONDS: Final = 10.0
@@ -86,6 +94,7 @@ _SECTION_ORDER: Final = (
 _TASK: Final = (
     f'"{YES_NO}" if people who felt nothing could say so, "{FORCED}" if they had to guess'
 )
+_UNIT: Final = "write the unit of the levels; it is printed, and nothing is converted"
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,7 +127,7 @@ class Sample:
         """Return the rows that have none of the words in a column."""
         dropped = {*tally}
         keep = [cell not in dropped for cell in self.cells[name]]
-        return Sample({other: list(compress(column, keep)) for other, column in self.cells.items()})
+        return Sample({key: list(compress(column, keep)) for key, column in self.cells.items()})
 
     def is_unique(self, names: Sequence[str]) -> bool:
         """Return whether no two rows have the same cells in these columns."""
@@ -194,6 +203,10 @@ def _propose_encoding(paths: Sequence[Path], draft: _Draft) -> str:
                 start = stream.read(_ENCODING_BYTES)
         except OSError as error:
             raise unreadable(error, path) from None
+        if unmarked := guess_unmarked_utf_16(start):
+            comment = "guess: UTF-16 without a byte order mark"
+            draft.put("file", "encoding", unmarked, comment)
+            return unmarked
         start = start[: start.rfind(b"\n") + 1] or start
         if _is_marked_or_utf_8(start):
             continue
@@ -351,9 +364,12 @@ def _propose_columns(sample: Sample, draft: _Draft) -> Sample:
     if level:
         sample = _propose_levels(sample, level, draft, counted=bool(counts))
     elif not draft.has("columns", "level_vpp"):
-        draft.ask("columns", "level_vpp", "the column of the level")
+        numeric = _columns_of_numbers(sample, draft)
+        draft.ask(
+            "columns", "level_vpp", f"name the column of the level{_such_as(sample, numeric)}"
+        )
     if not draft.sections.get("axis"):
-        draft.ask("axis", "unit", "of the levels; printed, never converted")
+        draft.ask("axis", "unit", _UNIT)
     session = _choose(sample, "session", draft)
     condition = _choose(sample, "condition", draft)
     if counts:
@@ -376,7 +392,30 @@ def _ask_for_condition(sample: Sample, key: Sequence[str], draft: _Draft) -> Non
     unused.collect(sample.cells, draft.sources, {*draft.used}, [True] * sample.size)
     if (names := unused.varying()) and not sample.is_unique(key):
         which = " or ".join(map(one_line, names))
-        draft.ask("columns", "condition", f"{which}; session in its place if it numbers blocks")
+        draft.ask(
+            "columns",
+            "condition",
+            f"name {which} if it is a condition; if it numbers blocks, name it in session instead",
+        )
+
+
+def _columns_of_numbers(sample: Sample, draft: _Draft) -> list[str]:
+    """Return the columns that may be levels: several numbers, and no other column of ours."""
+    explained = {name for ours in NAMES for name in _matching(sample, ours)} | {*draft.used}
+    return [
+        name
+        for name in sample.cells
+        if name not in explained
+        and not name.endswith("-")
+        and len(values := sample.values(name)) > 1
+        and all(map(NUMBER.fullmatch, values))
+    ]
+
+
+def _such_as(sample: Sample, names: Sequence[str]) -> str:
+    """Return an example of columns for a request, with their first values."""
+    columns = [f"{one_line(name)} ({_listed(sample.tally(name))})" for name in names[:_MAX_NAMED]]
+    return f", such as {' or '.join(columns)}" if columns else ""
 
 
 def _matching(sample: Sample, ours: str) -> list[str]:
@@ -449,9 +488,10 @@ def _choose(
         _take(sample, ours, names[0], draft)
         return names[0]
     if names and required:
-        draft.ask("columns", ours, f"which of {' or '.join(map(one_line, names))}?")
+        draft.ask("columns", ours, f"name one of these columns: {', '.join(map(one_line, names))}")
     elif names:
-        draft.remark(f"{ours}: {' or '.join(map(one_line, names))}; add the one that is meant")
+        columns = ", ".join(map(one_line, names))
+        draft.remark(f"{ours}: several columns may be meant ({columns}); add the right one")
     return ""
 
 
@@ -472,14 +512,15 @@ def _propose_participant(sample: Sample, draft: _Draft, *, counted: bool) -> tup
     chosen = "participant" if "participant" in names else next(iter(strong or ranked), "")
     same = [name for name in strong if name != chosen and not _agree(sample, chosen, name)]
     if chosen and same:
-        which = " or ".join(map(one_line, [chosen, *same]))
-        draft.ask("columns", "participant", f"which of {which}?")
+        which = ", ".join(map(one_line, [chosen, *same]))
+        draft.ask("columns", "participant", f"name one of these columns: {which}")
         return sample, ""
     if chosen:
         _take(sample, "participant", chosen, draft)
         empty = sample.tally(chosen)[""]
         if empty and empty < sample.size:
-            draft.put("rows.skip", chosen, "", f"guess: {empty} rows without a participant")
+            comment = f"guess: {_count_rows(empty)} without a participant"
+            draft.put("rows.skip", chosen, "", comment)
             sample = sample.without(chosen, [""])
         return sample, chosen
     if STANDS_FOR["participant"] in sample.cells:
@@ -488,7 +529,8 @@ def _propose_participant(sample: Sample, draft: _Draft, *, counted: bool) -> tup
     alone = len(sample.tally(FILE)) == 1
     of_one = counted and level and sample.is_unique([level])
     if alone and not of_one and (counted or _unclaimed(sample)):
-        draft.ask("columns", "participant", f'the column, or "{FILE}" if the file is one person')
+        request = f'name the column of the participant, or write "{FILE}" for one participant'
+        draft.ask("columns", "participant", request)
         return sample, ""
     draft.put("columns", "participant", FILE, "guess: the name of the file")
     return sample, FILE
@@ -538,7 +580,8 @@ def _propose_levels(sample: Sample, level: str, draft: _Draft, *, counted: bool)
     for word in tally:
         lower = word.lower()
         if word in codes:
-            draft.ask("values.level_vpp", word, f'"{silent}" if it is a blank trial, else a level')
+            request = f'write "{silent}" if this code marks a blank trial, or else the level'
+            draft.ask("values.level_vpp", word, request)
         elif NUMBER.fullmatch(word) or (lower in SILENT and silent == "-inf"):
             continue
         elif lower in SILENT or _plain(word) in _VOCABULARY["catch"]:
@@ -546,7 +589,8 @@ def _propose_levels(sample: Sample, level: str, draft: _Draft, *, counted: bool)
         elif lower in NOTHING:
             sample = _propose_missing_level(sample, level, word, silent, draft, counted=counted)
         else:
-            draft.ask("values.level_vpp", word, f'a number; "{silent}" if it is a blank trial')
+            request = f'write the level as a number, or "{silent}" if this is a blank trial'
+            draft.ask("values.level_vpp", word, request)
     return sample
 
 
@@ -567,7 +611,7 @@ def _propose_axis(sample: Sample, level: str, codes: Sequence[str], draft: _Draf
     elif plain.endswith("vpp"):
         draft.sections["axis"] = ["# unit: V peak-to-peak, by the name; else state it"]
     else:
-        draft.ask("axis", "unit", "of the levels; printed, never converted")
+        draft.ask("axis", "unit", _UNIT)
     return silent
 
 
@@ -579,10 +623,13 @@ def _propose_missing_level(
     rows = [n for n, cell in enumerate(sample.cells[level]) if cell == word]
     answered = [n for n in rows if any(sample.cells[a][n].lower() not in NOTHING for a in answers)]
     if answered or counted:
-        comment = f"guess: {len(answered)} rows with an answer and without a level: blank trials"
+        comment = (
+            f"guess: a blank trial; {_count_rows(len(answered))} with an answer and without a level"
+        )
         draft.put("values.level_vpp", word, silent, comment)
         return sample
-    draft.put("rows.skip", level, word, f"guess: {len(rows)} rows without a level and an answer")
+    comment = f"guess: {_count_rows(len(rows))} without a level and an answer"
+    draft.put("rows.skip", level, word, comment)
     return sample.without(level, [word])
 
 
@@ -615,12 +662,12 @@ def _propose_answers(sample: Sample, draft: _Draft) -> None:
         if sides:
             _propose_side(sample, sides, draft)
         else:
-            which = f"such as {' or '.join(map(one_line, unnamed))}" if unnamed else "of the site"
-            draft.ask("columns", "side", f"the column, {which}")
+            request = f"name the column of the stimulated site{_such_as(sample, unnamed)}"
+            draft.ask("columns", "side", request)
         ours = _propose_words(sample, "response", answer, draft)
         if "" in ours:
-            what = f'# task: not needed where a word below stands for "none"; else {_TASK}'
-            draft.sections.setdefault("", []).append(what)
+            remark = f'# task is not needed if a word below stands for "none"; otherwise {_TASK}'
+            draft.sections.setdefault("", []).append(remark)
         elif LEFT_RIGHT_BOTH.nothing not in ours:
             draft.ask("", "task", _TASK)
         return
@@ -634,21 +681,26 @@ def _propose_answers(sample: Sample, draft: _Draft) -> None:
 
 
 def _ask_answer(responses: Sequence[str], hits: Sequence[str], draft: _Draft) -> None:
-    names = " or ".join(map(one_line, responses))
-    which = f"which of {names}" if responses else "the column of the answer"
-    right = f'; detected = "{one_line(hits[0])}" in its place if 1 means felt' if hits else ""
-    draft.ask("columns", "response", which + right)
-    draft.ask("", "task", f"needed for answers of yes and no, or right and wrong; {_TASK}")
+    names = ", ".join(map(one_line, responses))
+    request = (
+        f"name one of these columns: {names}" if responses else "name the column of the answer"
+    )
+    if hits:
+        hit = one_line(hits[0])
+        request += f'; if 1 in {hit} means felt, write detected = "{hit}" instead'
+    draft.ask("columns", "response", request)
+    draft.ask("", "task", f"needed if the answers are yes and no, or right and wrong; {_TASK}")
 
 
 def _ask_to_pool(sample: Sample, side: str, draft: _Draft) -> None:
     sites = _listed(sample.tally(side))
-    comment = (
-        f'"left" pools the sites of {one_line(side)} ({sites}): felt blank trials name no site'
+    request = (
+        f'write "left" to pool the sites of {one_line(side)} ({sites}); blank trials that were '
+        "felt name no site"
     )
-    draft.ask("constant", "side", comment)
+    draft.ask("constant", "side", request)
     if side == "side":
-        draft.put("columns", "side", "", "left out, for the constant below")
+        draft.put("columns", "side", "", "left out: the constant below replaces it")
 
 
 def _columns_of_sites(sample: Sample, answers: Sequence[str]) -> list[str]:
@@ -728,15 +780,17 @@ def _propose_side(
     sample: Sample, sides: Sequence[str], draft: _Draft, unnamed: Sequence[str] = ()
 ) -> None:
     if not sides:
-        such_as = f", such as {' or '.join(map(one_line, unnamed))}" if unnamed else ""
         draft.ask(
             "constant",
             "side",
-            '"left" or "right": of a single site nothing depends on which; of several name the '
-            f"column in [columns]{such_as}",
+            'write "left" or "right"; with a single site, both give the same result. With several '
+            "sites, delete this line and name the column of the site in [columns] side"
+            f"{_such_as(sample, unnamed)}",
         )
     elif len(sides) > 1:
-        draft.ask("columns", "side", f"which of {' or '.join(map(one_line, sides))}?")
+        draft.ask(
+            "columns", "side", f"name one of these columns: {', '.join(map(one_line, sides))}"
+        )
     else:
         _take(sample, "side", sides[0], draft)
         _propose_words(sample, "side", sides[0], draft)
@@ -758,20 +812,34 @@ def _propose_words(sample: Sample, ours: str, theirs: str, draft: _Draft) -> set
     # a letter means what it says among such letters only: l and r, not l, a and space
     unknown = any(not to for word, to in proposed.items() if word.lower() not in NOTHING)
     for word, stands_for in proposed.items():
-        rows = f"{tally[word]} rows"
+        rows = _count_rows(tally[word])
         code = unknown and word in (YES, NO)
         if (word == stands_for and not code) or (word in TRUTHS and ours == "detected"):
             continue
         if stands_for == "timeout":
-            comment = "counted as not detected; [rows.skip] leaves them out"
+            pronoun = "it" if tally[word] == 1 else "them"
+            comment = f"counted as not detected; [rows.skip] leaves {pronoun} out"
             draft.put(
                 f"values.{ours}", word, stands_for, f"guess: {rows} without an answer, {comment}"
             )
         elif stands_for and not (unknown and len(word) == 1):
             draft.put(f"values.{ours}", word, stands_for, "guess")
         else:
-            draft.ask(f"values.{ours}", word, f"{rows}; {', '.join(allowed)}")
+            draft.ask(
+                f"values.{ours}", word, f"{_format_choices(allowed)}; the word stands in {rows}"
+            )
     return {*proposed.values()}
+
+
+def _format_choices(allowed: Sequence[str]) -> str:
+    """Return the request for the word of ours that a word stands for."""
+    meanings = {YES: " (detected)", NO: " (not detected)"}
+    quoted = [f'"{word}"{meanings.get(word, "")}' for word in allowed]
+    return f"write {', '.join(quoted[:-1])} or {quoted[-1]}"
+
+
+def _count_rows(number: int) -> str:
+    return f"{number} row" if number == 1 else f"{number} rows"
 
 
 def _stands_for(sample: Sample, ours: str, theirs: str, word: str, *, has_hit: bool) -> str:
@@ -829,7 +897,8 @@ def _propose_trial(sample: Sample, key: Sequence[str], draft: _Draft) -> None:
     if numbering:
         _take(sample, "trial", "trial" if "trial" in numbering else numbering[0], draft)
     elif names:
-        draft.put("columns", "trial", "", "numbers repeat: the order of rows is taken")
+        comment = "left out: the numbers repeat, so the order of the rows is used"
+        draft.put("columns", "trial", "", comment)
 
 
 def _leave_out_other_values(sample: Sample, draft: _Draft) -> None:
@@ -845,7 +914,9 @@ def _leave_out_other_values(sample: Sample, draft: _Draft) -> None:
                 if choices
                 else column.type != "str" and not NUMBER.fullmatch(word)
             ):
-                comment = f"has our name and other values, such as {one_line(word)}: left out"
+                comment = (
+                    f"left out: it has a name of tactstrip, but values such as {one_line(word)}"
+                )
                 draft.put("columns", name, "", comment)
                 break
 
@@ -858,8 +929,9 @@ def _note_rows(everything: Sample, sample: Sample, draft: _Draft) -> None:
         for line in draft.sections.get(section, ())
     ]
     if skipped := everything.size - sample.size:
-        total = f"{skipped} of {everything.size} rows are skipped"
-        draft.notes.append(f"{total}, by {', '.join(map(one_line, keys))}")
+        verb = "row is" if everything.size == 1 else "rows is" if skipped == 1 else "rows are"
+        total = f"{skipped} of {everything.size} {verb} skipped"
+        draft.notes.append(f"{total} by {', '.join(map(one_line, keys))}")
     unused = UnusedColumns()
     unused.collect(sample.cells, draft.sources, {*draft.used}, [True] * sample.size)
     aside = [*unused.message()]

@@ -15,8 +15,10 @@ from analysis.reading.cells import BLANK_LEVEL, NO, YES, CellReader, read_column
 from analysis.reading.columns import (
     ANSWERS,
     COUNTED_COLUMNS,
+    COUNTED_REQUIRED,
     FORCED,
     OURS,
+    REQUIRED,
     TASK_MISSING,
     YES_NO,
 )
@@ -58,7 +60,6 @@ MAX_PRESENTED: Final = 10**12
 """Of a row of counts."""
 MAX_WORDS: Final = 6
 """A column with more words than this does not look like a condition."""
-REQUIRED: Final = ("participant", "side", "level_vpp", "response")
 _MAX_LISTED: Final = 8
 _KIND_OF_SIDE: Final = {p.name: p.kind for p in LEFT_RIGHT_BOTH.presentations}
 _FOLLOWING: Final = (
@@ -255,7 +256,7 @@ def _with_one_answer(columns: ColumnMap, sources: dict[str, str], file: str) -> 
         if not (columns.task or columns.table):
             raise ResultFileError(file, 1, TASK_MISSING)
         available.add("response")
-    required = ("participant", "level_vpp") if columns.table else REQUIRED
+    required = COUNTED_REQUIRED if columns.table else REQUIRED
     if missing := [name for name in required if name not in available]:
         message = f"no column {', '.join(missing)}; the map must say where it comes from"
         raise ResultFileError(file, 1, message)

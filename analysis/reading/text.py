@@ -155,12 +155,10 @@ def _records(
     """Yield each record with the line on which it begins."""
     lines = _lines(stream, file, form)
     start = list(islice(lines, _HEADING_LINES if form else 1))
-    if form and form.quoted:
-        _refuse_lines_above_heading(start, file, form)
     reader = csv.reader(
         chain(start, lines),
         strict=True,
-        delimiter=_delimiter(start[0] if start else "", file, form) if form else ",",
+        delimiter=_choose_delimiter(start, file, form) if form else ",",
         quoting=csv.QUOTE_MINIMAL if form is None or form.quoted else csv.QUOTE_NONE,
     )
     begins = 1
@@ -174,38 +172,77 @@ def _records(
         raise ResultFileError(file, begins, message) from None
 
 
-def _refuse_lines_above_heading(start: list[str], file: str, form: TextFormat) -> None:
+def _choose_delimiter(start: list[str], file: str, form: TextFormat) -> str:
+    """Return the delimiter under which the heading and the first rows have equally many fields.
+
+    A heading alone does not decide: a name or a comment may contain another delimiter. Of several
+    such delimiters, the one with most fields is returned. Without any, the heading decides.
+    """
+    heading = start[0] if start else ""
+    if form.delimiter and not form.quoted:
+        return form.delimiter
+    if not form.delimiter and _SPACED.fullmatch(heading.rstrip("\r\n")):
+        return " "
+    records = {sign: _split(start, sign) for sign in form.delimiter or SEPARATORS}
+    widths = {sign: len(rows[0]) for sign, rows in records.items() if _is_consistent(rows)}
+    if not widths:
+        _refuse_lines_above_heading(start, file, records)
+    if form.delimiter:
+        return form.delimiter
+    bare = re.sub('"[^"]*"', "", heading)
+    likely = [sign for sign in SEPARATORS if sign in bare] or [","]
+    most = max(likely, key=bare.count)
+    if widths:
+        likely = [sign for sign, width in widths.items() if width == max(widths.values())]
+        most = likely[0]
+    if len(likely) > 1 and (widths or most != ","):
+        could = " or ".join(DELIMITERS[sign] for sign in likely)
+        message = f"the columns may be separated by {could}; [file] delimiter of a map says which"
+        raise ResultFileError(file, 1, message)
+    return most
+
+
+def _split(start: list[str], delimiter: str) -> list[list[str]]:
+    """Return the records in the first lines of a table, without a last one that is cut off."""
+    try:
+        rows = list(csv.reader(start, delimiter=delimiter))
+    except csv.Error:
+        return []
+    is_cut = len(start) == _HEADING_LINES and sum(line.count('"') for line in start) % 2
+    return rows[:-1] if is_cut else rows
+
+
+def _is_consistent(records: list[list[str]]) -> bool:
+    """Return whether the heading and all rows have the same number of fields, more than one.
+
+    Tables of R may have one field more in each row: the number of the row, without a heading.
+    """
+    if not records:
+        return False
+    width, rows = len(records[0]), [row for row in records[1:] if any(row)]
+    has_row_names = bool(rows) and len(rows[0]) == width + 1 and rows[0][0] == "1"
+    return width > 1 and bool(rows) and {len(row) for row in rows} == {width + has_row_names}
+
+
+def _refuse_lines_above_heading(
+    start: list[str], file: str, records: Mapping[str, list[list[str]]]
+) -> None:
     """Refuse a table whose rows agree with a later line that has more columns than the first."""
     if any(line.count('"') % 2 for line in start):
         return  # cells of several lines
-    for delimiter in form.delimiter or SEPARATORS:
-        rows = list(csv.reader(start, delimiter=delimiter))
-        width = len(rows[-1]) if rows else 1
-        heading = next((n for n, row in enumerate(rows) if len(row) == width), 0)
+    first_width = max((len(rows[0]) for rows in records.values() if rows), default=0)
+    for rows in filter(None, records.values()):
+        width = len(rows[-1])
+        heading = next(n for n, row in enumerate(rows) if len(row) == width)
         below = rows[heading:]
         if (
-            len(rows[0] if rows else ()) < width
+            first_width < width
             and len(below) >= _MIN_ROWS_BELOW_HEADING
             and all(len(row) == width for row in below)
             and not any(not name or NUMBER.fullmatch(name) for name in rows[heading])
         ):
             message = f"the heading seems to be line {heading + 1}; delete the lines above it"
             raise ResultFileError(file, 1, message)
-
-
-def _delimiter(heading: str, file: str, form: TextFormat) -> str:
-    if form.delimiter:
-        return form.delimiter
-    if _SPACED.fullmatch(heading.rstrip("\r\n")):
-        return " "
-    bare = re.sub('"[^"]*"', "", heading)
-    seen = [delimiter for delimiter in SEPARATORS if delimiter in bare] or [","]
-    most = max(seen, key=bare.count)
-    if len(seen) > 1 and most != ",":
-        could = " or ".join(DELIMITERS[delimiter] for delimiter in seen)
-        message = f"the columns may be separated by {could}; [file] delimiter of a map says which"
-        raise ResultFileError(file, 1, message)
-    return most
 
 
 def _lines(stream: BinaryIO, file: str, form: TextFormat | None) -> Iterator[str]:
@@ -225,7 +262,7 @@ def _lines(stream: BinaryIO, file: str, form: TextFormat | None) -> Iterator[str
                 message = f"the line is longer than {MAX_LINE} signs; this is no table of trials"
                 raise ResultFileError(file, number, message)
             if "\0" in line:
-                raise ResultFileError(file, number, "a NUL byte; save the table as UTF-8 text")
+                raise ResultFileError(file, number, _format_nul(line, number, form))
             if not line.isascii() and (bad := _ESCAPED.search(line)):
                 byte = ord(bad[0]) - 0xDC00
                 message = f"byte 0x{byte:02x} is not UTF-8; save the table as UTF-8 text"
@@ -241,6 +278,28 @@ def _lines(stream: BinaryIO, file: str, form: TextFormat | None) -> Iterator[str
     finally:
         with suppress(ValueError):  # who opened the stream may have closed it
             text.detach()
+
+
+def _format_nul(line: str, number: int, form: TextFormat | None) -> str:
+    """Return the message about a NUL byte: in every second place, it is half a sign of UTF-16."""
+    encoding = guess_unmarked_utf_16(line.encode(errors="surrogateescape")) if number == 1 else ""
+    if not encoding:
+        return "a NUL byte; save the table as UTF-8 text"
+    message = "a NUL byte; the text is probably UTF-16 without a byte order mark"
+    state = f'state [file] encoding = "{encoding}" in the map, or ' if form else ""
+    return f"{message}; {state}save the table as UTF-8 text"
+
+
+def guess_unmarked_utf_16(start: bytes) -> str:
+    """Return the byte order of UTF-16 that a text without a mark seems to have, else empty text.
+
+    >>> guess_unmarked_utf_16("a,b".encode("utf-16-le")), guess_unmarked_utf_16(b"a,b")
+    ('utf-16-le', '')
+    """
+    first, second = bool(start[:1].strip(b"\0")), bool(start[1:2].strip(b"\0"))
+    if len(start) < 2 or first == second:  # noqa: PLR2004 (bytes of a sign)
+        return ""
+    return "utf-16-le" if first else "utf-16-be"
 
 
 def _encoding(stream: BinaryIO, file: str, form: TextFormat | None) -> str:

@@ -511,7 +511,11 @@ class _Reading:
             values.update(rows[name].dropna().unique())
             if len(values) > largest:
                 label = self.columns.label(name) if self.columns else name
-                message = f"{label} has {len(values)} values; at most {largest} {plural}"
+                # Rows below may have further values: nothing is read beyond the fault.
+                message = (
+                    f"{label} has more than {len(values) - 1} values; at most {largest} {plural} "
+                    "are allowed"
+                )
                 raise ResultFileError(pending.files[-1], None, message)
         return rows
 

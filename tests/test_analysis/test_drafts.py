@@ -52,21 +52,23 @@ def test_a_table_has_the_expected_draft(case: Path, tmp_path: Path) -> None:
     expected = json.loads(target.read_text(encoding="utf-8"))
     tables = sorted(p for p in case.iterdir() if p != target) or [EXAMPLES / f"{case.name}.csv"]
     made = draft(*tables)
-    words = {key: expected["fill_in"].get(key, WORDS.get(key, "")) for key in made.fill_in}
-    found: dict[str, Any] = {"fill_in": words, **made.map}
-    if all(words.values()):
-        found["read"] = counts(tables, made.filled(tmp_path / "map.toml", words))
+    filled_in = {key: expected["fill_in"].get(key, WORDS.get(key, "")) for key in made.fill_in}
+    result: dict[str, Any] = {"fill_in": filled_in, **made.map}
+    if all(filled_in.values()):
+        result["read"] = counts(tables, made.filled(tmp_path / "map.toml", filled_in))
     if os.environ.get("UPDATE"):
-        lines = [f" {json.dumps(k)}: {json.dumps(v, ensure_ascii=False)}" for k, v in found.items()]
+        lines = [
+            f" {json.dumps(k)}: {json.dumps(v, ensure_ascii=False)}" for k, v in result.items()
+        ]
         target.write_text("{\n" + ",\n".join(lines) + "\n}\n", encoding="utf-8")
-    assert found == expected
+    assert result == expected
 
 
 @pytest.mark.parametrize("name", ["psychopy", "jspsych"])
 def test_a_filled_in_draft_reads_as_the_map_by_hand(tmp_path: Path, name: str) -> None:
-    words = {"down": "none", "f": "left", "j": "right", "unit": "%"}
+    filled_in = {"down": "none", "f": "left", "j": "right", "unit": "%"}
     table = EXAMPLES / f"{name}-trials.csv"
-    drafted = read_inputs([table], draft(table).filled(tmp_path / "map.toml", words))
+    drafted = read_inputs([table], draft(table).filled(tmp_path / "map.toml", filled_in))
     by_hand = read_inputs([table], load_column_map(EXAMPLES / f"{name}-columns.toml"))
     same = ["trial", "side", "response", "rt_s", "kind"]
     assert drafted.trials[same].equals(by_hand.trials[same])
@@ -81,10 +83,10 @@ def of_rows(folder: Path, head: str, rows: list[str]) -> Path:
 def test_headings_and_words_have_their_meaning(
     tmp_path: Path, header: str, rows: list[str], section: str, key: str, value: object
 ) -> None:
-    found: Any = draft(of_rows(tmp_path, header, rows)).map
+    entry: Any = draft(of_rows(tmp_path, header, rows)).map
     for name in section.split("."):
-        found = found.get(name, {})
-    assert found.get(key) == value
+        entry = entry.get(name, {})
+    assert entry.get(key) == value
 
 
 CELLS = st.sampled_from(

@@ -107,9 +107,9 @@ def test_a_proposed_map_gives_what_is_in_the_table(
     warnings: list[str],
 ) -> None:  # fmt: skip
     made = draft(TABLES / table)
-    words = WORDS | filled_in
-    assert {*made.fill_in} <= {*words}
-    read = read_inputs([TABLES / table], made.filled(tmp_path / "map.toml", words))
+    entries = WORDS | filled_in
+    assert {*made.fill_in} <= {*entries}
+    read = read_inputs([TABLES / table], made.filled(tmp_path / "map.toml", entries))
     assert counts(read) == (levels, false_alarms, people)
     assert [str(warning.code) for warning in read.changed] == warnings
 
@@ -139,8 +139,8 @@ def test_people_in_a_column_of_an_unknown_spelling_stay_apart(tmp_path: Path) ->
         assert draft(renamed).map["columns"]["participant"] == name
     renamed.write_text(text.replace("SubID", "kuerzel", 1), encoding="utf-8")
     assert "participant" in draft(renamed).fill_in
-    words = {"task": "forced choice", "level_vpp": "Coh", "side": "left", "unit": "u"}
-    trials = read_inputs([table], made.filled(tmp_path / "m.toml", words)).trials
+    entries = {"task": "forced choice", "level_vpp": "Coh", "side": "left", "unit": "u"}
+    trials = read_inputs([table], made.filled(tmp_path / "m.toml", entries)).trials
     assert trials["participant"].nunique() == 3
     assert len(trials) == 180
 

@@ -48,8 +48,8 @@ def test_a_bids_data_set_of_21_people_is_read_with_one_map(tmp_path: Path) -> No
         ["01", "01", 1, "timeout"],
     ]
     assert read.inputs[0].name == "sub-01/beh/sub-01_task-felt_run-1_beh.tsv"
-    other = ColumnMap(**OF_BEH, rows={"keep": {"task-": "fell"}})
-    error = str(refused(tmp_path / "bids", columns=other))
+    columns = ColumnMap(**OF_BEH, rows={"keep": {"task-": "fell"}})
+    error = str(refused(tmp_path / "bids", columns=columns))
     assert all(part in error for part in ("[rows.keep] task-", "'fell'", "'felt', 'rest'"))
     assert "--columns MAP.toml" in str(refused(tmp_path / "bids"))
 
@@ -124,8 +124,8 @@ def test_blanks_in_db_are_proposed_by_their_level(tmp_path: Path, silent: str, p
     made = draft(table)
     asked = ["-999"] if silent == "-999" else []
     assert made.fill_in == (["task", *asked, "side"] if places == 1 else asked)
-    words = {"task": "yes/no", "side": "left", "-999": "-inf"}
-    assert false_alarms(table, made.filled(tmp_path / "map.toml", words)) == (6, 60)
+    filled_in = {"task": "yes/no", "side": "left", "-999": "-inf"}
+    assert false_alarms(table, made.filled(tmp_path / "map.toml", filled_in)) == (6, 60)
 
 
 @pytest.mark.parametrize("silent", ["0", "", "-inf"])
@@ -164,10 +164,10 @@ def test_an_unanswered_trial_of_grund_2022_is_no_no(tmp_path: Path) -> None:
 def test_published_counts_give_their_cells(
     tmp_path: Path, name: str, text: str, cells: list[list[object]]
 ) -> None:
-    found = example(tmp_path, name, text).cells
-    assert found is not None
+    cells_read = example(tmp_path, name, text).cells
+    assert cells_read is not None
     columns = ["condition", "level_vpp", "participant", "detected", "presented"]
-    assert found[columns].to_numpy().tolist() == cells
+    assert cells_read[columns].to_numpy().tolist() == cells
 
 
 def test_the_synthetic_example_is_counted_as_a_plain_reading_of_its_rows_counts_it() -> None:
@@ -180,16 +180,16 @@ def test_the_synthetic_example_is_counted_as_a_plain_reading_of_its_rows_counts_
     noticed_any = Counter(float(r["level_vpp"]) for r in single if r["response"] in sides)
     late = Counter(float(r["level_vpp"]) for r in single if r["response"] == "timeout")
     levels_vpp = (60, 95, 130, 165, 200)
-    found = analyse(read_inputs([table], load_column_map(EXAMPLES / "synthetic-columns.toml")))
-    levels = found.levels.set_index("level_vpp")
+    analysis = analyse(read_inputs([table], load_column_map(EXAMPLES / "synthetic-columns.toml")))
+    levels = analysis.levels.set_index("level_vpp")
     assert levels["presented"].to_dict() == dict.fromkeys(map(float, levels_vpp), 60)
     assert levels["detected"].to_dict() == {level: correct[level] for level in levels_vpp}
     assert levels["timeouts"].to_dict() == {level: late[level] for level in levels_vpp}
-    assert found.detected_any is not None
-    detected_any = found.detected_any.set_index("level_vpp")["detected_any"]
+    assert analysis.detected_any is not None
+    detected_any = analysis.detected_any.set_index("level_vpp")["detected_any"]
     assert detected_any.to_dict() == {level: noticed_any[level] for level in levels_vpp}
     noticed = sum(r["kind"] == r["response"] == "both" for r in rows)
-    assert found.both.iloc[-1][["noticed", "presented"]].tolist() == [noticed, 20]
+    assert analysis.both.iloc[-1][["noticed", "presented"]].tolist() == [noticed, 20]
     false = sum(r["kind"] == "null" and r["response"] not in {"none", "timeout"} for r in rows)
-    total = found.blank.iloc[-1]
+    total = analysis.blank.iloc[-1]
     assert [total[["left", "right", "both"]].sum(), total["presented"]] == [false, 50]

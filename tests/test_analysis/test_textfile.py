@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import io
+from typing import TYPE_CHECKING
 
 import pytest
 from hypothesis import given, settings
@@ -11,6 +12,10 @@ from hypothesis import strategies as st
 
 from analysis import ResultFileError
 from analysis.reading.text import CHUNK_ROWS, DELIMITERS, MAX_LINE, Chunk, TextFormat, text_chunks
+from tests.test_analysis.shared import draft
+
+if TYPE_CHECKING:
+    from pathlib import Path
 
 BROKEN: list[tuple[bytes, int, str]] = [
     (b"", 1, r"t\.csv"),
@@ -45,9 +50,9 @@ def read(stream: io.BytesIO, form: TextFormat | None = None) -> list[Chunk]:
     return list(chunks)
 
 
-@pytest.mark.parametrize(("raw", "line", "words"), BROKEN, ids=range(len(BROKEN)))
-def test_a_malformed_file_is_refused_with_its_line(raw: bytes, line: int, words: str) -> None:
-    with pytest.raises(ResultFileError, match=words) as caught:
+@pytest.mark.parametrize(("raw", "line", "message"), BROKEN, ids=range(len(BROKEN)))
+def test_a_malformed_file_is_refused_with_its_line(raw: bytes, line: int, message: str) -> None:
+    with pytest.raises(ResultFileError, match=message) as caught:
         read(io.BytesIO(raw))
     assert (caught.value.file, caught.value.line) == ("t.csv", line)
     assert "\n" not in str(caught.value)
@@ -94,9 +99,49 @@ def test_a_table_made_elsewhere_says_by_itself_how_it_is_written(raw: bytes) -> 
 
 def test_a_heading_that_could_be_read_in_two_ways_is_refused() -> None:
     with pytest.raises(ResultFileError, match=r"\[file\] delimiter"):
-        read(io.BytesIO(b"a (x,y);b;c\n1;2;3\n"), TextFormat())
-    [(_, rows)] = read(io.BytesIO(b"a (x,y);b;c\n1;2;3\n"), TextFormat(delimiter=";"))
-    assert rows == [["1", "2", "3"]]
+        read(io.BytesIO(b"a,b;c\n1,2;3\n"), TextFormat())
+    [(_, rows)] = read(io.BytesIO(b"a,b;c\n1,2;3\n"), TextFormat(delimiter=";"))
+    assert rows == [["1,2", "3"]]
+
+
+@pytest.mark.parametrize(
+    ("heading", "row", "names"),
+    [
+        ("person,level,notes", "a,1,ok; calm", ["person", "level", "notes"]),
+        ("person,level,notes", "a;x,1,", ["person", "level", "notes"]),
+        ("person,level,notes", "a,1,;;;;;;;;", ["person", "level", "notes"]),
+        ("person;id,level,felt", "a;1,2,0", ["person;id", "level", "felt"]),
+        ("level (x,y);felt;rt", "1;0;0,5", ["level (x,y)", "felt", "rt"]),
+        ("level, V;felt;rt", "1;0;5", ["level, V", "felt", "rt"]),
+        ('person,"the, notes"', 'a,"two\nlines; here"', ["person", "the, notes"]),
+        ("person,level,notes", "1,a,1,ok; calm", ["", "person", "level", "notes"]),
+    ],
+)
+@pytest.mark.parametrize("number", [1, 9, 40])
+def test_the_delimiter_gives_heading_and_rows_the_same_number_of_fields(
+    heading: str, row: str, names: list[str], number: int
+) -> None:
+    raw = "\n".join([heading, *[row] * number, ""]).encode()
+    header, chunks = text_chunks(io.BytesIO(raw), "t.csv", form=TextFormat())
+    assert header == names
+    assert sum(len(rows) for _, rows in chunks) == number
+
+
+def test_a_broken_row_is_refused_with_its_line_whatever_signs_are_in_cells() -> None:
+    raw = b"person,level,notes\n" + b"a,1,ok; calm\n" * 3 + b"a;b\n" + b"a,1,ok; calm\n" * 9
+    with pytest.raises(ResultFileError, match="1, not 3") as caught:
+        read(io.BytesIO(raw), TextFormat())
+    assert caught.value.line == 5
+
+
+@pytest.mark.parametrize("encoding", ["utf-16-le", "utf-16-be"])
+def test_utf_16_without_a_mark_is_named(tmp_path: Path, encoding: str) -> None:
+    raw = "person,level,felt\na,1,1\na,2,0\n".encode(encoding)
+    with pytest.raises(ResultFileError, match=rf't\.csv:1: .*encoding = "{encoding}"'):
+        read(io.BytesIO(raw), TextFormat())
+    table = tmp_path / "t.csv"
+    table.write_bytes(raw)
+    assert draft(table).map["file"]["encoding"] == encoding
 
 
 def test_an_encoding_is_stated_or_refused_with_its_line() -> None:
