@@ -18,14 +18,16 @@ from analysis.results.findings import (
 from analysis.results.rendering import phrases, sentence
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Collection, Iterator, Sequence
 
     from analysis.results.analysis import Analysis
     from experiment.study.threshold import MedianThreshold
 
 
-MAX_CONDITIONS: Final = 3
-"""Of more conditions the answer states the range, and the report lists them."""
+MAX_CONDITIONS: Final = 5
+"""Of more conditions the answer states the range of thresholds, and the report lists them."""
+MAX_ITEMS: Final = 3
+"""Of more differences, and of more rates of false alarms, the answer states a summary."""
 MAX_WITH_MICROMETRES: Final = 2
 _FILE: Final = "answer.jinja"
 
@@ -47,12 +49,12 @@ class AnswerRow:
         return phrases()["answer"][self.kind]
 
 
-def answer(analysis: Analysis) -> list[AnswerRow]:
-    """Return the rows of the answer."""
+def answer(analysis: Analysis, brief: Collection[str] = ()) -> list[AnswerRow]:
+    """Return the rows of the answer; kinds in `brief` take less room."""
     return [
-        *_sides(analysis),
-        *_thresholds(analysis),
-        *_differences(analysis),
+        *_sides(analysis, brief="side" in brief),
+        *_thresholds(analysis, brief="threshold" in brief),
+        *_differences(analysis, brief="difference" in brief),
         *_false_alarms(analysis),
         _left_out(analysis),
     ]
@@ -66,19 +68,20 @@ def _named(analysis: Analysis, condition: str) -> tuple[str, ...]:
     return (condition,) if analysis.counts.conditions > 1 else ()
 
 
-def _sides(analysis: Analysis) -> Iterator[AnswerRow]:
+def _sides(analysis: Analysis, *, brief: bool) -> Iterator[AnswerRow]:
     results = side_estimates(analysis)
-    if len(results) == 1:
-        yield _row("side", names=_named(analysis, results[0]["condition"]), e=results[0])
-    elif results:
+    if len(results) > MAX_CONDITIONS:
         yield _row("side", "sides_of_many", number=len(results))
+        return
+    for each in results:
+        yield _row("side", names=_named(analysis, each["condition"]), e=each, brief=brief)
 
 
-def _thresholds(analysis: Analysis) -> Iterator[AnswerRow]:
+def _thresholds(analysis: Analysis, *, brief: bool) -> Iterator[AnswerRow]:
     results = estimates(analysis)
     if not results:
         yield _row("threshold", "threshold_missing")
-    elif len(results) > MAX_CONDITIONS:
+    elif len(results) > (1 if brief else MAX_CONDITIONS):
         values = analysis.groups["threshold_vpp"].astype(float)
         ends = ["", ""]
         if values.notna().any():
@@ -98,14 +101,16 @@ def _thresholds(analysis: Analysis) -> Iterator[AnswerRow]:
                 yield _row("micrometres", names=_named(analysis, each.condition), e=each)
 
 
-def _differences(analysis: Analysis) -> Iterator[AnswerRow]:
+def _differences(analysis: Analysis, *, brief: bool) -> Iterator[AnswerRow]:
     results = differences(analysis)
-    if len(results) > MAX_CONDITIONS:
+    if len(results) > (1 if brief else MAX_ITEMS):
         apart = sum(pair.apart for pair in results)
         yield _row("difference", "differences_of_many", number=len(results), apart=apart)
     elif results:
         for pair in results:
-            yield _row("difference", names=(pair.b, pair.a), d=pair, short=len(results) > 1)
+            yield _row(
+                "difference", names=(pair.b, pair.a), d=pair, short=brief or len(results) > 1
+            )
     elif len(analysis.groups) > 1:
         yield _row("difference", "not_compared")
 
@@ -120,7 +125,7 @@ def _false_alarms(analysis: Analysis) -> Iterator[AnswerRow]:
         shown = len(trials) and trials["kind"].eq("blank").any()
         reason = "uncounted" if shown else "none"
         yield _row("false_alarms", "false_alarms_missing", reason=reason)
-    elif len(rates) > MAX_CONDITIONS:
+    elif len(rates) > MAX_ITEMS:
         shares = [rate.p for rate in rates]
         yield _row("false_alarms", "false_alarms_of_many", low=min(shares), high=max(shares))
     else:

@@ -19,9 +19,26 @@ if TYPE_CHECKING:
 
 WIDTH: Final = 80
 MAX_LINES: Final = 12
+MAX_RUNS: Final = 3
+"""More runs of numbers are not listed."""
 _LABEL: Final = 19
 _MAX_NAME: Final = {1: 20, 2: 14}
 """Letters of a condition's name, and of each of a pair's."""
+_ALL_KINDS: Final = ("difference", "side", "threshold")
+_LAYOUTS: Final[tuple[tuple[Sequence[str], Sequence[str] | None], ...]] = (
+    ((), None),
+    (_ALL_KINDS[:1], None),
+    (_ALL_KINDS[:1], ("side",)),
+    (_ALL_KINDS[:2], ("side",)),
+    (_ALL_KINDS, ("side",)),
+    (_ALL_KINDS, ()),
+)
+"""Kinds of rows that are brief, and those whose long lines are not cut (None: no line is cut).
+
+The first layout that fits is taken: thresholds of sides and conditions are given up last.
+"""
+_MAX_WARNINGS: Final = 2
+"""Lines that are kept free for warnings."""
 
 
 def print_analysis(
@@ -31,6 +48,7 @@ def print_analysis(
     details: bool = False,
     report: str = "",
     more: Sequence[AnswerRow] = (),
+    remarks: Sequence[str] = (),
 ) -> None:
     r"""Print the answer in at most 12 lines of 80 columns.
 
@@ -47,6 +65,8 @@ def print_analysis(
         The path of the report; empty where none was written.
     more : sequence of AnswerRow
         Rows to put below those of the analysis.
+    remarks : sequence of str
+        Further warnings, which the report does not have; they are numbered after its own.
 
     Raises
     ------
@@ -71,22 +91,29 @@ def print_analysis(
     if file is None:
         return
     mark = textwrap.wrap(f"{analysis.mark}.", WIDTH) if analysis.mark else []
-    rows = [*answer(analysis), *more]
     last = _layout([AnswerRow(kind="report", text=report)] if report else [])
-    lines = [*mark, *_layout(rows)]
-    if len(lines) + len(last) >= MAX_LINES:
-        lines = [*mark[:1], *_layout(rows, cut=True)]
-    lines += [*_warning_lines(analysis, MAX_LINES - len(lines) - len(last)), *last]
+    needed = len(_warning_lines(analysis, remarks, MAX_LINES))
+    room = MAX_LINES - len(last) - min(needed, _MAX_WARNINGS)
+    for brief, whole in _LAYOUTS:
+        rows = [*answer(analysis, brief), *more]
+        lines = [*(mark if whole is None else mark[:1]), *_layout(rows, whole)]
+        if len(lines) <= room:
+            break
+    lines += [*_warning_lines(analysis, remarks, MAX_LINES - len(lines) - len(last)), *last]
     if details:
         for table in detail_tables(analysis):
             lines += ["", *_table_lines(table)]
-        lines += ["", *_full_warnings(analysis)] if analysis.warnings else []
+        texts = [*(each.message for each in analysis.warnings), *remarks]
+        lines += ["", *_full_warnings(texts)] if texts else []
     for line in lines:
         print(_printable(line.rstrip(), file), file=file)
 
 
-def _layout(rows: Iterable[AnswerRow], *, cut: bool = False) -> list[str]:
-    """Lay out labels, names and texts in columns; long texts go on below, or are cut."""
+def _layout(rows: Iterable[AnswerRow], whole: Sequence[str] | None = None) -> list[str]:
+    """Lay out labels, names and texts in columns; long lines are wrapped.
+
+    Where `whole` is not None, lines of other kinds are cut.
+    """
     rows = list(rows)
     names = [_names(row) for row in rows]
     column = max((len(name) for name in names), default=0) if len(rows) > 1 else 0
@@ -97,8 +124,8 @@ def _layout(rows: Iterable[AnswerRow], *, cut: bool = False) -> list[str]:
         text = f"{name:<{min(width, max(len(name), _SHORT))}}  {row.text}" if name else row.text
         indent = " " * (_LABEL + 2)
         line = f"{label:<{_LABEL}}  {escaped(plain(text))}"
-        if cut and len(line) > WIDTH:
-            lines.append(f"{line[: WIDTH - 1]}…")
+        if whole is not None and row.kind not in whole:
+            lines.append(_cut(line))
         else:
             lines += textwrap.wrap(line, WIDTH, subsequent_indent=indent, break_on_hyphens=False)
         before = row.kind
@@ -112,30 +139,65 @@ _SAME_COLUMN: Final = ("threshold", "micrometres", "side")
 def _names(row: AnswerRow) -> str:
     """Return the name of a condition, or of a pair, cut to its width."""
     most = _MAX_NAME.get(len(row.names), 0)
-    cut = [name if len(name) <= most else f"{name[: most - 1]}…" for name in row.names]
+    half = most // 2  # names often differ at their ends
+    cut = [
+        name if len(name) <= most else f"{name[: most - half - 1]}…{name[-half:]}"
+        for name in row.names
+    ]
     return " - ".join(cut)
 
 
-def _warning_lines(analysis: Analysis, room: int) -> list[str]:
-    """Return the warnings by number, or how many there are where they do not fit."""
-    label = phrases()["answer"]["warnings"]
-    if not analysis.warnings:
-        return _layout([AnswerRow(kind="warnings", text="none")])
-    texts = [f"{n}  {each.code.text}" for n, each in enumerate(analysis.warnings, start=1)]
-    lines = [f"{label if n == 0 else '':<{_LABEL}}  {text}" for n, text in enumerate(texts)]
-    if len(lines) <= room:
-        return lines
-    shown = max(room - 1, 0)
-    more = (
-        f"{len(texts) - shown} more, see the report" if shown else f"{len(texts)}, see the report"
-    )
-    return [*lines[:shown], f"{'' if shown else label:<{_LABEL}}  {more}"]
+def _cut(line: str) -> str:
+    return line if len(line) <= WIDTH else f"{line[: WIDTH - 1]}…"
 
 
-def _full_warnings(analysis: Analysis) -> list[str]:
-    lines: list[str] = []
+def _warning_lines(analysis: Analysis, remarks: Sequence[str], room: int) -> list[str]:
+    """Return the warnings, a line for each code with the numbers that they have in the report.
+
+    Where the lines do not fit, the last of the analysis are counted: the report has them.
+    """
+    groups: dict[str, list[int]] = {}
     for number, each in enumerate(analysis.warnings, start=1):
-        text = escaped(f"Warning {number}: {each.message}")
+        groups.setdefault(each.code.text, []).append(number)
+    texts = [f"{_runs(numbers)}  {text}" for text, numbers in groups.items()]
+    number = len(analysis.warnings)
+    added = [f"{n}  {escaped(text)}" for n, text in enumerate(remarks, start=number + 1)]
+    if (shown := max(room - len(added), 1)) < len(texts):
+        rest = sum(len(numbers) for numbers in [*groups.values()][shown - 1 :])
+        texts = [*texts[: shown - 1], f"{rest}{' more' * (shown > 1)}, see the report"]
+    label = phrases()["answer"]["warnings"]
+    rows = [*texts, *added] or ["none"]
+    if len(rows) > room:
+        rows = [*rows[: room - 1], f"{len(rows) - room + 1} more, see tactstrip check"]
+    indent = " " * (_LABEL + 5)
+    lines = [f"{'' if n else label:<{_LABEL}}  {text}" for n, text in enumerate(rows)]
+    wrapped = [
+        each for line in lines for each in textwrap.wrap(line, WIDTH, subsequent_indent=indent)
+    ]
+    return wrapped if len(wrapped) <= room else [_cut(line) for line in lines]
+
+
+def _runs(numbers: Sequence[int]) -> str:
+    """Return ascending numbers by runs; of many runs the first and the last number.
+
+    >>> _runs([3]), _runs([2, 3, 4]), _runs([1, 3, 4]), _runs([1, 3, 5, 7])
+    ('3', '2-4', '1, 3-4', '1 ... 7')
+    """
+    runs: list[list[int]] = []
+    for number in numbers:
+        if runs and number == runs[-1][-1] + 1:
+            runs[-1][1:] = [number]
+        else:
+            runs.append([number])
+    if len(runs) > MAX_RUNS:
+        return f"{numbers[0]} ... {numbers[-1]}"
+    return ", ".join("-".join(map(str, run)) for run in runs)
+
+
+def _full_warnings(texts: Sequence[str]) -> list[str]:
+    lines: list[str] = []
+    for number, message in enumerate(texts, start=1):
+        text = escaped(f"Warning {number}: {message}")
         lines += textwrap.wrap(text, WIDTH, subsequent_indent="  ")
     return lines
 

@@ -168,7 +168,9 @@ def side_estimates(analysis: Analysis) -> list[dict[str, Any]]:
             Estimate(**_threshold(row, levels, analysis, spread), side=str(row["side"]))
             for row, spread in zip(rows, spreads, strict=True)
         ]
-        results.append({"condition": condition, "p": p, "sides": sides})
+        participants = max((int(row["participants"]) for row in rows), default=0)
+        data = {"condition": condition, "p": p, "participants": participants}
+        results.append({**data, "sides": sides})
     return results
 
 
@@ -200,10 +202,14 @@ def _spreads(
     ranges = [
         spread_of(_ends(row, *_LIMITS)[0], row["threshold_vpp"], _ends(row, *_LIMITS)[1], shown)
         for row, shown in zip(rows, levels, strict=True)
-        if row["status"] in WITH_THRESHOLD
+        if _has_threshold(row)
     ]
     spreads = iter(alike(ranges))
-    return [next(spreads) if row["status"] in WITH_THRESHOLD else None for row in rows]
+    return [next(spreads) if _has_threshold(row) else None for row in rows]
+
+
+def _has_threshold(row: Mapping[str, Any]) -> bool:
+    return math.isfinite(row["threshold_vpp"])
 
 
 def _threshold(
@@ -211,7 +217,7 @@ def _threshold(
 ) -> dict[str, Any]:
     status, unit, value, short = str(row["status"]), analysis.axis.unit, "", ""
     low, high = _ends(row, *_LIMITS)
-    if status in WITH_THRESHOLD and spread is not None:
+    if spread is not None:
         at = float(row["threshold_vpp"])
         value = with_limits(at, low, high, unit, levels, spread=spread)
         short = f"{rounded(at, spread)} {unit}"

@@ -17,6 +17,7 @@ import pandas as pd
 import pytest
 
 from analysis import Axis, ColumnMap, WarningCode, analyse, print_analysis, write_analysis
+from analysis.codes import AnalysisWarning
 from analysis.results.analysis import ALPHA
 from analysis.results.answer import answer
 from tests.test_analysis.shared import LEAST, files, loaded, put
@@ -36,7 +37,7 @@ VALUES = [
     ("threshold_below_levels", NAN, NAN, 60.0, [60]),
     ("threshold_above_levels", NAN, 60.0, NAN, [60]),
     ("median_below_levels", NAN, NAN, 68.2, [68.2, 95]),
-    ("median_above_levels", NAN, 161.0, NAN, [161, 95]),
+    ("median_above_levels", NAN, 55.3, NAN, [55.3, 95]),
     ("flat", NAN, NAN, NAN, []),
 ]
 """Status, threshold, limits and the numbers that are printed, where 60 is the only level."""
@@ -109,7 +110,7 @@ def test_the_numbers_of_the_answer_are_those_of_the_tables(least: Analysis, seed
     analysis, shown = drawn(least, seed)
     rows = answer(analysis)
     people = analysis.groups["participants"].iloc[0]
-    if len(shown) <= 3:
+    if len(shown) <= 5:
         found = {row.names[0] if row.names else "c0": row for row in of_kind(rows, "threshold")}
         for name, values in shown.items():
             row = found[name] if len(shown) > 1 else of_kind(rows, "threshold")[0]
@@ -193,6 +194,42 @@ def test_page_terminal_and_summary_have_the_same_answer(
     values = [numbers(row.text)[0] for row in of_kind(answer(analysis), "threshold")]
     expected = rows["threshold_vpp"].fillna(rows["threshold_high_vpp"])
     assert values == pytest.approx([*expected], abs=0.06)
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_each_condition_whose_sides_differ_has_both_thresholds(least: Analysis, seed: int) -> None:
+    analysis, shown = drawn(least, seed)
+    at = {"left": 45.0, "right": 80.0}
+    sides = [
+        {"condition": name, "side": side, "status": "ok", "threshold_vpp": value + n}
+        | {"threshold_low_vpp": value + n - 4, "threshold_high_vpp": value + n + 4}
+        | {"participants": seed % 2 + 1}
+        for n, name in enumerate(shown)
+        for side, value in at.items()
+    ]
+    table = rows_of(analysis.side_groups, sides)
+    analysis = replace(analysis, side_groups=table, side_p=dict.fromkeys(shown, 0.01))
+    rows = of_kind(answer(analysis), "side")
+    assert [row.names for row in rows] == [(name,) * (len(shown) > 1) for name in shown]
+    for n, row in enumerate(rows):
+        assert {45.0 + n, 80.0 + n} <= {*numbers(row.text)}
+    lines = printed(analysis, report="report.html")
+    assert len(lines) <= 12
+    text = "\n".join(lines)
+    assert all(f"left {45 + n}.0 V" in text for n in range(len(shown)))
+    assert all(re.search(rf"right\s+{80 + n}\.0\s+V", text) for n in range(len(shown)))
+
+
+def test_equal_warnings_are_one_line_with_their_numbers(least: Analysis) -> None:
+    analysis, _ = drawn(least, 0)
+    codes = [WarningCode.FUNCTIONS_STEEP, *[WarningCode.CONDITION_ALWAYS_FIRST] * 6]
+    warnings = tuple(AnalysisWarning(code, f"{n}") for n, code in enumerate(codes))
+    remark = "main: all levels lie above the simulated threshold, 58.8 V."
+    lines = printed(replace(analysis, warnings=warnings), report="R", remarks=[remark])
+    at = next(n for n, line in enumerate(lines) if line.startswith("Warnings"))
+    assert [line.split()[0] for line in lines[at + 1 : at + 3]] == ["2-7", "8"]
+    assert lines[-1].split() == ["Report", "R"]
+    assert not any("none" in line for line in lines[at:])
 
 
 def test_sides_that_differ_come_first_with_both_thresholds(tmp_path: Path) -> None:
