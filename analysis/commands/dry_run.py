@@ -102,11 +102,13 @@ def dry_run(
     report = target / REPORT
     simulated = simulated_participants(study, check.gains)
     row = simulated_row(simulated["thresholds"], simulated["threshold_sd_db"])
-    print_analysis(analysis, sys.stdout, details=details, report=str(report), more=[row])
-    for warning in simulated["warnings"]:
-        echo(f"Warning: {warning.message}")
+    # Levels are volts from here on; a check of the study says peak-to-peak with each.
+    remarks = [warning.message.replace(" Vpp", " V") for warning in simulated["warnings"]]
     if with_levels:
         _print_levels(study, folder)
+    print_analysis(
+        analysis, sys.stdout, details=details, report=str(report), more=[row], remarks=remarks
+    )
     if open_report:
         webbrowser.open(report.resolve().as_uri())
 
