@@ -449,6 +449,10 @@ def set_ticks(axes: Axes, ticks: Floats, *, log: bool, blank: float | None = Non
     axes.xaxis.set_minor_locator(NullLocator())
 
 
+MIN_TICKS: Final = 3
+"""Fewer do not show the scale of an axis."""
+
+
 def round_ticks(low: float, high: float, *, log: bool, number: int = 5) -> Floats:
     """Return round numbers from `low` to `high`, on a logarithmic axis of a wide range by ratios.
 
@@ -466,9 +470,14 @@ def round_ticks(low: float, high: float, *, log: bool, number: int = 5) -> Float
                 return ticks
         return ticks[:: -(-len(ticks) // number)]
     steps = [1, 2, 2.5, 5, 10]
-    even = np.asarray(MaxNLocator(number, steps=steps).tick_values(low, high), dtype=np.float64)
     margin = 1e-9 * (high - low)
-    return even[(even >= low - margin) & (even <= high + margin)]
+    for intervals in range(number, 2 * number):
+        locator = MaxNLocator(intervals, steps=steps)
+        even = np.asarray(locator.tick_values(low, high), dtype=np.float64)
+        even = even[(even >= low - margin) & (even <= high + margin)]
+        if len(even) >= MIN_TICKS:
+            break
+    return even
 
 
 def alike_labels(values: Any) -> list[str]:

@@ -6,8 +6,9 @@ from dataclasses import dataclass
 from functools import cache, partial
 from typing import TYPE_CHECKING, Any, Final
 
+from analysis.reading.columns import FORCED
 from analysis.results.figures.confusion import plot_confusion
-from analysis.results.figures.curves import conditions_of
+from analysis.results.figures.curves import DRAWN, blank_rates, conditions_of
 from analysis.results.figures.d_prime import plot_d_prime
 from analysis.results.figures.detection import (
     MAX_PAGES,
@@ -23,6 +24,7 @@ from analysis.results.figures.reaction_times import (
     timed_levels,
 )
 from analysis.results.figures.thresholds import plot_thresholds
+from analysis.results.findings import side_estimates
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -102,7 +104,8 @@ def drawings(analysis: Analysis) -> Iterator[Drawing]:
     table = analysis.sensitivity
     if analysis.levels["presented"].sum() < MIN_TRIALS:
         return
-    yield _drawing("detection", analysis, plot_detection, residuals=has_residuals(analysis))
+    shown = {"residuals": has_residuals(analysis), "blanks": len(blank_rates(analysis)) > 0}
+    yield _drawing("detection", analysis, plot_detection, **shown)
     if analysis.participants["participant"].nunique() > 1:
         pages = pages_of(analysis)
         for number, names in enumerate(pages, start=1):
@@ -127,6 +130,9 @@ def _drawing(
     described = {
         "analysis": analysis,
         "people": people,
+        "sides_differ": bool(side_estimates(analysis)),
+        "without_function": not analysis.thresholds["status"].isin(DRAWN).all(),
+        "forced": analysis.loaded.task == FORCED,
         "conditions": conditions_of(analysis),
         "page": page,
         **data,

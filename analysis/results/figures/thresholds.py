@@ -231,6 +231,9 @@ def _draw_thresholds(axes: Axes, rows: list[Interval], analysis: Analysis) -> No
         axes.set_xscale("log")
     levels = analysis.levels["level_vpp"].to_numpy(dtype=np.float64)
     ends = [end for row in rows for end in (row.value, row.low, row.high) if np.isfinite(end)]
+    # Of a further participant's interval only what lies within the tested levels is shown.
+    further = [end for row in rows for end in (row.next_low, row.next_high) if not np.isnan(end)]
+    ends += [*np.clip(further, levels.min(), levels.max())]
     ends += [levels.min()] if any(row.status in BELOW for row in rows) else []
     ends += [levels.max()] if any(row.status in ABOVE for row in rows) else []
     _set_limits(axes, ends or [*levels], log=log)
@@ -258,6 +261,8 @@ def _draw_rows(axes: Axes, rows: list[Interval]) -> None:
 
     What looks alike is drawn in one call: a call for each of a thousand people takes seconds.
     """
+    from matplotlib.markers import CARETLEFT, CARETRIGHT
+
     left, right = axes.get_xlim()
     alike: dict[tuple[int, bool], list[Interval]] = {}
     for row in rows:
@@ -273,14 +278,16 @@ def _draw_rows(axes: Axes, rows: list[Interval]) -> None:
         ):
             ends = np.clip(first, left, right), np.clip(last, left, right)
             axes.hlines(heights, *ends, color=colour, lw=width, alpha=alpha, zorder=2)
-            for sign, end, is_open in (("<", left, first < left), (">", right, last > right)):
+            # The tip of these markers is at the point, so that no arrow leaves the axes.
+            arrows = (CARETLEFT, left, first < left), (CARETRIGHT, right, last > right)
+            for sign, end, is_open in arrows:
                 if is_open.any():
                     axes.plot(
                         np.full(is_open.sum(), end),
                         heights[is_open],
                         color=colour,
                         marker=sign,
-                        ms=3,
+                        ms=4,
                         mew=0,
                         ls="",
                         alpha=alpha,
