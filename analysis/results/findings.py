@@ -124,7 +124,7 @@ def estimates(analysis: Analysis) -> list[Estimate]:
     return [
         Estimate(
             **_threshold(row, shown, analysis, spread),
-            **_fingertips(row, people),
+            **_fingertips(row, people, shown),
             **_group(group, shown, analysis),
             participants=int(group["participants"]),
             participant=str(row["participant"]) if group["participants"] == 1 else "",
@@ -263,8 +263,13 @@ def sigma_text(row: Mapping[str, Any], analysis: Analysis) -> str:
     return f"{at} {unit}" if "nan" in (low, high) else f"{at} {unit} ({low} to {high})"
 
 
-def _fingertips(row: Mapping[str, Any], people: pd.DataFrame) -> dict[str, Any]:
-    """Return a threshold in micrometres where the displacement per volt is the same of all."""
+def _fingertips(
+    row: Mapping[str, Any], people: pd.DataFrame, levels: Sequence[float]
+) -> dict[str, Any]:
+    """Return a threshold in micrometres where the displacement per volt is the same of all.
+
+    An open limit is the end of the tested levels, as in volts. A threshold outside them has none.
+    """
     if row["status"] not in WITH_THRESHOLD:
         return {}
     left, right, basis = group_per_volt(people)
@@ -273,11 +278,11 @@ def _fingertips(row: Mapping[str, Any], people: pd.DataFrame) -> dict[str, Any]:
         sides = {"": (left + right) / 2}
     at = float(row["threshold_vpp"])
     low, high = _ends(row, *_LIMITS)
+    signs = "< " if low == -math.inf else "", "> " if high == math.inf else ""
+    limits = min(levels) if signs[0] else low, max(levels) if signs[1] else high
     texts = []
     for side, um in sides.items():
-        ends = [
-            alone(um * end, "").strip() if math.isfinite(end) else "open" for end in (low, high)
-        ]
+        ends = [sign + alone(um * end, "").strip() for sign, end in zip(signs, limits, strict=True)]
         value = f"{alone(um * at, 'µm')} ({ends[0]} to {ends[1]})"
         texts.append({"side": side, "value": value})
     return {"fingertips": tuple(texts), "basis": basis} if texts else {}
