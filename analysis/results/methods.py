@@ -147,9 +147,10 @@ def _data(analysis: Analysis, plans: Planned) -> dict[str, Any]:
         "fitted": len(fitted),
         "at_bound": int(fitted["status"].eq("lapse_at_bound").sum()),
         "steep": int(fitted["status"].eq("separated").sum()),
-        "side_tests": [
-            {"condition": condition, "p": p, "differ": p < ALPHA}
+        "sides_differ": [
+            {"condition": condition, "p": p}
             for condition, p in analysis.side_p.items()
+            if p < ALPHA
         ],
         "sensitivity": len(analysis.sensitivity),
         "versions": versions(),

@@ -172,15 +172,16 @@ def format_material(study: Study) -> str:
 
 
 def format_cutoff(study: Study) -> str:
-    """Return the cut-off frequency of the plate and its source.
+    """Return the cut-off frequency of the plate and its basis; the table of keys has the source.
 
     >>> from experiment import paper_study
     >>> format_cutoff(paper_study())
-    '2900 Hz (Ben Dhiab and Hudin: section II-B; figure 4 for the cut-off frequency)'
+    '2900 Hz (measured)'
     """
     plate = study.plate
-    source = plate.measured_by or plate.source or f"edges: {plate.edge}"
-    return f"{study.strip.cutoff_hz():.4g} Hz ({source})"
+    is_measured = plate.measured_by or plate.edge == "measured-cutoff"
+    basis = "measured" if is_measured else f"edges: {plate.edge}"
+    return f"{study.strip.cutoff_hz():.4g} Hz ({basis})"
 
 
 def format_levels(study: Study) -> str:
@@ -241,6 +242,8 @@ def source_tables(analysis: Analysis, plans: Planned) -> Iterator[Table]:
         values = json.loads(study.canonical)
         for path in keys:
             section, key = path.rsplit(".", 1)
+            if key == "source":  # it stands beside the values that it is of
+                continue
             name, _, index = section.rstrip("]").partition("[")
             table = values[name][int(index)] if index else values[name]
             rows.setdefault(path, {})[format_value(table[key])] = None
