@@ -32,6 +32,8 @@ if TYPE_CHECKING:
     Floats = NDArray[np.float64]
 
 _KEY: Final = ["condition", "participant"]
+_MAX_TICKS: Final = 9
+"""Tested levels up to which each has a tick of its own on a logarithmic axis."""
 _NAMES: Final = {
     "threshold_vpp": "threshold",
     "threshold_low_vpp": "low",
@@ -165,6 +167,11 @@ class PsychometricFits:
             axes.plot([row["threshold"]], [height], "D", color=color)
         if self.axis.x_scale == "log10":
             axes.set_xscale("log")
+            axes.minorticks_off()
+            axes.xaxis.set_major_formatter(lambda level, _: f"{level:g}")
+            tested = np.unique(self.counts.level_vpp[self.counts.presented > 0])
+            if len(tested) <= _MAX_TICKS:
+                axes.set_xticks(tested)
         axes.set(xlabel="level", ylabel="proportion detected", ylim=(-0.02, 1.02))
         if axes.get_legend_handles_labels()[1]:
             axes.legend()
