@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import sys
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -114,10 +113,11 @@ def main(folder: Path) -> None:
         "recommended": study_from_text(recommended, "study.toml"),
         "arabic": _turned(ARABIC),
         "hebrew": _turned(HEBREW),
-        "large": study_from_text(LARGE, "study.toml"),
+        "large": study_from_text(preset_text("paper") + LARGE, "study.toml"),
     }
     for name, study in studies.items():
-        window = replace(study.screen, full_screen=False, width_px=800, height_px=450)
+        size = {"full_screen": False, "width_px": 800, "height_px": 450}
+        window = study.screen.model_copy(update=size)
         shown = study.changed(screen=window)
         stage = Stage(window)
         (folder / name).mkdir(parents=True, exist_ok=True)
