@@ -14,8 +14,6 @@ if TYPE_CHECKING:
 
 LIMITS: Final = (0.025, 0.975)
 """The points of a distribution between which a 95 % interval lies."""
-MOST_PRESENTED = 10**12
-"""Trials of a table of counts; up to here their sums are exact, and so are fits."""
 METHODS = ("wilson", "jeffreys", "clopper-pearson")
 TOTAL = "all"
 _MOST_DECIMALS = 12

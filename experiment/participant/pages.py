@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 PLATE = "#6f8fa8"
 DISC = "#c9a227"
 SKIN = "#d9b99b"
-FELT = "#ff8c42"
+STIMULUS_COLOUR = "#ff8c42"
 _TURN_OF = {arrow: 90.0 * turns for turns, arrow in enumerate(ARROWS)}
 _SHAFT, _BARB = 0.12, 0.35
 _ARROW = (
@@ -72,9 +72,11 @@ class Drawings:
             is_felt = site in answer.sites
             drawings.append(self._disc(disc, 0.08 * width, fill=DISC))
             circles = (0.15, 0.19) if is_felt else ()
-            drawings += [self._disc(disc, radius * width, line=FELT) for radius in circles]
+            drawings += [
+                self._disc(disc, radius * width, line=STIMULUS_COLOUR) for radius in circles
+            ]
             tip = (disc[0], y - 0.27 * width if hands_off else y)
-            skin = FELT if is_felt and not hands_off else SKIN
+            skin = STIMULUS_COLOUR if is_felt and not hands_off else SKIN
             finger = (tip[0], tip[1] - 0.12 * width)
             drawings.append(self._box(finger, (0.1 * width, 0.24 * width), fill=skin))
             drawings.append(self._disc(tip, 0.05 * width, fill=skin))

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from experiment.trial.responder import AwaitedAnswer, Progress
 
 
-_WORDS: Final = {
+_KEY_NAMES: Final = {
     "return": "Enter",
     "escape": "Esc",
     **{arrow: f"{arrow} arrow" for arrow in ARROWS},
@@ -86,7 +86,7 @@ class TerminalResponder:
         is_default = settings.texts.placement == settings.task.texts["placement"]
         self._placement = _PLACEMENT if is_default else settings.texts.placement
         self._fingers_on = False
-        self._asked: AwaitedAnswer | None = None
+        self._question: AwaitedAnswer | None = None
         self._input = sys.stdin.fileno()
         self._typed: list[str] = []
         self._gone = False
@@ -151,8 +151,8 @@ class TerminalResponder:
 
     def ask(self, question: AwaitedAnswer) -> Press | None:
         """Wait for the answer; of a key that is none it is said that it does not count."""
-        if question is not self._asked:
-            self._asked = question
+        if question is not self._question:
+            self._question = question
             self._say(" ?")
         key = self._read(question.onset_s + question.window_s)
         if key is None:
@@ -287,7 +287,7 @@ def _typed_keys(settings: ResponderSettings) -> tuple[dict[str, str], dict[str, 
                 f"keys.{meaning}: none of {', '.join(names)} can be typed at a terminal; add a key "
                 "that can, or use --responder screen"
             )
-        shown = (_WORDS.get(name, name.removeprefix("num_")) for name in typed)
+        shown = (_KEY_NAMES.get(name, name.removeprefix("num_")) for name in typed)
         labels[meaning] = " or ".join(dict.fromkeys(shown))
         for sign in (sign for name in typed for sign in TYPED[name]):
             if meanings.setdefault(sign, meaning) != meaning:

@@ -47,7 +47,7 @@ def _decide(
 
 _WHERE: Final = "Answer where you felt it."
 _UNSURE: Final = "If you are not sure, choose the most likely answer."
-_ONE: Final = "You will feel a short vibration under your left or your right finger."
+_INTRODUCTION: Final = "You will feel a short vibration under your left or your right finger."
 _OR_BOTH: Final = (
     "You will feel a short vibration under your left finger, under your right finger, or under "
     "both."
@@ -107,9 +107,9 @@ LEFT_RIGHT_BOTH: Final = Task(
         "prompt_hands_off": "Did you notice anything, and where?",
     },
     instructions={
-        frozenset(): f"{_ONE} {_WHERE} {_UNSURE}",
+        frozenset(): f"{_INTRODUCTION} {_WHERE} {_UNSURE}",
         frozenset({_BOTH}): f"{_OR_BOTH} {_WHERE} {_UNSURE}",
-        frozenset({_NONE}): f"{_ONE} {_WHERE} {_OR_NOTHING} {_UNSURE}",
+        frozenset({_NONE}): f"{_INTRODUCTION} {_WHERE} {_OR_NOTHING} {_UNSURE}",
         frozenset({_BOTH, _NONE}): f"{_OR_BOTH} {_WHERE} {_OR_NOTHING} {_UNSURE}",
     },
     decide=_decide,
