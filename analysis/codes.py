@@ -7,7 +7,7 @@ from enum import StrEnum
 from typing import TYPE_CHECKING, Self
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Mapping
+    from collections.abc import Mapping
 
 
 class _Code(StrEnum):
@@ -106,8 +106,3 @@ class AnalysisWarning:
 
     def __str__(self) -> str:
         return self.message
-
-
-def with_code(code: WarningCode, messages: Iterable[str]) -> Iterator[AnalysisWarning]:
-    """Give several messages the same code."""
-    return (AnalysisWarning(code, message) for message in messages)

@@ -16,7 +16,7 @@ from charset_normalizer import from_bytes
 
 from analysis.reading.cells import NO, NOTHING, SILENT, TRUTHS, YES
 from analysis.reading.columns import FILL_IN, FORCED, YES_NO, ColumnMap, File, toml_entry
-from analysis.reading.foreign import MAX_CONDITIONS, UnusedColumns
+from analysis.reading.foreign import MAX_CONDITIONS, MAX_WORDS, UnusedColumns
 from analysis.reading.sources import FILE, STANDS_FOR, unreadable
 from analysis.reading.text import (
     NUMBER,
@@ -934,8 +934,9 @@ def _note_rows(everything: Sample, sample: Sample, draft: _Draft) -> None:
         draft.notes.append(f"{total} by {', '.join(map(one_line, keys))}")
     unused = UnusedColumns()
     unused.collect(sample.cells, draft.sources, {*draft.used}, [True] * sample.size)
-    aside = [*unused.message()]
-    draft.notes += [f"{line}; conditions are compared by [columns] condition" for line in aside]
+    if names := unused.names():
+        aside = f"columns with 2 to {MAX_WORDS} words that the map leaves aside: {named(names)}"
+        draft.notes.append(f"{aside}; conditions are compared by [columns] condition")
 
 
 def _list_columns(sample: Sample) -> Iterator[str]:

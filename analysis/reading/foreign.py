@@ -184,8 +184,8 @@ class UnusedColumns:
         values = {name: {*partners} - {""} for name, partners in self.partners.items()}
         return [name for name, texts in values.items() if 1 < len(texts) <= MAX_WORDS]
 
-    def message(self) -> Iterator[str]:
-        """Name in one line the columns with 2 to 6 words, but those that only say the trial again.
+    def names(self) -> list[str]:
+        """Return the columns with 2 to 6 words, but those that only say the trial again.
 
         These are columns with one participant, level, site or answer for each word, and the
         bookkeeping of PsychoPy.
@@ -201,8 +201,7 @@ class UnusedColumns:
             )
             if not repeats and name.rpartition(".")[2].lower() not in _FOLLOWING:
                 names.append(one_line(name))
-        if names:
-            yield f"columns with 2 to {MAX_WORDS} words that the map leaves aside: {named(names)}"
+        return names
 
 
 def find_columns(columns: ColumnMap, header: Sequence[str], file: str) -> dict[str, str]:

@@ -4,50 +4,51 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections import namedtuple
+from contextlib import contextmanager
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Final
 
 from analysis.reading.sources import TABLE, read_regular, unreadable
-from analysis.reading.text import ELSEWHERE, ResultFileError, shown
+from analysis.reading.text import ELSEWHERE, ResultFileError, TextFormat, shown, text_chunks
 from experiment.archive.files import HEADS, JOURNAL, LinkError, refuse_links
 from experiment.archive.journal import RecordSchemaError
 from experiment.integrity.sessions import examine, removed_journal
-from experiment.rows import (
-    ANSWERS,
-    COLUMNS,
-    OTHER_VERSION,
-    RESPONSES,
-    SCHEMA,
-    format_value,
-)
+from experiment.rows import COLUMNS, OTHER_VERSION, SCHEMA
 from experiment.trial.plan import plan_from_json
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Mapping, Sequence
+    from collections.abc import Iterable, Iterator, Sequence
     from pathlib import Path
 
-    import pandas as pd
-
-    from analysis.reading.sources import InputTable, Sources
+    from analysis.reading.sources import InputTable
+    from experiment.archive.history import History
     from experiment.integrity.sessions import Difference, Examined
     from experiment.rows import MeasuredRow
-    from experiment.trial.plan import Plan, Trial
+    from experiment.trial.plan import Plan
 
 
 PLAN = "plan.json"
 NAMES = tuple(column.name for column in COLUMNS)
 _MAX_PLAN_BYTES = 50_000_000
-_OF_TRIAL = ("condition", "block", "kind", "side", "level_vpp")
-_Row = namedtuple(  # noqa: PYI024 (whatever the types: rows are made by the hundred thousand)
-    "_Row",
-    "participant session study_sha256 trial condition block kind side level_vpp response "
-    "rt_s status line",
-)
-_NEVER_DECLARED = tuple(word for word in RESPONSES if word not in ANSWERS)
+_EXPORTED_SUFFIX: Final = ".tsv"
+_EXPORTED: Final = TextFormat(delimiter="\t", quoted=False)
+"""How `tactstrip export --bids` writes events."""
 
 
-EXPORTED_SUFFIX = ".tsv"
+def read_own_texts(
+    table: Path, *, empty_allowed: bool
+) -> Iterator[tuple[dict[str, list[str]], list[int]]]:
+    """Yield the columns of a trials.csv, or of an exported events.tsv, with the lines of the rows.
+
+    Raises ResultFileError as `text_chunks` and `own_columns`.
+    """
+    file = str(table)
+    with table.open("rb") as stream:
+        form = _EXPORTED if table.suffix == _EXPORTED_SUFFIX else None
+        header, chunks = text_chunks(stream, file, form=form, empty_allowed=empty_allowed)
+        for lines, rows in chunks:
+            cells = map(list, zip(*rows, strict=True)) if rows else [[] for _ in header]
+            yield own_columns(dict(zip(header, cells, strict=True)), file), lines
 
 
 def own_columns(texts: dict[str, list[str]], file: str) -> dict[str, list[str]]:
@@ -59,7 +60,7 @@ def own_columns(texts: dict[str, list[str]], file: str) -> dict[str, list[str]]:
     Traceback (most recent call last):
     analysis.reading.text.ResultFileError: t.csv:1: unknown column 'colour'; an external table ...
     """
-    if file.endswith(EXPORTED_SUFFIX):
+    if file.endswith(_EXPORTED_SUFFIX):
         from experiment.archive.bids import EVENT_COLUMNS  # with all of a study's sections
 
         if {*texts} == {*EVENT_COLUMNS}:
@@ -76,19 +77,27 @@ def own_columns(texts: dict[str, list[str]], file: str) -> dict[str, list[str]]:
     return {name: texts[name] for name in NAMES}
 
 
+@dataclass(frozen=True, slots=True, kw_only=True, order=True)
+class InputFile:
+    """A file that was read: its name as `InputTable.name`, and the checksum of its bytes."""
+
+    name: str
+    sha256: str
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SessionProgress:
     """How far a session came."""
 
     participant: str
     session: str
-    valid: int  # planned trials with a valid attempt
     planned: int  # trials of the plan, without the warm-up after a resume
+    valid: int = 0  # of these, those with a valid attempt
     file_sha256: str  # of the study as its file states it, before levels were placed
     unexported: int  # trials of which the journal beside the table tells, and the table does not
     study: str  # the canonical text that the plan holds
     keys_set: tuple[str, ...]  # keys that the study file sets
-    measured: tuple[MeasuredRow, ...] = field(default=(), repr=False)  # by a monitor
+    measured: tuple[MeasuredRow, ...] = field(repr=False)  # by a monitor
 
 
 def read_plan(table: Path) -> tuple[Plan, str] | None:
@@ -113,85 +122,111 @@ def read_plan(table: Path) -> tuple[Plan, str] | None:
         raise unreadable(error, path) from None
     except (ValueError, RecursionError) as error:
         raise ResultFileError(path, None, f"not a sealed plan: {error}") from None
-    _check_folder(plan, path)
+    session = path.parent.resolve()
+    folders = ((session.parent, f"sub-{plan.participant}"), (session, f"ses-{plan.session}"))
+    for folder, name in folders:
+        if folder.name.startswith(name[:4]) and folder.name != name:
+            raise ResultFileError(
+                path, None, f"the plan of {name}, but the folder is {folder.name}"
+            )
     return plan, hashlib.sha256(raw).hexdigest()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class SessionRecord:
-    """What lies beside a table.
+    """A table, and what lies beside it.
 
     Attributes
     ----------
-    plan : Plan or None
-        The plan, where there is one that can be trusted.
-    plan_file_sha256 : str
-        Checksum of its file.
+    inputs : tuple of InputFile
+        The table, and the plan where there is one that can be trusted.
+    progress : SessionProgress or None
+        How far that plan came, but for the rows of the table.
+    offers_none : bool or None
+        Whether that plan offers the answer that nothing was noticed.
     compared : bool
         Whether there is a journal, so that the table was compared with it.
-    ended : int
-        How many trials it tells of, where they may be others than those of the table.
-    measured : tuple of MeasuredRow
-        What it tells that a monitor measured.
-    altered : tuple of Difference
-        Where the session is not as it was recorded. Empty unless that is accepted, but for a
-        journal that was removed: a table without one is taken, and marked.
+    altered : tuple of str
+        Where the session is not as it was recorded, a line each. Empty unless that is accepted, but
+        for a journal that was removed: a table without one is taken, and marked.
     """
 
-    plan: Plan | None = None
-    plan_file_sha256: str = ""
+    inputs: tuple[InputFile, ...]
+    progress: SessionProgress | None = None
+    offers_none: bool | None = None
     compared: bool = False
-    ended: int = 0
-    measured: tuple[MeasuredRow, ...] = ()
-    altered: tuple[Difference, ...] = ()
+    altered: tuple[str, ...] = ()
 
 
-def read_record(table: Path, *, accept_altered: bool) -> SessionRecord:
-    """Read what lies beside a table; of a session that was altered no plan is read if in doubt.
+def read_record(table: InputTable, *, accept_altered: bool) -> tuple[SessionRecord, Plan | None]:
+    """Read what lies beside a table, and return the plan by which its rows are to be checked.
 
-    A table of another name beside a journal is taken for a copy, and compared like trials.csv.
+    A table of another name beside a journal is taken for a copy, and compared like trials.csv. Of a
+    session that was altered no plan is read if in doubt, and none is kept to.
 
     Raises ResultFileError as `read_plan`; for a session of another version of this program; and for
     the first difference from what was recorded, unless that is accepted.
-
-    >>> from pathlib import Path
-    >>> read_record(Path("table.csv"), accept_altered=False).compared
-    False
     """
-    journal = table.with_name(JOURNAL)
-    meant = table.resolve()
-    if table.is_symlink() and meant.with_name(JOURNAL).is_file():
-        message = f"is a symbolic link to {meant}, whose journal lies there; give that file itself"
-        raise ResultFileError(table, None, message)
-    if not journal.is_file():
-        if table.name == TABLE or journal.is_symlink():
-            _refuse_links(table)
-        removed = removed_journal(table.parent) if table.name == TABLE else ()
-        plan, sha256 = read_plan(table) or (None, "")
-        return SessionRecord(plan=plan, plan_file_sha256=sha256, altered=removed)
-    record = _examine(table)
-    if record.differences and not accept_altered:
-        raise _refusal(record, "takes it if its rows are consistent")
-    return SessionRecord(
-        plan=record.plan if record.history or not record.differences else None,
-        plan_file_sha256=record.plan_file_sha256,
-        compared=True,
-        ended=len(record.history.rows) if record.history else 0,
-        measured=record.history.measured if record.history else (),
-        altered=record.differences,
+    path = table.path
+    journal, target = path.with_name(JOURNAL), path.resolve()
+    if path.is_symlink() and target.with_name(JOURNAL).is_file():
+        message = f"is a symbolic link to {target}, whose journal lies there; give that file itself"
+        raise ResultFileError(path, None, message)
+    history = None
+    compared = journal.is_file()
+    if compared:
+        record = _examine(path)
+        if not accept_altered:
+            _refuse_differences(record.differences, "takes it if its rows are consistent")
+        history, differences = record.history, record.differences
+        plan = record.plan if history or not differences else None
+        plan_sha256 = record.plan_file_sha256
+    else:
+        if path.name == TABLE or journal.is_symlink():
+            with _refusals(path):
+                refuse_links(path.parent, path.name)
+        differences = removed_journal(path.parent) if path.name == TABLE else ()
+        plan, plan_sha256 = read_plan(path) or (None, "")
+    inputs = [InputFile(name=table.name, sha256=_hash_file(path))]
+    if plan:
+        inputs.append(InputFile(name=_beside(table.name, PLAN), sha256=plan_sha256))
+    kept = SessionRecord(
+        inputs=tuple(inputs),
+        progress=_progress(plan, history) if plan else None,
+        offers_none=plan.task.nothing in plan.responses if plan else None,
+        compared=compared,
+        altered=tuple(_format_difference(each, table.name) for each in differences),
+    )
+    return kept, None if compared and differences else plan
+
+
+def _progress(plan: Plan, history: History | None) -> SessionProgress:
+    return SessionProgress(
+        participant=plan.participant,
+        session=plan.session,
+        planned=len(plan.trials),
+        file_sha256=plan.file_sha256,
+        unexported=len(history.rows) if history else 0,
+        study=plan.study,
+        keys_set=plan.keys_set,
+        measured=history.measured if history else (),
     )
 
 
-def _refuse_links(table: Path) -> None:
-    try:
-        refuse_links(table.parent, table.name)
-    except LinkError as error:
-        raise ResultFileError(error.path, None, error.message) from None
+def _hash_file(path: Path) -> str:
+    with _refusals(path), path.open("rb") as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()
 
 
 def _examine(table: Path) -> Examined:
-    try:
+    with _refusals(table):
         return examine(table.parent, table.name)
+
+
+@contextmanager
+def _refusals(table: Path) -> Iterator[None]:
+    try:
+        yield
     except (RecordSchemaError, LinkError) as error:
         line = None if isinstance(error, LinkError) else error.line
         raise ResultFileError(error.path, line, error.message) from None
@@ -201,195 +236,68 @@ def _examine(table: Path) -> Examined:
         raise ResultFileError(table, None, str(error)) from None
 
 
-def _refusal(record: Examined, does: str, *, without_table: bool = False) -> ResultFileError:
-    """Say the first of the differences, what accepts it and, of one of the table, what mends it."""
-    first, *rest = record.differences
-    more = f" (and {len(rest)} more; tactstrip verify DIR names all)" if rest else ""
-    mended = all(difference.mended_by == "export" for difference in record.differences)
-    if without_table and any(difference.mended_by is None for difference in record.differences):
-        more += f"; no {TABLE} can be built of it: restore it from a copy"
-    return _not_accepted(
-        first,
-        f"{more}; tactstrip analyze --accept-altered {does}, with a mark"
-        + (", tactstrip export DIR builds it anew from the journal" if mended else ""),
+def _refuse_differences(differences: Sequence[Difference], action: str) -> None:
+    """Refuse the first difference; name what accepts all of them, and what mends them."""
+    if not differences:
+        return
+    first, *others = differences
+    more = f" (and {len(others)} more; tactstrip verify DIR names all)" if others else ""
+    mended_by = {each.mended_by for each in differences}
+    restore = "; restore it from a copy" if None in mended_by else ""
+    export = ", tactstrip export DIR builds it anew from the journal"
+    raise ResultFileError(
+        first.path,
+        first.line,
+        f"{first.message}{first.hint}{more}{restore}; tactstrip analyze --accept-altered {action}, "
+        f"with a mark{export if mended_by == {'export'} else ''}",
     )
 
 
-def _not_accepted(first: Difference, what: str) -> ResultFileError:
-    return ResultFileError(first.path, first.line, f"{first.message}{first.hint}{what}")
+def read_missing(
+    tables: Iterable[InputTable], *, accept_altered: bool
+) -> tuple[dict[str, str], dict[str, tuple[str, ...]]]:
+    """Look at the sessions that lack their table.
 
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LeftOut:
-    """Sessions of which there is no table, by their names.
-
-    Attributes
-    ----------
-    without_table : mapping of str to str
-        What can be done about each that is as it was recorded.
-    lost : mapping of str to tuple of str
-        What is not as it was recorded in the others.
-    """
-
-    without_table: Mapping[str, str]
-    lost: Mapping[str, tuple[str, ...]]
-
-
-def left_out(sources: Sources, *, accept_altered: bool) -> LeftOut:
-    """Look at the sessions without a table.
+    Returns, by the names of sessions, what can be done about each that is as it was recorded, and
+    what is not as it was recorded in the others.
 
     Raises ResultFileError as `read_record`, and for a session of which no file is left, unless that
     is accepted.
 
-    >>> from analysis.reading.sources import Sources
-    >>> left_out(Sources(tables=()), accept_altered=False)
-    LeftOut(without_table={}, lost={})
+    >>> read_missing([], accept_altered=False)
+    ({}, {})
     """
-    without, lost = {}, {}
-    for table in sources.without:
-        record = _examine(table.path)
-        if record.differences and not accept_altered:
-            raise _refusal(record, "leaves the session out", without_table=True)
-        if record.differences:
-            lost[_session(table)] = tuple(
-                format_difference(difference, table.name) for difference in record.differences
-            )
+    without_table: dict[str, str] = {}
+    lost: dict[str, tuple[str, ...]] = {}
+    for table in tables:
+        record = None if table.lost else _examine(table.path)
+        differences = record.differences if record else ()
+        if table.lost:
+            differences = (table.lost,)
+        session = _beside(table.name, "").removesuffix("/") or table.path.resolve().parent.name
+        if differences and not accept_altered:
+            _refuse_differences(differences, "leaves the session out")
+        if differences:
+            lost[session] = tuple(_format_difference(each, table.name) for each in differences)
         else:
-            builds = "tactstrip export DIR builds it"
-            without[_session(table)] = builds if record.history else "nothing was recorded in it"
-    for table, difference in sources.lost:
-        if not accept_altered:
-            raise _not_accepted(
-                difference,
-                "; restore it from a copy; tactstrip analyze --accept-altered leaves "
-                "the session out, with a mark",
-            )
-        lost[_session(table)] = (format_difference(difference, table.name),)
-    return LeftOut(without_table=without, lost=lost)
+            is_recorded = record and record.history
+            export = "tactstrip export DIR builds it"
+            without_table[session] = export if is_recorded else "nothing was recorded in it"
+    return without_table, lost
 
 
-def _session(table: InputTable) -> str:
-    return beside(table.name, "").removesuffix("/") or table.path.resolve().parent.name
-
-
-def beside(name: str, file: str) -> str:
-    """Return the name of a file beside another.
-
-    >>> beside("sub-01/ses-01/trials.csv", "plan.json"), beside("trials.csv", "plan.json")
-    ('sub-01/ses-01/plan.json', 'plan.json')
-    """
+def _beside(name: str, file: str) -> str:
+    """Return the name of a file beside another."""
     return name[: name.rfind("/") + 1] + file
 
 
-def format_difference(difference: Difference, name: str) -> str:
-    """Return a difference as a line, its file named as the table is, by `name`.
-
-    >>> from pathlib import Path
-    >>> from experiment.integrity.sessions import Difference
-    >>> folder = Path("results/sub-01/ses-01")
-    >>> difference = Difference(path=folder / "header.json", line=None, message="is missing")
-    >>> format_difference(difference, "sub-01/ses-01/trials.csv")
-    'sub-01/ses-01/header.json: is missing'
-    """
-    folder = beside(name, "")
+def _format_difference(difference: Difference, name: str) -> str:
+    """Return a difference as a line, its file named as the table is, by `name`."""
+    folder = _beside(name, "")
     if difference.path.name == HEADS:
         folder = "".join(f"{name}/" for name in folder.split("/")[:-2])
     line = "" if difference.line is None else f":{difference.line}"
     return f"{folder}{difference.path.name}{line}: {difference.message}"
-
-
-def _check_folder(plan: Plan, path: Path) -> None:
-    """Refuse a plan in the folder ``sub-*/ses-*`` of another session."""
-    session = path.parent.resolve()
-    folders = ((session.parent, "sub-", plan.participant), (session, "ses-", plan.session))
-    for folder, prefix, name in folders:
-        if folder.name.startswith(prefix) and folder.name != prefix + name:
-            message = f"the plan of {prefix}{name}, but the folder is {folder.name}"
-            raise ResultFileError(path, None, message)
-
-
-def plan_rows(rows: pd.DataFrame) -> list[Any]:
-    """Return typed rows as tuples with what `check_plan` and `progress` look at.
-
-    >>> import pandas as pd
-    >>> plan_rows(pd.DataFrame([dict.fromkeys(_Row._fields, "01")]))[0].session
-    '01'
-    """
-    return list(map(_Row._make, zip(*(rows[name].tolist() for name in _Row._fields), strict=True)))
-
-
-def check_plan(rows: Sequence[Any], file: str, plan: Plan) -> None:
-    """Refuse the rows of one session where they contradict its plan.
-
-    Rows come from `plan_rows`; the level of a blank trial is NaN.
-
-    Raises ResultFileError naming the first line that is of another participant, session or study,
-    presents what was not planned, or has an answer that was not declared or came after the response
-    window.
-
-    >>> import pandas as pd
-    >>> from types import SimpleNamespace
-    >>> plan = SimpleNamespace(participant="01", session="01", trials=(), warm_up=(),
-    ...     responses=("left",), response_window_s=2.0)
-    >>> row = dict.fromkeys(_Row._fields, "02") | {"line": 2}
-    >>> check_plan(plan_rows(pd.DataFrame([row])), "trials.csv", plan)
-    Traceback (most recent call last):
-    analysis.reading.text.ResultFileError: trials.csv:2: column 'participant' is 02; it must be
-    01 by the plan beside the table
-    """
-    trials = {trial.number: trial for trial in (*plan.trials, *plan.warm_up)}
-    for row in rows:
-        for column, must in _breaches(row, trials.get(row.trial), plan):
-            value = format_value(_value(getattr(row, column)))
-            fault = f"column '{column}' is {value}; it must be {must} by the plan beside the table"
-            raise ResultFileError(file, row.line, fault)
-
-
-def _breaches(row: Any, trial: Trial | None, plan: Plan) -> Iterator[tuple[str, str]]:
-    """Yield the columns in which a row breaks its plan, and what they must be."""
-    for name in ("participant", "session", "study_sha256"):
-        if getattr(row, name) != getattr(plan, name):
-            yield name, getattr(plan, name)
-    if trial is None:
-        yield "trial", "the number of a planned trial"
-    for name in _OF_TRIAL if trial else ():
-        if _value(getattr(row, name)) != getattr(trial, name):
-            yield name, f"{format_value(getattr(trial, name))} in trial {row.trial}"
-    offered = plan.responses if trial is None else plan.answers_to(trial)
-    allowed = (*offered, *_NEVER_DECLARED)
-    if _value(row.response) not in {*allowed, None}:
-        yield "response", f"one of {', '.join(allowed)}"
-    if row.rt_s > plan.response_window_s:
-        yield "rt_s", f"at most the response window, {plan.response_window_s:g},"
-
-
-def _value(value: Any) -> Any:
-    return None if value is None or value != value else value  # noqa: PLR0124 (NaN)
-
-
-def progress(rows: Sequence[Any], plan: Plan, ended: int) -> SessionProgress:
-    """Count the planned trials that have a valid attempt; a journal tells how many `ended`.
-
-    >>> from types import SimpleNamespace
-    >>> trials = [SimpleNamespace(number=number) for number in (1, 2)]
-    >>> plan = SimpleNamespace(participant="01", session="01", trials=trials, file_sha256="f",
-    ...     study="{}", keys_set=())
-    >>> rows = [SimpleNamespace(trial=1, status="ok"), SimpleNamespace(trial=2, status="voided")]
-    >>> progress(rows, plan, 2)
-    SessionProgress(participant='01', session='01', valid=1, planned=2, file_sha256='f',
-    unexported=0, study='{}', keys_set=())
-    """
-    numbers = {trial.number for trial in plan.trials}
-    return SessionProgress(
-        participant=plan.participant,
-        session=plan.session,
-        valid=sum(row.status == "ok" and row.trial in numbers for row in rows),
-        planned=len(numbers),
-        file_sha256=plan.file_sha256,
-        unexported=max(0, ended - len(rows)),
-        study=plan.study,
-        keys_set=plan.keys_set,
-    )
 
 
 def contacts(
@@ -402,23 +310,15 @@ def contacts(
     >>> contacts([], [("01", "01"), ("02", "01")])
     {'not stated': ('sub-01/ses-01', 'sub-02/ses-01')}
     """
-    studies = {(session.participant, session.session): session.study for session in progress}
-    summaries = {"": "not stated"}  # by the study's section: a lab's studies differ elsewhere
-    sessions_of: dict[str, list[str]] = {}
+    from experiment.study.equipment import Contact
+
+    sections = {(s.participant, s.session): json.loads(s.study).get("contact") for s in progress}
+    sessions_of: dict[str, tuple[str, ...]] = {}
     for participant, session in sessions:
-        text = studies.get((participant, session))
-        section = "" if text is None else json.dumps(json.loads(text).get("contact"))
-        if text is not None and section not in summaries:
-            summaries[section] = _contact(text)
-        sessions_of.setdefault(summaries[section], []).append(f"sub-{participant}/ses-{session}")
-    return {summary: tuple(names) for summary, names in sessions_of.items()}
-
-
-def _contact(text: str) -> str:
-    from experiment.study.base import StudyError
-    from experiment.study.files import study_from_canonical
-
-    try:
-        return study_from_canonical(text).contact.summary
-    except StudyError:
-        return "not known, for this version cannot read the study"
+        section = sections.get((participant, session)) or {}
+        summary = Contact.model_construct(**section).summary
+        sessions_of[summary] = (
+            *sessions_of.get(summary, ()),
+            f"sub-{participant}/ses-{session}",
+        )
+    return sessions_of

@@ -6,7 +6,7 @@ import os
 import re
 import stat
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 from analysis.reading.text import ELSEWHERE, ResultFileError, one_line
@@ -43,60 +43,35 @@ def read_name(path: Path) -> dict[str, str]:
     return {FILE: path.stem} | {f"{entity[1]}-": entity[2] for entity in entities if entity}
 
 
-def bids_tables(people: list[Path]) -> list[Path]:
-    """Return the tables of behaviour and events below folders ``sub-*``, by name."""
-    below = (path for folder in people for path in folder.rglob("*.tsv"))
-    return sorted(p for p in below if _BIDS_TABLE.fullmatch(p.name) and _is_visible(p))
-
-
-def plain_tables(folder: Path) -> list[Path]:
-    """Return the tables in a folder that is no data set, by name."""
-    files = sorted(path for path in folder.iterdir() if _is_visible(path))
-    tables = ([path for path in files if path.suffix.lower() in ends] for ends in _ENDINGS)
-    return next(filter(None, tables), [])
-
-
-def _is_visible(path: Path) -> bool:
-    return not path.name.startswith(".")  # as a spreadsheet's lock and macOS's copies do
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class InputTable:
-    """A table to read.
+    """A table to read, or the place of one that is missing.
 
     Attributes
     ----------
     path : Path
         The file, as the caller named it or its folder.
     name : str
-        Printable, relative to the one folder that was asked for, or to the folder that holds
-        everything that was asked for: the same wherever that lies.
+        Printable, relative to the folder that holds everything that was given: the same wherever
+        that lies.
     about : mapping of str to str
         What the file's name tells, see `read_name`.
+    lost : Difference or None
+        What tells of the session, where no file of it is left.
     """
 
     path: Path
     name: str
-    about: Mapping[str, str] = field(default_factory=dict)
+    about: Mapping[str, str]
+    lost: Difference | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sources:
-    """What there is to read.
-
-    Attributes
-    ----------
-    tables : tuple of InputTable
-        The tables.
-    without : tuple of InputTable
-        Where the trials.csv would be of session folders that have none.
-    lost : tuple of tuple of InputTable and Difference
-        The same of sessions of which no file is left, and what tells of them.
-    """
+    """The tables to read, and the places of those that sessions lack."""
 
     tables: tuple[InputTable, ...]
-    without: tuple[InputTable, ...] = ()
-    lost: tuple[tuple[InputTable, Difference], ...] = ()
+    missing: tuple[InputTable, ...] = ()
 
 
 def find_sources(paths: list[Path], *, foreign: bool = False) -> Sources:
@@ -119,109 +94,103 @@ def find_sources(paths: list[Path], *, foreign: bool = False) -> Sources:
     """
     if not paths:
         raise ValueError("paths must name at least one file or folder, got none")
-    tables: list[tuple[Path, Path]] = []
-    without: list[tuple[Path, Path]] = []
-    lost: list[tuple[Path, Path, Difference]] = []
+    listed: list[tuple[Path, Path]] = []
+    missing: dict[Path, Difference | None] = {}
     for path in paths:
-        with _faults_named(path):
-            if not path.is_dir():
-                tables.append((path.parent, _checked(path)))
-                continue
-            refuse_given_link(path)
-            gone = _lost(path)
-            sessions = [folder / TABLE for folder in _sessions(path) if folder not in gone]
-            complete = [table for table in sessions if _exists(table)]
-            elsewhere = []
-            if not gone and not complete:
-                elsewhere = _elsewhere(path, foreign=foreign and not sessions)
-            if not sessions and not gone and not elsewhere:
-                which = "table (.csv, .tsv or .txt)" if foreign else f"sub-*/ses-*/{TABLE}"
-                hint = f"; {ELSEWHERE}" if not foreign and plain_tables(path) else ""
-                raise ResultFileError(path, None, f"no {which} in this folder{hint}")
-            for table in complete:
-                refuse_link(table)
-            tables += [(path, _checked(table)) for table in (*elsewhere, *complete)]
-            if not elsewhere:
-                without += [(path, table) for table in sessions if table not in complete]
-                lost += [(path, folder / TABLE, why) for folder, why in gone.items()]
-    names = _names([*tables, *without, *((folder, path) for folder, path, _ in lost)])
+        tables: list[Path] = [path]
+        absent: dict[Path, Difference | None] = {}
+        try:
+            if path.is_dir():
+                tables, absent = _list_folder(path, foreign=foreign)
+            for table in tables:
+                if not table.is_file():
+                    fault = "not a regular file" if table.exists() else "no such file or folder"
+                    raise ResultFileError(table, None, fault)
+        except LinkError as error:
+            raise ResultFileError(error.path, None, error.message) from None
+        except OSError as error:
+            raise unreadable(error, path) from None
+        folder = path if path.is_dir() else path.parent
+        listed += [(folder, table) for table in (*tables, *absent)]
+        missing |= absent
+    resolved = {folder: folder.resolve() for folder, _ in listed}
+    base = os.path.commonpath(resolved.values())
+    sources = [
+        InputTable(
+            path=table,
+            name=one_line(
+                (resolved[folder] / table.relative_to(folder)).relative_to(base).as_posix()
+            ),
+            about=read_name(table),
+            lost=missing.get(table),
+        )
+        for folder, table in listed
+    ]
     return Sources(
-        tables=tuple(InputTable(path=p, name=names[p], about=read_name(p)) for _, p in tables),
-        without=tuple(InputTable(path=path, name=names[path]) for _, path in without),
-        lost=tuple((InputTable(path=path, name=names[path]), why) for _, path, why in lost),
+        tables=tuple(source for source in sources if source.path not in missing),
+        missing=tuple(source for source in sources if source.path in missing),
     )
 
 
-@contextmanager
-def _faults_named(path: Path) -> Iterator[None]:
-    try:
-        yield
-    except LinkError as error:
-        raise ResultFileError(error.path, None, error.message) from None
-    except OSError as error:
-        raise unreadable(error, path) from None
-
-
-def _elsewhere(folder: Path, *, foreign: bool) -> list[Path]:
-    """Return the tables of a folder that is none of ours."""
-    given = folder.resolve().name.startswith(("sub-", "ses-"))
-    tables = bids_tables([folder] if given else _folders(folder, "sub-"))
-    return tables or (plain_tables(folder) if foreign else [])
-
-
-def _lost(folder: Path) -> dict[Path, Difference]:
-    """Return the sessions of which no file is left, though the record names them."""
+def _list_folder(
+    folder: Path, *, foreign: bool
+) -> tuple[list[Path], dict[Path, Difference | None]]:
+    """Return the tables of a folder, and those that sessions lack, with what tells of lost ones."""
+    refuse_given_link(folder)
     name = folder.resolve().name
-    if not name.startswith("ses-"):
-        return {k: v for person in _people(folder) for k, v in lost_sessions(person).items()}
-    lost = {path.name: why for path, why in lost_sessions(person_of(folder)).items()}
-    return {folder: lost[name]} if name in lost else {}
+    people = [folder] if name.startswith(("sub-", "ses-")) else _list_folders(folder, "sub-")
+    if name.startswith("ses-"):
+        heads = lost_sessions(person_of(folder)).items()
+        sessions, lost = [folder], [(folder, why) for path, why in heads if path.name == name]
+    else:
+        sessions = [session for person in people for session in _list_folders(person, "ses-")]
+        lost = [each for person in people for each in lost_sessions(person).items()]
+    tables = [session / TABLE for session in sessions]
+    absent: dict[Path, Difference | None] = {t: None for t in tables if not _is_there(t)}
+    absent |= {session / TABLE: why for session, why in lost}
+    tables = [table for table in tables if table not in absent]
+    for table in tables:
+        refuse_link(table)
+    if tables or lost:
+        return tables, absent
+    below = (path for person in people for path in person.rglob("*.tsv"))
+    others = sorted(p for p in below if _BIDS_TABLE.fullmatch(p.name) and _is_visible(p))
+    plain = _list_plain_tables(folder) if not others and not sessions else []
+    if others or (foreign and plain):
+        return others or plain, {}
+    if sessions:
+        return [], absent
+    which = "table (.csv, .tsv or .txt)" if foreign else f"sub-*/ses-*/{TABLE}"
+    hint = f"; {ELSEWHERE}" if plain else ""
+    raise ResultFileError(folder, None, f"no {which} in this folder{hint}")
 
 
-def _exists(path: Path) -> bool:
+def _list_folders(folder: Path, prefix: str) -> list[Path]:
+    """Return folders by name; unlike a glob, never pass over one that cannot be read."""
+    paths = sorted(path for path in folder.iterdir() if path.name.startswith(prefix))
+    for path in paths:
+        if not path.is_file():
+            refuse_link(path)
+    return [path for path in paths if path.is_dir()]
+
+
+def _list_plain_tables(folder: Path) -> list[Path]:
+    files = sorted(path for path in folder.iterdir() if _is_visible(path))
+    tables = ([path for path in files if path.suffix.lower() in ends] for ends in _ENDINGS)
+    return next(filter(None, tables), [])
+
+
+def _is_visible(path: Path) -> bool:
+    return not path.name.startswith(".")  # as a spreadsheet's lock and macOS's copies do
+
+
+def _is_there(path: Path) -> bool:
     """Return whether something is there; unlike `Path.exists`, fail where nobody can know."""
     try:
         path.lstat()
     except FileNotFoundError:
         return False
     return True
-
-
-def _names(files: list[tuple[Path, Path]]) -> dict[Path, str]:
-    """Name files by their way from the folder that holds all folders that were given."""
-    resolved = {folder: folder.resolve() for folder in {folder for folder, _ in files}}
-    base = os.path.commonpath(resolved.values())
-    return {
-        path: one_line((resolved[folder] / path.relative_to(folder)).relative_to(base).as_posix())
-        for folder, path in files
-    }
-
-
-def _sessions(folder: Path) -> list[Path]:
-    if folder.resolve().name.startswith("ses-"):
-        return [folder]
-    return [session for person in _people(folder) for session in _folders(person, "ses-")]
-
-
-def _people(folder: Path) -> list[Path]:
-    return [folder] if folder.resolve().name.startswith("sub-") else _folders(folder, "sub-")
-
-
-def _folders(folder: Path, prefix: str) -> list[Path]:
-    """Return folders by name; unlike a glob, never pass over one that cannot be read."""
-    folders = sorted(path for path in folder.iterdir() if path.name.startswith(prefix))
-    for path in folders:
-        if not path.is_file():
-            refuse_link(path)
-    return [path for path in folders if path.is_dir()]
-
-
-def _checked(path: Path) -> Path:
-    if not path.exists():
-        raise ResultFileError(path, None, "no such file or folder")
-    if not path.is_file():
-        raise ResultFileError(path, None, "not a regular file")
-    return path
 
 
 def unreadable(error: OSError, path: Path) -> ResultFileError:
@@ -274,17 +243,11 @@ def unchanged(paths: Iterable[Path]) -> Iterator[None]:
     before = [(path, _stamp(path)) for path in paths]
     try:
         yield
-    except (ResultFileError, OSError):
-        _refuse_changed(before)
-        raise
-    _refuse_changed(before)
-
-
-def _refuse_changed(before: list[tuple[Path, tuple[int, ...] | None]]) -> None:
-    for path, stamp in before:
-        if _stamp(path) != stamp:
-            message = "changed while it was read; analyze it when nothing writes there any more"
-            raise ResultFileError(path, None, message) from None
+    finally:
+        for path, stamp in before:
+            if _stamp(path) != stamp:
+                message = "changed while it was read; analyze it when nothing writes there any more"
+                raise ResultFileError(path, None, message) from None
 
 
 def _stamp(path: Path) -> tuple[int, ...] | None:

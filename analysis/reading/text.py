@@ -317,8 +317,10 @@ def guess_unmarked_utf_16(start: bytes) -> str:
     >>> guess_unmarked_utf_16("a,b".encode("utf-16-le")), guess_unmarked_utf_16(b"a,b")
     ('utf-16-le', '')
     """
-    is_nul = [byte == 0 for byte in start[:2]]
-    return {(False, True): "utf-16-le", (True, False): "utf-16-be"}.get(tuple(is_nul), "")
+    first, second = bool(start[:1].strip(b"\0")), bool(start[1:2].strip(b"\0"))
+    if len(start) < 2 or first == second:  # noqa: PLR2004 (bytes of a sign)
+        return ""
+    return "utf-16-le" if first else "utf-16-be"
 
 
 _MAX_NAMED = 5

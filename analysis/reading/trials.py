@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import gc
-import hashlib
 import math
 import re
 from collections import Counter
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass, field, replace
-from itertools import pairwise
+from functools import partial
+from itertools import chain
 from operator import itemgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, NamedTuple, cast
@@ -18,13 +18,14 @@ import numpy as np
 import pandas as pd
 
 from analysis.axis import Axis
-from analysis.codes import AnalysisWarning, WarningCode, with_code
+from analysis.codes import AnalysisWarning, WarningCode
 from analysis.numbers import TOTAL
 from analysis.reading.cells import CellReader, read_columns
-from analysis.reading.columns import YES_NO, toml_entry
+from analysis.reading.columns import YES_NO, Rows
 from analysis.reading.foreign import (
     MAX_CONDITIONS,
     MAX_PRESENTED,
+    MAX_WORDS,
     NO_STIMULUS,
     UNNUMBERED,
     RowFilter,
@@ -37,26 +38,21 @@ from analysis.reading.foreign import (
     with_responses,
 )
 from analysis.reading.session import (
-    EXPORTED_SUFFIX,
     PLAN,
-    beside,
-    check_plan,
-    format_difference,
-    left_out,
-    own_columns,
-    plan_rows,
-    progress,
+    InputFile,
+    read_missing,
+    read_own_texts,
     read_record,
 )
 from analysis.reading.sources import FILE, TABLE, find_sources, unchanged, unreadable
-from analysis.reading.text import ResultFileError, TextFormat, named, one_line, shown, text_chunks
+from analysis.reading.text import ResultFileError, named, one_line, shown
 from experiment.rows import (
+    ANSWERS,
     COLUMNS,
     HANDS_OFF,
     NOT_AVAILABLE,
     PRACTICE,
     RESPONSES,
-    SCHEMA,
     SIDES,
     format_value,
 )
@@ -69,6 +65,7 @@ if TYPE_CHECKING:
     from analysis.reading.columns import ColumnMap, Table
     from analysis.reading.session import SessionProgress, SessionRecord
     from analysis.reading.sources import InputTable
+    from experiment.trial.plan import Plan
 
 
 MAX_PARTICIPANTS: Final = 1_000
@@ -82,22 +79,37 @@ MIN_LEVEL_VPP, MAX_LEVEL_VPP = 1e-6, 1e6
 MIN_MEDIAN_RT_S, MAX_MEDIAN_RT_S = 0.01, 10.0
 _NO_TOTAL: Final = "another name, for this is the name of the total's row"
 _BATCH_ROWS: Final = 8_192
-_EXPORTED: Final = TextFormat(delimiter="\t", quoted=False)
-"""How `tactstrip export --bids` writes events."""
 _READERS: Final = tuple(CellReader(column=column, label=column.name) for column in COLUMNS)
 _KEY: Final = ["participant", "session", "trial", "attempt"]
 _NEVER_COUNTED: Final = (PRACTICE, HANDS_OFF)
-_NO_ANSWERS: Final = ("timeout", "invalid")
+_OF_TRIAL: Final = ("condition", "block", "kind", "side", "level_vpp")
+_OF_PLAN: Final = ("participant", "session", "study_sha256", "response_window_s")
+_DECIMAL: Final = re.compile(r"\d+(\.0*)?", re.ASCII)
+_MIN_SAME_TRIALS: Final = 10
+_MIN_BLANKS, _MAX_FALSE_ALARMS = 10, 0.5
+_REMARKS: Final = {
+    WarningCode.CONDITIONS_POOLED: (
+        f"columns with 2 to {MAX_WORDS} words that the map leaves aside: {{columns}}"
+    ),
+    WarningCode.NAMES_ALIKE: (
+        "{column}: {names} may be the same; [values.{column}] in the map gives them one name"
+    ),
+    WarningCode.SAME_TRIALS_TWICE: (
+        "{first} and {second} hold the same {trials} trials: one may be a copy"
+    ),
+    WarningCode.BLANKS_MOSTLY_DETECTED: (
+        "in {share:.0%} of {blanks} blank trials something was felt: if that is a column of right "
+        "and wrong answers, it has 1 for a blank that was rightly not felt; [columns] detected "
+        "must be what was answered"
+    ),
+}
+_REPEATED: Final = (
+    '; where trials are numbered anew in each block, the map needs [columns] trial = "" (their '
+    f'order is taken); where files are sessions, session = "{FILE}", or participant = "{FILE}" '
+    f"where they are of several people; [rows.skip] {FILE} leaves out a run that was begun anew"
+)
 NEVER_ANSWERED: Final = "never_answered"
 """Reason of a participant's trials in a condition where every one that would count timed out."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, order=True)
-class InputFile:
-    """A file that was read: its name as `InputTable.name`, and the checksum of its bytes."""
-
-    name: str
-    sha256: str
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -264,126 +276,87 @@ def read_inputs(
     (1, ['table.csv'])
     """
     sources = find_sources([Path(path) for path in paths], foreign=columns is not None)
+    without_table, lost = read_missing(sources.missing, accept_altered=accept_altered)
     reading = _Reading(columns, accept_altered=accept_altered)
-    tables = [source for source in sources.tables if reading.rows.reads(source.about)]
-    if sources.tables and not tables:
-        reading.rows.refuse_unmet(str(paths[0]))
-        message = f"all files are left out by {reading.rows.format_keys()}"
-        raise ResultFileError(paths[0], None, message)
-    if not tables:
-        missing = left_out(sources, accept_altered=accept_altered)
-        why = [*missing.without_table.values(), *sum(missing.lost.values(), ())]
-        message = f"no session in this folder has a {TABLE}; {why[0]}"
-        raise ResultFileError(paths[0], None, message)
+    tables = [source for source in sources.tables if reading.filter.reads(source.about)]
     files = [path for table in tables for path in (table.path, table.path.with_name(PLAN))]
     with unchanged(files), watched(tables) as watched_tables, no_search_for_circles():
         rows = reading.read(watched_tables)
-    reading.rows.refuse_unmet(str(paths[0]))
-    _refuse_copies(reading.tables)
-    _refuse_nothing(reading)
-    missing = left_out(sources, accept_altered=accept_altered)
-    loaded = LoadedTrials(
-        trials=rows,
+    reading.filter.refuse_unmet(str(paths[0]))
+    left_out_by = reading.filter.format_keys(reading.left_out) if reading.left_out else ""
+    if rows.empty:
+        message = "no session here has a trial yet"
+        if sources.tables and not tables:
+            message = f"all files are left out by {reading.filter.format_keys()}"
+        elif not tables:
+            reason = next(iter([*without_table.values(), *sum(lost.values(), ())]))
+            message = f"no session in this folder has a {TABLE}; {reason}"
+        elif left_out_by:
+            message = f"all {reading.left_out.total()} rows are left out by {left_out_by}"
+        raise ResultFileError(tables[0].path if tables else paths[0], None, message)
+    n_rows = rows["file"].value_counts()
+    records = reading.records
+    _refuse_copies({file: record for file, record in records.items() if file in n_rows})
+    numbered, cells, blanks = True, None, None
+    if columns and columns.table:
+        cells, blanks = _check_counts(rows, columns, reading.unused)
+        if cells.empty:
+            by = (
+                f"; {reading.left_out.total()} are left out by {left_out_by}" if left_out_by else ""
+            )
+            raise ResultFileError(tables[0].path, None, f"nothing was presented in any row{by}")
+        trials = with_reasons(no_rows())
+    else:
+        numbered = bool(rows["trial"].ne(UNNUMBERED).all()) or _are_rows_in_order(rows, columns)
+        trials = _check_trials(rows, columns, records)
+    inputs = [file for record in records.values() for file in record.inputs]
+    changed: tuple[AnalysisWarning, ...] = ()
+    if columns:
+        inputs += [InputFile(name=one_line(columns.name), sha256=columns.sha256)] * bool(
+            columns.sha256
+        )
+        changed = tuple(_remarks(trials if cells is None else rows, columns, reading.unused))
+    return LoadedTrials(
+        trials=trials,
         paths=tuple(table.path for table in tables),
-        inputs=_input_files(reading.tables, columns),
-        without_table=missing.without_table,
-        lost=missing.lost,
-        progress=tuple(table.progress for table in reading.tables if table.progress),
-        axis=Axis() if columns is None else columns.axis,
-        alternatives=2 if columns is None else columns.alternatives,
-        task="" if columns is None else columns.task,
-        altered={str(table.path): table.altered for table in reading.tables if table.altered},
-        left_out=reading.left_out.total(),
-        left_out_files=len(sources.tables) - len(tables),
-        left_out_by=reading.rows.format_keys(reading.left_out) if reading.left_out else "",
-        changed=tuple(
-            with_code(WarningCode.CONDITIONS_POOLED, reading.unused.message())
-            if columns and columns.columns.get("condition") != ""
-            else ()
+        inputs=tuple(sorted(inputs)),
+        without_table=without_table,
+        progress=_count_rows(trials, records),
+        axis=columns.axis if columns else Axis(),
+        altered={file: record.altered for file, record in records.items() if record.altered},
+        lost=lost,
+        not_compared=tuple(
+            record.inputs[0].name
+            for file, record in records.items()
+            if file in n_rows and not (record.compared or columns)
         ),
-    )
-    return (
-        _with_counts(loaded, rows, columns, reading.unused.varying())
-        if columns and columns.table
-        else _with_trials(loaded, rows, columns, reading.tables)
-    )
-
-
-def _with_counts(
-    loaded: LoadedTrials, rows: pd.DataFrame, columns: ColumnMap, aside: Sequence[str]
-) -> LoadedTrials:
-    refuse_repeated_counts(rows, aside)
-    cells, blanks = sum_counts(rows, columns)
-    if cells.empty:
-        by = f"; {loaded.left_out} are left out by {loaded.left_out_by}" if loaded.left_out else ""
-        raise ResultFileError(loaded.paths[0], None, f"nothing was presented in any row{by}")
-    spellings = with_code(WarningCode.NAMES_ALIKE, _names_alike(rows))
-    return replace(
-        loaded,
-        trials=with_reasons(no_rows()),
+        alternatives=columns.alternatives if columns else 2,
+        task=columns.task if columns else "",
         cells=cells,
         blanks=blanks,
-        changed=(*loaded.changed, *spellings),
-    )
-
-
-def _with_trials(
-    loaded: LoadedTrials,
-    rows: pd.DataFrame,
-    columns: ColumnMap | None,
-    tables: Sequence[ReadTable],
-) -> LoadedTrials:
-    numbered = bool(rows["trial"].ne(UNNUMBERED).all()) or _rows_in_order(rows, columns)
-    trials = _with_numbers(rows)
-    trials["none_offered"] = offered_to_all(trials)
-    planned = frozenset(str(table.path) for table in tables if table.plan)
-    _check_reaction_times(trials, planned, columns)
-    trials = without_silence(with_reasons(trials))
-    _refuse_repeats(trials, external=columns is not None)
-    changed = loaded.changed
-    not_compared: tuple[str, ...] = ()
-    side_told = True
-    if columns is None:
-        not_compared = tuple(t.file.name for t in tables if t.trials and not t.compared)
-    else:
-        changed = (
-            *changed,
-            *with_code(WarningCode.NAMES_ALIKE, _names_alike(trials)),
-            *with_code(WarningCode.SAME_TRIALS_TWICE, _same_trials_twice(trials)),
-            *with_code(WarningCode.BLANKS_MOSTLY_DETECTED, _mostly_felt_blanks(trials)),
-        )
-        _refuse_lost_sites(trials, columns)
-        side_told = not _has_one_site(columns, {*trials["side"].astype(object)})
-    return replace(
-        loaded,
-        trials=trials,
         changed=changed,
+        left_out=reading.left_out.total(),
+        left_out_files=len(sources.tables) - len(tables),
+        left_out_by=left_out_by,
         numbered=numbered,
-        not_compared=not_compared,
-        side_told=side_told,
+        side_told=not (columns and cells is None and _has_one_site(trials, columns)),
     )
 
 
-def _has_one_site(columns: ColumnMap, sides: set[str]) -> bool:
+def _has_one_site(trials: pd.DataFrame, columns: ColumnMap) -> bool:
     """Return whether the table has one site, and which one is the map's own choice."""
     if "side" in columns.constant:
         return True
     sites = {*columns.values.get("side", {}).values()} - {NO_STIMULUS}  # noqa: PD011 (of a map)
-    return len(sites) == 1 and "response" not in columns.columns and sides <= {*sites, NO_STIMULUS}
+    is_only = {*trials["side"].astype(object)} <= {*sites, NO_STIMULUS}
+    return len(sites) == 1 and "response" not in columns.columns and is_only
 
 
-def _refuse_lost_sites(trials: pd.DataFrame, columns: ColumnMap) -> None:
-    """Refuse one site for all stimuli where answers name several: each would be a miss."""
-    if columns.task and "response" not in columns.named():
-        return  # the answers are made of yes and no, or of right and wrong
-    answers = {*trials["response"].dropna().astype(object)} & {*LEFT_RIGHT_BOTH.sites}
-    if "side" in columns.constant and len(answers) > 1:
-        message = (
-            f'[constant] side = "{columns.constant["side"]}" gives all stimuli one site, but '
-            f"answers name {' and '.join(sorted(answers))}; name the column of the site in "
-            "[columns] side or, if only felt or not was asked, map detected instead of response"
-        )
-        raise ResultFileError(columns.name or trials["file"].iloc[0], None, message)
+def _are_rows_in_order(rows: pd.DataFrame, columns: ColumnMap | None) -> bool:
+    """Return whether a map takes the order of rows, none of which is that of files."""
+    if columns is None or columns.columns.get("trial") != "":
+        return False
+    return bool(rows.groupby(["participant", "session"])["file"].nunique().eq(1).all())
 
 
 @contextmanager
@@ -402,203 +375,101 @@ def no_search_for_circles() -> Iterator[None]:
             gc.enable()
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ReadTable:
-    """One table that was read, besides its rows."""
-
-    path: Path
-    trials: int  # its rows
-    file: InputFile
-    plan: InputFile | None = None  # the plan beside it, where there is one
-    progress: SessionProgress | None = None  # how far that plan came
-    compared: bool = False  # with the journal beside it
-    altered: tuple[str, ...] = ()  # where the session is not as it was recorded
-
-
-@dataclass(slots=True)
-class _Pending:
-    """Rows of text that are typed together: a call of pandas costs as much for one as for all."""
-
-    texts: dict[str, list[str]] = field(default_factory=dict)
-    files: list[str] = field(default_factory=list)
-    lines: list[int] = field(default_factory=list)
-
-    def add(self, texts: Mapping[str, list[str]], file: str, lines: list[int]) -> None:
-        for name, column in texts.items():
-            self.texts.setdefault(name, []).extend(column)
-        self.files += [file] * len(lines)
-        self.lines += lines
-
-
 class _Reading:
-    """Tables read one after the other, typed and checked in batches that bound the memory."""
+    """Tables read one after the other, typed in batches that bound the memory.
+
+    A call of pandas costs as much for many rows as for one, so that those of small tables are typed
+    together.
+    """
 
     def __init__(self, columns: ColumnMap | None, *, accept_altered: bool) -> None:
-        from analysis.reading.columns import Rows
-
         self.columns = columns
         self.accept_altered = accept_altered
-        self.rows = RowFilter(columns.rows if columns else Rows())
+        self.filter = RowFilter(columns.rows if columns else Rows())
         self.unused = UnusedColumns()
-        self.tables: list[ReadTable] = []
+        self.records: dict[str, SessionRecord] = {}
         self.left_out: Counter[str] = Counter()
-        self._values: dict[str, set[Any]] = {name: set() for name in _LIMITS}
 
     def read(self, sources: Iterable[InputTable]) -> pd.DataFrame:
-        """Return the checked rows of all tables."""
-        frames = [no_rows()] if not (self.columns and self.columns.table) else []
-        batch: list[tuple[InputTable, SessionRecord, int]] = []
-        typed: list[pd.DataFrame] = []
-        pending = _Pending()
-        rows = 0
+        """Return the typed rows of all tables, those with a plan checked against it."""
+        frames = []
+        texts: dict[str, list[str]] = {}
+        files: list[str] = []
+        lines: list[int] = []
+        plans: dict[str, Plan] = {}
         for source in sources:
-            record = read_record(source.path, accept_altered=self.accept_altered)
-            number = 0
+            file = str(source.path)
+            self.records[file], plan = read_record(source, accept_altered=self.accept_altered)
             try:
-                for texts, lines in self._texts(source, record):
-                    if pending.texts and pending.texts.keys() != texts.keys():
-                        typed.append(self._type(pending))
-                        pending = _Pending()
-                    pending.add(texts, str(source.path), lines)
-                    number += len(lines)
-                    if len(pending.lines) >= _BATCH_ROWS:
-                        typed.append(self._type(pending))
-                        pending = _Pending()
+                for columns, numbers in self._texts(source, has_plan=plan is not None):
+                    if texts.keys() != columns.keys() or len(lines) >= _BATCH_ROWS:
+                        frames.append(self._type(texts, files, lines, plans))
+                        texts, files, lines, plans = {name: [] for name in columns}, [], [], {}
+                    for name, column in columns.items():
+                        texts[name] += column
+                    files += [file] * len(numbers)
+                    lines += numbers
+                    plans |= {file: plan} if plan else {}
             except OSError as error:
                 raise unreadable(error, source.path) from None
-            batch.append((source, record, number))
-            rows += number
-            if rows >= _BATCH_ROWS:
-                frames.append(self._check([*typed, self._type(pending)], batch))
-                batch, typed, pending, rows = [], [], _Pending(), 0
-        if batch:
-            frames.append(self._check([*typed, self._type(pending)], batch))
-        return pd.concat([f for f in frames if len(f)] or frames[:1], ignore_index=True)
+        frames.append(self._type(texts, files, lines, plans))
+        return pd.concat([f for f in frames if len(f)] or [no_rows()], ignore_index=True)
 
     def _texts(
-        self, source: InputTable, record: SessionRecord
+        self, source: InputTable, *, has_plan: bool
     ) -> Iterator[tuple[dict[str, list[str]], list[int]]]:
-        if self.columns is not None:
-            for texts, lines, left in read_texts(source, self.columns, self.rows, self.unused):
-                self.left_out += left
-                yield texts, lines
-            return
-        file = str(source.path)
-        with source.path.open("rb") as stream:
-            form = _EXPORTED if source.path.suffix == EXPORTED_SUFFIX else None
-            planned = record.plan is not None
-            header, chunks = text_chunks(stream, file, form=form, empty_allowed=planned)
-            for lines, rows in chunks:
-                cells = map(list, zip(*rows, strict=True)) if rows else [[] for _ in header]
-                recorded: dict[str, list[str]] = dict(zip(header, cells, strict=True))
-                if record.altered and record.compared and planned:
-                    # the journal knows the version, whatever the cells of the table say
-                    recorded["schema"] = [str(SCHEMA)] * len(lines)
-                yield own_columns(recorded, file), lines
-
-    def _type(self, pending: _Pending) -> pd.DataFrame:
-        if not pending.lines:
-            return pd.DataFrame()
-        arguments = pending.files, pending.lines
         if self.columns is None:
-            rows = read_columns(pending.texts, _READERS, *arguments)
-        elif self.columns.table:
-            rows = read_count_rows(pending.texts, self.columns, *arguments)
-        else:
-            rows = read_external(pending.texts, self.columns, *arguments)
-        for name, (largest, plural) in _LIMITS.items():
-            values = self._values[name]
-            values.update(rows[name].dropna().unique())
-            if len(values) > largest:
-                label = self.columns.label(name) if self.columns else name
-                # Rows below may have further values: nothing is read beyond the fault.
-                message = (
-                    f"{label} has more than {len(values) - 1} values; at most {largest} {plural} "
-                    "are allowed"
-                )
-                raise ResultFileError(pending.files[-1], None, message)
-        return rows
+            yield from read_own_texts(source.path, empty_allowed=has_plan)
+            return
+        for texts, lines, left in read_texts(source, self.columns, self.filter, self.unused):
+            self.left_out += left
+            yield texts, lines
 
-    def _check(
-        self, typed: list[pd.DataFrame], batch: list[tuple[InputTable, SessionRecord, int]]
+    def _type(
+        self,
+        texts: dict[str, list[str]],
+        files: list[str],
+        lines: list[int],
+        plans: Mapping[str, Plan],
     ) -> pd.DataFrame:
-        """Check the rows of whole tables, each against its plan where there is one."""
-        rows = pd.concat([f for f in typed if len(f)] or [no_rows()], ignore_index=True)
-        columns = self.columns
-        if columns and columns.table:
-            if len(rows) and "presented" in rows:
-                _refuse_broken(rows, _count_rules(rows, columns), columns)
-            self.tables += [_read_table(*table) for table in batch]
-            return rows
-        rows = _with_verdicts(with_responses(rows, columns) if columns else rows, columns)
-        _refuse_broken(rows, _trial_rules(rows, columns), columns)
-        rows.loc[rows["side"].eq(NO_STIMULUS), "level_vpp"] = float("nan")
-        of_plans = plan_rows(rows) if any(record.plan for _, record, _ in batch) else []
-        offered = rows["none_offered"].array.copy()
-        ends = np.cumsum([0, *(number for _, _, number in batch)]).tolist()
-        for (source, record, number), (first, end) in zip(batch, pairwise(ends), strict=True):
-            if record.plan:
-                offered[first:end] = LEFT_RIGHT_BOTH.nothing in record.plan.responses
-            self.tables.append(_read_table(source, record, number, of_plans[first:end]))
-        rows["none_offered"] = offered
+        if not lines:
+            return pd.DataFrame()
+        if self.columns is None:
+            rows = read_columns(texts, _READERS, files, lines)
+        elif self.columns.table:
+            return read_count_rows(texts, self.columns, files, lines)
+        else:
+            rows = read_external(texts, self.columns, files, lines)
+        if plans:
+            planned = rows[rows["file"].isin(plans)].reset_index(drop=True)
+            _refuse_broken(planned, _plan_rules(planned, plans), self.columns)
         return rows
 
 
-def _read_table(
-    source: InputTable, record: SessionRecord, number: int, rows: Sequence[Any] = ()
-) -> ReadTable:
-    """Check the rows of a table against its plan, where there is one that is not in doubt."""
-    plan = record.plan
-    if plan and not (record.compared and record.altered):
-        check_plan(rows, str(source.path), plan)
-    plan_file = InputFile(name=beside(source.name, PLAN), sha256=record.plan_file_sha256)
-    return ReadTable(
-        path=source.path,
-        trials=number,
-        file=InputFile(name=source.name, sha256=_sha256(source.path)),
-        plan=plan_file if plan else None,
-        progress=replace(progress(rows, plan, record.ended), measured=record.measured)
-        if plan
-        else None,
-        compared=record.compared,
-        altered=tuple(format_difference(change, source.name) for change in record.altered),
+def _refuse_copies(records: Mapping[str, SessionRecord]) -> None:
+    first: dict[str, str] = {}
+    for file, record in records.items():
+        before = first.setdefault(record.inputs[0].sha256, file)
+        if before != file:
+            raise ResultFileError(file, None, f"the same contents as {one_line(before)}")
+
+
+def _count_rows(
+    trials: pd.DataFrame, records: Mapping[str, SessionRecord]
+) -> tuple[SessionProgress, ...]:
+    """Return how far sessions came: planned trials are numbered from 1 on, and warm-up after."""
+    sessions = {file: record.progress for file, record in records.items() if record.progress}
+    planned = trials["file"].map({file: each.planned for file, each in sessions.items()})
+    is_valid = trials["status"].eq("ok") & trials["trial"].le(planned)
+    rows, valid = (each.value_counts() for each in (trials["file"], trials["file"][is_valid]))
+    return tuple(
+        replace(
+            each,
+            valid=int(valid.get(file, 0)),
+            unexported=max(0, each.unexported - int(rows.get(file, 0))),
+        )
+        for file, each in sessions.items()
     )
-
-
-def _sha256(path: Path) -> str:
-    try:
-        with path.open("rb") as stream:
-            return hashlib.file_digest(stream, "sha256").hexdigest()
-    except OSError as error:
-        raise unreadable(error, path) from None
-
-
-def _input_files(tables: Iterable[ReadTable], columns: ColumnMap | None) -> tuple[InputFile, ...]:
-    """Return what was read, the map included, in the order of names."""
-    files = [file for table in tables for file in (table.file, table.plan) if file is not None]
-    if columns is not None and columns.sha256:
-        files.append(InputFile(name=one_line(columns.name), sha256=columns.sha256))
-    return tuple(sorted(files))
-
-
-def _refuse_nothing(reading: _Reading) -> None:
-    """Refuse tables of which no row is left."""
-    if not any(table.trials for table in reading.tables):
-        unread = reading.left_out.total()
-        empty = f"all {unread} rows are left out by {reading.rows.format_keys()}"
-        message = empty if unread else "no session here has a trial yet"
-        raise ResultFileError(reading.tables[0].path, 1, message)
-
-
-def _refuse_copies(tables: Sequence[ReadTable]) -> None:
-    first: dict[str, Path] = {}
-    for table in tables:
-        if not table.trials:  # sessions that were stopped before their first trial are all alike
-            continue
-        before = first.setdefault(table.file.sha256, table.path)
-        if before is not table.path:
-            message = f"the same contents as {one_line(str(before))}"
-            raise ResultFileError(table.path, None, message)
 
 
 def no_rows() -> pd.DataFrame:
@@ -609,6 +480,40 @@ def no_rows() -> pd.DataFrame:
     """
     texts: dict[str, list[str]] = {column.name: [] for column in COLUMNS}
     return _with_verdicts(read_columns(texts, _READERS, [], []), None)
+
+
+def _check_trials(
+    rows: pd.DataFrame, columns: ColumnMap | None, records: Mapping[str, SessionRecord]
+) -> pd.DataFrame:
+    """Return rows as numbered trials with all columns; refuse those that break a rule."""
+    rows = with_responses(rows, columns) if columns else rows
+    rows = _with_verdicts(_with_numbers(rows), columns)
+    offers_none = {file: each.offers_none for file, each in records.items() if each.progress}
+    rules = chain(
+        _name_rules(rows),
+        _trial_rules(rows, columns),
+        _level_rules(rows["level_vpp"], rows["side"].ne(NO_STIMULUS), columns),
+        _time_rules(rows[~rows["file"].isin(offers_none)], columns),
+        _repeat_rules(rows, columns),
+    )
+    _refuse_broken(rows, rules, columns)
+    by_plan = rows["file"].map(offers_none).astype("boolean")
+    rows["none_offered"] = by_plan.fillna(rows["none_offered"])
+    rows["none_offered"] = offered_to_all(rows)
+    rows["level_vpp"] = rows["level_vpp"].mask(rows["side"].eq(NO_STIMULUS))
+    return without_silence(with_reasons(rows))
+
+
+def _with_numbers(rows: pd.DataFrame) -> pd.DataFrame:
+    """Give trials without a number a running one, within participant and session.
+
+    Numbers of a session that count from 0, as those of PsychoPy do, count from 1 then.
+    """
+    sessions = rows.groupby(["participant", "session"])["trial"]
+    numbers = rows["trial"].mask(rows["trial"].eq(UNNUMBERED), sessions.cumcount() + 1)
+    if numbers.eq(0).any():
+        numbers += sessions.transform("min").eq(0)
+    return rows.assign(trial=numbers)
 
 
 def _with_verdicts(rows: pd.DataFrame, columns: ColumnMap | None) -> pd.DataFrame:
@@ -653,71 +558,110 @@ def offered_to_all(trials: pd.DataFrame) -> pd.Series[Any]:
     [True, True, <NA>]
     """
     offered = trials["none_offered"].astype("boolean")
-    unknown = offered.isna()
     yes = offered.fillna(value=False)
     anybody = yes.groupby([trials["condition"], trials["study_sha256"]]).transform("any")
-    return offered.mask(unknown & anybody, other=True)
+    return offered.mask(offered.isna() & anybody, other=True)
 
 
 class _Rule(NamedTuple):
-    """A column, what it must be, the rows that break this, and a remedy that is certain."""
+    """A column, what it must be, perhaps by the row, the rows that break this, and a hint."""
 
     column: str
-    must: str
+    must: str | Callable[[int], str]
     broken: pd.Series[bool]
-    remedy: str = ""
+    hint: str = ""
     label: str = ""
 
 
 def _refuse_broken(rows: pd.DataFrame, rules: Iterable[_Rule], columns: ColumnMap | None) -> None:
     """Refuse the first row that breaks a rule, by the first rule that it breaks."""
-    broken = [(int(np.argmax(rule.broken.to_numpy())), rule) for rule in rules if rule.broken.any()]
+    broken = [(cast("int", rule.broken.idxmax()), rule) for rule in rules if rule.broken.any()]
     if not broken:
         return
     row, rule = min(broken, key=itemgetter(0))
-    value = rows[rule.column].iloc[row]
-    plain = value.item() if isinstance(value, np.generic) else value
-    text = NOT_AVAILABLE if pd.isna(value) else format_value(plain)
     label = rule.label or (columns.label(rule.column) if columns else rule.column)
-    message = f"column '{label}' is {text}; it must be {rule.must}{rule.remedy}"
+    must = rule.must if isinstance(rule.must, str) else rule.must(row)
+    text = _format(rows[rule.column], row)
+    message = f"column '{label}' is {text}; it must be {must}{rule.hint}"
     raise ResultFileError(rows["file"].iloc[row], int(rows["line"].iloc[row]), message)
+
+
+def _format(values: pd.Series[Any], row: int) -> str:
+    value = values.astype(object).iloc[row]  # plain values of Python
+    return NOT_AVAILABLE if pd.isna(value) else format_value(value)
+
+
+def _plan_rules(rows: pd.DataFrame, plans: Mapping[str, Plan]) -> Iterator[_Rule]:
+    """Yield what the plan beside a table says of each row."""
+    trials = [
+        {name: getattr(trial, name) for name in _OF_TRIAL}
+        | {name: getattr(plan, name) for name in _OF_PLAN}
+        | {"file": file, "trial": trial.number, "response": plan.answers_to(trial)}
+        for file, plan in plans.items()
+        for trial in (*plan.trials, *plan.warm_up)
+    ]
+    hint = " by the plan beside the table"
+    planned = rows[["file", "trial"]].merge(pd.DataFrame(trials), "left", ["file", "trial"])
+    unplanned = planned["kind"].isna()
+    yield _Rule("trial", "the number of a planned trial", unplanned, hint)
+    if unplanned.any():
+        return
+    rows = rows.assign(level_vpp=rows["level_vpp"].mask(rows["side"].eq(NO_STIMULUS)))
+    for name in ("participant", "session", "study_sha256", *_OF_TRIAL):
+        value, due = rows[name].astype(object), planned[name]
+        differs = value.ne(due) & ~(value.isna() & due.isna())
+        yield _Rule(name, partial(_format, due), differs, hint)
+    if "response" in rows:
+        pairs = zip(rows["response"].astype(object), planned["response"], strict=True)
+        undeclared = [answer in ANSWERS and answer not in offered for answer, offered in pairs]
+        offered = planned["response"].map(", ".join)
+        yield _Rule(
+            "response",
+            partial(_format, offered),
+            pd.Series(undeclared),
+            f", timeout or invalid{hint}",
+        )
+    window_s = planned["response_window_s"]
+    late = rows["rt_s"].gt(window_s)
+    yield _Rule("rt_s", lambda row: f"at most the response window, {window_s[row]:g},", late, hint)
+
+
+def _name_rules(rows: pd.DataFrame) -> Iterator[_Rule]:
+    yield _Rule("participant", _NO_TOTAL, rows["participant"].eq(TOTAL))
+    for name, (largest, plural) in _LIMITS.items():
+        codes = pd.Series(pd.factorize(rows[name])[0])
+        yield _Rule(name, f"one of at most {largest} {plural}", codes.ge(largest))
 
 
 def _trial_rules(rows: pd.DataFrame, columns: ColumnMap | None) -> Iterator[_Rule]:
     kind, side, response = rows["kind"], rows["side"], rows["response"]
-    yield _Rule("participant", _NO_TOTAL, rows["participant"].eq(TOTAL))
     for name in LEFT_RIGHT_BOTH.kinds:
         sides = [presentation.name for presentation in LEFT_RIGHT_BOTH.of_kind(name)]
         must = f"{' or '.join(sides)} in a {name} trial"
         yield _Rule("side", must, kind.eq(name) & ~side.isin(sides))
     negative = kind.ne(HANDS_OFF) & rows["block"].lt(0)
     yield _Rule("block", "0 or more in any but a hands-off trial", negative)
-    yield from _level_rules(rows["level_vpp"], side.ne(NO_STIMULUS), columns)
     missing = rows["status"].eq("ok") & response.isna()
     yield _Rule("response", "an answer, timeout or invalid where the status is ok", missing)
     timed = rows["rt_s"].notna() & (response.isna() | response.eq("timeout"))
     yield _Rule("rt_s", "n/a where there was no answer", timed)
     wrong = rows["correct"].ne(expected_correct(rows)).fillna(value=True)
     yield _Rule("correct", "what kind, side and response say", rows["correct"].notna() & wrong)
-
-
-def _count_rules(rows: pd.DataFrame, columns: ColumnMap) -> Iterator[_Rule]:
-    kind, presented = rows["kind"], rows["presented"]
-    single = kind.eq("single")
-    yield _Rule("participant", _NO_TOTAL, rows["participant"].eq(TOTAL))
-    yield _Rule("kind", "single or blank", ~kind.isin(["single", "blank"]))
-    yield from _level_rules(rows["level_vpp"], single, columns)
-    if "side" in rows:
-        must = f"{' or '.join(LEFT_RIGHT_BOTH.sites)}, for single stimuli are counted"
-        yield _Rule("side", must, single & ~rows["side"].isin(LEFT_RIGHT_BOTH.sites))
-    table = cast("Table", columns.table)
-    total = table.presented or table.missed
-    over = rows["detected"].gt(presented)
-    of = presented[over].iloc[0] if over.any() else ""
-    must = f"at most what was presented, {of} in column {shown(total)}"
-    yield _Rule("detected", must, over, label=table.detected)
-    many = presented.gt(MAX_PRESENTED)
-    yield _Rule("presented", f"at most {MAX_PRESENTED:.0e}", many, label=total)
+    if (
+        columns
+        and "side" in columns.constant
+        and (not columns.task or "response" in columns.named())
+    ):
+        # One site for all stimuli, where answers name several: each of the others would be a miss.
+        site = columns.constant["side"]
+        is_named = response.isin(LEFT_RIGHT_BOTH.sites)
+        names = sorted({*response[is_named].astype(object)})
+        hint = (
+            ", for [constant] side gives all stimuli this site, but answers name "
+            f"{' and '.join(names)}; name the column of the site in [columns] side or, if only "
+            "felt or not was asked, map detected instead of response"
+        )
+        yield _Rule("response", site, is_named & response.ne(site) & (len(names) > 1), hint)
 
 
 def _level_rules(
@@ -726,148 +670,122 @@ def _level_rules(
     signed = columns is not None and columns.axis.signed
     smallest, largest = (-math.inf, math.inf) if signed else (MIN_LEVEL_VPP, MAX_LEVEL_VPP)
     bounds = "" if signed else f" from {smallest:g} to {largest:g}"
-    remedy = ""
+    must = f"a number{bounds} where there is a stimulus"
     if (stimulus & level.isna()).any():  # a table whose blanks have no level, and no side
         entry = f'[values.level_vpp] "" = "{"-inf" if signed else "0"}"'
-        remedy = f'; blanks without a level: in the map {entry}, or what stands there for ""'
+        must += f'; blanks without a level: in the map {entry}, or what stands there for ""'
     elif columns and (stimulus & level.between(0, smallest, "neither")).any():
-        remedy = '; a map brings metres to micrometres: [scale] level_vpp = 1e6, [axis] unit = "um"'
-    out = stimulus & ~level.between(smallest, largest)
-    yield _Rule("level_vpp", f"a number{bounds} where there is a stimulus", out, remedy)
+        must += '; a map brings metres to micrometres: [scale] level_vpp = 1e6, [axis] unit = "um"'
+    yield _Rule("level_vpp", must, stimulus & ~level.between(smallest, largest))
     silent = ~stimulus & level.notna() & level.ne(0)
     yield _Rule("level_vpp", "0 or n/a where there is no stimulus", silent)
 
 
-def _check_reaction_times(
-    trials: pd.DataFrame, planned: frozenset[str], columns: ColumnMap | None
-) -> None:
-    """Refuse a median that is none of seconds; beside a plan, its response window says more."""
-    free = trials[~trials["file"].isin(planned)]
-    medians_s = free.groupby("participant", sort=False)["rt_s"].median().dropna()
-    odd = medians_s[~medians_s.between(MIN_MEDIAN_RT_S if columns else 0, MAX_MEDIAN_RT_S)]
-    if odd.empty:
-        return
-    participant, median_s = str(odd.index[0]), odd.iloc[0]
-    row = free[free["participant"].eq(participant) & free["rt_s"].ge(median_s)].iloc[0]
+def _time_rules(trials: pd.DataFrame, columns: ColumnMap | None) -> Iterator[_Rule]:
+    """Yield that medians are of seconds; beside a plan, its response window says more."""
+    median_s = trials.groupby("participant")["rt_s"].transform("median")
+    smallest = MIN_MEDIAN_RT_S if columns else 0
+    odd = median_s.notna() & ~median_s.between(smallest, MAX_MEDIAN_RT_S)
     unit = columns.units.get("rt_s", "s") if columns else "s"
-    remedy = 'if these are milliseconds, a map says [units] rt_s = "ms"'
-    if unit != "s":
-        remedy = f"the map has {unit}; without it these are seconds"
-    message = (
-        f"column 'rt_s' has a median of {median_s:g} s for participant {participant}, allowed "
-        f"{MIN_MEDIAN_RT_S:g} to {MAX_MEDIAN_RT_S:g} s; {remedy}"
-    )
-    raise ResultFileError(row["file"], int(row["line"]), message)
+    remedy = f"the map has {unit}; without it these are seconds"
+    if unit == "s":
+        remedy = 'if these are milliseconds, a map says [units] rt_s = "ms"'
+
+    def must(row: int) -> str:
+        return (
+            f"in seconds; participant {trials['participant'][row]} has a median of "
+            f"{median_s[row]:g} s, allowed {MIN_MEDIAN_RT_S:g} to {MAX_MEDIAN_RT_S:g} s; {remedy}"
+        )
+
+    yield _Rule("rt_s", must, odd & trials["rt_s"].ge(median_s))
 
 
-def _rows_in_order(trials: pd.DataFrame, columns: ColumnMap | None) -> bool:
-    """Return whether a map takes the order of rows, none of which is that of files."""
-    if columns is None or columns.columns.get("trial") != "":
-        return False
-    return bool(trials.groupby(["participant", "session"])["file"].nunique().eq(1).all())
-
-
-def _with_numbers(trials: pd.DataFrame) -> pd.DataFrame:
-    """Give trials without a number a running one, within participant and session.
-
-    Numbers of a session that count from 0, as those of PsychoPy do, count from 1 then.
-    """
-    key = ["participant", "session"]
-    bare = trials["trial"].eq(UNNUMBERED)
-    trials.loc[bare, "trial"] = trials[bare].groupby(key).cumcount() + 1
-    if trials["trial"].eq(0).any():
-        trials["trial"] += trials.groupby(key)["trial"].transform("min").eq(0)
-    return trials
-
-
-def _refuse_repeats(trials: pd.DataFrame, *, external: bool) -> None:
-    """Refuse a trial that stands twice; practice may be repeated, as warm-up after every resume."""
-    _refuse_repeat(trials, _KEY, "the same participant, session, trial and attempt as", external)
+def _repeat_rules(trials: pd.DataFrame, columns: ColumnMap | None) -> Iterator[_Rule]:
+    """Yield that no trial stands twice; practice may, as warm-up after every resume."""
     valid = trials[trials["status"].eq("ok") & trials["kind"].ne(PRACTICE)]
-    message = "status ok, although another attempt of this trial has it at"
-    _refuse_repeat(valid, _KEY[:-1], message, external=False)
+
+    def place_of_first(rows: pd.DataFrame, key: list[str], row: int) -> str:
+        first = rows[rows[key].eq(rows.loc[row, key]).all(axis="columns")].iloc[0]
+        return f"{one_line(first['file'])}:{first['line']}"
+
+    def other_trial(row: int) -> str:
+        place = place_of_first(trials, _KEY, row)
+        return f"another than for the same participant, session and attempt at {place}"
+
+    def only_attempt(row: int) -> str:
+        place = place_of_first(valid, _KEY[:-1], row)
+        return f"the only one of its trial with status ok, which another attempt has at {place}"
+
+    hint = _REPEATED if columns else ""
+    yield _Rule("trial", other_trial, trials.duplicated(_KEY), hint)
+    yield _Rule("attempt", only_attempt, valid.duplicated(_KEY[:-1]))
 
 
-def _refuse_repeat(trials: pd.DataFrame, key: list[str], what: str, external: bool) -> None:  # noqa: FBT001
-    repeated = trials.duplicated(key)
-    if not repeated.any():
+def _check_counts(
+    rows: pd.DataFrame, columns: ColumnMap, unused: UnusedColumns
+) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """Return the cells and the blanks of a table of counts; refuse rows that break a rule."""
+    table = cast("Table", columns.table)
+    presented, single = rows["presented"], rows["kind"].eq("single")
+    total = table.presented or table.missed
+
+    def at_most(row: int) -> str:
+        return f"at most what was presented, {presented[row]} in column {shown(total)}"
+
+    rules = [
+        *_name_rules(rows),
+        _Rule("kind", "single or blank", ~rows["kind"].isin(["single", "blank"])),
+        *_level_rules(rows["level_vpp"], single, columns),
+        _Rule("detected", at_most, rows["detected"].gt(presented), label=table.detected),
+        _Rule(
+            "presented", f"at most {MAX_PRESENTED:.0e}", presented.gt(MAX_PRESENTED), label=total
+        ),
+    ]
+    if "side" in rows:
+        must = f"{' or '.join(LEFT_RIGHT_BOTH.sites)}, for single stimuli are counted"
+        rules.append(_Rule("side", must, single & ~rows["side"].isin(LEFT_RIGHT_BOTH.sites)))
+    _refuse_broken(rows, rules, columns)
+    refuse_repeated_counts(rows, unused.varying())
+    return sum_counts(rows, columns)
+
+
+def _remarks(
+    rows: pd.DataFrame, columns: ColumnMap, unused: UnusedColumns
+) -> Iterator[AnalysisWarning]:
+    """Yield what an external table may mean otherwise than its map has it."""
+    if columns.columns.get("condition") != "" and (names := unused.names()):
+        yield _remark(WarningCode.CONDITIONS_POOLED, columns=named(names))
+    for column in ("participant", "condition"):
+        spellings = pd.Series(rows[column].astype(str).unique())
+        groups = spellings.groupby(spellings.map(_spelling), sort=False)
+        if alike := [" and ".join(map(repr, group)) for _, group in groups if len(group) > 1]:
+            yield _remark(WarningCode.NAMES_ALIKE, column=column, names=named(alike))
+    if columns.table:
         return
-    second = trials[repeated].iloc[0]
-    first = trials[trials[key].eq(second[key]).all(axis="columns")].iloc[0]
-    remedy = ""
-    if external:
-        remedy = (
-            '; where trials are numbered anew in each block, the map needs [columns] trial = "" '
-            "(their order is taken); session is for another day"
-        )
-    if external and first["file"] != second["file"]:
-        session = trials[_KEY[:2]].eq(second[_KEY[:2]]).all(axis="columns")
-        rows = trials.loc[session, "file"].astype(str).value_counts()
-        shorter = Path(min((str(first["file"]), str(second["file"])), key=lambda file: rows[file]))
-        remedy = (
-            "; if a run was broken off and begun anew, leave out its file, such as "
-            f"[rows.skip] {toml_entry(FILE, shorter.stem)}; if both files count, the map needs "
-            f'[columns] session = "{FILE}", or participant = "{FILE}" where they are of two people'
-        )
-    trial = ", ".join(f"{name} {second[name]}" for name in key)
-    message = f"{trial}: {what} {one_line(first['file'])}:{first['line']}{remedy}"
-    raise ResultFileError(second["file"], int(second["line"]), message)
+    content = rows[["trial", "side", "level_vpp", "response", "rt_s"]]
+    hashes = pd.util.hash_pandas_object(content, index=False)
+    first: dict[bytes, str] = {}
+    for file, of_file in hashes.groupby(rows["file"], sort=False):
+        name = one_line(Path(str(file)).name)
+        before = first.setdefault(of_file.to_numpy().tobytes(), name)
+        if before != name and of_file.nunique() >= _MIN_SAME_TRIALS:
+            data = {"first": before, "second": name, "trials": len(of_file)}
+            yield _remark(WarningCode.SAME_TRIALS_TWICE, **data)
+    blank = rows[rows["reason"].eq("") & rows["kind"].eq("blank")]
+    hits = blank["response"].isin([name for name in ANSWERS if name != LEFT_RIGHT_BOTH.nothing])
+    if len(hits) >= _MIN_BLANKS and hits.mean() > _MAX_FALSE_ALARMS:
+        data = {"share": float(hits.mean()), "blanks": len(hits)}
+        yield _remark(WarningCode.BLANKS_MOSTLY_DETECTED, **data)
 
 
-_DECIMAL: Final = re.compile(r"\d+(\.0*)?", re.ASCII)
+def _remark(code: WarningCode, **data: object) -> AnalysisWarning:
+    return AnalysisWarning(code, _REMARKS[code].format(**data), data)
 
 
 def _spelling(name: str) -> str:
     """Return a name without blanks, capitals, leading zeros and a decimal part of zeros."""
     text = name.strip().casefold()
     return str(int(text.partition(".")[0])) if _DECIMAL.fullmatch(text) else text
-
-
-def _names_alike(rows: pd.DataFrame) -> Iterator[str]:
-    """Say which names of participants and of conditions differ in their spelling only."""
-    for column in ("participant", "condition"):
-        spellings: dict[str, list[str]] = {}
-        for name in dict.fromkeys(rows[column].astype(str)):
-            spellings.setdefault(_spelling(name), []).append(name)
-        alike = [" and ".join(map(repr, names)) for names in spellings.values() if len(names) > 1]
-        if alike:
-            yield (
-                f"{column}: {named(alike)} may be the same; [values.{column}] in the map gives "
-                "them one name"
-            )
-
-
-_MIN_SAME_TRIALS: Final = 10
-
-
-def _same_trials_twice(trials: pd.DataFrame) -> Iterator[str]:
-    """Say which files hold the same stimuli, answers and times: one may have been saved again."""
-    content = trials[["trial", "side", "level_vpp", "response", "rt_s"]]
-    hashes = pd.util.hash_pandas_object(content, index=False).to_numpy()
-    first: dict[bytes, str] = {}
-    for file, rows in trials.groupby("file", sort=False).indices.items():
-        if len({*hashes[rows].tolist()}) < _MIN_SAME_TRIALS:
-            continue
-        name = one_line(Path(str(file)).name)
-        before = first.setdefault(hashes[rows].tobytes(), name)
-        if before != name:
-            yield f"{before} and {name} hold the same {len(rows)} trials: one may be a copy"
-
-
-_MIN_BLANKS, _MAX_FALSE = 10, 0.5
-
-
-def _mostly_felt_blanks(trials: pd.DataFrame) -> Iterator[str]:
-    """Say that more than half of the blanks are felt, as right answers to them would seem to be."""
-    blank = trials[trials["reason"].eq("") & trials["kind"].astype(object).eq("blank")]
-    answers = [name for name in LEFT_RIGHT_BOTH.answer_names if name != LEFT_RIGHT_BOTH.nothing]
-    hits = blank["response"].astype(object).isin(answers)
-    if len(hits) >= _MIN_BLANKS and float(hits.mean()) > _MAX_FALSE:
-        yield (
-            f"in {hits.mean():.0%} of {len(hits)} blank trials something was felt: if that is "
-            "a column of right and wrong answers, it has 1 for a blank that was rightly not felt; "
-            "[columns] detected must be what was answered"
-        )
 
 
 def with_reasons(trials: pd.DataFrame) -> pd.DataFrame:
@@ -963,27 +881,25 @@ class Counts:
 def counts_of(loaded: LoadedTrials) -> Counts:
     """Count trials, or what a table of counts presented, each participant a session."""
     trials, cells = loaded.trials, loaded.cells
-    numbers = dict.fromkeys(Counts.__dataclass_fields__, 0)
-    numbers |= {"unread": loaded.left_out, "unread_files": loaded.left_out_files}
+    counted = trials[trials["reason"].eq("")]
+    numbers = {kind: int(counted["kind"].eq(kind).sum()) for kind in LEFT_RIGHT_BOTH.kinds} | {
+        "trials": len(trials),
+        "left_out": len(trials) - len(counted),
+        "timeouts": int(counted["response"].eq("timeout").sum()),
+        "invalid": int(counted["response"].eq("invalid").sum()),
+        "participants": trials["participant"].nunique(),
+        "sessions": len(trials[["participant", "session"]].drop_duplicates()),
+        "conditions": trials["condition"].nunique(),
+        "simulated": int(trials["simulated"].sum()),
+        "without_device": int(without_device(trials).sum()),
+    }
     if cells is not None:
         single, people = int(cells["presented"].sum()), cells["participant"].nunique()
         blank = 0 if loaded.blanks is None else int(loaded.blanks["presented"].sum())
         numbers |= {"trials": single + blank, "single": single, "blank": blank}
         numbers |= {"participants": people, "sessions": people}
-        return Counts(**numbers | {"conditions": cells["condition"].nunique()})
-    counted = trials[trials["reason"].eq("")]
-    for column, names in (("kind", LEFT_RIGHT_BOTH.kinds), ("response", _NO_ANSWERS)):
-        values = counted[column].astype(object)
-        numbers |= {name: int(values.eq(name).sum()) for name in names}
-    return Counts(
-        **{name: number for name, number in numbers.items() if name != "timeout"}
-        | {"trials": len(trials), "left_out": len(trials) - len(counted)}
-        | {"timeouts": numbers["timeout"], "conditions": trials["condition"].nunique()}
-        | {"participants": trials["participant"].nunique()}
-        | {"sessions": len(trials[["participant", "session"]].drop_duplicates())}
-        | {"simulated": int(trials["simulated"].sum())}
-        | {"without_device": int(without_device(trials).sum())}
-    )
+        numbers |= {"conditions": cells["condition"].nunique()}
+    return Counts(**numbers, unread=loaded.left_out, unread_files=loaded.left_out_files)
 
 
 def without_device(trials: pd.DataFrame) -> pd.Series[bool]:

@@ -42,6 +42,7 @@ ROOT = "0" * 64
 _LINE = re.compile(rb'\{"crc":"([0-9a-f]{8})",')
 _BRACE = zlib.crc32(b"{")
 """The checksum is of this and of what follows its own member."""
+_decode = json.JSONDecoder().decode
 _encode = json.JSONEncoder(separators=(",", ":"), ensure_ascii=False, allow_nan=False).encode
 
 
@@ -213,21 +214,26 @@ def _parse(path: Path, number: int, line: bytes, previous: str) -> Entry:
         damaged = "this line is damaged (its checksum does not match)"
         raise JournalLineError(path, number, damaged)
     try:
-        return _entry(path, number, json.loads("{" + body.decode()), previous)
+        return _entry(path, number, _decode("{" + body.decode()), previous)
     except (KeyError, UnicodeDecodeError, json.JSONDecodeError, RecursionError) as error:
         raise JournalLineError(path, number, f"this line is none of a journal: {error}") from error
 
 
+_CHAIN = (
+    ("schema", RecordSchemaError, OTHER_VERSION),
+    ("seq", JournalLineError, "a line is missing or repeated"),
+    ("prev", JournalLineError, "lines up to here were changed or removed"),
+)
+
+
 def _entry(path: Path, number: int, facts: dict[str, Any], previous: str) -> Entry:
-    for member, expected, error, meaning in (
-        ("schema", SCHEMA, RecordSchemaError, OTHER_VERSION),
-        ("seq", number, JournalLineError, "a line is missing or repeated"),
-        ("prev", previous, JournalLineError, "lines up to here were changed or removed"),
-    ):
-        if (actual := facts.pop(member)) != expected:
-            rule = f"{member} must be {expected!s:.12}; got {actual!s:.12}: {meaning}"
-            raise error(path, number, rule)
     take = facts.pop
+    chain, expected = (take("schema"), take("seq"), take("prev")), (SCHEMA, number, previous)
+    if chain != expected:
+        for (member, error, meaning), actual, value in zip(_CHAIN, chain, expected, strict=True):
+            if actual != value:
+                rule = f"{member} must be {value!s:.12}; got {actual!s:.12}: {meaning}"
+                raise error(path, number, rule)
     return Entry(take("event"), take("t_s"), take("wall_s"), facts, take("up_s"))
 
 

@@ -156,7 +156,7 @@ def test_a_planned_trial_without_a_valid_attempt_is_told_once(results: Path, tab
         ("trial", "99", ""),
         ("condition", "bare", "main"),
         ("block", "9", "1"),
-        ("level_vpp", "81", "2"),
+        ("level_vpp", "81", "plan"),
     ],
 )
 def test_a_row_not_planned_is_refused(table: Path, column: str, text: str, must: str) -> None:
