@@ -228,7 +228,8 @@ _CHAIN = (
 
 def _entry(path: Path, number: int, facts: dict[str, Any], previous: str) -> Entry:
     take = facts.pop
-    chain, expected = (take("schema"), take("seq"), take("prev")), (SCHEMA, number, previous)
+    chain = (take("schema", None), take("seq", None), take("prev", None))
+    expected = (SCHEMA, number, previous)
     if chain != expected:
         for (member, error, meaning), actual, value in zip(_CHAIN, chain, expected, strict=True):
             if actual != value:
