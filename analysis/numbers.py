@@ -24,8 +24,10 @@ def rounded(value: float, spread: float) -> str:
 
     >>> rounded(81.07, 14.2), rounded(0.0151, 0.0025), rounded(1000126.98, 21.9)
     ('81.1', '0.0151', '1000127.0')
+    >>> rounded(-0.04, 3.0)
+    '0.0'
     """
-    return f"{value:.{_decimals(spread)}f}"
+    return f"{value:z.{_decimals(spread)}f}"
 
 
 def half_up(value: float, decimals: int) -> str:

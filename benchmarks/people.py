@@ -12,7 +12,7 @@ from scipy.signal import lfilter
 from scipy.special import ndtr
 
 from analysis.axis import VOLTS
-from analysis.counts.checks import check_trials
+from analysis.counts.checks import AT_CHANCE, DRIFT, REVERSED, check_trials
 from analysis.counts.table import count_answers
 from experiment.perception.answers import draw_answers
 from experiment.perception.gains import OWN_FINGER_ONLY
@@ -173,11 +173,7 @@ PEOPLE: Final = {
     "drift of 8 dB": replace(HONEST, drift_db=8.0),
     "feels nothing": replace(HONEST, threshold_vpp=1e5),
 }
-KINDS: Final = {
-    "swapped": "keys or actuators swapped",
-    "guessing": "cannot be told from guessing",
-    "drift": "detected in the first half",
-}
+KINDS: Final = (REVERSED, AT_CHANCE, DRIFT)
 
 
 def sessions_of(
@@ -225,8 +221,8 @@ def doubt_rows() -> Iterator[str]:
         cells = []
         for person in PEOPLE.values():
             trials = sessions_of(person, design, SESSIONS)
-            told = [str(one) for one in check_trials(trials, count_answers(trials), VOLTS)]
-            counts = [sum(words in one for one in told) for words in KINDS.values()]
+            kinds = [check.kind for check in check_trials(trials, count_answers(trials), VOLTS)]
+            counts = [kinds.count(kind) for kind in KINDS]
             cells.append(", ".join(map(str, counts)))
         yield f"| {design.name} | {' | '.join(cells)} |"
 

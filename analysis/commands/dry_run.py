@@ -102,8 +102,7 @@ def dry_run(
     report = target / REPORT
     simulated = simulated_participants(study, check.gains)
     row = simulated_row(simulated["thresholds"], simulated["threshold_sd_db"])
-    # Levels are volts from here on; a check of the study says peak-to-peak with each.
-    remarks = [warning.message.replace(" Vpp", " V") for warning in simulated["warnings"]]
+    remarks = [warning.message for warning in simulated["warnings"]]
     if with_levels:
         _print_levels(study, folder)
     print_analysis(

@@ -32,10 +32,6 @@ SENSITIVITY_COLUMNS: Final = (
     *("condition", "participant", "level_vpp", "felt", "presented", "false_alarms", "blanks"),
     *(*_WITH_LIMITS, "d_prime_answered"),
 )
-SHARE_COLUMNS: Final = (
-    *("condition", "participant", "presented", "hits", "over_report", "mislocalised"),
-    *("false_alarms", "blanks", *_WITH_LIMITS),
-)
 _RATES: Final = ("felt", "presented", "false_alarms", "blanks")
 _PERSON: Final = ["condition", "participant"]
 _CONDITIONS: Final = ["condition_a", "condition_b"]
@@ -134,21 +130,6 @@ def _in_order(rows: pd.DataFrame) -> pd.DataFrame:
     key = ["condition", "total", "participant", *(["level_vpp"] if "level_vpp" in rows else [])]
     rows = rows.assign(total=rows["participant"].eq(TOTAL))
     return rows.sort_values(key, key=in_order, ignore_index=True)
-
-
-def answer_shares(counts: pd.DataFrame) -> pd.DataFrame:
-    """Return hits, errors, d' and c of each participant, over levels; a row `TOTAL` comes last.
-
-    Columns `SHARE_COLUMNS`: of ``presented`` single stimuli how many were felt (``hits``), answered
-    with more sites (``over_report``) or another one (``mislocalised``). d' and c are NaN where
-    ``none`` was not offered or there were no blanks; in the row `TOTAL` they are means.
-    """
-    rows = _count_felt(counts, SINGLE, _PERSON).merge(_blanks(counts), on=_PERSON, how="left")
-    if rows.empty:
-        return rows.reindex(columns=[*SHARE_COLUMNS])
-    rows = with_sensitivity(rows)
-    table = _in_order(pd.concat([rows, _totals(rows, ["condition"])]))
-    return table.rename(columns={"felt": "hits"})[[*SHARE_COLUMNS]]
 
 
 BY_LEVEL_COLUMNS: Final = (

@@ -629,8 +629,9 @@ def _plan_rules(rows: pd.DataFrame, plans: Mapping[str, Plan]) -> Iterator[_Rule
 def _name_rules(rows: pd.DataFrame) -> Iterator[_Rule]:
     yield _Rule("participant", _NO_TOTAL, rows["participant"].eq(TOTAL))
     for name, (largest, plural) in _LIMITS.items():
-        codes = pd.Series(pd.factorize(rows[name])[0])
-        yield _Rule(name, f"one of at most {largest} {plural}", codes.ge(largest))
+        codes, values = pd.factorize(rows[name])
+        hint = f": there are {len(values)} values"
+        yield _Rule(name, f"one of at most {largest} {plural}", pd.Series(codes).ge(largest), hint)
 
 
 def _trial_rules(rows: pd.DataFrame, columns: ColumnMap | None) -> Iterator[_Rule]:

@@ -38,7 +38,6 @@ COUNTED: dict[str, Callable[..., Any]] = {
     "blank": table.count_blanks,
     "confusion": table.count_confusions,
     "detected_any": lambda counts: table.count_detected_any(table.count_levels(counts)),
-    "answer_shares": sensitivity.answer_shares,
     "sensitivity": sensitivity.sensitivity_table,
     "sides": table.summarize_sides,
     "sides_differ": sides_differ,

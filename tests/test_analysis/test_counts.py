@@ -29,7 +29,7 @@ BOTH = {"kind": "both", "side": "both", "response": "both"}
 KEY = ("condition", "level_vpp")
 BLANK = {"kind": "blank", "side": "none", "level_vpp": math.nan}
 COUNTS = ("levels", "participants", "both", "blank", "excluded")
-FRAMES = (*COUNTS, "confusion", "sides", "answer_shares", "sensitivity", "reaction_times")
+FRAMES = (*COUNTS, "confusion", "sides", "sensitivity", "reaction_times")
 few = settings(deadline=None, max_examples=6)
 """Tables cost the same whatever their size: few examples of many trials show as much for less."""
 assert_same = partial(pd.testing.assert_frame_equal, check_exact=True)
@@ -196,7 +196,7 @@ def test_neither_the_order_of_trials_nor_names_change_a_number(
     names = {"1": "z", "2": "b", "3": "007", "4": "A", "all": "all"}
     renamed = trials.assign(participant=trials["participant"].map(names))
     assert_same(table_of("levels", trials), table_of("levels", renamed))
-    for name in ("participants", "answer_shares"):
+    for name in ("participants", "sensitivity"):
         before, after = (table_of(name, each) for each in (trials, renamed))
         key = [column for column in ("participant", *KEY) if column in before]
         before = before.replace({"participant": names})
@@ -208,7 +208,7 @@ def test_neither_the_order_of_trials_nor_names_change_a_number(
 @given(studies())
 def test_exchanging_left_and_right_mirrors(trials: pd.DataFrame) -> None:
     mirrored = trials.replace({"side": MIRROR, "response": MIRROR})
-    for name in ("levels", "participants", "answer_shares", "sensitivity"):
+    for name in ("levels", "participants", "sensitivity"):
         assert_same(table_of(name, trials), table_of(name, mirrored))
     sides, there = (table_of("sides", each) for each in (trials, mirrored))
     there = there.replace({"side": MIRROR}).sort_values(["condition", "side", "level_vpp"])
@@ -245,10 +245,6 @@ def test_counts_add_up_and_agree_with_each_other(trials: pd.DataFrame) -> None:
     single = answers[answers["kind"] == "single"].groupby("condition")[["presented", "both"]].sum()
     of_levels = levels.groupby("condition")[["presented", "over_report"]].sum()
     assert single.to_numpy().tolist() == of_levels.to_numpy().tolist()
-    shares = table_of("answer_shares", trials).query("participant == 'all'")
-    columns = ["presented", "over_report", "mislocalised"]
-    of_levels = levels.groupby("condition")[columns].sum()
-    assert shares[columns].to_numpy().tolist() == of_levels.to_numpy().tolist()
     sides = table_of("sides", trials).groupby(["condition", "level_vpp"])[["detected", "presented"]]
     assert sides.sum().to_numpy().tolist() == levels[["detected", "presented"]].to_numpy().tolist()
 
@@ -266,9 +262,6 @@ def test_answers_are_counted_by_kind_and_side() -> None:
         ["both", "both", 1, 0, 1, 0, 0, 0, 2],
         ["blank", "none", 0, 0, 0, 1, 0, 1, 2],
     ]
-    shares = table_of("answer_shares", trials).iloc[-1]
-    counts = ["presented", "over_report", "mislocalised", "hits", "false_alarms", "blanks"]
-    assert shares[counts].tolist() == [4, 1, 1, 3, 0, 2]
     with pytest.raises(ValueError, match="response"):
         table_of("confusion", sequence(("left", "top")))
 
