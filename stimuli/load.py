@@ -23,6 +23,9 @@ class _Placed:
     is_moment: ClassVar[bool] = False
     """Whether it bends the plate instead of pushing it."""
 
+    is_disc: ClassVar[bool] = False
+    """Whether it is round."""
+
     def __post_init__(self) -> None:
         for field in fields(self):
             least = -1e3 if field.name == "x_m" else 0.0
@@ -66,6 +69,8 @@ class PointForce(_Placed):
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Disc(_Placed):
     radius_m: float
+
+    is_disc: ClassVar[bool] = True
 
     @property
     def half_size_m(self) -> tuple[float, float]:

@@ -1,0 +1,317 @@
+"""Modes of a plate with ends, and what it does at rest, by the method of Rayleigh and Ritz.
+
+The displacement is sought in products of functions along the plate, whose ends are free, and across
+it, between held edges. Where round patches stiffen the plate, functions of their own follow the
+jump of curvature at their rims. Stiffness and mass then are matrices, and modes their eigenvectors.
+
+Symmetric problems fall apart: functions even or odd along and across are solved by themselves, and
+those that no load excites are left out. The coarse basis, from which errors are estimated, is a
+part of the fine one, and its matrices are parts of the same matrices.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import TYPE_CHECKING, Final, NamedTuple
+
+import numpy as np
+import scipy.linalg
+
+from stimuli.plate.area import area_nodes, load_work, make_rim, remaining_work
+from stimuli.plate.line import EVEN, FREE, ODD, Margins, make_line, place_breaks
+from stimuli.plate.waveguide import edge_end, edge_springs, plate_wavenumber
+from stimuli.strip.patch import laminate, layer_of
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
+    from numpy.typing import NDArray
+
+    from stimuli.arrays import Real
+    from stimuli.load import Load
+    from stimuli.plate.area import Rim
+    from stimuli.plate.line import Line
+    from stimuli.strip.patch import BondedPatch, Laminate
+    from stimuli.strip.strip import Strip
+
+_MIN_CELL, _MAX_CELL = 0.02, 8.0
+"""Of the width. Long cells hold many waves; beyond some tens polynomials lose digits."""
+_NEAR_EDGE, _SMALL = 0.04, 0.25
+"""Of the width: a disc that lies so near to an edge, or is so small, gets breaks across."""
+_UNFOLDED: Final = 1.6
+"""How many times the margin a single cell over the whole width needs."""
+_ENDS: Final = 2
+_ROUNDING: Final = 1e-9
+_MIN_INVERSE: Final = 1e-12
+"""Rim functions are nearly combinations of others in the mass matrix. Of the inverse problem, mass
+over stiffness, they are eigenvectors near 0, which are very fast modes that follow at rest."""
+
+
+class Resolution(NamedTuple):
+    """How fine a plate is solved: in a coarse and a fine basis.
+
+    `multiples` are how far modes are kept over time, in reference frequencies, `margins` the
+    functions beyond those of a wave, `rim_degrees` the degrees of polynomials in a rim.
+    """
+
+    multiples: tuple[float, float] = (5.5, 8.0)
+    margins: Margins = Margins(2.0, 3.0)
+    rim_degrees: tuple[int, int] = (3, 4)
+
+
+@dataclass(frozen=True, eq=False)
+class Basis:
+    """Functions of one symmetry on a plate: products of those along and across, and of rims."""
+
+    strip: Strip
+    along: Line
+    across: Line
+    rims: tuple[Rim, ...]
+
+    @cached_property
+    def is_coarse(self) -> NDArray[np.bool_]:
+        """Which functions make up the coarse basis."""
+        lines = (np.arange(line.size) < line.n_coarse for line in (self.along, self.across))
+        products = np.logical_and.outer(*lines).ravel()
+        rims = (np.arange(rim.powers.shape[1]) < rim.n_coarse for rim in self.rims)
+        return np.concatenate([products, *rims])
+
+    @cached_property
+    def _laminate(self) -> Laminate:
+        return laminate([layer_of(self.strip.material, self.strip.thickness_m)])
+
+    @cached_property
+    def matrices(self) -> tuple[Real, Real, Real]:
+        """Stiffness of the plate, stiffness of the edge springs, and mass."""
+        strip, along, across = self.strip, self.along, self.across
+        nu = strip.material.poisson_ratio
+        xx, x0, x1, xm = along.products((2, 2), (0, 0), (1, 1), (2, 0))
+        yy, y0, y1, ym = across.products((2, 2), (0, 0), (1, 1), (0, 2))
+        mixed = nu * np.kron(xm, ym)
+        bending = np.kron(xx, y0) + np.kron(x0, yy) + mixed + mixed.T
+        bending += 2 * (1 - nu) * np.kron(x1, y1)
+        n = len(bending)
+        size = self.is_coarse.size
+        stiffness, springs, mass = np.zeros((3, size, size))
+        rigidity = strip.bending_stiffness_n_m
+        stiffness[:n, :n] = rigidity * bending
+        springs[:n, :n] = np.kron(x0, rigidity * edge_springs(strip, across))
+        mass[:n, :n] = self._laminate.mass_kg_m2 * np.eye(n)
+        for rim in self.rims:
+            self._add(rim, self._laminate, stiffness, mass, n_known=n)
+        for patch in strip.patches:
+            whole = laminate([layer_of(strip.material, strip.thickness_m), *patch.layers])
+            bare = self._laminate
+            added = replace(
+                whole,
+                **{
+                    name: max(getattr(whole, name) - getattr(bare, name), 0.0)
+                    for name in ("biaxial_n_m", "opposed_n_m", "mass_kg_m2")
+                },
+            )
+            self._add(patch, added, stiffness, mass)
+        return stiffness, springs, mass
+
+    def _add(
+        self,
+        area: BondedPatch | Rim,
+        added: Laminate,
+        stiffness: Real,
+        mass: Real,
+        n_known: int = 0,
+    ) -> None:
+        """Add bending stiffness and mass of an area; not those of the first functions together."""
+        if self.along.parity and area.x_m > _MIN_CELL * self.strip.width_m:
+            return  # its mirror image stands for both
+        points_m, weights = area_nodes(area, self.along, self.across)
+        copies = 2 if self.along.parity and area.x_m < 0 else 1
+        root = np.sqrt(copies * weights)[:, np.newaxis]
+        xx, yy, xy, value = (
+            root * derivative
+            for derivative in self.derivatives(points_m, ((2, 0), (0, 2), (1, 1), (0, 0)))
+        )
+        rows = np.concatenate(
+            [
+                math.sqrt(added.biaxial_n_m / 2) * (xx + yy),
+                math.sqrt(added.opposed_n_m / 2) * (xx - yy),
+                math.sqrt(2 * added.opposed_n_m) * xy,
+            ]
+        )
+        for matrix, half in ((stiffness, rows), (mass, math.sqrt(added.mass_kg_m2) * value)):
+            product = half.T @ half
+            product[:n_known, :n_known] = 0.0
+            np.add(matrix, product, out=matrix)
+
+    def derivatives(self, points_m: Real, orders: Sequence[tuple[int, int]]) -> list[Real]:
+        """Return derivatives of all functions at points: (n_points, n_functions), by orders."""
+        by_axis = []
+        for axis, line in enumerate((self.along, self.across)):
+            own_orders = sorted({pair[axis] for pair in orders})
+            places_m, back = np.unique(points_m[:, axis], return_inverse=True)
+            values = line.derivatives(places_m, own_orders)
+            by_axis.append(dict(zip(own_orders, (value[back] for value in values), strict=True)))
+        products = [
+            (by_axis[0][i][:, :, np.newaxis] * by_axis[1][j][:, np.newaxis]).reshape(
+                len(points_m), -1
+            )
+            for i, j in orders
+        ]
+        if not self.rims:
+            return products
+        rims = [self._rim_derivatives(rim, points_m, orders) for rim in self.rims]
+        return [np.concatenate(parts, axis=1) for parts in zip(products, *rims, strict=True)]
+
+    def _rim_derivatives(
+        self, rim: Rim, points_m: Real, orders: Sequence[tuple[int, int]]
+    ) -> list[Real]:
+        if not self.along.parity or not rim.x_m:
+            return rim.derivatives(points_m, orders)
+        is_mirrored = points_m[:, 0] > 0
+        folded_m = np.stack([-np.abs(points_m[:, 0]), points_m[:, 1]], axis=1)
+        results = rim.derivatives(folded_m, orders)
+        for (order, _), values in zip(orders, results, strict=True):
+            values[is_mirrored] *= self.along.parity * (-1) ** order
+        return results
+
+    def values(self, points_m: Real) -> Real:
+        """Return all functions at points: (n_points, n_functions)."""
+        return self.derivatives(points_m, ((0, 0),))[0]
+
+    def work(self, load: Load) -> Real:
+        """Return the work of a unit load on all functions."""
+        return np.concatenate([load_work(load, self.along, self.across).ravel(), *self._rims(load)])
+
+    def remaining_work(self, load: Load) -> Real:
+        """Return the work at rest of what `local_field` leaves of a unit load."""
+        if self.rims:
+            return self.work(load)
+        return remaining_work(load, self.along, self.across).ravel()
+
+    def _rims(self, load: Load) -> Iterable[Real]:
+        if not self.rims:
+            return
+        points_m, weights = area_nodes(load, self.along, self.across)
+        for rim in self.rims:
+            if load.is_moment:
+                xx, yy = self._rim_derivatives(rim, points_m, ((2, 0), (0, 2)))
+                yield weights @ (xx + yy)
+            else:
+                (value,) = self._rim_derivatives(rim, points_m, ((0, 0),))
+                yield weights @ value / load.area_m2
+
+    def modes(self, select: NDArray[np.intp]) -> tuple[Real, Real]:
+        """Return squares of angular frequencies and shapes of unit mass in some functions."""
+        stiffness, springs, mass = (matrix[np.ix_(select, select)] for matrix in self.matrices)
+        whole = stiffness + springs
+        if not self.rims and not self.strip.patches:
+            areal = self._laminate.mass_kg_m2
+            squared, shapes = scipy.linalg.eigh(whole / areal, check_finite=False, driver="evd")
+            return squared, shapes / math.sqrt(areal)
+        inverse, shapes = scipy.linalg.eigh(mass, whole, check_finite=False, driver="gvd")
+        inverse = np.maximum(inverse, _MIN_INVERSE * inverse[-1])
+        return 1 / inverse, shapes / np.sqrt(inverse)
+
+
+def plate_bases(
+    strip: Strip,
+    max_hz: float,
+    resolution: Resolution,
+    loads: Sequence[Load] = (),
+    *,
+    excites_odd: bool,
+) -> list[Basis]:
+    """Return bases of all symmetries that are excited.
+
+    Parameters
+    ----------
+    strip : Strip
+        A plate with ends.
+    max_hz : float
+        The functions follow waves up to this frequency.
+    resolution : Resolution
+    loads : sequence of Load
+        Loads at whose ends curvatures may jump.
+    excites_odd : bool
+        Whether a load is off the centre line.
+    """
+    width_m, middle_m = strip.width_m, strip.width_m / 2
+    half_length_m = float(strip.length_m or math.inf) / 2
+    bent = [*(load for load in loads if load.is_moment), *strip.patches]
+    images = {replace(patch, x_m=-patch.x_m) for patch in strip.patches}
+    discs = [patch for patch in strip.patches if patch.is_disc]
+    folds_along = images == set(strip.patches) and not _images_overlap(discs)
+    folds_across = all(abs(area.y_m - middle_m) < _ROUNDING * width_m for area in bent)
+    x_ends_m = [
+        area.x_m + side * area.half_size_m[0]
+        for area in (*loads, *strip.patches)
+        for side in (-1, 1)
+    ]
+    y_ends_m = [load.y_m for load in loads if not load.half_size_m[0]]
+    y_ends_m += [
+        area.y_m + side * area.half_size_m[1]
+        for area in bent
+        for side in (-1, 1)
+        if _needs_breaks_across(area, width_m)
+    ]
+    wavenumber = plate_wavenumber(strip, max_hz)
+    x_parities = (1, -1) if folds_along else (0,)
+    y_parities = ((1, -1) if excites_odd else (1,)) if folds_across else (0,)
+    if folds_along:
+        x_ends_m = [-abs(x_m) for x_m in x_ends_m]
+    if folds_across:
+        y_ends_m = [min(y_m, width_m - y_m) for y_m in y_ends_m]
+    cells = {"min_cell_m": _MIN_CELL * width_m, "max_cell_m": _MAX_CELL * width_m}
+    x_breaks_m = place_breaks(
+        x_ends_m, -half_length_m, 0.0 if folds_along else half_length_m, **cells
+    )
+    y_breaks_m = place_breaks(y_ends_m, 0.0, middle_m if folds_across else width_m, **cells)
+    is_one_cell = not folds_across and y_breaks_m.size == _ENDS
+    widening = _UNFOLDED if is_one_cell else 1.0
+    margins = Margins(*(widening * margin for margin in resolution.margins))
+    edge = edge_end(strip)
+    middle = {1: EVEN, -1: ODD}
+    if folds_along:
+        discs = [patch for patch in discs if patch.x_m <= _ROUNDING * width_m]
+    return [
+        Basis(
+            strip,
+            make_line(
+                x_breaks_m,
+                wavenumber,
+                (FREE, middle.get(x_parity, FREE)),
+                resolution.margins,
+                x_parity,
+            ),
+            make_line(
+                y_breaks_m, wavenumber, (edge, middle.get(y_parity, edge)), margins, y_parity
+            ),
+            tuple(
+                make_rim(
+                    disc,
+                    resolution.rim_degrees,
+                    (x_parity if abs(disc.x_m) <= _ROUNDING * width_m else 0, y_parity),
+                )
+                for disc in discs
+            ),
+        )
+        for x_parity in x_parities
+        for y_parity in y_parities
+    ]
+
+
+def _images_overlap(discs: Sequence[BondedPatch]) -> bool:
+    """Return whether a disc overlaps the mirror image of another one, or of itself."""
+    for disc in discs:
+        for image in discs:
+            apart_m = abs(abs(disc.x_m) - abs(image.x_m)) if disc != image else 2 * abs(disc.x_m)
+            if _ROUNDING < apart_m < disc.half_size_m[0] + image.half_size_m[0]:
+                return True
+    return False
+
+
+def _needs_breaks_across(area: Load | BondedPatch, width_m: float) -> bool:
+    half_m = area.half_size_m[1]
+    room_m = min(area.y_m, width_m - area.y_m) - half_m
+    return not area.is_disc or room_m < _NEAR_EDGE * width_m or half_m < _SMALL * width_m

@@ -1,0 +1,234 @@
+"""Guided waves of a strip between any edges, and the field of a load on a strip without ends.
+
+The displacement is a sum of functions across the strip, u = sum of q_j(x) Y_j(y). Held edges do not
+move, so that Poisson's ratio drops out of the bending energy, and what is left is
+
+    q'''' - 2 A q'' + (B - k^4) q = f / D,
+
+with the integrals A of products of slopes, B of curvatures and the work of the edge springs, and
+the wavenumber k of a plate without edges. Waves q = phi exp(i p x) solve a quadratic eigenproblem
+of z = p^2. It has twice as many waves as there are functions, and these are all: the field is their
+sum, at any distance from a load (the semi-analytical finite element method).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from stimuli.plate.area import chord_work, local_field, slice_area
+from stimuli.plate.line import CLAMPED_END, EVEN, ODD, SUPPORTED, make_line, place_breaks
+from stimuli.strip.edge import CLAMPED, ElasticEdge
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from numpy.typing import ArrayLike
+
+    from stimuli.arrays import Complex, Real
+    from stimuli.load import Load
+    from stimuli.plate.line import Line, LineEnd, Margins
+    from stimuli.strip.strip import Strip
+
+MIN_FREQUENCY: Final = 1e-3
+"""Of the first cut-off. Below it a strip moves as at this frequency, within 1e-6; nearer to 0 the
+waves of one order approach each other and cancel."""
+_MIN_CELL: Final = 0.03
+"""Of the width: shorter cells gain nothing, and make the eigenproblem larger."""
+_SLICE_MARGIN: Final = 10
+_ROUNDING: Final = 1e-9
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CrossSection:
+    """Functions across a strip that are even or odd about its centre line, and their energies."""
+
+    strip: Strip
+    line: Line
+    slopes: Real  # A: integrals of products of slopes
+    curvatures: Real  # B without springs
+    springs: Real  # work of edge springs over D
+
+    @property
+    def inertia(self) -> float:
+        """Mass per area over bending stiffness: k^4 over the angular frequency squared."""
+        return plate_inertia(self.strip)
+
+    def coarse(self) -> CrossSection:
+        """Return the same in the coarse basis."""
+        n = self.line.n_coarse
+        line = replace(self.line, coefficients=self.line.coefficients[:, :n])
+        return CrossSection(
+            self.strip,
+            line,
+            *(matrix[:n, :n] for matrix in (self.slopes, self.curvatures, self.springs)),
+        )
+
+    def cutoffs_hz(self) -> Real:
+        """Return the cut-off frequencies of this symmetry without loss, as many as functions."""
+        fourth_powers = np.linalg.eigvalsh(self.curvatures + self.springs)
+        return np.asarray(np.sqrt(fourth_powers / self.inertia) / (2 * math.pi))
+
+    def waves(self, frequencies_hz: Real) -> Waves:
+        """Return all waves that go or decay to the right at some frequencies."""
+        strip, n = self.strip, len(self.slopes)
+        lossy = stiffness_factors(strip, frequencies_hz)
+        # Real eigenproblems take a quarter of the time.
+        factor: Complex | Real = lossy if np.any(lossy.imag) else lossy.real
+        fourth = self.inertia * (2 * math.pi * frequencies_hz) ** 2 / factor
+        has_own_stiffness = isinstance(strip.edge, ElasticEdge) and strip.edge.lossless
+        relative = 1 / factor if has_own_stiffness else np.ones_like(factor)
+        # A size of z makes both halves of the matrix alike.
+        size = 30 * (math.pi / strip.width_m) ** 2
+        matrix = np.zeros((frequencies_hz.size, 2 * n, 2 * n), dtype=factor.dtype)
+        matrix[:, :n, n:] = size * np.eye(n)
+        matrix[:, n:, :n] = (
+            fourth[:, np.newaxis, np.newaxis] * np.eye(n)
+            - self.curvatures
+            - relative[:, np.newaxis, np.newaxis] * self.springs
+        ) / size
+        matrix[:, n:, n:] = -2 * self.slopes
+        squared, vectors = np.linalg.eig(matrix)
+        shapes = vectors[:, :n]
+        norms = 2 * ((squared[:, np.newaxis] * shapes + self.slopes @ shapes) * shapes).sum(axis=1)
+        wavenumbers = np.sqrt(squared.astype(np.complex128))
+        outgoing = np.where(wavenumbers.imag < 0, -wavenumbers, wavenumbers)
+        return Waves(outgoing, shapes, norms)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Waves:
+    """All waves of a cross section at some frequencies.
+
+    Attributes
+    ----------
+    wavenumbers_rad_m : ndarray of complex128, shape (n_frequencies, n_waves)
+        p of exp(i p x), with Im p >= 0.
+    shapes : ndarray, shape (n_frequencies, n_functions, n_waves)
+    norms : ndarray, shape (n_frequencies, n_waves)
+        phi^T (2 z + 2 A) phi, without conjugate: the operator is symmetric, not Hermitian.
+    """
+
+    wavenumbers_rad_m: Complex
+    shapes: Complex
+    norms: Complex
+
+
+def make_cross_section(
+    strip: Strip,
+    max_wavenumber_rad_m: float,
+    parity: int,
+    margins: Margins,
+    places_m: Iterable[float] = (),
+) -> CrossSection:
+    """Return functions across a strip with breaks at places, where loads begin and end."""
+    middle_m = strip.width_m / 2
+    folded = (min(y_m, strip.width_m - y_m) for y_m in places_m)
+    breaks_m = place_breaks(
+        folded, 0.0, middle_m, min_cell_m=_MIN_CELL * strip.width_m, max_cell_m=middle_m
+    )
+    ends = edge_end(strip), EVEN if parity > 0 else ODD
+    line = make_line(breaks_m, max_wavenumber_rad_m, ends, margins, parity)
+    slopes, curvatures = line.products((1, 1), (2, 2))
+    return CrossSection(strip, line, slopes, curvatures, edge_springs(strip, line))
+
+
+def edge_end(strip: Strip) -> LineEnd:
+    """Return what functions across may have at an edge."""
+    return CLAMPED_END if strip.edge is CLAMPED else SUPPORTED
+
+
+def edge_springs(strip: Strip, line: Line) -> Real:
+    """Return the products of edge slopes by which springs hold the functions, over D."""
+    if not isinstance(strip.edge, ElasticEdge):
+        return np.zeros((line.size, line.size))
+    (slopes,) = line.derivatives([0.0, strip.width_m], (1,))
+    return np.asarray(strip.edge.stiffness_n / strip.bending_stiffness_n_m * slopes.T @ slopes)
+
+
+def plate_inertia(strip: Strip) -> float:
+    """Return mass per area over bending stiffness, in s^2 / m^4."""
+    return strip.material.density_kg_m3 * strip.thickness_m / strip.bending_stiffness_n_m
+
+
+def plate_wavenumber(strip: Strip, frequency_hz: float) -> float:
+    """Return the wavenumber of bending waves in a plate without edges, equation (3)."""
+    return math.sqrt(2 * math.pi * frequency_hz * math.sqrt(plate_inertia(strip)))
+
+
+def stiffness_factors(strip: Strip, frequencies_hz: Real) -> Complex:
+    """Return what loss multiplies the bending stiffness with, at each frequency."""
+    material = strip.material
+    loss = material.loss_factor + 2 * math.pi * frequencies_hz * material.viscous_time_s
+    return np.asarray(1 - 1j * loss, dtype=np.complex128)
+
+
+def endless_displacement(
+    strip: Strip, load: Load, points_m: Real, frequencies_hz: Real, margins: Margins
+) -> Complex:
+    """Return the displacement of an endless strip under a unit load: (n_frequencies, n_points).
+
+    Lower frequencies than `MIN_FREQUENCY` cut-offs are taken for that. A load on the centre line
+    excites no odd waves, which are left out.
+    """
+    at_hz = np.maximum(frequencies_hz, MIN_FREQUENCY * strip.cutoff_hz())
+    stiffness = strip.bending_stiffness_n_m * stiffness_factors(strip, at_hz)
+    field = local_field(load, points_m) / stiffness[:, np.newaxis]
+    wavenumber = plate_wavenumber(strip, float(at_hz.max()))
+    places_m = [load.y_m + side * load.half_size_m[1] for side in (-1, 1)]
+    is_centred = abs(load.y_m - strip.width_m / 2) < _ROUNDING * strip.width_m
+    for parity in (1,) if is_centred else (1, -1):
+        section = make_cross_section(strip, wavenumber, parity, margins, places_m)
+        field += endless_field(section, load, points_m, at_hz)
+    return np.asarray(field)
+
+
+def endless_field(
+    section: CrossSection, load: Load, points_m: ArrayLike, frequencies_hz: Real
+) -> Complex:
+    """Return the part of one symmetry of the displacement per unit load on an endless strip.
+
+    The shape is (n_frequencies, n_points); frequencies are at least `MIN_FREQUENCY` cut-offs.
+    """
+    strip, line = section.strip, section.line
+    waves = section.waves(frequencies_hz)
+    x_m, y_m = np.asarray(points_m, dtype=np.float64).T
+    distances_m, back = np.unique(np.round(np.abs(x_m - load.x_m), 13), return_inverse=True)
+    values = line.derivatives(y_m, (0,))[0] @ waves.shapes
+    field = np.zeros((frequencies_hz.size, x_m.size), dtype=np.complex128)
+    factor = stiffness_factors(strip, frequencies_hz)
+    fourth = section.inertia * (2 * math.pi * frequencies_hz) ** 2 / factor
+    for number, distance_m in enumerate(distances_m):
+        amplitudes = _wave_amplitudes(load, float(distance_m), line, waves, fourth)
+        here = np.flatnonzero(back == number)
+        field[:, here] = (values[:, here] @ amplitudes[..., np.newaxis])[..., 0]
+    return np.asarray(field / (strip.bending_stiffness_n_m * factor)[:, np.newaxis])
+
+
+def _wave_amplitudes(
+    load: Load, distance_m: float, line: Line, waves: Waves, fourth: Complex
+) -> Complex:
+    """Return the amplitude of each wave at a distance along from a load's centre.
+
+    Within the load the slices on both sides of the place send waves to it. `fourth` is k^4.
+    """
+    half_m, wavenumbers = load.half_size_m[0], waves.wavenumbers_rad_m
+    spans = [(-1.0, 1.0)]
+    if distance_m < half_m:
+        spans = [(-1.0, distance_m / half_m), (distance_m / half_m, 1.0)]
+    n_nodes = _SLICE_MARGIN + max(line.interior) * (2 if load.is_disc else 1)
+    amplitudes = np.zeros(wavenumbers.shape, dtype=np.complex128)
+    for span in spans:
+        slices = slice_area(load, n_nodes, (), span)
+        force, curvature, inertia = chord_work(load, slices, line)
+        across = force + fourth[:, np.newaxis, np.newaxis] * inertia
+        work = across @ waves.shapes
+        if curvature.any():
+            work -= (wavenumbers**2)[:, np.newaxis] * (curvature @ waves.shapes)
+        ways_m = np.abs(load.x_m + distance_m - slices.x_m)
+        phases = np.exp(1j * wavenumbers[:, np.newaxis] * ways_m[:, np.newaxis])
+        amplitudes += np.einsum("n,fnm,fnm->fm", slices.weights_m, work, phases)
+    return np.asarray(amplitudes * 1j / (2 * wavenumbers * waves.norms))
