@@ -7,7 +7,6 @@ import json
 import re
 import sys
 import textwrap
-from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +16,7 @@ from analysis.audit import Printed, PrintedRow
 from analysis.reading.text import ResultFileError, one_line, shown
 from device.printing import echo
 from experiment.exits import ANSWER_IS_NO, refusals
+from experiment.templates import open_templates
 
 LABEL_COLUMNS = ("level_vpp", "level", "label")
 REQUIRED_COLUMNS = ("min", "mean", "max")
@@ -121,14 +121,7 @@ def _parse_participants(text: str) -> int | None:
 
 def format_audit(report: dict[str, Any]) -> str:
     """Format an audit as text."""
-    from jinja2 import Environment, StrictUndefined
-
-    environment = Environment(  # noqa: S701 (text, no page)
-        undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
-    )
-    environment.filters["one_line"] = one_line
-    template = files(__package__).joinpath("templates", "audit.txt.jinja").read_text("utf-8")
-    text = environment.from_string(template)
+    text = open_templates(str(__package__), {"one_line": one_line}).get_template("audit.txt.jinja")
     return text.render(report=report, max_counts=_MAX_COUNTS_LISTED)
 
 

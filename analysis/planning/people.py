@@ -20,6 +20,7 @@ from analysis.thresholds.people import as_amplitudes, as_named, people_of
 from experiment.perception.answers import answer_probabilities
 from experiment.study.simulation import CURVE_KEYS
 from experiment.study.threshold import threshold_vpp
+from experiment.tasks import LEFT_RIGHT_BOTH
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -270,7 +271,7 @@ def _pilot_draws(people: PersonCounts, trials: pd.DataFrame, name: str) -> list[
     blank = trials[
         trials["kind"].eq("blank") & trials["condition"].eq(name) & trials["reason"].eq("")
     ]
-    alarms = int(blank["response"].isin(["left", "right", "both"]).sum())
+    alarms = int(blank["response"].isin(LEFT_RIGHT_BOTH.named_answers).sum())
     rates = rng.beta(0.5 + alarms, 0.5 + len(blank) - alarms, _DRAWS)
     columns = {
         "threshold_vpp": np.clip(10**middle, _MIN_VPP, _MAX_VPP),

@@ -6,10 +6,10 @@ import json
 import math
 from dataclasses import asdict, dataclass, replace
 from functools import cache
-from importlib.resources import files
 from typing import TYPE_CHECKING, Any
 
 from analysis.planning.studies import PILOT_STIMULI, Point
+from experiment.templates import open_templates
 
 if TYPE_CHECKING:
     from jinja2 import Environment
@@ -178,19 +178,10 @@ class PowerResult:
 
 @cache
 def _templates() -> Environment:
-    from jinja2 import Environment, FunctionLoader, StrictUndefined
-
-    folder = files(__package__).joinpath("templates")
-    environment = Environment(  # noqa: S701 (text, no page)
-        loader=FunctionLoader(lambda name: folder.joinpath(name).read_text(encoding="utf-8")),
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    environment.filters |= {
+    filters = {
         "g": "{:g}".format,
         "percent": lambda share: f"{100 * share:.0f} %",
         "db": lambda value: f"{value:.2f} dB" if math.isfinite(value) else "open",
         "rate": lambda value: f"{value:.1%}" if math.isfinite(value) else "open",
     }
-    return environment
+    return open_templates(str(__package__), filters)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from itertools import permutations
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -27,7 +28,7 @@ from analysis.reading.text import ResultFileError
 from analysis.reading.trials import NEVER_ANSWERED, counts_of, without_device
 from analysis.results.rendering import warning
 from analysis.thresholds.band import group_bands
-from analysis.thresholds.displacement import with_micrometres
+from analysis.thresholds.displacement import SITE_COLUMNS, with_micrometres
 from analysis.thresholds.fit import WITH_THRESHOLD
 from analysis.thresholds.people import people_in
 from analysis.thresholds.table import (
@@ -39,6 +40,7 @@ from analysis.thresholds.table import (
 from experiment.names import require_whole
 from experiment.perception.gains import UNEQUAL_DB
 from experiment.rows import HANDS_OFF, PRACTICE
+from experiment.tasks import LEFT_RIGHT_BOTH
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -186,9 +188,9 @@ class Analysis:
         if table.empty or self.detected_any is None or table["kind"].eq("both").any():
             return ""
         sides = {*table.loc[table["kind"].eq("single"), "side"]}
-        others = [name for name in ("left", "right", "both") if name not in sides]
-        none = not table[others].to_numpy().any()
-        return str(sides.pop()) if len(sides) == 1 and none else ""
+        elsewhere = [name for name in LEFT_RIGHT_BOTH.named_answers if name not in sides]
+        is_alone = len(sides) == 1 and not table[elsewhere].to_numpy().any()
+        return str(sides.pop()) if is_alone else ""
 
     @property
     def one_place(self) -> str:
@@ -501,12 +503,12 @@ def _about_sides(analysis: Analysis) -> Iterator[AnalysisWarning]:
         if p < ALPHA:
             yield warning(WarningCode.SIDES_DIFFER, condition=condition if several else "", p=p)
     table = analysis.thresholds
-    if not {"threshold_left_um", "threshold_right_um"} <= {*table.columns}:
+    if not {*SITE_COLUMNS.values()} <= {*table.columns}:
         return
-    ratios = (table["threshold_right_um"] / table["threshold_left_um"]).astype(float).dropna()
-    apart_db = [20 * math.log10(ratio) for ratio in ratios]
-    for more, less, sign in (("left", "right", -1), ("right", "left", 1)):
-        larger = [abs(db) for db in apart_db if sign * db >= UNEQUAL_DB]
+    for more, less in permutations(SITE_COLUMNS, 2):
+        ratios = (table[SITE_COLUMNS[more]] / table[SITE_COLUMNS[less]]).astype(float).dropna()
+        apart_db = [20 * math.log10(ratio) for ratio in ratios]
+        larger = [db for db in apart_db if db >= UNEQUAL_DB]
         if larger:
             data = {"more": more, "less": less, "db": max(larger)}
             every = len(larger) == len(apart_db)

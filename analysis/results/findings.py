@@ -22,7 +22,7 @@ from analysis.numbers import (
     with_limits,
 )
 from analysis.results.analysis import ALPHA
-from analysis.thresholds.displacement import group_per_volt
+from analysis.thresholds.displacement import SITE_COLUMNS, group_per_volt
 from analysis.thresholds.fit import BOUNDED, WITH_THRESHOLD
 
 if TYPE_CHECKING:
@@ -272,10 +272,12 @@ def _fingertips(
     """
     if row["status"] not in WITH_THRESHOLD:
         return {}
-    left, right, basis = group_per_volt(people)
-    sides = {side: um for side, um in (("left", left), ("right", right)) if um > 0}
-    if len(sides) == 2 and abs(left - right) <= SAME_RATIO * max(left, right):  # noqa: PLR2004
-        sides = {"": (left + right) / 2}
+    per_volt, basis = group_per_volt(people)
+    sides = {side: um for side, um in per_volt.items() if um > 0}
+    values = [*sides.values()]
+    is_complete = len(sides) == len(SITE_COLUMNS)
+    if is_complete and max(values) - min(values) <= SAME_RATIO * max(values):
+        sides = {"": sum(values) / len(values)}
     at = float(row["threshold_vpp"])
     low, high = _ends(row, *_LIMITS)
     signs = "< " if low == -math.inf else "", "> " if high == math.inf else ""

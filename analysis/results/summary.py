@@ -15,6 +15,7 @@ from analysis.results.analysis import contacts_of
 from analysis.results.answer import answer
 from analysis.results.rendering import read_text
 from experiment.rows import NOT_AVAILABLE
+from experiment.tasks import LEFT_RIGHT_BOTH
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -93,7 +94,7 @@ def in_own_words(table: pd.DataFrame, analysis: Analysis) -> pd.DataFrame:
     side, unit = analysis.one_place, analysis.axis.unit
     if side:
         answers = {side: "felt", "none": "not_felt"}
-        sided = {"side", "left", "right", "both", "over_report", "mislocalised"} - {side}
+        sided = {"side", *LEFT_RIGHT_BOTH.named_answers, "over_report", "mislocalised"} - {side}
         sided |= {f"{of}_{at}" for of in ("level", "peak") for at in _SIDED}
         table = table.drop(columns=[name for name in table if name in sided]).rename(
             columns=answers

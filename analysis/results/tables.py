@@ -17,6 +17,7 @@ from analysis.results.findings import (
     side_estimates,
 )
 from analysis.results.rendering import phrases, read_text
+from experiment.tasks import LEFT_RIGHT_BOTH
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -233,8 +234,9 @@ def answer_tables(analysis: Analysis) -> Iterator[Table]:
     """Yield the answers to each stimulus, and those of each participant."""
     site, side = analysis.one_place, analysis.one_side
     named = {site: "felt", "none": "not_felt"} if site else {}
-    hidden = {"left", "right", "both"} - {side} if side else set()
-    columns = ("left", "right", "both", "none", "timeout", "invalid")
+    hidden = {*LEFT_RIGHT_BOTH.named_answers} - {side} if side else set()
+    answers = LEFT_RIGHT_BOTH.answer_names
+    columns = (*answers, "timeout", "invalid")
 
     def rows(_: str, each: pd.DataFrame) -> Iterator[Row]:
         for row in records(each):
@@ -245,7 +247,7 @@ def answer_tables(analysis: Analysis) -> Iterator[Table]:
                 **{
                     named.get(name, name): str(row[name])
                     for name in columns
-                    if name not in hidden and (name in columns[:4] or row[name])
+                    if name not in hidden and (name in answers or row[name])
                 },
             }
 
@@ -264,9 +266,9 @@ def _each_participant(analysis: Analysis) -> list[Row]:
     for (who, condition), each in counted.groupby(["participant", "condition"], observed=True):
         single, blank = (each[each["kind"].eq(kind)] for kind in ("single", "blank"))
         side, response = single["side"].astype(str), single["response"].astype(str)
-        elsewhere = (response.isin(["left", "right"]) & response.ne(side)).sum()
-        alarms = blank["response"].isin(["left", "right", "both"]).sum()
-        left, right = (int(each["response"].eq(name).sum()) for name in ("left", "right"))
+        elsewhere = (response.isin(LEFT_RIGHT_BOTH.sites) & response.ne(side)).sum()
+        alarms = blank["response"].isin(LEFT_RIGHT_BOTH.named_answers).sum()
+        said = [str(each["response"].eq(site).sum()) for site in LEFT_RIGHT_BOTH.sites]
         row = {
             "participant": f"{who}, {condition}" if several else str(who),
             "trials": str(len(each)),
@@ -276,7 +278,7 @@ def _each_participant(analysis: Analysis) -> list[Row]:
         if analysis.detected_any is not None and len(blank):
             row["alarms"] = f"{alarms}/{len(blank)}"
         if not analysis.one_side:
-            row |= {"other": f"{elsewhere}/{len(single)}", "said": f"{left} : {right}"}
+            row |= {"other": f"{elsewhere}/{len(single)}", "said": " : ".join(said)}
         rows.append(row)
     return sorted(rows, key=lambda row: counted_up(row["participant"]))
 
@@ -292,7 +294,7 @@ def blank_tables(analysis: Analysis) -> Iterator[Table]:
         {
             "participant": _who(row),
             "presented": str(int(row["presented"])),
-            **({} if side else {n: decimals(row[n], 0) for n in ("left", "right", "both")}),
+            **({} if side else {n: decimals(row[n], 0) for n in LEFT_RIGHT_BOTH.named_answers}),
             "p": f"{percent(row['p'])} %",
             "interval": _percents(row),
         }

@@ -8,13 +8,18 @@ from typing import TYPE_CHECKING, Any, Final
 import pandas as pd
 
 from analysis.thresholds.fit import WITH_THRESHOLD
+from experiment.tasks import LEFT_RIGHT_BOTH
 
 if TYPE_CHECKING:
+    from typing import TypeAlias
+
     from analysis.axis import Axis
 
+    PerVolt: TypeAlias = dict[str, float]
 
-UM_COLUMNS: Final = ("threshold_left_um", "threshold_right_um", "displacement_basis")
-_SIDES: Final = ("left", "right")
+
+SITE_COLUMNS: Final = {site: f"threshold_{site}_um" for site in LEFT_RIGHT_BOTH.sites}
+UM_COLUMNS: Final = (*SITE_COLUMNS.values(), "displacement_basis")
 _DIGITS: Final = 4
 """Those of displacements in trials.csv."""
 
@@ -53,35 +58,37 @@ def with_micrometres(thresholds: pd.DataFrame, trials: pd.DataFrame, axis: Axis)
     [[1.2, 1.08, 'measured']]
     """
     moved = _per_volt(trials) if axis.is_vpp else {}
-    rows: list[dict[str, object]] = []
-    for _, row in thresholds.iterrows():
-        left, right, basis = moved.get((row["participant"], row["condition"]), _UNKNOWN)
-        at = row["threshold_vpp"] if row["status"] in WITH_THRESHOLD else math.nan
-        values = (_um(left * at), _um(right * at), basis if math.isfinite(at) else math.nan)
-        rows.append(dict(zip(UM_COLUMNS, values, strict=True)))
+    rows = [
+        _in_micrometres(row, *moved.get((row["participant"], row["condition"]), ({}, math.nan)))
+        for _, row in thresholds.iterrows()
+    ]
     return thresholds.assign(**pd.DataFrame(rows, columns=[*UM_COLUMNS], index=thresholds.index))
 
 
-def _um(value: float) -> float:
-    return float(f"{value:.{_DIGITS}g}")
+def _in_micrometres(row: pd.Series[Any], per_volt: PerVolt, basis: object) -> dict[str, object]:
+    """Return the columns in micrometres of a threshold."""
+    at = row["threshold_vpp"] if row["status"] in WITH_THRESHOLD else math.nan
+    um = {
+        column: float(f"{per_volt.get(site, math.nan) * at:.{_DIGITS}g}")
+        for site, column in SITE_COLUMNS.items()
+    }
+    return {**um, "displacement_basis": math.nan if all(map(math.isnan, um.values())) else basis}
 
 
-_UNKNOWN: Final = (math.nan, math.nan, math.nan)
-
-
-def _per_volt(trials: pd.DataFrame) -> dict[tuple[str, str], tuple[float, float, Any]]:
-    """Return the displacement per volt left and right, and its basis, of each participant."""
+def _per_volt(trials: pd.DataFrame) -> dict[tuple[str, str], tuple[PerVolt, object]]:
+    """Return the displacement per volt at each site, and its basis, of each participant."""
     if trials.empty or not {"peak_left_um", "displacement_basis"} <= {*trials.columns}:
         return {}
     single = trials["reason"].eq("") & trials["kind"].astype(object).eq("single")
     rows = trials[single & trials["displacement_basis"].notna()]
     per_volt = {}
     for (participant, condition), each in rows.groupby(["participant", "condition"], observed=True):
-        left, right = (_ratio(each[each["side"].eq(side)], f"peak_{side}_um") for side in _SIDES)
         bases = {*each["displacement_basis"].astype(object)}
         basis = bases.pop() if len(bases) == 1 else "predicted"  # the weaker one
-        if not math.isnan(left) or not math.isnan(right):
-            per_volt[str(participant), str(condition)] = left, right, basis
+        of_sites = {
+            site: _ratio(each[each["side"].eq(site)], f"peak_{site}_um") for site in SITE_COLUMNS
+        }
+        per_volt[str(participant), str(condition)] = of_sites, basis
     return per_volt
 
 
@@ -102,31 +109,30 @@ def _only(values: list[float]) -> float:
     return sum(values) / len(values)
 
 
-def group_per_volt(thresholds: pd.DataFrame) -> tuple[float, float, str]:
+def group_per_volt(thresholds: pd.DataFrame) -> tuple[PerVolt, str]:
     """Return the displacement per volt of all participants, and its basis; NaN where they differ.
 
     `thresholds` are those of the participants, `with_micrometres`.
     """
     if not {*UM_COLUMNS} <= {*thresholds.columns}:
-        return math.nan, math.nan, ""
+        return {}, ""
     moved = thresholds[thresholds["displacement_basis"].notna()]
     if len(moved) < int(thresholds["status"].isin(WITH_THRESHOLD).sum()) or moved.empty:
-        return math.nan, math.nan, ""
-    left, right = (
-        _only((moved[name] / moved["threshold_vpp"]).dropna().tolist()) for name in UM_COLUMNS[:2]
-    )
+        return {}, ""
+    per_volt = {
+        site: _only((moved[column] / moved["threshold_vpp"]).dropna().tolist())
+        for site, column in SITE_COLUMNS.items()
+    }
     bases = {*moved["displacement_basis"]}
-    return left, right, bases.pop() if len(bases) == 1 else "predicted"
+    return per_volt, bases.pop() if len(bases) == 1 else "predicted"
 
 
 def with_group_micrometres(groups: pd.DataFrame, thresholds: pd.DataFrame) -> pd.DataFrame:
     """Return the thresholds of groups with `UM_COLUMNS`; `thresholds` are those of all people."""
-    rows: list[dict[str, object]] = []
-    for _, group in groups.iterrows():
-        people = thresholds[thresholds["condition"].eq(group["condition"])]
-        left, right, basis = group_per_volt(people)
-        at = group["threshold_vpp"] if group["status"] in WITH_THRESHOLD else math.nan
-        um = [_um(left * at), _um(right * at)]
-        values = (*um, math.nan if all(map(math.isnan, um)) else basis)
-        rows.append(dict(zip(UM_COLUMNS, values, strict=True)))
+    rows = [
+        _in_micrometres(
+            group, *group_per_volt(thresholds[thresholds["condition"].eq(group["condition"])])
+        )
+        for _, group in groups.iterrows()
+    ]
     return groups.assign(**pd.DataFrame(rows, columns=[*UM_COLUMNS], index=groups.index))

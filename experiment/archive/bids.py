@@ -27,6 +27,7 @@ from experiment.archive.participants import (
 from experiment.rows import COLUMNS, NOT_AVAILABLE, format_value
 from experiment.study.stimulus import stimulus_values
 from experiment.tasks import LEFT_RIGHT_BOTH
+from experiment.templates import open_templates
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -328,8 +329,6 @@ def _write_sessions(new: NewFolder, sessions: Sequence[ExportedSession]) -> None
 
 def _write_description(new: NewFolder, export: Export) -> None:
     """Write dataset_description.json, without what the study does not give, and README."""
-    from jinja2 import Environment, StrictUndefined
-
     study = export.last.study
     name = study.dataset.name or study.name
     if export.simulated:
@@ -349,8 +348,5 @@ def _write_description(new: NewFolder, export: Export) -> None:
         "GeneratedBy": [{"Name": "tactstrip", "Version": version("tactstrip")}],
     }
     new.write("dataset_description.json", _json(description))
-    template = files(__package__).joinpath("README.jinja").read_text("utf-8")
-    environment = Environment(  # noqa: S701 (text, no page)
-        undefined=StrictUndefined, trim_blocks=True, keep_trailing_newline=True
-    )
-    new.write("README", environment.from_string(template).render(name=name, export=export))
+    readme = open_templates(str(__package__), {}).get_template("README.jinja")
+    new.write("README", readme.render(name=name, export=export))

@@ -8,8 +8,9 @@ import shutil
 import textwrap
 from dataclasses import asdict
 from functools import cache
-from importlib.resources import files
 from typing import TYPE_CHECKING, Any, Final
+
+from experiment.templates import open_templates
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -52,17 +53,7 @@ def burst_text(condition: Condition) -> str:
 
 @cache
 def _templates() -> Environment:
-    from jinja2 import Environment, FunctionLoader, StrictUndefined
-
-    folder = files(__package__).joinpath("templates")
-    environment = Environment(  # noqa: S701 (text, no page)
-        loader=FunctionLoader(lambda name: folder.joinpath(name).read_text(encoding="utf-8")),
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    environment.filters |= _FILTERS
-    return environment
+    return open_templates(str(__package__), _FILTERS)
 
 
 def _wrap(line: str, width: int) -> str:

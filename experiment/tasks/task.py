@@ -106,6 +106,11 @@ class Task:
         return tuple(answer.name for answer in self.answers)
 
     @property
+    def named_answers(self) -> tuple[str, ...]:
+        """The answers that name a site."""
+        return tuple(answer.name for answer in self.answers if answer.sites)
+
+    @property
     def keys(self) -> dict[str, tuple[str, ...]]:
         """The default keys of each answer."""
         return {answer.name: answer.keys for answer in self.answers}

@@ -1,0 +1,29 @@
+"""Templates of texts, in a folder ``templates`` beside the modules that fill them in."""
+
+from __future__ import annotations
+
+from importlib.resources import files
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+
+    from jinja2 import Environment
+
+
+def open_templates(package: str, filters: Mapping[str, Callable[..., Any]]) -> Environment:
+    """Return the templates of a package; a name that they use but do not get is an error.
+
+    They make plain text, which is not escaped.
+    """
+    from jinja2 import Environment, FunctionLoader, StrictUndefined
+
+    folder = files(package).joinpath("templates")
+    environment = Environment(  # noqa: S701 (text, no page)
+        loader=FunctionLoader(lambda name: folder.joinpath(name).read_text(encoding="utf-8")),
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters |= filters
+    return environment
