@@ -69,8 +69,10 @@ class CrossSection:
 
     def cutoffs_hz(self) -> Real:
         """Return the cut-off frequencies of this symmetry without loss, as many as functions."""
-        fourth_powers = np.linalg.eigvalsh(self.curvatures + self.springs)
-        return np.asarray(np.sqrt(fourth_powers / self.inertia) / (2 * math.pi))
+        # The largest of the inverse are the lowest cut-offs, to all digits; the smallest eigenvalues
+        # of the matrix itself have lost as many as the largest are above them.
+        inverse = np.linalg.eigvalsh(np.linalg.inv(self.curvatures + self.springs))[::-1]
+        return np.asarray(1 / np.sqrt(inverse * self.inertia) / (2 * math.pi))
 
     def waves(self, frequencies_hz: Real) -> Waves:
         """Return all waves that go or decay to the right at some frequencies."""

@@ -74,7 +74,7 @@ def test_cut_offs_and_wavenumbers_are_those_of_the_edges(edge: Any) -> None:
         [strip.cutoff_hz(1), strip.cutoff_hz(3)],
         [strip.cutoff_hz(2), strip.cutoff_hz(4)],
     ]
-    assert np.array(cutoffs_hz) == pytest.approx(np.array(expected_hz), rel=1e-9)
+    assert np.array(cutoffs_hz) == pytest.approx(np.array(expected_hz), rel=1e-11)
     lossy = dataclasses.replace(strip, material=dataclasses.replace(ALUMINIUM, loss_factor=0.02))
     for parity, symmetry in ((1, "symmetric"), (-1, "antisymmetric")):
         section = make_cross_section(lossy, wavenumber, parity, Margins(8, 12))
