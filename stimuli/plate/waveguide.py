@@ -69,8 +69,8 @@ class CrossSection:
 
     def cutoffs_hz(self) -> Real:
         """Return the cut-off frequencies of this symmetry without loss, as many as functions."""
-        # The largest of the inverse are the lowest cut-offs, to all digits; the smallest eigenvalues
-        # of the matrix itself have lost as many as the largest are above them.
+        # The largest eigenvalues of the inverse give the lowest cut-offs to all digits. As smallest
+        # eigenvalues of the matrix itself they would lose some to the largest.
         inverse = np.linalg.eigvalsh(np.linalg.inv(self.curvatures + self.springs))[::-1]
         return np.asarray(1 / np.sqrt(inverse * self.inertia) / (2 * math.pi))
 
