@@ -312,9 +312,8 @@ def read_inputs(
     inputs = [file for record in records.values() for file in record.inputs]
     changed: tuple[AnalysisWarning, ...] = ()
     if columns:
-        inputs += [InputFile(name=one_line(columns.name), sha256=columns.sha256)] * bool(
-            columns.sha256
-        )
+        if columns.sha256:
+            inputs.append(InputFile(name=one_line(columns.name), sha256=columns.sha256))
         changed = tuple(_remarks(trials if cells is None else rows, columns, reading.unused))
     return LoadedTrials(
         trials=trials,
@@ -389,6 +388,7 @@ class _Reading:
         self.unused = UnusedColumns()
         self.records: dict[str, SessionRecord] = {}
         self.left_out: Counter[str] = Counter()
+        self.values: dict[str, set[object]] = {name: set() for name in _LIMITS}
 
     def read(self, sources: Iterable[InputTable]) -> pd.DataFrame:
         """Return the typed rows of all tables, those with a plan checked against it."""
@@ -437,13 +437,23 @@ class _Reading:
         if self.columns is None:
             rows = read_columns(texts, _READERS, files, lines)
         elif self.columns.table:
-            return read_count_rows(texts, self.columns, files, lines)
+            rows = read_count_rows(texts, self.columns, files, lines)
         else:
             rows = read_external(texts, self.columns, files, lines)
+        _refuse_broken(rows, self._limit_rules(rows), self.columns)
         if plans:
             planned = rows[rows["file"].isin(plans)].reset_index(drop=True)
             _refuse_broken(planned, _plan_rules(planned, plans), self.columns)
         return rows
+
+    def _limit_rules(self, rows: pd.DataFrame) -> Iterator[_Rule]:
+        """Yield how many values columns may have: nothing is read beyond the first too many."""
+        for name, (largest, plural) in _LIMITS.items():
+            values, column = self.values[name], rows[name]
+            is_new = column.notna() & ~column.duplicated() & ~column.isin(values)
+            is_too_many = is_new & (len(values) + is_new.cumsum() > largest)
+            yield _Rule(name, f"one of at most {largest} {plural}", is_too_many)
+            values.update(column[is_new])
 
 
 def _refuse_copies(records: Mapping[str, SessionRecord]) -> None:
@@ -490,7 +500,6 @@ def _check_trials(
     rows = _with_verdicts(_with_numbers(rows), columns)
     offers_none = {file: each.offers_none for file, each in records.items() if each.progress}
     rules = chain(
-        _name_rules(rows),
         _trial_rules(rows, columns),
         _level_rules(rows["level_vpp"], rows["side"].ne(NO_STIMULUS), columns),
         _time_rules(rows[~rows["file"].isin(offers_none)], columns),
@@ -626,16 +635,13 @@ def _plan_rules(rows: pd.DataFrame, plans: Mapping[str, Plan]) -> Iterator[_Rule
     yield _Rule("rt_s", lambda row: f"at most the response window, {window_s[row]:g},", late, hint)
 
 
-def _name_rules(rows: pd.DataFrame) -> Iterator[_Rule]:
-    yield _Rule("participant", _NO_TOTAL, rows["participant"].eq(TOTAL))
-    for name, (largest, plural) in _LIMITS.items():
-        codes, values = pd.factorize(rows[name])
-        hint = f": there are {len(values)} values"
-        yield _Rule(name, f"one of at most {largest} {plural}", pd.Series(codes).ge(largest), hint)
+def _total_rule(rows: pd.DataFrame) -> _Rule:
+    return _Rule("participant", _NO_TOTAL, rows["participant"].eq(TOTAL))
 
 
 def _trial_rules(rows: pd.DataFrame, columns: ColumnMap | None) -> Iterator[_Rule]:
     kind, side, response = rows["kind"], rows["side"], rows["response"]
+    yield _total_rule(rows)
     for name in LEFT_RIGHT_BOTH.kinds:
         sides = [presentation.name for presentation in LEFT_RIGHT_BOTH.of_kind(name)]
         must = f"{' or '.join(sides)} in a {name} trial"
@@ -705,17 +711,17 @@ def _repeat_rules(trials: pd.DataFrame, columns: ColumnMap | None) -> Iterator[_
     """Yield that no trial stands twice; practice may, as warm-up after every resume."""
     valid = trials[trials["status"].eq("ok") & trials["kind"].ne(PRACTICE)]
 
-    def place_of_first(rows: pd.DataFrame, key: list[str], row: int) -> str:
+    def locate_first(rows: pd.DataFrame, key: list[str], row: int) -> str:
         first = rows[rows[key].eq(rows.loc[row, key]).all(axis="columns")].iloc[0]
         return f"{one_line(first['file'])}:{first['line']}"
 
     def other_trial(row: int) -> str:
-        place = place_of_first(trials, _KEY, row)
-        return f"another than for the same participant, session and attempt at {place}"
+        first = locate_first(trials, _KEY, row)
+        return f"another than for the same participant, session and attempt at {first}"
 
     def only_attempt(row: int) -> str:
-        place = place_of_first(valid, _KEY[:-1], row)
-        return f"the only one of its trial with status ok, which another attempt has at {place}"
+        first = locate_first(valid, _KEY[:-1], row)
+        return f"the only one of its trial with status ok, which another attempt has at {first}"
 
     hint = _REPEATED if columns else ""
     yield _Rule("trial", other_trial, trials.duplicated(_KEY), hint)
@@ -734,7 +740,7 @@ def _check_counts(
         return f"at most what was presented, {presented[row]} in column {shown(total)}"
 
     rules = [
-        *_name_rules(rows),
+        _total_rule(rows),
         _Rule("kind", "single or blank", ~rows["kind"].isin(["single", "blank"])),
         *_level_rules(rows["level_vpp"], single, columns),
         _Rule("detected", at_most, rows["detected"].gt(presented), label=table.detected),
@@ -773,7 +779,7 @@ def _remarks(
             data = {"first": before, "second": name, "trials": len(of_file)}
             yield _remark(WarningCode.SAME_TRIALS_TWICE, **data)
     blank = rows[rows["reason"].eq("") & rows["kind"].eq("blank")]
-    hits = blank["response"].isin([name for name in ANSWERS if name != LEFT_RIGHT_BOTH.nothing])
+    hits = blank["response"].isin(LEFT_RIGHT_BOTH.named_answers)
     if len(hits) >= _MIN_BLANKS and hits.mean() > _MAX_FALSE_ALARMS:
         data = {"share": float(hits.mean()), "blanks": len(hits)}
         yield _remark(WarningCode.BLANKS_MOSTLY_DETECTED, **data)

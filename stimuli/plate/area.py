@@ -81,14 +81,14 @@ def slice_area(
     ends = np.arcsin(ends) if area.is_disc else ends
     nodes, weights = gauss_rule(n_nodes)
     widths = np.diff(ends)[:, np.newaxis]
-    place = (ends[:-1, np.newaxis] + widths * (nodes + 1) / 2).ravel()
+    local = (ends[:-1, np.newaxis] + widths * (nodes + 1) / 2).ravel()
     weights_m = half_m * (widths * weights / 2).ravel()
     if not area.is_disc:
         return Slices(
-            area.x_m + half_m * place, weights_m, np.full(place.size, area.half_size_m[1])
+            area.x_m + half_m * local, weights_m, np.full(local.size, area.half_size_m[1])
         )
-    chord = np.cos(place)
-    return Slices(area.x_m + half_m * np.sin(place), weights_m * chord, area.half_size_m[1] * chord)
+    chord = np.cos(local)
+    return Slices(area.x_m + half_m * np.sin(local), weights_m * chord, area.half_size_m[1] * chord)
 
 
 def area_nodes(area: Area, along: Line, across: Line) -> tuple[Real, Real]:

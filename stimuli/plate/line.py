@@ -142,15 +142,16 @@ class Line:
         """
         places_m, middle_m = np.asarray(x_m, dtype=np.float64), float(self.breaks_m[-1])
         is_mirrored = (places_m > middle_m) if self.parity else np.zeros(places_m.shape, dtype=bool)
-        found = self._lower_half(np.where(is_mirrored, 2 * middle_m - places_m, places_m), orders)
-        for order, values in zip(orders, found, strict=True):
+        lower_m = np.where(is_mirrored, 2 * middle_m - places_m, places_m)
+        derivatives = self._lower_half(lower_m, orders)
+        for order, values in zip(orders, derivatives, strict=True):
             if order >= 0:
                 values[is_mirrored] *= self.parity * (-1) ** order
             elif self.parity > 0:
                 # The integral goes on beyond the middle; that of an odd function comes back.
                 whole = self._lower_half(np.array([middle_m]), (-1,))[0]
                 values[is_mirrored] = 2 * whole - values[is_mirrored]
-        return found
+        return derivatives
 
     def _lower_half(self, x_m: Real, orders: Sequence[int]) -> list[Real]:
         breaks_m, n_ends = self.breaks_m, 2 * self.breaks_m.size

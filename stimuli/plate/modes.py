@@ -52,11 +52,10 @@ over stiffness, they are eigenvectors near 0, which are very fast modes that fol
 class Resolution(NamedTuple):
     """How fine a plate is solved: in a coarse and a fine basis.
 
-    `multiples` are how far modes are kept over time, in reference frequencies, `margins` the
-    functions beyond those of a wave, `rim_degrees` the degrees of polynomials in a rim.
+    `margins` are the functions beyond those of a wave, `rim_degrees` the degrees of polynomials in
+    a rim.
     """
 
-    multiples: tuple[float, float] = (5.5, 8.0)
     margins: Margins = Margins(2.0, 3.0)
     rim_degrees: tuple[int, int] = (3, 4)
 
@@ -202,7 +201,7 @@ class Basis:
                 yield weights @ value / load.area_m2
 
     def modes(self, select: NDArray[np.intp]) -> tuple[Real, Real]:
-        """Return squares of angular frequencies and shapes of unit mass in some functions."""
+        """Return squares of angular frequencies, rising, and shapes of unit mass."""
         stiffness, springs, mass = (matrix[np.ix_(select, select)] for matrix in self.matrices)
         whole = stiffness + springs
         if not self.rims and not self.strip.patches:
@@ -211,7 +210,7 @@ class Basis:
             return squared, shapes / math.sqrt(areal)
         inverse, shapes = scipy.linalg.eigh(mass, whole, check_finite=False, driver="gvd")
         inverse = np.maximum(inverse, _MIN_INVERSE * inverse[-1])
-        return 1 / inverse, shapes / np.sqrt(inverse)
+        return 1 / inverse[::-1], (shapes / np.sqrt(inverse))[:, ::-1]
 
 
 def plate_bases(

@@ -14,7 +14,7 @@ sum, at any distance from a load (the semi-analytical finite element method).
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -56,16 +56,6 @@ class CrossSection:
     def inertia(self) -> float:
         """Mass per area over bending stiffness: k^4 over the angular frequency squared."""
         return plate_inertia(self.strip)
-
-    def coarse(self) -> CrossSection:
-        """Return the same in the coarse basis."""
-        n = self.line.n_coarse
-        line = replace(self.line, coefficients=self.line.coefficients[:, :n])
-        return CrossSection(
-            self.strip,
-            line,
-            *(matrix[:n, :n] for matrix in (self.slopes, self.curvatures, self.springs)),
-        )
 
     def cutoffs_hz(self) -> Real:
         """Return the cut-off frequencies of this symmetry without loss, as many as functions."""

@@ -9,7 +9,15 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from stimuli import ALUMINIUM, CLAMPED, SIMPLY_SUPPORTED, ElasticEdge, MomentDisc, Strip
+from stimuli import (
+    ALUMINIUM,
+    CLAMPED,
+    SIMPLY_SUPPORTED,
+    BondedPatch,
+    ElasticEdge,
+    MomentDisc,
+    Strip,
+)
 from stimuli.plate.area import local_field
 from stimuli.plate.line import EVEN, FREE, ODD, SUPPORTED, LineEnd, Margins, make_line
 from stimuli.plate.modes import Resolution, plate_bases
@@ -18,11 +26,13 @@ from stimuli.plate.waveguide import (
     make_cross_section,
     plate_wavenumber,
 )
+from stimuli.strip.patch import layer_of
 from tests.test_stimuli.scenes import load_of, reference_rows, strip_of
 
 if TYPE_CHECKING:
     from stimuli import Load
     from stimuli.arrays import Complex, Real
+    from stimuli.strip.strip import Symmetry
 
 EDGES = (SIMPLY_SUPPORTED, CLAMPED, ElasticEdge(stiffness_n=140.0))
 
@@ -76,10 +86,11 @@ def test_cut_offs_and_wavenumbers_are_those_of_the_edges(edge: Any) -> None:
     ]
     assert np.array(cutoffs_hz) == pytest.approx(np.array(expected_hz), rel=1e-11)
     lossy = dataclasses.replace(strip, material=dataclasses.replace(ALUMINIUM, loss_factor=0.02))
-    for parity, symmetry in ((1, "symmetric"), (-1, "antisymmetric")):
+    symmetries: list[tuple[int, Symmetry]] = [(1, "symmetric"), (-1, "antisymmetric")]
+    for parity, symmetry in symmetries:
         section = make_cross_section(lossy, wavenumber, parity, Margins(8, 12))
         found = section.waves(np.array([500.0])).wavenumbers_rad_m[0]
-        for expected in lossy.wavenumbers_rad_m(500.0, 4, symmetry):  # type: ignore[arg-type]
+        for expected in lossy.wavenumbers_rad_m(500.0, 4, symmetry):
             assert np.abs(found / expected - 1).min() < 1e-9
 
 
@@ -137,3 +148,40 @@ def test_a_long_plate_rests_as_an_endless_strip() -> None:
         rest_m += basis.values(points_m) @ amplitudes
     expected_m = endless(dataclasses.replace(strip, length_m=None), disc, points_m, 0.0).real
     assert rest_m == pytest.approx(expected_m, abs=2e-4 * np.abs(expected_m).max())
+
+
+def patch_on(strip: Strip, **sizes: Any) -> BondedPatch:
+    """Return a patch in the middle of a plate, 0.2 mm of its own material."""
+    layer = layer_of(strip.material, 0.0002)
+    return BondedPatch(x_m=0.0, y_m=strip.width_m / 2, layers=(layer,), **sizes)
+
+
+def frequencies_of(strip: Strip, resolution: Resolution) -> Real:
+    """Return the lowest squared frequencies that are even along and across."""
+    basis = plate_bases(strip, strip.cutoff_hz() * 2, resolution, excites_odd=True)[0]
+    squared, _ = basis.modes(np.arange(basis.is_coarse.size))
+    return squared[:4]
+
+
+@pytest.mark.parametrize("edge", EDGES[:2])
+def test_a_patch_of_the_plates_own_material_makes_it_thicker(edge: Any) -> None:
+    strip = strip_with(edge, length_m=0.1)
+    patch = patch_on(strip, length_x_m=0.1, length_y_m=0.025)
+    covered = dataclasses.replace(strip, patches=(patch,))
+    thicker = dataclasses.replace(strip, thickness_m=0.0007)
+    fine = Resolution(margins=Margins(4, 6))
+    assert frequencies_of(covered, fine) == pytest.approx(frequencies_of(thicker, fine), rel=1e-4)
+
+
+def test_functions_at_the_rim_of_a_patch_only_speed_up_convergence() -> None:
+    strip = strip_with(CLAMPED, length_m=0.08)
+    disc = patch_on(strip, length_x_m=0.013, length_y_m=0.013, is_disc=True)
+    covered = dataclasses.replace(strip, patches=(disc,))
+    limit = frequencies_of(covered, Resolution(margins=Margins(8, 10), rim_degrees=(5, 6)))
+    without, with_rim = (
+        frequencies_of(covered, Resolution(margins=Margins(6, 8), rim_degrees=degrees)) / limit - 1
+        for degrees in ((0, 0), (4, 4))
+    )
+    assert np.all(with_rim > 0)  # a basis stiffens a plate
+    assert np.all(with_rim < 0.6 * without)
+    assert np.all(without < 2e-4)
