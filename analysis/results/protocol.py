@@ -120,7 +120,11 @@ def _keys(plans: Planned) -> pd.DataFrame:
     if not rows:
         return pd.DataFrame()
     of_keys = pd.DataFrame(rows).groupby("key", sort=False)
-    table = of_keys.agg(lambda texts: "; ".join(dict.fromkeys(texts))).reset_index()
+    table = of_keys.agg(_join_different).reset_index()
     return table.assign(
         source=table["source"].mask(table["source"].eq(table["source"].shift()), "")
     )
+
+
+def _join_different(texts: pd.Series[str]) -> str:
+    return "; ".join(dict.fromkeys(texts))

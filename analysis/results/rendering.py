@@ -122,7 +122,7 @@ def _base64(content: bytes) -> str:
     return base64.b64encode(content).decode("ascii")
 
 
-_FILTERS: Final = {
+_FILTERS: Final[Mapping[str, Callable[..., Any]]] = {
     "percent": percent,
     "p_value": p_value,
     "decimals": decimals,
