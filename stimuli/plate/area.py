@@ -150,15 +150,18 @@ def load_work(load: Load, along: Line, across: Line) -> Real:
     return np.asarray(values.T @ integral / load.area_m2)
 
 
-def remaining_work(load: Load, along: Line, across: Line) -> Real:
-    """Return the work at rest of what `local_field` leaves of a load: (n_along, n_across)."""
+def remaining_work(load: Load, along: Line, across: Line) -> tuple[Real, Real]:
+    """Return the work at rest of what `local_field` leaves of a load, and integrals of that field.
+
+    Both have the shape (n_along, n_across).
+    """
     if not _is_moment_disc(load):
-        return load_work(load, along, across)
+        return load_work(load, along, across), np.zeros((along.size, across.size))
     slices = slice_area(load, _slice_nodes(load, along, across), along.kinks_m)
     (values,) = along.derivatives(slices.x_m, (0,))
-    return np.asarray(
-        (values * slices.weights_m[:, np.newaxis]).T @ chord_work(load, slices, across).force
-    )
+    values *= slices.weights_m[:, np.newaxis]
+    force, _, local = chord_work(load, slices, across)
+    return np.asarray(values.T @ force), np.asarray(values.T @ local)
 
 
 def _slice_nodes(load: Load, along: Line, across: Line) -> int:
@@ -205,8 +208,8 @@ def local_field(load: Load, points_m: Real) -> Real:
     A moment disc makes the Laplacian of the displacement jump at its rim, which no sum of smooth
     functions follows well. R^2 (q^2 / 8 + q^3 / 12) with q = 1 - r^2 / R^2, and 0 outside of the
     disc, has that jump and a continuous normal derivative of the Laplacian. The rest is the field
-    of a pressure, (48 r^2 / R^2 - 24) / R^2 + k^4 R^2 (q^2 / 8 + q^3 / 12) on the disc. Other loads
-    have no such part.
+    of a pressure, (48 r^2 / R^2 - 24) / R^2, and of the inertia of this part. Other loads have no
+    such part.
     """
     if not _is_moment_disc(load):
         return np.zeros(len(points_m))

@@ -191,7 +191,7 @@ class Line:
 
 def make_line(
     breaks_m: ArrayLike,
-    max_wavenumber_rad_m: float,
+    max_wavenumbers_rad_m: tuple[float, float],
     ends: tuple[LineEnd, LineEnd],
     margins: Margins,
     parity: int = 0,
@@ -202,8 +202,8 @@ def make_line(
     ----------
     breaks_m : array_like of float, shape (n_cells + 1,)
         Ends of the cells, increasing.
-    max_wavenumber_rad_m : float
-        Largest wavenumber of the waves.
+    max_wavenumbers_rad_m : tuple of float
+        Largest wavenumbers of the waves that the coarse and the fine basis follow.
     ends : tuple of LineEnd
         What functions may have at the lower and at the upper end.
     margins : Margins
@@ -219,7 +219,7 @@ def make_line(
     --------
     A beam with both ends clamped has the first eigenvalue 4.730040745; the basis is orthonormal:
 
-    >>> beam = make_line([0.0, 1.0], 4.73, (CLAMPED_END, CLAMPED_END), Margins(4, 6))
+    >>> beam = make_line([0.0, 1.0], (4.73, 4.73), (CLAMPED_END, CLAMPED_END), Margins(4, 6))
     >>> mass, bending = beam.products((0, 0), (2, 2))
     >>> bool(np.allclose(mass, np.eye(beam.size), atol=1e-13))
     True
@@ -227,10 +227,9 @@ def make_line(
     4.730040745
     """
     breaks = np.asarray(breaks_m, dtype=np.float64)
-    half_waves = max_wavenumber_rad_m * np.diff(breaks) / math.pi
     coarse, fine = (
-        np.ceil(half_waves + margin * np.minimum(1.0, 0.5 + half_waves / 2)).astype(int)
-        for margin in margins
+        _n_interior(wavenumber_rad_m * np.diff(breaks) / math.pi, margin)
+        for wavenumber_rad_m, margin in zip(max_wavenumbers_rad_m, margins, strict=True)
     )
     n_ends = 2 * breaks.size
     is_free = np.ones(n_ends, dtype=bool)
@@ -277,6 +276,10 @@ def place_breaks(
         n_cells = max(1, math.ceil((end_m - start_m) / max_cell_m - 1e-9))
         breaks += [start_m + (end_m - start_m) * i / n_cells for i in range(n_cells)]
     return np.array([*breaks, high_m])
+
+
+def _n_interior(half_waves: Real, margin: float) -> NDArray[np.int64]:
+    return np.ceil(half_waves + margin * np.minimum(1.0, 0.5 + half_waves / 2)).astype(np.int64)
 
 
 @cache

@@ -52,10 +52,11 @@ over stiffness, they are eigenvectors near 0, which are very fast modes that fol
 class Resolution(NamedTuple):
     """How fine a plate is solved: in a coarse and a fine basis.
 
-    `margins` are the functions beyond those of a wave, `rim_degrees` the degrees of polynomials in
-    a rim.
+    Functions follow waves up to `multiples` of the highest frequency asked for; `margins` are the
+    functions beyond those, and `rim_degrees` the degrees of polynomials in a rim.
     """
 
+    multiples: tuple[float, float] = (3.0, 5.0)
     margins: Margins = Margins(2.0, 3.0)
     rim_degrees: tuple[int, int] = (3, 4)
 
@@ -76,6 +77,10 @@ class Basis:
         products = np.logical_and.outer(*lines).ravel()
         rims = (np.arange(rim.powers.shape[1]) < rim.n_coarse for rim in self.rims)
         return np.concatenate([products, *rims])
+
+    def resolutions(self) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+        """Return which functions make up the coarse and the fine basis."""
+        return np.flatnonzero(self.is_coarse), np.arange(self.is_coarse.size)
 
     @cached_property
     def _laminate(self) -> Laminate:
@@ -182,11 +187,15 @@ class Basis:
         """Return the work of a unit load on all functions."""
         return np.concatenate([load_work(load, self.along, self.across).ravel(), *self._rims(load)])
 
-    def remaining_work(self, load: Load) -> Real:
-        """Return the work at rest of what `local_field` leaves of a unit load."""
+    def remaining_work(self, load: Load) -> tuple[Real, Real]:
+        """Return the work at rest of what `local_field` leaves of a unit load.
+
+        The second is the integral of that field. Rims follow a load without its help.
+        """
         if self.rims:
-            return self.work(load)
-        return remaining_work(load, self.along, self.across).ravel()
+            return self.work(load), np.zeros(self.is_coarse.size)
+        force, local = remaining_work(load, self.along, self.across)
+        return force.ravel(), local.ravel()
 
     def _rims(self, load: Load) -> Iterable[Real]:
         if not self.rims:
@@ -217,26 +226,27 @@ def plate_bases(
     strip: Strip,
     max_hz: float,
     resolution: Resolution,
-    loads: Sequence[Load] = (),
+    sources: Sequence[Load],
     *,
-    excites_odd: bool,
+    with_breaks: bool,
 ) -> list[Basis]:
-    """Return bases of all symmetries that are excited.
+    """Return bases of all symmetries that loads excite.
 
     Parameters
     ----------
     strip : Strip
         A plate with ends.
     max_hz : float
-        The functions follow waves up to this frequency.
+        Highest frequency of interest.
     resolution : Resolution
-    loads : sequence of Load
-        Loads at whose ends curvatures may jump.
-    excites_odd : bool
-        Whether a load is off the centre line.
+    sources : sequence of Load
+        What excites the plate.
+    with_breaks : bool
+        Whether curvatures may jump where the loads begin and end.
     """
     width_m, middle_m = strip.width_m, strip.width_m / 2
     half_length_m = float(strip.length_m or math.inf) / 2
+    loads = sources if with_breaks else ()
     bent = [*(load for load in loads if load.is_moment), *strip.patches]
     images = {replace(patch, x_m=-patch.x_m) for patch in strip.patches}
     discs = [patch for patch in strip.patches if patch.is_disc]
@@ -254,9 +264,12 @@ def plate_bases(
         for side in (-1, 1)
         if _needs_breaks_across(area, width_m)
     ]
-    wavenumber = plate_wavenumber(strip, max_hz)
-    x_parities = (1, -1) if folds_along else (0,)
-    y_parities = ((1, -1) if excites_odd else (1,)) if folds_across else (0,)
+    coarse, fine = resolution.multiples
+    wavenumbers = plate_wavenumber(strip, coarse * max_hz), plate_wavenumber(strip, fine * max_hz)
+    is_even_along = all(abs(load.x_m) < _ROUNDING * width_m for load in sources)
+    is_even_across = all(abs(load.y_m - middle_m) < _ROUNDING * width_m for load in sources)
+    x_parities = ((1,) if is_even_along else (1, -1)) if folds_along else (0,)
+    y_parities = ((1,) if is_even_across else (1, -1)) if folds_across else (0,)
     if folds_along:
         x_ends_m = [-abs(x_m) for x_m in x_ends_m]
     if folds_across:
@@ -278,13 +291,13 @@ def plate_bases(
             strip,
             make_line(
                 x_breaks_m,
-                wavenumber,
+                wavenumbers,
                 (FREE, middle.get(x_parity, FREE)),
                 resolution.margins,
                 x_parity,
             ),
             make_line(
-                y_breaks_m, wavenumber, (edge, middle.get(y_parity, edge)), margins, y_parity
+                y_breaks_m, wavenumbers, (edge, middle.get(y_parity, edge)), margins, y_parity
             ),
             tuple(
                 make_rim(

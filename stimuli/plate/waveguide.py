@@ -71,8 +71,7 @@ class CrossSection:
         # Real eigenproblems take a quarter of the time.
         factor: Complex | Real = lossy if np.any(lossy.imag) else lossy.real
         fourth = self.inertia * (2 * math.pi * frequencies_hz) ** 2 / factor
-        has_own_stiffness = isinstance(strip.edge, ElasticEdge) and strip.edge.lossless
-        relative = 1 / factor if has_own_stiffness else np.ones_like(factor)
+        relative = 1 / factor if has_lossless_springs(strip) else np.ones_like(factor)
         # A size of z makes both halves of the matrix alike.
         size = 30 * (math.pi / strip.width_m) ** 2
         matrix = np.zeros((frequencies_hz.size, 2 * n, 2 * n), dtype=factor.dtype)
@@ -123,7 +122,7 @@ def make_cross_section(
         folded, 0.0, middle_m, min_cell_m=_MIN_CELL * strip.width_m, max_cell_m=middle_m
     )
     ends = edge_end(strip), EVEN if parity > 0 else ODD
-    line = make_line(breaks_m, max_wavenumber_rad_m, ends, margins, parity)
+    line = make_line(breaks_m, (max_wavenumber_rad_m, max_wavenumber_rad_m), ends, margins, parity)
     slopes, curvatures = line.products((1, 1), (2, 2))
     return CrossSection(strip, line, slopes, curvatures, edge_springs(strip, line))
 
@@ -139,6 +138,11 @@ def edge_springs(strip: Strip, line: Line) -> Real:
         return np.zeros((line.size, line.size))
     (slopes,) = line.derivatives([0.0, strip.width_m], (1,))
     return np.asarray(strip.edge.stiffness_n / strip.bending_stiffness_n_m * slopes.T @ slopes)
+
+
+def has_lossless_springs(strip: Strip) -> bool:
+    """Return whether the edges keep their stiffness where the plate has loss."""
+    return isinstance(strip.edge, ElasticEdge) and strip.edge.lossless
 
 
 def plate_inertia(strip: Strip) -> float:

@@ -12,6 +12,8 @@ from stimuli import (
     SIMPLY_SUPPORTED,
     BondedPatch,
     ElasticEdge,
+    Fingertip,
+    Impedance,
     Layer,
     Load,
     Material,
@@ -49,3 +51,9 @@ def load_of(data: dict[str, Any]) -> Load:
     values = {**data}
     load: Load = getattr(stimuli, values.pop("kind"))(**values)
     return load
+
+
+def fingertip_of(data: dict[str, Any]) -> Fingertip:
+    """Return a fingertip of a scene."""
+    impedance = data["impedance"] and Impedance(**data["impedance"])
+    return Fingertip(**{**data, "impedance": impedance})

@@ -14,20 +14,24 @@ from stimuli import (
     CLAMPED,
     SIMPLY_SUPPORTED,
     BondedPatch,
+    Burst,
     ElasticEdge,
     MomentDisc,
+    PointForce,
     Strip,
 )
-from stimuli.plate.area import local_field
+from stimuli.fingers.peaks import fingertip_peaks
 from stimuli.plate.line import EVEN, FREE, ODD, SUPPORTED, LineEnd, Margins, make_line
 from stimuli.plate.modes import Resolution, plate_bases
+from stimuli.plate.response import frequency_response
+from stimuli.plate.rest import rest_displacement
 from stimuli.plate.waveguide import (
     endless_displacement,
     make_cross_section,
     plate_wavenumber,
 )
 from stimuli.strip.patch import layer_of
-from tests.test_stimuli.scenes import load_of, reference_rows, strip_of
+from tests.test_stimuli.scenes import fingertip_of, load_of, reference_rows, strip_of
 
 if TYPE_CHECKING:
     from stimuli import Load
@@ -46,7 +50,7 @@ def strip_with(edge: Any, **changes: Any) -> Strip:
 def test_functions_of_a_line_agree_with_their_integrals_and_slopes(
     end: LineEnd, parity: int
 ) -> None:
-    line = make_line([0.0, 0.3, 0.55, 1.0], 20.0, (SUPPORTED, end), Margins(2, 3), parity)
+    line = make_line([0.0, 0.3, 0.55, 1.0], (20.0, 20.0), (SUPPORTED, end), Margins(2, 3), parity)
     places = np.array([0.1, 0.3, 0.7, 1.0, *([1.3, 1.9] if parity else [])])
 
     def value(x: float, number: int) -> float:
@@ -65,7 +69,7 @@ def test_functions_of_a_line_agree_with_their_integrals_and_slopes(
         (slope,) = line.derivatives(inside, (order + 1,))
         assert (upper - lower) / (2 * step) == pytest.approx(slope, rel=1e-6, abs=1e-3)
     assert line.products((0, 0))[0] == pytest.approx(np.eye(line.size), abs=1e-12)
-    coarse = make_line([0.0, 0.3, 0.55, 1.0], 20.0, (SUPPORTED, end), Margins(2, 2), parity)
+    coarse = make_line([0.0, 0.3, 0.55, 1.0], (20.0, 20.0), (SUPPORTED, end), Margins(2, 2), parity)
     x = np.linspace(0.0, 1.0, 60)
     first = line.derivatives(x, (0,))[0][:, : line.n_coarse]
     (basis,) = coarse.derivatives(x, (0,))
@@ -127,7 +131,8 @@ def test_fields_of_endless_strips_are_those_of_another_solver() -> None:
 def test_a_finer_basis_lowers_every_frequency(edge: Any) -> None:
     """By Rayleigh and Ritz frequencies are never too low."""
     strip = strip_with(edge, length_m=0.1)
-    for basis in plate_bases(strip, 6000.0, Resolution(), excites_odd=True):
+    force = PointForce(x_m=0.01, y_m=0.01)
+    for basis in plate_bases(strip, 6000.0, Resolution(), [force], with_breaks=False):
         fine, _ = basis.modes(np.arange(basis.is_coarse.size))
         coarse, shapes = basis.modes(np.flatnonzero(basis.is_coarse))
         assert (fine[: coarse.size] <= coarse * (1 + 1e-9)).all()
@@ -137,17 +142,53 @@ def test_a_finer_basis_lowers_every_frequency(edge: Any) -> None:
 
 
 def test_a_long_plate_rests_as_an_endless_strip() -> None:
+    """Two methods for one field: all waves of the strip, or functions around the load."""
     strip = strip_with(CLAMPED, length_m=0.2)
     disc = MomentDisc(x_m=0.01, y_m=0.0125, radius_m=0.0064)
     points_m = np.array([(0.01, 0.0125), (0.013, 0.01), (0.022, 0.0125), (0.035, 0.008)])
-    resolution = Resolution(margins=Margins(6, 8))
-    rest_m = local_field(disc, points_m) / strip.bending_stiffness_n_m
-    for basis in plate_bases(strip, 2000.0, resolution, [disc], excites_odd=False):
-        stiffness, springs, _ = basis.matrices
-        amplitudes = np.linalg.solve(stiffness + springs, basis.remaining_work(disc))
-        rest_m += basis.values(points_m) @ amplitudes
+    field = rest_displacement(strip, [disc], points_m, 2000.0, np.ones(1, dtype=np.complex128))
     expected_m = endless(dataclasses.replace(strip, length_m=None), disc, points_m, 0.0).real
+    rest_m = field[1, 0, 0, 0].real
     assert rest_m == pytest.approx(expected_m, abs=2e-4 * np.abs(expected_m).max())
+
+
+@pytest.mark.parametrize(
+    "step", [pytest.param(8, id="some"), pytest.param(1, id="all", marks=pytest.mark.slow)]
+)
+def test_displacements_are_those_of_another_solver_within_their_error(step: int) -> None:
+    errors: dict[tuple[bool, str], list[float]] = {}
+    for row in reference_rows("displacements.json")[::step]:
+        strip, load = strip_of(row), load_of(row["load"])
+        response = frequency_response(strip, [load], row["points_m"], [row["frequency_hz"]])
+        expected = np.array([complex(*value) for value in row["value_m"]])
+        error = np.abs(response.value[0, 0] - expected)
+        assert (error <= response.error[0, 0]).all(), row
+        kind = strip.length_m is None, row["load"]["kind"]
+        errors.setdefault(kind, []).append(float(error.max() / row["largest_m"]))
+    for (is_endless, load_kind), values in errors.items():
+        if load_kind == "PointForce":
+            assert max(values) < 3e-3
+        else:
+            assert np.median(values) < (2e-5 if is_endless else 1e-4), (is_endless, load_kind)
+
+
+@pytest.mark.parametrize(
+    "step", [pytest.param(30, id="some"), pytest.param(5, id="more", marks=pytest.mark.slow)]
+)
+def test_peaks_at_fingertips_are_those_of_another_solver_within_their_error(step: int) -> None:
+    for row in reference_rows("peaks.json")[::step]:
+        loads = [load_of(load) for load in row["loads"]]
+        fingertips = [fingertip_of(fingertip) for fingertip in row["fingertips"]]
+        estimate = fingertip_peaks(strip_of(row), loads, fingertips, Burst(**row["burst"]))
+        expected_m, driven_m = np.array(row["peak_m"]), np.max(row["peak_m"], axis=0)
+        difference_m = np.abs(estimate.value - expected_m)
+        assert (difference_m <= estimate.error + (row["error_m"] or 0.0)).all(), row
+        has_patches = row["kind"] == "patches"
+        is_driven = expected_m == driven_m
+        relative = difference_m / expected_m
+        assert relative[is_driven].max() < (4e-3 if has_patches else 1e-3)
+        is_loud = expected_m > 10 ** (-50 / 20) * driven_m
+        assert relative[is_loud].max() < 10 ** ((0.15 if has_patches else 0.05) / 20) - 1
 
 
 def patch_on(strip: Strip, **sizes: Any) -> BondedPatch:
@@ -158,7 +199,8 @@ def patch_on(strip: Strip, **sizes: Any) -> BondedPatch:
 
 def frequencies_of(strip: Strip, resolution: Resolution) -> Real:
     """Return the lowest squared frequencies that are even along and across."""
-    basis = plate_bases(strip, strip.cutoff_hz() * 2, resolution, excites_odd=True)[0]
+    centred = PointForce(x_m=0.0, y_m=strip.width_m / 2)
+    (basis,) = plate_bases(strip, strip.cutoff_hz() * 2, resolution, [centred], with_breaks=False)
     squared, _ = basis.modes(np.arange(basis.is_coarse.size))
     return squared[:4]
 

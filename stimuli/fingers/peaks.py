@@ -1,0 +1,208 @@
+"""What fingertips feel of each actuator: peak displacements over their contact areas.
+
+A fingertip that presses on the plate adds forces. With the receptance H of the plate, on means of
+the displacement over contact areas, and the impedance Z of each fingertip, those means are
+w = (1 + H_ff Z)^-1 H_fl under the loads, and the forces are -Z w: exact for any linear impedance.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from stimuli.fingers.fingertip import causal
+from stimuli.load import PointForce, PressureDisc
+from stimuli.plate.line import gauss_rule
+from stimuli.plate.response import estimate
+from stimuli.plate.transient import make_time_line, receptances
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from stimuli.arrays import Complex, Real
+    from stimuli.drive.sampled import Drive
+    from stimuli.fingers.fingertip import Fingertip
+    from stimuli.fingers.impedance import Impedance
+    from stimuli.load import Load
+    from stimuli.plate.response import Estimate
+    from stimuli.plate.transient import Receptance
+    from stimuli.strip.strip import Strip
+
+_LOOKS: Final = 32
+"""Times in a period of the highest of cut-off and drive's band at which the plate is looked at."""
+_LATE: Final = 0.7
+"""The plate is looked at for longer where in the second half of the time it moves by more than this
+part of its peak: waves of one speed may still add up."""
+_LONGEST_S: Final = 0.1
+_SLOWEST: Final = 0.1
+"""Speed of the slowest waves that are waited for, in that of waves with a wavelength of W."""
+_RADII: Final = 8
+"""Radii of the nodes over which a contact area is averaged, with twice as many angles."""
+_ROUNDING_DIGITS: Final = 12
+
+
+def fingertip_peaks(
+    strip: Strip, loads: Sequence[Load], fingertips: Sequence[Fingertip], drive: Drive
+) -> Estimate:
+    """Return the peak displacement at each fingertip under each load, with its error.
+
+    Parameters
+    ----------
+    strip : Strip
+        One with a constant loss factor is replaced by `causal(strip, drive)`.
+    loads : sequence of Load
+        Loads, each driven by itself.
+    fingertips : sequence of Fingertip
+        Those with an impedance that holds for the drive press on the plate.
+    drive : Drive
+
+    Returns
+    -------
+    Estimate
+        Metres per unit load, of the shape (n_fingertips, n_loads).
+    """
+    strip = causal(strip, drive)
+    reference_hz = max(strip.cutoff_hz(), drive.band_hz()[1])
+    pressing = [tip for tip in fingertips if tip.impedance and tip.impedance.holds_for(drive)]
+    areas_m = [_area_points(tip, strip, loads) for tip in fingertips]
+    if all(area.y_m == strip.width_m / 2 for area in (*loads, *strip.patches, *fingertips)):
+        areas_m = [_lower_half(area_m, strip.width_m) for area_m in areas_m]
+    means = [_mean_nodes(tip) for tip in pressing]
+    points_m = np.concatenate([*areas_m, *(nodes_m for nodes_m, _ in means)])
+    plates = receptances(
+        strip, [*loads, *(_contact_force(tip) for tip in pressing)], points_m, reference_hz
+    )
+    contact = _Contact(pressing, [weights for _, weights in means], len(loads))
+    ends = np.cumsum([0, *map(len, areas_m)])
+    span_s = drive.duration_s + _wait_s(strip, loads, fingertips)
+    step_s = 1 / (_LOOKS * reference_hz)
+    coarse_m, fine_m = (
+        _peaks(plate, contact, ends, drive, step_s=step_s, span_s=span_s) for plate in plates
+    )
+    return estimate(coarse_m, fine_m, fine_m.max(axis=0))
+
+
+def _peaks(
+    plate: Receptance,
+    contact: _Contact,
+    ends: NDArray[np.intp],
+    drive: Drive,
+    *,
+    step_s: float,
+    span_s: float,
+) -> Real:
+    """Return the largest displacement of each group of points: (n_groups, n_loads)."""
+    while True:
+        line = make_time_line(drive, step_s, span_s)
+        history_m = line.history(contact.loaded(plate.response(line.omega), line.omega))
+        late_m = np.abs(history_m[len(history_m) // 2 :]).max(axis=0)
+        highest_m = _crests(history_m)
+        peaks_m, late_peaks_m = (
+            np.maximum.reduceat(values, ends[:-1], axis=-1).T for values in (highest_m, late_m)
+        )
+        if np.all(late_peaks_m <= _LATE * peaks_m) or span_s > _LONGEST_S:
+            return peaks_m
+        span_s *= 2
+
+
+class _Contact:
+    """Fingertips that press on the plate: their impedances on means of its displacement."""
+
+    def __init__(
+        self, fingertips: Sequence[Fingertip], weights: Sequence[Real], n_loads: int
+    ) -> None:
+        self.impedances = [tip.impedance for tip in fingertips if tip.impedance]
+        self.areas_m2 = np.array([math.pi * tip.radius_m**2 or 1.0 for tip in fingertips])
+        self.weights, self.n_loads = weights, n_loads
+
+    def loaded(self, response: Complex, omega: Complex) -> Complex:
+        """Return the response to loads at the points that are no nodes of contact areas."""
+        if not self.weights:
+            return response
+        n_loads, n_points = self.n_loads, response.shape[2] - sum(map(len, self.weights))
+        nodes = np.split(response[:, :, n_points:], np.cumsum(list(map(len, self.weights)))[:-1], 2)
+        means = np.stack(
+            [part @ some for part, some in zip(nodes, self.weights, strict=True)], axis=1
+        )
+        means[:, :, n_loads:] /= self.areas_m2
+        forces = response[:, n_loads:, :n_points] / self.areas_m2[:, np.newaxis]
+        impedance = np.stack([_dynamic_stiffness(z, omega) for z in self.impedances], axis=1)
+        unity = np.eye(len(self.impedances))
+        held = np.linalg.solve(
+            unity + means[:, :, n_loads:] * impedance[:, np.newaxis], means[:, :, :n_loads]
+        )
+        pushed = (impedance[:, :, np.newaxis] * held).swapaxes(1, 2)
+        return np.asarray(response[:, :n_loads, :n_points] - pushed @ forces)
+
+
+def _dynamic_stiffness(impedance: Impedance, omega: Complex) -> Complex:
+    """Return the force on the fingertip over its displacement, k - i w c - w^2 m."""
+    return (
+        impedance.stiffness_n_m
+        - 1j * omega * impedance.damping_n_s_m
+        - omega**2 * impedance.mass_kg
+    )
+
+
+def _contact_force(tip: Fingertip) -> Load:
+    if not tip.radius_m:
+        return PointForce(x_m=tip.x_m, y_m=tip.y_m)
+    return PressureDisc(x_m=tip.x_m, y_m=tip.y_m, radius_m=tip.radius_m)
+
+
+def _mean_nodes(tip: Fingertip) -> tuple[Real, Real]:
+    """Return points over a contact area, and weights that give the mean over it."""
+    if not tip.radius_m:
+        return np.array([[tip.x_m, tip.y_m]]), np.ones(1)
+    nodes, weights = gauss_rule(_RADII)
+    angles = math.pi / _RADII * (np.arange(2 * _RADII) + 0.5)
+    radii_m = tip.radius_m * np.sqrt((nodes + 1) / 2)
+    x_m, y_m = (np.outer(radii_m, wave(angles)).ravel() for wave in (np.cos, np.sin))
+    points_m = np.stack([tip.x_m + x_m, tip.y_m + y_m], axis=1)
+    return points_m, np.repeat(weights, angles.size) / (2 * angles.size)
+
+
+def _area_points(tip: Fingertip, strip: Strip, loads: Sequence[Load]) -> Real:
+    """Return the points of a contact area, with the centres of loads under it.
+
+    There a small load moves the plate most.
+    """
+    centres_m = [(load.x_m, load.y_m) for load in loads]
+    near_m = (c for c in centres_m if math.dist(c, (tip.x_m, tip.y_m)) <= tip.radius_m)
+    return np.array([*tip.points_m(strip), *near_m])
+
+
+def _lower_half(points_m: Real, width_m: float) -> Real:
+    """Return points without those that are mirror images about the centre line."""
+    y_m = np.minimum(points_m[:, 1], width_m - points_m[:, 1])
+    folded_m = np.stack([points_m[:, 0], y_m], axis=1).round(_ROUNDING_DIGITS)
+    return np.unique(folded_m, axis=0)
+
+
+def _wait_s(strip: Strip, loads: Sequence[Load], fingertips: Sequence[Fingertip]) -> float:
+    """Return how long after the drive the slow waves just above a cut-off may bring the peak.
+
+    They spread like heat: the longest waves have come when 2 sqrt(D / (rho h)) t is the square of
+    the distance. Far away the faster ones count. Over an end of the plate the way is longer.
+    """
+    spread_m2_s = math.sqrt(
+        strip.bending_stiffness_n_m / (strip.material.density_kg_m3 * strip.thickness_m)
+    )
+    way_m = max(abs(tip.x_m - load.x_m) + tip.radius_m for tip in fingertips for load in loads)
+    way_m += strip.length_m or 0.0
+    slowest_m_s = _SLOWEST * 4 * math.pi * spread_m2_s / strip.width_m
+    return min(way_m**2 / (2 * spread_m2_s), way_m / slowest_m_s) + 1 / strip.cutoff_hz()
+
+
+def _crests(history_m: Real) -> Real:
+    """Return the largest absolute values over time, between looks by parabolas."""
+    size_m = np.abs(history_m)
+    at = np.clip(np.argmax(size_m, axis=0), 1, len(size_m) - 2)[np.newaxis]
+    before, top, after = (np.take_along_axis(size_m, at + step, 0)[0] for step in (-1, 0, 1))
+    bend = np.maximum(2 * top - before - after, np.finfo(np.float64).tiny)
+    is_crest = (top >= before) & (top >= after)
+    return np.where(is_crest, top + (after - before) ** 2 / (8 * bend), size_m.max(axis=0))

@@ -1,0 +1,178 @@
+"""The displacement of a plate over time, from its response on a line above the real frequencies.
+
+On w + i s every response is smooth, without loss too, and one inverse Fourier transform gives
+exp(-s t) u(t) over a period, of which the first half is kept: what comes round from later times has
+faded by then. What follows the drive at once is taken out before and added after, as its spectrum
+does not fall.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+from scipy.fft import next_fast_len
+
+from stimuli.plate.line import Margins
+from stimuli.plate.modes import Resolution
+from stimuli.plate.response import plate_modes
+from stimuli.plate.rest import rest_displacement
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from stimuli.arrays import Complex, Real
+    from stimuli.drive.sampled import Drive
+    from stimuli.load import Load
+    from stimuli.plate.response import Modes
+    from stimuli.strip.strip import Strip
+
+_FADING: Final = 9.0
+"""Nepers by which a period fades before it comes round: exp(-9 / 2) = 1e-4 into the kept half,
+of what is left there."""
+_FINER: Final = 4
+"""Samples of the drive for each time at which the plate is looked at."""
+
+
+_BEYOND: Final = (15.0, 20.0)
+"""Widths of a long plate that are kept beyond loads and points, coarse and fine."""
+_RESOLUTION: Final = Resolution(multiples=(5.5, 8.0), margins=Margins(2.0, 3.0))
+
+
+@dataclass(frozen=True, eq=False)
+class TimeLine:
+    """Times at which a plate is looked at, and the complex frequencies that give them.
+
+    Attributes
+    ----------
+    step_s : float
+    omega : ndarray of complex128, shape (n_frequencies,)
+    spectrum : ndarray of complex128, same shape
+        That of the drive, in samples.
+    drive : ndarray of float64, shape (n_times,)
+    """
+
+    step_s: float
+    omega: Complex
+    spectrum: Complex
+    drive: Real
+
+    @property
+    def growth(self) -> Real:
+        """What undoes the fading at each time."""
+        return np.asarray(np.exp(self.omega[0].imag * self.step_s * np.arange(self.drive.size)))
+
+    def history(self, response: Complex) -> Real:
+        """Return what a response (n_frequencies, ...) does over time: (n_times, ...)."""
+        n_times, more = self.drive.size, (np.newaxis,) * (response.ndim - 1)
+        at_once = response[-1].real
+        spectrum = self.spectrum[:, *more]
+        swinging = np.fft.irfft(np.conj((response - at_once) * spectrum), 2 * n_times, axis=0)
+        swinging = swinging[:n_times] * self.growth[:, *more]
+        return np.asarray(swinging + self.drive[:, *more] * at_once)
+
+
+def make_time_line(drive: Drive, step_s: float, span_s: float) -> TimeLine:
+    """Return times from the drive's begin on, in steps, over at least a span."""
+    n_times = next_fast_len(math.ceil(span_s / step_s))
+    n = 2 * n_times
+    fading = _FADING / (n * step_s)
+    fine_s = np.asarray(step_s / _FINER * np.arange(n * _FINER), dtype=np.float64)
+    values = drive_values(drive, fine_s)
+    omega = 2 * math.pi * np.fft.rfftfreq(n, step_s) + 1j * fading
+    faded = np.fft.rfft(values * np.exp(-fading * fine_s))[: omega.size]
+    spectrum = np.asarray(np.conj(faded) / _FINER, dtype=np.complex128)
+    return TimeLine(step_s, np.asarray(omega), spectrum, values[::_FINER][:n_times])
+
+
+def drive_values(drive: Drive, times_s: Real) -> Real:
+    """Return a drive at evenly spaced times from 0 on."""
+    samples = drive.samples(1 / (times_s[1] - times_s[0]))[: times_s.size]
+    return np.pad(samples, (0, times_s.size - samples.size))
+
+
+@dataclass(frozen=True, eq=False)
+class Receptance:
+    """The displacement of a plate per unit load, for any complex frequency, by its slow modes.
+
+    What faster modes do follows the load at once, but for the viscous loss.
+
+    Attributes
+    ----------
+    modes : sequence of Modes
+        Slow modes, by symmetry.
+    rest_m : ndarray of float64, shape (n_loads, n_points)
+        Displacement at rest of all faster ones.
+    viscous_time_s : float
+    """
+
+    modes: Sequence[Modes]
+    rest_m: Real
+    viscous_time_s: float
+
+    def response(self, omega: Complex) -> Complex:
+        """Return the displacement per unit load: (n_frequencies, n_loads, n_points)."""
+        factors = 1 - 1j * omega * self.viscous_time_s
+        at_once = self.rest_m / factors[:, np.newaxis, np.newaxis]
+        return sum((modes.response(omega, factors, 0.0, 0) for modes in self.modes), at_once)
+
+
+def receptances(
+    strip: Strip, loads: Sequence[Load], points_m: Real, max_hz: float
+) -> tuple[Receptance, Receptance]:
+    """Return the receptance of a plate in the coarse and in the fine basis.
+
+    Of a long plate or an endless strip only a section is kept, a longer one in the fine basis.
+    """
+    results = []
+    for number, beyond in enumerate(_BEYOND):
+        section, middle_m = _section(strip, loads, points_m, beyond * strip.width_m)
+        local_loads = [replace(load, x_m=load.x_m - middle_m) for load in loads]
+        both = _receptances(section, local_loads, points_m - (middle_m, 0.0), max_hz)
+        if section == strip:
+            return both
+        results.append(both[number])
+    return results[0], results[1]
+
+
+def _section(
+    strip: Strip, loads: Sequence[Load], points_m: Real, beyond_m: float
+) -> tuple[Strip, float]:
+    """Return a plate without what lies far beyond loads and points, and where its middle was."""
+    places_m = [*points_m[:, 0]]
+    for area in (*loads, *strip.patches):
+        places_m += [area.x_m - area.half_size_m[0], area.x_m + area.half_size_m[0]]
+    half_length_m = math.inf if strip.length_m is None else strip.length_m / 2
+    low_m, high_m = min(places_m) - beyond_m, max(places_m) + beyond_m
+    if low_m <= -half_length_m and high_m >= half_length_m:
+        return strip, 0.0
+    low_m, high_m = max(low_m, -half_length_m), min(high_m, half_length_m)
+    middle_m = (low_m + high_m) / 2
+    patches = tuple(replace(patch, x_m=patch.x_m - middle_m) for patch in strip.patches)
+    return replace(strip, length_m=high_m - low_m, patches=patches), middle_m
+
+
+def _receptances(
+    plate: Strip, loads: Sequence[Load], points_m: Real, max_hz: float
+) -> tuple[Receptance, Receptance]:
+    """Return the receptance of a plate with ends in the coarse and in the fine basis."""
+    every = plate_modes(plate, loads, points_m, max_hz, _RESOLUTION)
+    rest = [_at_rest(modes) for modes in every]
+    if not plate.patches:
+        rest = list(
+            rest_displacement(plate, loads, points_m, max_hz, np.ones(1, dtype=np.complex128)).real[
+                :, 0, 0
+            ]
+        )
+    results = []
+    for multiple, modes, rest_m in zip(_RESOLUTION.multiples, every, rest, strict=True):
+        slow = [part.slow(multiple * max_hz) for part in modes]
+        residual_m = rest_m - _at_rest(slow)
+        results.append(Receptance(slow, residual_m, plate.material.viscous_time_s))
+    return results[0], results[1]
+
+
+def _at_rest(modes: Sequence[Modes]) -> Real:
+    return np.asarray(np.sum([part.at_rest() for part in modes], axis=0))
