@@ -6,6 +6,8 @@ reads the attributes and not the message.
 
 from __future__ import annotations
 
+from enum import Enum
+
 
 class TooManyModesError(ValueError):
     """A plate that has too many modes for its patches to be computed.
@@ -88,3 +90,45 @@ class LevelNotReachedError(ValueError):
         )
         self.target_db, self.lowest_db = target_db, lowest_db
         self.cycles, self.window, self.max_cycles = cycles, window, max_cycles
+
+
+class Rule(Enum):
+    """What a plate, a load or a drive violates; the value is the message."""
+
+    ABOVE_FIRST_MODE = (
+        "frequency_hz must lie below the strip's first mode, {first_hz:.6g} Hz (without ends its "
+        "first cut-off), got {frequency_hz!r}"
+    )
+    INFINITE = (
+        "frequencies_hz must not be a cut-off or a resonance of a strip without loss, where the "
+        "field is infinite, got {frequency_hz!r}"
+    )
+    TOO_MANY_FUNCTIONS = (
+        "the plate needs {n_functions} functions (at most {max_functions}): take a shorter or "
+        "narrower plate, or lower frequencies"
+    )
+    LEVEL_NOT_REACHED = (
+        "target_db must be reached by a burst of at most {max_cycles} cycles, got {target_db!r}: "
+        "the lowest level is {lowest_db:.2f} dB, of {cycles} cycles with window {window}"
+    )
+
+
+class PlateError(ValueError):
+    """A violated rule with its values.
+
+    Parameters
+    ----------
+    rule : Rule
+    **values : float or str
+        What the rule's message names.
+
+    Examples
+    --------
+    >>> error = PlateError(Rule.ABOVE_FIRST_MODE, frequency_hz=2950.0, first_hz=2891.118)
+    >>> error.rule.name, error.values["first_hz"]
+    ('ABOVE_FIRST_MODE', 2891.118)
+    """
+
+    def __init__(self, rule: Rule, **values: float | str) -> None:
+        super().__init__(rule.value.format(**values))
+        self.rule, self.values = rule, values

@@ -15,8 +15,8 @@ import numpy as np
 from stimuli.fingers.fingertip import causal
 from stimuli.load import PointForce, PressureDisc
 from stimuli.plate.line import gauss_rule
-from stimuli.plate.response import estimate
-from stimuli.plate.transient import make_time_line, receptances
+from stimuli.plate.response import MISSED, describe_modes, estimate
+from stimuli.plate.transient import LOOKS, make_time_line, receptances, reference_hz
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -32,8 +32,6 @@ if TYPE_CHECKING:
     from stimuli.plate.transient import Receptance
     from stimuli.strip.strip import Strip
 
-_LOOKS: Final = 32
-"""Times in a period of the highest of cut-off and drive's band at which the plate is looked at."""
 _LATE: Final = 0.7
 """The plate is looked at for longer where in the second half of the time it moves by more than this
 part of its peak: waves of one speed may still add up."""
@@ -66,7 +64,7 @@ def fingertip_peaks(
         Metres per unit load, of the shape (n_fingertips, n_loads).
     """
     strip = causal(strip, drive)
-    reference_hz = max(strip.cutoff_hz(), drive.band_hz()[1])
+    max_hz = reference_hz(strip, drive)
     pressing = [tip for tip in fingertips if tip.impedance and tip.impedance.holds_for(drive)]
     areas_m = [_area_points(tip, strip, loads) for tip in fingertips]
     if all(area.y_m == strip.width_m / 2 for area in (*loads, *strip.patches, *fingertips)):
@@ -74,16 +72,16 @@ def fingertip_peaks(
     means = [_mean_nodes(tip) for tip in pressing]
     points_m = np.concatenate([*areas_m, *(nodes_m for nodes_m, _ in means)])
     plates = receptances(
-        strip, [*loads, *(_contact_force(tip) for tip in pressing)], points_m, reference_hz
+        strip, [*loads, *(_contact_force(tip) for tip in pressing)], points_m, max_hz
     )
     contact = _Contact(pressing, [weights for _, weights in means], len(loads))
     ends = np.cumsum([0, *map(len, areas_m)])
     span_s = drive.duration_s + _wait_s(strip, loads, fingertips)
-    step_s = 1 / (_LOOKS * reference_hz)
+    step_s = 1 / (LOOKS * max_hz)
     coarse_m, fine_m = (
         _peaks(plate, contact, ends, drive, step_s=step_s, span_s=span_s) for plate in plates
     )
-    return estimate(coarse_m, fine_m, fine_m.max(axis=0))
+    return estimate(coarse_m, fine_m, MISSED * fine_m.max(axis=0), describe_modes(plates[1].modes))
 
 
 def _peaks(

@@ -14,8 +14,11 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 import scipy.linalg
 
+from stimuli.checks import finite_array
+from stimuli.errors import PlateError, Rule
 from stimuli.plate.line import Margins
 from stimuli.plate.modes import Resolution, plate_bases
+from stimuli.plate.placement import check_frequencies, check_loads, check_points
 from stimuli.plate.rest import rest_displacement
 from stimuli.plate.waveguide import (
     endless_displacement,
@@ -38,32 +41,51 @@ _EXCHANGE: Final = 2.5
 frequency; what faster modes exchange has no effect."""
 _RESOLUTION: Final = Resolution()
 _ENDLESS: Final = (Margins(3, 3), Margins(6, 6))
-_SAFETY, _PART, _SCALED = 3.0, 3e-4, 2e-5
-"""What the coarse basis differs by is multiplied with; to that come what both bases miss at corners
-and rims, a part of each displacement, and of the upper modes, a part of the largest."""
+_SAFETY, _PART = 3.0, 3e-4
+"""What the coarse basis differs by is multiplied with; to that comes what both bases miss at
+corners and rims, a part of each displacement."""
+MISSED: Final = 2e-5
+"""Part of the largest displacement that both bases miss elsewhere, as of the upper modes."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Estimate:
-    """A result with an estimate of its error, which is not below the true one.
+    """A result, its error, and what was solved for it.
 
     Attributes
     ----------
     value : ndarray
     error : ndarray of float64, same shape
+        Estimate of the error, which is not below the true one.
+    work : tuple of str
+        What was solved, and what was left out and why.
+
+    Examples
+    --------
+    >>> from stimuli import ALUMINIUM, SIMPLY_SUPPORTED, PointForce, Strip
+    >>> strip = Strip(width_m=0.025, thickness_m=0.0005, material=ALUMINIUM,
+    ...               edge=SIMPLY_SUPPORTED)
+    >>> force = PointForce(x_m=0.0, y_m=0.0125)
+    >>> response = frequency_response(strip, [force], [(0.0, 0.0125)], [300.0])
+    >>> true_m = 1.35672670270450974e-05
+    >>> bool(abs(response.value[0, 0, 0] - true_m) < response.error[0, 0, 0] < 0.01 * true_m)
+    True
     """
 
     value: Complex | Real
     error: Real
+    work: tuple[str, ...]
 
 
-def estimate(coarse: Complex | Real, fine: Complex | Real, scale: Real) -> Estimate:
+def estimate(
+    coarse: Complex | Real, fine: Complex | Real, missed: Real, work: tuple[str, ...]
+) -> Estimate:
     """Return the fine result, with its error by what the coarse one differs.
 
-    `scale` is the largest value of the field, which both resolutions miss a part of.
+    `missed` is what both resolutions miss of the field's largest value.
     """
-    error = _SAFETY * np.abs(fine - coarse) + _PART * np.abs(fine) + _SCALED * scale
-    return Estimate(value=fine, error=np.asarray(error))
+    error = _SAFETY * np.abs(fine - coarse) + _PART * np.abs(fine) + missed
+    return Estimate(value=fine, error=np.asarray(error), work=work)
 
 
 def frequency_response(
@@ -74,37 +96,118 @@ def frequency_response(
     Parameters
     ----------
     strip : Strip
+        Endless, or with two free ends.
     loads : sequence of Load
+        Loads, each driven by itself, wholly on the strip.
     points_m : array_like of float, shape (n_points, 2)
+        Places (x, y) on the strip.
     frequencies_hz : array_like of float, shape (n_frequencies,)
+        From 0 to 400 first cut-offs.
 
     Returns
     -------
     Estimate
         Complex displacement in metres per unit load (1 N, 1 Pa, 1 N m/m) with the time factor
         exp(-i w t), of the shape (n_frequencies, n_loads, n_points).
+
+    Raises
+    ------
+    ValueError
+        If an argument is out of its range.
+    PlateError
+        If the field is infinite: at a cut-off or a resonance of a strip without loss.
+
+    Examples
+    --------
+    A load and a point may be exchanged:
+
+    >>> from stimuli import ALUMINIUM, CLAMPED, PointForce, Strip
+    >>> strip = Strip(width_m=0.025, thickness_m=0.0005, material=ALUMINIUM, edge=CLAMPED)
+    >>> there_m, back_m = (
+    ...     frequency_response(strip, [PointForce(x_m=x, y_m=y)], [place], [5000.0])
+    ...     for x, y, place in ((0.0, 0.005, (0.02, 0.015)), (0.02, 0.015, (0.0, 0.005)))
+    ... )
+    >>> bool(abs(there_m.value - back_m.value).max() < there_m.error.max())
+    True
     """
-    points, at_hz = np.asarray(points_m, dtype=np.float64), np.asarray(frequencies_hz, dtype=float)
+    loads = check_loads(strip, loads)
+    points, at_hz = check_points(strip, points_m), check_frequencies(strip, frequencies_hz)
     # The field is largest near a load's centre: that sets the scale of the error.
     centres = np.array([(load.x_m, load.y_m) for load in loads])
     both = np.concatenate([points, centres])
-    if strip.length_m is None:
-        response = np.stack(
-            [
-                [endless_displacement(strip, load, both, at_hz, margin) for load in loads]
-                for margin in _ENDLESS
-            ]
-        ).swapaxes(1, 2)
-    else:
-        response = _finite_response(strip, loads, both, at_hz)
-    scale = np.abs(response[1]).max(axis=-1, keepdims=True)
+    with np.errstate(all="ignore"):  # what is infinite is refused below
+        if strip.length_m is None:
+            response, work = _endless_response(strip, loads, both, at_hz)
+        else:
+            response, work = _finite_response(strip, loads, both, at_hz)
+        scale = np.abs(response[1]).max(axis=-1, keepdims=True)
+        doubt = _SAFETY * np.abs(response[1] - response[0]).max(axis=-1, keepdims=True)
+        is_known = (doubt < scale).all(axis=(1, 2))
+    if not is_known.all():
+        raise PlateError(Rule.INFINITE, frequency_hz=float(at_hz[~is_known][0]))
     coarse, fine = response[..., : len(points)]
-    return estimate(coarse, fine, scale)
+    return estimate(coarse, fine, MISSED * scale, work)
+
+
+def displacement_map(
+    strip: Strip,
+    loads: Sequence[Load],
+    frequency_hz: float,
+    *,
+    x_m: ArrayLike,
+    y_m: ArrayLike,
+) -> Estimate:
+    """Return the displacement of a strip on a grid at one frequency.
+
+    Parameters
+    ----------
+    strip, loads
+        As for `frequency_response`.
+    frequency_hz : float
+    x_m : array_like of float, shape (n_x,)
+        Places along the strip.
+    y_m : array_like of float, shape (n_y,)
+        Places across it, from one edge.
+
+    Returns
+    -------
+    Estimate
+        As of `frequency_response`, of the shape (n_loads, n_x, n_y).
+
+    Examples
+    --------
+    The held edges rest:
+
+    >>> from stimuli import ALUMINIUM, CLAMPED, MomentDisc, Strip
+    >>> strip = Strip(width_m=0.025, thickness_m=0.0005, material=ALUMINIUM, edge=CLAMPED)
+    >>> disc = MomentDisc(x_m=0.0, y_m=0.0125, radius_m=0.0064)
+    >>> field = displacement_map(strip, [disc], 500.0, x_m=[0.0, 0.01], y_m=[0.0, 0.005, 0.025])
+    >>> field.value.shape, bool(field.value[:, :, [0, 2]].any())
+    ((1, 2, 3), False)
+    """
+    x, y = finite_array("x_m", x_m), finite_array("y_m", y_m)
+    points_m = np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).reshape(-1, 2)
+    field = frequency_response(strip, loads, points_m, [frequency_hz])
+    value, error = (each[0].reshape(-1, x.size, y.size) for each in (field.value, field.error))
+    value[:, :, (y == 0) | (y == strip.width_m)] = 0
+    return Estimate(value=value, error=error, work=field.work)
+
+
+def _endless_response(
+    strip: Strip, loads: Sequence[Load], points_m: Real, frequencies_hz: Real
+) -> tuple[Complex, tuple[str, ...]]:
+    response = np.stack(
+        [
+            [endless_displacement(strip, load, points_m, frequencies_hz, margin) for load in loads]
+            for margin in _ENDLESS
+        ]
+    )
+    return response.swapaxes(1, 2), ("all waves of the strip",)
 
 
 def _finite_response(
     strip: Strip, loads: Sequence[Load], points_m: Real, frequencies_hz: Real
-) -> Complex:
+) -> tuple[Complex, tuple[str, ...]]:
     """Return the displacement of a plate with ends: (2, n_frequencies, n_loads, n_points)."""
     omega = 2 * math.pi * frequencies_hz
     factors = stiffness_factors(strip, frequencies_hz)
@@ -117,7 +220,14 @@ def _finite_response(
     if n_terms:
         rest = rest_displacement(strip, loads, points_m, max_hz, factors)
         response += rest[:, 0] + omega[:, np.newaxis, np.newaxis] ** 2 * rest[:, 1]
-    return response
+    return response, describe_modes(modes[1])
+
+
+def describe_modes(modes: Sequence[Modes]) -> tuple[str, ...]:
+    """Return in words which modes were solved."""
+    n_modes = sum(part.squared.size for part in modes)
+    max_khz = max(math.sqrt(part.squared.max()) for part in modes) / (2e3 * math.pi)
+    return (f"{n_modes} modes up to {max_khz:.3g} kHz in {len(modes)} of 4 symmetries",)
 
 
 def plate_modes(

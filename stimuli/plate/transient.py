@@ -14,19 +14,24 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from scipy.fft import next_fast_len
+from scipy.interpolate import CubicSpline
 
+from stimuli.checks import finite_array
 from stimuli.plate.line import Margins
 from stimuli.plate.modes import Resolution
-from stimuli.plate.response import plate_modes
+from stimuli.plate.placement import check_loads, check_points
+from stimuli.plate.response import describe_modes, estimate, plate_modes
 from stimuli.plate.rest import rest_displacement
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from numpy.typing import ArrayLike
+
     from stimuli.arrays import Complex, Real
     from stimuli.drive.sampled import Drive
     from stimuli.load import Load
-    from stimuli.plate.response import Modes
+    from stimuli.plate.response import Estimate, Modes
     from stimuli.strip.strip import Strip
 
 _FADING: Final = 9.0
@@ -36,6 +41,10 @@ _FINER: Final = 4
 """Samples of the drive for each time at which the plate is looked at."""
 
 
+LOOKS: Final = 32
+"""Times in a period of the highest of cut-off and drive's band at which the plate is looked at."""
+_BETWEEN_LOOKS: Final = 3e-4
+"""Part of the largest displacement that a spline between the looks misses at corners of a drive."""
 _BEYOND: Final = (15.0, 20.0)
 """Widths of a long plate that are kept beyond loads and points, coarse and fine."""
 _RESOLUTION: Final = Resolution(multiples=(5.5, 8.0), margins=Margins(2.0, 3.0))
@@ -176,3 +185,63 @@ def _receptances(
 
 def _at_rest(modes: Sequence[Modes]) -> Real:
     return np.asarray(np.sum([part.at_rest() for part in modes], axis=0))
+
+
+def transient(
+    strip: Strip, loads: Sequence[Load], points_m: ArrayLike, drive: Drive, times_s: ArrayLike
+) -> Estimate:
+    """Return the displacement of a strip over time.
+
+    Parameters
+    ----------
+    strip : Strip
+        Its loss must be viscous, as `causal` makes it.
+    loads : sequence of Load
+        Loads, each driven by itself.
+    points_m : array_like of float, shape (n_points, 2)
+    drive : Drive
+        It begins at time 0.
+    times_s : array_like of float, shape (n_times,)
+
+    Returns
+    -------
+    Estimate
+        Metres per unit load amplitude, of the shape (n_loads, n_points, n_times).
+
+    Examples
+    --------
+    A plate that is not driven yet is at rest:
+
+    >>> from stimuli import ALUMINIUM, CLAMPED, Burst, MomentDisc, Strip
+    >>> strip = Strip(width_m=0.025, thickness_m=0.0005, material=ALUMINIUM, edge=CLAMPED)
+    >>> disc = MomentDisc(x_m=0.0, y_m=0.0125, radius_m=0.0064)
+    >>> burst = Burst(frequency_hz=500.0, cycles=1, window="hann")
+    >>> times_s = [-1e-4, 0.0, 1e-3]
+    >>> motion = transient(strip, [disc], [(0.0, 0.0125)], burst, times_s)
+    >>> motion.value.shape, bool(motion.value[..., :2].any())
+    ((1, 1, 3), False)
+    """
+    loads = check_loads(strip, loads)
+    points, times = check_points(strip, points_m), finite_array("times_s", times_s)
+    if strip.material.loss_factor:
+        raise ValueError(
+            "strip must have no constant loss factor, which is not causal: take "
+            f"causal(strip, drive), got loss_factor = {strip.material.loss_factor!r}"
+        )
+    max_hz = reference_hz(strip, drive)
+    plates = receptances(strip, loads, points, max_hz)
+    line = make_time_line(drive, 1 / (LOOKS * max_hz), max(times.max(), drive.duration_s))
+    looks_s = line.step_s * np.arange(line.drive.size)
+    is_driven = times > 0
+    histories = np.zeros((2, times.size, len(loads), len(points)))
+    for history, plate in zip(histories, plates, strict=True):
+        spline = CubicSpline(looks_s, line.history(plate.response(line.omega)))
+        history[is_driven] = spline(times[is_driven])
+    coarse, fine = np.moveaxis(histories, 1, -1)
+    scale = np.abs(fine).max(axis=(1, 2), keepdims=True, initial=0.0)
+    return estimate(coarse, fine, _BETWEEN_LOOKS * scale, describe_modes(plates[1].modes))
+
+
+def reference_hz(strip: Strip, drive: Drive) -> float:
+    """Return the highest of the first cut-off and the drive's band at half power."""
+    return max(strip.cutoff_hz(), drive.band_hz()[1])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -18,13 +19,18 @@ from stimuli import (
     ElasticEdge,
     MomentDisc,
     PointForce,
+    Scene,
     Strip,
+    causal,
 )
+from stimuli import transient as by_spectra
+from stimuli.errors import PlateError, Rule
 from stimuli.fingers.peaks import fingertip_peaks
 from stimuli.plate.line import EVEN, FREE, ODD, SUPPORTED, LineEnd, Margins, make_line
 from stimuli.plate.modes import Resolution, plate_bases
 from stimuli.plate.response import frequency_response
 from stimuli.plate.rest import rest_displacement
+from stimuli.plate.transient import transient
 from stimuli.plate.waveguide import (
     endless_displacement,
     make_cross_section,
@@ -227,3 +233,34 @@ def test_functions_at_the_rim_of_a_patch_only_speed_up_convergence() -> None:
     assert np.all(with_rim > 0)  # a basis stiffens a plate
     assert np.all(with_rim < 0.6 * without)
     assert np.all(without < 2e-4)
+
+
+@pytest.mark.parametrize("length_m", [None, 0.2])
+def test_a_field_without_bounds_is_refused(length_m: float | None) -> None:
+    """Without loss the field is infinite at a cut-off, and at a resonance."""
+    strip = strip_with(SIMPLY_SUPPORTED, length_m=length_m)
+    frequency_hz = strip.cutoff_hz()
+    force = PointForce(x_m=0.01, y_m=0.01)
+    if length_m:
+        (basis,) = plate_bases(
+            strip, frequency_hz, Resolution(), [PointForce(x_m=0.0, y_m=0.0125)], with_breaks=False
+        )
+        frequency_hz = math.sqrt(basis.modes(basis.resolutions()[1])[0][0]) / (2 * math.pi)
+    with pytest.raises(PlateError) as refusal:
+        frequency_response(strip, [force], [(0.0, 0.01)], [frequency_hz])
+    assert refusal.value.rule is Rule.INFINITE
+    assert refusal.value.values == {"frequency_hz": frequency_hz}
+
+
+@pytest.mark.parametrize("window", ["none", "hann"])
+def test_a_transient_is_that_of_another_solver_within_its_error(window: Any) -> None:
+    lossy = dataclasses.replace(ALUMINIUM, loss_factor=0.01)
+    strip = strip_with(CLAMPED, length_m=0.2, material=lossy).with_cutoff(2900.0)
+    disc = MomentDisc(x_m=-0.035, y_m=0.0125, radius_m=0.0064)
+    points_m = ((-0.035, 0.0125), (0.035, 0.0125))
+    burst = Burst(frequency_hz=500.0, cycles=1, window=window)
+    plate, times_s = causal(strip, burst), np.linspace(0.0, 4e-3, 101)
+    motion = transient(plate, [disc], points_m, burst, times_s)
+    scene = Scene(strip=plate, loads=(disc,), points_m=points_m)
+    expected_m = by_spectra(scene, burst, times_s, rtol=1e-4)
+    assert (np.abs(motion.value - np.moveaxis(expected_m, 0, -1)) <= motion.error).all()
