@@ -474,7 +474,7 @@ def find_gaps(text: str, document: Mapping[str, Any]) -> list[tuple[int, str]]:
         answers = [key for key in empty if key.path in _OF_ANSWERS and not key.comment]
         gaps += [key for key in answers if key not in gaps]
     keys = {key.line: key.path[-1] for key in gaps}
-    return [(line, one_line(_format_key(keys[line]))) for line in sorted(keys)]
+    return [(line, one_line(format_key(keys[line]))) for line in sorted(keys)]
 
 
 _OF_ANSWERS: Final = [("task",), *(("columns", name) for name in ANSWERS)]
@@ -547,19 +547,20 @@ def _format_fault(error: Any) -> str:
     return one_line(f"{' '.join(keys)}: {message}{got}")
 
 
-def toml_entry(key: str, value: str | list[str], comment: str = "") -> str:
+def toml_entry(key: str, value: str | float | list[str], comment: str = "") -> str:
     """Write a key of TOML with its value and a comment, if there is one.
 
     >>> print(toml_entry("resp.keys", "None", "guess"))
     "resp.keys" = "None"  # guess
     """
-    return f"{_format_key(key)} = {_quote(value)}" + (f"  # {comment}" if comment else "")
+    return f"{format_key(key)} = {_quote(value)}" + (f"  # {comment}" if comment else "")
 
 
-def _format_key(key: str) -> str:
+def format_key(key: str) -> str:
+    """Write a key of TOML, in quotation marks if it needs them."""
     return key if _BARE_KEY.fullmatch(key) else _quote(key)
 
 
-def _quote(value: str | list[str]) -> str:
+def _quote(value: str | float | list[str]) -> str:
     quoted = json.dumps(value, ensure_ascii=False)
     return "".join(c if c.isprintable() else f"\\U{ord(c):08x}" for c in quoted)

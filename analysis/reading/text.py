@@ -41,8 +41,9 @@ class ResultFileError(ValueError):
     def __init__(self, file: str | Path, line: int | None, message: str) -> None:
         self.file = str(file)
         self.line = line
+        self.message = one_line(message)
         location = one_line(self.file) if line is None else f"{one_line(self.file)}:{line}"
-        super().__init__(f"{location}: {one_line(message)}")
+        super().__init__(f"{location}: {self.message}")
 
 
 def one_line(text: str) -> str:

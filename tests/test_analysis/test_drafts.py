@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from tests.conftest import Run
 
 CASES = sorted((Path(__file__).parent / "cases").iterdir())
-WORDS = {"task": "yes/no", "side": "left", "unit": "um", "encoding": "cp1252"}
+WORDS = {"task": "yes/no", "participant": "file-", "side": "left", "unit": "um", "encoding": "cp1252"}
 
 
 def counts(paths: list[Path], columns: ColumnMap) -> dict[str, int]:
@@ -64,9 +64,9 @@ def test_a_table_has_the_expected_draft(case: Path, tmp_path: Path) -> None:
     assert result == expected
 
 
-@pytest.mark.parametrize("name", ["psychopy", "jspsych"])
-def test_a_filled_in_draft_reads_as_the_map_by_hand(tmp_path: Path, name: str) -> None:
-    filled_in = {"down": "none", "f": "left", "j": "right", "unit": "%"}
+@pytest.mark.parametrize(("name", "task"), [("psychopy", "yes/no"), ("jspsych", "forced choice")])
+def test_a_filled_in_draft_reads_as_the_map_by_hand(tmp_path: Path, name: str, task: str) -> None:
+    filled_in = {"task": task, "down": "none", "f": "left", "j": "right", "unit": "%"}
     table = EXAMPLES / f"{name}-trials.csv"
     drafted = read_inputs([table], draft(table).filled(tmp_path / "map.toml", filled_in))
     by_hand = read_inputs([table], load_column_map(EXAMPLES / f"{name}-columns.toml"))

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 TABLES = Path(__file__).parent / "tables_external"
 WORDS = {"task": "yes/no", "side": "left", "unit": "u"}
-AFC = {"task": "forced choice"}
+AFC = {"task": "forced choice", "participant": "file-"}
 K = (2, 5, 16, 36, 36)
 FIVE = dict(zip((0.05, 0.1, 0.2, 0.4, 0.8), ((k, 36) for k in K), strict=True))
 SITES = {1.0: (22, 68), 2.0: (36, 62), 4.0: (58, 62)}
