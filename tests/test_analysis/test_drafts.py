@@ -30,7 +30,13 @@ if TYPE_CHECKING:
     from tests.conftest import Run
 
 CASES = sorted((Path(__file__).parent / "cases").iterdir())
-WORDS = {"task": "yes/no", "participant": "file-", "side": "left", "unit": "um", "encoding": "cp1252"}
+WORDS = {
+    "task": "yes/no",
+    "participant": "file-",
+    "side": "left",
+    "unit": "um",
+    "encoding": "cp1252",
+}
 
 
 def counts(paths: list[Path], columns: ColumnMap) -> dict[str, int]:
