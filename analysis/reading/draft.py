@@ -33,7 +33,14 @@ from analysis.reading.columns import (
 )
 from analysis.reading.foreign import MAX_CONDITIONS, MAX_WORDS, UnusedColumns
 from analysis.reading.sources import FILE, unreadable
-from analysis.reading.text import NUMBER, ResultFileError, named, one_line, text_chunks
+from analysis.reading.text import (
+    NUMBER,
+    ResultFileError,
+    guess_unmarked_utf_16,
+    named,
+    one_line,
+    text_chunks,
+)
 from experiment.tasks import LEFT_RIGHT_BOTH
 
 if TYPE_CHECKING:
@@ -232,10 +239,13 @@ def _read_tables(
 def _propose_encoding(sources: Sequence[InputTable], draft: _Draft) -> str | None:
     """Return an encoding that can read a table that is not UTF-8, and ask for the right one."""
     for source in sources:
+        with source.path.open("rb") as stream:
+            start = stream.read(_ENCODING_BYTES)
+        if unmarked := guess_unmarked_utf_16(start):
+            draft.put("file", "encoding", unmarked, "guess: UTF-16 without a byte order mark")
+            return unmarked
+        start = start[: start.rfind(b"\n") + 1] or start
         try:
-            with source.path.open("rb") as stream:
-                start = stream.read(_ENCODING_BYTES)
-            start = start[: start.rfind(b"\n") + 1] or start
             if not start.startswith(_BYTE_ORDER_MARKS):
                 start.decode()
         except UnicodeDecodeError as error:
@@ -300,7 +310,13 @@ def _propose_columns(draft: _Draft) -> None:
     _propose_level(draft, counted=counted)
     _choose("session", draft)
     _choose("condition", draft)
-    if not counted:
+    if counted:
+        rows, used = draft.rows, draft.sources.values()
+        key = [FILE, *(theirs for ours, theirs in draft.sources.items() if ours in COUNTED_COLUMNS)]
+        names = [n for n in rows.columns if n not in used and 1 < len(draft.values(n)) <= MAX_WORDS]
+        if names and rows.duplicated(key).any():
+            draft.ask("columns", "condition", names=names)
+    else:
         _propose_answer(draft)
         _propose_times(draft)
         _propose_trial(draft)
@@ -309,10 +325,8 @@ def _propose_columns(draft: _Draft) -> None:
             words = [word for word in draft.rows[ours].unique() if word]
             fault = ColumnMap().reader(ours).read(words)
             if isinstance(fault, CellFault):
-                wrong = (
-                    f"it has a name of tactstrip, but values such as {one_line(words[fault.row])}"
-                )
-                draft.put("columns", ours, "", f"left out: {wrong}")
+                why = f"left out: it has a name of tactstrip, but {one_line(words[fault.row])}"
+                draft.put("columns", ours, "", why)
 
 
 def _propose_counts(draft: _Draft) -> bool:
