@@ -9,8 +9,7 @@ import tomllib
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from types import MappingProxyType
-from typing import TYPE_CHECKING, Annotated, Any, Final, Literal, NamedTuple, Self
+from typing import TYPE_CHECKING, Annotated, Any, Final, Literal, Self
 
 from pydantic import (
     AfterValidator,
@@ -63,17 +62,15 @@ TASK_MISSING: Final = (
 )
 FILL_IN: Final = "FILL IN"
 _MAX_MAP_BYTES: Final = 1_000_000
-_RENAMED: Final = {"anticipated": "premature"}
 # An external table may lack these values; a trials.csv has them in every row.
 _OPTIONAL_ELSEWHERE: Final = {"foreperiod_s", "study_sha256"}
-OURS: Final[Mapping[str, Column]] = MappingProxyType(
-    {
-        c.name: replace(c, optional=c.optional or c.name in _OPTIONAL_ELSEWHERE)
-        for c in (*COLUMNS, DETECTED, UNANSWERED)
-    }
-)
-_COMMENT: Final = re.compile(r"""(?:""|'')[\s}]*#\s*(.*)$""")
-"""The comment behind empty text."""
+OURS: Final[dict[str, Column]] = {
+    c.name: replace(c, optional=c.optional or c.name in _OPTIONAL_ELSEWHERE)
+    for c in (*COLUMNS, DETECTED, UNANSWERED)
+}
+_SECTION: Final = re.compile(r"\s*\[([^\[\]]+)\]")
+_EMPTY_KEY: Final = re.compile(r"""\s*("[^"]*"|'[^']*'|[\w-]+)\s*=\s*(?:""|'')\s*(?:#\s*(.*))?""")
+"""A key whose value is empty text, and its comment."""
 _BARE_KEY: Final = re.compile(r"[A-Za-z0-9_-]+")
 
 
@@ -85,24 +82,15 @@ def _check_encoding(name: str) -> str:
     return name
 
 
-def _as_tuple(texts: object) -> object:
-    return (texts,) if isinstance(texts, str) else texts
-
-
-def _as_axis(section: object) -> object:
-    return axis_of(section) if isinstance(section, Mapping) else section
-
-
-def _none_if_empty(section: object) -> object:
-    return section or None
-
-
 def _as_text(value: object) -> object:
     """Write a constant of TOML as it would stand in a cell."""
     return format_value(value) if type(value) in {bool, int, float} else value
 
 
-Texts = Annotated[tuple[StrictStr, ...], BeforeValidator(_as_tuple)]
+Texts = Annotated[
+    tuple[StrictStr, ...],
+    BeforeValidator(lambda texts: (texts,) if isinstance(texts, str) else texts),
+]
 
 
 class Section(BaseModel):
@@ -211,8 +199,10 @@ class ColumnMap(Section):
     constant: dict[str, Annotated[StrictStr, BeforeValidator(_as_text)]] = {}
     units: dict[str, StrictStr] = {}
     scale: dict[str, Annotated[StrictFloat | StrictInt, Field(gt=0, allow_inf_nan=False)]] = {}
-    axis: Annotated[Axis, BeforeValidator(_as_axis)] = Field(default_factory=lambda: axis_of({}))
-    table: Annotated[Table | None, BeforeValidator(_none_if_empty)] = None
+    axis: Annotated[
+        Axis, BeforeValidator(lambda axis: axis_of(axis) if isinstance(axis, Mapping) else axis)
+    ] = Field(default_factory=lambda: axis_of({}))
+    table: Table | None = None
     name: str = ""
     sha256: str = ""
 
@@ -234,9 +224,7 @@ class ColumnMap(Section):
     def _unknown_columns(self) -> Iterator[str]:
         for section in ("columns", "values", "constant", "units", "scale"):
             for ours in getattr(self, section):
-                if ours in _RENAMED:
-                    yield f"[{section}] {ours}: the column is named {_RENAMED[ours]}"
-                elif ours not in OURS:
+                if ours not in OURS:
                     yield f"[{section}] {one_line(ours)}: not a column of trials.csv"
                 elif self.table and ours not in COUNTED_COLUMNS:
                     allowed = ", ".join(COUNTED_COLUMNS)
@@ -271,9 +259,11 @@ class ColumnMap(Section):
 
     def _wrong_words(self) -> Iterator[str]:
         entries = [(f"[constant] {ours}", ours, word) for ours, word in self.constant.items()]
-        for ours, translations in self.values.items():
-            for theirs, word in translations.items():
-                entries.append((f"[values.{ours}] {shown(theirs)}", ours, word))
+        entries += [
+            (f"[values.{ours}] {shown(theirs)}", ours, word)
+            for ours, words in self.values.items()
+            for theirs, word in words.items()
+        ]
         for entry, ours, word in entries:
             minimum = self.minimum(ours)
             try:
@@ -283,10 +273,8 @@ class ColumnMap(Section):
                 yield f"{entry}: allowed {allowed}, got {shown(word)}"
         for theirs, word in self.values.get("level_vpp", {}).items():
             if self.axis.signed and theirs.lower() in NOTHING and word == "0":
-                yield (
-                    f'[values.level_vpp] "{theirs}" = "0": 0 is a level where x_scale = '
-                    f'"{self.axis.x_scale}"; "{theirs}" = "-inf" makes blanks of these rows'
-                )
+                scale = f'0 is a level where x_scale = "{self.axis.x_scale}"'
+                yield f'[values.level_vpp] {scale}; "{theirs}" = "-inf" makes blanks of these rows'
 
     def named(self) -> dict[str, str]:
         """Return our columns that the map takes from a column of theirs.
@@ -433,98 +421,44 @@ def load_column_map(path: str | Path) -> ColumnMap:
                 message = f"[{one_line(name)}] is not a section of a map, allowed {allowed}"
                 raise ValueError(message)
         if gaps := find_gaps(text, document):
-            raise ValueError(f"fill in {', '.join(f'{key} (line {n})' for n, key in gaps)}")
+            raise ValueError(f"fill in {', '.join(gaps)}")
         return ColumnMap(**document, name=path.name, sha256=hashlib.sha256(raw).hexdigest())
     except ValidationError as error:
-        faults = "; ".join(map(_format_fault, error.errors()))
-        raise ValueError(f"{path}: {faults}") from None
+        fault = "; ".join(map(_format_fault, error.errors()))
     except tomllib.TOMLDecodeError as error:
-        message = f"{path}: {error}; text stands in quotation marks, a [section] on its own line"
-        raise ValueError(message) from None
+        fault = f"{error}; text stands in quotation marks, a [section] on its own line"
     except (ValueError, RecursionError) as error:
-        raise ValueError(f"{path}: {error}") from None
+        fault = str(error)
+    raise ValueError(f"{path}: {fault}")
 
 
-class _EmptyKey(NamedTuple):
-    """A key of a map whose value is empty text."""
+def find_gaps(text: str, document: Mapping[str, Any]) -> list[str]:
+    r"""Return the keys of a map that are still to be filled in, each with its line.
 
-    path: tuple[str, ...]
-    line: int
-    comment: str
-
-
-def find_gaps(text: str, document: Mapping[str, Any]) -> list[tuple[int, str]]:
-    r"""Return the lines of a map that are still to be filled in, each with its key.
-
-    These are the lines with `FILL_IN`, and those that no map may leave empty. Empty text leaves out
-    a column of ours, so that ``detected`` may be empty beside ``response``, which needs no entry,
-    and ``task``, too. They are gaps only where the map has other gaps and names no answer, and no
-    comment says that the column is left out.
+    These are empty texts with the comment `FILL_IN`, and those that no map may leave empty. Other
+    empty text of [columns] leaves out a column of ours.
 
     >>> text = 'task = ""  # FILL IN\n[columns]\nsession = ""\nside = ""'
     >>> find_gaps(text, tomllib.loads(text))
-    [(1, 'task'), (4, 'side')]
+    ['task (line 1)', 'side (line 4)']
     """
-    empty = [*_empty_keys(text)]
-    gaps = [
-        key for key in empty if key.comment.startswith(FILL_IN) or _is_required(key.path, document)
-    ]
-    columns, constant = (document.get(name, {}) for name in ("columns", "constant"))
-    if gaps and not any(section.get(name) for section in (columns, constant) for name in ANSWERS):
-        answers = [key for key in empty if key.path in _OF_ANSWERS and not key.comment]
-        gaps += [key for key in answers if key not in gaps]
-    keys = {key.line: key.path[-1] for key in gaps}
-    return [(line, one_line(format_key(keys[line]))) for line in sorted(keys)]
-
-
-_OF_ANSWERS: Final = [("task",), *(("columns", name) for name in ANSWERS)]
-
-
-def _empty_keys(text: str) -> Iterator[_EmptyKey]:
-    """Yield the keys with empty text; lines that are no TOML by themselves are passed over."""
-    section: tuple[str, ...] = ()
-    for number, line in enumerate(text.replace("\r\n", "\n").split("\n"), 1):
-        is_header = line.lstrip().startswith("[")
-        if not (is_header or '""' in line or "''" in line):
-            continue
-        try:
-            entries = [*_flatten(parse_toml(line))]
-        except tomllib.TOMLDecodeError:
-            continue
-        comment = _COMMENT.search(line)
-        for path, value in entries:
-            if is_header:
-                section = path
-            elif value == "":
-                yield _EmptyKey((*section, *path), number, comment[1] if comment else "")
-
-
-def _flatten(
-    table: Mapping[str, Any], path: tuple[str, ...] = ()
-) -> Iterator[tuple[tuple[str, ...], Any]]:
-    """Yield the values of a table of TOML and of the tables in it, with their keys."""
-    for key, value in table.items():
-        if value and isinstance(value, dict):
-            yield from _flatten(value, (*path, key))
-        else:
-            yield (*path, key), value
-
-
-def _is_required(path: tuple[str, ...], document: Mapping[str, Any]) -> bool:
-    """Return whether no map of this kind may leave a key empty."""
-    columns, constant = (document.get(name, {}) for name in ("columns", "constant"))
-    table = document.get("table", {})
-    match path:
-        case ("task",):
-            return bool(table or columns.get("detected") or constant.get("detected"))
-        case ("columns", name):
-            required = COUNTED_REQUIRED if table else REQUIRED
-            return name in required and name not in (*constant, *ANSWERS)
-        case ("table", "presented" | "missed"):
-            return not (table.get("presented") or table.get("missed"))
-        case ("table", "detected") | ("file", "encoding" | "decimal"):
-            return True
-    return path[0] in ("values", "constant", "units", "axis")
+    required = {*(COUNTED_REQUIRED if "table" in document else REQUIRED)} - {*ANSWERS}
+    required -= {*document.get("constant", {})}
+    if "table" in document or document.get("columns", {}).get("detected"):
+        required.add("task")
+    gaps = []
+    section = ""
+    for number, line in enumerate(text.split("\n"), 1):
+        if header := _SECTION.match(line):
+            section = header[1]
+        elif empty := _EMPTY_KEY.fullmatch(line.rstrip()):
+            key, comment = empty.groups("")
+            is_required = section.startswith(("values.", "constant", "units", "axis", "table"))
+            if section in ("", "columns"):
+                is_required = key in required
+            if is_required or comment.startswith(FILL_IN):
+                gaps.append(f"{one_line(key)} (line {number})")
+    return gaps
 
 
 def _format_fault(error: Any) -> str:

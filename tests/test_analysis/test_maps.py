@@ -64,7 +64,7 @@ def test_rows_are_left_out_and_counted(tmp_path: Path) -> None:
     assert loaded(tmp_path, PHASES, columns).left_out == 3
     text = "participant,side,level_vpp,response,phase,k,n\n1,left,60,left,practice,9,9\n"
     paths = [put(tmp_path / "a.csv", text), put(tmp_path / "b.csv", text.replace("practice", "go"))]
-    for table in ({}, {"detected": "k", "presented": "n"}):
+    for table in (None, {"detected": "k", "presented": "n"}):
         kept = ColumnMap(rows={"skip": {"phase": ["go", ""]}}, table=table, task="yes/no")
         assert read_inputs(paths, kept).left_out == 1
         for section, word in (("skip", "other"), ("keep", "other"), ("skip", ["go", "other"])):
@@ -307,15 +307,15 @@ def test_a_map_that_is_not_filled_in_is_refused_before_data_are_read(
 GAPS = [
     (
         '[columns]\nlevel_vpp = ""\ndetected = ""\n[constant]\nside = ""\n[axis]\nunit = ""',
-        "level_vpp (line 2), detected (line 3), side (line 5), unit (line 7)",
+        "level_vpp (line 2), side (line 5), unit (line 7)",
     ),
     (
         'task = ""\n[columns]\ndetected = "k"\nside = ""\n[values.detected]\n"no, no" = ""  # 3',
         'task (line 1), side (line 4), "no, no" (line 6)',
     ),
     (
-        "axis = { unit = '' }\n[table]\ndetected = \"\"\npresented = ''\n[columns]\nside = \"\"",
-        "unit (line 1), detected (line 3), presented (line 4)",
+        "[axis]\nunit = ''\n[table]\ndetected = \"\"\npresented = ''\n[columns]\nside = \"\"",
+        "unit (line 2), detected (line 4), presented (line 5)",
     ),
     (
         '[columns]\ndetected = ""  # left out\ncondition = ""  # FILL IN: which\nsession = ""',
