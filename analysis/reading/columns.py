@@ -119,6 +119,10 @@ class Rows(Section):
     keep: dict[str, Texts] = {}
     skip: dict[str, Texts] = {}
 
+    def names(self) -> list[str]:
+        """Return the columns of theirs that decide."""
+        return [*self.keep, *self.skip]
+
 
 class Table(Section):
     """Which columns of theirs are counts, and which distinguish functions."""
@@ -128,11 +132,16 @@ class Table(Section):
     missed: StrictStr = ""
     group: tuple[StrictStr, ...] = ()
 
+    def counts(self) -> dict[str, str]:
+        """Return the columns of theirs by what they count."""
+        counts = {name: getattr(self, name) for name in ("detected", "presented", "missed")}
+        return {name: theirs for name, theirs in counts.items() if theirs}
+
     @model_validator(mode="after")
     def _name_each_column_once(self) -> Self:
         if bool(self.presented) == bool(self.missed):
             raise ValueError("needs detected, and either presented or missed")
-        names = [self.detected, self.presented or self.missed, *self.group]
+        names = [*self.counts().values(), *self.group]
         if len({*names}) < len(names) or not all(names):
             raise ValueError(f"each column may be named once, got {', '.join(names)}")
         return self

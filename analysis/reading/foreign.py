@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import compress
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Final
@@ -36,7 +36,7 @@ from experiment.rows import COLUMNS, KINDS, NOT_AVAILABLE, RESPONSES, SCHEMA, Co
 from experiment.tasks import LEFT_RIGHT_BOTH
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
+    from collections.abc import Collection, Iterator, Mapping, Sequence
 
     from numpy.typing import NDArray
 
@@ -60,18 +60,13 @@ MAX_PRESENTED: Final = 10**12
 """Of a row of counts."""
 MAX_WORDS: Final = 6
 """A column with more words than this does not look like a condition."""
-_MAX_LISTED: Final = 8
 _KIND_OF_SIDE: Final = {p.name: p.kind for p in LEFT_RIGHT_BOTH.presentations}
-_FOLLOWING: Final = (
-    "direction",
-    "stepsize",
-    "stepsizes",
-    "thisrepn",
-    "thisindex",
-    "response",
-    "label",
+_NO_BLANKS: Final = (
+    "and a forced choice has no trials without a stimulus; [rows.skip] of a map leaves them out"
 )
-"""Columns of PsychoPy's staircases and loops that follow from the trials: no conditions."""
+_COUNT: Final = Column(name="", type="int", optional=False, choices=(), description="")
+_BOOKKEEPING: Final = ("direction", "label")
+"""Columns of words of PsychoPy's staircases that follow from the trials: no conditions."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,12 +80,20 @@ class RowFilter:
     rows: Rows
     values: dict[str, set[str]] = field(default_factory=dict)
 
+    @property
+    def keys(self) -> dict[str, tuple[str, tuple[str, ...], bool]]:
+        """The keys of the map, each with a column, its words, and whether they are kept."""
+        sections = (("keep", self.rows.keep, True), ("skip", self.rows.skip, False))
+        return {
+            f"[rows.{section}] {name}": (name, texts, is_kept)
+            for section, columns, is_kept in sections
+            for name, texts in columns.items()
+        }
+
     def reads(self, about: Mapping[str, str]) -> bool:
         """Return whether any row is read of a file whose name says this."""
-        tests = [test for test in self._tests() if test[1].endswith("-")]
-        for _, name, _, _ in tests:
-            self.values.setdefault(name, set()).add(about.get(name, ""))
-        return all((about.get(name, "") in texts) is keep for _, name, texts, keep in tests)
+        names = [name for name, _, _ in self.keys.values() if name.endswith("-")]
+        return bool(self.select({name: [about.get(name, "")] for name in names}, 1)[0].all())
 
     def select(
         self, cells: Mapping[str, Sequence[str]], number: int
@@ -98,52 +101,35 @@ class RowFilter:
         """Return which rows are read, and how many each key leaves out."""
         selected = np.ones(number, dtype=np.bool_)
         left_out: Counter[str] = Counter()
-        for key, name, texts, keep in self._tests():
+        for key, (name, texts, is_kept) in self.keys.items():
             if name not in cells:
                 continue
             self.values.setdefault(name, set()).update(cells[name])
-            passes = np.array([(cell in texts) is keep for cell in cells[name]], dtype=np.bool_)
+            passes = np.array([(cell in texts) is is_kept for cell in cells[name]], dtype=np.bool_)
             if dropped := int((selected & ~passes).sum()):
                 left_out[key] += dropped
             selected &= passes
         return selected, left_out
-
-    def check_columns(self, header: Sequence[str], file: str) -> None:
-        """Refuse a column that the table does not have."""
-        for _, name, _, _ in self._tests():
-            if name not in header and not name.endswith("-"):
-                message = f"no column {shown(name)}, named by [rows]; it has {named(header)}"
-                raise ResultFileError(file, 1, message)
 
     def refuse_unmet(self, file: str) -> None:
         """Refuse a word that stood in no row: it is misspelled, or of another data set.
 
         Empty text is accepted: a table may have no empty cell.
         """
-        for key, name, texts, _ in self._tests():
+        for key, (name, texts, _) in self.keys.items():
             values = self.values.get(name, set())
             for word in texts:
                 if word and values and word not in values:
-                    listed = ", ".join(map(shown, sorted(values)[:_MAX_LISTED]))
-                    more = ", ..." * (len(values) > _MAX_LISTED)
-                    where = "is in no file's name" if name.endswith("-") else "stands in no row"
-                    message = f"{key}: {shown(word)} {where}, allowed {listed}{more}"
+                    allowed = named([*map(shown, sorted(values))])
+                    message = f"{key}: {shown(word)} does not occur, allowed {allowed}"
                     raise ResultFileError(file, None, message)
 
     def format_keys(self, rows: Mapping[str, int] | None = None) -> str:
         """Return the keys; of several those that leave out `rows`, and how many."""
-        keys = [key for key, _, _, _ in self._tests()]
+        keys = [*self.keys]
         if rows and len(keys) > 1:
             keys = [f"{key} ({rows[key]})" for key in keys if rows.get(key)]
         return " and ".join(keys)
-
-    def _tests(self) -> list[tuple[str, str, tuple[str, ...], bool]]:
-        sections = (("keep", self.rows.keep, True), ("skip", self.rows.skip, False))
-        return [
-            (f"[rows.{section}] {name}", name, texts, keep)
-            for section, columns, keep in sections
-            for name, texts in columns.items()
-        ]
 
 
 @dataclass(frozen=True, slots=True)
@@ -160,7 +146,7 @@ class UnusedColumns:
         self,
         cells: Mapping[str, Sequence[str]],
         taken: Mapping[str, str],
-        used: set[str],
+        used: Collection[str],
         selected: Sequence[bool] | NDArray[np.bool_],
     ) -> None:
         """Collect the words of columns that nobody uses, while they are few."""
@@ -168,20 +154,18 @@ class UnusedColumns:
         sources = [taken.get(o, "") for o in ("participant", "level_vpp", "side", answer)]
         beside: list[Sequence[Any]] = [cells.get(o, [...] * len(selected)) for o in sources]
         for name, column in cells.items():
-            beside_word = self.partners.setdefault(name, {})
-            if name in used or not name or name.endswith("-") or len(beside_word) > MAX_WORDS:
+            words = self.partners.setdefault(name, {})
+            if name in used or not name or name.endswith("-") or len(words) > MAX_WORDS:
                 continue
             for word, *values in {*compress(zip(column, *beside, strict=True), selected)}:
-                before = beside_word.setdefault(word, values)
-                beside_word[word] = [
-                    a if a == b else ... for a, b in zip(before, values, strict=True)
-                ]
-                if len(beside_word) > MAX_WORDS:
+                pairs = zip(words.get(word, values), values, strict=True)
+                words[word] = [before if before == value else ... for before, value in pairs]
+                if len(words) > MAX_WORDS:
                     break
 
     def varying(self) -> list[str]:
         """Return the columns with 2 to 6 values, be they words or numbers."""
-        values = {name: {*partners} - {""} for name, partners in self.partners.items()}
+        values = {name: {*words} - {""} for name, words in self.partners.items()}
         return [name for name, texts in values.items() if 1 < len(texts) <= MAX_WORDS]
 
     def names(self) -> list[str]:
@@ -191,75 +175,70 @@ class UnusedColumns:
         bookkeeping of PsychoPy.
         """
         names = []
-        for name, partners in self.partners.items():
-            beside_word = {word: values for word, values in partners.items() if word}
-            if not 1 < len(beside_word) <= MAX_WORDS or any(map(NUMBER.fullmatch, beside_word)):
-                continue
-            participants, *trial = zip(*beside_word.values(), strict=True)
-            repeats = any(... not in values for values in trial) or (
-                ... not in participants and len({*participants}) > 1
-            )
-            if not repeats and name.rpartition(".")[2].lower() not in _FOLLOWING:
+        for name in self.varying():
+            words = {word: beside for word, beside in self.partners[name].items() if word}
+            people, *trial = zip(*words.values(), strict=True)
+            is_of_people = ... not in people and len({*people}) > 1
+            is_of_trial = any(... not in values for values in trial)
+            is_number = any(map(NUMBER.fullmatch, words))
+            is_bookkeeping = name.rpartition(".")[2].lower() in _BOOKKEEPING
+            if not (is_of_people or is_of_trial or is_number or is_bookkeeping):
                 names.append(one_line(name))
         return names
 
 
 def find_columns(columns: ColumnMap, header: Sequence[str], file: str) -> dict[str, str]:
-    """Return our columns that a table has, each with the table's.
+    """Return our columns that a table has, and its counts, each with the table's column.
 
     Raises ResultFileError where a column named by the map is missing, a constant contradicts a
     column of the table, a required column has no source, or ``response`` and ``detected`` have one.
     """
-    mapped = columns.named()
-    for ours, theirs in mapped.items():
+    mapped, table = columns.named(), columns.table
+    counts = table.counts() if table else {}
+    sources = [(theirs, f"[columns] {ours}") for ours, theirs in mapped.items()]
+    sources += [(name, "[table]") for name in (*counts.values(), *(table.group if table else ()))]
+    sources += [(name, "[rows]") for name in columns.rows.names() if not name.endswith("-")]
+    for theirs, key in sources:
         if theirs not in header:
-            has = named(header)
-            message = f"no column {shown(theirs)}, named by the map for {ours}; it has {has}"
+            message = f"no column {shown(theirs)}, named by {key}; it has {named(header)}"
             raise ResultFileError(file, 1, message)
-    same = {}
-    for name in _unmapped(columns):
-        leave_out = f'[columns] {name} = "" leaves it out'
-        if name + TWICE in header:
-            message = f"the header names column {name} twice; {leave_out}"
-            raise ResultFileError(file, 1, message)
-        if name in header and name in columns.constant:
-            message = f"column {shown(name)} stands in the table, and the map has a constant"
-            raise ResultFileError(file, 1, f"{message}; {leave_out}")
-        if name in header:
-            same[name] = name
-        elif STANDS_FOR.get(name) in header and name not in columns.constant:
-            same[name] = STANDS_FOR[name]
-    if mapped.get("detected") == "correct":
-        same.pop("correct", None)  # its 0 and 1 are what was answered
-    return _with_one_answer(columns, same | mapped, file)
-
-
-def _unmapped(columns: ColumnMap) -> list[str]:
-    """Return our columns that need no entry where the table has them under our name."""
-    names = [name for name in OURS if name != "unanswered"]
-    if columns.table:
-        names = [name for name in COUNTED_COLUMNS if name not in columns.conditions()]
-    return [name for name in names if name not in columns.columns]
-
-
-def _with_one_answer(columns: ColumnMap, sources: dict[str, str], file: str) -> dict[str, str]:
-    """Return the columns with one answer; refuse two, or a required column without a source."""
-    mapped = columns.named()
-    if {*ANSWERS} <= {*sources, *columns.constant}:
-        if not mapped.keys() & {*ANSWERS}:
-            message = "response and detected both hold the answer; name one of them in [columns]"
-            raise ResultFileError(file, 1, message)
-        sources = {o: t for o, t in sources.items() if o not in ANSWERS or o in mapped}
-    available = {*sources, *columns.constant}
-    if "detected" in available:
-        if not (columns.task or columns.table):
-            raise ResultFileError(file, 1, TASK_MISSING)
+    same = _find_same_columns(columns, header, file)
+    available = {*same, *mapped, *columns.constant}
+    if available >= {*ANSWERS}:
+        message = "response and detected both hold the answer; name one of them in [columns]"
+        raise ResultFileError(file, 1, message)
+    if "detected" in available and not columns.task:
+        raise ResultFileError(file, 1, TASK_MISSING)
+    if available & {*ANSWERS}:
         available.add("response")
-    required = COUNTED_REQUIRED if columns.table else REQUIRED
+    required = COUNTED_REQUIRED if table else REQUIRED
     if missing := [name for name in required if name not in available]:
         message = f"no column {', '.join(missing)}; the map must say where it comes from"
         raise ResultFileError(file, 1, message)
-    return sources
+    return same | mapped | counts
+
+
+def _find_same_columns(columns: ColumnMap, header: Sequence[str], file: str) -> dict[str, str]:
+    """Return our columns that need no entry, for the table or its file's name has them."""
+    names = {*COUNTED_COLUMNS} if columns.table else {*OURS} - {"unanswered"}
+    names -= columns.columns.keys()
+    if columns.conditions():
+        names.discard("condition")
+    if columns.named().keys() & {*ANSWERS}:
+        names -= {*ANSWERS}
+    if columns.columns.get("detected") == "correct":
+        names.discard("correct")  # its 0 and 1 are what was answered
+    same = {}
+    for name in (name for name in OURS if name in names):
+        source = name if name in header else STANDS_FOR.get(name, "")
+        is_twice = name + TWICE in header
+        if is_twice or (name in header and name in columns.constant):
+            fault = "twice" if is_twice else "beside a constant of the map"
+            message = f'the header names column {name} {fault}; [columns] {name} = "" leaves it out'
+            raise ResultFileError(file, 1, message)
+        if source and source in header and name not in columns.constant:
+            same[name] = source
+    return same
 
 
 def read_texts(
@@ -274,12 +253,9 @@ def read_texts(
     with source.path.open("rb") as stream:
         header, chunks = text_chunks(stream, file, form=columns.text_format(source.path.suffix))
         about = {name: word for name, word in source.about.items() if name not in header}
-        names = [*header, *about]
-        rows.check_columns(names, file)
-        counts = _find_counts(columns, names, file)
-        taken = find_columns(columns, names, file) | counts
+        taken = find_columns(columns, [*header, *about], file)
         conditions = columns.conditions()
-        used = {*taken.values(), *conditions, *columns.rows.keep, *columns.rows.skip}
+        used = {*taken.values(), *conditions, *columns.rows.names()}
         for lines, cells_of_rows in chunks:
             number = len(cells_of_rows)
             cells: dict[str, Sequence[str]] = dict(
@@ -298,23 +274,6 @@ def read_texts(
                     for row in values
                 ]
             yield texts, list(compress(lines, selected)), left_out
-
-
-def _find_counts(columns: ColumnMap, header: Sequence[str], file: str) -> dict[str, str]:
-    """Return the columns of counts by what they count."""
-    if columns.table is None:
-        return {}
-    table = columns.table
-    counts = {"presented": table.presented} if table.presented else {"missed": table.missed}
-    counts = {"detected": table.detected} | counts
-    for name in (*counts.values(), *table.group):
-        if name not in header:
-            message = f"no column {shown(name)}, named by [table]; it has {named(header)}"
-            theirs = columns.columns.get(name, "")
-            if theirs and theirs in header:
-                message += f". [table] takes the table's own names, here {shown(theirs)}"
-            raise ResultFileError(file, 1, message)
-    return counts
 
 
 def read_external(
@@ -336,7 +295,9 @@ def read_external(
         silent &= rows["side"].ne(NO_STIMULUS)
         if silent.any() and columns.task == FORCED:
             first = rows[silent].iloc[0]
-            raise ResultFileError(first["file"], int(first["line"]), _no_blanks(columns))
+            level = BLANK_LEVEL if columns.axis.signed else 0
+            message = f"the level is {level}, {_NO_BLANKS}"
+            raise ResultFileError(first["file"], int(first["line"]), message)
         rows["side"] = rows["side"].mask(silent, NO_STIMULUS)
         kinds = rows["side"].astype(object).map(_KIND_OF_SIDE).fillna("single")
         rows["kind"] = pd.Categorical(kinds, categories=list(KINDS))
@@ -365,15 +326,6 @@ def without_blank_level(
     return silent, rows.assign(level_vpp=level.mask(level.eq(BLANK_LEVEL)))
 
 
-def _no_blanks(columns: ColumnMap) -> str:
-    signed = columns.axis.signed
-    scale = "" if signed else ', [axis] x_scale = "dB" or "linear" takes 0 for a level'
-    return (
-        f"the level is {BLANK_LEVEL if signed else 0}, and a forced choice has no trials without a "
-        f"stimulus; [rows.skip] of a map leaves them out{scale}"
-    )
-
-
 def with_responses(rows: pd.DataFrame, columns: ColumnMap) -> pd.DataFrame:
     """Turn ``detected`` into the response it stands for.
 
@@ -391,22 +343,19 @@ def with_responses(rows: pd.DataFrame, columns: ColumnMap) -> pd.DataFrame:
         missed = sides.map(LEFT_RIGHT_BOTH.reversed_mapping)
     answers = rows["detected"].astype(object)
     answers = answers.mask(answers.eq(NO), missed)
-    detected = answers.eq(YES)
-    blanks = rows.loc[detected & sides.eq(NO_STIMULUS), ["file", "line"]].drop_duplicates("file")
-    only_side: dict[str, str] = {}
-    for file, line in blanks.itertuples(index=False):
-        stimulated = sorted({*sides[rows["file"].eq(file)]} - {NO_STIMULUS})
-        if len(stimulated) != 1:
-            message = (
-                f"column 'detected' holds '{YES}' in a blank trial, and the table has stimuli at "
-                f"{', '.join(stimulated) or 'no side'}: which side was answered? Map response "
-                "instead or, where only felt or not was asked, one [constant] side for all rows in "
-                "place of [columns] side"
-            )
-            raise ResultFileError(file, int(line), message)
-        only_side[file] = stimulated[0]
-    at_blank = detected & sides.eq(NO_STIMULUS)
-    answers = answers.mask(detected, sides.mask(at_blank, rows["file"].map(only_side)))
+    detected, blank = answers.eq(YES), sides.eq(NO_STIMULUS)
+    stimulated = sides.mask(blank).groupby(rows["file"])
+    unclear = detected & blank & stimulated.transform("nunique").ne(1)
+    if unclear.any():
+        file, line = rows[unclear].iloc[0][["file", "line"]]
+        stimuli = ", ".join(sorted({*sides[rows["file"].eq(file) & ~blank]})) or "no side"
+        message = (
+            f"column 'detected' holds '{YES}' in a blank trial, and the table has stimuli at "
+            f"{stimuli}: which side was answered? Map response instead or, where only felt or not "
+            "was asked, one [constant] side for all rows in place of [columns] side"
+        )
+        raise ResultFileError(file, int(line), message)
+    answers = answers.mask(detected, sides.mask(blank, stimulated.transform("first")))
     return rows.assign(response=pd.Categorical(answers, categories=list(RESPONSES)))
 
 
@@ -419,15 +368,13 @@ def read_count_rows(
     texts: Texts, columns: ColumnMap, files: Sequence[str], lines: Sequence[int]
 ) -> pd.DataFrame:
     """Read rows of a table of counts, with ``kind``, ``detected`` and ``presented``."""
-    readers = []
-    table = columns.table
-    assert table is not None
-    for name in texts:
-        if name in ("detected", "presented", "missed"):
-            column = Column(name=name, type="int", optional=False, choices=(), description="")
-            readers.append(CellReader(column=column, label=getattr(table, name)))
-        else:
-            readers.append(columns.reader(name))
+    counts = columns.table.counts() if columns.table else {}
+    readers = [
+        CellReader(column=replace(_COUNT, name=name), label=counts[name])
+        if name in counts
+        else columns.reader(name)
+        for name in texts
+    ]
     rows = read_columns(texts, readers, files, lines)
     if "missed" in rows:
         rows["presented"] = rows["detected"] + rows.pop("missed")
@@ -476,12 +423,10 @@ def refuse_repeated_counts(rows: pd.DataFrame, aside: Sequence[str]) -> None:
     cells = rows.groupby(key, dropna=False, observed=True).ngroup()
     first = rows[cells.eq(cells[repeated].iloc[0])].iloc[0]
     cell = ", ".join(f"{name} {second[name]}" for name in key)
-    message = f"{cell}: counted already at {first['file']}:{first['line']}"
-    if first["file"] != second["file"]:
-        message += f'; if the files are of two people, [columns] participant = "{FILE}"'
-    elif aside:
-        message += (
-            f'; if {named(aside)} is a condition, the map needs [table] group = ["{aside[0]}"], if '
-            f'it numbers blocks, [columns] session = "{aside[0]}"'
-        )
+    column = FILE if first["file"] != second["file"] else aside[0]
+    message = (
+        f"{cell}: counted already at {first['file']}:{first['line']}; if {column} holds "
+        f'conditions, the map needs [table] group = ["{column}"], if it holds people, [columns] '
+        f'participant = "{column}", and if it numbers blocks, session = "{column}"'
+    )
     raise ResultFileError(second["file"], int(second["line"]), message)
