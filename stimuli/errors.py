@@ -103,6 +103,7 @@ class Rule(Enum):
         "frequencies_hz must not be a cut-off or a resonance of a strip without loss, where the "
         "field is infinite, got {frequency_hz!r}"
     )
+    TOLERANCE = "rtol must be at least {min_rtol:.2g} in this scene, got {rtol!r}"
     TOO_MANY_FUNCTIONS = (
         "the plate needs {n_functions} functions (at most {max_functions}): take a shorter or "
         "narrower plate, or lower frequencies"

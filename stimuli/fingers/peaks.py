@@ -15,8 +15,8 @@ import numpy as np
 from stimuli.fingers.fingertip import causal
 from stimuli.load import PointForce, PressureDisc
 from stimuli.plate.line import gauss_rule
-from stimuli.plate.response import MISSED, describe_modes, estimate
-from stimuli.plate.transient import LOOKS, make_time_line, receptances, reference_hz
+from stimuli.plate.response import describe_modes, estimate
+from stimuli.plate.transient import LOOKS, MISSED, PART, make_time_line, receptances, reference_hz
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -81,7 +81,9 @@ def fingertip_peaks(
     coarse_m, fine_m = (
         _peaks(plate, contact, ends, drive, step_s=step_s, span_s=span_s) for plate in plates
     )
-    return estimate(coarse_m, fine_m, MISSED * fine_m.max(axis=0), describe_modes(plates[1].modes))
+    return estimate(
+        coarse_m, fine_m, MISSED * fine_m.max(axis=0), describe_modes(plates[1].modes), PART
+    )
 
 
 def _peaks(

@@ -9,17 +9,17 @@ from __future__ import annotations
 import math
 from copy import copy
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
 import scipy.linalg
 
-from stimuli.checks import finite_array
+from stimuli.checks import finite, finite_array
 from stimuli.errors import PlateError, Rule
 from stimuli.plate.line import Margins
 from stimuli.plate.modes import Resolution, plate_bases
-from stimuli.plate.placement import check_frequencies, check_loads, check_points
 from stimuli.plate.rest import rest_displacement
+from stimuli.plate.scene import Scene
 from stimuli.plate.waveguide import (
     endless_displacement,
     has_lossless_springs,
@@ -36,16 +36,45 @@ if TYPE_CHECKING:
     from stimuli.plate.modes import Basis
     from stimuli.strip.strip import Strip
 
-_EXCHANGE: Final = 2.5
+_EXCHANGE: Final = 5.0
 """Springs without loss make modes exchange their loss, up to this multiple of the highest
 frequency; what faster modes exchange has no effect."""
-_RESOLUTION: Final = Resolution()
-_ENDLESS: Final = (Margins(3, 3), Margins(6, 6))
-_SAFETY, _PART = 3.0, 3e-4
-"""What the coarse basis differs by is multiplied with; to that comes what both bases miss at
-corners and rims, a part of each displacement."""
-MISSED: Final = 2e-5
-"""Part of the largest displacement that both bases miss elsewhere, as of the upper modes."""
+_FLOOR, _TINIEST = 1e-3, 1e-300
+_SAFETY: Final = 3.0
+"""What the coarse basis differs by is multiplied with; it may agree with the fine one by chance."""
+
+
+class Accuracy(NamedTuple):
+    """How fine a scene is solved, and what both bases miss then.
+
+    To the difference of the bases comes `part` of each displacement, at corners and rims, and
+    `missed` of the largest displacement, as of the upper modes.
+    """
+
+    modes: Resolution
+    rest: Resolution
+    endless: tuple[Margins, Margins]
+    part: float
+    missed: float
+
+
+ACCURACIES: Final = (
+    Accuracy(
+        modes=Resolution(multiples=(3.0, 5.0), margins=Margins(2.0, 3.0)),
+        rest=Resolution(multiples=(2.0, 3.0), margins=Margins(4.0, 6.0)),
+        endless=(Margins(3, 3), Margins(6, 6)),
+        part=3e-4,
+        missed=2e-5,
+    ),
+    Accuracy(
+        modes=Resolution(multiples=(4.0, 6.0), margins=Margins(4.0, 6.0), rim_degrees=(4, 6)),
+        rest=Resolution(multiples=(3.0, 4.0), margins=Margins(6.0, 9.0)),
+        endless=(Margins(6, 6), Margins(10, 10)),
+        part=3e-5,
+        missed=2e-5,
+    ),
+)
+"""The first serves unless a tolerance asks for more."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -65,10 +94,11 @@ class Estimate:
     >>> from stimuli import ALUMINIUM, SIMPLY_SUPPORTED, PointForce, Strip
     >>> strip = Strip(width_m=0.025, thickness_m=0.0005, material=ALUMINIUM,
     ...               edge=SIMPLY_SUPPORTED)
-    >>> force = PointForce(x_m=0.0, y_m=0.0125)
-    >>> response = frequency_response(strip, [force], [(0.0, 0.0125)], [300.0])
+    >>> scene = Scene(strip=strip, loads=(PointForce(x_m=0.0, y_m=0.0125),),
+    ...               points_m=((0.0, 0.0125),))
+    >>> at_300_hz = response(scene, [300.0])
     >>> true_m = 1.35672670270450974e-05
-    >>> bool(abs(response.value[0, 0, 0] - true_m) < response.error[0, 0, 0] < 0.01 * true_m)
+    >>> bool(abs(at_300_hz.value[0, 0, 0] - true_m) < at_300_hz.error[0, 0, 0] < 0.01 * true_m)
     True
     """
 
@@ -78,31 +108,28 @@ class Estimate:
 
 
 def estimate(
-    coarse: Complex | Real, fine: Complex | Real, missed: Real, work: tuple[str, ...]
+    coarse: Complex | Real, fine: Complex | Real, missed: Real, work: tuple[str, ...], part: float
 ) -> Estimate:
     """Return the fine result, with its error by what the coarse one differs.
 
-    `missed` is what both resolutions miss of the field's largest value.
+    `missed` is what both resolutions miss of the field's largest value, and `part` of each.
     """
-    error = _SAFETY * np.abs(fine - coarse) + _PART * np.abs(fine) + missed
+    error = _SAFETY * np.abs(fine - coarse) + part * np.abs(fine) + missed
     return Estimate(value=fine, error=np.asarray(error), work=work)
 
 
-def frequency_response(
-    strip: Strip, loads: Sequence[Load], points_m: ArrayLike, frequencies_hz: ArrayLike
-) -> Estimate:
-    """Return the displacement of a strip under unit loads over frequency.
+def response(scene: Scene, frequencies_hz: ArrayLike, rtol: float | None = None) -> Estimate:
+    """Return the displacement of a scene over frequency.
 
     Parameters
     ----------
-    strip : Strip
-        Endless, or with two free ends.
-    loads : sequence of Load
-        Loads, each driven by itself, wholly on the strip.
-    points_m : array_like of float, shape (n_points, 2)
-        Places (x, y) on the strip.
+    scene : Scene
     frequencies_hz : array_like of float, shape (n_frequencies,)
         From 0 to 400 first cut-offs.
+    rtol : float, optional
+        Largest relative error. It holds for every value down to a floor of 1e-3 rtol of the
+        largest one at its frequency; where waves cancel, a null is not resolved further. None
+        takes what one solution gives, usually better than 1e-3.
 
     Returns
     -------
@@ -115,7 +142,8 @@ def frequency_response(
     ValueError
         If an argument is out of its range.
     PlateError
-        If the field is infinite: at a cut-off or a resonance of a strip without loss.
+        If the field is infinite, at a cut-off or a resonance of a strip without loss, or not known
+        to `rtol`.
 
     Examples
     --------
@@ -123,30 +151,60 @@ def frequency_response(
 
     >>> from stimuli import ALUMINIUM, CLAMPED, PointForce, Strip
     >>> strip = Strip(width_m=0.025, thickness_m=0.0005, material=ALUMINIUM, edge=CLAMPED)
-    >>> there_m, back_m = (
-    ...     frequency_response(strip, [PointForce(x_m=x, y_m=y)], [place], [5000.0])
+    >>> there, back = (
+    ...     response(
+    ...         Scene(strip=strip, loads=(PointForce(x_m=x, y_m=y),), points_m=(place,)), [5000.0]
+    ...     )
     ...     for x, y, place in ((0.0, 0.005, (0.02, 0.015)), (0.02, 0.015, (0.0, 0.005)))
     ... )
-    >>> bool(abs(there_m.value - back_m.value).max() < there_m.error.max())
+    >>> bool(abs(there.value - back.value).max() < there.error.max())
     True
     """
-    loads = check_loads(strip, loads)
-    points, at_hz = check_points(strip, points_m), check_frequencies(strip, frequencies_hz)
+    at_hz = scene.check_frequencies(frequencies_hz)
+    rtol = None if rtol is None else finite("rtol", rtol, above=0.0, most=0.1)
+    best = math.inf
+    for accuracy in ACCURACIES:
+        answer, scale = solve_scene(scene, at_hz, accuracy)
+        if rtol is None:
+            return answer
+        floor = np.maximum(np.abs(answer.value), _FLOOR * rtol * scale)
+        best = min(best, float((answer.error / np.maximum(floor, _TINIEST)).max()))
+        if best <= rtol:
+            return answer
+    raise PlateError(Rule.TOLERANCE, rtol=rtol or 0.0, min_rtol=best)
+
+
+def displacement(scene: Scene, frequencies_hz: ArrayLike, rtol: float | None = None) -> Complex:
+    """Return the value of `response` alone.
+
+    Parameters
+    ----------
+    scene, frequencies_hz, rtol
+        As for `response`.
+
+    Returns
+    -------
+    ndarray of complex128, shape (n_frequencies, n_loads, n_points)
+        Metres per unit load.
+    """
+    return np.asarray(response(scene, frequencies_hz, rtol).value)
+
+
+def solve_scene(scene: Scene, at_hz: Real, accuracy: Accuracy) -> tuple[Estimate, Real]:
+    """Return the displacement, and the largest one for each frequency and load."""
     # The field is largest near a load's centre: that sets the scale of the error.
-    centres = np.array([(load.x_m, load.y_m) for load in loads])
-    both = np.concatenate([points, centres])
+    centres_m = np.array([(load.x_m, load.y_m) for load in scene.loads])
+    points_m = np.concatenate([scene.points, centres_m])
+    solve = _endless_response if scene.strip.length_m is None else _finite_response
     with np.errstate(all="ignore"):  # what is infinite is refused below
-        if strip.length_m is None:
-            response, work = _endless_response(strip, loads, both, at_hz)
-        else:
-            response, work = _finite_response(strip, loads, both, at_hz)
-        scale = np.abs(response[1]).max(axis=-1, keepdims=True)
-        doubt = _SAFETY * np.abs(response[1] - response[0]).max(axis=-1, keepdims=True)
+        both, work = solve(scene.strip, scene.loads, points_m, at_hz, accuracy)
+        scale = np.abs(both[1]).max(axis=-1, keepdims=True)
+        doubt = _SAFETY * np.abs(both[1] - both[0]).max(axis=-1, keepdims=True)
         is_known = (doubt < scale).all(axis=(1, 2))
     if not is_known.all():
         raise PlateError(Rule.INFINITE, frequency_hz=float(at_hz[~is_known][0]))
-    coarse, fine = response[..., : len(points)]
-    return estimate(coarse, fine, MISSED * scale, work)
+    coarse, fine = both[..., : len(scene.points_m)]
+    return estimate(coarse, fine, accuracy.missed * scale, work, accuracy.part), scale
 
 
 def displacement_map(
@@ -156,23 +214,26 @@ def displacement_map(
     *,
     x_m: ArrayLike,
     y_m: ArrayLike,
+    rtol: float | None = None,
 ) -> Estimate:
     """Return the displacement of a strip on a grid at one frequency.
 
     Parameters
     ----------
-    strip, loads
-        As for `frequency_response`.
+    strip : Strip
+    loads : sequence of Load
     frequency_hz : float
     x_m : array_like of float, shape (n_x,)
         Places along the strip.
     y_m : array_like of float, shape (n_y,)
         Places across it, from one edge.
+    rtol : float, optional
+        As for `response`.
 
     Returns
     -------
     Estimate
-        As of `frequency_response`, of the shape (n_loads, n_x, n_y).
+        As of `response`, of the shape (n_loads, n_x, n_y).
 
     Examples
     --------
@@ -187,40 +248,44 @@ def displacement_map(
     """
     x, y = finite_array("x_m", x_m), finite_array("y_m", y_m)
     points_m = np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).reshape(-1, 2)
-    field = frequency_response(strip, loads, points_m, [frequency_hz])
+    scene = Scene(
+        strip=strip, loads=tuple(loads), points_m=tuple((x, y) for x, y in points_m.tolist())
+    )
+    field = response(scene, [frequency_hz], rtol)
     value, error = (each[0].reshape(-1, x.size, y.size) for each in (field.value, field.error))
     value[:, :, (y == 0) | (y == strip.width_m)] = 0
     return Estimate(value=value, error=error, work=field.work)
 
 
 def _endless_response(
-    strip: Strip, loads: Sequence[Load], points_m: Real, frequencies_hz: Real
+    strip: Strip, loads: Sequence[Load], points_m: Real, at_hz: Real, accuracy: Accuracy
 ) -> tuple[Complex, tuple[str, ...]]:
-    response = np.stack(
-        [
-            [endless_displacement(strip, load, points_m, frequencies_hz, margin) for load in loads]
-            for margin in _ENDLESS
-        ]
-    )
-    return response.swapaxes(1, 2), ("all waves of the strip",)
+    both = [
+        [endless_displacement(strip, load, points_m, at_hz, margins) for load in loads]
+        for margins in accuracy.endless
+    ]
+    is_centred = all(load.y_m == strip.width_m / 2 for load in loads)
+    symmetries = "even waves; no load excites odd ones" if is_centred else "even and odd waves"
+    return np.stack(both).swapaxes(1, 2), (f"all {symmetries}",)
 
 
 def _finite_response(
-    strip: Strip, loads: Sequence[Load], points_m: Real, frequencies_hz: Real
+    strip: Strip, loads: Sequence[Load], points_m: Real, at_hz: Real, accuracy: Accuracy
 ) -> tuple[Complex, tuple[str, ...]]:
     """Return the displacement of a plate with ends: (2, n_frequencies, n_loads, n_points)."""
-    omega = 2 * math.pi * frequencies_hz
-    factors = stiffness_factors(strip, frequencies_hz)
-    max_hz = max(float(frequencies_hz.max()), strip.cutoff_hz())
+    omega, factors = 2 * math.pi * at_hz, stiffness_factors(strip, at_hz)
+    max_hz = max(float(at_hz.max()), strip.cutoff_hz())
     n_terms = 0 if strip.patches else 2
-    modes = plate_modes(strip, loads, points_m, max_hz, _RESOLUTION)
-    response = np.stack(
+    modes = plate_modes(strip, loads, points_m, max_hz, accuracy.modes)
+    both = np.stack(
         [sum(part.response(omega, factors, max_hz, n_terms) for part in parts) for parts in modes]
     )
     if n_terms:
-        rest = rest_displacement(strip, loads, points_m, max_hz, factors)
-        response += rest[:, 0] + omega[:, np.newaxis, np.newaxis] ** 2 * rest[:, 1]
-    return response, describe_modes(modes[1])
+        rest = rest_displacement(
+            strip, loads, points_m, factors, max_hz=max_hz, resolution=accuracy.rest
+        )
+        both += rest[:, 0] + omega[:, np.newaxis, np.newaxis] ** 2 * rest[:, 1]
+    return both, describe_modes(modes[1])
 
 
 def describe_modes(modes: Sequence[Modes]) -> tuple[str, ...]:

@@ -16,7 +16,6 @@ import numpy as np
 import scipy.linalg
 
 from stimuli.plate.area import local_field
-from stimuli.plate.line import Margins
 from stimuli.plate.modes import Resolution, plate_bases
 from stimuli.plate.waveguide import has_lossless_springs
 
@@ -30,9 +29,8 @@ if TYPE_CHECKING:
     from stimuli.plate.modes import Basis
     from stimuli.strip.strip import Strip
 
-_REACH: Final = 5.0
-"""Widths of the plate that are solved on each side of a load: beyond, 1e-7 is left of its field."""
-_RESOLUTION: Final = Resolution(multiples=(2.0, 3.0), margins=Margins(4.0, 6.0))
+_REACH: Final = 7.0
+"""Widths of the plate that are solved on each side of a load: 3e-10 of its field lies beyond."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,9 +78,11 @@ def _section(strip: Strip, load: Load) -> tuple[Strip, Load, float]:
     return section, replace(load, x_m=load.x_m - middle_m), middle_m
 
 
-def rest_field(section: Strip, load: Load, max_hz: float, factors: Complex) -> RestField:
+def rest_field(
+    section: Strip, load: Load, max_hz: float, factors: Complex, resolution: Resolution
+) -> RestField:
     """Return the fields of a load on a section of a plate without patches."""
-    bases = plate_bases(section, max_hz, _RESOLUTION, [load], with_breaks=True)
+    bases = plate_bases(section, max_hz, resolution, [load], with_breaks=True)
     amplitudes = tuple(_amplitudes(basis, load, factors) for basis in bases)
     return RestField(section, load, factors, tuple(bases), amplitudes)
 
@@ -122,7 +122,13 @@ def _solver(matrix: NDArray[Any]) -> Callable[[NDArray[Any]], NDArray[Any]]:
 
 
 def rest_displacement(
-    strip: Strip, loads: Sequence[Load], points_m: Real, max_hz: float, factors: Complex
+    strip: Strip,
+    loads: Sequence[Load],
+    points_m: Real,
+    factors: Complex,
+    *,
+    max_hz: float,
+    resolution: Resolution,
 ) -> Complex:
     """Return u_0 and u_1 of each load: (2, 2, n_factors, n_loads, n_points), coarse and fine.
 
@@ -140,7 +146,7 @@ def rest_displacement(
         section, local_load, middle_m = _section(strip, load)
         field = solved.get((section, local_load))
         if field is None:
-            field = rest_field(section, local_load, max_hz, nodes)
+            field = rest_field(section, local_load, max_hz, nodes, resolution)
             solved[section, local_load] = field
         fields.append(field.displacement(points_m - (middle_m, 0.0)))
     return np.asarray(np.einsum("rolnp,onf->roflp", np.stack(fields, axis=2), interpolation))

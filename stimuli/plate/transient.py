@@ -19,7 +19,6 @@ from scipy.interpolate import CubicSpline
 from stimuli.checks import finite_array
 from stimuli.plate.line import Margins
 from stimuli.plate.modes import Resolution
-from stimuli.plate.placement import check_loads, check_points
 from stimuli.plate.response import describe_modes, estimate, plate_modes
 from stimuli.plate.rest import rest_displacement
 
@@ -32,6 +31,7 @@ if TYPE_CHECKING:
     from stimuli.drive.sampled import Drive
     from stimuli.load import Load
     from stimuli.plate.response import Estimate, Modes
+    from stimuli.plate.scene import Scene
     from stimuli.strip.strip import Strip
 
 _FADING: Final = 9.0
@@ -47,7 +47,10 @@ _BETWEEN_LOOKS: Final = 3e-4
 """Part of the largest displacement that a spline between the looks misses at corners of a drive."""
 _BEYOND: Final = (15.0, 20.0)
 """Widths of a long plate that are kept beyond loads and points, coarse and fine."""
-_RESOLUTION: Final = Resolution(multiples=(5.5, 8.0), margins=Margins(2.0, 3.0))
+_MODES: Final = Resolution(multiples=(5.5, 8.0), margins=Margins(2.0, 3.0))
+_REST: Final = Resolution(multiples=(1.0, 2.0), margins=Margins(4.0, 6.0))
+PART, MISSED = 3e-4, 2e-5
+"""What both bases miss: a part of each displacement, and of the largest."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -167,16 +170,21 @@ def _receptances(
     plate: Strip, loads: Sequence[Load], points_m: Real, max_hz: float
 ) -> tuple[Receptance, Receptance]:
     """Return the receptance of a plate with ends in the coarse and in the fine basis."""
-    every = plate_modes(plate, loads, points_m, max_hz, _RESOLUTION)
+    every = plate_modes(plate, loads, points_m, max_hz, _MODES)
     rest = [_at_rest(modes) for modes in every]
     if not plate.patches:
         rest = list(
-            rest_displacement(plate, loads, points_m, max_hz, np.ones(1, dtype=np.complex128)).real[
-                :, 0, 0
-            ]
+            rest_displacement(
+                plate,
+                loads,
+                points_m,
+                np.ones(1, dtype=np.complex128),
+                max_hz=max_hz,
+                resolution=_REST,
+            ).real[:, 0, 0]
         )
     results = []
-    for multiple, modes, rest_m in zip(_RESOLUTION.multiples, every, rest, strict=True):
+    for multiple, modes, rest_m in zip(_MODES.multiples, every, rest, strict=True):
         slow = [part.slow(multiple * max_hz) for part in modes]
         residual_m = rest_m - _at_rest(slow)
         results.append(Receptance(slow, residual_m, plate.material.viscous_time_s))
@@ -187,18 +195,13 @@ def _at_rest(modes: Sequence[Modes]) -> Real:
     return np.asarray(np.sum([part.at_rest() for part in modes], axis=0))
 
 
-def transient(
-    strip: Strip, loads: Sequence[Load], points_m: ArrayLike, drive: Drive, times_s: ArrayLike
-) -> Estimate:
+def transient(scene: Scene, drive: Drive, times_s: ArrayLike) -> Estimate:
     """Return the displacement of a strip over time.
 
     Parameters
     ----------
-    strip : Strip
-        Its loss must be viscous, as `causal` makes it.
-    loads : sequence of Load
-        Loads, each driven by itself.
-    points_m : array_like of float, shape (n_points, 2)
+    scene : Scene
+        The loss of its strip must be viscous, as `causal` makes it.
     drive : Drive
         It begins at time 0.
     times_s : array_like of float, shape (n_times,)
@@ -206,7 +209,7 @@ def transient(
     Returns
     -------
     Estimate
-        Metres per unit load amplitude, of the shape (n_loads, n_points, n_times).
+        Metres per unit load amplitude, of the shape (n_times, n_loads, n_points).
 
     Examples
     --------
@@ -217,29 +220,30 @@ def transient(
     >>> disc = MomentDisc(x_m=0.0, y_m=0.0125, radius_m=0.0064)
     >>> burst = Burst(frequency_hz=500.0, cycles=1, window="hann")
     >>> times_s = [-1e-4, 0.0, 1e-3]
-    >>> motion = transient(strip, [disc], [(0.0, 0.0125)], burst, times_s)
-    >>> motion.value.shape, bool(motion.value[..., :2].any())
-    ((1, 1, 3), False)
+    >>> from stimuli.plate.scene import Scene
+    >>> scene = Scene(strip=strip, loads=(disc,), points_m=((0.0, 0.0125),))
+    >>> motion = transient(scene, burst, times_s)
+    >>> motion.value.shape, bool(motion.value[:2].any())
+    ((3, 1, 1), False)
     """
-    loads = check_loads(strip, loads)
-    points, times = check_points(strip, points_m), finite_array("times_s", times_s)
+    strip, loads, times = scene.strip, scene.loads, finite_array("times_s", times_s)
     if strip.material.loss_factor:
         raise ValueError(
             "strip must have no constant loss factor, which is not causal: take "
             f"causal(strip, drive), got loss_factor = {strip.material.loss_factor!r}"
         )
     max_hz = reference_hz(strip, drive)
-    plates = receptances(strip, loads, points, max_hz)
+    plates = receptances(strip, loads, scene.points, max_hz)
     line = make_time_line(drive, 1 / (LOOKS * max_hz), max(times.max(), drive.duration_s))
     looks_s = line.step_s * np.arange(line.drive.size)
     is_driven = times > 0
-    histories = np.zeros((2, times.size, len(loads), len(points)))
+    histories = np.zeros((2, times.size, len(loads), len(scene.points_m)))
     for history, plate in zip(histories, plates, strict=True):
         spline = CubicSpline(looks_s, line.history(plate.response(line.omega)))
         history[is_driven] = spline(times[is_driven])
-    coarse, fine = np.moveaxis(histories, 1, -1)
-    scale = np.abs(fine).max(axis=(1, 2), keepdims=True, initial=0.0)
-    return estimate(coarse, fine, _BETWEEN_LOOKS * scale, describe_modes(plates[1].modes))
+    coarse, fine = histories
+    scale = np.abs(fine).max(axis=(0, 2), keepdims=True, initial=0.0)
+    return estimate(coarse, fine, _BETWEEN_LOOKS * scale, describe_modes(plates[1].modes), PART)
 
 
 def reference_hz(strip: Strip, drive: Drive) -> float:

@@ -1,0 +1,115 @@
+"""A scene: a strip, its loads, and the places at which its displacement is wanted."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from stimuli.checks import finite_array, instance
+from stimuli.load import LOADS, Load
+from stimuli.strip.strip import Strip
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import ArrayLike
+
+    from stimuli.arrays import Real
+
+MAX_CUTOFFS: Final = 400.0
+"""Highest frequency, in first cut-offs: 20 half waves over the width."""
+_MAX_X_M: Final = 1e3
+_ROUNDING: Final = 1e-12
+_AXES: Final = 2
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Scene:
+    """A strip with loads and the points at which its displacement is wanted.
+
+    Attributes
+    ----------
+    strip : Strip
+        The strip, endless or with two free ends at x = -length_m / 2 and length_m / 2.
+    loads : tuple of Load
+        At least one load, each driven by itself and wholly on the strip; it may touch edges and
+        ends.
+    points_m : tuple of (float, float)
+        At least one point (x, y).
+
+    Raises
+    ------
+    ValueError
+        If there is no load or no point, or one of them is not on the strip.
+
+    Examples
+    --------
+    >>> from stimuli import ALUMINIUM, CLAMPED, MomentDisc, Strip
+    >>> strip = Strip(width_m=0.025, thickness_m=0.0005, material=ALUMINIUM, edge=CLAMPED)
+    >>> disc = MomentDisc(x_m=0.0, y_m=0.01, radius_m=0.0064)
+    >>> len(Scene(strip=strip, loads=(disc,), points_m=((0.0, 0.01), (0.07, 0.01))).points_m)
+    2
+    """
+
+    strip: Strip
+    loads: tuple[Load, ...]
+    points_m: tuple[tuple[float, float], ...]
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "loads", check_loads(self.strip, self.loads))
+        points = [tuple(point) for point in _check_points(self.strip, self.points_m).tolist()]
+        object.__setattr__(self, "points_m", tuple(points))
+
+    @property
+    def points(self) -> Real:
+        """The points as an array (n_points, 2)."""
+        return np.array(self.points_m)
+
+    def check_frequencies(self, frequencies_hz: ArrayLike) -> Real:
+        """Return frequencies as an array (n_frequencies,), or refuse them with a ValueError."""
+        frequencies = finite_array("frequencies_hz", frequencies_hz)
+        max_hz = MAX_CUTOFFS * self.strip.cutoff_hz()
+        is_in_range = (frequencies >= 0) & (frequencies <= max_hz)
+        if frequencies.ndim != 1 or not frequencies.size or not is_in_range.all():
+            raise ValueError(
+                "frequencies_hz must be a one-dimensional array, not empty, of frequencies from 0 "
+                f"to {max_hz:.6g} Hz, got {frequencies_hz!r}"
+            )
+        return frequencies
+
+
+def check_loads(strip: Strip, loads: Sequence[Load]) -> tuple[Load, ...]:
+    """Return loads as a tuple, or refuse them with a ValueError."""
+    instance("strip", strip, Strip, "a Strip")
+    instance("loads", loads, (tuple, list), "a tuple of loads")
+    if not loads:
+        raise ValueError(f"loads must hold at least one load, got {loads!r}")
+    rooms_m = _half_length_m(strip), strip.width_m / 2
+    for load in loads:
+        instance("loads", load, LOADS, "a tuple of loads")
+        centre_m = abs(load.x_m), abs(load.y_m - strip.width_m / 2)
+        for room_m, distance_m, half_m in zip(rooms_m, centre_m, load.half_size_m, strict=True):
+            if distance_m + half_m > room_m + _ROUNDING * strip.width_m:
+                raise ValueError(f"loads must lie wholly on the strip, got {load!r}")
+    return tuple(loads)
+
+
+def _check_points(strip: Strip, points_m: ArrayLike) -> Real:
+    points = finite_array("points_m", points_m)
+    if points.ndim != _AXES or points.shape[1] != _AXES or not points.size:
+        raise ValueError(f"points_m must hold at least one pair (x, y), got {points_m!r}")
+    x_m, y_m = points.T
+    half_length_m = _half_length_m(strip)
+    is_on_strip = (np.abs(x_m) <= half_length_m) & (y_m >= 0) & (y_m <= strip.width_m)
+    if not is_on_strip.all():
+        raise ValueError(
+            f"points_m must lie on the strip, abs(x) <= {half_length_m:g} and 0 <= y <= "
+            f"{strip.width_m:g}, got {points[~is_on_strip][0].tolist()}"
+        )
+    return points
+
+
+def _half_length_m(strip: Strip) -> float:
+    return _MAX_X_M if strip.length_m is None else strip.length_m / 2
