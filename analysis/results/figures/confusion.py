@@ -6,19 +6,10 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from analysis.results.figures.curves import stimulus
-from analysis.results.figures.drawing import (
-    DEFAULT_STYLE,
-    em_mm,
-    name_axes,
-    new_region,
-    short,
-    text_em,
-)
+from analysis.results.figures.drawing import DEFAULT_STYLE, figure_of, lay_out, short, text_em
 from experiment.rows import RESPONSES
 
 if TYPE_CHECKING:
-    import pandas as pd
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
@@ -69,72 +60,53 @@ def plot_confusion(
     """
     table = analysis.confusion
     answers = [name for name in RESPONSES if table[name].any()]
+    stimuli = table["side"].astype(str).where(table["kind"].eq("single"), table["kind"].astype(str))
+    names = stimuli + "\nn = " + table["presented"].astype(str)
     groups = {str(name): rows for name, rows in table.groupby("condition")}
+    titles = [short(name) if len(groups) > 1 else "" for name in groups]
     with style.applied(ax):
-        names = {
-            condition: [
-                f"{stimulus(str(row.kind), str(row.side))}\nn = {row.presented}"
-                for row in rows.itertuples()
-            ]
-            for condition, rows in groups.items()
-        }
-        left_em = max(text_em(name) for each in names.values() for name in each) + 0.8
-        # Labels of rows stand at each panel: their numbers of trials differ.
-        wide_em = style.width_mm / em_mm()
-        title_em = max(text_em(short(name)) for name in groups) if len(groups) > 1 else 0.0
-        panel_em = wide_em / 2 - left_em
-        has_room = max(4 * len(answers) - 6, title_em + 2.0) < panel_em
+        # Each panel has labels of its rows, as the numbers of trials differ.
+        tick_em = max(map(text_em, names)) + 0.4
+        numbers_em = len(answers) * text_em(str(table[answers].to_numpy().max()))
+        panel_em = max(text_em(" ".join(answers)), numbers_em, *map(text_em, titles))
+        has_room = panel_em < style.width_em / 2 - tick_em - 2.0
         columns = min(len(groups), 2) if has_room else 1
-        rows_of_panels = -(-len(groups) // columns)
-        top_em = 1.7 if len(groups) > 1 else 0.4
-        rows_em = _ROW_EM * max(map(len, names.values()))
-        region = new_region(
+        rows_em = _ROW_EM * max(map(len, groups.values()))
+        panels = lay_out(
             style,
-            em_mm() * (rows_of_panels * (rows_em + 3.6) - 0.6 + top_em),
-            (left_em + 1.6, 3.2, 0.4, top_em),
-            ax=ax,
+            ax,
+            rows_em=[rows_em] * -(-len(groups) // columns),
+            columns=(1,) * columns,
+            titles=titles,
+            labels=("Answer (%)", "Stimulus"),
+            tick_em=tick_em,
+            gap_em=(tick_em + 0.8, 3.0),
             note=analysis.mark,
         )
-        gap_em = (left_em + 0.4, 3.6)
-        panels = region.split(rows_of_panels, columns, gap_em)
-        for panel, (condition, rows) in zip(panels, groups.items(), strict=False):
-            _draw(panel, rows, answers, names[condition])
-            if len(groups) > 1:
-                panel.set_title(short(condition), fontsize="small")
-        for index, panel in enumerate(panels):
-            panel.set_visible(index < len(groups))
-            name_axes(
-                panel,
-                "Answer (%)" if index // columns == rows_of_panels - 1 else "",
-                "Stimulus" if index % columns == 0 else "",
-                left_em - 0.6,
+        for panel, rows in zip(panels, groups.values(), strict=True):
+            counts = rows[answers].to_numpy(dtype=np.int64)
+            shares = counts / rows["presented"].to_numpy(dtype=np.int64)[:, None]
+            edges = (np.arange(size + 1) - 0.5 for size in reversed(counts.shape))
+            panel.pcolormesh(
+                *edges, shares, cmap=_COLOURS, vmin=0, vmax=1, edgecolors="white", lw=0.8
             )
-    return region.figure
-
-
-def _draw(axes: Axes, rows: pd.DataFrame, answers: list[str], names: list[str]) -> None:
-    counts = rows[answers].to_numpy(dtype=np.int64)
-    shares = counts / rows["presented"].to_numpy(dtype=np.int64)[:, None]
-    edges_x, edges_y = np.arange(len(answers) + 1) - 0.5, np.arange(len(rows) + 1) - 0.5
-    axes.pcolormesh(
-        edges_x, edges_y, shares, cmap=_COLOURS, vmin=0, vmax=1, edgecolors="white", lw=0.8
-    )
-    for y, x in np.ndindex(counts.shape):
-        axes.text(
-            x,
-            y,
-            f"{percent(shares[y, x])}\n{counts[y, x]}",
-            fontsize="small",
-            color="white" if shares[y, x] > _DARK else "black",
-            ha="center",
-            va="center",
-            linespacing=1.15,
-        )
-    axes.set_ylim(len(rows) - 0.5, -0.5)
-    axes.set_xticks(range(len(answers)), answers)
-    axes.set_yticks(range(len(rows)), names)
-    axes.tick_params(length=0)
-    axes.spines[:].set_visible(False)
+            for y, x in np.ndindex(counts.shape):
+                panel.text(
+                    x,
+                    y,
+                    f"{percent(shares[y, x])}\n{counts[y, x]}",
+                    fontsize="small",
+                    color="white" if shares[y, x] > _DARK else "black",
+                    ha="center",
+                    va="center",
+                    linespacing=1.15,
+                )
+            panel.set_ylim(len(rows) - 0.5, -0.5)
+            panel.set_xticks(range(len(answers)), answers)
+            panel.set_yticks(range(len(rows)), names[rows.index])
+            panel.tick_params(length=0)
+            panel.spines[:].set_visible(False)
+    return figure_of(panels[0])
 
 
 def percent(share: float) -> str:

@@ -8,23 +8,24 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
-from scipy.special import ndtr
 
+from analysis.results.figures.drawing import LOOKS
 from analysis.thresholds.band import Line, group_function, person_function
+from analysis.thresholds.fit import WITH_THRESHOLD
 from analysis.thresholds.likeliest import deviance_residuals
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from analysis.axis import Axis
     from analysis.results.analysis import Analysis
+    from analysis.results.figures.drawing import Look
     from analysis.thresholds.band import Function
 
     Floats = NDArray[np.float64]
 
 DRAWN = ("ok", "lapse_at_bound")
 """Statuses that determine a whole function: complete separation leaves its slope open."""
-OF_BLANKS = ("blanks", "few blanks")
-"""Bases of guess rates that come from blank trials."""
 BELOW = ("threshold_below_levels", "median_below_levels")
 ABOVE = ("threshold_above_levels", "median_above_levels")
 
@@ -37,63 +38,37 @@ class Curve:
     p: Floats
     threshold_vpp: float  # NaN where there is none
     guess_rate: float  # mean of the rates that blank trials give; NaN without blank trials
-    function: Function | None = None
-    low: Floats | None = None  # binomial limits of a participant's proportions
-    high: Floats | None = None
+    limits: tuple[Floats, Floats]  # binomial, of a participant's proportions
+    function: Function | None
 
 
-def conditions_of(analysis: Analysis) -> list[str]:
-    """Return the conditions in the order in which they are drawn."""
-    return sorted({*analysis.levels["condition"]})
-
-
-def stimulus(kind: str, side: str) -> str:
-    """Name a stimulus.
-
-    >>> stimulus("single", "left"), stimulus("both", "both"), stimulus("blank", "none")
-    ('left', 'both', 'blank')
-    """
-    return side if kind == "single" else kind
+def looks_of(analysis: Analysis) -> dict[str, Look]:
+    """Return the conditions in the order in which they are drawn, and how."""
+    conditions = sorted({*analysis.levels["condition"]})
+    return {name: LOOKS[index % len(LOOKS)] for index, name in enumerate(conditions)}
 
 
 def by_threshold(analysis: Analysis) -> list[str]:
     """Return the participants by mean threshold; those without one stand last."""
-    table = analysis.thresholds
+    table, levels = analysis.thresholds, analysis.levels["level_vpp"]
     at = table["threshold_vpp"].astype(float)
-    at = at.mask(table["status"].isin(BELOW), analysis.levels["level_vpp"].min())
-    at = at.mask(table["status"].isin(ABOVE), analysis.levels["level_vpp"].max())
-    places: Floats = np.asarray(at, dtype=np.float64)
-    at = pd.Series(analysis.axis.on_axis(places), index=table["participant"])
-    return [*at.groupby(level=0, sort=False).mean().sort_values(kind="stable").index]
+    at = at.mask(table["status"].isin(BELOW), levels.min())
+    at = at.mask(table["status"].isin(ABOVE), levels.max())
+    x = analysis.axis.on_axis(np.asarray(at, dtype=np.float64))
+    places = pd.Series(x, index=table["participant"])
+    return [*places.groupby(level=0, sort=False).mean().sort_values(kind="stable").index]
 
 
 def blank_rates(analysis: Analysis) -> pd.DataFrame:
     """Return the thresholds whose guess rate comes from blank trials."""
-    return analysis.thresholds[analysis.thresholds["guess_basis"].isin(OF_BLANKS)]
+    return analysis.thresholds[analysis.thresholds["guess_basis"].isin(["blanks", "few blanks"])]
 
 
 def person_curves(analysis: Analysis, participant: str) -> dict[str, Curve]:
     """Return what a panel shows of a participant, by condition."""
-    curves = {}
-    for index, (condition, name) in enumerate(analysis.people.names):
-        if name != participant:
-            continue
-        row = _row_of(analysis.thresholds, condition, participant)
-        cells = _cells_of(analysis, condition, participant)
-        function = None
-        if row["status"] in DRAWN:
-            line = _line(row, analysis)
-            function = person_function(analysis.people, index, line, analysis.axis)
-        curves[condition] = Curve(
-            level_vpp=_floats(cells, "level_vpp"),
-            p=_floats(cells, "p"),
-            low=_floats(cells, "low"),
-            high=_floats(cells, "high"),
-            threshold_vpp=float(row["threshold_vpp"]),
-            guess_rate=float(row["guess_rate"]) if row["guess_basis"] in OF_BLANKS else np.nan,
-            function=function,
-        )
-    return {name: curves[name] for name in sorted(curves)}
+    names = enumerate(analysis.people.names)
+    rows = {condition: [i] for i, (condition, name) in names if name == participant}
+    return {condition: _curve(analysis, condition, rows[condition]) for condition in sorted(rows)}
 
 
 @lru_cache(maxsize=1)  # the figure and the table of its functions ask in turn
@@ -102,32 +77,40 @@ def group_curves(analysis: Analysis) -> dict[str, Curve]:
 
     The data are means at the levels at which everybody was tested: means of the same people.
     """
-    curves = {}
-    for condition in conditions_of(analysis):
-        people = [i for i, (name, _) in enumerate(analysis.people.names) if name == condition]
-        if len(people) == 1:
-            only = analysis.people.names[people[0]][1]
-            curves[condition] = person_curves(analysis, only)[condition]
-            continue
-        row = analysis.groups[analysis.groups["condition"].eq(condition)].iloc[0]
-        cells = shared_levels(analysis, condition)
-        rates = blank_rates(analysis)
-        function = None
-        if row["status"] in (*DRAWN, "separated"):
-            function = group_function(analysis.people, people, analysis.axis)
-        curves[condition] = Curve(
-            level_vpp=_floats(cells, "level_vpp"),
-            p=_floats(cells, "p_mean"),
-            threshold_vpp=float(row["threshold_vpp"]),
-            guess_rate=float(rates.loc[rates["condition"].eq(condition), "guess_rate"].mean()),
-            function=function,
-        )
-    return curves
+    conditions = analysis.people.conditions()
+    return {condition: _curve(analysis, condition, rows) for condition, rows in conditions.items()}
+
+
+def _curve(analysis: Analysis, condition: str, rows: list[int]) -> Curve:
+    """Return what a panel shows of the participants in rows of `analysis.people`."""
+    people, axis = analysis.people, analysis.axis
+    names = [people.names[row][1] for row in rows]
+    cells, rates, fits = (
+        table[table["condition"].eq(condition) & table["participant"].isin(names)]
+        for table in (analysis.participants, blank_rates(analysis), analysis.thresholds)
+    )
+    means = cells.groupby("level_vpp")[["p", "low", "high"]].mean()
+    means = means[cells.groupby("level_vpp").size().eq(len(rows))]
+    function = None
+    if len(rows) > 1:
+        fits = analysis.groups[analysis.groups["condition"].eq(condition)]
+        if fits["status"].isin(WITH_THRESHOLD).all():
+            function = group_function(people, rows, axis)
+    elif fits["status"].isin(DRAWN).all():
+        function = person_function(people, rows[0], _line(fits.iloc[0], axis), axis)
+    return Curve(
+        level_vpp=means.index.to_numpy(dtype=np.float64),
+        p=_floats(means, "p"),
+        limits=(_floats(means, "low"), _floats(means, "high")),
+        threshold_vpp=float(fits["threshold_vpp"].iloc[0]),
+        guess_rate=float(rates["guess_rate"].mean()),
+        function=function,
+    )
 
 
 def function_table(analysis: Analysis) -> pd.DataFrame:
     """Return the functions that the figure of detection shows, with their bands, point by point."""
-    names = "condition", "level_vpp", "function", "function_low", "function_high"
+    names = ("condition", "level_vpp", "function", "function_low", "function_high")
     rows = [
         (condition, *point)
         for condition, curve in group_curves(analysis).items()
@@ -143,50 +126,21 @@ def residual_table(analysis: Analysis) -> pd.DataFrame:
     """Return the cells of participants who have a function, with their deviance ``residual``."""
     fitted = analysis.thresholds[analysis.thresholds["status"].isin(DRAWN)]
     cells = analysis.participants.merge(fitted, on=["participant", "condition"])
-    level, guess, lapse, mu, sigma, detected, presented = (
-        _floats(cells, name)
-        for name in (
-            "level_vpp",
-            "guess_posterior",
-            "lapse_rate",
-            "threshold_vpp",
-            "sigma",
-            "detected",
-            "presented",
-        )
+    level = analysis.axis.on_axis(_floats(cells, "level_vpp"))
+    expected = _line(cells, analysis.axis).at(level)
+    counts = _floats(cells, "detected"), _floats(cells, "presented")
+    return cells.assign(residual=deviance_residuals(*counts, expected))
+
+
+def _line(rows: Any, axis: Axis) -> Line:
+    """Return the function of a row of thresholds, or the functions of several."""
+    at, sigma, lapse_rate, guess_rate = (
+        np.asarray(rows[name], dtype=np.float64)
+        for name in ("threshold_vpp", "sigma", "lapse_rate", "guess_posterior")
     )
-    z = (analysis.axis.on_axis(level) - analysis.axis.on_axis(mu)) / sigma
-    expected = guess + (1 - guess - lapse) * ndtr(z * analysis.axis.width(1.0))
-    return cells.assign(residual=deviance_residuals(detected, presented, expected))
-
-
-def shared_levels(analysis: Analysis, condition: str) -> pd.DataFrame:
-    """Return the levels that everybody was tested at."""
-    levels = analysis.levels[analysis.levels["condition"].eq(condition)]
-    people = analysis.participants[analysis.participants["condition"].eq(condition)]
-    tested = people.groupby("level_vpp")["participant"].nunique()
-    everywhere = tested.index[tested.eq(people["participant"].nunique())]
-    return levels[levels["level_vpp"].isin(everywhere)].sort_values("level_vpp")
-
-
-def _line(row: pd.Series[Any], analysis: Analysis) -> Line:
-    """Return the function of a row of thresholds."""
-    return Line(
-        mu=float(analysis.axis.on_axis(row["threshold_vpp"])),
-        sigma=float(row["sigma"]) / analysis.axis.width(1.0),
-        lapse_rate=float(row["lapse_rate"]),
-        guess_rate=float(row["guess_posterior"]),
-    )
-
-
-def _row_of(table: pd.DataFrame, condition: str, participant: str) -> pd.Series[Any]:
-    return table[table["condition"].eq(condition) & table["participant"].eq(participant)].iloc[0]
-
-
-def _cells_of(analysis: Analysis, condition: str, participant: str) -> pd.DataFrame:
-    table = analysis.participants
-    rows = table["condition"].eq(condition) & table["participant"].eq(participant)
-    return table[rows].sort_values("level_vpp")
+    values: dict[str, Any] = {"mu": axis.on_axis(at), "sigma": sigma / axis.width(1.0)}
+    values |= {"lapse_rate": lapse_rate, "guess_rate": guess_rate}
+    return Line(**values)
 
 
 def _floats(table: pd.DataFrame, name: str) -> Floats:

@@ -2,35 +2,27 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
 
 from analysis.numbers import TOTAL
-from analysis.results.figures.curves import conditions_of
+from analysis.results.figures.curves import looks_of
 from analysis.results.figures.drawing import (
     DEFAULT_STYLE,
     GREY,
-    MAX_LEGEND_ENTRIES,
-    add_legend,
-    alike_labels,
-    aside,
-    condition_handle,
-    em_mm,
-    label_outer,
-    legend_rows,
-    level_axis,
-    level_label,
-    look,
-    name_axes,
-    new_region,
-    round_ticks,
+    YAxis,
+    by_condition,
+    draw_points,
+    each_condition,
+    figure_of,
+    level_panels,
     short,
 )
 
 if TYPE_CHECKING:
-    import pandas as pd
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-    from matplotlib.transforms import Transform
 
     from analysis.results.analysis import Analysis
     from analysis.results.figures.drawing import Style
@@ -74,106 +66,23 @@ def plot_d_prime(
     'Drive level (V peak-to-peak)'
     """
     table = analysis.sensitivity[analysis.sensitivity["level_vpp"].notna()]
-    conditions = [one for one in conditions_of(analysis) if table["condition"].eq(one).any()]
-    several = len(conditions) > MAX_LEGEND_ENTRIES and ax is None
+    tested = {*table["condition"]}
+    looks = {name: look for name, look in looks_of(analysis).items() if name in tested}
+    is_mean = table["participant"].eq(TOTAL)
+    people, means = table[~is_mean], table[is_mean]
+    if people["participant"].nunique() == 1:
+        people, means = people[:0], people
+    values = table["d_prime"]
+    low = means["d_prime_low"].clip(lower=values.min() - _MAX_BEYOND)
+    high = means["d_prime_high"].clip(upper=values.max() + _MAX_BEYOND)
+    y = YAxis("Sensitivity d'", np.concatenate([values, low, high, [0.0]]))
     with style.applied(ax):
-        handles = []
-        if len(conditions) > 1 and not several:
-            handles = [condition_handle(index, one) for index, one in enumerate(conditions)]
-        rows, columns = (-(-len(conditions) // 2), 2) if several else (1, 1)
-        labels = [str(handle.get_label()) for handle in handles]
-        top_em = 0.8 + 1.2 * legend_rows(labels, style.width_mm / em_mm() - 4.8) + several
-        height_mm = rows * (0.44 if several else 0.66) * style.width_mm + top_em * em_mm()
-        region = new_region(style, height_mm, (4.0, 3.4, 0.8, top_em), ax=ax, note=analysis.mark)
-        panels = region.split(rows, columns, (1.2, 2.6), sharex=True, sharey=True)
-        low, high = _limits(table)
-        for panel in panels:
-            level_axis(panel, table["level_vpp"], analysis.axis)
+        options = by_condition(looks, {name: short(name) for name in looks})
+        panels, _ = level_panels(analysis, style, ax, table["level_vpp"], y, **options)
+        for condition, panel, symbols in each_condition(panels, looks, 4.0):
             panel.axhline(0, color=GREY, lw=0.6, zorder=1)
-            panel.set_ylim(low, high)
-        ticks = round_ticks(low, high, log=False)
-        panels[0].set_yticks(ticks, alike_labels(ticks))
-        for index, condition in enumerate(conditions):
-            panel = panels[index if several else 0]
-            beside = aside(panel, 0, 1) if several else aside(panel, index, len(conditions), 4.0)
-            _draw(panel, table[table["condition"].eq(condition)], look(index), beside)
-            if several:
-                panel.set_title(short(condition), fontsize="small")
-        names = level_label(analysis.axis), "Sensitivity d'"
-        if several:
-            label_outer(panels, len(conditions), columns, names)
-        else:
-            name_axes(panels[0], *names)
-            add_legend(panels[0], handles)
-    return region.figure
-
-
-def _summary(table: pd.DataFrame) -> pd.DataFrame:
-    """Return the rows with intervals: of the mean, or of the only participant."""
-    people = table.loc[table["participant"].ne(TOTAL), "participant"].nunique()
-    return table[table["participant"].eq(TOTAL) == (people > 1)]
-
-
-def _limits(table: pd.DataFrame) -> tuple[float, float]:
-    """Return limits that hold all values, and intervals unless they are very wide."""
-    low, high = (float(getattr(table["d_prime"], name)()) for name in ("min", "max"))
-    rows = _summary(table)
-    low = min(low, max(float(rows["d_prime_low"].fillna(low).min()), low - _MAX_BEYOND), 0.0)
-    high = max(high, min(float(rows["d_prime_high"].fillna(high).max()), high + _MAX_BEYOND))
-    margin = 0.05 * (high - low) or 0.5
-    return low - margin, high + margin
-
-
-def _draw(axes: Axes, rows: pd.DataFrame, symbols: tuple[str, str, Any], beside: Transform) -> None:
-    colour, marker, _ = symbols
-    mean = _summary(rows)
-    people = rows[rows["participant"].ne(TOTAL)]
-    if len(people) > len(mean):
-        axes.scatter(
-            people["level_vpp"],
-            people["d_prime"],
-            s=7,
-            marker=marker,
-            color=colour,
-            alpha=0.4,
-            linewidths=0,
-            transform=beside,
-            zorder=2,
-        )
-    axes.vlines(
-        mean["level_vpp"],
-        mean["d_prime_low"],
-        mean["d_prime_high"],
-        color=colour,
-        lw=1.0,
-        transform=beside,
-        zorder=3,
-    )
-    axes.plot(
-        mean["level_vpp"],
-        mean["d_prime"],
-        color=colour,
-        marker=marker,
-        mfc="white",
-        ms=5,
-        ls="",
-        transform=beside,
-        zorder=4,
-    )
-    bottom, top = axes.get_ylim()
-    for sign, end, is_cut in (
-        ("v", bottom, mean["d_prime_low"] < bottom),
-        ("^", top, mean["d_prime_high"] > top),
-    ):
-        cut = mean.loc[is_cut, "level_vpp"]
-        axes.plot(
-            cut,
-            [end] * len(cut),
-            color=colour,
-            marker=sign,
-            ms=3,
-            mew=0,
-            ls="",
-            transform=beside,
-            clip_on=False,
-        )
+            each, mean = (rows[rows["condition"].eq(condition)] for rows in (people, means))
+            draw_points(panel, each["level_vpp"], each["d_prime"], **symbols, faint=True)
+            bars = mean["d_prime_low"], mean["d_prime_high"]
+            draw_points(panel, mean["level_vpp"], mean["d_prime"], **symbols, bars=bars)
+    return figure_of(panels[0])

@@ -1,62 +1,71 @@
-"""What all figures share: style, layout in units of the letter size, axes of levels, files.
+"""What all figures share: style, the layout of panels, axes of levels, points with bars, files.
 
-Every place is computed from the size of the letters and the widths of labels, so that no layout
-engine has to draw a figure before it is drawn.
+The layout counts in em, the letter size. Every place is computed from the widths of texts, so that
+a figure is drawn once: a layout engine draws it to measure it, and takes up to half more time.
 """
 
 from __future__ import annotations
 
 import io
-import itertools
 import re
 import warnings
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Sequence
+    from collections.abc import Callable, Iterator, Mapping, Sequence
 
     from matplotlib.artist import Artist
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-    from matplotlib.transforms import Transform
     from numpy.typing import NDArray
 
     from analysis.axis import Axis
+    from analysis.results.analysis import Analysis
 
     Floats = NDArray[np.float64]
 
+
+class Look(NamedTuple):
+    """How a condition is drawn."""
+
+    colour: str
+    marker: str
+    line: Any = "-"
+
+
 # Okabe and Ito's colours for all kinds of colour vision; yellow is too light for a thin line.
-COLOURS: Final = ("#E69F00", "#56B4E9", "#009E73", "#D55E00", "#CC79A7", "#999999")
-MARKERS: Final = ("o", "s", "^", "D", "v", "P")
-GROUP: Final = "#0072B2"
-GREY: Final = "#595959"
 LOOKS: Final = (
-    (GROUP, "o", "-"),
-    (COLOURS[3], "s", "--"),
-    (COLOURS[2], "^", "-."),
-    (COLOURS[4], "D", ":"),
-    ("black", "v", (0, (6, 1, 1, 1, 1, 1))),
-    (COLOURS[0], "P", (0, (3, 2))),
+    Look("#0072B2", "o", "-"),
+    Look("#D55E00", "s", "--"),
+    Look("#009E73", "^", "-."),
+    Look("#CC79A7", "D", ":"),
+    Look("black", "v", (0, (6, 1, 1, 1, 1, 1))),
+    Look("#E69F00", "P", (0, (3, 2))),
 )
-"""Colour, marker and line of the first conditions: no two differ by colour alone."""
+"""Looks of the first conditions: no two differ by colour alone."""
+GREY: Final = "#595959"
 SMALL: Final = 0.833
-"""Size of the letters of ticks and legends, in parts of the letter size."""
+"""Size of the letters of ticks and legends, in em."""
 MAX_LEGEND_ENTRIES: Final = 3
+BLANK: Final = "blank"
 _MIN_WIDTH_MM, _MAX_WIDTH_MM = 60.0, 400.0
 _SHEET: Final = Path(__file__).with_name("tactstrip.mplstyle")
 _MAX_NAME_LETTERS: Final = 14
-_NOTE_EM: Final = 1.3
+_LINE_EM: Final = 1.3
+_X_LABEL_EM, _Y_LABEL_EM = 1.7, 1.0  # from an axis, and from its tick labels, to its name
+_BOTTOM_EM, _RIGHT_EM, _EDGE_EM = 3.4, 0.8, 0.4
 _LEGEND_HANDLE_EM: Final = 3.3
 _MAX_LEVEL_TICKS: Final = 9
 _LEVEL_MARGIN: Final = 0.06
+_VALUE_MARGIN: Final = 0.07
+_MIN_TICKS, _MAX_TICKS = 3, 6
 _LOG_TICKS_FROM_RATIO: Final = 8.0
-_NAME_PARTS: Final = re.compile(r"<U\+[0-9A-F]+>|.", re.DOTALL)
 # The font lacks a letter of a name: a box stands in its place, and the tables have the name.
 _MISSING_LETTER: Final = (
     "Glyph .* missing from font",
@@ -98,6 +107,11 @@ class Style:
             limits = f"{_MIN_WIDTH_MM:g} to {_MAX_WIDTH_MM:g}"
             raise ValueError(f"width_mm must be from {limits}, got {self.width_mm:g}")
 
+    @property
+    def width_em(self) -> float:
+        """The width in em, while the style is applied."""
+        return self.width_mm / 25.4 / _em_inches()
+
     @contextmanager
     def applied(self, ax: Axes | None = None) -> Iterator[None]:
         """Set matplotlib to this style, whatever the user's settings are, and set them back.
@@ -116,7 +130,6 @@ class Style:
         if ax is not None:
             yield
             return
-
         with mpl.rc_context(), warnings.catch_warnings():
             for message in _MISSING_LETTER:
                 warnings.filterwarnings("ignore", message, UserWarning)
@@ -130,11 +143,11 @@ class Style:
 DEFAULT_STYLE: Final = Style()
 
 
-def render(draw: Callable[[], Figure], style: Style = DEFAULT_STYLE) -> tuple[bytes, ...]:
+def render(draw: Callable[[], Figure], style: Style = DEFAULT_STYLE) -> dict[str, bytes]:
     """Draw a figure in a style; return it as PNG, as SVG and, if the style says so, as PDF.
 
-    >>> png, svg = render(lambda: new_region(DEFAULT_STYLE, 40, (3, 3, 1, 1)).figure)
-    >>> png[1:4], svg[:5]
+    >>> files = render(lambda: figure_of(lay_out(DEFAULT_STYLE, rows_em=[9])[0]))
+    >>> files["png"][1:4], files["svg"][:5]
     (b'PNG', b'<?xml')
     """
     from matplotlib.backends.backend_svg import FigureCanvasSVG
@@ -147,117 +160,159 @@ def render(draw: Callable[[], Figure], style: Style = DEFAULT_STYLE) -> tuple[by
         canvas.print_png(png, pil_kwargs={"compress_level": 3})
         vector: Any = FigureCanvasSVG(figure)
         vector.print_svg(svg, metadata={"Date": None})
-        if not style.pdf:
-            return png.getvalue(), svg.getvalue()
-        from matplotlib.backends.backend_pdf import FigureCanvasPdf
+        if style.pdf:
+            from matplotlib.backends.backend_pdf import FigureCanvasPdf
 
-        vector = FigureCanvasPdf(figure)
-        vector.print_pdf(pdf, metadata={"CreationDate": None})
-    return png.getvalue(), svg.getvalue(), pdf.getvalue()
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Region:
-    """A rectangle of a figure, in parts of it, for one panel or a grid of panels."""
-
-    figure: Figure
-    left: float
-    bottom: float
-    right: float
-    top: float
-    given: Axes | None = None  # axes of the caller that fill the rectangle
-
-    def axes(self) -> Axes:
-        """Return one panel that fills the region."""
-        return self.given if self.given is not None else self.split(1, 1)[0]
-
-    def split(
-        self, rows: int, columns: int, gap_em: tuple[float, float] = (0.0, 0.0), **options: Any
-    ) -> list[Axes]:
-        """Return a grid of panels, row by row, with a gap between columns and between rows.
-
-        Options are those of `matplotlib.figure.Figure.add_gridspec`, and `sharex` and `sharey`.
-        """
-        if self.given is not None:
-            self.given.set_axis_off()
-        shared = {name: options.pop(name) for name in ("sharex", "sharey") if name in options}
-        em_x, em_y = (gap / size for gap, size in zip(gap_em, size_em(self.figure), strict=True))
-        wide = (self.right - self.left - em_x * (columns - 1)) / columns
-        tall = (self.top - self.bottom - em_y * (rows - 1)) / rows
-        grid = self.figure.add_gridspec(
-            rows,
-            columns,
-            left=self.left,
-            right=self.right,
-            bottom=self.bottom,
-            top=self.top,
-            wspace=em_x / wide,
-            hspace=em_y / tall,
-            **options,
-        )
-        return [*grid.subplots(squeeze=False, **shared).ravel()]
+            vector = FigureCanvasPdf(figure)
+            vector.print_pdf(pdf, metadata={"CreationDate": None})
+    files = {"png": png, "svg": svg, "pdf": pdf}
+    return {ending: file.getvalue() for ending, file in files.items() if file.tell()}
 
 
-def new_region(
+def lay_out(
     style: Style,
-    height_mm: float,
-    margins_em: tuple[float, float, float, float],
-    *,
     ax: Axes | None = None,
+    *,
+    rows_em: Sequence[float],
+    columns: Sequence[float] = (1.0,),
+    titles: Sequence[str] = ("",),
+    labels: tuple[str, str] = ("", ""),
+    handles: Sequence[Artist] = (),
+    shared: str = "",
+    tick_em: float = 1.4,
+    gap_em: tuple[float, float] = (0.0, 0.0),
+    right_em: float = _RIGHT_EM,
     note: str = "",
-) -> Region:
-    """Return the region of `ax`, or of a new figure without its margins: left, bottom, right, top.
+) -> list[Axes]:
+    """Return the panels of a new figure, or panels in the place of `ax`, row by row.
 
-    A note stands in grey below the region, in a line of its own.
+    Parameters
+    ----------
+    style : Style
+        The style, which sets the width.
+    ax : matplotlib.axes.Axes, optional
+        Axes of the caller; a single panel is these axes.
+    rows_em : sequence of float
+        The heights of the rows.
+    columns : sequence of float
+        The relative widths of the columns.
+    titles : sequence of str
+        One for each panel; the last row may have fewer panels.
+    labels : (str, str)
+        The names of the x and the y axis of all panels.
+    handles : sequence of matplotlib.artist.Artist
+        The entries of the legend above the panels.
+    shared : str
+        Which axes the panels share, "x", "y" or "xy"; only the outer panels have tick labels.
+    tick_em : float
+        The width of the tick labels at the left.
+    gap_em : (float, float)
+        Between columns, and between rows.
+    right_em : float
+        The margin at the right.
+    note : str
+        A line in grey below the figure.
+
+    Returns
+    -------
+    list of matplotlib.axes.Axes
+        As many as there are titles.
     """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    if ax is not None:
-        whole = ax.get_figure(root=True)
-        assert whole is not None
-        at = ax.get_position()
-        return Region(figure=whole, left=at.x0, bottom=at.y0, right=at.x1, top=at.y1, given=ax)
-    left, bottom, right, top = margins_em
-    note_em = _NOTE_EM if note else 0.0
-    figure = Figure(figsize=(style.width_mm / 25.4, (height_mm + note_em * em_mm()) / 25.4))
-    FigureCanvasAgg(figure)
-    wide, tall = size_em(figure)
-    if note:
-        figure.text(
-            1 - 0.4 / wide, 0.4 / tall, note, ha="right", va="bottom", color=GREY, fontsize="small"
+    entries_em = [text_em(str(handle.get_label())) + _LEGEND_HANDLE_EM for handle in handles]
+    is_row = sum(entries_em) <= style.width_em - _EDGE_EM
+    title_em = 1.1 * max(title.count("\n") + bool(title) for title in titles)
+    if ax is None:
+        content_em = sum(rows_em) + gap_em[1] * (len(rows_em) - 1)
+        top_em = 0.7 + title_em + 1.2 * (bool(handles) if is_row else len(handles))
+        # The name of a low panel's axis is higher than the panel.
+        top_em = max(top_em, (text_em(labels[1], 1.0) - content_em) / 2 + _EDGE_EM)
+        below_em = _BOTTOM_EM + _LINE_EM * bool(note)
+        size_em = np.array([style.width_em, top_em + content_em + below_em])
+        figure = Figure(figsize=tuple(size_em * _em_inches()))
+        FigureCanvasAgg(figure)
+        beside_em = _Y_LABEL_EM + 1.4 if labels[1] else _EDGE_EM
+        left, right = tick_em + beside_em, style.width_em - right_em
+        bottom, top = below_em, size_em[1] - top_em
+    else:
+        figure = figure_of(ax)
+        size_em = figure.get_size_inches() / _em_inches()
+        (left, bottom), (right, top) = ax.get_position().get_points() * size_em
+    heights = np.array(rows_em) * (top - bottom - gap_em[1] * (len(rows_em) - 1)) / sum(rows_em)
+    widths = np.array(columns) * (right - left - gap_em[0] * (len(columns) - 1)) / sum(columns)
+    panels: list[Axes] = []
+    same: dict[str, Any] = {}
+    for i in range(len(titles)):
+        row, column = divmod(i, len(columns))
+        x = left + widths[:column].sum() + column * gap_em[0]
+        y = top - heights[: row + 1].sum() - row * gap_em[1]
+        box = np.array([x, y, widths[column], heights[row]]) / np.tile(size_em, 2)
+        panel = ax if ax and len(titles) == 1 else figure.add_axes(tuple(box.tolist()), **same)
+        panel.tick_params(
+            axis="x", labelbottom="x" not in shared or i + len(columns) >= len(titles)
         )
-    return Region(
-        figure=figure,
-        left=left / wide,
-        bottom=(bottom + note_em) / tall,
-        right=1 - right / wide,
-        top=1 - top / tall,
-    )
+        panel.tick_params(axis="y", labelleft="y" not in shared or column == 0)
+        is_wide = text_em(titles[i]) > widths[column]
+        panel.set_title(titles[i], loc="right" if is_wide else "left", fontsize="small")
+        panels.append(panel)
+        same = {f"share{name}": panels[0] for name in shared}
+    if ax is not None and len(titles) > 1:
+        ax.set_axis_off()
+    name_axes(panels, *labels, tick_em=tick_em)
+    if handles:
+        at = max(min(left, right - sum(entries_em)), _EDGE_EM) if is_row else left
+        panels[0].legend(
+            handles=handles,
+            loc="lower left",
+            bbox_to_anchor=_within(panels[0], at / size_em[0], (top + title_em + 0.3) / size_em[1]),
+            ncols=len(handles) if is_row else 1,
+        )
+    if note and ax is None:
+        at_x, at_y = 1 - _EDGE_EM / size_em[0], _EDGE_EM / size_em[1]
+        figure.text(at_x, at_y, note, ha="right", va="bottom", color=GREY, fontsize="small")
+    return panels
 
 
-def em_mm() -> float:
+def name_axes(panels: Sequence[Axes], x: str, y: str, tick_em: float = 1.4) -> None:
+    """Name the axes that panels have in common, in the middle below and beside all of them.
+
+    A name that is wider than the panels ends where they end, clear of panels to the right.
+    """
+    width_em, height_em = figure_of(panels[0]).get_size_inches() / _em_inches()
+    corners = np.array([panel.get_position().extents for panel in panels])
+    (left, bottom), (right, top) = corners[:, :2].min(axis=0), corners[:, 2:].max(axis=0)
+    middle, half = (left + right) / 2, text_em(x, 1.0) / 2 / width_em
+    at_x = max(min(middle, right - half), half + _EDGE_EM / width_em)
+    below, beside = bottom - _X_LABEL_EM / height_em, left - (tick_em + _Y_LABEL_EM) / width_em
+    panels[0].set(xlabel=x, ylabel=y)
+    panels[0].xaxis.set_label_coords(*_within(panels[0], at_x, below))
+    panels[0].yaxis.set_label_coords(*_within(panels[0], beside, (bottom + top) / 2))
+
+
+def _within(axes: Axes, x: float, y: float) -> tuple[float, float]:
+    """Return a place of the figure in the coordinates of axes, with which it moves."""
+    box = axes.get_position()
+    return (x - box.x0) / box.width, (y - box.y0) / box.height
+
+
+def figure_of(axes: Axes) -> Figure:
+    """Return the figure of axes."""
+    figure = axes.get_figure(root=True)
+    assert figure is not None
+    return figure
+
+
+def _em_inches() -> float:
     """Return the letter size of the style in use."""
     import matplotlib as mpl
 
-    return float(mpl.rcParams["font.size"]) * 25.4 / 72
-
-
-def size_em(figure: Figure) -> tuple[float, float]:
-    """Return width and height of a figure in units of the letter size."""
-    wide, tall = figure.get_size_inches()
-    return wide * 25.4 / em_mm(), tall * 25.4 / em_mm()
-
-
-def axes_em(axes: Axes) -> float:
-    """Return the width of axes in units of the letter size."""
-    figure = axes.get_figure(root=True)
-    assert figure is not None
-    return float(axes.get_position().width) * size_em(figure)[0]
+    return float(mpl.rcParams["font.size"]) / 72
 
 
 def text_em(text: str, size: float = SMALL) -> float:
-    """Return the width of a text in units of the letter size."""
+    """Return the width of a text in em."""
     return size * max(map(_line_em, text.split("\n")))
 
 
@@ -273,147 +328,198 @@ def _line_em(line: str) -> float:
 def short(name: str) -> str:
     """Cut the middle out of a name that is too long for a label.
 
-    >>> short("S01"), short("S" * 64)
-    ('S01', 'SSSSSSS…SSSSSS')
-    >>> short("S1<U+200F>S2<U+200F>")  # an escape stands as a whole, or not at all
-    'S1…S2<U+200F>'
+    >>> short("S01"), short("S" * 64), short("S1<U+200F>S2<U+200F>")
+    ('S01', 'SSSSSSS…SSSSSS', 'S1…S2…')
     """
-    if len(name) <= _MAX_NAME_LETTERS:
-        return name
-    letters = _NAME_PARTS.findall(name)
-    first = "".join(_taken(letters, _MAX_NAME_LETTERS // 2))
-    last = _taken(letters[::-1], _MAX_NAME_LETTERS - 1 - len(first))
-    return f"{first}…{''.join(last[::-1])}"
+    if len(name) > _MAX_NAME_LETTERS:
+        name = re.sub(r"<U\+[0-9A-F]+>", "…", name)  # an escape is not cut into halves
+    half = _MAX_NAME_LETTERS // 2
+    return name if len(name) <= _MAX_NAME_LETTERS else f"{name[:half]}…{name[1 - half :]}"
 
 
-def _taken(letters: Sequence[str], number: int) -> list[str]:
-    lengths = itertools.accumulate(map(len, letters))
-    return [letter for letter, length in zip(letters, lengths, strict=True) if length <= number]
-
-
-def look(index: int) -> tuple[str, str, Any]:
-    """Return colour, marker and line of the condition at a place of `conditions_of`."""
-    return LOOKS[index % len(LOOKS)]
-
-
-def aside(axes: Axes, index: int, number: int, step_pt: float = 3.0) -> Transform:
-    """Return a transform that moves symbols of one of several conditions beside their level."""
-    from matplotlib.transforms import ScaledTranslation
-
-    figure = axes.get_figure(root=True)
-    assert figure is not None
-    shift = step_pt * (index - (number - 1) / 2) / 72
-    return axes.transData + ScaledTranslation(shift, 0, figure.dpi_scale_trans)
-
-
-def condition_handle(index: int, condition: str) -> Artist:
-    """Return the entry of a condition in a legend."""
+def handle(look: Look, label: str, **changed: Any) -> Artist:
+    """Return the entry of a look in a legend."""
     from matplotlib.lines import Line2D
 
-    colour, marker, line = look(index)
-    return Line2D([], [], color=colour, marker=marker, ls=line, mfc="white", label=short(condition))
+    options = {"color": look.colour, "marker": look.marker, "ls": look.line}
+    return Line2D([], [], label=label, **{**options, "mfc": "white", **changed})
 
 
-def legend_rows(labels: Sequence[str], width_em: float) -> int:
-    """Return how many rows a legend of these labels takes above a panel."""
-    return (
-        1 if sum(text_em(label) + _LEGEND_HANDLE_EM for label in labels) < width_em else len(labels)
-    )
+def by_condition(looks: Mapping[str, Look], labels: Mapping[str, str]) -> dict[str, Any]:
+    """Return the options of `level_panels` for conditions: one panel with a legend, or many."""
+    if len(looks) > MAX_LEGEND_ENTRIES:
+        return {"titles": [labels[name] for name in looks], "columns": 2}
+    entries = looks.items() if len(looks) > 1 else ()
+    return {"handles": [handle(look, labels[name]) for name, look in entries]}
 
 
-def add_legend(axes: Axes, handles: Sequence[Artist]) -> None:
-    """Explain symbols above a panel, where no data lie."""
-    if not handles:
-        return
-    labels = [str(handle.get_label()) for handle in handles]
-    rows = legend_rows(labels, axes_em(axes))
-    axes.legend(
-        handles=handles,
-        loc="lower left",
-        bbox_to_anchor=(0, 1.02),
-        ncols=len(labels) if rows == 1 else 1,
-    )
+def each_condition(
+    panels: Sequence[Axes], looks: Mapping[str, Look], step_pt: float
+) -> Iterator[tuple[str, Axes, dict[str, Any]]]:
+    """Yield each condition with its panel, and how points are drawn: side by side in one panel."""
+    in_panels = len(looks) > MAX_LEGEND_ENTRIES
+    for index, (condition, look) in enumerate(looks.items()):
+        shift_pt = 0.0 if in_panels else step_pt * (index - (len(looks) - 1) / 2)
+        symbols = {"look": look, "shift_pt": shift_pt}
+        yield condition, panels[index if in_panels else 0], symbols
 
 
-def add_shared_legend(region: Region, handles: Sequence[Artist]) -> None:
-    """Explain symbols of all panels of a region in a row at the top of the figure."""
-    if handles:
-        wide, tall = size_em(region.figure)
-        labels = [str(handle.get_label()) for handle in handles]
-        rows = legend_rows(labels, wide * (region.right - region.left))
-        region.figure.legend(
-            handles=handles,
-            loc="upper left",
-            bbox_to_anchor=(region.left, 1 - 0.4 / tall),
-            ncols=len(labels) if rows == 1 else 1,
-        )
+def draw_points(
+    axes: Axes,
+    x: Any,
+    y: Any,
+    look: Look,
+    *,
+    bars: tuple[Any, Any] | None = None,
+    shift_pt: float = 0.0,
+    size: float = 5.0,
+    filled: bool = False,
+    faint: bool = False,
+) -> None:
+    """Draw points, moved to the right by `shift_pt`, with vertical bars from low to high.
 
-
-def name_axes(axes: Axes, x: str, y: str, tick_em: float = 1.4) -> None:
-    """Name the axes at known distances, so that no tick label is measured to place the names."""
-    figure = axes.get_figure(root=True)
-    assert figure is not None
-    wide, tall = size_em(figure)
-    box = axes.get_position()
-    axes.set(xlabel=x, ylabel=y)
-    axes.xaxis.set_label_coords(0.5, -1.7 / (tall * box.height))
-    axes.yaxis.set_label_coords(-(tick_em + 1.0) / (wide * box.width), 0.5)
-
-
-def label_outer(panels: Sequence[Axes], number: int, columns: int, labels: tuple[str, str]) -> None:
-    """Keep tick labels at the outer panels of a grid, name each axis once, hide unused panels.
-
-    The first `number` panels are used; the labels are those of the x and of the y axis.
+    Faint points are the small ones of participants behind a mean.
     """
-    figure = panels[0].get_figure(root=True)
-    assert figure is not None
-    em_x, em_y = (1 / size for size in size_em(figure))
-    for index, panel in enumerate(panels):
-        panel.tick_params(axis="x", labelbottom=index + columns >= number)
-        panel.tick_params(axis="y", labelleft=index % columns == 0)
-        panel.set_visible(index < number)
-    boxes = [panel.get_position() for panel in panels]
-    left, right = min(box.x0 for box in boxes), max(box.x1 for box in boxes)
-    bottom, top = min(box.y0 for box in boxes), max(box.y1 for box in boxes)
-    figure.text((left + right) / 2, bottom - 1.7 * em_y, labels[0], ha="center", va="top")
-    left -= 2.5 * em_x
-    figure.text(left, (bottom + top) / 2, labels[1], rotation=90, ha="right", va="center")
+    from matplotlib.transforms import ScaledTranslation
+
+    colour, to_inches = look.colour, figure_of(axes).dpi_scale_trans
+    moved = axes.transData + ScaledTranslation(shift_pt / 72, 0, to_inches)
+    if bars:
+        draw_bars(axes, x, *bars, colour=colour, transform=moved)
+    axes.plot(
+        x,
+        y,
+        ls="",
+        marker=look.marker,
+        color=colour,
+        mfc=colour if filled or faint else "white",
+        ms=2.7 if faint else size,
+        mew=0 if faint else size / 5,
+        alpha=0.4 if faint else 1.0,
+        transform=moved,
+        clip_on=False,
+        zorder=2.5 if faint else 4,
+    )
 
 
-def probability_axis(axes: Axes, bottom: float, *, small: bool = False) -> None:
-    """Make the y axis one of probabilities from 0, or from a multiple of 0.1 near `bottom`."""
-    bottom = max(0.0, np.floor(10 * bottom) / 10)
-    step = 0.5 if small else 0.2 if bottom <= 0 else 0.1
-    ticks = np.arange(1.0, bottom - 1e-9, -step)
-    axes.set_ylim(bottom - 0.03 * (1 - bottom), 1 + 0.03 * (1 - bottom))
-    axes.set_yticks(ticks, [f"{max(tick, 0.0):.1f}" for tick in ticks])
+def draw_bars(
+    axes: Axes, at: Any, low: Any, high: Any, *, along: str = "y", lw: float = 1.0, **options: Any
+) -> None:
+    """Draw bars along an axis; an arrow stands where one leaves the panel or is open."""
+    from matplotlib.markers import CARETDOWN, CARETLEFT, CARETRIGHT, CARETUP
+
+    is_x, colour = along == "x", options.pop("colour")
+    at, low, high = (np.asarray(each, dtype=float) for each in (at, low, high))
+    first, last = axes.get_xlim() if is_x else axes.get_ylim()
+    lines = axes.hlines if is_x else axes.vlines
+    lines(at, low.clip(first, last), high.clip(first, last), color=colour, lw=lw, **options)
+    # The tip of these markers is at the point, so that no arrow leaves the axes.
+    arrows = (CARETLEFT, CARETRIGHT) if is_x else (CARETDOWN, CARETUP)
+    for arrow, end, is_cut in zip(arrows, (first, last), (low < first, high > last), strict=True):
+        if is_cut.any():
+            place = np.full(is_cut.sum(), end), at[is_cut]
+            same: dict[str, Any] = {"color": colour, "ms": 4, "mew": 0, "ls": "", **options}
+            axes.plot(*(place if is_x else place[::-1]), marker=arrow, clip_on=False, **same)
+
+
+class YAxis(NamedTuple):
+    """The name of a y axis, values that it holds, and about how many intervals its ticks make."""
+
+    name: str
+    values: Any
+    intervals: int = 5
+
+
+def value_axis(
+    axes: Axes, values: Any, *, along: str = "y", log: bool = False, intervals: int = 5
+) -> None:
+    """Make an axis that holds all finite values, with round ticks at about so many intervals."""
+    low, high, ticks = _scale(values, log=log, intervals=intervals)
+    if along == "y":
+        axes.set_ylim(low, high)
+        axes.set_yticks(ticks, alike_labels(ticks))
+    else:
+        axes.set(xscale="log" if log else "linear", xlim=(low, high))
+        _set_ticks(axes, ticks, log=log)
+
+
+def _scale(values: Any, *, log: bool = False, intervals: int = 5) -> tuple[float, float, Floats]:
+    """Return the ends and the ticks of an axis that holds all finite values."""
+    ends = np.asarray(values, dtype=np.float64)
+    ends = np.log(ends[np.isfinite(ends)]) if log else ends[np.isfinite(ends)]
+    margin = _VALUE_MARGIN * np.ptp(ends) or (0.1 if log else 1.0)
+    limits = np.array([ends.min() - margin, ends.max() + margin])
+    low, high = (float(end) for end in (np.exp(limits) if log else limits))
+    return low, high, round_ticks(low, high, log=log, intervals=intervals)
+
+
+def level_panels(
+    analysis: Analysis,
+    style: Style,
+    ax: Axes | None,
+    levels: Any,
+    *y: YAxis,
+    titles: Sequence[str] = ("",),
+    columns: int = 1,
+    with_blank: bool = False,
+    **options: Any,
+) -> tuple[list[Axes], float]:
+    """Return a panel for each title above one axis of levels, and where blank trials stand on it.
+
+    A second y axis is that of a low panel below a single one. Options are those of `lay_out`.
+    """
+    axis, has_foot = analysis.axis, len(y) > 1
+    y_ticks = [_scale(each.values, intervals=each.intervals)[2] for each in y]
+    tick_em = max(text_em(label) for ticks in y_ticks for label in alike_labels(ticks))
+    x_ticks = alike_labels(_level_ticks(levels, log=not axis.signed))
+    beyond_em = max(map(text_em, [*x_ticks, BLANK * with_blank])) / 2 - 0.4
+    panel_em = style.width_em * min(0.58, 0.8 / columns)
+    panels = lay_out(
+        style,
+        ax,
+        rows_em=[panel_em] * -(-len(titles) // columns) + [0.25 * panel_em] * has_foot,
+        columns=(1,) * columns,
+        titles=[*titles, *[""] * has_foot],
+        labels=(level_label(axis), y[0].name),
+        shared="x" if has_foot else "xy",
+        tick_em=tick_em,
+        gap_em=(2 * beyond_em + 0.3, 0.8 if has_foot else 2.1),
+        right_em=max(_RIGHT_EM, _EDGE_EM + beyond_em),
+        note=analysis.mark,
+        **options,
+    )
+    for panel, each in zip(panels, y, strict=False):
+        value_axis(panel, each.values, intervals=each.intervals)
+        if has_foot:
+            name_axes([panel], level_label(axis) * (panel is panels[-1]), each.name, tick_em)
+    blank, *_ = (level_axis(panel, levels, axis, with_blank=with_blank) for panel in panels)
+    return panels, blank
+
+
+def _level_ticks(levels: Any, *, log: bool) -> Floats:
+    """Return the levels if there are few of them, else round numbers between them."""
+    # Rounding errors make no other level.
+    values = np.unique([float(f"{level:.10g}") for level in np.asarray(levels, dtype=np.float64)])
+    few = len(values) <= _MAX_LEVEL_TICKS
+    return values if few else round_ticks(values[0], values[-1], log=log)
 
 
 def level_axis(axes: Axes, levels: Any, axis: Axis, *, with_blank: bool = False) -> float:
-    """Make the x axis one of levels and return where blank trials stand, left of all levels.
-
-    Levels have their own ticks if there are few of them.
-    """
-    values = np.unique([float(f"{level:.10g}") for level in np.asarray(levels, dtype=np.float64)])
+    """Make the x axis one of levels and return where blank trials stand, left of all levels."""
     log = not axis.signed
-    if log:
-        axes.set_xscale("log")
-    at = np.log(values) if log else values
-    span = float(at[-1] - at[0]) or (0.2 if log else 1.0)
-    first, last = alike_labels(values)[0], at[-1] + _LEVEL_MARGIN * span
+    ticks, ends = _level_ticks(levels, log=log), np.array([np.min(levels), np.max(levels)])
+    first, last = np.log(ends) if log else ends
+    span = (last - first) or (0.2 if log else 1.0)
     # The label below blank trials must not touch that of the lowest level.
-    gap_em = (text_em("blank") + text_em(first)) / 2 + 0.5
-    share = min(gap_em / axes_em(axes), 0.5)
-    gap = max(0.12, (1 + 2 * _LEVEL_MARGIN) * share / (1 - share)) if with_blank else 0.0
-    limits = np.array([at[0] - _LEVEL_MARGIN * span, last, at[0] - gap * span])
-    low, right, blank = (float(one) for one in (np.exp(limits) if log else limits))
-    left = at[0] - (gap + _LEVEL_MARGIN) * span
-    axes.set_xlim(float(np.exp(left)) if log else left, right)
-    has_own_ticks = len(values) <= _MAX_LEVEL_TICKS
-    ticks = values if has_own_ticks else round_ticks(values[0], values[-1], log=log)
-    set_ticks(axes, ticks, log=log, blank=blank if with_blank else None)
+    gap_em = (text_em(BLANK) + text_em(alike_labels(ticks)[0])) / 2 + 0.5
+    room_em = max(axes_em(axes) - gap_em, gap_em)
+    margin, gap = _LEVEL_MARGIN * span, (1 + 2 * _LEVEL_MARGIN) * span * gap_em / room_em
+    places = first - margin - gap * with_blank, first - gap, first - margin, last + margin
+    left, blank, lowest, right = (float(np.exp(each)) if log else each for each in places)
+    axes.set(xscale="log" if log else "linear", xlim=(left, right))
+    _set_ticks(axes, ticks, log=log, blank=blank if with_blank else None)
     if with_blank:
-        axes.spines["bottom"].set_bounds(low, right)
+        axes.spines["bottom"].set_bounds(lowest, right)
     return blank
 
 
@@ -427,57 +533,54 @@ def level_label(axis: Axis) -> str:
     return f"{'Drive level' if axis.is_vpp else 'Level'} ({axis.label})"
 
 
-def set_ticks(axes: Axes, ticks: Floats, *, log: bool, blank: float | None = None) -> None:
-    """Set those ticks whose labels have room, the last of them always, all to the same decimals."""
-    from matplotlib.ticker import FixedFormatter, FixedLocator, NullLocator
-
+def _set_ticks(axes: Axes, ticks: Floats, *, log: bool, blank: float | None = None) -> None:
+    """Set ticks, all to the same decimals; those have labels whose labels have room."""
     labels = alike_labels(ticks)
     ends = np.array([*axes.get_xlim(), *ticks])
     ends = np.log(ends) if log else ends
     at = axes_em(axes) * (ends[2:] - ends[0]) / (ends[1] - ends[0])
-    half = np.array([text_em(label) / 2 + 0.25 for label in labels])
     # From the last to the first: the highest level has a label even where others have no room.
-    chosen: list[int] = []
+    room = np.inf
     for i in reversed(range(len(ticks))):
-        if not chosen or at[i] + half[i] <= at[chosen[-1]] - half[chosen[-1]]:
-            chosen.append(i)
-    places, texts = [float(ticks[i]) for i in chosen], [labels[i] for i in chosen]
-    if blank is not None:
-        places, texts = [blank, *places], ["blank", *texts]
-    axes.xaxis.set_major_locator(FixedLocator(places))
-    axes.xaxis.set_major_formatter(FixedFormatter(texts))
-    axes.xaxis.set_minor_locator(NullLocator())
+        half = text_em(labels[i]) / 2 + 0.25
+        if at[i] + half > room:
+            labels[i] = ""
+        else:
+            room = at[i] - half
+    places = [*ticks] if blank is None else [blank, *ticks]
+    axes.set_xticks(places, [BLANK, *labels][-len(places) :])
+    axes.minorticks_off()
 
 
-MIN_TICKS: Final = 3
-"""Fewer do not show the scale of an axis."""
+def axes_em(axes: Axes) -> float:
+    """Return the width of axes in em."""
+    figure = figure_of(axes)
+    return float(axes.get_position().width * figure.get_figwidth() / _em_inches())
 
 
-def round_ticks(low: float, high: float, *, log: bool, number: int = 5) -> Floats:
+def round_ticks(low: float, high: float, *, log: bool, intervals: int = 5) -> Floats:
     """Return round numbers from `low` to `high`, on a logarithmic axis of a wide range by ratios.
+
+    There are at least three of them where the numbers allow it, else they show no scale.
 
     >>> round_ticks(0.9, 220.0, log=True).tolist(), round_ticks(44.0, 104.0, log=True).tolist()
     ([1.0, 3.0, 10.0, 30.0, 100.0], [60.0, 80.0, 100.0])
     """
-    from matplotlib.ticker import MaxNLocator
+    from matplotlib.ticker import LogLocator, MaxNLocator
 
-    if log and high / low > _LOG_TICKS_FROM_RATIO:
-        decades = 10.0 ** np.arange(np.floor(np.log10(low)), np.ceil(np.log10(high)) + 1)
-        for steps in ([1.0, 2.0, 5.0], [1.0, 3.0], [1.0]):
-            ticks = np.round(np.multiply.outer(decades, steps).ravel(), 12)
-            ticks = ticks[(ticks >= low) & (ticks <= high)]
-            if len(ticks) <= number + 1:
-                return ticks
-        return ticks[:: -(-len(ticks) // number)]
-    steps = [1, 2, 2.5, 5, 10]
+    by_ratios = log and high / low > _LOG_TICKS_FROM_RATIO
+    locators = (
+        [LogLocator(subs=subs, numticks=_MAX_TICKS) for subs in ((1, 2, 5), (1, 3), (1,))]
+        if by_ratios
+        else [MaxNLocator(number, steps=[1, 2, 2.5, 5, 10]) for number in range(intervals, 10)]
+    )
     margin = 1e-9 * (high - low)
-    for intervals in range(number, 2 * number):
-        locator = MaxNLocator(intervals, steps=steps)
-        even = np.asarray(locator.tick_values(low, high), dtype=np.float64)
-        even = even[(even >= low - margin) & (even <= high + margin)]
-        if len(even) >= MIN_TICKS:
+    for locator in locators:
+        ticks = np.asarray(locator.tick_values(low, high), dtype=np.float64)
+        ticks = ticks[(ticks >= low - margin) & (ticks <= high + margin)]
+        if _MIN_TICKS <= len(ticks) <= _MAX_TICKS:
             break
-    return even
+    return ticks
 
 
 def alike_labels(values: Any) -> list[str]:
@@ -488,6 +591,7 @@ def alike_labels(values: Any) -> list[str]:
     """
     numbers = np.asarray(values, dtype=np.float64)
     for decimals in range(7):
-        if (np.abs(np.round(numbers, decimals) - numbers) <= 1e-3 * np.abs(numbers)).all():
-            return [f"{number:.{decimals}f}".replace("-", "−") for number in numbers]
-    return [f"{number:.3g}".replace("-", "−") for number in numbers]
+        if (np.abs(numbers.round(decimals) - numbers) <= 1e-3 * np.abs(numbers)).all():
+            break
+    form = f".{decimals}f" if decimals < 6 else ".3g"  # noqa: PLR2004
+    return [f"{number:{form}}".replace("-", "−") for number in numbers]

@@ -4,19 +4,15 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Final
 
-from analysis.results.figures.curves import conditions_of
+from analysis.results.figures.curves import looks_of
 from analysis.results.figures.drawing import (
     DEFAULT_STYLE,
-    add_shared_legend,
-    alike_labels,
-    aside,
-    em_mm,
-    label_outer,
-    level_axis,
-    level_label,
-    look,
-    new_region,
-    round_ticks,
+    Look,
+    YAxis,
+    draw_points,
+    figure_of,
+    handle,
+    level_panels,
     short,
 )
 
@@ -24,7 +20,6 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-    from matplotlib.transforms import Transform
 
     from analysis.results.analysis import Analysis
     from analysis.results.figures.drawing import Style
@@ -32,7 +27,7 @@ if TYPE_CHECKING:
 
 MIN_ANSWERS: Final = 5
 """Fewer answers have no 10 % and 90 % points."""
-_SIDE_LOOKS: Final = (("black", "<"), ("#8A8A8A", ">"))
+_SIDE_LOOKS: Final = (Look("black", "<"), Look("#8A8A8A", ">"))
 
 
 def timed_levels(analysis: Analysis) -> pd.DataFrame:
@@ -74,47 +69,33 @@ def plot_reaction_times(
     1
     """
     table = timed_levels(analysis)
-    conditions = [one for one in conditions_of(analysis) if table["condition"].eq(one).any()]
+    looks = looks_of(analysis)
+    conditions = [name for name in looks if table["condition"].eq(name).any()]
     sides = sorted({*table["side"].astype(str)})
+    # With one side the look is that of the condition, as in the other figures.
+    side_looks = dict(zip(sides, _SIDE_LOOKS, strict=False)) if len(sides) > 1 else {}
     with style.applied(ax):
-        from matplotlib.lines import Line2D
-
-        columns = min(len(conditions), 2)
-        rows = -(-len(conditions) // columns)
-        handles = [
-            Line2D([], [], color=colour, marker=marker, ls="", label=side)
-            for side, (colour, marker) in zip(sides, _SIDE_LOOKS, strict=False)
-            if len(sides) > 1
-        ]
-        top_em = 0.6 + 1.3 * (len(conditions) > 1) + 1.4 * bool(handles)
-        panel_mm = style.width_mm * (0.52 if columns > 1 else 0.62)
-        height_mm = rows * panel_mm + em_mm() * (3.4 + top_em + 2.4 * (rows - 1))
-        region = new_region(style, height_mm, (3.8, 3.4, 0.8, top_em), ax=ax, note=analysis.mark)
-        panels = region.split(rows, columns, (1.2, 2.4), sharex=True, sharey=True)
-        low, high = float(table["p10"].min()), float(table["p90"].max())
-        margin = 0.06 * (high - low) or 0.1
-        for index, (panel, condition) in enumerate(zip(panels, conditions, strict=False)):
-            level_axis(panel, table["level_vpp"], analysis.axis)
+        panels, _ = level_panels(
+            analysis,
+            style,
+            ax,
+            table["level_vpp"],
+            YAxis("Reaction time (s)", table[["p10", "p90"]]),
+            titles=[*map(short, conditions)] if len(conditions) > 1 else [""],
+            columns=min(len(conditions), 2),
+            handles=[handle(look, side, ls="", mfc=None) for side, look in side_looks.items()],
+        )
+        for panel, condition in zip(panels, conditions, strict=True):
             for number, side in enumerate(sides):
-                chosen = table["condition"].eq(condition) & table["side"].eq(side)
-                # With one side the look is that of the condition, as in the other figures.
-                symbols = _SIDE_LOOKS[number % 2] if len(sides) > 1 else look(index)[:2]
-                beside = aside(panel, number, len(sides), 5.0)
-                _draw(panel, table[chosen], symbols, beside)
-            if len(conditions) > 1:
-                panel.set_title(short(condition), fontsize="small")
-        panels[0].set_ylim(low - margin, high + margin)
-        ticks = round_ticks(low, high, log=False)
-        panels[0].set_yticks(ticks, alike_labels(ticks))
-        labels = level_label(analysis.axis), "Reaction time (s)"
-        label_outer(panels, len(conditions), columns, labels)
-        add_shared_legend(region, handles)
-    return region.figure
-
-
-def _draw(axes: Axes, rows: pd.DataFrame, symbols: tuple[str, str], beside: Transform) -> None:
-    colour, marker = symbols
-    axes.vlines(rows["level_vpp"], rows["p10"], rows["p90"], color=colour, transform=beside)
-    axes.plot(
-        rows["level_vpp"], rows["median"], color=colour, marker=marker, ls="", transform=beside
-    )
+                rows = table[table["condition"].eq(condition) & table["side"].eq(side)]
+                draw_points(
+                    panel,
+                    rows["level_vpp"],
+                    rows["median"],
+                    side_looks.get(side, looks[condition]),
+                    bars=(rows["p10"], rows["p90"]),
+                    shift_pt=4.0 * (number - (len(sides) - 1) / 2),
+                    size=4.0,
+                    filled=True,
+                )
+    return figure_of(panels[0])
