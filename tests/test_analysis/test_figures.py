@@ -22,6 +22,7 @@ from analysis.results.figures.detection import PEOPLE_PER_PAGE, pages_of
 from analysis.results.figures.drawing import alike_labels, round_ticks
 from analysis.results.figures.figures import FIGURES, NAMES, drawings, pictures
 from analysis.results.figures.reaction_times import MIN_ANSWERS
+from analysis.results.findings import estimates
 from tests.test_analysis.shared import PAPER, felt, loaded
 from tests.test_analysis.tables import curves_of
 
@@ -122,22 +123,34 @@ def points(figure: Figure) -> set[float]:
     return {round(float(height), 9) for height in np.concatenate(heights)}
 
 
-SHAPES: dict[str, Any] = {
-    "one person": {"people": 1},
-    "five people": {"people": 5},
-    "two conditions": {"people": 12, "conditions": ("one cycle", "three cycles")},
-    "four conditions": {"conditions": ("bare", "thin glove", "thick glove", "a mitten of wool")},
-    "long names": {"people": 2, "conditions": ("W" * 62, "M" * 62), "name": "W" * 40},
+FIVE = ("bare", "thin glove", "thick glove", "a mitten of wool", "a ring")
+SHAPES: dict[str, Callable[[], pd.DataFrame]] = {
+    "one person": lambda: everything(people=1),
+    "five people": lambda: everything(people=5),
+    "two conditions": lambda: everything(("one cycle", "three cycles"), 12),
+    "five conditions": lambda: everything(FIVE),
+    "one stimulus": lambda: group(missed="right"),
+    "long numbers": lambda: everything(("bare", "covered"), 5, levels=[60.05, 95, 130, 165, 200.5]),
+    "long names": lambda: everything(("W" * 62, "M" * 62), 2, name="W" * 40),
 }
+
+
+def covers(text: Any, figure: Figure) -> bool:
+    """Return whether a text covers a point."""
+    box = text.get_window_extent()
+    lines = [line for axes in figure.axes for line in axes.lines if line.get_marker() != "None"]
+    at = np.concatenate([line.get_transform().transform(line.get_xydata()) for line in lines])
+    x, y = at.T
+    return bool(((x > box.x0) & (x < box.x1) & (y > box.y0) & (y < box.y1)).any())
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("shape", SHAPES)
 @pytest.mark.parametrize("width_mm", [85, 170])
-def test_every_letter_is_inside_the_figure_and_covers_no_text(
+def test_every_letter_is_inside_the_figure_and_covers_no_text_and_no_point(
     analysed: Analysed, shape: str, width_mm: float
 ) -> None:
-    analysis = analysed(everything(**SHAPES[shape]))
+    analysis = analysed(SHAPES[shape]())
     for drawing in drawings(analysis):
         figure = drawn(analysis, drawing.name, Style(width_mm=width_mm))
         canvas = figure.bbox
@@ -156,6 +169,9 @@ def test_every_letter_is_inside_the_figure_and_covers_no_text(
             and min(first.y1, second.y1) - max(first.y0, second.y0) > 1
         ]
         assert (drawing.name, overlapping) == (drawing.name, [])
+        if drawing.name != "confusion":
+            over_points = [text.get_text() for text in texts(figure) if covers(text, figure)]
+            assert (drawing.name, over_points) == (drawing.name, [])
         assert min(text.get_fontsize() for text in texts(figure)) >= 6.9
         legends = [axes.get_legend() for axes in figure.axes] + figure.legends
         assert all(len(each.get_texts()) <= 3 for each in legends if each is not None)
@@ -163,9 +179,31 @@ def test_every_letter_is_inside_the_figure_and_covers_no_text(
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("width_mm", [85, 170])
+def test_panels_have_the_same_size_and_a_tick_for_each_level_on_every_page(
+    analysed: Analysed, width_mm: float
+) -> None:
+    analysis = analysed(group(25))
+    style = Style(width_mm=width_mm)
+    pages = [drawn(analysis, f"participants{page}", style) for page in ("", "-2", "-3")]
+    assert [len(page.axes) for page in pages] == [12, 12, 1]
+    panels = [(axes, page.get_size_inches()) for page in pages for axes in page.axes]
+    sizes = {tuple(np.round(axes.get_position().size * inches, 9)) for axes, inches in panels}
+    assert len(sizes) == 1
+    for axes, _ in panels:
+        assert axes.get_xticks() == pytest.approx(PAPER)
+    for page in pages:
+        corners = [axes.get_position().corners()[0].round(9) for axes in page.axes]
+        lowest = {x: min(y for left, y in corners if left == x) for x, _ in corners}
+        for axes, (x, y) in zip(page.axes, corners, strict=True):
+            has_labels = any(label.get_visible() for label in axes.get_xticklabels())
+            assert has_labels == (y == lowest[x])
+
+
+@pytest.mark.slow
 def test_captions_have_at_most_three_sentences_and_all_files_are_named(analysed: Analysed) -> None:
     for shape in SHAPES.values():
-        for picture in drawings(analysed(everything(**shape))):
+        for picture in drawings(analysed(shape())):
             assert 1 <= len(re.findall(r"[.](?= |$)", picture.caption)) <= 3
             assert picture.title
             assert picture.alt
@@ -184,6 +222,10 @@ def test_detection_draws_the_numbers_of_the_tables_and_no_interval_but_the_band(
     from matplotlib.collections import LineCollection
 
     assert not [c for c in figure.axes[0].collections if isinstance(c, LineCollection)]
+    legend = figure.axes[0].get_legend()
+    assert legend is not None
+    entries = [text.get_text() for text in legend.get_texts()]
+    assert entries == [f"{row.condition}: {row.short}" for row in estimates(analysis)]
 
 
 @pytest.mark.slow

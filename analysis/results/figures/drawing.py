@@ -430,21 +430,15 @@ class YAxis(NamedTuple):
     intervals: int = 5
 
 
-def value_axis(
-    axes: Axes, values: Any, *, along: str = "y", log: bool = False, intervals: int = 5
-) -> None:
-    """Make an axis that holds all finite values, with round ticks at about so many intervals."""
-    low, high, ticks = _scale(values, log=log, intervals=intervals)
-    if along == "y":
-        axes.set_ylim(low, high)
-        axes.set_yticks(ticks, alike_labels(ticks))
-    else:
-        axes.set(xscale="log" if log else "linear", xlim=(low, high))
-        _set_ticks(axes, ticks, log=log)
+def value_axis(axes: Axes, values: Any, *, log: bool) -> None:
+    """Make an x axis that holds all finite values, with round ticks."""
+    low, high, ticks = _scale(values, log=log)
+    axes.set(xscale="log" if log else "linear", xlim=(low, high))
+    _set_ticks(axes, ticks, log=log)
 
 
 def _scale(values: Any, *, log: bool = False, intervals: int = 5) -> tuple[float, float, Floats]:
-    """Return the ends and the ticks of an axis that holds all finite values."""
+    """Return the ends of an axis that holds all finite values, and round ticks between them."""
     ends = np.asarray(values, dtype=np.float64)
     ends = np.log(ends[np.isfinite(ends)]) if log else ends[np.isfinite(ends)]
     margin = _VALUE_MARGIN * np.ptp(ends) or (0.1 if log else 1.0)
@@ -469,8 +463,8 @@ def level_panels(
     A second y axis is that of a low panel below a single one. Options are those of `lay_out`.
     """
     axis, has_foot = analysis.axis, len(y) > 1
-    y_ticks = [_scale(each.values, intervals=each.intervals)[2] for each in y]
-    tick_em = max(text_em(label) for ticks in y_ticks for label in alike_labels(ticks))
+    scales = [_scale(each.values, intervals=each.intervals) for each in y]
+    tick_em = max(text_em(label) for *_, ticks in scales for label in alike_labels(ticks))
     x_ticks = alike_labels(_level_ticks(levels, log=not axis.signed))
     beyond_em = max(map(text_em, [*x_ticks, BLANK * with_blank])) / 2 - 0.4
     panel_em = style.width_em * min(0.58, 0.8 / columns)
@@ -488,8 +482,9 @@ def level_panels(
         note=analysis.mark,
         **options,
     )
-    for panel, each in zip(panels, y, strict=False):
-        value_axis(panel, each.values, intervals=each.intervals)
+    for panel, each, (low, high, ticks) in zip(panels, y, scales, strict=False):
+        panel.set_ylim(low, high)
+        panel.set_yticks(ticks, alike_labels(ticks))
         if has_foot:
             name_axes([panel], level_label(axis) * (panel is panels[-1]), each.name, tick_em)
     blank, *_ = (level_axis(panel, levels, axis, with_blank=with_blank) for panel in panels)

@@ -95,7 +95,6 @@ def plot_reaction_times(
                     side_looks.get(side, looks[condition]),
                     bars=(rows["p10"], rows["p90"]),
                     shift_pt=4.0 * (number - (len(sides) - 1) / 2),
-                    size=4.0,
                     filled=True,
                 )
     return figure_of(panels[0])

@@ -93,12 +93,12 @@ def plot_thresholds(
     """
     rows, axis, levels = threshold_rows(analysis), analysis.axis, analysis.levels["level_vpp"]
     differences = _difference_rows(analysis, rows)
-    pairs, people = [*differences["label"].unique()], analysis.thresholds["participant"].nunique()
+    pairs = [*differences["label"].unique()]
     is_beside, below = len(pairs) == 1, pairs if len(pairs) > 1 else []
-    shown = rows if people <= _MAX_NAMED else rows[rows["is_group"]]
+    is_named = analysis.thresholds["participant"].nunique() <= _MAX_NAMED
+    shown = rows if is_named else rows[rows["is_group"]]
     with style.applied(ax):
         tick_em = max(map(text_em, [*shown["label"], *below])) + 0.3
-        y_label = f"{people} participants" if people > _MAX_NAMED else ""
         title = "".join(pairs[:1] * is_beside)
         if text_em(title) > _MAX_TITLE_EM:
             title = title.replace(f" {_MINUS}", f"\n{_MINUS}")
@@ -108,7 +108,6 @@ def plot_thresholds(
             rows_em=[rows["height"].max() + 2 * _EDGE_EM, *[_ROW_EM * len(below)] * bool(below)],
             columns=(1.45, 1.0) if is_beside else (1.0,),
             titles=["", title][: 1 + bool(pairs)],
-            labels=("", y_label),
             shared="y" if is_beside else "",
             tick_em=tick_em,
             gap_em=(1.4, 3.6),
@@ -120,7 +119,7 @@ def plot_thresholds(
         ends += [levels.max()] * bool(rows["status"].isin(ABOVE).any())
         ends = ends if np.isfinite([*ends, *rows["value"]]).any() else [*levels]
         _draw_rows(panels[0], rows, analysis, ends, log=not axis.signed)
-        name_axes(panels[:1], f"Threshold ({axis.label})", y_label, tick_em)
+        name_axes(panels[:1], f"Threshold ({axis.label})", "")
         _name_rows(panels[0], shown, analysis)
         for panel in panels[1:]:
             panel.axvline(0, color=GREY, lw=0.6, zorder=1)
@@ -195,7 +194,7 @@ def _draw_rows(
 
     What looks alike is drawn in one call: a call for each of a thousand people takes seconds.
     """
-    value_axis(axes, [*rows[_VALUES].to_numpy(float).flat, *more], along="x", log=log)
+    value_axis(axes, [*rows[_VALUES].to_numpy(float).flat, *more], log=log)
     for (condition, _), alike in rows.groupby(["condition", "is_group"]):
         look, heights = looks_of(analysis).get(str(condition), _NO_CONDITION), alike["height"]
         bars: dict[str, Any] = {"along": "x", "colour": look.colour}
