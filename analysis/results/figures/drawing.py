@@ -487,7 +487,8 @@ def level_panels(
         panel.set_yticks(ticks, alike_labels(ticks))
         if has_foot:
             name_axes([panel], level_label(axis) * (panel is panels[-1]), each.name, tick_em)
-    blank, *_ = (level_axis(panel, levels, axis, with_blank=with_blank) for panel in panels)
+    with_gap = panels if with_blank else panels[:1]  # the others share the axis of the first
+    blank, *_ = (level_axis(panel, levels, axis, with_blank=with_blank) for panel in with_gap)
     return panels, blank
 
 
