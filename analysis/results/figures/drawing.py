@@ -9,7 +9,7 @@ from __future__ import annotations
 import io
 import re
 import warnings
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -125,18 +125,13 @@ class Style:
         ------
         None
         """
-        import matplotlib as mpl
+        from matplotlib.style import context
 
-        if ax is not None:
-            yield
-            return
-        with mpl.rc_context(), warnings.catch_warnings():
+        sheets: list[Any] = [_SHEET, *([Path(self.style)] if self.style else [])]
+        applied = context(sheets, after_reset=True) if ax is None else nullcontext()
+        with applied, warnings.catch_warnings():
             for message in _MISSING_LETTER:
                 warnings.filterwarnings("ignore", message, UserWarning)
-            mpl.rcdefaults()
-            for sheet in (_SHEET, self.style) if self.style else (_SHEET,):
-                assert sheet is not None
-                mpl.rcParams.update(mpl.rc_params_from_file(sheet, use_default_template=False))
             yield
 
 

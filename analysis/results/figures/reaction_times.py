@@ -94,7 +94,7 @@ def plot_reaction_times(
                     rows["median"],
                     side_looks.get(side, looks[condition]),
                     bars=(rows["p10"], rows["p90"]),
-                    shift_pt=4.0 * (number - (len(sides) - 1) / 2),
+                    shift_pt=5.0 * (number - (len(sides) - 1) / 2),
                     filled=True,
                 )
     return figure_of(panels[0])
