@@ -177,9 +177,11 @@ def percent(share: float) -> str:
 def p_value(p: float) -> str:
     """Return the probability of a test as papers print it.
 
-    >>> p_value(0.0004), p_value(0.0384), p_value(0.4)
-    ('p < 0.001', 'p = 0.038', 'p = 0.40')
+    >>> p_value(0.0004), p_value(0.0384), p_value(0.4), p_value(math.nan)
+    ('p < 0.001', 'p = 0.038', 'p = 0.40', 'n/a')
     """
+    if math.isnan(p):
+        return "n/a"
     if p < 0.001:  # noqa: PLR2004 (the usual last step)
         return "p < 0.001"
     return f"p = {p:.2f}" if p >= 0.1 else f"p = {p:.3f}"  # noqa: PLR2004

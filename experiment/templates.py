@@ -11,16 +11,19 @@ if TYPE_CHECKING:
     from jinja2 import Environment
 
 
-def open_templates(package: str, filters: Mapping[str, Callable[..., Any]]) -> Environment:
+def open_templates(
+    package: str, filters: Mapping[str, Callable[..., Any]], *, autoescape: bool = False
+) -> Environment:
     """Return the templates of a package; a name that they use but do not get is an error.
 
-    They make plain text, which is not escaped.
+    Of plain text nothing is escaped; those of HTML need `autoescape`.
     """
     from jinja2 import Environment, FunctionLoader, StrictUndefined
 
     folder = files(package).joinpath("templates")
-    environment = Environment(  # noqa: S701 (text, no page)
+    environment = Environment(
         loader=FunctionLoader(lambda name: folder.joinpath(name).read_text(encoding="utf-8")),
+        autoescape=autoescape,  # noqa: S701 (of HTML)
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,

@@ -54,18 +54,18 @@ class _GroupedOptionsCommand(click.Command):
     cls=_GroupedOptionsCommand,
     epilog="""\b
     Goals (--goal):
-      half-width=1dB     The interval of the group's threshold is at most +-1 dB.
+      half-width=2dB     The interval of the group's threshold is at most +-2 dB.
       difference=1dB     A difference of 1 dB between two conditions is detected.
       detection=10%@95V  The detection probability at 95 V is known to +-10 %.
       false-alarms=5%    The false-alarm rate is shown to be below 5 %.
 
-    Example: tactstrip power study.toml --goal half-width=2dB""",
+    Example: tactstrip power study.toml --goal half-width=2dB --assurance 0.9""",
 )
 @click.argument("study_file", metavar="STUDY", type=click.Path(path_type=Path))
 @click.option(
     "--goal",
     "goal_text",
-    default="half-width=1dB",
+    default="half-width=2dB",
     show_default=True,
     metavar="GOAL",
     help="Goal that a study must reach (see below).",

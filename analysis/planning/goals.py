@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 Kind = Literal["half-width", "difference", "detection", "false-alarms"]
-_EXAMPLES: Final = "half-width=1dB, difference=1dB, detection=10%@95V, false-alarms=5%"
+_EXAMPLES: Final = "half-width=2dB, difference=1dB, detection=10%@95V, false-alarms=5%"
 _FORM: Final = re.compile(
     r"(?P<kind>half-width|difference|detection|false-alarms)=(?P<number>[0-9.eE+-]+)(?P<unit>dB|%|)"
     r"(?:@(?P<level>[0-9.]+)V?)?"

@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 from analysis.reading.columns import FORCED
 from analysis.reading.trials import NEVER_ANSWERED
-from analysis.results.analysis import ALPHA
 from analysis.results.findings import (
+    ALPHA,
     differences,
     estimates,
     false_alarms,
     left_out,
+    records,
     side_estimates,
 )
-from analysis.results.rendering import phrases, sentence
+from analysis.results.rendering import phrase, sentence
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterator, Sequence
@@ -46,7 +48,7 @@ class AnswerRow:
     @property
     def label(self) -> str:
         """The heading of rows of this kind."""
-        return phrases()["answer"][self.kind]
+        return phrase(self.kind, "answer")
 
 
 def answer(analysis: Analysis, brief: Collection[str] = ()) -> list[AnswerRow]:
@@ -55,7 +57,7 @@ def answer(analysis: Analysis, brief: Collection[str] = ()) -> list[AnswerRow]:
         *_sides(analysis, brief="side" in brief),
         *_thresholds(analysis, brief="threshold" in brief),
         *_differences(analysis, brief="difference" in brief),
-        *_false_alarms(analysis),
+        _false_alarms(analysis),
         _left_out(analysis),
     ]
 
@@ -69,95 +71,77 @@ def _named(analysis: Analysis, condition: str) -> tuple[str, ...]:
 
 
 def _sides(analysis: Analysis, *, brief: bool) -> Iterator[AnswerRow]:
-    results = side_estimates(analysis)
-    if len(results) > MAX_CONDITIONS:
-        yield _row("side", "sides_of_many", number=len(results))
+    rows = side_estimates(analysis)
+    conditions = [*dict.fromkeys(row["condition"] for row in rows)]
+    if len(conditions) > MAX_CONDITIONS:
+        yield _row("side", "sides_of_many", number=len(conditions))
         return
-    for each in results:
-        yield _row("side", names=_named(analysis, each["condition"]), e=each, brief=brief)
+    for condition in conditions:
+        sides = [row for row in rows if row["condition"] == condition]
+        yield _row("side", names=_named(analysis, condition), sides=sides, brief=brief)
 
 
 def _thresholds(analysis: Analysis, *, brief: bool) -> Iterator[AnswerRow]:
-    results = estimates(analysis)
-    if not results:
+    table = estimates(analysis)
+    if table.empty:
         yield _row("threshold", "threshold_missing")
-    elif len(results) > (1 if brief else MAX_CONDITIONS):
-        values = analysis.groups["threshold_vpp"].astype(float)
-        ends = ["", ""]
-        if values.notna().any():
-            ends = [results[i].short for i in (int(values.argmin()), int(values.argmax()))]
-        low, high = ends
-        yield _row("threshold", "thresholds_of_many", number=len(results), lowest=low, highest=high)
+        return
+    if len(table) > (1 if brief else MAX_CONDITIONS):
+        inside = table[table["threshold_vpp"].notna()].sort_values("threshold_vpp")
+        ends = [*inside["short"].iloc[[0, -1]]] if len(inside) else []
+        yield _row("threshold", "thresholds_of_many", number=len(table), ends=ends)
     else:
-        for each in results:
-            yield _row("threshold", names=_named(analysis, each.condition), e=each)
+        counts = analysis.counts
+        kind = "simulated " if counts.simulated == counts.trials else "simulated or real "
+        for row in records(table):
+            names = _named(analysis, row["condition"])
+            yield _row("threshold", names=names, e=row, simulated=kind if counts.simulated else "")
         trials = analysis.trials
         silent = {*trials.loc[trials["reason"].eq(NEVER_ANSWERED), "condition"]}
-        for condition in sorted(silent - {each.condition for each in results})[:1]:
+        for condition in sorted(silent - {*table["condition"]})[:1]:
             yield _row("threshold", "condition_silent", names=(condition,))
-    if len(results) <= MAX_WITH_MICROMETRES:
-        for each in results:
-            if each.fingertips:
-                yield _row("micrometres", names=_named(analysis, each.condition), e=each)
+    if len(table) <= MAX_WITH_MICROMETRES:
+        for row in records(table[table["um"].ne("")]):
+            yield _row("micrometres", names=_named(analysis, row["condition"]), e=row)
 
 
 def _differences(analysis: Analysis, *, brief: bool) -> Iterator[AnswerRow]:
-    results = differences(analysis)
-    if len(results) > (1 if brief else MAX_ITEMS):
-        apart = sum(pair.apart for pair in results)
-        yield _row("difference", "differences_of_many", number=len(results), apart=apart)
-    elif results:
-        for pair in results:
-            yield _row(
-                "difference", names=(pair.b, pair.a), d=pair, short=brief or len(results) > 1
-            )
-    elif len(analysis.groups) > 1:
+    pairs = differences(analysis)
+    if len(pairs) > (1 if brief else MAX_ITEMS):
+        apart = sum(pair["apart"] for pair in pairs)
+        yield _row("difference", "differences_of_many", number=len(pairs), apart=apart)
+    for pair in pairs if len(pairs) <= (1 if brief else MAX_ITEMS) else ():
+        names = (pair["condition_b"], pair["condition_a"])
+        yield _row("difference", names=names, d=pair, short=brief or len(pairs) > 1)
+    if not pairs and len(analysis.groups) > 1:
         yield _row("difference", "not_compared")
 
 
-def _false_alarms(analysis: Analysis) -> Iterator[AnswerRow]:
-    rates = false_alarms(analysis)
-    if analysis.detected_any is None:
-        reason = "forced" if analysis.loaded.task == FORCED or not _none_in_part(analysis) else ""
-        yield _row("false_alarms", "false_alarms_missing", reason=reason or "in part")
-    elif not rates:
-        trials = analysis.trials
-        shown = len(trials) and trials["kind"].eq("blank").any()
-        reason = "uncounted" if shown else "none"
-        yield _row("false_alarms", "false_alarms_missing", reason=reason)
-    elif len(rates) > MAX_ITEMS:
-        shares = [rate.p for rate in rates]
-        yield _row("false_alarms", "false_alarms_of_many", low=min(shares), high=max(shares))
-    else:
-        pairs = [pair.row["false_alarm_p"] for pair in differences(analysis)]
-        p = pairs[0] if len(pairs) == 1 and pairs[0] == pairs[0] else None
-        differ = p is not None and p < ALPHA
-        yield _row("false_alarms", rates=rates, p=p, differ=differ)
-
-
-def _none_in_part(analysis: Analysis) -> bool:
-    """Tell whether "none" could be answered in some trials that count, but not in all."""
-    trials = analysis.trials
-    if trials.empty:
-        return False
-    offered = trials.loc[trials["reason"].eq(""), "none_offered"]
-    return bool(offered.fillna(value=False).any())
+def _false_alarms(analysis: Analysis) -> AnswerRow:
+    rates, trials = false_alarms(analysis), analysis.trials
+    if not rates:
+        reason = "none"
+        if analysis.detected_any is None:
+            offered = trials.loc[trials["reason"].eq(""), "none_offered"].fillna(value=False)
+            is_forced = analysis.loaded.task == FORCED or not offered.any()
+            reason = "forced" if is_forced else "in part"
+        elif trials["kind"].eq("blank").any():
+            reason = "uncounted"
+        return _row("false_alarms", "false_alarms_missing", reason=reason)
+    if len(rates) > MAX_ITEMS:
+        shares = [rate["p"] for rate in rates]
+        return _row("false_alarms", "false_alarms_of_many", low=min(shares), high=max(shares))
+    p = [pair["false_alarm_p"] for pair in differences(analysis)]
+    is_tested = len(p) == 1 and not math.isnan(p[0])
+    return _row("false_alarms", rates=rates, p=p[0] if is_tested else None, alpha=ALPHA)
 
 
 def _left_out(analysis: Analysis) -> AnswerRow:
-    names = phrases()["reasons"]
-    reasons = [
-        {"text": names.get(reason, reason), "number": number}
-        for reason, number in left_out(analysis, names)
-    ]
     of_counts = bool(analysis.counts.trials) and analysis.trials.empty
+    reasons = left_out(analysis)
     return _row("left_out", counts=analysis.counts, reasons=reasons, of_counts=of_counts)
 
 
 def simulated_row(thresholds: Sequence[MedianThreshold], sd_db: float) -> AnswerRow:
     """Return the row with the thresholds of simulated participants."""
-    each = [
-        {"condition": one.condition, "vpp": one.threshold_vpp, "um": one.threshold_um}
-        for one in thresholds
-    ]
-    return _row("simulated", thresholds=each, sd_db=sd_db)
+    return _row("simulated", thresholds=thresholds, sd_db=sd_db)

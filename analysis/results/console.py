@@ -6,12 +6,12 @@ import textwrap
 from typing import TYPE_CHECKING, Final, TextIO
 
 from analysis.results.answer import AnswerRow, answer
-from analysis.results.rendering import phrases, plain
-from analysis.results.tables import detail_tables
+from analysis.results.rendering import phrase, plain
+from analysis.results.tables import make_tables, result_rows
 from device.printing import escaped
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Sequence
 
     from analysis.results.analysis import Analysis
     from analysis.results.tables import Table
@@ -19,23 +19,16 @@ if TYPE_CHECKING:
 
 WIDTH: Final = 80
 MAX_LINES: Final = 12
-MAX_RUNS: Final = 3
-"""More runs of numbers are not listed."""
 _LABEL: Final = 19
+_NAME: Final = 12
+"""The column of names, which may be longer."""
 _MAX_NAME: Final = {1: 20, 2: 14}
 """Letters of a condition's name, and of each of a pair's."""
-_ALL_KINDS: Final = ("difference", "side", "threshold")
-_LAYOUTS: Final[tuple[tuple[Sequence[str], Sequence[str] | None], ...]] = (
-    ((), None),
-    (_ALL_KINDS[:1], None),
-    (_ALL_KINDS[:1], ("side",)),
-    (_ALL_KINDS[:2], ("side",)),
-    (_ALL_KINDS, ("side",)),
-    (_ALL_KINDS, ()),
-)
-"""Kinds of rows that are brief, and those whose long lines are not cut (None: no line is cut).
+_BRIEF: Final = ("difference", "side", "threshold")
+_LAYOUTS: Final = (((), ()), (_BRIEF[:1], ("side",)), (_BRIEF, ("side",)), (_BRIEF, ()))
+"""Kinds of rows that are brief, and those whose long lines are not cut then.
 
-The first layout that fits is taken: thresholds of sides and conditions are given up last.
+The first layout that fits is taken: thresholds of sides are given up last.
 """
 _MAX_WARNINGS: Final = 2
 """Lines that are kept free for warnings."""
@@ -95,45 +88,48 @@ def print_analysis(
     needed = len(_warning_lines(analysis, remarks, MAX_LINES))
     room = MAX_LINES - len(last) - min(needed, _MAX_WARNINGS)
     for brief, whole in _LAYOUTS:
-        rows = [*answer(analysis, brief), *more]
-        lines = [*(mark if whole is None else mark[:1]), *_layout(rows, whole)]
+        rows = _layout([*answer(analysis, brief), *more], whole if brief else None)
+        lines = [*(mark[:1] if brief else mark), *rows]
         if len(lines) <= room:
             break
     lines += [*_warning_lines(analysis, remarks, MAX_LINES - len(lines) - len(last)), *last]
     if details:
-        for table in detail_tables(analysis):
-            lines += ["", *_table_lines(table)]
-        texts = [*(each.message for each in analysis.warnings), *remarks]
-        lines += ["", *_full_warnings(texts)] if texts else []
+        for name, frame in result_rows(analysis).items():
+            for table in make_tables(name, frame, analysis):
+                lines += ["", *_table_lines(table)]
+        messages = [*(warning.message for warning in analysis.warnings), *remarks]
+        lines += [""] * bool(messages)
+        for number, message in enumerate(messages, start=1):
+            text = escaped(f"Warning {number}: {message}")
+            lines += textwrap.wrap(text, WIDTH, subsequent_indent="  ")
+    encoding = file.encoding or "utf-8"
     for line in lines:
-        print(_printable(line.rstrip(), file), file=file)
+        printable = line.rstrip().encode(encoding, "backslashreplace").decode(encoding)
+        print(printable, file=file)
 
 
-def _layout(rows: Iterable[AnswerRow], whole: Sequence[str] | None = None) -> list[str]:
+def _layout(rows: Sequence[AnswerRow], whole: Sequence[str] | None = None) -> list[str]:
     """Lay out labels, names and texts in columns; long lines are wrapped.
 
     Where `whole` is not None, lines of other kinds are cut.
     """
-    rows = list(rows)
     names = [_names(row) for row in rows]
-    column = max((len(name) for name in names), default=0) if len(rows) > 1 else 0
+    column = min(max(map(len, names), default=0), _NAME)
     lines, before = [], ""
     for row, name in zip(rows, names, strict=True):
+        text = f"{name:<{column}}  {row.text}" if name else row.text
         label = "" if row.kind == before else row.label
-        width = column if row.kind in _SAME_COLUMN or name else 0
-        text = f"{name:<{min(width, max(len(name), _SHORT))}}  {row.text}" if name else row.text
-        indent = " " * (_LABEL + 2)
         line = f"{label:<{_LABEL}}  {escaped(plain(text))}"
-        if whole is not None and row.kind not in whole:
-            lines.append(_cut(line))
-        else:
-            lines += textwrap.wrap(line, WIDTH, subsequent_indent=indent, break_on_hyphens=False)
+        lines += _wrap(line, " " * (_LABEL + 2), cut=whole is not None and row.kind not in whole)
         before = row.kind
     return lines
 
 
-_SHORT: Final = 12
-_SAME_COLUMN: Final = ("threshold", "micrometres", "side")
+def _wrap(line: str, indent: str, *, cut: bool) -> list[str]:
+    """Break a long line at words, or cut it."""
+    if cut:
+        return [line if len(line) <= WIDTH else f"{line[: WIDTH - 1]}…"]
+    return textwrap.wrap(line, WIDTH, subsequent_indent=indent, break_on_hyphens=False)
 
 
 def _names(row: AnswerRow) -> str:
@@ -147,59 +143,26 @@ def _names(row: AnswerRow) -> str:
     return " - ".join(cut)
 
 
-def _cut(line: str) -> str:
-    return line if len(line) <= WIDTH else f"{line[: WIDTH - 1]}…"
-
-
 def _warning_lines(analysis: Analysis, remarks: Sequence[str], room: int) -> list[str]:
-    """Return the warnings, a line for each code with the numbers that they have in the report.
-
-    Where the lines do not fit, the last of the analysis are counted: the report has them.
-    """
-    groups: dict[str, list[int]] = {}
-    for number, each in enumerate(analysis.warnings, start=1):
-        groups.setdefault(each.code.text, []).append(number)
-    texts = [f"{_runs(numbers)}  {text}" for text, numbers in groups.items()]
-    number = len(analysis.warnings)
-    added = [f"{n}  {escaped(text)}" for n, text in enumerate(remarks, start=number + 1)]
-    if (shown := max(room - len(added), 1)) < len(texts):
-        rest = sum(len(numbers) for numbers in [*groups.values()][shown - 1 :])
-        texts = [*texts[: shown - 1], f"{rest}{' more' * (shown > 1)}, see the report"]
-    label = phrases()["answer"]["warnings"]
-    rows = [*texts, *added] or ["none"]
-    if len(rows) > room:
-        rows = [*rows[: room - 1], f"{len(rows) - room + 1} more, see tactstrip check"]
-    indent = " " * (_LABEL + 5)
-    lines = [f"{'' if n else label:<{_LABEL}}  {text}" for n, text in enumerate(rows)]
-    wrapped = [
-        each for line in lines for each in textwrap.wrap(line, WIDTH, subsequent_indent=indent)
+    """Return the warnings, a line for each code with the numbers that they have in the report."""
+    numbers: dict[str, list[int]] = {}
+    texts = [*(warning.code.text for warning in analysis.warnings), *map(escaped, remarks)]
+    for number, text in enumerate(texts, start=1):
+        numbers.setdefault(text, []).append(number)
+    rows = [
+        f"{'-'.join(dict.fromkeys((str(of[0]), str(of[-1]))))}  {text}"
+        for text, of in numbers.items()
     ]
-    return wrapped if len(wrapped) <= room else [_cut(line) for line in lines]
-
-
-def _runs(numbers: Sequence[int]) -> str:
-    """Return ascending numbers by runs; of many runs the first and the last number.
-
-    >>> _runs([3]), _runs([2, 3, 4]), _runs([1, 3, 4]), _runs([1, 3, 5, 7])
-    ('3', '2-4', '1, 3-4', '1 ... 7')
-    """
-    runs: list[list[int]] = []
-    for number in numbers:
-        if runs and number == runs[-1][-1] + 1:
-            runs[-1][1:] = [number]
-        else:
-            runs.append([number])
-    if len(runs) > MAX_RUNS:
-        return f"{numbers[0]} ... {numbers[-1]}"
-    return ", ".join("-".join(map(str, run)) for run in runs)
-
-
-def _full_warnings(texts: Sequence[str]) -> list[str]:
-    lines: list[str] = []
-    for number, message in enumerate(texts, start=1):
-        text = escaped(f"Warning {number}: {message}")
-        lines += textwrap.wrap(text, WIDTH, subsequent_indent="  ")
-    return lines
+    if len(rows) > room:
+        hidden = sum(map(len, [*numbers.values()][room - 1 :]))
+        rows = [*rows[: room - 1], f"{hidden} more, listed with --details"]
+    label = phrase("warnings", "answer")
+    lines = [f"{'' if n else label:<{_LABEL}}  {row}" for n, row in enumerate(rows or ["none"])]
+    for cut in (False, True):
+        wrapped = [part for line in lines for part in _wrap(line, " " * (_LABEL + 5), cut=cut)]
+        if len(wrapped) <= room:
+            break
+    return wrapped
 
 
 def _table_lines(table: Table) -> list[str]:
@@ -214,8 +177,3 @@ def _table_lines(table: Table) -> list[str]:
         )
         lines.append("  ".join([first, *others]))
     return lines
-
-
-def _printable(text: str, file: TextIO) -> str:
-    encoding = file.encoding or "utf-8"
-    return text.encode(encoding, "backslashreplace").decode(encoding)

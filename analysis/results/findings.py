@@ -1,14 +1,15 @@
-"""What the templates state: thresholds, differences and false alarms as numbers and short texts.
+"""Thresholds, differences and false alarms as rows: numbers of the tables, and their short texts.
 
-Each function selects rows of the tables of an analysis and formats their numbers; none chooses
-words. A number is formatted here once, so that terminal, page and methods show the same digits.
+Tables, the answer and the methods take these rows. A number is formatted here once, so that
+terminal, page and methods show the same digits.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final
+
+import pandas as pd
 
 from analysis.numbers import (
     TOTAL,
@@ -21,86 +22,25 @@ from analysis.numbers import (
     spread_of,
     with_limits,
 )
-from analysis.results.analysis import ALPHA
+from analysis.results.rendering import phrases, sentence
 from analysis.thresholds.displacement import SITE_COLUMNS, group_per_volt
 from analysis.thresholds.fit import BOUNDED, WITH_THRESHOLD
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping, Sequence
+    from collections.abc import Mapping
 
-    import pandas as pd
-
+    from analysis.axis import Axis
     from analysis.results.analysis import Analysis
 
 
+ALPHA: Final = 0.05
+"""Sides, and false alarms of two conditions, differ where their exact test has a smaller p."""
 SAME_RATIO: Final = 0.005
 """Displacements per volt of both fingers that differ by less are one number."""
 DB_PER_LOG10: Final = 20.0
 LARGE_DB: Final = 20.0
 """A ratio of more is printed without decimals."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Estimate:
-    """A threshold as it is printed.
-
-    `value` has the limits, `short` has none; both are empty where `status` gives the reason.
-    `fingertips` are the same in micrometres, by side where sides differ.
-    """
-
-    condition: str
-    status: str
-    value: str
-    short: str
-    participants: int = 1
-    participant: str = ""
-    side: str = ""
-    kind: str = ""  # simulated, or simulated or real
-    trials: int = 0
-    below: int = 0
-    above: int = 0
-    fingertips: tuple[Mapping[str, str], ...] = ()
-    basis: str = ""
-    sigma: str = ""
-    spread: str = ""
-    next_participant: str = ""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Difference:
-    """The difference of two conditions; an open limit is NaN.
-
-    `participants` are those in both conditions, 0 where the groups are of other people.
-    """
-
-    a: str
-    b: str
-    status: str
-    value: float
-    low: float
-    high: float
-    ratio: str
-    participants: int
-    first: str
-    row: Mapping[str, Any]
-
-    @property
-    def apart(self) -> bool:
-        """Whether the interval, as it is printed, leaves out 0."""
-        low, high = (-math.inf if math.isnan(self.low) else round(self.low, 1), self.high)
-        return low > 0 or (math.inf if math.isnan(high) else round(high, 1)) < 0
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class FalseAlarms:
-    """The rate of false alarms of all participants in a condition, with the limits of the mean."""
-
-    condition: str
-    p: float
-    low: float
-    high: float
-    alarms: int
-    presented: int
+_OPEN: Final = {"low": -math.inf, "high": math.inf}
 
 
 def records(table: pd.DataFrame) -> list[dict[str, Any]]:
@@ -108,259 +48,179 @@ def records(table: pd.DataFrame) -> list[dict[str, Any]]:
     return [{str(name): value for name, value in row.items()} for row in table.to_dict("records")]
 
 
-def estimates(analysis: Analysis) -> list[Estimate]:
-    """Return the threshold of each condition, of the group or of its only participant."""
-    rows = []
-    for group in records(analysis.groups):
-        people = _people(analysis, group["condition"])
-        alone_here = group["participants"] == 1
-        row = records(people)[0] if alone_here else group
-        rows.append((group, people, row))
-    levels = [_levels(analysis, group["condition"]) for group, _, _ in rows]
-    spreads = _spreads([row for *_, row in rows], levels)
-    counts, kind = analysis.counts, ""
-    if counts.simulated:
-        kind = "simulated" if counts.simulated == counts.trials else "simulated or real"
-    return [
-        Estimate(
-            **_threshold(row, shown, analysis, spread),
-            **_fingertips(row, people, shown),
-            **_group(group, shown, analysis),
-            participants=int(group["participants"]),
-            participant=str(row["participant"]) if group["participants"] == 1 else "",
-            kind=kind,
-            trials=int(people["trials"].sum()),
-            sigma=sigma_text(row, analysis),
-        )
-        for (group, people, row), shown, spread in zip(rows, levels, spreads, strict=True)
-    ]
+def with_texts(table: pd.DataFrame, measured: pd.DataFrame, axis: Axis) -> pd.DataFrame:
+    """Return thresholds with their texts, all rounded alike.
+
+    ``value`` has the limits and ``short`` has none; without a threshold both have a bound or the
+    reason. ``slope`` is sigma. `measured` has the levels of each condition, or participant there.
+    """
+    key = [name for name in ("condition", "participant") if name in measured]
+    rows = records(table.join(measured.groupby(key)["level_vpp"].agg(["min", "max"]), on=key))
+    ranges, spreads = [], []
+    for row in rows:
+        at, (low, high) = float(row["threshold_vpp"]), _limits(row, "threshold_{}_vpp")
+        levels = row["min"], row["max"]
+        ranges.append((low, at, high, levels))
+        spreads.append(spread_of(low, at, high, levels) if math.isfinite(at) else math.nan)
+    texts = []
+    for row, (low, at, high, levels), spread in zip(rows, ranges, alike(spreads), strict=True):
+        value = short = phrases()["status"].get(row["status"], "")
+        if math.isfinite(at):
+            value = with_limits(at, low, high, axis.unit, levels, spread=spread)
+            short = f"{rounded(at, spread)} {axis.unit}"
+        elif row["status"] in BOUNDED:
+            value = short = bounded(low, high, axis.unit, levels)
+        texts.append({"value": value, "short": short, "slope": _slope(row, axis)})
+    columns = ["value", "short", "slope"]
+    return table.assign(**pd.DataFrame(texts, columns=columns, index=table.index, dtype=object))
 
 
-def person_estimates(analysis: Analysis, condition: str) -> list[Estimate]:
-    """Return the threshold of each participant in a condition."""
-    table = analysis.participants
-    here = table[table["condition"].eq(condition)]
-    of_person = here.groupby("participant")["level_vpp"].apply(list).to_dict()
-    rows = records(_people(analysis, condition))
-    levels = [sorted(of_person[row["participant"]]) for row in rows]
-    return [
-        Estimate(
-            **_threshold(row, shown, analysis, spread),
-            participant=str(row["participant"]),
-            trials=int(row["trials"]),
-            sigma=sigma_text(row, analysis),
-        )
-        for row, shown, spread in zip(rows, levels, _spreads(rows, levels), strict=True)
-    ]
+def _limits(row: Mapping[str, Any], name: str) -> tuple[float, float]:
+    """Return the limits of a value, open ones infinite."""
+    low, high = (
+        infinite if math.isnan(row[name.format(end)]) else float(row[name.format(end)])
+        for end, infinite in _OPEN.items()
+    )
+    return low, high
 
 
-def side_estimates(analysis: Analysis) -> list[dict[str, Any]]:
-    """Return the thresholds of both sides of each condition in which they differ."""
-    results = []
-    table = analysis.side_groups
-    for condition, p in analysis.side_p.items():
-        if p >= ALPHA or not len(table):
-            continue
-        rows = records(table[table["condition"].eq(condition)])
-        levels = _levels(analysis, condition)
-        spreads = _spreads(rows, [levels] * len(rows))
-        sides = [
-            Estimate(**_threshold(row, levels, analysis, spread), side=str(row["side"]))
-            for row, spread in zip(rows, spreads, strict=True)
-        ]
-        participants = max((int(row["participants"]) for row in rows), default=0)
-        data = {"condition": condition, "p": p, "participants": participants}
-        results.append({**data, "sides": sides})
-    return results
-
-
-def _people(analysis: Analysis, condition: str) -> pd.DataFrame:
-    return analysis.thresholds[analysis.thresholds["condition"].eq(condition)]
-
-
-def _levels(analysis: Analysis, condition: str) -> list[float]:
-    table = analysis.levels
-    return [*table.loc[table["condition"].eq(condition), "level_vpp"]]
-
-
-def _ends(row: Mapping[str, Any], low: str, high: str) -> tuple[float, float]:
-    """Return limits, open ones infinite."""
-    ends = float(row[low]), float(row[high])
-    return (
-        -math.inf if math.isnan(ends[0]) else ends[0],
-        math.inf if math.isnan(ends[1]) else ends[1],
+def _slope(row: Mapping[str, Any], axis: Axis) -> str:
+    """Return the width of a function in dB, on a linear axis in the levels' unit, with limits."""
+    factor = DB_PER_LOG10 if axis.x_scale == "log10" else 1.0
+    return _in_db(
+        [row.get(f"sigma{end}", math.nan) * factor for end in ("", "_low", "_high")], axis
     )
 
 
-_LIMITS: Final = ("threshold_low_vpp", "threshold_high_vpp")
-
-
-def _spreads(
-    rows: Sequence[Mapping[str, Any]], levels: Sequence[Sequence[float]]
-) -> list[float | None]:
-    """Return by what the thresholds of a list are rounded alike; none of those without one."""
-    ranges = [
-        spread_of(_ends(row, *_LIMITS)[0], row["threshold_vpp"], _ends(row, *_LIMITS)[1], shown)
-        for row, shown in zip(rows, levels, strict=True)
-        if _has_threshold(row)
-    ]
-    spreads = iter(alike(ranges))
-    return [next(spreads) if _has_threshold(row) else None for row in rows]
-
-
-def _has_threshold(row: Mapping[str, Any]) -> bool:
-    return math.isfinite(row["threshold_vpp"])
-
-
-def _threshold(
-    row: Mapping[str, Any], levels: Sequence[float], analysis: Analysis, spread: float | None
-) -> dict[str, Any]:
-    status, unit, value, short = str(row["status"]), analysis.axis.unit, "", ""
-    low, high = _ends(row, *_LIMITS)
-    if spread is not None:
-        at = float(row["threshold_vpp"])
-        value = with_limits(at, low, high, unit, levels, spread=spread)
-        short = f"{rounded(at, spread)} {unit}"
-    elif status in BOUNDED:
-        value = short = bounded(low, high, unit, levels)
-    condition = str(row["condition"])
-    return {"condition": condition, "status": status, "value": value, "short": short}
-
-
-def _group(group: Mapping[str, Any], levels: Sequence[float], analysis: Analysis) -> dict[str, Any]:
-    """Return what is only known of a group: who lies beyond the levels, and how people differ."""
-    if math.isnan(group["spread_db"]):
-        return {"below": _whole(group["below"]), "above": _whole(group["above"])}
-    at, low, high = (float(group[f"spread_{end}db"]) for end in ("", "low_", "high_"))
-    shown = [rounded(value, high - low) for value in (at, low, high)]
-    unit = "dB" if analysis.axis.is_logarithmic else analysis.axis.unit
-    middle = float(group["threshold_vpp"])
-    new = ""
-    if math.isfinite(middle):
-        ends = _ends(group, "new_low_vpp", "new_high_vpp")
-        new = with_limits(middle, *ends, analysis.axis.unit, levels)
-    return {
-        "below": _whole(group["below"]),
-        "above": _whole(group["above"]),
-        "spread": f"{shown[0]} {unit} ({shown[1]} to {shown[2]})",
-        "next_participant": new,
-    }
-
-
-def _whole(value: float) -> int:
-    return 0 if math.isnan(value) else int(value)
-
-
-def sigma_text(row: Mapping[str, Any], analysis: Analysis) -> str:
-    """Return the width of a function in dB, on a linear axis in the levels' unit, with limits."""
-    factor = DB_PER_LOG10 if analysis.axis.x_scale == "log10" else 1.0
-    ends = [float(row.get(f"sigma{end}", math.nan)) * factor for end in ("", "_low", "_high")]
-    if math.isnan(ends[0]):
+def _in_db(values: list[float], axis: Axis) -> str:
+    """Return a value with its limits, rounded by their distance; without limits by itself."""
+    at, low, high = values
+    if math.isnan(at):
         return ""
-    unit = "dB" if analysis.axis.is_logarithmic else analysis.axis.unit
-    spread = ends[2] - ends[1] if math.isfinite(ends[2] - ends[1]) else abs(ends[0])
-    at, low, high = (rounded(value, spread) for value in ends)
-    return f"{at} {unit}" if "nan" in (low, high) else f"{at} {unit} ({low} to {high})"
+    unit = "dB" if axis.is_logarithmic else axis.unit
+    is_open = not math.isfinite(high - low)
+    texts = [rounded(value, abs(at) if is_open else high - low) for value in values]
+    return f"{texts[0]} {unit}" if is_open else f"{texts[0]} {unit} ({texts[1]} to {texts[2]})"
+
+
+def estimates(analysis: Analysis) -> pd.DataFrame:
+    """Return the threshold of each condition, of the group or of its only participant.
+
+    The texts of `with_texts`, then ``um`` and ``basis``, the same at the fingertip, and ``spread``
+    and ``next_participant`` of a group.
+    """
+    groups, people, axis = analysis.groups, analysis.thresholds, analysis.axis
+    alone_here = people["condition"].map(groups.set_index("condition")["participants"]).eq(1)
+    table = groups.set_index("condition")
+    table.update(people[alone_here].set_index("condition").filter([*groups]))
+    table = with_texts(table.reset_index(), analysis.levels, axis)
+    texts = [_group_texts(row, analysis) for row in records(table)]
+    columns = ["um", "basis", "spread", "next_participant"]
+    return table.assign(**pd.DataFrame(texts, columns=columns, index=table.index, dtype=object))
+
+
+def _group_texts(row: Mapping[str, Any], analysis: Analysis) -> dict[str, str]:
+    levels = analysis.levels.loc[analysis.levels["condition"].eq(row["condition"]), "level_vpp"]
+    people = analysis.thresholds[analysis.thresholds["condition"].eq(row["condition"])]
+    um, basis = _fingertips(row, people, levels)
+    at, new = float(row["threshold_vpp"]), ""
+    if math.isfinite(at) and not math.isnan(row["spread_db"]):
+        new = with_limits(at, *_limits(row, "new_{}_vpp"), analysis.axis.unit, [*levels])
+    spread = _in_db([row[f"spread_{end}db"] for end in ("", "low_", "high_")], analysis.axis)
+    return {"um": um, "basis": basis, "spread": spread, "next_participant": new}
 
 
 def _fingertips(
-    row: Mapping[str, Any], people: pd.DataFrame, levels: Sequence[float]
-) -> dict[str, Any]:
-    """Return a threshold in micrometres where the displacement per volt is the same of all.
+    row: Mapping[str, Any], people: pd.DataFrame, levels: pd.Series[float]
+) -> tuple[str, str]:
+    """Return a threshold in micrometres, by side where they differ, and the basis of it.
 
-    An open limit is the end of the tested levels, as in volts. A threshold outside them has none.
+    Empty unless the displacement per volt is the same of all. An open limit is the end of the
+    tested levels, as in volts. A threshold outside them has none.
     """
-    if row["status"] not in WITH_THRESHOLD:
-        return {}
-    per_volt, basis = group_per_volt(people)
-    sides = {side: um for side, um in per_volt.items() if um > 0}
+    per_volt, basis = group_per_volt(people) if row["status"] in WITH_THRESHOLD else ({}, "")
+    sides = {f"{side} ": um for side, um in per_volt.items() if um > 0}
     values = [*sides.values()]
-    is_complete = len(sides) == len(SITE_COLUMNS)
-    if is_complete and max(values) - min(values) <= SAME_RATIO * max(values):
+    if len(values) == len(SITE_COLUMNS) and max(values) - min(values) <= SAME_RATIO * max(values):
         sides = {"": sum(values) / len(values)}
-    at = float(row["threshold_vpp"])
-    low, high = _ends(row, *_LIMITS)
-    signs = "< " if low == -math.inf else "", "> " if high == math.inf else ""
-    limits = min(levels) if signs[0] else low, max(levels) if signs[1] else high
+    low, high = _limits(row, "threshold_{}_vpp")
+    signs = "< " * (low == -math.inf), "> " * (high == math.inf)
+    limits = max(low, levels.min()) if signs[0] else low, levels.max() if signs[1] else high
     texts = []
     for side, um in sides.items():
         ends = [sign + alone(um * end, "").strip() for sign, end in zip(signs, limits, strict=True)]
-        value = f"{alone(um * at, 'µm')} ({ends[0]} to {ends[1]})"
-        texts.append({"side": side, "value": value})
-    return {"fingertips": tuple(texts), "basis": basis} if texts else {}
+        texts.append(f"{side}{alone(um * row['threshold_vpp'], 'µm')} ({ends[0]} to {ends[1]})")
+    return ", ".join(texts), basis if texts else ""
 
 
-def differences(analysis: Analysis) -> list[Difference]:
-    """Return the difference of every two conditions; of one participant in both, that one's."""
+def sides_that_differ(analysis: Analysis) -> list[dict[str, Any]]:
+    """Return the conditions in which sides differ: ``condition``, and ``p`` of the test."""
+    return [{"condition": name, "p": p} for name, p in analysis.side_p.items() if p < ALPHA]
+
+
+def side_estimates(analysis: Analysis) -> list[dict[str, Any]]:
+    """Return the threshold of each side with its texts, of the conditions in which sides differ."""
+    table = analysis.side_groups
+    return [
+        row
+        for condition in (each["condition"] for each in sides_that_differ(analysis) if len(table))
+        for row in records(
+            with_texts(table[table["condition"].eq(condition)], analysis.levels, analysis.axis)
+        )
+    ]
+
+
+def differences(analysis: Analysis) -> list[dict[str, Any]]:
+    """Return the difference of every two conditions; of one participant in both, that one's.
+
+    Each row of the table has in addition ``people``, the number of participants in both conditions,
+    ``apart``, whether the printed interval leaves out 0, and the texts ``ratio`` and ``value``.
+    """
     results = []
     table = analysis.differences
-    for (a, b), rows in table.groupby(["condition_a", "condition_b"], sort=False):
-        people, row = rows[rows["participant"].ne(TOTAL)], rows.iloc[-1]
+    for _, pair in table.groupby(["condition_a", "condition_b"], sort=False):
+        people, row = pair[pair["participant"].ne(TOTAL)], pair.iloc[-1]
         if row["status"] == "one_participant" and len(people) == 1:
             row = people.iloc[0]
-        value, low, high = (float(row[n]) for n in ("difference_db", "low_db", "high_db"))
+        result = {str(name): value for name, value in row.items()} | {"people": len(people)}
+        low, high = (round(end, 1) for end in _limits(result, "{}_db"))
         has_ratio = row["status"] == "ok" and not analysis.axis.signed
-        results.append(
-            Difference(
-                a=str(a),
-                b=str(b),
-                status=str(row["status"]),
-                value=value,
-                low=low,
-                high=high,
-                ratio=_ratio(value, low, high) if has_ratio else "",
-                participants=len(people),
-                first=_first(people, (str(a), str(b))),
-                row={str(name): value for name, value in row.items()},
-            )
-        )
+        result |= {"apart": low > 0 or high < 0, "ratio": _ratio(result) if has_ratio else ""}
+        results.append(result | {"value": sentence("answer.jinja", "db", d=result)})
     return results
 
 
-def _ratio(value_db: float, low_db: float, high_db: float) -> str:
+def _ratio(row: Mapping[str, float]) -> str:
     """Return the ratio of two levels with its limits.
 
-    >>> _ratio(-2.7, -3.8, -1.5)
+    >>> _ratio({"difference_db": -2.7, "low_db": -3.8, "high_db": -1.5})
     '0.73 (0.65 to 0.84)'
     """
-    number = 2 if abs(value_db) < LARGE_DB else 0
-    at, low, high = (decimals(10 ** (db / 20), number) for db in (value_db, low_db, high_db))
+    values_db = [row[name] for name in ("difference_db", "low_db", "high_db")]
+    number = 2 if abs(values_db[0]) < LARGE_DB else 0
+    at, low, high = (decimals(10 ** (value_db / 20), number) for value_db in values_db)
     return f"{at} ({low} to {high})"
 
 
-def _first(people: pd.DataFrame, names: tuple[str, str]) -> str:
-    """Return the condition that all of several participants had first, where that is known."""
-    first = {*people["first"]}
-    return str(first.pop()) if len(people) > 1 and len(first) == 1 and first <= {*names} else ""
+def shares(table: pd.DataFrame) -> pd.DataFrame:
+    """Return counts of blank or both-finger trials, with the limits of the mean of participants."""
+    limits = {end: table[f"group_{end}"].fillna(table[end]) for end in ("low", "high")}
+    return table.assign(**limits)
 
 
-def false_alarms(analysis: Analysis) -> list[FalseAlarms]:
+def false_alarms(analysis: Analysis) -> list[dict[str, Any]]:
     """Return the rates of false alarms, of each condition where there are several."""
     if analysis.detected_any is None:
         return []
-    rows = analysis.blank[analysis.blank["participant"].eq(TOTAL)]
-    results = []
-    for row in records(rows):
-        of = "" if math.isnan(row["group_low"]) else "group_"
-        results.append(
-            FalseAlarms(
-                condition=str(row.get("condition", "")),
-                p=float(row["p"]),
-                low=float(row[f"{of}low"]),
-                high=float(row[f"{of}high"]),
-                alarms=round(row["p"] * row["presented"]),
-                presented=int(row["presented"]),
-            )
-        )
-    return results
+    return records(shares(analysis.blank[analysis.blank["participant"].eq(TOTAL)]))
 
 
-def left_out(analysis: Analysis, order: Iterable[str]) -> list[tuple[str, int]]:
-    """Return how many trials are left out for which reason, the reasons in this order."""
-    numbers = analysis.excluded.groupby("reason")["trials"].sum().to_dict()
-    places = {reason: at for at, reason in enumerate(order)}
-    chosen = sorted(map(str, numbers), key=lambda reason: places.get(reason, len(places)))
-    return [(reason, int(numbers[reason])) for reason in chosen]
+def left_out(analysis: Analysis) -> list[dict[str, Any]]:
+    """Return how many trials are left out: ``text`` of the reason, and ``number``."""
+    names = phrases()["reasons"]
+    numbers = analysis.excluded.groupby("reason")["trials"].sum()
+    order = sorted(numbers.index, key=[*names].index)
+    return [{"text": names[reason], "number": int(numbers[reason])} for reason in order]
 
 
 def level_range(analysis: Analysis) -> str:

@@ -2,26 +2,25 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final
 
 from analysis.counts.checks import ALTERNATED, INTERLEAVED
 from analysis.numbers import TOTAL
-from analysis.reading.columns import FORCED
-from analysis.results.analysis import ALPHA, MISFIT_P, misfits_of
-from analysis.results.findings import differences, estimates, false_alarms, left_out, level_range
-from analysis.results.protocol import (
-    format_cutoff,
-    format_levels,
-    format_material,
-    format_noise,
-    format_plate,
-    format_trials,
-    planned,
+from analysis.results.findings import (
+    differences,
+    false_alarms,
+    left_out,
+    level_range,
+    records,
+    sides_that_differ,
 )
+from analysis.results.protocol import planned
 from analysis.results.rendering import phrases, plain, template
 from analysis.results.summary import versions
+from analysis.results.warnings import MISFIT_P, misfits_of
 from analysis.thresholds.fit import WITH_THRESHOLD
 
 if TYPE_CHECKING:
@@ -29,7 +28,6 @@ if TYPE_CHECKING:
 
     from analysis.results.analysis import Analysis
     from analysis.results.protocol import Planned
-    from experiment.study.study import Study
 
 
 MAX_SHARE_OF_OTHERS: Final = 0.25
@@ -89,28 +87,13 @@ def methods_of(analysis: Analysis, plans: Planned | None = None, *, caption: str
 def _data(analysis: Analysis, plans: Planned) -> dict[str, Any]:
     """Return what both templates state."""
     table, pairs = analysis.thresholds, differences(analysis)
-    fitted = table[table["status"].isin(WITH_THRESHOLD)]
-    named = phrases()["reasons"]
-    task = "sites"
-    if analysis.is_yes_no:
-        task = "yes/no"
-    elif analysis.loaded.task == FORCED:
-        task = "forced choice"
-    elif analysis.detected_any is None:
-        task = "unknown"
     people = analysis.participants
+    task = "yes/no" if analysis.is_yes_no else analysis.loaded.task
     rates = table.groupby(table["guess_basis"].replace("few blanks", "blanks"))["guess_rate"]
     return {
         "analysis": analysis,
-        "mark": analysis.mark,
-        "counts": analysis.counts,
-        "study": _study(plans.studies[0]) if plans.studies else None,
-        "studies": len(plans.studies),
-        "task": task,
-        "sides": bool(analysis.loaded.side_told),
-        "both_answered": bool(analysis.confusion["both"].any())
-        if len(analysis.confusion)
-        else False,
+        "studies": plans.studies,
+        "task": task or ("unknown" if analysis.detected_any is None else "sites"),
         "conditions": [*map(str, people["condition"].unique())],
         "levels": _span(people.groupby(["condition", "participant"])["level_vpp"].nunique()),
         "range": level_range(analysis) if len(people) else "",
@@ -120,74 +103,36 @@ def _data(analysis: Analysis, plans: Planned) -> dict[str, Any]:
             for kind in ("blank", "both")
             if len(getattr(analysis, kind))
         },
-        "left_out": [
-            {"text": named.get(reason, reason), "number": number}
-            for reason, number in left_out(analysis, named)
-        ],
-        "left_out_by": analysis.loaded.left_out_by,
-        "order": _order(analysis),
-        "bases": {str(basis): _span(values.map("{:.2g}".format)) for basis, values in rates},
-        "log": not analysis.axis.signed,
-        "in_db": analysis.axis.is_logarithmic,
-        "axis_label": analysis.axis.label,
-        "of_groups": bool(len(analysis.groups) and analysis.groups["participants"].max() > 1),
-        "thresholds": len(table),
-        "estimates": estimates(analysis),
+        "left_out": left_out(analysis),
+        "order": _count_orders(analysis),
+        "bases": {str(basis): _span(values, "{:.2g}") for basis, values in rates},
+        "of_groups": analysis.groups["participants"].gt(1).any(),
         "differences": pairs,
-        "paired": [*dict.fromkeys(bool(pair.participants) for pair in pairs)],
+        "paired": {pair["people"] > 0 for pair in pairs},
         "rates": false_alarms(analysis),
-        "alarm_tests": [
-            {"a": pair.a, "b": pair.b, "p": p, "differ": p < ALPHA}
-            for pair in pairs
-            if (p := pair.row["false_alarm_p"]) == p
+        "alarm_p": [
+            pair["false_alarm_p"] for pair in pairs if not math.isnan(pair["false_alarm_p"])
         ],
-        "tested": int(table["deviance_p"].notna().sum()),
-        "misfits": misfits_of(table).to_dict("records"),
+        "tested": table["deviance_p"].count(),
+        "misfits": records(misfits_of(table)),
         "misfit_limit": MISFIT_P,
-        "fitted": len(fitted),
-        "at_bound": int(fitted["status"].eq("lapse_at_bound").sum()),
-        "steep": int(fitted["status"].eq("separated").sum()),
-        "sides_differ": [
-            {"condition": condition, "p": p}
-            for condition, p in analysis.side_p.items()
-            if p < ALPHA
-        ],
-        "sensitivity": len(analysis.sensitivity),
+        "status": Counter(table["status"]),
+        "fitted": table["status"].isin(WITH_THRESHOLD).sum(),
+        "sides_differ": sides_that_differ(analysis),
         "versions": versions(),
-    }
-
-
-def _study(study: Study) -> dict[str, Any]:
-    """Return the texts of a study."""
-    design = study.design
-    return {
-        "plate": format_plate(study),
-        "material": format_material(study),
-        "cutoff": format_cutoff(study),
-        "levels": format_levels(study),
-        "trials": format_trials(study),
-        "noise": format_noise(study),
-        "stimuli": [(one.name, one.summary) for one in study.conditions],
-        "order": design.order,
-        "foreperiod_s": design.foreperiod_s,
-        "responses": ", ".join(design.responses),
-        "window_s": design.response_window_s,
-        "contact": study.contact.summary,
     }
 
 
 def _of_people(table: pd.DataFrame, people: pd.DataFrame) -> pd.Series[int]:
     """Return how many trials of a kind each participant had in a condition."""
-    rows = table[table["participant"].ne(TOTAL)]
-    number = rows.set_index("participant")["presented"]
-    missing = [name for name in people["participant"].unique() if name not in number.index]
-    return number if not missing else number.reindex([*number.index, *missing], fill_value=0)
+    names = people[["participant"]].drop_duplicates()
+    rows = table.loc[table["participant"].ne(TOTAL), ["participant", "presented"]]
+    return names.merge(rows, "outer").fillna(0).set_index("participant")["presented"]
 
 
-def _span(numbers: Any) -> str:
+def _span(numbers: pd.Series[Any], form: str = "{}") -> str:
     """Return the least and the most of some numbers."""
-    ends = dict.fromkeys((str(numbers.min()), str(numbers.max()))) if len(numbers) else {}
-    return " to ".join(ends)
+    return " to ".join(dict.fromkeys(map(form.format, (numbers.min(), numbers.max()))))
 
 
 def _usual(numbers: pd.Series[int]) -> str:
@@ -207,25 +152,14 @@ def _usual(numbers: pd.Series[int]) -> str:
     return _span(numbers.astype(int))
 
 
-def _order(analysis: Analysis) -> dict[str, Any]:
-    """Return how many participants began with which condition, as far as the data show it."""
-    rows = analysis.differences
-    began: Counter[str] = Counter()
-    turns: Counter[str] = Counter()
-    unknown = 0
-    for _, pairs in rows[rows["participant"].ne(TOTAL)].groupby("participant"):
+def _count_orders(analysis: Analysis) -> Counter[str]:
+    """Count who began with which condition, had them in turns, or in an order that is not known."""
+    rows = analysis.differences[analysis.differences["participant"].ne(TOTAL)]
+    orders: Counter[str] = Counter()
+    for _, pairs in rows.groupby("participant"):
+        first = [*pairs["first"]]
         names = {*pairs["condition_a"], *pairs["condition_b"]}
-        wins = Counter(first for first in pairs["first"] if first in names)
-        first = [name for name, number in wins.items() if number == len(names) - 1]
-        mixed = [how for how in (INTERLEAVED, ALTERNATED) if pairs["first"].eq(how).any()]
-        if first:
-            began[first[0]] += 1
-        elif mixed:
-            turns[mixed[0]] += 1
-        else:
-            unknown += 1
-    return {
-        "began": sorted(began.items()),
-        "turns": {how: turns[how] for how in (INTERLEAVED, ALTERNATED)},
-        "unknown": unknown,
-    }
+        began = [name for name in names if first.count(name) == len(names) - 1]
+        turns = [how for how in (INTERLEAVED, ALTERNATED) if how in first]
+        orders[next(iter([*began, *turns]), "unknown")] += 1
+    return orders

@@ -7,6 +7,7 @@ Templates compute nothing. They get numbers as text from the filters below, or a
 from __future__ import annotations
 
 import base64
+import math
 import tomllib
 from functools import cache
 from importlib.resources import files
@@ -15,13 +16,15 @@ from typing import TYPE_CHECKING, Any, Final
 
 from analysis.codes import AnalysisWarning
 from analysis.numbers import decimals, p_value, percent, shortest, signed
+from experiment.templates import open_templates
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Callable, Mapping, Sequence
 
     from jinja2 import Environment, Template
 
     from analysis.codes import WarningCode
+    from experiment.study.study import Study
 
 
 _ISOLATE, _END = "\u2068", "\u2069"
@@ -63,20 +66,78 @@ def count_noun(number: int, noun: str) -> str:
     return f"{number} {noun}{'' if number == 1 else 's'}"
 
 
+def whole(number: float) -> str:
+    """Return a count, nothing of 0 and where there is none.
+
+    >>> whole(3.0), whole(0.0), whole(math.nan)
+    ('3', '', '')
+    """
+    return "" if math.isnan(number) or not number else f"{number:.0f}"
+
+
+def with_unit(level: float, unit: str) -> str:
+    """Return a level with its unit; where there is none, the row is of all levels."""
+    return "all" if math.isnan(level) else f"{shortest(level)} {unit}"
+
+
+def limits(values: Sequence[float]) -> str:
+    """Return a value, with its limits where it has some.
+
+    >>> limits([1.61, 0.77, 2.44]), limits([1.61, math.nan, math.nan])
+    ('1.61 (0.77 to 2.44)', '1.61')
+    """
+    at, low, high = (decimals(value, 2) for value in values)
+    return at if low == "n/a" else f"{at} ({low} to {high})"
+
+
+def points(values: Sequence[float]) -> str:
+    """Return a difference of shares in percentage points with its limits, nothing without them.
+
+    >>> points([0.02, -0.01, 0.05]), points([0.02, math.nan, math.nan])
+    ('+2.0 points (-1.0 to +5.0)', '')
+    """
+    if not all(map(math.isfinite, values)):
+        return ""
+    at, low, high = (signed(100 * value) for value in values)
+    return f"{at} points ({low} to {high})"
+
+
+def phrase(code: str, section: str) -> str:
+    """Return the words of a code."""
+    return str(phrases()[section][code])
+
+
+def levels_of(study: Study) -> str:
+    """Return the levels of a study, those of each condition where they differ."""
+    levels = {
+        condition.name: ", ".join(f"{v:g}" for v in condition.design(study.design).levels_vpp)
+        for condition in study.conditions
+    }
+    if len({*levels.values()}) == 1:
+        return next(iter(levels.values()))
+    return "; ".join(f"{name} {listed}" for name, listed in levels.items())
+
+
 def _base64(content: bytes) -> str:
     return base64.b64encode(content).decode("ascii")
 
 
-_FILTERS: Final = {
+_FILTERS: Final[Mapping[str, Callable[..., Any]]] = {
     "percent": percent,
     "p_value": p_value,
     "decimals": decimals,
     "signed": signed,
-    "level": shortest,
+    "whole": whole,
+    "with_unit": with_unit,
+    "limits": limits,
+    "points": points,
+    "phrase": phrase,
     "isolate": isolate,
     "list_names": list_names,
     "count": count_noun,
     "base64": _base64,
+    "levels": levels_of,
+    "mm": lambda length_m: f"{length_m * 1e3:g}",
 }
 
 
@@ -86,23 +147,19 @@ def read_text(name: str) -> str:
 
 
 @cache
-def phrases() -> Mapping[str, Mapping[str, str]]:
+def read_toml(name: str) -> Mapping[str, Any]:
+    """Return the tables of a TOML file of the templates."""
+    return MappingProxyType(tomllib.loads(read_text(name)))
+
+
+def phrases() -> Mapping[str, Any]:
     """Return phrases.toml: the words for codes, such as statuses and reasons."""
-    return MappingProxyType(tomllib.loads(read_text("phrases.toml")))
+    return read_toml("phrases.toml")
 
 
 @cache
-def _environment(*, autoescape: bool) -> Environment:
-    from jinja2 import Environment, FunctionLoader, StrictUndefined
-
-    environment = Environment(
-        loader=FunctionLoader(read_text),
-        autoescape=autoescape,  # noqa: S701 (of HTML; other templates make plain text)
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    environment.filters.update(_FILTERS)
+def _environment(*, autoescape: bool = False) -> Environment:
+    environment = open_templates("analysis.results", _FILTERS, autoescape=autoescape)
     environment.globals["phrases"] = phrases()
     return environment
 
@@ -110,6 +167,21 @@ def _environment(*, autoescape: bool) -> Environment:
 def template(name: str) -> Template:
     """Return a template; values in a template of HTML are escaped."""
     return _environment(autoescape=name.endswith(".html.jinja")).get_template(name)
+
+
+@cache
+def compiled(expression: str) -> Callable[[Mapping[str, Any]], Any]:
+    """Return an expression of the template language; it takes the values of its names."""
+    return _environment().compile_expression(expression)
+
+
+@cache
+def names_in(expression: str) -> frozenset[str]:
+    """Return the names of values that an expression needs."""
+    from jinja2 import meta
+
+    tree = _environment().parse(f"{{{{ {expression} }}}}")
+    return frozenset(meta.find_undeclared_variables(tree))
 
 
 @cache

@@ -5,26 +5,15 @@ from __future__ import annotations
 import base64
 import hashlib
 import json
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 from analysis.results.answer import answer
-from analysis.results.findings import side_estimates
+from analysis.results.findings import sides_that_differ
 from analysis.results.methods import methods_of
-from analysis.results.protocol import planned, protocol_tables, source_tables
+from analysis.results.protocol import planned, protocol_rows
 from analysis.results.rendering import phrases, read_text, template
 from analysis.results.summary import devices
-from analysis.results.tables import (
-    answer_tables,
-    blank_tables,
-    count_tables,
-    group_tables,
-    level_tables,
-    people_tables,
-    sensitivity_tables,
-    side_tables,
-    time_tables,
-)
+from analysis.results.tables import make_tables, result_rows
 from experiment.archive.files import HEADER
 from experiment.rows import NOT_AVAILABLE
 
@@ -34,28 +23,12 @@ if TYPE_CHECKING:
     from analysis.results.analysis import Analysis
     from analysis.results.figures.figures import Picture
     from analysis.results.methods import Methods
-    from analysis.results.tables import Table
 
 
 MAX_ROWS: Final = 16
 """A longer table is folded."""
 MAX_LETTERS: Final = 30
 """Letters of a cell that is not wrapped."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Section:
-    """A part of the page: its key in phrases.toml, its tables and its figures."""
-
-    key: str
-    tables: Sequence[Table] = ()
-    pictures: Sequence[Picture] = ()
-    folded: bool = False
-
-    @property
-    def title(self) -> str:
-        """The heading."""
-        return phrases()["sections"][self.key]
 
 
 def report_html(
@@ -68,32 +41,21 @@ def report_html(
     drawn: dict[str, list[Picture]] = {}
     for picture in pictures:
         drawn.setdefault(picture.figure, []).append(picture)
-    first = drawn.pop("detection", [])
-
-    def take(*names: str) -> list[Picture]:
-        return [picture for name in names for picture in drawn.pop(name, [])]
-
-    differ = bool(side_estimates(analysis))
-    by_side = [*side_tables(analysis)] if differ else []
+    rows = result_rows(analysis) | protocol_rows(analysis, plans)
     sections = [
-        Section(key="thresholds", tables=[*group_tables(analysis)], pictures=take("thresholds")),
-        Section(key="people", tables=[*people_tables(analysis)], pictures=take("participants")),
-        Section(key="levels", tables=[*level_tables(analysis), *by_side]),
-        Section(key="answers", tables=[*answer_tables(analysis)], pictures=take("confusion")),
-        Section(
-            key="sensitivity",
-            tables=[*blank_tables(analysis), *sensitivity_tables(analysis)],
-            pictures=take("d_prime"),
-        ),
-        Section(
-            key="times",
-            tables=[*time_tables(analysis)],
-            pictures=take("reaction_times"),
-            folded=True,
-        ),
-        Section(key="counts", tables=[*count_tables(analysis)], folded=True),
-        Section(key="protocol", tables=[*protocol_tables(analysis, plans)], folded=True),
-        Section(key="sources", tables=[*source_tables(analysis, plans)], folded=True),
+        section
+        | {
+            "key": key,
+            "tables": [
+                table
+                for name in section["tables"]
+                for table in make_tables(name, rows[name], analysis)
+            ],
+            "pictures": [
+                picture for name in section.get("figures", []) for picture in drawn.pop(name, [])
+            ],
+        }
+        for key, section in phrases()["sections"].items()
     ]
     kinds = devices(analysis.trials)
     return template("report.html.jinja").render(
@@ -104,10 +66,9 @@ def report_html(
         policy=f"default-src 'none'; img-src data:; style-src 'sha256-{digest}'; "
         "base-uri 'none'; form-action 'none'",
         answer=answer(analysis),
-        first=first,
-        sides_differ=differ,
-        sections=[one for one in sections if one.tables or one.pictures],
-        more_pictures=[picture for each in drawn.values() for picture in each],
+        first=drawn.pop("detection", []),
+        sides_differ=bool(sides_that_differ(analysis)),
+        sections=[section for section in sections if section["tables"] or section["pictures"]],
         methods=methods or methods_of(analysis, plans),
         faults=plans.faults,
         kinds=kinds if {*kinds} - {NOT_AVAILABLE} else {},

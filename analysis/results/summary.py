@@ -11,7 +11,6 @@ from functools import cache
 from importlib.metadata import version
 from typing import TYPE_CHECKING, Any, Final
 
-from analysis.results.analysis import contacts_of
 from analysis.results.answer import answer
 from analysis.results.rendering import read_text
 from experiment.rows import NOT_AVAILABLE
@@ -64,7 +63,7 @@ def summary_text(analysis: Analysis) -> str:
         "devices": devices(analysis.trials),
         "altered": [difference for each in modified for difference in each],
         "not_compared": list(loaded.not_compared),
-        "contact": {text: list(names) for text, names in contacts_of(analysis).items()},
+        "contact": {text: list(names) for text, names in analysis.contacts.items()},
         "side_p": dict(analysis.side_p),
         **{name: _records(table, analysis) for name, table in tables.items()},
         "warnings": [asdict(warning) for warning in analysis.warnings],

@@ -26,7 +26,11 @@ ROOT = Path(__file__).resolve().parents[2]
 DOCS = ROOT / "docs"
 ENTRY = [ROOT / name for name in ("README.md", "CONTRIBUTING.md", "CHANGELOG.md")]
 PAGES = sorted([*DOCS.glob("*.md"), *DOCS.glob("howto/*.md"), *DOCS.glob("explanation/*.md")])
-RUN = [page for page in PAGES if page.parent.name == "howto" or page.stem in {"tutorial", "plate"}]
+RUN = [
+    page
+    for page in PAGES
+    if page.parent.name == "howto" or page.stem in {"plate", "power", "tutorial"}
+]
 
 
 @pytest.fixture(autouse=True)

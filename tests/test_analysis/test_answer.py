@@ -18,8 +18,8 @@ import pytest
 
 from analysis import Axis, ColumnMap, WarningCode, analyse, print_analysis, write_analysis
 from analysis.codes import AnalysisWarning
-from analysis.results.analysis import ALPHA
 from analysis.results.answer import answer
+from analysis.results.findings import ALPHA
 from tests.test_analysis.shared import LEAST, files, loaded, put
 from tests.test_analysis.tables import numbers
 
@@ -57,6 +57,13 @@ def rows_of(table: pd.DataFrame, rows: list[dict[str, Any]]) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=[*dict.fromkeys([*table.columns, *(rows or [{}])[0]])])
 
 
+def with_warnings(analysis: Analysis, *warnings: AnalysisWarning) -> Analysis:
+    """Return an analysis that has these warnings, whatever its tables are."""
+    copy = replace(analysis)
+    vars(copy)["warnings"] = warnings
+    return copy
+
+
 def drawn(least: Analysis, seed: int) -> tuple[Analysis, dict[str, list[float]]]:
     """Return an analysis whose tables are drawn at random, and the numbers of each condition."""
     rng: Any = random.Random(seed)
@@ -78,7 +85,6 @@ def drawn(least: Analysis, seed: int) -> tuple[Analysis, dict[str, list[float]]]
         differences += [at | {"participant": name} for name in (*of, "all")]
     blank = pd.DataFrame({"condition": names, "participant": "all", "presented": 60})
     blank = blank.assign(p=0.1, low=0.05, high=0.2, group_low=NAN, group_high=NAN)
-    warnings = tuple(least.warnings[:0])
     found = replace(
         least,
         loaded=replace(least.loaded, axis=Axis(x_scale="linear") if linear else Axis()),
@@ -89,9 +95,8 @@ def drawn(least: Analysis, seed: int) -> tuple[Analysis, dict[str, list[float]]]
         blank=blank if len(names) > 1 else blank.drop(columns="condition"),
         counts=replace(least.counts, trials=400, conditions=len(names), participants=people),
         detected_any=rng.choice((None, least.levels)),
-        warnings=warnings,
     )
-    return found, shown
+    return with_warnings(found), shown
 
 
 def printed(analysis: Analysis, **options: Any) -> list[str]:
@@ -131,8 +136,7 @@ def test_the_terminal_has_at_most_12_lines_of_80_columns(least: Analysis, seed: 
     warnings = tuple(
         replace_code(code) for code in (*WarningCode,)[: random.Random(seed).randrange(12)]
     )
-    analysis = replace(analysis, warnings=warnings)
-    lines = printed(analysis, report="out/report.html")
+    lines = printed(with_warnings(analysis, *warnings), report="out/report.html")
     assert len(lines) <= 12
     assert max(map(len, lines)) <= 80
     assert lines[-1].endswith("out/report.html")
@@ -225,7 +229,7 @@ def test_equal_warnings_are_one_line_with_their_numbers(least: Analysis) -> None
     codes = [WarningCode.FUNCTIONS_STEEP, *[WarningCode.CONDITION_ALWAYS_FIRST] * 6]
     warnings = tuple(AnalysisWarning(code, f"{n}") for n, code in enumerate(codes))
     remark = "main: all levels lie above the simulated threshold, 58.8 V."
-    lines = printed(replace(analysis, warnings=warnings), report="R", remarks=[remark])
+    lines = printed(with_warnings(analysis, *warnings), report="R", remarks=[remark])
     at = next(n for n, line in enumerate(lines) if line.startswith("Warnings"))
     assert [line.split()[0] for line in lines[at + 1 : at + 3]] == ["2-7", "8"]
     assert lines[-1].split() == ["Report", "R"]

@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING
 import pytest
 
 from experiment import paper_study, read_study
+from experiment.study.physics import study_gains
+from experiment.study.threshold import median_threshold
 from experiment.study.writing import discs
 
 if TYPE_CHECKING:
@@ -60,6 +62,10 @@ def test_a_preset_is_a_short_file_that_names_its_schema(preset: str, run: Run) -
         assert (design.order, "none" in design.responses) == ("balanced", True)
         assert design.blank_trials >= 59  # so many without a false alarm bound its rate at 5 %
         assert design.trials % design.break_every == 0
+        threshold = median_threshold(study, study_gains(study)[0].fingers())
+        low_db, high_db = threshold.levels_db
+        assert low_db < -5 < 5 < high_db  # thresholds of most people lie between the levels
+        assert max(design.levels_vpp) < threshold.highest_vpp
 
 
 def test_every_other_key_can_be_added_as_a_comment(run: Run) -> None:
