@@ -295,16 +295,13 @@ def analyse(
 
 def _require_real(trials: pd.DataFrame) -> None:
     """Refuse simulated trials beside real ones, and people on a device that moves nothing."""
-    simulated = trials["simulated"]
-    if simulated.any() and not simulated.all():
-        trial = trials[simulated].iloc[0]
-        message = "a simulated trial, and others are real; --allow-simulated accepts both"
-        raise ResultFileError(trial["file"], int(trial["line"]), message)
-    practice = trials[without_device(trials)]
-    if len(practice):
-        trial = practice.iloc[0]
-        message = (
-            f"a trial of a person on a device of the kind {trial['device_kind']}, which moves "
-            "nothing; --allow-simulated accepts it"
-        )
-        raise ResultFileError(trial["file"], int(trial["line"]), message)
+    is_simulated = trials["simulated"]
+    refused = {
+        "a simulated trial, and others are real": is_simulated & (not is_simulated.all()),
+        "a trial of a person on a device that moves nothing": without_device(trials),
+    }
+    for message, is_refused in refused.items():
+        if is_refused.any():
+            trial = trials[is_refused].iloc[0]
+            text = f"{message}; --allow-simulated accepts it"
+            raise ResultFileError(trial["file"], int(trial["line"]), text)

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import csv
-import io
 import re
 import shutil
 from pathlib import Path
@@ -40,6 +38,7 @@ _NUMBER = re.compile(r"[+-]?\d+(\.\d*)?([eE][+-]?\d+)?", re.ASCII)
 
 
 _ROWS = 5_000
+"""Rows that are written at a time: a list of cells takes more room than its text."""
 
 
 def csv_text(table: pd.DataFrame) -> str:
@@ -51,31 +50,21 @@ def csv_text(table: pd.DataFrame) -> str:
     >>> csv_text(table)
     "level_vpp,group_low,name\n60,n/a,'=1+1\n"
     """
-    parts = [",".join(map(_quoted, table.columns)) + "\n"]
-    for first in range(0, len(table), _ROWS):  # a list of cells takes more room than its text
+    texts = []
+    for first in range(0, max(len(table), 1), _ROWS):
         rows = table.iloc[first : first + _ROWS]
-        cells = (_cells(rows[name]) for name in table.columns)
-        parts.append("\n".join([*map(",".join, zip(*cells, strict=True)), ""]))
-    return "".join(parts)
+        cells = pd.DataFrame({name: _cells(rows[name]) for name in rows}, dtype=object)
+        texts.append(cells.to_csv(index=False, header=first == 0, lineterminator="\n"))
+    return "".join(texts)
 
 
-def _cells(column: pd.Series[Any]) -> Iterable[str]:
+def _cells(column: pd.Series[Any]) -> list[str]:
     """Write each different value once."""
     codes, distinct = pd.factorize(column, use_na_sentinel=True)
-    # The last stands for missing values, whose code is -1.
-    texts = [*map(_cell, distinct.tolist()), NOT_AVAILABLE]
+    values = distinct.tolist()
+    texts = [harmless(v) if isinstance(v, str) else format_value(v) for v in values]
+    texts.append(NOT_AVAILABLE)  # of missing values, whose code is -1
     return [texts[code] for code in codes.tolist()]
-
-
-def _cell(value: object) -> str:
-    return _quoted(harmless(value)) if isinstance(value, str) else format_value(value)
-
-
-def _quoted(text: str) -> str:
-    """Quote a text where a CSV must; numbers and flags never need it."""
-    written = io.StringIO()
-    csv.writer(written, lineterminator="\n").writerow([text, ""])
-    return written.getvalue().removesuffix(",\n")
 
 
 def harmless(text: str) -> str:
@@ -91,22 +80,22 @@ def harmless(text: str) -> str:
     return text if _NUMBER.fullmatch(text) else _FORMULA.sub(r"\1'\2", text)
 
 
-SUMMARY = "summary.json"
-# The summary first: wherever moving stops, the next analysis knows the folder for one of its own.
-REPORT, METHODS, COLUMNS = "report.html", "methods.txt", "columns.json"
+SUMMARY, REPORT, METHODS, COLUMNS = "summary.json", "report.html", "methods.txt", "columns.json"
+_TABLES = (
+    *("levels", "participants", "both", "blank", "hands_off", "thresholds", "differences"),
+    *("sides", "sensitivity", "d_prime_differences", "confusion"),
+)
+_ALWAYS = ("levels", "participants")
+# The manifest first: wherever moving stops, the next analysis knows the folder for one of its own.
 NAMES = (
-    SUMMARY,
-    manifest.NAME,
-    *("levels.csv", "participants.csv", "both.csv", "blank.csv", "hands_off.csv"),
-    *("thresholds.csv", "differences.csv", "sensitivity.csv", "sides.csv"),
-    *("functions.csv", "d_prime_differences.csv", "confusion.csv", "trials_clean.csv"),
+    *(manifest.NAME, SUMMARY, COLUMNS, METHODS, REPORT),
+    *(f"{name}.csv" for name in (*_TABLES, "functions", "trials_clean")),
     *figures.NAMES,
-    COLUMNS,
-    METHODS,
-    REPORT,
 )
 _PREFIX, _LOCK = ".analysis-", "lock"
-_SUMMARY_BEGINS = re.compile(rb'\{\n "schema": \d+,\n "(ci|definitions)": ')
+_KIND = "analysis"
+"""How the manifest calls the folder."""
+_KEY = ["participant", "condition"]
 
 
 def save(
@@ -137,7 +126,7 @@ def save(
     ------
     ValueError
         Where `out_dir` is not a folder, or has under one of `NAMES` a folder, a file that was
-        analysed, or any file without a summary.json of an earlier analysis beside it.
+        analysed, or any file without the manifest of an earlier analysis beside it.
     OSError
         Where the folder cannot be written; no file in it has changed then.
     """
@@ -179,64 +168,40 @@ def _move(made: Path, out_dir: Path) -> None:
 def _check_target(out_dir: Path, read: Iterable[Path]) -> None:
     if out_dir.exists() and not out_dir.is_dir():
         raise ValueError(f"out_dir must be a folder, got the file {out_dir}")
-    named = [out_dir / name for name in NAMES]
-    there = [target for target in named if target.exists() or target.is_symlink()]
-    held = {_file_identity(target) for target in there if target.exists()}
-    for path in read:
-        if _file_identity(path) in held:
+    there = [path for path in map(out_dir.joinpath, NAMES) if path.exists() or path.is_symlink()]
+    for path in there:
+        if path.is_dir():
+            raise ValueError(f"out_dir must not hold a folder with a result's name, got {path}")
+        if path.exists() and any(map(path.samefile, read)):
             raise ValueError(f"out_dir must not hold what is analysed, got {path} there")
-    for target in there:
-        if target.is_dir():
-            raise ValueError(f"out_dir must not hold a folder with a result's name, got {target}")
-    if there and not _is_summary(out_dir / SUMMARY):
+    earlier = manifest.read_manifest(out_dir)
+    if there and (earlier is None or earlier.what != _KIND):
         message = "out_dir must not hold files that are not of an earlier analysis"
         raise ValueError(f"{message}, got {there[0]}")
 
 
-def _file_identity(path: Path) -> tuple[int, int]:
-    """Return what two paths have in common that lead to the same file."""
-    status = path.stat()
-    return status.st_dev, status.st_ino
-
-
-def _is_summary(path: Path) -> bool:
-    """Tell whether a file begins as `summary_text` does."""
-    if not path.is_file():
-        return False
-    with path.open("rb") as stream:
-        return _SUMMARY_BEGINS.match(stream.read(100)) is not None
-
-
 def _contents(analysis: Analysis, style: Style | None) -> Iterator[tuple[str, bytes]]:
     """Yield the files one by one, so that only one is held besides the figures."""
-    yield SUMMARY, summary_text(analysis).encode()
     people = tuple(sorted(map(str, analysis.trials["participant"].unique())))
-    yield manifest.NAME, Manifest(what="analysis", participants=people).text().encode()
-    trials, marks = _marks(analysis)
-    yield "trials_clean.csv", _csv(clean_table(trials, more=_ALTERED & {*marks}), analysis)
-    tables = {"levels.csv": analysis.levels, "participants.csv": analysis.participants}
-    possible = {
-        "both.csv": analysis.both,
-        "blank.csv": analysis.blank,
-        "hands_off.csv": analysis.hands_off,
-        "thresholds.csv": _with_groups(analysis),
-        "differences.csv": analysis.differences,
-        "sides.csv": analysis.sides,
-        "sensitivity.csv": analysis.sensitivity,
-        "d_prime_differences.csv": analysis.d_prime_differences,
-        "confusion.csv": analysis.confusion,
-    }
-    tables |= {name: table for name, table in possible.items() if len(table)}
-    for name, table in tables.items():
-        yield name, _csv(_marked(table, trials, marks), analysis)
+    yield manifest.NAME, Manifest(what=_KIND, participants=people).text().encode()
+    yield SUMMARY, summary_text(analysis).encode()
+    marks = _marks(analysis)
+    altered = analysis.trials["file"].isin([*analysis.loaded.altered])
+    trials = analysis.trials.assign(altered=altered)
+    clean = clean_table(trials, more={"altered"} & {*marks})
+    yield "trials_clean.csv", csv_text(in_own_words(clean, analysis)).encode()
     drawn = () if style is None else tuple(figures.pictures(analysis, style))
-    if drawn and len(table := function_table(analysis)):
-        yield "functions.csv", _csv(_marked(table, trials, marks), analysis)
+    tables = {name: getattr(analysis, name) for name in _TABLES}
+    tables["thresholds"] = _with_groups(analysis)
+    tables["functions"] = function_table(analysis) if drawn else pd.DataFrame()
+    for name, table in tables.items():
+        if len(table) or name in _ALWAYS:
+            text = csv_text(in_own_words(_marked(table, marks), analysis))
+            yield f"{name}.csv", text.encode()
     for picture in drawn:
-        yield f"{picture.name}.png", picture.png
-        yield f"{picture.name}.svg", picture.svg
-        if picture.pdf:
-            yield f"{picture.name}.pdf", picture.pdf
+        for ending in ("png", "svg", "pdf"):
+            if content := getattr(picture, ending):
+                yield f"{picture.name}.{ending}", content
     caption = next((picture.caption for picture in drawn if picture.figure == "detection"), "")
     methods = methods_of(analysis, caption=caption)
     yield COLUMNS, columns_text(analysis).encode()
@@ -244,74 +209,49 @@ def _contents(analysis: Analysis, style: Style | None) -> Iterator[tuple[str, by
     yield REPORT, report_html(analysis, drawn, methods).encode()
 
 
-def _csv(table: pd.DataFrame, analysis: Analysis) -> bytes:
-    return csv_text(in_own_words(table, analysis)).encode()
+def _marks(analysis: Analysis) -> pd.DataFrame:
+    """Return by what rows are told apart where trials are of several sorts, a column for each.
 
-
-_ALTERED = {"altered"}
-
-
-def _marks(analysis: Analysis) -> tuple[pd.DataFrame, list[str]]:
-    """Return the trials, and those of their columns by which the rows of tables are told apart."""
-    trials, counts = analysis.trials, analysis.counts
-    marks = {
+    The rows are the participants in each condition, and `TOTAL` for all of them.
+    """
+    trials, counts, loaded = analysis.trials, analysis.counts, analysis.loaded
+    shown = {
         "simulated": 0 < counts.simulated < counts.trials,
         "device_kind": bool(counts.without_device) or len(devices(trials)) > 1,
-        "altered": bool(analysis.loaded.altered or analysis.loaded.lost),
+        "altered": bool(loaded.altered or loaded.lost),
     }
-    altered = trials["file"].isin([*analysis.loaded.altered])
-    return trials.assign(altered=altered), [name for name, is_marked in marks.items() if is_marked]
+    columns = [*_KEY, *(name for name, is_shown in shown.items() if is_shown)]
+    table = trials.assign(altered=trials["file"].isin([*loaded.altered]))[columns]
+    table = table.astype(object).drop_duplicates()
+    return pd.concat([table, table.assign(participant=TOTAL)])
 
 
-def _marked(table: pd.DataFrame, trials: pd.DataFrame, marks: Iterable[str]) -> pd.DataFrame:
+def _marked(table: pd.DataFrame, marks: pd.DataFrame) -> pd.DataFrame:
     """Say in last columns which trials a row is of: true, false or the kind of device, or mixed."""
-    return table.assign(**{name: _sorts(table, trials, name) for name in marks})
+    key = [name for name in _KEY if name in table]
+    names = [name for name in marks if name not in _KEY]
+    if not names:
+        return table
+    return table.join(marks.groupby(key)[names].agg(_same), on=key)
 
 
-def _sorts(table: pd.DataFrame, trials: pd.DataFrame, mark: str) -> list[str]:
-    """Return the value of a mark in the trials of each row, or mixed."""
-    texts = trials.assign(text=trials[mark].astype(object).map(_text))
-    keys = ("condition",), ("participant",), ("participant", "condition")
-    of_rows: dict[tuple[str, ...], dict[Any, str]] = {
-        key: texts.groupby(list(key))["text"].agg(_same).to_dict() for key in keys
-    }
-    sorts = []
-    for row in table.to_dict("records"):
-        names = ("participant", "condition")
-        key = tuple(name for name in names if name in row and row[name] != TOTAL)
-        values = tuple(row[name] for name in key)
-        value = values if len(values) > 1 else values[0] if key else None
-        sorts.append(of_rows[key][value] if key else _same(texts["text"]))
-    return sorts
-
-
-def _text(value: object) -> str:
-    missing = value is None or value != value  # noqa: PLR0124 (NaN, as categoricals have it)
-    return NOT_AVAILABLE if missing else format_value(value)
-
-
-def _same(texts: pd.Series[Any]) -> str:
-    different = texts.unique()
-    return str(different[0]) if len(different) == 1 else "mixed"
+def _same(values: pd.Series[Any]) -> object:
+    different = values.unique()
+    return different[0] if len(different) == 1 else "mixed"
 
 
 def _with_groups(analysis: Analysis) -> pd.DataFrame:
     """Put below the participants of each condition a row of their group."""
     thresholds, groups = analysis.thresholds, analysis.groups
-    rows = with_group_micrometres(groups, thresholds).assign(
-        participant=TOTAL,
-        trials=[
-            thresholds.loc[thresholds["condition"].eq(name), "trials"].sum()
-            for name in groups["condition"]
-        ],
-    )
+    number = thresholds.groupby("condition")["trials"].sum()
+    rows = with_group_micrometres(groups, thresholds)
+    rows = rows.assign(participant=TOTAL, trials=groups["condition"].map(number))
     if analysis.axis.is_logarithmic:
         for name in ("threshold", "threshold_low", "threshold_high"):
             rows[f"{name}_db"] = 20 * analysis.axis.on_axis(rows[f"{name}_vpp"].to_numpy(float))
-    columns = list(thresholds.columns)
-    records = [*thresholds.to_dict("records"), *rows.to_dict("records")]
-    table = pd.DataFrame(records, columns=columns)
-    return table.sort_values("condition", kind="stable").reset_index(drop=True)
+    columns = [*thresholds]
+    table = pd.concat([thresholds.astype(object), rows.reindex(columns=columns).astype(object)])
+    return table.sort_values("condition", kind="stable", ignore_index=True)
 
 
 def _write(path: Path, content: bytes, target: Path) -> None:

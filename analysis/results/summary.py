@@ -165,15 +165,10 @@ def devices(trials: pd.DataFrame) -> dict[str, int]:
 
 
 def _records(table: pd.DataFrame, analysis: Analysis) -> list[dict[str, object]]:
+    """Return the rows of a table, null for NaN, and counts whole where others are missing."""
     table = in_own_words(table, analysis)
+    table = table.astype({name: "Int64" for name in _COUNTS if name in table}).astype(object)
     return [
-        {name: _json(name, value) for name, value in zip(table.columns, row, strict=True)}
-        for row in table.itertuples(index=False, name=None)
+        dict(zip(table.columns, row, strict=True))
+        for row in table.where(table.notna(), None).itertuples(index=False, name=None)
     ]
-
-
-def _json(name: str, value: object) -> object:
-    """Return null for NaN, and a count as one where its column holds floats."""
-    if isinstance(value, float) and math.isnan(value):
-        return None
-    return int(value) if name in _COUNTS and isinstance(value, float) else value
