@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 
 import pandas as pd
 
-from analysis.codes import WarningCode
 from analysis.counts import table
 from analysis.counts.checks import check_counts, check_trials, sides_differ
 from analysis.counts.sensitivity import d_prime_differences, sensitivity_table, with_criterion
@@ -138,8 +137,8 @@ class Analysis:
 
     @cached_property
     def warnings(self) -> tuple[AnalysisWarning, ...]:
-        """What the reader of a result should look at, in the order of `WarningCode`."""
-        return tuple(sorted(find_warnings(self), key=lambda each: [*WarningCode].index(each.code)))
+        """What the reader of a result should look at."""
+        return tuple(find_warnings(self))
 
     @property
     def contacts(self) -> Mapping[str, tuple[str, ...]]:
@@ -244,17 +243,11 @@ def analyse(
     sensitivity = sensitivity_table(counts)
     blank = table.count_blanks(counts, ci, loaded.blanks)
     detected_any = table.count_detected_any(cells)
-    has_sides = loaded.side_told and loaded.cells is None
     side_p: dict[str, float] = {}
-    if has_sides:
+    if loaded.side_told and loaded.cells is None:
         tests = sides_differ(counts)
         side_p = dict(zip(tests["condition"], tests["p"], strict=True))
-    differing = [name for name, p in side_p.items() if p < ALPHA]
-    side_groups = pd.DataFrame()
-    if differing:
-        side_groups = side_thresholds(
-            trials[trials["condition"].isin(differing)], axis, loaded.alternatives
-        )
+    differs = trials["condition"].astype(object).map(side_p).lt(ALPHA)
     checks = (
         check_trials(trials, counts, axis, loaded.alternatives)
         if loaded.cells is None
@@ -280,7 +273,7 @@ def analyse(
             numbered=loaded.numbered,
         ),
         sides=table.summarize_sides(counts) if side_p else pd.DataFrame(),
-        side_groups=side_groups,
+        side_groups=side_thresholds(trials[differs], axis, loaded.alternatives),
         sensitivity=sensitivity,
         d_prime_differences=d_prime_differences(sensitivity),
         confusion=table.count_confusions(counts),

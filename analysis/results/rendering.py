@@ -24,7 +24,6 @@ if TYPE_CHECKING:
     from jinja2 import Environment, Template
 
     from analysis.codes import WarningCode
-    from experiment.study.study import Study
 
 
 _ISOLATE, _END = "\u2068", "\u2069"
@@ -107,17 +106,6 @@ def phrase(code: str, section: str) -> str:
     return str(phrases()[section][code])
 
 
-def levels_of(study: Study) -> str:
-    """Return the levels of a study, those of each condition where they differ."""
-    levels = {
-        condition.name: ", ".join(f"{v:g}" for v in condition.design(study.design).levels_vpp)
-        for condition in study.conditions
-    }
-    if len({*levels.values()}) == 1:
-        return next(iter(levels.values()))
-    return "; ".join(f"{name} {listed}" for name, listed in levels.items())
-
-
 def _base64(content: bytes) -> str:
     return base64.b64encode(content).decode("ascii")
 
@@ -136,7 +124,6 @@ _FILTERS: Final[Mapping[str, Callable[..., Any]]] = {
     "list_names": list_names,
     "count": count_noun,
     "base64": _base64,
-    "levels": levels_of,
     "mm": lambda length_m: f"{length_m * 1e3:g}",
 }
 
@@ -184,14 +171,9 @@ def names_in(expression: str) -> frozenset[str]:
     return frozenset(meta.find_undeclared_variables(tree))
 
 
-@cache
-def _macros(name: str) -> Any:
-    return template(name).module
-
-
 def sentence(file: str, macro: str, **data: object) -> str:
     """Return what a macro makes of data, on one line."""
-    return " ".join(str(getattr(_macros(file), macro)(**data)).split())
+    return " ".join(str(getattr(template(file).module, macro)(**data)).split())
 
 
 def warning(code: WarningCode, **data: object) -> AnalysisWarning:

@@ -29,19 +29,8 @@ SCHEMA: Final = 2
 _COUNTS: Final = ("false_alarms_a", "blanks_a", "false_alarms_b", "blanks_b")
 _SIDED: Final = ("left_vpp", "right_vpp", "left_um", "right_um")
 _TABLES: Final = (
-    "excluded",
-    "levels",
-    "both",
-    "blank",
-    "hands_off",
-    "thresholds",
-    "groups",
-    "sides",
-    "side_groups",
-    "differences",
-    "sensitivity",
-    "d_prime_differences",
-    "reaction_times",
+    *("excluded", "levels", "both", "blank", "hands_off", "thresholds", "groups", "sides"),
+    *("side_groups", "differences", "sensitivity", "d_prime_differences", "reaction_times"),
 )
 
 

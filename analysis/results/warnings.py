@@ -21,11 +21,13 @@ from experiment.perception.gains import UNEQUAL_DB
 from experiment.rows import HANDS_OFF, NOT_AVAILABLE, PRACTICE
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
+    from collections.abc import Iterator
+    from typing import TypeAlias
 
     from analysis.results.analysis import Analysis
 
-    Rows = Sequence[Mapping[str, Any]]
+    Check: TypeAlias = tuple[bool, WarningCode, dict[str, Any]]
+    """Whether there is reason to warn, and of what: the code of the warning and its data."""
 
 
 MISFIT_P: Final = 0.01
@@ -50,54 +52,58 @@ _SESSION: Final = ["participant", "session"]
 
 
 def find_warnings(analysis: Analysis) -> Iterator[AnalysisWarning]:
-    """Yield the warnings about an analysis, those of the data before those of the results."""
-    yield from analysis.loaded.changed
-    for code, rows in chain(
-        _about_sessions(analysis),
-        _about_trials(analysis),
-        _about_origins(analysis),
-        _about_answers(analysis),
-    ):
-        yield from (warning(code, **row) for row in rows)
-    for check in analysis.checks:
-        data = {"participant": check.participant, "condition": check.condition}
-        yield AnalysisWarning(_CHECKS[check.kind], str(check), data)
-    for code, rows in chain(
-        _about_functions(analysis), _about_sides(analysis), _about_conditions(analysis)
-    ):
-        yield from (warning(code, **row) for row in rows)
-
-
-def _about_sessions(analysis: Analysis) -> Iterator[tuple[WarningCode, Rows]]:
-    """Yield which sessions lack trials."""
-    loaded = analysis.loaded
-    remedies = loaded.without_table.items()
-    yield (
-        WarningCode.SESSION_WITHOUT_TABLE,
-        [{"folder": folder, "remedy": remedy} for folder, remedy in remedies],
+    """Yield what the reader of a result should look at, in the order of `WarningCode`."""
+    checks = chain(
+        _check_sessions(analysis),
+        _check_trials(analysis),
+        _check_origins(analysis),
+        _check_answers(analysis),
+        _check_functions(analysis),
+        _check_sides(analysis),
+        _check_conditions(analysis),
     )
+    warnings = [warning(code, **data) for is_found, code, data in checks if is_found]
+    for check in analysis.checks:
+        names = {"participant": check.participant, "condition": check.condition}
+        warnings.append(AnalysisWarning(_CHECKS[check.kind], str(check), names))
+    order = [*WarningCode]
+    yield from sorted((*analysis.loaded.changed, *warnings), key=lambda one: order.index(one.code))
+
+
+def _check_sessions(analysis: Analysis) -> Iterator[Check]:
+    """Check whether sessions lack trials."""
+    loaded = analysis.loaded
+    for folder, remedy in loaded.without_table.items():
+        yield True, WarningCode.SESSION_WITHOUT_TABLE, {"folder": folder, "remedy": remedy}
     for session in loaded.progress:
         names = {"participant": session.participant, "session": session.session}
+        is_short = session.valid < session.planned
         counts = {"valid": session.valid, "planned": session.planned}
-        is_short, is_late = session.valid < session.planned, session.unexported > 0
-        yield WarningCode.PLANNED_TRIALS_MISSING, [names | counts] * is_short
-        yield WarningCode.TRIALS_NOT_EXPORTED, [names | {"number": session.unexported}] * is_late
+        yield is_short, WarningCode.PLANNED_TRIALS_MISSING, names | counts
+        counts = {"number": session.unexported}
+        yield session.unexported > 0, WarningCode.TRIALS_NOT_EXPORTED, names | counts
     trials = loaded.trials[loaded.trials["kind"].isin(table.COUNTED_KINDS)]
     trials = trials.astype({"condition": str, "participant": str, "session": str})
     planned = [(session.participant, session.session) for session in loaded.progress]
     trials = trials[~pd.MultiIndex.from_frame(trials[_SESSION]).isin(planned)]
     is_valid = trials["status"].eq("ok").groupby([trials[n] for n in (*_SESSION, "trial")]).any()
     missing = is_valid[~is_valid].groupby(level=_SESSION).size()
-    yield WarningCode.VALID_ATTEMPT_MISSING, records(missing.reset_index(name="number"))
+    for row in records(missing.reset_index(name="number")):
+        yield True, WarningCode.VALID_ATTEMPT_MISSING, row
     numbers = trials.groupby(["condition", *_SESSION]).size()
     for condition, per_session in numbers.groupby(level="condition"):
         usual = int(per_session.mode().max())
         alike = int(per_session.eq(usual).sum())
         fewer = per_session[per_session.lt(_NEARLY_ALL * usual)].groupby("participant").min()
         is_odd = 0 < len(fewer) <= _MAX_SHARE * len(per_session) and alike >= _MIN_ALIKE
-        data: dict[str, Any] = {"trials": fewer.to_dict(), "condition": _name(condition, analysis)}
-        data |= {"usual": usual, "alike": alike, "sessions": len(per_session)}
-        yield WarningCode.FEWER_TRIALS_THAN_OTHERS, [data] * is_odd
+        data = {
+            "trials": fewer.to_dict(),
+            "condition": _name(condition, analysis),
+            "usual": usual,
+            "alike": alike,
+            "sessions": len(per_session),
+        }
+        yield is_odd, WarningCode.FEWER_TRIALS_THAN_OTHERS, data
 
 
 def _name(condition: object, analysis: Analysis) -> str:
@@ -105,19 +111,19 @@ def _name(condition: object, analysis: Analysis) -> str:
     return str(condition) if analysis.counts.conditions > 1 else ""
 
 
-def _about_trials(analysis: Analysis) -> Iterator[tuple[WarningCode, Rows]]:
-    """Yield what is left out, and whose trials and which stimuli none count."""
+def _check_trials(analysis: Analysis) -> Iterator[Check]:
+    """Check what is left out, and whether trials of everybody and single stimuli count."""
     rows = analysis.excluded[~analysis.excluded["reason"].isin(_EXPECTED)]
-    reasons = {"reasons": rows.groupby("reason")["trials"].sum().to_dict()}
-    number = int(rows["trials"].sum())
-    yield WarningCode.TRIALS_LEFT_OUT, [reasons | {"number": number}] * (number > 0)
+    reasons = rows.groupby("reason")["trials"].sum().to_dict()
+    data = {"number": int(rows["trials"].sum()), "reasons": reasons}
+    yield len(rows) > 0, WarningCode.TRIALS_LEFT_OUT, data
     names = table.uncounted(analysis.trials)
-    yield WarningCode.PARTICIPANT_NOT_COUNTED, [{"participants": names}] * bool(names)
-    yield WarningCode.SINGLE_STIMULI_MISSING, [{}] * (analysis.counts.single == 0)
+    yield bool(names), WarningCode.PARTICIPANT_NOT_COUNTED, {"participants": names}
+    yield analysis.counts.single == 0, WarningCode.SINGLE_STIMULI_MISSING, {}
 
 
-def _about_origins(analysis: Analysis) -> Iterator[tuple[WarningCode, Rows]]:
-    """Yield which sessions are modified, lost, or not of the same kind as the others."""
+def _check_origins(analysis: Analysis) -> Iterator[Check]:
+    """Check whether sessions are modified, lost, or not of the same kind as the others."""
     loaded, counts = analysis.loaded, analysis.counts
     of_plan = {(one.participant, one.session): one.file_sha256 for one in loaded.progress}
     hashes = analysis.trials[[*_SESSION, "study_sha256"]].drop_duplicates()
@@ -127,55 +133,50 @@ def _about_origins(analysis: Analysis) -> Iterator[tuple[WarningCode, Rows]]:
         for participant, session, study in hashes.itertuples(index=False)
         if study != NOT_AVAILABLE
     }
-    yield WarningCode.SEVERAL_STUDIES, [{"number": len(studies)}] * (len(studies) > 1)
-    modified = [{"difference": text} for texts in loaded.altered.values() for text in texts]
-    yield WarningCode.SESSION_MODIFIED, modified
-    lost = [
-        {"session": session, "difference": text}
-        for session, texts in loaded.lost.items()
-        for text in texts
-    ]
-    yield WarningCode.SESSION_LOST, lost
+    yield len(studies) > 1, WarningCode.SEVERAL_STUDIES, {"number": len(studies)}
+    for text in chain.from_iterable(loaded.altered.values()):
+        yield True, WarningCode.SESSION_MODIFIED, {"difference": text}
+    for session, texts in loaded.lost.items():
+        for text in texts:
+            yield True, WarningCode.SESSION_LOST, {"session": session, "difference": text}
+    numbers = {"number": counts.without_device, "trials": counts.trials}
+    yield counts.without_device > 0, WarningCode.PRACTICE_WITHOUT_DEVICE, numbers
     is_mixed = 0 < counts.simulated < counts.trials
-    for code, number, is_shown in (
-        (WarningCode.PRACTICE_WITHOUT_DEVICE, counts.without_device, counts.without_device > 0),
-        (WarningCode.SIMULATED_AND_REAL, counts.simulated, is_mixed),
-    ):
-        yield code, [{"number": number, "trials": counts.trials}] * is_shown
+    numbers = {"number": counts.simulated, "trials": counts.trials}
+    yield is_mixed, WarningCode.SIMULATED_AND_REAL, numbers
     contacts = analysis.contacts
-    yield WarningCode.CONTACT_DIFFERS, [{"contacts": contacts}] * (len(contacts) > 1)
+    yield len(contacts) > 1, WarningCode.CONTACT_DIFFERS, {"contacts": contacts}
 
 
-def _about_answers(analysis: Analysis) -> Iterator[tuple[WarningCode, Rows]]:
-    """Yield who never answered, and where the answer "none" was not offered."""
+def _check_answers(analysis: Analysis) -> Iterator[Check]:
+    """Check whether everybody answered, and could answer "none"."""
     trials = analysis.trials
     silent = trials[trials["reason"].eq(NEVER_ANSWERED)].astype({"condition": object})
-    groups = silent.groupby(["participant", "condition"], observed=True).size()
-    rows = records(groups.reset_index(name="number"))
-    names = [row | {"condition": _name(row["condition"], analysis)} for row in rows]
-    yield WarningCode.ANSWERS_MISSING, names
+    number = silent.groupby(["participant", "condition"], observed=True).size()
+    for row in records(number.reset_index(name="number")):
+        names = {"condition": _name(row["condition"], analysis)}
+        yield True, WarningCode.ANSWERS_MISSING, row | names
     counted = trials[trials["reason"].eq("")]
-    offered = counted["none_offered"].fillna(value=False)
-    is_partly = offered.any() and not offered.all()
+    offered = counted["none_offered"].fillna(value=False).astype(bool)
     numbers = {"number": int(offered.sum()), "trials": len(offered)}
-    yield WarningCode.NONE_OFFERED_IN_PART, [numbers] * bool(is_partly)
-    is_certain = not offered[counted["kind"].eq("blank")].all()
-    yield WarningCode.BLANKS_WITHOUT_NONE, [{}] * is_certain
+    yield 0 < offered.sum() < len(offered), WarningCode.NONE_OFFERED_IN_PART, numbers
+    yield not offered[counted["kind"].eq("blank")].all(), WarningCode.BLANKS_WITHOUT_NONE, {}
 
 
-def _about_functions(analysis: Analysis) -> Iterator[tuple[WarningCode, Rows]]:
-    """Yield functions that do not fit, that rise in one step, and many lapses."""
+def _check_functions(analysis: Analysis) -> Iterator[Check]:
+    """Check whether functions do not fit or rise in one step, and whether lapses are many."""
     thresholds = analysis.thresholds
     fitted = thresholds[thresholds["status"].isin(WITH_THRESHOLD)]
     tested = thresholds["deviance_p"].count()
+    misfits = misfits_of(thresholds)
     steep, at_bound = (fitted[fitted["status"].eq(n)] for n in ("separated", "lapse_at_bound"))
-    if len(fitted) < MIN_FUNCTIONS or len(at_bound) < MIN_MANY_LAPSES * len(fitted):
-        at_bound = at_bound[:0]
+    are_many = len(fitted) >= MIN_FUNCTIONS and len(at_bound) >= MIN_MANY_LAPSES * len(fitted)
     numbers = {"tested": tested, "limit": MISFIT_P, "expected": MISFIT_P * tested}
-    for code, rows, more in (
-        (WarningCode.FUNCTION_MISFIT, misfits_of(thresholds), numbers),
-        (WarningCode.FUNCTIONS_STEEP, steep, {"fitted": len(fitted)}),
-        (WarningCode.LAPSES_AT_BOUND, at_bound, {"fitted": len(fitted)}),
+    of_fitted = {"fitted": len(fitted)}
+    for is_found, code, rows, data in (
+        (len(misfits) > 0, WarningCode.FUNCTION_MISFIT, misfits, numbers),
+        (len(steep) > 0, WarningCode.FUNCTIONS_STEEP, steep, of_fitted),
+        (are_many, WarningCode.LAPSES_AT_BOUND, at_bound, of_fitted),
     ):
         functions = [
             {
@@ -185,7 +186,7 @@ def _about_functions(analysis: Analysis) -> Iterator[tuple[WarningCode, Rows]]:
             }
             for row in records(rows)
         ]
-        yield code, [{"functions": functions} | more] * bool(functions)
+        yield is_found, code, {"functions": functions, **data}
 
 
 def misfits_of(thresholds: pd.DataFrame) -> pd.DataFrame:
@@ -194,25 +195,23 @@ def misfits_of(thresholds: pd.DataFrame) -> pd.DataFrame:
     return rows.sort_values(["deviance_p", "participant"])
 
 
-def _about_sides(analysis: Analysis) -> Iterator[tuple[WarningCode, Rows]]:
-    """Yield where sides differ in detection, or in displacement per volt."""
-    names = [
-        row | {"condition": _name(row["condition"], analysis)}
-        for row in sides_that_differ(analysis)
-    ]
-    yield WarningCode.SIDES_DIFFER, names
+def _check_sides(analysis: Analysis) -> Iterator[Check]:
+    """Check whether sides differ in detection, or in displacement per volt."""
+    for row in sides_that_differ(analysis):
+        names = {"condition": _name(row["condition"], analysis)}
+        yield True, WarningCode.SIDES_DIFFER, row | names
     columns = analysis.thresholds.reindex(columns=[*SITE_COLUMNS.values()]).astype(float)
     for more, less in permutations(SITE_COLUMNS, 2):
         ratios = (columns[SITE_COLUMNS[more]] / columns[SITE_COLUMNS[less]]).dropna()
-        apart_db = [20 * math.log10(ratio) for ratio in ratios]
-        larger = [db for db in apart_db if db >= UNEQUAL_DB]
-        data = {"more": more, "less": less, "db": max(larger, default=0.0)}
-        every = {"every": len(larger) == len(apart_db)}
-        yield WarningCode.SIDES_UNEQUAL, [data | every] * bool(larger)
+        apart_db = ratios.map(lambda ratio: 20 * math.log10(ratio))
+        larger = apart_db[apart_db.ge(UNEQUAL_DB)]
+        data = {"more": more, "less": less, "db": larger.max()}
+        data["every"] = len(larger) == len(apart_db)
+        yield len(larger) > 0, WarningCode.SIDES_UNEQUAL, data
 
 
-def _about_conditions(analysis: Analysis) -> Iterator[tuple[WarningCode, Rows]]:
-    """Yield the conditions that cannot be compared without a second thought."""
+def _check_conditions(analysis: Analysis) -> Iterator[Check]:
+    """Check whether conditions can be compared without a second thought."""
     for (a, b), pair in analysis.differences.groupby(["condition_a", "condition_b"], sort=False):
         people, total = pair[pair["participant"].ne(TOTAL)], pair.iloc[-1]
         names, p = {"a": a, "b": b}, total["false_alarm_p"]
@@ -220,8 +219,8 @@ def _about_conditions(analysis: Analysis) -> Iterator[tuple[WarningCode, Rows]]:
             total[f"false_alarms_{name}"] / (total[f"blanks_{name}"] or math.nan) for name in "ab"
         ]
         tested = {"p": p, "lower": a if rates[0] < rates[1] else b, "same_people": len(people) > 0}
-        yield WarningCode.FALSE_ALARMS_DIFFER, [names | tested] * bool(p < ALPHA)
+        yield p < ALPHA, WarningCode.FALSE_ALARMS_DIFFER, names | tested
         first = {*people["first"]}
         is_alike = len(people) > 1 and len(first) == 1 and first <= {a, b}
         data = {"first": next(iter(first), ""), "participants": len(people)}
-        yield WarningCode.CONDITION_ALWAYS_FIRST, [names | data] * is_alike
+        yield is_alike, WarningCode.CONDITION_ALWAYS_FIRST, names | data
