@@ -13,7 +13,10 @@ from analysis.results.rendering import phrases, sentence
 from experiment.study.base import format_value
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
+
     from analysis.results.analysis import Analysis
+    from experiment.rows import MeasuredRow
     from experiment.study.study import Study
 
 
@@ -53,7 +56,7 @@ def protocol_rows(analysis: Analysis, plans: Planned) -> dict[str, pd.DataFrame]
     files = [{"name": file.name, "sha256": file.sha256} for file in analysis.loaded.inputs]
     return {
         "protocol": _quantities(analysis, plans),
-        "measured": _measured_bursts(analysis),
+        "measured": measured_bursts(row for s in analysis.loaded.progress for row in s.measured),
         "keys": _keys(plans),
         "files": pd.DataFrame(files),
     }
@@ -73,14 +76,13 @@ def _quantities(analysis: Analysis, plans: Planned) -> pd.DataFrame:
             ("Force and contact of the fingers", f"{text}: {', '.join(who)}" if several else text)
             for text, who in summaries.items()
         ]
-    return pd.DataFrame(dict.fromkeys(values), columns=["quantity", "value"])
+    return pd.DataFrame([*dict.fromkeys(values)], columns=["quantity", "value"])
 
 
-def _measured_bursts(analysis: Analysis) -> pd.DataFrame:
+def measured_bursts(rows: Iterable[MeasuredRow]) -> pd.DataFrame:
     """Return the peaks that a monitor measured beside the planned ones."""
-    cells = attrgetter(*_MEASURED, *_PEAKS)
-    rows = [cells(row) for session in analysis.loaded.progress for row in session.measured]
-    bursts = pd.DataFrame(rows, columns=[*_MEASURED, *_PEAKS])
+    columns = [*_MEASURED, *_PEAKS]
+    bursts = pd.DataFrame(map(attrgetter(*columns), rows), columns=columns)
     if bursts.empty:
         return bursts
     bursts["late_ms"] = bursts["late_s"].astype(float).abs() * 1e3
@@ -88,8 +90,8 @@ def _measured_bursts(analysis: Analysis) -> pd.DataFrame:
     channels = [bursts[is_blank].assign(channel="none", planned=0.0, peak=None)]
     for side in ("left", "right"):
         driven = bursts[bursts[f"planned_{side}"].ne(0)]
-        columns = {"planned": driven[f"planned_{side}"], "peak": driven[f"peak_{side}"]}
-        channels.append(driven.assign(channel=side, **columns))
+        peaks = {"planned": driven[f"planned_{side}"], "peak": driven[f"peak_{side}"]}
+        channels.append(driven.assign(channel=side, **peaks))
     table = pd.concat(channels).astype({"peak": float}).rename(columns={"unit": "peak_unit"})
     table["is_false"] = table["burst_verified"].eq("false")
     groups = table.groupby(["condition", "tap", "channel", "planned", "peak_unit"])
@@ -101,8 +103,7 @@ def _measured_bursts(analysis: Analysis) -> pd.DataFrame:
         "late_median_ms": groups["late_ms"].median(),
         "late_max_ms": groups["late_ms"].max(),
     }
-    peaks = groups["peak"].agg(["median", "min", "max"])
-    return peaks.assign(**counts).reset_index()
+    return groups["peak"].agg(["median", "min", "max"]).assign(**counts).reset_index()
 
 
 def _keys(plans: Planned) -> pd.DataFrame:

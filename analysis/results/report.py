@@ -7,6 +7,8 @@ import hashlib
 import json
 from typing import TYPE_CHECKING, Final
 
+import pandas as pd
+
 from analysis.results.answer import answer
 from analysis.results.findings import sides_that_differ
 from analysis.results.methods import methods_of
@@ -42,6 +44,9 @@ def report_html(
     for picture in pictures:
         drawn.setdefault(picture.figure, []).append(picture)
     rows = result_rows(analysis) | protocol_rows(analysis, plans)
+    sides_differ = bool(sides_that_differ(analysis))
+    if not sides_differ:
+        rows["sides"] = pd.DataFrame()  # sides.csv has them
     sections = [
         section
         | {
@@ -67,7 +72,7 @@ def report_html(
         "base-uri 'none'; form-action 'none'",
         answer=answer(analysis),
         first=drawn.pop("detection", []),
-        sides_differ=bool(sides_that_differ(analysis)),
+        sides_differ=sides_differ,
         sections=[section for section in sections if section["tables"] or section["pictures"]],
         methods=methods or methods_of(analysis, plans),
         faults=plans.faults,

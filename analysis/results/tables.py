@@ -144,5 +144,5 @@ def _each_participant(analysis: Analysis) -> pd.DataFrame:
         rt_s=counted["rt_s"].where(single & is_correct),
     )
     groups = marks.groupby(key, observed=True)
-    table = groups.sum().assign(trials=groups.size(), rt_s=groups["rt_s"].median())
+    table = groups.sum().assign(rt_s=groups["rt_s"].median())
     return table.reset_index().sort_values(key, key=in_order)

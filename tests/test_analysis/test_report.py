@@ -8,6 +8,7 @@ import io
 import json
 import math
 import re
+from dataclasses import fields
 from html.parser import HTMLParser
 from typing import TYPE_CHECKING, Any
 
@@ -21,7 +22,12 @@ from analysis import (
     write_analysis,
 )
 from analysis.results.methods import methods_of
-from tests.test_analysis.shared import files, loaded, put
+from analysis.results.protocol import measured_bursts
+from analysis.results.rendering import phrases, read_toml
+from analysis.results.tables import make_tables
+from experiment.rows import MeasuredRow
+from tests.plates import PAPER_PLATE
+from tests.test_analysis.shared import LEAST, files, loaded, put
 from tests.test_analysis.tables import numbers
 
 if TYPE_CHECKING:
@@ -78,6 +84,11 @@ def report(folder: Path, names: tuple[str, ...] = ("S1",), *, figures: bool = Fa
     trials = put(folder / "trials.csv", text.getvalue())
     write_analysis([trials], folder / "out", columns=ColumnMap(), figures=figures)
     return (folder / "out" / "report.html").read_text(encoding="utf-8")
+
+
+@pytest.fixture(scope="module")
+def least(tmp_path_factory: pytest.TempPathFactory) -> Analysis:
+    return analyse(loaded(tmp_path_factory.mktemp("least"), LEAST + "1,left,60,left\n"))
 
 
 @pytest.fixture(scope="module")
@@ -182,6 +193,8 @@ def test_the_report_has_the_numbers_of_the_study_once(
     outline = Outline((out / "report.html").read_text(encoding="utf-8"))
     for key, value in values.items():
         assert len(re.findall(rf"{re.escape(key)}\s*{value}", outline.text)) == 1
+    assert re.search(r"Plate\s*25 mm wide, 200 mm long, 0.5 mm thick\s*Material", outline.text)
+    assert "Cut-off frequency" in outline.text
     assert ("<b>20 g" in outline.text) == ("<b>20 g" in study)
     methods = (out / "methods.txt").read_text(encoding="utf-8")
     assert ("20 g" in methods) == ("20 g" in study)
@@ -322,6 +335,16 @@ def test_functions_that_do_not_fit_are_a_warning_with_their_p(tmp_path: Path) ->
     assert WarningCode.FUNCTION_MISFIT not in {one.code for one in of(tmp_path).warnings}
 
 
+FIVE_LEVELS = """
+[burst]
+window = "hann"
+[design]
+levels_vpp = [40, 50, 60, 80, 100]
+trials_per_side = 40
+blank_trials = 60
+"""
+
+
 def words_of(page: str) -> list[str]:
     """Return the words that a reader finds on a page, the folded ones included."""
     text = re.sub("<style>.*?</style>", "", page, flags=re.DOTALL)
@@ -332,14 +355,37 @@ def words_of(page: str) -> list[str]:
 def test_the_page_of_five_participants_is_short_and_has_title_and_date(
     tmp_path: Path, simulate: Simulate
 ) -> None:
-    folder = simulate(tmp_path / "lab", participants=5)
-    write_analysis([folder], tmp_path / "out", figures=False)
+    folder = simulate(tmp_path / "lab", participants=5, study=PAPER_PLATE + FIVE_LEVELS)
+    write_analysis([folder], tmp_path / "out")
     page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
     assert len(words_of(page)) <= 1800
     headers = [json.loads(path.read_text("utf-8")) for path in folder.rglob("header.json")]
     assert min(header["begun"] for header in headers)[:10] in page[: page.index("<h2")]
     title = page[page.index("<title>") + 7 : page.index("</title>")]
     assert title in page[page.index("<h1>") : page.index("</h1>")]
+
+
+def test_every_table_of_the_report_has_one_section() -> None:
+    shown = [name for section in phrases()["sections"].values() for name in section["tables"]]
+    assert sorted(shown) == sorted(read_toml("tables.toml"))
+
+
+def test_measured_bursts_are_counted_by_condition_channel_and_planned_peak(least: Analysis) -> None:
+    unknown: dict[str, Any] = dict.fromkeys(field.name for field in fields(MeasuredRow))
+    same = unknown | {"condition": "main", "tap": "output", "unit": "V"}
+    left = same | {"planned_left": 30.0, "planned_right": 0.0, "late_s": -1e-4}
+    rows = [
+        left | {"peak_left": 29.0, "burst_verified": "output"},
+        left | {"peak_left": 31.0, "burst_verified": "false", "noted": "late"},
+        left | {"peak_left": None, "late_s": None},
+        same | {"planned_left": 0.0, "planned_right": 0.0, "burst_verified": None},
+    ]
+    frame = measured_bursts(MeasuredRow(**row) for row in rows)
+    (table,) = make_tables("measured", frame, least)
+    assert [row[1:] for row in table.rows] == [
+        ["left", "30 V", "30", "29 to 31", "3", "1", "1", "1", "1", "0.100 ms", "0.100 ms"],
+        ["none", "0 V", "", "", "1", "0", "0", "1", "0", "", ""],
+    ]
 
 
 def test_the_meaning_of_every_column_stands_beside_the_tables_once(tmp_path: Path) -> None:
