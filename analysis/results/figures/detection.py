@@ -87,7 +87,7 @@ def plot_detection(
     looks, curves, rates = looks_of(analysis), group_curves(analysis), blank_rates(analysis)
     texts = {
         row.condition: row.short if np.isfinite(curves[row.condition].threshold_vpp) else ""
-        for row in estimates(analysis)
+        for row in estimates(analysis).itertuples()
     }
     labels = {name: ": ".join(filter(None, (short(name), texts[name]))) for name in looks}
     options = by_condition(looks, labels)
