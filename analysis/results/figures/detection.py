@@ -28,7 +28,7 @@ from analysis.results.figures.drawing import (
     level_panels,
     short,
 )
-from analysis.results.findings import estimates
+from analysis.results.findings import estimates, records
 from analysis.thresholds.fit import WITH_THRESHOLD
 
 if TYPE_CHECKING:
@@ -86,8 +86,8 @@ def plot_detection(
     """
     looks, curves, rates = looks_of(analysis), group_curves(analysis), blank_rates(analysis)
     texts = {
-        row.condition: row.short if np.isfinite(curves[row.condition].threshold_vpp) else ""
-        for row in estimates(analysis).itertuples()
+        row["condition"]: row["short"] if np.isfinite(row["threshold_vpp"]) else ""
+        for row in records(estimates(analysis))
     }
     labels = {name: ": ".join(filter(None, (short(name), texts[name]))) for name in looks}
     options = by_condition(looks, labels)
