@@ -9,15 +9,15 @@ import re
 from collections import Counter
 from contextlib import suppress
 from dataclasses import dataclass
-from itertools import chain, islice
+from itertools import chain, islice, product
 from typing import TYPE_CHECKING, BinaryIO, Final
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
+    from collections.abc import Iterator, Sequence
     from pathlib import Path
 
 
-_MAX_SHOWN = 60
+_MAX_SHOWN, _MAX_NAMED = 60, 5
 
 
 class ResultFileError(ValueError):
@@ -67,34 +67,24 @@ def shown(value: str) -> str:
 
 MAX_LINE = 65_536
 CHUNK_ROWS = 4_096
-DELIMITERS: Final[Mapping[str, str]] = {
-    ",": "commas",
-    ";": "semicolons",
-    "\t": "tabs",
-    "|": "vertical bars",
-    " ": "spaces",
-}
-"""What may stand between the columns of an external table."""
+SEPARATORS: Final = ",;\t|"
+"""What may separate the columns of an external table; between quoted names, a space may, too."""
 ELSEWHERE: Final = "an external table needs --columns MAP.toml, which tactstrip columns proposes"
 TWICE: Final = " (twice)"
 """What a name has behind it that a heading has more than once: nobody can tell which is meant."""
-SEPARATORS = ",;\t|"
-"""Those of them that a heading shows; spaces stand in names, too."""
 NUMBER: Final = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)([eE][+-]?\d+)?", re.ASCII)
-_SPACED: Final = re.compile(r'"[^"]*"( "[^"]*")+')
+_QUOTED: Final = re.compile(r'"[^"]*"')
+_SPACED: Final = re.compile(rf"{_QUOTED.pattern}( {_QUOTED.pattern})+")
 _HEADING_LINES: Final = 16
-_MIN_ROWS_BELOW_HEADING: Final = 3
 # UTF-32 first: in little-endian order its mark begins with that of UTF-16.
-_MARKS: Final = (
-    ("UTF-32", codecs.BOM_UTF32_LE),
-    ("UTF-32", codecs.BOM_UTF32_BE),
-    ("UTF-16", codecs.BOM_UTF16_LE),
-    ("UTF-16", codecs.BOM_UTF16_BE),
-    ("UTF-8-sig", codecs.BOM_UTF8),
-)
-_PACKED = b"PK\x03\x04"
+_MARKS: Final = {
+    codecs.BOM_UTF32_LE: "UTF-32",
+    codecs.BOM_UTF32_BE: "UTF-32",
+    codecs.BOM_UTF16_LE: "UTF-16",
+    codecs.BOM_UTF16_BE: "UTF-16",
+    codecs.BOM_UTF8: "UTF-8-sig",
+}
 _ESCAPED = re.compile("[\udc80-\udcff]")
-_SAVE: Final = "save the table as UTF-8 text"
 
 Chunk = tuple[list[int], list[list[str]]]
 
@@ -103,7 +93,7 @@ Chunk = tuple[list[int], list[list[str]]]
 class TextFormat:
     """How an external table is written; what is empty text is seen in the file."""
 
-    delimiter: str = ""  # one of `DELIMITERS`
+    delimiter: str = ""  # one of `SEPARATORS` or a space
     encoding: str = ""  # as Python names it; else by the byte order mark, or UTF-8
     quoted: bool = True  # cells may stand in quotation marks
 
@@ -114,23 +104,26 @@ def text_chunks(
     r"""Read a table as its header and chunks of at most `CHUNK_ROWS` rows of text.
 
     Without a `form` it must be as this program writes it: commas, UTF-8 without a mark. With one,
-    lines without a value are passed over, columns may be without a name, and names that stand twice
-    have `TWICE` behind them. A chunk has the lines on which its rows begin, and their cells; with
-    `empty_allowed` a header alone is one chunk without rows. Of the stream nothing is read beyond
-    the first fault.
+    lines without a value are passed over. Names that stand twice have `TWICE` behind them. A chunk
+    has the lines on which its rows begin, and their cells; with `empty_allowed` a header alone is
+    one chunk without rows. Of the stream nothing is read beyond the first fault.
 
-    Raises ResultFileError for an empty file, a header alone, a doubled column, another delimiter, a
-    row with too few or too many fields, text of another encoding, a NUL or a line over `MAX_LINE`
-    characters; for what is wrong below the header, when its chunk is asked for.
+    Raises ResultFileError for an empty file, a header alone, a row with too few or too many fields,
+    text of another encoding, a NUL or a line over `MAX_LINE` characters; for what is wrong below
+    the header, when its chunk is asked for.
 
     >>> header, chunks = text_chunks(io.BytesIO(b"side,rt_s\nleft,0.5\n"), "t.csv")
     >>> header, next(chunks)
     (['side', 'rt_s'], ([2], [['left', '0.5']]))
     """
-    records = _records(stream, file, form)
-    _, header = next(records, (0, []))
-    if fault := _header_fault(header, form):
-        raise ResultFileError(file, 1, fault)
+    records = _records(_lines(stream, file, form), file, form)
+    _, header = next(records, (1, []))
+    if not any(header):
+        message = "the file is empty, or its first line is not a header"
+        raise ResultFileError(file, 1, message)
+    if form and all(NUMBER.fullmatch(name) for name in header if name):
+        message = "the first line looks like numbers, not like a heading; add a line with names"
+        raise ResultFileError(file, 1, message)
     if form and (first := next(records, None)):
         records = chain([first], records)
         if len(first[1]) == len(header) + 1 and first[1][0] == "1":
@@ -140,55 +133,31 @@ def text_chunks(
     return header, _chunks(records, len(header), file, empty_allowed=empty_allowed)
 
 
-def _header_fault(header: list[str], form: TextFormat | None) -> str:
-    """Return what is wrong with a header; empty text if it is accepted."""
-    if not any(header):
-        return "the file is empty, or its first line is not a header"
-    if header[0].lower().startswith("sep="):
-        return "this line names Excel's separator, no columns: delete it"
-    if form:
-        is_data = all(NUMBER.fullmatch(name) for name in header if name)
-        numbers = "the first line looks like numbers, not like a heading; add a line with names"
-        return numbers if is_data else ""
-    likely = max(SEPARATORS, key=",".join(header).count)
-    if likely != ",":
-        seem = f"the columns seem to be separated by {DELIMITERS[likely]}"
-        return f"{seem}; only commas are read; {ELSEWHERE}"
-    name, number = Counter(header).most_common(1)[0]
-    return f"the header names column {shown(name)} twice" if number > 1 else ""
-
-
 def _chunks(
     records: Iterator[tuple[int, list[str]]], width: int, file: str, *, empty_allowed: bool
 ) -> Iterator[Chunk]:
     chunk = list(islice(records, CHUNK_ROWS))
-    if not chunk:
-        if not empty_allowed:
-            raise ResultFileError(file, 1, "a header and no trials below it")
-        yield [], []
-    while chunk:
+    if not (chunk or empty_allowed):
+        raise ResultFileError(file, 1, "a header and no trials below it")
+    while chunk or empty_allowed:
         for line, row in chunk:
             if len(row) != width:
-                which = "few" if len(row) < width else "many"
-                message = f"too {which} fields: {len(row)}, not {width}"
-                empty = f"an empty line; each row has {width} fields"
-                raise ResultFileError(file, line, message if row else empty)
+                message = f"the row has {len(row)} fields; the heading has {width}"
+                raise ResultFileError(file, line, message)
         yield [line for line, _ in chunk], [row for _, row in chunk]
-        chunk = list(islice(records, CHUNK_ROWS))
+        chunk, empty_allowed = list(islice(records, CHUNK_ROWS)), False
 
 
 def _records(
-    stream: BinaryIO, file: str, form: TextFormat | None
+    lines: Iterator[str], file: str, form: TextFormat | None
 ) -> Iterator[tuple[int, list[str]]]:
     """Yield each record with the line on which it begins."""
-    lines = _lines(stream, file, form)
     start = list(islice(lines, _HEADING_LINES if form else 1))
-    reader = csv.reader(
-        chain(start, lines),
-        strict=True,
-        delimiter=_choose_delimiter(start, file, form) if form else ",",
-        quoting=csv.QUOTE_MINIMAL if form is None or form.quoted else csv.QUOTE_NONE,
-    )
+    delimiter = ","
+    if form:
+        delimiter = form.delimiter or _choose_delimiter(start, file)
+    quoting = csv.QUOTE_MINIMAL if form is None or form.quoted else csv.QUOTE_NONE
+    reader = csv.reader(chain(start, lines), strict=True, delimiter=delimiter, quoting=quoting)
     begins = 1
     try:
         for row in reader:
@@ -200,44 +169,33 @@ def _records(
         raise ResultFileError(file, begins, message) from None
 
 
-def _choose_delimiter(start: list[str], file: str, form: TextFormat) -> str:
+def _choose_delimiter(start: list[str], file: str) -> str:
     """Return the delimiter under which the heading and the first rows have equally many fields.
 
     A heading alone does not decide: a name or a comment may contain another delimiter. Of several
-    such delimiters, the one with most fields is returned. Without any, the heading decides, unless
-    the rows agree with a later line that has more fields.
+    such delimiters, the one with most fields is returned. Without any, the table is refused if its
+    rows agree with a later line that has more names, for that is the heading; else its first
+    line decides, and the first row that does not fit is refused in its turn.
     """
-    heading = start[0] if start else ""
-    if form.delimiter and not form.quoted:
-        return form.delimiter
-    if not form.delimiter and _SPACED.fullmatch(heading.rstrip("\r\n")):
+    heading = start[0].rstrip() if start else ""
+    if _SPACED.fullmatch(heading):
         return " "
-    signs = form.delimiter or SEPARATORS
-    fields = {sign: _count_fields(start, sign) for sign in signs}
-    if not any(fields.values()):
-        _refuse_lines_above_heading(start, file, signs)
-        return max(signs, key=re.sub('"[^"]*"', "", heading).count)
-    likely = [sign for sign in signs if fields[sign] == max(fields.values())]
-    if len(likely) > 1:
-        could = " or ".join(DELIMITERS[sign] for sign in likely)
+    widths = {sign: _count_fields(start, sign) for sign in SEPARATORS}
+    likely = [sign for sign in SEPARATORS if widths[sign] == max(widths.values())]
+    if len(likely) == 1:
+        return likely[0]
+    if any(widths.values()):
+        could = " or ".join(map(repr, likely))
         message = f"the columns may be separated by {could}; [file] delimiter of a map says which"
         raise ResultFileError(file, 1, message)
-    return likely[0]
-
-
-def _refuse_lines_above_heading(start: list[str], file: str, signs: str) -> None:
-    """Refuse a table whose rows agree with a later line that has more fields than the first."""
-    if any(line.count('"') % 2 for line in start):
-        return  # cells of several lines
-    first_width = 1 + max((line.count(sign) for line in start[:1] for sign in signs), default=0)
-    for above in range(1, len(start) - _MIN_ROWS_BELOW_HEADING):
-        for sign in signs:
-            names = start[above].strip().split(sign)
-            if not first_width < len(names) == _count_fields(start[above:], sign):
-                continue
-            if not any(not name or NUMBER.fullmatch(name) for name in names):
-                message = f"the heading seems to be line {above + 1}; delete the lines above it"
-                raise ResultFileError(file, 1, message)
+    width = 1 + max(map(heading.count, SEPARATORS))
+    for above, sign in product(range(1, len(start) - 1), SEPARATORS):
+        names = start[above].strip().split(sign)
+        are_names = all(name and not NUMBER.fullmatch(name) for name in names)
+        if width < len(names) == _count_fields(start[above:], sign) and are_names:
+            message = f"the heading seems to be line {above + 1}; delete the lines above it"
+            raise ResultFileError(file, 1, message)
+    return max(SEPARATORS, key=_QUOTED.sub("", heading).count)
 
 
 def _count_fields(start: list[str], delimiter: str) -> int:
@@ -258,15 +216,14 @@ def _count_fields(start: list[str], delimiter: str) -> int:
 
 
 def _lines(stream: BinaryIO, file: str, form: TextFormat | None) -> Iterator[str]:
+    encoding = (form.encoding if form else "") or _find_encoding(stream, file, form)
     # Bytes that are no text become single signs, so that they are refused with their line:
     # otherwise all that was read ahead would fail at once.
-    text = io.TextIOWrapper(
-        stream,
-        _find_encoding(stream, file, form),
-        errors="surrogateescape",
-        newline="\n" if form is None else "",
-    )
-    state = ", or state [file] encoding in the map (tactstrip columns proposes it)" if form else ""
+    newline = "\n" if form is None else ""
+    text = io.TextIOWrapper(stream, encoding, errors="surrogateescape", newline=newline)
+    remedy = "save the table as UTF-8 text"
+    if form:
+        remedy += ", or state [file] encoding in the map (tactstrip columns proposes it)"
     number = 0
     try:
         while line := text.readline(MAX_LINE + 1):
@@ -275,41 +232,33 @@ def _lines(stream: BinaryIO, file: str, form: TextFormat | None) -> Iterator[str
                 message = f"the line is longer than {MAX_LINE} signs; this is no table of trials"
                 raise ResultFileError(file, number, message)
             if "\0" in line:
-                raise ResultFileError(file, number, f"a NUL byte; {_SAVE}")
+                raise ResultFileError(file, number, f"a NUL byte, as of UTF-16; {remedy}")
             if not line.isascii() and (bad := _ESCAPED.search(line)):
-                message = f"byte 0x{ord(bad[0]) - 0xDC00:02x} is not UTF-8; {_SAVE}{state}"
+                message = f"byte 0x{ord(bad[0]) - 0xDC00:02x} is not {encoding}; {remedy}"
                 raise ResultFileError(file, number, message)
             yield line
     except UnicodeError as error:
-        message = f"is not text in {text.encoding} ({error.args[-1]}); {_SAVE}"
+        message = f"is not text in {encoding} ({error.args[-1]}); {remedy}"
         raise ResultFileError(file, number + 1, message) from None
     finally:
-        with suppress(ValueError):  # who opened the stream may have closed it
+        with suppress(ValueError):  # who opened the stream closes it, or has closed it already
             text.detach()
 
 
 def _find_encoding(stream: BinaryIO, file: str, form: TextFormat | None) -> str:
-    """Return the encoding that the map states or the byte order mark shows; UTF-8 without both."""
-    if form and form.encoding:
-        return form.encoding
+    """Return the encoding that a byte order mark shows; UTF-8 without one."""
     start = stream.read(4)
-    stream.seek(-len(start), io.SEEK_CUR)
-    if start.startswith(_PACKED):
+    stream.seek(0)
+    if start == b"PK\x03\x04":
         raise ResultFileError(file, None, "a workbook (.xlsx) or packed file; save it as CSV")
-    marked = next((encoding for encoding, mark in _MARKS if start.startswith(mark)), "")
-    if not marked and (unmarked := guess_unmarked_utf_16(start)):
-        message = "a NUL byte; the text is probably UTF-16 without a byte order mark"
-        state = f'state [file] encoding = "{unmarked}" in the map, or ' if form else ""
-        raise ResultFileError(file, 1, f"{message}; {state}{_SAVE}")
-    if form or not marked:
-        return marked or "UTF-8"
-    message = f"the text is {marked}; save it as UTF-8"
-    if marked == "UTF-8-sig":
+    encoding = next((_MARKS[mark] for mark in _MARKS if start.startswith(mark)), "UTF-8")
+    if form is None and encoding != "UTF-8":
         message = (
-            "the file begins with a byte order mark: if tactstrip wrote it, a spreadsheet has "
-            f"rewritten it: take the original, or save it as UTF-8 without BOM; {ELSEWHERE}"
+            f"the file begins with a byte order mark ({encoding}), which tactstrip does not write: "
+            f"take the original, or save it as UTF-8 without BOM; {ELSEWHERE}"
         )
-    raise ResultFileError(file, 1, message)
+        raise ResultFileError(file, 1, message)
+    return encoding
 
 
 def guess_unmarked_utf_16(start: bytes) -> str:
@@ -318,13 +267,12 @@ def guess_unmarked_utf_16(start: bytes) -> str:
     >>> guess_unmarked_utf_16("a,b".encode("utf-16-le")), guess_unmarked_utf_16(b"a,b")
     ('utf-16-le', '')
     """
-    first, second = bool(start[:1].strip(b"\0")), bool(start[1:2].strip(b"\0"))
-    if len(start) < 2 or first == second:  # noqa: PLR2004 (bytes of a sign)
-        return ""
-    return "utf-16-le" if first else "utf-16-be"
-
-
-_MAX_NAMED = 5
+    match [byte == 0 for byte in start[:2]]:
+        case [False, True]:
+            return "utf-16-le"
+        case [True, False]:
+            return "utf-16-be"
+    return ""
 
 
 def named(names: Sequence[str]) -> str:

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from analysis import ResultFileError
-from analysis.reading.text import CHUNK_ROWS, DELIMITERS, MAX_LINE, Chunk, TextFormat, text_chunks
+from analysis.reading.text import CHUNK_ROWS, MAX_LINE, SEPARATORS, Chunk, TextFormat, text_chunks
 from tests.test_analysis.shared import draft
 
 if TYPE_CHECKING:
@@ -21,10 +21,6 @@ BROKEN: list[tuple[bytes, int, str]] = [
     (b"", 1, r"t\.csv"),
     (b"\n", 1, r"t\.csv"),
     (b"a,b\n", 1, r"t\.csv"),
-    (b"a,b,a\n1,2,3\n", 1, "'a'"),
-    (b"a;b\n1;2\n", 1, "semicolons"),
-    (b"a\tb\n1\t2\n", 1, "tabs"),
-    (b"a|b|c,d\n", 1, "bars"),
     ("a,b\n".encode("utf-8-sig"), 1, "BOM"),
     ("a,b\n1,2\n".encode("utf-16"), 1, "UTF-16"),
     ("a,b\n1,2\n".encode("utf-16-be"), 1, "NUL"),
@@ -34,9 +30,9 @@ BROKEN: list[tuple[bytes, int, str]] = [
     (b"a,b\n1,2\n3,\xe9\n", 3, "0xe9"),
     (b"a,b\n1,2\n3,\xf0\x9f\n", 3, "0xf0"),
     (b"a,b\n1,2\n\0,4\n", 3, "NUL"),
-    (b"a,b\n1,2\n3\n", 3, "1, not 2"),
-    (b"a,b\n1,2\n3,4,5\n", 3, "3, not 2"),
-    (b"a,b\n1,2\n\n3,4\n", 3, "2 fields"),
+    (b"a,b\n1,2\n3\n", 3, "1 fields; the heading has 2"),
+    (b"a,b\n1,2\n3,4,5\n", 3, "3 fields; the heading has 2"),
+    (b"a,b\n1,2\n\n3,4\n", 3, "0 fields; the heading has 2"),
     (b'a,b\n1,2\n"3,4\n5,6\n', 3, r"t\.csv"),
     (b'a,b\n1,2\n"3"x,4\n', 3, r"t\.csv"),
     (b"a,b\r1,2\r", 1, r"t\.csv"),
@@ -129,15 +125,15 @@ def test_the_delimiter_gives_heading_and_rows_the_same_number_of_fields(
 
 def test_a_broken_row_is_refused_with_its_line_whatever_signs_are_in_cells() -> None:
     raw = b"person,level,notes\n" + b"a,1,ok; calm\n" * 3 + b"a;b\n" + b"a,1,ok; calm\n" * 9
-    with pytest.raises(ResultFileError, match="1, not 3") as caught:
+    with pytest.raises(ResultFileError, match="1 fields; the heading has 3") as caught:
         read(io.BytesIO(raw), TextFormat())
     assert caught.value.line == 5
 
 
 @pytest.mark.parametrize("encoding", ["utf-16-le", "utf-16-be"])
-def test_utf_16_without_a_mark_is_named(tmp_path: Path, encoding: str) -> None:
+def test_utf_16_without_a_mark_is_refused_and_proposed(tmp_path: Path, encoding: str) -> None:
     raw = "person,level,felt\na,1,1\na,2,0\n".encode(encoding)
-    with pytest.raises(ResultFileError, match=rf't\.csv:1: .*encoding = "{encoding}"'):
+    with pytest.raises(ResultFileError, match=r"t\.csv:1: a NUL byte.*\[file\] encoding"):
         read(io.BytesIO(raw), TextFormat())
     table = tmp_path / "t.csv"
     table.write_bytes(raw)
@@ -161,7 +157,7 @@ def test_an_encoding_is_stated_or_refused_with_its_line() -> None:
     form=st.none()
     | st.builds(
         TextFormat,
-        delimiter=st.sampled_from(["", *DELIMITERS]),
+        delimiter=st.sampled_from(["", " ", *SEPARATORS]),
         encoding=st.sampled_from(["", "utf-16", "utf-32", "cp1252", "utf-7"]),
         quoted=st.booleans(),
     ),
