@@ -37,7 +37,7 @@ def columns(*, tables: tuple[Path, ...], target: Path | None) -> None:
 
     if target is not None and (target.exists() or target.is_symlink()):
         raise CommandError(f"--write must be a new file; got {target}, which exists")
-    sources = find_sources([*tables], foreign=True).tables
+    sources, _ = find_sources([*tables], foreign=True)
     if not sources or all(source.path.name == TABLE for source in sources):
         raise CommandError(f"{tables[0]}: a {TABLE} of tactstrip needs no map")
     text, blanks = propose_map(sources)

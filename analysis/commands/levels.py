@@ -16,8 +16,6 @@ from experiment.exits import CommandError, refusals
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    import pandas as pd
-
     from analysis.planning.levels import ExpectedError, LevelsError, Placement
     from experiment.study.study import Study
 
@@ -64,14 +62,15 @@ def levels(
     simulated session are marked as such.
     """
     from analysis.planning.levels import LevelsError, place_levels
-    from analysis.reading.trials import read_trials
+    from analysis.reading.trials import read_inputs
     from experiment.study.files import read_study
 
     if target is not None and target.suffix != LEVELS_SUFFIX:  # a withdrawal would not find it
         raise CommandError(f"--write must be a file that ends in {LEVELS_SUFFIX}; got {target}")
     if target is not None and target.exists():
         raise CommandError(f"--write must be a new file; got {target}, which exists")
-    trials = read_trials([folder])
+    loaded = read_inputs([folder])
+    trials = loaded.trials
     pilot_trials = trials[trials["participant"].eq(participant)]
     if pilot_trials.empty:
         participants = ", ".join(sorted(set(trials["participant"]))[:10])
@@ -82,7 +81,8 @@ def levels(
             f"participant {participant} practised without a device, on a mock or an emulator: "
             "levels for a person come from a pilot session on the plate"
         )
-    study = _pilot_study(pilot_trials) if study_file is None else read_study(study_file)
+    studies = [plan.study for plan in loaded.progress if plan.participant == participant]
+    study = _pilot_study(studies) if study_file is None else read_study(study_file)
     results = place_levels(pilot_trials, participant, study)
     placements = [result for result in results if not isinstance(result, LevelsError)]
     errors = [result for result in results if isinstance(result, LevelsError)]
@@ -117,14 +117,11 @@ def _select_placements(
     return [placement for placement in placements if condition in {None, placement.condition}]
 
 
-def _pilot_study(trials: pd.DataFrame) -> Study:
-    """Return the study in the plan beside the last pilot's table, or the paper's study."""
-    from analysis.reading.session import read_plan
+def _pilot_study(studies: Sequence[str]) -> Study:
+    """Return the study in the plan of the last pilot session, or without a plan the paper's."""
     from experiment.study.files import paper_study, study_from_canonical
 
-    files = trials["file"].unique()
-    plans = [plan for file in files if (plan := read_plan(Path(file))) is not None]
-    return study_from_canonical(plans[-1][0].study) if plans else paper_study()
+    return study_from_canonical(studies[-1]) if studies else paper_study()
 
 
 def format_placement(placement: Placement) -> str:

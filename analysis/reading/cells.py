@@ -68,6 +68,7 @@ _MAX_TEXT: Final = 64
 _NUMBER: Final = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?", re.ASCII)
 _WHOLE: Final = re.compile(r"-?\d+(\.0*)?", re.ASCII)
 _COMMA: Final = re.compile(r"[+-]?\d*,\d+", re.ASCII)
+_SWAPPED: Final = str.maketrans(".,", ",.")
 _FLAGS: Final[Mapping[str, bool]] = MappingProxyType({"true": True, "false": False})
 
 
@@ -88,89 +89,13 @@ class CellFault:
     message: str  # column, value and what is allowed
 
 
-def format_allowed(column: Column, *, minimum: float | None = None) -> str:
-    """Return which cells a column may have; numbers from `minimum` on, if not by itself.
-
-    >>> from experiment.rows import COLUMNS
-    >>> [format_allowed(c) for c in COLUMNS if c.name in {"trial", "noise_ok"}]
-    ['a whole number of at least 1', 'true, false or n/a']
-    """
-    bound = _MIN.get(column.name, -math.inf) if minimum is None else minimum
-    at_least = "" if bound == -math.inf else f" of at least {bound}"
-    if column.name == "level_vpp" and minimum is None:
-        allowed = ["a number above 0", "in a blank trial 0"]
-    elif minimum == BLANK_LEVEL:
-        allowed = ["a finite number", "in a blank trial -inf"]
-    elif column.name == "schema":
-        allowed = [str(SCHEMA)]
-    else:
-        allowed = [*column.choices] or {
-            "int": [f"a whole number{at_least}"],
-            "float": [f"a finite number{at_least}"],
-            "bool": [*_FLAGS],
-            "str": [f"printable text of 1 to {_MAX_TEXT} characters"],
-        }[column.type]
-    allowed += [NOT_AVAILABLE] * column.optional
-    return " or ".join(filter(None, [", ".join(allowed[:-1]), allowed[-1]]))
-
-
-def parse(column: Column, text: str, *, minimum: float | None = None) -> object:
-    """Read one cell; ``None`` for ``n/a`` where the column may have it.
-
-    Raises ValueError for text that is not allowed in this column.
-
-    >>> parse(DETECTED, "1"), parse(DETECTED, "n/a")
-    ('1', None)
-    """
-    if text == NOT_AVAILABLE:
-        if column.optional:
-            return None
-    elif column.choices:
-        if text in column.choices:
-            return text
-    elif column.type == "bool":
-        if text in _FLAGS:
-            return _FLAGS[text]
-    elif column.type != "str":
-        number = _parse_number(column, text, minimum)
-        if number is not None:
-            return number
-    elif 0 < len(spelled := _spell_marks(text)) <= _MAX_TEXT and spelled.isprintable():
-        return spelled
-    raise ValueError(f"{column.name} must be {format_allowed(column, minimum=minimum)}")
-
-
-def _spell_marks(text: str) -> str:
-    """Spell out signs without a form, as marks of direction: unseen, they would mix up names."""
-    if text.isprintable():
-        return text
-    return "".join(f"<U+{ord(c):04X}>" if category(c) == "Cf" else c for c in text)
-
-
-def _parse_number(column: Column, text: str, minimum: float | None) -> float | int | None:
-    whole = column.type == "int"
-    if minimum == BLANK_LEVEL and text.lower() in SILENT:
-        return BLANK_LEVEL
-    if not (_WHOLE if whole else _NUMBER).fullmatch(text):
-        return None
-    number = float(text)
-    largest = SCHEMA if column.name == "schema" else _LARGEST_WHOLE if whole else LARGEST
-    if not _smallest(column, minimum) <= number <= largest:
-        return None
-    return int(number) if whole else number
-
-
-def _smallest(column: Column, minimum: float | None) -> float:
-    return max(_MIN.get(column.name, -LARGEST) if minimum is None else minimum, -LARGEST)
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CellReader:
     """How one column of a table becomes one of ours."""
 
     column: Column  # ours
     label: str  # the column's name for messages
-    # theirs to ours; other words stay as they are
+    # theirs to ours, in our unit; other words stay as they are
     translations: Mapping[str, str] = field(default_factory=dict)
     # numerator and denominator that bring a number of theirs to our unit
     scale: tuple[float, float] = (1.0, 1.0)
@@ -186,85 +111,115 @@ class CellReader:
         >>> CellReader(column=DETECTED, label="felt").read(["1", "2"]).row
         1
         """
-        codes, distinct = pd.factorize(np.asarray(texts, dtype=object))
-        numbers = self._read_numbers(distinct)
-        if numbers is not None:
-            return numbers[codes]
-        values: list[Any] = []
-        for code, text in enumerate(distinct):
-            try:
-                values.append(self._read_cell(text))
-            except ValueError:
-                held = f"holds {shown(text)}" if text else "is empty"
-                allowed = format_allowed(self.column, minimum=self.minimum)
-                message = f"column {shown(self.label)} {held}; allowed: {allowed}"
-                return CellFault(int(np.argmax(codes == code)), message + self._remedy(text))
-        return _array(self.column, values)[codes]
-
-    def _read_numbers(self, texts: NDArray[Any]) -> NDArray[np.float64] | None:
-        """Read numbers at once, as `_read_cell` does; None where one needs a look by itself."""
         column = self.column
-        if column.type != "float" or self.decimal != ".":
-            return None
-        missing = texts == NOT_AVAILABLE if column.optional else np.zeros(len(texts), np.bool_)
-        if self.translations and any(text in self.translations for text in texts[~missing]):
-            return None
-        if not all(map(_NUMBER.fullmatch, texts[~missing])):
-            return None
-        values = texts[~missing].astype(np.float64)
-        if not np.all((_smallest(column, self.minimum) <= values) & (values <= LARGEST)):
-            return None
-        numbers = np.full(len(texts), math.nan)
-        numbers[~missing] = [self._rescale(value) for value in values.tolist()]
+        codes, distinct = pd.factorize(np.asarray(texts, dtype=object))
+        names = {**(TRUTHS if column == DETECTED else {}), **self.translations}
+        words = [names.get(text, text) for text in distinct]
+        values: Any
+        if column.choices:
+            numbers = {word: number for number, word in enumerate(column.choices)}
+            values = pd.Categorical.from_codes(
+                [numbers.get(word, -1) for word in words], categories=[*column.choices]
+            )
+            is_valid = values.codes >= 0
+        elif column.type == "bool":
+            is_valid = np.fromiter((word in _FLAGS for word in words), np.bool_)
+            values = pd.array([_FLAGS.get(word) for word in words], dtype="boolean")
+            values = values if column.optional else values.to_numpy(np.bool_, na_value=False)
+        elif column.type == "str":
+            values = np.array([_spell_marks(word) for word in words], dtype=object)
+            are_texts = (0 < len(value) <= _MAX_TEXT and value.isprintable() for value in values)
+            is_valid = np.fromiter(are_texts, np.bool_)
+        else:
+            values = self._parse_numbers(words, [text in names for text in distinct])
+            is_valid = ~np.isnan(values)
+        is_missing = np.fromiter((word == NOT_AVAILABLE for word in words), np.bool_)
+        is_fault = np.where(is_missing, not column.optional, ~is_valid)
+        if is_fault.any():
+            row = int(np.argmax(is_fault[codes]))
+            held = f"holds {shown(texts[row])}" if texts[row] else "is empty"
+            message = f"column {shown(self.label)} {held}; allowed: {self.allowed}"
+            return CellFault(row, message + self._remedy(texts[row]))
+        return values[codes].astype(np.int64) if column.type == "int" else values[codes]
+
+    def _parse_numbers(self, words: list[str], translated: list[bool]) -> NDArray[np.float64]:
+        """Return numbers in our unit, NaN for what is none or out of bounds."""
+        if self.decimal == ",":
+            pairs = zip(words, translated, strict=True)
+            words = [word if is_ours else word.translate(_SWAPPED) for word, is_ours in pairs]
+        matches = (_WHOLE if self.column.type == "int" else _NUMBER).fullmatch
+        numbers = np.array([float(word) if matches(word) else math.nan for word in words], float)
+        largest = _LARGEST_WHOLE if self.column.type == "int" else LARGEST
+        if self.column.name == "schema":
+            largest = SCHEMA
+        numbers[~((max(self._smallest, -LARGEST) <= numbers) & (numbers <= largest))] = math.nan
+        if self.minimum == BLANK_LEVEL:
+            numbers[[word.lower() in SILENT for word in words]] = BLANK_LEVEL
+        if self.scale != (1.0, 1.0):
+            # Without the last binary digits: 5e-8 m are 0.05 um.
+            scaled = numbers * self.scale[0] / self.scale[1]
+            rounded = [float(f"{value:.15g}") for value in scaled.tolist()]
+            numbers = np.where(translated, numbers, rounded)
         return numbers
 
-    def _read_cell(self, text: str) -> object:
-        """Read one cell; a word of theirs stands for a value in our unit already."""
-        if text in self.translations:
-            return parse(self.column, self.translations[text], minimum=self.minimum)
-        if self.column == DETECTED:
-            text = TRUTHS.get(text, text)
-        if self.decimal != "." and self.column.type in {"int", "float"}:
-            if "." in text:
-                raise ValueError(text)
-            text = text.replace(self.decimal, ".")
-        value = parse(self.column, text, minimum=self.minimum)
-        return self._rescale(value) if isinstance(value, float) else value
+    @property
+    def _smallest(self) -> float:
+        return _MIN.get(self.column.name, -math.inf) if self.minimum is None else self.minimum
 
-    def _rescale(self, value: float) -> float:
-        """Bring a number to our unit, without the last binary digits: 5e-8 m are 0.05 um."""
-        if self.scale == (1.0, 1.0) or not math.isfinite(value):
-            return value
-        return float(f"{value * self.scale[0] / self.scale[1]:.15g}")
+    @property
+    def allowed(self) -> str:
+        """Which cells the column may have.
+
+        >>> from experiment.rows import COLUMNS
+        >>> readers = (CellReader(column=column, label="") for column in COLUMNS)
+        >>> [each.allowed for each in readers if each.column.name in {"trial", "noise_ok"}]
+        ['a whole number of at least 1', 'true, false or n/a']
+        """
+        column = self.column
+        at_least = "" if self._smallest == -math.inf else f" of at least {self._smallest}"
+        if column.name == "level_vpp" and self.minimum is None:
+            allowed = ["a number above 0", "in a blank trial 0"]
+        elif self.minimum == BLANK_LEVEL:
+            allowed = ["a finite number", "in a blank trial -inf"]
+        elif column.name == "schema":
+            allowed = [str(SCHEMA)]
+        else:
+            allowed = [*column.choices] or {
+                "int": [f"a whole number{at_least}"],
+                "float": [f"a finite number{at_least}"],
+                "bool": [*_FLAGS],
+                "str": [f"printable text of 1 to {_MAX_TEXT} characters"],
+            }[column.type]
+        allowed += [NOT_AVAILABLE] * column.optional
+        return " or ".join(filter(None, [", ".join(allowed[:-1]), allowed[-1]]))
 
     def _remedy(self, text: str) -> str:
         """Return the line of a map that reads a cell, where it is certain which."""
         key = json.dumps(text[:_MAX_TEXT], ensure_ascii=False)
-        if self.column == DETECTED and text:
-            ours = "timeout" if text.lower() in NOTHING else YES
-            return f'; a map says what it stands for, as [values.detected] {key} = "{ours}"'
-        if self.column.type != "float":
-            return ""
-        if self.decimal == "," and "." in text:
-            return '; with [file] decimal = ",", a point is no part of a number'
-        if self.decimal == "." and _COMMA.fullmatch(text):
-            return '; where commas are decimal, a map says [file] decimal = ","'
-        if self.column.name == "level_vpp" and text.isalpha() and text.lower() not in NOTHING:
-            silent = "0" if self.minimum is None else "-inf"
-            return f'; if these are blank trials, a map says [values.level_vpp] {key} = "{silent}"'
-        return ""
+        is_number, is_nothing = self.column.type == "float", text.lower() in NOTHING
+        is_word = self.column.name == "level_vpp" and text.isalpha() and not is_nothing
+        detected = "timeout" if is_nothing else YES
+        silent = "0" if self.minimum is None else "-inf"
+        remedies = {
+            f'a map says what it stands for, as [values.detected] {key} = "{detected}"': (
+                self.column == DETECTED and text
+            ),
+            'with [file] decimal = ",", a point is no part of a number': (
+                is_number and self.decimal == "," and "." in text
+            ),
+            'where commas are decimal, a map says [file] decimal = ","': (
+                is_number and self.decimal == "." and _COMMA.fullmatch(text)
+            ),
+            f'if these are blank trials, a map says [values.level_vpp] {key} = "{silent}"': is_word,
+        }
+        return next((f"; {remedy}" for remedy, holds in remedies.items() if holds), "")
 
 
-def _array(column: Column, values: list[Any]) -> Any:
-    if column.choices:
-        return pd.Categorical(values, categories=list(column.choices))
-    if column.type == "float":
-        return np.array([math.nan if v is None else v for v in values], dtype=np.float64)
-    if column.type == "bool" and column.optional:
-        return pd.array(values, dtype="boolean")
-    if column.type == "str":
-        return np.array([NOT_AVAILABLE if v is None else v for v in values], dtype=object)
-    return np.array(values, dtype=np.int64 if column.type == "int" else np.bool_)
+def _spell_marks(text: str) -> str:
+    """Spell out signs without a form, as marks of direction: unseen, they would mix up names."""
+    if text.isprintable():
+        return text
+    return "".join(f"<U+{ord(c):04X}>" if category(c) == "Cf" else c for c in text)
 
 
 def read_columns(

@@ -30,9 +30,8 @@ from analysis.reading.cells import (
     DETECTED,
     NOTHING,
     UNANSWERED,
+    CellFault,
     CellReader,
-    format_allowed,
-    parse,
     units_of,
 )
 from analysis.reading.sources import read_regular
@@ -274,12 +273,9 @@ class ColumnMap(Section):
             for theirs, word in words.items()
         ]
         for entry, ours, word in entries:
-            minimum = self.minimum(ours)
-            try:
-                parse(OURS[ours], word, minimum=minimum)
-            except ValueError:
-                allowed = format_allowed(OURS[ours], minimum=minimum)
-                yield f"{entry}: allowed {allowed}, got {shown(word)}"
+            reader = CellReader(column=OURS[ours], label=ours, minimum=self.minimum(ours))
+            if isinstance(reader.read([word]), CellFault):
+                yield f"{entry}: allowed {reader.allowed}, got {shown(word)}"
         for theirs, word in self.values.get("level_vpp", {}).items():
             if self.axis.signed and theirs.lower() in NOTHING and word == "0":
                 scale = f'0 is a level where x_scale = "{self.axis.x_scale}"'

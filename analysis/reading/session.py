@@ -6,11 +6,19 @@ import hashlib
 import json
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from pathlib import PurePosixPath
 from typing import TYPE_CHECKING, Final
 
 from analysis.reading.sources import TABLE, read_regular, unreadable
-from analysis.reading.text import ELSEWHERE, ResultFileError, TextFormat, shown, text_chunks
-from experiment.archive.files import HEADS, JOURNAL, LinkError, refuse_links
+from analysis.reading.text import (
+    ELSEWHERE,
+    ResultFileError,
+    TextFormat,
+    one_line,
+    shown,
+    text_chunks,
+)
+from experiment.archive.files import HEADS, JOURNAL, PLAN, LinkError, refuse_links
 from experiment.archive.journal import RecordSchemaError
 from experiment.integrity.sessions import examine, removed_journal
 from experiment.rows import COLUMNS, OTHER_VERSION, SCHEMA
@@ -21,17 +29,15 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from analysis.reading.sources import InputTable
-    from experiment.archive.history import History
-    from experiment.integrity.sessions import Difference, Examined
+    from experiment.integrity.sessions import Difference
     from experiment.rows import MeasuredRow
     from experiment.trial.plan import Plan
 
 
-PLAN = "plan.json"
 NAMES = tuple(column.name for column in COLUMNS)
 _MAX_PLAN_BYTES = 50_000_000
 _EXPORTED_SUFFIX: Final = ".tsv"
-_EXPORTED: Final = TextFormat(delimiter="\t", quoted=False)
+_EXPORTED: Final = TextFormat(delimiter="\t")
 """How `tactstrip export --bids` writes events."""
 
 
@@ -65,16 +71,15 @@ def own_columns(texts: dict[str, list[str]], file: str) -> dict[str, list[str]]:
 
         if {*texts} == {*EVENT_COLUMNS}:
             texts = {ours: texts[name] for name, ours in EVENT_COLUMNS.items() if ours}
+    if {*texts} == {*NAMES}:
+        return {name: texts[name] for name in NAMES}
     schema = "".join(texts.get("schema", ())[:1])
-    if {*texts} != {*NAMES} and schema.isdecimal() and int(schema) != SCHEMA:
+    if schema.isdecimal() and int(schema) != SCHEMA:
         message = f"schema must be {SCHEMA}; got {shown(schema)}: {OTHER_VERSION}"
         raise ResultFileError(file, 2, message)
-    for name in texts:
-        if name not in NAMES:
-            raise ResultFileError(file, 1, f"unknown column {shown(name)}; {ELSEWHERE}")
-    if missing := [name for name in NAMES if name not in texts]:
-        raise ResultFileError(file, 1, f"no column {', '.join(missing)}; {ELSEWHERE}")
-    return {name: texts[name] for name in NAMES}
+    unknown = [f"unknown column {shown(name)}" for name in texts if name not in NAMES]
+    missing = [f"no column {', '.join(name for name in NAMES if name not in texts)}"]
+    raise ResultFileError(file, 1, f"{[*unknown, *missing][0]}; {ELSEWHERE}")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, order=True)
@@ -94,42 +99,11 @@ class SessionProgress:
     planned: int  # trials of the plan, without the warm-up after a resume
     valid: int = 0  # of these, those with a valid attempt
     file_sha256: str  # of the study as its file states it, before levels were placed
-    unexported: int  # trials of which the journal beside the table tells, and the table does not
+    unexported: int  # trials in the journal beside the table that the table lacks
     study: str  # the canonical text that the plan holds
     keys_set: tuple[str, ...]  # keys that the study file sets
+    offers_none: bool  # whether "nothing was noticed" is an answer
     measured: tuple[MeasuredRow, ...] = field(repr=False)  # by a monitor
-
-
-def read_plan(table: Path) -> tuple[Plan, str] | None:
-    """Read the plan beside a trials.csv and the checksum of its bytes, where there is one.
-
-    Beside a table of another name no plan is looked for.
-
-    Raises ResultFileError for a plan that cannot be read, was changed after it was sealed, or
-    belongs to another session than its folder.
-
-    >>> from pathlib import Path
-    >>> read_plan(Path("table.csv")) is None
-    True
-    """
-    path = table.with_name(PLAN)
-    if table.name != TABLE or not (path.exists() or path.is_symlink()):
-        return None
-    try:
-        raw = read_regular(path, _MAX_PLAN_BYTES)
-        plan = plan_from_json(raw.decode())
-    except OSError as error:
-        raise unreadable(error, path) from None
-    except (ValueError, RecursionError) as error:
-        raise ResultFileError(path, None, f"not a sealed plan: {error}") from None
-    session = path.parent.resolve()
-    folders = ((session.parent, f"sub-{plan.participant}"), (session, f"ses-{plan.session}"))
-    for folder, name in folders:
-        if folder.name.startswith(name[:4]) and folder.name != name:
-            raise ResultFileError(
-                path, None, f"the plan of {name}, but the folder is {folder.name}"
-            )
-    return plan, hashlib.sha256(raw).hexdigest()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -142,8 +116,6 @@ class SessionRecord:
         The table, and the plan where there is one that can be trusted.
     progress : SessionProgress or None
         How far that plan came, but for the rows of the table.
-    offers_none : bool or None
-        Whether that plan offers the answer that nothing was noticed.
     compared : bool
         Whether there is a journal, so that the table was compared with it.
     altered : tuple of str
@@ -152,20 +124,20 @@ class SessionRecord:
     """
 
     inputs: tuple[InputFile, ...]
-    progress: SessionProgress | None = None
-    offers_none: bool | None = None
-    compared: bool = False
-    altered: tuple[str, ...] = ()
+    progress: SessionProgress | None
+    compared: bool
+    altered: tuple[str, ...]
 
 
 def read_record(table: InputTable, *, accept_altered: bool) -> tuple[SessionRecord, Plan | None]:
     """Read what lies beside a table, and return the plan by which its rows are to be checked.
 
-    A table of another name beside a journal is taken for a copy, and compared like trials.csv. Of a
-    session that was altered no plan is read if in doubt, and none is kept to.
+    A journal is replayed by its plan, so that a table that equals it keeps to the plan already. A
+    table of another name beside a journal is taken for a copy, and compared like trials.csv.
 
-    Raises ResultFileError as `read_plan`; for a session of another version of this program; and for
-    the first difference from what was recorded, unless that is accepted.
+    Raises ResultFileError for a plan that cannot be read, was changed after it was sealed, or
+    belongs to another session than its folder; for a session of another version of this program;
+    and for the first difference from what was recorded, unless that is accepted.
     """
     path = table.path
     journal, target = path.with_name(JOURNAL), path.resolve()
@@ -174,53 +146,63 @@ def read_record(table: InputTable, *, accept_altered: bool) -> tuple[SessionReco
         raise ResultFileError(path, None, message)
     history = None
     compared = journal.is_file()
-    if compared:
-        record = _examine(path)
-        if not accept_altered:
-            _refuse_differences(record.differences, "takes it if its rows are consistent")
-        history, differences = record.history, record.differences
-        plan = record.plan if history or not differences else None
-        plan_sha256 = record.plan_file_sha256
-    else:
-        if path.name == TABLE or journal.is_symlink():
-            with _refusals(path):
+    with _refusals(path):
+        if compared:
+            record = examine(path.parent, path.name)
+            if not accept_altered:
+                _refuse_differences(record.differences, "takes it if its rows are consistent")
+            history, differences = record.history, record.differences
+            plan, plan_sha256 = record.plan if history else None, record.plan_file_sha256
+        else:
+            if path.name == TABLE or journal.is_symlink():
                 refuse_links(path.parent, path.name)
-        differences = removed_journal(path.parent) if path.name == TABLE else ()
-        plan, plan_sha256 = read_plan(path) or (None, "")
-    inputs = [InputFile(name=table.name, sha256=_hash_file(path))]
+            differences = removed_journal(path.parent) if path.name == TABLE else ()
+            plan, plan_sha256 = _read_plan(path)
+        with path.open("rb") as stream:
+            table_sha256 = hashlib.file_digest(stream, "sha256").hexdigest()
+    inputs = [InputFile(name=table.name, sha256=table_sha256)]
+    progress = None
     if plan:
-        inputs.append(InputFile(name=_beside(table.name, PLAN), sha256=plan_sha256))
+        name = PurePosixPath(table.name).with_name(PLAN).as_posix()
+        inputs.append(InputFile(name=name, sha256=plan_sha256))
+        progress = SessionProgress(
+            participant=plan.participant,
+            session=plan.session,
+            planned=len(plan.trials),
+            file_sha256=plan.file_sha256,
+            unexported=len(history.rows) if history else 0,
+            study=plan.study,
+            keys_set=plan.keys_set,
+            offers_none=plan.task.nothing in plan.responses,
+            measured=history.measured if history else (),
+        )
+    altered = tuple(_format_difference(each, table) for each in differences)
     kept = SessionRecord(
-        inputs=tuple(inputs),
-        progress=_progress(plan, history) if plan else None,
-        offers_none=plan.task.nothing in plan.responses if plan else None,
-        compared=compared,
-        altered=tuple(_format_difference(each, table.name) for each in differences),
+        inputs=tuple(inputs), progress=progress, compared=compared, altered=altered
     )
-    return kept, None if compared and differences else plan
+    return kept, None if compared else plan
 
 
-def _progress(plan: Plan, history: History | None) -> SessionProgress:
-    return SessionProgress(
-        participant=plan.participant,
-        session=plan.session,
-        planned=len(plan.trials),
-        file_sha256=plan.file_sha256,
-        unexported=len(history.rows) if history else 0,
-        study=plan.study,
-        keys_set=plan.keys_set,
-        measured=history.measured if history else (),
-    )
+def _read_plan(table: Path) -> tuple[Plan | None, str]:
+    """Read the plan beside a trials.csv and the checksum of its bytes, where there is one.
 
-
-def _hash_file(path: Path) -> str:
-    with _refusals(path), path.open("rb") as stream:
-        return hashlib.file_digest(stream, "sha256").hexdigest()
-
-
-def _examine(table: Path) -> Examined:
-    with _refusals(table):
-        return examine(table.parent, table.name)
+    Beside a table of another name no plan is looked for.
+    """
+    path = table.with_name(PLAN)
+    if table.name != TABLE or not path.exists():
+        return None, ""
+    try:
+        raw = read_regular(path, _MAX_PLAN_BYTES)
+        plan = plan_from_json(raw.decode())
+    except (ValueError, RecursionError) as error:
+        raise ResultFileError(path, None, f"not a sealed plan: {error}") from None
+    session = path.parent.resolve()
+    folders = ((session.parent, f"sub-{plan.participant}"), (session, f"ses-{plan.session}"))
+    for folder, name in folders:
+        if folder.name.startswith(name[:4]) and folder.name != name:
+            message = f"the plan of {name}, but the folder is {folder.name}"
+            raise ResultFileError(path, None, message)
+    return plan, hashlib.sha256(raw).hexdigest()
 
 
 @contextmanager
@@ -232,8 +214,6 @@ def _refusals(table: Path) -> Iterator[None]:
         raise ResultFileError(error.path, line, error.message) from None
     except OSError as error:
         raise unreadable(error, table) from None
-    except ValueError as error:
-        raise ResultFileError(table, None, str(error)) from None
 
 
 def _refuse_differences(differences: Sequence[Difference], action: str) -> None:
@@ -270,34 +250,29 @@ def read_missing(
     without_table: dict[str, str] = {}
     lost: dict[str, tuple[str, ...]] = {}
     for table in tables:
-        record = None if table.lost else _examine(table.path)
-        differences = record.differences if record else ()
-        if table.lost:
-            differences = (table.lost,)
-        session = _beside(table.name, "").removesuffix("/") or table.path.resolve().parent.name
-        if differences and not accept_altered:
+        session = one_line("/".join(table.path.resolve().parts[-3:-1]))
+        without_table[session] = "nothing was recorded in it"
+        differences: Sequence[Difference] = [table.lost] if table.lost else []
+        if not table.lost:
+            with _refusals(table.path):
+                record = examine(table.path.parent, table.path.name)
+            differences = record.differences
+            if record.history:
+                without_table[session] = "tactstrip export DIR builds it"
+        if not accept_altered:
             _refuse_differences(differences, "leaves the session out")
         if differences:
-            lost[session] = tuple(_format_difference(each, table.name) for each in differences)
-        else:
-            is_recorded = record and record.history
-            export = "tactstrip export DIR builds it"
-            without_table[session] = export if is_recorded else "nothing was recorded in it"
+            del without_table[session]
+            lost[session] = tuple(_format_difference(each, table) for each in differences)
     return without_table, lost
 
 
-def _beside(name: str, file: str) -> str:
-    """Return the name of a file beside another."""
-    return name[: name.rfind("/") + 1] + file
-
-
-def _format_difference(difference: Difference, name: str) -> str:
-    """Return a difference as a line, its file named as the table is, by `name`."""
-    folder = _beside(name, "")
-    if difference.path.name == HEADS:
-        folder = "".join(f"{name}/" for name in folder.split("/")[:-2])
+def _format_difference(difference: Difference, table: InputTable) -> str:
+    """Return a difference as a line, its file named as the table is."""
+    folder = PurePosixPath(table.name).parent
+    file = (folder.parent if difference.path.name == HEADS else folder) / difference.path.name
     line = "" if difference.line is None else f":{difference.line}"
-    return f"{folder}{difference.path.name}{line}: {difference.message}"
+    return f"{file}{line}: {difference.message}"
 
 
 def contacts(
@@ -317,8 +292,6 @@ def contacts(
     for participant, session in sessions:
         section = sections.get((participant, session)) or {}
         summary = Contact.model_construct(**section).summary
-        sessions_of[summary] = (
-            *sessions_of.get(summary, ()),
-            f"sub-{participant}/ses-{session}",
-        )
+        name = f"sub-{participant}/ses-{session}"
+        sessions_of[summary] = (*sessions_of.get(summary, ()), name)
     return sessions_of

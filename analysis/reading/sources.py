@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 from analysis.reading.text import ELSEWHERE, ResultFileError, one_line
-from experiment.archive.files import LinkError, person_of, refuse_link
-from experiment.integrity.places import lost_sessions, refuse_given_link
+from experiment.archive.files import LinkError, refuse_link
+from experiment.integrity.places import list_sessions
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping
@@ -25,7 +25,7 @@ FILE: Final = "file-"
 """The column that has the name of a file without its ending."""
 STANDS_FOR: Final = {"participant": "sub-", "session": "ses-", "block": "run-"}
 """Which of our columns the name of a BIDS file has, where the table has not."""
-_BIDS_TABLE: Final = re.compile(r".+_(beh|events)\.tsv")
+_BIDS_TABLE: Final = re.compile(r"[^.].*_(beh|events)\.tsv")
 _ENTITY: Final = re.compile(r"([A-Za-z]+)-([A-Za-z0-9+]+)")
 _ENDINGS: Final = ((".csv", ".tsv"), (".txt",))
 """Endings of tables; the last only where there is none of the first: most .txt are no tables."""
@@ -45,7 +45,7 @@ def read_name(path: Path) -> dict[str, str]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class InputTable:
-    """A table to read, or the place of one that is missing.
+    """A table to read, or the path of one that its session lacks.
 
     Attributes
     ----------
@@ -55,9 +55,9 @@ class InputTable:
         Printable, relative to the folder that holds everything that was given: the same wherever
         that lies.
     about : mapping of str to str
-        What the file's name tells, see `read_name`.
+        What the file's name says, see `read_name`.
     lost : Difference or None
-        What tells of the session, where no file of it is left.
+        What sessions.tsv says of the session, where no file of it is left.
     """
 
     path: Path
@@ -66,16 +66,10 @@ class InputTable:
     lost: Difference | None = None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Sources:
-    """The tables to read, and the places of those that sessions lack."""
-
-    tables: tuple[InputTable, ...]
-    missing: tuple[InputTable, ...] = ()
-
-
-def find_sources(paths: list[Path], *, foreign: bool = False) -> Sources:
-    """List the tables to read, and the sessions without one.
+def find_sources(
+    paths: list[Path], *, foreign: bool = False
+) -> tuple[tuple[InputTable, ...], tuple[InputTable, ...]]:
+    """Return the tables to read, and those that sessions lack.
 
     Of a folder in which no session has a trials.csv, those of a BIDS data set are listed or, where
     tables are `foreign` ones with a map, all in the folder itself.
@@ -89,8 +83,9 @@ def find_sources(paths: list[Path], *, foreign: bool = False) -> Sources:
     ...     for name in ("a", "b"):
     ...         (Path(folder) / name).mkdir()
     ...         (Path(folder) / name / "t.csv").touch()
-    ...     [s.name for s in find_sources(sorted(Path(folder).glob("*/t.csv"))).tables]
-    ['a/t.csv', 'b/t.csv']
+    ...     tables, missing = find_sources(sorted(Path(folder).glob("*/t.csv")))
+    >>> [table.name for table in tables], missing
+    (['a/t.csv', 'b/t.csv'], ())
     """
     if not paths:
         raise ValueError("paths must name at least one file or folder, got none")
@@ -126,71 +121,48 @@ def find_sources(paths: list[Path], *, foreign: bool = False) -> Sources:
         )
         for folder, table in listed
     ]
-    return Sources(
-        tables=tuple(source for source in sources if source.path not in missing),
-        missing=tuple(source for source in sources if source.path in missing),
+    return (
+        tuple(source for source in sources if source.path not in missing),
+        tuple(source for source in sources if source.path in missing),
     )
 
 
 def _list_folder(
     folder: Path, *, foreign: bool
 ) -> tuple[list[Path], dict[Path, Difference | None]]:
-    """Return the tables of a folder, and those that sessions lack, with what tells of lost ones."""
-    refuse_given_link(folder)
-    name = folder.resolve().name
-    people = [folder] if name.startswith(("sub-", "ses-")) else _list_folders(folder, "sub-")
-    if name.startswith("ses-"):
-        heads = lost_sessions(person_of(folder)).items()
-        sessions, lost = [folder], [(folder, why) for path, why in heads if path.name == name]
-    else:
-        sessions = [session for person in people for session in _list_folders(person, "ses-")]
-        lost = [each for person in people for each in lost_sessions(person).items()]
-    tables = [session / TABLE for session in sessions]
-    absent: dict[Path, Difference | None] = {t: None for t in tables if not _is_there(t)}
-    absent |= {session / TABLE: why for session, why in lost}
-    tables = [table for table in tables if table not in absent]
-    for table in tables:
+    """Return the tables of a folder, and those that sessions lack, with the loss of a session."""
+    sessions = list_sessions(folder)
+    for link in sessions.links:
+        raise link
+    tables: list[Path] = []
+    absent: dict[Path, Difference | None] = {}
+    for session in sessions.folders:
+        table = session / TABLE
         refuse_link(table)
-    if tables or lost:
+        if table in session.iterdir():  # fails where nobody can know, unlike `Path.exists`
+            tables.append(table)
+        else:
+            absent[table] = None
+    absent |= {session / TABLE: why for session, why in sessions.lost.items()}
+    if tables or absent:
         return tables, absent
-    below = (path for person in people for path in person.rglob("*.tsv"))
-    others = sorted(p for p in below if _BIDS_TABLE.fullmatch(p.name) and _is_visible(p))
-    plain = _list_plain_tables(folder) if not others and not sessions else []
-    if others or (foreign and plain):
-        return others or plain, {}
-    if sessions:
-        return [], absent
+    is_person = folder.resolve().name.startswith(("sub-", "ses-"))
+    people = [folder] if is_person else folder.glob("sub-*")
+    events = sorted(
+        path
+        for person in people
+        for path in person.rglob("*.tsv")
+        if _BIDS_TABLE.fullmatch(path.name)
+    )
+    # Names that begin with a point are a spreadsheet's locks and macOS's copies.
+    files = sorted(path for path in folder.iterdir() if not path.name.startswith("."))
+    by_ending = ([file for file in files if file.suffix.lower() in ends] for ends in _ENDINGS)
+    plain = next(filter(None, by_ending), [])
+    if events or (foreign and plain):
+        return events or plain, {}
     which = "table (.csv, .tsv or .txt)" if foreign else f"sub-*/ses-*/{TABLE}"
     hint = f"; {ELSEWHERE}" if plain else ""
     raise ResultFileError(folder, None, f"no {which} in this folder{hint}")
-
-
-def _list_folders(folder: Path, prefix: str) -> list[Path]:
-    """Return folders by name; unlike a glob, never pass over one that cannot be read."""
-    paths = sorted(path for path in folder.iterdir() if path.name.startswith(prefix))
-    for path in paths:
-        if not path.is_file():
-            refuse_link(path)
-    return [path for path in paths if path.is_dir()]
-
-
-def _list_plain_tables(folder: Path) -> list[Path]:
-    files = sorted(path for path in folder.iterdir() if _is_visible(path))
-    tables = ([path for path in files if path.suffix.lower() in ends] for ends in _ENDINGS)
-    return next(filter(None, tables), [])
-
-
-def _is_visible(path: Path) -> bool:
-    return not path.name.startswith(".")  # as a spreadsheet's lock and macOS's copies do
-
-
-def _is_there(path: Path) -> bool:
-    """Return whether something is there; unlike `Path.exists`, fail where nobody can know."""
-    try:
-        path.lstat()
-    except FileNotFoundError:
-        return False
-    return True
 
 
 def unreadable(error: OSError, path: Path) -> ResultFileError:

@@ -95,7 +95,6 @@ class TextFormat:
 
     delimiter: str = ""  # one of `SEPARATORS` or a space
     encoding: str = ""  # as Python names it; else by the byte order mark, or UTF-8
-    quoted: bool = True  # cells may stand in quotation marks
 
 
 def text_chunks(
@@ -156,8 +155,7 @@ def _records(
     delimiter = ","
     if form:
         delimiter = form.delimiter or _choose_delimiter(start, file)
-    quoting = csv.QUOTE_MINIMAL if form is None or form.quoted else csv.QUOTE_NONE
-    reader = csv.reader(chain(start, lines), strict=True, delimiter=delimiter, quoting=quoting)
+    reader = csv.reader(chain(start, lines), strict=True, delimiter=delimiter)
     begins = 1
     try:
         for row in reader:

@@ -38,7 +38,6 @@ from analysis.reading.foreign import (
     with_responses,
 )
 from analysis.reading.session import (
-    PLAN,
     InputFile,
     read_missing,
     read_own_texts,
@@ -46,6 +45,7 @@ from analysis.reading.session import (
 )
 from analysis.reading.sources import FILE, TABLE, find_sources, unchanged, unreadable
 from analysis.reading.text import ResultFileError, named, one_line, shown
+from experiment.archive.files import PLAN
 from experiment.rows import (
     ANSWERS,
     COLUMNS,
@@ -275,10 +275,10 @@ def read_inputs(
     >>> len(loaded.trials), [file.name for file in loaded.inputs]
     (1, ['table.csv'])
     """
-    sources = find_sources([Path(path) for path in paths], foreign=columns is not None)
-    without_table, lost = read_missing(sources.missing, accept_altered=accept_altered)
+    sources, missing = find_sources([Path(path) for path in paths], foreign=columns is not None)
+    without_table, lost = read_missing(missing, accept_altered=accept_altered)
     reading = _Reading(columns, accept_altered=accept_altered)
-    tables = [source for source in sources.tables if reading.filter.reads(source.about)]
+    tables = [source for source in sources if reading.filter.reads(source.about)]
     files = [path for table in tables for path in (table.path, table.path.with_name(PLAN))]
     with unchanged(files), watched(tables) as watched_tables, no_search_for_circles():
         rows = reading.read(watched_tables)
@@ -286,7 +286,7 @@ def read_inputs(
     left_out_by = reading.filter.format_keys(reading.left_out) if reading.left_out else ""
     if rows.empty:
         message = "no session here has a trial yet"
-        if sources.tables and not tables:
+        if sources and not tables:
             message = f"all files are left out by {reading.filter.format_keys()}"
         elif not tables:
             reason = next(iter([*without_table.values(), *sum(lost.values(), ())]))
@@ -335,7 +335,7 @@ def read_inputs(
         blanks=blanks,
         changed=changed,
         left_out=reading.left_out.total(),
-        left_out_files=len(sources.tables) - len(tables),
+        left_out_files=len(sources) - len(tables),
         left_out_by=left_out_by,
         numbered=numbered,
         side_told=not (columns and cells is None and _has_one_site(trials, columns)),
@@ -498,7 +498,9 @@ def _check_trials(
     """Return rows as numbered trials with all columns; refuse those that break a rule."""
     rows = with_responses(rows, columns) if columns else rows
     rows = _with_verdicts(_with_numbers(rows), columns)
-    offers_none = {file: each.offers_none for file, each in records.items() if each.progress}
+    offers_none = {
+        file: each.progress.offers_none for file, each in records.items() if each.progress
+    }
     rules = chain(
         _trial_rules(rows, columns),
         _level_rules(rows["level_vpp"], rows["side"].ne(NO_STIMULUS), columns),

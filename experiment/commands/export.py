@@ -81,7 +81,7 @@ def _export_tables(folder: Path) -> None:
                 echo(session.write_trials())
                 if session.measured_path.exists():
                     echo(session.measured_path)
-    errors += [f"{lost}; restore it from a copy" for lost in located.lost]
+    errors += [f"{lost}; restore it from a copy" for lost in located.lost.values()]
     if errors:
         raise CommandError(*errors)
 
@@ -118,7 +118,7 @@ def _export_bids(folder: Path, out: Path, *, with_sourcedata: bool, allow_simula
     for session in sessions:
         session.read_plan()
         session.refuse_loss()
-    for lost in located.lost:
+    for lost in located.lost.values():
         raise CommandError(f"{lost}; restore it from a copy; nothing was written")
     for session in sessions:
         _require_unmodified(session.path)

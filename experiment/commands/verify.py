@@ -64,7 +64,7 @@ def verify(*, folder: Path) -> None:
                 )
                 n_differences += len(examined.differences)
             step(number, len(sessions.folders))
-    for line in (*lines, *sessions.lost):
+    for line in (*lines, *sessions.lost.values()):
         echo(line)
     if errors:
         raise CommandError(*dict.fromkeys(errors))

@@ -15,6 +15,7 @@ from experiment.integrity.heads import HeadError, read_heads
 from experiment.integrity.sessions import Difference
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
     from pathlib import Path
 
 
@@ -30,14 +31,14 @@ class FoundSessions:
     ----------
     folders : tuple of Path
         Those with a file of a record.
-    lost : tuple of Difference
-        What sessions.tsv tells of those without any.
+    lost : mapping of Path to Difference
+        What sessions.tsv says of those without any, by their folders.
     links : tuple of LinkError
         Symbolic links where a person's or session's folder has to be: nothing there is read.
     """
 
     folders: tuple[Path, ...]
-    lost: tuple[Difference, ...]
+    lost: Mapping[Path, Difference]
     links: tuple[LinkError, ...]
 
     @property
@@ -54,9 +55,17 @@ def _session(path: Path) -> SessionFolder:
 
 
 def find_sessions(root: Path) -> FoundSessions:
+    """List the sessions as `list_sessions` does; ArchiveError where there is none."""
+    sessions = list_sessions(root)
+    if not (sessions.folders or sessions.lost or sessions.links):
+        raise ArchiveError(f"{root}: there is no session below this folder")
+    return sessions
+
+
+def list_sessions(root: Path) -> FoundSessions:
     """List the sessions below a study's folder, a person's, or one.
 
-    ArchiveError where there is none; LinkError where a person or session is reached by a link.
+    LinkError where that folder is reached by a link.
     """
     refuse_given_link(root)
     kind = _kind(root)
@@ -75,9 +84,7 @@ def find_sessions(root: Path) -> FoundSessions:
     if kind == _SESSION:
         lost = {path: lost[path] for path in lost if path.name == root.resolve().name}
     folders = [folder for folder in folders if _holds_any(folder)]
-    if not folders and not lost and not links:
-        raise ArchiveError(f"{root}: there is no session below this folder")
-    return FoundSessions(folders=tuple(folders), lost=tuple(lost.values()), links=tuple(links))
+    return FoundSessions(folders=tuple(folders), lost=lost, links=tuple(links))
 
 
 def _kind(root: Path) -> str:
@@ -102,7 +109,8 @@ def refuse_given_link(root: Path) -> None:
 def _real(folder: Path, prefix: str, links: list[LinkError]) -> list[Path]:
     """List folders by name; links among them, which may be dead, go to the list of links."""
     folders = []
-    for path in sorted(folder.glob(f"{prefix}*")):
+    # Unlike a glob, this never passes over a folder that cannot be read.
+    for path in sorted(each for each in folder.iterdir() if each.name.startswith(prefix)):
         if path.is_symlink() and not path.is_file():
             links.append(LinkError(path))
         elif path.is_dir():
@@ -111,7 +119,7 @@ def _real(folder: Path, prefix: str, links: list[LinkError]) -> list[Path]:
 
 
 def _holds_any(folder: Path) -> bool:
-    return any((folder / file).exists() or (folder / file).is_symlink() for file in FILES)
+    return folder.is_dir() and any(path.name in FILES for path in folder.iterdir())
 
 
 def lost_sessions(person: Path) -> dict[Path, Difference]:

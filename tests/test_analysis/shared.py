@@ -150,7 +150,7 @@ class Draft:
 
 def draft(*paths: Path) -> Draft:
     """Propose a column map for external tables."""
-    return Draft(*propose_map(find_sources([*paths], foreign=True).tables))
+    return Draft(*propose_map(find_sources([*paths], foreign=True)[0]))
 
 
 def felt(

@@ -230,7 +230,7 @@ def test_a_copy_of_a_table_is_refused(tmp_path: Path, text: str, columns: Column
 
 def test_the_names_of_inputs_tell_the_files_apart(tmp_path: Path) -> None:
     tables = [session(tmp_path, "1"), session(tmp_path, "2")]
-    (tmp_path / "sub-1" / "ses-02").mkdir()
+    put(tmp_path / "sub-1" / "ses-02" / "journal.jsonl", "")
     found = read_inputs([tmp_path / "sub-1", tmp_path / "sub-2"])
     names = [f"sub-{number}/ses-01/trials.csv" for number in ("1", "2")]
     assert [file.name for file in found.inputs] == names

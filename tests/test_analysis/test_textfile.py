@@ -159,7 +159,6 @@ def test_an_encoding_is_stated_or_refused_with_its_line() -> None:
         TextFormat,
         delimiter=st.sampled_from(["", " ", *SEPARATORS]),
         encoding=st.sampled_from(["", "utf-16", "utf-32", "cp1252", "utf-7"]),
-        quoted=st.booleans(),
     ),
 )
 def test_any_bytes_are_a_table_or_a_refusal(raw: bytes, form: TextFormat | None) -> None:
