@@ -119,7 +119,7 @@ class CellReader:
         if column.choices:
             numbers = {word: number for number, word in enumerate(column.choices)}
             values = pd.Categorical.from_codes(
-                [numbers.get(word, -1) for word in words], categories=[*column.choices]
+                [numbers.get(word, -1) for word in words], categories=pd.Index(column.choices)
             )
             is_valid = values.codes >= 0
         elif column.type == "bool":
