@@ -98,7 +98,7 @@ def write_analysis(
     >>> analysis.levels[["detected", "presented"]].to_numpy().tolist()
     [[1, 1]]
     """
-    from analysis.reading.trials import no_search_for_circles, read_inputs
+    from analysis.reading.trials import paused_garbage_collection, read_inputs
 
     loaded = read_inputs(
         paths,
@@ -108,12 +108,12 @@ def write_analysis(
     )
     from analysis.results.analysis import analyse
 
-    with working("Fitting") if bar else nullcontext(), no_search_for_circles():
+    with working("Fitting") if bar else nullcontext(), paused_garbage_collection():
         analysis = analyse(loaded, ci=ci, seed=seed, allow_simulated=allow_simulated)
     from analysis.results.figures.drawing import DEFAULT_STYLE
     from analysis.results.files import save
 
-    with working("Writing") if bar else nullcontext(), no_search_for_circles():
+    with working("Writing") if bar else nullcontext(), paused_garbage_collection():
         chosen = (style or DEFAULT_STYLE) if figures else None
         save(analysis, Path(out_dir), read=loaded.paths, style=chosen)
     return analysis

@@ -17,11 +17,10 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple, cast
 import numpy as np
 import pandas as pd
 
-from analysis.axis import Axis
-from analysis.codes import AnalysisWarning, WarningCode
+from analysis.codes import WarningCode
 from analysis.numbers import TOTAL
 from analysis.reading.cells import CellReader, read_columns
-from analysis.reading.columns import YES_NO, Rows
+from analysis.reading.columns import YES_NO, ColumnMap, Rows
 from analysis.reading.foreign import (
     MAX_CONDITIONS,
     MAX_PRESENTED,
@@ -62,7 +61,8 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
     from contextlib import AbstractContextManager
 
-    from analysis.reading.columns import ColumnMap, Table
+    from analysis.axis import Axis
+    from analysis.reading.columns import Table
     from analysis.reading.session import SessionProgress, SessionRecord
     from analysis.reading.sources import InputTable
     from experiment.trial.plan import Plan
@@ -77,7 +77,6 @@ _LIMITS: Final = {
 }
 MIN_LEVEL_VPP, MAX_LEVEL_VPP = 1e-6, 1e6
 MIN_MEDIAN_RT_S, MAX_MEDIAN_RT_S = 0.01, 10.0
-_NO_TOTAL: Final = "another name, for this is the name of the total's row"
 _BATCH_ROWS: Final = 8_192
 _READERS: Final = tuple(CellReader(column=column, label=column.name) for column in COLUMNS)
 _KEY: Final = ["participant", "session", "trial", "attempt"]
@@ -87,22 +86,6 @@ _OF_PLAN: Final = ("participant", "session", "study_sha256", "response_window_s"
 _DECIMAL: Final = re.compile(r"\d+(\.0*)?", re.ASCII)
 _MIN_SAME_TRIALS: Final = 10
 _MIN_BLANKS, _MAX_FALSE_ALARMS = 10, 0.5
-_REMARKS: Final = {
-    WarningCode.CONDITIONS_POOLED: (
-        f"columns with 2 to {MAX_WORDS} words that the map leaves aside: {{columns}}"
-    ),
-    WarningCode.NAMES_ALIKE: (
-        "{column}: {names} may be the same; [values.{column}] in the map gives them one name"
-    ),
-    WarningCode.SAME_TRIALS_TWICE: (
-        "{first} and {second} hold the same {trials} trials: one may be a copy"
-    ),
-    WarningCode.BLANKS_MOSTLY_DETECTED: (
-        "in {share:.0%} of {blanks} blank trials something was felt: if that is a column of right "
-        "and wrong answers, it has 1 for a blank that was rightly not felt; [columns] detected "
-        "must be what was answered"
-    ),
-}
 _REPEATED: Final = (
     '; where trials are numbered anew in each block, the map needs [columns] trial = "" (their '
     f'order is taken); where files are sessions, session = "{FILE}", or participant = "{FILE}" '
@@ -145,8 +128,9 @@ class LoadedTrials:
         are no trials then.
     blanks : pandas.DataFrame or None
         The same of its blank presentations.
-    changed : tuple of AnalysisWarning
-        What an external table may mean otherwise than its map has it.
+    warnings : tuple of tuple
+        What an external table may mean otherwise than its map has it: the code and the data of each
+        warning.
     left_out : int
         Rows that a map leaves out.
     left_out_files : int
@@ -185,7 +169,7 @@ class LoadedTrials:
     task: str = ""
     cells: pd.DataFrame | None = None
     blanks: pd.DataFrame | None = None
-    changed: tuple[AnalysisWarning, ...] = ()
+    warnings: tuple[tuple[WarningCode, dict[str, object]], ...] = ()
     left_out: int = 0
     left_out_files: int = 0
     left_out_by: str = ""
@@ -277,68 +261,63 @@ def read_inputs(
     """
     sources, missing = find_sources([Path(path) for path in paths], foreign=columns is not None)
     without_table, lost = read_missing(missing, accept_altered=accept_altered)
-    reading = _Reading(columns, accept_altered=accept_altered)
-    tables = [source for source in sources if reading.filter.reads(source.about)]
+    reader = _Reader(columns, accept_altered=accept_altered)
+    tables = [source for source in sources if reader.filter.reads(source.about)]
     files = [path for table in tables for path in (table.path, table.path.with_name(PLAN))]
-    with unchanged(files), watched(tables) as watched_tables, no_search_for_circles():
-        rows = reading.read(watched_tables)
-    reading.filter.refuse_unmet(str(paths[0]))
-    left_out_by = reading.filter.format_keys(reading.left_out) if reading.left_out else ""
+    with unchanged(files), watched(tables) as watched_tables, paused_garbage_collection():
+        rows = reader.read(watched_tables)
+    reader.filter.refuse_unmet(str(paths[0]))
+    left_out_by = reader.filter.format_keys(reader.left_out) if reader.left_out else ""
     if rows.empty:
         message = "no session here has a trial yet"
         if sources and not tables:
-            message = f"all files are left out by {reading.filter.format_keys()}"
+            message = f"all files are left out by {reader.filter.format_keys()}"
         elif not tables:
             reason = next(iter([*without_table.values(), *sum(lost.values(), ())]))
             message = f"no session in this folder has a {TABLE}; {reason}"
         elif left_out_by:
-            message = f"all {reading.left_out.total()} rows are left out by {left_out_by}"
+            message = f"all {reader.left_out.total()} rows are left out by {left_out_by}"
         raise ResultFileError(tables[0].path if tables else paths[0], None, message)
-    n_rows = rows["file"].value_counts()
-    records = reading.records
-    _refuse_copies({file: record for file, record in records.items() if file in n_rows})
-    numbered, cells, blanks = True, None, None
+    with_rows = {*rows["file"]}
+    records = reader.records
+    _refuse_copies({file: record for file, record in records.items() if file in with_rows})
+    cells, blanks = None, None
     if columns and columns.table:
-        cells, blanks = _check_counts(rows, columns, reading.unused)
+        cells, blanks = _check_counts(rows, columns, reader.unused)
         if cells.empty:
-            by = (
-                f"; {reading.left_out.total()} are left out by {left_out_by}" if left_out_by else ""
-            )
-            raise ResultFileError(tables[0].path, None, f"nothing was presented in any row{by}")
+            raise ResultFileError(tables[0].path, None, "nothing was presented in any row")
         trials = with_reasons(no_rows())
     else:
-        numbered = bool(rows["trial"].ne(UNNUMBERED).all()) or _are_rows_in_order(rows, columns)
         trials = _check_trials(rows, columns, records)
     inputs = [file for record in records.values() for file in record.inputs]
-    changed: tuple[AnalysisWarning, ...] = ()
-    if columns:
-        if columns.sha256:
-            inputs.append(InputFile(name=one_line(columns.name), sha256=columns.sha256))
-        changed = tuple(_remarks(trials if cells is None else rows, columns, reading.unused))
+    if columns and columns.sha256:
+        inputs.append(InputFile(name=one_line(columns.name), sha256=columns.sha256))
+    checked = trials if cells is None else rows
+    column_map = columns or ColumnMap()
     return LoadedTrials(
         trials=trials,
         paths=tuple(table.path for table in tables),
         inputs=tuple(sorted(inputs)),
         without_table=without_table,
         progress=_count_rows(trials, records),
-        axis=columns.axis if columns else Axis(),
+        axis=column_map.axis,
         altered={file: record.altered for file, record in records.items() if record.altered},
         lost=lost,
         not_compared=tuple(
             record.inputs[0].name
             for file, record in records.items()
-            if file in n_rows and not (record.compared or columns)
+            if file in with_rows and not (record.compared or columns)
         ),
-        alternatives=columns.alternatives if columns else 2,
-        task=columns.task if columns else "",
+        alternatives=column_map.alternatives,
+        task=column_map.task,
         cells=cells,
         blanks=blanks,
-        changed=changed,
-        left_out=reading.left_out.total(),
+        warnings=tuple(_doubts(checked, columns, reader.unused)) if columns else (),
+        left_out=reader.left_out.total(),
         left_out_files=len(sources) - len(tables),
         left_out_by=left_out_by,
-        numbered=numbered,
-        side_told=not (columns and cells is None and _has_one_site(trials, columns)),
+        numbered=cells is not None or _are_trials_numbered(rows, column_map),
+        side_told=cells is not None or not _has_one_site(trials, column_map),
     )
 
 
@@ -351,30 +330,29 @@ def _has_one_site(trials: pd.DataFrame, columns: ColumnMap) -> bool:
     return len(sites) == 1 and "response" not in columns.columns and is_only
 
 
-def _are_rows_in_order(rows: pd.DataFrame, columns: ColumnMap | None) -> bool:
-    """Return whether a map takes the order of rows, none of which is that of files."""
-    if columns is None or columns.columns.get("trial") != "":
-        return False
-    return bool(rows.groupby(["participant", "session"])["file"].nunique().eq(1).all())
+def _are_trials_numbered(rows: pd.DataFrame, columns: ColumnMap) -> bool:
+    """Return whether rows have numbers, or a map takes their order, and none is that of files."""
+    if rows["trial"].ne(UNNUMBERED).all():
+        return True
+    n_files = rows.groupby(["participant", "session"])["file"].nunique()
+    return columns.columns.get("trial") == "" and bool(n_files.eq(1).all())
 
 
 @contextmanager
-def no_search_for_circles() -> Iterator[None]:
-    """Keep Python from looking for circular garbage, an eighth of the time of many sessions.
+def paused_garbage_collection() -> Iterator[None]:
+    """Keep Python from looking for circular garbage, which takes 6 % of the time of reading.
 
     What is read is millions of plain values, none of which points back at another; tables made of
     them have no circles either, and those of a few figures can wait.
     """
-    enabled = gc.isenabled()
     gc.disable()
     try:
         yield
     finally:
-        if enabled:
-            gc.enable()
+        gc.enable()
 
 
-class _Reading:
+class _Reader:
     """Tables read one after the other, typed in batches that bound the memory.
 
     A call of pandas costs as much for many rows as for one, so that those of small tables are typed
@@ -390,50 +368,47 @@ class _Reading:
         self.left_out: Counter[str] = Counter()
         self.values: dict[str, set[object]] = {name: set() for name in _LIMITS}
 
-    def read(self, sources: Iterable[InputTable]) -> pd.DataFrame:
-        """Return the typed rows of all tables, those with a plan checked against it."""
-        frames = []
+    def read(self, tables: Iterable[InputTable]) -> pd.DataFrame:
+        """Return the typed rows of all tables."""
+        frames = [self._type(*batch) for batch in self._batches(tables)]
+        return pd.concat(frames or [no_rows()], ignore_index=True)
+
+    def _batches(
+        self, tables: Iterable[InputTable]
+    ) -> Iterator[tuple[dict[str, list[str]], list[str], list[int]]]:
+        """Yield columns of text with the file and the line of each row."""
         texts: dict[str, list[str]] = {}
         files: list[str] = []
         lines: list[int] = []
-        plans: dict[str, Plan] = {}
-        for source in sources:
-            file = str(source.path)
-            self.records[file], plan = read_record(source, accept_altered=self.accept_altered)
+        for table in tables:
+            file = str(table.path)
+            self.records[file] = read_record(table, accept_altered=self.accept_altered)
             try:
-                for columns, numbers in self._texts(source, has_plan=plan is not None):
-                    if texts.keys() != columns.keys() or len(lines) >= _BATCH_ROWS:
-                        frames.append(self._type(texts, files, lines, plans))
-                        texts, files, lines, plans = {name: [] for name in columns}, [], [], {}
-                    for name, column in columns.items():
-                        texts[name] += column
+                for cells, numbers in self._chunks(table):
+                    if lines and (len(lines) >= _BATCH_ROWS or texts.keys() != cells.keys()):
+                        yield texts, files, lines
+                        texts, files, lines = {}, [], []
+                    for name, column in cells.items():
+                        texts.setdefault(name, []).extend(column)
                     files += [file] * len(numbers)
                     lines += numbers
-                    plans |= {file: plan} if plan else {}
             except OSError as error:
-                raise unreadable(error, source.path) from None
-        frames.append(self._type(texts, files, lines, plans))
-        return pd.concat([f for f in frames if len(f)] or [no_rows()], ignore_index=True)
+                raise unreadable(error, table.path) from None
+        if lines:
+            yield texts, files, lines
 
-    def _texts(
-        self, source: InputTable, *, has_plan: bool
-    ) -> Iterator[tuple[dict[str, list[str]], list[int]]]:
+    def _chunks(self, table: InputTable) -> Iterator[tuple[dict[str, list[str]], list[int]]]:
         if self.columns is None:
-            yield from read_own_texts(source.path, empty_allowed=has_plan)
+            has_plan = self.records[str(table.path)].progress is not None
+            yield from read_own_texts(table.path, empty_allowed=has_plan)
             return
-        for texts, lines, left in read_texts(source, self.columns, self.filter, self.unused):
-            self.left_out += left
+        for texts, lines, left_out in read_texts(table, self.columns, self.filter, self.unused):
+            self.left_out += left_out
             yield texts, lines
 
     def _type(
-        self,
-        texts: dict[str, list[str]],
-        files: list[str],
-        lines: list[int],
-        plans: Mapping[str, Plan],
+        self, texts: dict[str, list[str]], files: list[str], lines: list[int]
     ) -> pd.DataFrame:
-        if not lines:
-            return pd.DataFrame()
         if self.columns is None:
             rows = read_columns(texts, _READERS, files, lines)
         elif self.columns.table:
@@ -441,9 +416,6 @@ class _Reading:
         else:
             rows = read_external(texts, self.columns, files, lines)
         _refuse_broken(rows, self._limit_rules(rows), self.columns)
-        if plans:
-            planned = rows[rows["file"].isin(plans)].reset_index(drop=True)
-            _refuse_broken(planned, _plan_rules(planned, plans), self.columns)
         return rows
 
     def _limit_rules(self, rows: pd.DataFrame) -> Iterator[_Rule]:
@@ -501,7 +473,9 @@ def _check_trials(
     offers_none = {
         file: each.progress.offers_none for file, each in records.items() if each.progress
     }
+    plans = {file: each.plan for file, each in records.items() if each.plan}
     rules = chain(
+        _plan_rules(rows, plans),
         _trial_rules(rows, columns),
         _level_rules(rows["level_vpp"], rows["side"].ne(NO_STIMULUS), columns),
         _time_rules(rows[~rows["file"].isin(offers_none)], columns),
@@ -603,42 +577,44 @@ def _format(values: pd.Series[Any], row: int) -> str:
 
 
 def _plan_rules(rows: pd.DataFrame, plans: Mapping[str, Plan]) -> Iterator[_Rule]:
-    """Yield what the plan beside a table says of each row."""
+    """Yield what the plan says of each row of a table beside which there is no journal."""
+    if not plans:
+        return
     trials = [
-        {name: getattr(trial, name) for name in _OF_TRIAL}
-        | {name: getattr(plan, name) for name in _OF_PLAN}
-        | {"file": file, "trial": trial.number, "response": plan.answers_to(trial)}
+        (file, plan, trial)
         for file, plan in plans.items()
         for trial in (*plan.trials, *plan.warm_up)
     ]
+    columns = {
+        "file": [file for file, _, _ in trials],
+        "trial": [trial.number for _, _, trial in trials],
+        "response": [plan.answers_to(trial) for _, plan, trial in trials],
+        **{name: [getattr(trial, name) for _, _, trial in trials] for name in _OF_TRIAL},
+        **{name: [getattr(plan, name) for _, plan, _ in trials] for name in _OF_PLAN},
+    }
+    planned = rows[["file", "trial"]].merge(pd.DataFrame(columns), "left", ["file", "trial"])
     hint = " by the plan beside the table"
-    planned = rows[["file", "trial"]].merge(pd.DataFrame(trials), "left", ["file", "trial"])
-    unplanned = planned["kind"].isna()
+    has_plan = rows["file"].isin(plans)
+    unplanned = has_plan & planned["kind"].isna()
     yield _Rule("trial", "the number of a planned trial", unplanned, hint)
-    if unplanned.any():
-        return
     rows = rows.assign(level_vpp=rows["level_vpp"].mask(rows["side"].eq(NO_STIMULUS)))
     for name in ("participant", "session", "study_sha256", *_OF_TRIAL):
         value, due = rows[name].astype(object), planned[name]
-        differs = value.ne(due) & ~(value.isna() & due.isna())
+        differs = has_plan & value.ne(due) & ~(value.isna() & due.isna())
         yield _Rule(name, partial(_format, due), differs, hint)
-    if "response" in rows:
-        pairs = zip(rows["response"].astype(object), planned["response"], strict=True)
-        undeclared = [answer in ANSWERS and answer not in offered for answer, offered in pairs]
-        offered = planned["response"].map(", ".join)
-        yield _Rule(
-            "response",
-            partial(_format, offered),
-            pd.Series(undeclared),
-            f", timeout or invalid{hint}",
-        )
+    offered = planned["response"].where(has_plan & ~unplanned, pd.Series([ANSWERS] * len(rows)))
+    pairs = zip(rows["response"].astype(object), offered, strict=True)
+    undeclared = pd.Series([answer in ANSWERS and answer not in each for answer, each in pairs])
+    must = partial(_format, offered.map(", ".join))
+    yield _Rule("response", must, undeclared, f", timeout or invalid{hint}")
     window_s = planned["response_window_s"]
     late = rows["rt_s"].gt(window_s)
     yield _Rule("rt_s", lambda row: f"at most the response window, {window_s[row]:g},", late, hint)
 
 
 def _total_rule(rows: pd.DataFrame) -> _Rule:
-    return _Rule("participant", _NO_TOTAL, rows["participant"].eq(TOTAL))
+    must = "another name, for this is the name of the total's row"
+    return _Rule("participant", must, rows["participant"].eq(TOTAL))
 
 
 def _trial_rules(rows: pd.DataFrame, columns: ColumnMap | None) -> Iterator[_Rule]:
@@ -696,14 +672,12 @@ def _time_rules(trials: pd.DataFrame, columns: ColumnMap | None) -> Iterator[_Ru
     smallest = MIN_MEDIAN_RT_S if columns else 0
     odd = median_s.notna() & ~median_s.between(smallest, MAX_MEDIAN_RT_S)
     unit = columns.units.get("rt_s", "s") if columns else "s"
-    remedy = f"the map has {unit}; without it these are seconds"
-    if unit == "s":
-        remedy = 'if these are milliseconds, a map says [units] rt_s = "ms"'
 
     def must(row: int) -> str:
         return (
             f"in seconds; participant {trials['participant'][row]} has a median of "
-            f"{median_s[row]:g} s, allowed {MIN_MEDIAN_RT_S:g} to {MAX_MEDIAN_RT_S:g} s; {remedy}"
+            f"{median_s[row]:g} s, allowed {MIN_MEDIAN_RT_S:g} to {MAX_MEDIAN_RT_S:g} s; these are "
+            f'read as {unit}, and milliseconds where a map says [units] rt_s = "ms"'
         )
 
     yield _Rule("rt_s", must, odd & trials["rt_s"].ge(median_s))
@@ -713,21 +687,18 @@ def _repeat_rules(trials: pd.DataFrame, columns: ColumnMap | None) -> Iterator[_
     """Yield that no trial stands twice; practice may, as warm-up after every resume."""
     valid = trials[trials["status"].eq("ok") & trials["kind"].ne(PRACTICE)]
 
-    def locate_first(rows: pd.DataFrame, key: list[str], row: int) -> str:
-        first = rows[rows[key].eq(rows.loc[row, key]).all(axis="columns")].iloc[0]
-        return f"{one_line(first['file'])}:{first['line']}"
-
-    def other_trial(row: int) -> str:
-        first = locate_first(trials, _KEY, row)
-        return f"another than for the same participant, session and attempt at {first}"
-
-    def only_attempt(row: int) -> str:
-        first = locate_first(valid, _KEY[:-1], row)
-        return f"the only one of its trial with status ok, which another attempt has at {first}"
-
     hint = _REPEATED if columns else ""
-    yield _Rule("trial", other_trial, trials.duplicated(_KEY), hint)
-    yield _Rule("attempt", only_attempt, valid.duplicated(_KEY[:-1]))
+    for column, among, key, must in (
+        ("trial", trials, _KEY, "another than for the same participant, session and attempt at"),
+        ("attempt", valid, _KEY[:-1], "the only one of its trial with status ok; another is at"),
+    ):
+
+        def locate_first(row: int, among: pd.DataFrame, key: list[str], must: str) -> str:
+            first = among[among[key].eq(among.loc[row, key]).all(axis="columns")].iloc[0]
+            return f"{must} {one_line(first['file'])}:{first['line']}"
+
+        locate = partial(locate_first, among=among, key=key, must=must)
+        yield _Rule(column, locate, among.duplicated(key), hint)
 
 
 def _check_counts(
@@ -758,17 +729,17 @@ def _check_counts(
     return sum_counts(rows, columns)
 
 
-def _remarks(
+def _doubts(
     rows: pd.DataFrame, columns: ColumnMap, unused: UnusedColumns
-) -> Iterator[AnalysisWarning]:
+) -> Iterator[tuple[WarningCode, dict[str, object]]]:
     """Yield what an external table may mean otherwise than its map has it."""
     if columns.columns.get("condition") != "" and (names := unused.names()):
-        yield _remark(WarningCode.CONDITIONS_POOLED, columns=named(names))
+        yield WarningCode.CONDITIONS_POOLED, {"columns": named(names), "max_words": MAX_WORDS}
     for column in ("participant", "condition"):
         spellings = pd.Series(rows[column].astype(str).unique())
         groups = spellings.groupby(spellings.map(_spelling), sort=False)
         if alike := [" and ".join(map(repr, group)) for _, group in groups if len(group) > 1]:
-            yield _remark(WarningCode.NAMES_ALIKE, column=column, names=named(alike))
+            yield WarningCode.NAMES_ALIKE, {"column": column, "names": named(alike)}
     if columns.table:
         return
     content = rows[["trial", "side", "level_vpp", "response", "rt_s"]]
@@ -779,16 +750,12 @@ def _remarks(
         before = first.setdefault(of_file.to_numpy().tobytes(), name)
         if before != name and of_file.nunique() >= _MIN_SAME_TRIALS:
             data = {"first": before, "second": name, "trials": len(of_file)}
-            yield _remark(WarningCode.SAME_TRIALS_TWICE, **data)
+            yield WarningCode.SAME_TRIALS_TWICE, data
     blank = rows[rows["reason"].eq("") & rows["kind"].eq("blank")]
-    hits = blank["response"].isin(LEFT_RIGHT_BOTH.named_answers)
-    if len(hits) >= _MIN_BLANKS and hits.mean() > _MAX_FALSE_ALARMS:
-        data = {"share": float(hits.mean()), "blanks": len(hits)}
-        yield _remark(WarningCode.BLANKS_MOSTLY_DETECTED, **data)
-
-
-def _remark(code: WarningCode, **data: object) -> AnalysisWarning:
-    return AnalysisWarning(code, _REMARKS[code].format(**data), data)
+    detected = blank["response"].isin(LEFT_RIGHT_BOTH.named_answers)
+    if len(blank) >= _MIN_BLANKS and detected.mean() > _MAX_FALSE_ALARMS:
+        data = {"share": float(detected.mean()), "blanks": len(blank)}
+        yield WarningCode.BLANKS_MOSTLY_DETECTED, data
 
 
 def _spelling(name: str) -> str:
@@ -883,32 +850,35 @@ class Counts:
     conditions: int
     simulated: int
     without_device: int
-    unread: int = 0
-    unread_files: int = 0
+    unread: int
+    unread_files: int
 
 
 def counts_of(loaded: LoadedTrials) -> Counts:
     """Count trials, or what a table of counts presented, each participant a session."""
-    trials, cells = loaded.trials, loaded.cells
+    trials, cells, blanks = loaded.trials, loaded.cells, loaded.blanks
     counted = trials[trials["reason"].eq("")]
-    numbers = {kind: int(counted["kind"].eq(kind).sum()) for kind in LEFT_RIGHT_BOTH.kinds} | {
-        "trials": len(trials),
-        "left_out": len(trials) - len(counted),
-        "timeouts": int(counted["response"].eq("timeout").sum()),
-        "invalid": int(counted["response"].eq("invalid").sum()),
-        "participants": trials["participant"].nunique(),
-        "sessions": len(trials[["participant", "session"]].drop_duplicates()),
-        "conditions": trials["condition"].nunique(),
-        "simulated": int(trials["simulated"].sum()),
-        "without_device": int(without_device(trials).sum()),
-    }
+    numbers = {kind: int(counted["kind"].eq(kind).sum()) for kind in LEFT_RIGHT_BOTH.kinds}
+    total = len(trials)
+    people = trials[["participant", "session"]]
     if cells is not None:
-        single, people = int(cells["presented"].sum()), cells["participant"].nunique()
-        blank = 0 if loaded.blanks is None else int(loaded.blanks["presented"].sum())
-        numbers |= {"trials": single + blank, "single": single, "blank": blank}
-        numbers |= {"participants": people, "sessions": people}
-        numbers |= {"conditions": cells["condition"].nunique()}
-    return Counts(**numbers, unread=loaded.left_out, unread_files=loaded.left_out_files)
+        numbers["single"] = int(cells["presented"].sum())
+        numbers["blank"] = 0 if blanks is None else int(blanks["presented"].sum())
+        total, people = sum(numbers.values()), cells[["participant"]]
+    return Counts(
+        **numbers,
+        trials=total,
+        left_out=len(trials) - len(counted),
+        timeouts=int(counted["response"].eq("timeout").sum()),
+        invalid=int(counted["response"].eq("invalid").sum()),
+        participants=people["participant"].nunique(),
+        sessions=len(people.drop_duplicates()),
+        conditions=(trials if cells is None else cells)["condition"].nunique(),
+        simulated=int(trials["simulated"].sum()),
+        without_device=int(without_device(trials).sum()),
+        unread=loaded.left_out,
+        unread_files=loaded.left_out_files,
+    )
 
 
 def without_device(trials: pd.DataFrame) -> pd.Series[bool]:

@@ -54,6 +54,7 @@ _SESSION: Final = ["participant", "session"]
 def find_warnings(analysis: Analysis) -> Iterator[AnalysisWarning]:
     """Yield what the reader of a result should look at, in the order of `WarningCode`."""
     checks = chain(
+        ((True, code, data) for code, data in analysis.loaded.warnings),
         _check_sessions(analysis),
         _check_trials(analysis),
         _check_origins(analysis),
@@ -67,7 +68,7 @@ def find_warnings(analysis: Analysis) -> Iterator[AnalysisWarning]:
         names = {"participant": check.participant, "condition": check.condition}
         warnings.append(AnalysisWarning(_CHECKS[check.kind], str(check), names))
     order = [*WarningCode]
-    yield from sorted((*analysis.loaded.changed, *warnings), key=lambda one: order.index(one.code))
+    yield from sorted(warnings, key=lambda each: order.index(each.code))
 
 
 def _check_sessions(analysis: Analysis) -> Iterator[Check]:

@@ -213,8 +213,8 @@ def test_columns_of_words_that_the_map_leaves_aside_are_named(
     rows = [row.replace("{grip}", grip) for row in rows for grip in cells]
     theirs = {"level_vpp": "level"} | ({} if condition is None else {"condition": condition})
     read = loaded(tmp_path, "\n".join([head, *rows]) + "\n", ColumnMap(columns=theirs))
-    assert len(read.changed) == len(named)
-    assert all(name in str(warning) for name, warning in zip(named, read.changed, strict=True))
+    assert len(read.warnings) == len(named)
+    assert all(name in str(data) for name, (_, data) in zip(named, read.warnings, strict=True))
 
 
 def test_one_place_for_all_is_refused_where_a_column_and_the_answers_name_two(
@@ -234,8 +234,8 @@ def test_one_place_for_all_is_refused_where_a_column_and_the_answers_name_two(
 def test_blanks_that_are_mostly_felt_are_warned_of(tmp_path: Path) -> None:
     felt = {0: 20, 5: 4, 9: 8}
     rows = "".join(f"p,left,{v},{int(n < k)}\n" for v, k in felt.items() for n in range(20))
-    (warning,) = loaded(tmp_path, FELT + rows, ColumnMap(task="yes/no")).changed
-    assert re.findall(r"\d+", str(warning))[:2] == ["100", "20"]
+    read = loaded(tmp_path, FELT + rows, ColumnMap(task="yes/no"))
+    assert read.warnings == (("blanks_mostly_detected", {"share": 1.0, "blanks": 20}),)
 
 
 def begun_again(folder: Path) -> Path:
@@ -272,10 +272,10 @@ def test_a_run_begun_anew_is_pooled_with_no_other(
 def test_names_that_differ_in_spelling_only_are_warned_of(tmp_path: Path) -> None:
     people = ("A01", "a01 ", "007", "7", "7.0", "B")
     rows = "".join(f"{who},left,60,left,{skin}\n" for who in people for skin in ("Dry", "DRY"))
-    warnings = loaded(tmp_path, LEAST.replace("\n", ",condition\n") + rows).changed
-    assert [warning.code for warning in warnings] == ["names_alike"] * 2
-    assert re.findall("'[^']+'", str(warnings[0])) == [repr(name) for name in people[:-1]]
-    assert re.findall("'[^']+'", str(warnings[1])) == ["'Dry'", "'DRY'"]
+    warnings = loaded(tmp_path, LEAST.replace("\n", ",condition\n") + rows).warnings
+    assert [code for code, _ in warnings] == ["names_alike"] * 2
+    names = [re.findall("'[^']+'", str(data["names"])) for _, data in warnings]
+    assert names == [[repr(name) for name in people[:-1]], ["'Dry'", "'DRY'"]]
 
 
 @pytest.mark.parametrize(
@@ -348,5 +348,5 @@ def test_columns_of_words_are_named_where_the_table_has_no_side(tmp_path: Path) 
         for skin in ("dry", "moist")
     )
     columns = ColumnMap(constant={"side": "left"}, task="yes/no")
-    (warning,) = loaded(tmp_path, head + rows, columns).changed
-    assert str(warning).endswith(": skin")
+    ((_, data),) = loaded(tmp_path, head + rows, columns).warnings
+    assert data["columns"] == "skin"
