@@ -8,9 +8,8 @@ import re
 from collections import Counter
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass, field, replace
-from functools import partial
 from itertools import chain
-from operator import itemgetter
+from operator import attrgetter, itemgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, NamedTuple, cast
 
@@ -440,18 +439,18 @@ def _count_rows(
     trials: pd.DataFrame, records: Mapping[str, SessionRecord]
 ) -> tuple[SessionProgress, ...]:
     """Return how far sessions came: planned trials are numbered from 1 on, and warm-up after."""
-    sessions = {file: record.progress for file, record in records.items() if record.progress}
-    planned = trials["file"].map({file: each.planned for file, each in sessions.items()})
-    is_valid = trials["status"].eq("ok") & trials["trial"].le(planned)
-    rows, valid = (each.value_counts() for each in (trials["file"], trials["file"][is_valid]))
-    return tuple(
-        replace(
-            each,
-            valid=int(valid.get(file, 0)),
-            unexported=max(0, each.unexported - int(rows.get(file, 0))),
-        )
-        for file, each in sessions.items()
-    )
+    of_file = dict(iter(trials[["status", "trial"]].groupby(trials["file"])))
+    sessions = []
+    for file, progress in _progress(records).items():
+        rows = of_file.get(file, trials[:0])
+        is_valid = rows["status"].eq("ok") & rows["trial"].le(progress.planned)
+        unexported = max(0, progress.unexported - len(rows))
+        sessions.append(replace(progress, valid=int(is_valid.sum()), unexported=unexported))
+    return tuple(sessions)
+
+
+def _progress(records: Mapping[str, SessionRecord]) -> dict[str, SessionProgress]:
+    return {file: record.progress for file, record in records.items() if record.progress}
 
 
 def no_rows() -> pd.DataFrame:
@@ -470,12 +469,10 @@ def _check_trials(
     """Return rows as numbered trials with all columns; refuse those that break a rule."""
     rows = with_responses(rows, columns) if columns else rows
     rows = _with_verdicts(_with_numbers(rows), columns)
-    offers_none = {
-        file: each.progress.offers_none for file, each in records.items() if each.progress
-    }
-    plans = {file: each.plan for file, each in records.items() if each.plan}
+    offers_none = {file: p.offers_none for file, p in _progress(records).items()}
+    plans = {file: record.plan for file, record in records.items() if record.plan}
     rules = chain(
-        _plan_rules(rows, plans),
+        _plan_rules(rows, plans) if plans else (),
         _trial_rules(rows, columns),
         _level_rules(rows["level_vpp"], rows["side"].ne(NO_STIMULUS), columns),
         _time_rules(rows[~rows["file"].isin(offers_none)], columns),
@@ -549,10 +546,10 @@ def offered_to_all(trials: pd.DataFrame) -> pd.Series[Any]:
 
 
 class _Rule(NamedTuple):
-    """A column, what it must be, perhaps by the row, the rows that break this, and a hint."""
+    """A column, what it must be, the rows that break this, and a hint."""
 
     column: str
-    must: str | Callable[[int], str]
+    must: str
     broken: pd.Series[bool]
     hint: str = ""
     label: str = ""
@@ -565,51 +562,46 @@ def _refuse_broken(rows: pd.DataFrame, rules: Iterable[_Rule], columns: ColumnMa
         return
     row, rule = min(broken, key=itemgetter(0))
     label = rule.label or (columns.label(rule.column) if columns else rule.column)
-    must = rule.must if isinstance(rule.must, str) else rule.must(row)
-    text = _format(rows[rule.column], row)
-    message = f"column '{label}' is {text}; it must be {must}{rule.hint}"
+    cell = _first_cell(rows[rule.column], rule.broken)
+    message = f"column '{label}' is {cell}; it must be {rule.must}{rule.hint}"
     raise ResultFileError(rows["file"].iloc[row], int(rows["line"].iloc[row]), message)
 
 
-def _format(values: pd.Series[Any], row: int) -> str:
-    value = values.astype(object).iloc[row]  # plain values of Python
+def _first_cell(values: pd.Series[Any], broken: pd.Series[bool]) -> str:
+    """Return what stands in the first row that breaks a rule, if one does."""
+    if not broken.any():
+        return ""
+    value = values.astype(object)[cast("int", broken.idxmax())]  # plain values of Python
     return NOT_AVAILABLE if pd.isna(value) else format_value(value)
 
 
 def _plan_rules(rows: pd.DataFrame, plans: Mapping[str, Plan]) -> Iterator[_Rule]:
     """Yield what the plan says of each row of a table beside which there is no journal."""
-    if not plans:
-        return
+    of_trial, of_plan = attrgetter("number", *_OF_TRIAL), attrgetter(*_OF_PLAN)
     trials = [
-        (file, plan, trial)
+        (file, *of_trial(trial), *of_plan(plan), ", ".join(plan.answers_to(trial)))
         for file, plan in plans.items()
         for trial in (*plan.trials, *plan.warm_up)
     ]
-    columns = {
-        "file": [file for file, _, _ in trials],
-        "trial": [trial.number for _, _, trial in trials],
-        "response": [plan.answers_to(trial) for _, plan, trial in trials],
-        **{name: [getattr(trial, name) for _, _, trial in trials] for name in _OF_TRIAL},
-        **{name: [getattr(plan, name) for _, plan, _ in trials] for name in _OF_PLAN},
-    }
-    planned = rows[["file", "trial"]].merge(pd.DataFrame(columns), "left", ["file", "trial"])
+    key = ["file", "trial"]
+    names = [*key, *_OF_TRIAL, *_OF_PLAN, "response"]
+    planned = rows[key].merge(pd.DataFrame(trials, columns=names), "left", key)
     hint = " by the plan beside the table"
-    has_plan = rows["file"].isin(plans)
-    unplanned = has_plan & planned["kind"].isna()
+    is_planned = planned["kind"].notna()
+    unplanned = rows["file"].isin(plans) & ~is_planned
     yield _Rule("trial", "the number of a planned trial", unplanned, hint)
     rows = rows.assign(level_vpp=rows["level_vpp"].mask(rows["side"].eq(NO_STIMULUS)))
-    for name in ("participant", "session", "study_sha256", *_OF_TRIAL):
+    for name in (*_OF_TRIAL, "participant", "session", "study_sha256"):
         value, due = rows[name].astype(object), planned[name]
-        differs = has_plan & value.ne(due) & ~(value.isna() & due.isna())
-        yield _Rule(name, partial(_format, due), differs, hint)
-    offered = planned["response"].where(has_plan & ~unplanned, pd.Series([ANSWERS] * len(rows)))
-    pairs = zip(rows["response"].astype(object), offered, strict=True)
-    undeclared = pd.Series([answer in ANSWERS and answer not in each for answer, each in pairs])
-    must = partial(_format, offered.map(", ".join))
-    yield _Rule("response", must, undeclared, f", timeout or invalid{hint}")
-    window_s = planned["response_window_s"]
-    late = rows["rt_s"].gt(window_s)
-    yield _Rule("rt_s", lambda row: f"at most the response window, {window_s[row]:g},", late, hint)
+        differs = is_planned & value.ne(due) & ~(value.isna() & due.isna())
+        yield _Rule(name, _first_cell(due, differs), differs, hint)
+    pairs = zip(rows["response"].astype(object), planned["response"], strict=True)
+    undeclared = is_planned & np.array([r in ANSWERS and r not in str(due) for r, due in pairs])
+    must = f"{_first_cell(planned['response'], undeclared)}, timeout or invalid"
+    yield _Rule("response", must, undeclared, hint)
+    late = rows["rt_s"].gt(planned["response_window_s"])
+    must = f"at most the response window, {_first_cell(planned['response_window_s'], late)},"
+    yield _Rule("rt_s", must, late, hint)
 
 
 def _total_rule(rows: pd.DataFrame) -> _Rule:
@@ -632,11 +624,8 @@ def _trial_rules(rows: pd.DataFrame, columns: ColumnMap | None) -> Iterator[_Rul
     yield _Rule("rt_s", "n/a where there was no answer", timed)
     wrong = rows["correct"].ne(expected_correct(rows)).fillna(value=True)
     yield _Rule("correct", "what kind, side and response say", rows["correct"].notna() & wrong)
-    if (
-        columns
-        and "side" in columns.constant
-        and (not columns.task or "response" in columns.named())
-    ):
+    has_responses = columns and (not columns.task or "response" in columns.named())
+    if columns and has_responses and "side" in columns.constant:
         # One site for all stimuli, where answers name several: each of the others would be a miss.
         site = columns.constant["side"]
         is_named = response.isin(LEFT_RIGHT_BOTH.sites)
@@ -655,50 +644,46 @@ def _level_rules(
     signed = columns is not None and columns.axis.signed
     smallest, largest = (-math.inf, math.inf) if signed else (MIN_LEVEL_VPP, MAX_LEVEL_VPP)
     bounds = "" if signed else f" from {smallest:g} to {largest:g}"
-    must = f"a number{bounds} where there is a stimulus"
-    if (stimulus & level.isna()).any():  # a table whose blanks have no level, and no side
-        entry = f'[values.level_vpp] "" = "{"-inf" if signed else "0"}"'
-        must += f'; blanks without a level: in the map {entry}, or what stands there for ""'
-    elif columns and (stimulus & level.between(0, smallest, "neither")).any():
-        must += '; a map brings metres to micrometres: [scale] level_vpp = 1e6, [axis] unit = "um"'
-    yield _Rule("level_vpp", must, stimulus & ~level.between(smallest, largest))
+    must, hint = f"a number{bounds} where there is a stimulus", ""
+    if columns:
+        hint = (
+            f'; a map makes blanks of empty cells by [values.level_vpp] "" = '
+            f'"{"-inf" if signed else 0}", and micrometres of metres by [scale] level_vpp = 1e6, '
+            '[axis] unit = "um"'
+        )
+    yield _Rule("level_vpp", must, stimulus & ~level.between(smallest, largest), hint)
     silent = ~stimulus & level.notna() & level.ne(0)
     yield _Rule("level_vpp", "0 or n/a where there is no stimulus", silent)
 
 
 def _time_rules(trials: pd.DataFrame, columns: ColumnMap | None) -> Iterator[_Rule]:
     """Yield that medians are of seconds; beside a plan, its response window says more."""
-    median_s = trials.groupby("participant")["rt_s"].transform("median")
+    median_s = trials.groupby("participant")["rt_s"].transform("median").round(6)
     smallest = MIN_MEDIAN_RT_S if columns else 0
     odd = median_s.notna() & ~median_s.between(smallest, MAX_MEDIAN_RT_S)
+    odd &= trials["rt_s"].ge(median_s)
     unit = columns.units.get("rt_s", "s") if columns else "s"
-
-    def must(row: int) -> str:
-        return (
-            f"in seconds; participant {trials['participant'][row]} has a median of "
-            f"{median_s[row]:g} s, allowed {MIN_MEDIAN_RT_S:g} to {MAX_MEDIAN_RT_S:g} s; these are "
-            f'read as {unit}, and milliseconds where a map says [units] rt_s = "ms"'
-        )
-
-    yield _Rule("rt_s", must, odd & trials["rt_s"].ge(median_s))
+    must = (
+        f"in seconds; participant {_first_cell(trials['participant'], odd)} has a median of "
+        f"{_first_cell(median_s, odd)} s, allowed {MIN_MEDIAN_RT_S:g} to {MAX_MEDIAN_RT_S:g} s; "
+        f'these are read as {unit}, and milliseconds where a map says [units] rt_s = "ms"'
+    )
+    yield _Rule("rt_s", must, odd)
 
 
 def _repeat_rules(trials: pd.DataFrame, columns: ColumnMap | None) -> Iterator[_Rule]:
     """Yield that no trial stands twice; practice may, as warm-up after every resume."""
     valid = trials[trials["status"].eq("ok") & trials["kind"].ne(PRACTICE)]
-
-    hint = _REPEATED if columns else ""
     for column, among, key, must in (
-        ("trial", trials, _KEY, "another than for the same participant, session and attempt at"),
-        ("attempt", valid, _KEY[:-1], "the only one of its trial with status ok; another is at"),
+        ("trial", trials, _KEY, "another than for the same participant, session and attempt"),
+        ("attempt", valid, _KEY[:-1], "the only one of its trial with status ok"),
     ):
-
-        def locate_first(row: int, among: pd.DataFrame, key: list[str], must: str) -> str:
-            first = among[among[key].eq(among.loc[row, key]).all(axis="columns")].iloc[0]
-            return f"{must} {one_line(first['file'])}:{first['line']}"
-
-        locate = partial(locate_first, among=among, key=key, must=must)
-        yield _Rule(column, locate, among.duplicated(key), hint)
+        repeated = among.duplicated(key)
+        if repeated.any():
+            cells = among.loc[repeated.idxmax(), key]
+            first = among[among[key].eq(cells).all(axis="columns")].iloc[0]
+            hint = f"; the first is {one_line(first['file'])}:{first['line']}"
+            yield _Rule(column, must, repeated, hint + _REPEATED * (columns is not None))
 
 
 def _check_counts(
@@ -707,19 +692,15 @@ def _check_counts(
     """Return the cells and the blanks of a table of counts; refuse rows that break a rule."""
     table = cast("Table", columns.table)
     presented, single = rows["presented"], rows["kind"].eq("single")
-    total = table.presented or table.missed
-
-    def at_most(row: int) -> str:
-        return f"at most what was presented, {presented[row]} in column {shown(total)}"
-
+    is_above, is_too_many = rows["detected"].gt(presented), presented.gt(MAX_PRESENTED)
+    label = table.presented or table.missed
+    total = f"what was presented, {_first_cell(presented, is_above)} in column {shown(label)}"
     rules = [
         _total_rule(rows),
         _Rule("kind", "single or blank", ~rows["kind"].isin(["single", "blank"])),
         *_level_rules(rows["level_vpp"], single, columns),
-        _Rule("detected", at_most, rows["detected"].gt(presented), label=table.detected),
-        _Rule(
-            "presented", f"at most {MAX_PRESENTED:.0e}", presented.gt(MAX_PRESENTED), label=total
-        ),
+        _Rule("detected", f"at most {total}", is_above, label=table.detected),
+        _Rule("presented", f"at most {MAX_PRESENTED:.0e}", is_too_many, label=label),
     ]
     if "side" in rows:
         must = f"{' or '.join(LEFT_RIGHT_BOTH.sites)}, for single stimuli are counted"
@@ -778,22 +759,16 @@ def with_reasons(trials: pd.DataFrame) -> pd.DataFrame:
     >>> trials[["reason", "fault"]].to_numpy().T.tolist()
     [['premature', 'unmasked', 'hands_off'], ['premature', 'unmasked', 'voided']]
     """
-    status, kind = trials["status"].astype(object), trials["kind"].astype(object)
-    # Noise of which nobody knows whether it played is no reason: most tables do not say.
-    unmasked = trials["noise_ok"].astype("boolean").eq(other=False).fillna(value=False)
-    unverified = trials["burst_verified"].astype(object).eq("false")  # as for noise
-    tests = [status.ne("ok"), trials["premature"], unmasked, unverified]
-    names = (status, "premature", "unmasked", "unverified")
-    fault = np.select(
-        [np.asarray(test, dtype=bool) for test in tests],
-        [np.asarray(name, dtype=object) for name in names],
-        default="",
-    )
-    reason = kind.where(kind.isin(_NEVER_COUNTED), fault)
-    return trials.assign(
-        reason=pd.Series(reason, index=trials.index, dtype=object),
-        fault=pd.Series(fault, index=trials.index, dtype=object),
-    )
+    kind, status = trials["kind"].astype(object), trials["status"].astype(object)
+    fault = status.where(status.ne("ok"), "")
+    # What is not known, be it of noise or of the burst, is no fault: most tables do not say.
+    for name, holds in {
+        "premature": trials["premature"].astype(bool),
+        "unmasked": trials["noise_ok"].astype("boolean").eq(other=False).fillna(value=False),
+        "unverified": trials["burst_verified"].astype(object).eq("false"),
+    }.items():
+        fault = fault.mask(fault.eq("") & holds.astype(bool), name)
+    return trials.assign(reason=kind.where(kind.isin(_NEVER_COUNTED), fault), fault=fault)
 
 
 def without_silence(trials: pd.DataFrame) -> pd.DataFrame:
