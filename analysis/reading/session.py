@@ -143,8 +143,8 @@ def read_record(table: InputTable, *, accept_altered: bool) -> SessionRecord:
     and for the first difference from what was recorded, unless that is accepted.
     """
     path = table.path
-    journal, target = path.with_name(JOURNAL), path.resolve()
-    if path.is_symlink() and target.with_name(JOURNAL).is_file():
+    journal = path.with_name(JOURNAL)
+    if path.is_symlink() and (target := path.resolve()).with_name(JOURNAL).is_file():
         message = f"is a symbolic link to {target}, whose journal lies there; give that file itself"
         raise ResultFileError(path, None, message)
     history = None

@@ -439,14 +439,14 @@ def _count_rows(
     trials: pd.DataFrame, records: Mapping[str, SessionRecord]
 ) -> tuple[SessionProgress, ...]:
     """Return how far sessions came: planned trials are numbered from 1 on, and warm-up after."""
-    of_file = dict(iter(trials[["status", "trial"]].groupby(trials["file"])))
-    sessions = []
-    for file, progress in _progress(records).items():
-        rows = of_file.get(file, trials[:0])
-        is_valid = rows["status"].eq("ok") & rows["trial"].le(progress.planned)
-        unexported = max(0, progress.unexported - len(rows))
-        sessions.append(replace(progress, valid=int(is_valid.sum()), unexported=unexported))
-    return tuple(sessions)
+    sessions = _progress(records)
+    planned = trials["file"].map({file: each.planned for file, each in sessions.items()})
+    is_valid = trials["status"].eq("ok") & trials["trial"].le(planned)
+    rows, valid = Counter(trials["file"]), Counter(trials.loc[is_valid, "file"])
+    return tuple(
+        replace(each, valid=valid[file], unexported=max(0, each.unexported - rows[file]))
+        for file, each in sessions.items()
+    )
 
 
 def _progress(records: Mapping[str, SessionRecord]) -> dict[str, SessionProgress]:

@@ -14,6 +14,7 @@ from experiment.trial.events import Attempt
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
 
+    from experiment.perception.gains import FingerGains
     from experiment.trial.plan import Plan, Trial
 
 
@@ -184,9 +185,10 @@ def _history(plan: Plan, entries: tuple[Entry, ...]) -> History:
     if len(unended) > 1 or (unended and unended[0] is not shown[-1]):
         raise JournalError(f"trial {unended[0].trial.number} was never ended, yet others followed")
     pending, warm_up = _due(plan, ended)
+    gains = {name: plan.gains_of(name) for name in {p.trial.condition for p in ended}}
     return History(
         measured=tuple(_measured_row(plan, p) for p in ended if p.measured),
-        rows=tuple(_row(plan, p, simulated=opening["simulated"]) for p in ended),
+        rows=tuple(_row(plan, p, gains, simulated=opening["simulated"]) for p in ended),
         pending=pending,
         interrupted=_interrupted(unended[0]) if unended else None,
         opening=opening,
@@ -319,10 +321,16 @@ def _interrupted(presentation: _Presentation) -> InterruptedTrial:
     )
 
 
-def _row(plan: Plan, presentation: _Presentation, *, simulated: bool) -> TrialRow:
+def _row(
+    plan: Plan,
+    presentation: _Presentation,
+    gains: Mapping[str, FingerGains],
+    *,
+    simulated: bool,
+) -> TrialRow:
     trial, stimulus = presentation.trial, presentation.stimulus
     response = presentation.answer.get("response")
-    left_um, right_um, basis = _displacements(plan, trial, stimulus)
+    left_um, right_um, basis = _displacements(gains[trial.condition], trial, stimulus)
     return TrialRow(
         **_trial_columns(plan, presentation),
         kind=trial.kind,
@@ -366,12 +374,11 @@ def _trial_columns(plan: Plan, presentation: _Presentation) -> dict[str, Any]:
 
 
 def _displacements(
-    plan: Plan, trial: Trial, stimulus: Mapping[str, Any]
+    gains: FingerGains, trial: Trial, stimulus: Mapping[str, Any]
 ) -> tuple[float | None, float | None, str | None]:
     """Return what the fingers got for the levels that the device reported, and its basis."""
     left_vpp, right_vpp = stimulus.get("level_left_vpp"), stimulus.get("level_right_vpp")
     if left_vpp is None or right_vpp is None or trial.kind == HANDS_OFF:
         return None, None, None
-    gains = plan.gains_of(trial.condition)
     peaks_um = gains.peaks_um(left_vpp, right_vpp)
     return (*peaks_um, gains.basis_of(left_vpp, right_vpp)) if peaks_um else (None, None, None)
