@@ -228,14 +228,11 @@ def _refuse_differences(differences: Sequence[Difference], action: str) -> None:
     first, *others = differences
     more = f" (and {len(others)} more; tactstrip verify DIR names all)" if others else ""
     mended_by = {each.mended_by for each in differences}
-    restore = "; restore it from a copy" if None in mended_by else ""
-    export = ", tactstrip export DIR builds it anew from the journal"
-    raise ResultFileError(
-        first.path,
-        first.line,
-        f"{first.message}{first.hint}{more}{restore}; tactstrip analyze --accept-altered {action}, "
-        f"with a mark{export if mended_by == {'export'} else ''}",
-    )
+    restore = "; restore it from a copy" * (None in mended_by)
+    export = ", tactstrip export DIR builds it anew from the journal" * (mended_by == {"export"})
+    accept = f"tactstrip analyze --accept-altered {action}, with a mark{export}"
+    message = f"{first.message}{first.hint}{more}{restore}; {accept}"
+    raise ResultFileError(first.path, first.line, message)
 
 
 def read_missing(

@@ -89,14 +89,12 @@ def find_sources(
     """
     if not paths:
         raise ValueError("paths must name at least one file or folder, got none")
-    listed: list[tuple[Path, Path]] = []
+    folders: dict[Path, Path] = {}  # by table, where it was looked for
     missing: dict[Path, Difference | None] = {}
     for path in paths:
-        tables: list[Path] = [path]
-        absent: dict[Path, Difference | None] = {}
         try:
-            if path.is_dir():
-                tables, absent = _list_folder(path, foreign=foreign)
+            is_folder = path.is_dir()
+            tables, absent = _list_folder(path, foreign=foreign) if is_folder else ([path], {})
             for table in tables:
                 if not table.is_file():
                     fault = "not a regular file" if table.exists() else "no such file or folder"
@@ -105,10 +103,9 @@ def find_sources(
             raise ResultFileError(error.path, None, error.message) from None
         except OSError as error:
             raise unreadable(error, path) from None
-        folder = path if path.is_dir() else path.parent
-        listed += [(folder, table) for table in (*tables, *absent)]
+        folders |= dict.fromkeys((*tables, *absent), path if is_folder else path.parent)
         missing |= absent
-    resolved = {folder: folder.resolve() for folder, _ in listed}
+    resolved = {folder: folder.resolve() for folder in folders.values()}
     base = os.path.commonpath(resolved.values())
     sources = [
         InputTable(
@@ -119,7 +116,7 @@ def find_sources(
             about=read_name(table),
             lost=missing.get(table),
         )
-        for folder, table in listed
+        for table, folder in folders.items()
     ]
     return (
         tuple(source for source in sources if source.path not in missing),
@@ -212,11 +209,11 @@ def unchanged(paths: Iterable[Path]) -> Iterator[None]:
     Traceback (most recent call last):
     analysis.reading.text.ResultFileError: ...t.csv: changed while it was read; ...
     """
-    before = [(path, _stamp(path)) for path in paths]
+    before = {path: _stamp(path) for path in paths}
     try:
         yield
     finally:
-        for path, stamp in before:
+        for path, stamp in before.items():
             if _stamp(path) != stamp:
                 message = "changed while it was read; analyze it when nothing writes there any more"
                 raise ResultFileError(path, None, message) from None

@@ -50,8 +50,6 @@ from experiment.rows import (
     HANDS_OFF,
     NOT_AVAILABLE,
     PRACTICE,
-    RESPONSES,
-    SIDES,
     format_value,
 )
 from experiment.tasks import LEFT_RIGHT_BOTH
@@ -383,7 +381,8 @@ class _Reader:
             file = str(table.path)
             self.records[file] = read_record(table, accept_altered=self.accept_altered)
             try:
-                for cells, numbers in self._chunks(table):
+                for cells, numbers, left_out in self._chunks(table):
+                    self.left_out.update(left_out)
                     if lines and (len(lines) >= _BATCH_ROWS or texts.keys() != cells.keys()):
                         yield texts, files, lines
                         texts, files, lines = {}, [], []
@@ -396,14 +395,15 @@ class _Reader:
         if lines:
             yield texts, files, lines
 
-    def _chunks(self, table: InputTable) -> Iterator[tuple[dict[str, list[str]], list[int]]]:
-        if self.columns is None:
-            has_plan = self.records[str(table.path)].progress is not None
-            yield from read_own_texts(table.path, empty_allowed=has_plan)
-            return
-        for texts, lines, left_out in read_texts(table, self.columns, self.filter, self.unused):
-            self.left_out += left_out
-            yield texts, lines
+    def _chunks(
+        self, table: InputTable
+    ) -> Iterator[tuple[dict[str, list[str]], list[int], Mapping[str, int]]]:
+        """Return columns of text with the lines of rows, and how many rows each key leaves out."""
+        if self.columns:
+            return read_texts(table, self.columns, self.filter, self.unused)
+        has_plan = self.records[str(table.path)].progress is not None
+        chunks = read_own_texts(table.path, empty_allowed=has_plan)
+        return ((cells, lines, {}) for cells, lines in chunks)
 
     def _type(
         self, texts: dict[str, list[str]], files: list[str], lines: list[int]
@@ -520,11 +520,10 @@ def expected_correct(rows: pd.DataFrame) -> pd.Series[Any]:
     0    False
     dtype: boolean
     """
-    table = [[LEFT_RIGHT_BOTH.is_correct(s, r) for r in (*RESPONSES, None)] for s in SIDES]
-    choices = {"side": SIDES, "response": RESPONSES}
-    codes = [pd.Categorical(rows[name], categories=list(c)).codes for name, c in choices.items()]
-    answers = pd.array(np.array(table, dtype=object)[tuple(codes)], dtype="boolean")
-    return pd.Series(answers, index=rows.index)
+    correct = {each.name: each.correct for each in LEFT_RIGHT_BOTH.presentations}
+    response = rows["response"].astype(object)
+    is_correct = response.eq(rows["side"].astype(object).map(correct))
+    return is_correct.astype("boolean").mask(response.isna())
 
 
 def offered_to_all(trials: pd.DataFrame) -> pd.Series[Any]:
