@@ -19,7 +19,7 @@ import pandas as pd
 from analysis.codes import WarningCode
 from analysis.numbers import TOTAL
 from analysis.reading.cells import CellReader, read_columns
-from analysis.reading.columns import YES_NO, ColumnMap, Rows
+from analysis.reading.columns import YES_NO, ColumnMap
 from analysis.reading.foreign import (
     MAX_CONDITIONS,
     MAX_PRESENTED,
@@ -75,6 +75,7 @@ _LIMITS: Final = {
 MIN_LEVEL_VPP, MAX_LEVEL_VPP = 1e-6, 1e6
 MIN_MEDIAN_RT_S, MAX_MEDIAN_RT_S = 0.01, 10.0
 _BATCH_ROWS: Final = 8_192
+_BY_PLAN: Final = "by the plan beside the table"
 _READERS: Final = tuple(CellReader(column=column, label=column.name) for column in COLUMNS)
 _KEY: Final = ["participant", "session", "trial", "attempt"]
 _NEVER_COUNTED: Final = (PRACTICE, HANDS_OFF)
@@ -359,7 +360,7 @@ class _Reader:
     def __init__(self, columns: ColumnMap | None, *, accept_altered: bool) -> None:
         self.columns = columns
         self.accept_altered = accept_altered
-        self.filter = RowFilter(columns.rows if columns else Rows())
+        self.filter = RowFilter((columns or ColumnMap()).rows)
         self.unused = UnusedColumns()
         self.records: dict[str, SessionRecord] = {}
         self.left_out: Counter[str] = Counter()
@@ -439,7 +440,7 @@ def _count_rows(
     trials: pd.DataFrame, records: Mapping[str, SessionRecord]
 ) -> tuple[SessionProgress, ...]:
     """Return how far sessions came: planned trials are numbered from 1 on, and warm-up after."""
-    sessions = _progress(records)
+    sessions = {file: record.progress for file, record in records.items() if record.progress}
     planned = trials["file"].map({file: each.planned for file, each in sessions.items()})
     is_valid = trials["status"].eq("ok") & trials["trial"].le(planned)
     rows, valid = Counter(trials["file"]), Counter(trials.loc[is_valid, "file"])
@@ -449,10 +450,6 @@ def _count_rows(
     )
 
 
-def _progress(records: Mapping[str, SessionRecord]) -> dict[str, SessionProgress]:
-    return {file: record.progress for file, record in records.items() if record.progress}
-
-
 def no_rows() -> pd.DataFrame:
     """Return a table of trials without a trial.
 
@@ -460,23 +457,24 @@ def no_rows() -> pd.DataFrame:
     (0, dtype('float64'))
     """
     texts: dict[str, list[str]] = {column.name: [] for column in COLUMNS}
-    return _with_verdicts(read_columns(texts, _READERS, [], []), None)
+    return _with_verdicts(read_columns(texts, _READERS, [], []), task="")
 
 
 def _check_trials(
     rows: pd.DataFrame, columns: ColumnMap | None, records: Mapping[str, SessionRecord]
 ) -> pd.DataFrame:
     """Return rows as numbered trials with all columns; refuse those that break a rule."""
-    rows = with_responses(rows, columns) if columns else rows
-    rows = _with_verdicts(_with_numbers(rows), columns)
-    offers_none = {file: p.offers_none for file, p in _progress(records).items()}
+    column_map = columns or ColumnMap()
+    rows = _with_numbers(with_responses(rows, column_map))
+    rows = _with_verdicts(rows, task=column_map.task)
+    offers_none = {file: r.progress.offers_none for file, r in records.items() if r.progress}
     plans = {file: record.plan for file, record in records.items() if record.plan}
     rules = chain(
         _plan_rules(rows, plans) if plans else (),
-        _trial_rules(rows, columns),
-        _level_rules(rows["level_vpp"], rows["side"].ne(NO_STIMULUS), columns),
-        _time_rules(rows[~rows["file"].isin(offers_none)], columns),
-        _repeat_rules(rows, columns),
+        _trial_rules(rows, column_map),
+        _level_rules(rows["level_vpp"], rows["side"].ne(NO_STIMULUS), column_map),
+        _time_rules(rows[~rows["file"].isin(offers_none)], column_map),
+        _repeat_rules(rows),
     )
     _refuse_broken(rows, rules, columns)
     by_plan = rows["file"].map(offers_none).astype("boolean")
@@ -498,18 +496,14 @@ def _with_numbers(rows: pd.DataFrame) -> pd.DataFrame:
     return rows.assign(trial=numbers)
 
 
-def _with_verdicts(rows: pd.DataFrame, columns: ColumnMap | None) -> pd.DataFrame:
+def _with_verdicts(rows: pd.DataFrame, *, task: str) -> pd.DataFrame:
     """Fill in ``correct``, and ``none_offered`` as far as the rows themselves say.
 
     Hands-off trials say nothing of the latter: "none" is always an answer there.
     """
     rows["correct"] = rows["correct"].astype("boolean").fillna(expected_correct(rows))
     none = rows["response"].eq(LEFT_RIGHT_BOTH.nothing) & rows["kind"].ne(HANDS_OFF)
-    rows["none_offered"] = (
-        pd.array([columns.task == YES_NO] * len(rows), dtype="boolean")
-        if columns and columns.task
-        else none.astype("boolean").mask(~none)
-    )
+    rows["none_offered"] = task == YES_NO if task else none.astype("boolean").mask(~none)
     return rows[[*(column.name for column in COLUMNS), "file", "line", "none_offered"]]
 
 
@@ -545,12 +539,12 @@ def offered_to_all(trials: pd.DataFrame) -> pd.Series[Any]:
 
 
 class _Rule(NamedTuple):
-    """A column, what it must be, the rows that break this, and a hint."""
+    """A column, what it must be, the rows that break this, and what of a map may mend it."""
 
     column: str
     must: str
     broken: pd.Series[bool]
-    hint: str = ""
+    remedy: str = ""
     label: str = ""
 
 
@@ -560,9 +554,9 @@ def _refuse_broken(rows: pd.DataFrame, rules: Iterable[_Rule], columns: ColumnMa
     if not broken:
         return
     row, rule = min(broken, key=itemgetter(0))
-    label = rule.label or (columns.label(rule.column) if columns else rule.column)
+    label = rule.label or (columns or ColumnMap()).label(rule.column)
     cell = _first_cell(rows[rule.column], rule.broken)
-    message = f"column '{label}' is {cell}; it must be {rule.must}{rule.hint}"
+    message = f"column '{label}' is {cell}; it must be {rule.must}{rule.remedy if columns else ''}"
     raise ResultFileError(rows["file"].iloc[row], int(rows["line"].iloc[row]), message)
 
 
@@ -585,22 +579,21 @@ def _plan_rules(rows: pd.DataFrame, plans: Mapping[str, Plan]) -> Iterator[_Rule
     key = ["file", "trial"]
     names = [*key, *_OF_TRIAL, *_OF_PLAN, "response"]
     planned = rows[key].merge(pd.DataFrame(trials, columns=names), "left", key)
-    hint = " by the plan beside the table"
     is_planned = planned["kind"].notna()
     unplanned = rows["file"].isin(plans) & ~is_planned
-    yield _Rule("trial", "the number of a planned trial", unplanned, hint)
+    yield _Rule("trial", f"the number of a planned trial {_BY_PLAN}", unplanned)
     rows = rows.assign(level_vpp=rows["level_vpp"].mask(rows["side"].eq(NO_STIMULUS)))
     for name in (*_OF_TRIAL, "participant", "session", "study_sha256"):
         value, due = rows[name].astype(object), planned[name]
         differs = is_planned & value.ne(due) & ~(value.isna() & due.isna())
-        yield _Rule(name, _first_cell(due, differs), differs, hint)
+        yield _Rule(name, f"{_first_cell(due, differs)} {_BY_PLAN}", differs)
     pairs = zip(rows["response"].astype(object), planned["response"], strict=True)
     undeclared = is_planned & np.array([r in ANSWERS and r not in str(due) for r, due in pairs])
-    must = f"{_first_cell(planned['response'], undeclared)}, timeout or invalid"
-    yield _Rule("response", must, undeclared, hint)
+    must = f"{_first_cell(planned['response'], undeclared)}, timeout or invalid {_BY_PLAN}"
+    yield _Rule("response", must, undeclared)
     late = rows["rt_s"].gt(planned["response_window_s"])
-    must = f"at most the response window, {_first_cell(planned['response_window_s'], late)},"
-    yield _Rule("rt_s", must, late, hint)
+    window = _first_cell(planned["response_window_s"], late)
+    yield _Rule("rt_s", f"at most the response window, {window}, {_BY_PLAN}", late)
 
 
 def _total_rule(rows: pd.DataFrame) -> _Rule:
@@ -608,7 +601,7 @@ def _total_rule(rows: pd.DataFrame) -> _Rule:
     return _Rule("participant", must, rows["participant"].eq(TOTAL))
 
 
-def _trial_rules(rows: pd.DataFrame, columns: ColumnMap | None) -> Iterator[_Rule]:
+def _trial_rules(rows: pd.DataFrame, columns: ColumnMap) -> Iterator[_Rule]:
     kind, side, response = rows["kind"], rows["side"], rows["response"]
     yield _total_rule(rows)
     for name in LEFT_RIGHT_BOTH.kinds:
@@ -623,45 +616,42 @@ def _trial_rules(rows: pd.DataFrame, columns: ColumnMap | None) -> Iterator[_Rul
     yield _Rule("rt_s", "n/a where there was no answer", timed)
     wrong = rows["correct"].ne(expected_correct(rows)).fillna(value=True)
     yield _Rule("correct", "what kind, side and response say", rows["correct"].notna() & wrong)
-    has_responses = columns and (not columns.task or "response" in columns.named())
-    if columns and has_responses and "side" in columns.constant:
+    has_responses = not columns.task or "response" in columns.named()
+    if has_responses and "side" in columns.constant:
         # One site for all stimuli, where answers name several: each of the others would be a miss.
         site = columns.constant["side"]
         is_named = response.isin(LEFT_RIGHT_BOTH.sites)
         names = sorted({*response[is_named].astype(object)})
-        hint = (
+        remedy = (
             ", for [constant] side gives all stimuli this site, but answers name "
             f"{' and '.join(names)}; name the column of the site in [columns] side or, if only "
             "felt or not was asked, map detected instead of response"
         )
-        yield _Rule("response", site, is_named & response.ne(site) & (len(names) > 1), hint)
+        yield _Rule("response", site, is_named & response.ne(site) & (len(names) > 1), remedy)
 
 
 def _level_rules(
-    level: pd.Series[float], stimulus: pd.Series[bool], columns: ColumnMap | None
+    level: pd.Series[float], stimulus: pd.Series[bool], columns: ColumnMap
 ) -> Iterator[_Rule]:
-    signed = columns is not None and columns.axis.signed
-    smallest, largest = (-math.inf, math.inf) if signed else (MIN_LEVEL_VPP, MAX_LEVEL_VPP)
-    bounds = "" if signed else f" from {smallest:g} to {largest:g}"
-    must, hint = f"a number{bounds} where there is a stimulus", ""
-    if columns:
-        hint = (
-            f'; a map makes blanks of empty cells by [values.level_vpp] "" = '
-            f'"{"-inf" if signed else 0}", and micrometres of metres by [scale] level_vpp = 1e6, '
-            '[axis] unit = "um"'
-        )
-    yield _Rule("level_vpp", must, stimulus & ~level.between(smallest, largest), hint)
+    smallest, largest, bounds = MIN_LEVEL_VPP, MAX_LEVEL_VPP, " from 1e-06 to 1e+06"
+    if columns.axis.signed:
+        smallest, largest, bounds = -math.inf, math.inf, ""
+    remedy = (
+        '; a map makes blanks of empty cells by [values.level_vpp] "" = '
+        f'"{"-inf" if columns.axis.signed else 0}", and micrometres of metres by [scale] '
+        'level_vpp = 1e6, [axis] unit = "um"'
+    )
+    must = f"a number{bounds} where there is a stimulus"
+    yield _Rule("level_vpp", must, stimulus & ~level.between(smallest, largest), remedy)
     silent = ~stimulus & level.notna() & level.ne(0)
     yield _Rule("level_vpp", "0 or n/a where there is no stimulus", silent)
 
 
-def _time_rules(trials: pd.DataFrame, columns: ColumnMap | None) -> Iterator[_Rule]:
+def _time_rules(trials: pd.DataFrame, columns: ColumnMap) -> Iterator[_Rule]:
     """Yield that medians are of seconds; beside a plan, its response window says more."""
     median_s = trials.groupby("participant")["rt_s"].transform("median").round(6)
-    smallest = MIN_MEDIAN_RT_S if columns else 0
-    odd = median_s.notna() & ~median_s.between(smallest, MAX_MEDIAN_RT_S)
-    odd &= trials["rt_s"].ge(median_s)
-    unit = columns.units.get("rt_s", "s") if columns else "s"
+    odd = ~median_s.between(MIN_MEDIAN_RT_S, MAX_MEDIAN_RT_S) & trials["rt_s"].ge(median_s)
+    unit = columns.units.get("rt_s", "s")
     must = (
         f"in seconds; participant {_first_cell(trials['participant'], odd)} has a median of "
         f"{_first_cell(median_s, odd)} s, allowed {MIN_MEDIAN_RT_S:g} to {MAX_MEDIAN_RT_S:g} s; "
@@ -670,7 +660,7 @@ def _time_rules(trials: pd.DataFrame, columns: ColumnMap | None) -> Iterator[_Ru
     yield _Rule("rt_s", must, odd)
 
 
-def _repeat_rules(trials: pd.DataFrame, columns: ColumnMap | None) -> Iterator[_Rule]:
+def _repeat_rules(trials: pd.DataFrame) -> Iterator[_Rule]:
     """Yield that no trial stands twice; practice may, as warm-up after every resume."""
     valid = trials[trials["status"].eq("ok") & trials["kind"].ne(PRACTICE)]
     for column, among, key, must in (
@@ -681,8 +671,8 @@ def _repeat_rules(trials: pd.DataFrame, columns: ColumnMap | None) -> Iterator[_
         if repeated.any():
             cells = among.loc[repeated.idxmax(), key]
             first = among[among[key].eq(cells).all(axis="columns")].iloc[0]
-            hint = f"; the first is {one_line(first['file'])}:{first['line']}"
-            yield _Rule(column, must, repeated, hint + _REPEATED * (columns is not None))
+            location = f"{one_line(first['file'])}:{first['line']}"
+            yield _Rule(column, f"{must}; the first is {location}", repeated, _REPEATED)
 
 
 def _check_counts(
