@@ -669,7 +669,7 @@ def _repeat_rules(trials: pd.DataFrame) -> Iterator[_Rule]:
     ):
         repeated = among.duplicated(key)
         if repeated.any():
-            cells = among.loc[repeated.idxmax(), key]
+            cells = among.loc[repeated, key].iloc[0]
             first = among[among[key].eq(cells).all(axis="columns")].iloc[0]
             location = f"{one_line(first['file'])}:{first['line']}"
             yield _Rule(column, f"{must}; the first is {location}", repeated, _REPEATED)
