@@ -121,22 +121,19 @@ class SessionRecord:
     altered : tuple of str
         Where the session is not as it was recorded, a line each. Empty unless that is accepted, but
         for a journal that was removed: a table without one is taken, and marked.
-    plan : Plan or None
-        By which the rows are to be checked. A journal is replayed by its plan, so that a table that
-        equals it keeps to the plan already.
     """
 
     inputs: tuple[InputFile, ...]
     progress: SessionProgress | None
     compared: bool
     altered: tuple[str, ...]
-    plan: Plan | None
 
 
-def read_record(table: InputTable, *, accept_altered: bool) -> SessionRecord:
-    """Read what lies beside a table.
+def read_record(table: InputTable, *, accept_altered: bool) -> tuple[SessionRecord, Plan | None]:
+    """Read what lies beside a table, and return the plan by which its rows are to be checked.
 
-    A table of another name beside a journal is taken for a copy, and compared like trials.csv.
+    A journal is replayed by its plan, so that a table that equals it keeps to the plan already. A
+    table of another name beside a journal is taken for a copy, and compared like trials.csv.
 
     Raises ResultFileError for a plan that cannot be read, was changed after it was sealed, or
     belongs to another session than its folder; for a session of another version of this program;
@@ -151,11 +148,11 @@ def read_record(table: InputTable, *, accept_altered: bool) -> SessionRecord:
     compared = journal.is_file()
     with _refusals(path):
         if compared:
-            record = examine(path.parent, path.name)
+            examined = examine(path.parent, path.name)
             if not accept_altered:
-                _refuse_differences(record.differences, "takes it if its rows are consistent")
-            history, differences = record.history, record.differences
-            plan, plan_sha256 = record.plan if history else None, record.plan_file_sha256
+                _refuse_differences(examined.differences, "takes it if its rows are consistent")
+            history, differences = examined.history, examined.differences
+            plan, plan_sha256 = examined.plan if history else None, examined.plan_file_sha256
         else:
             if path.name == TABLE or journal.is_symlink():
                 refuse_links(path.parent, path.name)
@@ -179,13 +176,13 @@ def read_record(table: InputTable, *, accept_altered: bool) -> SessionRecord:
             offers_none=plan.task.nothing in plan.responses,
             measured=history.measured if history else (),
         )
-    return SessionRecord(
+    record = SessionRecord(
         inputs=tuple(inputs),
         progress=progress,
         compared=compared,
         altered=tuple(_format_difference(each, table) for each in differences),
-        plan=None if compared else plan,
     )
+    return record, None if compared else plan
 
 
 def _read_plan(table: Path) -> tuple[Plan | None, str]:

@@ -350,6 +350,15 @@ def paused_garbage_collection() -> Iterator[None]:
         gc.enable()
 
 
+class _Batch(NamedTuple):
+    """Rows of text by column, the file and the line of each, and the plans of files."""
+
+    texts: dict[str, list[str]]
+    files: list[str]
+    lines: list[int]
+    plans: dict[str, Plan]
+
+
 class _Reader:
     """Tables read one after the other, typed in batches that bound the memory.
 
@@ -368,33 +377,30 @@ class _Reader:
 
     def read(self, tables: Iterable[InputTable]) -> pd.DataFrame:
         """Return the typed rows of all tables."""
-        frames = [self._type(*batch) for batch in self._batches(tables)]
+        frames = [self._type(batch) for batch in self._batches(tables)]
         return pd.concat(frames or [no_rows()], ignore_index=True)
 
-    def _batches(
-        self, tables: Iterable[InputTable]
-    ) -> Iterator[tuple[dict[str, list[str]], list[str], list[int]]]:
-        """Yield columns of text with the file and the line of each row."""
-        texts: dict[str, list[str]] = {}
-        files: list[str] = []
-        lines: list[int] = []
+    def _batches(self, tables: Iterable[InputTable]) -> Iterator[_Batch]:
+        batch = _Batch({}, [], [], {})
         for table in tables:
             file = str(table.path)
-            self.records[file] = read_record(table, accept_altered=self.accept_altered)
+            self.records[file], plan = read_record(table, accept_altered=self.accept_altered)
             try:
-                for cells, numbers, left_out in self._chunks(table):
+                for cells, lines, left_out in self._chunks(table):
                     self.left_out.update(left_out)
-                    if lines and (len(lines) >= _BATCH_ROWS or texts.keys() != cells.keys()):
-                        yield texts, files, lines
-                        texts, files, lines = {}, [], []
+                    is_full = len(batch.lines) >= _BATCH_ROWS
+                    if batch.lines and (is_full or batch.texts.keys() != cells.keys()):
+                        yield batch
+                        batch = _Batch({}, [], [], {})
                     for name, column in cells.items():
-                        texts.setdefault(name, []).extend(column)
-                    files += [file] * len(numbers)
-                    lines += numbers
+                        batch.texts.setdefault(name, []).extend(column)
+                    batch.files.extend([file] * len(lines))
+                    batch.lines.extend(lines)
+                    batch.plans.update({file: plan} if plan else {})
             except OSError as error:
                 raise unreadable(error, table.path) from None
-        if lines:
-            yield texts, files, lines
+        if batch.lines:
+            yield batch
 
     def _chunks(
         self, table: InputTable
@@ -406,9 +412,8 @@ class _Reader:
         chunks = read_own_texts(table.path, empty_allowed=has_plan)
         return ((cells, lines, {}) for cells, lines in chunks)
 
-    def _type(
-        self, texts: dict[str, list[str]], files: list[str], lines: list[int]
-    ) -> pd.DataFrame:
+    def _type(self, batch: _Batch) -> pd.DataFrame:
+        texts, files, lines, plans = batch
         if self.columns is None:
             rows = read_columns(texts, _READERS, files, lines)
         elif self.columns.table:
@@ -416,6 +421,8 @@ class _Reader:
         else:
             rows = read_external(texts, self.columns, files, lines)
         _refuse_broken(rows, self._limit_rules(rows), self.columns)
+        if plans and "trial" in rows:
+            _refuse_broken(rows, _plan_rules(rows, plans), self.columns)
         return rows
 
     def _limit_rules(self, rows: pd.DataFrame) -> Iterator[_Rule]:
@@ -468,9 +475,7 @@ def _check_trials(
     rows = _with_numbers(with_responses(rows, column_map))
     rows = _with_verdicts(rows, task=column_map.task)
     offers_none = {file: r.progress.offers_none for file, r in records.items() if r.progress}
-    plans = {file: record.plan for file, record in records.items() if record.plan}
     rules = chain(
-        _plan_rules(rows, plans) if plans else (),
         _trial_rules(rows, column_map),
         _level_rules(rows["level_vpp"], rows["side"].ne(NO_STIMULUS), column_map),
         _time_rules(rows[~rows["file"].isin(offers_none)], column_map),
@@ -587,10 +592,11 @@ def _plan_rules(rows: pd.DataFrame, plans: Mapping[str, Plan]) -> Iterator[_Rule
         value, due = rows[name].astype(object), planned[name]
         differs = is_planned & value.ne(due) & ~(value.isna() & due.isna())
         yield _Rule(name, f"{_first_cell(due, differs)} {_BY_PLAN}", differs)
-    pairs = zip(rows["response"].astype(object), planned["response"], strict=True)
-    undeclared = is_planned & np.array([r in ANSWERS and r not in str(due) for r, due in pairs])
-    must = f"{_first_cell(planned['response'], undeclared)}, timeout or invalid {_BY_PLAN}"
-    yield _Rule("response", must, undeclared)
+    if "response" in rows:
+        pairs = zip(rows["response"].astype(object), planned["response"], strict=True)
+        undeclared = is_planned & np.array([r in ANSWERS and r not in str(due) for r, due in pairs])
+        must = f"{_first_cell(planned['response'], undeclared)}, timeout or invalid {_BY_PLAN}"
+        yield _Rule("response", must, undeclared)
     late = rows["rt_s"].gt(planned["response_window_s"])
     window = _first_cell(planned["response_window_s"], late)
     yield _Rule("rt_s", f"at most the response window, {window}, {_BY_PLAN}", late)
