@@ -113,27 +113,27 @@ class CellReader:
         """
         column = self.column
         codes, distinct = pd.factorize(np.asarray(texts, dtype=object))
-        names = {**(TRUTHS if column == DETECTED else {}), **self.translations}
-        words = [names.get(text, text) for text in distinct]
+        translations = {**(TRUTHS if column == DETECTED else {}), **self.translations}
+        cells = [translations.get(text, text) for text in distinct]
         values: Any
         if column.choices:
-            numbers = {word: number for number, word in enumerate(column.choices)}
+            codes_of = {choice: code for code, choice in enumerate(column.choices)}
             values = pd.Categorical.from_codes(
-                [numbers.get(word, -1) for word in words], categories=pd.Index(column.choices)
+                [codes_of.get(cell, -1) for cell in cells], categories=pd.Index(column.choices)
             )
             is_valid = values.codes >= 0
         elif column.type == "bool":
-            is_valid = np.fromiter((word in _FLAGS for word in words), np.bool_)
-            values = pd.array([_FLAGS.get(word) for word in words], dtype="boolean")
+            is_valid = np.fromiter((cell in _FLAGS for cell in cells), np.bool_)
+            values = pd.array([_FLAGS.get(cell) for cell in cells], dtype="boolean")
             values = values if column.optional else values.to_numpy(np.bool_, na_value=False)
         elif column.type == "str":
-            values = np.array([_spell_marks(word) for word in words], dtype=object)
+            values = np.array([_spell_marks(cell) for cell in cells], dtype=object)
             are_texts = (0 < len(value) <= _MAX_TEXT and value.isprintable() for value in values)
             is_valid = np.fromiter(are_texts, np.bool_)
         else:
-            values = self._parse_numbers(words, [text in names for text in distinct])
+            values = self._parse_numbers(cells, [text in translations for text in distinct])
             is_valid = ~np.isnan(values)
-        is_missing = np.fromiter((word == NOT_AVAILABLE for word in words), np.bool_)
+        is_missing = np.fromiter((cell == NOT_AVAILABLE for cell in cells), np.bool_)
         is_fault = np.where(is_missing, not column.optional, ~is_valid)
         if is_fault.any():
             row = int(np.argmax(is_fault[codes]))
@@ -142,19 +142,19 @@ class CellReader:
             return CellFault(row, message + self._remedy(texts[row]))
         return values[codes].astype(np.int64) if column.type == "int" else values[codes]
 
-    def _parse_numbers(self, words: list[str], translated: list[bool]) -> NDArray[np.float64]:
+    def _parse_numbers(self, cells: list[str], translated: list[bool]) -> NDArray[np.float64]:
         """Return numbers in our unit, NaN for what is none or out of bounds."""
         if self.decimal == ",":
-            pairs = zip(words, translated, strict=True)
-            words = [word if is_ours else word.translate(_SWAPPED) for word, is_ours in pairs]
+            pairs = zip(cells, translated, strict=True)
+            cells = [cell if is_ours else cell.translate(_SWAPPED) for cell, is_ours in pairs]
         matches = (_WHOLE if self.column.type == "int" else _NUMBER).fullmatch
-        numbers = np.array([float(word) if matches(word) else math.nan for word in words], float)
+        numbers = np.array([float(cell) if matches(cell) else math.nan for cell in cells], float)
         largest = _LARGEST_WHOLE if self.column.type == "int" else LARGEST
         if self.column.name == "schema":
             largest = SCHEMA
         numbers[~((max(self._smallest, -LARGEST) <= numbers) & (numbers <= largest))] = math.nan
         if self.minimum == BLANK_LEVEL:
-            numbers[[word.lower() in SILENT for word in words]] = BLANK_LEVEL
+            numbers[[cell.lower() in SILENT for cell in cells]] = BLANK_LEVEL
         if self.scale != (1.0, 1.0):
             # Without the last binary digits: 5e-8 m are 0.05 um.
             scaled = numbers * self.scale[0] / self.scale[1]

@@ -172,10 +172,10 @@ def unreadable(error: OSError, path: Path) -> ResultFileError:
     return ResultFileError(error.filename or path, None, f"cannot be read: {error.strerror}")
 
 
-def read_regular(path: Path, most_bytes: int) -> bytes:
+def read_regular(path: Path, max_bytes: int) -> bytes:
     """Read a small file as a whole; a pipe, which might never end, is refused.
 
-    Raises ValueError for anything but a regular file, and for one with more than `most_bytes`,
+    Raises ValueError for anything but a regular file, and for one with more than `max_bytes`,
     OSError where it cannot be read.
 
     >>> from pathlib import Path
@@ -186,9 +186,9 @@ def read_regular(path: Path, most_bytes: int) -> bytes:
     if not stat.S_ISREG(path.stat().st_mode):
         raise ValueError("not a regular file")
     with path.open("rb") as stream:
-        raw = stream.read(most_bytes + 1)
-    if len(raw) > most_bytes:
-        raise ValueError(f"it has at most {most_bytes} bytes, got more")
+        raw = stream.read(max_bytes + 1)
+    if len(raw) > max_bytes:
+        raise ValueError(f"it has at most {max_bytes} bytes, got more")
     return raw
 
 

@@ -310,7 +310,7 @@ def read_inputs(
         task=column_map.task,
         cells=cells,
         blanks=blanks,
-        warnings=tuple(_doubts(checked, columns, reader.unused)) if columns else (),
+        warnings=tuple(_find_warnings(checked, columns, reader.unused)) if columns else (),
         left_out=reader.left_out.total(),
         left_out_files=len(sources) - len(tables),
         left_out_by=left_out_by,
@@ -705,7 +705,7 @@ def _check_counts(
     return sum_counts(rows, columns)
 
 
-def _doubts(
+def _find_warnings(
     rows: pd.DataFrame, columns: ColumnMap, unused: UnusedColumns
 ) -> Iterator[tuple[WarningCode, dict[str, object]]]:
     """Yield what an external table may mean otherwise than its map has it."""
