@@ -250,19 +250,19 @@ def read_missing(
     lost: dict[str, tuple[str, ...]] = {}
     for table in tables:
         session = one_line("/".join(table.path.resolve().parts[-3:-1]))
-        without_table[session] = "nothing was recorded in it"
-        differences: Sequence[Difference] = [table.lost] if table.lost else []
+        differences: tuple[Difference, ...] = (table.lost,) if table.lost else ()
+        remedy = "nothing was recorded in it"
         if not table.lost:
             with _refusals(table.path):
-                record = examine(table.path.parent, table.path.name)
-            differences = record.differences
-            if record.history:
-                without_table[session] = "tactstrip export DIR builds it"
+                examined = examine(table.path.parent, table.path.name)
+            differences = examined.differences
+            remedy = "tactstrip export DIR builds it" if examined.history else remedy
         if not accept_altered:
             _refuse_differences(differences, "leaves the session out")
         if differences:
-            del without_table[session]
             lost[session] = tuple(_format_difference(each, table) for each in differences)
+        else:
+            without_table[session] = remedy
     return without_table, lost
 
 

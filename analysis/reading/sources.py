@@ -68,7 +68,7 @@ class InputTable:
 
 def find_sources(
     paths: list[Path], *, foreign: bool = False
-) -> tuple[tuple[InputTable, ...], tuple[InputTable, ...]]:
+) -> tuple[list[InputTable], list[InputTable]]:
     """Return the tables to read, and those that sessions lack.
 
     Of a folder in which no session has a trials.csv, those of a BIDS data set are listed or, where
@@ -85,7 +85,7 @@ def find_sources(
     ...         (Path(folder) / name / "t.csv").touch()
     ...     tables, missing = find_sources(sorted(Path(folder).glob("*/t.csv")))
     >>> [table.name for table in tables], missing
-    (['a/t.csv', 'b/t.csv'], ())
+    (['a/t.csv', 'b/t.csv'], [])
     """
     if not paths:
         raise ValueError("paths must name at least one file or folder, got none")
@@ -118,10 +118,8 @@ def find_sources(
         )
         for table, folder in folders.items()
     ]
-    return (
-        tuple(source for source in sources if source.path not in missing),
-        tuple(source for source in sources if source.path in missing),
-    )
+    present = [source for source in sources if source.path not in missing]
+    return present, [source for source in sources if source.path in missing]
 
 
 def _list_folder(
