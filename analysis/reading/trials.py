@@ -23,7 +23,6 @@ from analysis.reading.columns import YES_NO, ColumnMap
 from analysis.reading.foreign import (
     MAX_CONDITIONS,
     MAX_PRESENTED,
-    MAX_WORDS,
     NO_STIMULUS,
     UNNUMBERED,
     RowFilter,
@@ -710,7 +709,7 @@ def _find_warnings(
 ) -> Iterator[tuple[WarningCode, dict[str, object]]]:
     """Yield what an external table may mean otherwise than its map has it."""
     if columns.columns.get("condition") != "" and (names := unused.names()):
-        yield WarningCode.CONDITIONS_POOLED, {"columns": named(names), "max_words": MAX_WORDS}
+        yield WarningCode.CONDITIONS_POOLED, {"columns": named(names)}
     for column in ("participant", "condition"):
         spellings = pd.Series(rows[column].astype(str).unique())
         groups = spellings.groupby(spellings.map(_spelling), sort=False)
