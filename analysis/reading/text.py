@@ -141,7 +141,7 @@ def _chunks(
     while chunk or empty_allowed:
         for line, row in chunk:
             if len(row) != width:
-                message = f"the row has {len(row)} fields; the heading has {width}"
+                message = f"the heading has {width} fields, this row {len(row)}"
                 raise ResultFileError(file, line, message)
         yield [line for line, _ in chunk], [row for _, row in chunk]
         chunk, empty_allowed = list(islice(records, CHUNK_ROWS)), False

@@ -30,9 +30,9 @@ BROKEN: list[tuple[bytes, int, str]] = [
     (b"a,b\n1,2\n3,\xe9\n", 3, "0xe9"),
     (b"a,b\n1,2\n3,\xf0\x9f\n", 3, "0xf0"),
     (b"a,b\n1,2\n\0,4\n", 3, "NUL"),
-    (b"a,b\n1,2\n3\n", 3, "1 fields; the heading has 2"),
-    (b"a,b\n1,2\n3,4,5\n", 3, "3 fields; the heading has 2"),
-    (b"a,b\n1,2\n\n3,4\n", 3, "0 fields; the heading has 2"),
+    (b"a,b\n1,2\n3\n", 3, "the heading has 2 fields, this row 1"),
+    (b"a,b\n1,2\n3,4,5\n", 3, "the heading has 2 fields, this row 3"),
+    (b"a,b\n1,2\n\n3,4\n", 3, "the heading has 2 fields, this row 0"),
     (b'a,b\n1,2\n"3,4\n5,6\n', 3, r"t\.csv"),
     (b'a,b\n1,2\n"3"x,4\n', 3, r"t\.csv"),
     (b"a,b\r1,2\r", 1, r"t\.csv"),
@@ -125,7 +125,7 @@ def test_the_delimiter_gives_heading_and_rows_the_same_number_of_fields(
 
 def test_a_broken_row_is_refused_with_its_line_whatever_signs_are_in_cells() -> None:
     raw = b"person,level,notes\n" + b"a,1,ok; calm\n" * 3 + b"a;b\n" + b"a,1,ok; calm\n" * 9
-    with pytest.raises(ResultFileError, match="1 fields; the heading has 3") as caught:
+    with pytest.raises(ResultFileError, match="the heading has 3 fields, this row 1") as caught:
         read(io.BytesIO(raw), TextFormat())
     assert caught.value.line == 5
 
