@@ -44,7 +44,7 @@ from analysis.reading.text import (
 from experiment.tasks import LEFT_RIGHT_BOTH
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Sequence
+    from collections.abc import Callable, Collection, Sequence
 
     from analysis.reading.sources import InputTable
 
@@ -57,12 +57,12 @@ MAX_ROWS: Final = 5_000
 MAX_CELLS: Final = 1_000_000
 MAX_ALL_CELLS: Final = 20_000_000
 _MAX_WORDS: Final = 12
-_MAX_VALUES: Final = {"condition": MAX_CONDITIONS, "side": _MAX_WORDS}
 _MAX_SHOWN: Final = 8
 _MAX_NAMED: Final = 5
 _MAX_METRES: Final = 1e-3
 _MAX_MEDIAN_S: Final = 10.0
 _MIN_RUN: Final = 3
+_MIN_NUMBERS: Final = 0.5
 _ENCODING_BYTES: Final = 1_000_000
 _BYTE_ORDER_MARKS: Final = (b"\xff\xfe", b"\xfe\xff", b"\x00\x00\xfe\xff", b"PK")
 _LISTS: Final = tomllib.loads(Path(__file__).with_name("names.toml").read_text(encoding="utf-8"))
@@ -78,6 +78,28 @@ _PRACTICE: Final = re.compile(
 _ORDER: Final = ["", *SECTIONS]
 _CAMEL: Final = re.compile("(?<=[a-z])(?=[A-Z])|[_.]")
 _CODE: Final = re.compile(r"-99+(\.0*)?", re.ASCII)
+
+
+def _translate(ours: str, word: str) -> str:
+    """Return our word for theirs, empty where no list has it."""
+    key = word if NUMBER.fullmatch(word) else _plain(word)
+    meaning = _MEANINGS.get(key, word)
+    return meaning if meaning in OURS[ours].choices else ""
+
+
+def _share_of_numbers(values: Sequence[str]) -> float:
+    return sum(1 for word in values if NUMBER.fullmatch(word)) / len(values)
+
+
+# What the different values of a column must be like, besides its name; those of others are free.
+_KINDS: Final[dict[str, Callable[[Sequence[str]], bool]]] = {
+    "level_vpp": lambda values: _share_of_numbers(values) >= _MIN_NUMBERS,
+    "rt_s": lambda values: _share_of_numbers(values) == 1,
+    "trial": lambda values: _share_of_numbers(values) == 1,
+    "detected": lambda values: all(_translate("detected", word) for word in values),
+    "condition": lambda values: len(values) <= MAX_CONDITIONS,
+    "side": lambda values: len(values) <= _MAX_WORDS,
+}
 
 
 @dataclass(slots=True)
@@ -136,26 +158,13 @@ class _Draft:
 
     def matching(self, ours: str) -> list[str]:
         """Return the columns with a name and values of one of ours; it alone if it is there."""
-        names = [name for name in self.rows.columns if _is_named(name, ours)]
-        names = [name for name in names if self._is_kind(name, ours)]
+        names = []
+        for name in self.rows.columns:
+            if _is_named(name, ours) and (values := self.values(name)):
+                is_kind = _KINDS.get(ours, bool)(values)
+                if is_kind and (ours != "participant" or self._is_person(name, values)):
+                    names.append(name)
         return [ours] if ours in names else names
-
-    def _is_kind(self, name: str, ours: str) -> bool:
-        """Return whether the values of a column are of the kind that its name promises."""
-        values = self.values(name)
-        numbers = sum(1 for word in values if NUMBER.fullmatch(word))
-        match ours:
-            case "level_vpp":
-                is_kind = 2 * numbers >= len(values) > (len(self.rows) >= _MIN_RUN)
-            case "rt_s" | "trial":
-                is_kind = numbers == len(values)
-            case "detected":
-                is_kind = all(_translate(ours, word) for word in values)
-            case "participant":
-                is_kind = self._is_person(name, values)
-            case _:
-                is_kind = len(values) <= _MAX_VALUES.get(ours, MAX_ROWS)
-        return bool(values) and is_kind
 
     def _is_person(self, name: str, values: Sequence[str]) -> bool:
         """Return whether a column may hold participants: no value for each row or stimulus."""
@@ -366,6 +375,7 @@ def _propose_participant(draft: _Draft) -> None:
 def _propose_level(draft: _Draft, *, counted: bool) -> None:
     """Propose the column of levels, its axis and its words."""
     names = [name for name in draft.matching("level_vpp") if name not in draft.sources.values()]
+    names = [name for name in names if len(draft.values(name)) > 1] or names
     if len(names) != 1:
         draft.ask("columns", "level_vpp", names=names)
         draft.ask("axis", "unit")
@@ -455,14 +465,13 @@ def _propose_answer(draft: _Draft) -> None:
 
 
 def _blank_rows(draft: _Draft) -> pd.DataFrame:
-    """Return the rows of level 0, or without a level, if a single column has the level."""
-    levels = draft.matching("level_vpp")
-    if len(levels) != 1:
+    """Return the rows without a level, or of level 0 where 0 is none; none without levels."""
+    if "level_vpp" not in draft.sources:
         return draft.rows[:0]
-    cells = draft.rows[levels[0]]
-    numbers = pd.to_numeric(cells.str.replace(",", "."), errors="coerce")
-    is_zero = numbers.eq(0) & bool(numbers.min() >= 0)
-    return draft.rows[is_zero | cells.str.lower().isin(NOTHING)]
+    levels = draft.rows[draft.sources["level_vpp"]].str.replace(",", ".")
+    numbers = pd.to_numeric(levels, errors="coerce")
+    is_level = numbers.notna() & (numbers.ne(0) | ("x_scale" in draft.entries.get("axis", {})))
+    return draft.rows[~is_level]
 
 
 def _refuse_settings(draft: _Draft, answer: str) -> None:
@@ -560,13 +569,6 @@ def _is_yes_or_no(values: Sequence[str]) -> bool:
     return (
         "" not in meanings and bool(meanings & {YES, NO}) and not all(map(NUMBER.fullmatch, values))
     )
-
-
-def _translate(ours: str, word: str) -> str:
-    """Return our word for theirs, empty where no list has it."""
-    key = word if NUMBER.fullmatch(word) else _plain(word)
-    meaning = _MEANINGS.get(key, word)
-    return meaning if meaning in OURS[ours].choices else ""
 
 
 def _are_numbers(cells: pd.Series[str]) -> pd.Series[bool]:
