@@ -32,7 +32,7 @@ def columns(*, tables: tuple[Path, ...], target: Path | None) -> None:
     the map, review the lines marked `# guess`, and fill in those marked `# FILL IN`. Then pass the
     map to `tactstrip analyze --columns`.
     """
-    from analysis.reading.draft import NOTE, propose_map
+    from analysis.reading.draft import propose_map
     from analysis.reading.sources import TABLE, find_sources
 
     if target is not None and (target.exists() or target.is_symlink()):
@@ -40,21 +40,17 @@ def columns(*, tables: tuple[Path, ...], target: Path | None) -> None:
     sources, _ = find_sources([*tables], foreign=True)
     if not sources or all(source.path.name == TABLE for source in sources):
         raise CommandError(f"{tables[0]}: a {TABLE} of tactstrip needs no map")
-    text, blanks = propose_map(sources)
+    text, fill_in, notes = propose_map(sources)
     if target is None:
         echo(*text.removesuffix("\n").split("\n"))
         return
     write_new(target, text.encode(), DISK)
-    instruction = f"fill in {', '.join(blanks)}, then " if blanks else "check its guesses, then "
+    instruction = f"fill in {', '.join(fill_in)}" if fill_in else "check its guesses"
     arguments = shlex.join(map(str, tables))
     # Results are written beside the raw data, not among them.
-    out = (
-        " --out ../analysis"
-        if any(table.is_dir() and table.samefile(".") for table in tables)
-        else ""
-    )
-    for line in text.splitlines():
-        if line.startswith(NOTE):
-            echo(line.removeprefix(NOTE))
+    is_here = any(table.is_dir() and table.samefile(".") for table in tables)
+    out = " --out ../analysis" if is_here else ""
+    for note in notes:
+        echo(note)
     analyze = f"tactstrip analyze {arguments} --columns {target}{out}"
-    echo(f"Written to {target}; {instruction}{analyze}")
+    echo(f"Written to {target}; {instruction}, then {analyze}")

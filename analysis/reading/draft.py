@@ -42,6 +42,7 @@ from analysis.reading.text import (
     text_chunks,
 )
 from experiment.tasks import LEFT_RIGHT_BOTH
+from experiment.templates import open_templates
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Sequence
@@ -50,8 +51,6 @@ if TYPE_CHECKING:
 
 
 _Value = str | float | list[str]
-NOTE: Final = "# Note: "
-"""How a line of a proposed map begins that says what becomes of rows and columns."""
 MAX_ROWS: Final = 5_000
 """Rows that are looked at in each file; fewer where they have very many columns."""
 MAX_CELLS: Final = 1_000_000
@@ -85,21 +84,6 @@ def _translate(ours: str, word: str) -> str:
     key = word if NUMBER.fullmatch(word) else _plain(word)
     meaning = _MEANINGS.get(key, word)
     return meaning if meaning in OURS[ours].choices else ""
-
-
-def _share_of_numbers(values: Sequence[str]) -> float:
-    return sum(1 for word in values if NUMBER.fullmatch(word)) / len(values)
-
-
-# What the different values of a column must be like, besides its name; those of others are free.
-_KINDS: Final[dict[str, Callable[[Sequence[str]], bool]]] = {
-    "level_vpp": lambda values: _share_of_numbers(values) >= _MIN_NUMBERS,
-    "rt_s": lambda values: _share_of_numbers(values) == 1,
-    "trial": lambda values: _share_of_numbers(values) == 1,
-    "detected": lambda values: all(_translate("detected", word) for word in values),
-    "condition": lambda values: len(values) <= MAX_CONDITIONS,
-    "side": lambda values: len(values) <= _MAX_WORDS,
-}
 
 
 @dataclass(slots=True)
@@ -158,16 +142,18 @@ class _Draft:
 
     def matching(self, ours: str) -> list[str]:
         """Return the columns with a name and values of one of ours; it alone if it is there."""
-        names = []
-        for name in self.rows.columns:
-            if _is_named(name, ours) and (values := self.values(name)):
-                is_kind = _KINDS.get(ours, bool)(values)
-                if is_kind and (ours != "participant" or self._is_person(name, values)):
-                    names.append(name)
+        names = [name for name in self.rows.columns if _is_named(name, ours) and self.values(name)]
+        names = [name for name in names if ours not in _KINDS or _KINDS[ours](self, name)]
         return [ours] if ours in names else names
 
-    def _is_person(self, name: str, values: Sequence[str]) -> bool:
+    def share_of_numbers(self, name: str) -> float:
+        """Return how many of the different values of a column are numbers, from 0 to 1."""
+        values = self.values(name)
+        return sum(1 for word in values if NUMBER.fullmatch(word)) / len(values)
+
+    def may_be_people(self, name: str) -> bool:
         """Return whether a column may hold participants: no value for each row or stimulus."""
+        values = self.values(name)
         if 2 * len(values) > len(self.rows) > _MIN_RUN:
             return False
         cells = self.rows[[FILE, name]]
@@ -176,8 +162,20 @@ class _Draft:
         return is_person or len(values) == 1 or len(cells) >= _MIN_RUN * n_runs
 
 
-def propose_map(sources: Sequence[InputTable]) -> tuple[str, list[str]]:
-    """Return the text of a column map for tables, and the keys that are to be filled in.
+# What the values of a column must be like, besides its name; those of others are free.
+_KINDS: Final[dict[str, Callable[[_Draft, str], bool]]] = {
+    "participant": _Draft.may_be_people,
+    "level_vpp": lambda draft, name: draft.share_of_numbers(name) >= _MIN_NUMBERS,
+    "rt_s": lambda draft, name: draft.share_of_numbers(name) == 1,
+    "trial": lambda draft, name: draft.share_of_numbers(name) == 1,
+    "detected": lambda draft, name: all(_translate("detected", w) for w in draft.values(name)),
+    "condition": lambda draft, name: len(draft.values(name)) <= MAX_CONDITIONS,
+    "side": lambda draft, name: len(draft.values(name)) <= _MAX_WORDS,
+}
+
+
+def propose_map(sources: Sequence[InputTable]) -> tuple[str, list[str], list[str]]:
+    """Return the text of a column map for tables, the keys to fill in, and notes on rows.
 
     Of a data set with several tasks the tables of the first are looked at. Raises ResultFileError
     for a table that cannot be read, where it is the only one.
@@ -202,21 +200,14 @@ def propose_map(sources: Sequence[InputTable]) -> tuple[str, list[str]]:
         draft.skip(FILE, [*faults], "files that have no trials, or other columns")
         draft.notes += [f"file {one_line(s)} is left out: {fault}" for s, fault in faults.items()]
     _note_rows(table, draft)
-    more = f" and {len(sources) - 1} more" if len(sources) > 1 else ""
-    title = f"# Proposed for {one_line(sources[0].name)}{more}: check each guess, fill in the rest."
-    lines = [title, *(NOTE + note for note in draft.notes)]
-    fill_in = []
     # in the order of the reference; what words of a column mean stands in a section each
-    for section in sorted(draft.entries, key=lambda name: _ORDER.index(name.partition(".")[0])):
-        lines += ["", f"[{section}]"] if section else []
-        for key, (value, comment) in draft.entries[section].items():
-            lines.append(toml_entry(key, value, comment))
-            fill_in += [format_key(key)] if comment.startswith(FILL_IN) else []
-    lines += ["", "# All columns:"]
-    for name in table.columns:
-        about = "; from the name of the file" if name.endswith("-") else ""
-        lines.append(f"#   {one_line(name)}: {_listed(table[name])}{about}")
-    return "\n".join(lines) + "\n", fill_in
+    sections = sorted(draft.entries.items(), key=lambda item: _ORDER.index(item[0].split(".")[0]))
+    entries = [entry for _, section in sections for entry in section.items()]
+    fill_in = [format_key(key) for key, (_, comment) in entries if comment.startswith(FILL_IN)]
+    filters = {"one_line": one_line, "entry": toml_entry, "words": _listed}
+    template = open_templates(str(__package__), filters).get_template("map.toml.jinja")
+    text = template.render(sources=sources, notes=draft.notes, sections=sections, table=table)
+    return text, fill_in, draft.notes
 
 
 def _read_tables(

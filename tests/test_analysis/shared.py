@@ -128,10 +128,11 @@ def refused(*paths: Path, columns: ColumnMap | None = None) -> ResultFileError:
 
 @dataclass(frozen=True)
 class Draft:
-    """The column map that is proposed for tables, and the keys that it leaves empty."""
+    """The column map that is proposed for tables, the keys that it leaves empty, and notes."""
 
     text: str
     fill_in: list[str]
+    notes: list[str]
 
     @property
     def map(self) -> dict[str, Any]:
