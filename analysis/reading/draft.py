@@ -204,8 +204,10 @@ def propose_map(sources: Sequence[InputTable]) -> tuple[str, list[str], list[str
     sections = sorted(draft.entries.items(), key=lambda item: _ORDER.index(item[0].split(".")[0]))
     entries = [entry for _, section in sections for entry in section.items()]
     fill_in = [format_key(key) for key, (_, comment) in entries if comment.startswith(FILL_IN)]
-    filters = {"one_line": one_line, "entry": toml_entry, "words": _listed}
-    template = open_templates(str(__package__), filters).get_template("map.toml.jinja")
+    templates = open_templates(
+        str(__package__), {"one_line": one_line, "entry": toml_entry, "words": _listed}
+    )
+    template = templates.get_template("map.toml.jinja")
     text = template.render(sources=sources, notes=draft.notes, sections=sections, table=table)
     return text, fill_in, draft.notes
 
