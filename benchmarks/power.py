@@ -24,9 +24,8 @@ import numpy as np
 from analysis.axis import VOLTS
 from analysis.counts.table import count_answers, count_blanks, level_table
 from analysis.planning.curve import Studies, plan_study
-from analysis.planning.estimates import fit_people
 from analysis.planning.goals import Goal
-from analysis.planning.levels import LevelsError, placed_levels
+from analysis.planning.levels import LevelsError, fit_people, placed_levels
 from analysis.planning.people import stated_people
 from analysis.planning.spread import Kept, spread
 from analysis.planning.studies import pilot_levels_vpp, plan_text
@@ -160,11 +159,11 @@ def attained(
     study: Study, goal: Goal, answer: Answer, number: int, *, seed: int, spread: Any
 ) -> tuple[int, int]:
     """Return in how many of so many fresh studies the goal is reached."""
-    point = answer.at(answer.participants or 0)
+    point = answer.point.at(answer.participants or 0)
     plan = plan_text(study, study_gains(study), goal)
     studies = Studies(plan=plan, seed=seed, spread=spread)
-    studies.run([point], 0, number)
-    tally = studies.tally(point, 0, number)
+    studies.run([point], range(number))
+    tally = studies.tally(point, range(number))
     return tally.reached, tally.studies
 
 
@@ -226,8 +225,7 @@ def placed_sessions(
 def _levels(pilot: pd.DataFrame, study: Study) -> dict[str, tuple[float, ...]]:
     """Place levels as `tactstrip levels` does, without the second it takes to tell their error."""
     people = people_of(pilot)
-    counts = (people.level_vpp, people.detected, people.presented)
-    fits = fit_people(*counts, [guessing.rate for guessing in people.guesses])
+    fits = fit_people(people.tables(VOLTS))
     levels_vpp = {}
     for (condition, _), fit in zip(people.names, fits, strict=True):
         levels_vpp[condition] = study.design.levels_vpp

@@ -130,7 +130,9 @@ def format_placement(placement: Placement) -> str:
     function = placement.function
     rows = "\n".join(
         f"  {level:7.1f} V  detected {share:.0%}"
-        for level, share in zip(placement.levels_vpp, placement.shares, strict=True)
+        for level, share in zip(
+            placement.levels_vpp, function.shares(placement.levels_vpp), strict=True
+        )
     )
     study_levels = " ".join(f"{level:g}" for level in placement.study_levels_vpp)
     highest_vpp, key = placement.highest

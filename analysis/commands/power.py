@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import secrets
-import signal
-import sys
-from contextlib import contextmanager
+import time
 from functools import partial
 from pathlib import Path
 from textwrap import wrap
@@ -14,44 +12,43 @@ from typing import TYPE_CHECKING
 import click
 
 from device.printing import echo
+from experiment.commands.options.hardware import working
 from experiment.exits import ANSWER_IS_NO, STOPPED_EARLY, CommandError, refusals
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Mapping
+    from collections.abc import Iterator
 
     from analysis.planning.goals import Goal
     from analysis.planning.people import People
     from experiment.study.study import Study
 
-_MAX_PARTICIPANTS = 1000
-_MAX_TRIALS = 10_000
 _TEXT_WIDTH = 100
-_OPTION_GROUPS = {
-    "Goal": ("goal_text", "participants", "assurance"),
-    "Design": ("trials", "blanks", "levels"),
-    "Population": ("pilot", "columns", "population"),
-    "Computation": ("seed", "workers", "scheduler", "keep"),
-}
+_FILE = click.Path(path_type=Path, dir_okay=False)
 
 
-class _GroupedOptionsCommand(click.Command):
-    """A command whose help lists the options in groups."""
+def _check_range(
+    _context: click.Context, option: click.Parameter, value: tuple[int, int] | None
+) -> tuple[int, int] | None:
+    if value and value[0] > value[1]:
+        raise CommandError(
+            f"--{option.name} must be MIN and MAX, with MIN <= MAX; got {value[0]} and {value[1]}"
+        )
+    return value or None
 
-    def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        options = {
-            param.name: record
-            for param in self.get_params(ctx)
-            if isinstance(param, click.Option) and (record := param.get_help_record(ctx))
-        }
-        for title, names in _OPTION_GROUPS.items():
-            with formatter.section(title):
-                formatter.write_dl([options.pop(name) for name in names])
-        with formatter.section("Output"):
-            formatter.write_dl([*options.values()])
+
+_range_option = partial(
+    click.option, type=click.IntRange(1, 1000), nargs=2, metavar="MIN MAX", callback=_check_range
+)
+
+
+def _check_figure(_context: object, _option: object, path: Path | None) -> Path | None:
+    if path is not None and path.suffix not in {".png", ".svg"}:
+        raise CommandError(f"--figure must end in .png or .svg; got {path}")
+    return path
 
 
 @click.command(
-    cls=_GroupedOptionsCommand,
+    context_settings={"show_default": True},
     epilog="""\b
     Goals (--goal):
       half-width=2dB     The interval of the group's threshold is at most +-2 dB.
@@ -63,43 +60,18 @@ class _GroupedOptionsCommand(click.Command):
 )
 @click.argument("study_file", metavar="STUDY", type=click.Path(path_type=Path))
 @click.option(
-    "--goal",
-    "goal_text",
+    *("--goal", "goal_text"),
     default="half-width=2dB",
-    show_default=True,
     metavar="GOAL",
     help="Goal that a study must reach (see below).",
 )
-@click.option(
-    "--participants",
-    type=click.IntRange(1, _MAX_PARTICIPANTS),
-    nargs=2,
-    default=(2, 40),
-    show_default=True,
-    metavar="MIN MAX",
-    help="Range of the number of participants.",
-)
-@click.option(
-    "--trials",
-    type=click.IntRange(1, _MAX_TRIALS),
-    nargs=2,
-    metavar="MIN MAX",
-    show_default="that of the study",
-    help="Range of the number of trials per side.",
-)
-@click.option(
-    "--blanks",
-    type=click.IntRange(1, _MAX_TRIALS),
-    nargs=2,
-    metavar="MIN MAX",
-    show_default="that of the study",
-    help="Range of the number of blank trials.",
-)
+@_range_option("--participants", default=(2, 40), help="Range of the number of participants.")
+@_range_option("--trials", help="Range of the number of trials per side; by default the study's.")
+@_range_option("--blanks", help="Range of the number of blank trials; by default the study's.")
 @click.option(
     "--levels",
     type=click.Choice(["fixed", "placed"]),
     default="fixed",
-    show_default=True,
     help="Use the levels of the study (fixed), or levels chosen for each participant and condition "
     "from a simulated pilot of 40 stimuli (placed).",
 )
@@ -107,7 +79,6 @@ class _GroupedOptionsCommand(click.Command):
     "--assurance",
     type=click.FloatRange(0.05, 0.99),
     default=0.8,
-    show_default=True,
     metavar="SHARE",
     help="Proportion of simulated studies that must reach the goal.",
 )
@@ -125,25 +96,21 @@ class _GroupedOptionsCommand(click.Command):
     "read as voltages of the study.",
 )
 @click.option(
-    "--people",
-    "population",
+    *("--people", "population"),
     type=click.Choice(["literature", "stated"]),
-    show_default="literature",
     help="Take population parameters that [simulation] leaves out from the literature "
-    "(literature), or require them there (stated).",
+    "(literature, the default), or require them there (stated).",
 )
 @click.option(
     "--seed",
     type=click.IntRange(min=0),
     metavar="N",
-    show_default="random, printed",
-    help="Seed of the simulation.",
+    help="Seed of the simulation; by default a random one, which is printed.",
 )
 @click.option(
     "--workers",
     type=click.IntRange(min=1),
     default=1,
-    show_default=True,
     metavar="N",
     help="Number of processes on this computer.",
 )
@@ -154,14 +121,13 @@ class _GroupedOptionsCommand(click.Command):
 )
 @click.option(
     "--keep",
-    type=click.Path(path_type=Path, dir_okay=False),
-    metavar="FILE",
+    type=_FILE,
     help="Save intermediate results in this file. The same command continues from it.",
 )
 @click.option(
     "--figure",
-    type=click.Path(path_type=Path, dir_okay=False),
-    metavar="FILE.png",
+    type=_FILE,
+    callback=_check_figure,
     help="Also draw the power curve, as PNG or SVG.",
 )
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object instead of text.")
@@ -199,26 +165,29 @@ def power(
 
     keep_freed_memory()
     goal = Goal.parse(goal_text)
-    _check_usage({"participants": participants, "trials": trials, "blanks": blanks}, figure)
     if scheduler and workers > 1:
         raise CommandError(f"--workers and --scheduler exclude each other; got {workers}")
-    if seed is None:
-        seed = seed_in(keep) if keep else None
-    if seed is None:
-        seed = secrets.randbits(32)
+    seed = seed_in(keep) if seed is None else seed
+    seed = secrets.randbits(32) if seed is None else seed
     with naming(study_file):
         people = _people(read_study(study_file), goal, pilot, columns, population)
     computed = {"study": people.study.sha256, "goal": goal_text, "seed": seed}
     kept = Kept(keep, computed) if keep else None
     hint = f"the same command continues from {keep}" if keep else "--keep FILE saves the work"
+    start_s = time.monotonic()
     try:
-        with _interruptible(), computing_on(workers, scheduler), naming(study_file), _bar() as step:
+        with computing_on(workers, scheduler), naming(study_file), working("Simulating") as show:
+
+            def step(done: float, total: float) -> None:
+                left_s = (time.monotonic() - start_s) * (total - done) / done
+                show(round(100 * done / total), 100, f"about {left_s:.0f} s left")
+
             result = plan_study(
                 people,
                 goal,
                 participants=participants,
-                trials_per_side=trials or None,
-                blanks=blanks or None,
+                trials_per_side=trials,
+                blanks=blanks,
                 placed=levels == "placed",
                 assurance=assurance,
                 seed=seed,
@@ -248,42 +217,6 @@ def _wrap(text: str) -> Iterator[str]:
     for line in text.split("\n"):
         indent = "    " if line.startswith("  ") else ""
         yield from wrap(line, _TEXT_WIDTH, subsequent_indent=indent) or [""]
-
-
-def _check_usage(bounds: Mapping[str, tuple[int, int] | None], figure: Path | None) -> None:
-    for name, pair in bounds.items():
-        if pair and pair[0] > pair[1]:
-            raise CommandError(
-                f"--{name} must be MIN and MAX, with MIN <= MAX; got {pair[0]} and {pair[1]}"
-            )
-    if figure is not None and figure.suffix not in {".png", ".svg"}:
-        raise CommandError(f"--figure must end in .png or .svg; got {figure}")
-
-
-@contextmanager
-def _bar() -> Iterator[Callable[[float, float], object]]:
-    """Show a progress bar with the time left on a terminal, and nothing in a pipe."""
-    if not sys.stderr.isatty():
-        yield lambda _done, _total: None
-        return
-    from rich.console import Console
-    from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn
-    from rich.progress import TimeRemainingColumn as TimeLeft
-
-    columns = (TextColumn("Simulating"), BarColumn(), TaskProgressColumn(), TimeLeft(), "left")
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task("", total=None)
-        yield lambda done, total: bar.update(task, completed=done, total=total)
-
-
-@contextmanager
-def _interruptible() -> Iterator[None]:
-    """Let SIGTERM, such as at the time limit of a batch queue, act like Ctrl-C."""
-    previous_handler = signal.signal(signal.SIGTERM, signal.default_int_handler)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGTERM, previous_handler)
 
 
 def _people(

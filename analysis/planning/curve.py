@@ -17,36 +17,36 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from analysis.counts.intervals import proportion_ci
+from analysis.planning.goals import Outcome
 from analysis.planning.people import truth_of
 from analysis.planning.result import Answer, PowerResult, Tally
 from analysis.planning.spread import CHUNK_S
-from analysis.planning.studies import Chunk, Point, pilot_levels_vpp, plan_text, simulate
+from analysis.planning.studies import (
+    Chunk,
+    Point,
+    pilot_levels_vpp,
+    plan_text,
+    read_plan,
+    simulate,
+)
 from experiment.study.physics import study_gains
-from experiment.study.threshold import people_for_burst
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Sequence
+    from collections.abc import Callable, Iterable, Iterator, Sequence
 
     from analysis.planning.goals import Goal
     from analysis.planning.people import People
-    from experiment.study.study import Study
 
-    Spread = Callable[
-        [Callable[[Chunk], dict[str, Any]], Iterable[Chunk]], Iterable[tuple[Chunk, Any]]
-    ]
+    Spread = Callable[[Callable[[Chunk], Any], Iterable[Chunk]], Iterable[tuple[Chunk, Any]]]
 
 RUNGS: Final = 6
 """Numbers of participants that are simulated, evenly on the logarithm."""
-FIRST_STUDIES: Final = 30
+FIRST_STUDIES: Final = range(30)
 """Of each number of the first ladder, which rules most numbers out."""
-CURVE_STUDIES: Final = 90
+CURVE_STUDIES: Final = range(90)
 """Of each number of the second ladder, which lies between those that may be the answer."""
-CHECK_STUDIES: Final = 300
+CHECK_STUDIES: Final = range(500, 800)
 """Fresh studies of the answer: a standard error of 2.3 % at 80 %."""
-_FIRST_FRESH: Final = 500
-_STRIDE: Final = 1009
-"""From the first study of a number of participants to that of the next; a prime, so that draws of
-a pilot, which take turns, differ between numbers."""
 _MARGIN: Final = 1.1
 """By which the second ladder is wider than the interval of the first curve."""
 _STEP: Final = 0.05
@@ -69,61 +69,54 @@ class Studies:
     spread: Spread
     step: Callable[[float, float], object] = lambda _done, _total: None
     """Called with the work that is done, and about how much there is."""
-    total: float = 0.0
     _done: float = 0.0
-    _results: dict[Point, dict[int, tuple[Any, ...]]] = field(default_factory=dict)
+    _outcomes: dict[Point, dict[int, Outcome]] = field(default_factory=dict)
 
-    def run(self, points: Iterable[Point], first: int, stop: int) -> None:
-        """Simulate the studies from the first up to the last of each point that lacks them."""
-        chunks = [
-            Chunk(
-                plan=self.plan,
-                point=point,
-                first=start + _STRIDE * point.participants,
-                number=min(size, stop - start),
-                seed=self.seed,
+    def run(self, points: Iterable[Point], studies: range, ahead: float = 0.0) -> None:
+        """Simulate the studies that points lack; about as much work as `ahead` follows."""
+        chunks = []
+        for point in sorted(set(points), key=work_of, reverse=True):  # the longest first
+            outcomes = self._outcomes.setdefault(point, {})
+            missing = [study for study in studies if study not in outcomes]
+            size = max(1, round(CHUNK_S / work_of(point)))
+            for i in range(0, len(missing), size):
+                number = len(missing[i : i + size])
+                chunks.append(
+                    Chunk(
+                        plan=self.plan, point=point, first=missing[i], number=number, seed=self.seed
+                    )
+                )
+        total = self._done + sum(chunk.number * work_of(chunk.point) for chunk in chunks) + ahead
+        for chunk, outcomes in self.spread(simulate, chunks):
+            self._outcomes[chunk.point].update(
+                (chunk.first + i, Outcome(*outcome)) for i, outcome in enumerate(outcomes)
             )
-            for point in sorted(set(points), key=work_of, reverse=True)  # the longest first
-            if first not in self._results.get(point, {})
-            for size in [max(1, round(CHUNK_S / work_of(point)))]
-            for start in range(first, stop, size)
-        ]
-        for chunk, result in self.spread(simulate, chunks):
-            unplaced = result.get("unplaced") or [0] * chunk.number
-            rows = zip(
-                result["reached"], result["number"], result["covered"], unplaced, strict=True
-            )
-            start = chunk.first - _STRIDE * chunk.point.participants
-            self._results.setdefault(chunk.point, {}).update(enumerate(rows, start=start))
             self._done += chunk.number * work_of(chunk.point)
-            self.step(self._done, max(self.total, self._done))
-
-    def expect(self, work: float) -> None:
-        """Set how much work is still ahead."""
-        self.total = self._done + work
+            self.step(self._done, total)
 
     def of_design(self, design: Point) -> tuple[Tally, ...]:
         """Return the outcomes of a design, by the number of participants."""
-        points = [p for p in self._results if replace(p, participants=1) == design]
+        points = [point for point in self._outcomes if point.at(1) == design]
         return tuple(self.tally(point) for point in sorted(points))
 
-    def tally(self, point: Point, first: int = 0, stop: int = _FIRST_FRESH) -> Tally:
+    def tally(self, point: Point, studies: range = CURVE_STUDIES) -> Tally:
         """Return the outcome of the studies of a point, by default of those for the curve."""
-        rows = [row for study, row in self._results[point].items() if first <= study < stop]
-        reached, numbers, covered, unplaced = zip(*rows, strict=True)
-        values = [math.inf if number is None else number for number in numbers]
-        low, high = proportion_ci(sum(reached), len(rows))
+        outcomes = [row for study, row in self._outcomes[point].items() if study in studies]
+        reached, numbers, covered, unplaced = np.array(outcomes, dtype=float).T
+        low, high = proportion_ci(reached.sum(), len(reached))
         return Tally(
             point=point,
-            studies=len(rows),
-            reached=sum(reached),
-            share=sum(reached) / len(rows),
+            studies=len(reached),
+            reached=int(reached.sum()),
+            share=float(reached.mean()),
             low=low,
             high=high,
-            median=float(np.median(values)),
-            open_share=math.fsum(map(math.isinf, values)) / len(rows),
-            covered=sum(covered) / len(rows),
-            unplaced=sum(unplaced) / (point.participants * len(rows)) if point.placed else None,
+            median=float(np.median(numbers)),
+            open_share=float(np.isinf(numbers).mean()),
+            covered=float(covered.mean()),
+            unplaced=float(unplaced.sum()) / (point.participants * len(reached))
+            if point.placed
+            else None,
         )
 
 
@@ -144,36 +137,27 @@ def ladder(low: int, high: int, rungs: int = RUNGS, multiple: int = 1) -> list[i
     return sorted({multiple * max(1, round(number / multiple)) for number in numbers.tolist()})
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class CurveEstimate:
-    """The number of participants at which a curve crosses the assurance, with its 95 % limits."""
-
-    participants: float
-    low: float
-    high: float
-
-
-def fit_curve(tallies: Sequence[Tally], assurance: float) -> CurveEstimate | None:
+def fit_curve(tallies: Sequence[Tally], assurance: float) -> tuple[float, float, float] | None:
     """Fit the share of studies as a probit curve in the logarithm of the number of participants.
 
-    Returns None where the curve does not rise, or there is no curve through one number. Numbers
-    below the last that never reaches the goal, and above the first that always does, are left out:
-    they say nothing about where the curve crosses the assurance, but much about its tails.
+    Returns the number at which the curve crosses the assurance, with its 95 % limits; None where
+    the curve does not rise, or there is no curve through one number. Numbers below the last that
+    never reaches the goal, and above the first that always does, are left out: they say nothing
+    about where the curve crosses the assurance, but much about its tails.
     """
     from scipy.special import ndtri
     from statsmodels.genmod.families import Binomial
     from statsmodels.genmod.families.links import Probit
     from statsmodels.genmod.generalized_linear_model import GLM
 
-    rungs = sorted(tallies, key=lambda tally: tally.point.participants)
-    first = max((i for i, t in enumerate(rungs) if not t.reached), default=0)
-    stop = next((i + 1 for i, t in enumerate(rungs) if i > first and t.share == 1), len(rungs))
-    rungs = rungs[first:stop]
+    first = max((i for i, t in enumerate(tallies) if not t.reached), default=0)
+    stop = next((i + 1 for i, t in enumerate(tallies) if i > first and t.share == 1), len(tallies))
+    rungs = tallies[first:stop]
     if len(rungs) == 1 or rungs[0].share == 1:
         return None
-    reached = np.array([t.reached for t in rungs])
-    missed = np.array([t.studies for t in rungs]) - reached
-    log_n = np.tile(np.log([t.point.participants for t in rungs]), 2)
+    reached = np.array([tally.reached for tally in rungs])
+    missed = np.array([tally.studies for tally in rungs]) - reached
+    log_n = np.tile(np.log([tally.point.participants for tally in rungs]), 2)
     fit = GLM(
         np.repeat([1.0, 0.0], len(rungs)),
         np.column_stack([np.ones_like(log_n), log_n]),
@@ -187,7 +171,7 @@ def fit_curve(tallies: Sequence[Tally], assurance: float) -> CurveEstimate | Non
     gradient = -np.array([1.0, crossing]) / slope
     error = _Z_95 * math.sqrt(gradient @ fit.cov_params() @ gradient)
     middle, low, high = np.exp(np.clip([crossing, crossing - error, crossing + error], -50, 50))
-    return CurveEstimate(participants=float(middle), low=float(low), high=float(high))
+    return float(middle), float(low), float(high)
 
 
 def plan_study(
@@ -204,21 +188,24 @@ def plan_study(
     step: Callable[[float, float], object] = lambda _done, _total: None,
 ) -> PowerResult:
     """Return the smallest number of participants that reaches a goal as often as required."""
-    study = people.study
-    if placed and people.unit != "V":
-        raise ValueError(
-            "--levels placed needs levels in V, because pilots go up to the device's highest; got "
-            f"{people.unit}"
-        )
-    designs = _designs(study, goal, trials_per_side, blanks, placed=placed)
-    gains = study_gains(study)
-    plan = plan_text(study, gains, goal, people.draws)
-    studies = Studies(plan=plan, seed=seed, spread=spread, step=step)
+    design = people.study.design
+    trials_per_side_range = trials_per_side or (design.trials_per_side,) * 2
+    blanks_range = blanks or (design.blank_trials,) * 2
+    for fault in _faults(people, goal, blanks_range[1], placed=placed):
+        raise ValueError(fault)
+    levels = LEVELS_PLACED if placed else len(design.levels_vpp)
+    multiple = levels if design.order == "balanced" or trials_per_side else 1
+    designs = [
+        Point(participants=1, trials_per_side=number, blanks=blank, placed=placed)
+        for number in ladder(*trials_per_side_range, _MAX_DESIGN_RUNGS, multiple)
+        for blank in ladder(*blanks_range, _MAX_DESIGN_RUNGS)
+    ]
+    text = plan_text(people.study, study_gains(people.study), goal, people.draws)
+    studies = Studies(plan=text, seed=seed, spread=spread, step=step)
     answers, best = find_answers(studies, designs, participants, assurance)
-    fingers = gains[0].fingers()
-    placed_study = study.changed(simulation=people_for_burst(study))
+    plan = read_plan(text)
+    study, fingers = plan.study, plan.gains
     return PowerResult(
-        study=study,
         goal=goal,
         assurance=assurance,
         participants=participants,
@@ -228,10 +215,30 @@ def plan_study(
         false_alarm_rate=truth_of(goal, study.simulation, study, fingers)
         if goal.kind == "false-alarms"
         else None,
-        pilot_vpp=pilot_levels_vpp(placed_study, fingers) if placed else (),
+        pilot_vpp=pilot_levels_vpp(study, fingers) if placed else (),
         seed=seed,
-        plan_sha256=hashlib.sha256(plan.encode()).hexdigest(),
+        plan_sha256=hashlib.sha256(text.encode()).hexdigest(),
     )
+
+
+def _faults(people: People, goal: Goal, blanks: int, *, placed: bool) -> Iterator[str]:
+    """Yield why no study of this design can reach a goal."""
+    kind, design, conditions = goal.kind, people.study.design, people.study.conditions
+    if placed and people.unit != "V":
+        yield f"--levels placed needs levels in V, for the device's highest; got {people.unit}"
+    if blanks and people.study.task.nothing not in design.responses:
+        yield "--blanks needs the answer none in design.responses; got a forced choice"
+    if kind == "difference" and len(conditions) == 1:
+        yield f"goal difference needs [[condition]] twice in the study; got {conditions[0].name}"
+    if kind == "detection" and goal.level_vpp not in design.levels_vpp:
+        levels = " ".join(f"{level:g}" for level in design.levels_vpp)
+        yield f"goal detection needs one of design.levels_vpp, {levels} V; got {goal.level_vpp}"
+    if kind == "detection" and placed:
+        yield "goal detection needs --levels fixed: placed ones differ between people"
+    if kind == "false-alarms" and not blanks:
+        yield "goal false-alarms needs design.blank_trials > 0, or --blanks MIN MAX; got 0"
+    if kind in {"half-width", "difference"} and len(design.levels_vpp) == 1 and not placed:
+        yield f"goal {kind} needs two levels or more in design.levels_vpp; got 1"
 
 
 def find_answers(
@@ -239,23 +246,20 @@ def find_answers(
 ) -> tuple[list[Answer], Answer | None]:
     """Return the answer of each design, and the checked one with the fewest trials altogether."""
     sizes = ladder(*participants)
-    first = [replace(design, participants=n) for design in designs for n in sizes]
-    middle = replace(designs[0], participants=round(math.sqrt(math.prod(participants))))
-    check_work = CHECK_STUDIES * work_of(middle)
-    studies.expect(2 * FIRST_STUDIES * sum(map(work_of, first)) + check_work)
-    studies.run(first, 0, FIRST_STUDIES)
+    first = [design.at(n) for design in designs for n in sizes]
+    middle = designs[0].at(round(math.sqrt(math.prod(participants))))
+    check_work = len(CHECK_STUDIES) * work_of(middle)
+    first_work = len(FIRST_STUDIES) * sum(map(work_of, first))
+    studies.run(first, FIRST_STUDIES, ahead=first_work + check_work)
     second = [
-        replace(design, participants=n)
+        design.at(n)
         for design in designs
-        for n in _second_ladder(studies, design, sizes, assurance)
+        for n in _second_ladder(studies.of_design(design), sizes, assurance)
     ]
-    studies.expect(CURVE_STUDIES * sum(map(work_of, second)) + check_work)
-    studies.run(second, 0, FIRST_STUDIES)
-    studies.run(second, FIRST_STUDIES, CURVE_STUDIES)
-    answers = [_answer(studies, design, participants, assurance) for design in designs]
+    studies.run(second, CURVE_STUDIES, ahead=check_work)
+    answers = [_answer(studies.of_design(design), participants, assurance) for design in designs]
     for answer in sorted(answers, key=lambda answer: answer.trials):
         if answer.participants is not None:
-            studies.expect(CHECK_STUDIES * work_of(answer.at(answer.participants)))
             checked = _check(studies, answer, participants[1], assurance)
             answers[answers.index(answer)] = checked
             if checked.participants is not None:
@@ -264,39 +268,30 @@ def find_answers(
 
 
 def _second_ladder(
-    studies: Studies, design: Point, sizes: Sequence[int], assurance: float
-) -> list[int]:
+    tallies: Sequence[Tally], sizes: Sequence[int], assurance: float
+) -> Sequence[int]:
     """Return numbers about the interval of the first curve; none if the largest clearly fails."""
-    tallies = studies.of_design(design)
     if len(sizes) == 1 or tallies[-1].high < assurance:
-        return []
+        return ()
     curve = fit_curve(tallies, assurance)
     if curve is None:
-        return list(sizes[:2])
-    limits = np.clip([curve.low / _MARGIN, curve.high * _MARGIN], sizes[0], sizes[-1])
-    return ladder(math.floor(limits[0]), math.ceil(limits[1]))
+        return sizes[:2]
+    low, high = np.clip([curve[1] / _MARGIN, curve[2] * _MARGIN], sizes[0], sizes[-1])
+    return ladder(math.floor(low), math.ceil(high))
 
 
-def _answer(
-    studies: Studies, design: Point, participants: tuple[int, int], assurance: float
-) -> Answer:
+def _answer(tallies: tuple[Tally, ...], participants: tuple[int, int], assurance: float) -> Answer:
     """Return the number of participants of a design by its curve."""
-    tallies = studies.of_design(design)
-    largest = tallies[-1]
-    curve = fit_curve(tallies, assurance)
+    (least, most), largest = participants, tallies[-1]
     answer = Answer(point=largest.point, participants=None, tried=tallies)
-    least, most = participants
-    if least == most:
-        if largest.high < assurance:
-            return answer
-        return replace(answer, participants=most, low=most, high=most)
+    curve = fit_curve(tallies, assurance)
     if curve is None:
-        numbers = [tally.point.participants for tally in tallies if tally.share >= assurance]
-        number = min(numbers) if numbers else None
+        sizes = [tally.point.participants for tally in tallies if tally.share >= assurance]
+        if least == most and largest.high >= assurance:
+            sizes = [most]
+        number = min(sizes, default=None)
         return replace(answer, participants=number, low=number, high=number)
-    number, low, high = (
-        max(least, math.ceil(round(n, 6))) for n in (curve.participants, curve.low, curve.high)
-    )
+    number, low, high = (max(least, math.ceil(round(n, 6))) for n in curve)
     if number <= most and largest.high >= assurance:
         return replace(answer, participants=number, low=low, high=high)
     is_near = most < number <= _MAX_EXTRAPOLATION * most
@@ -307,61 +302,12 @@ def _check(studies: Studies, answer: Answer, most: int, assurance: float) -> Ans
     """Check an answer with fresh studies, and larger numbers where they rule it out."""
     number = answer.participants
     while number is not None:
-        point, stop = answer.at(number), _FIRST_FRESH + CHECK_STUDIES
-        studies.run([point], _FIRST_FRESH, stop)
-        checked = studies.tally(point, _FIRST_FRESH, stop)
+        point = answer.point.at(number)
+        studies.run([point], CHECK_STUDIES)
+        checked = studies.tally(point, CHECK_STUDIES)
         if checked.high >= assurance:
             high = max(number, answer.high or number)
             return replace(answer, participants=number, high=high, checked=checked)
         step = max(1, round(_STEP * number))
         number = min(most, number + step) if number < most else None
     return replace(answer, participants=None, low=None, high=None)
-
-
-def _designs(
-    study: Study,
-    goal: Goal,
-    trials_per_side: tuple[int, int] | None,
-    blanks: tuple[int, int] | None,
-    *,
-    placed: bool,
-) -> list[Point]:
-    """Return the designs to try, but for the number of participants."""
-    design = study.design
-    levels = LEVELS_PLACED if placed else len(design.levels_vpp)
-    multiple = levels if design.order == "balanced" or trials_per_side else 1
-    most_blanks = design.blank_trials if blanks is None else blanks[1]
-    if most_blanks and "none" not in design.responses:
-        raise ValueError("--blanks needs the answer none in design.responses; got a forced choice")
-    _check_goal(study, goal, most_blanks, placed=placed)
-    trials = trials_per_side or (design.trials_per_side, design.trials_per_side)
-    blank_trials = blanks or (design.blank_trials, design.blank_trials)
-    return [
-        Point(participants=1, trials_per_side=number, blanks=blank, placed=placed)
-        for number in ladder(*trials, _MAX_DESIGN_RUNGS, multiple)
-        for blank in ladder(*blank_trials, _MAX_DESIGN_RUNGS)
-    ]
-
-
-def _check_goal(study: Study, goal: Goal, blanks: int, *, placed: bool) -> None:
-    """Reject a goal that no study of this design can reach."""
-    levels_vpp = study.design.levels_vpp
-    if goal.kind == "difference" and len(study.conditions) == 1:
-        raise ValueError(
-            "goal difference needs two conditions, [[condition]] twice in the study; got "
-            f"{study.conditions[0].name} alone"
-        )
-    if goal.kind == "detection" and goal.level_vpp not in levels_vpp:
-        levels = " ".join(f"{level:g}" for level in levels_vpp)
-        raise ValueError(
-            f"goal detection must be at one of design.levels_vpp, {levels} V; got "
-            f"{goal.level_vpp:g} V"
-        )
-    if goal.kind == "detection" and placed:
-        raise ValueError("goal detection needs --levels fixed: placed ones differ between people")
-    if goal.kind == "false-alarms" and not blanks:
-        raise ValueError(
-            "goal false-alarms needs design.blank_trials > 0, or --blanks MIN MAX; got 0"
-        )
-    if goal.kind in {"half-width", "difference"} and len(levels_vpp) == 1 and not placed:
-        raise ValueError(f"goal {goal.kind} needs two levels or more in design.levels_vpp; got 1")

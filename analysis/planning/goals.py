@@ -9,23 +9,31 @@ from __future__ import annotations
 import math
 import re
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Final, Literal, NamedTuple, get_args
+from typing import TYPE_CHECKING, Final, Literal, NamedTuple, cast
 
-from analysis.counts.intervals import proportion_ci
-from analysis.planning.estimates import detection_limits, group_difference, group_limits
+import numpy as np
+
+from analysis.counts.intervals import group_interval, proportion_ci
+from analysis.thresholds.difference import difference_of
+from analysis.thresholds.group import group_fit
+from analysis.thresholds.likelihood import likelihoods
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from analysis.planning.sessions import Counts
+    from analysis.thresholds.likelihood import Tables
 
 
 Kind = Literal["half-width", "difference", "detection", "false-alarms"]
 _EXAMPLES: Final = "half-width=2dB, difference=1dB, detection=10%@95V, false-alarms=5%"
-_FORM: Final = re.compile(
-    r"(?P<kind>half-width|difference|detection|false-alarms)=(?P<number>[0-9.eE+-]+)(?P<unit>dB|%|)"
-    r"(?:@(?P<level>[0-9.]+)V?)?"
-)
+_NUMBER: Final = r"(-?[0-9]*\.?[0-9]+)"
+_FORMS: Final = {
+    "half-width": f"{_NUMBER}dB",
+    "difference": f"{_NUMBER}dB",
+    "detection": f"{_NUMBER}%?@{_NUMBER}V?",
+    "false-alarms": f"{_NUMBER}%?",
+}
 _MAX_DB: Final = 40.0
 _MAX_RATE: Final = 0.5
 _DB_PER_DECADE: Final = 20.0
@@ -51,24 +59,16 @@ class Goal:
         >>> Goal.parse("half-width=1dB"), Goal.parse("detection=10%@95V").size
         (Goal(kind='half-width', size=1.0, level_vpp=None), 0.1)
         """
-        match = _FORM.fullmatch(text.strip())
-        message = f"goal must be such as {_EXAMPLES}; got {text}"
+        kind, _, value = text.strip().partition("=")
+        match = re.fullmatch(_FORMS.get(kind, "(?!)"), value)
         if match is None:
-            raise ValueError(message)
-        try:
-            number = float(match["number"])
-            level = None if match["level"] is None else float(match["level"])
-        except ValueError:
-            raise ValueError(message) from None
-        kind: Kind = next(kind for kind in get_args(Kind) if kind == match["kind"])
-        in_db = kind in {"half-width", "difference"}
-        if (match["unit"] == "dB") != in_db or (level is not None) != (kind == "detection"):
-            raise ValueError(message)
-        size = number / 100 if match["unit"] == "%" else number
-        max_size, unit = (_MAX_DB, " dB") if in_db else (_MAX_RATE, "")
+            raise ValueError(f"goal must be such as {_EXAMPLES}; got {text}")
+        size, *level = map(float, match.groups())
+        size = size / 100 if "%" in value else size
+        max_size, unit = (_MAX_DB, " dB") if "dB" in value else (_MAX_RATE, "")
         if not 0 < size <= max_size:
             raise ValueError(f"goal {kind} must be > 0 and <= {max_size:g}{unit}; got {size:g}")
-        return cls(kind=kind, size=size, level_vpp=level)
+        return cls(kind=cast("Kind", kind), size=size, level_vpp=level[0] if level else None)
 
     @property
     def text(self) -> str:
@@ -87,45 +87,51 @@ class Outcome(NamedTuple):
     """Whether a study reached its goal, by which number, and whether its interval holds the truth.
 
     The number is the half-width (dB or probability), the difference, or the upper limit; it is
-    infinite where the interval is open.
+    infinite where the interval is open. `unplaced` participants have the study's levels, because
+    their pilot placed none.
     """
 
     reached: bool
     number: float
     covered: bool
-
-
-_NO_INTERVAL: Final = Outcome(reached=False, number=math.inf, covered=True)
+    unplaced: int = 0
 
 
 def evaluate(goal: Goal, conditions: Sequence[Counts], truth: float) -> Outcome:
     """Evaluate a study by its counts in each condition.
 
     `truth` is the true value of what is estimated: log10 of the threshold in Vpp, dB, or a rate.
+    One participant has neither the threshold nor the difference of a group.
     """
     first, *others = conditions
-    people = len(first.guesses)
+    tables, people = first.tables, len(first.tables)
     match goal.kind:
         case "half-width" if people > 1:
-            low, high = group_limits(first)
-            number = _DB_PER_DECADE * _half(low, high)
+            low, high = group_fit(tables, likelihoods(tables)).threshold_limits
+            number = _DB_PER_DECADE * (high - low) / 2
             reached = number <= goal.size
         case "difference" if people > 1:
-            difference_db, (low, high) = group_difference(first, others[0])
-            number, reached = difference_db if math.isfinite(difference_db) else math.inf, low > 0
+            difference = difference_of(tables, others[0].tables, same_people=True)
+            low, high = difference.difference_limits_db
+            number, reached = difference.difference_db, low > 0
         case "detection":
-            low, high = detection_limits(first, goal.level_vpp or 0.0)
-            number = _half(low, high)
+            low, high = _detection_limits(tables, goal.level_vpp or 1.0)
+            number = (high - low) / 2
             reached = number <= goal.size
         case "false-alarms":
             low, high = proportion_ci(int(first.false_alarms.sum()), people * first.blanks)
             number, reached = high, high <= goal.size
         case _:
-            return _NO_INTERVAL
-    return Outcome(reached=bool(reached), number=number, covered=not (truth < low or truth > high))
+            return Outcome(reached=False, number=math.inf, covered=True)
+    number = number if math.isfinite(number) else math.inf
+    return Outcome(bool(reached), number, covered=not (truth < low or truth > high))
 
 
-def _half(low: float, high: float) -> float:
-    """Return half the width of an interval; NaN limits, which are open, count as infinite."""
-    half = (high - low) / 2
-    return half if math.isfinite(half) else math.inf
+def _detection_limits(tables: Tables, level_vpp: float) -> tuple[float, float]:
+    """Return the 95 % limits of the detection rate at a level, of one participant or a group."""
+    at_level = np.isclose(tables.x, math.log10(level_vpp))
+    k, n = ((counts * at_level).sum(axis=1) for counts in (tables.detected, tables.presented))
+    k, n = k[n > 0], n[n > 0]
+    if not len(n):
+        return math.nan, math.nan
+    return group_interval(k, n) if len(tables) > 1 else proportion_ci(float(k[0]), float(n[0]))

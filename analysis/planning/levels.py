@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 from scipy.special import ndtr, ndtri
 
-from analysis.planning.estimates import Function, fit_people, threshold_medians
+from analysis.axis import Axis
+from analysis.thresholds.fit import WITH_THRESHOLD, fit_many
+from analysis.thresholds.group import draws
+from analysis.thresholds.guess import GuessRate
+from analysis.thresholds.likelihood import Nodes, Tables, cells_of, likelihoods, posteriors
 from analysis.thresholds.people import people_of
 from experiment.study.design import MIN_LEVEL_VPP
 
@@ -19,8 +23,9 @@ if TYPE_CHECKING:
     import pandas as pd
     from numpy.typing import NDArray
 
-    from analysis.planning.estimates import PersonFit
     from experiment.study.study import Study
+
+    Floats = NDArray[np.float64]
 
 TARGETS: Final = (0.15, 0.35, 0.55, 0.75, 0.95)
 """How often the chosen levels should be detected, between guesses and lapses."""
@@ -32,6 +37,8 @@ _DRAWS: Final = 200
 """Functions drawn from the pilot's posterior; the expected error differs between them."""
 _SESSIONS: Final = 48
 """Simulated for each drawn function; the median of means of fewer squares is too small."""
+_NODES: Final = Nodes(between=21, outside=6, log_sigma=11, lapse=4)
+"""Medians within 0.02 dB in a quarter of the time: docs/benchmarks.md."""
 
 
 class LevelsError(ValueError):
@@ -39,20 +46,59 @@ class LevelsError(ValueError):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ExpectedError:
+class Function:
+    """A psychometric function of log10(level)."""
+
+    threshold_vpp: float
+    sigma: float
+    lapse_rate: float
+    guess_rate: float
+
+    def shares(self, levels_vpp: Sequence[float]) -> Floats:
+        """Return how often levels are detected, between guesses and lapses."""
+        z = (np.log10(levels_vpp) - math.log10(self.threshold_vpp)) / self.sigma
+        return np.asarray(ndtr(z))
+
+
+class ExpectedError(NamedTuple):
     """Root mean square error of a threshold, dB: the median and the 90 % point over functions."""
 
     median_db: float
     p90_db: float
 
 
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class PersonFit:
+    """A participant's function, which counts only if the status of the fit has a threshold."""
+
+    status: str
+    threshold_limits_vpp: tuple[float, float]
+    function: Function
+    tables: Tables
+    row: int
+
+    def draw(self, number: int, rng: np.random.Generator) -> list[Function]:
+        """Draw functions from the posterior, anywhere between the nodes of its grid."""
+        axes, weight, step = cells_of(self.tables, self.row)
+        drawn = draws(weight.sum(axis=0), (axes.lapse, axes.mu, axes.log_sigma), number, rng)
+        return [
+            Function(
+                threshold_vpp=float(10 ** (mu * step)),
+                sigma=float(np.exp(log_sigma) * step),
+                lapse_rate=float(lapse),
+                guess_rate=self.function.guess_rate,
+            )
+            for lapse, mu, log_sigma in zip(*drawn, strict=True)
+        ]
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Placement:
     """Levels for one participant in one condition, and the error of a threshold that they give.
 
-    `shares` is how often each level is detected by the function, `trials` the number of single
-    stimuli of a session, `highest` the largest level that the device allows and the key that says
-    so. The errors are those after these trials, at these levels and at those of the study.
+    `trials` is the number of single stimuli of a session, `highest` the largest level that the
+    device allows and the key that says so. The errors are those after these trials, at these levels
+    and at those of the study.
     """
 
     participant: str
@@ -61,11 +107,35 @@ class Placement:
     threshold_limits_vpp: tuple[float, float]
     levels_vpp: tuple[float, ...]
     highest: tuple[float, str]
-    shares: tuple[float, ...]
     trials: int
     error: ExpectedError
     study_error: ExpectedError
     study_levels_vpp: tuple[float, ...]
+
+
+def fit_people(tables: Tables) -> list[PersonFit]:
+    """Fit the function of each table of levels in volts."""
+    people, step = likelihoods(tables), tables.prior.step
+    mu, log_sigma = posteriors(people, tables.priors())
+    fits = []
+    for row, fit in enumerate(fit_many(tables, people)):
+        low, median, high = (10 ** (mu[row] * step)).tolist()
+        function = Function(
+            threshold_vpp=median,
+            sigma=float(step * np.exp(log_sigma[row, 1])),
+            lapse_rate=people[row].lapse[0],
+            guess_rate=tables.guesses[row].mean,
+        )
+        fits.append(
+            PersonFit(
+                status=fit.status,
+                threshold_limits_vpp=(low, high),
+                function=function,
+                tables=tables,
+                row=row,
+            )
+        )
+    return fits
 
 
 def place_levels(
@@ -82,73 +152,52 @@ def place_levels(
         raise LevelsError(
             f"participant {participant} must have single stimuli that count; got none"
         )
-    counts = (people.level_vpp, people.detected, people.presented)
-    fits = fit_people(*counts, [guessing.rate for guessing in people.guesses])
     results: list[Placement | LevelsError] = []
-    for (condition, _), fit, level_vpp, presented in zip(
-        people.names, fits, people.level_vpp, people.presented, strict=True
-    ):
-        tested = level_vpp[presented > 0]
+    for (condition, _), fit in zip(people.names, fit_people(people.tables(Axis())), strict=True):
         try:
-            placement = _choose(
-                fit, participant, condition, study=study, tested_vpp=tested, seed=seed
+            levels_vpp = placed_levels(fit, *study.device.highest)
+        except LevelsError as reason:
+            message = f"the pilot of participant {participant} in condition {condition}: {reason}"
+            results.append(LevelsError(message))
+            continue
+        design = study.design_of(condition)
+        functions = fit.draw(_DRAWS, np.random.default_rng(seed))
+        error, study_error = (
+            expected_error(functions, levels, 2 * design.trials_per_side, seed=seed)
+            for levels in (levels_vpp, design.levels_vpp)
+        )
+        results.append(
+            Placement(
+                participant=participant,
+                condition=condition,
+                function=fit.function,
+                threshold_limits_vpp=fit.threshold_limits_vpp,
+                levels_vpp=levels_vpp,
+                highest=study.device.highest,
+                trials=2 * design.trials_per_side,
+                error=error,
+                study_error=study_error,
+                study_levels_vpp=design.levels_vpp,
             )
-            results.append(placement)
-        except LevelsError as error:
-            results.append(error)
+        )
     return tuple(results)
 
 
-def _choose(
-    fit: PersonFit,
-    participant: str,
-    condition: str,
-    *,
-    study: Study,
-    tested_vpp: NDArray[np.float64],
-    seed: int,
-) -> Placement:
-    pilot = f"the pilot of participant {participant} in condition {condition}"
-    if fit.function is None:
-        raise LevelsError(
-            f"{pilot} cannot place levels: {fit.status} (levels {tested_vpp.min():g} V to "
-            f"{tested_vpp.max():g} V); run another one over a wider range or with more trials"
-        )
-    low, high = fit.threshold_limits_vpp
-    levels_vpp = placed_levels(fit, *study.device.highest, pilot=pilot)
-    design = study.design_of(condition)
-    trials = 2 * design.trials_per_side
-    functions = fit.draw(_DRAWS, np.random.default_rng(seed))
-    error, study_error = (
-        expected_error(functions, levels, trials, seed=seed)
-        for levels in (levels_vpp, design.levels_vpp)
-    )
-    return Placement(
-        participant=participant,
-        condition=condition,
-        function=fit.function,
-        threshold_limits_vpp=(low, high),
-        levels_vpp=levels_vpp,
-        highest=study.device.highest,
-        shares=tuple(_share(fit.function, levels_vpp).tolist()),
-        trials=trials,
-        error=error,
-        study_error=study_error,
-        study_levels_vpp=design.levels_vpp,
-    )
-
-
 def placed_levels(
-    fit: PersonFit, highest_vpp: float, key: str = "device.ceiling_vpp", *, pilot: str = "the pilot"
+    fit: PersonFit, highest_vpp: float, key: str = "device.ceiling_vpp"
 ) -> tuple[float, ...]:
     """Return the levels for a fitted pilot; LevelsError where its threshold is unknown or vague."""
-    if fit.function is None:
-        raise LevelsError(f"{pilot} cannot place levels: {fit.status}")
+    if fit.status not in WITH_THRESHOLD:
+        tested_vpp = 10 ** fit.tables.x[fit.row, fit.tables.presented[fit.row] > 0]
+        raise LevelsError(
+            f"it cannot place levels: {fit.status} (levels {tested_vpp.min():g} V to "
+            f"{tested_vpp.max():g} V); run another one over a wider range or with more trials"
+        )
     low, high = fit.threshold_limits_vpp
     width_db = 20 * math.log10(high / low)
     if width_db > _MAX_WIDTH_DB:
         raise LevelsError(
-            f"{pilot} knows the threshold only as {low:.1f} to {high:.1f} V, {width_db:.1f} dB; at "
+            f"it knows the threshold only as {low:.1f} to {high:.1f} V, {width_db:.1f} dB; at "
             f"most {_MAX_WIDTH_DB:g} dB place levels: run more trials"
         )
     return levels_on(fit.function, highest_vpp, key)
@@ -169,7 +218,7 @@ def levels_on(
     >>> levels_on(function, 130.0)
     (78.8, 90.4, 100.7, 112.2, 130.0)
     """
-    at_lowest, at_highest = _share(function, (MIN_LEVEL_VPP, highest_vpp)).tolist()
+    at_lowest, at_highest = function.shares((MIN_LEVEL_VPP, highest_vpp)).tolist()
     low, high = max(TARGETS[0], at_lowest), min(TARGETS[-1], at_highest)
     if low > _MAX_LOWEST or high < _MIN_HIGHEST:
         raise LevelsError(
@@ -198,26 +247,21 @@ def expected_error(
     """
     x = np.log10(levels_vpp)
     if np.ptp(x) == 0:
-        return ExpectedError(median_db=math.nan, p90_db=math.nan)
+        return ExpectedError(math.nan, math.nan)
     presented = np.diff(np.round(np.linspace(0, trials, len(x) + 1)))
-    p = np.repeat(
-        [
-            f.guess_rate + (1 - f.guess_rate - f.lapse_rate) * _share(f, levels_vpp)
-            for f in functions
-        ],
-        _SESSIONS,
-        axis=0,
-    )
+    p = np.array(
+        [f.guess_rate + (1 - f.guess_rate - f.lapse_rate) * f.shares(levels_vpp) for f in functions]
+    ).repeat(_SESSIONS, axis=0)
     detected = np.random.default_rng(seed).binomial(presented.astype(np.int64), p).astype(float)
-    medians = threshold_medians(x, detected, presented, functions[0].guess_rate)
+    tables = Tables(
+        x=np.broadcast_to(x, detected.shape),
+        detected=detected,
+        presented=np.broadcast_to(presented, detected.shape),
+        guesses=[GuessRate(mean=functions[0].guess_rate)] * len(detected),
+    )
+    priors = [tables.prior] * len(tables)
+    medians = posteriors(likelihoods(tables, _NODES), priors)[0][:, 1] * tables.prior.step
     truth = np.log10([function.threshold_vpp for function in functions])
     deviations = medians.reshape(len(functions), -1) - truth[:, None]
     errors = 20 * np.sqrt(np.square(deviations).mean(axis=1))
-    median_db, p90_db = np.quantile(errors, (0.5, 0.9)).tolist()
-    return ExpectedError(median_db=median_db, p90_db=p90_db)
-
-
-def _share(function: Function, levels_vpp: Sequence[float]) -> NDArray[np.float64]:
-    """Return how often levels are detected, between guesses and lapses."""
-    z = (np.log10(levels_vpp) - math.log10(function.threshold_vpp)) / function.sigma
-    return np.asarray(ndtr(z))
+    return ExpectedError(*np.quantile(errors, (0.5, 0.9)).tolist())

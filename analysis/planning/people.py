@@ -13,16 +13,19 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from analysis.axis import Axis
 from analysis.codes import AnalysisWarning, WarningCode
-from analysis.planning.estimates import draw_difference_spread, draw_group
-from analysis.thresholds.group import MIN_PEOPLE as FEW
+from analysis.counts.table import BLANK, SINGLE, SITE_ANSWERS, counted
+from analysis.thresholds.difference import difference_spread_draws
+from analysis.thresholds.group import MIN_PEOPLE, population_draws
 from analysis.thresholds.people import as_amplitudes, as_named, people_of
 from experiment.perception.answers import answer_probabilities
 from experiment.study.simulation import CURVE_KEYS
 from experiment.study.threshold import threshold_vpp
-from experiment.tasks import LEFT_RIGHT_BOTH
 
 if TYPE_CHECKING:
+    from collections.abc import Collection, Mapping
+
     import pandas as pd
     from numpy.typing import NDArray
 
@@ -32,6 +35,8 @@ if TYPE_CHECKING:
     from experiment.perception.gains import FingerGains
     from experiment.study.simulation import Simulation
     from experiment.study.study import Study
+
+    Floats = NDArray[np.float64]
 
 SPREAD: Final = "threshold_sd_db"
 DIFFERENCE_SPREAD: Final = "difference_sd_db"
@@ -126,42 +131,38 @@ def stated_people(study: Study, goal: Goal) -> People:
                 f"simulation.{key}: is required, the standard deviation of {quantity} between "
                 "people in dB: set it in the study, or use --pilot DIR or --people literature"
             )
-    return People(
-        study=study,
-        parameters=_parameters(study, goal, study, {}),
-        warnings=_sigma_warnings(study),
-    )
+    return _people(study, goal, {})
 
 
 def literature_people(study: Study, goal: Goal) -> People:
     """Return the stated population, completed by the literature or by assumptions."""
     values = dict(_LITERATURE)
-    if "none" in study.design.responses:
+    if study.task.nothing in study.design.responses:
         values |= _LITERATURE_WITH_NONE
-    taken = {k: v for k, v in values.items() if k not in study.simulation.model_fields_set}
-    changed = _with_population(study, {key: value for key, (value, _) in taken.items()})
-    parameters = _parameters(changed, goal, study, taken)
-    assumed = [parameter.key for parameter in parameters if parameter.source == _NO_SOURCE]
-    warnings = _sigma_warnings(study)
-    if assumed:
+    return _people(study, goal, values)
+
+
+def _people(study: Study, goal: Goal, values: dict[str, tuple[float, str]]) -> People:
+    """Return the stated population, completed by values with their sources."""
+    set_keys = study.simulation.model_fields_set
+    missing = {key: value for key, value in values.items() if key not in set_keys}
+    completed = _with_population(study, {key: value for key, (value, _) in missing.items()})
+    parameters = _parameters(completed, goal, set_keys, missing)
+    warnings = []
+    if (sigma := study.simulation.sigma) > _MAX_SIGMA:
+        message = (
+            f"simulation.sigma = {sigma:g} is in log10 units, {20 * sigma:g} dB: if it comes from "
+            f"a report on levels in dB, write a twentieth of it, {sigma / 20:.3g}"
+        )
+        warnings.append(AnalysisWarning(WarningCode.SIGMA_TOO_WIDE, message))
+    if assumed := [each.key for each in parameters if each.source == _NO_SOURCE]:
         message = f"set {', '.join(assumed)} in [simulation], or use --pilot: they have no source"
-        warnings = (*warnings, AnalysisWarning(WarningCode.VALUES_ASSUMED, message))
-    return People(study=changed, parameters=parameters, warnings=warnings)
+        warnings.append(AnalysisWarning(WarningCode.VALUES_ASSUMED, message))
+    return People(study=completed, parameters=parameters, warnings=tuple(warnings))
 
 
-def _with_population(study: Study, values: dict[str, float]) -> Study:
-    return study.changed(simulation=study.simulation.model_dump(exclude_unset=True) | values)
-
-
-def _sigma_warnings(study: Study) -> tuple[AnalysisWarning, ...]:
-    """Warn of a width that is more likely one in dB, as reports on levels in dB have it."""
-    if (sigma := study.simulation.sigma) <= _MAX_SIGMA:
-        return ()
-    message = (
-        f"simulation.sigma = {sigma:g} is in log10 units, {20 * sigma:g} dB: if it comes from a "
-        f"report on levels in dB, write a twentieth of it, {sigma / 20:.3g}"
-    )
-    return (AnalysisWarning(WarningCode.SIGMA_TOO_WIDE, message),)
+def _with_population(study: Study, values: Mapping[str, float | None]) -> Study:
+    return study.changed(simulation=study.simulation.model_dump(exclude_unset=True) | {**values})
 
 
 def pilot_people(study: Study, goal: Goal, loaded: LoadedTrials, folder: str) -> People:
@@ -179,133 +180,122 @@ def pilot_people(study: Study, goal: Goal, loaded: LoadedTrials, folder: str) ->
             "difference_sd_db in [simulation] (docs/power.md, 2)"
         )
     people, unit = as_amplitudes(people_of(trials, loaded.alternatives), axis)
-    unit_warnings = _check_unit(study, unit, people, folder)
-    conditions = sorted({condition for condition, _ in people.names})
-    name = study.conditions[0].name
-    name = name if name in conditions or len(conditions) != 1 else conditions[0]
-    rows = [i for i, (condition, _) in enumerate(people.names) if condition == name]
+    warnings = _check_unit(study, unit, people, folder)
+    rows_of, name = people.conditions(), study.conditions[0].name
+    name = name if name in rows_of or len(rows_of) != 1 else next(iter(rows_of))
+    rows = rows_of.get(name, [])
     if len(rows) < 2:  # noqa: PLR2004
         raise ValueError(
             f"--pilot must hold two people or more in condition {name}; got {len(rows)} in "
-            f"{folder}, with condition {', '.join(conditions)}"
+            f"{folder}, with condition {', '.join(rows_of)}"
         )
-    draws = _pilot_draws(people.at(rows), trials, name)
-    numbers = dict.fromkeys(draws[0], len(rows))
+    draws = _pilot_draws(people.at(rows), counted(trials, BLANK), name)
+    numbers = dict.fromkeys(draws, len(rows))
     if goal.kind == "difference":
-        spreads, numbers[DIFFERENCE_SPREAD] = _difference_spreads(study, people, folder)
-        for draw, spread_db in zip(draws, spreads, strict=False):
-            draw[DIFFERENCE_SPREAD] = spread_db
+        pairs = _pairs(study, people)
+        if len(pairs[0]) >= 2:  # noqa: PLR2004
+            a, b = (people.at(rows).tables(Axis()) for rows in pairs)
+            spreads_db = difference_spread_draws(a, b, _DRAWS, np.random.default_rng(1))
+            draws[DIFFERENCE_SPREAD] = np.minimum(spreads_db, _MAX_SPREAD_DB)
+            numbers[DIFFERENCE_SPREAD] = len(pairs[0])
+        elif DIFFERENCE_SPREAD not in study.simulation.model_fields_set:
+            raise ValueError(
+                f"simulation.{DIFFERENCE_SPREAD}: is required, or --pilot must hold two people or "
+                f"more in both of the first two conditions; got {len(pairs[0])} in {folder}"
+            )
     taken = {
         key: (
-            float(np.median([draw[key] for draw in draws])),
+            float(np.median(values)),
             f"pilot of {numbers[key]} people in {folder}, median of {_DRAWS} draws",
         )
-        for key in draws[0]
+        for key, values in draws.items()
     }
     # A pilot's threshold is that of this very burst, in volts.
     medians = dict.fromkeys(("threshold_um", *CURVE_KEYS)) | {k: v for k, (v, _) in taken.items()}
-    changed = _with_population(study, medians)  # type: ignore[arg-type] # None removes a key
-    warnings = unit_warnings
-    if (number := min(numbers.values())) < FEW:
+    completed = _with_population(study, medians)
+    if (number := min(numbers.values())) < MIN_PEOPLE:
         message = (
             f"a pilot of {number} people says little about how much people differ: with fewer than "
-            f"{FEW} the spread comes mostly from the prior"
+            f"{MIN_PEOPLE} the spread comes mostly from the prior"
         )
-        warnings = (AnalysisWarning(WarningCode.PILOT_TOO_SMALL, message), *warnings)
+        warnings.insert(0, AnalysisWarning(WarningCode.PILOT_TOO_SMALL, message))
     return People(
-        study=changed,
-        parameters=_parameters(changed, goal, study, taken),
-        draws=tuple(draws),
-        warnings=warnings,
-        unit=unit if unit_warnings else "V",
+        study=completed,
+        parameters=_parameters(completed, goal, study.simulation.model_fields_set, taken),
+        draws=tuple(
+            dict(zip(draws, values, strict=True))
+            for values in np.column_stack(list(draws.values())).tolist()
+        ),
+        warnings=tuple(warnings),
+        unit="V" if _VOLTS.match(unit) else unit,
     )
 
 
 def _check_unit(
     study: Study, unit: str, people: PersonCounts, folder: str
-) -> tuple[AnalysisWarning, ...]:
+) -> list[AnalysisWarning]:
     """Warn where levels have another unit than volts; reject levels that cannot be compared.
 
     Only ratios of levels count, so the study's levels are read in the unit of the pilot.
     """
     if _VOLTS.match(unit):
-        return ()
-    tested = people.level_vpp[people.presented > 0]
+        return []
+    tested, levels = people.level_vpp[people.presented > 0], study.design.levels_vpp
     low, high = float(tested.min()), float(tested.max())
-    levels = study.design.levels_vpp
-    hint = "[scale] level_vpp in its map multiplies them, as only ratios count"
-    if not _MIN_VPP <= low <= high <= _MAX_VPP:
+    is_apart = max(levels) < low or min(levels) > high
+    if is_apart or low < _MIN_VPP or high > _MAX_VPP:
         raise ValueError(
-            f"--pilot must have levels from {_MIN_VPP:g} to {_MAX_VPP:g}; got {low:g} to {high:g} "
-            f"{unit} in {folder}: {hint}"
-        )
-    if max(levels) < low or min(levels) > high:
-        raise ValueError(
-            f"design.levels_vpp must be in {unit}, as the levels of --pilot, {low:g} to {high:g} "
-            f"in {folder}; got {min(levels):g} to {max(levels):g}: {hint}"
+            f"--pilot must have levels from {_MIN_VPP:g} to {_MAX_VPP:g}, in the unit of "
+            f"design.levels_vpp, {min(levels):g} to {max(levels):g}; got {low:g} to {high:g} "
+            f"{unit} in {folder}: [scale] level_vpp in its map multiplies them, as only ratios "
+            "count"
         )
     message = f"levels of {folder} are read as {unit}, and so are those of the study"
-    return (AnalysisWarning(WarningCode.PILOT_UNIT, message),)
+    return [AnalysisWarning(WarningCode.PILOT_UNIT, message)]
 
 
-def _difference_spreads(study: Study, people: PersonCounts, folder: str) -> tuple[list[float], int]:
-    """Return draws of the SD of differences, and the number of people; none if it is stated."""
+def _pairs(study: Study, people: PersonCounts) -> tuple[list[int], list[int]]:
+    """Return the rows of people with both of the first two conditions, one list for each."""
     a, b = (condition.name for condition in study.conditions[:2])
-    rows = {name: i for i, name in enumerate(people.names)}
-    both = [who for condition, who in people.names if condition == a and (b, who) in rows]
-    if len(both) < 2:  # noqa: PLR2004
-        if DIFFERENCE_SPREAD in study.simulation.model_fields_set:
-            return [], FEW
-        raise ValueError(
-            f"simulation.{DIFFERENCE_SPREAD}: is required, or --pilot must hold two people or more "
-            f"in both conditions {a} and {b}; got {len(both)} in {folder}"
-        )
-    of_a, of_b = (people.at([rows[name, who] for who in both]) for name in (a, b))
-    spreads = draw_difference_spread(of_a, of_b, _DRAWS)
-    return np.minimum(spreads, _MAX_SPREAD_DB).tolist(), len(both)
+    row_of = {name: row for row, name in enumerate(people.names)}
+    both = [who for condition, who in people.names if condition == a and (b, who) in row_of]
+    return [row_of[a, who] for who in both], [row_of[b, who] for who in both]
 
 
-def _pilot_draws(people: PersonCounts, trials: pd.DataFrame, name: str) -> list[dict[str, float]]:
+def _pilot_draws(people: PersonCounts, blanks: pd.DataFrame, name: str) -> dict[str, Floats]:
+    """Return draws of each parameter from the posterior of a pilot's condition."""
     rng = np.random.default_rng(0)
-    middle, spread, log_sigma = draw_group(people, _DRAWS, rng)
-    blank = trials[
-        trials["kind"].eq("blank") & trials["condition"].eq(name) & trials["reason"].eq("")
-    ]
-    alarms = int(blank["response"].isin(LEFT_RIGHT_BOTH.named_answers).sum())
-    rates = rng.beta(0.5 + alarms, 0.5 + len(blank) - alarms, _DRAWS)
-    columns = {
+    middle, spread, log_sigma = population_draws(people.tables(Axis()), _DRAWS, rng)
+    answers = blanks.loc[blanks["condition"].eq(name), "response"]
+    alarms = int(answers.isin(SITE_ANSWERS).sum())
+    rates = rng.beta(0.5 + alarms, 0.5 + len(answers) - alarms, _DRAWS)
+    draws = {
         "threshold_vpp": np.clip(10**middle, _MIN_VPP, _MAX_VPP),
         SPREAD: np.minimum(20 * spread, _MAX_SPREAD_DB),
         "sigma": np.minimum(np.exp(log_sigma), 10),
         "sigma_spread": np.full(_DRAWS, _SIGMA_SPREAD),
     }
-    if len(blank):
-        columns["false_alarm_rate"] = rates
-    return [{key: float(values[i]) for key, values in columns.items()} for i in range(_DRAWS)]
+    return draws | ({"false_alarm_rate": rates} if len(answers) else {})
 
 
 def _parameters(
-    study: Study, goal: Goal, original: Study, taken: dict[str, tuple[float, str]]
+    study: Study, goal: Goal, set_keys: Collection[str], taken: Mapping[str, tuple[float, str]]
 ) -> tuple[Parameter, ...]:
-    """Return the parameters that a goal depends on; `taken` are those that `original` lacks."""
-    given = original.simulation.model_fields_set - taken.keys()
-    defaults = {"threshold_vpp": _PAPER_VPP} | {key: source for key, (_, source) in taken.items()}
+    """Return the parameters that a goal depends on; the study sets the others or has defaults."""
+    sources = {"threshold_vpp": _PAPER_VPP} | dict.fromkeys(set_keys, _FROM_STUDY)
+    sources |= {key: source for key, (_, source) in taken.items()}
     return tuple(
-        Parameter(
-            key=key,
-            value=float(value),
-            source=_FROM_STUDY if key in given else defaults.get(key, _DEFAULT),
-        )
+        Parameter(key=key, value=float(value), source=sources.get(key, _DEFAULT))
         for key, value in study.simulation.model_dump().items()
-        if (key in _ALWAYS_LISTED or key in given or key in taken)
+        if (key in _ALWAYS_LISTED or key in set_keys or key in taken)
         and isinstance(value, int | float)
-        and _matters(goal, key, study.design.responses)
+        and _matters(goal, key, study)
     )
 
 
-def _matters(goal: Goal, key: str, responses: tuple[str, ...]) -> bool:
+def _matters(goal: Goal, key: str, study: Study) -> bool:
     """Return whether the answer to a goal depends on a key of [simulation]."""
-    if key in _NONE_KEYS and "none" not in responses:
+    if key in _NONE_KEYS and study.task.nothing not in study.design.responses:
         return False
     if goal.kind == "false-alarms":
         return key in _FALSE_ALARM_KEYS
@@ -321,25 +311,21 @@ def truth_of(goal: Goal, population: Simulation, study: Study, gains: FingerGain
         return math.log10(threshold_vpp(population, gains))
     if goal.kind == "difference":
         return goal.size
-    responses = study.design.responses
-
-    def probabilities(levels: tuple[float, float], db: NDArray[np.float64]) -> NDArray[np.float64]:
-        return np.asarray(
-            answer_probabilities(
-                [population.median],
-                levels,
-                responses,
-                study.design.response_window_s,
-                gains=gains,
-                shift_db=(db, db),
-            )[0]
-        )
-
-    if goal.kind == "false-alarms":
-        (shares,) = probabilities((0.0, 0.0), np.zeros(1))
-        return float(sum(p for name, p in zip(responses, shares, strict=True) if name != "none"))
+    task, responses, level_vpp = study.task, study.design.responses, goal.level_vpp or 0.0
     nodes, weights = np.polynomial.hermite_e.hermegauss(_NODES)
-    shifts_db, level_vpp = population.threshold_sd_db * nodes, goal.level_vpp or 0.0
-    left = probabilities((level_vpp, 0.0), shifts_db)[:, responses.index("left")]
-    right = probabilities((0.0, level_vpp), shifts_db)[:, responses.index("right")]
-    return float((left + right) / 2 @ weights / weights.sum())
+    shifts_db = population.threshold_sd_db * nodes
+    kind = BLANK if goal.kind == "false-alarms" else SINGLE
+    means = []
+    for shown in task.of_kind(kind):
+        left_vpp, right_vpp = (level_vpp * (site in shown.sites) for site in task.sites)
+        shares = answer_probabilities(
+            [population.median],
+            (left_vpp, right_vpp),
+            responses,
+            study.design.response_window_s,
+            gains=gains,
+            shift_db=(shifts_db, shifts_db),
+        )[0]
+        is_counted = [task.is_detected(shown.name, response) for response in responses]
+        means.append(shares[:, is_counted].sum(axis=1) @ weights / weights.sum())
+    return float(np.mean(means))

@@ -4,19 +4,18 @@ from __future__ import annotations
 
 import json
 import math
-from dataclasses import asdict, dataclass, replace
-from functools import cache
+from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any
 
-from analysis.planning.studies import PILOT_STIMULI, Point
+import numpy as np
+
+from analysis.planning.studies import PILOT_STIMULI
 from experiment.templates import open_templates
 
 if TYPE_CHECKING:
-    from jinja2 import Environment
-
     from analysis.planning.goals import Goal
     from analysis.planning.people import People
-    from experiment.study.study import Study
+    from analysis.planning.studies import Point
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -63,10 +62,6 @@ class Answer:
     checked: Tally | None = None
     tried: tuple[Tally, ...] = ()
 
-    def at(self, participants: int) -> Point:
-        """Return the design with another number of participants."""
-        return replace(self.point, participants=participants)
-
     @property
     def trials(self) -> int:
         """The number of trials of all participants together."""
@@ -91,7 +86,6 @@ class PowerResult:
     where the goal concerns it; `pilot_vpp` the levels of the pilots that place levels.
     """
 
-    study: Study
     goal: Goal
     assurance: float
     participants: tuple[int, int]
@@ -113,13 +107,8 @@ class PowerResult:
     @property
     def curve(self) -> list[Tally]:
         """The points near the answer, which have the most studies."""
-        tried = self.shown.tried
-        return [t for t in tried if t.studies == max(tally.studies for tally in tried)]
-
-    @property
-    def largest(self) -> Tally:
-        """The outcome of the largest number of participants."""
-        return self.shown.tried[-1]
+        most = max(tally.studies for tally in self.shown.tried)
+        return [tally for tally in self.shown.tried if tally.studies == most]
 
     @property
     def sources(self) -> dict[str, list[str]]:
@@ -133,16 +122,16 @@ class PowerResult:
     def covered(self) -> float:
         """The share of all simulated intervals that hold the truth."""
         tallies = [tally for answer in self.answers for tally in answer.tried]
-        covered = math.fsum(tally.covered * tally.studies for tally in tallies)
-        return covered / sum(tally.studies for tally in tallies)
+        studies = [tally.studies for tally in tallies]
+        return float(np.average([tally.covered for tally in tallies], weights=studies))
 
     @property
     def unplaced(self) -> float | None:
         """The share of all pilots that placed no levels; None where levels are fixed."""
         tallies = [t for answer in self.answers for t in answer.tried if t.unplaced is not None]
-        people = [t.studies * t.point.participants for t in tallies]
-        without = (n * (t.unplaced or 0.0) for n, t in zip(people, tallies, strict=True))
-        return math.fsum(without) / sum(people) if people else None
+        pilots = [t.studies * t.point.participants for t in tallies]
+        unplaced = [t.unplaced or 0.0 for t in tallies]
+        return float(np.average(unplaced, weights=pilots)) if tallies else None
 
     def text(self) -> str:
         """Return the result for a terminal: the answer first."""
@@ -153,14 +142,20 @@ class PowerResult:
         return self._render("ethics.txt.jinja") if self.best else ""
 
     def _render(self, template: str) -> str:
-        text = _templates().get_template(template)
+        filters = {
+            "g": "{:g}".format,
+            "percent": lambda share: f"{100 * share:.0f} %",
+            "db": lambda value: f"{value:.2f} dB" if math.isfinite(value) else "open",
+            "rate": lambda value: f"{value:.1%}" if math.isfinite(value) else "open",
+        }
+        text = open_templates(str(__package__), filters).get_template(template)
         return text.render(result=self, pilot_stimuli=PILOT_STIMULI).strip()
 
     def json(self) -> str:
         """Return the result as one JSON object."""
         values = {
             "schema": 2,
-            "study": self.study.name,
+            "study": self.people.study.name,
             "goal": asdict(self.goal),
             "assurance": self.assurance,
             "seed": self.seed,
@@ -174,14 +169,3 @@ class PowerResult:
             "plan_sha256": self.plan_sha256,
         }
         return json.dumps(values, indent=2, ensure_ascii=False, allow_nan=False)
-
-
-@cache
-def _templates() -> Environment:
-    filters = {
-        "g": "{:g}".format,
-        "percent": lambda share: f"{100 * share:.0f} %",
-        "db": lambda value: f"{value:.2f} dB" if math.isfinite(value) else "open",
-        "rate": lambda value: f"{value:.1%}" if math.isfinite(value) else "open",
-    }
-    return open_templates(str(__package__), filters)

@@ -9,52 +9,38 @@ in the order of a plan. Either way they are distributed as those of sessions thr
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from analysis.thresholds.guess import GuessRate, guessing
+from analysis.thresholds.guess import guessing
+from analysis.thresholds.likelihood import Tables
 from experiment.perception.answers import answer_probabilities
 from experiment.perception.population import threshold_course_db
 from experiment.trial.draw import shuffled_blocks
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterator, Sequence
 
     from numpy.typing import NDArray
 
     from experiment.perception.gains import FingerGains
     from experiment.perception.observer import Observer
     from experiment.study.design import Design
+    from experiment.tasks.task import Task
 
     Floats = NDArray[np.float64]
     Integers = NDArray[np.int64]
 
-SIDES: Final = ("left", "right")
-
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Counts:
-    """Counts of participants in one condition, a row for each; levels left over are 0 of 0 at 1."""
+    """Counts of participants in one condition, a row for each."""
 
-    level_vpp: Floats
-    detected: Floats
-    presented: Floats
+    tables: Tables
+    """Detected single stimuli by level."""
     false_alarms: Integers
     blanks: int
-    guesses: list[GuessRate]
-
-    def rows(self, first: int, number: int) -> Counts:
-        """Return the counts of some participants."""
-        rows = slice(first, first + number)
-        return Counts(
-            level_vpp=self.level_vpp[rows],
-            detected=self.detected[rows],
-            presented=self.presented[rows],
-            false_alarms=self.false_alarms[rows],
-            blanks=self.blanks,
-            guesses=self.guesses[rows],
-        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -71,59 +57,64 @@ class Session:
     shifts_db: tuple[float, ...] = (0.0,)
 
 
-def draw_counts(sessions: Sequence[Session], gains: FingerGains) -> list[Counts]:
+def draw_counts(sessions: Sequence[Session], gains: FingerGains, task: Task) -> list[Counts]:
     """Draw the counts of all sessions, one table for each condition."""
     person = sessions[0].person
-    if any((person.drift_db, person.block_drift_db, person.wander_db, person.last_answer_db)):
-        return _draw_by_trial(sessions, gains)
-    return _draw_at_once(sessions, gains)
+    moves = (person.drift_db, person.block_drift_db, person.wander_db, person.last_answer_db)
+    draw = _draw_by_trial if any(moves) else _draw_at_once
+    return [
+        _counts(sessions, condition, task, drawn)
+        for condition, drawn in enumerate(draw(sessions, gains, task))
+    ]
 
 
-def _draw_at_once(sessions: Sequence[Session], gains: FingerGains) -> list[Counts]:
+def _draw_at_once(
+    sessions: Sequence[Session], gains: FingerGains, task: Task
+) -> Iterator[tuple[Integers, Integers, Integers]]:
+    """Yield detected and presented stimuli by level, and responses to blanks, by condition.
+
+    The last response is none in time.
+    """
     responses, silent = sessions[0].designs[0].responses, np.zeros((len(sessions), 1))
-    tables = []
+    singles = [shown for shown in task.presentations if len(shown.sites) == 1]
     for condition, design in enumerate(sessions[0].designs):
         levels = _levels_vpp(sessions, condition)
         shift_db = np.array([[session.shifts_db[condition]] for session in sessions])
-        left, right, blank = (
-            _probabilities(sessions, levels_vpp, gains, shift_db)
-            for levels_vpp in ((levels, silent), (silent, levels), (silent, silent))
-        )
-        hits = np.stack(
-            [left[..., responses.index("left")], right[..., responses.index("right")]], axis=1
-        )
-        hits = np.minimum(hits, 1.0)
-        presented = np.zeros(hits.shape, dtype=np.int64)
-        detected = np.zeros(hits.shape, dtype=np.int64)
+        hits = np.empty((len(sessions), len(singles), levels.shape[1]))
+        for side, single in enumerate(singles):
+            driven = [levels if site in single.sites else silent for site in task.sites]
+            p = _probabilities(sessions, driven, gains, shift_db)
+            hits[:, side] = np.minimum(p[..., responses.index(single.correct)], 1.0)
+        blank = _probabilities(sessions, [silent] * len(task.sites), gains, shift_db)[:, 0]
+        presented, detected = np.zeros((2, *hits.shape), dtype=np.int64)
         answers = np.zeros((len(sessions), len(responses) + 1), dtype=np.int64)
         for row, session in enumerate(sessions):
-            own_design, rng = session.designs[condition], session.rng
-            for side in range(len(SIDES)):
-                shown = _trials_per_level(own_design, rng)
+            for side in range(len(singles)):
+                shown = _trials_per_level(session.designs[condition], session.rng)
                 presented[row, side, : len(shown)] = shown
-                detected[row, side] = rng.binomial(presented[row, side], hits[row, side])
+                detected[row, side] = session.rng.binomial(presented[row, side], hits[row, side])
             if design.blank_trials:
-                p = blank[row, 0]
-                answers[row] = rng.multinomial(design.blank_trials, [*p, max(0.0, 1 - p.sum())])
-        tables.append(_counts(levels, detected.sum(axis=1), presented.sum(axis=1), answers, design))
-    return tables
+                p = np.append(blank[row], max(0.0, 1 - blank[row].sum()))
+                answers[row] = session.rng.multinomial(design.blank_trials, p)
+        yield detected.sum(axis=1), presented.sum(axis=1), answers
 
 
 def _levels_vpp(sessions: Sequence[Session], condition: int) -> Floats:
+    """Return the levels of each session, padded with 1 where others have more."""
     levels = [session.designs[condition].levels_vpp for session in sessions]
-    stacked = np.ones((len(levels), max(map(len, levels))))
-    for row, levels_vpp in zip(stacked, levels, strict=True):
+    padded = np.ones((len(levels), max(map(len, levels))))
+    for row, levels_vpp in zip(padded, levels, strict=True):
         row[: len(levels_vpp)] = levels_vpp
-    return stacked
+    return padded
 
 
 def _probabilities(
-    sessions: Sequence[Session], levels_vpp: tuple[Floats, Floats], gains: FingerGains, db: Floats
+    sessions: Sequence[Session], levels_vpp: Sequence[Floats], gains: FingerGains, db: Floats
 ) -> Floats:
-    design = sessions[0].designs[0]
+    design, (left_vpp, right_vpp) = sessions[0].designs[0], levels_vpp
     return answer_probabilities(
         [session.person for session in sessions],
-        levels_vpp,
+        (left_vpp, right_vpp),
         design.responses,
         design.response_window_s,
         gains=gains,
@@ -140,123 +131,113 @@ def _trials_per_level(design: Design, rng: np.random.Generator) -> Integers:
 
 
 def _counts(
-    levels: Floats, detected: Integers, presented: Integers, answers: Integers, design: Design
+    sessions: Sequence[Session],
+    condition: int,
+    task: Task,
+    drawn: tuple[Integers, Integers, Integers],
 ) -> Counts:
-    """Return the table of a condition; `answers` counts the responses to blanks, late ones last."""
-    places = [design.responses.index(side) for side in SIDES]
-    sided = answers[:, places].sum(axis=1)
-    alarms = sided.copy()
-    if "both" in design.responses:
-        alarms += answers[:, design.responses.index("both")]
-    return Counts(
-        level_vpp=levels,
+    """Return the table of a condition."""
+    detected, presented, answers = drawn
+    design = sessions[0].designs[condition]
+    named = {answer.name: len(answer.sites) for answer in task.answers}
+    sites = np.array([*map(named.__getitem__, design.responses), 0])
+    guesses = [
+        guessing(
+            none_offered=task.nothing in design.responses,
+            sided_answers=number / len(task.sites),
+            blanks=design.blank_trials,
+        ).rate
+        for number in answers[:, sites == 1].sum(axis=1).tolist()
+    ]
+    tables = Tables(
+        x=np.log10(_levels_vpp(sessions, condition)),
         detected=detected.astype(np.float64),
         presented=presented.astype(np.float64),
-        false_alarms=alarms,
-        blanks=design.blank_trials,
-        guesses=[
-            guessing(
-                none_offered="none" in design.responses,
-                sided_answers=number / len(SIDES),
-                blanks=design.blank_trials,
-            ).rate
-            for number in sided.tolist()
-        ],
+        guesses=guesses,
     )
+    alarms = answers[:, sites > 0].sum(axis=1)
+    return Counts(tables=tables, false_alarms=alarms, blanks=design.blank_trials)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Course:
+class _Course(NamedTuple):
     """The trials of a session in their order, over all of its conditions."""
 
-    condition: Integers
-    left_vpp: Floats
-    right_vpp: Floats
-    level: Integers  # index of a single stimulus' level, -1 of all others
-    is_blank: NDArray[np.bool_]
-    shift_db: Floats
-    chance: Floats
+    condition: Any
+    presentation: Any
+    level_vpp: Any
+    level: Any
+    """Index of the level of a single stimulus, -1 of all others."""
+    shift_db: Any
+    chance: Any
 
 
-def _course(session: Session) -> _Course:
-    rng = session.rng
-    indices = [
-        {level_vpp: i for i, level_vpp in enumerate(design.levels_vpp)}
-        for design in session.designs
-    ]
+def _course(session: Session, task: Task) -> _Course:
+    rng, shown = session.rng, {p.name: (i, p) for i, p in enumerate(task.presentations)}
     order = rng.permutation(len(session.designs)).tolist()
     blocks = [(c, block) for c in order for block in shuffled_blocks(session.designs[c], rng)]
     trials = [
-        (c, number, *stimulus) for number, (c, block) in enumerate(blocks) for stimulus in block
+        (
+            condition,
+            block,
+            shown[side][0],
+            level_vpp or 0.0,
+            session.designs[condition].levels_vpp.index(level_vpp)
+            if level_vpp is not None and len(shown[side][1].sites) == 1
+            else -1,
+        )
+        for block, (condition, stimuli) in enumerate(blocks)
+        for _, side, level_vpp in stimuli
     ]
-    condition, block_of, kind, side, level_vpp = zip(*trials, strict=True)
-    volts = np.array([level or 0.0 for level in level_vpp])
-    kinds, sides = np.array(kind), np.array(side)
-    level = [
-        indices[c][v] if of == "single" and v is not None else -1
-        for c, of, v in zip(condition, kind, level_vpp, strict=True)
-    ]
+    condition, block_of, presentation, level_vpp, level = zip(*trials, strict=True)
     shift_db = np.array(session.shifts_db)[list(condition)]
-    return _Course(
-        condition=np.array(condition),
-        left_vpp=volts * ((sides == "left") | (kinds == "both")),
-        right_vpp=volts * ((sides == "right") | (kinds == "both")),
-        level=np.array(level),
-        is_blank=kinds == "blank",
-        shift_db=shift_db + threshold_course_db(session.person, block_of, rng),
-        chance=rng.random(len(trials)),
-    )
+    shift_db = shift_db + threshold_course_db(session.person, block_of, rng)
+    return _Course(condition, presentation, level_vpp, level, shift_db, rng.random(len(trials)))
 
 
-def _draw_by_trial(sessions: Sequence[Session], gains: FingerGains) -> list[Counts]:
-    courses = [_course(session) for session in sessions]
-    condition, left_vpp, right_vpp, level, is_blank, shift_db, chance = (
-        np.array([getattr(course, name) for course in courses]) for name in _Course.__slots__
-    )
-    responses = sessions[0].designs[0].responses
-    half_db = sessions[0].person.last_answer_db / 2 if "none" in responses else 0.0
-    # The answers that would follow no answer, "none", and any other answer.
-    shifts_db = (0.0, half_db, -half_db) if half_db else (0.0,)
+def _draw_by_trial(
+    sessions: Sequence[Session], gains: FingerGains, task: Task
+) -> Iterator[tuple[Integers, Integers, Integers]]:
+    """Yield what `_draw_at_once` yields."""
+    courses = (_course(session, task) for session in sessions)
+    course = _Course(*map(np.array, zip(*courses, strict=True)))
+    responses, last_answer_db = sessions[0].designs[0].responses, sessions[0].person.last_answer_db
+    driven = [
+        course.level_vpp
+        * np.array([site in shown.sites for shown in task.presentations])[course.presentation]
+        for site in task.sites
+    ]
+    # The answers that would follow no answer in time, the answer "none", and any other answer.
+    after_db = (0.0, last_answer_db / 2, -last_answer_db / 2)
+    if task.nothing not in responses:
+        after_db = (0.0, 0.0, 0.0)
     answers = np.stack(
         [
             (
-                _probabilities(sessions, (left_vpp, right_vpp), gains, shift_db + after_db).cumsum(
-                    axis=2
-                )
-                <= chance[..., None]
+                _probabilities(sessions, driven, gains, course.shift_db + db).cumsum(axis=2)
+                <= course.chance[..., None]
             ).sum(axis=2)
-            for after_db in shifts_db
+            for db in after_db
         ]
     )
-    answer = answers[0]
-    if half_db:
-        after = np.full(len(responses) + 1, 2)  # by the answer; the last one is a late answer
-        after[responses.index("none")], after[-1] = 1, 0
-        rows, state = np.arange(len(sessions)), np.zeros(len(sessions), dtype=np.int64)
-        for trial in range(answer.shape[1]):
-            answer[:, trial] = answers[state, rows, trial]
-            state = after[answer[:, trial]]
-    is_hit = answer == np.where(left_vpp > 0, responses.index("left"), responses.index("right"))
-    tables = []
-    for c, design in enumerate(sessions[0].designs):
-        levels = _levels_vpp(sessions, c)
-        is_single = (condition == c) & (level >= 0)
-        width = levels.shape[1]
-        tables.append(
-            _counts(
-                levels,
-                _tally(level, is_single & is_hit, width),
-                _tally(level, is_single, width),
-                _tally(answer, (condition == c) & is_blank, len(responses) + 1),
-                design,
-            )
+    after = np.array([1 if name == task.nothing else 2 for name in responses] + [0])
+    rows, state = np.arange(len(sessions)), np.zeros(len(sessions), dtype=np.int64)
+    answer = np.empty_like(answers[0])
+    for trial in range(answer.shape[1]):
+        answer[:, trial] = answers[state, rows, trial]
+        state = after[answer[:, trial]]
+    index = {name: i for i, name in enumerate(responses)}
+    correct = np.array([index.get(shown.correct, -1) for shown in task.presentations])
+    is_hit = answer == correct[course.presentation]
+    is_blank = np.array([not shown.sites for shown in task.presentations])[course.presentation]
+    for c in range(len(sessions[0].designs)):
+        is_here, width = course.condition == c, _levels_vpp(sessions, c).shape[1]
+        yield (
+            _tally(course.level, is_here & is_hit, width),
+            _tally(course.level, is_here, width),
+            _tally(answer, is_here & is_blank, len(responses) + 1),
         )
-    return tables
 
 
 def _tally(values: Integers, chosen: NDArray[np.bool_], width: int) -> Integers:
     """Count how often each value from 0 stands in the chosen cells of each row."""
-    counts = np.zeros((len(values), width), dtype=np.int64)
-    rows, columns = np.nonzero(chosen)
-    np.add.at(counts, (rows, values[rows, columns]), 1)
-    return counts
+    return np.asarray(((values[..., None] == np.arange(width)) & chosen[..., None]).sum(axis=1))

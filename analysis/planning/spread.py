@@ -88,10 +88,11 @@ def spread(
     """
     from joblib import Parallel, delayed
 
+    results = {} if kept is None else kept.results
     missing = []
     for chunk in chunks:
-        if kept is not None and chunk in kept:
-            yield chunk, kept[chunk]
+        if (key := key_of(chunk)) in results:
+            yield chunk, results[key]
         else:
             missing.append(chunk)
     run = delayed(_run_chunk)
@@ -99,7 +100,7 @@ def spread(
     try:
         for chunk, result in Parallel(return_as="generator_unordered")(tasks):
             if kept is not None:
-                kept[chunk] = result
+                kept.add(chunk, result)
             yield chunk, result
     except (BrokenExecutor, CancelledError) as error:  # KilledWorker of Dask is none of them
         raise StoppedError(f"worker processes were lost ({type(error).__name__})") from error
@@ -120,7 +121,7 @@ def _run_chunk(
     is_main_thread = threading.current_thread() is threading.main_thread()  # not so in Dask
     if os.getppid() == main_process and is_main_thread:
         _follow(main_process)
-    return chunk, json.loads(json.dumps(function(chunk)))  # as a kept file would return it
+    return chunk, function(chunk)
 
 
 @cache
@@ -153,16 +154,15 @@ class Kept:
     ...     first: int
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     path = Path(folder) / "power.jsonl"
-    ...     Kept(path, {"seed": 1})[Chunk(0)] = 0.25
-    ...     kept = Kept(path, {"seed": 1})
-    >>> kept[Chunk(0)], Chunk(200) in kept
-    (0.25, False)
+    ...     Kept(path, {"seed": 1}).add(Chunk(0), 0.25)
+    ...     Kept(path, {"seed": 1}).results[key_of(Chunk(0))]
+    0.25
     """
 
     def __init__(self, path: Path, computed: Mapping[str, object]) -> None:
         self.path = path
-        self._results: dict[str, Any] = {}
-        head = json.dumps({"schema": 1, "computed": {**computed, **versions()}})
+        self.results: dict[str, Any] = {}
+        head = json.dumps({"schema": 2, "computed": {**computed, **versions()}})
         text = path.read_text("utf-8", "replace") if path.exists() else ""
         first, *lines = text.split("\n")
         if not lines and head.startswith(first):  # empty, or killed within the first line
@@ -175,38 +175,30 @@ class Kept:
         elif lines[-1]:
             self._append("")
         for line in lines:
-            with suppress(ValueError, TypeError, KeyError):
-                finished = json.loads(line)
-                self._results[finished["chunk"]] = finished["result"]
+            with suppress(ValueError, TypeError):
+                key, result = json.loads(line)
+                self.results[key] = result
 
-    def __len__(self) -> int:
-        return len(self._results)
-
-    def __contains__(self, chunk: DataclassInstance) -> bool:
-        return _key(chunk) in self._results
-
-    def __getitem__(self, chunk: DataclassInstance) -> Any:
-        return self._results[_key(chunk)]
-
-    def __setitem__(self, chunk: DataclassInstance, result: object) -> None:
-        self._results[_key(chunk)] = result
-        self._append(json.dumps({"chunk": _key(chunk), "result": result}))
+    def add(self, chunk: DataclassInstance, result: object) -> None:
+        """Keep the result of a chunk."""
+        self.results[key_of(chunk)] = result
+        self._append(json.dumps([key_of(chunk), result]))
 
     def _append(self, line: str) -> None:
         with self.path.open("a", encoding="utf-8") as file:
             file.write(f"{line}\n")
 
 
-def seed_in(path: Path) -> int | None:
+def seed_in(path: Path | None) -> int | None:
     """Return the seed of a file of kept results; None where there is no such file."""
-    try:
-        with path.open(encoding="utf-8") as file:
-            return int(json.loads(file.readline())["computed"]["seed"])
-    except (FileNotFoundError, ValueError, TypeError, KeyError):
+    if path is None or not path.is_file():
         return None
+    with suppress(ValueError, TypeError, KeyError), path.open(encoding="utf-8") as file:
+        return int(json.loads(file.readline())["computed"]["seed"])
+    return None
 
 
-def _key(chunk: DataclassInstance) -> str:
+def key_of(chunk: DataclassInstance) -> str:
     """Return what identifies a chunk: its kind and its values."""
     values = json.dumps([type(chunk).__qualname__, asdict(chunk)], sort_keys=True)
     return hashlib.sha256(values.encode()).hexdigest()[:32]

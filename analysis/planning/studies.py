@@ -11,13 +11,12 @@ import json
 import math
 from dataclasses import asdict, dataclass, replace
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from analysis.planning.estimates import fit_people
-from analysis.planning.goals import Goal, evaluate
-from analysis.planning.levels import LevelsError, placed_levels
+from analysis.planning.goals import Goal, Outcome, evaluate
+from analysis.planning.levels import LevelsError, fit_people, placed_levels
 from analysis.planning.people import truth_of
 from analysis.planning.sessions import Session, draw_counts
 from experiment.perception.gains import gains_from_json
@@ -29,7 +28,7 @@ from experiment.study.threshold import people_for_burst, threshold_vpp
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from analysis.planning.estimates import PersonFit
+    from analysis.planning.levels import PersonFit
     from experiment.perception.gains import ConditionGains, FingerGains
     from experiment.study.design import Design
     from experiment.study.study import Study
@@ -43,6 +42,9 @@ _PILOT_MARGIN_DB: Final = 3.0
 _PILOT_PER_SIDE: Final = 20
 PILOT_STIMULI: Final = 2 * _PILOT_PER_SIDE
 _PILOT_BLANKS: Final = 12
+_STRIDE: Final = 1009
+"""From the first study of a number of participants to that of the next; a prime, so that draws of
+a pilot, which take turns, differ between numbers."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, order=True)
@@ -53,6 +55,10 @@ class Point:
     trials_per_side: int
     blanks: int
     placed: bool = False
+
+    def at(self, participants: int) -> Point:
+        """Return the design with another number of participants."""
+        return replace(self, participants=participants)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -77,18 +83,14 @@ def plan_text(
 ) -> str:
     """Return what all chunks share, as JSON; `draws` of the population take turns."""
     study = study.changed(simulation=people_for_burst(study))
-    return json.dumps(
-        {
-            "study": study.canonical,
-            "gains": [asdict(one) for one in gains],
-            "goal": asdict(goal),
-            "draws": list(draws),
-        }
-    )
+    values = {"study": study.canonical, "gains": [asdict(each) for each in gains]}
+    return json.dumps(values | {"goal": asdict(goal), "draws": list(draws)})
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Plan:
+class Plan:
+    """What all studies share; populations take turns, with the truth about the goal in each."""
+
     study: Study
     gains: FingerGains
     goal: Goal
@@ -97,54 +99,40 @@ class _Plan:
 
 
 @lru_cache(maxsize=4)
-def _read_plan(plan: str) -> _Plan:
-    values = json.loads(plan)
+def read_plan(text: str) -> Plan:
+    """Read what `plan_text` returned."""
+    values = json.loads(text)
     study, goal = study_from_canonical(values["study"]), Goal(**values["goal"])
     gains = gains_from_json(values["gains"][0]).fingers()
-    populations: tuple[Simulation, ...] = (study.simulation,)
-    if values["draws"]:
-        keys = json.loads(study.canonical)["simulation"] | {"threshold_um": None}
-        populations = tuple(Simulation(**(keys | draw)) for draw in values["draws"])
-    return _Plan(
-        study=study,
-        gains=gains,
-        goal=goal,
-        populations=populations,
-        truths=tuple(truth_of(goal, population, study, gains) for population in populations),
-    )
+    keys = json.loads(study.canonical)["simulation"] | {"threshold_um": None}
+    populations = tuple(Simulation(**(keys | draw)) for draw in values["draws"])
+    populations = populations or (study.simulation,)
+    truths = tuple(truth_of(goal, population, study, gains) for population in populations)
+    return Plan(study=study, gains=gains, goal=goal, populations=populations, truths=truths)
 
 
-def simulate(chunk: Chunk) -> dict[str, list[Any]]:
-    """Return whether each study of a chunk reached its goal, its number, and its coverage.
-
-    Where levels are placed, also for how many people the pilot placed none.
-    """
-    plan = _read_plan(chunk.plan)
+def simulate(chunk: Chunk) -> list[Outcome]:
+    """Return the outcomes of the studies of a chunk."""
+    plan = read_plan(chunk.plan)
     design = design_of(plan.study.design, chunk.point)
     if plan.goal.kind == "false-alarms":  # single stimuli say nothing about them
         design = design.changed(levels_vpp=design.levels_vpp[:1])
-    studies, people = range(chunk.first, chunk.first + chunk.number), chunk.point.participants
-    sessions = [_session(plan, design, chunk.seed, s, i) for s in studies for i in range(people)]
-    if chunk.point.placed:
-        sessions = _place_levels(plan, sessions)
-    tables = draw_counts(sessions, plan.gains)
-    outcomes = [
-        evaluate(
-            plan.goal,
-            [counts.rows(k * people, people) for counts in tables],
-            plan.truths[study % len(plan.truths)],
-        )
-        for k, study in enumerate(studies)
+    first = chunk.first + _STRIDE * chunk.point.participants
+    return [
+        _simulate_study(plan, design, chunk.point, (chunk.seed, study))
+        for study in range(first, first + chunk.number)
     ]
-    result: dict[str, list[Any]] = {
-        "reached": [int(outcome.reached) for outcome in outcomes],
-        "number": [o.number if math.isfinite(o.number) else None for o in outcomes],
-        "covered": [int(outcome.covered) for outcome in outcomes],
-    }
-    if chunk.point.placed:
-        unplaced = [any(own is design for own in session.designs) for session in sessions]
-        result["unplaced"] = [sum(unplaced[k * people :][:people]) for k in range(chunk.number)]
-    return result
+
+
+def _simulate_study(plan: Plan, design: Design, point: Point, seeds: tuple[int, int]) -> Outcome:
+    seed, study = seeds
+    sessions = [_session(plan, design, seed, study, i) for i in range(point.participants)]
+    if point.placed:
+        sessions = _place_levels(plan, sessions)
+    counts = draw_counts(sessions, plan.gains, plan.study.task)
+    outcome = evaluate(plan.goal, counts, plan.truths[study % len(plan.truths)])
+    is_unplaced = [any(each is design for each in session.designs) for session in sessions]
+    return outcome._replace(unplaced=sum(is_unplaced) if point.placed else 0)
 
 
 def pilot_levels_vpp(study: Study, gains: FingerGains) -> tuple[float, ...]:
@@ -161,18 +149,18 @@ def pilot_levels_vpp(study: Study, gains: FingerGains) -> tuple[float, ...]:
 
 def design_of(design: Design, point: Point) -> Design:
     """Return the design of a point."""
-    levels = len(design.levels_vpp)
+    is_even = point.trials_per_side % len(design.levels_vpp) == 0
     return design.changed(
         trials_per_side=point.trials_per_side,
         blank_trials=point.blanks,
-        order="random" if point.trials_per_side % levels else design.order,
+        order=design.order if is_even else "random",
     )
 
 
-def _session(plan: _Plan, design: Design, seed: int, study: int, i: int) -> Session:
+def _session(plan: Plan, design: Design, seed: int, study: int, i: int) -> Session:
     """Draw a participant, in the conditions that the goal depends on."""
     rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(study, i)))
-    left, right = plan.study.actuators[:2]
+    left, right = plan.study.driven
     distance_mm = math.hypot(left.x_mm - right.x_mm, (left.y_m - right.y_m) * 1e3)
     population = plan.populations[study % len(plan.populations)]
     person = population.draw(distance_mm, rng)
@@ -184,38 +172,33 @@ def _session(plan: _Plan, design: Design, seed: int, study: int, i: int) -> Sess
     return Session(person=person, designs=designs, rng=rng, shifts_db=tuple(shifts_db))
 
 
-def _place_levels(plan: _Plan, sessions: Sequence[Session]) -> list[Session]:
+def _place_levels(plan: Plan, sessions: Sequence[Session]) -> list[Session]:
     """Place levels after a pilot, as `tactstrip levels` does; where it cannot, the study's remain.
 
     The pilot has 40 stimuli, and 12 blanks where they can be answered, in each condition, which
     gets levels of its own.
     """
-    design = sessions[0].designs[0]
+    design, task = sessions[0].designs[0], plan.study.task
     pilot = design.changed(
         levels_vpp=pilot_levels_vpp(plan.study, plan.gains),
         trials_per_side=_PILOT_PER_SIDE,
-        blank_trials=_PILOT_BLANKS if "none" in design.responses else 0,
+        blank_trials=_PILOT_BLANKS if task.nothing in design.responses else 0,
         order="balanced",
         break_every=0,
     )
     conditions = len(sessions[0].designs)
     pilots = [replace(session, designs=(pilot,) * conditions) for session in sessions]
     designs = [
-        [
-            _placed_design(plan, design, fit)
-            for fit in fit_people(
-                counts.level_vpp, counts.detected, counts.presented, counts.guesses
-            )
-        ]
-        for counts in draw_counts(pilots, plan.gains)
+        [_placed_design(plan, design, fit) for fit in fit_people(counts.tables)]
+        for counts in draw_counts(pilots, plan.gains, task)
     ]
     return [
-        replace(session, designs=own)
-        for session, own in zip(sessions, zip(*designs, strict=True), strict=True)
+        replace(session, designs=placed)
+        for session, placed in zip(sessions, zip(*designs, strict=True), strict=True)
     ]
 
 
-def _placed_design(plan: _Plan, design: Design, pilot: PersonFit) -> Design:
+def _placed_design(plan: Plan, design: Design, pilot: PersonFit) -> Design:
     try:
         levels_vpp = placed_levels(pilot, *plan.study.device.highest)
     except LevelsError:

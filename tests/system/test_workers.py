@@ -110,7 +110,7 @@ kept = keeping(Path(sys.argv[1]))
 try:
     with computing_on(2):
         for _ in spread(draw, chunks(1, 0.1), kept):
-            print(len(kept), flush=True)
+            print(len(kept.results), flush=True)
 except KeyboardInterrupt:
     print("interrupted", flush=True)
 """
@@ -139,4 +139,4 @@ def test_a_stop_leaves_what_is_finished_and_no_process(number: int, tmp_path: Pa
             assert "Traceback" not in errors
     assert len(children) >= 2
     assert psutil.wait_procs(children, timeout=30)[1] == []
-    assert len(keeping(tmp_path / "power.jsonl")) >= 3
+    assert len(keeping(tmp_path / "power.jsonl").results) >= 3

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from analysis.planning.curve import Studies, find_answers
-from analysis.planning.goals import Goal
+from analysis.planning.goals import Goal, Outcome
 from analysis.planning.sessions import Session, draw_counts
 from analysis.planning.studies import Chunk, Point, plan_text, simulate
 from experiment.perception.gains import ConditionGains
@@ -41,8 +41,10 @@ def plan_of(study: Study, goal: str) -> str:
     return plan_text(study, (ALONE,), Goal.parse(goal))
 
 
-def simulated(study: Study, goal: str, number: int, seed: int, first: int = 0, **point: Any) -> Any:
-    """Simulate some studies of a design: lists of what each reaches."""
+def simulated(
+    study: Study, goal: str, number: int, seed: int, first: int = 0, **point: Any
+) -> list[Outcome]:
+    """Simulate some studies of a design."""
     at = Point(**({"participants": 3, "trials_per_side": 75, "blanks": 0} | point))
     chunk = Chunk(plan=plan_of(study, goal), point=at, first=first, number=number, seed=seed)
     return simulate(chunk)
@@ -62,9 +64,8 @@ def search(
 
     def spread(_: object, chunks: Iterable[Chunk]) -> Iterator[Any]:
         for chunk in reversed([*chunks]):  # in any order
-            reached = (rng.random(chunk.number) < share(chunk.point.participants)).astype(int)
-            numbers = np.where(reached, 0.5, 2.0).tolist()
-            yield chunk, {"reached": reached.tolist(), "number": numbers, "covered": reached}
+            reached = rng.random(chunk.number) < share(chunk.point.participants)
+            yield chunk, [Outcome(each, 0.5, covered=True) for each in reached.tolist()]
 
     studies = Studies(plan="", seed=1, spread=spread)
     design = Point(participants=1, trials_per_side=75, blanks=0)
@@ -81,9 +82,9 @@ def drawn_counts(study: Study, people: int) -> tuple[tuple[ConditionGains, ...],
         shifts_db = (0.0, person.difference_db)
         designs = (study.design, study.design)
         sessions.append(Session(person=person, designs=designs, rng=rng, shifts_db=shifts_db))
-    tables = draw_counts(sessions, gains[0].fingers())
+    tables = draw_counts(sessions, gains[0].fingers(), study.task)
     alarms = np.stack([counts.false_alarms for counts in tables], axis=1)
-    return gains, np.hstack([*(counts.detected for counts in tables), alarms])
+    return gains, np.hstack([*(counts.tables.detected for counts in tables), alarms])
 
 
 def gains_with(um_per_vpp: float) -> ConditionGains:

@@ -12,6 +12,7 @@ from scipy.special import ndtr, ndtri
 from scipy.stats import binom
 
 from analysis import proportion_ci
+from analysis.planning.goals import Outcome
 from analysis.planning.studies import pilot_levels_vpp
 from experiment.perception.gains import OWN_FINGER_ONLY
 from tests.plates import on_paper_plate
@@ -94,13 +95,10 @@ def test_results_do_not_depend_on_how_studies_are_cut_into_chunks(
     study = study_of(FORCED, f"threshold_vpp = 80.0\nthreshold_sd_db = 2.0\n{more}")
     at: dict[str, Any] = {"trials_per_side": 5, "blanks": 30, "placed": placed}
 
-    def studies(first: int, number: int) -> dict[str, list[Any]]:
-        result: dict[str, list[Any]] = simulated(study, goal, number, 7, first, **at)
-        return result
-
-    chunks = [studies(first, 2) for first in (4, 0, 2)]
-    joined = {key: [*chunks[1][key], *chunks[2][key], *chunks[0][key]] for key in chunks[0]}
-    assert studies(0, 6) == joined == json.loads(json.dumps(joined))
+    third, first, second = (simulated(study, goal, 2, 7, start, **at) for start in (4, 0, 2))
+    together = simulated(study, goal, 6, 7, **at)
+    assert together == [*first, *second, *third]
+    assert [Outcome(*row) for row in json.loads(json.dumps(together))] == together
 
 
 @pytest.mark.parametrize("bounds", [(2, 40), (2, 200), (7, 9)])
@@ -152,7 +150,7 @@ def test_the_goal_is_the_whole_difference_whatever_a_dry_run_has() -> None:
         for more in ("", "\ndifference_db = -3.0")
     )
     assert result == same
-    assert 1.0 < np.median(result["number"]) < 3.0
+    assert 1.0 < np.median([outcome.number for outcome in result]) < 3.0
 
 
 @pytest.mark.slow
@@ -163,9 +161,10 @@ def test_each_condition_has_levels_of_its_own_after_a_pilot(more: str) -> None:
     study = study_of(design, f"threshold_vpp = 30.0\nthreshold_sd_db = 1.0\n{more}")
     at: dict[str, Any] = {"trials_per_side": 30, "blanks": 20, "placed": True}
     result = simulated(study, "difference=10dB", 6, 5, **at)
-    assert sum(result["unplaced"]) <= 2
-    assert np.median(result["number"]) == pytest.approx(10, abs=0.6)
-    assert sum(result["reached"]) == 6
+    reached, numbers, _, unplaced = zip(*result, strict=True)
+    assert sum(unplaced) <= 2
+    assert np.median(numbers) == pytest.approx(10, abs=0.6)
+    assert sum(reached) == 6
 
 
 @pytest.mark.parametrize(
