@@ -74,7 +74,6 @@ class WarningCode(_Code):
     LAPSES_AT_BOUND = "lapses_at_bound", "many lapse rates are at their upper limit"
     FUNCTIONS_STEEP = "functions_steep", "functions that rise in one step"
     # of a power analysis
-    SIGMA_TOO_WIDE = "sigma_too_wide", "a power analysis: sigma may be stated in dB"
     VALUES_ASSUMED = "values_assumed", "a power analysis: values without a source"
     PILOT_TOO_SMALL = "pilot_too_small", "a power analysis: a pilot of few participants"
     PILOT_UNIT = "pilot_unit", "a power analysis: levels in the unit of the pilot"

@@ -113,16 +113,16 @@ def dry_run(
 
 
 def _print_levels(study: Study, folder: Path) -> None:
-    from analysis.commands.levels import format_line
+    from analysis.commands.levels import format_result
     from analysis.numbers import counted_up
-    from analysis.planning.levels import LevelsError, place_levels
+    from analysis.planning.levels import place_levels
     from analysis.reading.trials import read_trials
 
     echo("Levels by these sessions:")
     trials = read_trials([folder])
     for participant in sorted(trials["participant"].unique(), key=counted_up):
-        for result in place_levels(trials, participant, study):
-            echo(f"  {result if isinstance(result, LevelsError) else format_line(result)}")
+        for result in place_levels(trials, participant, study).values():
+            echo(f"  {format_result(result, 'levels_line.txt.jinja')}")
 
 
 def new_folder(out: Path | None) -> Path:

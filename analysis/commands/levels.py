@@ -12,11 +12,12 @@ from device.printing import echo
 from experiment.archive.disk import DISK, write_new
 from experiment.archive.manifest import LEVELS_SUFFIX
 from experiment.exits import CommandError, refusals
+from experiment.templates import open_templates
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
-    from analysis.planning.levels import ExpectedError, LevelsError, Placement
+    from analysis.planning.levels import LevelsError, Placement
     from experiment.study.study import Study
 
 
@@ -84,17 +85,14 @@ def levels(
     studies = [plan.study for plan in loaded.progress if plan.participant == participant]
     study = _pilot_study(studies) if study_file is None else read_study(study_file)
     results = place_levels(pilot_trials, participant, study)
-    placements = [result for result in results if not isinstance(result, LevelsError)]
-    errors = [result for result in results if isinstance(result, LevelsError)]
-    if not placements:
+    errors = [result for result in results.values() if isinstance(result, LevelsError)]
+    if len(errors) == len(results):
         raise errors[0]
     simulated = not is_real_person.all()
     if target is not None:
-        selected = _select_placements(placements, errors, condition)
-        write_levels(selected, target, simulated=simulated)
-    for result in results:
-        text = str(result) if isinstance(result, LevelsError) else format_placement(result)
-        echo(*text.split("\n"))
+        _write_levels(_select_placements(results, condition), target, simulated=simulated)
+    for result in results.values():
+        echo(*format_result(result).split("\n"))
     if simulated:
         echo(f"{_SIMULATED}.")
     if target is not None:
@@ -102,19 +100,19 @@ def levels(
 
 
 def _select_placements(
-    placements: Sequence[Placement], errors: Sequence[LevelsError], condition: str | None
-) -> Sequence[Placement]:
+    results: Mapping[str, Placement | LevelsError], condition: str | None
+) -> dict[str, Placement]:
     """Return the placement of the condition, or without a condition all if none has failed."""
-    names = [placement.condition for placement in placements]
-    if condition is None and errors:
+    placements = {name: p for name, p in results.items() if not isinstance(p, ValueError)}
+    if condition is None and len(placements) == len(results):
+        return placements
+    if condition not in placements:
+        errors = [str(result) for result in results.values() if isinstance(result, ValueError)]
+        names = ", ".join(placements)
         raise CommandError(
-            f"{errors[0]}; --condition NAME writes the levels of one, {' or '.join(names)}, alone"
+            f"--condition must be one whose levels are placed, {names}; got {condition}", *errors
         )
-    if condition is not None and condition not in names:
-        raise CommandError(
-            f"--condition must be one whose levels are placed, {', '.join(names)}; got {condition}"
-        )
-    return [placement for placement in placements if condition in {None, placement.condition}]
+    return {condition: placements[condition]}
 
 
 def _pilot_study(studies: Sequence[str]) -> Study:
@@ -124,57 +122,30 @@ def _pilot_study(studies: Sequence[str]) -> Study:
     return study_from_canonical(studies[-1]) if studies else paper_study()
 
 
-def format_placement(placement: Placement) -> str:
-    """Format the levels of one condition as lines of text."""
-    low, high = placement.threshold_limits_vpp
-    function = placement.function
-    rows = "\n".join(
-        f"  {level:7.1f} V  detected {share:.0%}"
-        for level, share in zip(
-            placement.levels_vpp, function.shares(placement.levels_vpp), strict=True
-        )
-    )
-    study_levels = " ".join(f"{level:g}" for level in placement.study_levels_vpp)
-    highest_vpp, key = placement.highest
-    limited = f" (the device reaches {highest_vpp:g} V = {key})"
-    limited *= placement.levels_vpp[-1] > highest_vpp - 0.1
-    return (
-        f"Participant {placement.participant}, condition {placement.condition}: threshold "
-        f"{function.threshold_vpp:.1f} V ({low:.1f} to {high:.1f}), sigma {function.sigma:.3f}, "
-        f"guess rate {function.guess_rate:.2g}\nLevels{limited}:\n{rows}\n"
-        f"Expected error of the threshold after {placement.trials} stimuli (RMSE), by what the "
-        f"pilot tells:\n"
-        f"  {_error(placement.error)} with these levels\n"
-        f"  {_error(placement.study_error)} with {study_levels} V"
-    )
-
-
-def format_line(placement: Placement) -> str:
-    """Format the levels of one condition as one line."""
-    levels = " ".join(f"{level:g}" for level in placement.levels_vpp)
-    return (
-        f"{placement.participant} {placement.condition}: {levels} V, expected error after "
-        f"{placement.trials} stimuli {_error(placement.error)}; with the levels of the study that "
-        f"was run {_error(placement.study_error)}"
-    )
-
-
-def _error(error: ExpectedError) -> str:
-    return f"{error.median_db:.2f} dB (90 %: below {error.p90_db:.2f})"
+def format_result(result: Placement | LevelsError, template: str = "levels.txt.jinja") -> str:
+    """Format the levels of one condition as text, or why there are none."""
+    if isinstance(result, ValueError):
+        return str(result)
+    filters = {
+        "levels": lambda levels_vpp: " ".join(f"{level:g}" for level in levels_vpp),
+        "error": lambda error: f"{error.median_db:.2f} dB (90 %: below {error.p90_db:.2f})",
+    }
+    text = open_templates(str(__package__), filters).get_template(template)
+    return text.render(placement=result)
 
 
 _SIMULATED: Final = "Participant and answers are simulated: these levels are for no person"
 
 
-def write_levels(placements: Sequence[Placement], target: Path, *, simulated: bool) -> None:
+def _write_levels(placements: Mapping[str, Placement], target: Path, *, simulated: bool) -> None:
     """Write a participant's levels to a new file that `experiment.study.files.read_levels` reads.
 
     The levels of one condition are a list, those of several conditions a table.
     """
-    text = f"# {_SIMULATED}.\n" * simulated
-    text += f"participant = {json.dumps(placements[0].participant)}\n"
-    text += "\n[levels_vpp]\n" * (len(placements) > 1)
-    for placement in placements:
-        key = json.dumps(placement.condition) if len(placements) > 1 else "levels_vpp"
-        text += f"{key} = [{', '.join(f'{level!r}' for level in placement.levels_vpp)}]\n"
+    first, *others = placements.values()
+    keys = map(json.dumps, placements) if others else ["levels_vpp"]
+    text = f"# {_SIMULATED}.\n" * simulated + f"participant = {json.dumps(first.participant)}\n"
+    text += "\n[levels_vpp]\n" * bool(others)
+    for key, placement in zip(keys, placements.values(), strict=True):
+        text += f"{key} = {list(placement.levels_vpp)}\n"
     write_new(target, text.encode(), DISK)

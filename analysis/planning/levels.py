@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 import numpy as np
 from scipy.special import ndtr, ndtri
 
-from analysis.axis import Axis
+from analysis.axis import VOLTS
 from analysis.thresholds.fit import WITH_THRESHOLD, fit_many
 from analysis.thresholds.group import draws
 from analysis.thresholds.guess import GuessRate
@@ -140,8 +140,8 @@ def fit_people(tables: Tables) -> list[PersonFit]:
 
 def place_levels(
     trials: pd.DataFrame, participant: str, study: Study, *, seed: int = 0
-) -> tuple[Placement | LevelsError, ...]:
-    """Place levels on a participant's functions, one for each condition of the pilot.
+) -> dict[str, Placement | LevelsError]:
+    """Place levels on a participant's functions, by the condition of the pilot.
 
     `trials` is from `analysis.read_trials`; `study` is what is to be run: its device, number of
     trials, and levels to compare with. A condition without a usable threshold has its error.
@@ -152,35 +152,31 @@ def place_levels(
         raise LevelsError(
             f"participant {participant} must have single stimuli that count; got none"
         )
-    results: list[Placement | LevelsError] = []
-    for (condition, _), fit in zip(people.names, fit_people(people.tables(Axis())), strict=True):
+    results: dict[str, Placement | LevelsError] = {}
+    for (condition, _), fit in zip(people.names, fit_people(people.tables(VOLTS)), strict=True):
         try:
             levels_vpp = placed_levels(fit, *study.device.highest)
         except LevelsError as reason:
-            message = f"the pilot of participant {participant} in condition {condition}: {reason}"
-            results.append(LevelsError(message))
+            results[condition] = LevelsError(
+                f"the pilot of participant {participant} in condition {condition}: {reason}"
+            )
             continue
         design = study.design_of(condition)
+        singles = 2 * design.trials_per_side
         functions = fit.draw(_DRAWS, np.random.default_rng(seed))
-        error, study_error = (
-            expected_error(functions, levels, 2 * design.trials_per_side, seed=seed)
-            for levels in (levels_vpp, design.levels_vpp)
+        results[condition] = Placement(
+            participant=participant,
+            condition=condition,
+            function=fit.function,
+            threshold_limits_vpp=fit.threshold_limits_vpp,
+            levels_vpp=levels_vpp,
+            highest=study.device.highest,
+            trials=singles,
+            error=expected_error(functions, levels_vpp, singles, seed=seed),
+            study_error=expected_error(functions, design.levels_vpp, singles, seed=seed),
+            study_levels_vpp=design.levels_vpp,
         )
-        results.append(
-            Placement(
-                participant=participant,
-                condition=condition,
-                function=fit.function,
-                threshold_limits_vpp=fit.threshold_limits_vpp,
-                levels_vpp=levels_vpp,
-                highest=study.device.highest,
-                trials=2 * design.trials_per_side,
-                error=error,
-                study_error=study_error,
-                study_levels_vpp=design.levels_vpp,
-            )
-        )
-    return tuple(results)
+    return results
 
 
 def placed_levels(

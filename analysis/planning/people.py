@@ -60,29 +60,18 @@ _LITERATURE_WITH_NONE: Final[dict[str, tuple[float, str]]] = {
 }
 """The same where "none" can be answered: forced choice need not follow."""
 _ALWAYS_LISTED: Final = (
-    "threshold_um",
-    "threshold_vpp",
-    SPREAD,
-    "sigma",
-    "lapse_rate",
-    "false_alarm_rate",
+    *("threshold_um", "threshold_vpp", SPREAD, "sigma", "lapse_rate", "false_alarm_rate"),
 )
 _DECIDED_BY_GOAL: Final = "difference_db"
 _FALSE_ALARM_KEYS: Final = (
-    "lapse_rate",
-    "false_alarm_rate",
-    "reaction_time_s",
-    "reaction_time_spread",
-    "min_reaction_time_s",
-    "reaction_time_slowing",
+    *("lapse_rate", "false_alarm_rate", "reaction_time_s", "reaction_time_spread"),
+    *("min_reaction_time_s", "reaction_time_slowing"),
 )
 """Keys that false alarms depend on; no threshold does, as nothing is presented."""
 _NONE_KEYS: Final = ("false_alarm_rate", "last_answer_db")
 """Keys that matter only where participants may answer "none"."""
 _MIN_VPP, _MAX_VPP = 0.1, 1000.0
 _VOLTS: Final = re.compile(r"V(pp|\b)")
-_MAX_SIGMA: Final = 0.5
-"""Log10 units, 10 dB: hardly anybody has a wider function."""
 _MAX_SPREAD_DB: Final = 20.0
 _DRAWS: Final = 400
 _SIGMA_SPREAD: Final = 0.4
@@ -148,17 +137,11 @@ def _people(study: Study, goal: Goal, values: dict[str, tuple[float, str]]) -> P
     missing = {key: value for key, value in values.items() if key not in set_keys}
     completed = _with_population(study, {key: value for key, (value, _) in missing.items()})
     parameters = _parameters(completed, goal, set_keys, missing)
-    warnings = []
-    if (sigma := study.simulation.sigma) > _MAX_SIGMA:
-        message = (
-            f"simulation.sigma = {sigma:g} is in log10 units, {20 * sigma:g} dB: if it comes from "
-            f"a report on levels in dB, write a twentieth of it, {sigma / 20:.3g}"
-        )
-        warnings.append(AnalysisWarning(WarningCode.SIGMA_TOO_WIDE, message))
+    warnings: tuple[AnalysisWarning, ...] = ()
     if assumed := [each.key for each in parameters if each.source == _NO_SOURCE]:
         message = f"set {', '.join(assumed)} in [simulation], or use --pilot: they have no source"
-        warnings.append(AnalysisWarning(WarningCode.VALUES_ASSUMED, message))
-    return People(study=completed, parameters=parameters, warnings=tuple(warnings))
+        warnings = (AnalysisWarning(WarningCode.VALUES_ASSUMED, message),)
+    return People(study=completed, parameters=parameters, warnings=warnings)
 
 
 def _with_population(study: Study, values: Mapping[str, float | None]) -> Study:

@@ -84,7 +84,7 @@ def _draw_at_once(
         for side, single in enumerate(singles):
             driven = [levels if site in single.sites else silent for site in task.sites]
             p = _probabilities(sessions, driven, gains, shift_db)
-            hits[:, side] = np.minimum(p[..., responses.index(single.correct)], 1.0)
+            hits[:, side] = np.nan_to_num(p[..., responses.index(single.correct)]).clip(max=1.0)
         blank = _probabilities(sessions, [silent] * len(task.sites), gains, shift_db)[:, 0]
         presented, detected = np.zeros((2, *hits.shape), dtype=np.int64)
         answers = np.zeros((len(sessions), len(responses) + 1), dtype=np.int64)
@@ -100,9 +100,9 @@ def _draw_at_once(
 
 
 def _levels_vpp(sessions: Sequence[Session], condition: int) -> Floats:
-    """Return the levels of each session, padded with 1 where others have more."""
+    """Return the levels of each session, padded with NaN where others have more."""
     levels = [session.designs[condition].levels_vpp for session in sessions]
-    padded = np.ones((len(levels), max(map(len, levels))))
+    padded = np.full((len(levels), max(map(len, levels))), np.nan)
     for row, levels_vpp in zip(padded, levels, strict=True):
         row[: len(levels_vpp)] = levels_vpp
     return padded
@@ -150,7 +150,7 @@ def _counts(
         for number in answers[:, sites == 1].sum(axis=1).tolist()
     ]
     tables = Tables(
-        x=np.log10(_levels_vpp(sessions, condition)),
+        x=np.nan_to_num(np.log10(_levels_vpp(sessions, condition))),
         detected=detected.astype(np.float64),
         presented=presented.astype(np.float64),
         guesses=guesses,
@@ -165,33 +165,23 @@ class _Course(NamedTuple):
     condition: Any
     presentation: Any
     level_vpp: Any
-    level: Any
-    """Index of the level of a single stimulus, -1 of all others."""
     shift_db: Any
     chance: Any
 
 
 def _course(session: Session, task: Task) -> _Course:
-    rng, shown = session.rng, {p.name: (i, p) for i, p in enumerate(task.presentations)}
+    rng, names = session.rng, task.presentation_names
     order = rng.permutation(len(session.designs)).tolist()
     blocks = [(c, block) for c in order for block in shuffled_blocks(session.designs[c], rng)]
     trials = [
-        (
-            condition,
-            block,
-            shown[side][0],
-            level_vpp or 0.0,
-            session.designs[condition].levels_vpp.index(level_vpp)
-            if level_vpp is not None and len(shown[side][1].sites) == 1
-            else -1,
-        )
+        (condition, block, names.index(side), level_vpp or 0.0)
         for block, (condition, stimuli) in enumerate(blocks)
         for _, side, level_vpp in stimuli
     ]
-    condition, block_of, presentation, level_vpp, level = zip(*trials, strict=True)
+    condition, block_of, presentation, level_vpp = zip(*trials, strict=True)
     shift_db = np.array(session.shifts_db)[list(condition)]
     shift_db = shift_db + threshold_course_db(session.person, block_of, rng)
-    return _Course(condition, presentation, level_vpp, level, shift_db, rng.random(len(trials)))
+    return _Course(condition, presentation, level_vpp, shift_db, rng.random(len(trials)))
 
 
 def _draw_by_trial(
@@ -201,11 +191,8 @@ def _draw_by_trial(
     courses = (_course(session, task) for session in sessions)
     course = _Course(*map(np.array, zip(*courses, strict=True)))
     responses, last_answer_db = sessions[0].designs[0].responses, sessions[0].person.last_answer_db
-    driven = [
-        course.level_vpp
-        * np.array([site in shown.sites for shown in task.presentations])[course.presentation]
-        for site in task.sites
-    ]
+    sites = np.array([[site in shown.sites for site in task.sites] for shown in task.presentations])
+    driven = [course.level_vpp * is_driven[course.presentation] for is_driven in sites.T]
     # The answers that would follow no answer in time, the answer "none", and any other answer.
     after_db = (0.0, last_answer_db / 2, -last_answer_db / 2)
     if task.nothing not in responses:
@@ -228,16 +215,12 @@ def _draw_by_trial(
     index = {name: i for i, name in enumerate(responses)}
     correct = np.array([index.get(shown.correct, -1) for shown in task.presentations])
     is_hit = answer == correct[course.presentation]
-    is_blank = np.array([not shown.sites for shown in task.presentations])[course.presentation]
+    number_of_sites = sites.sum(axis=1)[course.presentation]
     for c in range(len(sessions[0].designs)):
-        is_here, width = course.condition == c, _levels_vpp(sessions, c).shape[1]
-        yield (
-            _tally(course.level, is_here & is_hit, width),
-            _tally(course.level, is_here, width),
-            _tally(answer, is_here & is_blank, len(responses) + 1),
-        )
-
-
-def _tally(values: Integers, chosen: NDArray[np.bool_], width: int) -> Integers:
-    """Count how often each value from 0 stands in the chosen cells of each row."""
-    return np.asarray(((values[..., None] == np.arange(width)) & chosen[..., None]).sum(axis=1))
+        is_single = (course.condition == c) & (number_of_sites == 1)
+        is_blank = (course.condition == c) & (number_of_sites == 0)
+        at_level = course.level_vpp[..., None] == _levels_vpp(sessions, c)[:, None]
+        presented = at_level & is_single[..., None]
+        detected = presented & is_hit[..., None]
+        answers = (answer[..., None] == np.arange(len(responses) + 1)) & is_blank[..., None]
+        yield detected.sum(axis=1), presented.sum(axis=1), answers.sum(axis=1)

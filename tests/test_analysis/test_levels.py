@@ -74,7 +74,7 @@ def few_studies(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def only(trials: pd.DataFrame) -> Placement:
-    (found,) = place_levels(trials, "P7", paper_study())
+    (found,) = place_levels(trials, "P7", paper_study()).values()
     if isinstance(found, LevelsError):
         raise found
     return found
@@ -177,7 +177,7 @@ def test_each_condition_of_a_pilot_has_levels_or_a_reason() -> None:
         pd.concat([pilot(condition="a"), none, pilot([0, 0, 0, 1, 2, 4, 5, 5], condition="c")]),
         "P7",
         paper_study(),
-    )
+    ).values()
     assert isinstance(a, Placement)
     assert isinstance(c, Placement)
     assert (a.condition, c.condition) == ("a", "c")

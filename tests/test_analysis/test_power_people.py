@@ -87,14 +87,6 @@ def test_stated_people_must_state_how_much_they_differ() -> None:
     assert {p.source for p in people.parameters} == {"stated in the study", "default of tactstrip"}
 
 
-@pytest.mark.parametrize(("sigma", "warned"), [(0.1, False), (0.5, False), (2.0, True)])
-def test_a_width_that_is_likely_one_in_db_is_warned_of(sigma: float, *, warned: bool) -> None:
-    study = study_of("", f"threshold_sd_db = 2.0\nsigma = {sigma}\n")
-    warnings = stated_people(study, HALF_WIDTH).warnings
-    assert len(warnings) == warned
-    assert all(key in str(text) for text in warnings for key in ("simulation.sigma", "40 dB"))
-
-
 MAP = """task = "yes/no"
 [columns]
 level_vpp = "v"
