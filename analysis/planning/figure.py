@@ -5,6 +5,8 @@ from __future__ import annotations
 from textwrap import fill
 from typing import TYPE_CHECKING, Final
 
+import numpy as np
+
 from analysis.results.figures.drawing import (
     DEFAULT_STYLE,
     LOOKS,
@@ -40,21 +42,18 @@ def _draw(result: PowerResult) -> Figure:
     )
     for i, answer in enumerate(result.answers):
         look = LOOKS[i % len(LOOKS)]
-        point, y = answer.point, [tally.share for tally in answer.tried]
-        blanks = f", {point.blanks} blank trials" if point.blanks else ""
+        blanks = f", {answer.point.blanks} blank trials" if answer.point.blanks else ""
+        limits = [(t.share - t.low, t.high - t.share) for t in answer.tried]
         axes.errorbar(
             [tally.point.participants for tally in answer.tried],
-            y,
-            yerr=[
-                [tally.share - tally.low for tally in answer.tried],
-                [tally.high - tally.share for tally in answer.tried],
-            ],
+            [tally.share for tally in answer.tried],
+            yerr=np.transpose(limits),
             color=look.colour,
             marker=look.marker,
             ms=4,
             lw=1,
             capsize=2,
-            label=f"{point.trials_per_side} trials per side{blanks}",
+            label=f"{answer.point.trials_per_side} trials per side{blanks}",
         )
     axes.axhline(result.assurance, color="#555555", lw=0.8, ls="--")
     axes.set_ylim(0, 1.03)

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     import pandas as pd
     from numpy.typing import NDArray
 
+    from experiment.study.design import Design
     from experiment.study.study import Study
 
     Floats = NDArray[np.float64]
@@ -96,21 +97,19 @@ class PersonFit:
 class Placement:
     """Levels for one participant in one condition, and the error of a threshold that they give.
 
-    `trials` is the number of single stimuli of a session, `highest` the largest level that the
-    device allows and the key that says so. The errors are those after these trials, at these levels
-    and at those of the study.
+    `highest` is the largest level that the device allows and the key that says so. The errors are
+    those after the single stimuli of a session of the design, at these levels and at those of the
+    design.
     """
 
     participant: str
     condition: str
-    function: Function
-    threshold_limits_vpp: tuple[float, float]
-    levels_vpp: tuple[float, ...]
+    design: Design
     highest: tuple[float, str]
-    trials: int
+    fit: PersonFit
+    levels_vpp: tuple[float, ...]
     error: ExpectedError
-    study_error: ExpectedError
-    study_levels_vpp: tuple[float, ...]
+    design_error: ExpectedError
 
 
 def fit_people(tables: Tables) -> list[PersonFit]:
@@ -161,20 +160,23 @@ def place_levels(
                 f"the pilot of participant {participant} in condition {condition}: {reason}"
             )
             continue
-        design = study.design_of(condition)
-        singles = 2 * design.trials_per_side
-        functions = fit.draw(_DRAWS, np.random.default_rng(seed))
+        design, functions = (
+            study.design_of(condition),
+            fit.draw(_DRAWS, np.random.default_rng(seed)),
+        )
+        error, design_error = (
+            expected_error(functions, levels, 2 * design.trials_per_side, seed=seed)
+            for levels in (levels_vpp, design.levels_vpp)
+        )
         results[condition] = Placement(
             participant=participant,
             condition=condition,
-            function=fit.function,
-            threshold_limits_vpp=fit.threshold_limits_vpp,
-            levels_vpp=levels_vpp,
+            design=design,
             highest=study.device.highest,
-            trials=singles,
-            error=expected_error(functions, levels_vpp, singles, seed=seed),
-            study_error=expected_error(functions, design.levels_vpp, singles, seed=seed),
-            study_levels_vpp=design.levels_vpp,
+            fit=fit,
+            levels_vpp=levels_vpp,
+            error=error,
+            design_error=design_error,
         )
     return results
 

@@ -139,15 +139,15 @@ def test_one_level_finds_no_threshold() -> None:
 @pytest.mark.usefixtures("few_studies")
 def test_a_pilot_places_levels_around_its_threshold() -> None:
     found = only(pilot())
-    assert found.levels_vpp[0] < found.function.threshold_vpp < found.levels_vpp[3]
-    assert found.function.shares(found.levels_vpp) == pytest.approx(TARGETS, abs=0.01)
+    assert found.levels_vpp[0] < found.fit.function.threshold_vpp < found.levels_vpp[3]
+    assert found.fit.function.shares(found.levels_vpp) == pytest.approx(TARGETS, abs=0.01)
     assert found.error.median_db < found.error.p90_db
-    assert found.error.median_db < found.study_error.median_db
-    assert (found.trials, found.study_levels_vpp) == (150, tuple(PAPER))
+    assert found.error.median_db < found.design_error.median_db
+    assert found.design.levels_vpp == tuple(PAPER)
     row = threshold_table(pilot(), seed=1).iloc[0]
-    assert found.function.threshold_vpp == pytest.approx(row["threshold_vpp"], rel=0.005)
+    assert found.fit.function.threshold_vpp == pytest.approx(row["threshold_vpp"], rel=0.005)
     limits = (row["threshold_low_vpp"], row["threshold_high_vpp"])
-    assert found.threshold_limits_vpp == pytest.approx(limits, rel=0.01)
+    assert found.fit.threshold_limits_vpp == pytest.approx(limits, rel=0.01)
 
 
 @pytest.mark.slow
@@ -186,7 +186,7 @@ def test_each_condition_of_a_pilot_has_levels_or_a_reason() -> None:
     assert "threshold_below_levels" in str(b)
     alone = only(pilot(condition="a"))
     assert (a.levels_vpp, a.error) == (alone.levels_vpp, alone.error)
-    assert asdict(a.function) == pytest.approx(asdict(alone.function))
+    assert asdict(a.fit.function) == pytest.approx(asdict(alone.fit.function))
 
 
 def test_levels_at_the_ceiling_are_refused_below_three_quarters() -> None:
