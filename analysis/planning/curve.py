@@ -204,7 +204,6 @@ def plan_study(
     studies = Studies(plan=text, seed=seed, spread=spread, step=step)
     answers, best = find_answers(studies, designs, participants, assurance)
     plan = read_plan(text)
-    study, fingers = plan.study, plan.gains
     return PowerResult(
         goal=goal,
         assurance=assurance,
@@ -212,10 +211,8 @@ def plan_study(
         best=best,
         answers=tuple(answers),
         people=people,
-        false_alarm_rate=truth_of(goal, study.simulation, study, fingers)
-        if goal.kind == "false-alarms"
-        else None,
-        pilot_vpp=pilot_levels_vpp(study, fingers) if placed else (),
+        truth=truth_of(goal, plan.study.simulation, plan.study, plan.gains),
+        pilot_vpp=pilot_levels_vpp(plan.study, plan.gains) if placed else (),
         seed=seed,
         plan_sha256=hashlib.sha256(text.encode()).hexdigest(),
     )
@@ -282,23 +279,23 @@ def _second_ladder(
 
 def _answer(tallies: tuple[Tally, ...], participants: tuple[int, int], assurance: float) -> Answer:
     """Return the number of participants of a design by its curve."""
-    (least, most), largest = participants, tallies[-1]
+    (min_size, max_size), largest = participants, tallies[-1]
     answer = Answer(point=largest.point, participants=None, tried=tallies)
     curve = fit_curve(tallies, assurance)
     if curve is None:
         sizes = [tally.point.participants for tally in tallies if tally.share >= assurance]
-        if least == most and largest.high >= assurance:
-            sizes = [most]
+        if min_size == max_size and largest.high >= assurance:
+            sizes = [max_size]
         number = min(sizes, default=None)
         return replace(answer, participants=number, low=number, high=number)
-    number, low, high = (max(least, math.ceil(round(n, 6))) for n in curve)
-    if number <= most and largest.high >= assurance:
+    number, low, high = (max(min_size, math.ceil(round(n, 6))) for n in curve)
+    if number <= max_size and largest.high >= assurance:
         return replace(answer, participants=number, low=low, high=high)
-    is_near = most < number <= _MAX_EXTRAPOLATION * most
+    is_near = max_size < number <= _MAX_EXTRAPOLATION * max_size
     return replace(answer, extrapolated=number if is_near else None)
 
 
-def _check(studies: Studies, answer: Answer, most: int, assurance: float) -> Answer:
+def _check(studies: Studies, answer: Answer, max_size: int, assurance: float) -> Answer:
     """Check an answer with fresh studies, and larger numbers where they rule it out."""
     number = answer.participants
     while number is not None:
@@ -309,5 +306,5 @@ def _check(studies: Studies, answer: Answer, most: int, assurance: float) -> Ans
             high = max(number, answer.high or number)
             return replace(answer, participants=number, high=high, checked=checked)
         step = max(1, round(_STEP * number))
-        number = min(most, number + step) if number < most else None
+        number = min(max_size, number + step) if number < max_size else None
     return replace(answer, participants=None, low=None, high=None)

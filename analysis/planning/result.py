@@ -82,8 +82,8 @@ class Answer:
 class PowerResult:
     """A power analysis: the question, the answer of each design, and the assumed population.
 
-    `best` is the checked answer with the fewest trials altogether; `false_alarm_rate` the true one
-    where the goal concerns it; `pilot_vpp` the levels of the pilots that place levels.
+    `best` is the checked answer with the fewest trials altogether; `truth` the true value of what
+    the goal concerns; `pilot_vpp` the levels of the pilots that place levels.
     """
 
     goal: Goal
@@ -92,7 +92,7 @@ class PowerResult:
     best: Answer | None
     answers: tuple[Answer, ...]
     people: People
-    false_alarm_rate: float | None
+    truth: float
     pilot_vpp: tuple[float, ...]
     seed: int
     plan_sha256: str
