@@ -67,31 +67,6 @@ class FingertipLoadError(ValueError):
     """A plate whose motion under the load of fingertips cannot be computed."""
 
 
-class LevelNotReachedError(ValueError):
-    """A level at the other finger that no standard burst reaches.
-
-    Parameters
-    ----------
-    target_db, lowest_db : float
-        The level, and the lowest one that a burst reaches; attributes of the error.
-    cycles, window : int, str
-        Of that burst.
-    max_cycles : int
-        Longest burst that was tried.
-    """
-
-    def __init__(
-        self, target_db: float, lowest_db: float, *, cycles: int, window: str, max_cycles: int
-    ) -> None:
-        super().__init__(
-            f"wanted_db must be reached by a burst of at most {max_cycles} cycles, got "
-            f"{target_db!r}: the lowest level is {lowest_db:.2f} dB, of {cycles} cycles with "
-            f"window {window}"
-        )
-        self.target_db, self.lowest_db = target_db, lowest_db
-        self.cycles, self.window, self.max_cycles = cycles, window, max_cycles
-
-
 class Rule(Enum):
     """What a plate, a load or a drive violates; the value is the message."""
 
@@ -108,8 +83,12 @@ class Rule(Enum):
         "the plate needs {n_functions} functions (at most {max_functions}): take a shorter or "
         "narrower plate, or lower frequencies"
     )
+    UNCERTAIN_PEAK = (
+        "loads must have peaks at their fingertips that are known to {max_percent:g} %, got an "
+        "error of {error_percent:.1f} % for number {load}"
+    )
     LEVEL_NOT_REACHED = (
-        "target_db must be reached by a burst of at most {max_cycles} cycles, got {target_db!r}: "
+        "wanted_db must be reached by a burst of at most {max_cycles} cycles, got {target_db!r}: "
         "the lowest level is {lowest_db:.2f} dB, of {cycles} cycles with window {window}"
     )
 

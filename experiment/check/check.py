@@ -25,7 +25,7 @@ from stimuli import Burst, BurstCheck, SampledDrive, check_burst
 if TYPE_CHECKING:
     from experiment.check.warnings import CheckWarning
     from experiment.perception.gains import ConditionGains
-    from experiment.study.physics import PatchErrors
+    from experiment.study.physics import PeakErrors
     from experiment.study.plate import EdgeBasis
     from experiment.study.stimulus import Condition
     from experiment.study.study import Study
@@ -87,8 +87,8 @@ class ConditionCheck:
     variants: tuple[GainVariant, ...]
     # by how much the peak at the undriven finger must lie below that at the driven one
     masking_threshold_db: float
-    # where patches count and the gains were computed: the worst of these and those of `variants`
-    patch_errors: PatchErrors | None = None
+    # where the gains were computed: the worst of these and those of `variants`
+    peak_errors: PeakErrors | None = None
 
     @property
     def reasons(self) -> tuple[str, ...]:
@@ -107,7 +107,7 @@ class ConditionCheck:
             rules.append((part > burst.max_energy_above_cutoff, "energy_above_cutoff", data))
         for driven, other in ((0, 1), (1, 0)) if self.gains is not None else ():
             level_db, limit_db = self.level_db(other, driven), -self.masking_threshold_db
-            errors = self.patch_errors
+            errors = self.peak_errors
             error_db = 0.0 if errors is None else float(errors.levels_db[other, driven])
             code = "crosstalk_above_limit" if level_db > limit_db else "uncertain_crosstalk"
             data = {"driven": OWN_FINGERS[driven], "crosstalk_db": level_db, "error_db": error_db}
@@ -227,13 +227,13 @@ def check_study(
     except ValueError as error:
         raise study.refused(Fault("", str(error))) from error
     variants: tuple[GainVariant, ...] = ()
-    errors: list[PatchErrors | None] = [None] * len(study.conditions)
+    errors: list[PeakErrors | None] = [None] * len(study.conditions)
     if gains is None:
         from experiment.study.physics import (
             ASSUMED_LOSS,
             MAX_LOSS,
             MIN_LOSS,
-            patch_errors,
+            peak_errors,
             study_gains,
         )
 
@@ -254,7 +254,7 @@ def check_study(
         else:
             gains, losses = study_gains(study), (ASSUMED_LOSS, *losses)
         errors = [
-            patch_errors(study, one, losses, (False, True) if holds else (False,))
+            peak_errors(study, one, losses, (False, True) if holds else (False,))
             for one, holds in zip(study.conditions, loaded, strict=True)
         ]
     gains_of = {one.condition: one for one in reversed(gains)}
@@ -265,7 +265,7 @@ def check_study(
             gains=gains_of.get(condition.name),
             variants=tuple(one for one in variants if one.gains.condition == condition.name),
             masking_threshold_db=study.burst.masking_threshold_db,
-            patch_errors=error,
+            peak_errors=error,
         )
         for condition, burst, error in zip(study.conditions, bursts, errors, strict=True)
     )

@@ -12,11 +12,12 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from experiment.check.plate import RTOL
 from experiment.check.report import burst_text
 from experiment.study.stimulus import unscaled_peak
-from stimuli import Scene, causal, displacement_map
-from stimuli.motion.history import frames_of
+from stimuli import causal
+from stimuli.plate.response import displacement_map
+from stimuli.plate.scene import Scene
+from stimuli.plate.transient import transient
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -188,14 +189,14 @@ def plate_map(plate: PlatePreview, frequency_hz: float) -> PlateMap:
     [-35.0, 12.5]
     """
     x_m, y_m = _grid(plate)
-    field = displacement_map(plate.strip, plate.loads, frequency_hz, x_m=x_m, y_m=y_m, rtol=RTOL)
+    field = displacement_map(plate.strip, plate.loads, frequency_hz, x_m=x_m, y_m=y_m)
     return PlateMap(
         plate=plate,
-        frequency_hz=field.frequency_hz,
-        x_m=field.x_m,
-        y_m=field.y_m,
-        displacement_m=plate.scaled(field.displacement_m),
-        at_fingers_m=plate.at_fingers_m([field.frequency_hz])[..., 0],
+        frequency_hz=frequency_hz,
+        x_m=x_m,
+        y_m=y_m,
+        displacement_m=plate.scaled(field.value),
+        at_fingers_m=plate.at_fingers_m([frequency_hz])[..., 0],
     )
 
 
@@ -235,7 +236,9 @@ def plate_motion(plate: PlatePreview) -> PlateMotion:
     step_s = _round_down(1 / (_LOOKS * max(plate.drive_hz, drive.band_hz()[1] / 2)))
     after_s = max(drive.duration_s / 2, 1 / plate.drive_hz)
     end_s = min(drive.duration_s + after_s, _MAX_LOOKS * step_s)
-    times_s, moved_m = frames_of(scene, drive, step_s=step_s / _FINER, end_s=end_s)
+    n_times = math.floor(_FINER * end_s / step_s + 1e-9) + 1
+    times_s = (step_s / _FINER * np.arange(n_times)).astype(np.float64)
+    moved_m = np.moveaxis(transient(scene, drive, times_s).value, 0, -1)
     amplitudes = np.array(plate.drive.amplitudes[: len(loads)])
     moved_m *= amplitudes[:, np.newaxis, np.newaxis] / unscaled_peak(condition, plate.study.device)
     over_m = moved_m[:, : x_m.size * y_m.size, ::_FINER]
@@ -314,10 +317,11 @@ def plate_band(
             "band must be two frequencies LO < HI in Hz, LO >= 0; "
             f"got {lower_hz:.12g} {upper_hz:.12g}"
         )
-    plate.scene.checked([lower_hz, upper_hz], RTOL)
+    plate.scene.check_frequencies([lower_hz, upper_hz])
     frequencies_hz = np.linspace(lower_hz, upper_hz, n_frequencies)
-    # antisymmetric loads alone excite the waves of even order
-    antisymmetric = any(-1 in job.signs for job in plate.scene.jobs())
+    # Loads off the centre line alone excite the waves of even order.
+    middle_m = plate.strip.width_m / 2
+    antisymmetric = any(load.y_m != middle_m for load in plate.loads)
     every_cutoff_hz = map(plate.strip.cutoff_hz, count(1, 1 if antisymmetric else 2))
     cutoffs_hz = tuple(takewhile(lambda cutoff_hz: cutoff_hz <= upper_hz, every_cutoff_hz))
     steps = (frequencies_hz[:, np.newaxis] - cutoffs_hz) / (frequencies_hz[1] - frequencies_hz[0])

@@ -9,7 +9,9 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from experiment.study.physics import bare_strip, fingertips_of, loads_of, loads_per_volt
-from stimuli import Burst, Fingertip, Load, Scene, Strip, displacement
+from stimuli import Burst, Fingertip, Load, Strip
+from stimuli.plate.response import displacement
+from stimuli.plate.scene import Scene
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -63,9 +65,6 @@ def drive_of(study: Study) -> DriveLevels:
         names=names, units=units, amplitudes=amplitudes, level_vpp=level_vpp, unused=unused
     )
 
-
-RTOL: Final = 1e-4
-"""Relative error of the displacements."""
 
 _DASHES: Final = (0, (3, 2))
 _FINGERS: Final = 2
@@ -140,7 +139,7 @@ class PlatePreview:
 
     def at_fingers_m(self, frequencies_hz: ArrayLike) -> Complex:
         """Return amplitudes at the fingertips, shape (n_driven, n_fingertips, n_frequencies)."""
-        per_load_m = displacement(self.scene, frequencies_hz, RTOL)
+        per_load_m = displacement(self.scene, frequencies_hz)
         return self.scaled(np.moveaxis(per_load_m, 0, -1))
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import asdict, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Final
 
 from device.drivers import MOCK, NEEDS, other_channels
@@ -272,17 +272,17 @@ def _displacements(study: Study, tested: ConditionCheck, gains: ConditionGains) 
     from experiment.study.physics import (
         MAX_LOSS,
         MIN_LOSS,
-        felt_of,
         field_strip,
         fingertips_of,
         loads_of,
+        peaks_of,
     )
     from stimuli import causal
 
     plate, drive, level_vpp = study.plate, tested.condition.drive, study.design.highest_vpp
     strip, load = field_strip(study), study.finger_load
-    work = felt_of(strip, loads_of(study), fingertips_of(study), drive).work
-    fingers, errors = gains.fingers(), tested.patch_errors
+    work = peaks_of(strip, loads_of(study), fingertips_of(study), drive).work
+    fingers, errors = gains.fingers(), tested.peak_errors
 
     def undriven_finger(finger: int, actuator: int) -> dict[str, Any]:
         return {
@@ -302,7 +302,7 @@ def _displacements(study: Study, tested: ConditionCheck, gains: ConditionGains) 
     return {
         "level_vpp": level_vpp,
         "strip_length_m": strip.length_m,
-        "computed_by": asdict(work),
+        "work": list(work),
         "actuators": [
             {
                 "name": name,
@@ -313,7 +313,7 @@ def _displacements(study: Study, tested: ConditionCheck, gains: ConditionGains) 
             for index, name in enumerate(gains.actuators)
         ],
         "right_re_left_db": None if fingers.basis is None else fingers.right_re_left_db,
-        "patch_error": None if errors is None else errors.facts,
+        "error": None if errors is None else errors.facts,
         "loss_basis": "set" if plate.has_loss_factor else "assumed",
         "loss_factors": [plate.loss_factor] if plate.has_loss_factor else [MIN_LOSS, MAX_LOSS],
         "edge_loss": plate.edge_loss if isinstance(strip.edge, ElasticEdge) else None,

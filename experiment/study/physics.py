@@ -14,16 +14,7 @@ from experiment.perception.gains import ConditionGains, significant
 from experiment.study.actuator import SIZE_KEYS, UNDRIVEN
 from experiment.study.base import Fault
 from stimuli import Fingertip
-from stimuli.errors import (
-    FingertipLoadError,
-    LevelNotReachedError,
-    PeakOutOfRangeError,
-    SpectrumTailError,
-    TooManyModesError,
-)
-from stimuli.fingers.mirrored import to_the_right
-from stimuli.motion.modes import AboveFirstModeError
-from stimuli.motion.peaks import PatchesUnknownError
+from stimuli.errors import PlateError, Rule
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -34,7 +25,7 @@ if TYPE_CHECKING:
     from experiment.study.study import Study
     from stimuli import Load, Strip, WindowChoice
     from stimuli.drive.sampled import Drive
-    from stimuli.fingers.work import Felt
+    from stimuli.plate.response import Estimate
 
 
 ASSUMED_LOSS: Final = 0.01
@@ -43,32 +34,25 @@ ASSUMED_LOSS: Final = 0.01
 MIN_LOSS, MAX_LOSS = 0.005, 0.02
 """Between these it is likely to lie; a stimulus has to be fit with both."""
 
-_RULES: Final[dict[type[Exception], str]] = {
-    AboveFirstModeError: "must be below {error.first_hz:.6g} Hz, the first mode of this plate: "
-    "above it, the displacement depends on the loss as much as on the actuator",
-    PatchesUnknownError: "what the fingers get of the {actuator.label} actuator ({size}) on the "
-    "plate with its patches has an error of up to {percent:g} % (at most {max_percent:g} %); leave "
-    "patches out of the plate's stiffness and mass with patch_counts = false, or take patches of "
-    "another size or place",
-    TooManyModesError: "a plate of length_mm = {plate.length_mm:.6g} and width_mm = "
-    "{plate.width_mm:.6g} has too many modes for its patches to be counted; leave their stiffness "
-    "and mass out with patch_counts = false, or take a shorter plate",
-    PeakOutOfRangeError: "a plate of width_mm = {plate.width_mm:g} and thickness_mm = "
-    "{plate.thickness_mm:g} is too wide and thin for a drive with its peak at {error.peak_hz:.6g} "
-    "Hz; take a lower frequency, or a narrower or thicker plate",
-    SpectrumTailError: "the drive, with its peak at {peak_hz:.6g} Hz, ends too sharply for this "
-    'plate; take a window such as "hann", fade the file out, or state a loss_factor',
-    FingertipLoadError: "[finger_load] on this plate is not computed to 0.5 %: leave it out, or "
-    "lower length_mm",
-    LevelNotReachedError: "must be at least {error.lowest_db:.2f}, which {error.cycles} cycles "
-    "with window {error.window} leave",
+_RULES: Final = {
+    Rule.ABOVE_FIRST_MODE: "must be below {first_hz:.6g} Hz, the first mode of this plate: above "
+    "it, the displacement depends on the loss as much as on the actuator",
+    Rule.UNCERTAIN_PEAK: "the peak at the {actuator.label} actuator's finger ({size}) has an error "
+    "of {error_percent:.1f} % (at most {max_percent:g} %); take an actuator of another size or "
+    "place, or leave its stiffness and mass out with patch_counts = false",
+    Rule.TOO_MANY_FUNCTIONS: "a plate of length_mm = {plate.length_mm}, width_mm = "
+    "{plate.width_mm:.6g} and thickness_mm = {plate.thickness_mm:.6g} needs {n_functions} "
+    "functions for a drive with its peak at {peak_hz:.6g} Hz (at most {max_functions}); take a "
+    "lower frequency, or a shorter, narrower or thicker plate",
+    Rule.LEVEL_NOT_REACHED: "must be at least {lowest_db:.2f}, which {cycles} cycles with window "
+    "{window} leave",
 }
 """What a study must change where the physics refuses it, in the names of its keys."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class PatchErrors:
-    """How well displacements are known where patches count.
+class PeakErrors:
+    """How well the displacements at the fingers are known.
 
     Attributes
     ----------
@@ -191,8 +175,8 @@ def loads_per_volt(
             per_volt.append((None, None))
             continue
         try:
-            scaled = load_per_volt(strip, to_the_right(strip, load), actuator.basis)
-        except AboveFirstModeError as error:
+            scaled = load_per_volt(strip, load, actuator.basis)
+        except PlateError as error:
             key = f"actuator[{study.actuators.index(actuator)}].measured_at_hz"
             fault = Fault(key, _rule_of(error, study), actuator.measured_at_hz)
             raise study.refused(fault) from error
@@ -211,40 +195,38 @@ def _felt_m(
     from experiment.study.stimulus import unscaled_peak
 
     try:
-        motion = felt_of(strip, loads_of(study), tips, condition.drive)
+        peaks = peaks_of(strip, loads_of(study), tips, condition.drive)
     except ValueError as error:
         rule = _rule_of(error, study, condition.drive.peak_hz())
         fault = Fault("", f"condition {condition.name}: displacement: {rule}")
         raise study.refused(fault) from error
-    scaled: NDArray[np.float64] = motion.peak_m / unscaled_peak(condition, study.device)
+    scaled: NDArray[np.float64] = peaks.value / unscaled_peak(condition, study.device)
     return scaled
 
 
 @lru_cache(maxsize=16)
-def felt_of(
+def peaks_of(
     strip: Strip, loads: tuple[Load, ...], tips: tuple[Fingertip, ...], drive: Drive
-) -> Felt:
-    """Return what fingertips feel, kept for all that a check asks of the same plate.
+) -> Estimate[NDArray[np.float64]]:
+    """Return the peak displacements at fingertips, kept for all that a check asks of one plate.
 
-    ValueError as for `felt`.
+    ValueError as for `fingertip_peaks`.
     """
-    from stimuli.fingers.work import felt_known
+    from stimuli.fingers.peaks import fingertip_peaks
 
-    return felt_known(strip, loads, tips, drive)
+    return fingertip_peaks(strip, loads, tips, drive)
 
 
 def _rule_of(error: ValueError, study: Study, peak_hz: float = 0.0) -> str:
     """Return the rule that a study violates, in the names of its keys."""
-    actuator = study.actuators[getattr(error, "load", 0)]  # any patch may be the cause
+    if not isinstance(error, PlateError) or error.rule not in _RULES:
+        return str(error)
+    values = error.values
+    actuator = study.actuators[int(values.get("load", 0))]
     sizes_mm = {key: getattr(actuator, key) for key in SIZE_KEYS}
-    return _RULES.get(type(error), "{error}").format(
-        error=error,
-        plate=study.plate,
-        peak_hz=peak_hz,
-        actuator=actuator,
-        size=", ".join(f"{key} = {mm:.6g}" for key, mm in sizes_mm.items() if mm is not None),
-        percent=math.ceil(1000 * getattr(error, "relative_error", 0.0)) / 10,
-        max_percent=100 * PatchesUnknownError.max_relative_error,
+    size = ", ".join(f"{key} = {mm:.6g}" for key, mm in sizes_mm.items() if mm is not None)
+    return _RULES[error.rule].format(
+        **values, plate=study.plate, actuator=actuator, size=size, peak_hz=peak_hz
     )
 
 
@@ -328,27 +310,24 @@ def bare_strip(study: Study, loss_factor: float = ASSUMED_LOSS) -> Strip:
     return replace(study.strip, material=replace(study.strip.material, loss_factor=loss_factor))
 
 
-def patch_errors(
+def peak_errors(
     study: Study,
     condition: Condition,
     losses: Iterable[float] = (ASSUMED_LOSS,),
     bare: Iterable[bool] = (False,),
-) -> PatchErrors | None:
-    """Return how well the displacements of a plate are known whose patches count; else none.
+) -> PeakErrors:
+    """Return how well the displacements at the fingers are known.
 
     The worst of several loss factors, where the study states none, with and without the fingers.
     """
     strips = tuple(dict.fromkeys(field_strip(study, loss) for loss in losses))
-    if not strips[0].patches:
-        return None
-    motions = (
-        felt_of(strip, loads_of(study), fingertips_of(study, bare=without), condition.drive)
+    peaks = (
+        peaks_of(strip, loads_of(study), fingertips_of(study, bare=without), condition.drive)
         for strip, without in product(strips, bare)
     )
-    errors = [each.error_m / each.peak_m for each in motions if each.error_m is not None]
-    error = np.max(errors, axis=0)
+    error = np.max([estimate.error / estimate.value for estimate in peaks], axis=0)
     levels_db = 20 * np.log10((1 + error) * (1 + np.diag(error)))
-    return PatchErrors(own=float(np.max(np.diag(error))), levels_db=levels_db)
+    return PeakErrors(own=float(np.max(np.diag(error))), levels_db=levels_db)
 
 
 def chosen_window(study: Study, condition: Condition) -> WindowChoice:
@@ -366,7 +345,7 @@ def chosen_window(study: Study, condition: Condition) -> WindowChoice:
         return _shortest_window(
             strip, loads, tips, condition.sine, max_crosstalk_db, also=tuple(also)
         )
-    except LevelNotReachedError as error:
+    except PlateError as error:
         key = study.stimulus_key(condition, "max_crosstalk_db")
         raise study.refused(Fault(key, _rule_of(error, study), max_crosstalk_db)) from error
 

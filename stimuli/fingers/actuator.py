@@ -7,11 +7,10 @@ from functools import lru_cache
 from typing import TYPE_CHECKING, Final, Literal, get_args
 
 from stimuli.checks import finite, instance
-from stimuli.field.field import displacement
-from stimuli.field.scene import Scene
+from stimuli.errors import PlateError, Rule
 from stimuli.load import DISCS, LOADS
-from stimuli.motion.modes import refuse_above_first_mode
-from stimuli.motion.motion import steady
+from stimuli.plate.response import first_mode_hz, response
+from stimuli.plate.scene import Scene
 from stimuli.strip.patch import Layer, laminate, layer_of
 from stimuli.tuned import tuned
 
@@ -22,9 +21,6 @@ if TYPE_CHECKING:
 
 
 Basis = Literal["measured", "predicted"]
-
-_RTOL: Final = 1e-5
-"""Of what a unit load does where it was measured; a measurement has four digits at best."""
 
 _LEAST_INSET: Final = 1e-6
 """Part of the width; nearer to an edge the strip does not move in any digit."""
@@ -214,7 +210,7 @@ def load_per_volt(
     ------
     ValueError
         If the load is not on the strip; for layers, if it is no moment; for a measured
-        displacement, if its frequency is not below the strip's first mode (`AboveFirstModeError`;
+        displacement, if its frequency is not below the strip's first mode (`PlateError`;
         without ends its first cut-off) or the load's centre lies on an edge, where nothing
         moves. From there on, what the centre does depends on the strip's ends and on its loss
         as much as on the actuator, so that it tells no load.
@@ -229,7 +225,8 @@ def load_per_volt(
     --------
     The measured displacement comes back:
 
-    >>> from stimuli import ALUMINIUM, CLAMPED, MomentDisc, Scene, Strip, displacement
+    >>> from stimuli import ALUMINIUM, CLAMPED, MomentDisc, Strip
+    >>> from stimuli.plate.response import displacement
     >>> strip = Strip(width_m=0.025, thickness_m=0.0005, material=ALUMINIUM, edge=CLAMPED)
     >>> disc = MomentDisc(x_m=0.0, y_m=0.0125, radius_m=0.0064)
     >>> known = MeasuredDisplacement(displacement_m=2.6e-6, level_vpp=100.0, frequency_hz=300.0)
@@ -251,15 +248,14 @@ def load_per_volt(
 
 def _measured_load_per_volt(scene: Scene, measured: MeasuredDisplacement) -> float:
     """Return the measured displacement over that of the unit load, equation (68)."""
-    if not scene.strip.patches:
-        refuse_above_first_mode(scene.strip, measured.frequency_hz)
-    (load,), width_m = scene.loads, scene.strip.width_m
+    strip, frequency_hz = scene.strip, measured.frequency_hz
+    first_hz = first_mode_hz(strip)
+    if not strip.patches and frequency_hz >= first_hz:
+        raise PlateError(Rule.ABOVE_FIRST_MODE, frequency_hz=frequency_hz, first_hz=first_hz)
+    (load,), width_m = scene.loads, strip.width_m
     if min(load.y_m, width_m - load.y_m) < _LEAST_INSET * width_m:
         raise ValueError(f"load must move the strip at its own centre, got {load!r}")
-    if scene.strip.patches:
-        per_load_m = steady(scene, measured.frequency_hz)[0, 0]
-    else:
-        per_load_m = displacement(scene, [measured.frequency_hz], _RTOL)[0, 0, 0]
+    per_load_m = response(scene, [frequency_hz]).value[0, 0, 0]
     return measured.displacement_per_v_m / abs(complex(per_load_m))
 
 

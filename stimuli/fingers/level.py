@@ -12,8 +12,9 @@ import numpy as np
 
 from stimuli.checks import finite, finite_array, instance, whole
 from stimuli.drive.burst import Burst
-from stimuli.errors import LevelNotReachedError
-from stimuli.fingers.fingertip import checked_fingertips, felt
+from stimuli.errors import PlateError, Rule
+from stimuli.fingers.fingertip import checked_fingertips
+from stimuli.fingers.peaks import fingertip_peaks
 from stimuli.tuned import tuned
 
 if TYPE_CHECKING:
@@ -180,7 +181,9 @@ def shortest_window(
             tried = dataclasses.replace(burst, cycles=cycles, window=window)
             worst_db = -math.inf
             for plate, tips in product((strip, *also), _loading(fingertips, tried)):
-                worst_db = max(worst_db, _worst_db(felt(plate, loads, tips, tried)))
+                worst_db = max(
+                    worst_db, _worst_db(fingertip_peaks(plate, loads, tips, tried).value)
+                )
                 if worst_db > wanted_db:
                     break
             if worst_db <= wanted_db:
@@ -190,8 +193,13 @@ def shortest_window(
                 )
             louder.append((tried, worst_db))
     best, best_db = min(louder, key=lambda one: one[1])
-    raise LevelNotReachedError(
-        wanted_db, best_db, cycles=best.cycles, window=best.window, max_cycles=MOST_CYCLES
+    raise PlateError(
+        Rule.LEVEL_NOT_REACHED,
+        target_db=wanted_db,
+        lowest_db=best_db,
+        cycles=best.cycles,
+        window=best.window,
+        max_cycles=MOST_CYCLES,
     )
 
 

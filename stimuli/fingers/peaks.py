@@ -12,10 +12,14 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from stimuli.fingers.fingertip import causal
+from stimuli.checks import instance
+from stimuli.drive.sampled import Drive
+from stimuli.errors import PlateError, Rule
+from stimuli.fingers.fingertip import causal, checked_fingertips
 from stimuli.load import PointForce, PressureDisc
 from stimuli.plate.line import gauss_rule
 from stimuli.plate.response import describe_modes, estimate
+from stimuli.plate.scene import check_loads
 from stimuli.plate.transient import LOOKS, MISSED, PART, make_time_line, receptances, reference_hz
 
 if TYPE_CHECKING:
@@ -24,7 +28,6 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from stimuli.arrays import Complex, Real
-    from stimuli.drive.sampled import Drive
     from stimuli.fingers.fingertip import Fingertip
     from stimuli.fingers.impedance import Impedance
     from stimuli.load import Load
@@ -32,6 +35,9 @@ if TYPE_CHECKING:
     from stimuli.plate.transient import Receptance
     from stimuli.strip.strip import Strip
 
+MAX_ERROR: Final = 0.03
+"""Part of the peak at the driven finger that has to be known."""
+_TINIEST_M: Final = 1e-300
 _LATE: Final = 0.7
 """The plate is looked at for longer where in the second half of the time it moves by more than this
 part of its peak: waves of one speed may still add up."""
@@ -45,7 +51,7 @@ _ROUNDING_DIGITS: Final = 12
 
 def fingertip_peaks(
     strip: Strip, loads: Sequence[Load], fingertips: Sequence[Fingertip], drive: Drive
-) -> Estimate:
+) -> Estimate[Real]:
     """Return the peak displacement at each fingertip under each load, with its error.
 
     Parameters
@@ -62,7 +68,33 @@ def fingertip_peaks(
     -------
     Estimate
         Metres per unit load, of the shape (n_fingertips, n_loads).
+
+    Raises
+    ------
+    ValueError
+        If an argument is not what it should be, a load or fingertip is not on the strip, or one
+        with an impedance not wholly.
+    PlateError
+        If the plate needs too many functions, or a peak at a driven finger is not known to 3 %.
+
+    Examples
+    --------
+    Two equal actuators with a finger on each feel alike, and little of the other one:
+
+    >>> from stimuli import ALUMINIUM, CLAMPED, Burst, Fingertip, MomentDisc, Strip
+    >>> strip = Strip(width_m=0.025, thickness_m=0.0005, material=ALUMINIUM, edge=CLAMPED)
+    >>> discs = [MomentDisc(x_m=x, y_m=0.0125, radius_m=0.0064) for x in (-0.035, 0.035)]
+    >>> fingers = [Fingertip(x_m=x, y_m=0.0125) for x in (-0.035, 0.035)]
+    >>> burst = Burst(frequency_hz=500.0, cycles=1, window="hann")
+    >>> peaks = fingertip_peaks(strip, discs, fingers, burst)
+    >>> bool((abs(peaks.value - peaks.value.T) < peaks.error).all())
+    True
+    >>> bool(peaks.value[1, 0] < 1e-3 * peaks.value[0, 0])
+    True
     """
+    loads = check_loads(strip, loads)
+    fingertips = checked_fingertips(fingertips)
+    instance("drive", drive, Drive, "a burst or a sampled drive")
     strip = causal(strip, drive)
     max_hz = reference_hz(strip, drive)
     pressing = [tip for tip in fingertips if tip.impedance and tip.impedance.holds_for(drive)]
@@ -72,7 +104,7 @@ def fingertip_peaks(
     means = [_mean_nodes(tip) for tip in pressing]
     points_m = np.concatenate([*areas_m, *(nodes_m for nodes_m, _ in means)])
     plates = receptances(
-        strip, [*loads, *(_contact_force(tip) for tip in pressing)], points_m, max_hz
+        strip, [*loads, *(_contact_force(strip, tip) for tip in pressing)], points_m, max_hz
     )
     contact = _Contact(pressing, [weights for _, weights in means], len(loads))
     ends = np.cumsum([0, *map(len, areas_m)])
@@ -81,9 +113,15 @@ def fingertip_peaks(
     coarse_m, fine_m = (
         _peaks(plate, contact, ends, drive, step_s=step_s, span_s=span_s) for plate in plates
     )
-    return estimate(
-        coarse_m, fine_m, MISSED * fine_m.max(axis=0), describe_modes(plates[1].modes), PART
-    )
+    missed_m = MISSED * fine_m.max(axis=0)
+    peaks = estimate(coarse_m, fine_m, missed_m, describe_modes(plates[1].modes), PART)
+    largest = (np.argmax(fine_m, axis=0), np.arange(len(loads)))
+    errors = peaks.error[largest] / np.maximum(fine_m[largest], _TINIEST_M)
+    if errors.max() > MAX_ERROR:
+        load = int(errors.argmax())
+        data = {"error_percent": 100 * float(errors[load]), "max_percent": 100 * MAX_ERROR}
+        raise PlateError(Rule.UNCERTAIN_PEAK, load=load, **data)
+    return peaks
 
 
 def _peaks(
@@ -148,7 +186,14 @@ def _dynamic_stiffness(impedance: Impedance, omega: Complex) -> Complex:
     )
 
 
-def _contact_force(tip: Fingertip) -> Load:
+def _contact_force(strip: Strip, tip: Fingertip) -> Load:
+    end_m = math.inf if strip.length_m is None else strip.length_m / 2
+    room_m = min(end_m - abs(tip.x_m), tip.y_m, strip.width_m - tip.y_m)
+    if tip.radius_m > room_m + 10.0**-_ROUNDING_DIGITS:
+        raise ValueError(
+            "fingertips with an impedance must lie wholly on the strip, radius_m at most "
+            f"{room_m:g} at {tip.x_m, tip.y_m}, got {tip.radius_m!r}"
+        )
     if not tip.radius_m:
         return PointForce(x_m=tip.x_m, y_m=tip.y_m)
     return PressureDisc(x_m=tip.x_m, y_m=tip.y_m, radius_m=tip.radius_m)

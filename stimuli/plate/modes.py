@@ -14,11 +14,13 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import product
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 import scipy.linalg
 
+from stimuli.errors import PlateError, Rule
 from stimuli.plate.area import area_nodes, load_work, make_rim, remaining_work
 from stimuli.plate.line import EVEN, FREE, ODD, Margins, make_line, place_breaks
 from stimuli.plate.waveguide import edge_end, edge_springs, plate_wavenumber
@@ -43,6 +45,8 @@ _NEAR_EDGE, _SMALL = 0.04, 0.25
 _UNFOLDED: Final = 1.6
 """How many times the margin a single cell over the whole width needs."""
 _ENDS: Final = 2
+_MAX_FUNCTIONS: Final = 3000
+"""Of one symmetry: more take minutes and gigabytes."""
 _ROUNDING: Final = 1e-9
 _MIN_INVERSE: Final = 1e-12
 """Rim functions are nearly combinations of others in the mass matrix. Of the inverse problem, mass
@@ -286,31 +290,24 @@ def plate_bases(
     middle = {1: EVEN, -1: ODD}
     if folds_along:
         discs = [patch for patch in discs if patch.x_m <= _ROUNDING * width_m]
-    return [
-        Basis(
-            strip,
-            make_line(
-                x_breaks_m,
-                wavenumbers,
-                (FREE, middle.get(x_parity, FREE)),
-                resolution.margins,
-                x_parity,
-            ),
-            make_line(
-                y_breaks_m, wavenumbers, (edge, middle.get(y_parity, edge)), margins, y_parity
-            ),
-            tuple(
-                make_rim(
-                    disc,
-                    resolution.rim_degrees,
-                    (x_parity if abs(disc.x_m) <= _ROUNDING * width_m else 0, y_parity),
-                )
-                for disc in discs
-            ),
+    bases = []
+    for x_parity, y_parity in product(x_parities, y_parities):
+        x_ends, y_ends = (FREE, middle.get(x_parity, FREE)), (edge, middle.get(y_parity, edge))
+        along = make_line(x_breaks_m, wavenumbers, x_ends, resolution.margins, x_parity)
+        across = make_line(y_breaks_m, wavenumbers, y_ends, margins, y_parity)
+        n_functions = along.size * across.size
+        if n_functions > _MAX_FUNCTIONS:
+            data = {"n_functions": n_functions, "max_functions": _MAX_FUNCTIONS}
+            raise PlateError(Rule.TOO_MANY_FUNCTIONS, **data)
+        parities = [
+            (x_parity if abs(disc.x_m) <= _ROUNDING * width_m else 0, y_parity) for disc in discs
+        ]
+        rims = (
+            make_rim(disc, resolution.rim_degrees, pair)
+            for disc, pair in zip(discs, parities, strict=True)
         )
-        for x_parity in x_parities
-        for y_parity in y_parities
-    ]
+        bases.append(Basis(strip, along, across, tuple(rims)))
+    return bases
 
 
 def _images_overlap(discs: Sequence[BondedPatch]) -> bool:

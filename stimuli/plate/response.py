@@ -8,14 +8,15 @@ from __future__ import annotations
 
 import math
 from copy import copy
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Final, NamedTuple
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, Final, Generic, NamedTuple, TypeVar
 
 import numpy as np
 import scipy.linalg
 
 from stimuli.checks import finite, finite_array
 from stimuli.errors import PlateError, Rule
+from stimuli.load import PointForce
 from stimuli.plate.line import Margins
 from stimuli.plate.modes import Resolution, plate_bases
 from stimuli.plate.rest import rest_displacement
@@ -36,9 +37,13 @@ if TYPE_CHECKING:
     from stimuli.plate.modes import Basis
     from stimuli.strip.strip import Strip
 
+Values = TypeVar("Values", bound="NDArray[Any]")
+
 _EXCHANGE: Final = 5.0
 """Springs without loss make modes exchange their loss, up to this multiple of the highest
 frequency; what faster modes exchange has no effect."""
+_FAR: Final = 40.0
+"""Ends so many widths apart hardly see each other: 5e-6 of the first mode on the paper's plate."""
 _FLOOR, _TINIEST = 1e-3, 1e-300
 _SAFETY: Final = 3.0
 """What the coarse basis differs by is multiplied with; it may agree with the fine one by chance."""
@@ -78,7 +83,7 @@ ACCURACIES: Final = (
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Estimate:
+class Estimate(Generic[Values]):
     """A result, its error, and what was solved for it.
 
     Attributes
@@ -102,14 +107,14 @@ class Estimate:
     True
     """
 
-    value: Complex | Real
+    value: Values
     error: Real
     work: tuple[str, ...]
 
 
 def estimate(
-    coarse: Complex | Real, fine: Complex | Real, missed: Real, work: tuple[str, ...], part: float
-) -> Estimate:
+    coarse: Values, fine: Values, missed: Real, work: tuple[str, ...], part: float
+) -> Estimate[Values]:
     """Return the fine result, with its error by what the coarse one differs.
 
     `missed` is what both resolutions miss of the field's largest value, and `part` of each.
@@ -118,7 +123,9 @@ def estimate(
     return Estimate(value=fine, error=np.asarray(error), work=work)
 
 
-def response(scene: Scene, frequencies_hz: ArrayLike, rtol: float | None = None) -> Estimate:
+def response(
+    scene: Scene, frequencies_hz: ArrayLike, rtol: float | None = None
+) -> Estimate[Complex]:
     """Return the displacement of a scene over frequency.
 
     Parameters
@@ -190,7 +197,7 @@ def displacement(scene: Scene, frequencies_hz: ArrayLike, rtol: float | None = N
     return np.asarray(response(scene, frequencies_hz, rtol).value)
 
 
-def solve_scene(scene: Scene, at_hz: Real, accuracy: Accuracy) -> tuple[Estimate, Real]:
+def solve_scene(scene: Scene, at_hz: Real, accuracy: Accuracy) -> tuple[Estimate[Complex], Real]:
     """Return the displacement, and the largest one for each frequency and load."""
     # The field is largest near a load's centre: that sets the scale of the error.
     centres_m = np.array([(load.x_m, load.y_m) for load in scene.loads])
@@ -215,7 +222,7 @@ def displacement_map(
     x_m: ArrayLike,
     y_m: ArrayLike,
     rtol: float | None = None,
-) -> Estimate:
+) -> Estimate[Complex]:
     """Return the displacement of a strip on a grid at one frequency.
 
     Parameters
@@ -246,6 +253,7 @@ def displacement_map(
     >>> field.value.shape, bool(field.value[:, :, [0, 2]].any())
     ((1, 2, 3), False)
     """
+    frequency_hz = finite("frequency_hz", frequency_hz, least=0.0)
     x, y = finite_array("x_m", x_m), finite_array("y_m", y_m)
     points_m = np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).reshape(-1, 2)
     scene = Scene(
@@ -376,3 +384,19 @@ class Modes:
             amplitudes = square * (moved @ np.linalg.solve(at_rest, amplitudes))
         amplitudes = np.linalg.solve(at_rest - square * moved, amplitudes)
         return np.asarray((self.values @ vectors @ amplitudes).swapaxes(1, 2))
+
+
+def first_mode_hz(strip: Strip) -> float:
+    """Return the first mode's frequency without loss, at most the first cut-off.
+
+    An endless strip has its first cut-off.
+    """
+    cutoff_hz = strip.cutoff_hz()
+    if strip.length_m is None:
+        return cutoff_hz
+    plate = replace(strip, length_m=min(strip.length_m, _FAR * strip.width_m), patches=())
+    centre = PointForce(x_m=0.0, y_m=strip.width_m / 2)
+    resolution = ACCURACIES[0].modes
+    (basis,) = plate_bases(plate, cutoff_hz, resolution, [centre], with_breaks=False)
+    squared, _ = basis.modes(basis.resolutions()[1])
+    return min(cutoff_hz, math.sqrt(squared[0]) / (2 * math.pi))

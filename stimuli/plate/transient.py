@@ -10,11 +10,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from scipy.fft import next_fast_len
-from scipy.interpolate import CubicSpline
 
 from stimuli.checks import finite_array
 from stimuli.plate.line import Margins
@@ -45,8 +45,9 @@ LOOKS: Final = 32
 """Times in a period of the highest of cut-off and drive's band at which the plate is looked at."""
 _BETWEEN_LOOKS: Final = 3e-4
 """Part of the largest displacement that a spline between the looks misses at corners of a drive."""
-_BEYOND: Final = (15.0, 20.0)
-"""Widths of a long plate that are kept beyond loads and points, coarse and fine."""
+_BEYOND, _BEYOND_LOSSLESS = (15.0, 20.0), (30.0, 40.0)
+"""Widths of a long plate that are kept beyond loads and points, coarse and fine: echoes from
+farther away are too late, and with loss too faint."""
 _MODES: Final = Resolution(multiples=(5.5, 8.0), margins=Margins(2.0, 3.0))
 _REST: Final = Resolution(multiples=(1.0, 2.0), margins=Margins(4.0, 6.0))
 PART, MISSED = 3e-4, 2e-5
@@ -138,9 +139,28 @@ def receptances(
 
     Of a long plate or an endless strip only a section is kept, a longer one in the fine basis.
     """
-    results = []
-    for number, beyond in enumerate(_BEYOND):
-        section, middle_m = _section(strip, loads, points_m, beyond * strip.width_m)
+    viscous_time_s = strip.material.viscous_time_s
+    lossless = replace(strip, material=replace(strip.material, viscous_time_s=0.0))
+    beyond = _BEYOND if viscous_time_s else _BEYOND_LOSSLESS
+    points = tuple((x, y) for x, y in points_m.tolist())
+    coarse, fine = _lossless_receptances(lossless, tuple(loads), points, max_hz, beyond)
+    return (
+        replace(coarse, viscous_time_s=viscous_time_s),
+        replace(fine, viscous_time_s=viscous_time_s),
+    )
+
+
+@lru_cache(maxsize=4)  # a check asks for the same plate with several losses and drives
+def _lossless_receptances(
+    strip: Strip,
+    loads: tuple[Load, ...],
+    points: tuple[tuple[float, float], ...],
+    max_hz: float,
+    beyond: tuple[float, float],
+) -> tuple[Receptance, Receptance]:
+    points_m, results = np.array(points), []
+    for number, widths in enumerate(beyond):
+        section, middle_m = _section(strip, loads, points_m, widths * strip.width_m)
         local_loads = [replace(load, x_m=load.x_m - middle_m) for load in loads]
         both = _receptances(section, local_loads, points_m - (middle_m, 0.0), max_hz)
         if section == strip:
@@ -195,7 +215,7 @@ def _at_rest(modes: Sequence[Modes]) -> Real:
     return np.asarray(np.sum([part.at_rest() for part in modes], axis=0))
 
 
-def transient(scene: Scene, drive: Drive, times_s: ArrayLike) -> Estimate:
+def transient(scene: Scene, drive: Drive, times_s: ArrayLike) -> Estimate[Real]:
     """Return the displacement of a strip over time.
 
     Parameters
@@ -226,6 +246,8 @@ def transient(scene: Scene, drive: Drive, times_s: ArrayLike) -> Estimate:
     >>> motion.value.shape, bool(motion.value[:2].any())
     ((3, 1, 1), False)
     """
+    from scipy.interpolate import CubicSpline
+
     strip, loads, times = scene.strip, scene.loads, finite_array("times_s", times_s)
     if strip.material.loss_factor:
         raise ValueError(

@@ -198,7 +198,7 @@ def test_a_predicted_actuator_moves_the_stiffer_plate_with_its_whole_moment() ->
 @pytest.mark.slow
 def test_the_check_tells_what_patches_do_and_how_well_it_is_known() -> None:
     (condition,) = facts_of(LOSSY + discs(OWN_HEAD + COUNTS))["conditions"]
-    error = condition["displacements"]["patch_error"]
+    error = condition["displacements"]["error"]
     assert 0 < error["own"] < 0.01
     assert 0 < error["level_db"] < 0.25
 
@@ -207,9 +207,9 @@ def test_the_check_tells_what_patches_do_and_how_well_it_is_known() -> None:
 def test_a_level_that_may_be_above_the_limit_is_unfit() -> None:
     checked = check_study(patched())
     (one,) = checked.conditions
-    assert one.patch_errors is not None
+    assert one.peak_errors is not None
     assert one.verdict == "within limits"
-    level_db, doubt_db = one.level_db(1, 0), float(one.patch_errors.levels_db[1, 0])
+    level_db, doubt_db = one.level_db(1, 0), float(one.peak_errors.levels_db[1, 0])
     near = replace(one, masking_threshold_db=-level_db - doubt_db / 2)
     assert near.verdict == "violates a limit"
     assert {warning.code for warning in near.violations} == {"uncertain_crosstalk"}

@@ -20,7 +20,9 @@ from stimuli import (
     Strip,
     load_per_volt,
 )
-from tests.test_stimuli.plates import PLATE, Edge, at, disc, force, on, patch
+from stimuli.plate.response import displacement
+from stimuli.plate.scene import Scene
+from tests.test_stimuli.plates import PLATE, Edge, disc, force, on, patch
 
 change = dataclasses.replace
 DISC = disc(x_m=0.01)
@@ -50,7 +52,8 @@ def moment(strip: Strip, layers: PiezoLayers) -> float:
 def test_the_measured_displacement_comes_back(load: Load, edge: Edge) -> None:
     strip = on(edge)
     actuator = load_per_volt(strip, load, PAPER)
-    moved_m = actuator.load_per_v * 50.0 * abs(at(strip, load, [(load.x_m, load.y_m)], 300.0)[0])
+    scene = Scene(strip=strip, loads=(load,), points_m=((load.x_m, load.y_m),))
+    moved_m = actuator.load_per_v * 50.0 * abs(displacement(scene, [300.0])[0, 0, 0])
     assert actuator.basis == "measured"
     assert moved_m == pytest.approx(2.6e-6, rel=1e-9)
 
