@@ -28,7 +28,7 @@ from analysis.results.figures.drawing import (
     level_panels,
     short,
 )
-from analysis.results.findings import estimates, records
+from analysis.results.findings import estimates
 from analysis.thresholds.fit import WITH_THRESHOLD
 
 if TYPE_CHECKING:
@@ -85,10 +85,8 @@ def plot_detection(
     'Proportion detected'
     """
     looks, curves, rates = looks_of(analysis), group_curves(analysis), blank_rates(analysis)
-    texts = {
-        row["condition"]: row["short"] if np.isfinite(row["threshold_vpp"]) else ""
-        for row in records(estimates(analysis))
-    }
+    thresholds = dict(estimates(analysis)[["condition", "short"]].to_numpy())
+    texts = {name: thresholds[name] if curves[name].function else "" for name in looks}
     labels = {name: ": ".join(filter(None, (short(name), texts[name]))) for name in looks}
     options = by_condition(looks, labels)
     if len(looks) == 1:
@@ -115,9 +113,10 @@ def plot_detection(
             if residuals is not None:
                 rows = residuals[residuals["condition"].eq(condition)]
                 draw_points(panels[1], rows["level_vpp"], rows["residual"], **symbols, faint=True)
-                panels[1].axhline(0, color=GREY, lw=0.6, zorder=1)
-                panels[0].tick_params(axis="x", length=0)
-                panels[0].spines["bottom"].set_visible(False)
+        if residuals is not None:
+            panels[1].axhline(0, color=GREY, lw=0.6, zorder=1)
+            panels[0].tick_params(axis="x", length=0)
+            panels[0].spines["bottom"].set_visible(False)
     return figure_of(panels[0])
 
 
@@ -249,13 +248,11 @@ def _draw_guessing(panels: Sequence[Axes], analysis: Analysis, *, label: bool = 
 
 def _draw_function(axes: Axes, curve: Curve, look: Look) -> None:
     """Draw a function with its band, and a dotted line down from the threshold."""
-    function, at = curve.function, curve.threshold_vpp
-    if function is None:
+    if curve.function is None:
         return
-    x, colour = function.level_vpp, look.colour
-    band: dict[str, Any] = {"color": colour, "alpha": _BAND_ALPHA, "lw": 0, "zorder": 1}
-    axes.fill_between(x, function.low, function.high, **band)
-    axes.plot(x, function.at(x), color=colour, ls=look.line, zorder=3)
-    if np.isfinite(at):
-        ends = axes.get_ylim()[0], float(function.at(np.array(at)))
-        axes.plot([at, at], ends, color=colour, ls=":", lw=0.9, zorder=2)
+    x, p, at = curve.function.level_vpp, curve.function.at, np.array(curve.threshold_vpp)
+    band: dict[str, Any] = {"color": look.colour, "alpha": _BAND_ALPHA, "lw": 0, "zorder": 1}
+    axes.fill_between(x, curve.function.low, curve.function.high, **band)
+    axes.plot(x, p(x), color=look.colour, ls=look.line, zorder=3)
+    ends = axes.get_ylim()[0], float(p(at))
+    axes.plot([at, at], ends, color=look.colour, ls=":", lw=0.9, zorder=2)

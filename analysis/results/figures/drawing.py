@@ -412,9 +412,9 @@ def draw_bars(
     arrows = (CARETLEFT, CARETRIGHT) if is_x else (CARETDOWN, CARETUP)
     for arrow, end, is_cut in zip(arrows, (first, last), (low < first, high > last), strict=True):
         if is_cut.any():
-            place = np.full(is_cut.sum(), end), at[is_cut]
+            tips = np.full(is_cut.sum(), end), at[is_cut]
             same: dict[str, Any] = {"color": colour, "ms": 4, "mew": 0, "ls": "", **options}
-            axes.plot(*(place if is_x else place[::-1]), marker=arrow, clip_on=False, **same)
+            axes.plot(*(tips if is_x else tips[::-1]), marker=arrow, clip_on=False, **same)
 
 
 class YAxis(NamedTuple):

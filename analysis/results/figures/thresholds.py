@@ -42,6 +42,7 @@ _MAX_TITLE_EM: Final = 7.0
 _NO_CONDITION: Final = Look("black", "o")
 _MINUS: Final = "\N{MINUS SIGN}"
 _VALUES: Final = ["value", "low", "high"]
+_PAIR: Final = ["condition_a", "condition_b"]
 _NAMES: Final = {
     "threshold_vpp": "value",
     "threshold_low_vpp": "low",
@@ -93,7 +94,7 @@ def plot_thresholds(
     """
     rows, axis, levels = threshold_rows(analysis), analysis.axis, analysis.levels["level_vpp"]
     differences = _difference_rows(analysis, rows)
-    pairs = [*differences["label"].unique()]
+    pairs = [*differences.drop_duplicates(_PAIR)["label"]]
     is_beside, below = len(pairs) == 1, pairs if len(pairs) > 1 else []
     is_named = analysis.thresholds["participant"].nunique() <= _MAX_NAMED
     shown = rows if is_named else rows[rows["is_group"]]
@@ -143,13 +144,13 @@ def threshold_rows(analysis: Analysis) -> pd.DataFrame:
     several = len(looks_of(analysis)) > 1
     groups = analysis.groups[analysis.groups["participants"].gt(1) | several]
     groups = groups.assign(is_group=True, participant=TOTAL)
-    order = {name: place for place, name in enumerate(by_threshold(analysis))}
+    ranks = {name: rank for rank, name in enumerate(by_threshold(analysis))}
     rows = pd.concat([analysis.thresholds.assign(is_group=False), groups], ignore_index=True)
     rows = rows.rename(columns=_NAMES).astype({"is_group": bool})
-    rows["place"] = rows["participant"].map(order).mask(rows["is_group"], len(order))
-    rows = rows.sort_values(["place", "condition"], kind="stable", ignore_index=True)
-    is_first, is_group = rows["place"].diff().ne(0), rows["is_group"]
-    row_em = _ROW_EM if len(order) <= _MAX_NAMED else _UNNAMED_ROW_EM
+    rows["rank"] = rows["participant"].map(ranks).mask(rows["is_group"], len(ranks))
+    rows = rows.sort_values(["rank", "condition"], kind="stable", ignore_index=True)
+    is_first, is_group = rows["rank"].diff().ne(0), rows["is_group"]
+    row_em = _ROW_EM if len(ranks) <= _MAX_NAMED else _UNNAMED_ROW_EM
     steps = np.where(is_first, 1.0, _NEXT_CONDITION) * row_em
     steps[is_group] = np.where(is_first, _BEFORE_GROUP, 1.0)[is_group] * _ROW_EM
     labels = rows["participant"].astype(object).where(is_first, "")
@@ -166,13 +167,13 @@ def _difference_rows(analysis: Analysis, rows: pd.DataFrame) -> pd.DataFrame:
     Of more conditions there are those of the group, by themselves; of very many, none.
     """
     table = analysis.differences.rename(columns=_NAMES)
-    first, second = (table[f"condition_{name}"].map(short) for name in ("a", "b"))
+    first, second = (table[name].map(short) for name in _PAIR)
     table = table.assign(label=second.str.cat(first, f" {_MINUS} "), condition="", status="ok")
     table = table.assign(is_group=table["participant"].eq(TOTAL), next_low=np.nan, next_high=np.nan)
     table = _with_open_ends(table, "", table[_VALUES].notna().any(axis=1))
-    pairs = len({*table["label"]})
-    if pairs > 1:
-        table = table[table["is_group"] & (pairs <= _MAX_PAIRS)]
+    pairs = table[_PAIR].drop_duplicates()
+    if len(pairs) > 1:
+        table = table[table["is_group"] & (len(pairs) <= _MAX_PAIRS)]
         return table.assign(height=_ROW_EM * np.arange(len(table)))
     if (~table["is_group"]).sum() == 1:  # the difference of one participant is the group's
         table = table[~table["is_group"]]
