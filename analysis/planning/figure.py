@@ -59,5 +59,5 @@ def _draw(result: PowerResult) -> Figure:
     axes.set_ylim(0, 1.03)
     axes.yaxis.set_major_formatter(lambda value, _: f"{value:.0%}")
     axes.xaxis.set_major_locator(MaxNLocator(integer=True))
-    axes.legend(loc="best")
+    axes.legend(loc="best", borderaxespad=0.8)
     return figure_of(axes)
