@@ -7,13 +7,8 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from analysis.results.figures.drawing import (
-    DEFAULT_STYLE,
-    LOOKS,
-    figure_of,
-    lay_out,
-    render,
-)
+from analysis.results.figures.axes import figure_of
+from analysis.results.figures.drawing import DEFAULT_STYLE, LOOKS, lay_out, render
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -17,9 +17,9 @@ from scipy.special import rel_entr
 from scipy.stats import norm
 
 from analysis import ColumnMap, Style, analyse, plot_detection, plot_thresholds
+from analysis.results.figures.axes import alike_labels, round_ticks
 from analysis.results.figures.curves import by_threshold, residual_table
 from analysis.results.figures.detection import PEOPLE_PER_PAGE, pages_of
-from analysis.results.figures.drawing import alike_labels, round_ticks
 from analysis.results.figures.figures import FIGURES, NAMES, drawings, pictures
 from analysis.results.figures.reaction_times import MIN_ANSWERS
 from analysis.results.findings import estimates

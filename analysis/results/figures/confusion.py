@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from analysis.results.figures.drawing import DEFAULT_STYLE, figure_of, lay_out, short, text_em
+from analysis.results.figures.axes import figure_of, text_em
+from analysis.results.figures.drawing import DEFAULT_STYLE, lay_out, short
 from experiment.rows import RESPONSES
 
 if TYPE_CHECKING:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from analysis.numbers import TOTAL
+from analysis.results.figures.axes import figure_of
 from analysis.results.figures.curves import looks_of
 from analysis.results.figures.drawing import (
     DEFAULT_STYLE,
@@ -15,7 +16,6 @@ from analysis.results.figures.drawing import (
     by_condition,
     draw_points,
     each_condition,
-    figure_of,
     level_panels,
     short,
 )

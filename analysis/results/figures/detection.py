@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
+from analysis.results.figures.axes import figure_of
 from analysis.results.figures.curves import (
     DRAWN,
     blank_rates,
@@ -23,7 +24,6 @@ from analysis.results.figures.drawing import (
     by_condition,
     draw_points,
     each_condition,
-    figure_of,
     handle,
     level_panels,
     short,

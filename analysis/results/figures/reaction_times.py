@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Final
 
+from analysis.results.figures.axes import figure_of
 from analysis.results.figures.curves import looks_of
 from analysis.results.figures.drawing import (
     DEFAULT_STYLE,
     Look,
     YAxis,
     draw_points,
-    figure_of,
     handle,
     level_panels,
     short,

@@ -8,20 +8,17 @@ import numpy as np
 import pandas as pd
 
 from analysis.numbers import TOTAL
+from analysis.results.figures.axes import axes_em, figure_of, text_em, value_axis
 from analysis.results.figures.curves import ABOVE, BELOW, by_threshold, looks_of
 from analysis.results.figures.drawing import (
     DEFAULT_STYLE,
     GREY,
     Look,
-    axes_em,
     draw_bars,
     draw_points,
-    figure_of,
     lay_out,
     name_axes,
     short,
-    text_em,
-    value_axis,
 )
 
 if TYPE_CHECKING:
