@@ -34,7 +34,7 @@ from stimuli import (
     load_per_volt,
     transient,
 )
-from stimuli.plate.response import displacement
+from stimuli.plate.response import displacement as displacement_by_modes
 from stimuli.plate.scene import Scene as PlateScene
 from stimuli.strip.patch import laminate, layer_of
 from tests.test_stimuli.modes import (
@@ -206,7 +206,7 @@ def test_a_measured_displacement_comes_back() -> None:
     per_v = load_per_volt(strip, load, measured).load_per_v
     tone = Burst(frequency_hz=300.0, cycles=6, window="hann")
     scene = PlateScene(strip=strip, loads=(load,), points_m=((0.03, W / 2),))
-    assert 50 * per_v * abs(displacement(scene, [300.0])[0, 0, 0]) == pytest.approx(2.6e-6)
+    assert 50 * per_v * abs(displacement_by_modes(scene, [300.0])[0, 0, 0]) == pytest.approx(2.6e-6)
     (peak_m,) = felt(strip, [load], [Fingertip(x_m=0.03, y_m=W / 2, radius_m=0.0)], tone)[0]
     assert 50 * per_v * peak_m == pytest.approx(2.6e-6, rel=0.02)
 
