@@ -42,7 +42,7 @@ ROOT = "0" * 64
 _LINE = re.compile(rb'\{"crc":"([0-9a-f]{8})",')
 _BRACE = zlib.crc32(b"{")
 """The checksum is of this and of what follows its own member."""
-_decode = json.JSONDecoder().decode
+_scan = json.JSONDecoder().raw_decode  # looks for no blanks around a line, half of the time
 _encode = json.JSONEncoder(separators=(",", ":"), ensure_ascii=False, allow_nan=False).encode
 
 
@@ -214,7 +214,11 @@ def _parse(path: Path, number: int, line: bytes, previous: str) -> Entry:
         damaged = "this line is damaged (its checksum does not match)"
         raise JournalLineError(path, number, damaged)
     try:
-        return _entry(path, number, _decode("{" + body.decode()), previous)
+        text = "{" + body.decode()
+        facts, end = _scan(text)
+        if end < len(text):
+            raise json.JSONDecodeError("Extra data", text, end)
+        return _entry(path, number, facts, previous)
     except (KeyError, UnicodeDecodeError, json.JSONDecodeError, RecursionError) as error:
         raise JournalLineError(path, number, f"this line is none of a journal: {error}") from error
 
