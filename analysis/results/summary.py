@@ -5,20 +5,16 @@ from __future__ import annotations
 import json
 import math
 import platform
-import tomllib
 from dataclasses import asdict
-from functools import cache
 from importlib.metadata import version
 from typing import TYPE_CHECKING, Any, Final
 
 from analysis.results.answer import answer
-from analysis.results.rendering import read_text
+from analysis.results.rendering import read_toml
 from experiment.rows import NOT_AVAILABLE
 from experiment.tasks import LEFT_RIGHT_BOTH
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-
     import pandas as pd
 
     from analysis.axis import Axis
@@ -73,8 +69,8 @@ def any_side(analysis: Analysis) -> pd.DataFrame:
     return analysis.levels.assign(detected_any=math.nan if table is None else table["detected_any"])
 
 
-def in_own_words(table: pd.DataFrame, analysis: Analysis) -> pd.DataFrame:
-    """Return a table of results with a lab's unit and place.
+def reported_columns(table: pd.DataFrame, analysis: Analysis) -> pd.DataFrame:
+    """Return a table of results with the columns that suit the unit and the place of its stimuli.
 
     Where levels are no volts peak-to-peak, columns lose their ``_vpp`` and a last one has the
     unit. An external table of one place, whose side only the map states, has no side.
@@ -84,9 +80,7 @@ def in_own_words(table: pd.DataFrame, analysis: Analysis) -> pd.DataFrame:
         answers = {side: "felt", "none": "not_felt"}
         sided = {"side", *LEFT_RIGHT_BOTH.named_answers, "over_report", "mislocalised"} - {side}
         sided |= {f"{of}_{at}" for of in ("level", "peak") for at in _SIDED}
-        table = table.drop(columns=[name for name in table if name in sided]).rename(
-            columns=answers
-        )
+        table = table.drop(columns=[*sided & {*table}]).rename(columns=answers)
         if "response" in table:
             table = table.assign(response=table["response"].astype(object).replace(answers))
     if not analysis.axis.is_vpp and any(str(name).endswith("_vpp") for name in table):
@@ -95,23 +89,16 @@ def in_own_words(table: pd.DataFrame, analysis: Analysis) -> pd.DataFrame:
     return table
 
 
-@cache
-def _columns() -> Mapping[str, Any]:
-    return tomllib.loads(read_text("columns.toml"))
-
-
 def column_meanings(axis: Axis, *, one_place: bool = False) -> dict[str, str]:
-    """Return what the columns of the tables mean, of `in_own_words`.
+    """Return what the columns of the tables mean, of `reported_columns`.
 
     >>> from analysis.axis import Axis
     >>> column_meanings(Axis(unit="vol"))["threshold_db"]
     'the threshold in dB re 1 vol'
     """
-    texts = _columns()
+    texts = read_toml("columns.toml")
     unit = "volts peak-to-peak" if axis.is_vpp else axis.unit
-    db = axis.unit if axis.unit.lower().startswith("db") else f"dB re 1 {axis.unit}"
-    if axis.is_vpp:
-        db = "dB re 1 V peak-to-peak"
+    db = axis.unit if axis.unit.lower().startswith("db") else f"dB re 1 {axis.label}"
     meanings = {
         name if axis.is_vpp else name.replace("_vpp", ""): text.format(unit=unit, db=db)
         for name, text in texts["columns"].items()
@@ -155,7 +142,7 @@ def devices(trials: pd.DataFrame) -> dict[str, int]:
 
 def _records(table: pd.DataFrame, analysis: Analysis) -> list[dict[str, object]]:
     """Return the rows of a table, null for NaN, and counts whole where others are missing."""
-    table = in_own_words(table, analysis)
+    table = reported_columns(table, analysis)
     table = table.astype({name: "Int64" for name in _COUNTS if name in table}).astype(object)
     return [
         dict(zip(table.columns, row, strict=True))

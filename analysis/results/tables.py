@@ -17,7 +17,7 @@ from analysis.results.findings import (
     with_texts,
 )
 from analysis.results.rendering import compiled, names_in, phrases, read_toml
-from analysis.results.summary import any_side, in_own_words
+from analysis.results.summary import any_side, reported_columns
 from experiment.tasks import LEFT_RIGHT_BOTH
 
 if TYPE_CHECKING:
@@ -46,17 +46,17 @@ def make_tables(name: str, frame: pd.DataFrame, analysis: Analysis) -> Iterator[
     """
     if frame.empty:
         return
-    layout, is_one = read_toml("tables.toml")[name], analysis.counts.conditions == 1
+    layout, several = read_toml("tables.toml")[name], analysis.counts.conditions > 1
     hidden = {*LEFT_RIGHT_BOTH.named_answers, "elsewhere"} if analysis.one_side else set()
     hidden -= {analysis.one_side}
-    frame = in_own_words(frame.drop(columns=[*hidden & {*frame.columns}]), analysis)
+    frame = reported_columns(frame.drop(columns=[*hidden & {*frame.columns}]), analysis)
     frame = frame.rename(columns=lambda column: str(column).removesuffix("_vpp"))
     # In an expression `none` is no name of a column.
     frame = frame.rename(columns={"none": "nothing"}).assign(unit=analysis.axis.unit)
-    available = {*frame.columns} - ({"condition"} if is_one else set())
+    available = {*frame.columns} - (set() if several else {"condition"})
     groups = frame.groupby(layout["each"]) if "each" in layout else [((), frame)]
     for names, rows in groups:
-        where = "" if is_one or not names else ", " + layout["where"].format(*names)
+        where = f", {layout['where'].format(*names)}" if several and names else ""
         columns = {
             heading: cell
             for heading, cell in layout["columns"].items()

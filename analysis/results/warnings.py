@@ -126,7 +126,7 @@ def _check_trials(analysis: Analysis) -> Iterator[Check]:
 def _check_origins(analysis: Analysis) -> Iterator[Check]:
     """Check whether sessions are modified, lost, or not of the same kind as the others."""
     loaded, counts = analysis.loaded, analysis.counts
-    of_plan = {(one.participant, one.session): one.file_sha256 for one in loaded.progress}
+    of_plan = {(each.participant, each.session): each.file_sha256 for each in loaded.progress}
     hashes = analysis.trials[[*_SESSION, "study_sha256"]].drop_duplicates()
     # Levels placed for a participant make no other study, by its plan.
     studies = {
