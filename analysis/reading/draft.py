@@ -376,20 +376,17 @@ def _propose_level(draft: _Draft, *, counted: bool) -> None:
     level = names[0]
     draft.take("level_vpp", level)
     silent = _propose_axis(level, draft)
+    is_silent = {word: silent == "-inf" and word.lower() in SILENT for word in draft.rows[level]}
+    missing = [w for w in is_silent if w.lower() in NOTHING and not is_silent[w]]
+    without = draft.rows[draft.rows[level].isin(missing)]
+    answers = [*draft.matching("response"), *draft.matching("detected")]
+    is_answered = counted or ~without[answers].map(str.lower).isin(NOTHING).all(axis=None)
+    if missing and not is_answered:
+        draft.skip(level, missing, "guess: rows without a level and an answer")
     for word in draft.rows[level].unique():
-        lower = word.lower()
-        is_number = NUMBER.fullmatch(word) and not _CODE.fullmatch(word)
-        if is_number or (lower in SILENT and silent == "-inf"):
+        if is_silent[word] or (NUMBER.fullmatch(word) and not _CODE.fullmatch(word)):
             continue
-        if lower in NOTHING:
-            without = draft.rows[draft.rows[level].eq(word)]
-            answers = [*draft.matching("response"), *draft.matching("detected")]
-            is_answered = ~without[answers].map(str.lower).isin(NOTHING).all(axis=None)
-            if counted or is_answered:
-                draft.put("values.level_vpp", word, silent, "guess: a blank trial")
-            else:
-                draft.skip(level, [word], "guess: rows without a level and an answer")
-        elif _translate("side", word) == LEFT_RIGHT_BOTH.nothing:
+        if word in missing or _translate("side", word) == LEFT_RIGHT_BOTH.nothing:
             draft.put("values.level_vpp", word, silent, "guess: a blank trial")
         else:
             draft.ask("values.level_vpp", word, "level_word", silent=silent)
