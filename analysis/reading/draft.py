@@ -31,7 +31,7 @@ from analysis.reading.columns import (
     format_key,
     toml_entry,
 )
-from analysis.reading.foreign import MAX_CONDITIONS, MAX_WORDS, UnusedColumns
+from analysis.reading.foreign import MAX_CONDITIONS, MAX_WORDS
 from analysis.reading.sources import FILE, unreadable
 from analysis.reading.text import (
     NUMBER,
@@ -140,6 +140,18 @@ class _Draft:
         """Return the sites that a column names."""
         return {_translate("side", word) for word in self.values(name)} - {"", "none"}
 
+    def says_detected(self, name: str) -> bool:
+        """Return whether all words of a column say whether something was detected.
+
+        Numbers do not: they may be those of keys or buttons.
+        """
+        meanings = {_translate("detected", word) for word in self.values(name)}
+        return (
+            "" not in meanings
+            and not meanings.isdisjoint({YES, NO})
+            and self.share_of_numbers(name) < 1
+        )
+
     def matching(self, ours: str) -> list[str]:
         """Return the columns with a name and values of one of ours; it alone if it is there."""
         names = [name for name in self.rows.columns if _is_named(name, ours) and self.values(name)]
@@ -199,7 +211,9 @@ def propose_map(sources: Sequence[InputTable]) -> tuple[str, list[str], list[str
     if faults:
         draft.skip(FILE, [*faults], "files that have no trials, or other columns")
         draft.notes += [f"file {one_line(s)} is left out: {fault}" for s, fault in faults.items()]
-    _note_rows(table, draft)
+    if skipped := len(table) - len(draft.rows):
+        keys = ", ".join(map(one_line, draft.row_keys().values()))
+        draft.notes.append(f"{skipped} of {len(table)} rows are skipped by {keys}")
     # in the order of the reference; what words of a column mean stands in a section each
     sections = sorted(draft.entries.items(), key=lambda item: _ORDER.index(item[0].split(".")[0]))
     entries = [entry for _, section in sections for entry in section.items()]
@@ -208,7 +222,7 @@ def propose_map(sources: Sequence[InputTable]) -> tuple[str, list[str], list[str
         str(__package__), {"one_line": one_line, "entry": toml_entry, "words": _listed}
     )
     template = templates.get_template("map.toml.jinja")
-    text = template.render(sources=sources, notes=draft.notes, sections=sections, table=table)
+    text = template.render(sources=sources, draft=draft, sections=sections, table=table)
     return text, fill_in, draft.notes
 
 
@@ -420,7 +434,7 @@ def _propose_answer(draft: _Draft) -> None:
     """
     responses, hits, sides = map(draft.matching, ("response", "detected", "side"))
     sides = [name for name in sides if draft.sites(name)] or sides
-    yes_no = [name for name in responses if _is_yes_or_no(draft.values(name))]
+    yes_no = [name for name in responses if draft.says_detected(name)]
     sites = [name for name in responses if draft.sites(name)]
     located = [name for name in sites if sides or "both" in draft.sites(name)]
     blanks = _blank_rows(draft)
@@ -437,7 +451,6 @@ def _propose_answer(draft: _Draft) -> None:
     if len(answers) != 1:
         draft.ask("columns", "response", names=[*responses, *hits])
     else:
-        _refuse_settings(draft, answers[0])
         is_site = answers[0] not in false_alarms and (sides or located)
         meanings = _propose_words("response" if is_site else "detected", answers[0], draft)
     if LEFT_RIGHT_BOTH.nothing not in meanings:
@@ -464,24 +477,18 @@ def _blank_rows(draft: _Draft) -> pd.DataFrame:
     return draft.rows[~is_level]
 
 
-def _refuse_settings(draft: _Draft, answer: str) -> None:
-    """Refuse a column of many numbers in the place of answers: a method of adjustment."""
-    numbers = {*draft.numbers(answer)}
-    if len(numbers) > _MAX_WORDS and any(number % 1 for number in numbers):
-        message = (
-            f"the column {one_line(answer)} holds {len(numbers)} different numbers, settings "
-            "rather than answers; tactstrip has no analysis for them"
-        )
-        raise ResultFileError(draft.rows[FILE].iloc[0], None, message)
-
-
 def _propose_words(ours: str, theirs: str, draft: _Draft) -> set[str]:
     """Propose a column and what each word stands for, or ask for it. Return our words.
 
     A word for nothing is a time-out if its rows have no reaction time, where others have one. With
-    a single other word it is not: that may be the key that is pressed if something is felt.
+    a single other word it is not: that may be the key that is pressed if something is felt. Raises
+    ResultFileError for many numbers in the place of answers: those of a method of adjustment.
     """
     draft.take(ours, theirs)
+    numbers = draft.numbers(theirs)
+    if len(numbers) > _MAX_WORDS and any(number % 1 for number in numbers):
+        message = _LISTS["requests"]["settings"].format(name=one_line(theirs), n=len(numbers))
+        raise ResultFileError(draft.rows[FILE].iloc[0], None, message)
     times = draft.matching("rt_s") if ours != "side" else []
     timed = draft.rows[_are_numbers(draft.rows[times[0]])] if times else draft.rows
     meanings: dict[str, str] = {}
@@ -550,34 +557,8 @@ def _is_named(name: str, ours: str) -> bool:
     return any(plain in NAMES[ours] for plain in _plain_names(name))
 
 
-def _is_yes_or_no(values: Sequence[str]) -> bool:
-    """Return whether all words say whether something was detected.
-
-    Numbers do not: they may be those of keys or buttons.
-    """
-    meanings = {_translate("detected", word) for word in values}
-    return (
-        "" not in meanings and bool(meanings & {YES, NO}) and not all(map(NUMBER.fullmatch, values))
-    )
-
-
 def _are_numbers(cells: pd.Series[str]) -> pd.Series[bool]:
     return cells.str.fullmatch(NUMBER)
-
-
-def _note_rows(table: pd.DataFrame, draft: _Draft) -> None:
-    """Say how many rows are skipped, and which columns of words the map leaves aside."""
-    row_keys = draft.row_keys()
-    if skipped := len(table) - len(draft.rows):
-        keys = ", ".join(map(one_line, row_keys.values()))
-        draft.notes.append(f"{skipped} of {len(table)} rows are skipped by {keys}")
-    unused = UnusedColumns()
-    cells = {name: [*draft.rows[name]] for name in draft.rows.columns}
-    used = {*draft.sources.values(), *row_keys}
-    unused.collect(cells, draft.sources, used, [True] * len(draft.rows))
-    if names := unused.names():
-        aside = f"columns with 2 to {MAX_WORDS} words that the map leaves aside: {named(names)}"
-        draft.notes.append(f"{aside}; conditions are compared by [columns] condition")
 
 
 def _listed(cells: pd.Series[str]) -> str:
