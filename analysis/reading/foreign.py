@@ -147,7 +147,7 @@ class UnusedColumns:
         cells: Mapping[str, Sequence[str]],
         taken: Mapping[str, str],
         used: Collection[str],
-        selected: Sequence[bool] | NDArray[np.bool_],
+        selected: NDArray[np.bool_],
     ) -> None:
         """Collect the words of columns that nobody uses, while they are few."""
         answer = "response" if "response" in taken else "detected"
