@@ -16,6 +16,7 @@ LIMITS: Final = (0.025, 0.975)
 """The points of a distribution between which a 95 % interval lies."""
 METHODS = ("wilson", "jeffreys", "clopper-pearson")
 TOTAL = "all"
+_LAST: Final = chr(0x10FFFF)
 _MOST_DECIMALS = 12
 
 
@@ -161,8 +162,10 @@ def counted_up(participant: str) -> str:
 
 
 def in_order(column: pd.Series) -> pd.Series:
-    """Return by what `sort_values` sorts a column of a table: participants by `counted_up`."""
-    return column.astype(str).map(counted_up) if column.name == "participant" else column
+    """Return by what `sort_values` sorts a column: participants by `counted_up`, `TOTAL` last."""
+    if column.name != "participant":
+        return column
+    return column.astype(str).map(lambda name: _LAST if name == TOTAL else counted_up(name))
 
 
 def percent(share: float) -> str:

@@ -12,8 +12,9 @@ from scipy.signal import lfilter
 from scipy.special import ndtr
 
 from analysis.axis import VOLTS
-from analysis.counts.checks import AT_CHANCE, DRIFT, REVERSED, check_trials
-from analysis.counts.table import count_answers
+from analysis.codes import WarningCode
+from analysis.counts.checks import check_answers, check_drift
+from analysis.counts.table import count_answers, count_false_alarms, count_levels
 from experiment.perception.answers import draw_answers
 from experiment.perception.gains import OWN_FINGER_ONLY
 from experiment.perception.population import draw_observer, threshold_course_db
@@ -173,7 +174,11 @@ PEOPLE: Final = {
     "drift of 8 dB": replace(HONEST, drift_db=8.0),
     "feels nothing": replace(HONEST, threshold_vpp=1e5),
 }
-KINDS: Final = (REVERSED, AT_CHANCE, DRIFT)
+CODES: Final = (
+    WarningCode.RESPONSES_REVERSED,
+    WarningCode.GUESSING,
+    WarningCode.THRESHOLD_DRIFTS,
+)
 
 
 def sessions_of(
@@ -221,9 +226,11 @@ def doubt_rows() -> Iterator[str]:
         cells = []
         for person in PEOPLE.values():
             trials = sessions_of(person, design, SESSIONS)
-            kinds = [check.kind for check in check_trials(trials, count_answers(trials), VOLTS)]
-            counts = [kinds.count(kind) for kind in KINDS]
-            cells.append(", ".join(map(str, counts)))
+            counts = count_answers(trials)
+            by_side, blanks = count_levels(counts, "side"), count_false_alarms(counts)
+            failed = [*check_answers(by_side, blanks), *check_drift(trials, VOLTS)]
+            codes = [check.code for check in failed]
+            cells.append(", ".join(str(codes.count(code)) for code in CODES))
         yield f"| {design.name} | {' | '.join(cells)} |"
 
 

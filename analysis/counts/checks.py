@@ -1,7 +1,8 @@
 """Checks of the answers: response mapping reversed, at chance, drift; sides; order of conditions.
 
-The tests are exact where they decide on a participant, so that few are named without a reason;
-docs/benchmarks.md has how often. No check leaves out or turns around an answer.
+Each check is a test, a limit of its p and the code of a warning, whose data are the numbers of the
+message. The tests are exact where they decide on a participant, so that few are named without a
+reason; docs/benchmarks.md has how often. No check leaves out or changes an answer.
 """
 
 from __future__ import annotations
@@ -9,25 +10,17 @@ from __future__ import annotations
 import itertools
 import math
 import warnings
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
 import pandas as pd
 
+from analysis.codes import WarningCode
 from analysis.counts.intervals import equal_rates_p, hypergeometric_tails
-from analysis.counts.table import (
-    BLANK,
-    COUNTED_KINDS,
-    SINGLE,
-    TASK,
-    count_levels,
-    counted,
-    sum_outcomes,
-)
+from analysis.counts.table import COUNTED_KINDS, PERSON, SINGLE, TASK, count_levels, counted
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Mapping
 
     from numpy.typing import NDArray
 
@@ -36,277 +29,187 @@ if TYPE_CHECKING:
     Floats = NDArray[np.float64]
 
 
-REVERSED: Final = "reversed"
-AT_CHANCE: Final = "at_chance"
-DRIFT: Final = "drift"
-
 REVERSED_P: Final = 1e-3
 CHANCE_P: Final = 0.05
-BELOW_CHANCE_P: Final = 0.01
+DRIFT_P: Final = 1e-3
 MIN_STIMULI: Final = 20
 """With fewer stimuli nobody is said to be at chance."""
-DRIFT_P: Final = 1e-3
-MIN_DRIFT_DB: Final = 3.0
-"""The smallest drift within a session that is reported; eighths of the range on a linear axis."""
+MIN_DRIFT_STEPS: Final = 3.0
+"""The smallest drift within a session that is reported, in dB; eighths of the range on a linear
+axis."""
 MIN_CHANGE: Final = 0.25
 """The same of the detected share from the first half of a session to the second."""
+MIN_PEOPLE: Final = 3
+"""Participants whose differences between sides are compared with how much they vary."""
 
-_PERSON: Final = ["condition", "participant"]
 _SINGLES: Final = TASK.of_kind(SINGLE)
-_CORRECT: Final = {shown.name: shown.correct for shown in _SINGLES}
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class AnswerCheck:
-    """A participant whose answers need a look: the check that failed, and its numbers.
+class FailedCheck(NamedTuple):
+    """A check that failed: the code of its warning, and the data of the message."""
 
-    `kind` is `REVERSED` over all conditions, `AT_CHANCE` in one condition, or `DRIFT` in a session.
-    """
-
-    kind: str
-    message: str
-    participant: str
-    condition: str = ""
-    session: str = ""
-    p: float = float("nan")
-
-    def __str__(self) -> str:
-        return self.message
+    code: WarningCode
+    data: Mapping[str, Any]
 
 
-def check_trials(
-    trials: pd.DataFrame, counts: pd.DataFrame, axis: Axis, alternatives: int = 2
-) -> Iterator[AnswerCheck]:
-    """Yield the participants whose answers need a look.
+_GUESSING: Final = (
+    *("participant", "condition", "detected", "named", "several", "tested"),
+    *("detected_any", "presented", "false_alarms", "blanks", "p"),
+)
+_REVERSED: Final = ("participant", "detected", "named", "several", "p")
+_SESSION: Final = ["participant", "session"]
+_STRATA: Final = [*_SESSION, "condition", "level_vpp", "side"]
+_SUMS: Final = (
+    *("presented", "detected", "detected_any", "named", "forced"),
+    *("at_first", "named_at_first", "named_first", "detected_at_first"),
+)
+
+
+def check_answers(
+    cells: pd.DataFrame, blanks: pd.DataFrame, alternatives: int = 2
+) -> Iterator[FailedCheck]:
+    """Yield the participants whose response mapping is reversed, or who are at chance.
+
+    The mapping is reversed where fewer answers name the stimulated side than by chance, over all
+    conditions. At chance in a condition is who is no better than by guessing, neither at all levels
+    together nor at one of them with Bonferroni's correction.
 
     Parameters
     ----------
-    trials : pandas.DataFrame
-        From `analysis.read_trials`.
-    counts : pandas.DataFrame
-        Of `count_answers`.
-    axis : Axis
-        Of the levels.
+    cells : pandas.DataFrame
+        From `count_levels` by ``side``, or a table of counts, which has no sides.
+    blanks : pandas.DataFrame
+        From `count_false_alarms`.
     alternatives : int
         Of a forced choice.
 
     Examples
     --------
-    >>> from analysis.axis import VOLTS
-    >>> from analysis.counts.table import count_answers
-    >>> trials = pd.DataFrame({"participant": "7", "condition": "main", "session": "01",
-    ...     "trial": range(40), "kind": "single", "side": ["left", "right"] * 20,
-    ...     "level_vpp": 60.0, "response": ["right", "left"] * 20, "reason": "",
-    ...     "none_offered": False})
-    >>> print(*check_trials(trials, count_answers(trials), VOLTS))
-    participant 7: 0 of 40 answers name the stimulated side, fewer than by chance (p = 7e-12); the
-    keys or the actuators may be reversed. No answer was changed.
-    """
-    single = counts[counts["kind"].eq(SINGLE)]
-    if single.empty:
-        return
-    key, first = [*_PERSON, "level_vpp"], _SINGLES[0]
-    at_first, named_first = single["side"].eq(first.name), single["response"].eq(first.correct)
-    named = single["response"].isin([shown.correct for shown in _SINGLES])
-    marks = {
-        "at_first": at_first,
-        "named_at_first": at_first & named,
-        "named_first": named_first,
-        "right_at_first": at_first & named_first,
-    }
-    by_site = single[key].assign(**{name: hit * single["n"] for name, hit in marks.items()})
-    table = count_levels(counts).merge(by_site.groupby(key, as_index=False).sum(), on=key)
-    table = table.assign(
-        named=table["detected"] + table["mislocalised"],
-        felt=table["detected_any"],
-        forced=~table["none_offered"],
-    )
-    blanks = sum_outcomes(counts, BLANK, _PERSON).rename(columns={"detected_any": "felt"})
-    yield from _check_chance(table, blanks, alternatives)
-    yield from check_drift(trials, axis)
-
-
-def check_counts(
-    cells: pd.DataFrame, blanks: pd.DataFrame | None, alternatives: int
-) -> Iterator[AnswerCheck]:
-    """Check a table of counts, which has no sides and no order of trials.
-
     >>> cells = pd.DataFrame({"participant": "7", "condition": "main", "level_vpp": [60.0, 90.0],
     ...     "detected": [1, 2], "presented": 30, "none_offered": False})
-    >>> [(check.kind, check.participant) for check in check_counts(cells, None, 2)]
-    [('reversed', '7')]
+    >>> blanks = pd.DataFrame(columns=["condition", "participant", "felt", "presented"])
+    >>> [(str(code), data["participant"]) for code, data in check_answers(cells, blanks)]
+    [('responses_reversed', '7')]
     """
-    detected, presented = cells["detected"], cells["presented"]
-    forced = ~cells["none_offered"].astype(bool)
-    named = presented.where(forced, detected)
+    site = _SINGLES[0].name
+    forced = cells["presented"].mask(cells["none_offered"].astype(bool), 0)
+    if "side" not in cells:
+        wrong = (cells["presented"] - cells["detected"]).where(forced > 0, 0)
+        cells = cells.assign(side=site, mislocalised=wrong, detected_any=cells["detected"])
+    at_first = cells["side"].eq(site)
+    named = cells["detected"] + cells["mislocalised"]
     table = cells.assign(
         forced=forced,
-        felt=detected,
         named=named,
-        at_first=presented,
-        named_at_first=named,
-        named_first=detected,
-        right_at_first=detected,
+        at_first=cells["presented"] * at_first,
+        named_at_first=named * at_first,
+        named_first=cells["detected"].where(at_first, cells["mislocalised"]),
+        detected_at_first=cells["detected"] * at_first,
     )
-    none = pd.DataFrame(columns=[*_PERSON, "felt", "presented"])
-    yield from _check_chance(table, none if blanks is None else blanks, alternatives)
-
-
-_SUMS: Final = (
-    *("presented", "detected", "felt", "named"),
-    *("at_first", "named_at_first", "named_first", "right_at_first"),
-)
-
-
-def _check_chance(
-    table: pd.DataFrame, blanks: pd.DataFrame, alternatives: int
-) -> Iterator[AnswerCheck]:
-    """Yield whose response mapping is reversed, and who is at chance at every level.
-
-    At chance is who is not better than by guessing at all levels together, nor at one of them with
-    Bonferroni's correction.
-    """
-    sums = dict.fromkeys(_SUMS, "sum") | {"forced": "min"}
-    people = table.groupby("participant", sort=False).agg(sums)
-    people = people.join(_chance_tails(people, alternatives))
+    people, conditions, levels = (
+        _with_tails(table.groupby(key, as_index=False)[[*_SUMS]].sum(), alternatives)
+        for key in (["participant"], PERSON, [*PERSON, "level_vpp"])
+    )
     is_reversed = people[people["tested"] & people["p_below"].lt(REVERSED_P)]
-    for name, row in is_reversed.iterrows():
-        message = (
-            f"participant {name}: {_count_right(row)}, fewer than by chance (p = "
-            f"{format_p(row['p_below'])}); the keys or the actuators may be reversed. "
-            "No answer was changed."
-        )
-        yield AnswerCheck(kind=REVERSED, message=message, participant=str(name), p=row["p_below"])
-    columns = {"felt": "blanks_felt", "presented": "blanks"}
-    of_blanks = blanks[[*_PERSON, *columns]].rename(columns=columns)
-    together = table.groupby(_PERSON, as_index=False).agg(sums)
-    levels, together = (
-        _with_chance_p(rows.merge(of_blanks, on=_PERSON, how="left"), alternatives)
-        for rows in (table, together)
+    yield from _failed(
+        WarningCode.RESPONSES_REVERSED,
+        is_reversed.rename(columns={"p_below": "p"})[[*_REVERSED]],
     )
-    by_level = levels.groupby(_PERSON)["p"].agg(["min", "size"])
+    conditions, levels = (_with_chance_p(rows, blanks) for rows in (conditions, levels))
+    by_level = levels.groupby(PERSON)["p"].agg(["min", "size"])
     corrected = by_level["min"].fillna(1.0) * by_level["size"]
-    together = together.join(corrected.rename("p_level"), on=_PERSON)
-    at_chance = (
-        together["presented"].ge(MIN_STIMULI)
-        & together["p"].ge(CHANCE_P)
-        & together["p_level"].ge(CHANCE_P)
-        & ~together["participant"].isin(is_reversed.index)
-    )
-    several = len({*together["condition"]}) > 1
-    for _, row in together[at_chance].iterrows():
-        where = f", condition {row['condition']}" if several else ""
-        yield AnswerCheck(
-            kind=AT_CHANCE,
-            message=f"participant {row['participant']}{where}: {_describe_chance(row)}",
-            participant=str(row["participant"]),
-            condition=str(row["condition"]),
-            p=float(row["p"]),
-        )
+    conditions = conditions.join(corrected.rename("p_level"), on=PERSON)
+    at_chance = conditions[
+        conditions["presented"].ge(MIN_STIMULI)
+        & conditions[["p", "p_level"]].ge(CHANCE_P).all(axis=1)
+        & ~conditions["participant"].isin(is_reversed["participant"])
+    ]
+    if len({*cells["condition"]}) == 1:
+        at_chance = at_chance.assign(condition="")
+    yield from _failed(WarningCode.GUESSING, at_chance[[*_GUESSING]])
 
 
-def _chance_tails(rows: pd.DataFrame, alternatives: int) -> pd.DataFrame:
-    """Return P(at most) and P(at least) as many right answers by guessing, and if they test.
+def _failed(code: WarningCode, rows: Any) -> Iterator[FailedCheck]:
+    """Yield a check that failed for each row, whose columns are the data."""
+    for data in rows.to_dict("records"):
+        yield FailedCheck(code, data)
 
-    With stimuli at several sites, how often a site is answered is given, so that a participant who
-    prefers one is not taken for one who reverses them (Fisher's exact test, one tail each). At one
-    site only a forced choice can be tested, where a guess is right once in so many alternatives.
+
+def _with_tails(rows: pd.DataFrame, alternatives: int) -> pd.DataFrame:
+    """Return rows with P(at most) and P(at least) as many correct answers by guessing.
+
+    With stimuli at ``several`` sites, how often a site is answered is given, so that a participant
+    who prefers one is not taken for one who reverses them (Fisher's exact test, one tail each). At
+    one site only a forced choice can be ``tested``, where a guess is correct once in so many
+    alternatives.
     """
-    from scipy.special import bdtr, bdtrc
+    from scipy.stats import binom
 
     several = rows["at_first"].gt(0) & rows["at_first"].lt(rows["presented"])
-    right, of = rows["detected"].to_numpy(np.float64), rows["named"].to_numpy(np.int64)
-    counts = [rows[n] for n in ("right_at_first", "named", "named_at_first", "named_first")]
-    below, above = hypergeometric_tails(*(column.to_numpy(np.float64) for column in counts))
-    chance = 1 / alternatives
-    tested = several | rows["forced"].astype(bool)
-    return pd.DataFrame(
-        {
-            "p_below": np.where(several, below, bdtr(right, of, chance)),
-            "p_above": np.where(several, above, bdtrc(right - 1, of, chance)),
-            "tested": tested,
-            "several": several,
-        },
-        index=rows.index,
+    margins = ("detected_at_first", "named", "named_at_first", "named_first")
+    below, above = hypergeometric_tails(*(rows[name].to_numpy(float) for name in margins))
+    guesses = binom(rows["named"], 1 / alternatives)
+    return rows.assign(
+        several=several,
+        tested=several | rows["forced"].eq(rows["presented"]),
+        p_below=np.where(several, below, guesses.cdf(rows["detected"])),
+        p_above=np.where(several, above, guesses.sf(rows["detected"] - 1)),
     )
 
 
-def _with_chance_p(rows: pd.DataFrame, alternatives: int) -> pd.DataFrame:
+def _with_chance_p(rows: pd.DataFrame, blanks: pd.DataFrame) -> pd.DataFrame:
     """Return rows with p of answers as good by guessing, by their sites and against blanks."""
-    rows = rows.join(_chance_tails(rows, alternatives))
-    hits, false_alarms, presented, blanks = (
-        rows[name].fillna(0).to_numpy(np.float64)
-        for name in ("felt", "blanks_felt", "presented", "blanks")
+    names = {"felt": "false_alarms", "presented": "blanks"}
+    rows = rows.merge(blanks[[*PERSON, *names]].rename(columns=names), on=PERSON, how="left")
+    rows[[*names.values()]] = rows[[*names.values()]].fillna(0).astype(np.int64)
+    hits, stimuli, false_alarms, number = (
+        rows[name].to_numpy(float)
+        for name in ("detected_any", "presented", "false_alarms", "blanks")
     )
-    _, above = hypergeometric_tails(hits, presented + blanks, presented, hits + false_alarms)
-    tests = pd.DataFrame(
-        {"sites": rows["p_above"].where(rows["tested"]), "blanks": above}, index=rows.index
-    )
-    tests["blanks"] = tests["blanks"].where(blanks > 0)
-    p = (tests.min(axis=1) * tests.notna().sum(axis=1)).clip(upper=1.0)
-    return rows.assign(p=p)
+    _, above = hypergeometric_tails(hits, stimuli + number, stimuli, hits + false_alarms)
+    tests = pd.DataFrame({"sites": rows["p_above"].where(rows["tested"]), "blanks": above})
+    tests["blanks"] = tests["blanks"].where(number > 0)
+    return rows.assign(p=(tests.min(axis=1) * tests.notna().sum(axis=1)).clip(upper=1.0))
 
 
-def _count_right(row: pd.Series[Any]) -> str:
-    name = "name the stimulated side" if row["several"] else "are right"
-    return f"{row['detected']:.0f} of {row['named']:.0f} answers {name}"
-
-
-def _describe_chance(row: pd.Series[Any]) -> str:
-    numbers = []
-    if row["tested"]:
-        numbers.append(_count_right(row))
-        if row["p_below"] < BELOW_CHANCE_P:
-            numbers.append(f"fewer than by chance, p = {format_p(row['p_below'])}")
-    if row["blanks"] > 0:
-        numbers.append(
-            f"{row['felt']:.0f} of {row['presented']:.0f} single stimuli and "
-            f"{row['blanks_felt']:.0f} of {row['blanks']:.0f} blanks were felt"
-        )
-    return f"answers do not differ from guesses at any level ({'; '.join(numbers)})"
-
-
-def format_p(value: float) -> str:
-    """Format a small probability.
-
-    >>> format_p(0.00012), format_p(0.0)
-    ('1e-4', '0')
-    """
-    return f"{value:.0e}".replace("e-0", "e-") if value else "0"
-
-
-def check_drift(trials: pd.DataFrame, axis: Axis) -> Iterator[AnswerCheck]:
+def check_drift(trials: pd.DataFrame, axis: Axis) -> Iterator[FailedCheck]:
     """Yield the sessions in which the threshold drifts.
 
-    Those with `drift_p` below `DRIFT_P` and a `drift_size` of at least `MIN_DRIFT_DB`; where that
-    cannot be estimated, the share that is detected changes by `MIN_CHANGE`.
+    Those with `drift_p` below `DRIFT_P` and a `drift_steps` of at least `MIN_DRIFT_STEPS`; where
+    that cannot be estimated, the share that is detected changes by `MIN_CHANGE`.
+
+    >>> from analysis.axis import VOLTS
+    >>> trials = pd.DataFrame({"participant": "7", "session": "01", "condition": "main",
+    ...     "trial": range(40), "kind": "single", "side": "left", "level_vpp": 60.0, "reason": "",
+    ...     "response": ["left"] * 20 + ["none"] * 20})
+    >>> [data["detected"] for _, data in check_drift(trials, VOLTS)]
+    [[20, 0]]
     """
-    single = counted(trials, SINGLE).astype({"session": object, "participant": object})
-    single = single.assign(hit=single["response"].eq(single["side"].map(_CORRECT).astype(object)))
-    p = drift_p(single).rename("p").reset_index()
-    for _, session in p[p["p"] < DRIFT_P].iterrows():
-        names = ["participant", "session"]
-        rows = single[(single[names] == session[names]).all(axis=1)].sort_values("trial")
-        groups = rows.groupby("condition", observed=True)["hit"]
-        is_early = groups.cumcount() < groups.transform("size") / 2
-        (first, of_first), (second, of_second) = (
-            (int(rows.loc[half, "hit"].sum()), int(half.sum())) for half in (is_early, ~is_early)
-        )
-        drift = drift_size(rows, axis)
-        change = abs(second / of_second - first / of_first)
-        if abs(drift) < MIN_DRIFT_DB or (np.isnan(drift) and change < MIN_CHANGE):
+    single = counted(trials, SINGLE).astype({**dict.fromkeys(_STRATA, object), "level_vpp": float})
+    correct = single["side"].map({shown.name: shown.correct for shown in _SINGLES})
+    single = single.assign(hit=single["response"].astype(object).eq(correct).astype(float))
+    p_values = drift_p(single).rename("p").reset_index()
+    for session in p_values[p_values["p"].lt(DRIFT_P)].to_dict("records"):
+        is_here = (single[_SESSION] == [session[name] for name in _SESSION]).all(axis=1)
+        rows = single[is_here].sort_values("trial")
+        groups = rows.groupby("condition")["hit"]
+        is_late = groups.cumcount().ge(groups.transform("size") / 2)
+        halves = rows.groupby(is_late)["hit"].agg(["sum", "size", "mean"])
+        # A step is a dB, or an eighth of the range of a linear axis.
+        step = 1 / 20 if axis.is_logarithmic else float(np.ptp(rows["level_vpp"])) / 8 or 1.0
+        steps = drift_steps(rows, axis.on_axis(rows["level_vpp"].to_numpy(float)) / step)
+        change = abs(halves["mean"].diff().iloc[-1])
+        if abs(steps) < MIN_DRIFT_STEPS or (math.isnan(steps) and change < MIN_CHANGE):
             continue
-        message = (
-            f"participant {session['participant']}, session {session['session']}: {first} of "
-            f"{of_first} single stimuli were detected in the first half, {second} of {of_second} "
-            f"in the second (p = {format_p(session['p'])})"
+        data = {str(name): value for name, value in session.items()}
+        data["detected"], data["presented"] = (
+            halves[n].astype(int).tolist() for n in ("sum", "size")
         )
-        if np.isfinite(drift):
-            unit = "dB" if axis.is_logarithmic else axis.unit
-            size = abs(drift) * (1.0 if axis.is_logarithmic else _step(rows, axis))
-            message += f"; the threshold {'rises' if drift > 0 else 'falls'} by {size:.3g} {unit}"
-        person = {name: str(session[name]) for name in names}
-        yield AnswerCheck(kind=DRIFT, message=message, p=float(session["p"]), **person)
+        data["drift"] = (
+            None if math.isnan(steps) else steps * (1.0 if axis.is_logarithmic else step)
+        )
+        data["unit"] = "dB" if axis.is_logarithmic else axis.unit
+        yield FailedCheck(WarningCode.THRESHOLD_DRIFTS, data)
 
 
 def drift_p(single: pd.DataFrame) -> pd.Series[float]:
@@ -322,82 +225,61 @@ def drift_p(single: pd.DataFrame) -> pd.Series[float]:
     >>> drift_p(rows).round(7).tolist()
     [1e-07]
     """
-    from scipy.special import erfc
+    from scipy.stats import norm
 
-    session = ["participant", "session"]
-    order = single.groupby(session, observed=True)["trial"].rank()
-    hit = single["hit"].astype(float)
-    table = single[[*session, "condition", "level_vpp", "side"]].assign(
-        n=1.0, t=order, y=hit, tt=order**2, ty=order * hit
-    )
-    key = [*session, "condition", "level_vpp", "side"]
-    sums = table.groupby(key, observed=True).sum()
+    rank = single.groupby(_SESSION)["trial"].rank()
+    table = single[_STRATA].assign(hit=single["hit"].astype(float), time=rank)
+    groups = table.groupby(_STRATA)
+    hit, time = (table[name] - groups[name].transform("mean") for name in ("hit", "time"))
+    products = table[_STRATA].assign(n=1, score=hit * time, hits=hit**2, times=time**2)
+    sums = products.groupby(_STRATA).sum()
     sums = sums[sums["n"] > 1]
-    share = sums["y"] / sums["n"]
-    scatter = sums["tt"] - sums["t"] ** 2 / sums["n"]
-    scores = pd.DataFrame(
-        {
-            "score": sums["ty"] - sums["t"] * share,
-            "variance": scatter * share * (1 - share) * sums["n"] / (sums["n"] - 1),
-        }
-    )
-    of_session = scores.groupby(level=session, observed=True).sum()
+    sums["variance"] = sums["hits"] * sums["times"] / (sums["n"] - 1)
+    of_session = sums.groupby(_SESSION)[["score", "variance"]].sum()
     of_session = of_session[of_session["variance"] > 0]
     z = of_session["score"] / np.sqrt(of_session["variance"])
-    return pd.Series(erfc(z.abs() / np.sqrt(2)), index=z.index)
+    return pd.Series(2 * norm.sf(z.abs()), index=z.index)
 
 
-def _step(rows: pd.DataFrame, axis: Axis) -> float:
-    """Return the length of a dB on the axis, or of an eighth of a linear one's range."""
-    if axis.is_logarithmic:
-        return 1 / 20
-    return float(np.ptp(rows["level_vpp"].to_numpy(float))) / 8 or 1.0
-
-
-def drift_size(rows: pd.DataFrame, axis: Axis) -> float:
-    """Return by how many dB the threshold rises over the longest condition of a session.
+def drift_steps(rows: pd.DataFrame, level: Floats) -> float:
+    """Return by how many steps of the level the threshold rises in the longest condition.
 
     By the probit regression of ``hit`` on level and time, with an intercept for each condition and
-    side, the threshold moves by -b_time / b_level; on a linear axis in eighths of its range. NaN
-    for one level, and where level and time separate hits from misses.
+    side, the threshold moves by -b_time / b_level. NaN for one level, and where level and time
+    separate hits from misses.
     """
     from statsmodels.genmod import families
     from statsmodels.genmod.generalized_linear_model import GLM
 
-    strata = rows.groupby(["condition", "side"], observed=True)
+    strata = rows.groupby(["condition", "side"])
     mixed = strata["hit"].transform("nunique") > 1
     order = rows["trial"].rank()
     time = (order - order.min()) / max(np.ptp(order), 1.0) - 0.5
-    spans = time.groupby(rows["condition"].astype(str)).agg(np.ptp)
-    level = axis.on_axis(rows["level_vpp"].to_numpy(float)) / _step(rows, axis)
-    design = pd.get_dummies(strata.ngroup()[mixed], dtype=float).to_numpy()
-    design = np.column_stack([(level - level.mean())[mixed], time[mixed], design])
+    spans = time.groupby(rows["condition"]).agg(np.ptp)
+    strata_columns = pd.get_dummies(strata.ngroup()[mixed], dtype=float).to_numpy()
+    design = np.column_stack([(level - level.mean())[mixed], time[mixed], strata_columns])
     if not mixed.any() or np.linalg.matrix_rank(design) < design.shape[1]:
-        return float("nan")
+        return math.nan
     family = families.Binomial(families.links.Probit())
     with warnings.catch_warnings():
         warnings.simplefilter("error")  # of separation, and of a fit that does not converge
         try:
-            fit = GLM(rows.loc[mixed, "hit"].astype(float).to_numpy(), design, family=family).fit()
+            fit = GLM(rows["hit"][mixed].to_numpy(), design, family=family).fit()
         except (Warning, np.linalg.LinAlgError):
-            return float("nan")
+            return math.nan
     slope, trend = fit.params[:2]
-    return float(-trend / slope * spans.max()) if slope > 0 else float("nan")
-
-
-_MIN_PEOPLE: Final = 3
-"""Participants whose differences between sides are compared with how much they vary."""
+    return float(-trend / slope * spans.max()) if slope > 0 else math.nan
 
 
 def sides_differ(counts: pd.DataFrame) -> pd.DataFrame:
     """Test whether single stimuli are detected equally often at every two sides.
 
-    Columns ``condition side_a side_b p none_offered``, a row for each condition and pair of sides.
-    p is the larger of two: of the exact Cochran-Mantel-Haenszel test, stratified by participant and
-    level, and, with `_MIN_PEOPLE` participants or more, of Student's t test of their mean
-    differences. The first alone would find a difference wherever participants differ, though some
-    are more sensitive at one side and some at the other. In a forced choice (``none_offered``
-    false) a preference of one answer looks the same as a more sensitive side.
+    Columns ``condition side_a side_b p``, a row for each condition and pair of sides. p is the
+    larger of two: of the exact Cochran-Mantel-Haenszel test, stratified by participant and level,
+    and, with `MIN_PEOPLE` participants or more, of Student's t test of their mean differences. The
+    first alone would find a difference wherever participants differ, though some are more sensitive
+    at one side and some at the other. In a forced choice a preference of one answer looks the same
+    as a more sensitive side.
 
     >>> from analysis.counts.table import count_answers
     >>> trials = pd.DataFrame({"participant": "1", "condition": "main", "kind": "single",
@@ -406,33 +288,25 @@ def sides_differ(counts: pd.DataFrame) -> pd.DataFrame:
     >>> sides_differ(count_answers(trials))["p"].round(5).tolist()
     [4e-05]
     """
-    cells = count_levels(counts, "side")
+    from statsmodels.stats.weightstats import DescrStatsW
+
     rows = []
-    for condition, group in cells.groupby("condition"):
-        for a, b in itertools.combinations(_SINGLES, 2):
-            pair = [group[group["side"].eq(shown.name)] for shown in (a, b)]
-            both = pair[0].merge(pair[1], on=["participant", "level_vpp"], suffixes=("_a", "_b"))
-            if len(both):
-                hits, shown = (both[[f"{n}_a", f"{n}_b"]] for n in ("detected", "presented"))
-                offered = bool(group["none_offered"].all())
-                p = max(equal_rates_p(hits, shown), _equal_means_p(both))
-                rows.append([condition, a.name, b.name, p, offered])
-    return pd.DataFrame(rows, columns=["condition", "side_a", "side_b", "p", "none_offered"])
-
-
-def _equal_means_p(both: pd.DataFrame) -> float:
-    """Return p of Student's t test that participants differ by 0 on average between two sides.
-
-    0 where the test cannot tell: of few participants, and of differences that are all the same.
-    """
-    from scipy.special import stdtr
-
-    difference = both["detected_b"] / both["presented_b"] - both["detected_a"] / both["presented_a"]
-    each = difference.groupby(both["participant"]).mean()
-    error = float(each.std()) / math.sqrt(len(each))
-    if len(each) < _MIN_PEOPLE or not error > 0:
-        return 0.0
-    return float(2 * stdtr(len(each) - 1, -abs(each.mean()) / error))
+    for condition, cells in count_levels(counts, "side").groupby("condition"):
+        for a, b in itertools.combinations([shown.name for shown in _SINGLES], 2):
+            at_a, at_b = (cells[cells["side"].eq(name)] for name in (a, b))
+            both = at_a.merge(at_b, on=["participant", "level_vpp"], suffixes=("_a", "_b"))
+            if both.empty:
+                continue
+            hits, shown = (
+                both[[f"{name}_a", f"{name}_b"]].to_numpy() for name in ("detected", "presented")
+            )
+            p = equal_rates_p(hits, shown)
+            share = pd.Series(np.diff(hits / shown)[:, 0]).groupby(both["participant"]).mean()
+            # Differences that are all the same have no t.
+            if len(share) >= MIN_PEOPLE and share.std() > 0:
+                p = max(p, DescrStatsW(share).ttest_mean()[1])
+            rows.append([condition, a, b, p])
+    return pd.DataFrame(rows, columns=["condition", "side_a", "side_b", "p"])
 
 
 INTERLEAVED, ALTERNATED = "interleaved", "alternated"
@@ -456,30 +330,27 @@ def condition_order(trials: pd.DataFrame, *, numbered: bool = True) -> pd.DataFr
     >>> condition_order(trials.assign(trial=[1, 2, 1, 2]))["first"].tolist()
     [None]
     """
-    columns = ["participant", "condition_a", "condition_b", "first"]
-    shown = trials[trials["reason"].eq("") & trials["kind"].isin(COUNTED_KINDS)]
     key = ["session", "block", *(["trial"] if numbered else [])]
-    shown = shown[["participant", "condition", *key]].astype({"session": object})
-    shown = shown.drop_duplicates().sort_values(key)
-    rows = []
-    for participant, person in shown.groupby("participant", observed=True):
-        conditions = {str(name): rows for name, rows in person.groupby("condition", observed=True)}
-        for a, b in itertools.combinations(sorted(conditions), 2):
-            pair = pd.concat([conditions[name] for name in (a, b)]).sort_values(key)
-            rows.append([participant, a, b, _first(pair, key, numbered=numbered)])
-    return pd.DataFrame(rows, columns=columns)
+    shown = trials[trials["reason"].eq("") & trials["kind"].isin(COUNTED_KINDS)]
+    shown = shown[["participant", "condition", *key]].astype(
+        dict.fromkeys([*PERSON, "session"], str)
+    )
+    shown = shown.drop_duplicates()
+    rows = [
+        [participant, a, b, _first(person[person["condition"].isin([a, b])], key)]
+        for participant, person in shown.groupby("participant")
+        for a, b in itertools.combinations(sorted(person["condition"].unique()), 2)
+    ]
+    return pd.DataFrame(rows, columns=["participant", "condition_a", "condition_b", "first"])
 
 
-def _first(pair: pd.DataFrame, key: list[str], *, numbered: bool) -> str | None:
-    sessions = pair["session"].astype(str)
+def _first(pair: pd.DataFrame, key: list[str]) -> str | None:
+    sessions = pair["session"]
     if pair.duplicated(key).any() or not (len({*sessions}) == 1 or sessions.str.isdigit().all()):
         return None
-    order = pair.assign(session=sessions.where(~sessions.str.isdigit(), sessions.str.zfill(20)))
-    condition = order.sort_values(key)["condition"].astype(str)
+    condition = pair.assign(session=sessions.str.zfill(32)).sort_values(key)["condition"]
     runs = condition.ne(condition.shift()).cumsum()
     if runs.iloc[-1] == 2:  # noqa: PLR2004 (each condition is one run)
         return str(condition.iloc[0])
-    if not numbered:
-        return ALTERNATED
     lengths = condition.groupby(runs).agg(["size", "first"]).groupby("first")["size"].median()
-    return ALTERNATED if lengths.min() >= _MIN_BLOCK else INTERLEAVED
+    return ALTERNATED if "trial" not in key or lengths.min() >= _MIN_BLOCK else INTERLEAVED

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any, Final, overload
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 import pandas as pd
@@ -20,19 +20,9 @@ if TYPE_CHECKING:
 _STATSMODELS_NAMES: Final = {"wilson": "wilson", "jeffreys": "jeffreys", "clopper-pearson": "beta"}
 _LOG_RANGE: Final = 15.0
 """Log posterior below its maximum that the grid of a group covers."""
-_GRID_STEPS: Final = 16
+_NODES, _MAX_GRIDS = (64, 48), 16
 _MAX_EXACT: Final = 10_000
 """Successes of which the exact test is computed; of more, the asymptotic test is as good."""
-
-
-@overload
-def proportion_ci(detected: float, presented: float, method: str = ...) -> tuple[float, float]: ...
-
-
-@overload
-def proportion_ci(
-    detected: ArrayLike, presented: ArrayLike, method: str = ...
-) -> tuple[Floats, Floats]: ...
 
 
 def proportion_ci(
@@ -133,18 +123,15 @@ def group_interval(
     tables, times = np.unique(np.stack([k, n], axis=1), axis=0, return_counts=True)
     # The axes are arcsin(sqrt(m)) and the share of the prior of the spread below a value. The grid
     # is laid again over the region that matters until it fills most of the grid.
-    nodes, ends = (64, 48), [(0.0, math.pi / 2), (0.0, 1.0)]
-    for _ in range(_GRID_STEPS):
-        edges = [np.linspace(*end, count + 1) for end, count in zip(ends, nodes, strict=True)]
-        angle, share = ((edge[1:] + edge[:-1]) / 2 for edge in edges)
-        angle = angle[:, None]
-        log = np.log(np.sin(2 * angle))
+    ends = [(0.0, math.pi / 2), (0.0, 1.0)]
+    for _ in range(_MAX_GRIDS):
+        edges = [np.linspace(*end, nodes + 1) for end, nodes in zip(ends, _NODES, strict=True)]
+        angle, share = np.ix_(*((edge[1:] + edge[:-1]) / 2 for edge in edges))
+        log, spread = np.log(np.sin(2 * angle)), share
         if false_alarms:
             scale = np.sin(2 * angle) / 2
             spread = scale * np.tan(share * np.arctan(1 / scale))
             log = log + 8 * np.log(np.cos(angle))  # (1 - m)^4 of Beta(1, 5)
-        else:
-            spread = np.broadcast_to(share, (angle.size, share.size))
         size = 1 / spread**2 - 1
         a, b = np.sin(angle) ** 2 * size, np.cos(angle) ** 2 * size
         log = log - len(k) * betaln(a, b)
@@ -175,9 +162,9 @@ def mean_limits(values: pd.Series[float], by: Sequence[pd.Series[Any]]) -> pd.Da
 
     ordered = values.sort_values()  # in an order that does not depend on names
     groups = ordered.groupby([key.reindex(ordered.index) for key in by], dropna=False)
-    table = groups.agg(["mean", "std", "count", "min", "max"])
+    table = groups.agg(["mean", "sem", "count", "min", "max"])
     mean = table["mean"].clip(table["min"], table["max"])
-    half = stdtrit(table["count"] - 1.0, LIMITS[1]) * table["std"] / np.sqrt(table["count"])
+    half = stdtrit(table["count"] - 1.0, LIMITS[1]) * table["sem"]
     half = half.where(table["max"] > table["min"])
     return pd.DataFrame({"mean": mean, "low": mean - half, "high": mean + half})
 
@@ -194,7 +181,7 @@ def mean_difference(a: Floats, b: Floats) -> tuple[float, float, float, float]:
     if not (len(a) and len(b)):
         return math.nan, math.nan, math.nan, math.nan
     difference = float(b.mean() - a.mean())
-    if min(len(a), len(b)) < 2 or np.ptp(a) + np.ptp(b) == 0:  # noqa: PLR2004
+    if min(len(a), len(b)) == 1 or np.ptp(a) + np.ptp(b) == 0:
         return difference, math.nan, math.nan, math.nan
     from statsmodels.stats.weightstats import CompareMeans, DescrStatsW
 
@@ -234,13 +221,14 @@ def equal_rates_p(successes: ArrayLike, trials: ArrayLike) -> float:
 
         tables = np.stack([k, n - k], axis=1).transpose(1, 2, 0)
         return float(StratifiedTable(tables.astype(float)).test_null_odds(correction=True).pvalue)
-    density, lowest = np.ones(1), 0
+    # The distribution of the sum over strata is the convolution of theirs.
+    density: Floats = np.ones(1)
+    lowest = 0
     for (first, second), (of_first, of_second) in zip(k.tolist(), n.tolist(), strict=True):
-        together = first + second
-        low, high = max(0, together - of_second), min(together, of_first)
-        range_of_first = np.arange(low, high + 1)
-        share = hypergeom.pmf(range_of_first, of_first + of_second, together, of_first)
-        density, lowest = np.convolve(density, share), lowest + low
+        of_both = first + second
+        low, high = max(0, of_both - of_second), min(of_both, of_first)
+        stratum = hypergeom(of_first + of_second, of_both, of_first)
+        density, lowest = np.convolve(density, stratum.pmf(np.arange(low, high + 1))), lowest + low
     unlikely = density <= density[k[:, 0].sum() - lowest] * (1 + 1e-7)
     return min(float(density[unlikely].sum()), 1.0)
 
@@ -260,15 +248,14 @@ def hypergeometric_tails(
     from scipy.special import ndtr
     from scipy.stats import hypergeom
 
-    is_large = np.minimum(row, column) > _MAX_EXACT
-    k, n, a, b = (np.where(is_large, 0, values) for values in (count, total, row, column))
-    below = np.asarray(hypergeom.cdf(k, n, a, b), dtype=np.float64)
-    above = np.asarray(hypergeom.sf(k - 1, n, a, b), dtype=np.float64)
-    k, n, a, b = (values[is_large] for values in (count, total, row, column))
-    mean = b * (a / n)
-    spread = np.maximum(np.sqrt(mean * (1 - a / n) * ((n - b) / (n - 1))), 1e-9)
-    below[is_large] = ndtr((k + 0.5 - mean) / spread)
-    above[is_large] = ndtr((mean - k + 0.5) / spread)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        mean = column * (row / total)
+        spread = np.sqrt(mean * (1 - row / total) * ((total - column) / (total - 1)))
+        below, above = ndtr((count + 0.5 - mean) / spread), ndtr((mean - count + 0.5) / spread)
+    exact = (np.minimum(row, column) <= _MAX_EXACT) | (spread == 0)
+    tables = [margin[exact] for margin in (total, row, column)]
+    below[exact] = hypergeom.cdf(count[exact], *tables)
+    above[exact] = hypergeom.sf(count[exact] - 1, *tables)
     return np.minimum(below, 1.0), np.minimum(above, 1.0)
 
 
@@ -285,21 +272,15 @@ def checked_counts(detected: ArrayLike, presented: ArrayLike) -> tuple[Floats, F
     >>> checked_counts(3, [4, 5])[0].tolist()
     [3.0, 3.0]
     """
-    k, n = _whole("detected", detected), _whole("presented", presented)
-    try:
-        k, n = (np.array(counts) for counts in np.broadcast_arrays(k, n))
-    except ValueError:
-        message = f"detected must have a shape that fits presented {n.shape}, got {k.shape}"
-        raise ValueError(message) from None
+    counts = []
+    for name, values in (("detected", detected), ("presented", presented)):
+        numbers = np.asarray(values)
+        if numbers.dtype.kind not in "iuf" or not np.all(
+            np.isfinite(numbers) & (numbers >= 0) & (numbers == np.floor(numbers))
+        ):
+            raise ValueError(f"{name} must be whole numbers of at least 0, got {values!r}")
+        counts.append(numbers.astype(np.float64))
+    k, n = (array.copy() for array in np.broadcast_arrays(*counts))
     if np.any(k > n):
         raise ValueError(f"detected must be at most presented, got {detected!r} of {presented!r}")
     return k, n
-
-
-def _whole(name: str, values: ArrayLike) -> Floats:
-    numbers = np.asarray(values)
-    if numbers.dtype.kind in "iuf":
-        counts = numbers.astype(np.float64)
-        if np.all(np.isfinite(counts)) and np.all((counts >= 0) & (counts == np.floor(counts))):
-            return counts
-    raise ValueError(f"{name} must be whole numbers of at least 0, got {values!r}")

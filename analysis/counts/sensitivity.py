@@ -8,6 +8,8 @@ Behav. Res. Methods 27 (1995) 46-51).
 from __future__ import annotations
 
 import itertools
+import math
+from collections import Counter
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -15,26 +17,35 @@ import pandas as pd
 
 from analysis.counts.checks import condition_order
 from analysis.counts.intervals import equal_rates_p, mean_difference, mean_limits
-from analysis.counts.table import BLANK, SINGLE, sum_outcomes
+from analysis.counts.table import BLANK, PERSON, SINGLE, sum_outcomes
 from analysis.numbers import LIMITS, TOTAL, in_order
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Sequence
 
     from numpy.typing import ArrayLike, NDArray
 
     Floats = NDArray[np.float64]
 
 
+_ENDS: Final = ("", "_low", "_high")
 _MEASURES: Final = ("d_prime", "criterion")
-_WITH_LIMITS: Final = tuple(f"{name}{end}" for name in _MEASURES for end in ("", "_low", "_high"))
-SENSITIVITY_COLUMNS: Final = (
-    *("condition", "participant", "level_vpp", "felt", "presented", "false_alarms", "blanks"),
-    *(*_WITH_LIMITS, "d_prime_answered"),
-)
 _RATES: Final = ("felt", "presented", "false_alarms", "blanks")
-_PERSON: Final = ["condition", "participant"]
-_CONDITIONS: Final = ["condition_a", "condition_b"]
+_WITH_LIMITS: Final = tuple(f"{name}{end}" for name in _MEASURES for end in _ENDS)
+SENSITIVITY_COLUMNS: Final = (
+    *("condition", "participant", "level_vpp"),
+    *(*_RATES, *_WITH_LIMITS, "d_prime_answered"),
+)
+_DIFFERENCE: Final = tuple(f"d_prime_difference{end}" for end in _ENDS)
+BY_LEVEL_COLUMNS: Final = (
+    *("condition_a", "condition_b", "participant", "level_vpp"),
+    *("felt_a", "presented_a", "felt_b", "presented_b", "d_prime_a", "d_prime_b", *_DIFFERENCE),
+)
+_FALSE_ALARMS: Final = (*(f"false_alarm_difference{end}" for end in _ENDS), "false_alarm_p")
+BESIDE_COLUMNS: Final = (
+    *("first", "false_alarms_a", "blanks_a", "false_alarms_b", "blanks_b"),
+    *(*_FALSE_ALARMS, "d_prime_a", "d_prime_b", *_DIFFERENCE),
+)
 
 
 def z_of(count: ArrayLike, of: ArrayLike) -> Floats:
@@ -79,18 +90,6 @@ def with_sensitivity(rows: pd.DataFrame) -> pd.DataFrame:
     )
 
 
-def _count_felt(counts: pd.DataFrame, kind: str, key: list[str]) -> pd.DataFrame:
-    return sum_outcomes(counts, kind, key).rename(columns={"detected_any": "felt"})
-
-
-def _blanks(counts: pd.DataFrame) -> pd.DataFrame:
-    """Return false alarms and blank trials of each participant, of conditions with ``none``."""
-    offered = counts.groupby("condition")["none_offered"].transform("all")
-    names = {"felt": "false_alarms", "presented": "blanks", "answered": "blanks_answered"}
-    blanks = _count_felt(counts[offered], BLANK, _PERSON).rename(columns=names)
-    return blanks[[*_PERSON, *names.values()]]
-
-
 def sensitivity_table(counts: pd.DataFrame) -> pd.DataFrame:
     """Return d' and c per condition, participant and level; the last rows are `TOTAL`.
 
@@ -98,9 +97,13 @@ def sensitivity_table(counts: pd.DataFrame) -> pd.DataFrame:
     NaN in the row of all levels together. Only where ``none`` could be answered and there were
     blanks. The rows `TOTAL` have sums of the counts, and means with limits by Student's t.
     """
-    single = _count_felt(counts, SINGLE, [*_PERSON, "level_vpp"])
-    together = _count_felt(counts, SINGLE, _PERSON).assign(level_vpp=np.nan)
-    rows = pd.concat([single, together], ignore_index=True).merge(_blanks(counts), on=_PERSON)
+    single = sum_outcomes(counts, SINGLE, [*PERSON, "level_vpp"])
+    together = sum_outcomes(counts, SINGLE, PERSON).assign(level_vpp=np.nan)
+    offered = counts.groupby("condition")["none_offered"].transform("all")
+    names = {"detected_any": "false_alarms", "presented": "blanks", "answered": "blanks_answered"}
+    blanks = sum_outcomes(counts[offered], BLANK, PERSON)[[*PERSON, *names]].rename(columns=names)
+    rows = pd.concat([single, together], ignore_index=True).merge(blanks, on=PERSON)
+    rows = rows.rename(columns={"detected_any": "felt"})
     if rows.empty:
         return rows.reindex(columns=[*SENSITIVITY_COLUMNS])
     rows = with_sensitivity(rows)
@@ -108,42 +111,14 @@ def sensitivity_table(counts: pd.DataFrame) -> pd.DataFrame:
     answered = answered - z_of(rows["false_alarms"], rows["blanks_answered"])
     has_answers = rows["answered"].gt(0) & rows["blanks_answered"].gt(0)
     rows["d_prime_answered"] = np.where(has_answers, answered, np.nan)
-    totals = _totals(rows, ["condition", "level_vpp"], ["d_prime_answered"])
-    return _in_order(pd.concat([rows, totals]))[[*SENSITIVITY_COLUMNS]]
-
-
-def _totals(rows: pd.DataFrame, key: list[str], means: Iterable[str] = ()) -> pd.DataFrame:
-    """Return the rows `TOTAL`: sums of counts, means of d' and c with limits by Student's t."""
+    key = [rows["condition"], rows["level_vpp"]]
     groups = rows.groupby(key, dropna=False)
-    measures = [*_WITH_LIMITS, *means]
-    sums = groups.sum(numeric_only=True).drop(columns=measures, errors="ignore")
-    keys = [rows[name] for name in key]
+    totals = groups[[*_RATES]].sum().assign(d_prime_answered=groups["d_prime_answered"].mean())
     for name in _MEASURES:
-        limits = mean_limits(rows[name], keys)
-        columns = {"mean": name, "low": f"{name}_low", "high": f"{name}_high"}
-        sums = sums.join(limits.rename(columns=columns))
-    return sums.join(groups[[*means]].mean()).reset_index().assign(participant=TOTAL)
-
-
-def _in_order(rows: pd.DataFrame) -> pd.DataFrame:
-    """Sort by condition, participant and level, with the rows `TOTAL` last in a condition."""
-    key = ["condition", "total", "participant", *(["level_vpp"] if "level_vpp" in rows else [])]
-    rows = rows.assign(total=rows["participant"].eq(TOTAL))
-    return rows.sort_values(key, key=in_order, ignore_index=True)
-
-
-BY_LEVEL_COLUMNS: Final = (
-    *("condition_a", "condition_b", "participant", "level_vpp"),
-    *(f"{name}_{which}" for which in "ab" for name in ("felt", "presented")),
-    *("d_prime_a", "d_prime_b"),
-    *(f"d_prime_difference{end}" for end in ("", "_low", "_high")),
-)
-BESIDE_COLUMNS: Final = (
-    *("first", "false_alarms_a", "blanks_a", "false_alarms_b", "blanks_b"),
-    *(f"false_alarm_difference{end}" for end in ("", "_low", "_high")),
-    *("false_alarm_p", "d_prime_a", "d_prime_b"),
-    *BY_LEVEL_COLUMNS[-3:],
-)
+        totals[[f"{name}{end}" for end in _ENDS]] = mean_limits(rows[name], key).to_numpy()
+    rows = pd.concat([rows, totals.reset_index().assign(participant=TOTAL)])
+    rows = rows.sort_values([*PERSON, "level_vpp"], key=in_order, ignore_index=True)
+    return rows[[*SENSITIVITY_COLUMNS]]
 
 
 def d_prime_differences(sensitivity: pd.DataFrame) -> pd.DataFrame:
@@ -153,16 +128,14 @@ def d_prime_differences(sensitivity: pd.DataFrame) -> pd.DataFrame:
     Columns `BY_LEVEL_COLUMNS`, of `sensitivity_table`; the last row of a level is `TOTAL`.
     """
     people = _of_people(sensitivity)
-    tables = []
+    tables = [pd.DataFrame()]
     for a, b in itertools.combinations(sorted(people["condition"].unique()), 2):
         pair = [people[people["condition"].eq(name)] for name in (a, b)]
-        shared = {*pair[0]["participant"]} & {*pair[1]["participant"]}
-        rows = _compare(*pair, paired=bool(shared)).assign(condition_a=a, condition_b=b)
-        key = ["level_vpp", "total", "participant"]
-        rows = rows.assign(total=rows["participant"].eq(TOTAL)).sort_values(key, key=in_order)
-        tables.append(rows)
-    table = pd.concat(tables, ignore_index=True) if tables else pd.DataFrame()
-    return table.reindex(columns=[*BY_LEVEL_COLUMNS])
+        paired = bool({*pair[0]["participant"]} & {*pair[1]["participant"]})
+        rows = _compare(*_shared(*pair, paired=paired), paired=paired)
+        rows = rows.sort_values(["level_vpp", "participant"], key=in_order)
+        tables.append(rows.assign(condition_a=a, condition_b=b))
+    return pd.concat(tables, ignore_index=True).reindex(columns=[*BY_LEVEL_COLUMNS])
 
 
 def _of_people(sensitivity: pd.DataFrame) -> pd.DataFrame:
@@ -172,10 +145,7 @@ def _of_people(sensitivity: pd.DataFrame) -> pd.DataFrame:
 def _shared(a: pd.DataFrame, b: pd.DataFrame, *, paired: bool) -> list[pd.DataFrame]:
     """Return the rows of levels in both, and of participants in both where these are `paired`."""
     key = ["participant", "level_vpp"] if paired else ["level_vpp"]
-    return [
-        a.merge(b[key].drop_duplicates(), on=key),
-        b.merge(a[key].drop_duplicates(), on=key),
-    ]
+    return [rows.merge(of[key].drop_duplicates(), on=key) for rows, of in ((a, b), (b, a))]
 
 
 def _compare(a: pd.DataFrame, b: pd.DataFrame, *, paired: bool) -> pd.DataFrame:
@@ -184,111 +154,86 @@ def _compare(a: pd.DataFrame, b: pd.DataFrame, *, paired: bool) -> pd.DataFrame:
     Of a participant the distances of both limits are added in quadrature; of all the limits are by
     Student's t within participants, or by Welch's t where these differ.
     """
-    key, name = ["participant", "level_vpp"], "d_prime_difference"
-    a, b = _shared(a, b, paired=paired)
-    columns = [*key, *_RATES, "d_prime", "d_prime_low", "d_prime_high"]
-    rows = a[columns].merge(b[columns], on=key, suffixes=("_a", "_b"))
-    if paired:
-        (at_a, low_a, high_a), (at_b, low_b, high_b) = (
-            [rows[f"d_prime{end}_{which}"] for end in ("", "_low", "_high")] for which in "ab"
-        )
-        difference = at_b - at_a
-        rows[name] = difference
-        rows[f"{name}_low"] = difference - np.hypot(at_b - low_b, high_a - at_a)
-        rows[f"{name}_high"] = difference + np.hypot(high_b - at_b, at_a - low_a)
-        limits = mean_limits(difference, [rows["level_vpp"]])
-    else:
-        each_a, each_b = (dict([*table.groupby("level_vpp")["d_prime"]]) for table in (a, b))
-        welch = {
-            level: mean_difference(each_a[level].to_numpy(), each_b[level].to_numpy())
-            for level in each_a
-        }
-        limits = pd.DataFrame.from_dict(welch, "index", columns=["mean", "low", "high", "p"])
-    means = dict.fromkeys(_RATES, "sum") | {"d_prime": "mean"}
-    sums = [table.groupby("level_vpp").agg(means) for table in (a, b)]
-    ends = {"mean": name, "low": f"{name}_low", "high": f"{name}_high"}
-    total = sums[0].add_suffix("_a").join([sums[1].add_suffix("_b"), limits[[*ends]]])
-    total = total.rename(columns=ends).rename_axis("level_vpp").reset_index()
-    return pd.concat([*([rows] if len(rows) else []), total.assign(participant=TOTAL)])
+    sums = dict.fromkeys(_RATES, "sum") | {"d_prime": "mean"}
+    total_a, total_b = (rows.groupby("level_vpp").agg(sums) for rows in (a, b))
+    total = total_a.add_suffix("_a").join(total_b.add_suffix("_b"))
+    if not paired:
+        groups = [dict([*rows.groupby("level_vpp")["d_prime"]]) for rows in (a, b)]
+        welch = [
+            mean_difference(*(group[level].to_numpy() for group in groups))[:3]
+            for level in total.index
+        ]
+        total[[*_DIFFERENCE]] = np.reshape(welch, (-1, 3))
+        return total.reset_index().assign(participant=TOTAL)
+    rows = a.merge(b, on=["participant", "level_vpp"], suffixes=("_a", "_b"))
+    (at_a, low_a, high_a), (at_b, low_b, high_b) = (
+        [rows[f"d_prime{end}_{which}"] for end in _ENDS] for which in "ab"
+    )
+    difference = at_b - at_a
+    low = difference - np.hypot(at_b - low_b, high_a - at_a)
+    high = difference + np.hypot(high_b - at_b, at_a - low_a)
+    rows = rows.assign(**dict(zip(_DIFFERENCE, (difference, low, high), strict=True)))
+    total[[*_DIFFERENCE]] = mean_limits(difference, [rows["level_vpp"]]).to_numpy()
+    return pd.concat([rows, total.reset_index().assign(participant=TOTAL)])
 
 
 def with_criterion(
     differences: pd.DataFrame,
     trials: pd.DataFrame,
     sensitivity: pd.DataFrame,
+    blanks: pd.DataFrame,
     *,
-    blank: pd.DataFrame | None = None,
     numbered: bool = True,
 ) -> pd.DataFrame:
     """Return differences of thresholds with `BESIDE_COLUMNS`, of the same participants.
 
-    ``first`` is the condition that came first, by `condition_order`. d' is of the levels that were
-    presented in both conditions, NaN where `sensitivity`, from `sensitivity_table`, has none. The
-    rows `TOTAL` have the means, and the difference of false alarms with its test, of the table
-    `blank` from `count_blanks`.
+    ``first`` is the condition that came first, by `condition_order`; in rows `TOTAL`, how many
+    participants had which first. d' is of the levels that were presented in both conditions, NaN
+    where `sensitivity`, from `sensitivity_table`, has none. The rows `TOTAL` have the means, and
+    the difference of false alarms with its test, of `blanks` from `count_false_alarms`.
     """
-    if differences.empty:
-        return differences.assign(**{name: [] for name in BESIDE_COLUMNS})
-    order = condition_order(trials, numbered=numbered).set_index(["participant", *_CONDITIONS])
-    rows = []
-    for (a, b), pair in differences.groupby(_CONDITIONS, sort=False):
-        people = [name for name in pair["participant"] if name != TOTAL]
-        beside = _beside(sensitivity, (str(a), str(b)), people).set_index("participant")
-        first = {name: order["first"].get((name, str(a), str(b))) for name in people}
-        for name in pair["participant"]:
-            row = beside.loc[name].to_dict() if name in beside.index else {}
-            row["first"] = _count_first(first.values()) if name == TOTAL else first[name]
-            if name == TOTAL and blank is not None:
-                row |= _compare_false_alarms(blank, (str(a), str(b)), paired=bool(people))
-            rows.append(row)
-    table = pd.DataFrame(rows, index=differences.index).reindex(columns=[*BESIDE_COLUMNS])
-    return pd.concat([differences, table], axis="columns")
-
-
-def _count_first(firsts: Iterable[str | None]) -> str | None:
-    """Return how often each condition came first.
-
-    >>> _count_first(["covered", "bare", "bare", None])
-    'bare 2, covered 1'
-    """
-    names = [name for name in firsts if name is not None]
-    return ", ".join(f"{name} {names.count(name)}" for name in sorted({*names})) or None
-
-
-def _beside(sensitivity: pd.DataFrame, pair: tuple[str, str], people: list[str]) -> pd.DataFrame:
-    """Compare false alarms and d' of two conditions, over the levels of both together."""
-    table = _of_people(sensitivity)
-    if people:
-        table = table[table["participant"].isin(people)]
-    a, b = (table[table["condition"].eq(condition)] for condition in pair)
+    table, order = _of_people(sensitivity), condition_order(trials, numbered=numbered)
     sums = {"felt": "sum", "presented": "sum", "false_alarms": "first", "blanks": "first"}
-    together = [
-        with_sensitivity(rows.groupby("participant", as_index=False).agg(sums)).assign(level_vpp=0)
-        for rows in _shared(a, b, paired=bool(people))
-    ]
-    return _compare(together[0], together[1], paired=bool(people))
+    beside = [pd.DataFrame()]
+    for names, pair in differences.groupby(["condition_a", "condition_b"], sort=False):
+        a, b = map(str, names)
+        people = [name for name in pair["participant"] if name != TOTAL]
+        rows = table[table["participant"].isin(people)] if people else table
+        at_levels = (rows[rows["condition"].eq(name)] for name in (a, b))
+        together = [
+            with_sensitivity(rows.groupby("participant", as_index=False).agg(sums)).assign(
+                level_vpp=0
+            )
+            for rows in _shared(*at_levels, paired=bool(people))
+        ]
+        rows = _compare(*together, paired=bool(people)).set_index("participant")
+        rows = rows.reindex(pair["participant"])
+        of_pair = order[order["condition_a"].eq(a) & order["condition_b"].eq(b)]
+        first = dict(zip(of_pair["participant"], of_pair["first"], strict=True))
+        numbers = Counter(filter(None, map(first.get, people))).items()
+        first[TOTAL] = ", ".join(f"{name} {number}" for name, number in sorted(numbers)) or None
+        rows["first"] = [first.get(name) for name in rows.index]
+        of_blanks = (blanks[blanks["condition"].eq(name)] for name in (a, b))
+        alarms = _compare_false_alarms(*of_blanks, paired=bool(people))
+        is_total = rows.index.to_numpy() == TOTAL
+        rows[[*_FALSE_ALARMS]] = np.where(is_total[:, None], alarms, np.nan)
+        beside.append(rows)
+    columns = pd.concat(beside).reindex(columns=[*BESIDE_COLUMNS]).set_axis(differences.index)
+    return pd.concat([differences, columns], axis="columns")
 
 
-def _compare_false_alarms(
-    blank: pd.DataFrame, pair: tuple[str, str], *, paired: bool
-) -> dict[str, float]:
-    """Return by how much false alarms differ between two conditions, and p of the one test.
+def _compare_false_alarms(a: pd.DataFrame, b: pd.DataFrame, *, paired: bool) -> Sequence[float]:
+    """Return by how much false alarms differ between two conditions, with limits and p of the test.
 
     Within participants the test is the exact Cochran-Mantel-Haenszel test, and the limits are by
     Student's t; of different participants both are by Welch's t.
     """
-    names = BESIDE_COLUMNS[5:9]
-    if not {*pair} <= {*blank.get("condition", ())}:
-        return {}
-    rows = blank[blank["participant"].ne(TOTAL) & blank["presented"].gt(0)]
-    rows = rows.assign(alarms=(rows["p"] * rows["presented"]).round())
-    a, b = (rows[rows["condition"].eq(name)] for name in pair)
     both = a.merge(b, on="participant", suffixes=("_a", "_b"))
-    if len(both):
-        p = equal_rates_p(both[["alarms_a", "alarms_b"]], both[["presented_a", "presented_b"]])
-        difference = both["p_b"] - both["p_a"]
-        limits = mean_limits(difference, [pd.Series(0, both.index)]).iloc[0]
-        return dict(zip(names, (*limits, p), strict=True))
-    if paired:
-        return {}
-    return dict(zip(names, mean_difference(a["p"].to_numpy(), b["p"].to_numpy()), strict=True))
+    if paired and both.empty:
+        return [math.nan] * len(_FALSE_ALARMS)
+    if both.empty:
+        return mean_difference(*((rows["felt"] / rows["presented"]).to_numpy() for rows in (a, b)))
+    difference = both["felt_b"] / both["presented_b"] - both["felt_a"] / both["presented_a"]
+    limits = mean_limits(difference, [pd.Series(0, both.index)]).iloc[0]
+    p = equal_rates_p(both[["felt_a", "felt_b"]], both[["presented_a", "presented_b"]])
+    return [*limits, p]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from functools import cache
 from typing import TYPE_CHECKING, Final
 
@@ -10,7 +11,7 @@ import pandas as pd
 
 from analysis.counts.intervals import group_interval, mean_limits, proportion_ci
 from analysis.numbers import TOTAL, in_order
-from experiment.rows import ANSWERS, COLUMNS, HANDS_OFF, NOT_AVAILABLE, RESPONSES, SIDES
+from experiment.rows import COLUMNS, HANDS_OFF, NOT_AVAILABLE, RESPONSES, SIDES
 from experiment.tasks import LEFT_RIGHT_BOTH
 from experiment.trial.plan import HANDS_OFF_BLOCK
 
@@ -33,7 +34,7 @@ NEEDED: Final = (
 )
 """Columns of trials that `count_answers` needs."""
 _KEY: Final = ["condition", "participant", "kind", "side", "level_vpp", "response", "none_offered"]
-_PERSON: Final = ["condition", "participant"]
+PERSON: Final = ["condition", "participant"]
 _LEVEL: Final = ["condition", "level_vpp"]
 
 LEVEL_COLUMNS: Final = (
@@ -73,8 +74,7 @@ def uncounted(trials: pd.DataFrame) -> list[str]:
     >>> uncounted(trials)
     ['2']
     """
-    with_trials = trials.loc[trials["reason"].eq(""), "participant"].unique()
-    return sorted({*trials["participant"].unique()} - {*with_trials})
+    return sorted({*trials["participant"]} - {*trials.loc[trials["reason"].eq(""), "participant"]})
 
 
 def count_answers(trials: pd.DataFrame) -> pd.DataFrame:
@@ -91,9 +91,8 @@ def count_answers(trials: pd.DataFrame) -> pd.DataFrame:
     """
     require_columns(trials, NEEDED)
     chosen = trials[trials["reason"].eq("") & trials["kind"].isin(COUNTED_KINDS)]
-    categories = [name for name in _KEY if name not in ("level_vpp", "none_offered")]
-    offered = chosen["none_offered"].astype("boolean").fillna(value=False).astype(bool)
-    keys = chosen[_KEY].astype(dict.fromkeys(categories, object)).assign(none_offered=offered)
+    types = dict.fromkeys(_KEY, object) | {"level_vpp": float}
+    keys = chosen[_KEY].astype(types).assign(none_offered=chosen["none_offered"].eq(other=True))
     for name, choices in (("side", SIDES), ("response", RESPONSES)):
         if not keys[name].isin(choices).all():
             raise ValueError(f"{name} must be one of {', '.join(choices)} where a trial counts")
@@ -135,9 +134,26 @@ def sum_outcomes(counts: pd.DataFrame, kind: str, key: Sequence[str]) -> pd.Data
     [[3, 1, 2, 2]]
     """
     rows = counts[counts["kind"].eq(kind)].reset_index(drop=True)
-    places = pd.MultiIndex.from_frame(rows[["side", "response"]])
-    marks = _outcomes().loc[places].reset_index(drop=True).mul(rows["n"], axis=0)
-    return pd.concat([rows[[*key]], marks], axis=1).groupby([*key], as_index=False).sum()
+    pairs = pd.MultiIndex.from_frame(rows[["side", "response"]])
+    outcomes = _outcomes().loc[pairs].reset_index(drop=True).mul(rows["n"], axis=0)
+    return pd.concat([rows[[*key]], outcomes], axis=1).groupby([*key], as_index=False).sum()
+
+
+def _count_responses(rows: pd.DataFrame, key: Sequence[str]) -> pd.DataFrame:
+    """Return how often each response was given, and to how many stimuli, by columns of `key`."""
+    table = rows.pivot_table("n", key, "response", aggfunc="sum", fill_value=0)
+    table = table.reindex(columns=[*RESPONSES], fill_value=0).astype(np.int64)
+    return table.assign(presented=table.sum(axis=1)).rename_axis(columns=None).reset_index()
+
+
+def _with_total(rows: pd.DataFrame) -> pd.DataFrame:
+    """Return rows and the same rows of a participant `TOTAL`, which no participant is called."""
+    return pd.concat([rows, rows.assign(participant=TOTAL)])
+
+
+def count_false_alarms(counts: pd.DataFrame) -> pd.DataFrame:
+    """Count blank trials in which something was ``felt``, by condition and participant."""
+    return sum_outcomes(counts, BLANK, PERSON).rename(columns={"detected_any": "felt"})
 
 
 def count_levels(counts: pd.DataFrame, *more: str) -> pd.DataFrame:
@@ -257,8 +273,8 @@ def count_detected_any(cells: pd.DataFrame) -> pd.DataFrame | None:
     if not cells["none_offered"].all():
         return None
     detected = cells["detected_any" if "detected_any" in cells else "detected"]
-    table = cells[_LEVEL].assign(detected_any=detected)
-    return table.groupby(_LEVEL, as_index=False).sum()
+    groups = cells.assign(detected_any=detected).groupby(_LEVEL, as_index=False)
+    return groups[["detected_any"]].sum()
 
 
 def count_both(counts: pd.DataFrame, ci: str = "wilson") -> pd.DataFrame:
@@ -277,12 +293,10 @@ def count_both(counts: pd.DataFrame, ci: str = "wilson") -> pd.DataFrame:
     >>> both[["participant", "noticed", "presented"]].to_numpy().tolist()
     [['1', 1, 1], ['2', 0, 1], ['all', 1, 2]]
     """
-    only = [f"{site}_only" for site in TASK.sites]
-    answers = dict(zip(TASK.sites, only, strict=True))
-    people = _answers_of(counts, BOTH).rename(columns={"detected": "noticed"} | answers)
-    table = _with_totals(people[[*_PERSON, "noticed", "presented", *only]], "noticed", ci)
-    columns = ["participant", "noticed", *_WITH_INTERVALS, *only]
-    return table[["condition", *columns] if len({*counts["condition"]}) > 1 else columns]
+    only = {site: f"{site}_only" for site in TASK.sites}
+    people = _count_people(counts, BOTH).rename(columns={"detected": "noticed"} | only)
+    table = _with_intervals(people, "noticed", ci)
+    return _select(table, ["participant", "noticed", *_WITH_INTERVALS, *only.values()], counts)
 
 
 def count_blanks(
@@ -300,41 +314,40 @@ def count_blanks(
     [['1', 20, 0.15], ['2', 20, 0.05], ['all', 40, 0.1]]
     """
     if blanks is None:
-        people = _answers_of(counts, BLANK).rename(columns={"detected_any": "felt"})
-        people = people[[*_PERSON, *SITE_ANSWERS, "felt", "presented"]]
-        conditions = counts["condition"]
+        people, trials = _count_people(counts, BLANK), counts
+        people = people.rename(columns={"detected_any": "felt"})
     else:
-        people, conditions = blanks[[*_PERSON, "felt", "presented"]], blanks["condition"]
-    table = _with_totals(people, "felt", ci, false_alarms=True)
-    columns = ["participant", *SITE_ANSWERS, *_WITH_INTERVALS]
-    columns = ["condition", *columns] if len({*conditions}) > 1 else columns
-    return table.reindex(columns=columns)
+        people, trials = _with_total(blanks).groupby(PERSON, as_index=False).sum(), blanks
+    table = _with_intervals(people, "felt", ci, false_alarms=True)
+    return _select(table, ["participant", *SITE_ANSWERS, *_WITH_INTERVALS], trials)
 
 
-def _answers_of(counts: pd.DataFrame, kind: str) -> pd.DataFrame:
-    """Count outcomes and answers of each participant to trials of a kind."""
-    rows = counts[counts["kind"].eq(kind)]
-    answers = rows.pivot_table("n", _PERSON, "response", aggfunc="sum", fill_value=0)
-    answers = answers.reindex(columns=[*RESPONSES], fill_value=0).reset_index()
-    people = answers.merge(sum_outcomes(counts, kind, _PERSON), on=_PERSON)
-    return people.sort_values(_PERSON, key=in_order)
+def _count_people(counts: pd.DataFrame, kind: str) -> pd.DataFrame:
+    """Count outcomes and responses to trials of a kind, of each participant and of all."""
+    rows = _with_total(counts[counts["kind"].eq(kind)])
+    return sum_outcomes(rows, kind, PERSON).merge(
+        _count_responses(rows, PERSON), on=[*PERSON, "presented"]
+    )
 
 
-def _with_totals(
+def _with_intervals(
     people: pd.DataFrame, hits: str, ci: str, *, false_alarms: bool = False
 ) -> pd.DataFrame:
-    """Put totals below the participants of each condition; return both with their intervals."""
-    totals = people.drop(columns="participant").groupby("condition", as_index=False).sum()
-    table = pd.concat([people, totals.assign(participant=TOTAL)])
-    table = table.sort_values("condition", kind="stable").reset_index(drop=True)
-    limits = pd.DataFrame(np.nan, table.index, ["group_low", "group_high"])
-    shown = people[people["presented"].gt(0)]
-    for index in table.index[table["participant"].eq(TOTAL)]:
-        group = shown[shown["condition"].eq(table.loc[index, "condition"])]
-        if len(group):
-            tables = group[hits].to_numpy(), group["presented"].to_numpy()
-            limits.loc[index] = group_interval(*tables, false_alarms=false_alarms)
-    return pd.concat([_with_interval(table, hits, ci), limits], axis=1)
+    """Return people and `TOTAL` of each condition with their intervals, in their order."""
+    table = _with_interval(people.sort_values(PERSON, key=in_order, ignore_index=True), hits, ci)
+    table[["group_low", "group_high"]] = math.nan
+    is_total = table["participant"].eq(TOTAL)
+    for condition, group in table[~is_total].groupby("condition"):
+        limits = group_interval(group[hits], group["presented"], false_alarms=false_alarms)
+        row = is_total & table["condition"].eq(condition)
+        table.loc[row, ["group_low", "group_high"]] = limits
+    return table
+
+
+def _select(table: pd.DataFrame, columns: list[str], trials: pd.DataFrame) -> pd.DataFrame:
+    """Return some columns, with the condition in front if there are trials of several."""
+    several = len({*trials["condition"]}) > 1
+    return table.reindex(columns=["condition", *columns] if several else columns)
 
 
 def count_confusions(counts: pd.DataFrame) -> pd.DataFrame:
@@ -343,10 +356,7 @@ def count_confusions(counts: pd.DataFrame) -> pd.DataFrame:
     Columns ``condition kind side``, one for each response, ``presented``; one row per condition and
     stimulus that was presented.
     """
-    key = ["condition", "kind", "side"]
-    table = counts.pivot_table("n", key, "response", aggfunc="sum", fill_value=0)
-    table = table.reindex(columns=[*RESPONSES], fill_value=0).astype(np.int64)
-    table = table.assign(presented=table.sum(axis=1)).rename_axis(columns=None).reset_index()
+    table = _count_responses(counts, ["condition", "kind", "side"])
     table["side"] = pd.Categorical(table["side"], SIDES)  # in the order of the task
     table = table.sort_values(["condition", "side"], ignore_index=True)
     return table.astype({"side": object})
@@ -355,23 +365,14 @@ def count_confusions(counts: pd.DataFrame) -> pd.DataFrame:
 def excluded_table(trials: pd.DataFrame) -> pd.DataFrame:
     """Count what is left out, in columns ``participant reason trials``.
 
-    A trial that would be neither counted nor listed is a RuntimeError: then this program is wrong.
-
     >>> trials = pd.DataFrame({"participant": "1", "kind": "single", "reason": ["", "voided"]})
     >>> excluded_table(trials).to_numpy().tolist()
     [['1', 'voided', 1]]
     """
-    left_out = trials.loc[trials["reason"].ne(""), ["participant", "reason"]]
-    table = left_out.groupby(["participant", "reason"]).size().reset_index(name="trials")
-    table = table.sort_values(["participant", "reason"], key=in_order, ignore_index=True)
-    number = int((trials["reason"].eq("") & trials["kind"].isin(COUNTED_KINDS)).sum())
-    if number + len(left_out) != len(trials):
-        message = (
-            f"internal error: {number} counted and {len(left_out)} left out of {len(trials)} "
-            "trials, some are neither or both"
-        )
-        raise RuntimeError(message)
-    return table
+    left_out = trials[trials["reason"].ne("")]
+    key = ["participant", "reason"]
+    table = left_out.groupby(key).size().reset_index(name="trials")
+    return table.sort_values(key, key=in_order, ignore_index=True)
 
 
 def clean_table(trials: pd.DataFrame, *, more: Iterable[str] = ()) -> pd.DataFrame:
@@ -392,18 +393,14 @@ def clean_table(trials: pd.DataFrame, *, more: Iterable[str] = ()) -> pd.DataFra
 
 BEFORE, AFTER = "before", "after"
 """Hands-off trials before practice, and those after the task."""
-_HANDS_OFF_ANSWERS: Final = {answer: answer for answer in ANSWERS} | {
-    "timeouts": "timeout",
-    "invalid": "invalid",
-}
-HANDS_OFF_COLUMNS: Final = ("participant", "part", "side", *_HANDS_OFF_ANSWERS, "presented")
 
 
 def hands_off_table(trials: pd.DataFrame) -> pd.DataFrame:
     """Count the answers to hands-off trials; none of them is in any other table.
 
-    Columns `HANDS_OFF_COLUMNS`: for each participant, then for `TOTAL`, a row for each part
-    (`BEFORE` practice, `AFTER` the task) and side of the plate that was driven.
+    Columns ``participant part side``, one for each response, ``presented``: for each participant,
+    then for `TOTAL`, a row for each part (`BEFORE` practice, `AFTER` the task) and side of the
+    plate that was driven.
     With several conditions a column ``condition`` stands in front, each with its own totals.
 
     >>> trials = pd.DataFrame({"participant": "1", "condition": "main", "block": [-1, 2],
@@ -411,25 +408,15 @@ def hands_off_table(trials: pd.DataFrame) -> pd.DataFrame:
     >>> hands_off_table(trials)[["participant", "part", "left", "none"]].to_numpy().tolist()
     [['1', 'before', 0, 1], ['1', 'after', 1, 0], ['all', 'before', 0, 1], ['all', 'after', 1, 0]]
     """
-    chosen = trials[trials["kind"].astype(object).eq(HANDS_OFF) & trials["fault"].eq("")]
-    before = chosen["block"].eq(HANDS_OFF_BLOCK)
-    marked = chosen[["participant", "condition", "side"]].astype(object)
-    marked = marked.assign(
-        part=pd.Categorical(np.where(before, BEFORE, AFTER), [BEFORE, AFTER]),
-        **{
-            name: chosen["response"].eq(word).astype(int)
-            for name, word in _HANDS_OFF_ANSWERS.items()
-        },
-        presented=1,
+    rows = trials[trials["kind"].eq(HANDS_OFF) & trials["fault"].eq("")]
+    rows = rows[["condition", "participant", "side", "response", "block"]].astype(object)
+    part = np.where(rows["block"].eq(HANDS_OFF_BLOCK), BEFORE, AFTER)
+    key = [*PERSON, "part", "side"]
+    table = _count_responses(_with_total(rows.assign(part=part, n=1)), key)
+    table = table.rename(columns={"timeout": "timeouts"}).sort_values(
+        key, key=in_order, ascending=[True, True, False, True], ignore_index=True
     )
-    key = ["condition", "part", "side"]
-    people = marked.groupby(["participant", *key], as_index=False, observed=True).sum()
-    people = people.sort_values(["participant", *key], key=in_order)
-    totals = people.drop(columns="participant").groupby(key, as_index=False, observed=True).sum()
-    table = pd.concat([people, totals.assign(participant=TOTAL)]).astype({"part": object})
-    table = table.sort_values("condition", kind="stable").reset_index(drop=True)
-    several = len({*chosen["condition"]}) > 1
-    return table[["condition", *HANDS_OFF_COLUMNS] if several else [*HANDS_OFF_COLUMNS]]
+    return _select(table, [*key[1:], *table.columns[len(key) :]], rows)
 
 
 def reaction_table(trials: pd.DataFrame) -> pd.DataFrame:
@@ -444,13 +431,10 @@ def reaction_table(trials: pd.DataFrame) -> pd.DataFrame:
     >>> reaction_table(trials)[["n", "median"]].to_numpy().tolist()
     [[2.0, 0.5]]
     """
-    single = counted(trials, SINGLE)
-    side, response = (single[name].astype(object) for name in ("side", "response"))
-    correct = {shown.name: shown.correct for shown in TASK.presentations}
-    times_s = single["rt_s"].astype(float).where(response.eq(side.map(correct)))
-    groups = times_s.groupby([single["condition"].astype(object), single["level_vpp"], side])
+    single = counted(trials, SINGLE).astype({"condition": object, "side": object})
+    correct = single["side"].map({shown.name: shown.correct for shown in TASK.presentations})
+    times_s = single["rt_s"].astype(float).where(single["response"].astype(object).eq(correct))
+    groups = times_s.groupby([single[name] for name in (*_LEVEL, "side")])
     points = {"median": 0.5, "p10": 0.1, "p90": 0.9}
-    table = pd.DataFrame(
-        {"n": groups.count(), **{n: groups.quantile(q) for n, q in points.items()}}
-    )
-    return table.reset_index()
+    columns = {"n": groups.count(), **{n: groups.quantile(q) for n, q in points.items()}}
+    return pd.DataFrame(columns).reset_index()

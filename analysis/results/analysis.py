@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import pandas as pd
 
 from analysis.counts import table
-from analysis.counts.checks import check_counts, check_trials, sides_differ
+from analysis.counts.checks import check_answers, check_drift, sides_differ
 from analysis.counts.sensitivity import d_prime_differences, sensitivity_table, with_criterion
 from analysis.numbers import METHODS
 from analysis.reading.columns import FORCED, YES_NO
@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 
     from analysis.axis import Axis
     from analysis.codes import AnalysisWarning
-    from analysis.counts.checks import AnswerCheck
+    from analysis.counts.checks import FailedCheck
     from analysis.reading.trials import Counts, LoadedTrials
     from analysis.thresholds.people import PersonCounts
 
@@ -83,7 +83,7 @@ class Analysis:
     side_p : mapping of str to float
         The p of equal detection on both sides, by condition.
     checks : tuple
-        The participants whose answers failed a check.
+        The checks of answers that failed.
     ci : str
         The method of the intervals of proportions.
     seed : int
@@ -127,7 +127,7 @@ class Analysis:
     reaction_times: pd.DataFrame
     detected_any: pd.DataFrame | None
     side_p: Mapping[str, float] = field(default_factory=dict)
-    checks: tuple[AnswerCheck, ...] = ()
+    checks: tuple[FailedCheck, ...] = ()
     ci: str = METHODS[0]
     seed: int = 0
 
@@ -241,17 +241,17 @@ def analyse(
         thresholds = with_micrometres(thresholds, trials, axis)
     groups = group_table(people, thresholds, axis)
     sensitivity = sensitivity_table(counts)
-    blank = table.count_blanks(counts, ci, loaded.blanks)
     detected_any = table.count_detected_any(cells)
     side_p: dict[str, float] = {}
     if loaded.side_told and loaded.cells is None:
         tests = sides_differ(counts)
         side_p = dict(zip(tests["condition"], tests["p"], strict=True))
     differs = trials["condition"].astype(object).map(side_p).lt(ALPHA)
+    by_side = table.count_levels(counts, "side") if loaded.cells is None else loaded.cells
+    false_alarms = table.count_false_alarms(counts) if loaded.blanks is None else loaded.blanks
     checks = (
-        check_trials(trials, counts, axis, loaded.alternatives)
-        if loaded.cells is None
-        else check_counts(loaded.cells, loaded.blanks, loaded.alternatives)
+        *check_answers(by_side, false_alarms, loaded.alternatives),
+        *check_drift(trials, axis),
     )
     return Analysis(
         loaded=loaded,
@@ -260,7 +260,7 @@ def analyse(
         levels=table.summarize_levels(cells, group_bands(people, axis)),
         participants=table.summarize_participants(cells, ci),
         both=table.count_both(counts, ci),
-        blank=blank,
+        blank=table.count_blanks(counts, ci, loaded.blanks),
         hands_off=table.hands_off_table(trials),
         excluded=table.excluded_table(trials),
         thresholds=thresholds,
@@ -269,7 +269,7 @@ def analyse(
             difference_table(people, axis, thresholds, groups),
             trials,
             sensitivity,
-            blank=None if detected_any is None else blank,
+            false_alarms.head(0) if detected_any is None else false_alarms,
             numbered=loaded.numbered,
         ),
         sides=table.summarize_sides(counts) if side_p else pd.DataFrame(),
@@ -280,7 +280,7 @@ def analyse(
         reaction_times=table.reaction_table(trials),
         detected_any=detected_any,
         side_p=side_p,
-        checks=tuple(checks),
+        checks=checks,
         ci=ci,
         seed=seed,
     )

@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING, Any, Final
 
 import pandas as pd
 
-from analysis.codes import AnalysisWarning, WarningCode
+from analysis.codes import WarningCode
 from analysis.counts import table
-from analysis.counts.checks import AT_CHANCE, DRIFT, REVERSED
 from analysis.numbers import TOTAL
 from analysis.reading.trials import NEVER_ANSWERED
 from analysis.results.findings import ALPHA, records, sides_that_differ
@@ -24,6 +23,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
     from typing import TypeAlias
 
+    from analysis.codes import AnalysisWarning
     from analysis.results.analysis import Analysis
 
     Check: TypeAlias = tuple[bool, WarningCode, dict[str, Any]]
@@ -43,11 +43,6 @@ _EXPECTED: Final = (PRACTICE, HANDS_OFF, "voided")
 # A participant who broke off has fewer than nine tenths of the trials that at least three others
 # have; where more than a quarter of the participants have fewer, it may be a design.
 _NEARLY_ALL, _MIN_ALIKE, _MAX_SHARE = 0.9, 3, 0.25
-_CHECKS: Final = {
-    REVERSED: WarningCode.RESPONSES_REVERSED,
-    AT_CHANCE: WarningCode.GUESSING,
-    DRIFT: WarningCode.THRESHOLD_DRIFTS,
-}
 _SESSION: Final = ["participant", "session"]
 
 
@@ -64,9 +59,7 @@ def find_warnings(analysis: Analysis) -> Iterator[AnalysisWarning]:
         _check_conditions(analysis),
     )
     warnings = [warning(code, **data) for is_found, code, data in checks if is_found]
-    for check in analysis.checks:
-        names = {"participant": check.participant, "condition": check.condition}
-        warnings.append(AnalysisWarning(_CHECKS[check.kind], str(check), names))
+    warnings += [warning(check.code, **check.data) for check in analysis.checks]
     order = [*WarningCode]
     yield from sorted(warnings, key=lambda each: order.index(each.code))
 

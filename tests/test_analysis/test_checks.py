@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import html
 import json
 import re
 from typing import TYPE_CHECKING, Any
@@ -11,8 +12,8 @@ import pandas as pd
 import pytest
 
 from analysis import Axis
-from analysis.counts.checks import check_counts, check_trials, condition_order
-from analysis.counts.table import count_answers
+from analysis.counts.checks import check_answers, check_drift, condition_order
+from analysis.counts.table import count_answers, count_false_alarms, count_levels
 from tests.test_analysis.shared import put, run
 from tests.test_analysis.tables import numbers
 
@@ -20,7 +21,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable
     from pathlib import Path
 
-    from analysis.counts.checks import AnswerCheck
+    from analysis.counts.checks import FailedCheck
 
 MIRROR = {"left": "right", "right": "left"}
 SIDES = ["left", "right"] * 50
@@ -36,54 +37,56 @@ def trials(sides: Any, answers: Any, **columns: Any) -> pd.DataFrame:
     return table.assign(**same | {"level_vpp": 60.0, "reason": "", "none_offered": False} | columns)
 
 
-def kinds(checks: Iterable[AnswerCheck]) -> list[tuple[str, str, str]]:
-    return [(check.kind, check.participant, check.condition) for check in checks]
+NO_BLANKS = pd.DataFrame(columns=["condition", "participant", "felt", "presented"])
 
 
-def checks_of(table: pd.DataFrame, axis: Axis | None = None) -> list[AnswerCheck]:
-    return [*check_trials(table, count_answers(table), axis or Axis())]
+def failed(checks: Iterable[FailedCheck], *names: str) -> list[list[Any]]:
+    """Return the code of each check that failed, with some of its data."""
+    return [[str(check.code), *(check.data[name] for name in names)] for check in checks]
+
+
+def checks_of(table: pd.DataFrame, axis: Axis | None = None) -> list[FailedCheck]:
+    counts = count_answers(table)
+    answers = check_answers(count_levels(counts, "side"), count_false_alarms(counts))
+    return [*answers, *check_drift(table, axis or Axis())]
+
+
+NAMED, FELT = ("detected", "named"), ("detected_any", "presented", "false_alarms", "blanks")
 
 
 @pytest.mark.parametrize(
-    ("sides", "answers", "columns", "kind", "counts"),
+    ("sides", "answers", "columns", "code", "counts"),
     [
         # As one of 21 people of a public study.
         (["left", "right"] * 384, ["right", "left"] * 376 + ["left", "right"] * 8, {},
-         "reversed", [16, 768]),
+         "responses_reversed", [16, 768]),
         # Who always answers the rarer side has not reversed them.
-        (["left"] * 90 + ["right"] * 30, ["right"] * 120, {}, "at_chance", [30, 120]),
-        (SIDES, GUESSES, {}, "at_chance", [50, 100]),
-        (["left"] * 100, ["left", "right"] * 50, {}, "at_chance", [50, 100]),
+        (["left"] * 90 + ["right"] * 30, ["right"] * 120, {}, "guessing", [30, 120]),
+        (SIDES, GUESSES, {}, "guessing", [50, 100]),
+        (["left"] * 100, ["left", "right"] * 50, {}, "guessing", [50, 100]),
         # One level of several that is felt is enough, and so are blanks that are not.
         (SIDES, [*GUESSES[:40], *GUESSES[50:90], *SIDES[80:]],
          {"level_vpp": np.repeat([60.0, 90.0], [80, 20])}, None, []),
         ([*SIDES, *["none"] * 40], [*GUESSES, *["none"] * 40], {"none_offered": True}, None, []),
         ([*SIDES, *["none"] * 40], [*GUESSES, *["left"] * 40], {"none_offered": True},
-         "at_chance", [50, 100, 100, 100, 40, 40]),
+         "guessing", [50, 100, 100, 100, 40, 40]),
         # Yes at one side without blanks shows nothing of guesses.
         (["left"] * 100, ["left", "none"] * 50, {"none_offered": True}, None, []),
     ],
 )  # fmt: skip # rows of a table
 def test_who_is_named_and_by_which_counts(
-    sides: Any, answers: Any, columns: Any, kind: str | None, counts: list[int]
+    sides: Any, answers: Any, columns: Any, code: str | None, counts: list[int]
 ) -> None:
     checks = checks_of(trials(sides, answers, participant="سمر, x", **columns))
-    where = "main" if kind == "at_chance" else ""
-    assert kinds(checks) == ([(kind, "سمر, x", where)] if kind else [])
-    assert not checks or numbers(checks[0].message)[: len(counts)] == counts
+    names = (NAMED + FELT)[: len(counts)]
+    expected = [[code, "سمر, x", *counts]] if code else []
+    assert failed(checks, "participant", *names) == expected
 
 
-@pytest.mark.parametrize(("right", "fewer"), [(17, True), (22, False)])
-def test_fewer_right_than_by_chance_has_its_p(*, right: int, fewer: bool) -> None:
-    correct = [("left", "left"), ("right", "right")] * right
-    wrong = [("left", "right"), ("right", "left")] * (50 - right)
-    pairs = np.random.default_rng(1).permutation([*correct, *wrong])  # sorted, they are a drift
-    (check,) = checks_of(trials(*pairs.T))
-    assert numbers(check.message)[1:3] == [2 * right, 100]
-    assert ("p = 1e-3" in check.message) == fewer
+def test_fewer_correct_than_by_chance_at_one_site_are_guesses() -> None:
     table = pd.DataFrame({"condition": "main", "participant": "a", "level_vpp": [60.0, 90.0]})
-    counts = table.assign(detected=[right, right + 1], presented=50, none_offered=False)
-    assert kinds(check_counts(counts, None, 2)) == [("at_chance", "a", "main")]
+    counts = table.assign(detected=[17, 18], presented=50, none_offered=False)
+    assert failed(check_answers(counts, NO_BLANKS)) == [["guessing"]]
 
 
 def test_counts_of_a_forced_choice_show_guesses_and_reversed_answers() -> None:
@@ -91,17 +94,17 @@ def test_counts_of_a_forced_choice_show_guesses_and_reversed_answers() -> None:
     counts = table.assign(
         participant=list("aabbcc"), detected=[15, 17, 2, 1, 20, 29], none_offered=False
     )
-    checks = [*check_counts(counts, None, 2)]
-    assert kinds(checks) == [("reversed", "b", ""), ("at_chance", "a", "main")]
-    assert numbers(checks[0].message)[:2] == [3, 60]
+    assert failed(check_answers(counts, NO_BLANKS), "participant", *NAMED) == [
+        ["responses_reversed", "b", 3, 60],
+        ["guessing", "a", 32, 60],
+    ]
     yes = counts.assign(none_offered=True)
-    assert not [*check_counts(yes, None, 2)]
+    assert not [*check_answers(yes, NO_BLANKS)]
     blanks = pd.DataFrame({"participant": list("abc"), "felt": [9, 1, 1], "presented": 20})
-    checks = [*check_counts(yes, blanks.assign(condition="main"), 2)]
-    messages = [check.message for check in checks if check.participant == "a"]
-    assert [numbers(message) for message in messages] == [[32, 60, 9, 20]]
+    guessing = failed(check_answers(yes, blanks.assign(condition="main")), "participant", *FELT)
+    assert ["guessing", "a", 32, 60, 9, 20] in guessing
     huge = counts.assign(presented=10**12, detected=[10**12 // 2, 10**12] * 3)
-    assert not [*check_counts(huge, None, 2)]
+    assert not [*check_answers(huge, NO_BLANKS)]
 
 
 @pytest.mark.parametrize(
@@ -118,14 +121,14 @@ def test_a_drift_is_estimated_within_each_condition(axis: Axis, conditions: int)
         level = 60.0 * 10 ** (x / 20) if axis.is_logarithmic else 10 * x
         condition = trials(["left"] * number, answers, level_vpp=level, condition=f"c{at}")
         parts.append(condition.assign(trial=np.arange(number) + number * at, none_offered=True))
-    (check,) = checks_of(pd.concat(parts, ignore_index=True), axis)
-    assert (check.kind, check.participant, check.session) == ("drift", "1", "01")
     halves = [np.array_split(block["response"].eq("left"), 2) for block in parts]
-    first, second = (sum(int(half[i].sum()) for half in halves) for i in (0, 1))
-    values, of = numbers(check.message), number * conditions // 2
-    assert values[2:6] == [first, of, second, of]
+    detected = [sum(int(half[i].sum()) for half in halves) for i in (0, 1)]
+    checks = checks_of(pd.concat(parts, ignore_index=True), axis)
+    assert failed(checks, "participant", "session", "detected", "presented") == [
+        ["threshold_drifts", "1", "01", detected, [number * conditions // 2] * 2]
+    ]
     moved = 6.0 if axis.is_logarithmic else 60.0
-    assert values[-1] == pytest.approx(moved, rel=0.1)
+    assert checks[0].data["drift"] == pytest.approx(moved, rel=0.1)
 
 
 def test_a_drift_is_named_by_its_p_and_has_no_size_under_separation() -> None:
@@ -138,11 +141,11 @@ def test_a_drift_is_named_by_its_p_and_has_no_size_under_separation() -> None:
     for levels in (60.0, level_vpp):
         separated = trials(["left"] * 120, answers, level_vpp=levels, none_offered=True)
         (check,) = checks_of(separated)
-        assert (check.kind, check.p < 1e-19) == ("drift", True)
-        assert numbers(check.message)[2:6] == [60, 60, 0, 60]
-        assert "threshold" not in check.message
+        expected = ["threshold_drifts", [60, 0], [60, 60], None]
+        assert failed([check], "detected", "presented", "drift") == [expected]
+        assert check.data["p"] < 1e-19
     both = pd.concat([separated, separated.assign(session="02")])
-    assert [check.session for check in checks_of(both)] == ["01", "02"]
+    assert [check.data["session"] for check in checks_of(both)] == ["01", "02"]
 
 
 @pytest.mark.slow
@@ -217,4 +220,4 @@ def test_a_warning_reaches_summary_report_and_terminal(tmp_path: Path) -> None:
     (warning,) = (each for each in summary["warnings"] if each["code"] == "responses_reversed")
     assert numbers(warning["message"])[:2] == [0, 40]
     assert re.search(r"Warnings +1  ", result.output)
-    assert warning["message"] in (out / "report.html").read_text(encoding="utf-8")
+    assert html.escape(warning["message"]) in (out / "report.html").read_text(encoding="utf-8")

@@ -95,10 +95,13 @@ def test_who_answers_yes_for_no_turns_the_criterion_only(
     assert ends == pytest.approx([row["d_prime_low"], row["d_prime_high"]])
 
 
-def beside(trials: pd.DataFrame, *people: str, **options: Any) -> pd.DataFrame:
+def beside(
+    trials: pd.DataFrame, *people: str, false_alarms: pd.DataFrame | None = None
+) -> pd.DataFrame:
     """Return what stands beside the differences of a and b."""
+    alarms = false_alarms_of({}) if false_alarms is None else false_alarms
     rows = [{"condition_a": "a", "condition_b": "b", "participant": name} for name in people]
-    return with_criterion(pd.DataFrame(rows), trials, table_of("sensitivity", trials), **options)
+    return with_criterion(pd.DataFrame(rows), trials, table_of("sensitivity", trials), alarms)
 
 
 def test_d_prime_is_the_difference_of_corrected_quantiles() -> None:
@@ -212,13 +215,10 @@ def test_over_all_levels_the_group_has_the_mean_of_its_people() -> None:
     assert ends == pytest.approx([*limits])
 
 
-def blank_table(counts: dict[tuple[str, str], tuple[int, int]]) -> pd.DataFrame:
-    """Return the blanks of condition and participant, with a row of all."""
+def false_alarms_of(counts: dict[tuple[str, str], tuple[int, int]]) -> pd.DataFrame:
+    """Return the false alarms of condition and participant."""
     rows = [[*key, *value] for key, value in counts.items()]
-    table = pd.DataFrame(rows, columns=["condition", "participant", "felt", "presented"])
-    total = table.groupby("condition", as_index=False).sum(numeric_only=True)
-    table = pd.concat([table, total.assign(participant="all")])
-    return table.assign(p=table["felt"] / table["presented"])
+    return pd.DataFrame(rows, columns=["condition", "participant", "felt", "presented"])
 
 
 def test_one_exact_test_decides_whether_false_alarms_differ() -> None:
@@ -227,25 +227,25 @@ def test_one_exact_test_decides_whether_false_alarms_differ() -> None:
     keys = [(condition, str(who)) for who in range(12) for condition in "ab"]
     counts = dict(zip(keys, ((k, 30) for pair in alarms for k in pair), strict=True))
     people = [str(who) for who in range(12)]
-    row = beside(two_conditions(), *people, "all", blank=blank_table(counts)).iloc[-1]
+    row = beside(two_conditions(), *people, "all", false_alarms=false_alarms_of(counts)).iloc[-1]
     low, high = ttest_rel(*(np.array(alarms).T / 30)[::-1]).confidence_interval()
     assert row[ALARMS[1:]].tolist() == pytest.approx([low, high])
     assert low > 0
     assert row["false_alarm_p"] > 0.05
-    two = blank_table({("a", "1"): (21, 240), ("b", "1"): (22, 240)})
+    two = false_alarms_of({("a", "1"): (21, 240), ("b", "1"): (22, 240)})
     p = fisher_exact(np.array([[21, 22], [219, 218]])).pvalue
-    assert beside(two_conditions(), "1", "all", blank=two)["false_alarm_p"].iloc[-1] == (
+    assert beside(two_conditions(), "1", "all", false_alarms=two)["false_alarm_p"].iloc[-1] == (
         pytest.approx(p)
     )
 
 
 def test_false_alarms_of_different_people_are_compared_by_welchs_t() -> None:
     of_a, of_b = (1, 6, 2), (9, 3, 8, 8)
-    blank = blank_table(
+    blanks = false_alarms_of(
         {("a", str(who)): (k, 40) for who, k in enumerate(of_a)}
         | {("b", str(who)): (k, 40) for who, k in enumerate(of_b, 5)}
     )
-    row = beside(study(felt([3], [60.0], condition="a")), "all", blank=blank).iloc[0]
+    row = beside(study(felt([3], [60.0], condition="a")), "all", false_alarms=blanks).iloc[0]
     a, b = np.array(of_a) / 40, np.array(of_b) / 40
     welch = ttest_ind(b, a, equal_var=False)
     assert row[ALARMS].tolist() == pytest.approx(

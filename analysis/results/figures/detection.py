@@ -207,7 +207,7 @@ def pages_of(analysis: Analysis) -> list[list[str]]:
     """
     names = by_threshold(analysis)
     if len(names) > PEOPLE_PER_PAGE * MAX_PAGES:
-        doubtful = {check.participant for check in analysis.checks}
+        doubtful = {check.data["participant"] for check in analysis.checks}
         table = analysis.thresholds.assign(
             clean=~analysis.thresholds["participant"].isin(doubtful),
             fitted=analysis.thresholds["status"].isin(WITH_THRESHOLD),
