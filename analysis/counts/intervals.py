@@ -222,7 +222,7 @@ def equal_rates_p(successes: ArrayLike, trials: ArrayLike) -> float:
         tables = np.stack([k, n - k], axis=1).transpose(1, 2, 0)
         return float(StratifiedTable(tables.astype(float)).test_null_odds(correction=True).pvalue)
     # The distribution of the sum over strata is the convolution of theirs.
-    density: Floats = np.ones(1)
+    density: NDArray[Any] = np.ones(1)
     lowest = 0
     for (first, second), (of_first, of_second) in zip(k.tolist(), n.tolist(), strict=True):
         of_both = first + second
