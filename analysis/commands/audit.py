@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import sys
 import textwrap
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -90,8 +91,11 @@ def format_audit(report: dict[str, Any]) -> str:
 
 
 def _wrap_line(line: str) -> str:
+    """Wrap a line at 80 columns, and escape characters that the terminal cannot print."""
     indent = " " * (len(line) - len(line.lstrip()) + 2)
-    return textwrap.fill(line, _WIDTH, subsequent_indent=indent)
+    encoding = getattr(sys.stdout, "encoding", None) or "utf-8"
+    printable = line.encode(encoding, "backslashreplace").decode(encoding)
+    return textwrap.fill(printable, _WIDTH, subsequent_indent=indent)
 
 
 @click.command(epilog="Example: tactstrip audit table.csv")
