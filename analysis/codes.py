@@ -10,8 +10,14 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
 
-class _Code(StrEnum):
-    """A code with what it means."""
+class WarningCode(StrEnum):
+    """What a warning is about; its message has the numbers and the names.
+
+    Examples
+    --------
+    >>> WarningCode.GUESSING == "guessing"
+    True
+    """
 
     text: str
 
@@ -21,16 +27,6 @@ class _Code(StrEnum):
         code._value_ = value
         code.text = text
         return code
-
-
-class WarningCode(_Code):
-    """What a warning is about; its message has the numbers and the names.
-
-    Examples
-    --------
-    >>> WarningCode.GUESSING == "guessing"
-    True
-    """
 
     # of an analysis
     SESSION_WITHOUT_TABLE = "session_without_table", "a session's folder has no trials.csv"

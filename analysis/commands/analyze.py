@@ -5,9 +5,10 @@ from __future__ import annotations
 import sys
 import webbrowser
 from contextlib import nullcontext
-from itertools import count
+from functools import reduce
+from itertools import chain, count
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -16,7 +17,7 @@ from experiment.commands.options.hardware import working
 from experiment.exits import ANSWER_IS_NO, CommandError, refusals
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Callable, Iterable, Sequence
     from contextlib import AbstractContextManager
 
     from analysis.reading.columns import ColumnMap
@@ -100,20 +101,17 @@ def write_analysis(
     """
     from analysis.reading.trials import paused_garbage_collection, read_inputs
 
-    loaded = read_inputs(
-        paths,
-        columns,
-        watched=_reading_progress if bar else nullcontext,
-        accept_altered=accept_altered,
-    )
+    step = working if bar else nullcontext
+    watched = _reading_progress if bar else nullcontext
+    loaded = read_inputs(paths, columns, watched=watched, accept_altered=accept_altered)
     from analysis.results.analysis import analyse
 
-    with working("Fitting") if bar else nullcontext(), paused_garbage_collection():
+    with step("Fitting"), paused_garbage_collection():
         analysis = analyse(loaded, ci=ci, seed=seed, allow_simulated=allow_simulated)
     from analysis.results.figures.drawing import DEFAULT_STYLE
     from analysis.results.files import save
 
-    with working("Writing") if bar else nullcontext(), paused_garbage_collection():
+    with step("Writing"), paused_garbage_collection():
         chosen = (style or DEFAULT_STYLE) if figures else None
         save(analysis, Path(out_dir), read=loaded.paths, style=chosen)
     return analysis
@@ -124,6 +122,20 @@ def _reading_progress(
 ) -> AbstractContextManager[Iterable[InputTable]]:
     hidden = len(sources) < MANY_TABLES or not sys.stderr.isatty()
     return click.progressbar(sources, label="Reading", file=sys.stderr, hidden=hidden)
+
+
+_OUTPUT_OPTIONS = (
+    click.option(
+        "--no-figures", is_flag=True, help="Write no figures. The report contains tables only."
+    ),
+    click.option("--details", is_flag=True, help="Also print the tables."),
+    click.option("--open", "open_report", is_flag=True, help="Open the report in the web browser."),
+)
+
+
+def output_options(command: Callable[..., None]) -> Callable[..., None]:
+    """Add the options of a command that writes an analysis."""
+    return reduce(lambda function, option: option(function), reversed(_OUTPUT_OPTIONS), command)
 
 
 @click.command(epilog="Example: tactstrip analyze results")
@@ -182,21 +194,13 @@ def _reading_progress(
     metavar="FILE",
     help="Matplotlib style sheet for the figures.",
 )
-@click.option(
-    "--no-figures", is_flag=True, help="Write no figures. The report contains tables only."
-)
-@click.option("--details", is_flag=True, help="Also print the tables.")
-@click.option("--open", "open_report", is_flag=True, help="Open the report in the web browser.")
+@output_options
 @refusals
 def analyze(
     paths: tuple[Path, ...],
     out: Path | None,
     columns: Path | None,
-    ci: str,
-    seed: int,
     *,
-    allow_simulated: bool,
-    accept_altered: bool,
     strict: bool,
     pdf: bool,
     width_mm: float,
@@ -204,6 +208,7 @@ def analyze(
     no_figures: bool,
     details: bool,
     open_report: bool,
+    **options: Any,
 ) -> None:
     """Analyze result files and write tables, figures and a report.
 
@@ -226,23 +231,27 @@ def analyze(
         paths,
         target,
         columns=column_map,
-        ci=ci,
-        allow_simulated=allow_simulated,
-        accept_altered=accept_altered,
-        seed=seed,
         figures=not no_figures,
         style=Style(width_mm=width_mm, style=style, pdf=pdf),
         bar=True,
+        **options,
     )
+    show_analysis(analysis, target, details=details, open_report=open_report)
+    if strict and analysis.warnings:
+        click.get_current_context().exit(ANSWER_IS_NO)
+
+
+def show_analysis(
+    analysis: Analysis, folder: Path, *, details: bool, open_report: bool, **remarks: Any
+) -> None:
+    """Print the answer of an analysis, and open its report if the user asks for it."""
     from analysis.results.console import print_analysis
     from analysis.results.files import REPORT
 
-    report = target / REPORT
-    print_analysis(analysis, sys.stdout, details=details, report=str(report))
+    report = folder / REPORT
+    print_analysis(analysis, sys.stdout, details=details, report=str(report), **remarks)
     if open_report:
         webbrowser.open(report.resolve().as_uri())
-    if strict and analysis.warnings:
-        click.get_current_context().exit(ANSWER_IS_NO)
 
 
 def default_folder(paths: Sequence[Path], *, external: bool) -> Path:
@@ -250,18 +259,19 @@ def default_folder(paths: Sequence[Path], *, external: bool) -> Path:
 
     Results are written into a folder of sessions, but not into data of another program.
     """
-    from experiment.archive import manifest
-
     first = paths[0]
     is_session_folder = not external and len(paths) == 1 and first.is_dir()
     if is_session_folder and not (first / _BIDS).exists():
         base = first / "analysis"
     else:
         base = Path(f"{first.resolve().stem}-analysis")
-    for number in count(1):
-        folder = base if number == 1 else base.with_name(f"{base.name}-{number}")
-        if not folder.exists() or (folder.is_dir() and not any(folder.iterdir())):
-            break
-        if (folder / manifest.NAME).exists():
-            break
-    return folder
+    numbered = (base.with_name(f"{base.name}-{number}") for number in count(2))
+    return next(folder for folder in chain([base], numbered) if _is_free(folder))
+
+
+def _is_free(folder: Path) -> bool:
+    from experiment.archive import manifest
+
+    if not folder.is_dir():
+        return not folder.exists()
+    return (folder / manifest.NAME).exists() or not any(folder.iterdir())

@@ -8,13 +8,13 @@ from __future__ import annotations
 
 import secrets
 import sys
-import webbrowser
 from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
+from analysis.commands.analyze import output_options, show_analysis, write_analysis
 from device.printing import echo
 from experiment.archive.disk import FOLDER_MODE, UNWAITED, make_folder
 from experiment.commands.options.hardware import working
@@ -26,7 +26,6 @@ if TYPE_CHECKING:
 
 
 MAX_PARTICIPANTS = 10_000
-_WIDTH = 80
 
 
 @click.command("dry-run", epilog="Example: tactstrip dry-run study.toml --seed 7")
@@ -60,9 +59,7 @@ _WIDTH = 80
     help="Also choose stimulus levels from each session, as `tactstrip levels` does from a pilot "
     "session, and print their expected error.",
 )
-@click.option("--no-figures", is_flag=True, help="Write no figures.")
-@click.option("--details", is_flag=True, help="Also print the tables.")
-@click.option("--open", "open_report", is_flag=True, help="Open the report in the web browser.")
+@output_options
 @refusals
 def dry_run(
     *,
@@ -80,7 +77,6 @@ def dry_run(
     Without STUDY, tactstrip runs an example study, whose levels lie on both sides of the simulated
     threshold. The same seed reproduces every trials.csv.
     """
-    from analysis.commands.analyze import write_analysis
     from experiment.check.check import require_fit
     from experiment.check.study_report import simulated_participants
     from experiment.study.files import first_study, naming, read_study
@@ -96,20 +92,15 @@ def dry_run(
     target = folder / "analysis"
     analysis = write_analysis([folder], target, seed=seed, figures=not no_figures, bar=True)
     from analysis.results.answer import simulated_row
-    from analysis.results.console import print_analysis
-    from analysis.results.files import REPORT
 
-    report = target / REPORT
     simulated = simulated_participants(study, check.gains)
     row = simulated_row(simulated["thresholds"], simulated["threshold_sd_db"])
     remarks = [warning.message for warning in simulated["warnings"]]
     if with_levels:
         _print_levels(study, folder)
-    print_analysis(
-        analysis, sys.stdout, details=details, report=str(report), more=[row], remarks=remarks
+    show_analysis(
+        analysis, target, details=details, open_report=open_report, more=[row], remarks=remarks
     )
-    if open_report:
-        webbrowser.open(report.resolve().as_uri())
 
 
 def _print_levels(study: Study, folder: Path) -> None:
