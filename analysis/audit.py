@@ -24,7 +24,6 @@ HALF_UP, HALF_EVEN, TRUNCATED = "half up", "half even", "truncated"
 READINGS: Final = {"rounded": (HALF_UP, HALF_EVEN), "truncated": (TRUNCATED,)}
 """Reading: the conventions that it allows, any one of which has to explain a whole row."""
 _PROPORTION: Final = re.compile(rf"0|1|[01]?\.[0-9]{{1,{MAX_DECIMALS}}}", re.ASCII)
-_NUMBERS: Final = re.compile(r"([0-9]{1,9})(?:-([0-9]{1,9}))?", re.ASCII)
 _TINY: Final = Fraction(1, 10**50)
 """Less than what lies between any two values that are compared: those of counts of a million people
 with a million stimuli, and of `MAX_DECIMALS`. So far does a range end before an open end."""
@@ -36,25 +35,27 @@ def _check_proportion(text: str) -> str:
     return text
 
 
-def _parse_numbers(text: str | None) -> tuple[int, int] | None:
-    """Return the ends of a range such as 20-40, or a number twice."""
-    if text is None:
-        return None
-    match = _NUMBERS.fullmatch(text)
-    low, high = (int(match[1]), int(match[2] or match[1])) if match else (0, 0)
-    if not (1 <= low <= high <= MAX_TRIALS and high - low <= MAX_TRIALS_RANGE):
-        raise ValueError(
-            f"a number of stimuli must be from 1 to {MAX_TRIALS}, or a range such as 20-40 of "
-            f"at most {MAX_TRIALS_RANGE}"
-        )
-    return low, high
-
-
 def _none_if_missing(text: str | None) -> str | None:
     return None if text in ("", "n/a") else text
 
 
+def _split_range(text: str | None) -> tuple[str, str] | None:
+    if text in (None, "", "n/a"):
+        return None
+    low, dash, high = text.partition("-")
+    return low, high if dash else low
+
+
+def _check_range(ends: tuple[int, int] | None) -> tuple[int, int] | None:
+    if ends and not 0 <= ends[1] - ends[0] <= MAX_TRIALS_RANGE:
+        raise ValueError(
+            f"a range has its smallest number first and is at most {MAX_TRIALS_RANGE} wide"
+        )
+    return ends
+
+
 Proportion = Annotated[str, AfterValidator(_check_proportion)]
+Number = Annotated[int, Field(ge=1, le=MAX_TRIALS)]
 
 
 class PrintedRow(BaseModel):
@@ -74,11 +75,9 @@ class PrintedRow(BaseModel):
     mean: Proportion
     max: Proportion
     n: Annotated[
-        tuple[int, int] | None, BeforeValidator(_parse_numbers), BeforeValidator(_none_if_missing)
+        tuple[Number, Number] | None, BeforeValidator(_split_range), AfterValidator(_check_range)
     ] = None
-    participants: Annotated[
-        Annotated[int, Field(ge=1, le=MAX_TRIALS)] | None, BeforeValidator(_none_if_missing)
-    ] = None
+    participants: Annotated[Number | None, BeforeValidator(_none_if_missing)] = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -28,12 +28,9 @@ SINGLE, BOTH, BLANK = (
 SITE_ANSWERS: Final = tuple(answer.name for answer in TASK.answers if answer.sites)
 """Answers that something was felt; to a blank trial each is a false alarm."""
 
-NEEDED: Final = (
-    *("participant", "condition", "kind", "side", "level_vpp", "response"),
-    *("none_offered", "reason"),
-)
-"""Columns of trials that `count_answers` needs."""
 _KEY: Final = ["condition", "participant", "kind", "side", "level_vpp", "response", "none_offered"]
+NEEDED: Final = (*_KEY, "reason")
+"""Columns of trials that `count_answers` needs."""
 PERSON: Final = ["condition", "participant"]
 _LEVEL: Final = ["condition", "level_vpp"]
 
