@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from analysis.results.figures.drawing import Style
 
 
+_PATH = click.Path(path_type=Path)
 _BIDS = "dataset_description.json"
 MANY_TABLES = 20
 """Reading this many tables or more takes long enough for a progress bar."""
@@ -101,8 +102,7 @@ def write_analysis(
     """
     from analysis.reading.trials import paused_garbage_collection, read_inputs
 
-    step = working if bar else nullcontext
-    watched = _reading_progress if bar else nullcontext
+    step, watched = (working, _reading_progress) if bar else (nullcontext, nullcontext)
     loaded = read_inputs(paths, columns, watched=watched, accept_altered=accept_altered)
     from analysis.results.analysis import analyse
 
@@ -139,18 +139,16 @@ def output_options(command: Callable[..., None]) -> Callable[..., None]:
 
 
 @click.command(epilog="Example: tactstrip analyze results")
-@click.argument(
-    "paths", nargs=-1, required=True, metavar="PATH...", type=click.Path(path_type=Path)
-)
+@click.argument("paths", nargs=-1, required=True, metavar="PATH...", type=_PATH)
 @click.option(
     "--out",
-    type=click.Path(path_type=Path),
+    type=_PATH,
     show_default="PATH/analysis for a single folder of sessions, PATH-analysis otherwise",
     help="Folder for the results.",
 )
 @click.option(
     "--columns",
-    type=click.Path(path_type=Path),
+    type=_PATH,
     help="Column map of external tables. `tactstrip columns` proposes one.",
 )
 @click.option(
