@@ -407,9 +407,10 @@ def hands_off_table(trials: pd.DataFrame) -> pd.DataFrame:
     """
     rows = trials[trials["kind"].eq(HANDS_OFF) & trials["fault"].eq("")]
     rows = rows[["condition", "participant", "side", "response", "block"]].astype(object)
-    part = np.where(rows["block"].eq(HANDS_OFF_BLOCK), BEFORE, AFTER)
+    is_before = rows["block"].eq(HANDS_OFF_BLOCK)
+    rows = rows.assign(part=np.where(is_before, BEFORE, AFTER), n=1)
     key = [*PERSON, "part", "side"]
-    table = _count_responses(_with_total(rows.assign(part=part, n=1)), key)
+    table = _count_responses(_with_total(rows), key)
     table = table.rename(columns={"timeout": "timeouts"}).sort_values(
         key, key=in_order, ascending=[True, True, False, True], ignore_index=True
     )

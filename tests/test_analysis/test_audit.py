@@ -24,9 +24,9 @@ HEAD = "label,min,mean,max,n,participants\n"
 def audited(path: Path) -> dict[str, Any]:
     """Audit a table by the command, whose exit code says whether it is possible."""
     result = run("audit", path, "--json")
-    found: dict[str, Any] = json.loads(result.stdout)
-    assert (result.exit_code, result.stderr) == (0 if found["possible"] else 1, "")
-    return found
+    report: dict[str, Any] = json.loads(result.stdout)
+    assert (result.exit_code, result.stderr) == (0 if report["possible"] else 1, "")
+    return report
 
 
 def possible(row: dict[str, Any]) -> list[str]:
@@ -50,9 +50,9 @@ def least_mean_largest(counts: Sequence[int], n: int) -> tuple[Fraction, Fractio
 
 
 def test_table_1_is_impossible_where_the_documentation_says() -> None:
-    found = audited(TABLE_1)
-    assert (found["schema"], found["decimals"], found["exchange_fits"]) == (1, 2, [])
-    rows = found["rows"]
+    report = audited(TABLE_1)
+    assert (report["schema"], report["decimals"], report["exchange_fits"]) == (1, 2, [])
+    rows = report["rows"]
     assert [row["label"] for row in rows if not row["possible"]] == ["60", "95", "165"]
     assert rows[0]["n"] == [20, 40]
     first = rows[0]["readings"][0]
@@ -67,9 +67,9 @@ def test_table_1_is_impossible_where_the_documentation_says() -> None:
 
 @pytest.mark.parametrize(("row", "readings"), cases("printed rows"))
 def test_each_reading_has_its_verdict(tmp_path: Path, row: str, readings: list[str]) -> None:
-    found = audited(put(tmp_path / "t.csv", f"\ufeff{HEAD}=1+1,{row}\n"))
-    assert possible(found["rows"][0]) == readings
-    assert found["possible"] == bool(readings)
+    report = audited(put(tmp_path / "t.csv", f"\ufeff{HEAD}=1+1,{row}\n"))
+    assert possible(report["rows"][0]) == readings
+    assert report["possible"] == bool(readings)
 
 
 @pytest.mark.slow
@@ -86,17 +86,17 @@ def test_the_verdict_is_that_of_trying_everything(tmp_path: Path) -> None:
     for first in range(0, len(printed), 100):
         some = printed[first : first + 100]
         lines = "".join(f"60,{','.join(row)},{n},{people}\n" for row in some)
-        found = audited(put(tmp_path / "t.csv", HEAD + lines))
-        for texts_of_row, row in zip(some, found["rows"], strict=True):
+        report = audited(put(tmp_path / "t.csv", HEAD + lines))
+        for texts_of_row, row in zip(some, report["rows"], strict=True):
             assert possible(row) == [name for name in READINGS if texts_of_row in tried[name]]
 
 
 def test_exchanged_means_are_found(tmp_path: Path) -> None:
     rows = "label,min,mean,max\na,0.10,0.70,0.20\nb,0.60,0.15,0.80\n"
-    found = audited(put(tmp_path / "t.csv", rows))
-    assert not found["possible"]
-    assert found["exchange_fits"] == ["rounded", "truncated"]
-    assert found["rows"][0]["readings"][0]["fitting_means"] == ["0.15"]
+    report = audited(put(tmp_path / "t.csv", rows))
+    assert not report["possible"]
+    assert report["exchange_fits"] == ["rounded", "truncated"]
+    assert report["rows"][0]["readings"][0]["fitting_means"] == ["0.15"]
 
 
 @pytest.mark.parametrize(("text", "line", "parts"), cases("printed tables that are refused"))

@@ -14,6 +14,7 @@ import pytest
 from analysis import Axis
 from analysis.counts.checks import check_answers, check_drift, condition_order
 from analysis.counts.table import count_answers, count_false_alarms, count_levels
+from analysis.results.rendering import warning
 from tests.test_analysis.shared import put, run
 from tests.test_analysis.tables import numbers
 
@@ -81,6 +82,8 @@ def test_who_is_named_and_by_which_counts(
     names = (NAMED + FELT)[: len(counts)]
     expected = [[code, "سمر, x", *counts]] if code else []
     assert failed(checks, "participant", *names) == expected
+    for check in checks:
+        assert {*counts} <= {*numbers(warning(check.code, **check.data).message)}
 
 
 def test_fewer_correct_than_by_chance_at_one_site_are_guesses() -> None:
@@ -129,6 +132,8 @@ def test_a_drift_is_estimated_within_each_condition(axis: Axis, conditions: int)
     ]
     moved = 6.0 if axis.is_logarithmic else 60.0
     assert checks[0].data["drift"] == pytest.approx(moved, rel=0.1)
+    message = warning(checks[0].code, **checks[0].data).message
+    assert numbers(message)[-1] == pytest.approx(moved, rel=0.1)
 
 
 def test_a_drift_is_named_by_its_p_and_has_no_size_under_separation() -> None:

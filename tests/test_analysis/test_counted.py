@@ -25,9 +25,9 @@ HEADER = "participant,vibration,level,k,n\n"
 
 
 def cells_of(folder: Path, text: str, columns: ColumnMap = MAP) -> pd.DataFrame:
-    found = loaded(folder, text, columns).cells
-    assert found is not None
-    return found
+    cells = loaded(folder, text, columns).cells
+    assert cells is not None
+    return cells
 
 
 def analysed(folder: Path, rows: str, columns: ColumnMap = MAP) -> Analysis:
@@ -80,10 +80,10 @@ def test_rows_that_a_column_left_aside_distinguishes_are_not_summed(tmp_path: Pa
 
 
 def test_a_thousand_million_trials_take_no_more_room_than_one(tmp_path: Path) -> None:
-    found = analysed(tmp_path, "A,0,60,900000000,1000000000\nA,0,70,0,0\nB,0,60,7,10\n")
-    counts = found.levels[["detected", "presented"]].to_numpy().tolist()
+    analysis = analysed(tmp_path, "A,0,60,900000000,1000000000\nA,0,70,0,0\nB,0,60,7,10\n")
+    counts = analysis.levels[["detected", "presented"]].to_numpy().tolist()
     assert counts == [[900000007, 1000000010]]
-    assert (len(found.participants), found.counts.trials) == (2, 1000000010)
+    assert (len(analysis.participants), analysis.counts.trials) == (2, 1000000010)
 
 
 @pytest.mark.slow
@@ -131,15 +131,15 @@ def test_blanks_of_a_table_of_counts_are_the_false_alarms_of_its_trials(
         task="yes/no",
     )
     of_trials = ColumnMap(columns={**named, "detected": "felt"}, task="yes/no")
-    one, other = (
+    by_counts, by_trials = (
         analyse(loaded(tmp_path, text, columns))
         for text, columns in ((counted, of_counts), (trials, of_trials))
     )
-    pd.testing.assert_frame_equal(one.thresholds, other.thresholds)
-    assert one.thresholds["guess_basis"].tolist() == ["blanks"]
+    pd.testing.assert_frame_equal(by_counts.thresholds, by_trials.thresholds)
+    assert by_counts.thresholds["guess_basis"].tolist() == ["blanks"]
     shared = ["participant", "presented", "p", "low", "high"]
-    pd.testing.assert_frame_equal(one.blank[shared], other.blank[shared])
-    assert (one.counts.blank, one.counts.trials) == (40, 60)
+    pd.testing.assert_frame_equal(by_counts.blank[shared], by_trials.blank[shared])
+    assert (by_counts.counts.blank, by_counts.counts.trials) == (40, 60)
 
 
 def test_a_cell_told_in_two_files_is_refused(tmp_path: Path) -> None:
