@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal, get_args, overload
-
-from analysis.numbers import rounded
+from typing import TYPE_CHECKING, Any, Literal, TypeVar, get_args
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -17,6 +14,7 @@ if TYPE_CHECKING:
     Floats = NDArray[np.float64]
 
 
+Levels = TypeVar("Levels", float, "Floats")
 XScale = Literal["log10", "linear"]
 LevelScale = Literal["log10", "dB", "linear"]
 _DB = 20.0
@@ -67,11 +65,7 @@ class Axis:
                 f'needs x_scale = "dB"; got unit = "{unit}" and x_scale = "{self.x_scale}"'
             )
 
-    @overload
-    def on_axis(self, levels: float) -> float: ...
-    @overload
-    def on_axis(self, levels: Floats) -> Floats: ...
-    def on_axis(self, levels: float | Floats) -> float | Floats:
+    def on_axis(self, levels: Levels) -> Levels:
         """Return where levels lie on the axis.
 
         Parameters
@@ -96,17 +90,17 @@ class Axis:
             return levels / _DB
         return np.log10(levels) if self.x_scale == "log10" else levels
 
-    def level(self, x: float) -> float:
-        """Return the level at a place on the axis.
+    def level(self, x: Levels) -> Levels:
+        """Return the levels at places on the axis.
 
         Parameters
         ----------
-        x : float
-            The place.
+        x : float or numpy.ndarray
+            The places.
 
         Returns
         -------
-        float
+        float or numpy.ndarray
             In the unit of the levels.
 
         Examples
@@ -116,10 +110,10 @@ class Axis:
         """
         if self.x_scale == "dB":
             return _DB * x
-        return float(10.0**x) if self.x_scale == "log10" else x
+        return 10.0**x if self.x_scale == "log10" else x
 
     def width(self, sigma: float) -> float:
-        """Return a width on the axis in log10 units, or in the unit of the levels.
+        """Return a width on the axis in log10 units, dB, or in the unit of the levels.
 
         Parameters
         ----------
@@ -129,7 +123,7 @@ class Axis:
         Returns
         -------
         float
-            In `width_unit`.
+            In log10 units of levels above 0, otherwise in the unit of the levels.
 
         Examples
         --------
@@ -137,36 +131,6 @@ class Axis:
         (0.1, 2.0)
         """
         return _DB * sigma if self.x_scale == "dB" else sigma
-
-    @property
-    def width_unit(self) -> str:
-        """What a width is told in."""
-        return {"log10": "log10 units", "dB": "dB"}.get(self.x_scale, self.unit)
-
-    def half_width(self, low: float, high: float) -> str:
-        """Return half of how far limits lie apart in dB; nothing of an open one, or without dB.
-
-        Parameters
-        ----------
-        low, high : float
-            The limits, in the unit of the levels.
-
-        Returns
-        -------
-        str
-            With the unit; empty where there is none.
-
-        Examples
-        --------
-        >>> Axis().half_width(51.7, 73.7), Axis(x_scale="dB", unit="dB").half_width(-4.0, -1.0)
-        ('1.5 dB', '1.5 dB')
-        >>> Axis().half_width(0.99, 1.01), Axis().half_width(-math.inf, 88.2)
-        ('0.09 dB', '')
-        """
-        if not self.is_logarithmic or not math.isfinite(low + high):
-            return ""
-        width = _DB * float(self.on_axis(high) - self.on_axis(low))
-        return f"{rounded(width / 2, width)} dB"
 
     @property
     def is_logarithmic(self) -> bool:

@@ -57,8 +57,8 @@ def alike(spreads: Sequence[float]) -> list[float]:
     >>> rounded(81.07, alike([0.004, 14.2])[1])
     '81.07'
     """
-    each = [_decimals(one) for one in spreads]
-    return [3 * 10.0 ** (1 - min(max(each), one + 1)) for one in each]
+    each = [_decimals(spread) for spread in spreads]
+    return [3 * 10.0 ** (1 - min(max(each), number + 1)) for number in each]
 
 
 def shortest(level: float) -> str:

@@ -17,7 +17,8 @@ from analysis.counts.intervals import group_interval, proportion_ci
 from analysis.numbers import METHODS
 from analysis.thresholds.fit import BOUNDED, WITH_THRESHOLD, fit_many
 from analysis.thresholds.guess import GuessRate
-from analysis.thresholds.likelihood import STANDARD, Nodes, Tables, likelihoods, posteriors
+from analysis.thresholds.likelihood import STANDARD, Nodes, likelihoods
+from analysis.thresholds.tables import Tables
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -151,8 +152,8 @@ _ALIKE: Final = tuple(SCENARIOS[i] for i in (8, 9, 10))
 def ours(scenario: Scenario, counts: Floats, nodes: Nodes = STANDARD) -> Floats:
     """Return limits and median of each threshold on the axis, shape (studies, 3)."""
     tables = scenario.tables(counts)
-    mu, _ = posteriors(likelihoods(tables, nodes), [tables.prior] * len(counts))
-    return mu * tables.prior.step
+    points = [likelihood.mu_points for likelihood in likelihoods(tables, nodes)]
+    return np.array(points) * tables.prior.step
 
 
 def theirs(scenario: Scenario, counts: Floats, steps: int | None = None) -> Floats:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from analysis.thresholds.function import MAX_LAPSE, SIGMA_FACTOR, SIGMA_MEDIAN
-from analysis.thresholds.group import OMEGA_SCALE, SPREAD_SCALE, group_posterior
+from analysis.thresholds.group import MIDDLE, OMEGA_SCALE, SPREAD, SPREAD_SCALE, group_posterior
 from analysis.thresholds.likelihood import POINTS
 from benchmarks.calibration import CENTRED, PAPER
 from benchmarks.groups import TRUTH_DB, People
@@ -85,7 +85,7 @@ def rows() -> Iterator[str]:
         sampler = sampled(20 * np.log10(levels), counts[0], 30, people.guess_rate)
         drawn = sampler.get_samples()
         cells = []
-        for ours, name in ((grid.middle_points(), "middle"), (grid.spread_points(), "spread")):
+        for ours, name in ((grid.points(MIDDLE), "middle"), (grid.points(SPREAD), "spread")):
             theirs = np.quantile(np.asarray(drawn[name]), POINTS)
             size = effective_sample_size(np.asarray(drawn[name])[None])
             # Of a normal density the 2.5 % point of so many draws is known so well.

@@ -11,11 +11,12 @@ import numpy as np
 from scipy.special import ndtr
 
 from analysis.thresholds.band import group_draws
-from analysis.thresholds.difference import paired_posterior
+from analysis.thresholds.difference import paired_difference
 from analysis.thresholds.function import Prior
-from analysis.thresholds.group import NOT_RISING, group_fit, group_posterior
+from analysis.thresholds.group import MIDDLE, NOT_RISING, group_fit, group_posterior
 from analysis.thresholds.guess import GuessRate
-from analysis.thresholds.likelihood import Tables, likelihoods
+from analysis.thresholds.likelihood import likelihoods
+from analysis.thresholds.tables import Tables
 from benchmarks.calibration import CENTRED, PAPER
 
 if TYPE_CHECKING:
@@ -144,7 +145,7 @@ def group_score(people: People, studies: int) -> tuple[Score, float]:
         fit = group_fit(people.tables(k), one, posterior=posterior)
         # Only where nobody's table rises a group has no limits.
         given += fit.status not in NOT_RISING
-        found.append(posterior.middle_points())
+        found.append(posterior.points(MIDDLE))
     low_db, middle_db, high_db = (np.array(found) - truth_db).T
     return Score(low=low_db, middle=middle_db, high=high_db), given / studies
 
@@ -162,7 +163,7 @@ def coverage_rows(studies: int) -> Iterator[str]:
         inside = np.zeros(3)
         for i, (k, one) in enumerate(zip(counts, people.likelihoods(counts), strict=True)):
             posterior = group_posterior(one, people.prior())
-            limits = posterior.middle_points()[[0, 2]], posterior.next_person_points()[[0, 2]]
+            limits = posterior.points(MIDDLE)[[0, 2]], posterior.next_person_points()[[0, 2]]
             low, high = group_draws(people.tables(k), one, posterior).band(x)
             inside += [
                 limits[0][0] <= truth_db[i, 0] <= limits[0][1],
@@ -223,7 +224,7 @@ def difference_score(people: People, *, shift_db: float, varying_db: float, stud
     a, b = (people.answers(rng, middle_db + part * d) for part in (-0.5, 0.5))
     found: list[Sequence[float]] = []
     for of_a, of_b in zip(people.likelihoods(a), people.likelihoods(b), strict=True):
-        one = paired_posterior(of_a, of_b, people.prior()).group
+        one = paired_difference(of_a, of_b, people.prior())
         low, high = one.difference_limits_db
         found.append((low, one.difference_db, high))
     low_db, told, high_db = (np.array(found) - shift_db).T

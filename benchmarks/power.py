@@ -23,6 +23,7 @@ import numpy as np
 
 from analysis.axis import VOLTS
 from analysis.counts.table import count_answers, count_blanks, level_table
+from analysis.numbers import TOTAL
 from analysis.planning.curve import Studies, plan_study
 from analysis.planning.goals import Goal
 from analysis.planning.levels import LevelsError, fit_people, placed_levels
@@ -31,7 +32,7 @@ from analysis.planning.spread import Kept, spread
 from analysis.planning.studies import pilot_levels_vpp, plan_text
 from analysis.reading.trials import read_trials
 from analysis.thresholds.people import people_of
-from analysis.thresholds.table import GROUP, difference_table, group_table, thresholds_of
+from analysis.thresholds.table import difference_table, group_table, thresholds_of
 from device.clock import VirtualClock
 from experiment.archive.disk import UNWAITED
 from experiment.archive.folders import SessionFolder
@@ -270,7 +271,7 @@ def _reached(trials: pd.DataFrame, goal: Goal) -> bool:
         thresholds = thresholds_of(people, seed=0, axis=VOLTS)
         groups = group_table(people, thresholds, VOLTS)
         found = difference_table(people, VOLTS, thresholds, groups)
-        return bool(found.loc[found["participant"].eq(GROUP), "low_db"].iloc[0] > 0)
+        return bool(found.loc[found["participant"].eq(TOTAL), "low_db"].iloc[0] > 0)
     first = trials[trials["condition"].eq("a")]
     if goal.kind == "half-width":
         people = people_of(first)

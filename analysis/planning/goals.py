@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from analysis.planning.sessions import Counts
-    from analysis.thresholds.likelihood import Tables
+    from analysis.thresholds.tables import Tables
 
 
 Kind = Literal["half-width", "difference", "detection", "false-alarms"]
@@ -111,7 +111,10 @@ def evaluate(goal: Goal, conditions: Sequence[Counts], truth: float) -> Outcome:
             number = _DB_PER_DECADE * (high - low) / 2
             reached = number <= goal.size
         case "difference" if people > 1:
-            difference = difference_of(tables, others[0].tables, same_people=True)
+            b = others[0].tables
+            difference = difference_of(
+                tables, likelihoods(tables), b, likelihoods(b), same_people=True
+            )
             low, high = difference.difference_limits_db
             number, reached = difference.difference_db, low > 0
         case "detection":

@@ -13,8 +13,9 @@ from analysis.axis import VOLTS
 from analysis.thresholds.fit import WITH_THRESHOLD, fit_many
 from analysis.thresholds.group import draws
 from analysis.thresholds.guess import GuessRate
-from analysis.thresholds.likelihood import Nodes, Tables, cells_of, likelihoods, posteriors
+from analysis.thresholds.likelihood import Nodes, cells_of, likelihoods
 from analysis.thresholds.people import people_of
+from analysis.thresholds.tables import Tables
 from experiment.study.design import MIN_LEVEL_VPP
 
 if TYPE_CHECKING:
@@ -115,13 +116,12 @@ class Placement:
 def fit_people(tables: Tables) -> list[PersonFit]:
     """Fit the function of each table of levels in volts."""
     people, step = likelihoods(tables), tables.prior.step
-    mu, log_sigma = posteriors(people, tables.priors())
     fits = []
     for row, fit in enumerate(fit_many(tables, people)):
-        low, median, high = (10 ** (mu[row] * step)).tolist()
+        low, median, high = (10 ** (people[row].mu_points * step)).tolist()
         function = Function(
             threshold_vpp=median,
-            sigma=float(step * np.exp(log_sigma[row, 1])),
+            sigma=float(step * np.exp(people[row].log_sigma_points[1])),
             lapse_rate=people[row].lapse[0],
             guess_rate=tables.guesses[row].mean,
         )
@@ -257,8 +257,8 @@ def expected_error(
         presented=np.broadcast_to(presented, detected.shape),
         guesses=[GuessRate(mean=functions[0].guess_rate)] * len(detected),
     )
-    priors = [tables.prior] * len(tables)
-    medians = posteriors(likelihoods(tables, _NODES), priors)[0][:, 1] * tables.prior.step
+    people = likelihoods(tables, _NODES)
+    medians = np.array([person.mu_points[1] for person in people]) * tables.prior.step
     truth = np.log10([function.threshold_vpp for function in functions])
     deviations = medians.reshape(len(functions), -1) - truth[:, None]
     errors = 20 * np.sqrt(np.square(deviations).mean(axis=1))

@@ -18,7 +18,7 @@ from analysis.codes import AnalysisWarning, WarningCode
 from analysis.counts.table import BLANK, SINGLE, SITE_ANSWERS, counted
 from analysis.thresholds.difference import difference_spread_draws
 from analysis.thresholds.group import MIN_PEOPLE, population_draws
-from analysis.thresholds.people import as_amplitudes, as_named, people_of
+from analysis.thresholds.people import as_amplitudes, people_of
 from experiment.perception.answers import answer_probabilities
 from experiment.study.simulation import CURVE_KEYS
 from experiment.study.threshold import threshold_vpp
@@ -154,7 +154,7 @@ def pilot_people(study: Study, goal: Goal, loaded: LoadedTrials, folder: str) ->
     Threshold, spread and slope come from the fit of its group, false alarms from its blanks, the
     spread of differences from people with both conditions; the rest is stated in the study.
     """
-    axis, trials = loaded.axis, as_named(loaded.trials, [c.name for c in study.conditions])
+    axis, trials = loaded.axis, loaded.trials
     if loaded.cells is not None or axis.x_scale == "linear":
         what = "a table of counts" if loaded.cells is not None else f"{axis.unit}, {axis.x_scale}"
         raise ValueError(

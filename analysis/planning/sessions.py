@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from analysis.thresholds.guess import guessing
-from analysis.thresholds.likelihood import Tables
+from analysis.thresholds.tables import Tables
 from experiment.perception.answers import answer_probabilities
 from experiment.perception.population import threshold_course_db
 from experiment.trial.draw import shuffled_blocks

@@ -246,9 +246,6 @@ def _with_groups(analysis: Analysis) -> pd.DataFrame:
     number = thresholds.groupby("condition")["trials"].sum()
     rows = with_group_micrometres(groups, thresholds)
     rows = rows.assign(participant=TOTAL, trials=groups["condition"].map(number))
-    if analysis.axis.is_logarithmic:
-        for name in ("threshold", "threshold_low", "threshold_high"):
-            rows[f"{name}_db"] = 20 * analysis.axis.on_axis(rows[f"{name}_vpp"].to_numpy(float))
     columns = [*thresholds]
     table = pd.concat([thresholds.astype(object), rows.reindex(columns=columns).astype(object)])
     return table.sort_values("condition", kind="stable", ignore_index=True)

@@ -18,9 +18,9 @@ from scipy.special import stdtrit
 
 from analysis.numbers import LIMITS
 from analysis.thresholds.function import MAX_LAPSE, FunctionName, inverse, rise
-from analysis.thresholds.group import MIN_PEOPLE, GroupPosterior, draws, group_posterior
-from analysis.thresholds.likelihood import Likelihood, Tables, cells_of
-from analysis.thresholds.people import tables_and_likelihoods
+from analysis.thresholds.group import MIDDLE, MIN_PEOPLE, Population, draws, group_posterior
+from analysis.thresholds.likelihood import Likelihood, cells_of
+from analysis.thresholds.people import likelihoods_of
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -29,10 +29,10 @@ if TYPE_CHECKING:
 
     from analysis.axis import Axis
     from analysis.thresholds.people import PersonCounts
+    from analysis.thresholds.tables import Tables
 
     Floats = NDArray[np.float64]
 
-BAND_COLUMNS: Final = ("condition", "level_vpp", "p_low", "p_high")
 _DRAWS: Final = 4000
 _POINTS: Final = 49
 # A band is taken so many places at a time: (places, draws) of all of 20 000 levels fill 2.7 GB.
@@ -40,25 +40,42 @@ _PLACES: Final = 250
 _NORMAL: Final = 1.96
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Line:
-    """gamma + (1 - gamma - lambda) F((x - mu) / sigma), all on the axis."""
+    """gamma + (1 - gamma - lambda) F((x - mu) / sigma), all on the axis.
 
-    mu: float
-    sigma: float
-    lapse_rate: float
-    guess_rate: float
+    Of functions drawn from a posterior each parameter is an array.
+    """
+
+    mu: float | Floats
+    sigma: float | Floats
+    lapse_rate: float | Floats
+    guess_rate: float | Floats
     shape: FunctionName = "normal"
 
     def at(self, x: Floats) -> Floats:
-        """Return the value at places on the axis.
+        """Return the value at places on the axis; of drawn functions at places (places, 1).
 
         >>> line = Line(mu=2.0, sigma=0.1, lapse_rate=0.02, guess_rate=0.5)
         >>> line.at(np.array([-9.0, 2.0, 9.0])).tolist()
         [0.5, 0.74, 0.98]
         """
-        above, _ = rise(self.shape, (x - self.mu) / self.sigma)
+        above, _ = rise(self.shape, np.asarray((x - self.mu) / self.sigma))
         return np.asarray(self.guess_rate + (1 - self.guess_rate - self.lapse_rate) * above)
+
+    def band(self, x: Floats) -> Floats:
+        """Return the limits of the values of drawn functions at places on the axis, (2, places)."""
+        blocks = [x[start : start + _PLACES, None] for start in range(0, len(x), _PLACES)]
+        return np.concatenate(
+            [np.quantile(self.at(block), LIMITS, axis=1) for block in blocks], axis=1
+        )
+
+    def places(self, p: float) -> Floats:
+        """Return where each function has a value; infinity where it stays above or below."""
+        share = (p - self.guess_rate) / (1 - self.guess_rate - self.lapse_rate)
+        inside = (share > 0) & (share < 1)
+        z = inverse(self.shape, np.where(inside, share, 0.5))
+        return np.where(inside, self.mu + self.sigma * z, np.where(share > 0, np.inf, -np.inf))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -79,67 +96,33 @@ class Function:
         return self.line.at(self.axis.on_axis(level_vpp))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Draws:
-    """Functions drawn from a posterior, on the axis; (draws,) each."""
-
-    mu: Floats
-    sigma: Floats
-    gamma: Floats
-    lapse: Floats
-    shape: FunctionName
-
-    def values(self, x: Floats) -> Floats:
-        """Return the value of each function at places on the axis, (places, draws)."""
-        above, _ = rise(self.shape, (x[:, None] - self.mu) / self.sigma)
-        return np.asarray(self.gamma + (1 - self.gamma - self.lapse) * above)
-
-    def band(self, x: Floats) -> Floats:
-        """Return the limits of the value at places on the axis, (2, places)."""
-        blocks = [x[start : start + _PLACES] for start in range(0, len(x), _PLACES)]
-        limits = [np.quantile(self.values(block), LIMITS, axis=1) for block in blocks]
-        return np.concatenate(limits, axis=1)
-
-    def places(self, p: float) -> Floats:
-        """Return where each function has a value; infinity where it stays above or below."""
-        share = (p - self.gamma) / (1 - self.gamma - self.lapse)
-        inside = (share > 0) & (share < 1)
-        z = inverse(self.shape, np.where(inside, share, 0.5))
-        return np.where(inside, self.mu + self.sigma * z, np.where(share > 0, np.inf, -np.inf))
+def drawn_functions(people: PersonCounts, rows: Sequence[int], axis: Axis) -> Line:
+    """Draw functions of a participant, or of the group of several."""
+    if len(rows) == 1:
+        return person_draws(people.tables(axis), rows[0])
+    return group_draws(*_group(people, rows, axis))
 
 
-def person_draws(tables: Tables, row: int) -> Draws:
+def person_draws(tables: Tables, row: int) -> Line:
     """Draw functions of one table."""
     axes, weight, step = cells_of(tables, row)
-    every = (axes.gamma, axes.lapse, axes.mu, axes.log_sigma)
-    gamma, lapse, mu, log_sigma = draws(weight, every, _DRAWS, np.random.default_rng(1))
-    return Draws(
-        mu=mu * step,
-        sigma=np.exp(log_sigma) * step,
-        gamma=gamma,
-        lapse=lapse,
-        shape=tables.function,
-    )
+    gamma, lapse, mu, log_sigma = draws(weight, axes.each, _DRAWS, np.random.default_rng(1))
+    return Line(mu * step, np.exp(log_sigma) * step, lapse, gamma, tables.function)
 
 
-def group_draws(tables: Tables, people: Sequence[Likelihood], posterior: GroupPosterior) -> Draws:
+def group_draws(tables: Tables, people: Sequence[Likelihood], posterior: Population) -> Line:
     """Draw functions of a group: the mean over people like these."""
     rng, step = np.random.default_rng(1), tables.prior.step
     middle, spread, log_sigma = posterior.drawn(_DRAWS, rng)
     gamma, lapse = (
         np.clip(mean + np.sqrt(variance) * rng.standard_normal(_DRAWS), 0.0, most)
         for (mean, variance), most in (
-            (_mean_over_people([one.gamma for one in people]), 1 - MAX_LAPSE),
-            (_mean_over_people([one.lapse for one in people]), MAX_LAPSE),
+            (_mean_over_people([person.gamma for person in people]), 1 - MAX_LAPSE),
+            (_mean_over_people([person.lapse for person in people]), MAX_LAPSE),
         )
     )
-    return Draws(
-        mu=middle * step,
-        sigma=np.hypot(np.exp(log_sigma), spread) * step,
-        gamma=gamma,
-        lapse=lapse,
-        shape=tables.function,
-    )
+    width = np.hypot(np.exp(log_sigma), spread) * step
+    return Line(middle * step, width, lapse, gamma, tables.function)
 
 
 def _mean_over_people(moments: Sequence[tuple[float, float]]) -> tuple[float, float]:
@@ -158,8 +141,7 @@ def _mean_over_people(moments: Sequence[tuple[float, float]]) -> tuple[float, fl
 
 def person_function(people: PersonCounts, row: int, line: Line, axis: Axis) -> Function:
     """Return the function of one person, who has several levels and this line."""
-    drawn = person_draws(people.tables(axis), row)
-    return _function(people, [row], drawn, line, axis)
+    return _function(people, [row], drawn_functions(people, [row], axis), line, axis)
 
 
 def group_function(people: PersonCounts, rows: Sequence[int], axis: Axis) -> Function:
@@ -167,10 +149,10 @@ def group_function(people: PersonCounts, rows: Sequence[int], axis: Axis) -> Fun
     tables, some, posterior = _group(people, rows, axis)
     drawn = group_draws(tables, some, posterior)
     line = Line(
-        mu=float(posterior.middle_points()[1]) * tables.prior.step,
+        mu=float(posterior.points(MIDDLE)[1]) * tables.prior.step,
         sigma=float(np.median(drawn.sigma)),
-        lapse_rate=float(np.mean([one.lapse[0] for one in some])),
-        guess_rate=float(np.mean([one.gamma[0] for one in some])),
+        lapse_rate=float(np.mean([person.lapse[0] for person in some])),
+        guess_rate=float(np.mean([person.gamma[0] for person in some])),
         shape=tables.function,
     )
     return _function(people, rows, drawn, line, axis)
@@ -186,33 +168,28 @@ def group_bands(people: PersonCounts, axis: Axis) -> pd.DataFrame:
         tables = people.tables(axis).at(chosen)
         if not tables.several_levels().any():
             continue
-        if len(chosen) == 1:
-            drawn = person_draws(tables, 0)
-        else:
-            drawn = group_draws(*_group(people, chosen, axis))
         levels = np.unique(people.level_vpp[chosen][people.presented[chosen] > 0])
-        low, high = drawn.band(axis.on_axis(levels))
+        low, high = drawn_functions(people, chosen, axis).band(axis.on_axis(levels))
         rows += zip([condition] * len(levels), levels, low, high, strict=True)
-    return pd.DataFrame(rows, columns=list(BAND_COLUMNS))
+    return pd.DataFrame(rows, columns=["condition", "level_vpp", "p_low", "p_high"])
 
 
 def _group(
     people: PersonCounts, rows: Sequence[int], axis: Axis
-) -> tuple[Tables, list[Likelihood], GroupPosterior]:
-    every, people_likelihoods = tables_and_likelihoods(people, axis)
-    some, prior = [people_likelihoods[row] for row in rows], every.at(rows).prior
-    return every.at(rows), some, group_posterior(some, prior)
+) -> tuple[Tables, list[Likelihood], Population]:
+    tables, likelihoods = likelihoods_of(people, axis, rows)
+    return tables, likelihoods, group_posterior(likelihoods, tables.prior)
 
 
 def _function(
-    people: PersonCounts, rows: Sequence[int], drawn: Draws, line: Line, axis: Axis
+    people: PersonCounts, rows: Sequence[int], drawn: Line, line: Line, axis: Axis
 ) -> Function:
     chosen = list(rows)
     tested = np.unique(people.level_vpp[chosen][people.presented[chosen] > 0])
     at = axis.on_axis(tested)
     between = np.linspace(at[0], at[-1], _POINTS)[1:-1]
     x = np.concatenate([at, between])
-    level_vpp = np.concatenate([tested, [axis.level(float(place)) for place in between]])
+    level_vpp = np.concatenate([tested, axis.level(between)])
     order = np.argsort(x, kind="stable")
     low, high = drawn.band(x[order])
     return Function(level_vpp=level_vpp[order], low=low, high=high, line=line, axis=axis)

@@ -10,41 +10,52 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Final, Literal
+from functools import partial
+from typing import TYPE_CHECKING, Any, Final, Literal
 
 import numpy as np
 
-from analysis.counts.intervals import checked_counts
 from analysis.thresholds.function import LOG_SIGMA, REACH
 from analysis.thresholds.group import (
+    MIDDLE,
     OMEGA,
     OMEGA_SCALE,
+    SPREAD,
     SPREAD_SCALE,
     group_posterior,
-    group_tables,
-    guess_rates,
+    normal_log_likelihoods,
     normal_weights,
-    population_log_likelihood,
+    zoomed,
 )
 from analysis.thresholds.likelihood import TINY, likelihoods, quantiles, range_of, trapezoid
+from analysis.thresholds.tables import checked_tables
 from stimuli.tuned import tuned
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterable, Sequence
 
     from numpy.typing import ArrayLike, NDArray
 
     from analysis.thresholds.function import Prior
-    from analysis.thresholds.group import Curve, GroupPosterior
-    from analysis.thresholds.likelihood import Likelihood, Tables
+    from analysis.thresholds.group import Curve, Population
+    from analysis.thresholds.likelihood import Likelihood
+    from analysis.thresholds.tables import Tables
 
     Floats = NDArray[np.float64]
 
-DifferenceStatus = Literal["ok", "at_least", "at_most", "unknown", "one_level"]
+DifferenceStatus = Literal["ok", "at_least", "at_most", "unknown", "one_level", "one_participant"]
 
 _SCALE_DB: Final = 12.0
 """Of the normal prior of D, which matters only where the data leave an end open."""
-_MAX_DB: Final = 24.0
+_COARSE: Final = np.linspace(-24.0, 24.0, 65), 0.05 + 18.0 * np.linspace(0, 1, 9) ** 1.7
+"""Nodes of D and of tau_d over their priors."""
+_STATUSES: Final[dict[tuple[bool, bool], DifferenceStatus]] = {
+    (False, False): "ok",
+    (False, True): "at_least",
+    (True, False): "at_most",
+    (True, True): "unknown",
+}
+"""By whether the lower end is open, and the upper one."""
 _OPEN: Final = math.exp(-1.92)
 """A likelihood that stays above this share of its greatest has no bound (chi-square, 95 %)."""
 _SPREADS: Final = np.array([0.7, 1.4, 2.5, 4.0, 6.0, 9.0, 13.0])
@@ -53,9 +64,7 @@ _FAR: Final = 6.0
 _MUCH: Final = 3.0
 _NODES: Final = 161
 _LEAST: Final = 1e-7
-_MIN_PEAK_NODES: Final = 3
-_SIGMAS: Final = np.linspace(*LOG_SIGMA, 25)
-_PASSES: Final = 3
+_LOG_SIGMAS: Final = np.linspace(*LOG_SIGMA, 25)
 _NAN: Final = math.nan
 
 
@@ -123,16 +132,6 @@ class ConditionDifference(Difference):
     people: tuple[Difference, ...] = ()
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class PairedPosterior:
-    """The group's difference and that of each person, with the density of tau_d over its nodes."""
-
-    group: Difference
-    people: list[Difference]
-    spread: Floats
-    spread_density: Floats
-
-
 @tuned
 def compare_conditions(
     levels: ArrayLike,
@@ -191,216 +190,185 @@ def compare_conditions(
     >>> up.difference_db > 0, bool(np.isclose(up.difference_db, -down.difference_db, atol=0.01))
     (True, True)
     """
-    counts_a = checked_counts(detected_a, presented_a)
-    counts_b = checked_counts(detected_b, presented_b)
-    a, b = (
-        group_tables(
-            at, counts, guess_rates(len(np.atleast_1d(counts[0])), guess_rate, blanks), "log10"
-        )
-        for at, counts, blanks in (
-            (levels, counts_a, blanks_a),
-            (levels if levels_b is None else levels_b, counts_b, blanks_b),
-        )
-    )
+    a = checked_tables(levels, detected_a, presented_a, guess_rate, blanks_a)
+    levels_b = levels if levels_b is None else levels_b
+    b = checked_tables(levels_b, detected_b, presented_b, guess_rate, blanks_b)
     if paired and len(a) != len(b):
         raise ValueError(
             f"detected_a and detected_b must have a row for each person; got {len(a)} and "
             f"{len(b)}: paired=False compares different people"
         )
-    return difference_of(a, b, same_people=paired)
-
-
-def paired_posterior(
-    people_a: Sequence[Likelihood], people_b: Sequence[Likelihood], prior: Prior
-) -> PairedPosterior:
-    """Return the differences of people who took part in both conditions, in steps of 1 dB."""
-    alone, curves = _difference_curves(people_a, people_b, prior)
-    people = [_difference(*curve) for curve in alone]
-    shift = np.linspace(-_MAX_DB, _MAX_DB, 65)
-    between = 0.05 + 18.0 * np.linspace(0, 1, 9) ** 1.7
-    for turn in range(_PASSES):
-        columns = [(nodes, values[:, None]) for nodes, values in curves]
-        log = population_log_likelihood(columns, shift, between)[:, :, 0]
-        cells = np.exp(log - log.max()) * np.exp(-0.5 * (between / SPREAD_SCALE) ** 2)
-        of_shift = cells @ trapezoid(between)
-        if not turn:
-            # What everybody leaves open stays open, though the first grid be too coarse to show it.
-            ends = _open_ends(of_shift)
-            limits = [one.difference_limits_db for one in people]
-            below = ends[0] or all(low == -math.inf for low, _ in limits)
-            above = ends[1] or all(high == math.inf for _, high in limits)
-        of_spread = (trapezoid(shift) * _prior(shift)) @ cells
-        if turn == _PASSES - 1:
-            break
-        low, high = range_of(between, of_spread)
-        shift = np.linspace(*range_of(shift, of_shift * _prior(shift)), 81)
-        between = low + (high - low) * np.linspace(0, 1, 25) ** 1.6
-    least, middle, most = quantiles(of_spread, between).tolist()
-    group = replace(
-        _difference(shift, of_shift, (below, above)),
-        spread_db=middle,
-        spread_limits_db=(least, most),
-    )
-    return PairedPosterior(group=group, people=people, spread=between, spread_density=of_spread)
-
-
-def unpaired_difference(a: GroupPosterior, b: GroupPosterior) -> Difference:
-    """Return the difference of two groups of different people, whose middles have no prior."""
-    step = min(np.ptp(a.middle), np.ptp(b.middle)) / 80
-    x = np.arange(min(a.middle[0], b.middle[0]), max(a.middle[-1], b.middle[-1]) + step, step)
-    first, second = (
-        np.interp(x, one.middle, one.middle_density, left=0.0, right=0.0) for one in (a, b)
-    )
-    d = (np.arange(2 * len(x) - 1) - (len(x) - 1)) * step
-    return _difference(d, np.convolve(second, first[::-1]).astype(np.float64))
+    return difference_of(a, likelihoods(a), b, likelihoods(b), same_people=paired)
 
 
 def difference_of(
-    a: Tables, b: Tables, people: Sequence[Likelihood] | None = None, *, same_people: bool
+    a: Tables,
+    people_a: Sequence[Likelihood],
+    b: Tables,
+    people_b: Sequence[Likelihood],
+    *,
+    same_people: bool,
 ) -> ConditionDifference:
     """Return the difference of two conditions on a logarithmic axis.
 
     Levels of one condition alone have no threshold, and a person's likewise.
     """
-    both = a.joined(b)
-    people = people or likelihoods(both)
-    people_a, people_b = people[: len(a)], people[len(a) :]
     several_a, several_b = a.several_levels(), b.several_levels()
+    one_level = Difference(status="one_level")
     if not (several_a.any() and several_b.any()):
-        alone = [Difference(status="one_level")] * (len(a) if same_people else 0)
-        return ConditionDifference(status="one_level", people=tuple(alone))
+        alone = (one_level,) * (len(a) if same_people else 0)
+        return ConditionDifference(status="one_level", people=alone)
+    prior = joint_prior(a, b)
     if not same_people:
-        posteriors = [
-            group_posterior(some, both.prior, prior_of_middle=False)
-            for some in (people_a, people_b)
-        ]
-        group, each = unpaired_difference(*posteriors), []
-    else:
-        posterior = paired_posterior(people_a, people_b, both.prior)
-        group = posterior.group
-        each = [
-            one if several else Difference(status="one_level")
-            for one, several in zip(posterior.people, several_a & several_b, strict=True)
-        ]
+        return unpaired_difference(people_a, people_b, prior)
+    difference = paired_difference(people_a, people_b, prior)
+    each = zip(difference.people, several_a & several_b, strict=True)
+    people = tuple(person if several else one_level for person, several in each)
+    return replace(difference, people=people)
+
+
+def joint_prior(a: Tables, b: Tables) -> Prior:
+    """Return the prior that goes with the levels of both conditions."""
+    low, high = min(a.prior.low, b.prior.low), max(a.prior.high, b.prior.high)
+    return replace(a.prior, low=low, high=high)
+
+
+def unpaired_difference(
+    people_a: Sequence[Likelihood], people_b: Sequence[Likelihood], prior: Prior
+) -> ConditionDifference:
+    """Return the difference of two groups of different people, whose middles have no prior."""
+    curves = []
+    for people in (people_a, people_b):
+        posterior = group_posterior(people, prior)
+        middle = posterior.axes[MIDDLE]
+        likelihood = posterior.density(MIDDLE) / prior.mu(middle)
+        likelihood[[0, -1]] = 0.0
+        curves.append((middle, likelihood))
+    ((d, likelihood),) = _differences([(curves[0], curves[1])])
+    ends = _open_ends(likelihood)
+    return ConditionDifference(**_difference(d, likelihood * _prior(d), ends))
+
+
+def paired_difference(
+    people_a: Sequence[Likelihood], people_b: Sequence[Likelihood], prior: Prior
+) -> ConditionDifference:
+    """Return the difference of people who took part in both conditions, of the group and of each.
+
+    What everybody leaves open stays open in the group.
+    """
+    alone, curves = _difference_curves(people_a, people_b, prior)
+    ends = [_open_ends(likelihood) for _, likelihood in alone]
+    people = [
+        Difference(**_difference(d, likelihood * _prior(d), open_ends))
+        for (d, likelihood), open_ends in zip(alone, ends, strict=True)
+    ]
+    shift, spread = _COARSE
+    of_shift = _paired_cells(curves, shift, spread) @ trapezoid(spread) / _prior(shift)
+    everybody = np.logical_or(_open_ends(of_shift), np.all(ends, axis=0))
+    posterior = paired_posterior(curves)
+    low, middle, high = posterior.points(SPREAD).tolist()
     return ConditionDifference(
-        status=group.status,
-        difference_db=group.difference_db,
-        difference_limits_db=group.difference_limits_db,
-        spread_db=group.spread_db,
-        spread_limits_db=group.spread_limits_db,
-        people=tuple(each),
+        **_difference(posterior.axes[MIDDLE], posterior.density(MIDDLE), everybody),
+        spread_db=middle,
+        spread_limits_db=(low, high),
+        people=tuple(people),
     )
+
+
+def paired_posterior(curves: Sequence[Curve]) -> Population:
+    """Return the posterior of the group's difference and its spread, in steps of 1 dB."""
+    return zoomed(partial(_paired_cells, curves), _COARSE, (81, 25))
+
+
+def _paired_cells(curves: Sequence[Curve], shift: Floats, spread: Floats) -> Floats:
+    log = np.asarray(sum(normal_log_likelihoods(curves, shift, spread)))
+    log = log - log.max() - 0.5 * (spread / SPREAD_SCALE) ** 2
+    return np.asarray(np.exp(log) * _prior(shift)[:, None])
 
 
 def difference_spread_draws(a: Tables, b: Tables, number: int, rng: np.random.Generator) -> Floats:
     """Draw how much the same people's difference of two conditions differs, in dB, to plan with."""
-    both = a.joined(b)
-    people = likelihoods(both)
-    posterior = paired_posterior(people[: len(a)], people[len(a) :], both.prior)
-    nodes, density = posterior.spread, posterior.spread_density
-    below = np.append(0.0, np.cumsum((density[1:] + density[:-1]) / 2 * np.diff(nodes)))
-    return np.asarray(np.interp(rng.random(number) * below[-1], below, nodes))
+    _, curves = _difference_curves(likelihoods(a), likelihoods(b), joint_prior(a, b))
+    return paired_posterior(curves).drawn(number, rng)[SPREAD]
 
 
 def _difference_curves(
     people_a: Sequence[Likelihood], people_b: Sequence[Likelihood], prior: Prior
 ) -> tuple[list[Curve], list[Curve]]:
-    """Return each person's likelihood of d at nodes of d, alone and as one of the group."""
-    of_mu = _over_mu([*people_a, *people_b], prior)
-    curves_a, curves_b = of_mu[: len(people_a)], of_mu[len(people_a) :]
-    pairs = list(zip(curves_a, curves_b, strict=True))
-    boxes = [
-        (max(low, -2 * _MAX_DB), min(high, 2 * _MAX_DB))
-        for low, high in (_reach(*pair) for pair in pairs)
-    ]
-    shared = np.linspace(min(low for low, _ in boxes), max(high for _, high in boxes), _NODES)
-    alone, of_group = [], []
-    for pair, box, others in zip(pairs, boxes, _middles_of_others(pairs, prior), strict=True):
-        d = shared
-        curve = _correlated(*pair, d)
-        if (curve[1] > 0.5).sum() < _MIN_PEAK_NODES:  # noqa: PLR2004 - half of the greatest
-            curve = _correlated(*pair, np.linspace(*box, _NODES))
-            d = np.linspace(*range_of(*curve, _LEAST), _NODES)
-            curve = _correlated(*pair, d)
-        alone.append(curve)
-        of_group.append(_correlated(*pair, d, others))
-    return alone, of_group
-
-
-def _middles_of_others(pairs: Sequence[tuple[Curve, Curve]], prior: Prior) -> list[Curve]:
-    """Return the density of each person's (mu_a + mu_b) / 2 that those of all others imply.
-
-    It matters for people whose thresholds lie near an end of the levels or beyond.
-    """
-    middle = np.linspace(prior.low - REACH, prior.high + REACH, 61)
-    log = []
-    for a, b in pairs:
-        turned = -a[0][::-1], a[1][::-1]
-        twice, values = _correlated(turned, b, np.linspace(*_reach(turned, b), _NODES))
-        curve = (twice / 2, values[:, None])
-        log.append(population_log_likelihood([curve], middle, _SPREADS)[:, :, 0])
-    total = np.sum(log, axis=0) - 0.5 * (_SPREADS / SPREAD_SCALE) ** 2
-    x = np.linspace(middle[0] - _FAR, middle[-1] + _FAR, 241)
-    z = (x[:, None, None] - middle[:, None]) / _SPREADS
-    density = np.exp(-0.5 * z * z) / _SPREADS * trapezoid(_SPREADS)
-    weights = (np.exp(total - one - (total - one).max()) for one in log)
-    return [(x, np.einsum("xms,ms->x", density, weight)) for weight in weights]
-
-
-def _over_mu(people: Sequence[Likelihood], prior: Prior) -> list[Curve]:
-    """Return nodes of mu and the likelihood of each table there, sigma integrated out.
+    """Return each person's likelihood of d, alone and as one of the group.
 
     log sigma has the density that the tables of all others imply, N(S, omega) as in a group:
     otherwise tables that leave sigma open would have the tails of the steepest and flattest
-    functions.
+    functions. Likewise has mu_a + mu_b of one of the group, which matters for people whose
+    thresholds lie near an end of the levels or beyond.
     """
-    mean, sd = (axis.ravel() for axis in np.meshgrid(_SIGMAS, OMEGA))
-    log_prior = np.log(prior.sigma(mean)) - 0.5 * (sd / OMEGA_SCALE) ** 2
-    weights = {
-        id(axis): normal_weights(axis, mean, sd)
-        for axis in {id(one.log_sigma): one.log_sigma for one in people}.values()
-    }
-    log = [
-        np.log(
-            np.maximum(
-                weights[id(one.log_sigma)] @ ((trapezoid(one.mu) * prior.mu(one.mu)) @ one.values),
-                TINY,
-            )
-        )
-        for one in people
+    people = [*people_a, *people_b]
+    of_width = [
+        (person.log_sigma, (trapezoid(person.mu) * prior.mu(person.mu)) @ person.values)
+        for person in people
     ]
-    total = log_prior + np.sum(log, axis=0)
-    return [
-        (one.mu, one.values @ (np.exp(rest - rest.max()) @ weights[id(one.log_sigma)]))
-        for one, rest in zip(people, (total - own for own in log), strict=True)
-    ]
+    log_prior = np.log(prior.sigma(_LOG_SIGMAS))[:, None] - 0.5 * (OMEGA / OMEGA_SCALE) ** 2
+    implied = _implied_by_others(of_width, _LOG_SIGMAS, OMEGA, log_prior)
+    of_mu = []
+    for person, normals in zip(people, implied, strict=True):
+        weights = normal_weights(person.log_sigma, _LOG_SIGMAS, OMEGA)
+        of_mu.append((person.mu, person.values @ np.tensordot(normals, weights)))
+    pairs = list(zip(of_mu[: len(people_a)], of_mu[len(people_a) :], strict=True))
+    mirrored = [((-mu[::-1], values[::-1]), b) for (mu, values), b in pairs]
+    mean = 2 * np.linspace(prior.low - REACH, prior.high + REACH, 61)
+    log_prior = np.log(trapezoid(_SPREADS)) - 0.5 * (_SPREADS / SPREAD_SCALE) ** 2
+    implied = _implied_by_others(_differences(mirrored), mean, 2 * _SPREADS, log_prior)
+    x = np.linspace(mean[0] - 2 * _FAR, mean[-1] + 2 * _FAR, 241)
+    # The weights of the outermost nodes hold all that lies beyond them.
+    density = (normal_weights(x, mean, 2 * _SPREADS) / trapezoid(x))[:, :, 1:-1]
+    sums = [(x[1:-1], np.asarray(np.tensordot(normals, density))) for normals in implied]
+    return _differences(pairs), _differences(pairs, sums)
 
 
-def _reach(a: Curve, b: Curve) -> tuple[float, float]:
-    """Return the least and greatest difference that matter."""
-    (low_a, high_a), (low_b, high_b) = (range_of(*curve, _LEAST) for curve in (a, b))
-    return low_b - high_a, high_b - low_a
+def _implied_by_others(
+    curves: Sequence[Curve], mean: Floats, spread: Floats, log_prior: Floats
+) -> list[Floats]:
+    """Return, for each person, how likely all others make normal distributions: (mean, spread)."""
+    logs = list(normal_log_likelihoods(curves, mean, spread))
+    rest = [log_prior + sum(logs) - log for log in logs]
+    return [np.exp(log - log.max()) for log in rest]
 
 
-def _correlated(a: Curve, b: Curve, d: Floats, middle: Curve | None = None) -> Curve:
-    """Return the likelihood of d = mu_b - mu_a, summed over the nodes of mu_a and of mu_b.
+def _differences(
+    pairs: Sequence[tuple[Curve, Curve]], of_sums: Sequence[Curve] = ()
+) -> list[Curve]:
+    """Return the likelihoods of mu_b - mu_a, at the same nodes of all but those much narrower."""
+    reaches = []
+    for a, b in pairs:
+        (low_a, high_a), (low_b, high_b) = range_of(*a, _LEAST), range_of(*b, _LEAST)
+        reaches.append((low_b - high_a, high_b - low_a))
+    shared = np.linspace(np.min(reaches), np.max(reaches), _NODES)
+    curves = []
+    for i, ((a, b), reach) in enumerate(zip(pairs, reaches, strict=True)):
+        is_narrow = _MUCH * (reach[1] - reach[0]) < np.ptp(shared)
+        d = np.linspace(*reach, _NODES) if is_narrow else shared
+        curves.append((d, _correlated(a, b, d, of_sums[i] if of_sums else None)))
+    return curves
+
+
+def _correlated(a: Curve, b: Curve, d: Floats, of_sum: Curve | None = None) -> Floats:
+    """Return the likelihood of d = mu_b - mu_a, summed over the nodes of mu_a and those of mu_b.
 
     Where one likelihood is much narrower only its nodes count. A likelihood that stays constant at
     an end goes on for a while: two thresholds anywhere below the levels may differ by anything.
-    `middle` is a density of (mu_a + mu_b) / 2, constant by default.
+    `of_sum` is a density of mu_a + mu_b, constant by default.
     """
     widths = [float(np.ptp(range_of(*curve, _OPEN))) for curve in (a, b)]
     likelihood = np.zeros(len(d))
-    for i, ((mu, values), second, sign) in enumerate(((a, b, 1), (b, a, -1))):
+    for i, (curve, second, shift) in enumerate(((a, b, d[:, None]), (b, a, -d[:, None]))):
         if widths[i] < _MUCH * widths[1 - i]:
-            at = np.concatenate([[mu[0] - _FAR], mu, [mu[-1] + _FAR]])
-            weights = trapezoid(at) * np.pad(values, 1, mode="edge")
-            both = np.interp(at + sign * d[:, None], *second)
-            if middle is not None:
-                both *= np.interp(at + sign * d[:, None] / 2, *middle)
-            one = both @ weights
-            likelihood += one / max(float(one.max()), TINY)
-    return d, likelihood / max(float(likelihood.max()), TINY)
+            at = np.concatenate([[curve[0][0] - _FAR], curve[0], [curve[0][-1] + _FAR]])
+            values = np.interp(at, *curve) * np.interp(at + shift, *second)
+            if of_sum is not None:
+                values *= np.interp(2 * at + shift, *of_sum)
+            summed = np.trapezoid(values, at, axis=1)
+            likelihood += summed / max(float(summed.max()), TINY)
+    return likelihood / max(float(likelihood.max()), TINY)
 
 
 def _prior(d: Floats) -> Floats:
@@ -413,19 +381,12 @@ def _open_ends(likelihood: Floats) -> tuple[bool, bool]:
     return bool(likelihood[0] > least), bool(likelihood[-1] > least)
 
 
-def _difference(
-    d: Floats, likelihood: Floats, open_ends: tuple[bool, bool] | None = None
-) -> Difference:
-    below, above = open_ends or _open_ends(likelihood)
-    low, middle, high = quantiles(likelihood * _prior(d), d).tolist()
-    statuses: dict[tuple[bool, bool], DifferenceStatus] = {
-        (False, False): "ok",
-        (False, True): "at_least",
-        (True, False): "at_most",
-        (True, True): "unknown",
+def _difference(d: Floats, density: Floats, open_ends: Iterable[bool]) -> dict[str, Any]:
+    """Return status, median and limits of a difference."""
+    below, above = map(bool, open_ends)
+    low, middle, high = quantiles(density, d).tolist()
+    return {
+        "status": _STATUSES[below, above],
+        "difference_db": _NAN if below or above else middle,
+        "difference_limits_db": (-math.inf if below else low, math.inf if above else high),
     }
-    return Difference(
-        status=statuses[below, above],
-        difference_db=_NAN if below or above else middle,
-        difference_limits_db=(-math.inf if below else low, math.inf if above else high),
-    )

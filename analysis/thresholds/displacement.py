@@ -5,12 +5,14 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Any, Final
 
+import numpy as np
 import pandas as pd
 
 from analysis.thresholds.fit import WITH_THRESHOLD
 from experiment.tasks import LEFT_RIGHT_BOTH
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
     from typing import TypeAlias
 
     from analysis.axis import Axis
@@ -58,55 +60,45 @@ def with_micrometres(thresholds: pd.DataFrame, trials: pd.DataFrame, axis: Axis)
     [[1.2, 1.08, 'measured']]
     """
     moved = _per_volt(trials) if axis.is_vpp else {}
-    rows = [
-        _in_micrometres(row, *moved.get((row["participant"], row["condition"]), ({}, math.nan)))
-        for _, row in thresholds.iterrows()
-    ]
+    names = zip(thresholds["participant"], thresholds["condition"], strict=True)
+    return _with_columns(thresholds, [moved.get(name, ({}, "")) for name in names])
+
+
+def with_group_micrometres(groups: pd.DataFrame, thresholds: pd.DataFrame) -> pd.DataFrame:
+    """Return the thresholds of groups with `UM_COLUMNS`; `thresholds` are those of all people."""
+    people = [thresholds[thresholds["condition"].eq(name)] for name in groups["condition"]]
+    return _with_columns(groups, [group_per_volt(some) for some in people])
+
+
+def _with_columns(
+    thresholds: pd.DataFrame, per_volts: Iterable[tuple[PerVolt, str]]
+) -> pd.DataFrame:
+    rows = []
+    for (_, row), (per_volt, basis) in zip(thresholds.iterrows(), per_volts, strict=True):
+        at = row["threshold_vpp"] if row["status"] in WITH_THRESHOLD else math.nan
+        um = [per_volt.get(site, math.nan) * at for site in SITE_COLUMNS]
+        rounded = [float(f"{value:.{_DIGITS}g}") for value in um]
+        rows.append([*rounded, math.nan if np.isnan(um).all() else basis])
     return thresholds.assign(**pd.DataFrame(rows, columns=[*UM_COLUMNS], index=thresholds.index))
 
 
-def _in_micrometres(row: pd.Series[Any], per_volt: PerVolt, basis: object) -> dict[str, object]:
-    """Return the columns in micrometres of a threshold."""
-    at = row["threshold_vpp"] if row["status"] in WITH_THRESHOLD else math.nan
-    um = {
-        column: float(f"{per_volt.get(site, math.nan) * at:.{_DIGITS}g}")
-        for site, column in SITE_COLUMNS.items()
-    }
-    return {**um, "displacement_basis": math.nan if all(map(math.isnan, um.values())) else basis}
-
-
-def _per_volt(trials: pd.DataFrame) -> dict[tuple[str, str], tuple[PerVolt, object]]:
+def _per_volt(trials: pd.DataFrame) -> dict[tuple[object, object], tuple[PerVolt, str]]:
     """Return the displacement per volt at each site, and its basis, of each participant."""
     if trials.empty or not {"peak_left_um", "displacement_basis"} <= {*trials.columns}:
         return {}
     single = trials["reason"].eq("") & trials["kind"].astype(object).eq("single")
     rows = trials[single & trials["displacement_basis"].notna()]
     per_volt = {}
-    for (participant, condition), each in rows.groupby(["participant", "condition"], observed=True):
-        bases = {*each["displacement_basis"].astype(object)}
-        basis = bases.pop() if len(bases) == 1 else "predicted"  # the weaker one
-        of_sites = {
-            site: _ratio(each[each["side"].eq(site)], f"peak_{site}_um") for site in SITE_COLUMNS
+    for (participant, condition), person in rows.groupby(
+        ["participant", "condition"], observed=True
+    ):
+        of_sites = {site: person[person["side"].eq(site)] for site in SITE_COLUMNS}
+        ratios = {
+            site: _only(some[f"peak_{site}_um"] / some["level_vpp"])
+            for site, some in of_sites.items()
         }
-        per_volt[str(participant), str(condition)] = of_sites, basis
+        per_volt[participant, condition] = ratios, _weakest(person["displacement_basis"])
     return per_volt
-
-
-def _ratio(trials: pd.DataFrame, column: str) -> float:
-    """Return the micrometres per volt of some trials if there is one such number."""
-    ratios = (trials[column] / trials["level_vpp"]).dropna()
-    return _only(ratios.tolist())
-
-
-def _only(values: list[float]) -> float:
-    """Return the mean of equal numbers; NaN where there is none, or they differ.
-
-    >>> _only([0.02, 0.02]), _only([0.02, 0.03]), _only([])
-    (0.02, nan, nan)
-    """
-    if not values or not max(values) - min(values) <= _SAME * max(values):
-        return math.nan
-    return sum(values) / len(values)
 
 
 def group_per_volt(thresholds: pd.DataFrame) -> tuple[PerVolt, str]:
@@ -119,20 +111,24 @@ def group_per_volt(thresholds: pd.DataFrame) -> tuple[PerVolt, str]:
     moved = thresholds[thresholds["displacement_basis"].notna()]
     if len(moved) < int(thresholds["status"].isin(WITH_THRESHOLD).sum()) or moved.empty:
         return {}, ""
-    per_volt = {
-        site: _only((moved[column] / moved["threshold_vpp"]).dropna().tolist())
-        for site, column in SITE_COLUMNS.items()
+    ratios = {
+        site: _only(moved[column] / moved["threshold_vpp"]) for site, column in SITE_COLUMNS.items()
     }
-    bases = {*moved["displacement_basis"]}
-    return per_volt, bases.pop() if len(bases) == 1 else "predicted"
+    return ratios, _weakest(moved["displacement_basis"])
 
 
-def with_group_micrometres(groups: pd.DataFrame, thresholds: pd.DataFrame) -> pd.DataFrame:
-    """Return the thresholds of groups with `UM_COLUMNS`; `thresholds` are those of all people."""
-    rows = [
-        _in_micrometres(
-            group, *group_per_volt(thresholds[thresholds["condition"].eq(group["condition"])])
-        )
-        for _, group in groups.iterrows()
-    ]
-    return groups.assign(**pd.DataFrame(rows, columns=[*UM_COLUMNS], index=groups.index))
+def _only(values: pd.Series[float]) -> float:
+    """Return the mean of equal numbers; NaN where there is none, or they differ.
+
+    >>> _only(pd.Series([0.02, 0.02])), _only(pd.Series([0.02, 0.03]))
+    (0.02, nan)
+    """
+    numbers = values.dropna().tolist()
+    if not numbers or max(numbers) - min(numbers) > _SAME * max(numbers):
+        return math.nan
+    return sum(numbers) / len(numbers)
+
+
+def _weakest(bases: pd.Series[Any]) -> str:
+    different = {*bases.astype(object)}
+    return str(different.pop()) if len(different) == 1 else "predicted"

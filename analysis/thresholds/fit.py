@@ -3,34 +3,32 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Final, Literal
+from dataclasses import dataclass, fields, replace
+from typing import TYPE_CHECKING, Any, Final, Literal, TypeVar
 
+import numpy as np
 from scipy.special import ndtr
 
-from analysis.thresholds.guess import GuessRate
+from analysis.thresholds.function import MAX_LAPSE
 from analysis.thresholds.likeliest import likeliest_function, overlaps, trend
-from analysis.thresholds.likelihood import (
-    Tables,
-    checked_levels,
-    checked_table,
-    likelihoods,
-    pooled,
-    posteriors,
-)
+from analysis.thresholds.likelihood import likelihoods
+from analysis.thresholds.tables import checked_tables
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    import numpy as np
+    from _typeshed import DataclassInstance
     from numpy.typing import ArrayLike, NDArray
 
     from analysis.axis import XScale
     from analysis.thresholds.function import FunctionName, Prior
+    from analysis.thresholds.guess import GuessRate
     from analysis.thresholds.likelihood import Likelihood
+    from analysis.thresholds.tables import Tables
 
     Floats = NDArray[np.float64]
 
+Fit = TypeVar("Fit", bound="DataclassInstance")
 FitStatus = Literal[
     "ok",
     "one_level",
@@ -45,16 +43,16 @@ FitStatus = Literal[
 ]
 WITH_THRESHOLD: Final = ("ok", "lapse_at_bound", "separated")
 """Statuses of a table that has a threshold."""
-BOUNDED: Final = (
-    "threshold_below_levels",
-    "threshold_above_levels",
-    "median_below_levels",
-    "median_above_levels",
-)
+BELOW: Final = ("threshold_below_levels", "median_below_levels")
+ABOVE: Final = ("threshold_above_levels", "median_above_levels")
+BOUNDED: Final = (*BELOW, *ABOVE)
 """Statuses of a table that has only a bound of the threshold."""
+_ON_AXIS: Final = ("threshold", "threshold_limits", "new_person_limits", "mle_threshold")
+"""Attributes of fits that lie on the axis, of one person or of a group."""
 _MAX_TREND_P: Final = 0.05
 _MARGIN: Final = 0.1
 """Steps, 0.1 dB. A limit that lies closer to the end of the levels counts as just inside."""
+_ROUNDING: Final = 1e-9
 _NAN: Final = math.nan
 
 
@@ -149,100 +147,52 @@ def fit_psychometric(
     >>> fit.status, fit.threshold_limits[0] < 100 < fit.threshold_limits[1]
     ('ok', True)
     """
-    x, k, n = checked_table(levels, detected, presented)
-    guess = guess_rate if isinstance(guess_rate, GuessRate) else GuessRate(mean=guess_rate)
-    check_function(function, x_scale)
-    tables = Tables(
-        x=checked_levels(x, x_scale)[None],
-        detected=k[None],
-        presented=n[None],
-        guesses=[guess],
-        x_scale=x_scale,
-        function=function,
-    )
-    people = likelihoods(tables)
-    (fit,) = with_likeliest(fit_many(tables, people), tables, people)
-    return in_levels(fit) if x_scale == "log10" else fit
+    one_table = np.asarray(detected)[None], np.asarray(presented)[None]
+    tables = checked_tables(levels, *one_table, guess_rate, x_scale=x_scale, function=function)
+    (fit,) = fit_many(tables, likeliest=True)
+    return in_levels(fit, x_scale)
 
 
-def check_function(function: str, x_scale: str) -> None:
-    """Raise a ValueError for another function, and for a Weibull function of a linear axis."""
-    if function not in ("normal", "logistic", "weibull", "gumbel"):
-        raise ValueError(
-            f"function must be one of normal, logistic, weibull, gumbel; got {function!r}"
-        )
-    if function == "weibull" and x_scale == "linear":
-        raise ValueError('function="weibull" needs x_scale="log10"; on a linear axis use "gumbel"')
-
-
-def in_levels(fit: PsychometricFit) -> PsychometricFit:
-    """Return a fit on the axis log10 in the levels' unit."""
-    low, high = fit.threshold_limits
-    return replace(
-        fit,
-        threshold=10.0**fit.threshold,
-        threshold_limits=(low if low == -math.inf else 10.0**low, 10.0**high),
-        mle_threshold=10.0**fit.mle_threshold,
-    )
+def in_levels(fit: Fit, x_scale: XScale) -> Fit:
+    """Return a fit of one person or of a group in the levels' unit."""
+    if x_scale == "linear":
+        return fit
+    changes: dict[str, Any] = {}
+    for name in {*_ON_AXIS} & {field.name for field in fields(fit)}:
+        x = np.array(getattr(fit, name))
+        levels = np.where(x == -math.inf, x, 10.0**x).tolist()
+        changes[name] = tuple(levels) if x.ndim else levels
+    return replace(fit, **changes)
 
 
 def fit_many(
-    tables: Tables, people: Sequence[Likelihood] | None = None
+    tables: Tables, people: Sequence[Likelihood] | None = None, *, likeliest: bool = False
 ) -> tuple[PsychometricFit, ...]:
     """Fit many tables, on their axis; `people` are their likelihoods if these are known.
 
-    The likeliest functions, which take longest, are left to `with_likeliest`.
+    The likeliest functions take longest, and are left out by default.
     """
-    people = people or likelihoods(tables)
-    priors = tables.priors()
-    mu, log_sigma = posteriors(people, priors)
-    step = tables.prior.step
     fits = []
-    for row, (likelihood, prior, at) in enumerate(zip(people, priors, mu.tolist(), strict=True)):
-        used = tables.presented[row] > 0
-        counts = (tables.x[row, used], tables.detected[row, used], tables.presented[row, used])
-        status = status_of(*counts, at, prior)
-        limits = within_levels(at[0], at[2], prior)
-        if status in BOUNDED:
-            fits.append(PsychometricFit(status=status, threshold_limits=limits))
-        elif status not in WITH_THRESHOLD:
-            fits.append(PsychometricFit(status=status))
-        else:
-            sigma = step * math.exp(log_sigma[row, 1])
-            fits.append(
-                PsychometricFit(
-                    status=status,
-                    threshold=at[1] * step,
-                    threshold_limits=limits,
-                    sigma=_NAN if status == "separated" else sigma,
-                    lapse_rate=likelihood.lapse[0],
-                    guess_rate=likelihood.gamma[0],
-                )
-            )
+    for row, likelihood in enumerate(people or likelihoods(tables)):
+        prior, mu = tables.priors[row], likelihood.mu_points.tolist()
+        status = status_of(*tables.counts(row), mu, prior)
+        numbers: dict[str, Any] = {}
+        if status in BOUNDED or status in WITH_THRESHOLD:
+            numbers["threshold_limits"] = within_levels(mu[0], mu[2], prior)
+        if status in WITH_THRESHOLD:
+            sigma = prior.step * math.exp(likelihood.log_sigma_points[1])
+            numbers |= {
+                "threshold": mu[1] * prior.step,
+                "sigma": _NAN if status == "separated" else sigma,
+                "lapse_rate": likelihood.lapse[0],
+                "guess_rate": likelihood.gamma[0],
+            }
+        if likeliest and status == "ok":
+            numbers |= likeliest_function(tables, row, likelihood.node)
+            is_at_bound = numbers["mle_lapse_rate"] >= MAX_LAPSE - _ROUNDING
+            status = "lapse_at_bound" if is_at_bound else "ok"
+        fits.append(PsychometricFit(status=status, **numbers))
     return tuple(fits)
-
-
-def with_likeliest(
-    fits: Sequence[PsychometricFit], tables: Tables, people: Sequence[Likelihood]
-) -> tuple[PsychometricFit, ...]:
-    """Return fits with their likeliest functions, where these have a slope."""
-    step, result = tables.prior.step, []
-    for row, (fit, likelihood) in enumerate(zip(fits, people, strict=True)):
-        if fit.status != "ok":
-            result.append(fit)
-            continue
-        best = likeliest_function(tables, row, likelihood.node)
-        result.append(
-            replace(
-                fit,
-                status="lapse_at_bound" if best.at_max_lapse else "ok",
-                mle_threshold=best.mu * step,
-                mle_sigma=step * math.exp(best.log_sigma),
-                mle_lapse_rate=best.lapse_rate,
-                deviance=best.deviance,
-            )
-        )
-    return tuple(result)
 
 
 def within_levels(low: float, high: float, prior: Prior) -> tuple[float, float]:
@@ -266,9 +216,7 @@ def within_levels(low: float, high: float, prior: Prior) -> tuple[float, float]:
     )
 
 
-def status_of(
-    x: Floats, detected: Floats, presented: Floats, mu: Sequence[float], prior: Prior
-) -> FitStatus:
+def status_of(x: Floats, k: Floats, n: Floats, mu: Sequence[float], prior: Prior) -> FitStatus:
     """Return the status of one table, or of many people's counts pooled: the first line that holds.
 
     `mu` are the limits and the median of the threshold. A table that does not rise is "flat",
@@ -276,7 +224,6 @@ def status_of(
     threshold lies there. At the lower end there is no such line, as answers at chance may have
     other reasons than levels that are too low.
     """
-    x, k, n = pooled(x, detected, presented)
     z = trend(x, k, n)
     falling, flat = float(ndtr(z)) < _MAX_TREND_P, float(ndtr(-z)) >= _MAX_TREND_P
     rows: tuple[tuple[bool, FitStatus], ...] = (

@@ -10,18 +10,17 @@ import numpy as np
 import pandas as pd
 
 from analysis.axis import Axis
-from analysis.counts.intervals import checked_counts
 from analysis.numbers import TOTAL
-from analysis.thresholds.band import Draws, group_draws, person_draws
-from analysis.thresholds.fit import WITH_THRESHOLD, check_function
-from analysis.thresholds.group import group_posterior
+from analysis.thresholds.band import Line, drawn_functions
+from analysis.thresholds.fit import WITH_THRESHOLD
 from analysis.thresholds.guess import Guessing, GuessRate
-from analysis.thresholds.likelihood import POINTS, checked_levels
-from analysis.thresholds.people import PersonCounts, side_by_side, tables_and_likelihoods
+from analysis.thresholds.likelihood import POINTS
+from analysis.thresholds.people import PersonCounts, side_by_side
 from analysis.thresholds.table import group_table, thresholds_of
+from analysis.thresholds.tables import checked_tables
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Hashable, Iterator
 
     from matplotlib.axes import Axes
     from numpy.typing import NDArray
@@ -34,7 +33,7 @@ if TYPE_CHECKING:
 _KEY: Final = ["condition", "participant"]
 _MAX_TICKS: Final = 9
 """Tested levels up to which each has a tick of its own on a logarithmic axis."""
-_NAMES: Final = {
+_NAMES: Final[dict[Hashable, str]] = {
     "threshold_vpp": "threshold",
     "threshold_low_vpp": "low",
     "threshold_high_vpp": "high",
@@ -92,7 +91,8 @@ class PsychometricFits:
             for frame in (self.people, self.groups)
             if len(frame)
         ]
-        return "\n\n".join(frame.map(_short).to_string(index=False) for frame in shown)
+        texts = [frame.to_string(index=False, float_format="{:.3g}".format) for frame in shown]
+        return "\n\n".join(texts)
 
     def threshold_at(self, proportion: float) -> pd.DataFrame:
         """Return the levels at which a proportion of the stimuli is detected.
@@ -119,12 +119,10 @@ class PsychometricFits:
         for name, row, drawn, x in self._functions():
             low, at, high = (math.nan,) * 3
             if row["status"] in ("ok", "lapse_at_bound"):
-                places = np.quantile(drawn.places(proportion), POINTS, method="inverted_cdf")
+                drawn_places = drawn.places(proportion)
+                places = np.asarray(np.quantile(drawn_places, POINTS, method="inverted_cdf"), float)
                 inside = (places >= x.min()) & (places <= x.max())
-                low, at, high = (
-                    self.axis.level(float(place)) if known else math.nan
-                    for place, known in zip(places, inside, strict=True)
-                )
+                low, at, high = np.where(inside, self.axis.level(places), math.nan).tolist()
             rows.append((*name, at, low, high))
         return pd.DataFrame(rows, columns=[*_KEY, "level", "low", "high"])
 
@@ -155,12 +153,12 @@ class PsychometricFits:
             if row["status"] not in WITH_THRESHOLD or (several and not group):
                 continue
             fine = np.linspace(x.min(), x.max(), 200)
-            levels = np.array([self.axis.level(float(at)) for at in fine])
+            levels = self.axis.level(fine)
             label = name[0] if len(conditions) > 1 else None
             axes.fill_between(levels, *drawn.band(fine), color=color, alpha=0.2, lw=0)
-            axes.plot(levels, np.median(drawn.values(fine), axis=1), color=color, label=label)
-            at = self.axis.on_axis(np.array([row["threshold"]]))
-            height = float(np.median(drawn.values(at)))
+            axes.plot(levels, np.median(drawn.at(fine[:, None]), axis=1), color=color, label=label)
+            at = self.axis.on_axis(np.array(row["threshold"]))
+            height = float(np.median(drawn.at(at)))
             low, high = row["low"], row["high"]
             ends = [levels[0] if np.isnan(low) else low, levels[-1] if np.isnan(high) else high]
             axes.plot(ends, [height] * 2, color=color, lw=2)
@@ -177,18 +175,17 @@ class PsychometricFits:
             axes.legend()
         return axes
 
-    def _functions(self) -> Iterator[tuple[tuple[str, str], pd.Series[Any], Draws, Floats]]:
+    def _functions(self) -> Iterator[tuple[tuple[str, str], pd.Series[Any], Line, Floats]]:
         """Yield name, row, drawn functions and tested levels of all people and groups."""
-        tables, likelihoods = tables_and_likelihoods(self.counts, self.axis)
-        for _, row in self.people.iterrows():
-            i = self.counts.names.index((row["condition"], row["participant"]))
-            x = tables.x[i, tables.presented[i] > 0]
-            yield self.counts.names[i], row, person_draws(tables, i), x
-        for _, row in self.groups.iterrows():
-            rows = self.counts.conditions()[row["condition"]]
-            some, chosen = tables.at(rows), [likelihoods[i] for i in rows]
-            drawn = group_draws(some, chosen, group_posterior(chosen, some.prior))
-            yield (row["condition"], TOTAL), row, drawn, some.x[some.presented > 0]
+        for _, row in pd.concat([self.people, self.groups.assign(participant=TOTAL)]).iterrows():
+            name = row["condition"], row["participant"]
+            rows = [
+                i
+                for i, (condition, participant) in enumerate(self.counts.names)
+                if condition == name[0] and name[1] in (participant, TOTAL)
+            ]
+            x = self.axis.on_axis(self.counts.level_vpp[rows][self.counts.presented[rows] > 0])
+            yield name, row, drawn_functions(self.counts, rows, self.axis), x
 
 
 def fit(
@@ -242,39 +239,26 @@ def fit(
     ]
     if missing:
         raise ValueError(f"frame must have the columns that are named; {missing} are missing")
-    check_function(function, x_scale)
-    guess = guess_rate if isinstance(guess_rate, GuessRate) else GuessRate(mean=guess_rate)
-    checked_levels(frame[level].to_numpy(), x_scale)
-    k, n = checked_counts(frame[detected], frame[presented])
+    counts = frame[level], [frame[detected]], [frame[presented]]
+    tables = checked_tables(*counts, guess_rate, x_scale=x_scale, function=function)
     table = pd.DataFrame(
         {
             "condition": frame[condition].astype(str) if condition else "main",
             "participant": frame[participant].astype(str) if participant else "1",
             "level_vpp": frame[level].astype(float),
-            "detected": k,
-            "presented": n,
+            "detected": tables.detected[0],
+            "presented": tables.presented[0],
         }
     )
     table = table[table["presented"] > 0].groupby([*_KEY, "level_vpp"], as_index=False).sum()
-    if table.empty:
-        raise ValueError("presented must hold at least one stimulus; got none")
     axis = Axis(x_scale=x_scale, unit="level")
-    rate = Guessing(rate=guess, basis="given")
-    people = side_by_side(table, lambda names: [rate] * len(names))
-    people = replace(people, function=function)
+    rate = Guessing(rate=tables.guesses[0], basis="given")
+    people = replace(side_by_side(table, lambda _: rate), function=function)
     thresholds = thresholds_of(people, seed=0, axis=axis)
     groups = group_table(people, thresholds, axis)
     return PsychometricFits(
-        people=_renamed(thresholds)[_PEOPLE],
-        groups=_renamed(groups[groups["participants"] > 1])[_GROUPS],
+        people=thresholds.rename(columns=_NAMES)[_PEOPLE],
+        groups=groups[groups["participants"] > 1].rename(columns=_NAMES)[_GROUPS],
         counts=people,
         axis=axis,
     )
-
-
-def _renamed(table: pd.DataFrame) -> pd.DataFrame:
-    return table.rename(columns=lambda name: _NAMES.get(name, name))
-
-
-def _short(value: object) -> str:
-    return f"{value:.3g}" if isinstance(value, float) else str(value)

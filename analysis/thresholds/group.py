@@ -9,49 +9,46 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Final
+from functools import reduce
+from typing import TYPE_CHECKING, Final, Literal
 
 import numpy as np
 from scipy.special import ndtr
 
-from analysis.counts.intervals import checked_counts
 from analysis.thresholds.fit import (
     BOUNDED,
     FitStatus,
     PsychometricFit,
-    check_function,
     fit_many,
     in_levels,
     status_of,
-    with_likeliest,
     within_levels,
 )
 from analysis.thresholds.function import SIGMA_FACTOR, SIGMA_MEDIAN, Prior, class_prior
-from analysis.thresholds.guess import GuessRate
 from analysis.thresholds.likelihood import (
     POINTS,
     TINY,
-    Tables,
-    checked_levels,
     likelihoods,
     quantiles,
     range_of,
     trapezoid,
 )
+from analysis.thresholds.tables import checked_tables
 from stimuli.tuned import tuned
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Callable, Iterable, Iterator, Sequence
 
     from numpy.typing import ArrayLike, NDArray
 
     from analysis.axis import XScale
     from analysis.thresholds.function import FunctionName
     from analysis.thresholds.likelihood import Likelihood
+    from analysis.thresholds.tables import Tables
 
     Floats = NDArray[np.float64]
     Curve = tuple[Floats, Floats]
-    """Nodes, and a likelihood there: (nodes, columns)."""
+    """Nodes, and a likelihood there: (nodes,) or (nodes, columns)."""
 
 SPREAD_SCALE: Final = 6.0
 """Steps, of the half-normal prior of tau. Smaller ones cover too little where people differ much.
@@ -69,6 +66,7 @@ _MAX_PASSES: Final = 12
 _SETTLED: Final = 0.6
 _SQRT_2PI: Final = math.sqrt(2 * math.pi)
 _NAN: Final = math.nan
+MIDDLE, SPREAD, LOG_WIDTH = range(3)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -112,7 +110,7 @@ class GroupFit:
     True
     """
 
-    status: FitStatus
+    status: FitStatus | Literal["one_participant"]
     threshold: float = _NAN
     threshold_limits: tuple[float, float] = (_NAN, _NAN)
     spread_db: float = _NAN
@@ -124,31 +122,23 @@ class GroupFit:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class GroupPosterior:
-    """The posterior of the middle M, the spread tau and S, in steps and log steps."""
+class Population:
+    """The posterior of what people have in common, in steps and log steps, at nodes along each.
 
-    middle: Floats
-    spread: Floats
-    log_sigma: Floats
-    cells: Floats  # (middle, spread, log sigma), priors included
+    The parameters are the middle, the spread, and of a group S, the mean of log sigma: `MIDDLE`,
+    `SPREAD` and `LOG_WIDTH` are their places.
+    """
 
-    @property
-    def middle_density(self) -> Floats:
-        """The density of M at its nodes."""
-        return self._plane() @ trapezoid(self.spread)
+    axes: tuple[Floats, ...]
+    cells: Floats
 
-    def middle_points(self) -> Floats:
-        """Return the points `POINTS` of M."""
-        return quantiles(self.middle_density, self.middle)
+    def density(self, parameter: int) -> Floats:
+        """Return the density of a parameter at its nodes."""
+        return _margin(self.cells, self.axes, parameter)
 
-    def spread_points(self) -> Floats:
-        """Return the points `POINTS` of tau."""
-        return quantiles(trapezoid(self.middle) @ self._plane(), self.spread)
-
-    def log_sigma_points(self) -> Floats:
-        """Return the points `POINTS` of S."""
-        weights = trapezoid(self.middle), trapezoid(self.spread)
-        return quantiles(np.einsum("mts,m,t->s", self.cells, *weights), self.log_sigma)
+    def points(self, parameter: int) -> Floats:
+        """Return the points `POINTS` of a parameter."""
+        return quantiles(self.density(parameter), self.axes[parameter])
 
     def next_person_points(self) -> Floats:
         """Return the points `POINTS` of the next person's mu: normal distributions, mixed.
@@ -157,25 +147,20 @@ class GroupPosterior:
         much smaller than any step between places at which a density were taken. A node of M stands
         for all values around it.
         """
-        weight = np.outer(trapezoid(self.middle), trapezoid(self.spread)) * self._plane()
-        around = trapezoid(self.middle)[:, None] / math.sqrt(12)
-        sd = np.hypot(self.spread, around)
-        reach = 5 * self.spread[-1]
-        mu = np.linspace(self.middle[0] - reach, self.middle[-1] + reach, 401)
-        weight = (weight / weight.sum()).ravel()
-        z = (mu[:, None, None] - self.middle[:, None]) / sd
-        below = ndtr(z.reshape(len(mu), -1)) @ weight
+        middle, spread, log_sigma = self.axes
+        weight = np.outer(trapezoid(middle), trapezoid(spread)) * (
+            self.cells @ trapezoid(log_sigma)
+        )
+        sd = np.hypot(spread, trapezoid(middle)[:, None] / math.sqrt(12))
+        mu = np.linspace(middle[0] - 5 * spread[-1], middle[-1] + 5 * spread[-1], 401)
+        z = (mu[:, None, None] - middle[:, None]) / sd
+        below = ndtr(z.reshape(len(mu), -1)) @ (weight / weight.sum()).ravel()
         return np.interp(POINTS, below, mu)
 
-    def drawn(self, number: int, rng: np.random.Generator) -> tuple[Floats, Floats, Floats]:
-        """Draw M, tau and S, anywhere between the nodes."""
-        axes = (self.middle, self.spread, self.log_sigma)
-        weight = self.cells * np.einsum("i,j,k->ijk", *(trapezoid(axis) for axis in axes))
-        middle, spread, log_sigma = draws(weight, axes, number, rng)
-        return middle, spread, log_sigma
-
-    def _plane(self) -> Floats:
-        return self.cells @ trapezoid(self.log_sigma)
+    def drawn(self, number: int, rng: np.random.Generator) -> list[Floats]:
+        """Draw all parameters, anywhere between the nodes."""
+        weight = reduce(np.multiply.outer, map(trapezoid, self.axes))
+        return draws(self.cells * weight, self.axes, number, rng)
 
 
 def population_draws(
@@ -196,53 +181,79 @@ def draws(
     at = (np.arange(number) + rng.random()) / number
     chosen = np.minimum(np.searchsorted(below, rng.permutation(at) * below[-1]), weight.size - 1)
     return [
-        np.interp(place + rng.uniform(-0.5, 0.5, number), np.arange(len(axis)), axis)
-        for place, axis in zip(np.unravel_index(chosen, weight.shape), axes, strict=True)
+        np.interp(node + rng.uniform(-0.5, 0.5, number), np.arange(len(axis)), axis)
+        for node, axis in zip(np.unravel_index(chosen, weight.shape), axes, strict=True)
     ]
 
 
-def normal_weights(x: Floats, mean: Floats, sd: Floats) -> Floats:
+def normal_weights(x: Floats, mean: Floats, spread: Floats) -> Floats:
     """Return the weights by which values at nodes x are averaged over normal distributions.
 
     They are exact for what is linear between the nodes and flat beyond them, however narrow the
-    distribution; shape (mean, x), for as many standard deviations as means.
+    distribution; shape (mean, spread, x).
 
     >>> x = np.array([0.0, 1.0, 3.0])
-    >>> weights = normal_weights(x, np.array([1.4]), np.array([1e-9]))
+    >>> weights = normal_weights(x, np.array([1.4]), np.array([1e-9]))[0]
     >>> weights.round(6).tolist(), bool(np.isclose((weights @ x)[0], 1.4))
     ([[0.0, 0.8, 0.2]], True)
     """
     # The mean of Phi over each cell, from its antiderivative. Differences of these are the
     # integrals of hat functions.
-    z = (x - mean[:, None]) / sd[:, None]
-    rising = sd[:, None] * (z * ndtr(z) + np.exp(-0.5 * z * z) / _SQRT_2PI)
-    below = np.diff(rising, axis=1) / np.diff(x)
-    ends = np.ones((len(mean), 1))
-    return np.maximum(np.diff(below, axis=1, prepend=0 * ends, append=ends), 0.0)
+    z = (x - mean[:, None, None]) / spread[:, None]
+    rising = spread[:, None] * (z * ndtr(z) + np.exp(-0.5 * z * z) / _SQRT_2PI)
+    below = np.diff(rising) / np.diff(x)
+    ends = np.ones((len(mean), len(spread), 1))
+    return np.maximum(np.diff(below, prepend=0 * ends, append=ends), 0.0)
 
 
-def population_log_likelihood(curves: Iterable[Curve], mean: Floats, spread: Floats) -> Floats:
-    """Return the log likelihood of values that are N(mean, spread) over people.
+def normal_log_likelihoods(
+    curves: Iterable[Curve], mean: Floats, spread: Floats
+) -> Iterator[Floats]:
+    """Yield the log likelihood of each person's value where it is N(mean, spread) over people.
 
-    A person's value is known by a likelihood with columns, which are parameters that all people
-    have in common: (mean, spread, columns).
+    A person's value is known by its likelihood at nodes, which may have columns: parameters that
+    all people have in common; (mean, spread) or (mean, spread, columns).
     """
-    at, sd = (axis.ravel() for axis in np.meshgrid(mean, spread, indexing="ij"))
-    weights: dict[int, tuple[Floats, Floats]] = {}
-    total: Floats = np.zeros(1)
+    weights: dict[int, Floats] = {}
     for nodes, values in curves:
         if id(nodes) not in weights:
-            weights[id(nodes)] = nodes, normal_weights(nodes, at, sd)
-        total = total + np.log(np.maximum(weights[id(nodes)][1] @ values, TINY))
-    return total.reshape(len(mean), len(spread), -1)
+            weights[id(nodes)] = normal_weights(nodes, mean, spread)
+        yield np.log(np.maximum(np.tensordot(weights[id(nodes)], values, axes=1), TINY))
 
 
-def group_posterior(
-    people: Sequence[Likelihood], prior: Prior, *, prior_of_middle: bool = True
-) -> GroupPosterior:
+def zoomed(
+    cells_at: Callable[..., Floats], axes: Sequence[Floats], numbers: Sequence[int]
+) -> Population:
+    """Return a posterior on axes that hold what matters of it, with so many nodes.
+
+    A coarse grid over the priors shows what matters. A grid on that is the last one, unless it
+    shows that less of it matters.
+    """
+    cells = cells_at(*axes)
+    for turn in range(_MAX_PASSES):
+        boxes = [range_of(axis, _margin(cells, axes, i)) for i, axis in enumerate(axes)]
+        widths = [np.ptp(box) / np.ptp(axis) for box, axis in zip(boxes, axes, strict=True)]
+        if turn and min(widths) >= _SETTLED:
+            break
+        axes = [np.linspace(*box, number) for box, number in zip(boxes, numbers, strict=True)]
+        # The density of a small spread is the narrowest.
+        spread = axes[SPREAD]
+        axes[SPREAD] = spread[0] + (spread - spread[0]) ** 1.5 / np.sqrt(np.ptp(spread))
+        cells = cells_at(*axes)
+    return Population(axes=tuple(axes), cells=cells)
+
+
+def _margin(cells: Floats, axes: Sequence[Floats], parameter: int) -> Floats:
+    for i in reversed(range(len(axes))):
+        if i != parameter:
+            cells = np.asarray(np.trapezoid(cells, axes[i], axis=i))
+    return cells
+
+
+def group_posterior(people: Sequence[Likelihood], prior: Prior) -> Population:
     """Return the posterior of a group, in steps of the prior of all levels.
 
-    M has the prior of a single mu, or none: a difference of two groups is not to be pulled to 0.
+    M has the prior of a single mu.
     """
     outside = np.arange(1, 8) / 7 * _OUTSIDE
     between = np.linspace(prior.low, prior.high, 25)
@@ -250,68 +261,46 @@ def group_posterior(
     spread = _MIN_SPREAD + np.concatenate([[0.0], 0.3 * np.cumsum(1.4 ** np.arange(10))])
     half = 2.4 * math.log(SIGMA_FACTOR)
     log_sigma = math.log(SIGMA_MEDIAN * prior.scale) + np.linspace(-half, half, 11)
-    # A coarse grid over the priors shows what matters. A grid on that is the last one, unless it
-    # shows that less of it matters.
-    for turn in range(_MAX_PASSES):
-        curves = [(one.mu, _over_sigma(one, log_sigma)) for one in people]
-        total = population_log_likelihood(curves, middle, spread)
-        total = total.reshape(len(middle), len(spread), len(log_sigma), len(OMEGA), -1)
-        total += (1 - len(people)) * np.log(class_prior())
-        of_omega = np.exp(-0.5 * (OMEGA / OMEGA_SCALE) ** 2)
-        cells = np.einsum("mtsoc,o->mts", np.exp(total - total.max()), of_omega)
-        cells *= np.exp(-0.5 * (spread / (SPREAD_SCALE * prior.scale)) ** 2)[:, None] * prior.sigma(
-            log_sigma
-        )
-        if prior_of_middle:
-            cells *= prior.mu(middle)[:, None, None]
-        in_middle, in_spread = trapezoid(middle), trapezoid(spread)
-        plane = cells @ trapezoid(log_sigma)
-        margins = (
-            (middle, plane @ in_spread, 41),
-            (spread, in_middle @ plane, 21),
-            (log_sigma, np.einsum("mts,m,t->s", cells, in_middle, in_spread), 9),
-        )
-        boxes = [range_of(axis, margin) for axis, margin, _ in margins]
-        if turn and all(
-            np.ptp(box) >= _SETTLED * np.ptp(axis)
-            for box, (axis, _, _) in zip(boxes, margins, strict=True)
-        ):
-            break
-        middle, spread, log_sigma = (
-            np.linspace(*box, count) for box, (_, _, count) in zip(boxes, margins, strict=True)
-        )
-        # The density of a small spread is the narrowest.
-        spread = spread[0] + (spread - spread[0]) ** 1.5 / np.sqrt(np.ptp(spread))
-    return GroupPosterior(middle=middle, spread=spread, log_sigma=log_sigma, cells=cells)
+    of_omega = np.exp(-0.5 * (OMEGA / OMEGA_SCALE) ** 2)
+
+    def cells_at(middle: Floats, spread: Floats, log_sigma: Floats) -> Floats:
+        curves = ((person.mu, _over_sigma(person, log_sigma)) for person in people)
+        log = np.asarray(sum(normal_log_likelihoods(curves, middle, spread)))
+        log = log.reshape(len(middle), len(spread), len(log_sigma), len(OMEGA), -1)
+        log += (1 - len(people)) * np.log(class_prior())
+        cells = np.einsum("mtsoc,o->mts", np.exp(log - log.max()), of_omega)
+        of_spread = np.exp(-0.5 * (spread / (SPREAD_SCALE * prior.scale)) ** 2)
+        of_all = np.multiply.outer(np.outer(prior.mu(middle), of_spread), prior.sigma(log_sigma))
+        return np.asarray(cells * of_all)
+
+    return zoomed(cells_at, (middle, spread, log_sigma), (41, 21, 9))
 
 
 def _over_sigma(likelihood: Likelihood, log_sigma: Floats) -> Floats:
     """Average a likelihood over N(S, omega) of log sigma: (mu, S x omega x class)."""
-    mean, sd = (axis.ravel() for axis in np.meshgrid(log_sigma, OMEGA, indexing="ij"))
-    averaged = likelihood.by_class @ normal_weights(likelihood.log_sigma, mean, sd).T
-    return np.ascontiguousarray(averaged.transpose(1, 2, 0)).reshape(len(likelihood.mu), -1)
+    weights = normal_weights(likelihood.log_sigma, log_sigma, OMEGA)
+    averaged = np.tensordot(likelihood.by_class, weights, axes=(2, 2))
+    return np.ascontiguousarray(averaged.transpose(1, 2, 3, 0)).reshape(len(likelihood.mu), -1)
 
 
 def group_fit(
     tables: Tables,
     people: Sequence[Likelihood],
-    statuses: Sequence[FitStatus] | None = None,
-    posterior: GroupPosterior | None = None,
+    posterior: Population | None = None,
 ) -> GroupFit:
     """Return the fit of a group on the axis.
 
-    The statuses of its people's own fits decide only where their pooled table does not rise.
+    Its people's own fits decide only where their pooled table does not rise.
     """
     if not tables.several_levels().any():
         return GroupFit(status="one_level")
-    prior, used = tables.prior, tables.presented > 0
+    prior = tables.prior
     fitted = posterior or group_posterior(people, prior)
-    low, middle, high = fitted.middle_points().tolist()
-    counts = (tables.x[used], tables.detected[used], tables.presented[used])
-    status = status_of(*counts, (low, middle, high), prior)
+    low, middle, high = fitted.points(MIDDLE).tolist()
+    status = status_of(*tables.counts(), (low, middle, high), prior)
     if status in NOT_RISING:
-        alone = statuses or [fit.status for fit in fit_many(tables, people)]
-        if not all(one in (*NOT_RISING, "one_level") for one in alone):
+        alone = {fit.status for fit in fit_many(tables, people)}
+        if not alone <= {*NOT_RISING, "one_level"}:
             # People below, between and above the levels have a threshold, if not a slope.
             status = "ok" if middle <= prior.high else "median_above_levels"
             status = status if middle >= prior.low else "median_below_levels"
@@ -321,9 +310,9 @@ def group_fit(
     if status in NOT_RISING:
         return GroupFit(status=status)
     unit = prior.step * (20 if tables.x_scale == "log10" else 1)
-    least, spread, most = (unit * fitted.spread_points()).tolist()
+    least, spread, most = (unit * fitted.points(SPREAD)).tolist()
     next_low, _, next_high = fitted.next_person_points().tolist()
-    sigma_low, sigma, sigma_high = (prior.step * np.exp(fitted.log_sigma_points())).tolist()
+    sigma_low, sigma, sigma_high = (prior.step * np.exp(fitted.points(LOG_WIDTH))).tolist()
     return GroupFit(
         status=status,
         threshold=middle * prior.step,
@@ -385,70 +374,9 @@ def fit_group(
     >>> all_three.threshold < both.threshold, all_three.people[2].status
     (True, 'threshold_below_levels')
     """
-    counts = checked_counts(detected, presented)
-    guesses = guess_rates(len(np.atleast_1d(counts[0])), guess_rate, blanks)
-    tables = group_tables(levels, counts, guesses, x_scale, function)
+    counts = levels, detected, presented
+    tables = checked_tables(*counts, guess_rate, blanks, x_scale=x_scale, function=function)
     people = likelihoods(tables)
-    fits = with_likeliest(fit_many(tables, people), tables, people)
-    fit = group_fit(tables, people, [one.status for one in fits])
-    if x_scale == "linear":
-        return replace(fit, people=fits)
-    return replace(
-        fit,
-        threshold=10.0**fit.threshold,
-        threshold_limits=_raised(fit.threshold_limits),
-        new_person_limits=_raised(fit.new_person_limits),
-        people=tuple(in_levels(one) for one in fits),
-    )
-
-
-def _raised(limits: tuple[float, float]) -> tuple[float, float]:
-    return limits[0] if limits[0] == -math.inf else 10.0 ** limits[0], 10.0 ** limits[1]
-
-
-def group_tables(
-    levels: ArrayLike,
-    counts: tuple[Floats, Floats],
-    guesses: Sequence[GuessRate],
-    x_scale: XScale,
-    function: FunctionName = "normal",
-) -> Tables:
-    """Check the counts of people and lay them on the axis."""
-    k, n = counts
-    x = np.asarray(levels)
-    if x.ndim != 1 or k.shape != n.shape or k.shape != (len(k), x.size):
-        raise ValueError(
-            "detected and presented must have the shape (people, levels); got "
-            f"{k.shape} and {n.shape} for {x.size} levels"
-        )
-    if not (n > 0).any(axis=1).all():
-        raise ValueError("presented must hold at least one stimulus of each person; got none")
-    check_function(function, x_scale)
-    return Tables(
-        x=np.broadcast_to(checked_levels(x, x_scale), k.shape),
-        detected=k,
-        presented=n,
-        guesses=guesses,
-        x_scale=x_scale,
-        function=function,
-    )
-
-
-def guess_rates(
-    people: int, guess_rate: float | None, blanks: tuple[ArrayLike, ArrayLike] | None
-) -> list[GuessRate]:
-    """Return the guess rate of each person, known or after blank trials."""
-    if guess_rate is not None and blanks is None:
-        return [GuessRate(mean=guess_rate)] * people
-    if blanks is None or guess_rate is not None:
-        raise ValueError("exactly one of guess_rate and blanks must be given")
-    answered, shown = checked_counts(*blanks)
-    if answered.shape != (people,) or shown.shape != (people,):
-        raise ValueError(
-            f"blanks must be two lists of {people}, a number for each person; got the shapes "
-            f"{answered.shape} and {shown.shape}"
-        )
-    return [
-        GuessRate.after_blanks(answered=float(a), blanks=int(b))
-        for a, b in zip(answered, shown, strict=True)
-    ]
+    fits = fit_many(tables, people, likeliest=True)
+    group = in_levels(group_fit(tables, people), x_scale)
+    return replace(group, people=tuple(in_levels(f, x_scale) for f in fits))

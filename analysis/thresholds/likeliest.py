@@ -1,4 +1,4 @@
-"""The likeliest psychometric function of a table, and how well it fits."""
+"""The likeliest psychometric function of a table."""
 
 from __future__ import annotations
 
@@ -20,39 +20,19 @@ from analysis.thresholds.function import (
 )
 from analysis.thresholds.likelihood import (
     TINY,
-    Axes,
-    binned,
-    checked_table,
-    log_probabilities,
-    pooled,
-    range_of,
 )
+from analysis.thresholds.tables import checked_tables
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
-    from scipy.optimize import OptimizeResult
 
-    from analysis.thresholds.likelihood import Likelihood, Tables
+    from analysis.thresholds.tables import Tables
 
     Floats = NDArray[np.float64]
 
-REPLICATES: Final = 499
-"""Tables drawn for one p."""
-_FIRST_REPLICATES: Final = 99
-_MIN_AS_DEVIANT: Final = 10
-"""No more tables are drawn once so many of the first deviate as much: p is above 0.1 then."""
-_ROUNDING: Final = 1e-5
-"""Deviances that differ by less are equal."""
 _MIN_RISE: Final = 1e-12
-_LAPSE_SCALE: Final = 20.0
-"""A step of 1/20 in lambda changes a likelihood about as much as one of sigma in mu."""
-_MIN_GRADIENT: Final = 1e-11
-"""Of the log likelihood of a trial."""
-_REFIT_NODES: Final = (41, 21, 6)
-"""Of mu, log sigma and lambda, within four standard deviations of the likeliest function."""
-_REFIT_RANGE: Final = 4.0
-_BLOCK: Final = 500_000
-"""Numbers in one block of drawn counts."""
+_MIN_GAIN: Final = 1e-20
+"""Of the log likelihood of a trial, at which the likeliest function is found."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -62,21 +42,6 @@ class ProbitFit:
     mu: float
     sigma: float
     deviance: float  # twice the log likelihood ratio of the observed proportions to the fit
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LikeliestFunction:
-    """The likeliest function at the mean guess rate, in steps; sigma and lambda within bounds."""
-
-    mu: float
-    log_sigma: float
-    lapse_rate: float
-    deviance: float
-
-    @property
-    def at_max_lapse(self) -> bool:
-        """Whether lambda lies at its upper bound."""
-        return self.lapse_rate >= MAX_LAPSE - 1e-9
 
 
 def probit_mle(x: ArrayLike, detected: ArrayLike, presented: ArrayLike) -> ProbitFit:
@@ -119,10 +84,12 @@ def probit_mle(x: ArrayLike, detected: ArrayLike, presented: ArrayLike) -> Probi
     from statsmodels.genmod.generalized_linear_model import GLM
     from statsmodels.tools.sm_exceptions import PerfectSeparationWarning
 
-    levels, k, n = checked_table(x, detected, presented, name="x")
+    one_table = np.asarray(detected)[None], np.asarray(presented)[None]
+    tables = checked_tables(x, *one_table, guess_rate=0.0, x_scale="linear", name="x")
+    (levels, k, n), step = tables.counts(), tables.prior.step
     counts = " ".join(f"{a:g}/{b:g}" for a, b in zip(k, n, strict=True))
     if len(levels) == 1:
-        raise ValueError(f"x must hold at least two levels with stimuli; got {levels.tolist()}")
+        raise ValueError(f"x must hold at least two levels with stimuli; got {levels * step}")
     if not overlaps(levels, k, n):
         raise ValueError(
             "detected must overlap (a stimulus detected at a lower level than one missed) for a "
@@ -130,8 +97,7 @@ def probit_mle(x: ArrayLike, detected: ArrayLike, presented: ArrayLike) -> Probi
         )
     if not overlaps(-levels, k, n):
         raise ValueError(f"detected must rise with x; got {counts}")
-    width = float(np.ptp(levels))
-    u = (levels - levels[0]) / width
+    u = levels - levels[0]
     model = GLM(
         np.column_stack([k, n - k]),
         np.column_stack([np.ones_like(u), u]),
@@ -142,13 +108,13 @@ def probit_mle(x: ArrayLike, detected: ArrayLike, presented: ArrayLike) -> Probi
     with np.errstate(divide="ignore", invalid="ignore"), warnings.catch_warnings():
         warnings.simplefilter("ignore", PerfectSeparationWarning)
         fit = model.fit(maxiter=200, tol=1e-15, tol_criterion="params")
-    intercept, rise_per_width = (float(value) for value in fit.params)
-    if not rise_per_width > _MIN_RISE:
+    intercept, rise_per_step = (float(value) for value in fit.params)
+    if not rise_per_step > _MIN_RISE:
         raise ValueError(f"detected must rise with x; got {counts}")
-    p, q = rise("normal", intercept + rise_per_width * u)
+    p, q = rise("normal", intercept + rise_per_step * u)
     return ProbitFit(
-        mu=float(levels[0]) - width * intercept / rise_per_width,
-        sigma=width / rise_per_width,
+        mu=(float(levels[0]) - intercept / rise_per_step) * step,
+        sigma=step / rise_per_step,
         deviance=float(deviance(k, n, p, q)),
     )
 
@@ -183,9 +149,9 @@ def trend(x: Floats, detected: Floats, presented: Floats) -> float:
 
 
 def deviance(detected: Floats, presented: Floats, p: Floats, q: Floats) -> Floats:
-    """Return 2 sum [k log(k / n p) + (n - k) log((n - k) / n q)] over the last axis."""
+    """Return 2 sum [k log(k / n p) + (n - k) log((n - k) / n q)] over the last axis; q = 1 - p."""
     k, n = np.asarray(detected, dtype=np.float64), presented
-    parts = rel_entr(k, n * np.maximum(p, TINY)) + rel_entr(n - k, n * np.maximum(q, TINY))
+    parts = rel_entr(k, n * p) + rel_entr(n - k, n * q)
     return np.asarray(np.maximum(2 * parts.sum(axis=-1), 0.0))
 
 
@@ -200,136 +166,50 @@ def deviance_residuals(detected: Floats, presented: Floats, p: Floats) -> Floats
     return np.asarray(np.sign(q - p) * np.sqrt(np.maximum(2 * parts, 0.0)))
 
 
-def likeliest_function(
-    tables: Tables, row: int, node: tuple[float, float, float]
-) -> LikeliestFunction:
-    """Return the likeliest function of a table at its mean guess rate, from a likely node."""
+def likeliest_function(tables: Tables, row: int, node: Floats) -> dict[str, float]:
+    """Return the likeliest function of a table at its mean guess rate, found from a likely node.
+
+    It has the names of attributes of `PsychometricFit`. sigma and lambda lie within their bounds.
+    """
     from scipy.optimize import minimize
 
-    u, k, n, gamma = _table_of(tables, row)
-    misses, total = n - k, n.sum()
+    u, k, n = tables.counts(row)
+    gamma, misses, total = tables.guesses[row].mean, n - k, n.sum()
 
     def cost(values: Floats) -> tuple[float, Floats]:
-        sigma, lapse = math.exp(values[1]), values[2] / _LAPSE_SCALE
-        z = (u - values[0]) / sigma
-        above, below = rise(tables.function, z)
-        rest = 1 - gamma - lapse
-        p, q = np.maximum(gamma + rest * above, TINY), np.maximum(lapse + rest * below, TINY)
+        mu, log_sigma, lapse = values
+        z = (u - mu) / math.exp(log_sigma)
+        above, _ = rise(tables.function, z)
+        p, q = probabilities_at(tables.function, z, gamma, lapse)
         push = k / p - misses / q
-        steep = rest * slope(tables.function, z) * push
-        gradient = [steep.sum() / sigma, (steep * z).sum(), above @ push / _LAPSE_SCALE]
+        steep = (1 - gamma - lapse) * slope(tables.function, z) * push
+        gradient = [steep.sum() / math.exp(log_sigma), (steep * z).sum(), above @ push]
         value = float((xlogy(k, p) + xlogy(misses, q)).sum())
         return -value / total, np.array(gradient) / total
 
-    bounds = (
-        (float(u[0]) - REACH, float(u[-1]) + REACH),
-        LOG_SIGMA,
-        (0.0, MAX_LAPSE * _LAPSE_SCALE),
-    )
-    start = np.array([node[0], node[1], node[2] * _LAPSE_SCALE])
-    best: OptimizeResult = minimize(
+    bounds = ((float(u[0]) - REACH, float(u[-1]) + REACH), LOG_SIGMA, (0.0, MAX_LAPSE))
+    best = minimize(
         cost,
-        start,
+        node,
         jac=True,
         bounds=bounds,
-        method="L-BFGS-B",
-        options={"ftol": 0.0, "gtol": _MIN_GRADIENT, "maxiter": 500},
+        method="SLSQP",
+        options={"ftol": _MIN_GAIN, "maxiter": 500},
     )
     mu, log_sigma, lapse = best.x.tolist()
-    lapse /= _LAPSE_SCALE
-    p, q = _probabilities(tables.function, (u - mu) * math.exp(-log_sigma), gamma, lapse)
-    misfit = float(deviance(k, n, p, q))
-    return LikeliestFunction(mu=mu, log_sigma=log_sigma, lapse_rate=lapse, deviance=misfit)
+    p, q = probabilities_at(tables.function, (u - mu) * math.exp(-log_sigma), gamma, lapse)
+    return {
+        "mle_threshold": mu * tables.prior.step,
+        "mle_sigma": math.exp(log_sigma) * tables.prior.step,
+        "mle_lapse_rate": lapse,
+        "deviance": float(deviance(k, n, p, q)),
+    }
 
 
-def deviance_p(
-    tables: Tables, row: int, best: LikeliestFunction, likelihood: Likelihood, seed: int
-) -> float:
-    """Return how often a table drawn from its likeliest function deviates as much from a refit.
-
-    p = (1 + #{D* >= D}) / (1 + drawn tables). The table and every drawn one are refitted to the
-    nearest node of one grid around the likeliest function. Where ten of the first 99 deviate as
-    much, p is above 0.1 and these are all; stopping there makes no p smaller (J. Besag and P.
-    Clifford, Biometrika 78 (1991) 301-304). The generator is seeded by `seed` and the counts, so
-    that neither names nor order of participants matter. A guess rate with a Beta distribution is
-    drawn for each table, while all are fitted with its mean: a rate that blank trials left
-    uncertain is no misfit.
-    """
-    u, k, n, gamma = _table_of(tables, row)
-    axes = _refit_axes(likelihood, best, gamma)
-    log = log_probabilities(tuple(binned(u, k, n)[0].tolist()), axes, tables.function)
-    mu, sigma, lapse = (
-        axis.ravel()
-        for axis in np.meshgrid(axes.mu, np.exp(axes.log_sigma), axes.lapse, indexing="ij")
-    )
-    log = log.reshape(-1, len(axes.lapse), len(axes.mu), len(axes.log_sigma))
-    log = np.moveaxis(log, 1, 3).reshape(len(log), -1)
-
-    def refitted(counts: Floats) -> Floats:
-        spread = np.stack([np.concatenate(_hits_and_misses(u, weight, n)) for weight in counts])
-        node = (spread @ log).argmax(axis=1)[:, None]
-        z = (u - mu[node]) / sigma[node]
-        return deviance(counts, n, *_probabilities(tables.function, z, gamma, lapse[node]))
-
-    rng = np.random.default_rng([seed, *k.astype(np.int64).tolist(), *n.astype(np.int64).tolist()])
-    above, _ = rise(tables.function, (u - best.mu) * math.exp(-best.log_sigma))
-    beta = tables.guesses[row].beta
-    observed = float(refitted(k[None])[0]) - _ROUNDING
-    as_deviant = drawn = 0
-    for total in (_FIRST_REPLICATES, REPLICATES):
-        while drawn < total:
-            size = min(max(_BLOCK // len(u), 1), total - drawn)
-            rates = np.full((size, 1), gamma)
-            if beta is not None:
-                rates = np.minimum(rng.beta(*beta, (size, 1)), 1 - best.lapse_rate)
-            p = rates + (1 - rates - best.lapse_rate) * above
-            counts = rng.binomial(n.astype(np.int64), np.clip(p, 0.0, 1.0)).astype(np.float64)
-            as_deviant += int((refitted(counts) >= observed).sum())
-            drawn += size
-        if as_deviant >= _MIN_AS_DEVIANT:
-            break
-    return (1 + as_deviant) / (1 + drawn)
-
-
-def _refit_axes(likelihood: Likelihood, best: LikeliestFunction, gamma: float) -> Axes:
-    least = math.exp(-(_REFIT_RANGE**2) / 2)
-    lapse, half = best.lapse_rate, _REFIT_RANGE * math.sqrt(likelihood.lapse[1])
-    ranges = (
-        range_of(likelihood.mu, likelihood.values.max(axis=1), least),
-        range_of(likelihood.log_sigma, likelihood.values.max(axis=0), least),
-        (max(lapse - half, 0.0), min(lapse + half, MAX_LAPSE)),
-    )
-    mu, log_sigma, lapses = (
-        np.linspace(*ends, nodes) for ends, nodes in zip(ranges, _REFIT_NODES, strict=True)
-    )
-    weight = np.ones(1)
-    return Axes(
-        mu=mu,
-        log_sigma=log_sigma,
-        lapse=lapses,
-        lapse_weight=np.ones_like(lapses),
-        gamma=gamma * weight,
-        gamma_weight=weight,
-    )
-
-
-def _hits_and_misses(u: Floats, detected: Floats, presented: Floats) -> tuple[Floats, Floats]:
-    _, k, n = binned(u, detected, presented)
-    return k, n - k
-
-
-def _table_of(tables: Tables, row: int) -> tuple[Floats, Floats, Floats, float]:
-    """Return levels in steps, counts and the mean guess rate of one table."""
-    used = tables.presented[row] > 0
-    u = tables.x[row, used] / tables.prior.step
-    return *pooled(u, tables.detected[row, used], tables.presented[row, used]), tables.guesses[
-        row
-    ].mean
-
-
-def _probabilities(
+def probabilities_at(
     function: FunctionName, z: Floats, gamma: float, lapse: float | Floats
 ) -> tuple[Floats, Floats]:
+    """Return p and 1 - p, neither of them 0."""
     above, below = rise(function, z)
     rest = 1 - gamma - lapse
-    return gamma + rest * above, lapse + rest * below
+    return np.maximum(gamma + rest * above, TINY), np.maximum(lapse + rest * below, TINY)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import TYPE_CHECKING, Final
@@ -11,7 +10,8 @@ import numpy as np
 
 from analysis.counts.table import count_answers, count_levels, counted
 from analysis.thresholds.guess import Guessing, guessing
-from analysis.thresholds.likelihood import Tables, likelihoods
+from analysis.thresholds.likelihood import likelihoods
+from analysis.thresholds.tables import Tables
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -26,8 +26,7 @@ if TYPE_CHECKING:
 
     Floats = NDArray[np.float64]
 
-
-_SIGNS: Final = re.compile(r"[^A-Za-z0-9.]")
+_PERSON: Final = ["condition", "participant"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -74,18 +73,23 @@ class PersonCounts:
             x=axis.on_axis(self.level_vpp),
             detected=self.detected,
             presented=self.presented,
-            guesses=[one.rate for one in self.guesses],
+            guesses=[guess.rate for guess in self.guesses],
             x_scale=axis.fitted,
             function=self.function,
         )
 
 
-@lru_cache(maxsize=2)
-def tables_and_likelihoods(people: PersonCounts, axis: Axis) -> tuple[Tables, list[Likelihood]]:
-    """Return the counts of people on the axis and their likelihoods.
+def likelihoods_of(
+    people: PersonCounts, axis: Axis, rows: Sequence[int] | None = None
+) -> tuple[Tables, list[Likelihood]]:
+    """Return the counts on the axis and the likelihoods of people, or of some of them."""
+    tables, every = _all_likelihoods(people, axis)
+    return (tables, every) if rows is None else (tables.at(rows), [every[row] for row in rows])
 
-    The tables of people, groups and differences, and the bands, ask for the same ones in turn.
-    """
+
+@lru_cache(maxsize=2)
+def _all_likelihoods(people: PersonCounts, axis: Axis) -> tuple[Tables, list[Likelihood]]:
+    # The tables of people, groups and differences, and the bands, need the same ones in turn.
     tables = people.tables(axis)
     return tables, likelihoods(tables)
 
@@ -101,35 +105,6 @@ def as_amplitudes(people: PersonCounts, axis: Axis) -> tuple[PersonCounts, str]:
     return replace(people, level_vpp=amplitudes), f"% of 0 {axis.unit}"
 
 
-def as_named(trials: pd.DataFrame, names: Sequence[str]) -> pd.DataFrame:
-    """Return trials with conditions named so, where theirs differ by blanks and signs only.
-
-    A study's names have none: 60Hz is the condition that a table calls 60 Hz. Where two would be
-    one so, all stay as they are.
-
-    >>> import pandas as pd
-    >>> trials = pd.DataFrame({"condition": ["60 Hz", "rest"]})
-    >>> as_named(trials, ["60Hz"])["condition"].tolist()
-    ['60Hz', 'rest']
-    >>> apart = trials.assign(condition=["+6 dB", "-6 dB"])
-    >>> as_named(apart, ["6dB"])["condition"].tolist()
-    ['+6 dB', '-6 dB']
-    """
-    theirs = trials["condition"].astype(str)
-    short: dict[str, tuple[set[str], set[str]]] = {}
-    for index, some in enumerate((theirs.tolist(), names)):
-        for name in some:
-            short.setdefault(_SIGNS.sub("", name), (set(), set()))[index].add(name)
-    same = {
-        one: other
-        for own, ours in short.values()
-        for one in own
-        for other in ours
-        if len(own) == len(ours) == 1
-    }
-    return trials.assign(condition=[same.get(one, one) for one in theirs])
-
-
 def people_of(trials: pd.DataFrame, alternatives: int = 2) -> PersonCounts:
     """Count the single stimuli and their detections, and find what guesses are worth.
 
@@ -141,88 +116,67 @@ def people_of(trials: pd.DataFrame, alternatives: int = 2) -> PersonCounts:
     >>> people.names, people.detected.tolist(), people.presented.tolist()
     ((('main', '1'),), [[1.0, 1.0]], [[2.0, 1.0]])
     """
-    return side_by_side(
-        count_levels(count_answers(trials)), lambda names: _guesses(trials, names, alternatives)
-    )
+    cells = count_levels(count_answers(trials))
+    return people_of_counts(cells, _count_sided_answers(trials), alternatives)
 
 
-def people_in(loaded: LoadedTrials, table: pd.DataFrame) -> PersonCounts:
+def people_in(loaded: LoadedTrials, cells: pd.DataFrame) -> PersonCounts:
     """Return the people of trials, or of a table of counts where there is one, and of its cells."""
-    if loaded.cells is None:
-        return side_by_side(
-            table, lambda names: _guesses(loaded.trials, names, loaded.alternatives)
-        )
-    return people_of_counts(table, loaded.blanks, loaded.alternatives)
+    blanks = _count_sided_answers(loaded.trials) if loaded.cells is None else loaded.blanks
+    return people_of_counts(cells, blanks, loaded.alternatives)
 
 
 def people_of_counts(
-    table: pd.DataFrame, blanks: pd.DataFrame | None = None, alternatives: int = 2
+    cells: pd.DataFrame, blanks: pd.DataFrame | None = None, alternatives: int = 2
 ) -> PersonCounts:
     """Lay cells and blanks of `analysis.reading.foreign.sum_counts` out by participant."""
-    always = table.groupby(_KEY)["none_offered"].all().to_dict()
-    columns = [*_KEY, "felt", "presented", "sides"]
-    rows = () if blanks is None else blanks[columns].itertuples(index=False, name=None)
-    answers_of = {(where, who): (felt / sides, number) for where, who, felt, number, sides in rows}
-    return side_by_side(
-        table,
-        lambda names: [
-            guessing(
-                none_offered=bool(always[name]),
-                sided_answers=answers_of.get(name, (0, 0))[0],
-                blanks=int(answers_of.get(name, (0, 0))[1]),
-                alternatives=alternatives,
-            )
-            for name in names
-        ],
-    )
+    always = cells.groupby(_PERSON)["none_offered"].all()
+    answered = {} if blanks is None else blanks.set_index(_PERSON).to_dict("index")
 
+    def guess_of(name: tuple[str, str]) -> Guessing:
+        answers = answered.get(name, {"felt": 0, "sides": 1, "presented": 0})
+        return guessing(
+            none_offered=bool(always[name]),
+            sided_answers=answers["felt"] / answers["sides"],
+            blanks=int(answers["presented"]),
+            alternatives=alternatives,
+        )
 
-_KEY = ["condition", "participant"]
+    return side_by_side(cells, guess_of)
 
 
 def side_by_side(
-    table: pd.DataFrame, guesses_of: Callable[[Sequence[tuple[str, str]]], Sequence[Guessing]]
+    cells: pd.DataFrame, guess_of: Callable[[tuple[str, str]], Guessing]
 ) -> PersonCounts:
     """Lay levels, detected and presented of each participant in a row of its own."""
-    counts = table.sort_values([*_KEY, "level_vpp"])
-    names = tuple(dict.fromkeys(zip(counts["condition"], counts["participant"], strict=True)))
-    index = {name: i for i, name in enumerate(names)}
-    row = [index[name] for name in zip(counts["condition"], counts["participant"], strict=True)]
-    column = counts.groupby(_KEY).cumcount().to_numpy()
+    cells = cells.sort_values([*_PERSON, "level_vpp"])
+    people = cells.groupby(_PERSON)
+    row, column = people.ngroup().to_numpy(), people.cumcount().to_numpy()
+    names = tuple(dict.fromkeys(zip(cells["condition"], cells["participant"], strict=True)))
     shape = (len(names), int(column.max(initial=0)) + 1)
     level_vpp, detected, presented = np.ones(shape), np.zeros(shape), np.zeros(shape)
-    level_vpp[row, column] = counts["level_vpp"]
-    detected[row, column] = counts["detected"]
-    presented[row, column] = counts["presented"]
+    level_vpp[row, column] = cells["level_vpp"]
+    detected[row, column] = cells["detected"]
+    presented[row, column] = cells["presented"]
     return PersonCounts(
         names=names,
         level_vpp=level_vpp,
         detected=detected,
         presented=presented,
-        guesses=tuple(guesses_of(names)),
+        guesses=tuple(map(guess_of, names)),
     )
 
 
-def _guesses(
-    trials: pd.DataFrame, people: Sequence[tuple[str, str]], alternatives: int
-) -> list[Guessing]:
-    blank, single = counted(trials, "blank"), counted(trials, "single")
-    # Of a task with stimuli at one side only, answers with the other are no chance hits.
-    sides: dict[tuple[str, str], set[str]] = {}
-    for where, who, side in single[[*_KEY, "side"]].drop_duplicates().itertuples(index=False):
-        sides.setdefault((where, who), set()).add(side)
-    answers_of = zip(*(blank[name] for name in (*_KEY, "response")), strict=True)
-    sided = [int(answer in sides.get((where, who), ())) for where, who, answer in answers_of]
-    blanks = blank[_KEY].assign(sided=sided).groupby(_KEY)["sided"]
-    answers, numbers = blanks.sum().to_dict(), blanks.size().to_dict()
-    offered = single["none_offered"].astype("boolean").fillna(value=False).astype(bool)
-    always = single[_KEY].assign(offered=offered).groupby(_KEY)["offered"].all().to_dict()
-    return [
-        guessing(
-            none_offered=bool(always[person]),
-            sided_answers=int(answers.get(person, 0)) / len(sides[person]),
-            blanks=int(numbers.get(person, 0)),
-            alternatives=alternatives,
-        )
-        for person in people
-    ]
+def _count_sided_answers(trials: pd.DataFrame) -> pd.DataFrame:
+    """Count the blank trials, and those answered with a side, as `sum_counts` of counts does.
+
+    Of a task with stimuli at one side only, answers with the other are no chance hits.
+    """
+    single, blank = counted(trials, "single"), counted(trials, "blank")
+    sites = {*single[[*_PERSON, "side"]].itertuples(index=False, name=None)}
+    answers = blank[[*_PERSON, "response"]].itertuples(index=False, name=None)
+    sided = blank[_PERSON].assign(sided=[answer in sites for answer in answers])
+    people = sided.groupby(_PERSON, observed=True)["sided"].agg(["sum", "size"])
+    sides = single.groupby(_PERSON, observed=True)["side"].nunique().rename("sides")
+    people = people.rename(columns={"sum": "felt", "size": "presented"}).join(sides)
+    return people.reset_index()

@@ -4,88 +4,28 @@ from __future__ import annotations
 
 import itertools
 import math
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import pandas as pd
 
 from analysis.axis import VOLTS
 from analysis.counts.table import NEEDED, require_columns
-from analysis.numbers import (
-    TOTAL,
-    counted_up,
-    in_order,
-)
+from analysis.numbers import TOTAL, counted_up, in_order
 from analysis.thresholds.difference import Difference, difference_of
-from analysis.thresholds.fit import PsychometricFit, fit_many
+from analysis.thresholds.fit import ABOVE, BELOW, fit_many
 from analysis.thresholds.group import NOT_RISING, GroupFit, group_fit
-from analysis.thresholds.likeliest import deviance_p, likeliest_function
-from analysis.thresholds.people import people_of, tables_and_likelihoods
+from analysis.thresholds.misfit import deviance_p
+from analysis.thresholds.people import likelihoods_of, people_of
 from experiment.names import require_whole
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    import numpy as np
-    from numpy.typing import NDArray
+    from collections.abc import Iterator, Sequence
 
     from analysis.axis import Axis
+    from analysis.thresholds.fit import PsychometricFit
     from analysis.thresholds.people import PersonCounts
 
-    Floats = NDArray[np.float64]
-
-_IN_LEVELS: Final = ("threshold_vpp", "threshold_low_vpp", "threshold_high_vpp")
-_IN_DB: Final = ("threshold_db", "threshold_low_db", "threshold_high_db")
-THRESHOLD_COLUMNS: Final = (
-    "participant",
-    "condition",
-    "status",
-    *_IN_LEVELS,
-    *_IN_DB,
-    "sigma",
-    "lapse_rate",
-    "mle_threshold_vpp",
-    "mle_sigma",
-    "mle_lapse_rate",
-    "deviance",
-    "deviance_p",
-    "guess_rate",
-    "guess_basis",
-    "guess_posterior",
-    "levels",
-    "trials",
-)
-GROUP_COLUMNS: Final = (
-    "condition",
-    "participants",
-    "status",
-    *_IN_LEVELS,
-    "spread_db",
-    "spread_low_db",
-    "spread_high_db",
-    "new_low_vpp",
-    "new_high_vpp",
-    "sigma",
-    "sigma_low",
-    "sigma_high",
-    "below",
-    "above",
-)
-DIFFERENCE_COLUMNS: Final = (
-    "condition_a",
-    "condition_b",
-    "participant",
-    "difference_db",
-    "low_db",
-    "high_db",
-    "spread_db",
-    "spread_low_db",
-    "spread_high_db",
-    "status",
-)
-GROUP: Final = TOTAL
-_NOT_BOUNDED: Final = (*[math.nan] * 6, "unknown")
-_BELOW: Final = ("threshold_below_levels", "median_below_levels")
-_ABOVE: Final = ("threshold_above_levels", "median_above_levels")
+_DB_PER_LOG10: Final = 20.0
 
 
 def threshold_table(trials: pd.DataFrame, *, seed: int, axis: Axis = VOLTS) -> pd.DataFrame:
@@ -130,79 +70,70 @@ def threshold_table(trials: pd.DataFrame, *, seed: int, axis: Axis = VOLTS) -> p
 
 def thresholds_of(people: PersonCounts, *, seed: int, axis: Axis) -> pd.DataFrame:
     """Return `threshold_table` of participants' counts."""
-    if not people.names:
-        return pd.DataFrame(columns=list(THRESHOLD_COLUMNS))
-    tables, likelihoods = tables_and_likelihoods(people, axis)
-    fits = fit_many(tables, likelihoods)
-    rows = []
-    for i, (condition, participant) in enumerate(people.names):
-        fit, guess = fits[i], people.guesses[i]
-        row: dict[str, object] = {
-            "participant": participant,
-            "condition": condition,
-            "status": fit.status,
-            **_threshold(fit, axis),
-            "sigma": axis.width(fit.sigma),
-            "lapse_rate": fit.lapse_rate,
-            "guess_rate": guess.rate.mean,
-            "guess_basis": guess.basis,
-            "guess_posterior": fit.guess_rate,
-            "levels": int((people.presented[i] > 0).sum()),
-            "trials": int(people.presented[i].sum()),
+    tables, likelihoods = likelihoods_of(people, axis)
+    fits = fit_many(tables, likelihoods, likeliest=True)
+    table = _frame(
+        {
+            "participant": [name for _, name in people.names],
+            "condition": [condition for condition, _ in people.names],
+            "status": [fit.status for fit in fits],
+            **_threshold_columns(fits, axis),
+            "sigma": [axis.width(fit.sigma) for fit in fits],
+            "lapse_rate": [fit.lapse_rate for fit in fits],
+            "mle_threshold_vpp": [axis.level(fit.mle_threshold) for fit in fits],
+            "mle_sigma": [axis.width(fit.mle_sigma) for fit in fits],
+            "mle_lapse_rate": [fit.mle_lapse_rate for fit in fits],
+            "deviance": [fit.deviance for fit in fits],
+            "deviance_p": [
+                deviance_p(fit, tables, row, likelihoods[row], seed) for row, fit in enumerate(fits)
+            ],
+            "guess_rate": [guess.rate.mean for guess in people.guesses],
+            "guess_basis": [guess.basis for guess in people.guesses],
+            "guess_posterior": [fit.guess_rate for fit in fits],
+            "levels": (people.presented > 0).sum(axis=1),
+            "trials": people.presented.sum(axis=1).astype(int),
         }
-        if fit.status == "ok":
-            best = likeliest_function(tables, i, likelihoods[i].node)
-            row |= {
-                "status": "lapse_at_bound" if best.at_max_lapse else "ok",
-                "mle_threshold_vpp": axis.level(best.mu * tables.prior.step),
-                "mle_sigma": axis.width(math.exp(best.log_sigma) * tables.prior.step),
-                "mle_lapse_rate": best.lapse_rate,
-                "deviance": best.deviance,
-                "deviance_p": deviance_p(tables, i, best, likelihoods[i], seed),
-            }
-        rows.append(row)
-    table = pd.DataFrame(rows, columns=list(THRESHOLD_COLUMNS))
+    )
     return table.sort_values(["condition", "participant"], key=in_order, ignore_index=True)
 
 
 def group_table(people: PersonCounts, thresholds: pd.DataFrame, axis: Axis) -> pd.DataFrame:
     """Return the threshold of the group of each condition, in which everybody takes part.
 
-    `thresholds` are `thresholds_of` these people, and maybe of others. ``below`` and ``above``
-    count the people whose own threshold lies outside the levels.
+    `thresholds` are `thresholds_of` these people. ``below`` and ``above`` count those of them that
+    lie outside the levels.
     """
-    if not people.names:
-        return pd.DataFrame(columns=list(GROUP_COLUMNS))
-    tables, likelihoods = tables_and_likelihoods(people, axis)
-    statuses_of = thresholds.set_index(["condition", "participant"])["status"].to_dict()
-    rows = []
-    for condition, chosen in people.conditions().items():
-        statuses = [statuses_of[people.names[i]] for i in chosen]
-        fit = GroupFit(status="one_level")
-        if len(chosen) > 1:
-            fit = group_fit(tables.at(chosen), [likelihoods[i] for i in chosen], statuses)
-        spread = (fit.spread_db, *fit.spread_limits_db)
-        row: dict[str, object] = {
-            "condition": condition,
-            "participants": len(chosen),
-            "status": fit.status if len(chosen) > 1 else "one_participant",
-            **_threshold(fit, axis),
-            **dict(zip(("spread_db", "spread_low_db", "spread_high_db"), spread, strict=True)),
-            **dict(
-                zip(
-                    ("new_low_vpp", "new_high_vpp"),
-                    (_finite_or_nan(end) for end in levels_of(fit.new_person_limits, axis)),
-                    strict=True,
-                )
-            ),
-            "sigma": axis.width(fit.sigma),
-            "sigma_low": axis.width(fit.sigma_limits[0]),
-            "sigma_high": axis.width(fit.sigma_limits[1]),
-            "below": sum(status in _BELOW for status in statuses) if len(chosen) > 1 else math.nan,
-            "above": sum(status in _ABOVE for status in statuses) if len(chosen) > 1 else math.nan,
+    conditions = people.conditions()
+    groups = [
+        group_fit(*likelihoods_of(people, axis, rows))
+        if len(rows) > 1
+        else GroupFit(status="one_participant")
+        for rows in conditions.values()
+    ]
+    outside = {
+        name: thresholds["status"].isin(statuses).groupby(thresholds["condition"]).sum()
+        for name, statuses in (("below", BELOW), ("above", ABOVE))
+    }
+    return _frame(
+        {
+            "condition": list(conditions),
+            "participants": [len(rows) for rows in conditions.values()],
+            "status": [group.status for group in groups],
+            **_threshold_columns(groups, axis),
+            "spread_db": [group.spread_db for group in groups],
+            "spread_low_db": [group.spread_limits_db[0] for group in groups],
+            "spread_high_db": [group.spread_limits_db[1] for group in groups],
+            "new_low_vpp": [axis.level(_finite(group.new_person_limits[0])) for group in groups],
+            "new_high_vpp": [axis.level(_finite(group.new_person_limits[1])) for group in groups],
+            "sigma": [axis.width(group.sigma) for group in groups],
+            "sigma_low": [axis.width(group.sigma_limits[0]) for group in groups],
+            "sigma_high": [axis.width(group.sigma_limits[1]) for group in groups],
+            **{
+                name: [numbers[c] if len(rows) > 1 else math.nan for c, rows in conditions.items()]
+                for name, numbers in outside.items()
+            },
         }
-        rows.append(row)
-    return pd.DataFrame(rows, columns=list(GROUP_COLUMNS))
+    )
 
 
 def difference_table(
@@ -215,18 +146,33 @@ def difference_table(
     the group's, ``all``. Where detection does not rise with level in either condition, by
     `thresholds` and `groups`, there is no difference.
     """
-    each = [thresholds, groups[groups["participants"].gt(1)].assign(participant=GROUP)]
+    each = [thresholds, groups[groups["participants"].gt(1)].assign(participant=TOTAL)]
     statuses = pd.concat([table[["condition", "participant", "status"]] for table in each])
     falling = statuses[statuses["status"].isin(NOT_RISING)]
     not_rising = {*zip(falling["condition"], falling["participant"], strict=True)}
-    rows: list[list[object]] = []
-    if axis.is_logarithmic and len(people.conditions()) > 1:
-        pairs = itertools.combinations(people.conditions().items(), 2)
-        for (a, rows_a), (b, rows_b) in pairs:
-            for name, *numbers in _pair(people, rows_a, rows_b, axis):
-                flat = {(a, name), (b, name)} & not_rising
-                rows.append([a, b, name, *(_NOT_BOUNDED if flat else numbers)])
-    return pd.DataFrame(rows, columns=list(DIFFERENCE_COLUMNS))
+    pairs: list[tuple[str, str, str]] = []
+    differences: list[Difference] = []
+    conditions = people.conditions().items() if axis.is_logarithmic else ()
+    for (a, rows_a), (b, rows_b) in itertools.combinations(conditions, 2):
+        for name, difference in _compare(people, rows_a, rows_b, axis):
+            is_flat = bool({(a, name), (b, name)} & not_rising)
+            pairs.append((a, b, name))
+            differences.append(Difference(status="unknown") if is_flat else difference)
+    limits = [difference.difference_limits_db for difference in differences]
+    return _frame(
+        {
+            "condition_a": [a for a, _, _ in pairs],
+            "condition_b": [b for _, b, _ in pairs],
+            "participant": [name for _, _, name in pairs],
+            "difference_db": [difference.difference_db for difference in differences],
+            "low_db": [_finite(low) for low, _ in limits],
+            "high_db": [_finite(high) for _, high in limits],
+            "spread_db": [difference.spread_db for difference in differences],
+            "spread_low_db": [difference.spread_limits_db[0] for difference in differences],
+            "spread_high_db": [difference.spread_limits_db[1] for difference in differences],
+            "status": [difference.status for difference in differences],
+        }
+    )
 
 
 def side_thresholds(
@@ -244,58 +190,51 @@ def side_thresholds(
         thresholds = thresholds_of(people, seed=0, axis=axis)
         groups = group_table(people, thresholds, axis).set_index("condition")
         alone = thresholds[thresholds["condition"].map(groups["participants"]).eq(1)]
-        groups.update(alone.set_index("condition")[["status", *_IN_LEVELS, "sigma"]])
-        frames.append(groups.reset_index().assign(side=side))
-    columns = ["condition", "side", *GROUP_COLUMNS[1:]]
+        groups.update(alone.set_index("condition").filter([*groups]))
+        groups.insert(0, "side", side)
+        frames.append(groups.reset_index())
     if not frames:
-        return pd.DataFrame(columns=columns)
-    table = pd.concat(frames, ignore_index=True)[columns]
+        return pd.DataFrame(columns=["condition", "side"])
+    table = pd.concat(frames, ignore_index=True)
     return table.sort_values(["condition", "side"], ignore_index=True)
 
 
-def levels_of(limits: tuple[float, float], axis: Axis) -> tuple[float, float]:
-    """Return limits on the axis as levels; an open one stays open."""
-    low, high = limits
-    return low if low == -math.inf else axis.level(low), axis.level(high)
-
-
-def _threshold(fit: PsychometricFit | GroupFit, axis: Axis) -> dict[str, float]:
-    """Return a threshold and its limits; an open limit is n/a in a table."""
-    on_axis = (fit.threshold, *(_finite_or_nan(end) for end in fit.threshold_limits))
-    in_db = [20 * value if axis.is_logarithmic else math.nan for value in on_axis]
+def _threshold_columns(
+    fits: Sequence[PsychometricFit] | Sequence[GroupFit], axis: Axis
+) -> dict[str, list[float]]:
+    """Return thresholds and their limits, in levels and in dB; an open limit is n/a."""
+    places = {
+        "threshold": [fit.threshold for fit in fits],
+        "threshold_low": [_finite(fit.threshold_limits[0]) for fit in fits],
+        "threshold_high": [_finite(fit.threshold_limits[1]) for fit in fits],
+    }
+    db = _DB_PER_LOG10 if axis.is_logarithmic else math.nan
     return {
-        **dict(zip(_IN_LEVELS, map(axis.level, on_axis), strict=True)),
-        **dict(zip(_IN_DB, in_db, strict=True)),
+        **{f"{name}_vpp": [axis.level(x) for x in column] for name, column in places.items()},
+        **{f"{name}_db": [db * x for x in column] for name, column in places.items()},
     }
 
 
-def _finite_or_nan(value: float) -> float:
+def _frame(columns: dict[str, Any]) -> pd.DataFrame:
+    # Columns without a row would be numbers, and those of names be joined with no other names.
+    return pd.DataFrame(columns, dtype=None if any(map(len, columns.values())) else object)
+
+
+def _finite(value: float) -> float:
     return value if math.isfinite(value) else math.nan
 
 
-def _pair(
+def _compare(
     people: PersonCounts, rows_a: Sequence[int], rows_b: Sequence[int], axis: Axis
-) -> list[list[object]]:
-    """Return the rows of two conditions, from ``participant`` on."""
+) -> Iterator[tuple[str, Difference]]:
+    """Yield the difference of each participant of two conditions, and last that of the group."""
     of_a, of_b = ({people.names[i][1]: i for i in rows} for rows in (rows_a, rows_b))
     both = [name for name in of_a if name in of_b]
     if both:
         rows_a, rows_b = ([of[name] for name in both] for of in (of_a, of_b))
-    tables, likelihoods = tables_and_likelihoods(people, axis)
-    chosen = [likelihoods[i] for i in (*rows_a, *rows_b)]
-    a, b = tables.at(rows_a), tables.at(rows_b)
-    difference = difference_of(a, b, chosen, same_people=bool(both))
-    rows = [
-        [name, *_difference(person)] for name, person in zip(both, difference.people, strict=True)
-    ]
-    rows.sort(key=lambda row: counted_up(str(row[0])))
-    if min(len(rows_a), len(rows_b)) == 1:
-        return [*rows, [GROUP, *[math.nan] * 6, "one_participant"]]
-    return [*rows, [GROUP, *_difference(difference)]]
-
-
-def _difference(difference: Difference) -> list[object]:
-    low, high = difference.difference_limits_db
-    spread = difference.spread_db, *difference.spread_limits_db
-    numbers = (difference.difference_db, low, high, *spread)
-    return [*map(_finite_or_nan, numbers), difference.status]
+    a, b = (likelihoods_of(people, axis, rows) for rows in (rows_a, rows_b))
+    group = difference_of(*a, *b, same_people=bool(both))
+    each = zip(both, group.people, strict=True)
+    yield from sorted(each, key=lambda person: counted_up(person[0]))
+    is_one = min(len(rows_a), len(rows_b)) == 1
+    yield TOTAL, Difference(status="one_participant") if is_one else group

@@ -16,14 +16,15 @@ from analysis.counts.checks import sides_differ
 from analysis.counts.table import count_answers
 from analysis.reading.trials import with_reasons
 from analysis.results.figures.curves import group_curves, person_curves
-from analysis.thresholds.difference import paired_posterior
+from analysis.thresholds.difference import paired_difference
 from analysis.thresholds.fit import fit_many
 from analysis.thresholds.function import Prior, class_prior
 from analysis.thresholds.group import group_posterior
 from analysis.thresholds.guess import Guessing
-from analysis.thresholds.likelihood import Likelihood, Tables, likelihoods, posteriors
+from analysis.thresholds.likelihood import Likelihood, likelihoods
 from analysis.thresholds.people import PersonCounts, people_of, people_of_counts
 from analysis.thresholds.table import difference_table, group_table, thresholds_of
+from analysis.thresholds.tables import Tables
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -111,8 +112,7 @@ def fit_counts(x: Any, k: Any, n: Any, guess: float) -> list[PsychometricFit]:
 
 def posterior_of(tables: Tables) -> np.ndarray[Any, Any]:
     """Return limits and median of mu in steps of the prior, of the first table."""
-    (mu,), _ = posteriors(likelihoods(tables)[:1], tables.priors()[:1])
-    return np.asarray(mu)
+    return likelihoods(tables)[0].mu_points
 
 
 def group_of_normals(at: Sequence[float], width: Sequence[float]) -> Any:
@@ -124,7 +124,7 @@ def group_of_normals(at: Sequence[float], width: Sequence[float]) -> Any:
 def difference_of_normals(a: Sequence[float], b: Sequence[float], width: float) -> Any:
     """Return the paired difference of such people in two conditions, of the group and of each."""
     of_a, of_b = ([_normal(float(at), width) for at in each] for each in (a, b))
-    return paired_posterior(of_a, of_b, Prior(low=0.0, high=10.0, step=STEP, tail=3.0))
+    return paired_difference(of_a, of_b, Prior(low=0.0, high=10.0, step=STEP, tail=3.0))
 
 
 def _normal(at: float, width: float) -> Likelihood:
@@ -134,9 +134,11 @@ def _normal(at: float, width: float) -> Likelihood:
         mu=mu,
         log_sigma=log_sigma,
         by_class=class_prior()[:, None, None] * values,
+        mu_points=at + width * np.array([-1.96, 0.0, 1.96]),
+        log_sigma_points=np.array([-1.0, 0.5, 2.0]),
         gamma=(0.0, 0.0),
         lapse=(0.0, 0.0),
-        node=(at, 0.7, 0.0),
+        node=np.array([at, 0.7, 0.0]),
     )
 
 

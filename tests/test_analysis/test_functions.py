@@ -11,7 +11,7 @@ import pytest
 from scipy.special import ndtr, xlogy
 
 from analysis import Axis, GuessRate
-from analysis.thresholds.band import Draws, Line, group_bands, group_function, person_function
+from analysis.thresholds.band import Line, group_bands, group_function, person_function
 from tests.test_analysis.tables import fit_people, people_with
 
 LEVELS = np.array([60.0, 80.0, 110.0, 150.0, 200.0])
@@ -100,9 +100,9 @@ def test_bands_of_levels_are_those_of_the_drawn_function() -> None:
 def test_a_band_of_blocks_of_places_is_that_of_all() -> None:
     rng = np.random.default_rng(0)
     mu, sigma = rng.normal(2, 0.1, 300), rng.uniform(0.05, 0.2, 300)
-    drawn = Draws(mu=mu, sigma=sigma, gamma=0 * mu, lapse=0 * mu, shape="normal")
+    drawn = Line(mu=mu, sigma=sigma, lapse_rate=0 * mu, guess_rate=0 * mu)
     x = np.linspace(1.5, 2.5, 601)
-    whole = np.quantile(drawn.values(x), [0.025, 0.975], axis=1)
+    whole = np.quantile(drawn.at(x[:, None]), [0.025, 0.975], axis=1)
     assert np.array_equal(drawn.band(x), whole)
 
 

@@ -26,7 +26,8 @@ from analysis.thresholds.function import (
     slope,
 )
 from analysis.thresholds.likeliest import likeliest_function
-from analysis.thresholds.likelihood import Tables, binned, likelihoods
+from analysis.thresholds.likelihood import likelihoods
+from analysis.thresholds.tables import Tables, binned
 from tests.test_analysis.shared import QUANTA
 from tests.test_analysis.tables import STEP, posterior_of, tables_at
 
@@ -133,10 +134,11 @@ def log_likelihood(table: Tables, mu: Floats, log_sigma: Floats, lapse: Floats) 
 def test_no_corner_or_neighbour_is_likelier(detected: list[int], guess_rate: float) -> None:
     table = tables_at(U * STEP, detected, 30, guess_rate)
     best = likeliest_function(table, 0, likelihoods(table)[0].node)
-    at = np.array([best.mu, best.log_sigma, best.lapse_rate])
+    mu, sigma = best["mle_threshold"] / STEP, best["mle_sigma"] / STEP
+    at = np.array([mu, np.log(sigma), best["mle_lapse_rate"]])
     lower = np.array([-REACH, LOG_SIGMA[0], 0.0])
     upper = np.array([10 + REACH, LOG_SIGMA[1], MAX_LAPSE])
-    assert ((lower <= at) & (at <= upper)).all()
+    assert ((lower - 1e-9 <= at) & (at <= upper + 1e-9)).all()
     reached = log_likelihood(table, *at[:, None])[0]
     rng = np.random.default_rng(sum(detected))
     for spread in (1e-2, 1.0, 10.0):
@@ -179,7 +181,8 @@ def test_an_adaptive_table_has_the_posterior_of_a_sum_over_all_of_its_levels() -
 MEMORY = """
 import re, numpy as np
 from pathlib import Path
-from analysis.thresholds.likelihood import Tables, likelihoods
+from analysis.thresholds.likelihood import likelihoods
+from analysis.thresholds.tables import Tables
 from analysis.thresholds.difference import difference_of
 from analysis.thresholds.fit import fit_many
 from analysis.thresholds.group import group_fit

@@ -11,6 +11,7 @@ import pytest
 from scipy.special import ndtr
 
 from analysis import Axis, compare_conditions, fit_group
+from analysis.thresholds.group import MIDDLE, SPREAD
 from analysis.thresholds.table import side_thresholds
 from tests.test_analysis.shared import PAPER, felt
 from tests.test_analysis.tables import (
@@ -35,8 +36,8 @@ def test_a_group_of_normal_likelihoods_is_that_of_a_sum_over_the_hyperparameters
     density *= np.exp(-0.5 * (spread / 6) ** 2)
     density *= np.exp(-np.maximum(np.maximum(-middle, middle - 10), 0) / 3)[:, None]
     for points, axis, margin in (
-        (found.middle_points(), middle, density.sum(axis=1)),
-        (found.spread_points(), spread, density.sum(axis=0)),
+        (found.points(MIDDLE), middle, density.sum(axis=1)),
+        (found.points(SPREAD), spread, density.sum(axis=0)),
     ):
         share = np.cumsum(margin) / margin.sum()
         assert points == pytest.approx(np.interp([0.025, 0.5, 0.975], share, axis), abs=0.08)
@@ -45,8 +46,7 @@ def test_a_group_of_normal_likelihoods_is_that_of_a_sum_over_the_hyperparameters
 @pytest.mark.slow
 def test_a_difference_of_normal_likelihoods_is_that_of_a_sum_over_the_hyperparameters() -> None:
     a, d, width = np.array([1.0, 4.0, 6.5, 3.0]), np.array([2.0, 1.0, 3.5, 1.5]), 0.6
-    posterior = difference_of_normals(a.tolist(), (a + d).tolist(), width)
-    found, people = posterior.group, posterior.people
+    found = difference_of_normals(a.tolist(), (a + d).tolist(), width)
     shift, spread = np.linspace(-15, 20, 1401), np.linspace(0.02, 25, 800)
     total = np.sqrt(2 * width**2 + spread**2)
     z = (d[:, None, None] - shift[:, None]) / total
@@ -58,9 +58,9 @@ def test_a_difference_of_normal_likelihoods_is_that_of_a_sum_over_the_hyperparam
     ):
         low, middle, high = np.interp([0.025, 0.5, 0.975], np.cumsum(margin) / margin.sum(), axis)
         assert (*told[0], told[1]) == pytest.approx((low, high, middle), abs=0.06)
-    assert all(math.isnan(one.spread_db) for one in people)
+    assert all(math.isnan(one.spread_db) for one in found.people)
     half = 1.96 * math.sqrt(2) * width
-    for one, at in zip(people, d, strict=True):
+    for one, at in zip(found.people, d, strict=True):
         assert one.difference_limits_db == pytest.approx((at - half, at + half), abs=0.06)
 
 
@@ -80,7 +80,7 @@ def test_the_next_person_is_that_of_the_exact_integral(number: int, apart: float
     mu = np.linspace(-40, 50, 361)
     below = [float((density * ndtr((one - middle[:, None]) / spread)).sum()) for one in mu]
     expected = np.interp([0.025, 0.5, 0.975], below, mu)
-    points, group = found.next_person_points(), found.middle_points()
+    points, group = found.next_person_points(), found.points(MIDDLE)
     assert points == pytest.approx(expected, abs=0.02 * np.ptp(expected[[0, 2]]))
     assert points[0] <= group[0]
     assert group[2] <= points[2]

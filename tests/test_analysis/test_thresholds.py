@@ -16,8 +16,9 @@ from scipy.special import log_ndtr
 
 from analysis import Axis, GuessRate, PsychometricFit, fit_psychometric, probit_mle, threshold_table
 from analysis import fit as notebook_fit
-from analysis.thresholds.likeliest import deviance_p, likeliest_function
+from analysis.thresholds.fit import fit_many
 from analysis.thresholds.likelihood import likelihoods
+from analysis.thresholds.misfit import deviance_p
 from benchmarks.calibration import psychometric
 from tests.test_analysis.shared import FLASH, PAPER, QUANTA, SINGLE, SPEED, felt
 from tests.test_analysis.tables import fit_counts, tables_at
@@ -377,9 +378,10 @@ LEVELS = [60.0, 85.0, 110.0, 140.0, 200.0]
 def deviance_ps(k: Any, n: Any, guess: float, seed: int) -> np.ndarray[Any, Any]:
     tables = tables_at(np.log10(LEVELS), k, n, guess)
     people = likelihoods(tables)
-    best = [likeliest_function(tables, row, one.node) for row, one in enumerate(people)]
-    rows = zip(range(len(best)), best, people, strict=True)
-    return np.array([deviance_p(tables, *row, seed) for row in rows])
+    fits = fit_many(tables, people, likeliest=True)
+    return np.array(
+        [deviance_p(fit, tables, row, people[row], seed) for row, fit in enumerate(fits)]
+    )
 
 
 @pytest.mark.slow
