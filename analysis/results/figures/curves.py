@@ -89,8 +89,8 @@ def _curve(analysis: Analysis, condition: str, rows: list[int]) -> Curve:
         table[table["condition"].eq(condition) & table["participant"].isin(names)]
         for table in (analysis.participants, blank_rates(analysis), analysis.thresholds)
     )
-    means = cells.groupby("level_vpp")[["p", "low", "high"]].mean()
-    means = means[cells.groupby("level_vpp").size().eq(len(rows))]
+    by_level = cells.groupby("level_vpp")
+    means = by_level[["p", "low", "high"]].mean()[by_level.size().eq(len(rows))]
     function = None
     if len(rows) > 1:
         fits = analysis.groups[analysis.groups["condition"].eq(condition)]

@@ -348,8 +348,9 @@ def draw_points(
     """
     from matplotlib.transforms import ScaledTranslation
 
-    colour, to_inches = look.colour, figure_of(axes).dpi_scale_trans
-    moved = axes.transData + ScaledTranslation(shift_pt / 72, 0, to_inches)
+    colour, moved = look.colour, axes.transData
+    if shift_pt:
+        moved += ScaledTranslation(shift_pt / 72, 0, figure_of(axes).dpi_scale_trans)
     if bars:
         draw_bars(axes, x, *bars, colour=colour, transform=moved)
     axes.plot(
