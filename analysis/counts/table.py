@@ -89,7 +89,9 @@ def count_answers(trials: pd.DataFrame) -> pd.DataFrame:
     require_columns(trials, NEEDED)
     chosen = trials[trials["reason"].eq("") & trials["kind"].isin(COUNTED_KINDS)]
     types = dict.fromkeys(_KEY, object) | {"level_vpp": float}
-    keys = chosen[_KEY].astype(types).assign(none_offered=chosen["none_offered"].eq(other=True))
+    # Where nobody knows whether "none" could be answered, it was not.
+    offered = chosen["none_offered"].astype("boolean").fillna(value=False).astype(bool)
+    keys = chosen[_KEY].astype(types).assign(none_offered=offered)
     for name, choices in (("side", SIDES), ("response", RESPONSES)):
         if not keys[name].isin(choices).all():
             raise ValueError(f"{name} must be one of {', '.join(choices)} where a trial counts")

@@ -286,6 +286,15 @@ def test_missing_quantities_have_a_row(
     assert [name for row in rows for name in row.names] == names
 
 
+def test_without_an_answer_none_the_task_is_a_forced_choice(tmp_path: Path) -> None:
+    rows = "".join(f"1,{side},{level},left\n" for side in ("left", "right") for level in (60, 95))
+    for answer_none, is_known in (("", False), ("1,left,60,none\n", True)):
+        analysis = analyse(loaded(tmp_path, LEAST + rows + answer_none))
+        assert (analysis.detected_any is not None) == is_known
+        (row,) = of_kind(answer(analysis), "false_alarms")
+        assert ("forced choice" in row.text) != is_known
+
+
 @pytest.mark.parametrize(
     ("alarms", "differ"),
     [
