@@ -269,8 +269,8 @@ class ColumnMap(Section):
         entries = [(f"[constant] {ours}", ours, word) for ours, word in self.constant.items()]
         entries += [
             (f"[values.{ours}] {shown(theirs)}", ours, word)
-            for ours, words in self.values.items()
-            for theirs, word in words.items()
+            for ours, meanings in self.values.items()
+            for theirs, word in meanings.items()
         ]
         for entry, ours, word in entries:
             reader = CellReader(column=OURS[ours], label=ours, minimum=self.minimum(ours))

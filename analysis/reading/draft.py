@@ -131,10 +131,10 @@ class _Draft:
 
     def numbers(self, name: str) -> list[float]:
         """Return the different numbers of a column but codes; propose the comma that they have."""
-        words = [w for w in self.values(name) if NUMBER.fullmatch(w) and not _CODE.fullmatch(w)]
-        if any("," in word for word in words):
+        texts = [w for w in self.values(name) if NUMBER.fullmatch(w) and not _CODE.fullmatch(w)]
+        if any("," in word for word in texts):
             self.put("file", "decimal", ",", "guess: there are numbers with a comma")
-        return [float(word.replace(",", ".")) for word in words]
+        return [float(word.replace(",", ".")) for word in texts]
 
     def sites(self, name: str) -> set[str]:
         """Return the sites that a column names."""
@@ -284,12 +284,12 @@ def _propose_rows(draft: _Draft) -> None:
         draft.put("rows.keep", "trial_type", plugin, f"guess; there are {_listed(kinds)}")
         draft.rows = draft.rows[kinds.eq(plugin)]
     for name in draft.rows.columns:
-        words = draft.rows[name].unique()
-        if len(words) > _MAX_WORDS or name.endswith(("-", ".thisN")):
+        texts = draft.rows[name].unique()
+        if len(texts) > _MAX_WORDS or name.endswith(("-", ".thisN")):
             continue
-        practice = [word for word in words if _names_practice(word)]
-        if _names_practice(name) and all(_translate("detected", word) for word in words):
-            practice = [word for word in words if _translate("detected", word) == YES]
+        practice = [word for word in texts if _names_practice(word)]
+        if _names_practice(name) and all(_translate("detected", word) for word in texts):
+            practice = [word for word in texts if _translate("detected", word) == YES]
         # practice is the smaller number of rows, and a condition may be called training
         is_minority = 2 * draft.rows[name].isin(practice).sum() < len(draft.rows)
         if practice and is_minority and not _is_named(name, "condition"):
@@ -338,10 +338,10 @@ def _propose_columns(draft: _Draft) -> None:
         _propose_trial(draft)
     for ours in COUNTED_COLUMNS if counted else OURS:
         if ours in draft.rows and ours not in {*draft.sources.values(), *draft.entries["columns"]}:
-            words = [word for word in draft.rows[ours].unique() if word]
-            fault = ColumnMap().reader(ours).read(words)
+            texts = [word for word in draft.rows[ours].unique() if word]
+            fault = ColumnMap().reader(ours).read(texts)
             if isinstance(fault, CellFault):
-                why = f"left out: it has a name of tactstrip, but {one_line(words[fault.row])}"
+                why = f"left out: it has a name of tactstrip, but {one_line(texts[fault.row])}"
                 draft.put("columns", ours, "", why)
 
 
@@ -563,9 +563,9 @@ def _are_numbers(cells: pd.Series[str]) -> pd.Series[bool]:
 
 def _listed(cells: pd.Series[str]) -> str:
     """Return the first words of a column."""
-    words = cells.unique()
-    listed = [one_line(word[:40]) or "empty" for word in words[:_MAX_SHOWN]]
-    return ", ".join(listed) + (", ..." if len(words) > _MAX_SHOWN else "")
+    texts = cells.unique()
+    listed = [one_line(word[:40]) or "empty" for word in texts[:_MAX_SHOWN]]
+    return ", ".join(listed) + (", ..." if len(texts) > _MAX_SHOWN else "")
 
 
 @lru_cache(maxsize=4096)

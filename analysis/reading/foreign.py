@@ -154,18 +154,18 @@ class UnusedColumns:
         sources = [taken.get(o, "") for o in ("participant", "level_vpp", "side", answer)]
         beside: list[Sequence[Any]] = [cells.get(o, [...] * len(selected)) for o in sources]
         for name, column in cells.items():
-            words = self.partners.setdefault(name, {})
-            if name in used or not name or name.endswith("-") or len(words) > MAX_WORDS:
+            partners = self.partners.setdefault(name, {})
+            if name in used or not name or name.endswith("-") or len(partners) > MAX_WORDS:
                 continue
             for word, *values in {*compress(zip(column, *beside, strict=True), selected)}:
-                pairs = zip(words.get(word, values), values, strict=True)
-                words[word] = [before if before == value else ... for before, value in pairs]
-                if len(words) > MAX_WORDS:
+                pairs = zip(partners.get(word, values), values, strict=True)
+                partners[word] = [before if before == value else ... for before, value in pairs]
+                if len(partners) > MAX_WORDS:
                     break
 
     def varying(self) -> list[str]:
         """Return the columns with 2 to 6 values, be they words or numbers."""
-        values = {name: {*words} - {""} for name, words in self.partners.items()}
+        values = {name: {*partners} - {""} for name, partners in self.partners.items()}
         return [name for name, texts in values.items() if 1 < len(texts) <= MAX_WORDS]
 
     def names(self) -> list[str]:
@@ -176,11 +176,11 @@ class UnusedColumns:
         """
         names = []
         for name in self.varying():
-            words = {word: beside for word, beside in self.partners[name].items() if word}
-            people, *trial = zip(*words.values(), strict=True)
+            partners = {word: beside for word, beside in self.partners[name].items() if word}
+            people, *trial = zip(*partners.values(), strict=True)
             is_of_people = ... not in people and len({*people}) > 1
             is_of_trial = any(... not in values for values in trial)
-            is_number = any(map(NUMBER.fullmatch, words))
+            is_number = any(map(NUMBER.fullmatch, partners))
             is_bookkeeping = name.rpartition(".")[2].lower() in _BOOKKEEPING
             if not (is_of_people or is_of_trial or is_number or is_bookkeeping):
                 names.append(one_line(name))
