@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Final, NamedTuple
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
 from scipy.special import ndtr, ndtri
@@ -49,16 +49,16 @@ class LevelsError(ValueError):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Function:
-    """A psychometric function of log10(level)."""
+    """A psychometric function of log10(level), or many with one guess rate: columns of numbers."""
 
-    threshold_vpp: float
-    sigma: float
-    lapse_rate: float
+    threshold_vpp: Any
+    sigma: Any
+    lapse_rate: Any
     guess_rate: float
 
     def shares(self, levels_vpp: Sequence[float]) -> Floats:
         """Return how often levels are detected, between guesses and lapses."""
-        z = (np.log10(levels_vpp) - math.log10(self.threshold_vpp)) / self.sigma
+        z = (np.log10(levels_vpp) - np.log10(self.threshold_vpp)) / self.sigma
         return np.asarray(ndtr(z))
 
 
@@ -79,19 +79,17 @@ class PersonFit:
     tables: Tables
     row: int
 
-    def draw(self, number: int, rng: np.random.Generator) -> list[Function]:
+    def draw(self, number: int, rng: np.random.Generator) -> Function:
         """Draw functions from the posterior, anywhere between the nodes of its grid."""
         axes, weight, step = cells_of(self.tables, self.row)
         drawn = draws(weight.sum(axis=0), (axes.lapse, axes.mu, axes.log_sigma), number, rng)
-        return [
-            Function(
-                threshold_vpp=float(10 ** (mu * step)),
-                sigma=float(np.exp(log_sigma) * step),
-                lapse_rate=float(lapse),
-                guess_rate=self.function.guess_rate,
-            )
-            for lapse, mu, log_sigma in zip(*drawn, strict=True)
-        ]
+        lapse_rate, mu, log_sigma = np.array(drawn)[..., None]
+        return replace(
+            self.function,
+            threshold_vpp=10 ** (mu * step),
+            sigma=np.exp(log_sigma) * step,
+            lapse_rate=lapse_rate,
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -235,7 +233,7 @@ def levels_on(
 
 
 def expected_error(
-    functions: Sequence[Function], levels_vpp: Sequence[float], trials: int, *, seed: int = 0
+    functions: Function, levels_vpp: Sequence[float], trials: int, *, seed: int = 0
 ) -> ExpectedError:
     """Return the error of a threshold measured at some levels, whichever function is the true one.
 
@@ -247,19 +245,18 @@ def expected_error(
     if np.ptp(x) == 0:
         return ExpectedError(math.nan, math.nan)
     presented = np.diff(np.round(np.linspace(0, trials, len(x) + 1)))
-    p = np.array(
-        [f.guess_rate + (1 - f.guess_rate - f.lapse_rate) * f.shares(levels_vpp) for f in functions]
-    ).repeat(_SESSIONS, axis=0)
+    guess_rate = functions.guess_rate
+    p = guess_rate + (1 - guess_rate - functions.lapse_rate) * functions.shares(levels_vpp)
+    p = p.repeat(_SESSIONS, axis=0)
     detected = np.random.default_rng(seed).binomial(presented.astype(np.int64), p).astype(float)
     tables = Tables(
         x=np.broadcast_to(x, detected.shape),
         detected=detected,
         presented=np.broadcast_to(presented, detected.shape),
-        guesses=[GuessRate(mean=functions[0].guess_rate)] * len(detected),
+        guesses=[GuessRate(mean=guess_rate)] * len(detected),
     )
     people = likelihoods(tables, _NODES)
     medians = np.array([person.mu_points[1] for person in people]) * tables.prior.step
-    truth = np.log10([function.threshold_vpp for function in functions])
-    deviations = medians.reshape(len(functions), -1) - truth[:, None]
+    deviations = medians.reshape(-1, _SESSIONS) - np.log10(functions.threshold_vpp)
     errors = 20 * np.sqrt(np.square(deviations).mean(axis=1))
     return ExpectedError(*np.quantile(errors, (0.5, 0.9)).tolist())

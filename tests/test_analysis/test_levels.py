@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import tomllib
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -113,7 +113,8 @@ def test_levels_rise_within_what_can_be_set_or_are_refused(
 
 
 def error_db(levels: Sequence[float], trials: int) -> float:
-    return expected_error([TYPICAL] * 60, levels, trials).median_db
+    many = replace(TYPICAL, threshold_vpp=np.full((60, 1), TYPICAL.threshold_vpp))
+    return expected_error(many, levels, trials).median_db
 
 
 @pytest.mark.slow
