@@ -319,7 +319,9 @@ def test_strict_makes_a_warning_exit_1(
 @pytest.mark.slow
 def test_a_session_without_a_table_is_a_warning(tmp_path: Path, analyze: Analyze) -> None:
     table(tmp_path / "s" / "sub-1" / "ses-01" / "trials.csv", REAL)
-    (tmp_path / "s" / "sub-1" / "ses-02").mkdir()
+    lost = tmp_path / "s" / "sub-1" / "ses-02" / "journal.jsonl"
+    lost.parent.mkdir()
+    lost.touch()
     assert analyze(tmp_path / "s", "--strict").exit_code == 1
     assert "sub-1/ses-02" in json.dumps(summary(tmp_path / "out")["warnings"])
 
