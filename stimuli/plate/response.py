@@ -52,14 +52,14 @@ _SAFETY: Final = 3.0
 class Accuracy(NamedTuple):
     """How fine a scene is solved, and what both bases miss then.
 
-    To the difference of the bases comes `part` of each displacement, at corners and rims, and
+    To the difference of the bases comes `relative` of each displacement, at corners and rims, and
     `missed` of the largest displacement, as of the upper modes.
     """
 
     modes: Resolution
     rest: Resolution
     endless: tuple[Margins, Margins]
-    part: float
+    relative: float
     missed: float
 
 
@@ -68,14 +68,14 @@ ACCURACIES: Final = (
         modes=Resolution(multiples=(3.0, 5.0), margins=Margins(2.0, 3.0)),
         rest=Resolution(multiples=(2.0, 3.0), margins=Margins(4.0, 6.0)),
         endless=(Margins(3, 3), Margins(6, 6)),
-        part=3e-4,
+        relative=3e-4,
         missed=2e-5,
     ),
     Accuracy(
         modes=Resolution(multiples=(4.0, 6.0), margins=Margins(4.0, 6.0), rim_degrees=(4, 6)),
         rest=Resolution(multiples=(3.0, 4.0), margins=Margins(6.0, 9.0)),
         endless=(Margins(6, 6), Margins(10, 10)),
-        part=3e-5,
+        relative=3e-5,
         missed=2e-5,
     ),
 )
@@ -113,13 +113,13 @@ class Estimate(Generic[Values]):
 
 
 def estimate(
-    coarse: Values, fine: Values, missed: Real, work: tuple[str, ...], part: float
+    coarse: Values, fine: Values, missed: Real, work: tuple[str, ...], relative: float
 ) -> Estimate[Values]:
     """Return the fine result, with its error by what the coarse one differs.
 
-    `missed` is what both resolutions miss of the field's largest value, and `part` of each.
+    `missed` is what both resolutions miss of the largest value, and `relative` a part of each.
     """
-    error = _SAFETY * np.abs(fine - coarse) + part * np.abs(fine) + missed
+    error = _SAFETY * np.abs(fine - coarse) + relative * np.abs(fine) + missed
     return Estimate(value=fine, error=np.asarray(error), work=work)
 
 
@@ -211,7 +211,7 @@ def solve_scene(scene: Scene, at_hz: Real, accuracy: Accuracy) -> tuple[Estimate
     if not is_known.all():
         raise PlateError(Rule.INFINITE, frequency_hz=float(at_hz[~is_known][0]))
     coarse, fine = both[..., : len(scene.points_m)]
-    return estimate(coarse, fine, accuracy.missed * scale, work, accuracy.part), scale
+    return estimate(coarse, fine, accuracy.missed * scale, work, accuracy.relative), scale
 
 
 def displacement_map(
