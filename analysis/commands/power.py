@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import secrets
+import signal
 import time
 from functools import partial
 from pathlib import Path
@@ -163,6 +164,8 @@ def power(
     from experiment.study.files import naming, read_study
     from stimuli.tuned import keep_freed_memory
 
+    # The time limit of a batch queue stops the command as Ctrl-C does.
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
     keep_freed_memory()
     goal = Goal.parse(goal_text)
     if scheduler and workers > 1:
