@@ -165,7 +165,9 @@ def power(
     from stimuli.tuned import keep_freed_memory
 
     # The time limit of a batch queue stops the command as Ctrl-C does.
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    previous_handler = signal.signal(signal.SIGTERM, signal.default_int_handler)
+    restore = partial(signal.signal, signal.SIGTERM, previous_handler)
+    click.get_current_context().call_on_close(restore)
     keep_freed_memory()
     goal = Goal.parse(goal_text)
     if scheduler and workers > 1:
