@@ -16,7 +16,7 @@ import click
 
 from analysis.commands.analyze import output_options, show_analysis, write_analysis
 from device.printing import echo
-from experiment.archive.disk import UNWAITED, make_folder
+from experiment.archive.disk import FOLDER_MODE, UNWAITED, make_folder
 from experiment.commands.options.hardware import working
 from experiment.exits import DEVICE_FAILED, CommandError, refusals, room_hint
 
@@ -120,11 +120,20 @@ def new_folder(out: Path | None) -> Path:
     """Make the folder `out`, or the next free dry-run-N; reject a folder with files."""
     if out is None:
         numbered = (Path(f"dry-run-{number}") for number in count(1))
-        out = next(folder for folder in numbered if not folder.exists())
-    elif out.exists() and any(out.iterdir()):
+        return next(folder for folder in numbered if _is_made(folder))
+    if out.exists() and any(out.iterdir()):
         raise CommandError(f"--out must be a new or empty folder; got {out}, which holds files")
     make_folder(out, UNWAITED)
     return out
+
+
+def _is_made(folder: Path) -> bool:
+    """Make a folder; return False if it exists, as that of another dry run at the same time."""
+    try:
+        folder.mkdir(FOLDER_MODE)
+    except FileExistsError:
+        return False
+    return True
 
 
 def _simulate(check: StudyCheck, folder: Path, participants: int, seed: int) -> None:
