@@ -19,9 +19,9 @@ from stimuli.fingers.fingertip import RTOL, causal, checked_fingertips
 from stimuli.fingers.work import felt_known
 from stimuli.load import PointForce, PressureDisc
 from stimuli.plate.line import gauss_rule
-from stimuli.plate.response import Estimate, describe_modes, estimate
+from stimuli.plate.response import MISSED, RELATIVE, Estimate, describe_modes, estimate
 from stimuli.plate.scene import check_loads
-from stimuli.plate.transient import LOOKS, MISSED, PART, make_time_line, receptances, reference_hz
+from stimuli.plate.transient import LOOKS, make_time_line, receptances, reference_hz
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -119,7 +119,7 @@ def fingertip_peaks(
         _peaks(plate, contact, ends, drive, step_s=step_s, span_s=span_s) for plate in plates
     )
     missed_m = MISSED * fine_m.max(axis=0)
-    peaks = estimate(coarse_m, fine_m, missed_m, describe_modes(plates[1].modes), PART)
+    peaks = estimate(coarse_m, fine_m, missed_m, describe_modes(plates[1].modes), RELATIVE)
     largest = (np.argmax(fine_m, axis=0), np.arange(len(loads)))
     errors = peaks.error[largest] / np.maximum(fine_m[largest], _TINIEST_M)
     if errors.max() > MAX_ERROR:

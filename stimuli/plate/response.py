@@ -63,20 +63,22 @@ class Accuracy(NamedTuple):
     missed: float
 
 
+RELATIVE, MISSED = 3e-4, 2e-5
+"""Of the first accuracy, and of answers over time."""
 ACCURACIES: Final = (
     Accuracy(
-        modes=Resolution(multiples=(3.0, 5.0), margins=Margins(2.0, 3.0)),
+        modes=Resolution(),
         rest=Resolution(multiples=(2.0, 3.0), margins=Margins(4.0, 6.0)),
         endless=(Margins(3, 3), Margins(6, 6)),
-        relative=3e-4,
-        missed=2e-5,
+        relative=RELATIVE,
+        missed=MISSED,
     ),
     Accuracy(
         modes=Resolution(multiples=(4.0, 6.0), margins=Margins(4.0, 6.0), rim_degrees=(4, 6)),
         rest=Resolution(multiples=(3.0, 4.0), margins=Margins(6.0, 9.0)),
         endless=(Margins(6, 6), Margins(10, 10)),
         relative=3e-5,
-        missed=2e-5,
+        missed=MISSED,
     ),
 )
 """The first serves unless a tolerance asks for more."""

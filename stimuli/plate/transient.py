@@ -19,7 +19,7 @@ from scipy.fft import next_fast_len
 from stimuli.checks import finite_array
 from stimuli.plate.line import Margins
 from stimuli.plate.modes import Resolution
-from stimuli.plate.response import describe_modes, estimate, plate_modes
+from stimuli.plate.response import RELATIVE, describe_modes, estimate, plate_modes
 from stimuli.plate.rest import rest_displacement
 
 if TYPE_CHECKING:
@@ -39,8 +39,6 @@ _FADING: Final = 9.0
 of what is left there."""
 _FINER: Final = 4
 """Samples of the drive for each time at which the plate is looked at."""
-
-
 LOOKS: Final = 32
 """Times in a period of the highest of cut-off and drive's band at which the plate is looked at."""
 _BETWEEN_LOOKS: Final = 3e-4
@@ -50,8 +48,6 @@ _BEYOND, _BEYOND_LOSSLESS = (15.0, 20.0), (30.0, 40.0)
 farther away are too late, and with loss too faint."""
 _MODES: Final = Resolution(multiples=(5.5, 8.0), margins=Margins(2.0, 3.0))
 _REST: Final = Resolution(multiples=(1.0, 2.0), margins=Margins(4.0, 6.0))
-PART, MISSED = 3e-4, 2e-5
-"""What both bases miss: a part of each displacement, and of the largest."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -265,7 +261,7 @@ def transient(scene: Scene, drive: Drive, times_s: ArrayLike) -> Estimate[Real]:
         history[is_driven] = spline(times[is_driven])
     coarse, fine = histories
     scale = np.abs(fine).max(axis=(0, 2), keepdims=True, initial=0.0)
-    return estimate(coarse, fine, _BETWEEN_LOOKS * scale, describe_modes(plates[1].modes), PART)
+    return estimate(coarse, fine, _BETWEEN_LOOKS * scale, describe_modes(plates[1].modes), RELATIVE)
 
 
 def reference_hz(strip: Strip, drive: Drive) -> float:
