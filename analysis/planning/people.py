@@ -176,7 +176,7 @@ def pilot_people(study: Study, goal: Goal, loaded: LoadedTrials, folder: str) ->
     numbers = dict.fromkeys(draws, len(rows))
     if goal.kind == "difference":
         pairs = _pairs(study, people)
-        if len(pairs[0]) >= 2:  # noqa: PLR2004
+        if len(pairs[0]) >= 2:  # noqa: PLR2004 - one person has no spread
             a, b = (people.at(rows).tables(Axis()) for rows in pairs)
             spreads_db = difference_spread_draws(a, b, _DRAWS, np.random.default_rng(1))
             draws[DIFFERENCE_SPREAD] = np.minimum(spreads_db, _MAX_SPREAD_DB)

@@ -168,5 +168,5 @@ def alike_labels(values: Any) -> list[str]:
     for decimals in range(7):
         if (np.abs(numbers.round(decimals) - numbers) <= 1e-3 * np.abs(numbers)).all():
             break
-    form = f".{decimals}f" if decimals < 6 else ".3g"  # noqa: PLR2004
+    form = f".{decimals}f" if decimals < 6 else ".3g"  # noqa: PLR2004 - longer labels touch
     return [f"{number:{form}}".replace("-", "−") for number in numbers]

@@ -176,7 +176,7 @@ def plot_participants(
     with style.applied(ax):
         options = by_condition(looks, {name: short(name) for name in looks})
         # All pages have the same number of columns, so that panels have the same size.
-        options |= {"titles": [*map(short, names)], "columns": 2 if number == 4 else columns}  # noqa: PLR2004
+        options |= {"titles": [*map(short, names)], "columns": 2 if number == 4 else columns}  # noqa: PLR2004 - 2 x 2
         y_axis, levels = _proportions(analysis, 2), analysis.levels["level_vpp"]
         panels, _ = level_panels(analysis, style, ax, levels, y_axis, **options)
         _draw_guessing(panels, analysis, label=False)
