@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from analysis.numbers import METHODS
+from experiment.commands.options.common import PATH, seed_option
 from experiment.commands.options.hardware import working
 from experiment.exits import ANSWER_IS_NO, CommandError, refusals
 
@@ -26,7 +27,6 @@ if TYPE_CHECKING:
     from analysis.results.figures.drawing import Style
 
 
-_PATH = click.Path(path_type=Path)
 _BIDS = "dataset_description.json"
 MANY_TABLES = 20
 """Reading this many tables or more takes long enough for a progress bar."""
@@ -139,16 +139,16 @@ def output_options(command: Callable[..., None]) -> Callable[..., None]:
 
 
 @click.command(epilog="Example: tactstrip analyze results")
-@click.argument("paths", nargs=-1, required=True, metavar="PATH...", type=_PATH)
+@click.argument("paths", nargs=-1, required=True, metavar="PATH...", type=PATH)
 @click.option(
     "--out",
-    type=_PATH,
+    type=PATH,
     show_default="PATH/analysis for a single folder of sessions, PATH-analysis otherwise",
     help="Folder for the results.",
 )
 @click.option(
     "--columns",
-    type=_PATH,
+    type=PATH,
     help="Column map of external tables. `tactstrip columns` proposes one.",
 )
 @click.option(
@@ -168,14 +168,7 @@ def output_options(command: Callable[..., None]) -> Callable[..., None]:
     is_flag=True,
     help="Accept modified sessions. Every output is marked accordingly.",
 )
-@click.option(
-    "--seed",
-    type=click.IntRange(min=0),
-    metavar="N",
-    default=0,
-    show_default=True,
-    help="Seed of the bootstrap, saved in summary.json.",
-)
+@seed_option(default=0, show_default=True, help="Seed of the bootstrap, saved in summary.json.")
 @click.option("--strict", is_flag=True, help="Exit with code 1 if there is a warning.")
 @click.option("--pdf", is_flag=True, help="Also write each figure as PDF.")
 @click.option(

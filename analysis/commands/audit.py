@@ -6,18 +6,19 @@ import io
 import json
 import sys
 import textwrap
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 import click
 
 from analysis.reading.text import ResultFileError, one_line, shown
 from device.printing import echo
+from experiment.commands.options.common import PATH, json_option
 from experiment.exits import ANSWER_IS_NO, refusals
 from experiment.templates import open_templates
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
+    from pathlib import Path
 
     from analysis.audit import PrintedRow
 
@@ -99,8 +100,8 @@ def _wrap_line(line: str) -> str:
 
 
 @click.command(epilog="Example: tactstrip audit table.csv")
-@click.argument("table", metavar="TABLE.csv", type=click.Path(path_type=Path))
-@click.option("--json", "as_json", is_flag=True, help="Print one JSON object instead of text.")
+@click.argument("table", metavar="TABLE.csv", type=PATH)
+@json_option
 @refusals
 def audit(table: Path, *, as_json: bool) -> None:
     """Check whether a published table of proportions is arithmetically possible.

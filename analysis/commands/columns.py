@@ -3,26 +3,23 @@
 from __future__ import annotations
 
 import shlex
-from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
 from device.printing import echo
 from experiment.archive.disk import DISK, write_new
+from experiment.commands.options.common import PATH, write_option
 from experiment.exits import CommandError, refusals
+
+if TYPE_CHECKING:
+    from pathlib import Path
 
 
 @click.command(epilog="Example: tactstrip columns table.csv --write map.toml")
-@click.argument(
-    "tables", metavar="TABLE...", nargs=-1, required=True, type=click.Path(path_type=Path)
-)
-@click.option(
-    "--write",
-    "target",
-    metavar="MAP.toml",
-    type=click.Path(path_type=Path),
-    show_default="print to the terminal",
-    help="New file for the column map.",
+@click.argument("tables", metavar="TABLE...", nargs=-1, required=True, type=PATH)
+@write_option(
+    metavar="MAP.toml", show_default="print to the terminal", help="New file for the column map."
 )
 @refusals
 def columns(*, tables: tuple[Path, ...], target: Path | None) -> None:
@@ -35,8 +32,6 @@ def columns(*, tables: tuple[Path, ...], target: Path | None) -> None:
     from analysis.reading.draft import propose_map
     from analysis.reading.sources import TABLE, find_sources
 
-    if target is not None and (target.exists() or target.is_symlink()):
-        raise CommandError(f"--write must be a new file; got {target}, which exists")
     sources, _ = find_sources([*tables], foreign=True)
     if not sources or all(source.path.name == TABLE for source in sources):
         raise CommandError(f"{tables[0]}: a {TABLE} of tactstrip needs no map")

@@ -16,11 +16,14 @@ import click
 
 from analysis.commands.analyze import output_options, show_analysis, write_analysis
 from device.printing import echo
-from experiment.archive.disk import FOLDER_MODE, UNWAITED, make_folder
+from experiment.archive.disk import FOLDER_MODE
+from experiment.commands.options.common import PATH, make_new_folder, seed_option
 from experiment.commands.options.hardware import working
 from experiment.exits import DEVICE_FAILED, CommandError, refusals, room_hint
 
 if TYPE_CHECKING:
+    import pandas as pd
+
     from experiment.check.check import StudyCheck
     from experiment.study.study import Study
 
@@ -29,7 +32,7 @@ MAX_PARTICIPANTS = 10_000
 
 
 @click.command("dry-run", epilog="Example: tactstrip dry-run study.toml --seed 7")
-@click.argument("study_file", metavar="[STUDY]", required=False, type=click.Path(path_type=Path))
+@click.argument("study_file", metavar="[STUDY]", required=False, type=PATH)
 @click.option(
     "--participants",
     type=click.IntRange(1, MAX_PARTICIPANTS),
@@ -38,10 +41,7 @@ MAX_PARTICIPANTS = 10_000
     metavar="N",
     help="Number of simulated participants.",
 )
-@click.option(
-    "--seed",
-    type=click.IntRange(min=0),
-    metavar="N",
+@seed_option(
     show_default="random, printed",
     help="Seed of the trial plans and of the simulated participants.",
 )
@@ -69,8 +69,7 @@ def dry_run(
     out: Path | None,
     with_levels: bool,
     no_figures: bool,
-    details: bool,
-    open_report: bool,
+    **shown: bool,
 ) -> None:
     """Simulate participants on the mock device and analyze their sessions.
 
@@ -97,20 +96,16 @@ def dry_run(
     row = simulated_row(simulated["thresholds"], simulated["threshold_sd_db"])
     remarks = [warning.message for warning in simulated["warnings"]]
     if with_levels:
-        _print_levels(study, folder)
-    show_analysis(
-        analysis, target, details=details, open_report=open_report, more=[row], remarks=remarks
-    )
+        _print_levels(study, analysis.trials)
+    show_analysis(analysis, target, more=[row], remarks=remarks, **shown)
 
 
-def _print_levels(study: Study, folder: Path) -> None:
+def _print_levels(study: Study, trials: pd.DataFrame) -> None:
     from analysis.commands.levels import format_result
     from analysis.numbers import counted_up
     from analysis.planning.levels import place_levels
-    from analysis.reading.trials import read_trials
 
     echo("Levels by these sessions:")
-    trials = read_trials([folder])
     for participant in sorted(trials["participant"].unique(), key=counted_up):
         for result in place_levels(trials, participant, study).values():
             echo(f"  {format_result(result, 'levels_line.txt.jinja')}")
@@ -121,9 +116,7 @@ def new_folder(out: Path | None) -> Path:
     if out is None:
         numbered = (Path(f"dry-run-{number}") for number in count(1))
         return next(folder for folder in numbered if _is_made(folder))
-    if out.exists() and any(out.iterdir()):
-        raise CommandError(f"--out must be a new or empty folder; got {out}, which holds files")
-    make_folder(out, UNWAITED)
+    make_new_folder(out)
     return out
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 import click
@@ -11,18 +10,19 @@ import click
 from device.printing import echo
 from experiment.archive.disk import DISK, write_new
 from experiment.archive.manifest import LEVELS_SUFFIX
+from experiment.commands.options.common import PATH, write_option
 from experiment.exits import CommandError, refusals
 from experiment.templates import open_templates
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Mapping
+    from pathlib import Path
 
     from analysis.planning.levels import LevelsError, Placement
-    from experiment.study.study import Study
 
 
 @click.command(epilog="Example: tactstrip levels results --participant 01 --write levels-01.toml")
-@click.argument("folder", metavar="DIR", type=click.Path(path_type=Path))
+@click.argument("folder", metavar="DIR", type=PATH)
 @click.option(
     "--participant", required=True, metavar="ID", help="Participant of the pilot session."
 )
@@ -30,15 +30,12 @@ if TYPE_CHECKING:
     "--study",
     "study_file",
     metavar="STUDY",
-    type=click.Path(path_type=Path),
+    type=PATH,
     show_default="that of the pilot session",
     help="Study to choose levels for. It determines the highest level and the number of trials.",
 )
-@click.option(
-    "--write",
-    "target",
+@write_option(
     metavar="FILE",
-    type=click.Path(path_type=Path),
     help=f"New {LEVELS_SUFFIX} file for the levels, for use with `tactstrip run --levels`.",
 )
 @click.option(
@@ -63,32 +60,32 @@ def levels(
     simulated session are marked as such.
     """
     from analysis.planning.levels import LevelsError, place_levels
-    from analysis.reading.trials import read_inputs
-    from experiment.study.files import read_study
+    from analysis.reading.trials import read_inputs, without_device
+    from experiment.study.files import paper_study, read_study, study_from_canonical
 
     if target is not None and target.suffix != LEVELS_SUFFIX:  # a withdrawal would not find it
         raise CommandError(f"--write must be a file that ends in {LEVELS_SUFFIX}; got {target}")
-    if target is not None and target.exists():
-        raise CommandError(f"--write must be a new file; got {target}, which exists")
     loaded = read_inputs([folder])
     trials = loaded.trials
     pilot_trials = trials[trials["participant"].eq(participant)]
     if pilot_trials.empty:
         participants = ", ".join(sorted(set(trials["participant"]))[:10])
         raise CommandError(f"--participant must be one of {participants}; got {participant}")
-    is_real_person = ~pilot_trials["simulated"].astype(bool)
-    if (is_real_person & pilot_trials["device_kind"].isin(["mock", "emulated"])).any():
+    if without_device(pilot_trials).any():
         raise CommandError(
             f"participant {participant} practised without a device, on a mock or an emulator: "
             "levels for a person come from a pilot session on the plate"
         )
     studies = [plan.study for plan in loaded.progress if plan.participant == participant]
-    study = _pilot_study(studies) if study_file is None else read_study(study_file)
+    if study_file is not None:
+        study = read_study(study_file)
+    else:  # of the last pilot session; without a plan the paper's
+        study = study_from_canonical(studies[-1]) if studies else paper_study()
     results = place_levels(pilot_trials, participant, study)
     errors = [result for result in results.values() if isinstance(result, LevelsError)]
     if len(errors) == len(results):
         raise errors[0]
-    simulated = not is_real_person.all()
+    simulated = bool(pilot_trials["simulated"].any())
     if target is not None:
         _write_levels(_select_placements(results, condition), target, simulated=simulated)
     for result in results.values():
@@ -113,13 +110,6 @@ def _select_placements(
             f"--condition must be one whose levels are placed, {names}; got {condition}", *errors
         )
     return {condition: placements[condition]}
-
-
-def _pilot_study(studies: Sequence[str]) -> Study:
-    """Return the study in the plan of the last pilot session, or without a plan the paper's."""
-    from experiment.study.files import paper_study, study_from_canonical
-
-    return study_from_canonical(studies[-1]) if studies else paper_study()
 
 
 def format_result(result: Placement | LevelsError, template: str = "levels.txt.jinja") -> str:

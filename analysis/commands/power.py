@@ -8,11 +8,12 @@ import time
 from functools import partial
 from pathlib import Path
 from textwrap import wrap
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from device.printing import echo
+from experiment.commands.options.common import PATH, json_option, seed_option
 from experiment.commands.options.hardware import working
 from experiment.exits import ANSWER_IS_NO, STOPPED_EARLY, CommandError, refusals
 
@@ -28,13 +29,12 @@ _FILE = click.Path(path_type=Path, dir_okay=False)
 
 
 def _check_range(
-    _context: click.Context, option: click.Parameter, value: tuple[int, int] | None
+    _context: object, option: click.Parameter, ends: tuple[int, int] | None
 ) -> tuple[int, int] | None:
-    if value and value[0] > value[1]:
-        raise CommandError(
-            f"--{option.name} must be MIN and MAX, with MIN <= MAX; got {value[0]} and {value[1]}"
-        )
-    return value or None
+    if ends and ends[0] > ends[1]:
+        message = "must be MIN and MAX, with MIN <= MAX; got {} and {}".format(*ends)
+        raise CommandError(f"{option.opts[0]} {message}")
+    return ends or None
 
 
 _range_option = partial(
@@ -59,7 +59,7 @@ def _check_figure(_context: object, _option: object, path: Path | None) -> Path 
 
     Example: tactstrip power study.toml --goal half-width=2dB --assurance 0.9""",
 )
-@click.argument("study_file", metavar="STUDY", type=click.Path(path_type=Path))
+@click.argument("study_file", metavar="STUDY", type=PATH)
 @click.option(
     *("--goal", "goal_text"),
     default="half-width=2dB",
@@ -67,7 +67,11 @@ def _check_figure(_context: object, _option: object, path: Path | None) -> Path 
     help="Goal that a study must reach (see below).",
 )
 @_range_option("--participants", default=(2, 40), help="Range of the number of participants.")
-@_range_option("--trials", help="Range of the number of trials per side; by default the study's.")
+@_range_option(
+    "--trials",
+    "trials_per_side",
+    help="Range of the number of trials per side; by default the study's.",
+)
 @_range_option("--blanks", help="Range of the number of blank trials; by default the study's.")
 @click.option(
     "--levels",
@@ -85,13 +89,13 @@ def _check_figure(_context: object, _option: object, path: Path | None) -> Path 
 )
 @click.option(
     "--pilot",
-    type=click.Path(path_type=Path),
+    type=PATH,
     metavar="DIR",
     help="Estimate the population from the sessions of a pilot, or from an external table.",
 )
 @click.option(
     "--columns",
-    type=click.Path(path_type=Path),
+    type=PATH,
     metavar="MAP.toml",
     help="Column map of an external --pilot table, as for `tactstrip analyze`. Levels in volts are "
     "read as voltages of the study.",
@@ -102,12 +106,7 @@ def _check_figure(_context: object, _option: object, path: Path | None) -> Path 
     help="Take population parameters that [simulation] leaves out from the literature "
     "(literature, the default), or require them there (stated).",
 )
-@click.option(
-    "--seed",
-    type=click.IntRange(min=0),
-    metavar="N",
-    help="Seed of the simulation; by default a random one, which is printed.",
-)
+@seed_option(help="Seed of the simulation; by default a random one, which is printed.")
 @click.option(
     "--workers",
     type=click.IntRange(min=1),
@@ -131,17 +130,13 @@ def _check_figure(_context: object, _option: object, path: Path | None) -> Path 
     callback=_check_figure,
     help="Also draw the power curve, as PNG or SVG.",
 )
-@click.option("--json", "as_json", is_flag=True, help="Print one JSON object instead of text.")
+@json_option
 @refusals
 def power(
     *,
     study_file: Path,
     goal_text: str,
-    participants: tuple[int, int],
-    trials: tuple[int, int] | None,
-    blanks: tuple[int, int] | None,
     levels: str,
-    assurance: float,
     pilot: Path | None,
     columns: Path | None,
     population: str | None,
@@ -151,6 +146,7 @@ def power(
     keep: Path | None,
     figure: Path | None,
     as_json: bool,
+    **ranges: Any,
 ) -> None:
     """Estimate how many participants and trials a study needs.
 
@@ -190,14 +186,11 @@ def power(
             result = plan_study(
                 people,
                 goal,
-                participants=participants,
-                trials_per_side=trials,
-                blanks=blanks,
                 placed=levels == "placed",
-                assurance=assurance,
                 seed=seed,
                 spread=partial(spread, kept=kept),
                 step=step,
+                **ranges,
             )
     except StoppedError as error:
         raise CommandError(f"{error}; {hint}", exit_code=STOPPED_EARLY) from error

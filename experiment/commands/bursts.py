@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from device.printing import echo
+from experiment.commands.options.common import PATH, json_option
 from experiment.commands.options.hardware import working
 from experiment.exits import ANSWER_IS_NO, refusals
 
 if TYPE_CHECKING:
     from collections.abc import Callable
+    from pathlib import Path
 
     from stimuli.drive.windows import Window
 
@@ -32,7 +33,7 @@ def _list_parser(item: Callable[[str], Any], items: str) -> Callable[..., tuple[
 
 
 @click.command(epilog="Example: tactstrip bursts study.toml --frequency-hz 200,300 --cycles 1,2")
-@click.argument("study_file", metavar="STUDY", type=click.Path(path_type=Path))
+@click.argument("study_file", metavar="STUDY", type=PATH)
 @click.option(
     "--frequency-hz",
     "frequencies_hz",
@@ -54,7 +55,7 @@ def _list_parser(item: Callable[[str], Any], items: str) -> Callable[..., tuple[
     show_default="that of [burst]",
     help="Window of every burst.",
 )
-@click.option("--json", "as_json", is_flag=True, help="Print one JSON object instead of text.")
+@json_option
 @refusals
 def bursts(
     *,

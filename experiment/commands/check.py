@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
 from device.printing import echo, escaped
+from experiment.commands.options.common import PATH, json_option
 from experiment.commands.options.hardware import (
     answer,
     confirmed,
@@ -18,6 +18,8 @@ from experiment.commands.options.hardware import (
 from experiment.exits import ANSWER_IS_NO, DEVICE_FAILED, CommandError, refusals
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from experiment.check.device import ChannelCheck, DeviceCheck
     from experiment.hardware.setup import Hardware
     from experiment.study.equipment import Masking
@@ -35,8 +37,8 @@ if TYPE_CHECKING:
 
     Example: tactstrip check study.toml"""
 )
-@click.argument("study_file", metavar="STUDY", type=click.Path(path_type=Path))
-@click.option("--json", "as_json", is_flag=True, help="Print one JSON object instead of text.")
+@click.argument("study_file", metavar="STUDY", type=PATH)
+@json_option
 @click.option("--details", is_flag=True, help="Print all results and all warnings.")
 @click.option(
     "--device",

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import click
 
-from experiment.archive.disk import UNWAITED, make_folder
+from experiment.commands.options.common import make_new_folder
 from experiment.commands.options.hardware import working
 from experiment.exits import INTERRUPTED, STOPPED_EARLY, CommandError, refusals
 
@@ -117,9 +117,7 @@ def demo(*, out: Path | None) -> None:
 @contextlib.contextmanager
 def _folder(out: Path | None) -> Iterator[Path]:
     if out is not None:
-        if out.exists() and any(out.iterdir()):
-            raise CommandError(f"--out must be a new or empty folder; got {out}, which holds files")
-        make_folder(out, UNWAITED)
+        make_new_folder(out)
         yield out
         return
     with tempfile.TemporaryDirectory(prefix="tactstrip-demo-") as folder:

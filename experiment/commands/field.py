@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Final
 import click
 
 from device.printing import echo
+from experiment.commands.options.common import PATH, json_option
 from experiment.commands.options.hardware import working
 from experiment.exits import CommandError, refusals
 
@@ -24,7 +25,7 @@ _ANIMATION_ENDINGS: Final = (".gif", ".mp4")
 
 
 @click.command(epilog="Example: tactstrip field study.toml --band 100 5000 --out band.svg")
-@click.argument("study_file", metavar="STUDY", type=click.Path(path_type=Path))
+@click.argument("study_file", metavar="STUDY", type=PATH)
 @click.option(
     "--frequency-hz",
     type=float,
@@ -48,12 +49,12 @@ _ANIMATION_ENDINGS: Final = (".gif", ".mp4")
 )
 @click.option(
     "--out",
-    type=click.Path(path_type=Path),
+    type=PATH,
     metavar="FILE",
     show_default="field.png, or burst.gif with --animate",
     help="File to write. Its extension selects the format: .png, .svg or .csv.",
 )
-@click.option("--json", "as_json", is_flag=True, help="Print one JSON object instead of text.")
+@json_option
 @refusals
 def field(
     *,

@@ -13,6 +13,7 @@ import click
 from click.core import ParameterSource
 
 from device.printing import echo
+from experiment.commands.options.common import seed_option
 from experiment.commands.options.hardware import (
     confirmed,
     device_failures,
@@ -97,13 +98,7 @@ if TYPE_CHECKING:
     is_flag=True,
     help="Send event markers for EEG and MEG recordings over Lab Streaming Layer.",
 )
-@click.option(
-    "--seed",
-    type=click.IntRange(min=0),
-    metavar="N",
-    show_default="random, printed",
-    help="Seed of the trial plan.",
-)
+@seed_option(show_default="random, printed", help="Seed of the trial plan.")
 @click.option(
     "--participant-number",
     type=click.IntRange(min=1),
