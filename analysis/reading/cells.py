@@ -198,10 +198,10 @@ class CellReader:
         key = json.dumps(text[:_MAX_TEXT], ensure_ascii=False)
         is_number, is_nothing = self.column.type == "float", text.lower() in NOTHING
         is_word = self.column.name == "level_vpp" and text.isalpha() and not is_nothing
-        detected = "timeout" if is_nothing else YES
+        detected = "timeout" if is_nothing else "..."
         silent = "0" if self.minimum is None else "-inf"
         remedies = {
-            f'a map says what it stands for, as [values.detected] {key} = "{detected}"': (
+            f'a map says what it stands for: [values.detected] {key} = "{detected}"': (
                 self.column == DETECTED and text
             ),
             'with [file] decimal = ",", a point is no part of a number': (

@@ -90,6 +90,7 @@ def _translate(ours: str, word: str) -> str:
 class _Draft:
     """A map by section and key, and the rows of the tables that are trials by it."""
 
+    file: str
     rows: pd.DataFrame = field(default_factory=pd.DataFrame)
     entries: dict[str, dict[str, tuple[_Value, str]]] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
@@ -192,7 +193,7 @@ def propose_map(sources: Sequence[InputTable]) -> tuple[str, list[str], list[str
     Of a data set with several tasks the tables of the first are looked at. Raises ResultFileError
     for a table that cannot be read, where it is the only one.
     """
-    draft = _Draft()
+    draft = _Draft(str(sources[0].path))
     tasks = [*dict.fromkeys(source.about.get("task-", "") for source in sources)]
     if len(tasks) > 1:
         draft.put("rows.keep", "task-", tasks[0], f"guess; tasks here: {', '.join(tasks)}")
@@ -213,7 +214,7 @@ def propose_map(sources: Sequence[InputTable]) -> tuple[str, list[str], list[str
         draft.notes += [f"file {one_line(s)} is left out: {fault}" for s, fault in faults.items()]
     if skipped := len(table) - len(draft.rows):
         keys = ", ".join(map(one_line, draft.row_keys().values()))
-        draft.notes.append(f"{skipped} of {len(table)} rows are skipped by {keys}")
+        draft.notes.append(f"{skipped} of {len(table)} rows skipped by {keys}")
     # in the order of the reference; what words of a column mean stands in a section each
     sections = sorted(draft.entries.items(), key=lambda item: _ORDER.index(item[0].split(".")[0]))
     entries = [entry for _, section in sections for entry in section.items()]
@@ -265,12 +266,22 @@ def _propose_encoding(sources: Sequence[InputTable], draft: _Draft) -> str | Non
             if not start.startswith(_BYTE_ORDER_MARKS):
                 start.decode()
         except UnicodeDecodeError as error:
-            likely = dict.fromkeys(["cp1252", *(m.encoding for m in [*from_bytes(start)][:3])])
+            found: list[str] = [match.encoding for match in [*from_bytes(start)][:3]]
+            likely = [name for name in dict.fromkeys(["cp1252", *found]) if _can_read(start, name)]
+            likely = likely or ["latin-1"]
             line = start[start.rfind(b"\n", 0, error.start) + 1 :].splitlines()[0][:40]
             reads = [f'"{name}" reads {one_line(line.decode(name, "replace"))}' for name in likely]
             draft.ask("file", "encoding", reads="; ".join(reads))
-            return "cp1252"
+            return likely[0]
     return None
+
+
+def _can_read(data: bytes, encoding: str) -> bool:
+    try:
+        data.decode(encoding)
+    except UnicodeDecodeError:
+        return False
+    return True
 
 
 def _propose_rows(draft: _Draft) -> None:
@@ -341,8 +352,12 @@ def _propose_columns(draft: _Draft) -> None:
             texts = [word for word in draft.rows[ours].unique() if word]
             fault = ColumnMap().reader(ours).read(texts)
             if isinstance(fault, CellFault):
-                why = f"left out: it has a name of tactstrip, but {one_line(texts[fault.row])}"
-                draft.put("columns", ours, "", why)
+                unlike = one_line(texts[fault.row])
+            elif texts and ours in _KINDS and not _KINDS[ours](draft, ours):
+                unlike = f"{len(texts)} values"
+            else:
+                continue
+            draft.put("columns", ours, "", f"left out: it has a name of tactstrip, but {unlike}")
 
 
 def _propose_counts(draft: _Draft) -> bool:
@@ -400,10 +415,13 @@ def _propose_level(draft: _Draft, *, counted: bool) -> None:
     for word in draft.rows[level].unique():
         if is_silent[word] or (NUMBER.fullmatch(word) and not _CODE.fullmatch(word)):
             continue
-        if word in missing or _translate("side", word) == LEFT_RIGHT_BOTH.nothing:
+        # where blank trials have a level, a missing one may be unknown
+        is_blank = word in missing and silent not in is_silent
+        if is_blank or _translate("side", word) == LEFT_RIGHT_BOTH.nothing:
             draft.put("values.level_vpp", word, silent, "guess: a blank trial")
         else:
-            draft.ask("values.level_vpp", word, "level_word", silent=silent)
+            row = toml_entry(level, word)
+            draft.ask("values.level_vpp", word, "level_word", silent=silent, row=row)
 
 
 def _propose_axis(level: str, draft: _Draft) -> str:
@@ -417,7 +435,7 @@ def _propose_axis(level: str, draft: _Draft) -> str:
     silent = "-inf" if "axis" in draft.entries else "0"
     if not unit and plain.endswith("m") and max(numbers, default=1) < _MAX_METRES:
         draft.put("scale", "level_vpp", 1e6, "guess: the levels are metres")
-        unit = "um"
+        unit = "µm"
     if unit:
         draft.put("axis", "unit", unit, "guess, by the name")
     elif not plain.endswith("vpp"):  # V peak-to-peak need no unit
@@ -488,7 +506,7 @@ def _propose_words(ours: str, theirs: str, draft: _Draft) -> set[str]:
     numbers = draft.numbers(theirs)
     if len(numbers) > _MAX_WORDS and any(number % 1 for number in numbers):
         message = _LISTS["requests"]["settings"].format(name=one_line(theirs), n=len(numbers))
-        raise ResultFileError(draft.rows[FILE].iloc[0], None, message)
+        raise ResultFileError(draft.file, None, message)
     times = draft.matching("rt_s") if ours != "side" else []
     timed = draft.rows[_are_numbers(draft.rows[times[0]])] if times else draft.rows
     meanings: dict[str, str] = {}
@@ -520,7 +538,8 @@ def _propose_times(draft: _Draft) -> None:
             draft.put("values.rt_s", word, "n/a", "guess")
     middle = median(draft.numbers(times))
     if "time_elapsed" in draft.rows or middle > _MAX_MEDIAN_S:
-        draft.put("units", "rt_s", "ms", f"guess: jsPsych writes ms, or the median is {middle:g}")
+        why = f"the median is {middle:g}" if middle > _MAX_MEDIAN_S else "jsPsych writes ms"
+        draft.put("units", "rt_s", "ms", f"guess: {why}")
 
 
 def _propose_trial(draft: _Draft) -> None:
@@ -531,7 +550,7 @@ def _propose_trial(draft: _Draft) -> None:
     if numbering:
         draft.take("trial", numbering[0])
     elif names:
-        comment = "left out: the numbers repeat, so the order of the rows is used"
+        comment = "left out: the numbers repeat, so they show no order"
         draft.put("columns", "trial", "", comment)
 
 
@@ -551,7 +570,7 @@ def _is_named(name: str, ours: str) -> bool:
     if name.endswith("-"):
         return False
     if ours == "level_vpp":
-        *stem, unit = re.split("[^a-zµ]+", name.lower().rstrip(")]"))
+        *stem, unit = re.split("[^a-zμ]+", name.casefold().rstrip(")]"))
         if stem and unit in _LISTS["unit_endings"]:
             return True
     return any(plain in NAMES[ours] for plain in _plain_names(name))

@@ -84,8 +84,8 @@ _DECIMAL: Final = re.compile(r"\d+(\.0*)?", re.ASCII)
 _MIN_SAME_TRIALS: Final = 10
 _MIN_BLANKS, _MAX_FALSE_ALARMS = 10, 0.5
 _REPEATED: Final = (
-    '; where trials are numbered anew in each block, the map needs [columns] trial = "" (their '
-    f'order is taken); where files are sessions, session = "{FILE}", or participant = "{FILE}" '
+    '; where trials are numbered anew in each block, the map needs [columns] trial = ""; '
+    f'where files are sessions, session = "{FILE}", or participant = "{FILE}" '
     f"where they are of several people; [rows.skip] {FILE} leaves out a run that was begun anew"
 )
 NEVER_ANSWERED: Final = "never_answered"
@@ -135,7 +135,7 @@ class LoadedTrials:
     left_out_by : str
         The keys of the map that leave out rows and, of several, how many each.
     numbered : bool
-        Whether the tables number their trials, or else the order of their rows does.
+        Whether the tables number their trials; the order of their rows is no order of trials.
     side_told : bool
         Whether the tables have a side; false where a map states one for all rows.
 
@@ -313,7 +313,7 @@ def read_inputs(
         left_out=reader.left_out.total(),
         left_out_files=len(sources) - len(tables),
         left_out_by=left_out_by,
-        numbered=cells is not None or _are_trials_numbered(rows, column_map),
+        numbered=cells is not None or bool(rows["trial"].ne(UNNUMBERED).all()),
         side_told=cells is not None or not _has_one_site(trials, column_map),
     )
 
@@ -325,14 +325,6 @@ def _has_one_site(trials: pd.DataFrame, columns: ColumnMap) -> bool:
     sites = {*columns.values.get("side", {}).values()} - {NO_STIMULUS}  # noqa: PD011 (of a map)
     is_only = {*trials["side"].astype(object)} <= {*sites, NO_STIMULUS}
     return len(sites) == 1 and "response" not in columns.columns and is_only
-
-
-def _are_trials_numbered(rows: pd.DataFrame, columns: ColumnMap) -> bool:
-    """Return whether rows have numbers, or a map takes their order, and none is that of files."""
-    if rows["trial"].ne(UNNUMBERED).all():
-        return True
-    n_files = rows.groupby(["participant", "session"])["file"].nunique()
-    return columns.columns.get("trial") == "" and bool(n_files.eq(1).all())
 
 
 @contextmanager

@@ -175,7 +175,7 @@ def test_bookkeeping_of_a_staircase_is_no_condition(tmp_path: Path) -> None:
 
 REFUSED = [
     ("no-heading/no_heading.csv", "no_heading.csv:1: |numbers, not like a heading"),
-    ("settings-are-no-answers/adjust.csv", "response|40|settings"),
+    ("settings-are-no-answers/adjust.csv", "adjust.csv: |response|40|settings"),
     ("lines-before-the-heading/expyriment.xpd.csv", "the heading seems to be line 4"),
     ("lines-before-the-heading/eprime.txt", "the heading seems to be line 2"),
 ]

@@ -137,7 +137,7 @@ def test_blanks_of_amplitudes_are_drafted_as_well(tmp_path: Path, silent: str) -
 
 def test_levels_of_an_amplitude_are_not_taken_for_signed_by_a_code(tmp_path: Path) -> None:
     made = draft(put(tmp_path / "t.csv", one_place("-999", AMPLITUDES, "amp_um")))
-    assert made.map["axis"] == {"unit": "um"}
+    assert made.map["axis"] == {"unit": "µm"}
     assert made.fill_in == ["task", "-999", "side"]
 
 

@@ -254,6 +254,7 @@ def begun_again(folder: Path) -> Path:
         ({"rows": {"skip": {"file-": "p1_a"}}}, 16, True),
         ({"columns": {"session": "file-"}}, 18, True),
         ({"columns": {"trial": ""}}, 18, False),
+        ({"columns": {"trial": "", "session": "file-"}}, 18, False),  # rows show no order
     ],
 )
 def test_a_run_begun_anew_is_pooled_with_no_other(

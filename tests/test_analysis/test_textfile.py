@@ -140,6 +140,16 @@ def test_utf_16_without_a_mark_is_refused_and_proposed(tmp_path: Path, encoding:
     assert draft(table).map["file"]["encoding"] == encoding
 
 
+def test_a_table_in_an_encoding_of_two_bytes_is_proposed_as_it_reads(tmp_path: Path) -> None:
+    words = "被験者,試行,回答\n" + "太郎,1,はい\n花子,2,いいえ\n" * 20
+    table = tmp_path / "t.csv"
+    table.write_bytes(words.encode("shift_jis"))
+    made = draft(table)
+    assert made.fill_in[1] == "encoding"
+    assert '"cp932" reads 被験者,試行,回答' in made.text
+    assert "cp1252" not in made.text
+
+
 def test_an_encoding_is_stated_or_refused_with_its_line() -> None:
     raw = "a,b\n1,2\né,4\n".encode("cp1252")
     with pytest.raises(ResultFileError, match=r"t\.csv:3: .*0xe9"):
