@@ -6,8 +6,9 @@ terminal's cursor or wipe its lines. Printed raw, a folder's name could replace 
 
 from __future__ import annotations
 
+import sys
 import unicodedata
-from typing import Any, Final
+from typing import Any, Final, TextIO
 
 import click
 
@@ -72,8 +73,11 @@ def shortened(text: str) -> str:
     return text if len(text) <= MAX_SHOWN else f"{text[: MAX_SHOWN - 3]}..."
 
 
-def echo(*lines: object, err: bool = False, **style: Any) -> None:
-    """Print lines, escaped; `style` is as for `click.style` and has no effect in a pipe.
+def echo(*lines: object, err: bool = False, file: TextIO | None = None, **style: Any) -> None:
+    """Print lines, escaped, by default to stdout, with `err` to stderr.
+
+    Characters that the encoding of the stream lacks are escaped as well. `style` is as for
+    `click.style` and has no effect in a pipe.
 
     Examples
     --------
@@ -81,6 +85,8 @@ def echo(*lines: object, err: bool = False, **style: Any) -> None:
     done
     3
     """
+    stream = file or (sys.stderr if err else sys.stdout)
+    encoding = getattr(stream, "encoding", None) or "utf-8"
     for line in lines or ("",):
-        text = escaped(line)
-        click.echo(click.style(text, **style) if style else text, err=err)
+        text = escaped(line).encode(encoding, "backslashreplace").decode(encoding)
+        click.echo(click.style(text, **style) if style else text, file=file, err=err)

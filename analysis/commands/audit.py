@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io
 import json
-import sys
 import textwrap
 from typing import TYPE_CHECKING, Any, Final
 
@@ -91,14 +90,6 @@ def format_audit(report: dict[str, Any]) -> str:
     return text.render(report=report, max_counts=_MAX_COUNTS_LISTED)
 
 
-def _wrap_line(line: str) -> str:
-    """Wrap a line at 80 columns, and escape characters that the terminal cannot print."""
-    indent = " " * (len(line) - len(line.lstrip()) + 2)
-    encoding = getattr(sys.stdout, "encoding", None) or "utf-8"
-    printable = line.encode(encoding, "backslashreplace").decode(encoding)
-    return textwrap.fill(printable, _WIDTH, subsequent_indent=indent)
-
-
 @click.command(epilog="Example: tactstrip audit table.csv")
 @click.argument("table", metavar="TABLE.csv", type=PATH)
 @json_option
@@ -118,6 +109,7 @@ def audit(table: Path, *, as_json: bool) -> None:
         echo(json.dumps(report, allow_nan=False))
     else:
         for line in format_audit(report).split("\n"):
-            echo(*_wrap_line(line).split("\n"))
+            indent = " " * (len(line) - len(line.lstrip()) + 2)
+            echo(*textwrap.wrap(line, _WIDTH, subsequent_indent=indent))
     if not report["possible"]:
         click.get_current_context().exit(ANSWER_IS_NO)

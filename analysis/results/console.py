@@ -6,9 +6,9 @@ import textwrap
 from typing import TYPE_CHECKING, Final, TextIO
 
 from analysis.results.answer import AnswerRow, answer
-from analysis.results.rendering import phrase, plain
+from analysis.results.rendering import plain, short
 from analysis.results.tables import make_tables, result_rows
-from device.printing import escaped
+from device.printing import echo, escaped
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -100,12 +100,8 @@ def print_analysis(
         messages = [*(warning.message for warning in analysis.warnings), *remarks]
         lines += [""] * bool(messages)
         for number, message in enumerate(messages, start=1):
-            text = escaped(f"Warning {number}: {message}")
-            lines += textwrap.wrap(text, WIDTH, subsequent_indent="  ")
-    encoding = file.encoding or "utf-8"
-    for line in lines:
-        printable = line.rstrip().encode(encoding, "backslashreplace").decode(encoding)
-        print(printable, file=file)
+            lines += _wrap(escaped(f"Warning {number}: {message}"), "  ")
+    echo(*map(str.rstrip, lines), file=file)
 
 
 def _layout(rows: Sequence[AnswerRow], whole: Sequence[str] | None = None) -> list[str]:
@@ -113,7 +109,9 @@ def _layout(rows: Sequence[AnswerRow], whole: Sequence[str] | None = None) -> li
 
     Where `whole` is not None, lines of other kinds are cut.
     """
-    names = [_names(row) for row in rows]
+    names = [
+        " - ".join(short(name, _MAX_NAME[len(row.names)]) for name in row.names) for row in rows
+    ]
     column = min(max(map(len, names), default=0), _NAME)
     lines, before = [], ""
     for row, name in zip(rows, names, strict=True):
@@ -125,55 +123,37 @@ def _layout(rows: Sequence[AnswerRow], whole: Sequence[str] | None = None) -> li
     return lines
 
 
-def _wrap(line: str, indent: str, *, cut: bool) -> list[str]:
+def _wrap(line: str, indent: str, *, cut: bool = False) -> list[str]:
     """Break a long line at words, or cut it."""
     if cut:
         return [line if len(line) <= WIDTH else f"{line[: WIDTH - 1]}…"]
     return textwrap.wrap(line, WIDTH, subsequent_indent=indent, break_on_hyphens=False)
 
 
-def _names(row: AnswerRow) -> str:
-    """Return the name of a condition, or of a pair, cut to its width."""
-    most = _MAX_NAME.get(len(row.names), 0)
-    half = most // 2  # names often differ at their ends
-    cut = [
-        name if len(name) <= most else f"{name[: most - half - 1]}…{name[-half:]}"
-        for name in row.names
-    ]
-    return " - ".join(cut)
-
-
 def _warning_lines(analysis: Analysis, remarks: Sequence[str], room: int) -> list[str]:
     """Return the warnings, a line for each code with the numbers that they have in the report."""
     numbers: dict[str, list[int]] = {}
-    texts = [*(warning.code.text for warning in analysis.warnings), *map(escaped, remarks)]
+    texts = [*(warning.code.text for warning in analysis.warnings), *remarks]
     for number, text in enumerate(texts, start=1):
         numbers.setdefault(text, []).append(number)
     rows = [
-        f"{'-'.join(dict.fromkeys((str(of[0]), str(of[-1]))))}  {text}"
+        AnswerRow(
+            kind="warnings", names=("-".join(dict.fromkeys(map(str, (of[0], of[-1])))),), text=text
+        )
         for text, of in numbers.items()
     ]
     if len(rows) > room:
         hidden = sum(map(len, [*numbers.values()][room - 1 :]))
-        rows = [*rows[: room - 1], f"{hidden} more, listed with --details"]
-    label = phrase("warnings", "answer")
-    lines = [f"{'' if n else label:<{_LABEL}}  {row}" for n, row in enumerate(rows or ["none"])]
-    for cut in (False, True):
-        wrapped = [part for line in lines for part in _wrap(line, " " * (_LABEL + 5), cut=cut)]
-        if len(wrapped) <= room:
-            break
-    return wrapped
+        more = AnswerRow(kind="warnings", text=f"{hidden} more, listed with --details")
+        rows = [*rows[: room - 1], more]
+    rows = rows or [AnswerRow(kind="warnings", text="none")]
+    lines = _layout(rows)
+    return lines if len(lines) <= room else _layout(rows, whole=())
 
 
 def _table_lines(table: Table) -> list[str]:
     """Lay out a table in columns: the first to the left, the others to the right."""
     rows = [[escaped(plain(str(cell))) for cell in row] for row in (table.header, *table.rows)]
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    lines = [escaped(plain(table.caption))]
-    for row in rows:
-        first, *others = (
-            cell.ljust(width) if n == 0 else cell.rjust(width)
-            for n, (cell, width) in enumerate(zip(row, widths, strict=True))
-        )
-        lines.append("  ".join([first, *others]))
-    return lines
+    cells = ([row[0].ljust(widths[0]), *map(str.rjust, row[1:], widths[1:])] for row in rows)
+    return [escaped(plain(table.caption)), *map("  ".join, cells)]

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import base64
 import math
+import re
 import tomllib
 from functools import cache
 from importlib.resources import files
@@ -42,6 +43,18 @@ def plain(text: str) -> str:
     'in condition main'
     """
     return text.replace(_ISOLATE, "").replace(_END, "")
+
+
+def short(name: str, max_letters: int = 14) -> str:
+    """Cut the middle out of a name that is too long for a label: names often differ at their ends.
+
+    >>> short("S01"), short("S" * 64), short("S1<U+200F>S2<U+200F>")
+    ('S01', 'SSSSSSS…SSSSSS', 'S1…S2…')
+    """
+    if len(name) > max_letters:
+        name = re.sub(r"<U\+[0-9A-F]+>", "…", name)  # an escape is not cut into halves
+    end = (max_letters - 1) // 2
+    return name if len(name) <= max_letters else f"{name[: max_letters - end - 1]}…{name[-end:]}"
 
 
 def list_names(names: Sequence[object]) -> str:
@@ -106,10 +119,6 @@ def phrase(code: str, section: str) -> str:
     return str(phrases()[section][code])
 
 
-def _base64(content: bytes) -> str:
-    return base64.b64encode(content).decode("ascii")
-
-
 _FILTERS: Final[Mapping[str, Callable[..., Any]]] = {
     "percent": percent,
     "p_value": p_value,
@@ -123,7 +132,7 @@ _FILTERS: Final[Mapping[str, Callable[..., Any]]] = {
     "isolate": isolate,
     "list_names": list_names,
     "count": count_noun,
-    "base64": _base64,
+    "base64": lambda content: base64.b64encode(content).decode("ascii"),
     "mm": lambda length_m: f"{length_m * 1e3:g}",
 }
 

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from analysis.results.figures.axes import figure_of, text_em
-from analysis.results.figures.drawing import DEFAULT_STYLE, lay_out, short
+from analysis.results.figures.drawing import DEFAULT_STYLE, lay_out
+from analysis.results.rendering import short
 from experiment.rows import RESPONSES
 
 if TYPE_CHECKING:

@@ -17,8 +17,8 @@ from analysis.results.figures.drawing import (
     draw_points,
     each_condition,
     level_panels,
-    short,
 )
+from analysis.results.rendering import short
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

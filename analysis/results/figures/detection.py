@@ -26,9 +26,9 @@ from analysis.results.figures.drawing import (
     each_condition,
     handle,
     level_panels,
-    short,
 )
 from analysis.results.findings import estimates
+from analysis.results.rendering import short
 from analysis.thresholds.fit import WITH_THRESHOLD
 
 if TYPE_CHECKING:

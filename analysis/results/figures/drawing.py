@@ -7,7 +7,6 @@ a figure is drawn once: a layout engine draws it to measure it, and takes up to 
 from __future__ import annotations
 
 import io
-import re
 import warnings
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
@@ -60,7 +59,6 @@ GREY: Final = "#595959"
 MAX_LEGEND_ENTRIES: Final = 3
 _MIN_WIDTH_MM, _MAX_WIDTH_MM = 60.0, 400.0
 _SHEET: Final = Path(__file__).with_name("tactstrip.mplstyle")
-_MAX_NAME_LETTERS: Final = 14
 _LINE_EM: Final = 1.3
 _X_LABEL_EM, _Y_LABEL_EM = 1.7, 1.0  # from an axis, and from its tick labels, to its name
 _BOTTOM_EM, _RIGHT_EM, _EDGE_EM = 3.4, 0.8, 0.4
@@ -289,18 +287,6 @@ def _within(axes: Axes, x: float, y: float) -> tuple[float, float]:
     """Return a place of the figure in the coordinates of axes, with which it moves."""
     box = axes.get_position()
     return (x - box.x0) / box.width, (y - box.y0) / box.height
-
-
-def short(name: str) -> str:
-    """Cut the middle out of a name that is too long for a label.
-
-    >>> short("S01"), short("S" * 64), short("S1<U+200F>S2<U+200F>")
-    ('S01', 'SSSSSSS…SSSSSS', 'S1…S2…')
-    """
-    if len(name) > _MAX_NAME_LETTERS:
-        name = re.sub(r"<U\+[0-9A-F]+>", "…", name)  # an escape is not cut into halves
-    half = _MAX_NAME_LETTERS // 2
-    return name if len(name) <= _MAX_NAME_LETTERS else f"{name[:half]}…{name[1 - half :]}"
 
 
 def handle(look: Look, label: str, **changed: Any) -> Artist:

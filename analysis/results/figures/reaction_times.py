@@ -13,8 +13,8 @@ from analysis.results.figures.drawing import (
     draw_points,
     handle,
     level_panels,
-    short,
 )
+from analysis.results.rendering import short
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -18,8 +18,8 @@ from analysis.results.figures.drawing import (
     draw_points,
     lay_out,
     name_axes,
-    short,
 )
+from analysis.results.rendering import short
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
