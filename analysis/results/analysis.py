@@ -17,6 +17,7 @@ from analysis.reading.session import contacts
 from analysis.reading.text import ResultFileError
 from analysis.reading.trials import counts_of, without_device
 from analysis.results.findings import ALPHA
+from analysis.results.protocol import read_studies
 from analysis.results.rendering import sentence
 from analysis.results.warnings import find_warnings
 from analysis.thresholds.band import group_bands
@@ -38,6 +39,7 @@ if TYPE_CHECKING:
     from analysis.codes import AnalysisWarning
     from analysis.counts.checks import FailedCheck
     from analysis.reading.trials import Counts, LoadedTrials
+    from analysis.results.protocol import Planned
     from analysis.thresholds.people import PersonCounts
 
 
@@ -139,6 +141,11 @@ class Analysis:
     def warnings(self) -> tuple[AnalysisWarning, ...]:
         """What the reader of a result should look at."""
         return tuple(find_warnings(self))
+
+    @cached_property
+    def plans(self) -> Planned:
+        """The studies in the plans beside the tables."""
+        return read_studies(self.loaded.progress)
 
     @property
     def contacts(self) -> Mapping[str, tuple[str, ...]]:
@@ -289,12 +296,9 @@ def analyse(
 def _require_real(trials: pd.DataFrame) -> None:
     """Refuse simulated trials beside real ones, and people on a device that moves nothing."""
     is_simulated = trials["simulated"]
-    refused = {
-        "a simulated trial, and others are real": is_simulated & (not is_simulated.all()),
-        "a trial of a person on a device that moves nothing": without_device(trials),
-    }
-    for message, is_refused in refused.items():
-        if is_refused.any():
-            trial = trials[is_refused].iloc[0]
-            text = f"{message}; --allow-simulated accepts it"
-            raise ResultFileError(trial["file"], int(trial["line"]), text)
+    for message, is_refused in (
+        ("a simulated trial, and others are real", is_simulated & (not is_simulated.all())),
+        ("a trial of a person on a device that moves nothing", without_device(trials)),
+    ):
+        for file, line in trials.loc[is_refused, ["file", "line"]].head(1).to_numpy():
+            raise ResultFileError(file, int(line), f"{message}; --allow-simulated accepts it")

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from itertools import groupby
+from operator import itemgetter
 from typing import TYPE_CHECKING, Final
 
 from analysis.reading.columns import FORCED
@@ -16,6 +18,7 @@ from analysis.results.findings import (
     left_out,
     records,
     side_estimates,
+    sides_that_differ,
 )
 from analysis.results.rendering import phrase, sentence
 
@@ -71,14 +74,12 @@ def _named(analysis: Analysis, condition: str) -> tuple[str, ...]:
 
 
 def _sides(analysis: Analysis, *, brief: bool) -> Iterator[AnswerRow]:
-    rows = side_estimates(analysis)
-    conditions = [*dict.fromkeys(row["condition"] for row in rows)]
+    conditions = sides_that_differ(analysis)
     if len(conditions) > MAX_CONDITIONS:
         yield _row("side", "sides_of_many", number=len(conditions))
         return
-    for condition in conditions:
-        sides = [row for row in rows if row["condition"] == condition]
-        yield _row("side", names=_named(analysis, condition), sides=sides, brief=brief)
+    for condition, sides in groupby(side_estimates(analysis), itemgetter("condition")):
+        yield _row("side", names=_named(analysis, condition), sides=[*sides], brief=brief)
 
 
 def _thresholds(analysis: Analysis, *, brief: bool) -> Iterator[AnswerRow]:
@@ -91,11 +92,9 @@ def _thresholds(analysis: Analysis, *, brief: bool) -> Iterator[AnswerRow]:
         ends = [*inside["short"].iloc[[0, -1]]] if len(inside) else []
         yield _row("threshold", "thresholds_of_many", number=len(table), ends=ends)
     else:
-        counts = analysis.counts
-        kind = "simulated " if counts.simulated == counts.trials else "simulated or real "
         for row in records(table):
             names = _named(analysis, row["condition"])
-            yield _row("threshold", names=names, e=row, simulated=kind if counts.simulated else "")
+            yield _row("threshold", names=names, e=row, counts=analysis.counts)
         trials = analysis.trials
         silent = {*trials.loc[trials["reason"].eq(NEVER_ANSWERED), "condition"]}
         for condition in sorted(silent - {*table["condition"]})[:1]:
@@ -108,9 +107,9 @@ def _thresholds(analysis: Analysis, *, brief: bool) -> Iterator[AnswerRow]:
 def _differences(analysis: Analysis, *, brief: bool) -> Iterator[AnswerRow]:
     pairs = differences(analysis)
     if len(pairs) > (1 if brief else MAX_ITEMS):
-        apart = sum(pair["apart"] for pair in pairs)
-        yield _row("difference", "differences_of_many", number=len(pairs), apart=apart)
-    for pair in pairs if len(pairs) <= (1 if brief else MAX_ITEMS) else ():
+        yield _row("difference", "differences_of_many", pairs=pairs)
+        return
+    for pair in pairs:
         names = (pair["condition_b"], pair["condition_a"])
         yield _row("difference", names=names, d=pair, short=brief or len(pairs) > 1)
     if not pairs and len(analysis.groups) > 1:
@@ -118,22 +117,18 @@ def _differences(analysis: Analysis, *, brief: bool) -> Iterator[AnswerRow]:
 
 
 def _false_alarms(analysis: Analysis) -> AnswerRow:
-    rates, trials = false_alarms(analysis), analysis.trials
-    if not rates:
-        reason = "none"
-        if analysis.detected_any is None:
-            offered = trials.loc[trials["reason"].eq(""), "none_offered"].fillna(value=False)
-            is_forced = analysis.loaded.task == FORCED or not offered.any()
-            reason = "forced" if is_forced else "in part"
-        elif trials["kind"].eq("blank").any():
-            reason = "uncounted"
-        return _row("false_alarms", "false_alarms_missing", reason=reason)
-    if len(rates) > MAX_ITEMS:
-        shares = [rate["p"] for rate in rates]
-        return _row("false_alarms", "false_alarms_of_many", low=min(shares), high=max(shares))
-    p = [pair["false_alarm_p"] for pair in differences(analysis)]
-    is_tested = len(p) == 1 and not math.isnan(p[0])
-    return _row("false_alarms", rates=rates, p=p[0] if is_tested else None, alpha=ALPHA)
+    trials, p = analysis.trials, [pair["false_alarm_p"] for pair in differences(analysis)]
+    offered = trials.loc[trials["reason"].eq(""), "none_offered"].fillna(value=False)
+    return _row(
+        "false_alarms",
+        rates=false_alarms(analysis),
+        max_rates=MAX_ITEMS,
+        p=p[0] if len(p) == 1 and not math.isnan(p[0]) else None,
+        alpha=ALPHA,
+        none_offered=analysis.detected_any is not None,
+        forced=analysis.loaded.task == FORCED or not offered.any(),
+        has_blanks=trials["kind"].eq("blank").any(),
+    )
 
 
 def _left_out(analysis: Analysis) -> AnswerRow:

@@ -199,13 +199,12 @@ def _contents(analysis: Analysis, style: Style | None) -> Iterator[tuple[str, by
             text = csv_text(reported_columns(_marked(table, marks), analysis))
             yield f"{name}.csv", text.encode()
     for picture in drawn:
-        for ending in ("png", "svg", "pdf"):
-            if content := getattr(picture, ending):
-                yield f"{picture.name}.{ending}", content
+        for ending, content in picture.files.items():
+            yield f"{picture.name}.{ending}", content
     caption = next((picture.caption for picture in drawn if picture.figure == "detection"), "")
-    methods = methods_of(analysis, caption=caption)
+    methods = methods_of(analysis)
     yield COLUMNS, columns_text(analysis).encode()
-    yield METHODS, methods.text.encode()
+    yield METHODS, methods.text(caption).encode()
     yield REPORT, report_html(analysis, drawn, methods).encode()
 
 

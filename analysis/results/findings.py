@@ -14,7 +14,6 @@ import pandas as pd
 from analysis.numbers import (
     TOTAL,
     alike,
-    alone,
     bounded,
     decimals,
     rounded,
@@ -135,8 +134,8 @@ def _fingertips(
 ) -> tuple[str, str]:
     """Return a threshold in micrometres, by side where they differ, and the basis of it.
 
-    Empty unless the displacement per volt is the same of all. An open limit is the end of the
-    tested levels, as in volts. A threshold outside them has none.
+    Empty unless the displacement per volt is the same of all. A threshold outside the tested levels
+    has none.
     """
     per_volt, basis = group_per_volt(people) if row["status"] in WITH_THRESHOLD else ({}, "")
     sides = {f"{side} ": um for side, um in per_volt.items() if um > 0}
@@ -144,12 +143,11 @@ def _fingertips(
     if len(values) == len(SITE_COLUMNS) and max(values) - min(values) <= SAME_RATIO * max(values):
         sides = {"": sum(values) / len(values)}
     low, high = _limits(row, "threshold_{}_vpp")
-    signs = "< " * (low == -math.inf), "> " * (high == math.inf)
-    limits = max(low, levels.min()) if signs[0] else low, levels.max() if signs[1] else high
     texts = []
     for side, um in sides.items():
-        ends = [sign + alone(um * end, "").strip() for sign, end in zip(signs, limits, strict=True)]
-        texts.append(f"{side}{alone(um * row['threshold_vpp'], 'µm')} ({ends[0]} to {ends[1]})")
+        at, tested_um = um * row["threshold_vpp"], [float(f"{um * level:.3g}") for level in levels]
+        text = with_limits(at, um * low, um * high, "µm", tested_um, spread=at / 10)
+        texts.append(f"{side}{text}")
     return ", ".join(texts), basis if texts else ""
 
 
@@ -160,13 +158,10 @@ def sides_that_differ(analysis: Analysis) -> list[dict[str, Any]]:
 
 def side_estimates(analysis: Analysis) -> list[dict[str, Any]]:
     """Return the threshold of each side with its texts, of the conditions in which sides differ."""
-    table = analysis.side_groups
     return [
         row
-        for condition in (each["condition"] for each in sides_that_differ(analysis) if len(table))
-        for row in records(
-            with_texts(table[table["condition"].eq(condition)], analysis.levels, analysis.axis)
-        )
+        for _, rows in analysis.side_groups.groupby("condition", sort=False)
+        for row in records(with_texts(rows, analysis.levels, analysis.axis))
     ]
 
 

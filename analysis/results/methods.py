@@ -17,7 +17,6 @@ from analysis.results.findings import (
     records,
     sides_that_differ,
 )
-from analysis.results.protocol import planned
 from analysis.results.rendering import phrases, plain, template
 from analysis.results.summary import versions
 from analysis.results.warnings import MISFIT_P, misfits_of
@@ -27,7 +26,6 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from analysis.results.analysis import Analysis
-    from analysis.results.protocol import Planned
 
 
 MAX_SHARE_OF_OTHERS: Final = 0.25
@@ -44,20 +42,17 @@ class Methods:
     paragraphs: tuple[str, ...]
     supplement: tuple[str, ...]
     references: tuple[str, ...]
-    caption: str = ""
 
-    @property
-    def text(self) -> str:
-        """All of it as plain text, a line for each paragraph."""
+    def text(self, caption: str = "") -> str:
+        """Return all of it as plain text, with the caption of a figure; a line a paragraph."""
         cited = [f"[{at}] {reference}" for at, reference in enumerate(self.references, start=1)]
         head = phrases()["methods"]["supplement"]
-        parts = [*self.paragraphs, self.caption, head, *self.supplement, "\n".join(cited)]
+        parts = [*self.paragraphs, caption, head, *self.supplement, "\n".join(cited)]
         return plain("\n\n".join(filter(None, parts))) + "\n"
 
 
-def methods_of(analysis: Analysis, plans: Planned | None = None, *, caption: str = "") -> Methods:
-    """Write the methods of an analysis; `plans` are `planned` of it, `caption` the figure's."""
-    plans = planned(analysis) if plans is None else plans
+def methods_of(analysis: Analysis) -> Methods:
+    """Write the methods of an analysis."""
     cited: list[str] = []
 
     def cite(key: str) -> str:
@@ -65,7 +60,7 @@ def methods_of(analysis: Analysis, plans: Planned | None = None, *, caption: str
             cited.append(key)
         return f"[{cited.index(key) + 1}]"
 
-    data = _data(analysis, plans) | {"cite": cite}
+    data = _data(analysis) | {"cite": cite}
     texts = [
         tuple(
             joined
@@ -80,11 +75,10 @@ def methods_of(analysis: Analysis, plans: Planned | None = None, *, caption: str
         paragraphs=texts[0],
         supplement=texts[1],
         references=tuple(references[key] for key in cited),
-        caption=caption,
     )
 
 
-def _data(analysis: Analysis, plans: Planned) -> dict[str, Any]:
+def _data(analysis: Analysis) -> dict[str, Any]:
     """Return what both templates state."""
     table, pairs = analysis.thresholds, differences(analysis)
     people = analysis.participants
@@ -92,7 +86,7 @@ def _data(analysis: Analysis, plans: Planned) -> dict[str, Any]:
     rates = table.groupby(table["guess_basis"].replace("few blanks", "blanks"))["guess_rate"]
     return {
         "analysis": analysis,
-        "studies": plans.studies,
+        "studies": [*analysis.plans.studies.values()],
         "task": task or ("unknown" if analysis.detected_any is None else "sites"),
         "conditions": [*map(str, people["condition"].unique())],
         "levels": _span(people.groupby(["condition", "participant"])["level_vpp"].nunique()),

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass
 from operator import attrgetter
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 import pandas as pd
 
@@ -13,8 +12,9 @@ from analysis.results.rendering import phrases, sentence
 from experiment.study.base import format_value
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Iterable, Mapping
 
+    from analysis.reading.session import SessionProgress
     from analysis.results.analysis import Analysis
     from experiment.rows import MeasuredRow
     from experiment.study.study import Study
@@ -24,57 +24,55 @@ _MEASURED: Final = ("condition", "tap", "unit", "burst_verified", "noted", "late
 _PEAKS: Final = ("planned_left", "planned_right", "peak_left", "peak_right")
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Planned:
-    """The different studies of the plans, with the keys that their files set.
+class Planned(NamedTuple):
+    """The different studies of plans, each by its text and the keys that its file sets.
 
-    `faults` are plans that cannot be read.
+    `faults` say why other plans cannot be read.
     """
 
-    studies: tuple[Study, ...]
-    keys_set: tuple[tuple[str, ...], ...]
-    faults: tuple[str, ...]
+    studies: dict[tuple[str, tuple[str, ...]], Study]
+    faults: list[str]
 
 
-def planned(analysis: Analysis) -> Planned:
-    """Read the studies in the plans beside the tables."""
+def read_studies(sessions: Iterable[SessionProgress]) -> Planned:
+    """Read the studies in the plans of sessions."""
     from experiment.study.files import study_from_canonical
 
-    studies: dict[tuple[str, tuple[str, ...]], Study] = {}
-    faults: dict[str, None] = {}
-    for text, keys in dict.fromkeys((s.study, s.keys_set) for s in analysis.loaded.progress):
+    plans = Planned({}, [])
+    for text, keys in dict.fromkeys((session.study, session.keys_set) for session in sessions):
         try:
-            studies[text, keys] = study_from_canonical(text)
+            plans.studies[text, keys] = study_from_canonical(text)
         except ValueError as error:
-            faults[str(error)] = None
-    keys_set = tuple(keys for _, keys in studies)
-    return Planned(studies=(*studies.values(),), keys_set=keys_set, faults=(*faults,))
+            plans.faults.append(str(error))
+    return plans
 
 
-def protocol_rows(analysis: Analysis, plans: Planned) -> dict[str, pd.DataFrame]:
+def protocol_rows(analysis: Analysis) -> dict[str, pd.DataFrame]:
     """Return the rows of the tables of protocol and sources, by their names in tables.toml."""
     files = [{"name": file.name, "sha256": file.sha256} for file in analysis.loaded.inputs]
     return {
-        "protocol": _quantities(analysis, plans),
+        "protocol": _quantities(analysis),
         "measured": measured_bursts(row for s in analysis.loaded.progress for row in s.measured),
-        "keys": _keys(plans),
+        "keys": _keys(analysis.plans.studies),
         "files": pd.DataFrame(files),
     }
 
 
-def _quantities(analysis: Analysis, plans: Planned) -> pd.DataFrame:
+def _quantities(analysis: Analysis) -> pd.DataFrame:
     """Return quantities of the study with their values; several where sessions differ."""
     values = [
         (quantity, sentence("study.jinja", key, study=study))
         for key, quantity in phrases()["protocol"].items()
-        for study in plans.studies
+        for study in analysis.plans.studies.values()
     ]
-    summaries = analysis.contacts
-    if plans.studies or {*summaries} - {"not stated"}:
-        several = len(summaries) > 1
+    contacts = analysis.contacts
+    if analysis.plans.studies or {*contacts} - {"not stated"}:
         values += [
-            ("Force and contact of the fingers", f"{text}: {', '.join(who)}" if several else text)
-            for text, who in summaries.items()
+            (
+                "Force and contact of the fingers",
+                f"{text}: {', '.join(who)}" if len(contacts) > 1 else text,
+            )
+            for text, who in contacts.items()
         ]
     return pd.DataFrame([*dict.fromkeys(values)], columns=["quantity", "value"])
 
@@ -106,10 +104,10 @@ def measured_bursts(rows: Iterable[MeasuredRow]) -> pd.DataFrame:
     return groups["peak"].agg(["median", "min", "max"]).assign(**counts).reset_index()
 
 
-def _keys(plans: Planned) -> pd.DataFrame:
+def _keys(studies: Mapping[tuple[str, tuple[str, ...]], Study]) -> pd.DataFrame:
     """Return the keys that study files set, with values and sources."""
     rows = []
-    for study, keys in zip(plans.studies, plans.keys_set, strict=True):
+    for (_, keys), study in studies.items():
         values = json.loads(study.canonical)
         for path in keys:
             section, key = path.rsplit(".", 1)

@@ -11,8 +11,7 @@ import pandas as pd
 
 from analysis.results.answer import answer
 from analysis.results.findings import sides_that_differ
-from analysis.results.methods import methods_of
-from analysis.results.protocol import planned, protocol_rows
+from analysis.results.protocol import protocol_rows
 from analysis.results.rendering import phrases, read_text, template
 from analysis.results.summary import devices
 from analysis.results.tables import make_tables, result_rows
@@ -20,7 +19,7 @@ from experiment.archive.files import HEADER
 from experiment.rows import NOT_AVAILABLE
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Iterable
 
     from analysis.results.analysis import Analysis
     from analysis.results.figures.figures import Picture
@@ -33,17 +32,14 @@ MAX_LETTERS: Final = 30
 """Letters of a cell that is not wrapped."""
 
 
-def report_html(
-    analysis: Analysis, pictures: Iterable[Picture], methods: Methods | None = None
-) -> str:
+def report_html(analysis: Analysis, pictures: Iterable[Picture], methods: Methods) -> str:
     """Write the report: a page without script or request, the same for the same data."""
     style = read_text("report.css")
     digest = base64.b64encode(hashlib.sha256(style.encode()).digest()).decode("ascii")
-    plans = planned(analysis)
     drawn: dict[str, list[Picture]] = {}
     for picture in pictures:
         drawn.setdefault(picture.figure, []).append(picture)
-    rows = result_rows(analysis) | protocol_rows(analysis, plans)
+    rows = result_rows(analysis) | protocol_rows(analysis)
     sides_differ = bool(sides_that_differ(analysis))
     if not sides_differ:
         rows["sides"] = pd.DataFrame()  # sides.csv has them
@@ -65,7 +61,7 @@ def report_html(
     kinds = devices(analysis.trials)
     return template("report.html.jinja").render(
         analysis=analysis,
-        title=title_of(analysis, [study.name for study in plans.studies]),
+        title=title_of(analysis),
         date=date_of(analysis),
         style=style,
         policy=f"default-src 'none'; img-src data:; style-src 'sha256-{digest}'; "
@@ -74,18 +70,18 @@ def report_html(
         first=drawn.pop("detection", []),
         sides_differ=sides_differ,
         sections=[section for section in sections if section["tables"] or section["pictures"]],
-        methods=methods or methods_of(analysis, plans),
-        faults=plans.faults,
+        methods=methods,
+        faults=analysis.plans.faults,
         kinds=kinds if {*kinds} - {NOT_AVAILABLE} else {},
         max_rows=MAX_ROWS,
         max_letters=MAX_LETTERS,
     )
 
 
-def title_of(analysis: Analysis, studies: Sequence[str]) -> str:
+def title_of(analysis: Analysis) -> str:
     """Return the name of the study, or of the first file and how many there are besides."""
-    if studies:
-        return ", ".join(dict.fromkeys(studies))
+    if studies := analysis.plans.studies.values():
+        return ", ".join(dict.fromkeys(study.name for study in studies))
     names = [path.name for path in analysis.loaded.paths]
     more = len(names) - 1
     return f"{names[0]} and {more} more" if more else names[0]

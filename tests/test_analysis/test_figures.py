@@ -294,10 +294,10 @@ def test_any_name_and_the_users_settings_leave_no_warning_and_no_trace(
     analysed: Analysed, name: str
 ) -> None:
     analysis = analysed(group(2, ("main", name), name=name))
-    first = {each.name: (each.png, each.svg) for each in pictures(analysis)}
-    assert all(len(file) > 1000 for files in first.values() for file in files)
+    first = {each.name: each.files for each in pictures(analysis)}
+    assert all(len(file) > 1000 for files in first.values() for file in files.values())
     with mpl.rc_context({"font.size": 30.0, "axes.facecolor": "red"}):
-        again = {each.name: (each.png, each.svg) for each in pictures(analysis)}
+        again = {each.name: each.files for each in pictures(analysis)}
         assert mpl.rcParams["font.size"] == 30.0
     assert again == first
 
@@ -308,7 +308,8 @@ def test_the_same_data_give_the_same_bytes_of_every_figure(analysed: Analysed) -
     first = [*pictures(analysis, Style(pdf=True))]
     assert [each.figure for each in first] == [*FIGURES]
     assert first == [*pictures(analysis, Style(pdf=True))]
-    assert all(each.pdf.startswith(b"%PDF") and b"CreationDate" not in each.pdf for each in first)
+    pdfs = [each.files["pdf"] for each in first]
+    assert all(pdf.startswith(b"%PDF") and b"CreationDate" not in pdf for pdf in pdfs)
 
 
 @pytest.mark.slow

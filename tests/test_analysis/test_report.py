@@ -237,7 +237,7 @@ def test_methods_have_the_numbers_of_design_and_counts_and_cite_in_order(tmp_pat
     methods = methods_of(of(tmp_path))
     short = numbers(methods.paragraphs[0])
     assert {2, 5, 1, 6.3, 20, 4} <= {*short}  # levels and their ends, trials, rows left out
-    values = {*numbers(methods.text)}
+    values = {*numbers(methods.text())}
     assert {5.0, 0.071, 12, 0.01, 95} <= values  # guess rate, priors, fit
     cited = re.findall(r"\[(\d+)\]", " ".join([*methods.paragraphs, *methods.supplement]))
     assert 120 <= len(" ".join(methods.paragraphs).split()) <= 300

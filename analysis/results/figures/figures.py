@@ -57,7 +57,8 @@ class Picture:
 
     `figure` is its name in `FIGURES`, `name` that of its files: ``participants``,
     ``participants-2``. `caption` has at most three sentences, `alt` describes what is to be seen.
-    `draw` takes a style. The files are empty until it is drawn; `pdf` is unless the style has it.
+    `draw` takes a style. `files` are empty until it is drawn: png, svg and, if the style says so,
+    pdf.
     """
 
     figure: str
@@ -66,16 +67,13 @@ class Picture:
     caption: str
     alt: str
     draw: Callable[..., Figure] = field(compare=False)
-    png: bytes = b""
-    svg: bytes = b""
-    pdf: bytes = b""
+    files: Mapping[str, bytes] = field(default_factory=dict)
 
 
 def pictures(analysis: Analysis, style: Style = DEFAULT_STYLE) -> Iterator[Picture]:
     """Draw the figures for which an analysis has data, in the order of `FIGURES`."""
     for picture in drawings(analysis):
-        files: dict[str, Any] = {**render(partial(picture.draw, style=style), style)}
-        yield replace(picture, **files)
+        yield replace(picture, files=render(partial(picture.draw, style=style), style))
 
 
 def drawings(analysis: Analysis) -> Iterator[Picture]:
