@@ -17,8 +17,7 @@ from analysis.counts.intervals import group_interval, proportion_ci
 from analysis.numbers import METHODS
 from analysis.thresholds.fit import BOUNDED, WITH_THRESHOLD, fit_many
 from analysis.thresholds.guess import GuessRate
-from analysis.thresholds.likelihood import STANDARD, Nodes, likelihoods
-from analysis.thresholds.tables import Tables
+from analysis.thresholds.likelihood import STANDARD, Nodes, Tables, likelihoods
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -101,7 +100,7 @@ class Scenario:
     def tables(self, counts: Floats) -> Tables:
         """Return counts as they are fitted."""
         return Tables(
-            x=np.broadcast_to(self.x, counts.shape),
+            levels=np.broadcast_to(self.levels_vpp, counts.shape),
             detected=counts,
             presented=np.full(counts.shape, float(self.presented)),
             guesses=[GuessRate(mean=self.guess_rate)] * len(counts),
@@ -268,7 +267,7 @@ def _fits(scenario: Scenario, counts: Floats) -> tuple[PsychometricFit, ...]:
 
 def require_within(fits: tuple[PsychometricFit, ...], scenario: Scenario) -> None:
     """Stop where a number that is told lies outside the levels."""
-    low, high = scenario.x[0], scenario.x[-1]
+    low, high = scenario.levels_vpp[0] * (1 - 1e-12), scenario.levels_vpp[-1] * (1 + 1e-12)
     told = np.array([(fit.threshold, *fit.threshold_limits) for fit in fits]).ravel()
     told = told[np.isfinite(told)]
     if ((told < low) | (told > high)).any():
@@ -287,8 +286,7 @@ def below_words() -> Iterator[str]:
             shares.append(
                 np.mean(
                     [
-                        fit.status in BOUNDED
-                        and fit.threshold_limits[1] <= math.log10(PAPER[0]) + 1e-9
+                        fit.status in BOUNDED and fit.threshold_limits[1] <= PAPER[0] * (1 + 1e-9)
                         for fit in fits
                     ]
                 )

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from analysis.thresholds.function import MAX_LAPSE, SIGMA_FACTOR, SIGMA_MEDIAN
-from analysis.thresholds.group import MIDDLE, OMEGA_SCALE, SPREAD, SPREAD_SCALE, group_posterior
+from analysis.thresholds.group import MIDDLE, OMEGA_SCALE, SPREAD, SPREAD_SCALE, posterior_of
 from analysis.thresholds.likelihood import POINTS
 from benchmarks.calibration import CENTRED, PAPER
 from benchmarks.groups import TRUTH_DB, People
@@ -80,8 +80,8 @@ def rows() -> Iterator[str]:
         people = People(number=number, levels_vpp=levels, between_db=spread_db)
         rng = people.generator()
         counts = people.answers(rng, TRUTH_DB + people.offsets_db(rng, 1))
-        (found,) = people.likelihoods(counts)
-        grid = group_posterior(found, people.prior())
+        (tables,) = people.studies(counts)
+        grid = posterior_of(tables)
         sampler = sampled(20 * np.log10(levels), counts[0], 30, people.guess_rate)
         drawn = sampler.get_samples()
         cells = []

@@ -10,21 +10,18 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 from scipy.special import ndtr
 
-from analysis.thresholds.band import group_draws
+from analysis.thresholds.band import drawn_functions
 from analysis.thresholds.difference import paired_difference
 from analysis.thresholds.function import Prior
-from analysis.thresholds.group import MIDDLE, NOT_RISING, group_fit, group_posterior
+from analysis.thresholds.group import MIDDLE, NOT_RISING, group_fit, posterior_of
 from analysis.thresholds.guess import GuessRate
-from analysis.thresholds.likelihood import likelihoods
-from analysis.thresholds.tables import Tables
+from analysis.thresholds.likelihood import Tables
 from benchmarks.calibration import CENTRED, PAPER
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from numpy.typing import NDArray
-
-    from analysis.thresholds.likelihood import Likelihood
 
     Floats = NDArray[np.float64]
 
@@ -89,19 +86,19 @@ class People:
     def tables(self, counts: Floats) -> Tables:
         """Return counts, (people, levels), as they are fitted."""
         return Tables(
-            x=np.broadcast_to(np.log10(self.levels_vpp), counts.shape),
+            levels=np.broadcast_to(self.levels_vpp, counts.shape),
             detected=counts,
             presented=np.full(counts.shape, float(N)),
             guesses=[GuessRate(mean=self.guess_rate)] * len(counts),
         )
 
-    def likelihoods(self, counts: Floats) -> Iterator[list[Likelihood]]:
-        """Yield the likelihoods of each study's people, of counts (studies, people, levels)."""
+    def studies(self, counts: Floats) -> Iterator[Tables]:
+        """Yield the tables of each study's people, of counts (studies, people, levels)."""
         flat = counts.reshape(-1, len(self.levels_vpp))
         for first in range(0, len(flat), _AT_ONCE * self.number):
-            found = likelihoods(self.tables(flat[first : first + _AT_ONCE * self.number]))
-            for i in range(0, len(found), self.number):
-                yield found[i : i + self.number]
+            tables = self.tables(flat[first : first + _AT_ONCE * self.number])
+            for i in range(0, len(tables), self.number):
+                yield tables.at(range(i, i + self.number))
 
     def prior(self) -> Prior:
         """Return the prior that goes with the levels."""
@@ -140,12 +137,11 @@ def group_score(people: People, studies: int) -> tuple[Score, float]:
     truth_db = people.middles_db(rng, studies)
     counts = people.answers(rng, truth_db + people.offsets_db(rng, studies))
     found, given = [], 0
-    for k, one in zip(counts, people.likelihoods(counts), strict=True):
-        posterior = group_posterior(one, people.prior())
-        fit = group_fit(people.tables(k), one, posterior=posterior)
+    for tables in people.studies(counts):
+        fit = group_fit(tables)
         # Only where nobody's table rises a group has no limits.
         given += fit.status not in NOT_RISING
-        found.append(posterior.points(MIDDLE))
+        found.append(posterior_of(tables).points(MIDDLE))
     low_db, middle_db, high_db = (np.array(found) - truth_db).T
     return Score(low=low_db, middle=middle_db, high=high_db), given / studies
 
@@ -161,10 +157,10 @@ def coverage_rows(studies: int) -> Iterator[str]:
         x = np.log10(levels)
         truth_p = people.population_p(20 * x, truth_db[:, 0])
         inside = np.zeros(3)
-        for i, (k, one) in enumerate(zip(counts, people.likelihoods(counts), strict=True)):
-            posterior = group_posterior(one, people.prior())
+        for i, tables in enumerate(people.studies(counts)):
+            posterior = posterior_of(tables)
             limits = posterior.points(MIDDLE)[[0, 2]], posterior.next_person_points()[[0, 2]]
-            low, high = group_draws(people.tables(k), one, posterior).band(x)
+            low, high = drawn_functions(tables).band(x)
             inside += [
                 limits[0][0] <= truth_db[i, 0] <= limits[0][1],
                 limits[1][0] <= next_db[i] <= limits[1][1],
@@ -223,8 +219,8 @@ def difference_score(people: People, *, shift_db: float, varying_db: float, stud
     d = shift_db + varying_db * rng.standard_normal(middle_db.shape)
     a, b = (people.answers(rng, middle_db + part * d) for part in (-0.5, 0.5))
     found: list[Sequence[float]] = []
-    for of_a, of_b in zip(people.likelihoods(a), people.likelihoods(b), strict=True):
-        one = paired_difference(of_a, of_b, people.prior())
+    for of_a, of_b in zip(people.studies(a), people.studies(b), strict=True):
+        one = paired_difference(of_a.likelihoods, of_b.likelihoods, people.prior())
         low, high = one.difference_limits_db
         found.append((low, one.difference_db, high))
     low_db, told, high_db = (np.array(found) - shift_db).T

@@ -21,18 +21,17 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from analysis.axis import VOLTS
 from analysis.counts.table import count_answers, count_blanks, level_table
 from analysis.numbers import TOTAL
 from analysis.planning.curve import Studies, plan_study
 from analysis.planning.goals import Goal
-from analysis.planning.levels import LevelsError, fit_people, placed_levels
+from analysis.planning.levels import LevelsError, placed_levels
 from analysis.planning.people import stated_people
 from analysis.planning.spread import Kept, spread
 from analysis.planning.studies import pilot_levels_vpp, plan_text
 from analysis.reading.trials import read_trials
-from analysis.thresholds.people import people_of
 from analysis.thresholds.table import difference_table, group_table, thresholds_of
+from analysis.thresholds.tables import tables_of
 from device.clock import VirtualClock
 from experiment.archive.disk import UNWAITED
 from experiment.archive.folders import SessionFolder
@@ -225,13 +224,11 @@ def placed_sessions(
 
 def _levels(pilot: pd.DataFrame, study: Study) -> dict[str, tuple[float, ...]]:
     """Place levels as `tactstrip levels` does, without the second it takes to tell their error."""
-    people = people_of(pilot)
-    fits = fit_people(people.tables(VOLTS))
     levels_vpp = {}
-    for (condition, _), fit in zip(people.names, fits, strict=True):
+    for condition, person in tables_of(pilot).conditions.items():
         levels_vpp[condition] = study.design.levels_vpp
         with suppress(LevelsError):
-            levels_vpp[condition] = placed_levels(fit, *study.device.highest)
+            levels_vpp[condition] = placed_levels(person, *study.device.highest)
     return levels_vpp
 
 
@@ -267,15 +264,15 @@ def _run(
 def _reached(trials: pd.DataFrame, goal: Goal) -> bool:
     """Tell by the tables of an analysis."""
     if goal.kind == "difference":
-        people = people_of(trials)
-        thresholds = thresholds_of(people, seed=0, axis=VOLTS)
-        groups = group_table(people, thresholds, VOLTS)
-        found = difference_table(people, VOLTS, thresholds, groups)
+        people = tables_of(trials)
+        thresholds = thresholds_of(people, seed=0)
+        groups = group_table(people, thresholds)
+        found = difference_table(people, thresholds, groups)
         return bool(found.loc[found["participant"].eq(TOTAL), "low_db"].iloc[0] > 0)
     first = trials[trials["condition"].eq("a")]
     if goal.kind == "half-width":
-        people = people_of(first)
-        row = group_table(people, thresholds_of(people, seed=0, axis=VOLTS), VOLTS).iloc[0]
+        people = tables_of(first)
+        row = group_table(people, thresholds_of(people, seed=0)).iloc[0]
         half_db = 10 * math.log10(row["threshold_high_vpp"] / row["threshold_low_vpp"])
         return bool(half_db <= goal.size)
     if goal.kind == "detection":

@@ -15,14 +15,13 @@ import numpy as np
 
 from analysis.counts.intervals import group_interval, proportion_ci
 from analysis.thresholds.difference import difference_of
-from analysis.thresholds.group import group_fit
-from analysis.thresholds.likelihood import likelihoods
+from analysis.thresholds.group import DB_PER_LOG10, group_fit
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from analysis.planning.sessions import Counts
-    from analysis.thresholds.tables import Tables
+    from analysis.thresholds.likelihood import Tables
 
 
 Kind = Literal["half-width", "difference", "detection", "false-alarms"]
@@ -36,7 +35,6 @@ _FORMS: Final = {
 }
 _MAX_DB: Final = 40.0
 _MAX_RATE: Final = 0.5
-_DB_PER_DECADE: Final = 20.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -100,21 +98,19 @@ class Outcome(NamedTuple):
 def evaluate(goal: Goal, conditions: Sequence[Counts], truth: float) -> Outcome:
     """Evaluate a study by its counts in each condition.
 
-    `truth` is the true value of what is estimated: log10 of the threshold in Vpp, dB, or a rate.
+    `truth` is the true value of what is estimated: the threshold in Vpp, dB, or a rate.
     One participant has neither the threshold nor the difference of a group.
     """
     first, *others = conditions
     tables, people = first.tables, len(first.tables)
     match goal.kind:
         case "half-width" if people > 1:
-            low, high = group_fit(tables, likelihoods(tables)).threshold_limits
-            number = _DB_PER_DECADE * (high - low) / 2
+            low, high = group_fit(tables).threshold_limits
+            is_bounded = math.isfinite(high - low)
+            number = DB_PER_LOG10 * math.log10(high / low) / 2 if is_bounded else math.inf
             reached = number <= goal.size
         case "difference" if people > 1:
-            b = others[0].tables
-            difference = difference_of(
-                tables, likelihoods(tables), b, likelihoods(b), same_people=True
-            )
+            difference = difference_of(tables, others[0].tables, same_people=True)
             low, high = difference.difference_limits_db
             number, reached = difference.difference_db, low > 0
         case "detection":
@@ -132,7 +128,7 @@ def evaluate(goal: Goal, conditions: Sequence[Counts], truth: float) -> Outcome:
 
 def _detection_limits(tables: Tables, level_vpp: float) -> tuple[float, float]:
     """Return the 95 % limits of the detection rate at a level, of one participant or a group."""
-    at_level = np.isclose(tables.x, math.log10(level_vpp))
+    at_level = np.isclose(tables.levels, level_vpp)
     k, n = ((counts * at_level).sum(axis=1) for counts in (tables.detected, tables.presented))
     k, n = k[n > 0], n[n > 0]
     if not len(n):

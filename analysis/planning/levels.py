@@ -4,18 +4,16 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, Final, NamedTuple
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
-from scipy.special import ndtr, ndtri
+from scipy.special import ndtri
 
-from analysis.axis import VOLTS
+from analysis.thresholds.band import Line, drawn_functions
 from analysis.thresholds.fit import WITH_THRESHOLD, fit_many
-from analysis.thresholds.group import draws
 from analysis.thresholds.guess import GuessRate
-from analysis.thresholds.likelihood import Nodes, cells_of, likelihoods
-from analysis.thresholds.people import people_of
-from analysis.thresholds.tables import Tables
+from analysis.thresholds.likelihood import Nodes, Tables, likelihoods
+from analysis.thresholds.tables import tables_of
 from experiment.study.design import MIN_LEVEL_VPP
 
 if TYPE_CHECKING:
@@ -47,21 +45,6 @@ class LevelsError(ValueError):
     """A pilot that cannot place levels, and why."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Function:
-    """A psychometric function of log10(level), or many with one guess rate: columns of numbers."""
-
-    threshold_vpp: Any
-    sigma: Any
-    lapse_rate: Any
-    guess_rate: float
-
-    def shares(self, levels_vpp: Sequence[float]) -> Floats:
-        """Return how often levels are detected, between guesses and lapses."""
-        z = (np.log10(levels_vpp) - np.log10(self.threshold_vpp)) / self.sigma
-        return np.asarray(ndtr(z))
-
-
 class ExpectedError(NamedTuple):
     """Root mean square error of a threshold, dB: the median and the 90 % point over functions."""
 
@@ -69,34 +52,12 @@ class ExpectedError(NamedTuple):
     p90_db: float
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class PersonFit:
-    """A participant's function, which counts only if the status of the fit has a threshold."""
-
-    status: str
-    threshold_limits_vpp: tuple[float, float]
-    function: Function
-    tables: Tables
-    row: int
-
-    def draw(self, number: int, rng: np.random.Generator) -> Function:
-        """Draw functions from the posterior, anywhere between the nodes of its grid."""
-        axes, weight, step = cells_of(self.tables, self.row)
-        drawn = draws(weight.sum(axis=0), (axes.lapse, axes.mu, axes.log_sigma), number, rng)
-        lapse_rate, mu, log_sigma = np.array(drawn)[..., None]
-        return replace(
-            self.function,
-            threshold_vpp=10 ** (mu * step),
-            sigma=np.exp(log_sigma) * step,
-            lapse_rate=lapse_rate,
-        )
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Placement:
     """Levels for one participant in one condition, and the error of a threshold that they give.
 
-    `highest` is the largest level that the device allows and the key that says so. The errors are
+    `highest` is the largest level that the device allows and the key that says so; `threshold_vpp`
+    are the lower limit, the median and the upper limit of the pilot's threshold. The errors are
     those after the single stimuli of a session of the design, at these levels and at those of the
     design.
     """
@@ -105,34 +66,17 @@ class Placement:
     condition: str
     design: Design
     highest: tuple[float, str]
-    fit: PersonFit
+    threshold_vpp: tuple[float, float, float]
+    function: Line
     levels_vpp: tuple[float, ...]
     error: ExpectedError
     design_error: ExpectedError
 
-
-def fit_people(tables: Tables) -> list[PersonFit]:
-    """Fit the function of each table of levels in volts."""
-    people, step = likelihoods(tables), tables.prior.step
-    fits = []
-    for row, fit in enumerate(fit_many(tables, people)):
-        low, median, high = (10 ** (people[row].mu_points * step)).tolist()
-        function = Function(
-            threshold_vpp=median,
-            sigma=float(step * np.exp(people[row].log_sigma_points[1])),
-            lapse_rate=people[row].lapse[0],
-            guess_rate=tables.guesses[row].mean,
-        )
-        fits.append(
-            PersonFit(
-                status=fit.status,
-                threshold_limits_vpp=(low, high),
-                function=function,
-                tables=tables,
-                row=row,
-            )
-        )
-    return fits
+    @property
+    def shares(self) -> list[float]:
+        """How often each level should be detected, between guesses and lapses."""
+        shares: list[float] = self.function.share(np.log10(self.levels_vpp)).tolist()
+        return shares
 
 
 def place_levels(
@@ -144,23 +88,23 @@ def place_levels(
     trials, and levels to compare with. A condition without a usable threshold has its error.
     LevelsError is raised if there is no pilot of the participant.
     """
-    people = people_of(trials[trials["participant"].eq(participant)])
-    if not people.names:
+    people = tables_of(trials[trials["participant"].eq(participant)])
+    if not len(people):
         raise LevelsError(
             f"participant {participant} must have single stimuli that count; got none"
         )
     results: dict[str, Placement | LevelsError] = {}
-    for (condition, _), fit in zip(people.names, fit_people(people.tables(VOLTS)), strict=True):
+    for condition, pilot in people.conditions.items():
         try:
-            levels_vpp = placed_levels(fit, *study.device.highest)
+            levels_vpp = placed_levels(pilot, *study.device.highest)
         except LevelsError as reason:
             results[condition] = LevelsError(
                 f"the pilot of participant {participant} in condition {condition}: {reason}"
             )
             continue
-        design, functions = (
-            study.design_of(condition),
-            fit.draw(_DRAWS, np.random.default_rng(seed)),
+        design, function = study.design_of(condition), function_of(pilot)
+        functions = replace(
+            drawn_functions(pilot, _DRAWS, seed=seed), guess_rate=function.guess_rate
         )
         error, design_error = (
             expected_error(functions, levels, 2 * design.trials_per_side, seed=seed)
@@ -171,7 +115,8 @@ def place_levels(
             condition=condition,
             design=design,
             highest=study.device.highest,
-            fit=fit,
+            threshold_vpp=_threshold_vpp(pilot),
+            function=function,
             levels_vpp=levels_vpp,
             error=error,
             design_error=design_error,
@@ -179,28 +124,45 @@ def place_levels(
     return results
 
 
+def function_of(pilot: Tables) -> Line:
+    """Return the function of one table of levels in volts, whatever the status of its fit."""
+    (likelihood,), (guess,), step = pilot.likelihoods, pilot.guesses, pilot.prior.step
+    return Line(
+        mu=float(likelihood.mu_points[1]) * step,
+        sigma=math.exp(likelihood.log_sigma_points[1]) * step,
+        lapse_rate=likelihood.lapse[0],
+        guess_rate=guess.mean,
+    )
+
+
+def _threshold_vpp(pilot: Tables) -> tuple[float, float, float]:
+    """Return the lower limit, the median and the upper limit of the threshold, open or not."""
+    low, median, high = 10 ** (pilot.likelihoods[0].mu_points * pilot.prior.step)
+    return float(low), float(median), float(high)
+
+
 def placed_levels(
-    fit: PersonFit, highest_vpp: float, key: str = "device.ceiling_vpp"
+    pilot: Tables, highest_vpp: float, key: str = "device.ceiling_vpp"
 ) -> tuple[float, ...]:
-    """Return the levels for a fitted pilot; LevelsError where its threshold is unknown or vague."""
+    """Return the levels for one pilot; LevelsError where its threshold is unknown or vague."""
+    (fit,) = fit_many(pilot)
     if fit.status not in WITH_THRESHOLD:
-        tested_vpp = 10 ** fit.tables.x[fit.row, fit.tables.presented[fit.row] > 0]
         raise LevelsError(
-            f"it cannot place levels: {fit.status} (levels {tested_vpp.min():g} V to "
-            f"{tested_vpp.max():g} V); run another one over a wider range or with more trials"
+            f"it cannot place levels: {fit.status} (levels {pilot.tested[0]:g} V to "
+            f"{pilot.tested[-1]:g} V); run another one over a wider range or with more trials"
         )
-    low, high = fit.threshold_limits_vpp
+    low, _, high = _threshold_vpp(pilot)
     width_db = 20 * math.log10(high / low)
     if width_db > _MAX_WIDTH_DB:
         raise LevelsError(
             f"it knows the threshold only as {low:.1f} to {high:.1f} V, {width_db:.1f} dB; at "
             f"most {_MAX_WIDTH_DB:g} dB place levels: run more trials"
         )
-    return levels_on(fit.function, highest_vpp, key)
+    return levels_on(function_of(pilot), highest_vpp, key)
 
 
 def levels_on(
-    function: Function, highest_vpp: float, key: str = "device.ceiling_vpp"
+    function: Line, highest_vpp: float, key: str = "device.ceiling_vpp"
 ) -> tuple[float, ...]:
     """Return the levels detected as often as `TARGETS` says, none above what the device reaches.
 
@@ -208,21 +170,21 @@ def levels_on(
     up to 35 % of the time, the highest must be detected 75 %. LevelsError where the levels that
     can be set lie too much on one side of the threshold.
 
-    >>> function = Function(threshold_vpp=100.0, sigma=0.1, lapse_rate=0.02, guess_rate=0.5)
+    >>> function = Line(mu=2.0, sigma=0.1, lapse_rate=0.02, guess_rate=0.5)
     >>> levels_on(function, 200.0)
     (78.8, 91.5, 102.9, 116.8, 146.0)
     >>> levels_on(function, 130.0)
     (78.8, 90.4, 100.7, 112.2, 130.0)
     """
-    at_lowest, at_highest = function.shares((MIN_LEVEL_VPP, highest_vpp)).tolist()
+    at_lowest, at_highest = function.share(np.log10([MIN_LEVEL_VPP, highest_vpp])).tolist()
     low, high = max(TARGETS[0], at_lowest), min(TARGETS[-1], at_highest)
     if low > _MAX_LOWEST or high < _MIN_HIGHEST:
         raise LevelsError(
-            f"a threshold of {function.threshold_vpp:.1f} V lies too close to an end of the levels "
+            f"a threshold of {10**function.mu:.1f} V lies too close to an end of the levels "
             f"that can be set, {MIN_LEVEL_VPP:g} to {highest_vpp:g} V = {key}"
         )
     share = (np.array(TARGETS) - TARGETS[0]) / (TARGETS[-1] - TARGETS[0])
-    exact = math.log10(function.threshold_vpp) + function.sigma * ndtri(low + share * (high - low))
+    exact = function.mu + function.sigma * ndtri(low + share * (high - low))
     max_vpp = math.floor(10 * highest_vpp + 1e-6) / 10  # 118.78 V are not 118.8
     levels = np.clip(np.round(10**exact, 1), MIN_LEVEL_VPP, max_vpp)
     if not (np.diff(levels) > 0).all():
@@ -233,30 +195,28 @@ def levels_on(
 
 
 def expected_error(
-    functions: Function, levels_vpp: Sequence[float], trials: int, *, seed: int = 0
+    functions: Line, levels_vpp: Sequence[float], trials: int, *, seed: int = 0
 ) -> ExpectedError:
     """Return the error of a threshold measured at some levels, whichever function is the true one.
 
-    The root mean square error for each function, by simulation, in dB: 20 log10 of the ratio of
-    posterior median and truth, whatever its status. `trials` stimuli are spread evenly over the
-    levels; one level alone gives no threshold: NaN.
+    The root mean square error for each of many drawn functions with one guess rate, by simulation,
+    in dB: 20 log10 of the ratio of posterior median and truth, whatever its status. `trials`
+    stimuli are spread evenly over the levels; one level alone gives no threshold: NaN.
     """
     x = np.log10(levels_vpp)
     if np.ptp(x) == 0:
         return ExpectedError(math.nan, math.nan)
     presented = np.diff(np.round(np.linspace(0, trials, len(x) + 1)))
-    guess_rate = functions.guess_rate
-    p = guess_rate + (1 - guess_rate - functions.lapse_rate) * functions.shares(levels_vpp)
-    p = p.repeat(_SESSIONS, axis=0)
+    p = functions.at(x[:, None]).T.repeat(_SESSIONS, axis=0)
     detected = np.random.default_rng(seed).binomial(presented.astype(np.int64), p).astype(float)
     tables = Tables(
-        x=np.broadcast_to(x, detected.shape),
+        levels=np.broadcast_to(levels_vpp, detected.shape),
         detected=detected,
         presented=np.broadcast_to(presented, detected.shape),
-        guesses=[GuessRate(mean=guess_rate)] * len(detected),
+        guesses=[GuessRate(mean=float(functions.guess_rate))] * len(detected),
     )
     people = likelihoods(tables, _NODES)
     medians = np.array([person.mu_points[1] for person in people]) * tables.prior.step
-    deviations = medians.reshape(-1, _SESSIONS) - np.log10(functions.threshold_vpp)
+    deviations = medians.reshape(-1, _SESSIONS) - np.reshape(functions.mu, (-1, 1))
     errors = 20 * np.sqrt(np.square(deviations).mean(axis=1))
     return ExpectedError(*np.quantile(errors, (0.5, 0.9)).tolist())

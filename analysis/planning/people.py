@@ -6,19 +6,18 @@ literature where the study states none.
 
 from __future__ import annotations
 
-import math
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from analysis.axis import Axis
+from analysis.axis import VOLTS
 from analysis.codes import AnalysisWarning, WarningCode
 from analysis.counts.table import BLANK, SINGLE, SITE_ANSWERS, counted
 from analysis.thresholds.difference import difference_spread_draws
 from analysis.thresholds.group import MIN_PEOPLE, population_draws
-from analysis.thresholds.people import as_amplitudes, people_of
+from analysis.thresholds.tables import tables_of
 from experiment.perception.answers import answer_probabilities
 from experiment.study.simulation import CURVE_KEYS
 from experiment.study.threshold import threshold_vpp
@@ -31,7 +30,7 @@ if TYPE_CHECKING:
 
     from analysis.planning.goals import Goal
     from analysis.reading.trials import LoadedTrials
-    from analysis.thresholds.people import PersonCounts
+    from analysis.thresholds.likelihood import Tables
     from experiment.perception.gains import FingerGains
     from experiment.study.simulation import Simulation
     from experiment.study.study import Study
@@ -162,22 +161,25 @@ def pilot_people(study: Study, goal: Goal, loaded: LoadedTrials, folder: str) ->
             f"{folder}: otherwise set threshold_vpp, threshold_sd_db and, for a difference, "
             "difference_sd_db in [simulation] (docs/power.md, 2)"
         )
-    people, unit = as_amplitudes(people_of(trials, loaded.alternatives), axis)
+    people, unit = tables_of(trials, axis=axis, alternatives=loaded.alternatives), axis.unit
+    if axis.x_scale == "dB":  # the study's levels are amplitudes
+        people = replace(people, levels=100 * 10 ** (people.levels / 20), axis=VOLTS)
+        unit = f"% of 0 {unit}"
     warnings = _check_unit(study, unit, people, folder)
-    rows_of, name = people.conditions(), study.conditions[0].name
-    name = name if name in rows_of or len(rows_of) != 1 else next(iter(rows_of))
-    rows = rows_of.get(name, [])
-    if len(rows) < 2:  # noqa: PLR2004
+    conditions, name = people.conditions, study.conditions[0].name
+    name = name if name in conditions or len(conditions) != 1 else next(iter(conditions))
+    number = len(conditions.get(name, ()))
+    if number < 2:  # noqa: PLR2004
         raise ValueError(
-            f"--pilot must hold two people or more in condition {name}; got {len(rows)} in "
-            f"{folder}, with condition {', '.join(rows_of)}"
+            f"--pilot must hold two people or more in condition {name}; got {number} in "
+            f"{folder}, with condition {', '.join(conditions)}"
         )
-    draws = _pilot_draws(people.at(rows), counted(trials, BLANK), name)
-    numbers = dict.fromkeys(draws, len(rows))
+    draws = _pilot_draws(conditions[name], counted(trials, BLANK), name)
+    numbers = dict.fromkeys(draws, number)
     if goal.kind == "difference":
         pairs = _pairs(study, people)
         if len(pairs[0]) >= 2:  # noqa: PLR2004 - one person has no spread
-            a, b = (people.at(rows).tables(Axis()) for rows in pairs)
+            a, b = map(people.at, pairs)
             spreads_db = difference_spread_draws(a, b, _DRAWS, np.random.default_rng(1))
             draws[DIFFERENCE_SPREAD] = np.minimum(spreads_db, _MAX_SPREAD_DB)
             numbers[DIFFERENCE_SPREAD] = len(pairs[0])
@@ -214,17 +216,14 @@ def pilot_people(study: Study, goal: Goal, loaded: LoadedTrials, folder: str) ->
     )
 
 
-def _check_unit(
-    study: Study, unit: str, people: PersonCounts, folder: str
-) -> list[AnalysisWarning]:
+def _check_unit(study: Study, unit: str, people: Tables, folder: str) -> list[AnalysisWarning]:
     """Warn where levels have another unit than volts; reject levels that cannot be compared.
 
     Only ratios of levels count, so the study's levels are read in the unit of the pilot.
     """
     if _VOLTS.match(unit):
         return []
-    tested, levels = people.level_vpp[people.presented > 0], study.design.levels_vpp
-    low, high = float(tested.min()), float(tested.max())
+    levels, (low, high) = study.design.levels_vpp, people.tested[[0, -1]].tolist()
     is_apart = max(levels) < low or min(levels) > high
     if is_apart or low < _MIN_VPP or high > _MAX_VPP:
         raise ValueError(
@@ -237,7 +236,7 @@ def _check_unit(
     return [AnalysisWarning(WarningCode.PILOT_UNIT, message)]
 
 
-def _pairs(study: Study, people: PersonCounts) -> tuple[list[int], list[int]]:
+def _pairs(study: Study, people: Tables) -> tuple[list[int], list[int]]:
     """Return the rows of people with both of the first two conditions, one list for each."""
     a, b = (condition.name for condition in study.conditions[:2])
     row_of = {name: row for row, name in enumerate(people.names)}
@@ -245,10 +244,10 @@ def _pairs(study: Study, people: PersonCounts) -> tuple[list[int], list[int]]:
     return [row_of[a, who] for who in both], [row_of[b, who] for who in both]
 
 
-def _pilot_draws(people: PersonCounts, blanks: pd.DataFrame, name: str) -> dict[str, Floats]:
+def _pilot_draws(people: Tables, blanks: pd.DataFrame, name: str) -> dict[str, Floats]:
     """Return draws of each parameter from the posterior of a pilot's condition."""
     rng = np.random.default_rng(0)
-    middle, spread, log_sigma = population_draws(people.tables(Axis()), _DRAWS, rng)
+    middle, spread, log_sigma = population_draws(people, _DRAWS, rng)
     answers = blanks.loc[blanks["condition"].eq(name), "response"]
     alarms = int(answers.isin(SITE_ANSWERS).sum())
     rates = rng.beta(0.5 + alarms, 0.5 + len(answers) - alarms, _DRAWS)
@@ -288,10 +287,10 @@ def _matters(goal: Goal, key: str, study: Study) -> bool:
 def truth_of(goal: Goal, population: Simulation, study: Study, gains: FingerGains) -> float:
     """Return what an analysis of endless data would find for a goal.
 
-    log10 of the threshold, dB, or a probability, the mean over people whose thresholds differ.
+    The threshold in Vpp, dB, or a probability, the mean over people whose thresholds differ.
     """
     if goal.kind == "half-width":
-        return math.log10(threshold_vpp(population, gains))
+        return threshold_vpp(population, gains)
     if goal.kind == "difference":
         return goal.size
     task, responses, level_vpp = study.task, study.design.responses, goal.level_vpp or 0.0

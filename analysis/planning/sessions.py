@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from analysis.thresholds.guess import guessing
-from analysis.thresholds.tables import Tables
+from analysis.thresholds.guess import guess_rate_of
+from analysis.thresholds.likelihood import Tables
 from experiment.perception.answers import answer_probabilities
 from experiment.perception.population import threshold_course_db
 from experiment.trial.draw import shuffled_blocks
@@ -142,15 +142,15 @@ def _counts(
     named = {answer.name: len(answer.sites) for answer in task.answers}
     sites = np.array([*map(named.__getitem__, design.responses), 0])
     guesses = [
-        guessing(
+        guess_rate_of(
             none_offered=task.nothing in design.responses,
             sided_answers=number / len(task.sites),
             blanks=design.blank_trials,
-        ).rate
+        )
         for number in answers[:, sites == 1].sum(axis=1).tolist()
     ]
     tables = Tables(
-        x=np.nan_to_num(np.log10(_levels_vpp(sessions, condition))),
+        levels=np.nan_to_num(_levels_vpp(sessions, condition), nan=1.0),
         detected=detected.astype(np.float64),
         presented=presented.astype(np.float64),
         guesses=guesses,

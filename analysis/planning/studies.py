@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from analysis.planning.goals import Goal, Outcome, evaluate
-from analysis.planning.levels import LevelsError, fit_people, placed_levels
+from analysis.planning.levels import LevelsError, placed_levels
 from analysis.planning.people import truth_of
 from analysis.planning.sessions import Session, draw_counts
 from experiment.perception.gains import gains_from_json
@@ -28,7 +28,7 @@ from experiment.study.threshold import people_for_burst, threshold_vpp
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from analysis.planning.levels import PersonFit
+    from analysis.thresholds.likelihood import Tables
     from experiment.perception.gains import ConditionGains, FingerGains
     from experiment.study.design import Design
     from experiment.study.study import Study
@@ -189,7 +189,7 @@ def _place_levels(plan: Plan, sessions: Sequence[Session]) -> list[Session]:
     conditions = len(sessions[0].designs)
     pilots = [replace(session, designs=(pilot,) * conditions) for session in sessions]
     designs = [
-        [_placed_design(plan, design, fit) for fit in fit_people(counts.tables)]
+        [_placed_design(plan, design, counts.tables.at([i])) for i in range(len(sessions))]
         for counts in draw_counts(pilots, plan.gains, task)
     ]
     return [
@@ -198,7 +198,7 @@ def _place_levels(plan: Plan, sessions: Sequence[Session]) -> list[Session]:
     ]
 
 
-def _placed_design(plan: Plan, design: Design, pilot: PersonFit) -> Design:
+def _placed_design(plan: Plan, design: Design, pilot: Tables) -> Design:
     try:
         levels_vpp = placed_levels(pilot, *plan.study.device.highest)
     except LevelsError:

@@ -22,13 +22,13 @@ from analysis.results.rendering import sentence
 from analysis.results.warnings import find_warnings
 from analysis.thresholds.band import group_bands
 from analysis.thresholds.displacement import with_micrometres
-from analysis.thresholds.people import people_in
 from analysis.thresholds.table import (
     difference_table,
     group_table,
     side_thresholds,
     thresholds_of,
 )
+from analysis.thresholds.tables import tables_in
 from experiment.names import require_whole
 from experiment.tasks import LEFT_RIGHT_BOTH
 
@@ -40,7 +40,7 @@ if TYPE_CHECKING:
     from analysis.counts.checks import FailedCheck
     from analysis.reading.trials import Counts, LoadedTrials
     from analysis.results.protocol import Planned
-    from analysis.thresholds.people import PersonCounts
+    from analysis.thresholds.likelihood import Tables
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -55,7 +55,7 @@ class Analysis:
     ----------
     loaded : LoadedTrials
         The trials, with the files that they come from.
-    people : PersonCounts
+    people : Tables
         The counts of each participant to which the functions were fitted.
     counts : Counts
         How many trials these are.
@@ -110,7 +110,7 @@ class Analysis:
     """
 
     loaded: LoadedTrials
-    people: PersonCounts
+    people: Tables
     counts: Counts
     levels: pd.DataFrame
     participants: pd.DataFrame
@@ -242,11 +242,11 @@ def analyse(
         _require_real(trials)
     counts = table.count_answers(trials)
     cells = table.count_levels(counts) if loaded.cells is None else loaded.cells
-    people = people_in(loaded, cells)
-    thresholds = thresholds_of(people, seed=seed, axis=axis)
+    people = tables_in(loaded, cells)
+    thresholds = thresholds_of(people, seed=seed)
     if loaded.side_told:
         thresholds = with_micrometres(thresholds, trials, axis)
-    groups = group_table(people, thresholds, axis)
+    groups = group_table(people, thresholds)
     sensitivity = sensitivity_table(counts)
     detected_any = table.count_detected_any(cells)
     side_p: dict[str, float] = {}
@@ -264,7 +264,7 @@ def analyse(
         loaded=loaded,
         people=people,
         counts=counts_of(loaded),
-        levels=table.summarize_levels(cells, group_bands(people, axis)),
+        levels=table.summarize_levels(cells, group_bands(people)),
         participants=table.summarize_participants(cells, ci),
         both=table.count_both(counts, ci),
         blank=table.count_blanks(counts, ci, loaded.blanks),
@@ -273,7 +273,7 @@ def analyse(
         thresholds=thresholds,
         groups=groups,
         differences=with_criterion(
-            difference_table(people, axis, thresholds, groups),
+            difference_table(people, thresholds, groups),
             trials,
             sensitivity,
             false_alarms.head(0) if detected_any is None else false_alarms,

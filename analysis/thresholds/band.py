@@ -18,9 +18,8 @@ from scipy.special import stdtrit
 
 from analysis.numbers import LIMITS
 from analysis.thresholds.function import MAX_LAPSE, FunctionName, inverse, rise
-from analysis.thresholds.group import MIDDLE, MIN_PEOPLE, Population, draws, group_posterior
-from analysis.thresholds.likelihood import Likelihood, cells_of
-from analysis.thresholds.people import likelihoods_of
+from analysis.thresholds.group import MIDDLE, MIN_PEOPLE, draws, posterior_of
+from analysis.thresholds.likelihood import cells_of
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -28,8 +27,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from analysis.axis import Axis
-    from analysis.thresholds.people import PersonCounts
-    from analysis.thresholds.tables import Tables
+    from analysis.thresholds.likelihood import Tables
 
     Floats = NDArray[np.float64]
 
@@ -60,8 +58,12 @@ class Line:
         >>> line.at(np.array([-9.0, 2.0, 9.0])).tolist()
         [0.5, 0.74, 0.98]
         """
-        above, _ = rise(self.shape, np.asarray((x - self.mu) / self.sigma))
-        return np.asarray(self.guess_rate + (1 - self.guess_rate - self.lapse_rate) * above)
+        rest = 1 - self.guess_rate - self.lapse_rate
+        return np.asarray(self.guess_rate + rest * self.share(x))
+
+    def share(self, x: Floats) -> Floats:
+        """Return the value between guesses, 0, and lapses, 1."""
+        return rise(self.shape, np.asarray((x - self.mu) / self.sigma))[0]
 
     def band(self, x: Floats) -> Floats:
         """Return the limits of the values of drawn functions at places on the axis, (2, places)."""
@@ -96,33 +98,26 @@ class Function:
         return self.line.at(self.axis.on_axis(level_vpp))
 
 
-def drawn_functions(people: PersonCounts, rows: Sequence[int], axis: Axis) -> Line:
-    """Draw functions of a participant, or of the group of several."""
-    if len(rows) == 1:
-        return person_draws(people.tables(axis), rows[0])
-    return group_draws(*_group(people, rows, axis))
+def drawn_functions(people: Tables, number: int = _DRAWS, seed: int = 1) -> Line:
+    """Draw functions of one participant, or of the group of several: the mean of people like these.
 
-
-def person_draws(tables: Tables, row: int) -> Line:
-    """Draw functions of one table."""
-    axes, weight, step = cells_of(tables, row)
-    gamma, lapse, mu, log_sigma = draws(weight, axes.each, _DRAWS, np.random.default_rng(1))
-    return Line(mu * step, np.exp(log_sigma) * step, lapse, gamma, tables.function)
-
-
-def group_draws(tables: Tables, people: Sequence[Likelihood], posterior: Population) -> Line:
-    """Draw functions of a group: the mean over people like these."""
-    rng, step = np.random.default_rng(1), tables.prior.step
-    middle, spread, log_sigma = posterior.drawn(_DRAWS, rng)
+    All parameters are drawn from their posterior, anywhere between the nodes of the grid.
+    """
+    rng, step = np.random.default_rng(seed), people.prior.step
+    if len(people) == 1:
+        axes, weight, step = cells_of(people)
+        gamma, lapse, mu, log_sigma = draws(weight, axes.each, number, rng)
+        return Line(mu * step, np.exp(log_sigma) * step, lapse, gamma, people.function)
+    middle, spread, log_sigma = posterior_of(people).drawn(number, rng)
     gamma, lapse = (
-        np.clip(mean + np.sqrt(variance) * rng.standard_normal(_DRAWS), 0.0, most)
+        np.clip(mean + np.sqrt(variance) * rng.standard_normal(number), 0.0, most)
         for (mean, variance), most in (
-            (_mean_over_people([person.gamma for person in people]), 1 - MAX_LAPSE),
-            (_mean_over_people([person.lapse for person in people]), MAX_LAPSE),
+            (_mean_over_people([person.gamma for person in people.likelihoods]), 1 - MAX_LAPSE),
+            (_mean_over_people([person.lapse for person in people.likelihoods]), MAX_LAPSE),
         )
     )
     width = np.hypot(np.exp(log_sigma), spread) * step
-    return Line(middle * step, width, lapse, gamma, tables.function)
+    return Line(middle * step, width, lapse, gamma, people.function)
 
 
 def _mean_over_people(moments: Sequence[tuple[float, float]]) -> tuple[float, float]:
@@ -139,53 +134,40 @@ def _mean_over_people(moments: Sequence[tuple[float, float]]) -> tuple[float, fl
     return float(means.mean()), max(between, float(variances.mean())) / len(means) * wider**2
 
 
-def person_function(people: PersonCounts, row: int, line: Line, axis: Axis) -> Function:
+def person_function(person: Tables, line: Line) -> Function:
     """Return the function of one person, who has several levels and this line."""
-    return _function(people, [row], drawn_functions(people, [row], axis), line, axis)
+    return _function(person, drawn_functions(person), line)
 
 
-def group_function(people: PersonCounts, rows: Sequence[int], axis: Axis) -> Function:
-    """Return the function of the group of some of the people, who have several levels."""
-    tables, some, posterior = _group(people, rows, axis)
-    drawn = group_draws(tables, some, posterior)
+def group_function(people: Tables) -> Function:
+    """Return the function of a group of people who have several levels."""
+    drawn = drawn_functions(people)
     line = Line(
-        mu=float(posterior.points(MIDDLE)[1]) * tables.prior.step,
+        mu=float(posterior_of(people).points(MIDDLE)[1]) * people.prior.step,
         sigma=float(np.median(drawn.sigma)),
-        lapse_rate=float(np.mean([person.lapse[0] for person in some])),
-        guess_rate=float(np.mean([person.gamma[0] for person in some])),
-        shape=tables.function,
+        lapse_rate=float(np.mean([person.lapse[0] for person in people.likelihoods])),
+        guess_rate=float(np.mean([person.gamma[0] for person in people.likelihoods])),
+        shape=people.function,
     )
-    return _function(people, rows, drawn, line, axis)
+    return _function(people, drawn, line)
 
 
-def group_bands(people: PersonCounts, axis: Axis) -> pd.DataFrame:
+def group_bands(people: Tables) -> pd.DataFrame:
     """Return the band of the group's function of each condition at the tested levels.
 
     Of one person the band is the person's. Conditions with one level have none.
     """
     rows: list[tuple[object, ...]] = []
-    for condition, chosen in people.conditions().items():
-        tables = people.tables(axis).at(chosen)
-        if not tables.several_levels().any():
-            continue
-        levels = np.unique(people.level_vpp[chosen][people.presented[chosen] > 0])
-        low, high = drawn_functions(people, chosen, axis).band(axis.on_axis(levels))
-        rows += zip([condition] * len(levels), levels, low, high, strict=True)
+    for condition, group in people.conditions.items():
+        if group.several_levels().any():
+            levels = group.tested
+            low, high = drawn_functions(group).band(group.axis.on_axis(levels))
+            rows += zip([condition] * len(levels), levels, low, high, strict=True)
     return pd.DataFrame(rows, columns=["condition", "level_vpp", "p_low", "p_high"])
 
 
-def _group(
-    people: PersonCounts, rows: Sequence[int], axis: Axis
-) -> tuple[Tables, list[Likelihood], Population]:
-    tables, likelihoods = likelihoods_of(people, axis, rows)
-    return tables, likelihoods, group_posterior(likelihoods, tables.prior)
-
-
-def _function(
-    people: PersonCounts, rows: Sequence[int], drawn: Line, line: Line, axis: Axis
-) -> Function:
-    chosen = list(rows)
-    tested = np.unique(people.level_vpp[chosen][people.presented[chosen] > 0])
+def _function(people: Tables, drawn: Line, line: Line) -> Function:
+    axis, tested = people.axis, people.tested
     at = axis.on_axis(tested)
     between = np.linspace(at[0], at[-1], _POINTS)[1:-1]
     x = np.concatenate([at, between])

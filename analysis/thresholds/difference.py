@@ -27,7 +27,7 @@ from analysis.thresholds.group import (
     normal_weights,
     zoomed,
 )
-from analysis.thresholds.likelihood import TINY, likelihoods, quantiles, range_of, trapezoid
+from analysis.thresholds.likelihood import TINY, quantiles, range_of, trapezoid
 from analysis.thresholds.tables import checked_tables
 from stimuli.tuned import tuned
 
@@ -38,8 +38,7 @@ if TYPE_CHECKING:
 
     from analysis.thresholds.function import Prior
     from analysis.thresholds.group import Curve, Population
-    from analysis.thresholds.likelihood import Likelihood
-    from analysis.thresholds.tables import Tables
+    from analysis.thresholds.likelihood import Likelihood, Tables
 
     Floats = NDArray[np.float64]
 
@@ -198,17 +197,10 @@ def compare_conditions(
             f"detected_a and detected_b must have a row for each person; got {len(a)} and "
             f"{len(b)}: paired=False compares different people"
         )
-    return difference_of(a, likelihoods(a), b, likelihoods(b), same_people=paired)
+    return difference_of(a, b, same_people=paired)
 
 
-def difference_of(
-    a: Tables,
-    people_a: Sequence[Likelihood],
-    b: Tables,
-    people_b: Sequence[Likelihood],
-    *,
-    same_people: bool,
-) -> ConditionDifference:
+def difference_of(a: Tables, b: Tables, *, same_people: bool) -> ConditionDifference:
     """Return the difference of two conditions on a logarithmic axis.
 
     Levels of one condition alone have no threshold, and a person's likewise.
@@ -220,8 +212,8 @@ def difference_of(
         return ConditionDifference(status="one_level", people=alone)
     prior = joint_prior(a, b)
     if not same_people:
-        return unpaired_difference(people_a, people_b, prior)
-    difference = paired_difference(people_a, people_b, prior)
+        return unpaired_difference(a.likelihoods, b.likelihoods, prior)
+    difference = paired_difference(a.likelihoods, b.likelihoods, prior)
     each = zip(difference.people, several_a & several_b, strict=True)
     people = tuple(person if several else one_level for person, several in each)
     return replace(difference, people=people)
@@ -288,7 +280,7 @@ def _paired_cells(curves: Sequence[Curve], shift: Floats, spread: Floats) -> Flo
 
 def difference_spread_draws(a: Tables, b: Tables, number: int, rng: np.random.Generator) -> Floats:
     """Draw how much the same people's difference of two conditions differs, in dB, to plan with."""
-    _, curves = _difference_curves(likelihoods(a), likelihoods(b), joint_prior(a, b))
+    _, curves = _difference_curves(a.likelihoods, b.likelihoods, joint_prior(a, b))
     return paired_posterior(curves).drawn(number, rng)[SPREAD]
 
 

@@ -3,32 +3,28 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, fields, replace
-from typing import TYPE_CHECKING, Any, Final, Literal, TypeVar
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Final, Literal
 
 import numpy as np
 from scipy.special import ndtr
 
 from analysis.thresholds.function import MAX_LAPSE
 from analysis.thresholds.likeliest import likeliest_function, overlaps, trend
-from analysis.thresholds.likelihood import likelihoods
 from analysis.thresholds.tables import checked_tables
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from _typeshed import DataclassInstance
     from numpy.typing import ArrayLike, NDArray
 
-    from analysis.axis import XScale
+    from analysis.axis import Axis, XScale
     from analysis.thresholds.function import FunctionName, Prior
     from analysis.thresholds.guess import GuessRate
-    from analysis.thresholds.likelihood import Likelihood
-    from analysis.thresholds.tables import Tables
+    from analysis.thresholds.likelihood import Tables
 
     Floats = NDArray[np.float64]
 
-Fit = TypeVar("Fit", bound="DataclassInstance")
 FitStatus = Literal[
     "ok",
     "one_level",
@@ -47,8 +43,6 @@ BELOW: Final = ("threshold_below_levels", "median_below_levels")
 ABOVE: Final = ("threshold_above_levels", "median_above_levels")
 BOUNDED: Final = (*BELOW, *ABOVE)
 """Statuses of a table that has only a bound of the threshold."""
-_ON_AXIS: Final = ("threshold", "threshold_limits", "new_person_limits", "mle_threshold")
-"""Attributes of fits that lie on the axis, of one person or of a group."""
 _MAX_TREND_P: Final = 0.05
 _MARGIN: Final = 0.1
 """Steps, 0.1 dB. A limit that lies closer to the end of the levels counts as just inside."""
@@ -72,7 +66,7 @@ class PsychometricFit:
     threshold_limits : tuple of float
         95 % equal-tailed limits; outside the tested levels an end is open, -inf or inf.
     sigma : float
-        Posterior median of the width: log10 units, or the levels' unit on a linear axis. NaN where
+        Posterior median of the width: log10 units, or the levels' unit on other axes. NaN where
         detection rises in one step (``separated``), which leaves sigma to its prior.
     lapse_rate, guess_rate : float
         Posterior means; a guess rate that is known stays as it is.
@@ -150,39 +144,25 @@ def fit_psychometric(
     one_table = np.asarray(detected)[None], np.asarray(presented)[None]
     tables = checked_tables(levels, *one_table, guess_rate, x_scale=x_scale, function=function)
     (fit,) = fit_many(tables, likeliest=True)
-    return in_levels(fit, x_scale)
+    return fit
 
 
-def in_levels(fit: Fit, x_scale: XScale) -> Fit:
-    """Return a fit of one person or of a group in the levels' unit."""
-    if x_scale == "linear":
-        return fit
-    changes: dict[str, Any] = {}
-    for name in {*_ON_AXIS} & {field.name for field in fields(fit)}:
-        x = np.array(getattr(fit, name))
-        levels = np.where(x == -math.inf, x, 10.0**x).tolist()
-        changes[name] = tuple(levels) if x.ndim else levels
-    return replace(fit, **changes)
-
-
-def fit_many(
-    tables: Tables, people: Sequence[Likelihood] | None = None, *, likeliest: bool = False
-) -> tuple[PsychometricFit, ...]:
-    """Fit many tables, on their axis; `people` are their likelihoods if these are known.
+def fit_many(tables: Tables, *, likeliest: bool = False) -> tuple[PsychometricFit, ...]:
+    """Fit many tables.
 
     The likeliest functions take longest, and are left out by default.
     """
-    fits = []
-    for row, likelihood in enumerate(people or likelihoods(tables)):
+    fits, axis = [], tables.axis
+    for row, likelihood in enumerate(tables.likelihoods):
         prior, mu = tables.priors[row], likelihood.mu_points.tolist()
         status = status_of(*tables.counts(row), mu, prior)
         numbers: dict[str, Any] = {}
         if status in BOUNDED or status in WITH_THRESHOLD:
-            numbers["threshold_limits"] = within_levels(mu[0], mu[2], prior)
+            numbers["threshold_limits"] = within_levels(mu[0], mu[2], prior, axis)
         if status in WITH_THRESHOLD:
-            sigma = prior.step * math.exp(likelihood.log_sigma_points[1])
+            sigma = axis.width(prior.step * math.exp(likelihood.log_sigma_points[1]))
             numbers |= {
-                "threshold": mu[1] * prior.step,
+                "threshold": axis.level(mu[1] * prior.step),
                 "sigma": _NAN if status == "separated" else sigma,
                 "lapse_rate": likelihood.lapse[0],
                 "guess_rate": likelihood.gamma[0],
@@ -195,24 +175,25 @@ def fit_many(
     return tuple(fits)
 
 
-def within_levels(low: float, high: float, prior: Prior) -> tuple[float, float]:
-    """Return limits on the axis: outside the levels they are open, or no closer than the levels.
+def within_levels(low: float, high: float, prior: Prior, axis: Axis) -> tuple[float, float]:
+    """Return limits in the levels' unit: outside the levels they are open, or no closer than these.
 
     An upper limit below the levels states that the threshold lies there. Of people exactly at the
     lowest level it does so in 3 % of sessions, and 0.1 dB below in 2 %. A closer one is therefore
     given as just inside, and likewise at the highest level.
 
+    >>> from analysis.axis import Axis
     >>> from analysis.thresholds.function import Prior
-    >>> prior = Prior(low=0.0, high=10.0, step=0.5, tail=3.0)
-    >>> within_levels(-2.0, 4.0, prior), within_levels(11.0, 12.0, prior)
+    >>> to = Prior(low=0.0, high=10.0, step=0.5, tail=3.0), Axis(x_scale="linear")
+    >>> within_levels(-2.0, 4.0, *to), within_levels(11.0, 12.0, *to)
     ((-inf, 2.0), (5.0, inf))
     """
     margin = _MARGIN * prior.scale
     high = high if high <= prior.low - margin else max(high, prior.low + margin)
     low = low if low >= prior.high + margin else min(low, prior.high - margin)
     return (
-        -math.inf if low < prior.low else min(low, prior.high) * prior.step,
-        math.inf if high > prior.high else max(high, prior.low) * prior.step,
+        -math.inf if low < prior.low else axis.level(min(low, prior.high) * prior.step),
+        math.inf if high > prior.high else axis.level(max(high, prior.low) * prior.step),
     )
 
 

@@ -9,15 +9,12 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 import pandas as pd
 
-from analysis.axis import Axis
 from analysis.numbers import TOTAL
-from analysis.thresholds.band import Line, drawn_functions
+from analysis.thresholds.band import drawn_functions
 from analysis.thresholds.fit import WITH_THRESHOLD
-from analysis.thresholds.guess import Guessing, GuessRate
 from analysis.thresholds.likelihood import POINTS
-from analysis.thresholds.people import PersonCounts, side_by_side
 from analysis.thresholds.table import group_table, thresholds_of
-from analysis.thresholds.tables import checked_tables
+from analysis.thresholds.tables import checked_tables, side_by_side
 
 if TYPE_CHECKING:
     from collections.abc import Hashable, Iterator
@@ -25,8 +22,10 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from numpy.typing import NDArray
 
-    from analysis.axis import XScale
+    from analysis.axis import Axis, XScale
     from analysis.thresholds.function import FunctionName
+    from analysis.thresholds.guess import GuessRate
+    from analysis.thresholds.likelihood import Tables
 
     Floats = NDArray[np.float64]
 
@@ -63,10 +62,8 @@ class PsychometricFits:
         The same of the group in each condition with several participants. ``spread`` is the
         standard deviation of thresholds between people, in dB or in the unit of the levels;
         ``next_low`` and ``next_high`` are the 95 % prediction interval of the next participant.
-    counts : PersonCounts
+    counts : Tables
         The counts to which the functions were fitted.
-    axis : Axis
-        The axis of the levels.
 
     Examples
     --------
@@ -80,8 +77,12 @@ class PsychometricFits:
 
     people: pd.DataFrame
     groups: pd.DataFrame
-    counts: PersonCounts
-    axis: Axis
+    counts: Tables
+
+    @property
+    def axis(self) -> Axis:
+        """The axis of the levels."""
+        return self.counts.axis
 
     def __repr__(self) -> str:
         """Return the tables as text."""
@@ -116,12 +117,13 @@ class PsychometricFits:
         if not 0 < proportion < 1:
             raise ValueError(f"proportion must lie between 0 and 1; got {proportion}")
         rows = []
-        for name, row, drawn, x in self._functions():
+        for name, row, people in self._functions():
             low, at, high = (math.nan,) * 3
             if row["status"] in ("ok", "lapse_at_bound"):
-                drawn_places = drawn.places(proportion)
-                places = np.asarray(np.quantile(drawn_places, POINTS, method="inverted_cdf"), float)
-                inside = (places >= x.min()) & (places <= x.max())
+                drawn = drawn_functions(people).places(proportion)
+                places = np.asarray(np.quantile(drawn, POINTS, method="inverted_cdf"), float)
+                x = self.axis.on_axis(people.tested)
+                inside = (places >= x[0]) & (places <= x[-1])
                 low, at, high = np.where(inside, self.axis.level(places), math.nan).tolist()
             rows.append((*name, at, low, high))
         return pd.DataFrame(rows, columns=[*_KEY, "level", "low", "high"])
@@ -141,18 +143,19 @@ class PsychometricFits:
         import matplotlib.pyplot as plt
 
         axes = axes or plt.figure(layout="constrained").add_subplot()
-        conditions, several = [*self.counts.conditions()], len(self.groups) > 0
-        for name, row, drawn, x in self._functions():
+        conditions, several = [*self.counts.conditions], len(self.groups) > 0
+        for name, row, people in self._functions():
             group, color = name[1] == TOTAL, f"C{conditions.index(name[0])}"
             if not group:
-                i = self.counts.names.index(name)
-                shown = self.counts.presented[i] > 0
-                share = self.counts.detected[i, shown] / self.counts.presented[i, shown]
+                shown = people.presented > 0
+                share = people.detected[shown] / people.presented[shown]
                 alpha = 0.35 if several else 1.0
-                axes.plot(self.counts.level_vpp[i, shown], share, "o", color=color, alpha=alpha)
+                axes.plot(people.levels[shown], share, "o", color=color, alpha=alpha)
             if row["status"] not in WITH_THRESHOLD or (several and not group):
                 continue
-            fine = np.linspace(x.min(), x.max(), 200)
+            drawn = drawn_functions(people)
+            low, high = self.axis.on_axis(people.tested[[0, -1]]).tolist()
+            fine = np.linspace(low, high, 200)
             levels = self.axis.level(fine)
             label = name[0] if len(conditions) > 1 else None
             axes.fill_between(levels, *drawn.band(fine), color=color, alpha=0.2, lw=0)
@@ -167,25 +170,20 @@ class PsychometricFits:
             axes.set_xscale("log")
             axes.minorticks_off()
             axes.xaxis.set_major_formatter(lambda level, _: f"{level:g}")
-            tested = np.unique(self.counts.level_vpp[self.counts.presented > 0])
-            if len(tested) <= _MAX_TICKS:
-                axes.set_xticks(tested)
+            if len(self.counts.tested) <= _MAX_TICKS:
+                axes.set_xticks(self.counts.tested)
         axes.set(xlabel="level", ylabel="proportion detected", ylim=(-0.02, 1.02))
         if axes.get_legend_handles_labels()[1]:
             axes.legend()
         return axes
 
-    def _functions(self) -> Iterator[tuple[tuple[str, str], pd.Series[Any], Line, Floats]]:
-        """Yield name, row, drawn functions and tested levels of all people and groups."""
-        for _, row in pd.concat([self.people, self.groups.assign(participant=TOTAL)]).iterrows():
+    def _functions(self) -> Iterator[tuple[tuple[str, str], pd.Series[Any], Tables]]:
+        """Yield the name, the row and the counts of all people, then of all groups."""
+        for _, row in self.people.iterrows():
             name = row["condition"], row["participant"]
-            rows = [
-                i
-                for i, (condition, participant) in enumerate(self.counts.names)
-                if condition == name[0] and name[1] in (participant, TOTAL)
-            ]
-            x = self.axis.on_axis(self.counts.level_vpp[rows][self.counts.presented[rows] > 0])
-            yield name, row, drawn_functions(self.counts, rows, self.axis), x
+            yield name, row, self.counts.at([self.counts.names.index(name)])
+        for _, row in self.groups.iterrows():
+            yield (row["condition"], TOTAL), row, self.counts.conditions[row["condition"]]
 
 
 def fit(
@@ -251,14 +249,12 @@ def fit(
         }
     )
     table = table[table["presented"] > 0].groupby([*_KEY, "level_vpp"], as_index=False).sum()
-    axis = Axis(x_scale=x_scale, unit="level")
-    rate = Guessing(rate=tables.guesses[0], basis="given")
-    people = replace(side_by_side(table, lambda _: rate), function=function)
-    thresholds = thresholds_of(people, seed=0, axis=axis)
-    groups = group_table(people, thresholds, axis)
+    people = side_by_side(table, lambda _: tables.guesses[0], tables.axis)
+    people = replace(people, function=function)
+    thresholds = thresholds_of(people, seed=0)
+    groups = group_table(people, thresholds)
     return PsychometricFits(
         people=thresholds.rename(columns=_NAMES)[_PEOPLE],
         groups=groups[groups["participants"] > 1].rename(columns=_NAMES)[_GROUPS],
         counts=people,
-        axis=axis,
     )

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from functools import reduce
+from functools import lru_cache, reduce
 from typing import TYPE_CHECKING, Final, Literal
 
 import numpy as np
@@ -20,7 +20,6 @@ from analysis.thresholds.fit import (
     FitStatus,
     PsychometricFit,
     fit_many,
-    in_levels,
     status_of,
     within_levels,
 )
@@ -28,7 +27,6 @@ from analysis.thresholds.function import SIGMA_FACTOR, SIGMA_MEDIAN, Prior, clas
 from analysis.thresholds.likelihood import (
     POINTS,
     TINY,
-    likelihoods,
     quantiles,
     range_of,
     trapezoid,
@@ -43,8 +41,7 @@ if TYPE_CHECKING:
 
     from analysis.axis import XScale
     from analysis.thresholds.function import FunctionName
-    from analysis.thresholds.likelihood import Likelihood
-    from analysis.thresholds.tables import Tables
+    from analysis.thresholds.likelihood import Likelihood, Tables
 
     Floats = NDArray[np.float64]
     Curve = tuple[Floats, Floats]
@@ -53,6 +50,7 @@ if TYPE_CHECKING:
 SPREAD_SCALE: Final = 6.0
 """Steps, of the half-normal prior of tau. Smaller ones cover too little where people differ much.
 """
+DB_PER_LOG10: Final = 20.0
 MIN_PEOPLE: Final = 5
 """The spread of fewer people comes mostly from its prior."""
 NOT_RISING: Final = ("decreasing", "flat")
@@ -168,7 +166,7 @@ def population_draws(
 ) -> tuple[Floats, Floats, Floats]:
     """Draw the middle and the spread of a group on the axis, and S of ln(sigma), to plan with."""
     prior = tables.prior
-    middle, spread, log_sigma = group_posterior(likelihoods(tables), prior).drawn(number, rng)
+    middle, spread, log_sigma = posterior_of(tables).drawn(number, rng)
     return middle * prior.step, spread * prior.step, log_sigma + math.log(prior.step)
 
 
@@ -250,6 +248,12 @@ def _margin(cells: Floats, axes: Sequence[Floats], parameter: int) -> Floats:
     return cells
 
 
+@lru_cache(maxsize=4)
+def posterior_of(tables: Tables) -> Population:
+    """Return the posterior of a group; its threshold, its function and its band need it in turn."""
+    return group_posterior(tables.likelihoods, tables.prior)
+
+
 def group_posterior(people: Sequence[Likelihood], prior: Prior) -> Population:
     """Return the posterior of a group, in steps of the prior of all levels.
 
@@ -283,43 +287,40 @@ def _over_sigma(likelihood: Likelihood, log_sigma: Floats) -> Floats:
     return np.ascontiguousarray(averaged.transpose(1, 2, 3, 0)).reshape(len(likelihood.mu), -1)
 
 
-def group_fit(
-    tables: Tables,
-    people: Sequence[Likelihood],
-    posterior: Population | None = None,
-) -> GroupFit:
-    """Return the fit of a group on the axis.
+def group_fit(tables: Tables) -> GroupFit:
+    """Return the fit of a group.
 
     Its people's own fits decide only where their pooled table does not rise.
     """
     if not tables.several_levels().any():
         return GroupFit(status="one_level")
-    prior = tables.prior
-    fitted = posterior or group_posterior(people, prior)
+    prior, axis = tables.prior, tables.axis
+    fitted = posterior_of(tables)
     low, middle, high = fitted.points(MIDDLE).tolist()
     status = status_of(*tables.counts(), (low, middle, high), prior)
     if status in NOT_RISING:
-        alone = {fit.status for fit in fit_many(tables, people)}
+        alone = {fit.status for fit in fit_many(tables)}
         if not alone <= {*NOT_RISING, "one_level"}:
             # People below, between and above the levels have a threshold, if not a slope.
             status = "ok" if middle <= prior.high else "median_above_levels"
             status = status if middle >= prior.low else "median_below_levels"
-    limits = within_levels(low, high, prior)
+    limits = within_levels(low, high, prior, axis)
     if status in BOUNDED:
         return GroupFit(status=status, threshold_limits=limits)
     if status in NOT_RISING:
         return GroupFit(status=status)
-    unit = prior.step * (20 if tables.x_scale == "log10" else 1)
+    unit = prior.step * (DB_PER_LOG10 if axis.is_logarithmic else 1)
     least, spread, most = (unit * fitted.points(SPREAD)).tolist()
     next_low, _, next_high = fitted.next_person_points().tolist()
-    sigma_low, sigma, sigma_high = (prior.step * np.exp(fitted.points(LOG_WIDTH))).tolist()
+    widths = axis.width(prior.step) * np.exp(fitted.points(LOG_WIDTH))
+    sigma_low, sigma, sigma_high = widths.tolist()
     return GroupFit(
         status=status,
-        threshold=middle * prior.step,
+        threshold=axis.level(middle * prior.step),
         threshold_limits=limits,
         spread_db=spread,
         spread_limits_db=(least, most),
-        new_person_limits=within_levels(min(next_low, low), max(next_high, high), prior),
+        new_person_limits=within_levels(min(next_low, low), max(next_high, high), prior, axis),
         sigma=sigma,
         sigma_limits=(sigma_low, sigma_high),
     )
@@ -376,7 +377,4 @@ def fit_group(
     """
     counts = levels, detected, presented
     tables = checked_tables(*counts, guess_rate, blanks, x_scale=x_scale, function=function)
-    people = likelihoods(tables)
-    fits = fit_many(tables, people, likeliest=True)
-    group = in_levels(group_fit(tables, people), x_scale)
-    return replace(group, people=tuple(in_levels(f, x_scale) for f in fits))
+    return replace(group_fit(tables), people=fit_many(tables, likeliest=True))

@@ -35,6 +35,9 @@ class GuessRate:
         The rate, or its mean; at most 0.9.
     beta : tuple of float or None
         Both parameters of its Beta distribution; ``None`` where the rate is known.
+    basis : str
+        Its source: ``given``, ``forced choice``, ``blanks``, ``few blanks`` (fewer than 20) or
+        ``assumed`` (none).
 
     Raises
     ------
@@ -49,6 +52,7 @@ class GuessRate:
 
     mean: float
     beta: tuple[float, float] | None = None
+    basis: str = "given"
 
     def __post_init__(self) -> None:
         finite("guess_rate", self.mean, least=0, most=MAX_GUESS_RATE)
@@ -79,10 +83,11 @@ class GuessRate:
         >>> 2.5 < spreads[0] / spreads[1] < 4
         True
         """
+        basis = "blanks" if blanks >= BLANKS_NEEDED else "few blanks"
         if not blanks:
-            answered, blanks = _ASSUMED
+            (answered, blanks), basis = _ASSUMED, "assumed"
         a, b = 0.5 + answered, 0.5 + blanks - answered
-        return cls(mean=min(a / (a + b), MAX_GUESS_RATE), beta=(a, b))
+        return cls(mean=min(a / (a + b), MAX_GUESS_RATE), beta=(a, b), basis=basis)
 
     def log_density(self, gamma: Floats) -> Floats:
         """Return the log density of the angle arcsin(sqrt(gamma)), but for a constant.
@@ -93,33 +98,22 @@ class GuessRate:
         return np.asarray(xlogy(a - 0.5, gamma) + xlogy(b - 0.5, 1 - gamma))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Guessing:
-    """The guess rate of a participant, and its source."""
-
-    rate: GuessRate
-    basis: str  # "forced choice", "blanks", "few blanks" or "assumed"
-
-
-def guessing(
+def guess_rate_of(
     *, none_offered: bool, sided_answers: float, blanks: int, alternatives: int = 2
-) -> Guessing:
+) -> GuessRate:
     """Return the guess rate that a participant's task and blank trials imply.
 
     A participant who cannot answer "none" guesses one of the `alternatives`. All others are correct
     by chance as often as they answer a blank trial with a given side (`sided_answers` of them). A
     rate of 0 would lower thresholds by 0.4 to 1 dB at true rates of 0.02 to 0.1.
 
-    >>> guessing(none_offered=False, sided_answers=0, blanks=0).rate.mean
+    >>> guess_rate_of(none_offered=False, sided_answers=0, blanks=0).mean
     0.5
-    >>> guessing(none_offered=True, sided_answers=3, blanks=60).basis
+    >>> guess_rate_of(none_offered=True, sided_answers=3, blanks=60).basis
     'blanks'
-    >>> guessing(none_offered=True, sided_answers=0, blanks=0).rate.beta
+    >>> guess_rate_of(none_offered=True, sided_answers=0, blanks=0).beta
     (1.0, 10.0)
     """
     if not none_offered:
-        return Guessing(rate=GuessRate(mean=1 / alternatives), basis=FORCED_CHOICE)
-    rate = GuessRate.after_blanks(answered=sided_answers, blanks=blanks)
-    if not blanks:
-        return Guessing(rate=rate, basis="assumed")
-    return Guessing(rate=rate, basis="blanks" if blanks >= BLANKS_NEEDED else "few blanks")
+        return GuessRate(mean=1 / alternatives, basis=FORCED_CHOICE)
+    return GuessRate.after_blanks(answered=sided_answers, blanks=blanks)

@@ -18,15 +18,13 @@ from analysis.thresholds.function import (
     rise,
     slope,
 )
-from analysis.thresholds.likelihood import (
-    TINY,
-)
+from analysis.thresholds.likelihood import TINY
 from analysis.thresholds.tables import checked_tables
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
-    from analysis.thresholds.tables import Tables
+    from analysis.thresholds.likelihood import Tables
 
     Floats = NDArray[np.float64]
 
@@ -198,9 +196,10 @@ def likeliest_function(tables: Tables, row: int, node: Floats) -> dict[str, floa
     )
     mu, log_sigma, lapse = best.x.tolist()
     p, q = probabilities_at(tables.function, (u - mu) * math.exp(-log_sigma), gamma, lapse)
+    axis, step = tables.axis, tables.prior.step
     return {
-        "mle_threshold": mu * tables.prior.step,
-        "mle_sigma": math.exp(log_sigma) * tables.prior.step,
+        "mle_threshold": axis.level(mu * step),
+        "mle_sigma": axis.width(math.exp(log_sigma) * step),
         "mle_lapse_rate": lapse,
         "deviance": float(deviance(k, n, p, q)),
     }

@@ -1,40 +1,40 @@
-"""Likelihoods of psychometric functions over mu and log sigma: one grid for many tables.
+"""Counts of participants, and the likelihoods of their psychometric functions on one grid.
 
-Thresholds of people, groups, differences and bands all start from these. The log likelihood at all
-nodes is one product of matrices, counts times log probabilities. It is accumulated over blocks of
-levels, so that memory does not grow with the number of different levels. Guess and lapse rates are
-integrated out. Where a likelihood is too narrow for the common nodes, its table gets nodes of its
-own, in a few steps from wide to narrow.
+A likelihood is over mu and log sigma. Thresholds of people, groups, differences and bands all start
+from these. The log likelihood at all nodes is one product of matrices, counts times log
+probabilities. It is accumulated over blocks of levels, so that memory does not grow with the number
+of different levels. Guess and lapse rates are integrated out. Where a likelihood is too narrow for
+the common nodes, its table gets nodes of its own, in a few steps from wide to narrow.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from analysis.axis import VOLTS, Axis
 from analysis.thresholds.function import (
     LOG_SIGMA,
     MAX_LAPSE,
     REACH,
+    FunctionName,
+    Prior,
     lapse_classes,
     lapse_nodes,
     legendre,
     rise,
 )
-from analysis.thresholds.tables import binned
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from numpy.typing import NDArray
 
-    from analysis.thresholds.function import FunctionName, Prior
     from analysis.thresholds.guess import GuessRate
-    from analysis.thresholds.tables import Tables
 
     Floats = NDArray[np.float64]
     Ends = tuple[float, float]
@@ -53,11 +53,140 @@ _MAX_BLOCK: Final = 4_000_000
 _MAX_CACHED: Final = 2_000_000
 _MAX_GUESS_NODES: Final = 32
 _GUESS_LOG_RANGE: Final = 16.0
+_MAX_LEVELS: Final = 64
+_BIN: Final = 0.1
+"""Steps. Counts at more than `_MAX_LEVELS` levels are spread over levels that lie so far apart."""
 _PEAK: Final = math.exp(-2.0)
 _MIN_PEAK_NODES: Final = (5, 3)
 """Nodes of mu and of log sigma within two standard deviations of the peak."""
 _MAX_SHARE: Final = 0.75
 """Of the posterior at one node of gamma or lambda."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Tables:
+    """What was presented to participants at each level, and what they detected: a row for each.
+
+    Attributes
+    ----------
+    levels, detected, presented : ndarray of float64, shape (people, most levels of one)
+        A place that is left over has 0 presented, at a level of 1.
+    guesses : sequence of GuessRate
+        The guess rate of each.
+    names : tuple of tuple of str
+        Condition and participant of each, where they have names; sorted.
+    axis : Axis
+        What the levels are.
+    function : str
+        The psychometric function.
+    step : float or None
+        A step of the prior on the axis, where more levels than these make it.
+    """
+
+    levels: Floats
+    detected: Floats
+    presented: Floats
+    guesses: Sequence[GuessRate]
+    names: tuple[tuple[str, str], ...] = ()
+    axis: Axis = VOLTS
+    function: FunctionName = "normal"
+    step: float | None = None
+
+    def __len__(self) -> int:
+        return len(self.levels)
+
+    def select(self, rows: Sequence[int]) -> Tables:
+        """Return some of the tables, in steps of all."""
+        chosen = list(rows)
+        return replace(
+            self,
+            levels=self.levels[chosen],
+            detected=self.detected[chosen],
+            presented=self.presented[chosen],
+            guesses=[self.guesses[i] for i in chosen],
+            names=tuple(self.names[i] for i in chosen) if self.names else (),
+            step=self.prior.step,
+        )
+
+    def at(self, rows: Sequence[int]) -> Tables:
+        """Return some of the tables, in steps of all, with likelihoods that are computed once."""
+        selected = self.select(rows)
+        vars(selected)["likelihoods"] = [self.likelihoods[i] for i in rows]
+        return selected
+
+    @cached_property
+    def conditions(self) -> dict[str, Tables]:
+        """The tables of each condition, sorted by its name."""
+        rows: dict[str, list[int]] = {}
+        for i, (condition, _) in enumerate(self.names):
+            rows.setdefault(condition, []).append(i)
+        return {condition: self.at(rows[condition]) for condition in sorted(rows)}
+
+    @cached_property
+    def likelihoods(self) -> list[Likelihood]:
+        """The likelihood of each table."""
+        return likelihoods(self)
+
+    @cached_property
+    def x(self) -> Floats:
+        """The levels on the axis."""
+        return self.axis.on_axis(self.levels)
+
+    @property
+    def tested(self) -> Floats:
+        """The levels that were presented to anybody, in order."""
+        return np.unique(self.levels[self.presented > 0])
+
+    def counts(self, rows: int | slice = slice(None)) -> tuple[Floats, Floats, Floats]:
+        """Return the levels of some tables in steps, with what was detected and presented there."""
+        used = self.presented[rows] > 0
+        u = self.x[rows][used] / self.prior.step
+        return pooled(u, self.detected[rows][used], self.presented[rows][used])
+
+    @cached_property
+    def prior(self) -> Prior:
+        """The prior that goes with the levels of all tables."""
+        return Prior.of(self.x[self.presented > 0], self.axis.fitted, self.step)
+
+    @cached_property
+    def priors(self) -> list[Prior]:
+        """The prior that goes with the levels of each table, in steps of all."""
+        step, scale = self.prior.step, self.axis.fitted
+        tables = zip(self.x, self.presented, strict=True)
+        return [Prior.of(x[presented > 0], scale, step) for x, presented in tables]
+
+    def several_levels(self) -> NDArray[np.bool_]:
+        """Return which tables have more than one level."""
+        return np.array([prior.high > prior.low for prior in self.priors])
+
+
+def pooled(x: Floats, detected: Floats, presented: Floats) -> tuple[Floats, Floats, Floats]:
+    """Return different levels in order, with the sums of their counts."""
+    if (np.diff(x) > 0).all():
+        return x, detected, presented
+    at, index = np.unique(x, return_inverse=True)
+    k, n = (
+        np.bincount(index.ravel(), count, len(at)).astype(np.float64)
+        for count in (detected, presented)
+    )
+    return at, k, n
+
+
+def binned(u: Floats, k: Floats, n: Floats) -> tuple[Floats, Floats, Floats]:
+    """Spread counts at many levels over few, each over its two neighbours, and pool equal levels.
+
+    Log likelihoods are thereby interpolated between levels that lie 0.1 dB apart.
+    """
+    u, k, n = pooled(u, k, n)
+    if len(u) <= _MAX_LEVELS:
+        return u, k, n
+    below = np.floor(u / _BIN)
+    share = u / _BIN - below
+    return pooled(
+        np.concatenate([below, below + 1]) * _BIN,
+        np.concatenate([k * (1 - share), k * share]),
+        np.concatenate([n * (1 - share), n * share]),
+    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -172,11 +301,11 @@ def likelihoods(tables: Tables, nodes: Nodes = STANDARD) -> list[Likelihood]:
     size = max(_MAX_BLOCK // math.prod(axes.shape), 1)
     result: list[Likelihood] = []
     for start in range(0, len(tables), size):
-        batch = tables.at(range(start, min(start + size, len(tables))))
+        batch = tables.select(range(start, min(start + size, len(tables))))
         log = _log_likelihoods(batch, axes, shared=True)
         integrated, narrow = _integrated(log, axes, batch)
         for i in np.flatnonzero(narrow) if nodes is STANDARD else ():
-            table = batch.at([i])
+            table = batch.select([i])
             narrow_axes, narrow_log = _narrow_axes(table, axes, log[i : i + 1])
             (integrated[i],), _ = _integrated(narrow_log, narrow_axes, table)
             # Values count as constant beyond the ends of an axis, where much of a wide prior may
@@ -186,12 +315,12 @@ def likelihoods(tables: Tables, nodes: Nodes = STANDARD) -> list[Likelihood]:
     return result
 
 
-def cells_of(tables: Tables, row: int) -> tuple[Axes, Floats, float]:
+def cells_of(table: Tables) -> tuple[Axes, Floats, float]:
     """Return the axes of one table, its posterior at each cell, and a step of these on the axis.
 
     Cells are (gamma, lambda, mu, log sigma).
     """
-    table = replace(tables.at([row]), step=None)
+    table = replace(table, step=None)
     axes = _common_axes(table.prior, _guess_nodes(table), STANDARD)
     log = _log_likelihoods(table, axes, shared=False)
     if _integrated(log, axes, table)[1][0]:

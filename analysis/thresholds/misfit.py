@@ -9,15 +9,13 @@ import numpy as np
 
 from analysis.thresholds.function import MAX_LAPSE, rise
 from analysis.thresholds.likeliest import deviance, probabilities_at
-from analysis.thresholds.likelihood import Axes, log_probabilities, range_of
-from analysis.thresholds.tables import binned
+from analysis.thresholds.likelihood import Axes, binned, log_probabilities, range_of
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from analysis.thresholds.fit import PsychometricFit
-    from analysis.thresholds.likelihood import Likelihood
-    from analysis.thresholds.tables import Tables
+    from analysis.thresholds.likelihood import Tables
 
     Floats = NDArray[np.float64]
 
@@ -35,13 +33,11 @@ _BLOCK: Final = 500_000
 """Numbers in one block of drawn counts."""
 
 
-def deviance_p(
-    fit: PsychometricFit, tables: Tables, row: int, likelihood: Likelihood, seed: int
-) -> float:
+def deviance_p(fit: PsychometricFit, tables: Tables, row: int, seed: int) -> float:
     """Return how often a table drawn from its likeliest function deviates as much from a refit.
 
-    `fit` is on the axis; of one without a likeliest function p is NaN. p = (1 + #{D* >= D}) / (1 +
-    drawn tables). The table and every drawn one are refitted to the nearest node of one grid around
+    Of a fit without a likeliest function p is NaN. p = (1 + #{D* >= D}) / (1 + drawn tables). The
+    table and every drawn one are refitted to the nearest node of one grid around
     the likeliest function. Where ten of the first 99 deviate as much, p is above 0.1 and these are
     all; stopping there makes no p smaller (J. Besag and P. Clifford, Biometrika 78 (1991) 301-304).
     The generator is seeded by `seed` and the counts, so that neither names nor order of
@@ -51,7 +47,7 @@ def deviance_p(
     if math.isnan(fit.deviance):
         return math.nan
     u, k, n = tables.counts(row)
-    guess, best_lapse, step = tables.guesses[row], fit.mle_lapse_rate, tables.prior.step
+    guess, likelihood, best_lapse = tables.guesses[row], tables.likelihoods[row], fit.mle_lapse_rate
     least, half = math.exp(-(_REFIT_RANGE**2) / 2), _REFIT_RANGE * math.sqrt(likelihood.lapse[1])
     ranges = (
         range_of(likelihood.mu, likelihood.values.max(axis=1), least),
@@ -76,7 +72,9 @@ def deviance_p(
         return deviance(counts, n, *probabilities_at(tables.function, z, guess.mean, lapse[node]))
 
     rng = np.random.default_rng([seed, *k.astype(np.int64).tolist(), *n.astype(np.int64).tolist()])
-    above, _ = rise(tables.function, (u * step - fit.mle_threshold) / fit.mle_sigma)
+    axis, step = tables.axis, tables.prior.step
+    z = (u * step - axis.on_axis(fit.mle_threshold)) * axis.width(1.0) / fit.mle_sigma
+    above, _ = rise(tables.function, z)
     observed = float(refitted(k[None])[0]) - _ROUNDING
     as_deviant = drawn = 0
     while drawn < _FIRST_REPLICATES or (drawn < REPLICATES and as_deviant < _MIN_AS_DEVIANT):

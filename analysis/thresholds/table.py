@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 
@@ -13,9 +13,9 @@ from analysis.counts.table import NEEDED, require_columns
 from analysis.numbers import TOTAL, counted_up, in_order
 from analysis.thresholds.difference import Difference, difference_of
 from analysis.thresholds.fit import ABOVE, BELOW, fit_many
-from analysis.thresholds.group import NOT_RISING, GroupFit, group_fit
+from analysis.thresholds.group import DB_PER_LOG10, NOT_RISING, GroupFit, group_fit
 from analysis.thresholds.misfit import deviance_p
-from analysis.thresholds.people import likelihoods_of, people_of
+from analysis.thresholds.tables import tables_of
 from experiment.names import require_whole
 
 if TYPE_CHECKING:
@@ -23,9 +23,7 @@ if TYPE_CHECKING:
 
     from analysis.axis import Axis
     from analysis.thresholds.fit import PsychometricFit
-    from analysis.thresholds.people import PersonCounts
-
-_DB_PER_LOG10: Final = 20.0
+    from analysis.thresholds.likelihood import Tables
 
 
 def threshold_table(trials: pd.DataFrame, *, seed: int, axis: Axis = VOLTS) -> pd.DataFrame:
@@ -65,29 +63,26 @@ def threshold_table(trials: pd.DataFrame, *, seed: int, axis: Axis = VOLTS) -> p
     """
     require_columns(trials, NEEDED)
     require_whole("seed", seed, 0)
-    return thresholds_of(people_of(trials), seed=seed, axis=axis)
+    return thresholds_of(tables_of(trials, axis=axis), seed=seed)
 
 
-def thresholds_of(people: PersonCounts, *, seed: int, axis: Axis) -> pd.DataFrame:
+def thresholds_of(people: Tables, *, seed: int) -> pd.DataFrame:
     """Return `threshold_table` of participants' counts."""
-    tables, likelihoods = likelihoods_of(people, axis)
-    fits = fit_many(tables, likelihoods, likeliest=True)
+    fits = fit_many(people, likeliest=True)
     table = _frame(
         {
             "participant": [name for _, name in people.names],
             "condition": [condition for condition, _ in people.names],
             "status": [fit.status for fit in fits],
-            **_threshold_columns(fits, axis),
-            "sigma": [axis.width(fit.sigma) for fit in fits],
+            **_threshold_columns(fits, people.axis),
+            "sigma": [fit.sigma for fit in fits],
             "lapse_rate": [fit.lapse_rate for fit in fits],
-            "mle_threshold_vpp": [axis.level(fit.mle_threshold) for fit in fits],
-            "mle_sigma": [axis.width(fit.mle_sigma) for fit in fits],
+            "mle_threshold_vpp": [fit.mle_threshold for fit in fits],
+            "mle_sigma": [fit.mle_sigma for fit in fits],
             "mle_lapse_rate": [fit.mle_lapse_rate for fit in fits],
             "deviance": [fit.deviance for fit in fits],
-            "deviance_p": [
-                deviance_p(fit, tables, row, likelihoods[row], seed) for row, fit in enumerate(fits)
-            ],
-            "guess_rate": [guess.rate.mean for guess in people.guesses],
+            "deviance_p": [deviance_p(fit, people, row, seed) for row, fit in enumerate(fits)],
+            "guess_rate": [guess.mean for guess in people.guesses],
             "guess_basis": [guess.basis for guess in people.guesses],
             "guess_posterior": [fit.guess_rate for fit in fits],
             "levels": (people.presented > 0).sum(axis=1),
@@ -97,18 +92,16 @@ def thresholds_of(people: PersonCounts, *, seed: int, axis: Axis) -> pd.DataFram
     return table.sort_values(["condition", "participant"], key=in_order, ignore_index=True)
 
 
-def group_table(people: PersonCounts, thresholds: pd.DataFrame, axis: Axis) -> pd.DataFrame:
+def group_table(people: Tables, thresholds: pd.DataFrame) -> pd.DataFrame:
     """Return the threshold of the group of each condition, in which everybody takes part.
 
     `thresholds` are `thresholds_of` these people. ``below`` and ``above`` count those of them that
     lie outside the levels.
     """
-    conditions = people.conditions()
+    conditions = people.conditions
     groups = [
-        group_fit(*likelihoods_of(people, axis, rows))
-        if len(rows) > 1
-        else GroupFit(status="one_participant")
-        for rows in conditions.values()
+        group_fit(group) if len(group) > 1 else GroupFit(status="one_participant")
+        for group in conditions.values()
     ]
     outside = {
         name: thresholds["status"].isin(statuses).groupby(thresholds["condition"]).sum()
@@ -117,19 +110,19 @@ def group_table(people: PersonCounts, thresholds: pd.DataFrame, axis: Axis) -> p
     return _frame(
         {
             "condition": list(conditions),
-            "participants": [len(rows) for rows in conditions.values()],
+            "participants": [len(group) for group in conditions.values()],
             "status": [group.status for group in groups],
-            **_threshold_columns(groups, axis),
+            **_threshold_columns(groups, people.axis),
             "spread_db": [group.spread_db for group in groups],
             "spread_low_db": [group.spread_limits_db[0] for group in groups],
             "spread_high_db": [group.spread_limits_db[1] for group in groups],
-            "new_low_vpp": [axis.level(_finite(group.new_person_limits[0])) for group in groups],
-            "new_high_vpp": [axis.level(_finite(group.new_person_limits[1])) for group in groups],
-            "sigma": [axis.width(group.sigma) for group in groups],
-            "sigma_low": [axis.width(group.sigma_limits[0]) for group in groups],
-            "sigma_high": [axis.width(group.sigma_limits[1]) for group in groups],
+            "new_low_vpp": [_finite(group.new_person_limits[0]) for group in groups],
+            "new_high_vpp": [_finite(group.new_person_limits[1]) for group in groups],
+            "sigma": [group.sigma for group in groups],
+            "sigma_low": [group.sigma_limits[0] for group in groups],
+            "sigma_high": [group.sigma_limits[1] for group in groups],
             **{
-                name: [numbers[c] if len(rows) > 1 else math.nan for c, rows in conditions.items()]
+                name: [numbers[c] if len(some) > 1 else math.nan for c, some in conditions.items()]
                 for name, numbers in outside.items()
             },
         }
@@ -137,7 +130,7 @@ def group_table(people: PersonCounts, thresholds: pd.DataFrame, axis: Axis) -> p
 
 
 def difference_table(
-    people: PersonCounts, axis: Axis, thresholds: pd.DataFrame, groups: pd.DataFrame
+    people: Tables, thresholds: pd.DataFrame, groups: pd.DataFrame
 ) -> pd.DataFrame:
     """Return by how many dB thresholds differ between every two conditions.
 
@@ -152,9 +145,9 @@ def difference_table(
     not_rising = {*zip(falling["condition"], falling["participant"], strict=True)}
     pairs: list[tuple[str, str, str]] = []
     differences: list[Difference] = []
-    conditions = people.conditions().items() if axis.is_logarithmic else ()
-    for (a, rows_a), (b, rows_b) in itertools.combinations(conditions, 2):
-        for name, difference in _compare(people, rows_a, rows_b, axis):
+    conditions = people.conditions.items() if people.axis.is_logarithmic else ()
+    for (a, people_a), (b, people_b) in itertools.combinations(conditions, 2):
+        for name, difference in _compare(people_a, people_b):
             is_flat = bool({(a, name), (b, name)} & not_rising)
             pairs.append((a, b, name))
             differences.append(Difference(status="unknown") if is_flat else difference)
@@ -186,9 +179,10 @@ def side_thresholds(
     single = trials["kind"].astype(object).eq("single")
     frames = []
     for side in sorted({*trials.loc[single, "side"].dropna().astype(str)}):
-        people = people_of(trials[~single | trials["side"].eq(side)], alternatives)
-        thresholds = thresholds_of(people, seed=0, axis=axis)
-        groups = group_table(people, thresholds, axis).set_index("condition")
+        rows = trials[~single | trials["side"].eq(side)]
+        people = tables_of(rows, axis=axis, alternatives=alternatives)
+        thresholds = thresholds_of(people, seed=0)
+        groups = group_table(people, thresholds).set_index("condition")
         alone = thresholds[thresholds["condition"].map(groups["participants"]).eq(1)]
         groups.update(alone.set_index("condition").filter([*groups]))
         groups.insert(0, "side", side)
@@ -203,15 +197,15 @@ def _threshold_columns(
     fits: Sequence[PsychometricFit] | Sequence[GroupFit], axis: Axis
 ) -> dict[str, list[float]]:
     """Return thresholds and their limits, in levels and in dB; an open limit is n/a."""
-    places = {
+    levels = {
         "threshold": [fit.threshold for fit in fits],
         "threshold_low": [_finite(fit.threshold_limits[0]) for fit in fits],
         "threshold_high": [_finite(fit.threshold_limits[1]) for fit in fits],
     }
-    db = _DB_PER_LOG10 if axis.is_logarithmic else math.nan
+    db = DB_PER_LOG10 if axis.is_logarithmic else math.nan
     return {
-        **{f"{name}_vpp": [axis.level(x) for x in column] for name, column in places.items()},
-        **{f"{name}_db": [db * x for x in column] for name, column in places.items()},
+        **{f"{name}_vpp": column for name, column in levels.items()},
+        **{f"{n}_db": [db * axis.on_axis(x) for x in column] for n, column in levels.items()},
     }
 
 
@@ -224,17 +218,14 @@ def _finite(value: float) -> float:
     return value if math.isfinite(value) else math.nan
 
 
-def _compare(
-    people: PersonCounts, rows_a: Sequence[int], rows_b: Sequence[int], axis: Axis
-) -> Iterator[tuple[str, Difference]]:
+def _compare(a: Tables, b: Tables) -> Iterator[tuple[str, Difference]]:
     """Yield the difference of each participant of two conditions, and last that of the group."""
-    of_a, of_b = ({people.names[i][1]: i for i in rows} for rows in (rows_a, rows_b))
+    of_a, of_b = ({name: i for i, (_, name) in enumerate(each.names)} for each in (a, b))
     both = [name for name in of_a if name in of_b]
     if both:
-        rows_a, rows_b = ([of[name] for name in both] for of in (of_a, of_b))
-    a, b = (likelihoods_of(people, axis, rows) for rows in (rows_a, rows_b))
-    group = difference_of(*a, *b, same_people=bool(both))
+        a, b = a.at([of_a[name] for name in both]), b.at([of_b[name] for name in both])
+    group = difference_of(a, b, same_people=bool(both))
     each = zip(both, group.people, strict=True)
     yield from sorted(each, key=lambda person: counted_up(person[0]))
-    is_one = min(len(rows_a), len(rows_b)) == 1
+    is_one = min(len(a), len(b)) == 1
     yield TOTAL, Difference(status="one_participant") if is_one else group

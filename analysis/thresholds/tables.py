@@ -1,80 +1,29 @@
-"""Counts at levels, checked: what psychometric functions are fitted to."""
+"""Tables of counts: from arrays, which are checked, from trials, and from tables of counts."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from functools import cached_property
 from typing import TYPE_CHECKING, Final, get_args
 
 import numpy as np
 
-from analysis.axis import LARGEST, XScale
+from analysis.axis import LARGEST, VOLTS, Axis, XScale
 from analysis.counts.intervals import checked_counts
-from analysis.thresholds.function import FunctionName, Prior
-from analysis.thresholds.guess import GuessRate
+from analysis.counts.table import PERSON, count_answers, count_levels, counted
+from analysis.thresholds.function import FunctionName
+from analysis.thresholds.guess import GuessRate, guess_rate_of
+from analysis.thresholds.likelihood import Tables
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable
 
+    import pandas as pd
     from numpy.typing import ArrayLike, NDArray
+
+    from analysis.reading.trials import LoadedTrials
 
     Floats = NDArray[np.float64]
 
 MAX_PRESENTED: Final = 10**12
-_MAX_LEVELS: Final = 64
-_BIN: Final = 0.1
-"""Steps. Counts at more than `_MAX_LEVELS` levels are spread over levels that lie so far apart."""
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Tables:
-    """Counts at levels on the axis, (tables, levels); an unused place has 0 presented."""
-
-    x: Floats
-    detected: Floats
-    presented: Floats
-    guesses: Sequence[GuessRate]
-    x_scale: XScale = "log10"
-    function: FunctionName = "normal"
-    step: float | None = None
-    """A step of the prior on the axis, where more levels than these make it."""
-
-    def __len__(self) -> int:
-        return len(self.x)
-
-    def at(self, rows: Sequence[int]) -> Tables:
-        """Return some of the tables, in steps of all."""
-        chosen = list(rows)
-        return replace(
-            self,
-            x=self.x[chosen],
-            detected=self.detected[chosen],
-            presented=self.presented[chosen],
-            guesses=[self.guesses[i] for i in chosen],
-            step=self.prior.step,
-        )
-
-    def counts(self, rows: int | slice = slice(None)) -> tuple[Floats, Floats, Floats]:
-        """Return the levels of some tables in steps, with what was detected and presented there."""
-        used = self.presented[rows] > 0
-        u = self.x[rows][used] / self.prior.step
-        return pooled(u, self.detected[rows][used], self.presented[rows][used])
-
-    @cached_property
-    def prior(self) -> Prior:
-        """The prior that goes with the levels of all tables."""
-        return Prior.of(self.x[self.presented > 0], self.x_scale, self.step)
-
-    @cached_property
-    def priors(self) -> list[Prior]:
-        """The prior that goes with the levels of each table, in steps of all."""
-        step = self.prior.step
-        tables = zip(self.x, self.presented, strict=True)
-        return [Prior.of(x[presented > 0], self.x_scale, step) for x, presented in tables]
-
-    def several_levels(self) -> NDArray[np.bool_]:
-        """Return which tables have more than one level."""
-        return np.array([prior.high > prior.low for prior in self.priors])
 
 
 def checked_tables(
@@ -88,7 +37,7 @@ def checked_tables(
     function: FunctionName = "normal",
     name: str = "levels",
 ) -> Tables:
-    """Check the counts of people, (people, levels), and lay them on the axis.
+    """Check the counts of people, (people, levels).
 
     `name` is what messages call the levels.
     """
@@ -109,17 +58,17 @@ def checked_tables(
     if not (n > 0).any(axis=1).all():
         raise ValueError("presented must hold at least one stimulus of each person; got none")
     return Tables(
-        x=np.broadcast_to(_on_axis(x, x_scale, name), k.shape),
+        levels=np.broadcast_to(_checked_levels(x, x_scale, name), k.shape),
         detected=k,
         presented=n,
         guesses=_guess_rates(len(k), guess_rate, blanks),
-        x_scale=x_scale,
+        axis=Axis(x_scale=x_scale, unit="level"),
         function=function,
     )
 
 
-def _on_axis(levels: NDArray[np.generic], x_scale: XScale, name: str) -> Floats:
-    """Return levels on the axis; raise a ValueError unless they can lie there."""
+def _checked_levels(levels: NDArray[np.generic], x_scale: XScale, name: str) -> Floats:
+    """Return levels that can lie on the axis."""
     if levels.size and levels.dtype.kind not in "iuf":
         raise ValueError(f"{name} must be finite numbers; got {levels.tolist()!r}")
     x = levels.astype(np.float64)
@@ -133,7 +82,7 @@ def _on_axis(levels: NDArray[np.generic], x_scale: XScale, name: str) -> Floats:
             f"{name} must be above 0 on the axis log10; got {x[x <= 0].tolist()}: use "
             'x_scale="linear"'
         )
-    return np.log10(x) if x_scale == "log10" else x
+    return x
 
 
 def _guess_rates(
@@ -157,30 +106,83 @@ def _guess_rates(
     ]
 
 
-def pooled(x: Floats, detected: Floats, presented: Floats) -> tuple[Floats, Floats, Floats]:
-    """Return different levels in order, with the sums of their counts."""
-    if (np.diff(x) > 0).all():
-        return x, detected, presented
-    at, index = np.unique(x, return_inverse=True)
-    k, n = (
-        np.bincount(index.ravel(), count, len(at)).astype(np.float64)
-        for count in (detected, presented)
-    )
-    return at, k, n
+def tables_in(loaded: LoadedTrials, cells: pd.DataFrame) -> Tables:
+    """Return the tables of trials, or of a table of counts where there is one, and of its cells."""
+    blanks = _count_sided_answers(loaded.trials) if loaded.cells is None else loaded.blanks
+    return tables_of_counts(cells, blanks, axis=loaded.axis, alternatives=loaded.alternatives)
 
 
-def binned(u: Floats, k: Floats, n: Floats) -> tuple[Floats, Floats, Floats]:
-    """Spread counts at many levels over few, each over its two neighbours, and pool equal levels.
+def tables_of(trials: pd.DataFrame, *, axis: Axis = VOLTS, alternatives: int = 2) -> Tables:
+    """Count the single stimuli and their detections, and find what guesses are worth.
 
-    Log likelihoods are thereby interpolated between levels that lie 0.1 dB apart.
+    >>> import pandas as pd
+    >>> trials = pd.DataFrame({"participant": "1", "condition": "main", "kind": "single",
+    ...     "side": "left", "level_vpp": [60.0, 60.0, 90.0], "reason": "",
+    ...     "response": ["left", "both", "left"], "none_offered": True})
+    >>> tables = tables_of(trials)
+    >>> tables.names, tables.detected.tolist(), tables.presented.tolist()
+    ((('main', '1'),), [[1.0, 1.0]], [[2.0, 1.0]])
     """
-    u, k, n = pooled(u, k, n)
-    if len(u) <= _MAX_LEVELS:
-        return u, k, n
-    below = np.floor(u / _BIN)
-    share = u / _BIN - below
-    return pooled(
-        np.concatenate([below, below + 1]) * _BIN,
-        np.concatenate([k * (1 - share), k * share]),
-        np.concatenate([n * (1 - share), n * share]),
+    cells, blanks = count_levels(count_answers(trials)), _count_sided_answers(trials)
+    return tables_of_counts(cells, blanks, axis=axis, alternatives=alternatives)
+
+
+def tables_of_counts(
+    cells: pd.DataFrame,
+    blanks: pd.DataFrame | None = None,
+    *,
+    axis: Axis = VOLTS,
+    alternatives: int = 2,
+) -> Tables:
+    """Lay cells and blanks of `analysis.reading.foreign.sum_counts` out by participant."""
+    always = cells.groupby(PERSON)["none_offered"].all()
+    answered = {} if blanks is None else blanks.set_index(PERSON).to_dict("index")
+
+    def guess_of(name: tuple[str, str]) -> GuessRate:
+        answers = answered.get(name, {"felt": 0, "sides": 1, "presented": 0})
+        return guess_rate_of(
+            none_offered=bool(always[name]),
+            sided_answers=answers["felt"] / answers["sides"],
+            blanks=int(answers["presented"]),
+            alternatives=alternatives,
+        )
+
+    return side_by_side(cells, guess_of, axis)
+
+
+def side_by_side(
+    cells: pd.DataFrame, guess_of: Callable[[tuple[str, str]], GuessRate], axis: Axis = VOLTS
+) -> Tables:
+    """Lay levels, detected and presented of each participant in a row of its own."""
+    cells = cells.sort_values([*PERSON, "level_vpp"])
+    people = cells.groupby(PERSON)
+    row, column = people.ngroup().to_numpy(), people.cumcount().to_numpy()
+    names = tuple(dict.fromkeys(zip(cells["condition"], cells["participant"], strict=True)))
+    shape = (len(names), int(column.max(initial=0)) + 1)
+    levels, detected, presented = np.ones(shape), np.zeros(shape), np.zeros(shape)
+    levels[row, column] = cells["level_vpp"]
+    detected[row, column] = cells["detected"]
+    presented[row, column] = cells["presented"]
+    return Tables(
+        levels=levels,
+        detected=detected,
+        presented=presented,
+        guesses=[*map(guess_of, names)],
+        names=names,
+        axis=axis,
     )
+
+
+def _count_sided_answers(trials: pd.DataFrame) -> pd.DataFrame:
+    """Count the blank trials, and those answered with a side, as `sum_counts` of counts does.
+
+    Of a task with stimuli at one side only, answers with the other are no chance hits.
+    """
+    single, blank = counted(trials, "single"), counted(trials, "blank")
+    sites = {*single[[*PERSON, "side"]].itertuples(index=False, name=None)}
+    answers = blank[[*PERSON, "response"]].itertuples(index=False, name=None)
+    sided = blank[PERSON].assign(sided=[answer in sites for answer in answers])
+    people = sided.groupby(PERSON, observed=True)["sided"].agg(["sum", "size"])
+    sides = single.groupby(PERSON, observed=True)["side"].nunique().rename("sides")
+    people = people.rename(columns={"sum": "felt", "size": "presented"}).join(sides)
+    return people.reset_index()

@@ -20,11 +20,9 @@ from analysis.thresholds.difference import paired_difference
 from analysis.thresholds.fit import fit_many
 from analysis.thresholds.function import Prior, class_prior
 from analysis.thresholds.group import group_posterior
-from analysis.thresholds.guess import Guessing
-from analysis.thresholds.likelihood import Likelihood, likelihoods
-from analysis.thresholds.people import PersonCounts, people_of, people_of_counts
+from analysis.thresholds.likelihood import Likelihood, Tables
 from analysis.thresholds.table import difference_table, group_table, thresholds_of
-from analysis.thresholds.tables import Tables
+from analysis.thresholds.tables import tables_of, tables_of_counts
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -70,25 +68,23 @@ def reasoned(*rows: dict[str, Any], **same: Any) -> pd.DataFrame:
     )
 
 
-def people_with(counts: pd.DataFrame, guesses: Sequence[GuessRate] = ()) -> PersonCounts:
+def people_with(counts: pd.DataFrame, guesses: Sequence[GuessRate] = ()) -> Tables:
     """Return the people of a table of counts, with guess rates known from blank trials."""
-    people = people_of_counts(counts)
-    if not guesses:
-        return people
-    return replace(people, guesses=tuple(Guessing(rate=one, basis="blanks") for one in guesses))
+    people = tables_of_counts(counts)
+    return replace(people, guesses=guesses) if guesses else people
 
 
-def fit_people(trials: pd.DataFrame | PersonCounts, axis: Axis | None = None) -> SimpleNamespace:
+def fit_people(trials: pd.DataFrame | Tables, axis: Axis | None = None) -> SimpleNamespace:
     """Fit the thresholds of people, their groups, and the differences of these."""
-    axis = axis or Axis()
-    people = trials if isinstance(trials, PersonCounts) else people_of(trials)
-    thresholds = thresholds_of(people, seed=0, axis=axis)
-    groups = group_table(people, thresholds, axis)
+    people = trials if isinstance(trials, Tables) else tables_of(trials)
+    people = replace(people, axis=axis or people.axis)
+    thresholds = thresholds_of(people, seed=0)
+    groups = group_table(people, thresholds)
     return SimpleNamespace(
         people=people,
         thresholds=thresholds,
         groups=groups,
-        differences=difference_table(people, axis, thresholds, groups),
+        differences=difference_table(people, thresholds, groups),
     )
 
 
@@ -102,7 +98,7 @@ def tables_at(
     k = np.atleast_2d(np.asarray(detected, float))
     rate = guess if isinstance(guess, GuessRate) else GuessRate(mean=guess)
     levels, n = (np.array(np.broadcast_to(one, k.shape), float) for one in (x, presented))
-    return Tables(x=levels, detected=k, presented=n, guesses=[rate] * len(k), **options)
+    return Tables(levels=10**levels, detected=k, presented=n, guesses=[rate] * len(k), **options)
 
 
 def fit_counts(x: Any, k: Any, n: Any, guess: float) -> list[PsychometricFit]:
@@ -112,7 +108,7 @@ def fit_counts(x: Any, k: Any, n: Any, guess: float) -> list[PsychometricFit]:
 
 def posterior_of(tables: Tables) -> np.ndarray[Any, Any]:
     """Return limits and median of mu in steps of the prior, of the first table."""
-    return likelihoods(tables)[0].mu_points
+    return tables.likelihoods[0].mu_points
 
 
 def group_of_normals(at: Sequence[float], width: Sequence[float]) -> Any:

@@ -26,8 +26,7 @@ from analysis.thresholds.function import (
     slope,
 )
 from analysis.thresholds.likeliest import likeliest_function
-from analysis.thresholds.likelihood import likelihoods
-from analysis.thresholds.tables import Tables, binned
+from analysis.thresholds.likelihood import Tables, binned
 from tests.test_analysis.shared import QUANTA
 from tests.test_analysis.tables import STEP, posterior_of, tables_at
 
@@ -133,7 +132,7 @@ def log_likelihood(table: Tables, mu: Floats, log_sigma: Floats, lapse: Floats) 
 @given(tables_of_counts, st.sampled_from([0.0, 0.5]))
 def test_no_corner_or_neighbour_is_likelier(detected: list[int], guess_rate: float) -> None:
     table = tables_at(U * STEP, detected, 30, guess_rate)
-    best = likeliest_function(table, 0, likelihoods(table)[0].node)
+    best = likeliest_function(table, 0, table.likelihoods[0].node)
     mu, sigma = best["mle_threshold"] / STEP, best["mle_sigma"] / STEP
     at = np.array([mu, np.log(sigma), best["mle_lapse_rate"]])
     lower = np.array([-REACH, LOG_SIGMA[0], 0.0])
@@ -181,8 +180,7 @@ def test_an_adaptive_table_has_the_posterior_of_a_sum_over_all_of_its_levels() -
 MEMORY = """
 import re, numpy as np
 from pathlib import Path
-from analysis.thresholds.likelihood import likelihoods
-from analysis.thresholds.tables import Tables
+from analysis.thresholds.likelihood import Tables
 from analysis.thresholds.difference import difference_of
 from analysis.thresholds.fit import fit_many
 from analysis.thresholds.group import group_fit
@@ -192,10 +190,9 @@ rng = np.random.default_rng(1)
 x = np.log10(60) + 0.15 * rng.standard_normal((people, trials))
 k = (rng.random(x.shape) < 0.1 + 0.85 / (1 + np.exp(-20 * (x - np.log10(60))))).astype(float)
 guess = GuessRate.after_blanks(answered=4, blanks=40)
-tables = Tables(x=x, detected=k, presented=np.ones_like(x), guesses=[guess] * people)
-found = likelihoods(tables)
-assert all(fit.threshold > 0 for fit in fit_many(tables, found))
-assert people == 1 or group_fit(tables, found).status == "ok"
+tables = Tables(levels=10**x, detected=k, presented=np.ones_like(x), guesses=[guess] * people)
+assert all(fit.threshold > 0 for fit in fit_many(tables))
+assert people == 1 or group_fit(tables).status == "ok"
 print(int(re.search("VmHWM: *\\s*([0-9]+)", Path("/proc/self/status").read_text())[1]) // 1024)
 """
 

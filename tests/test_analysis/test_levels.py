@@ -16,13 +16,13 @@ from hypothesis import strategies as st
 from analysis import threshold_table
 from analysis.planning.levels import (
     TARGETS,
-    Function,
     LevelsError,
     Placement,
     expected_error,
     levels_on,
     place_levels,
 )
+from analysis.thresholds.band import Line
 from benchmarks.calibration import psychometric
 from experiment import draw_plan, paper_study, read_study
 from tests.plates import PAPER_PLATE
@@ -51,7 +51,7 @@ sigma = 0.1
 lapse_rate = 0.0
 false_alarm_rate = 0.0
 """
-TYPICAL = Function(threshold_vpp=62.0, sigma=0.08, lapse_rate=0.02, guess_rate=0.5)
+TYPICAL = Line(mu=math.log10(62), sigma=0.08, lapse_rate=0.02, guess_rate=0.5)
 
 
 RISING = [0, 0, 1, 2, 4, 5, 5, 5]
@@ -89,7 +89,7 @@ def owner(folder: Path) -> str:
 def test_each_level_is_felt_as_often_as_it_should_be(
     threshold_vpp: float, sigma: float, guess_rate: float
 ) -> None:
-    one = Function(threshold_vpp=threshold_vpp, sigma=sigma, lapse_rate=0.0, guess_rate=guess_rate)
+    one = Line(mu=math.log10(threshold_vpp), sigma=sigma, lapse_rate=0.0, guess_rate=guess_rate)
     levels = levels_on(one, 1000.0)
     p = psychometric(levels, threshold_vpp=threshold_vpp, sigma=sigma, guess_rate=0, lapse_rate=0)
     assert p == pytest.approx(TARGETS, abs=0.4 * 0.05 / (levels[0] * sigma * 2.3) + 1e-9)
@@ -100,7 +100,7 @@ def test_each_level_is_felt_as_often_as_it_should_be(
 def test_levels_rise_within_what_can_be_set_or_are_refused(
     threshold_vpp: float, sigma: float
 ) -> None:
-    one = Function(threshold_vpp=threshold_vpp, sigma=sigma, lapse_rate=0.0, guess_rate=0.0)
+    one = Line(mu=math.log10(threshold_vpp), sigma=sigma, lapse_rate=0.0, guess_rate=0.0)
     try:
         levels = levels_on(one, 200.0)
     except LevelsError:
@@ -113,7 +113,7 @@ def test_levels_rise_within_what_can_be_set_or_are_refused(
 
 
 def error_db(levels: Sequence[float], trials: int) -> float:
-    many = replace(TYPICAL, threshold_vpp=np.full((60, 1), TYPICAL.threshold_vpp))
+    many = replace(TYPICAL, mu=np.full(60, TYPICAL.mu))
     return expected_error(many, levels, trials).median_db
 
 
@@ -140,15 +140,14 @@ def test_one_level_finds_no_threshold() -> None:
 @pytest.mark.usefixtures("few_studies")
 def test_a_pilot_places_levels_around_its_threshold() -> None:
     found = only(pilot())
-    assert found.levels_vpp[0] < found.fit.function.threshold_vpp < found.levels_vpp[3]
-    assert found.fit.function.shares(found.levels_vpp) == pytest.approx(TARGETS, abs=0.01)
+    assert found.levels_vpp[0] < found.threshold_vpp[1] < found.levels_vpp[3]
+    assert found.shares == pytest.approx(TARGETS, abs=0.01)
     assert found.error.median_db < found.error.p90_db
     assert found.error.median_db < found.design_error.median_db
     assert found.design.levels_vpp == tuple(PAPER)
     row = threshold_table(pilot(), seed=1).iloc[0]
-    assert found.fit.function.threshold_vpp == pytest.approx(row["threshold_vpp"], rel=0.005)
-    limits = (row["threshold_low_vpp"], row["threshold_high_vpp"])
-    assert found.fit.threshold_limits_vpp == pytest.approx(limits, rel=0.01)
+    points = row[["threshold_low_vpp", "threshold_vpp", "threshold_high_vpp"]].tolist()
+    assert found.threshold_vpp == pytest.approx(points, rel=0.01)
 
 
 @pytest.mark.slow
@@ -187,11 +186,11 @@ def test_each_condition_of_a_pilot_has_levels_or_a_reason() -> None:
     assert "threshold_below_levels" in str(b)
     alone = only(pilot(condition="a"))
     assert (a.levels_vpp, a.error) == (alone.levels_vpp, alone.error)
-    assert asdict(a.fit.function) == pytest.approx(asdict(alone.fit.function))
+    assert asdict(a.function) == pytest.approx(asdict(alone.function))
 
 
 def test_levels_at_the_ceiling_are_refused_below_three_quarters() -> None:
-    one = Function(threshold_vpp=185.0, sigma=0.1, lapse_rate=0.0, guess_rate=0.0)
+    one = Line(mu=math.log10(185), sigma=0.1, lapse_rate=0.0, guess_rate=0.0)
     with pytest.raises(LevelsError, match="200"):
         levels_on(one, 200.0)
     assert levels_on(one, 220.0)[-1] == 220.0

@@ -17,7 +17,6 @@ from scipy.special import log_ndtr
 from analysis import Axis, GuessRate, PsychometricFit, fit_psychometric, probit_mle, threshold_table
 from analysis import fit as notebook_fit
 from analysis.thresholds.fit import fit_many
-from analysis.thresholds.likelihood import likelihoods
 from analysis.thresholds.misfit import deviance_p
 from benchmarks.calibration import psychometric
 from tests.test_analysis.shared import FLASH, PAPER, QUANTA, SINGLE, SPEED, felt
@@ -377,11 +376,8 @@ LEVELS = [60.0, 85.0, 110.0, 140.0, 200.0]
 
 def deviance_ps(k: Any, n: Any, guess: float, seed: int) -> np.ndarray[Any, Any]:
     tables = tables_at(np.log10(LEVELS), k, n, guess)
-    people = likelihoods(tables)
-    fits = fit_many(tables, people, likeliest=True)
-    return np.array(
-        [deviance_p(fit, tables, row, people[row], seed) for row, fit in enumerate(fits)]
-    )
+    fits = fit_many(tables, likeliest=True)
+    return np.array([deviance_p(fit, tables, row, seed) for row, fit in enumerate(fits)])
 
 
 @pytest.mark.slow

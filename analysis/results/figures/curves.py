@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from analysis.results.analysis import Analysis
     from analysis.results.figures.drawing import Look
     from analysis.thresholds.band import Function
+    from analysis.thresholds.likelihood import Tables
 
     Floats = NDArray[np.float64]
 
@@ -66,9 +67,9 @@ def blank_rates(analysis: Analysis) -> pd.DataFrame:
 
 def person_curves(analysis: Analysis, participant: str) -> dict[str, Curve]:
     """Return what a panel shows of a participant, by condition."""
-    names = enumerate(analysis.people.names)
-    rows = {condition: [i] for i, (condition, name) in names if name == participant}
-    return {condition: _curve(analysis, condition, rows[condition]) for condition in sorted(rows)}
+    people = analysis.people
+    rows = {condition: i for i, (condition, name) in enumerate(people.names) if name == participant}
+    return {name: _curve(analysis, name, people.at([rows[name]])) for name in sorted(rows)}
 
 
 @lru_cache(maxsize=1)  # the figure and the table of its functions ask in turn
@@ -77,27 +78,26 @@ def group_curves(analysis: Analysis) -> dict[str, Curve]:
 
     The data are means at the levels at which everybody was tested: means of the same people.
     """
-    conditions = analysis.people.conditions()
-    return {condition: _curve(analysis, condition, rows) for condition, rows in conditions.items()}
+    conditions = analysis.people.conditions
+    return {name: _curve(analysis, name, people) for name, people in conditions.items()}
 
 
-def _curve(analysis: Analysis, condition: str, rows: list[int]) -> Curve:
-    """Return what a panel shows of the participants in rows of `analysis.people`."""
-    people, axis = analysis.people, analysis.axis
-    names = [people.names[row][1] for row in rows]
+def _curve(analysis: Analysis, condition: str, people: Tables) -> Curve:
+    """Return what a panel shows of some participants."""
+    names = [name for _, name in people.names]
     cells, rates, fits = (
         table[table["condition"].eq(condition) & table["participant"].isin(names)]
         for table in (analysis.participants, blank_rates(analysis), analysis.thresholds)
     )
     by_level = cells.groupby("level_vpp")
-    means = by_level[["p", "low", "high"]].mean()[by_level.size().eq(len(rows))]
+    means = by_level[["p", "low", "high"]].mean()[by_level.size().eq(len(people))]
     function = None
-    if len(rows) > 1:
+    if len(people) > 1:
         fits = analysis.groups[analysis.groups["condition"].eq(condition)]
         if fits["status"].isin(WITH_THRESHOLD).all():
-            function = group_function(people, rows, axis)
+            function = group_function(people)
     elif fits["status"].isin(DRAWN).all():
-        function = person_function(people, rows[0], _line(fits.iloc[0], axis), axis)
+        function = person_function(people, _line(fits.iloc[0], people.axis))
     return Curve(
         level_vpp=means.index.to_numpy(dtype=np.float64),
         p=_floats(means, "p"),
