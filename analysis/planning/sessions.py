@@ -1,9 +1,9 @@
 """Counts of simulated participants, drawn without their sessions.
 
 The probability of each response to each stimulus is known in closed form
-(`experiment.perception.answers`) from the gain matrix, masking and guesses. Where thresholds do not
-move, the counts are drawn at once; where they drift or depend on the last answer, trial by trial
-in the order of a plan. Either way they are distributed as those of sessions through the engine.
+(`experiment.perception.answers`) from the gain matrix, masking and guesses. Responses are drawn
+trial by trial in the order of a plan, because thresholds may drift and depend on the last answer.
+The counts are distributed as those of sessions through the engine.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from experiment.perception.population import threshold_course_db
 from experiment.trial.draw import shuffled_blocks
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Sequence
 
     from numpy.typing import NDArray
 
@@ -57,116 +57,23 @@ class Session:
     shifts_db: tuple[float, ...] = (0.0,)
 
 
-def draw_counts(sessions: Sequence[Session], gains: FingerGains, task: Task) -> list[Counts]:
-    """Draw the counts of all sessions, one table for each condition."""
-    person = sessions[0].person
-    moves = (person.drift_db, person.block_drift_db, person.wander_db, person.last_answer_db)
-    draw = _draw_by_trial if any(moves) else _draw_at_once
-    return [
-        _counts(sessions, condition, task, drawn)
-        for condition, drawn in enumerate(draw(sessions, gains, task))
-    ]
-
-
-def _draw_at_once(
-    sessions: Sequence[Session], gains: FingerGains, task: Task
-) -> Iterator[tuple[Integers, Integers, Integers]]:
-    """Yield detected and presented stimuli by level, and responses to blanks, by condition.
-
-    The last response is none in time.
-    """
-    responses, silent = sessions[0].designs[0].responses, np.zeros((len(sessions), 1))
-    singles = [shown for shown in task.presentations if len(shown.sites) == 1]
-    for condition, design in enumerate(sessions[0].designs):
-        levels = _levels_vpp(sessions, condition)
-        shift_db = np.array([[session.shifts_db[condition]] for session in sessions])
-        hits = np.empty((len(sessions), len(singles), levels.shape[1]))
-        for side, single in enumerate(singles):
-            driven = [levels if site in single.sites else silent for site in task.sites]
-            p = _probabilities(sessions, driven, gains, shift_db)
-            hits[:, side] = np.nan_to_num(p[..., responses.index(single.correct)]).clip(max=1.0)
-        blank = _probabilities(sessions, [silent] * len(task.sites), gains, shift_db)[:, 0]
-        presented, detected = np.zeros((2, *hits.shape), dtype=np.int64)
-        answers = np.zeros((len(sessions), len(responses) + 1), dtype=np.int64)
-        for row, session in enumerate(sessions):
-            for side in range(len(singles)):
-                shown = _trials_per_level(session.designs[condition], session.rng)
-                presented[row, side, : len(shown)] = shown
-                detected[row, side] = session.rng.binomial(presented[row, side], hits[row, side])
-            if design.blank_trials:
-                p = np.append(blank[row], max(0.0, 1 - blank[row].sum()))
-                answers[row] = session.rng.multinomial(design.blank_trials, p)
-        yield detected.sum(axis=1), presented.sum(axis=1), answers
-
-
-def _levels_vpp(sessions: Sequence[Session], condition: int) -> Floats:
-    """Return the levels of each session, padded with NaN where others have more."""
-    levels = [session.designs[condition].levels_vpp for session in sessions]
-    padded = np.full((len(levels), max(map(len, levels))), np.nan)
-    for row, levels_vpp in zip(padded, levels, strict=True):
-        row[: len(levels_vpp)] = levels_vpp
-    return padded
-
-
-def _probabilities(
-    sessions: Sequence[Session], levels_vpp: Sequence[Floats], gains: FingerGains, db: Floats
-) -> Floats:
-    design, (left_vpp, right_vpp) = sessions[0].designs[0], levels_vpp
-    return answer_probabilities(
-        [session.person for session in sessions],
-        (left_vpp, right_vpp),
-        design.responses,
-        design.response_window_s,
-        gains=gains,
-        shift_db=(db, db),
-    )
-
-
-def _trials_per_level(design: Design, rng: np.random.Generator) -> Integers:
-    """Return how many trials of one side have each level, as the plan draws them."""
-    levels = len(design.levels_vpp)
-    if design.order == "balanced":
-        return np.full(levels, design.trials_per_side // levels, dtype=np.int64)
-    return rng.multinomial(design.trials_per_side, np.full(levels, 1 / levels))
-
-
-def _counts(
-    sessions: Sequence[Session],
-    condition: int,
-    task: Task,
-    drawn: tuple[Integers, Integers, Integers],
-) -> Counts:
-    """Return the table of a condition."""
-    detected, presented, answers = drawn
-    design = sessions[0].designs[condition]
-    named = {answer.name: len(answer.sites) for answer in task.answers}
-    sites = np.array([*map(named.__getitem__, design.responses), 0])
-    guesses = [
-        guess_rate_of(
-            none_offered=task.nothing in design.responses,
-            sided_answers=number / len(task.sites),
-            blanks=design.blank_trials,
-        )
-        for number in answers[:, sites == 1].sum(axis=1).tolist()
-    ]
-    tables = Tables(
-        levels=np.nan_to_num(_levels_vpp(sessions, condition), nan=1.0),
-        detected=detected.astype(np.float64),
-        presented=presented.astype(np.float64),
-        guesses=guesses,
-    )
-    alarms = answers[:, sites > 0].sum(axis=1)
-    return Counts(tables=tables, false_alarms=alarms, blanks=design.blank_trials)
-
-
 class _Course(NamedTuple):
-    """The trials of a session in their order, over all of its conditions."""
+    """The trials of sessions in their order, over all conditions: each (sessions, trials)."""
 
     condition: Any
     presentation: Any
     level_vpp: Any
     shift_db: Any
     chance: Any
+
+
+def draw_counts(sessions: Sequence[Session], gains: FingerGains, task: Task) -> list[Counts]:
+    """Draw the counts of all sessions, one table for each condition."""
+    courses = (_course(session, task) for session in sessions)
+    course = _Course(*map(np.array, zip(*courses, strict=True)))
+    answers = _draw_answers(sessions, course, gains, task)
+    conditions = range(len(sessions[0].designs))
+    return [_counts(sessions, condition, course, answers, task) for condition in conditions]
 
 
 def _course(session: Session, task: Task) -> _Course:
@@ -184,43 +91,78 @@ def _course(session: Session, task: Task) -> _Course:
     return _Course(condition, presentation, level_vpp, shift_db, rng.random(len(trials)))
 
 
-def _draw_by_trial(
-    sessions: Sequence[Session], gains: FingerGains, task: Task
-) -> Iterator[tuple[Integers, Integers, Integers]]:
-    """Yield what `_draw_at_once` yields."""
-    courses = (_course(session, task) for session in sessions)
-    course = _Course(*map(np.array, zip(*courses, strict=True)))
-    responses, last_answer_db = sessions[0].designs[0].responses, sessions[0].person.last_answer_db
-    sites = np.array([[site in shown.sites for site in task.sites] for shown in task.presentations])
-    driven = [course.level_vpp * is_driven[course.presentation] for is_driven in sites.T]
+def _draw_answers(
+    sessions: Sequence[Session], course: _Course, gains: FingerGains, task: Task
+) -> Integers:
+    """Draw the answers to all trials: positions in the responses, the last of none in time."""
+    person, design = sessions[0].person, sessions[0].designs[0]
+    driven = [
+        course.level_vpp
+        * np.array([site in shown.sites for shown in task.presentations])[course.presentation]
+        for site in task.sites
+    ]
+
+    def answers_after(db: float) -> Integers:
+        """Return the answers to all trials with thresholds that lie higher."""
+        p = answer_probabilities(
+            [session.person for session in sessions],
+            (driven[0], driven[1]),
+            design.responses,
+            design.response_window_s,
+            gains=gains,
+            shift_db=(course.shift_db + db,) * 2,
+        )
+        return np.asarray((p.cumsum(axis=2) <= course.chance[..., None]).sum(axis=2))
+
+    if not person.last_answer_db or task.nothing not in design.responses:
+        return answers_after(0.0)
     # The answers that would follow no answer in time, the answer "none", and any other answer.
-    after_db = (0.0, last_answer_db / 2, -last_answer_db / 2)
-    if task.nothing not in responses:
-        after_db = (0.0, 0.0, 0.0)
-    answers = np.stack(
-        [
-            (
-                _probabilities(sessions, driven, gains, course.shift_db + db).cumsum(axis=2)
-                <= course.chance[..., None]
-            ).sum(axis=2)
-            for db in after_db
-        ]
-    )
-    after = np.array([1 if name == task.nothing else 2 for name in responses] + [0])
+    states = [0.0, person.last_answer_db / 2, -person.last_answer_db / 2]
+    answers = np.stack([answers_after(db) for db in states])
+    after = np.array([1 if name == task.nothing else 2 for name in design.responses] + [0])
     rows, state = np.arange(len(sessions)), np.zeros(len(sessions), dtype=np.int64)
-    answer = np.empty_like(answers[0])
-    for trial in range(answer.shape[1]):
-        answer[:, trial] = answers[state, rows, trial]
-        state = after[answer[:, trial]]
-    index = {name: i for i, name in enumerate(responses)}
-    correct = np.array([index.get(shown.correct, -1) for shown in task.presentations])
-    is_hit = answer == correct[course.presentation]
-    number_of_sites = sites.sum(axis=1)[course.presentation]
-    for c in range(len(sessions[0].designs)):
-        is_single = (course.condition == c) & (number_of_sites == 1)
-        is_blank = (course.condition == c) & (number_of_sites == 0)
-        at_level = course.level_vpp[..., None] == _levels_vpp(sessions, c)[:, None]
-        presented = at_level & is_single[..., None]
-        detected = presented & is_hit[..., None]
-        answers = (answer[..., None] == np.arange(len(responses) + 1)) & is_blank[..., None]
-        yield detected.sum(axis=1), presented.sum(axis=1), answers.sum(axis=1)
+    drawn: Integers = np.empty_like(answers[0])
+    for trial in range(drawn.shape[1]):
+        drawn[:, trial] = answers[state, rows, trial]
+        state = after[drawn[:, trial]]
+    return drawn
+
+
+def _counts(
+    sessions: Sequence[Session], condition: int, course: _Course, answers: Integers, task: Task
+) -> Counts:
+    """Count the answers of each session in a condition."""
+    design = sessions[0].designs[condition]
+    position = {name: i for i, name in enumerate(design.responses)}
+    correct = np.array([position.get(shown.correct, -1) for shown in task.presentations])
+    sites = np.array([len(shown.sites) for shown in task.presentations])[course.presentation]
+    is_here = course.condition == condition
+    levels = [session.designs[condition].levels_vpp for session in sessions]
+    levels_vpp = np.ones(
+        (len(levels), max(map(len, levels)))
+    )  # of 0 stimuli where others have more
+    for row, session_levels in zip(levels_vpp, levels, strict=True):
+        row[: len(session_levels)] = session_levels
+    at_level = course.level_vpp[..., None] == levels_vpp[:, None]
+    presented = at_level & (is_here & (sites == 1))[..., None]
+    detected = presented & (answers == correct[course.presentation])[..., None]
+    named = {answer.name: len(answer.sites) for answer in task.answers}
+    named_sites = np.array([*map(named.__getitem__, design.responses), 0])[answers]
+    is_blank = is_here & (sites == 0)
+    sided = (is_blank & (named_sites == 1)).sum(axis=1)
+    guesses = [
+        guess_rate_of(
+            none_offered=task.nothing in design.responses,
+            sided_answers=number / len(task.sites),
+            blanks=design.blank_trials,
+        )
+        for number in sided.tolist()
+    ]
+    tables = Tables(
+        levels=np.nan_to_num(levels_vpp, nan=1.0),
+        detected=detected.sum(axis=1).astype(np.float64),
+        presented=presented.sum(axis=1).astype(np.float64),
+        guesses=guesses,
+    )
+    alarms = (is_blank & (named_sites > 0)).sum(axis=1)
+    return Counts(tables=tables, false_alarms=alarms, blanks=design.blank_trials)
