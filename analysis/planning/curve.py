@@ -18,6 +18,7 @@ import numpy as np
 
 from analysis.counts.intervals import proportion_ci
 from analysis.planning.goals import Outcome
+from analysis.planning.levels import TARGETS
 from analysis.planning.people import truth_of
 from analysis.planning.result import Answer, PowerResult, Tally
 from analysis.planning.spread import CHUNK_S
@@ -54,7 +55,6 @@ _STEP: Final = 0.05
 _MAX_EXTRAPOLATION: Final = 3.0
 """A curve is believed up to so many times the largest number that was simulated."""
 _MAX_DESIGN_RUNGS: Final = 4
-LEVELS_PLACED: Final = 5
 _STUDY_S, _PERSON_S, _PLACED_S = 0.005, 0.001, 0.004
 """Processor time of a study, of each participant, and of a pilot: the size of chunks."""
 _Z_95: Final = 1.96
@@ -193,7 +193,7 @@ def plan_study(
     blanks_range = blanks or (design.blank_trials,) * 2
     for fault in _faults(people, goal, blanks_range[1], placed=placed):
         raise ValueError(fault)
-    levels = LEVELS_PLACED if placed else len(design.levels_vpp)
+    levels = len(TARGETS) if placed else len(design.levels_vpp)
     multiple = levels if design.order == "balanced" or trials_per_side else 1
     designs = [
         Point(participants=1, trials_per_side=number, blanks=blank, placed=placed)

@@ -37,7 +37,9 @@ FitStatus = Literal[
     "median_above_levels",
     "lapse_at_bound",
 ]
-WITH_THRESHOLD: Final = ("ok", "lapse_at_bound", "separated")
+WITH_FUNCTION: Final = ("ok", "lapse_at_bound")
+"""Statuses that determine a whole function: complete separation leaves its slope open."""
+WITH_THRESHOLD: Final = (*WITH_FUNCTION, "separated")
 """Statuses of a table that has a threshold."""
 BELOW: Final = ("threshold_below_levels", "median_below_levels")
 ABOVE: Final = ("threshold_above_levels", "median_above_levels")

@@ -11,10 +11,10 @@ import pandas as pd
 
 from analysis.numbers import TOTAL
 from analysis.thresholds.band import drawn_functions
-from analysis.thresholds.fit import WITH_THRESHOLD
+from analysis.thresholds.fit import WITH_FUNCTION, WITH_THRESHOLD
 from analysis.thresholds.likelihood import POINTS
 from analysis.thresholds.table import group_table, thresholds_of
-from analysis.thresholds.tables import checked_tables, side_by_side
+from analysis.thresholds.tables import checked_tables, tables_of_counts
 
 if TYPE_CHECKING:
     from collections.abc import Hashable, Iterator
@@ -119,7 +119,7 @@ class PsychometricFits:
         rows = []
         for name, row, people in self._functions():
             low, at, high = (math.nan,) * 3
-            if row["status"] in ("ok", "lapse_at_bound"):
+            if row["status"] in WITH_FUNCTION:
                 drawn = drawn_functions(people).places(proportion)
                 places = np.asarray(np.quantile(drawn, POINTS, method="inverted_cdf"), float)
                 x = self.axis.on_axis(people.tested)
@@ -249,8 +249,8 @@ def fit(
         }
     )
     table = table[table["presented"] > 0].groupby([*_KEY, "level_vpp"], as_index=False).sum()
-    people = side_by_side(table, lambda _: tables.guesses[0], tables.axis)
-    people = replace(people, function=function)
+    people = tables_of_counts(table.assign(none_offered=True), axis=tables.axis)
+    people = replace(people, guesses=[tables.guesses[0]] * len(people), function=function)
     thresholds = thresholds_of(people, seed=0)
     groups = group_table(people, thresholds)
     return PsychometricFits(

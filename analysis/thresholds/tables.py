@@ -14,8 +14,6 @@ from analysis.thresholds.guess import GuessRate, guess_rate_of
 from analysis.thresholds.likelihood import Tables
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     import pandas as pd
     from numpy.typing import ArrayLike, NDArray
 
@@ -137,23 +135,15 @@ def tables_of_counts(
     """Lay cells and blanks of `analysis.reading.foreign.sum_counts` out by participant."""
     always = cells.groupby(PERSON)["none_offered"].all()
     answered = {} if blanks is None else blanks.set_index(PERSON).to_dict("index")
-
-    def guess_of(name: tuple[str, str]) -> GuessRate:
+    guesses = {}
+    for name, none_offered in always.items():
         answers = answered.get(name, {"felt": 0, "sides": 1, "presented": 0})
-        return guess_rate_of(
-            none_offered=bool(always[name]),
+        guesses[name] = guess_rate_of(
+            none_offered=bool(none_offered),
             sided_answers=answers["felt"] / answers["sides"],
             blanks=int(answers["presented"]),
             alternatives=alternatives,
         )
-
-    return side_by_side(cells, guess_of, axis)
-
-
-def side_by_side(
-    cells: pd.DataFrame, guess_of: Callable[[tuple[str, str]], GuessRate], axis: Axis = VOLTS
-) -> Tables:
-    """Lay levels, detected and presented of each participant in a row of its own."""
     cells = cells.sort_values([*PERSON, "level_vpp"])
     people = cells.groupby(PERSON)
     row, column = people.ngroup().to_numpy(), people.cumcount().to_numpy()
@@ -167,7 +157,7 @@ def side_by_side(
         levels=levels,
         detected=detected,
         presented=presented,
-        guesses=[*map(guess_of, names)],
+        guesses=[guesses[name] for name in names],
         names=names,
         axis=axis,
     )

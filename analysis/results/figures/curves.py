@@ -11,7 +11,7 @@ import pandas as pd
 
 from analysis.results.figures.drawing import LOOKS
 from analysis.thresholds.band import Line, group_function, person_function
-from analysis.thresholds.fit import WITH_THRESHOLD
+from analysis.thresholds.fit import ABOVE, BELOW, WITH_FUNCTION, WITH_THRESHOLD
 from analysis.thresholds.likeliest import deviance_residuals
 
 if TYPE_CHECKING:
@@ -24,11 +24,6 @@ if TYPE_CHECKING:
     from analysis.thresholds.likelihood import Tables
 
     Floats = NDArray[np.float64]
-
-DRAWN = ("ok", "lapse_at_bound")
-"""Statuses that determine a whole function: complete separation leaves its slope open."""
-BELOW = ("threshold_below_levels", "median_below_levels")
-ABOVE = ("threshold_above_levels", "median_above_levels")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -96,7 +91,7 @@ def _curve(analysis: Analysis, condition: str, people: Tables) -> Curve:
         fits = analysis.groups[analysis.groups["condition"].eq(condition)]
         if fits["status"].isin(WITH_THRESHOLD).all():
             function = group_function(people)
-    elif fits["status"].isin(DRAWN).all():
+    elif fits["status"].isin(WITH_FUNCTION).all():
         function = person_function(people, _line(fits.iloc[0], people.axis))
     return Curve(
         level_vpp=means.index.to_numpy(dtype=np.float64),
@@ -124,7 +119,7 @@ def function_table(analysis: Analysis) -> pd.DataFrame:
 
 def residual_table(analysis: Analysis) -> pd.DataFrame:
     """Return the cells of participants who have a function, with their deviance ``residual``."""
-    fitted = analysis.thresholds[analysis.thresholds["status"].isin(DRAWN)]
+    fitted = analysis.thresholds[analysis.thresholds["status"].isin(WITH_FUNCTION)]
     cells = analysis.participants.merge(fitted, on=["participant", "condition"])
     level = analysis.axis.on_axis(_floats(cells, "level_vpp"))
     expected = _line(cells, analysis.axis).at(level)

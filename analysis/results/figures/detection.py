@@ -8,7 +8,6 @@ import numpy as np
 
 from analysis.results.figures.axes import figure_of
 from analysis.results.figures.curves import (
-    DRAWN,
     blank_rates,
     by_threshold,
     group_curves,
@@ -29,7 +28,7 @@ from analysis.results.figures.drawing import (
 )
 from analysis.results.findings import estimates
 from analysis.results.rendering import short
-from analysis.thresholds.fit import WITH_THRESHOLD
+from analysis.thresholds.fit import WITH_FUNCTION, WITH_THRESHOLD
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -195,7 +194,7 @@ def plot_participants(
 
 def has_residuals(analysis: Analysis) -> bool:
     """Return whether the figure of detection has a panel of residuals: with few conditions."""
-    fitted = analysis.thresholds["status"].isin(DRAWN).any()
+    fitted = analysis.thresholds["status"].isin(WITH_FUNCTION).any()
     return bool(fitted) and len(looks_of(analysis)) <= MAX_LEGEND_ENTRIES
 
 

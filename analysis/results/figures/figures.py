@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from analysis.reading.columns import FORCED
 from analysis.results.figures.confusion import plot_confusion
-from analysis.results.figures.curves import DRAWN, blank_rates, looks_of
+from analysis.results.figures.curves import blank_rates, looks_of
 from analysis.results.figures.d_prime import plot_d_prime
 from analysis.results.figures.detection import (
     MAX_PAGES,
@@ -22,6 +22,7 @@ from analysis.results.figures.reaction_times import MIN_ANSWERS, plot_reaction_t
 from analysis.results.figures.thresholds import plot_thresholds
 from analysis.results.findings import side_estimates
 from analysis.results.rendering import sentence
+from analysis.thresholds.fit import WITH_FUNCTION
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping
@@ -84,7 +85,7 @@ def drawings(analysis: Analysis) -> Iterator[Picture]:
         "analysis": analysis,
         "people": analysis.participants["participant"].nunique(),
         "sides_differ": bool(side_estimates(analysis)),
-        "without_function": not analysis.thresholds["status"].isin(DRAWN).all(),
+        "without_function": not analysis.thresholds["status"].isin(WITH_FUNCTION).all(),
         "forced": analysis.loaded.task == FORCED,
         "conditions": [*looks_of(analysis)],
         "residuals": has_residuals(analysis),

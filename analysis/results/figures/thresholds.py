@@ -9,7 +9,7 @@ import pandas as pd
 
 from analysis.numbers import TOTAL
 from analysis.results.figures.axes import axes_em, figure_of, text_em, value_axis
-from analysis.results.figures.curves import ABOVE, BELOW, by_threshold, looks_of
+from analysis.results.figures.curves import by_threshold, looks_of
 from analysis.results.figures.drawing import (
     DEFAULT_STYLE,
     GREY,
@@ -20,6 +20,7 @@ from analysis.results.figures.drawing import (
     name_axes,
 )
 from analysis.results.rendering import short
+from analysis.thresholds.fit import ABOVE, BELOW
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
