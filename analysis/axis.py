@@ -138,11 +138,6 @@ class Axis:
         return self.x_scale != "linear"
 
     @property
-    def fitted(self) -> XScale:
-        """The scale on which functions are fitted: one of dB is one of log10, in other units."""
-        return "log10" if self.is_logarithmic else "linear"
-
-    @property
     def label(self) -> str:
         """What stands at the axis of a figure behind the level.
 

@@ -102,7 +102,7 @@ class People:
 
     def prior(self) -> Prior:
         """Return the prior that goes with the levels."""
-        return Prior.of(np.log10(self.levels_vpp), "log10")
+        return Prior.of(np.log10(self.levels_vpp))
 
     def population_p(self, x_db: Floats, middle_db: Floats) -> Floats:
         """Return the mean function over people at places, (studies, places); sigma varies too."""

@@ -17,10 +17,10 @@ from typing import TYPE_CHECKING, Final, Literal
 import numpy as np
 from scipy.special import expit, logit, ndtr, ndtri, roots_legendre
 
+from analysis.axis import VOLTS, Axis
+
 if TYPE_CHECKING:
     from numpy.typing import NDArray
-
-    from analysis.axis import XScale
 
     Floats = NDArray[np.float64]
 
@@ -96,15 +96,15 @@ class Prior:
     scale: float = 1.0
 
     @classmethod
-    def of(cls, x: Floats, x_scale: XScale, step: float | None = None) -> Prior:
-        """Return the prior that goes with tested levels.
+    def of(cls, x: Floats, axis: Axis = VOLTS, step: float | None = None) -> Prior:
+        """Return the prior that goes with tested levels, which are places on the axis.
 
-        >>> Prior.of(np.array([1.0, 2.0]), "log10").step
+        >>> Prior.of(np.array([1.0, 2.0])).step
         0.05
-        >>> Prior.of(np.array([3.0, 11.0]), "linear").step
+        >>> Prior.of(np.array([3.0, 11.0]), Axis(x_scale="linear")).step
         1.0
         """
-        natural, tail = (1 / 20, 3.0) if x_scale == "log10" else (float(np.ptp(x)) / 8, 2.0)
+        natural, tail = (1 / 20, 3.0) if axis.is_logarithmic else (float(np.ptp(x)) / 8, 2.0)
         step = step or natural or 1.0
         return cls(
             low=float(x.min()) / step,

@@ -146,14 +146,13 @@ class Tables:
     @cached_property
     def prior(self) -> Prior:
         """The prior that goes with the levels of all tables."""
-        return Prior.of(self.x[self.presented > 0], self.axis.fitted, self.step)
+        return Prior.of(self.x[self.presented > 0], self.axis, self.step)
 
     @cached_property
     def priors(self) -> list[Prior]:
         """The prior that goes with the levels of each table, in steps of all."""
-        step, scale = self.prior.step, self.axis.fitted
         tables = zip(self.x, self.presented, strict=True)
-        return [Prior.of(x[presented > 0], scale, step) for x, presented in tables]
+        return [Prior.of(x[n > 0], self.axis, self.prior.step) for x, n in tables]
 
     def several_levels(self) -> NDArray[np.bool_]:
         """Return which tables have more than one level."""
