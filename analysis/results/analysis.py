@@ -180,6 +180,11 @@ class Analysis:
         return "" if self.loaded.side_told else self.one_side
 
     @property
+    def has_sites(self) -> bool:
+        """Whether answers name sites: not in a forced choice known as right and wrong only."""
+        return self.loaded.side_told or self.loaded.task != FORCED
+
+    @property
     def is_yes_no(self) -> bool:
         """Whether participants only said if they detected a stimulus, by map or answers."""
         if self.loaded.task == FORCED or self.detected_any is None:

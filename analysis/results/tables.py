@@ -27,6 +27,8 @@ if TYPE_CHECKING:
 
 
 EMPTY: Final = frozenset({"", "n/a"})
+_NAMES: Final = frozenset({"Participant", "Condition"})
+"""Headings of columns of names."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -42,13 +44,15 @@ class Table:
 def make_tables(name: str, frame: pd.DataFrame, analysis: Analysis) -> Iterator[Table]:
     """Lay out rows as tables.toml declares: in one table, or in one for each condition or pair.
 
-    A column is shown where the rows have what it is made of, and any of its cells has a value.
+    A column is shown where the rows have what it is made of, and any of its cells has a value; a
+    table where any other column than those of names is.
     """
     if frame.empty:
         return
     layout, several = read_toml("tables.toml")[name], analysis.counts.conditions > 1
     hidden = {*LEFT_RIGHT_BOTH.named_answers, "elsewhere"} if analysis.one_side else set()
     hidden -= {analysis.one_side}
+    hidden |= set() if analysis.has_sites else {"elsewhere", "mislocalised"}
     frame = reported_columns(frame.drop(columns=[*hidden & {*frame.columns}]), analysis)
     frame = frame.rename(columns=lambda column: str(column).removesuffix("_vpp"))
     # In an expression `none` is no name of a column.
@@ -65,9 +69,12 @@ def make_tables(name: str, frame: pd.DataFrame, analysis: Analysis) -> Iterator[
         cells = compiled(f"({', '.join(columns.values())},)")
         texts = [[str(cell) for cell in cells(row)] for row in records(rows)]
         shown = [at for at, column in enumerate(zip(*texts, strict=True)) if {*column} - EMPTY]
+        header = [[*columns][at] for at in shown]
+        if {*header} <= _NAMES:
+            continue
         yield Table(
             caption=f"{layout['caption']}{where}",
-            header=[[*columns][at] for at in shown],
+            header=header,
             rows=[[row[at] for at in shown] for row in texts],
             note=layout.get("note", ""),
         )
@@ -88,6 +95,7 @@ def result_rows(analysis: Analysis) -> dict[str, pd.DataFrame]:
         totals |= {"blank": analysis.blank, "both": analysis.both}
     times, kind = analysis.reaction_times, analysis.confusion["kind"]
     single = "stimulus" if analysis.one_place else analysis.confusion["side"]
+    confusion = analysis.confusion if analysis.has_sites else analysis.confusion[:0]
     counts = asdict(analysis.counts)
     return {
         "group": estimates(analysis),
@@ -96,7 +104,7 @@ def result_rows(analysis: Analysis) -> dict[str, pd.DataFrame]:
         "people": _people(analysis),
         "levels": _levels(analysis),
         "sides": analysis.sides,
-        "answers": analysis.confusion.assign(stimulus=kind.mask(kind.eq("single"), single)),
+        "answers": confusion.assign(stimulus=kind.mask(kind.eq("single"), single)),
         "each": _each_participant(analysis),
         "blank": shares(totals["blank"]),
         "both": shares(totals["both"]),

@@ -50,6 +50,27 @@ def test_two_sides_are_kept(tmp_path: Path) -> None:
     assert not analyse(loaded(tmp_path, LEAST + answered)).one_side
 
 
+def test_a_forced_choice_known_as_right_and_wrong_has_no_sides_in_its_tables(
+    tmp_path: Path,
+) -> None:
+    rows = "".join(f"{who},{level},{n % 2}\n" for who in "12" for level in (1, 2) for n in range(8))
+    theirs = {"task": "forced choice", "constant": {"side": "left"}, "axis": {"unit": "vol"}}
+    text = "participant,level_vpp,detected\n" + rows
+    analysis = write_analysis(
+        [put(tmp_path / "t.csv", text)],
+        tmp_path / "out",
+        columns=ColumnMap(**theirs),
+        figures=False,
+    )
+    printed = io.StringIO()
+    print_analysis(analysis, printed, details=True)
+    markup = "<style>.*</style>|<[^>]+>"
+    page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+    page = re.sub(markup, "", page, flags=re.DOTALL)
+    for shown in (printed.getvalue(), page):
+        assert not re.search("(?i)right|left(?! out)|other side|Answers of each", shown)
+
+
 @pytest.mark.slow
 def test_of_one_place_no_output_has_the_side_that_the_map_alone_states(tmp_path: Path) -> None:
     head = "participant,level_vpp,detected,rt_s\n"

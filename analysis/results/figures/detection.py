@@ -178,7 +178,7 @@ def plot_participants(
         options |= {"titles": [*map(short, names)], "columns": 2 if number == 4 else columns}  # noqa: PLR2004 - 2 x 2
         y_axis, levels = _proportions(analysis, 2), analysis.levels["level_vpp"]
         panels, _ = level_panels(analysis, style, ax, levels, y_axis, **options)
-        _draw_guessing(panels, analysis, label=False)
+        _draw_guessing(panels, analysis)
         for axes, name in zip(panels, names, strict=True):
             curves = person_curves(analysis, name)
             for index, (condition, look) in enumerate(looks.items()):
@@ -231,18 +231,11 @@ def _proportions(analysis: Analysis, intervals: int) -> YAxis:
     return YAxis("Proportion detected", [least, 1.0], intervals)
 
 
-def _draw_guessing(panels: Sequence[Axes], analysis: Analysis, *, label: bool = True) -> None:
+def _draw_guessing(panels: Sequence[Axes], analysis: Analysis) -> None:
     """Draw a line at the rate of guessing in a forced choice."""
     rate = _guess_rate(analysis)
     for axes in panels if rate else ():
         axes.axhline(rate, color=GREY, lw=0.6, ls=(0, (4, 3)), zorder=1)
-        text = f"guessing 1/{1 / rate:.0f}" * label
-        options: dict[str, Any] = {
-            "transform": axes.get_yaxis_transform(),
-            "ha": "right",
-            "va": "bottom",
-        }
-        axes.text(0.99, rate, text, fontsize="small", color=GREY, **options)
 
 
 def _draw_function(axes: Axes, curve: Curve, look: Look) -> None:

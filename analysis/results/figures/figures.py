@@ -37,7 +37,10 @@ FIGURES: Final[Mapping[str, tuple[Callable[..., Figure], Callable[[Analysis], bo
     "participants": (plot_participants, lambda it: it.participants["participant"].nunique() > 1),
     "thresholds": (plot_thresholds, lambda it: len(it.thresholds) > 1),
     "d_prime": (plot_d_prime, lambda it: bool(it.sensitivity["level_vpp"].notna().any())),
-    "confusion": (plot_confusion, lambda it: len(it.confusion) > 0 and not it.one_side),
+    "confusion": (
+        plot_confusion,
+        lambda it: len(it.confusion) > 0 and it.has_sites and not it.one_side,
+    ),
     "reaction_times": (plot_reaction_times, lambda it: len(timed_levels(it)) > 0),
 }
 """What draws each figure, and whether an analysis has data for it, in the order of the report."""
