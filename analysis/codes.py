@@ -49,7 +49,7 @@ class WarningCode(StrEnum):
     BLANKS_MOSTLY_DETECTED = "blanks_mostly_detected", "most blank trials were answered as felt"
     SEVERAL_STUDIES = "several_studies", "the trials come from different studies"
     SESSION_MODIFIED = "session_modified", "a session was modified after it was recorded"
-    SESSION_LOST = "session_lost", "a recorded session has no table any more"
+    SESSION_LOST = "session_lost", "the table of a recorded session is missing"
     PRACTICE_WITHOUT_DEVICE = (
         "practice_without_device",
         "a person was on a device that moves nothing",
