@@ -263,7 +263,7 @@ def analyse(
     false_alarms = table.count_false_alarms(counts) if loaded.blanks is None else loaded.blanks
     checks = (
         *check_answers(by_side, false_alarms, loaded.alternatives),
-        *check_drift(trials, axis),
+        *(check_drift(trials, axis) if loaded.numbered else ()),
     )
     return Analysis(
         loaded=loaded,

@@ -11,11 +11,11 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from analysis import Axis
+from analysis import Axis, ColumnMap, analyse
 from analysis.counts.checks import check_answers, check_drift, condition_order
 from analysis.counts.table import count_answers, count_false_alarms, count_levels
 from analysis.results.rendering import warning
-from tests.test_analysis.shared import put, run
+from tests.test_analysis.shared import loaded, put, run
 from tests.test_analysis.tables import numbers
 
 if TYPE_CHECKING:
@@ -207,6 +207,19 @@ def test_conditions_are_interleaved_by_trials_and_alternate_by_blocks(
 ) -> None:
     places = [("ab"[i // run_length % 2], "01", 1, i) for i in range(40)]
     assert order_of(*places) == first
+
+
+@pytest.mark.parametrize(("column", "drifts"), [("trial", True), ("row", False)])
+def test_an_order_of_rows_is_no_order_of_trials(
+    tmp_path: Path, column: str, *, drifts: bool
+) -> None:
+    rows = (
+        f"{n},a,left,{level},{'left' if n >= 60 else 'none'}\n"
+        for n, level in enumerate([60, 80] * 60)
+    )
+    text = f"{column},participant,side,level_vpp,response\n" + "".join(rows)
+    result = analyse(loaded(tmp_path, text, ColumnMap(task="yes/no")))
+    assert ("threshold_drifts" in [str(one.code) for one in result.warnings]) == drifts
 
 
 @pytest.mark.slow
