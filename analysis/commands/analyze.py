@@ -100,18 +100,18 @@ def write_analysis(
     >>> analysis.levels[["detected", "presented"]].to_numpy().tolist()
     [[1, 1]]
     """
-    from analysis.reading.trials import paused_garbage_collection, read_inputs
+    from analysis.reading.trials import read_inputs
 
     step, watched = (working, _reading_progress) if bar else (nullcontext, nullcontext)
     loaded = read_inputs(paths, columns, watched=watched, accept_altered=accept_altered)
     from analysis.results.analysis import analyse
 
-    with step("Fitting"), paused_garbage_collection():
+    with step("Fitting"):
         analysis = analyse(loaded, ci=ci, seed=seed, allow_simulated=allow_simulated)
     from analysis.results.figures.drawing import DEFAULT_STYLE
     from analysis.results.files import save
 
-    with step("Writing"), paused_garbage_collection():
+    with step("Writing"):
         chosen = (style or DEFAULT_STYLE) if figures else None
         save(analysis, Path(out_dir), read=loaded.paths, style=chosen)
     return analysis

@@ -102,7 +102,7 @@ class CellReader:
     minimum: float | None = None  # of a number, where it is not that of the column
     decimal: str = "."
 
-    def read(self, texts: Sequence[str] | NDArray[Any]) -> Any:
+    def read(self, texts: Sequence[str] | pd.Series[str] | NDArray[Any]) -> Any:
         """Read text cells, each different text only once.
 
         As int64, float64 (NaN for none), bool, nullable boolean where the column is optional, a
@@ -111,8 +111,8 @@ class CellReader:
         >>> CellReader(column=DETECTED, label="felt").read(["1", "2"]).row
         1
         """
-        column = self.column
-        codes, distinct = pd.factorize(np.asarray(texts, dtype=object))
+        column, texts = self.column, pd.Series(texts, dtype=object).to_numpy()
+        codes, distinct = pd.factorize(texts)
         translations = {**(TRUTHS if column == DETECTED else {}), **self.translations}
         cells = [translations.get(text, text) for text in distinct]
         values: Any
@@ -222,12 +222,7 @@ def _spell_marks(text: str) -> str:
     return "".join(f"<U+{ord(c):04X}>" if category(c) == "Cf" else c for c in text)
 
 
-def read_columns(
-    texts: Mapping[str, Sequence[str]],
-    readers: Sequence[CellReader],
-    files: Sequence[str],
-    lines: Sequence[int],
-) -> pd.DataFrame:
+def read_columns(texts: pd.DataFrame, readers: Sequence[CellReader]) -> pd.DataFrame:
     """Read columns of text cells, one by each reader; ``file`` and ``line`` say where a row is.
 
     Raises ResultFileError for the first row with a cell that cannot be read.
@@ -236,7 +231,6 @@ def read_columns(
     faults = [fault for fault in values.values() if isinstance(fault, CellFault)]
     if faults:
         fault = min(faults, key=lambda fault: fault.row)
-        raise ResultFileError(files[fault.row], lines[fault.row], fault.message)
-    # Names as objects: a file's name need not be text that can be encoded.
-    values |= {"file": np.array(files, dtype=object), "line": np.array(lines, dtype=np.int64)}
-    return pd.DataFrame(values)
+        row = texts.iloc[fault.row]
+        raise ResultFileError(row["file"], int(row["line"]), fault.message)
+    return pd.DataFrame(values | {name: texts[name].to_numpy() for name in ("file", "line")})

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections import Counter
+from collections import Counter, defaultdict
 from dataclasses import dataclass, field, replace
-from itertools import compress
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Final
 
@@ -37,8 +36,6 @@ from experiment.tasks import LEFT_RIGHT_BOTH
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterator, Mapping, Sequence
-
-    from numpy.typing import NDArray
 
     from analysis.reading.columns import ColumnMap, Rows
     from analysis.reading.sources import InputTable
@@ -74,42 +71,42 @@ class RowFilter:
     """Which rows are read: with one of the words in each column of keep, in none of skip.
 
     A name that ends in ``-`` is in the file's name (`analysis.reading.sources.read_name`); a file
-    without it has empty text there. `values` has what stood in these columns so far.
+    without it has empty text there. `values` has what stood in these columns so far, `left_out` how
+    many rows each key leaves out.
     """
 
     rows: Rows
-    values: dict[str, set[str]] = field(default_factory=dict)
+    values: dict[str, set[str]] = field(default_factory=lambda: defaultdict(set))
+    left_out: Counter[str] = field(default_factory=Counter)
 
     @property
     def keys(self) -> dict[str, tuple[str, tuple[str, ...], bool]]:
         """The keys of the map, each with a column, its words, and whether they are kept."""
         sections = (("keep", self.rows.keep, True), ("skip", self.rows.skip, False))
         return {
-            f"[rows.{section}] {name}": (name, texts, is_kept)
+            f"[rows.{section}] {name}": (name, words, is_kept)
             for section, columns, is_kept in sections
-            for name, texts in columns.items()
+            for name, words in columns.items()
         }
 
     def reads(self, about: Mapping[str, str]) -> bool:
         """Return whether any row is read of a file whose name says this."""
-        names = [name for name, _, _ in self.keys.values() if name.endswith("-")]
-        return bool(self.select({name: [about.get(name, "")] for name in names}, 1)[0].all())
+        entities = {name: about.get(name, "") for name in self.rows.names() if name.endswith("-")}
+        for name, word in entities.items():
+            self.values[name].add(word)
+        keys = self.keys.values()
+        return all((entities[n] in words) is kept for n, words, kept in keys if n in entities)
 
-    def select(
-        self, cells: Mapping[str, Sequence[str]], number: int
-    ) -> tuple[NDArray[np.bool_], Counter[str]]:
-        """Return which rows are read, and how many each key leaves out."""
-        selected = np.ones(number, dtype=np.bool_)
-        left_out: Counter[str] = Counter()
-        for key, (name, texts, is_kept) in self.keys.items():
-            if name not in cells:
-                continue
-            self.values.setdefault(name, set()).update(cells[name])
-            passes = np.array([(cell in texts) is is_kept for cell in cells[name]], dtype=np.bool_)
-            if dropped := int((selected & ~passes).sum()):
-                left_out[key] += dropped
-            selected &= passes
-        return selected, left_out
+    def select(self, texts: pd.DataFrame) -> pd.DataFrame:
+        """Return the rows of a table that are read."""
+        is_read = pd.Series(data=True, index=texts.index)
+        for key, (name, words, is_kept) in self.keys.items():
+            if name in texts:
+                self.values[name].update(texts[name])
+                is_passed = texts[name].isin(words).eq(is_kept)
+                self.left_out[key] += int((is_read & ~is_passed).sum())
+                is_read &= is_passed
+        return texts[is_read]
 
     def refuse_unmet(self, file: str) -> None:
         """Refuse a word that stood in no row: it is misspelled, or of another data set.
@@ -124,11 +121,11 @@ class RowFilter:
                     message = f"{key}: {shown(word)} does not occur, allowed {allowed}"
                     raise ResultFileError(file, None, message)
 
-    def format_keys(self, rows: Mapping[str, int] | None = None) -> str:
-        """Return the keys; of several those that leave out `rows`, and how many."""
+    def format_keys(self) -> str:
+        """Return the keys; of several those that leave out rows, and how many."""
         keys = [*self.keys]
-        if rows and len(keys) > 1:
-            keys = [f"{key} ({rows[key]})" for key in keys if rows.get(key)]
+        if len(keys) > 1 and self.left_out.total():
+            keys = [f"{key} ({number})" for key, number in self.left_out.items() if number]
         return " and ".join(keys)
 
 
@@ -142,22 +139,16 @@ class UnusedColumns:
 
     partners: dict[str, dict[str, list[Any]]] = field(default_factory=dict)
 
-    def collect(
-        self,
-        cells: Mapping[str, Sequence[str]],
-        taken: Mapping[str, str],
-        used: Collection[str],
-        selected: NDArray[np.bool_],
-    ) -> None:
+    def collect(self, texts: pd.DataFrame, taken: Mapping[str, str], used: Collection[str]) -> None:
         """Collect the words of columns that nobody uses, while they are few."""
         answer = "response" if "response" in taken else "detected"
         sources = [taken.get(o, "") for o in ("participant", "level_vpp", "side", answer)]
-        beside: list[Sequence[Any]] = [cells.get(o, [...] * len(selected)) for o in sources]
-        for name, column in cells.items():
+        beside = [texts[o] if o and o in texts else [...] * len(texts) for o in sources]
+        for name in texts.columns:
             partners = self.partners.setdefault(name, {})
             if name in used or not name or name.endswith("-") or len(partners) > MAX_WORDS:
                 continue
-            for word, *values in {*compress(zip(column, *beside, strict=True), selected)}:
+            for word, *values in {*zip(texts[name], *beside, strict=True)}:
                 pairs = zip(partners.get(word, values), values, strict=True)
                 partners[word] = [before if before == value else ... for before, value in pairs]
                 if len(partners) > MAX_WORDS:
@@ -243,11 +234,10 @@ def _find_same_columns(columns: ColumnMap, header: Sequence[str], file: str) -> 
 
 def read_texts(
     source: InputTable, columns: ColumnMap, rows: RowFilter, unused: UnusedColumns
-) -> Iterator[tuple[Texts, list[int], Counter[str]]]:
-    """Yield the rows of a table that are read, under our names, with their lines.
+) -> Iterator[pd.DataFrame]:
+    """Yield the rows of a table that are read, as text under our names, by their lines.
 
-    The third is how many rows each key of the map leaves out. Raises ResultFileError as
-    `text_chunks` and `find_columns`.
+    Raises ResultFileError as `text_chunks` and `find_columns`.
     """
     file = str(source.path)
     with source.path.open("rb") as stream:
@@ -256,29 +246,20 @@ def read_texts(
         taken = find_columns(columns, [*header, *about], file)
         conditions = columns.conditions()
         used = {*taken.values(), *conditions, *columns.rows.names()}
-        for lines, cells_of_rows in chunks:
-            number = len(cells_of_rows)
-            cells: dict[str, Sequence[str]] = dict(
-                zip(header, zip(*cells_of_rows, strict=True), strict=True)
-            )
-            cells |= {name: [word] * number for name, word in about.items()}
-            selected, left_out = rows.select(cells, number)
-            unused.collect(cells, taken, used, selected)
-            texts = {o: list(compress(cells[theirs], selected)) for o, theirs in taken.items()}
-            kept = int(selected.sum())
-            texts |= {ours: [word] * kept for ours, word in columns.constant.items()}
+        for lines, cells in chunks:
+            texts = pd.DataFrame(cells, index=lines, columns=header, dtype=object)
+            texts = texts.loc[:, ~texts.columns.duplicated()].assign(**about)
+            texts = rows.select(texts)
+            unused.collect(texts, taken, used)
+            ours = texts[[*taken.values()]].set_axis([*taken], axis="columns")
             if conditions:
-                values = zip(*(compress(cells[name], selected) for name in conditions), strict=True)
-                texts["condition"] = [
-                    ", ".join(f"{n}={v}" for n, v in zip(conditions, row, strict=True))
-                    for row in values
-                ]
-            yield texts, list(compress(lines, selected)), left_out
+                values = texts[conditions].itertuples(index=False, name=None)
+                pairs = (zip(conditions, row, strict=True) for row in values)
+                ours["condition"] = [", ".join(map("=".join, row)) for row in pairs]
+            yield ours.assign(**columns.constant)
 
 
-def read_external(
-    texts: Texts, columns: ColumnMap, files: Sequence[str], lines: Sequence[int]
-) -> pd.DataFrame:
+def read_external(texts: pd.DataFrame, columns: ColumnMap) -> pd.DataFrame:
     """Read rows of an external table as trials; what it lacks gets its default.
 
     ``detected`` may stand in the place of ``response``, and ``trial`` is `UNNUMBERED` where the
@@ -289,7 +270,7 @@ def read_external(
     Raises ResultFileError for the first cell that cannot be read, and for a blank trial in a forced
     choice.
     """
-    rows = read_columns(texts, [columns.reader(name) for name in texts], files, lines)
+    rows = read_columns(texts, [columns.reader(name) for name in texts.columns if name in OURS])
     silent, rows = without_blank_level(rows, columns)
     if "kind" not in rows:
         silent &= rows["side"].ne(NO_STIMULUS)
@@ -364,18 +345,17 @@ _UNKNOWN: Final = ("over_report", "mislocalised", "timeouts", "invalid")
 """What answers other than the right one were, counts do not say."""
 
 
-def read_count_rows(
-    texts: Texts, columns: ColumnMap, files: Sequence[str], lines: Sequence[int]
-) -> pd.DataFrame:
+def read_count_rows(texts: pd.DataFrame, columns: ColumnMap) -> pd.DataFrame:
     """Read rows of a table of counts, with ``kind``, ``detected`` and ``presented``."""
     counts = columns.table.counts() if columns.table else {}
     readers = [
         CellReader(column=replace(_COUNT, name=name), label=counts[name])
         if name in counts
         else columns.reader(name)
-        for name in texts
+        for name in texts.columns
+        if name not in ("file", "line")
     ]
-    rows = read_columns(texts, readers, files, lines)
+    rows = read_columns(texts, readers)
     if "missed" in rows:
         rows["presented"] = rows["detected"] + rows.pop("missed")
     if "condition" not in rows:

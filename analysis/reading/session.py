@@ -9,6 +9,8 @@ from dataclasses import dataclass, field
 from pathlib import PurePosixPath
 from typing import TYPE_CHECKING, Final
 
+import pandas as pd
+
 from analysis.reading.sources import TABLE, read_regular, unreadable
 from analysis.reading.text import (
     ELSEWHERE,
@@ -41,45 +43,38 @@ _EXPORTED: Final = TextFormat(delimiter="\t")
 """How `tactstrip export --bids` writes events."""
 
 
-def read_own_texts(
-    table: Path, *, empty_allowed: bool
-) -> Iterator[tuple[dict[str, list[str]], list[int]]]:
-    """Yield the columns of a trials.csv, or of an exported events.tsv, with the lines of the rows.
+def read_own_texts(table: Path, *, empty_allowed: bool) -> Iterator[pd.DataFrame]:
+    """Yield the rows of a trials.csv, or of an exported events.tsv, as text, by their lines.
 
-    Raises ResultFileError as `text_chunks` and `own_columns`.
+    Raises ResultFileError as `text_chunks`, for a table of another version, and for an unknown or
+    missing column.
     """
     file = str(table)
     with table.open("rb") as stream:
         form = _EXPORTED if table.suffix == _EXPORTED_SUFFIX else None
         header, chunks = text_chunks(stream, file, form=form, empty_allowed=empty_allowed)
-        for lines, rows in chunks:
-            cells = map(list, zip(*rows, strict=True)) if rows else [[] for _ in header]
-            yield own_columns(dict(zip(header, cells, strict=True)), file), lines
+        for lines, cells in chunks:
+            texts = pd.DataFrame(cells, index=lines, columns=header, dtype=object)
+            if form:
+                from experiment.archive.bids import EVENT_COLUMNS  # with all of a study's sections
+
+                if {*header} == {*EVENT_COLUMNS}:
+                    sources = {name: ours for name, ours in EVENT_COLUMNS.items() if ours}
+                    texts = texts[[*sources]].rename(columns=sources)
+            yield _own_columns(texts, file)
 
 
-def own_columns(texts: dict[str, list[str]], file: str) -> dict[str, list[str]]:
-    """Return the columns of a trials.csv, or of an events.tsv that was exported from one.
-
-    Raises ResultFileError for a table of another version, and for an unknown or missing column.
-
-    >>> own_columns({"colour": ["red"]}, "t.csv")
-    Traceback (most recent call last):
-    analysis.reading.text.ResultFileError: t.csv:1: unknown column 'colour'; an external table ...
-    """
-    if file.endswith(_EXPORTED_SUFFIX):
-        from experiment.archive.bids import EVENT_COLUMNS  # with all of a study's sections
-
-        if {*texts} == {*EVENT_COLUMNS}:
-            texts = {ours: texts[name] for name, ours in EVENT_COLUMNS.items() if ours}
-    if {*texts} == {*NAMES}:
-        return {name: texts[name] for name in NAMES}
-    schema = "".join(texts.get("schema", ())[:1])
+def _own_columns(texts: pd.DataFrame, file: str) -> pd.DataFrame:
+    unknown = [f"unknown column {shown(str(name))}" for name in texts if name not in NAMES]
+    missing = [name for name in NAMES if name not in texts]
+    if not (unknown or missing):
+        return texts[[*NAMES]]
+    schema = "".join(texts["schema"].head(1)) if "schema" in texts else ""
     if schema.isdecimal() and int(schema) != SCHEMA:
         message = f"schema must be {SCHEMA}; got {shown(schema)}: {OTHER_VERSION}"
         raise ResultFileError(file, 2, message)
-    unknown = [f"unknown column {shown(name)}" for name in texts if name not in NAMES]
-    missing = [f"no column {', '.join(name for name in NAMES if name not in texts)}"]
-    raise ResultFileError(file, 1, f"{[*unknown, *missing][0]}; {ELSEWHERE}")
+    fault = [*unknown, f"no column {', '.join(missing)}"][0]
+    raise ResultFileError(file, 1, f"{fault}; {ELSEWHERE}")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, order=True)

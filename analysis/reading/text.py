@@ -87,6 +87,7 @@ _MARKS: Final = {
 _ESCAPED = re.compile("[\udc80-\udcff]")
 
 Chunk = tuple[list[int], list[list[str]]]
+"""The lines on which rows begin, and their cells."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import gc
 import math
 import re
 from collections import Counter
-from contextlib import contextmanager, nullcontext
+from contextlib import nullcontext
 from dataclasses import dataclass, field, replace
-from itertools import chain
+from itertools import chain, groupby
 from operator import attrgetter, itemgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, NamedTuple, cast
@@ -261,10 +260,11 @@ def read_inputs(
     reader = _Reader(columns, accept_altered=accept_altered)
     tables = [source for source in sources if reader.filter.reads(source.about)]
     files = [path for table in tables for path in (table.path, table.path.with_name(PLAN))]
-    with unchanged(files), watched(tables) as watched_tables, paused_garbage_collection():
+    with unchanged(files), watched(tables) as watched_tables:
         rows = reader.read(watched_tables)
     reader.filter.refuse_unmet(str(paths[0]))
-    left_out_by = reader.filter.format_keys(reader.left_out) if reader.left_out else ""
+    left_out = reader.filter.left_out.total()
+    left_out_by = reader.filter.format_keys() if left_out else ""
     if rows.empty:
         message = "no session here has a trial yet"
         if sources and not tables:
@@ -273,7 +273,7 @@ def read_inputs(
             reason = next(iter([*without_table.values(), *sum(lost.values(), ())]))
             message = f"no session in this folder has a {TABLE}; {reason}"
         elif left_out_by:
-            message = f"all {reader.left_out.total()} rows are left out by {left_out_by}"
+            message = f"all {left_out} rows are left out by {left_out_by}"
         raise ResultFileError(tables[0].path if tables else paths[0], None, message)
     with_rows = {*rows["file"]}
     records = reader.records
@@ -310,7 +310,7 @@ def read_inputs(
         cells=cells,
         blanks=blanks,
         warnings=tuple(_find_warnings(checked, columns, reader.unused)) if columns else (),
-        left_out=reader.left_out.total(),
+        left_out=left_out,
         left_out_files=len(sources) - len(tables),
         left_out_by=left_out_by,
         numbered=cells is not None or bool(rows["trial"].ne(UNNUMBERED).all()),
@@ -327,29 +327,6 @@ def _has_one_site(trials: pd.DataFrame, columns: ColumnMap) -> bool:
     return len(sites) == 1 and "response" not in columns.columns and is_only
 
 
-@contextmanager
-def paused_garbage_collection() -> Iterator[None]:
-    """Keep Python from looking for circular garbage, which takes 6 % of the time of reading.
-
-    What is read is millions of plain values, none of which points back at another; tables made of
-    them have no circles either, and those of a few figures can wait.
-    """
-    gc.disable()
-    try:
-        yield
-    finally:
-        gc.enable()
-
-
-class _Batch(NamedTuple):
-    """Rows of text by column, the file and the line of each, and the plans of files."""
-
-    texts: dict[str, list[str]]
-    files: list[str]
-    lines: list[int]
-    plans: dict[str, Plan]
-
-
 class _Reader:
     """Tables read one after the other, typed in batches that bound the memory.
 
@@ -363,67 +340,55 @@ class _Reader:
         self.filter = RowFilter((columns or ColumnMap()).rows)
         self.unused = UnusedColumns()
         self.records: dict[str, SessionRecord] = {}
-        self.left_out: Counter[str] = Counter()
-        self.values: dict[str, set[object]] = {name: set() for name in _LIMITS}
+        self.plans: dict[str, Plan] = {}
 
     def read(self, tables: Iterable[InputTable]) -> pd.DataFrame:
         """Return the typed rows of all tables."""
-        frames = [self._type(batch) for batch in self._batches(tables)]
+        n_rows = 0
+
+        def batch_of(texts: pd.DataFrame) -> tuple[object, ...]:
+            nonlocal n_rows
+            n_rows += len(texts)
+            return n_rows // _BATCH_ROWS, *texts.columns
+
+        batches = groupby(self._read_texts(tables), batch_of)
+        frames = [self._type(pd.concat(texts, ignore_index=True)) for _, texts in batches]
         return pd.concat(frames or [no_rows()], ignore_index=True)
 
-    def _batches(self, tables: Iterable[InputTable]) -> Iterator[_Batch]:
-        batch = _Batch({}, [], [], {})
+    def _read_texts(self, tables: Iterable[InputTable]) -> Iterator[pd.DataFrame]:
+        """Yield rows of text under our names, with the file and the line of each."""
         for table in tables:
             file = str(table.path)
-            self.records[file], plan = read_record(table, accept_altered=self.accept_altered)
+            record, plan = read_record(table, accept_altered=self.accept_altered)
+            self.records[file] = record
+            if plan:
+                self.plans[file] = plan
             try:
-                for cells, lines, left_out in self._chunks(table):
-                    self.left_out.update(left_out)
-                    is_full = len(batch.lines) >= _BATCH_ROWS
-                    if batch.lines and (is_full or batch.texts.keys() != cells.keys()):
-                        yield batch
-                        batch = _Batch({}, [], [], {})
-                    for name, column in cells.items():
-                        batch.texts.setdefault(name, []).extend(column)
-                    batch.files.extend([file] * len(lines))
-                    batch.lines.extend(lines)
-                    batch.plans.update({file: plan} if plan else {})
+                if self.columns:
+                    chunks = read_texts(table, self.columns, self.filter, self.unused)
+                else:
+                    chunks = read_own_texts(table.path, empty_allowed=record.progress is not None)
+                for texts in chunks:
+                    # As objects: a file's name need not be text that can be encoded.
+                    files = np.full(len(texts), file, dtype=object)
+                    yield texts.assign(file=files, line=texts.index.astype(np.int64))
             except OSError as error:
                 raise unreadable(error, table.path) from None
-        if batch.lines:
-            yield batch
 
-    def _chunks(
-        self, table: InputTable
-    ) -> Iterator[tuple[dict[str, list[str]], list[int], Mapping[str, int]]]:
-        """Return columns of text with the lines of rows, and how many rows each key leaves out."""
-        if self.columns:
-            return read_texts(table, self.columns, self.filter, self.unused)
-        has_plan = self.records[str(table.path)].progress is not None
-        chunks = read_own_texts(table.path, empty_allowed=has_plan)
-        return ((cells, lines, {}) for cells, lines in chunks)
-
-    def _type(self, batch: _Batch) -> pd.DataFrame:
-        texts, files, lines, plans = batch
+    def _type(self, texts: pd.DataFrame) -> pd.DataFrame:
         if self.columns is None:
-            rows = read_columns(texts, _READERS, files, lines)
+            rows = read_columns(texts, _READERS)
         elif self.columns.table:
-            rows = read_count_rows(texts, self.columns, files, lines)
+            rows = read_count_rows(texts, self.columns)
         else:
-            rows = read_external(texts, self.columns, files, lines)
-        _refuse_broken(rows, self._limit_rules(rows), self.columns)
+            rows = read_external(texts, self.columns)
+        files = rows["file"].unique()
+        plans = {file: self.plans[file] for file in files if file in self.plans}
         if plans and "trial" in rows:
             _refuse_broken(rows, _plan_rules(rows, plans), self.columns)
+        for file in files[:-1]:  # the next batch may begin with more rows of the last file
+            self.plans.pop(file, None)
         return rows
-
-    def _limit_rules(self, rows: pd.DataFrame) -> Iterator[_Rule]:
-        """Yield how many values columns may have: nothing is read beyond the first too many."""
-        for name, (largest, plural) in _LIMITS.items():
-            values, column = self.values[name], rows[name]
-            is_new = column.notna() & ~column.duplicated() & ~column.isin(values)
-            is_too_many = is_new & (len(values) + is_new.cumsum() > largest)
-            yield _Rule(name, f"one of at most {largest} {plural}", is_too_many)
-            values.update(column[is_new])
 
 
 def _refuse_copies(records: Mapping[str, SessionRecord]) -> None:
@@ -454,8 +419,8 @@ def no_rows() -> pd.DataFrame:
     >>> len(no_rows()), no_rows()["level_vpp"].dtype
     (0, dtype('float64'))
     """
-    texts: dict[str, list[str]] = {column.name: [] for column in COLUMNS}
-    return _with_verdicts(read_columns(texts, _READERS, [], []), task="")
+    texts = pd.DataFrame(columns=[*(column.name for column in COLUMNS), "file", "line"])
+    return _with_verdicts(read_columns(texts.astype({"line": np.int64}), _READERS), task="")
 
 
 def _check_trials(
@@ -467,6 +432,7 @@ def _check_trials(
     rows = _with_verdicts(rows, task=column_map.task)
     offers_none = {file: r.progress.offers_none for file, r in records.items() if r.progress}
     rules = chain(
+        _limit_rules(rows),
         _trial_rules(rows, column_map),
         _level_rules(rows["level_vpp"], rows["side"].ne(NO_STIMULUS), column_map),
         _time_rules(rows[~rows["file"].isin(offers_none)], column_map),
@@ -593,6 +559,14 @@ def _plan_rules(rows: pd.DataFrame, plans: Mapping[str, Plan]) -> Iterator[_Rule
     yield _Rule("rt_s", f"at most the response window, {window}, {_BY_PLAN}", late)
 
 
+def _limit_rules(rows: pd.DataFrame) -> Iterator[_Rule]:
+    """Yield how many values columns may have; codes count these in the order of the rows."""
+    for name, (maximum, plural) in _LIMITS.items():
+        codes, _ = pd.factorize(rows[name])
+        is_beyond = pd.Series(codes >= maximum, index=rows.index)
+        yield _Rule(name, f"one of at most {maximum} {plural}", is_beyond)
+
+
 def _total_rule(rows: pd.DataFrame) -> _Rule:
     must = "another name, for this is the name of the total's row"
     return _Rule("participant", must, rows["participant"].eq(TOTAL))
@@ -682,6 +656,7 @@ def _check_counts(
     label = table.presented or table.missed
     total = f"what was presented, {_first_cell(presented, is_above)} in column {shown(label)}"
     rules = [
+        *_limit_rules(rows),
         _total_rule(rows),
         _Rule("kind", "single or blank", ~rows["kind"].isin(["single", "blank"])),
         *_level_rules(rows["level_vpp"], single, columns),
