@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from analysis.audit import PrintedRow
 
 LABEL_COLUMNS: Final = ("level_vpp", "level", "label")
-_MAX_COUNTS_LISTED, _MAX_BYTES, _WIDTH = 12, 1_000_000, 80
+_MAX_COUNTS_LISTED, _WIDTH = 12, 80
 _OF_HEADER: Final = {"missing": "column {} is missing", "extra_forbidden": "unknown column {}"}
 
 
@@ -43,15 +43,14 @@ def read_table(path: Path) -> tuple[PrintedRow, ...]:
     >>> row.label, row.n, row.participants
     ('60', (20, 40), None)
     """
-    from analysis.reading.sources import read_regular, unreadable
+    from analysis.reading.sources import unreadable
     from analysis.reading.text import TextFormat, text_chunks
+    from experiment.bounded import read_bounded
 
     try:
-        content = read_regular(path, _MAX_BYTES)
+        content = read_bounded(path)
     except OSError as error:
         raise unreadable(error, path) from None
-    except ValueError as error:
-        raise ResultFileError(path, None, str(error)) from None
     table = io.BytesIO(content)
     header, chunks = text_chunks(table, str(path), form=TextFormat(), empty_allowed=True)
     rows = [row for lines, chunk in chunks for row in zip(lines, chunk, strict=True)]

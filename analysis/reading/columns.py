@@ -34,9 +34,8 @@ from analysis.reading.cells import (
     CellReader,
     units_of,
 )
-from analysis.reading.sources import read_regular
 from analysis.reading.text import TextFormat, one_line, shown
-from experiment.bounded import parse_toml
+from experiment.bounded import FileRefusedError, parse_toml, read_bounded
 from experiment.rows import COLUMNS, NOT_AVAILABLE, Column, format_value
 
 if TYPE_CHECKING:
@@ -60,7 +59,6 @@ TASK_MISSING: Final = (
     'or task = "forced choice" (they had to guess) at the top of the map'
 )
 FILL_IN: Final = "FILL IN"
-_MAX_MAP_BYTES: Final = 1_000_000
 # An external table may lack these values; a trials.csv has them in every row.
 _OPTIONAL_ELSEWHERE: Final = {"foreperiod_s", "study_sha256"}
 OURS: Final[dict[str, Column]] = {
@@ -417,7 +415,7 @@ def load_column_map(path: str | Path) -> ColumnMap:
     """
     path = Path(path)
     try:
-        raw = read_regular(path, _MAX_MAP_BYTES)
+        raw = read_bounded(path)
         text = raw.decode()
         document = parse_toml(text)
         for name, section in document.items():
@@ -432,6 +430,8 @@ def load_column_map(path: str | Path) -> ColumnMap:
         fault = "; ".join(map(_format_fault, error.errors()))
     except tomllib.TOMLDecodeError as error:
         fault = f"{error}; text stands in quotation marks, a [section] on its own line"
+    except FileRefusedError as error:
+        fault = str(error.strerror)
     except (ValueError, RecursionError) as error:
         fault = str(error)
     raise ValueError(f"{path}: {fault}")

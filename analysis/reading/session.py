@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Final
 
 import pandas as pd
 
-from analysis.reading.sources import TABLE, read_regular, unreadable
+from analysis.reading.sources import TABLE, unreadable
 from analysis.reading.text import (
     ELSEWHERE,
     ResultFileError,
@@ -20,11 +20,10 @@ from analysis.reading.text import (
     shown,
     text_chunks,
 )
-from experiment.archive.files import HEADS, JOURNAL, PLAN, LinkError, refuse_links
+from experiment.archive.files import HEADS, JOURNAL, PLAN, LinkError
 from experiment.archive.journal import RecordSchemaError
-from experiment.integrity.sessions import examine, removed_journal
+from experiment.integrity.sessions import examine
 from experiment.rows import COLUMNS, OTHER_VERSION, SCHEMA
-from experiment.trial.plan import plan_from_json
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
@@ -37,7 +36,6 @@ if TYPE_CHECKING:
 
 
 NAMES = tuple(column.name for column in COLUMNS)
-_MAX_PLAN_BYTES = 50_000_000
 _EXPORTED_SUFFIX: Final = ".tsv"
 _EXPORTED: Final = TextFormat(delimiter="\t")
 """How `tactstrip export --bids` writes events."""
@@ -130,36 +128,32 @@ def read_record(table: InputTable, *, accept_altered: bool) -> tuple[SessionReco
     A journal is replayed by its plan, so that a table that equals it keeps to the plan already. A
     table of another name beside a journal is taken for a copy, and compared like trials.csv.
 
-    Raises ResultFileError for a plan that cannot be read, was changed after it was sealed, or
-    belongs to another session than its folder; for a session of another version of this program;
-    and for the first difference from what was recorded, unless that is accepted.
+    Raises ResultFileError for a session of another version of this program, and for the first
+    difference from what was recorded, unless that is accepted.
     """
     path = table.path
-    journal = path.with_name(JOURNAL)
     if path.is_symlink() and (target := path.resolve()).with_name(JOURNAL).is_file():
         message = f"is a symbolic link to {target}, whose journal lies there; give that file itself"
         raise ResultFileError(path, None, message)
-    history = None
-    compared = journal.is_file()
+    examined = None
+    altered: Sequence[Difference] = ()
     with _refusals(path):
-        if compared:
+        if path.name == TABLE or path.with_name(JOURNAL).exists():
             examined = examine(path.parent, path.name)
+            altered = examined.differences
+            compared = [d for d in altered if examined.has_journal or d.path.name != JOURNAL]
             if not accept_altered:
-                _refuse_differences(examined.differences, "takes it if its rows are consistent")
-            history, differences = examined.history, examined.differences
-            plan, plan_sha256 = examined.plan if history else None, examined.plan_file_sha256
-        else:
-            if path.name == TABLE or journal.is_symlink():
-                refuse_links(path.parent, path.name)
-            differences = removed_journal(path.parent) if path.name == TABLE else ()
-            plan, plan_sha256 = _read_plan(path)
+                _refuse_differences(compared, "takes it if its rows are consistent")
+            # Without a journal nothing but sessions.tsv shows that there was one.
+            altered = altered if examined.head else compared
         with path.open("rb") as stream:
             table_sha256 = hashlib.file_digest(stream, "sha256").hexdigest()
     inputs = [InputFile(name=table.name, sha256=table_sha256)]
-    progress = None
-    if plan:
+    progress = plan = None
+    if examined and examined.plan and (examined.history or not examined.has_journal):
+        history, plan = examined.history, examined.plan
         name = PurePosixPath(table.name).with_name(PLAN).as_posix()
-        inputs.append(InputFile(name=name, sha256=plan_sha256))
+        inputs.append(InputFile(name=name, sha256=examined.plan_file_sha256))
         progress = SessionProgress(
             participant=plan.participant,
             session=plan.session,
@@ -171,35 +165,14 @@ def read_record(table: InputTable, *, accept_altered: bool) -> tuple[SessionReco
             offers_none=plan.task.nothing in plan.responses,
             measured=history.measured if history else (),
         )
+    is_compared = examined is not None and examined.has_journal
     record = SessionRecord(
         inputs=tuple(inputs),
         progress=progress,
-        compared=compared,
-        altered=tuple(_format_difference(each, table) for each in differences),
+        compared=is_compared,
+        altered=tuple(_format_difference(each, table) for each in altered),
     )
-    return record, None if compared else plan
-
-
-def _read_plan(table: Path) -> tuple[Plan | None, str]:
-    """Read the plan beside a trials.csv and the checksum of its bytes, where there is one.
-
-    Beside a table of another name no plan is looked for.
-    """
-    path = table.with_name(PLAN)
-    if table.name != TABLE or not path.exists():
-        return None, ""
-    try:
-        raw = read_regular(path, _MAX_PLAN_BYTES)
-        plan = plan_from_json(raw.decode())
-    except (ValueError, RecursionError) as error:
-        raise ResultFileError(path, None, f"not a sealed plan: {error}") from None
-    session = path.parent.resolve()
-    folders = ((session.parent, f"sub-{plan.participant}"), (session, f"ses-{plan.session}"))
-    for folder, name in folders:
-        if folder.name.startswith(name[:4]) and folder.name != name:
-            message = f"the plan of {name}, but the folder is {folder.name}"
-            raise ResultFileError(path, None, message)
-    return plan, hashlib.sha256(raw).hexdigest()
+    return record, None if is_compared else plan
 
 
 @contextmanager

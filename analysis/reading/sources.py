@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import re
-import stat
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
@@ -168,26 +167,6 @@ def unreadable(error: OSError, path: Path) -> ResultFileError:
     't.csv: cannot be read: Permission denied'
     """
     return ResultFileError(error.filename or path, None, f"cannot be read: {error.strerror}")
-
-
-def read_regular(path: Path, max_bytes: int) -> bytes:
-    """Read a small file as a whole; a pipe, which might never end, is refused.
-
-    Raises ValueError for anything but a regular file, and for one with more than `max_bytes`,
-    OSError where it cannot be read.
-
-    >>> from pathlib import Path
-    >>> read_regular(Path("/"), 10)
-    Traceback (most recent call last):
-    ValueError: not a regular file
-    """
-    if not stat.S_ISREG(path.stat().st_mode):
-        raise ValueError("not a regular file")
-    with path.open("rb") as stream:
-        raw = stream.read(max_bytes + 1)
-    if len(raw) > max_bytes:
-        raise ValueError(f"it has at most {max_bytes} bytes, got more")
-    return raw
 
 
 @contextmanager

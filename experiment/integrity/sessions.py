@@ -367,14 +367,6 @@ def _missing(kept: SessionHead) -> str:
     return f"is missing; line {kept.line} of {HEADS} tells of it"
 
 
-def removed_journal(folder: Path) -> tuple[Difference, ...]:
-    """Tell of a journal that is missing though a head of it was kept; no other file is read."""
-    with contextlib.suppress(ArchiveError):  # `examine` tells
-        if not (folder / JOURNAL).is_file() and (head := kept_head(folder)) is not None:
-            return (Difference(path=folder / JOURNAL, line=None, message=_missing(head)),)
-    return ()
-
-
 def refuse_altered(folder: Path) -> tuple[Difference, ...]:
     """Refuse a session whose record is not as it was written; return what a command mends.
 
