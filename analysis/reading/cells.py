@@ -234,3 +234,10 @@ def read_columns(texts: pd.DataFrame, readers: Sequence[CellReader]) -> pd.DataF
         row = texts.iloc[fault.row]
         raise ResultFileError(row["file"], int(row["line"]), fault.message)
     return pd.DataFrame(values | {name: texts[name].to_numpy() for name in ("file", "line")})
+
+
+def refuse_first(rows: pd.DataFrame, is_refused: pd.Series[bool], message: str) -> None:
+    """Refuse the first of these rows, if there is one, with its file and line."""
+    if is_refused.any():
+        row = rows[is_refused].iloc[0]
+        raise ResultFileError(row["file"], int(row["line"]), message)

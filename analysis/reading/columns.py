@@ -58,6 +58,7 @@ TASK_MISSING: Final = (
     'counts, and answers of 0 and 1, need task = "yes/no" (people who felt nothing could say so) '
     'or task = "forced choice" (they had to guess) at the top of the map'
 )
+COUNT: Final = Column(name="", type="int", optional=False, choices=(), description="")
 FILL_IN: Final = "FILL IN"
 # An external table may lack these values; a trials.csv has them in every row.
 _OPTIONAL_ELSEWHERE: Final = {"foreperiod_s", "study_sha256"}
@@ -300,6 +301,16 @@ class ColumnMap(Section):
         participant = self.named().get("participant", "participant")
         return [name for name in self.table.group if name != participant] if self.table else []
 
+    def counts(self) -> dict[str, str]:
+        """Return the columns of theirs that are counts, by what they count.
+
+        Returns
+        -------
+        dict of str to str
+            Empty for a table of trials.
+        """
+        return self.table.counts() if self.table else {}
+
     def minimum(self, ours: str) -> float | None:
         """Return the smallest value of a column where it is another one than in trials.csv.
 
@@ -330,6 +341,8 @@ class ColumnMap(Section):
         str
             Their name, with ours in brackets where it differs.
         """
+        if ours in self.counts():
+            return self.counts()[ours]
         theirs = self.columns.get(ours) or ours
         return ours if ours == theirs else f"{theirs} ({ours})"
 
@@ -352,7 +365,7 @@ class ColumnMap(Section):
         """
         unit = units_of(ours)[self.units[ours]] if ours in self.units else (1.0, 1.0)
         return CellReader(
-            column=OURS[ours],
+            column=replace(COUNT, name=ours) if ours in self.counts() else OURS[ours],
             label=self.label(ours),
             translations={"": NOT_AVAILABLE} | self.values.get(ours, {}),
             scale=(self.scale[ours], 1.0) if ours in self.scale else unit,

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections import Counter, defaultdict
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Final
 
-import numpy as np
 import pandas as pd
 
-from analysis.reading.cells import BLANK_LEVEL, NO, YES, CellReader, read_columns
+from analysis.reading.cells import BLANK_LEVEL, NO, YES, read_columns, refuse_first
 from analysis.reading.columns import (
     ANSWERS,
     COUNTED_COLUMNS,
@@ -21,7 +20,7 @@ from analysis.reading.columns import (
     TASK_MISSING,
     YES_NO,
 )
-from analysis.reading.sources import FILE, STANDS_FOR
+from analysis.reading.sources import STANDS_FOR
 from analysis.reading.text import (
     NUMBER,
     TWICE,
@@ -31,7 +30,7 @@ from analysis.reading.text import (
     shown,
     text_chunks,
 )
-from experiment.rows import COLUMNS, KINDS, NOT_AVAILABLE, RESPONSES, SCHEMA, Column
+from experiment.rows import COLUMNS, KINDS, NOT_AVAILABLE, RESPONSES, SCHEMA, SIDES
 from experiment.tasks import LEFT_RIGHT_BOTH
 
 if TYPE_CHECKING:
@@ -61,7 +60,6 @@ _KIND_OF_SIDE: Final = {p.name: p.kind for p in LEFT_RIGHT_BOTH.presentations}
 _NO_BLANKS: Final = (
     "and a forced choice has no trials without a stimulus; [rows.skip] of a map leaves them out"
 )
-_COUNT: Final = Column(name="", type="int", optional=False, choices=(), description="")
 _BOOKKEEPING: Final = ("direction", "label")
 """Columns of words of PsychoPy's staircases that follow from the trials: no conditions."""
 
@@ -260,28 +258,42 @@ def read_texts(
 
 
 def read_external(texts: pd.DataFrame, columns: ColumnMap) -> pd.DataFrame:
-    """Read rows of an external table as trials; what it lacks gets its default.
+    """Read rows of an external table as trials or counts; what they lack gets its default.
 
-    ``detected`` may stand in the place of ``response``, and ``trial`` is `UNNUMBERED` where the
-    table does not number its trials. Where ``unanswered`` is true, the answer is ``timeout``.
     Without ``kind``, a level of 0 is a blank trial, whatever its side; where 0 is a level, as in
-    dB, -inf is. What the map says has no stimulus has no level, whatever is written there.
+    dB, -inf is. Counts have ``detected`` and ``presented``.
 
     Raises ResultFileError for the first cell that cannot be read, and for a blank trial in a forced
     choice.
     """
-    rows = read_columns(texts, [columns.reader(name) for name in texts.columns if name in OURS])
-    silent, rows = without_blank_level(rows, columns)
+    names = texts.columns.drop(["file", "line"])
+    rows = read_columns(texts, [columns.reader(name) for name in names])
+    level, blank_level = rows["level_vpp"], BLANK_LEVEL if columns.axis.signed else 0
     if "kind" not in rows:
-        silent &= rows["side"].ne(NO_STIMULUS)
-        if silent.any() and columns.task == FORCED:
-            first = rows[silent].iloc[0]
-            level = BLANK_LEVEL if columns.axis.signed else 0
-            message = f"the level is {level}, {_NO_BLANKS}"
-            raise ResultFileError(first["file"], int(first["line"]), message)
-        rows["side"] = rows["side"].mask(silent, NO_STIMULUS)
-        kinds = rows["side"].astype(object).map(_KIND_OF_SIDE).fillna("single")
+        sides = rows["side"].astype(object) if "side" in rows else pd.Series("", index=rows.index)
+        is_silent = level.eq(blank_level) & sides.ne(NO_STIMULUS)
+        if columns.task == FORCED:
+            refuse_first(rows, is_silent, f"the level is {blank_level}, {_NO_BLANKS}")
+        sides = sides.mask(is_silent, NO_STIMULUS)
+        kinds = sides.map(_KIND_OF_SIDE).fillna("single")
         rows["kind"] = pd.Categorical(kinds, categories=list(KINDS))
+        if "side" in rows:
+            rows["side"] = pd.Categorical(sides, categories=list(SIDES))
+    rows["level_vpp"] = level.mask(level.eq(BLANK_LEVEL))
+    if "missed" in rows:
+        rows["presented"] = rows["detected"] + rows.pop("missed")
+    if columns.table:
+        return rows if "condition" in rows else rows.assign(condition=DEFAULTS["condition"])
+    return _with_defaults(rows, columns)
+
+
+def _with_defaults(rows: pd.DataFrame, columns: ColumnMap) -> pd.DataFrame:
+    """Return trials with all columns of trials.csv.
+
+    ``detected`` may stand in the place of ``response``, and ``trial`` is `UNNUMBERED` where the
+    table does not number its trials. Where ``unanswered`` is true, the answer is ``timeout``. What
+    the map says has no stimulus has no level, whatever is written there.
+    """
     for name in (column.name for column in COLUMNS):
         if name == "trial" and name not in rows:
             rows[name] = UNNUMBERED
@@ -296,15 +308,6 @@ def read_external(texts: pd.DataFrame, columns: ColumnMap) -> pd.DataFrame:
         rows.loc[rows.pop("unanswered"), answer] = "timeout"
     rows["rt_s"] = rows["rt_s"].mask(rows[answer].eq("timeout"))
     return rows
-
-
-def without_blank_level(
-    rows: pd.DataFrame, columns: ColumnMap
-) -> tuple[pd.Series[bool], pd.DataFrame]:
-    """Return which rows have the level of no stimulus, 0 or -inf, and the rows without -inf."""
-    level = rows["level_vpp"]
-    silent = level.eq(BLANK_LEVEL if columns.axis.signed else 0)
-    return silent, rows.assign(level_vpp=level.mask(level.eq(BLANK_LEVEL)))
 
 
 def with_responses(rows: pd.DataFrame, columns: ColumnMap) -> pd.DataFrame:
@@ -326,16 +329,14 @@ def with_responses(rows: pd.DataFrame, columns: ColumnMap) -> pd.DataFrame:
     answers = answers.mask(answers.eq(NO), missed)
     detected, blank = answers.eq(YES), sides.eq(NO_STIMULUS)
     stimulated = sides.mask(blank).groupby(rows["file"])
-    unclear = detected & blank & stimulated.transform("nunique").ne(1)
-    if unclear.any():
-        file, line = rows[unclear].iloc[0][["file", "line"]]
-        stimuli = ", ".join(sorted({*sides[rows["file"].eq(file) & ~blank]})) or "no side"
-        message = (
-            f"column 'detected' holds '{YES}' in a blank trial, and the table has stimuli at "
-            f"{stimuli}: which side was answered? Map response instead or, where only felt or not "
-            "was asked, one [constant] side for all rows in place of [columns] side"
-        )
-        raise ResultFileError(file, int(line), message)
+    stimuli = ", ".join(sorted({*sides[~blank]})) or "no side"
+    message = (
+        f"column 'detected' holds '{YES}' in a blank trial, and the table has stimuli at "
+        f"{stimuli}: which side was answered? Map response instead or, where only felt or not was "
+        "asked, one [constant] side for all rows in place of [columns] side"
+    )
+    is_unclear = detected & blank & stimulated.transform("nunique").ne(1)
+    refuse_first(rows, is_unclear, message)
     answers = answers.mask(detected, sides.mask(blank, stimulated.transform("first")))
     return rows.assign(response=pd.Categorical(answers, categories=list(RESPONSES)))
 
@@ -343,28 +344,6 @@ def with_responses(rows: pd.DataFrame, columns: ColumnMap) -> pd.DataFrame:
 CELL: Final = ["condition", "level_vpp", "participant"]
 _UNKNOWN: Final = ("over_report", "mislocalised", "timeouts", "invalid")
 """What answers other than the right one were, counts do not say."""
-
-
-def read_count_rows(texts: pd.DataFrame, columns: ColumnMap) -> pd.DataFrame:
-    """Read rows of a table of counts, with ``kind``, ``detected`` and ``presented``."""
-    counts = columns.table.counts() if columns.table else {}
-    readers = [
-        CellReader(column=replace(_COUNT, name=name), label=counts[name])
-        if name in counts
-        else columns.reader(name)
-        for name in texts.columns
-        if name not in ("file", "line")
-    ]
-    rows = read_columns(texts, readers)
-    if "missed" in rows:
-        rows["presented"] = rows["detected"] + rows.pop("missed")
-    if "condition" not in rows:
-        rows["condition"] = DEFAULTS["condition"]
-    silent, rows = without_blank_level(rows, columns)
-    if "kind" not in rows:
-        blank = rows["side"].eq(NO_STIMULUS) if "side" in rows else False
-        rows["kind"] = np.where(blank | silent, "blank", "single")
-    return rows
 
 
 def sum_counts(rows: pd.DataFrame, columns: ColumnMap) -> tuple[pd.DataFrame, pd.DataFrame]:
@@ -380,33 +359,10 @@ def sum_counts(rows: pd.DataFrame, columns: ColumnMap) -> tuple[pd.DataFrame, pd
     cells = cells.assign(
         **dict.fromkeys(_UNKNOWN, float("nan")), none_offered=columns.task == YES_NO
     )
-    key = ["condition", "participant"]
-    false_alarms = blank.groupby(key, as_index=False)[["detected", "presented"]].sum()
-    sides: Any = 1
+    person = ["condition", "participant"]
+    blanks = blank.groupby(person, as_index=False)[["detected", "presented"]].sum()
+    blanks = blanks.rename(columns={"detected": "felt"}).assign(sides=1)
     if "side" in single:
-        several = single.groupby(key)["side"].nunique()
-        sides = false_alarms.merge(several, "left", key)["side"].fillna(1)
-    return cells, false_alarms.rename(columns={"detected": "felt"}).assign(sides=sides)
-
-
-def refuse_repeated_counts(rows: pd.DataFrame, aside: Sequence[str]) -> None:
-    """Refuse counts of one cell in two files, or in rows that a column left aside distinguishes.
-
-    Other rows of one cell are blocks, which are summed.
-    """
-    key = [name for name in COUNTED_COLUMNS if name in rows]
-    rows = rows if aside else rows.drop_duplicates(["file", *key])
-    repeated = rows.duplicated(key)
-    if not repeated.any():
-        return
-    second = rows[repeated].iloc[0]
-    cells = rows.groupby(key, dropna=False, observed=True).ngroup()
-    first = rows[cells.eq(cells[repeated].iloc[0])].iloc[0]
-    cell = ", ".join(f"{name} {second[name]}" for name in key)
-    column = FILE if first["file"] != second["file"] else aside[0]
-    message = (
-        f"{cell}: counted already at {first['file']}:{first['line']}; if {column} holds "
-        f'conditions, the map needs [table] group = ["{column}"], if it holds people, [columns] '
-        f'participant = "{column}", and if it numbers blocks, session = "{column}"'
-    )
-    raise ResultFileError(second["file"], int(second["line"]), message)
+        sides = single.groupby(person)["side"].nunique()
+        blanks["sides"] = blanks.join(sides, on=person)["side"].fillna(1)
+    return cells, blanks

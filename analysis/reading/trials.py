@@ -18,7 +18,7 @@ import pandas as pd
 from analysis.codes import WarningCode
 from analysis.numbers import TOTAL
 from analysis.reading.cells import CellReader, read_columns
-from analysis.reading.columns import YES_NO, ColumnMap
+from analysis.reading.columns import COUNTED_COLUMNS, YES_NO, ColumnMap
 from analysis.reading.foreign import (
     MAX_CONDITIONS,
     MAX_PRESENTED,
@@ -26,10 +26,8 @@ from analysis.reading.foreign import (
     UNNUMBERED,
     RowFilter,
     UnusedColumns,
-    read_count_rows,
     read_external,
     read_texts,
-    refuse_repeated_counts,
     sum_counts,
     with_responses,
 )
@@ -57,7 +55,6 @@ if TYPE_CHECKING:
     from contextlib import AbstractContextManager
 
     from analysis.axis import Axis
-    from analysis.reading.columns import Table
     from analysis.reading.session import SessionProgress, SessionRecord
     from analysis.reading.sources import InputTable
     from experiment.trial.plan import Plan
@@ -378,8 +375,6 @@ class _Reader:
     def _type(self, texts: pd.DataFrame) -> pd.DataFrame:
         if self.columns is None:
             rows = read_columns(texts, _READERS)
-        elif self.columns.table:
-            rows = read_count_rows(texts, self.columns)
         else:
             rows = read_external(texts, self.columns)
         files = rows["file"].unique()
@@ -507,7 +502,6 @@ class _Rule(NamedTuple):
     must: str
     broken: pd.Series[bool]
     remedy: str = ""
-    label: str = ""
 
 
 def _refuse_broken(rows: pd.DataFrame, rules: Iterable[_Rule], columns: ColumnMap | None) -> None:
@@ -516,10 +510,10 @@ def _refuse_broken(rows: pd.DataFrame, rules: Iterable[_Rule], columns: ColumnMa
     if not broken:
         return
     row, rule = min(broken, key=itemgetter(0))
-    label = rule.label or (columns or ColumnMap()).label(rule.column)
+    label = (columns or ColumnMap()).label(rule.column)
     cell = _first_cell(rows[rule.column], rule.broken)
     message = f"column '{label}' is {cell}; it must be {rule.must}{rule.remedy if columns else ''}"
-    raise ResultFileError(rows["file"].iloc[row], int(rows["line"].iloc[row]), message)
+    raise ResultFileError(rows["file"][row], int(rows["line"][row]), message)
 
 
 def _first_cell(values: pd.Series[Any], broken: pd.Series[bool]) -> str:
@@ -633,41 +627,53 @@ def _time_rules(trials: pd.DataFrame, columns: ColumnMap) -> Iterator[_Rule]:
 
 def _repeat_rules(trials: pd.DataFrame) -> Iterator[_Rule]:
     """Yield that no trial stands twice; practice may, as warm-up after every resume."""
+    must = "another than for the same participant, session and attempt"
+    yield _repeat_rule("trial", must, trials, _KEY, _REPEATED)
     valid = trials[trials["status"].eq("ok") & trials["kind"].ne(PRACTICE)]
-    for column, among, key, must in (
-        ("trial", trials, _KEY, "another than for the same participant, session and attempt"),
-        ("attempt", valid, _KEY[:-1], "the only one of its trial with status ok"),
-    ):
-        repeated = among.duplicated(key)
-        if repeated.any():
-            cells = among.loc[repeated, key].iloc[0]
-            first = among[among[key].eq(cells).all(axis="columns")].iloc[0]
-            location = f"{one_line(first['file'])}:{first['line']}"
-            yield _Rule(column, f"{must}; the first is {location}", repeated, _REPEATED)
+    must = "the only one of its trial with status ok"
+    yield _repeat_rule("attempt", must, valid, _KEY[:-1], _REPEATED)
+
+
+def _repeat_rule(column: str, must: str, rows: pd.DataFrame, key: list[str], remedy: str) -> _Rule:
+    """Return the rule that no two rows have the same values of key; the first is named."""
+    repeated = rows.duplicated(key)
+    if repeated.any():
+        groups = rows.groupby(key, dropna=False, observed=True)[["file", "line"]]
+        file, line = groups.transform("first")[repeated].iloc[0]
+        must = f"{must}; the first is {one_line(file)}:{line}"
+    return _Rule(column, must, repeated, remedy)
 
 
 def _check_counts(
     rows: pd.DataFrame, columns: ColumnMap, unused: UnusedColumns
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Return the cells and the blanks of a table of counts; refuse rows that break a rule."""
-    table = cast("Table", columns.table)
     presented, single = rows["presented"], rows["kind"].eq("single")
-    is_above, is_too_many = rows["detected"].gt(presented), presented.gt(MAX_PRESENTED)
-    label = table.presented or table.missed
-    total = f"what was presented, {_first_cell(presented, is_above)} in column {shown(label)}"
+    is_above = rows["detected"].gt(presented)
+    number = f"{_first_cell(presented, is_above)} in column {shown(columns.label('presented'))}"
+    key = [name for name in COUNTED_COLUMNS if name in rows]
+    aside = unused.varying()
+    # Rows of one cell are blocks, which are summed, if nothing distinguishes them.
+    distinct = rows if aside else rows.drop_duplicates(["file", *key])
+    column = [*aside, FILE][0]
+    remedy = (
+        f'; if {column} holds conditions, the map needs [table] group = ["{column}"], if it holds '
+        f'people, [columns] participant = "{column}", and if it numbers blocks, '
+        f'session = "{column}"'
+    )
     rules = [
         *_limit_rules(rows),
         _total_rule(rows),
         _Rule("kind", "single or blank", ~rows["kind"].isin(["single", "blank"])),
         *_level_rules(rows["level_vpp"], single, columns),
-        _Rule("detected", f"at most {total}", is_above, label=table.detected),
-        _Rule("presented", f"at most {MAX_PRESENTED:.0e}", is_too_many, label=label),
+        _Rule("detected", f"at most what was presented, {number}", is_above),
+        _Rule("presented", f"at most {MAX_PRESENTED:.0e}", presented.gt(MAX_PRESENTED)),
+        _repeat_rule("level_vpp", "counted once", distinct, key, remedy),
     ]
     if "side" in rows:
         must = f"{' or '.join(LEFT_RIGHT_BOTH.sites)}, for single stimuli are counted"
         rules.append(_Rule("side", must, single & ~rows["side"].isin(LEFT_RIGHT_BOTH.sites)))
     _refuse_broken(rows, rules, columns)
-    refuse_repeated_counts(rows, unused.varying())
     return sum_counts(rows, columns)
 
 
