@@ -51,13 +51,13 @@ NOTHING: Final = ("", "none", "null", "n/a", "na", "nan", *SILENT)
 BLANK_LEVEL: Final = -math.inf
 """The level of a trial without a stimulus on an axis that has levels of any sign."""
 
-# What one unit of theirs is in ours, as numerator and denominator (each exact in binary).
-UNITS: Final[Mapping[str, Mapping[str, tuple[float, float]]]] = MappingProxyType(
+UNITS: Final[Mapping[str, Mapping[str, float]]] = MappingProxyType(
     {
-        "_s": {"s": (1.0, 1.0), "ms": (1.0, 1e3), "us": (1.0, 1e6)},
-        "_vpp": {"V": (1.0, 1.0), "mV": (1.0, 1e3), "V-peak": (2.0, 1.0), "mV-peak": (2.0, 1e3)},
+        "_s": {"s": 1.0, "ms": 1e-3, "us": 1e-6},
+        "_vpp": {"V": 1.0, "mV": 1e-3, "V-peak": 2.0, "mV-peak": 2e-3},
     }
 )
+"""What one unit of theirs is in ours, by the ending of our column."""
 _MIN: Final[Mapping[str, int]] = MappingProxyType(
     {"schema": SCHEMA, "block": HANDS_OFF_BLOCK, "trial": 1, "attempt": 1}
     | dict.fromkeys(("detected", "presented", "missed", "rt_s", "level_vpp", "foreperiod_s"), 0)
@@ -72,7 +72,7 @@ _SWAPPED: Final = str.maketrans(".,", ",.")
 _FLAGS: Final[Mapping[str, bool]] = MappingProxyType({"true": True, "false": False})
 
 
-def units_of(ours: str) -> Mapping[str, tuple[float, float]]:
+def units_of(ours: str) -> Mapping[str, float]:
     """Return the units that a column of ours may have elsewhere.
 
     >>> [*units_of("rt_s")]
@@ -97,8 +97,7 @@ class CellReader:
     label: str  # the column's name for messages
     # theirs to ours, in our unit; other words stay as they are
     translations: Mapping[str, str] = field(default_factory=dict)
-    # numerator and denominator that bring a number of theirs to our unit
-    scale: tuple[float, float] = (1.0, 1.0)
+    scale: float = 1.0  # from their unit to ours
     minimum: float | None = None  # of a number, where it is not that of the column
     decimal: str = "."
 
@@ -155,10 +154,9 @@ class CellReader:
         numbers[~((max(self._smallest, -LARGEST) <= numbers) & (numbers <= largest))] = math.nan
         if self.minimum == BLANK_LEVEL:
             numbers[[cell.lower() in SILENT for cell in cells]] = BLANK_LEVEL
-        if self.scale != (1.0, 1.0):
+        if self.scale != 1:
             # Without the last binary digits: 5e-8 m are 0.05 um.
-            scaled = numbers * self.scale[0] / self.scale[1]
-            rounded = [float(f"{value:.15g}") for value in scaled.tolist()]
+            rounded = [float(f"{value:.15g}") for value in (numbers * self.scale).tolist()]
             numbers = np.where(translated, numbers, rounded)
         return numbers
 

@@ -66,9 +66,7 @@ OURS: Final[dict[str, Column]] = {
     c.name: replace(c, optional=c.optional or c.name in _OPTIONAL_ELSEWHERE)
     for c in (*COLUMNS, DETECTED, UNANSWERED)
 }
-_SECTION: Final = re.compile(r"\s*\[([^\[\]]+)\]")
-_EMPTY_KEY: Final = re.compile(r"""\s*("[^"]*"|'[^']*'|[\w-]+)\s*=\s*(?:""|'')\s*(?:#\s*(.*))?""")
-"""A key whose value is empty text, and its comment."""
+_GAP: Final = re.compile(rf"""\s*("[^"]*"|'[^']*'|[\w-]+)\s*=\s*(?:""|'')\s*#\s*{FILL_IN}""")
 _BARE_KEY: Final = re.compile(r"[A-Za-z0-9_-]+")
 
 
@@ -363,12 +361,12 @@ class ColumnMap(Section):
         >>> ColumnMap(units={"rt_s": "ms"}).reader("rt_s").read(["612"])[0]
         np.float64(0.612)
         """
-        unit = units_of(ours)[self.units[ours]] if ours in self.units else (1.0, 1.0)
+        scale = units_of(ours)[self.units[ours]] if ours in self.units else 1.0
         return CellReader(
             column=replace(COUNT, name=ours) if ours in self.counts() else OURS[ours],
             label=self.label(ours),
             translations={"": NOT_AVAILABLE} | self.values.get(ours, {}),
-            scale=(self.scale[ours], 1.0) if ours in self.scale else unit,
+            scale=self.scale.get(ours, scale),
             minimum=self.minimum(ours),
             decimal=self.file.decimal,
         )
@@ -436,7 +434,7 @@ def load_column_map(path: str | Path) -> ColumnMap:
                 allowed = ", ".join(f"[{key}]" for key in SECTIONS)
                 message = f"[{one_line(name)}] is not a section of a map, allowed {allowed}"
                 raise ValueError(message)
-        if gaps := find_gaps(text, document):
+        if gaps := find_gaps(text):
             raise ValueError(f"fill in {', '.join(gaps)}")
         return ColumnMap(**document, name=path.name, sha256=hashlib.sha256(raw).hexdigest())
     except ValidationError as error:
@@ -450,33 +448,17 @@ def load_column_map(path: str | Path) -> ColumnMap:
     raise ValueError(f"{path}: {fault}")
 
 
-def find_gaps(text: str, document: Mapping[str, Any]) -> list[str]:
+def find_gaps(text: str) -> list[str]:
     r"""Return the keys of a map that are still to be filled in, each with its line.
 
-    These are empty texts with the comment `FILL_IN`, and those that no map may leave empty. Other
-    empty text of [columns] leaves out a column of ours.
+    These are empty texts with the comment `FILL_IN`.
 
-    >>> text = 'task = ""  # FILL IN\n[columns]\nsession = ""\nside = ""'
-    >>> find_gaps(text, tomllib.loads(text))
+    >>> find_gaps('task = ""  # FILL IN: which\n[columns]\nsession = ""\nside = ""  # FILL IN')
     ['task (line 1)', 'side (line 4)']
     """
-    required = {*(COUNTED_REQUIRED if "table" in document else REQUIRED)} - {*ANSWERS}
-    required -= {*document.get("constant", {})}
-    if "table" in document or document.get("columns", {}).get("detected"):
-        required.add("task")
-    gaps = []
-    section = ""
-    for number, line in enumerate(text.split("\n"), 1):
-        if header := _SECTION.match(line):
-            section = header[1]
-        elif empty := _EMPTY_KEY.fullmatch(line.rstrip()):
-            key, comment = empty.groups("")
-            is_required = section.startswith(("values.", "constant", "units", "axis", "table"))
-            if section in ("", "columns"):
-                is_required = key in required
-            if is_required or comment.startswith(FILL_IN):
-                gaps.append(f"{one_line(key)} (line {number})")
-    return gaps
+    lines = enumerate(text.split("\n"), 1)
+    gaps = [(number, gap[1]) for number, line in lines if (gap := _GAP.match(line))]
+    return [f"{one_line(key)} (line {number})" for number, key in gaps]
 
 
 def _format_fault(error: Any) -> str:

@@ -36,7 +36,6 @@ from analysis.reading.sources import FILE, unreadable
 from analysis.reading.text import (
     NUMBER,
     ResultFileError,
-    guess_unmarked_utf_16,
     named,
     one_line,
     text_chunks,
@@ -258,13 +257,14 @@ def _propose_encoding(sources: Sequence[InputTable], draft: _Draft) -> str | Non
     for source in sources:
         with source.path.open("rb") as stream:
             start = stream.read(_ENCODING_BYTES)
-        if unmarked := guess_unmarked_utf_16(start):
-            draft.put("file", "encoding", unmarked, "guess: UTF-16 without a byte order mark")
-            return unmarked
+        if start.startswith(_BYTE_ORDER_MARKS):
+            continue
+        if b"\0" in start and (likeliest := from_bytes(start).best()):
+            draft.put("file", "encoding", likeliest.encoding, "guess: there is no byte order mark")
+            return likeliest.encoding
         start = start[: start.rfind(b"\n") + 1] or start
         try:
-            if not start.startswith(_BYTE_ORDER_MARKS):
-                start.decode()
+            start.decode()
         except UnicodeDecodeError as error:
             found: list[str] = [match.encoding for match in [*from_bytes(start)][:3]]
             likely = [name for name in dict.fromkeys(["cp1252", *found]) if _can_read(start, name)]

@@ -260,20 +260,6 @@ def _find_encoding(stream: BinaryIO, file: str, form: TextFormat | None) -> str:
     return encoding
 
 
-def guess_unmarked_utf_16(start: bytes) -> str:
-    """Return the byte order of UTF-16 that a text without a mark seems to have, else empty text.
-
-    >>> guess_unmarked_utf_16("a,b".encode("utf-16-le")), guess_unmarked_utf_16(b"a,b")
-    ('utf-16-le', '')
-    """
-    match [byte == 0 for byte in start[:2]]:
-        case [False, True]:
-            return "utf-16-le"
-        case [True, False]:
-            return "utf-16-be"
-    return ""
-
-
 def named(names: Sequence[str]) -> str:
     """List the first of some names and say how many there are besides.
 

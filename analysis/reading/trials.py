@@ -427,7 +427,7 @@ def _check_trials(
     rows = _with_verdicts(rows, task=column_map.task)
     offers_none = {file: r.progress.offers_none for file, r in records.items() if r.progress}
     rules = chain(
-        _limit_rules(rows),
+        _name_rules(rows),
         _trial_rules(rows, column_map),
         _level_rules(rows["level_vpp"], rows["side"].ne(NO_STIMULUS), column_map),
         _time_rules(rows[~rows["file"].isin(offers_none)], column_map),
@@ -553,22 +553,18 @@ def _plan_rules(rows: pd.DataFrame, plans: Mapping[str, Plan]) -> Iterator[_Rule
     yield _Rule("rt_s", f"at most the response window, {window}, {_BY_PLAN}", late)
 
 
-def _limit_rules(rows: pd.DataFrame) -> Iterator[_Rule]:
-    """Yield how many values columns may have; codes count these in the order of the rows."""
+def _name_rules(rows: pd.DataFrame) -> Iterator[_Rule]:
+    """Yield how many values columns may have, and that nobody is called as the row of totals."""
     for name, (maximum, plural) in _LIMITS.items():
-        codes, _ = pd.factorize(rows[name])
+        codes, _ = pd.factorize(rows[name])  # counted in the order of the rows
         is_beyond = pd.Series(codes >= maximum, index=rows.index)
         yield _Rule(name, f"one of at most {maximum} {plural}", is_beyond)
-
-
-def _total_rule(rows: pd.DataFrame) -> _Rule:
     must = "another name, for this is the name of the total's row"
-    return _Rule("participant", must, rows["participant"].eq(TOTAL))
+    yield _Rule("participant", must, rows["participant"].eq(TOTAL))
 
 
 def _trial_rules(rows: pd.DataFrame, columns: ColumnMap) -> Iterator[_Rule]:
     kind, side, response = rows["kind"], rows["side"], rows["response"]
-    yield _total_rule(rows)
     for name in LEFT_RIGHT_BOTH.kinds:
         sides = [presentation.name for presentation in LEFT_RIGHT_BOTH.of_kind(name)]
         must = f"{' or '.join(sides)} in a {name} trial"
@@ -662,8 +658,7 @@ def _check_counts(
         f'session = "{column}"'
     )
     rules = [
-        *_limit_rules(rows),
-        _total_rule(rows),
+        *_name_rules(rows),
         _Rule("kind", "single or blank", ~rows["kind"].isin(["single", "blank"])),
         *_level_rules(rows["level_vpp"], single, columns),
         _Rule("detected", f"at most what was presented, {number}", is_above),

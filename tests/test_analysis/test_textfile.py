@@ -130,7 +130,7 @@ def test_a_broken_row_is_refused_with_its_line_whatever_signs_are_in_cells() -> 
     assert caught.value.line == 5
 
 
-@pytest.mark.parametrize("encoding", ["utf-16-le", "utf-16-be"])
+@pytest.mark.parametrize("encoding", ["utf_16_le", "utf_16_be"])
 def test_utf_16_without_a_mark_is_refused_and_proposed(tmp_path: Path, encoding: str) -> None:
     raw = "person,level,felt\na,1,1\na,2,0\n".encode(encoding)
     with pytest.raises(ResultFileError, match=r"t\.csv:1: a NUL byte.*\[file\] encoding"):
