@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from collections import Counter, defaultdict
 from dataclasses import dataclass, field
 from types import MappingProxyType
@@ -231,30 +232,30 @@ def _find_same_columns(columns: ColumnMap, header: Sequence[str], file: str) -> 
 
 
 def read_texts(
-    source: InputTable, columns: ColumnMap, rows: RowFilter, unused: UnusedColumns
+    raw: bytes, source: InputTable, columns: ColumnMap, rows: RowFilter, unused: UnusedColumns
 ) -> Iterator[pd.DataFrame]:
     """Yield the rows of a table that are read, as text under our names, by their lines.
 
     Raises ResultFileError as `text_chunks` and `find_columns`.
     """
     file = str(source.path)
-    with source.path.open("rb") as stream:
-        header, chunks = text_chunks(stream, file, form=columns.text_format(source.path.suffix))
-        about = {name: word for name, word in source.about.items() if name not in header}
-        taken = find_columns(columns, [*header, *about], file)
-        conditions = columns.conditions()
-        used = {*taken.values(), *conditions, *columns.rows.names()}
-        for lines, cells in chunks:
-            texts = pd.DataFrame(cells, index=lines, columns=header, dtype=object)
-            texts = texts.loc[:, ~texts.columns.duplicated()].assign(**about)
-            texts = rows.select(texts)
-            unused.collect(texts, taken, used)
-            ours = texts[[*taken.values()]].set_axis([*taken], axis="columns")
-            if conditions:
-                values = texts[conditions].itertuples(index=False, name=None)
-                pairs = (zip(conditions, row, strict=True) for row in values)
-                ours["condition"] = [", ".join(map("=".join, row)) for row in pairs]
-            yield ours.assign(**columns.constant)
+    form = columns.text_format(source.path.suffix)
+    header, chunks = text_chunks(io.BytesIO(raw), file, form=form)
+    about = {name: word for name, word in source.about.items() if name not in header}
+    taken = find_columns(columns, [*header, *about], file)
+    conditions = columns.conditions()
+    used = {*taken.values(), *conditions, *columns.rows.names()}
+    for lines, cells in chunks:
+        texts = pd.DataFrame(cells, index=lines, columns=header, dtype=object)
+        texts = texts.loc[:, ~texts.columns.duplicated()].assign(**about)
+        texts = rows.select(texts)
+        unused.collect(texts, taken, used)
+        ours = texts[[*taken.values()]].set_axis([*taken], axis="columns")
+        if conditions:
+            values = texts[conditions].itertuples(index=False, name=None)
+            pairs = (zip(conditions, row, strict=True) for row in values)
+            ours["condition"] = [", ".join(map("=".join, row)) for row in pairs]
+        yield ours.assign(**columns.constant)
 
 
 def read_external(texts: pd.DataFrame, columns: ColumnMap) -> pd.DataFrame:

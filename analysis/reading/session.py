@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import hashlib
+import io
 import json
-from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import PurePosixPath
 from typing import TYPE_CHECKING, Final
 
 import pandas as pd
 
-from analysis.reading.sources import TABLE, unreadable
+from analysis.reading.sources import TABLE, refusals
 from analysis.reading.text import (
     ELSEWHERE,
     ResultFileError,
@@ -20,8 +20,8 @@ from analysis.reading.text import (
     shown,
     text_chunks,
 )
-from experiment.archive.files import HEADS, JOURNAL, PLAN, LinkError
-from experiment.archive.journal import RecordSchemaError
+from experiment.archive.files import HEADS, JOURNAL, PLAN
+from experiment.bounded import read_bounded
 from experiment.integrity.sessions import examine
 from experiment.rows import COLUMNS, OTHER_VERSION, SCHEMA
 
@@ -36,30 +36,30 @@ if TYPE_CHECKING:
 
 
 NAMES = tuple(column.name for column in COLUMNS)
+_MAX_TABLE_BYTES: Final = 500_000_000
 _EXPORTED_SUFFIX: Final = ".tsv"
 _EXPORTED: Final = TextFormat(delimiter="\t")
 """How `tactstrip export --bids` writes events."""
 
 
-def read_own_texts(table: Path, *, empty_allowed: bool) -> Iterator[pd.DataFrame]:
+def read_own_texts(raw: bytes, table: Path, *, empty_allowed: bool) -> Iterator[pd.DataFrame]:
     """Yield the rows of a trials.csv, or of an exported events.tsv, as text, by their lines.
 
     Raises ResultFileError as `text_chunks`, for a table of another version, and for an unknown or
     missing column.
     """
     file = str(table)
-    with table.open("rb") as stream:
-        form = _EXPORTED if table.suffix == _EXPORTED_SUFFIX else None
-        header, chunks = text_chunks(stream, file, form=form, empty_allowed=empty_allowed)
-        for lines, cells in chunks:
-            texts = pd.DataFrame(cells, index=lines, columns=header, dtype=object)
-            if form:
-                from experiment.archive.bids import EVENT_COLUMNS  # with all of a study's sections
+    form = _EXPORTED if table.suffix == _EXPORTED_SUFFIX else None
+    header, chunks = text_chunks(io.BytesIO(raw), file, form=form, empty_allowed=empty_allowed)
+    for lines, cells in chunks:
+        texts = pd.DataFrame(cells, index=lines, columns=header, dtype=object)
+        if form:
+            from experiment.archive.bids import EVENT_COLUMNS  # with all of a study's sections
 
-                if {*header} == {*EVENT_COLUMNS}:
-                    sources = {name: ours for name, ours in EVENT_COLUMNS.items() if ours}
-                    texts = texts[[*sources]].rename(columns=sources)
-            yield _own_columns(texts, file)
+            if {*header} == {*EVENT_COLUMNS}:
+                sources = {name: ours for name, ours in EVENT_COLUMNS.items() if ours}
+                texts = texts[[*sources]].rename(columns=sources)
+        yield _own_columns(texts, file)
 
 
 def _own_columns(texts: pd.DataFrame, file: str) -> pd.DataFrame:
@@ -122,8 +122,13 @@ class SessionRecord:
     altered: tuple[str, ...]
 
 
-def read_record(table: InputTable, *, accept_altered: bool) -> tuple[SessionRecord, Plan | None]:
-    """Read what lies beside a table, and return the plan by which its rows are to be checked.
+def read_record(
+    table: InputTable, *, accept_altered: bool
+) -> tuple[SessionRecord, bytes, Plan | None]:
+    """Read a table and what lies beside it.
+
+    Returns the contents of the table, too, and the plan by which its rows are to be checked. A
+    table is read once, so that what is analyzed is what was compared and has the checksum.
 
     A journal is replayed by its plan, so that a table that equals it keeps to the plan already. A
     table of another name beside a journal is taken for a copy, and compared like trials.csv.
@@ -137,7 +142,7 @@ def read_record(table: InputTable, *, accept_altered: bool) -> tuple[SessionReco
         raise ResultFileError(path, None, message)
     examined = None
     altered: Sequence[Difference] = ()
-    with _refusals(path):
+    with refusals(path):
         if path.name == TABLE or path.with_name(JOURNAL).exists():
             examined = examine(path.parent, path.name)
             altered = examined.differences
@@ -146,9 +151,10 @@ def read_record(table: InputTable, *, accept_altered: bool) -> tuple[SessionReco
                 _refuse_differences(compared, "takes it if its rows are consistent")
             # Without a journal nothing but sessions.tsv shows that there was one.
             altered = altered if examined.head else compared
-        with path.open("rb") as stream:
-            table_sha256 = hashlib.file_digest(stream, "sha256").hexdigest()
-    inputs = [InputFile(name=table.name, sha256=table_sha256)]
+        raw = examined.files[path.name] if examined else None
+        if raw is None:
+            raw = read_bounded(path, _MAX_TABLE_BYTES)
+    inputs = [InputFile(name=table.name, sha256=hashlib.sha256(raw).hexdigest())]
     progress = plan = None
     if examined and examined.plan and (examined.history or not examined.has_journal):
         history, plan = examined.history, examined.plan
@@ -172,18 +178,7 @@ def read_record(table: InputTable, *, accept_altered: bool) -> tuple[SessionReco
         compared=is_compared,
         altered=tuple(_format_difference(each, table) for each in altered),
     )
-    return record, None if is_compared else plan
-
-
-@contextmanager
-def _refusals(table: Path) -> Iterator[None]:
-    try:
-        yield
-    except (RecordSchemaError, LinkError) as error:
-        line = None if isinstance(error, LinkError) else error.line
-        raise ResultFileError(error.path, line, error.message) from None
-    except OSError as error:
-        raise unreadable(error, table) from None
+    return record, raw, None if is_compared else plan
 
 
 def _refuse_differences(differences: Sequence[Difference], action: str) -> None:
@@ -221,7 +216,7 @@ def read_missing(
         differences: tuple[Difference, ...] = (table.lost,) if table.lost else ()
         remedy = "nothing was recorded in it"
         if not table.lost:
-            with _refusals(table.path):
+            with refusals(table.path):
                 examined = examine(table.path.parent, table.path.name)
             differences = examined.differences
             remedy = "tactstrip export DIR builds it" if examined.history else remedy

@@ -6,15 +6,16 @@ import os
 import re
 from contextlib import contextmanager
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from analysis.reading.text import ELSEWHERE, ResultFileError, one_line
 from experiment.archive.files import LinkError, refuse_link
+from experiment.archive.journal import RecordSchemaError
 from experiment.integrity.places import list_sessions
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Mapping
-    from pathlib import Path
+    from collections.abc import Iterator, Mapping
 
     from experiment.integrity.sessions import Difference
 
@@ -88,37 +89,27 @@ def find_sources(
     """
     if not paths:
         raise ValueError("paths must name at least one file or folder, got none")
-    folders: dict[Path, Path] = {}  # by table, where it was looked for
+    tables: dict[Path, None] = {}
     missing: dict[Path, Difference | None] = {}
     for path in paths:
-        try:
+        with refusals(path):
             is_folder = path.is_dir()
-            tables, absent = _list_folder(path, foreign=foreign) if is_folder else ([path], {})
-            for table in tables:
+            present, absent = _list_folder(path, foreign=foreign) if is_folder else ([path], {})
+            for table in present:
                 if not table.is_file():
                     fault = "not a regular file" if table.exists() else "no such file or folder"
                     raise ResultFileError(table, None, fault)
-        except LinkError as error:
-            raise ResultFileError(error.path, None, error.message) from None
-        except OSError as error:
-            raise unreadable(error, path) from None
-        folders |= dict.fromkeys((*tables, *absent), path if is_folder else path.parent)
+        tables |= dict.fromkeys(present)
         missing |= absent
-    resolved = {folder: folder.resolve() for folder in folders.values()}
-    base = os.path.commonpath(resolved.values())
-    sources = [
-        InputTable(
-            path=table,
-            name=one_line(
-                (resolved[folder] / table.relative_to(folder)).relative_to(base).as_posix()
-            ),
-            about=read_name(table),
-            lost=missing.get(table),
-        )
-        for table, folder in folders.items()
-    ]
-    present = [source for source in sources if source.path not in missing]
-    return present, [source for source in sources if source.path in missing]
+    folders = [path if path.is_dir() else path.parent for path in paths]
+    base = Path(os.path.commonpath([folder.resolve() for folder in folders]))
+
+    def source(table: Path) -> InputTable:
+        name = (table.parent.resolve() / table.name).relative_to(base).as_posix()
+        lost = missing.get(table)
+        return InputTable(path=table, name=one_line(name), about=read_name(table), lost=lost)
+
+    return [*map(source, tables)], [*map(source, missing)]
 
 
 def _list_folder(
@@ -170,35 +161,12 @@ def unreadable(error: OSError, path: Path) -> ResultFileError:
 
 
 @contextmanager
-def unchanged(paths: Iterable[Path]) -> Iterator[None]:
-    """Refuse what is read within, where one of the files is another one afterwards.
-
-    A file that is there only before or only after is another one, too; so is one with other
-    permissions. A fault of a file that changes is no fault of that file.
-
-    Raises ResultFileError for the first file with another size, time of change or place on the
-    disk.
-
-    >>> import tempfile
-    >>> from pathlib import Path
-    >>> with tempfile.TemporaryDirectory() as folder, unchanged([Path(folder) / "t.csv"]):
-    ...     _ = (Path(folder) / "t.csv").write_text("new")
-    Traceback (most recent call last):
-    analysis.reading.text.ResultFileError: ...t.csv: changed while it was read; ...
-    """
-    before = {path: _stamp(path) for path in paths}
+def refusals(path: Path) -> Iterator[None]:
+    """Refuse a file that cannot be read, a symbolic link, and a session of another version."""
     try:
         yield
-    finally:
-        for path, stamp in before.items():
-            if _stamp(path) != stamp:
-                message = "changed while it was read; analyze it when nothing writes there any more"
-                raise ResultFileError(path, None, message) from None
-
-
-def _stamp(path: Path) -> tuple[int, ...] | None:
-    try:
-        status = path.stat()
-    except OSError:
-        return None
-    return (status.st_dev, status.st_ino, status.st_size, status.st_mtime_ns, status.st_ctime_ns)
+    except (RecordSchemaError, LinkError) as error:
+        line = None if isinstance(error, LinkError) else error.line
+        raise ResultFileError(error.path, line, error.message) from None
+    except OSError as error:
+        raise unreadable(error, path) from None

@@ -37,9 +37,8 @@ from analysis.reading.session import (
     read_own_texts,
     read_record,
 )
-from analysis.reading.sources import FILE, TABLE, find_sources, unchanged, unreadable
+from analysis.reading.sources import FILE, TABLE, find_sources
 from analysis.reading.text import ResultFileError, named, one_line, shown
-from experiment.archive.files import PLAN
 from experiment.rows import (
     ANSWERS,
     COLUMNS,
@@ -239,7 +238,7 @@ def read_inputs(
     Raises
     ------
     ResultFileError
-        As `read_trials`, and for a table or a plan that changes while the others are read.
+        As `read_trials`.
 
     Examples
     --------
@@ -256,8 +255,7 @@ def read_inputs(
     without_table, lost = read_missing(missing, accept_altered=accept_altered)
     reader = _Reader(columns, accept_altered=accept_altered)
     tables = [source for source in sources if reader.filter.reads(source.about)]
-    files = [path for table in tables for path in (table.path, table.path.with_name(PLAN))]
-    with unchanged(files), watched(tables) as watched_tables:
+    with watched(tables) as watched_tables:
         rows = reader.read(watched_tables)
     reader.filter.refuse_unmet(str(paths[0]))
     left_out = reader.filter.left_out.total()
@@ -356,21 +354,19 @@ class _Reader:
         """Yield rows of text under our names, with the file and the line of each."""
         for table in tables:
             file = str(table.path)
-            record, plan = read_record(table, accept_altered=self.accept_altered)
+            record, raw, plan = read_record(table, accept_altered=self.accept_altered)
             self.records[file] = record
             if plan:
                 self.plans[file] = plan
-            try:
-                if self.columns:
-                    chunks = read_texts(table, self.columns, self.filter, self.unused)
-                else:
-                    chunks = read_own_texts(table.path, empty_allowed=record.progress is not None)
-                for texts in chunks:
-                    # As objects: a file's name need not be text that can be encoded.
-                    files = np.full(len(texts), file, dtype=object)
-                    yield texts.assign(file=files, line=texts.index.astype(np.int64))
-            except OSError as error:
-                raise unreadable(error, table.path) from None
+            if self.columns:
+                chunks = read_texts(raw, table, self.columns, self.filter, self.unused)
+            else:
+                empty_allowed = record.progress is not None
+                chunks = read_own_texts(raw, table.path, empty_allowed=empty_allowed)
+            for texts in chunks:
+                # As objects: a file's name need not be text that can be encoded.
+                files = np.full(len(texts), file, dtype=object)
+                yield texts.assign(file=files, line=texts.index.astype(np.int64))
 
     def _type(self, texts: pd.DataFrame) -> pd.DataFrame:
         if self.columns is None:
