@@ -76,7 +76,8 @@ def levels(
             f"participant {participant} practised without a device, on a mock or an emulator: "
             "levels for a person come from a pilot session on the plate"
         )
-    studies = [plan.study for plan in loaded.progress if plan.participant == participant]
+    plans = [session.plan for session in loaded.progress]
+    studies = [plan.study for plan in plans if plan.participant == participant]
     if study_file is not None:
         study = read_study(study_file)
     else:  # of the last pilot session; without a plan the paper's

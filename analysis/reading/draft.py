@@ -113,14 +113,6 @@ class _Draft:
         self.put("rows.skip", name, texts if any(texts) else "", why)
         self.rows = self.rows[~self.rows[name].isin(texts)]
 
-    def row_keys(self) -> dict[str, str]:
-        """Return the columns that decide which rows are read, each with its line of the map."""
-        return {
-            name: f"[{section}] {toml_entry(name, value)}"
-            for section in ("rows.keep", "rows.skip")
-            for name, (value, _) in self.entries.get(section, {}).items()
-        }
-
     def such_as(self, names: Sequence[str]) -> str:
         columns = [f"{one_line(name)} ({_listed(self.rows[name])})" for name in names[:_MAX_NAMED]]
         return f", such as {' or '.join(columns)}" if columns else ""
@@ -204,7 +196,8 @@ def propose_map(sources: Sequence[InputTable]) -> tuple[str, list[str], list[str
     table = draft.rows = pd.concat(tables, ignore_index=True).fillna("")
     _propose_rows(draft)
     _propose_columns(draft)
-    used = {*draft.sources.values(), *draft.row_keys()}
+    filters = [draft.entries.get(section, {}) for section in ("rows.keep", "rows.skip")]
+    used = {*draft.sources.values(), *chain(*filters)}
     for cells in tables:
         if missing := [one_line(name) for name in table if name in used and name not in cells]:
             faults[cells[FILE].iloc[0]] = f"no column {named(missing)}"
@@ -212,8 +205,8 @@ def propose_map(sources: Sequence[InputTable]) -> tuple[str, list[str], list[str
         draft.skip(FILE, [*faults], "files that have no trials, or other columns")
         draft.notes += [f"file {one_line(s)} is left out: {fault}" for s, fault in faults.items()]
     if skipped := len(table) - len(draft.rows):
-        keys = ", ".join(map(one_line, draft.row_keys().values()))
-        draft.notes.append(f"{skipped} of {len(table)} rows skipped by {keys}")
+        names = ", ".join(map(one_line, chain(*filters)))
+        draft.notes.append(f"{skipped} of {len(table)} rows skipped by [rows] {names}")
     # in the order of the reference; what words of a column mean stands in a section each
     sections = sorted(draft.entries.items(), key=lambda item: _ORDER.index(item[0].split(".")[0]))
     entries = [entry for _, section in sections for entry in section.items()]

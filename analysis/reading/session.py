@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import io
 import json
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import PurePosixPath
 from typing import TYPE_CHECKING, Final
 
@@ -87,15 +87,10 @@ class InputFile:
 class SessionProgress:
     """How far a session came."""
 
-    participant: str
-    session: str
+    plan: Plan  # without its trials, which fill the memory
     planned: int  # trials of the plan, without the warm-up after a resume
     valid: int = 0  # of these, those with a valid attempt
-    file_sha256: str  # of the study as its file states it, before levels were placed
     unexported: int  # trials in the journal beside the table that the table lacks
-    study: str  # the canonical text that the plan holds
-    keys_set: tuple[str, ...]  # keys that the study file sets
-    offers_none: bool  # whether "nothing was noticed" is an answer
     measured: tuple[MeasuredRow, ...] = field(repr=False)  # by a monitor
 
 
@@ -161,14 +156,9 @@ def read_record(
         name = PurePosixPath(table.name).with_name(PLAN).as_posix()
         inputs.append(InputFile(name=name, sha256=examined.plan_file_sha256))
         progress = SessionProgress(
-            participant=plan.participant,
-            session=plan.session,
+            plan=replace(plan, trials=(), warm_up=(), gains=()),
             planned=len(plan.trials),
-            file_sha256=plan.file_sha256,
             unexported=len(history.rows) if history else 0,
-            study=plan.study,
-            keys_set=plan.keys_set,
-            offers_none=plan.task.nothing in plan.responses,
             measured=history.measured if history else (),
         )
     is_compared = examined is not None and examined.has_journal
@@ -249,7 +239,8 @@ def contacts(
     """
     from experiment.study.equipment import Contact
 
-    sections = {(s.participant, s.session): json.loads(s.study).get("contact") for s in progress}
+    plans = [session.plan for session in progress]
+    sections = {(p.participant, p.session): json.loads(p.study).get("contact") for p in plans}
     sessions_of: dict[str, tuple[str, ...]] = {}
     for participant, session in sessions:
         section = sections.get((participant, session)) or {}

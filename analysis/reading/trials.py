@@ -421,7 +421,8 @@ def _check_trials(
     column_map = columns or ColumnMap()
     rows = _with_numbers(with_responses(rows, column_map))
     rows = _with_verdicts(rows, task=column_map.task)
-    offers_none = {file: r.progress.offers_none for file, r in records.items() if r.progress}
+    plans = {file: record.progress.plan for file, record in records.items() if record.progress}
+    offers_none = {file: plan.task.nothing in plan.responses for file, plan in plans.items()}
     rules = chain(
         _name_rules(rows),
         _trial_rules(rows, column_map),

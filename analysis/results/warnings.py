@@ -70,7 +70,7 @@ def _check_sessions(analysis: Analysis) -> Iterator[Check]:
     for folder, remedy in loaded.without_table.items():
         yield True, WarningCode.SESSION_WITHOUT_TABLE, {"folder": folder, "remedy": remedy}
     for session in loaded.progress:
-        names = {"participant": session.participant, "session": session.session}
+        names = {"participant": session.plan.participant, "session": session.plan.session}
         is_short = session.valid < session.planned
         counts = {"valid": session.valid, "planned": session.planned}
         yield is_short, WarningCode.PLANNED_TRIALS_MISSING, names | counts
@@ -78,7 +78,7 @@ def _check_sessions(analysis: Analysis) -> Iterator[Check]:
         yield session.unexported > 0, WarningCode.TRIALS_NOT_EXPORTED, names | counts
     trials = loaded.trials[loaded.trials["kind"].isin(table.COUNTED_KINDS)]
     trials = trials.astype({"condition": str, "participant": str, "session": str})
-    planned = [(session.participant, session.session) for session in loaded.progress]
+    planned = [(each.plan.participant, each.plan.session) for each in loaded.progress]
     trials = trials[~pd.MultiIndex.from_frame(trials[_SESSION]).isin(planned)]
     is_valid = trials["status"].eq("ok").groupby([trials[n] for n in (*_SESSION, "trial")]).any()
     missing = is_valid[~is_valid].groupby(level=_SESSION).size()
@@ -119,7 +119,8 @@ def _check_trials(analysis: Analysis) -> Iterator[Check]:
 def _check_origins(analysis: Analysis) -> Iterator[Check]:
     """Check whether sessions are modified, lost, or not of the same kind as the others."""
     loaded, counts = analysis.loaded, analysis.counts
-    of_plan = {(each.participant, each.session): each.file_sha256 for each in loaded.progress}
+    plans = [session.plan for session in loaded.progress]
+    of_plan = {(plan.participant, plan.session): plan.file_sha256 for plan in plans}
     hashes = analysis.trials[[*_SESSION, "study_sha256"]].drop_duplicates()
     # Levels placed for a participant make no other study, by its plan.
     studies = {
