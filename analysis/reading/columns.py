@@ -115,9 +115,11 @@ class Rows(Section):
     keep: dict[str, Texts] = {}
     skip: dict[str, Texts] = {}
 
-    def names(self) -> list[str]:
-        """Return the columns of theirs that decide."""
-        return [*self.keep, *self.skip]
+    def filters(self) -> dict[str, tuple[str, tuple[str, ...], bool]]:
+        """Return by key a column of theirs, its words, and whether these are kept."""
+        kept = {f"[rows.keep] {name}": (name, words, True) for name, words in self.keep.items()}
+        skipped = {f"[rows.skip] {name}": (name, words, False) for name, words in self.skip.items()}
+        return kept | skipped
 
 
 class Table(Section):

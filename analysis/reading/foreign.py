@@ -37,7 +37,7 @@ from experiment.tasks import LEFT_RIGHT_BOTH
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterator, Mapping, Sequence
 
-    from analysis.reading.columns import ColumnMap, Rows
+    from analysis.reading.columns import ColumnMap
     from analysis.reading.sources import InputTable
 
     Texts = dict[str, list[str]]
@@ -74,27 +74,16 @@ class RowFilter:
     many rows each key leaves out.
     """
 
-    rows: Rows
+    keys: Mapping[str, tuple[str, tuple[str, ...], bool]]  # as `Rows.filters`
     values: dict[str, set[str]] = field(default_factory=lambda: defaultdict(set))
     left_out: Counter[str] = field(default_factory=Counter)
 
-    @property
-    def keys(self) -> dict[str, tuple[str, tuple[str, ...], bool]]:
-        """The keys of the map, each with a column, its words, and whether they are kept."""
-        sections = (("keep", self.rows.keep, True), ("skip", self.rows.skip, False))
-        return {
-            f"[rows.{section}] {name}": (name, words, is_kept)
-            for section, columns, is_kept in sections
-            for name, words in columns.items()
-        }
-
     def reads(self, about: Mapping[str, str]) -> bool:
         """Return whether any row is read of a file whose name says this."""
-        entities = {name: about.get(name, "") for name in self.rows.names() if name.endswith("-")}
-        for name, word in entities.items():
-            self.values[name].add(word)
-        keys = self.keys.values()
-        return all((entities[n] in words) is kept for n, words, kept in keys if n in entities)
+        keys = [key for key in self.keys.values() if key[0].endswith("-")]
+        for name, _, _ in keys:
+            self.values[name].add(about.get(name, ""))
+        return all((about.get(name, "") in words) is is_kept for name, words, is_kept in keys)
 
     def select(self, texts: pd.DataFrame) -> pd.DataFrame:
         """Return the rows of a table that are read."""
@@ -183,12 +172,11 @@ def find_columns(columns: ColumnMap, header: Sequence[str], file: str) -> dict[s
     Raises ResultFileError where a column named by the map is missing, a constant contradicts a
     column of the table, a required column has no source, or ``response`` and ``detected`` have one.
     """
-    mapped, table = columns.named(), columns.table
-    counts = table.counts() if table else {}
-    sources = [(theirs, f"[columns] {ours}") for ours, theirs in mapped.items()]
-    sources += [(name, "[table]") for name in (*counts.values(), *(table.group if table else ()))]
-    sources += [(name, "[rows]") for name in columns.rows.names() if not name.endswith("-")]
-    for theirs, key in sources:
+    mapped, table, counts = columns.named(), columns.table, columns.counts()
+    keys = {theirs: f"[columns] {ours}" for ours, theirs in mapped.items()}
+    keys |= dict.fromkeys((*counts.values(), *(table.group if table else ())), "[table]")
+    keys |= {name: "[rows]" for name, _, _ in columns.rows.filters().values() if name[-1:] != "-"}
+    for theirs, key in keys.items():
         if theirs not in header:
             message = f"no column {shown(theirs)}, named by {key}; it has {named(header)}"
             raise ResultFileError(file, 1, message)
@@ -244,7 +232,7 @@ def read_texts(
     about = {name: word for name, word in source.about.items() if name not in header}
     taken = find_columns(columns, [*header, *about], file)
     conditions = columns.conditions()
-    used = {*taken.values(), *conditions, *columns.rows.names()}
+    used = {*taken.values(), *conditions, *(name for name, _, _ in rows.keys.values())}
     for lines, cells in chunks:
         texts = pd.DataFrame(cells, index=lines, columns=header, dtype=object)
         texts = texts.loc[:, ~texts.columns.duplicated()].assign(**about)

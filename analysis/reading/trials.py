@@ -278,7 +278,7 @@ def read_inputs(
         cells, blanks = _check_counts(rows, columns, reader.unused)
         if cells.empty:
             raise ResultFileError(tables[0].path, None, "nothing was presented in any row")
-        trials = with_reasons(no_rows())
+        trials = no_rows()
     else:
         trials = _check_trials(rows, columns, records)
     inputs = [file for record in records.values() for file in record.inputs]
@@ -332,7 +332,7 @@ class _Reader:
     def __init__(self, columns: ColumnMap | None, *, accept_altered: bool) -> None:
         self.columns = columns
         self.accept_altered = accept_altered
-        self.filter = RowFilter((columns or ColumnMap()).rows)
+        self.filter = RowFilter((columns or ColumnMap()).rows.filters())
         self.unused = UnusedColumns()
         self.records: dict[str, SessionRecord] = {}
         self.plans: dict[str, Plan] = {}
@@ -411,7 +411,8 @@ def no_rows() -> pd.DataFrame:
     (0, dtype('float64'))
     """
     texts = pd.DataFrame(columns=[*(column.name for column in COLUMNS), "file", "line"])
-    return _with_verdicts(read_columns(texts.astype({"line": np.int64}), _READERS), task="")
+    rows = _with_verdicts(read_columns(texts.astype({"line": np.int64}), _READERS))
+    return with_reasons(rows.assign(none_offered=pd.array([], dtype="boolean")))
 
 
 def _check_trials(
@@ -420,7 +421,7 @@ def _check_trials(
     """Return rows as numbered trials with all columns; refuse those that break a rule."""
     column_map = columns or ColumnMap()
     rows = _with_numbers(with_responses(rows, column_map))
-    rows = _with_verdicts(rows, task=column_map.task)
+    rows = _with_verdicts(rows)
     plans = {file: record.progress.plan for file, record in records.items() if record.progress}
     offers_none = {file: plan.task.nothing in plan.responses for file, plan in plans.items()}
     rules = chain(
@@ -432,8 +433,7 @@ def _check_trials(
     )
     _refuse_broken(rows, rules, columns)
     by_plan = rows["file"].map(offers_none).astype("boolean")
-    rows["none_offered"] = by_plan.fillna(rows["none_offered"])
-    rows["none_offered"] = offered_to_all(rows)
+    rows["none_offered"] = offered_to_all(rows, by_plan, task=column_map.task)
     rows["level_vpp"] = rows["level_vpp"].mask(rows["side"].eq(NO_STIMULUS))
     return without_silence(with_reasons(rows))
 
@@ -450,15 +450,10 @@ def _with_numbers(rows: pd.DataFrame) -> pd.DataFrame:
     return rows.assign(trial=numbers)
 
 
-def _with_verdicts(rows: pd.DataFrame, *, task: str) -> pd.DataFrame:
-    """Fill in ``correct``, and ``none_offered`` as far as the rows themselves say.
-
-    Hands-off trials say nothing of the latter: "none" is always an answer there.
-    """
+def _with_verdicts(rows: pd.DataFrame) -> pd.DataFrame:
+    """Fill in ``correct``; return the columns of trials.csv and where a row stands."""
     rows["correct"] = rows["correct"].astype("boolean").fillna(expected_correct(rows))
-    none = rows["response"].eq(LEFT_RIGHT_BOTH.nothing) & rows["kind"].ne(HANDS_OFF)
-    rows["none_offered"] = task == YES_NO if task else none.astype("boolean").mask(~none)
-    return rows[[*(column.name for column in COLUMNS), "file", "line", "none_offered"]]
+    return rows[[*(column.name for column in COLUMNS), "file", "line"]]
 
 
 def expected_correct(rows: pd.DataFrame) -> pd.Series[Any]:
@@ -474,22 +469,27 @@ def expected_correct(rows: pd.DataFrame) -> pd.Series[Any]:
     return is_correct.astype("boolean").mask(response.isna())
 
 
-def offered_to_all(trials: pd.DataFrame) -> pd.Series[Any]:
-    """Return ``none_offered`` with what the answers of others say where it is missing.
+def offered_to_all(
+    trials: pd.DataFrame, by_plan: pd.Series[Any], *, task: str = ""
+) -> pd.Series[Any]:
+    """Return for each row whether "none" was an answer, as far as plan, map or answers say.
 
     "none" was an answer for everybody in a condition of a study if anybody gave it there: who never
     felt nothing, or never said so, had the same keys. External tables name no study, and are one.
-    What a plan says of its own session stays.
+    What a plan says of its own session stays. Hands-off trials say nothing: "none" is always an
+    answer there.
 
     >>> trials = pd.DataFrame({"condition": ["a", "a", "b"], "study_sha256": "n/a",
-    ...     "none_offered": pd.array([True, None, None], dtype="boolean")})
-    >>> offered_to_all(trials).tolist()
+    ...     "response": ["none", "left", "left"], "kind": "single"})
+    >>> offered_to_all(trials, pd.Series([None] * 3, dtype="boolean")).tolist()
     [True, True, <NA>]
     """
-    offered = trials["none_offered"].astype("boolean")
-    yes = offered.fillna(value=False)
-    anybody = yes.groupby([trials["condition"], trials["study_sha256"]]).transform("any")
-    return offered.mask(offered.isna() & anybody, other=True)
+    if task:
+        return by_plan.fillna(task == YES_NO)
+    is_none = trials["response"].eq(LEFT_RIGHT_BOTH.nothing) & trials["kind"].ne(HANDS_OFF)
+    is_offered = by_plan.fillna(is_none.astype("boolean"))
+    anybody = is_offered.groupby([trials["condition"], trials["study_sha256"]]).transform("any")
+    return by_plan.mask(by_plan.isna() & anybody, other=True)
 
 
 class _Rule(NamedTuple):
