@@ -10,6 +10,7 @@ from __future__ import annotations
 import re
 import tomllib
 import unicodedata
+from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import lru_cache
 from itertools import chain, islice, product
@@ -259,22 +260,18 @@ def _propose_encoding(sources: Sequence[InputTable], draft: _Draft) -> str | Non
         try:
             start.decode()
         except UnicodeDecodeError as error:
-            found: list[str] = [match.encoding for match in [*from_bytes(start)][:3]]
-            likely = [name for name in dict.fromkeys(["cp1252", *found]) if _can_read(start, name)]
-            likely = likely or ["latin-1"]
             line = start[start.rfind(b"\n", 0, error.start) + 1 :].splitlines()[0][:40]
-            reads = [f'"{name}" reads {one_line(line.decode(name, "replace"))}' for name in likely]
-            draft.ask("file", "encoding", reads="; ".join(reads))
-            return likely[0]
+            found = [match.encoding for match in [*from_bytes(start)][:3]]
+            reads: dict[str, str] = {}
+            for name in dict.fromkeys(["cp1252", *found]):
+                with suppress(UnicodeDecodeError):
+                    start.decode(name)
+                    reads[name] = line.decode(name, "replace")
+            reads = reads or {"latin-1": line.decode("latin-1")}
+            texts = [f'"{name}" reads {one_line(text)}' for name, text in reads.items()]
+            draft.ask("file", "encoding", reads="; ".join(texts))
+            return next(iter(reads))
     return None
-
-
-def _can_read(data: bytes, encoding: str) -> bool:
-    try:
-        data.decode(encoding)
-    except UnicodeDecodeError:
-        return False
-    return True
 
 
 def _propose_rows(draft: _Draft) -> None:
