@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import pandas as pd
 
-from analysis.reading.cells import BLANK_LEVEL, NO, YES, read_columns, refuse_first
+from analysis.reading.cells import BLANK_LEVEL, NO, YES, read_columns, refuse_first, text_frame
 from analysis.reading.columns import (
     ANSWERS,
     COUNTED_COLUMNS,
@@ -234,7 +234,7 @@ def read_texts(
     conditions = columns.conditions()
     used = {*taken.values(), *conditions, *(name for name, _, _ in rows.keys.values())}
     for lines, cells in chunks:
-        texts = pd.DataFrame(cells, index=lines, columns=header, dtype=object)
+        texts = text_frame(header, lines, cells)
         texts = texts.loc[:, ~texts.columns.duplicated()].assign(**about)
         texts = rows.select(texts)
         unused.collect(texts, taken, used)

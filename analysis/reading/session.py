@@ -9,8 +9,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import PurePosixPath
 from typing import TYPE_CHECKING, Final
 
-import pandas as pd
-
+from analysis.reading.cells import text_frame
 from analysis.reading.sources import TABLE, refusals
 from analysis.reading.text import (
     ELSEWHERE,
@@ -28,6 +27,8 @@ from experiment.rows import COLUMNS, OTHER_VERSION, SCHEMA
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
     from pathlib import Path
+
+    import pandas as pd
 
     from analysis.reading.sources import InputTable
     from experiment.integrity.sessions import Difference
@@ -52,7 +53,7 @@ def read_own_texts(raw: bytes, table: Path, *, empty_allowed: bool) -> Iterator[
     form = _EXPORTED if table.suffix == _EXPORTED_SUFFIX else None
     header, chunks = text_chunks(io.BytesIO(raw), file, form=form, empty_allowed=empty_allowed)
     for lines, cells in chunks:
-        texts = pd.DataFrame(cells, index=lines, columns=header, dtype=object)
+        texts = text_frame(header, lines, cells)
         if form:
             from experiment.archive.bids import EVENT_COLUMNS  # with all of a study's sections
 
@@ -63,10 +64,11 @@ def read_own_texts(raw: bytes, table: Path, *, empty_allowed: bool) -> Iterator[
 
 
 def _own_columns(texts: pd.DataFrame, file: str) -> pd.DataFrame:
-    unknown = [f"unknown column {shown(str(name))}" for name in texts if name not in NAMES]
-    missing = [name for name in NAMES if name not in texts]
+    names = [str(name) for name in texts.columns]
+    unknown = [f"unknown column {shown(name)}" for name in names if name not in NAMES]
+    missing = [name for name in NAMES if name not in names]
     if not (unknown or missing):
-        return texts[[*NAMES]]
+        return texts if names == [*NAMES] else texts[[*NAMES]]
     schema = "".join(texts["schema"].head(1)) if "schema" in texts else ""
     if schema.isdecimal() and int(schema) != SCHEMA:
         message = f"schema must be {SCHEMA}; got {shown(schema)}: {OTHER_VERSION}"
