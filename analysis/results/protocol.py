@@ -39,8 +39,8 @@ def read_studies(sessions: Iterable[SessionProgress]) -> Planned:
     from experiment.study.files import study_from_canonical
 
     plans = Planned({}, [])
-    parts = dict.fromkeys((session.plan.study, session.plan.keys_set) for session in sessions)
-    for text, keys in parts:
+    studies = dict.fromkeys((session.plan.study, session.plan.keys_set) for session in sessions)
+    for text, keys in studies:
         try:
             plans.studies[text, keys] = study_from_canonical(text)
         except ValueError as error:
