@@ -143,7 +143,8 @@ def read_record(
         if path.name == TABLE or path.with_name(JOURNAL).exists():
             examined = examine(path.parent, path.name)
             altered = examined.differences
-            compared = [d for d in altered if examined.has_journal or d.path.name != JOURNAL]
+            of_journal = set() if examined.has_journal else {JOURNAL, HEADS}
+            compared = [d for d in altered if d.path.name not in of_journal]
             if not accept_altered:
                 _refuse_differences(compared, "takes it if its rows are consistent")
             # Without a journal nothing but sessions.tsv shows that there was one.
