@@ -16,7 +16,6 @@ from analysis.results.findings import (
     estimates,
     false_alarms,
     left_out,
-    records,
     side_estimates,
     sides_that_differ,
 )
@@ -83,24 +82,23 @@ def _sides(analysis: Analysis, *, brief: bool) -> Iterator[AnswerRow]:
 
 
 def _thresholds(analysis: Analysis, *, brief: bool) -> Iterator[AnswerRow]:
-    table = estimates(analysis)
-    if table.empty:
+    rows = estimates(analysis)
+    if not rows:
         yield _row("threshold", "threshold_missing")
-        return
-    if len(table) > (1 if brief else MAX_CONDITIONS):
-        inside = table[table["threshold_vpp"].notna()].sort_values("threshold_vpp")
-        ends = [*inside["short"].iloc[[0, -1]]] if len(inside) else []
-        yield _row("threshold", "thresholds_of_many", number=len(table), ends=ends)
+    elif len(rows) > (1 if brief else MAX_CONDITIONS):
+        inside = sorted((row for row in rows if not math.isnan(row["at"])), key=itemgetter("at"))
+        ends = [row["short"] for row in (*inside[:1], *inside[-1:])]
+        yield _row("threshold", "thresholds_of_many", number=len(rows), ends=ends)
     else:
-        for row in records(table):
+        for row in rows:
             names = _named(analysis, row["condition"])
             yield _row("threshold", names=names, e=row, counts=analysis.counts)
         trials = analysis.trials
         silent = {*trials.loc[trials["reason"].eq(NEVER_ANSWERED), "condition"]}
-        for condition in sorted(silent - {*table["condition"]})[:1]:
+        for condition in sorted(silent - {row["condition"] for row in rows})[:1]:
             yield _row("threshold", "condition_silent", names=(condition,))
-    if len(table) <= MAX_WITH_MICROMETRES:
-        for row in records(table[table["um"].ne("")]):
+    for row in rows if len(rows) <= MAX_WITH_MICROMETRES else ():
+        if row["um"]:
             yield _row("micrometres", names=_named(analysis, row["condition"]), e=row)
 
 

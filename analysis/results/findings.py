@@ -9,8 +9,6 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Any, Final
 
-import pandas as pd
-
 from analysis.numbers import (
     TOTAL,
     alike,
@@ -27,6 +25,8 @@ from analysis.thresholds.fit import BOUNDED, WITH_THRESHOLD
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
+
+    import pandas as pd
 
     from analysis.axis import Axis
     from analysis.results.analysis import Analysis
@@ -47,31 +47,31 @@ def records(table: pd.DataFrame) -> list[dict[str, Any]]:
     return [{str(name): value for name, value in row.items()} for row in table.to_dict("records")]
 
 
-def with_texts(table: pd.DataFrame, measured: pd.DataFrame, axis: Axis) -> pd.DataFrame:
-    """Return thresholds with their texts, all rounded alike.
+def with_texts(table: pd.DataFrame, measured: pd.DataFrame, axis: Axis) -> list[dict[str, Any]]:
+    """Return the rows of a table of thresholds with their texts, all rounded alike.
 
     ``value`` has the limits and ``short`` has none; without a threshold both have a bound or the
     reason. ``slope`` is sigma. `measured` has the levels of each condition, or participant there.
     """
     key = [name for name in ("condition", "participant") if name in measured]
-    rows = records(table.join(measured.groupby(key)["level_vpp"].agg(["min", "max"]), on=key))
-    ranges, spreads = [], []
+    rows = records(
+        table.join(measured.groupby(key)["level_vpp"].agg(list).rename("tested"), on=key)
+    )
+    spreads = []
     for row in rows:
-        at, (low, high) = float(row["threshold_vpp"]), _limits(row, "threshold_{}_vpp")
-        levels = row["min"], row["max"]
-        ranges.append((low, at, high, levels))
-        spreads.append(spread_of(low, at, high, levels) if math.isfinite(at) else math.nan)
-    texts = []
-    for row, (low, at, high, levels), spread in zip(rows, ranges, alike(spreads), strict=True):
+        row["at"] = at = float(row["threshold_vpp"])
+        row["low"], row["high"] = low, high = _limits(row, "threshold_{}_vpp")
+        spreads.append(spread_of(low, at, high, row["tested"]) if math.isfinite(at) else math.nan)
+    for row, spread in zip(rows, alike(spreads), strict=True):
+        at, limits = row["at"], (row["low"], row["high"])
         value = short = phrases()["status"].get(row["status"], "")
         if math.isfinite(at):
-            value = with_limits(at, low, high, axis.unit, levels, spread=spread)
+            value = with_limits(at, *limits, axis.unit, row["tested"], spread=spread)
             short = f"{rounded(at, spread)} {axis.unit}"
         elif row["status"] in BOUNDED:
-            value = short = bounded(low, high, axis.unit, levels)
-        texts.append({"value": value, "short": short, "slope": _slope(row, axis)})
-    columns = ["value", "short", "slope"]
-    return table.assign(**pd.DataFrame(texts, columns=columns, index=table.index, dtype=object))
+            value = short = bounded(*limits, axis.unit, row["tested"])
+        row |= {"value": value, "short": short, "slope": _slope(row, axis)}
+    return rows
 
 
 def _limits(row: Mapping[str, Any], name: str) -> tuple[float, float]:
@@ -102,36 +102,28 @@ def _in_db(values: list[float], axis: Axis) -> str:
     return f"{texts[0]} {unit}" if is_open else f"{texts[0]} {unit} ({texts[1]} to {texts[2]})"
 
 
-def estimates(analysis: Analysis) -> pd.DataFrame:
+def estimates(analysis: Analysis) -> list[dict[str, Any]]:
     """Return the threshold of each condition, of the group or of its only participant.
 
     The texts of `with_texts`, then ``um`` and ``basis``, the same at the fingertip, and ``spread``
     and ``next_participant`` of a group.
     """
-    groups, people, axis = analysis.groups, analysis.thresholds, analysis.axis
-    alone_here = people["condition"].map(groups.set_index("condition")["participants"]).eq(1)
-    table = groups.set_index("condition")
-    table.update(people[alone_here].set_index("condition").filter([*groups]))
-    table = with_texts(table.reset_index(), analysis.levels, axis)
-    texts = [_group_texts(row, analysis) for row in records(table)]
-    columns = ["um", "basis", "spread", "next_participant"]
-    return table.assign(**pd.DataFrame(texts, columns=columns, index=table.index, dtype=object))
+    people, axis = analysis.thresholds, analysis.axis
+    groups = analysis.groups.set_index("condition")
+    alone_here = people["condition"].map(groups["participants"]).eq(1)
+    groups.update(people[alone_here].set_index("condition").filter([*groups]))
+    rows = with_texts(groups.reset_index(), analysis.levels, axis)
+    for row in rows:
+        row["spread"] = _in_db([row[f"spread_{end}db"] for end in ("", "low_", "high_")], axis)
+        row["next_participant"] = ""
+        if math.isfinite(row["at"]) and not math.isnan(row["spread_db"]):
+            limits = _limits(row, "new_{}_vpp")
+            row["next_participant"] = with_limits(row["at"], *limits, axis.unit, row["tested"])
+        row["um"], row["basis"] = _fingertips(row, people[people["condition"].eq(row["condition"])])
+    return rows
 
 
-def _group_texts(row: Mapping[str, Any], analysis: Analysis) -> dict[str, str]:
-    levels = analysis.levels.loc[analysis.levels["condition"].eq(row["condition"]), "level_vpp"]
-    people = analysis.thresholds[analysis.thresholds["condition"].eq(row["condition"])]
-    um, basis = _fingertips(row, people, levels)
-    at, new = float(row["threshold_vpp"]), ""
-    if math.isfinite(at) and not math.isnan(row["spread_db"]):
-        new = with_limits(at, *_limits(row, "new_{}_vpp"), analysis.axis.unit, [*levels])
-    spread = _in_db([row[f"spread_{end}db"] for end in ("", "low_", "high_")], analysis.axis)
-    return {"um": um, "basis": basis, "spread": spread, "next_participant": new}
-
-
-def _fingertips(
-    row: Mapping[str, Any], people: pd.DataFrame, levels: pd.Series[float]
-) -> tuple[str, str]:
+def _fingertips(row: Mapping[str, Any], people: pd.DataFrame) -> tuple[str, str]:
     """Return a threshold in micrometres, by side where they differ, and the basis of it.
 
     Empty unless the displacement per volt is the same of all. A threshold outside the tested levels
@@ -142,11 +134,11 @@ def _fingertips(
     values = [*sides.values()]
     if len(values) == len(SITE_COLUMNS) and max(values) - min(values) <= SAME_RATIO * max(values):
         sides = {"": sum(values) / len(values)}
-    low, high = _limits(row, "threshold_{}_vpp")
     texts = []
     for side, um in sides.items():
-        at, tested_um = um * row["threshold_vpp"], [float(f"{um * level:.3g}") for level in levels]
-        text = with_limits(at, um * low, um * high, "µm", tested_um, spread=at / 10)
+        at, low, high = (um * end for end in (row["at"], row["low"], row["high"]))
+        tested_um = [float(f"{um * level:.3g}") for level in row["tested"]]
+        text = with_limits(at, low, high, "µm", tested_um, spread=at / 10)
         texts.append(f"{side}{text}")
     return ", ".join(texts), basis if texts else ""
 
@@ -161,7 +153,7 @@ def side_estimates(analysis: Analysis) -> list[dict[str, Any]]:
     return [
         row
         for _, rows in analysis.side_groups.groupby("condition", sort=False)
-        for row in records(with_texts(rows, analysis.levels, analysis.axis))
+        for row in with_texts(rows, analysis.levels, analysis.axis)
     ]
 
 

@@ -67,15 +67,14 @@ def make_tables(name: str, frame: pd.DataFrame, analysis: Analysis) -> Iterator[
             if names_in(cell) <= available
         }
         cells = compiled(f"({', '.join(columns.values())},)")
-        texts = [[str(cell) for cell in cells(row)] for row in records(rows)]
-        shown = [at for at, column in enumerate(zip(*texts, strict=True)) if {*column} - EMPTY]
-        header = [[*columns][at] for at in shown]
-        if {*header} <= _NAMES:
+        texts = pd.DataFrame([[*map(str, cells(row))] for row in records(rows)], columns=[*columns])
+        texts = texts.loc[:, ~texts.isin(EMPTY).all()]
+        if {*texts} <= _NAMES:
             continue
         yield Table(
             caption=f"{layout['caption']}{where}",
-            header=header,
-            rows=[[row[at] for at in shown] for row in texts],
+            header=[*texts],
+            rows=texts.to_numpy().tolist(),
             note=layout.get("note", ""),
         )
 
@@ -96,9 +95,9 @@ def result_rows(analysis: Analysis) -> dict[str, pd.DataFrame]:
     times, kind = analysis.reaction_times, analysis.confusion["kind"]
     single = "stimulus" if analysis.one_place else analysis.confusion["side"]
     confusion = analysis.confusion if analysis.has_sites else analysis.confusion[:0]
-    counts = asdict(analysis.counts)
+    counts = pd.Series(asdict(analysis.counts)).reindex([*phrases()["counts"]])
     return {
-        "group": estimates(analysis),
+        "group": pd.DataFrame(estimates(analysis)),
         "side_group": pd.DataFrame(side_estimates(analysis)),
         "differences": pd.DataFrame(differences(analysis)),
         "people": _people(analysis),
@@ -112,9 +111,7 @@ def result_rows(analysis: Analysis) -> dict[str, pd.DataFrame]:
         "sensitivity": totals["sensitivity"],
         "d_prime_differences": totals["d_prime_differences"],
         "reaction_times": times if times["n"].gt(0).any() else times[:0],
-        "counts": pd.DataFrame(
-            [{"what": what, "number": counts[what]} for what in phrases()["counts"] if counts[what]]
-        ),
+        "counts": counts[counts.gt(0)].rename_axis("what").reset_index(name="number"),
         "excluded": analysis.excluded,
     }
 
@@ -122,13 +119,13 @@ def result_rows(analysis: Analysis) -> dict[str, pd.DataFrame]:
 def _people(analysis: Analysis) -> pd.DataFrame:
     """Return the thresholds of participants, with d' and criterion over all levels."""
     sensitivity = analysis.sensitivity[analysis.sensitivity["level_vpp"].isna()]
-    tables = [
-        with_texts(rows, analysis.participants, analysis.axis)
-        for _, rows in analysis.thresholds.groupby("condition")
-    ]
     key = ["condition", "participant"]
-    table = pd.concat(tables) if tables else analysis.thresholds
-    return table.merge(sensitivity[[*key, "d_prime", "criterion"]], "left", key)
+    table = analysis.thresholds.merge(sensitivity[[*key, "d_prime", "criterion"]], "left", key)
+    return pd.DataFrame(
+        row
+        for _, rows in table.groupby("condition")
+        for row in with_texts(rows, analysis.participants, analysis.axis)
+    )
 
 
 def _levels(analysis: Analysis) -> pd.DataFrame:

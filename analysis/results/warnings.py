@@ -49,7 +49,7 @@ _SESSION: Final = ["participant", "session"]
 def find_warnings(analysis: Analysis) -> Iterator[AnalysisWarning]:
     """Yield what the reader of a result should look at, in the order of `WarningCode`."""
     checks = chain(
-        ((True, code, data) for code, data in analysis.loaded.warnings),
+        ((True, *each) for each in (*analysis.loaded.warnings, *analysis.checks)),
         _check_sessions(analysis),
         _check_trials(analysis),
         _check_origins(analysis),
@@ -59,7 +59,6 @@ def find_warnings(analysis: Analysis) -> Iterator[AnalysisWarning]:
         _check_conditions(analysis),
     )
     warnings = [warning(code, **data) for is_found, code, data in checks if is_found]
-    warnings += [warning(check.code, **check.data) for check in analysis.checks]
     order = [*WarningCode]
     yield from sorted(warnings, key=lambda each: order.index(each.code))
 

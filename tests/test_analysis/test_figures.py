@@ -225,7 +225,7 @@ def test_detection_draws_the_numbers_of_the_tables_and_no_interval_but_the_band(
     legend = figure.axes[0].get_legend()
     assert legend is not None
     entries = [text.get_text() for text in legend.get_texts()]
-    assert entries == [f"{row.condition}: {row.short}" for row in estimates(analysis).itertuples()]
+    assert entries == [f"{row['condition']}: {row['short']}" for row in estimates(analysis)]
 
 
 @pytest.mark.slow

@@ -84,7 +84,7 @@ def plot_detection(
     'Proportion detected'
     """
     looks, curves, rates = looks_of(analysis), group_curves(analysis), blank_rates(analysis)
-    thresholds = dict(estimates(analysis)[["condition", "short"]].to_numpy())
+    thresholds = {row["condition"]: row["short"] for row in estimates(analysis)}
     texts = {name: thresholds[name] if curves[name].function else "" for name in looks}
     labels = {name: ": ".join(filter(None, (short(name), texts[name]))) for name in looks}
     options = by_condition(looks, labels)
