@@ -185,9 +185,9 @@ def _contents(analysis: Analysis, style: Style | None) -> Iterator[tuple[str, by
     people = tuple(sorted(map(str, analysis.trials["participant"].unique())))
     yield manifest.NAME, Manifest(what=_KIND, participants=people).text().encode()
     yield SUMMARY, summary_text(analysis).encode()
-    marks = _marks(analysis)
     altered = analysis.trials["file"].isin([*analysis.loaded.altered])
     trials = analysis.trials.assign(altered=altered)
+    marks = _marks(trials, analysis)
     clean = clean_table(trials, more={"altered"} & {*marks})
     yield "trials_clean.csv", csv_text(reported_columns(clean, analysis)).encode()
     drawn = () if style is None else tuple(figures.pictures(analysis, style))
@@ -208,19 +208,18 @@ def _contents(analysis: Analysis, style: Style | None) -> Iterator[tuple[str, by
     yield REPORT, report_html(analysis, drawn, methods).encode()
 
 
-def _marks(analysis: Analysis) -> pd.DataFrame:
+def _marks(trials: pd.DataFrame, analysis: Analysis) -> pd.DataFrame:
     """Return by what rows are told apart where trials are of several sorts, a column for each.
 
     The rows are the participants in each condition, and `TOTAL` for all of them.
     """
-    trials, counts, loaded = analysis.trials, analysis.counts, analysis.loaded
+    counts, loaded = analysis.counts, analysis.loaded
     shown = {
         "simulated": 0 < counts.simulated < counts.trials,
-        "device_kind": bool(counts.without_device) or len(devices(trials)) > 1,
+        "device_kind": counts.without_device > 0 or len(devices(trials)) > 1,
         "altered": bool(loaded.altered or loaded.lost),
     }
-    columns = [*_KEY, *(name for name, is_shown in shown.items() if is_shown)]
-    table = trials.assign(altered=trials["file"].isin([*loaded.altered]))[columns]
+    table = trials[[*_KEY, *(name for name in shown if shown[name])]]
     table = table.astype(object).drop_duplicates()
     return pd.concat([table, table.assign(participant=TOTAL)])
 

@@ -9,6 +9,8 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Any, Final
 
+import pandas as pd
+
 from analysis.numbers import (
     TOTAL,
     alike,
@@ -20,13 +22,11 @@ from analysis.numbers import (
     with_limits,
 )
 from analysis.results.rendering import phrases, sentence
-from analysis.thresholds.displacement import SITE_COLUMNS, group_per_volt
+from analysis.thresholds.displacement import SITE_COLUMNS, group_per_volt, mean_of_equal
 from analysis.thresholds.fit import BOUNDED, WITH_THRESHOLD
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
-
-    import pandas as pd
 
     from analysis.axis import Axis
     from analysis.results.analysis import Analysis
@@ -34,8 +34,6 @@ if TYPE_CHECKING:
 
 ALPHA: Final = 0.05
 """Sides, and false alarms of two conditions, differ where their exact test has a smaller p."""
-SAME_RATIO: Final = 0.005
-"""Displacements per volt of both fingers that differ by less are one number."""
 DB_PER_LOG10: Final = 20.0
 LARGE_DB: Final = 20.0
 """A ratio of more is printed without decimals."""
@@ -131,9 +129,9 @@ def _fingertips(row: Mapping[str, Any], people: pd.DataFrame) -> tuple[str, str]
     """
     per_volt, basis = group_per_volt(people) if row["status"] in WITH_THRESHOLD else ({}, "")
     sides = {f"{side} ": um for side, um in per_volt.items() if um > 0}
-    values = [*sides.values()]
-    if len(values) == len(SITE_COLUMNS) and max(values) - min(values) <= SAME_RATIO * max(values):
-        sides = {"": sum(values) / len(values)}
+    common = mean_of_equal(pd.Series(sides))
+    if len(sides) == len(SITE_COLUMNS) and not math.isnan(common):
+        sides = {"": common}
     texts = []
     for side, um in sides.items():
         at, low, high = (um * end for end in (row["at"], row["low"], row["high"]))

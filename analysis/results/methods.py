@@ -53,12 +53,10 @@ class Methods:
 
 def methods_of(analysis: Analysis) -> Methods:
     """Write the methods of an analysis."""
-    cited: list[str] = []
+    cited: dict[str, int] = {}
 
     def cite(key: str) -> str:
-        if key not in cited:
-            cited.append(key)
-        return f"[{cited.index(key) + 1}]"
+        return f"[{cited.setdefault(key, len(cited) + 1)}]"
 
     data = _data(analysis) | {"cite": cite}
     texts = [
@@ -69,12 +67,11 @@ def methods_of(analysis: Analysis) -> Methods:
         )
         for name in ("methods.txt.jinja", "supplement.txt.jinja")
     ]
-    references = dict(phrases()["references"])
-    references["tactstrip"] = references["tactstrip"].format(version=versions()["tactstrip"])
+    references, version = phrases()["references"], versions()["tactstrip"]
     return Methods(
         paragraphs=texts[0],
         supplement=texts[1],
-        references=tuple(references[key] for key in cited),
+        references=tuple(references[key].format(version=version) for key in cited),
     )
 
 

@@ -94,7 +94,7 @@ def _per_volt(trials: pd.DataFrame) -> dict[tuple[object, object], tuple[PerVolt
     ):
         of_sites = {site: person[person["side"].eq(site)] for site in SITE_COLUMNS}
         ratios = {
-            site: _only(some[f"peak_{site}_um"] / some["level_vpp"])
+            site: mean_of_equal(some[f"peak_{site}_um"] / some["level_vpp"])
             for site, some in of_sites.items()
         }
         per_volt[participant, condition] = ratios, _weakest(person["displacement_basis"])
@@ -112,15 +112,16 @@ def group_per_volt(thresholds: pd.DataFrame) -> tuple[PerVolt, str]:
     if len(moved) < int(thresholds["status"].isin(WITH_THRESHOLD).sum()) or moved.empty:
         return {}, ""
     ratios = {
-        site: _only(moved[column] / moved["threshold_vpp"]) for site, column in SITE_COLUMNS.items()
+        site: mean_of_equal(moved[column] / moved["threshold_vpp"])
+        for site, column in SITE_COLUMNS.items()
     }
     return ratios, _weakest(moved["displacement_basis"])
 
 
-def _only(values: pd.Series[float]) -> float:
+def mean_of_equal(values: pd.Series[float]) -> float:
     """Return the mean of equal numbers; NaN where there is none, or they differ.
 
-    >>> _only(pd.Series([0.02, 0.02])), _only(pd.Series([0.02, 0.03]))
+    >>> mean_of_equal(pd.Series([0.02, 0.02])), mean_of_equal(pd.Series([0.02, 0.03]))
     (0.02, nan)
     """
     numbers = values.dropna().tolist()

@@ -40,18 +40,16 @@ def em_inches() -> float:
     return float(mpl.rcParams["font.size"]) / 72
 
 
+@cache
 def text_em(text: str, size: float = SMALL) -> float:
     """Return the width of a text in em."""
-    return size * max(map(_line_em, text.split("\n")))
-
-
-@cache
-def _line_em(line: str) -> float:
     from matplotlib.font_manager import FontProperties
     from matplotlib.textpath import text_to_path
 
     measure: Any = text_to_path.get_text_width_height_descent
-    return float(measure(line, FontProperties(size=100), ismath=False)[0]) / 100
+    font = FontProperties(size=100)
+    widths = [float(measure(line, font, ismath=False)[0]) for line in text.split("\n")]
+    return size * max(widths) / 100
 
 
 def value_axis(axes: Axes, values: Any, *, log: bool) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 _DARK: Final = 0.62
 """From this share on a cell is so dark that its letters are white."""
 _COLOURS: Final = "Blues"  # from white to dark blue: lightness alone orders it, for every eye
+_IN_CELL: Final[Any] = {"fontsize": "small", "ha": "center", "va": "center", "linespacing": 1.15}
 _ROW_EM: Final = 2.9
 
 
@@ -93,16 +94,9 @@ def plot_confusion(
                 *edges, shares, cmap=_COLOURS, vmin=0, vmax=1, edgecolors="white", lw=0.8
             )
             for y, x in np.ndindex(counts.shape):
-                panel.text(
-                    x,
-                    y,
-                    f"{percent(shares[y, x])}\n{counts[y, x]}",
-                    fontsize="small",
-                    color="white" if shares[y, x] > _DARK else "black",
-                    ha="center",
-                    va="center",
-                    linespacing=1.15,
-                )
+                text = f"{percent(shares[y, x])}\n{counts[y, x]}"
+                colour = "white" if shares[y, x] > _DARK else "black"
+                panel.text(x, y, text, color=colour, **_IN_CELL)
             panel.set_ylim(len(rows) - 0.5, -0.5)
             panel.set_xticks(range(len(answers)), answers)
             panel.set_yticks(range(len(rows)), names[rows.index])

@@ -20,7 +20,7 @@ from analysis.results.figures.drawing import (
     name_axes,
 )
 from analysis.results.rendering import short
-from analysis.thresholds.fit import ABOVE, BELOW
+from analysis.thresholds.fit import ABOVE, BELOW, BOUNDED
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -123,10 +123,8 @@ def plot_thresholds(
         for panel in panels[1:]:
             panel.axvline(0, color=GREY, lw=0.6, zorder=1)
             _draw_rows(panel, differences, analysis, [0.0])
-            unit = "dB" if axis.is_logarithmic else axis.unit
-            name = f"Difference ({unit})"
-            has_room = text_em(name, 1.0) < axes_em(panel) + 1.0
-            name_axes([panel], name if has_room else f"Δ ({unit})", "")
+            has_room = text_em("Difference (dB)", 1.0) < axes_em(panel) + 1.0
+            name_axes([panel], "Difference (dB)" if has_room else "Δ (dB)", "")
             if below:
                 _name_rows(panel, differences, analysis)
             panel.tick_params(axis="y", length=0)
@@ -155,7 +153,7 @@ def threshold_rows(analysis: Analysis) -> pd.DataFrame:
     labels = labels.mask(is_group, rows["condition"].astype(object) if several else "group")
     rows = rows.assign(height=steps.cumsum() - steps[0], label=labels.map(short))
     is_known = rows["value"].notna()
-    rows = _with_open_ends(rows, "", is_known | rows["status"].isin((*BELOW, *ABOVE)))
+    rows = _with_open_ends(rows, "", is_known | rows["status"].isin(BOUNDED))
     return _with_open_ends(rows, "next_", is_known & rows["participants"].gt(1))
 
 
@@ -206,16 +204,9 @@ def _draw_rows(
     missing: Any = rows[rows[_VALUES].isna().all(axis=1)]
     for row in missing.itertuples() if len(rows) <= _MAX_NAMED else ():
         reason = "" if row.status == "ok" else f": {row.status.replace('_', ' ')}"
-        axes.text(
-            0.02,
-            row.height,
-            f"none{reason}",
-            transform=axes.get_yaxis_transform(),
-            va="center",
-            fontsize="small",
-            color=GREY,
-            bbox={"facecolor": "white", "linewidth": 0, "pad": 0.5},
-        )
+        across, box = axes.get_yaxis_transform(), {"facecolor": "white", "linewidth": 0, "pad": 0.5}
+        style: dict[str, Any] = {"va": "center", "fontsize": "small", "color": GREY, "bbox": box}
+        axes.text(0.02, row.height, f"none{reason}", transform=across, **style)
 
 
 def _name_rows(axes: Axes, rows: pd.DataFrame, analysis: Analysis) -> None:
