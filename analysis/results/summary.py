@@ -53,14 +53,8 @@ def summary_text(analysis: Analysis) -> str:
         **{name: _records(table, analysis) for name, table in tables.items()},
         "warnings": [asdict(warning) for warning in analysis.warnings],
     }
-    return (
-        json.dumps(summary, indent=1, ensure_ascii=False, allow_nan=False, default=_python) + "\n"
-    )
-
-
-def _python(value: Any) -> object:
-    """Return a number of numpy as one of Python."""
-    return value.item()
+    options: dict[str, Any] = {"indent": 1, "ensure_ascii": False, "allow_nan": False}
+    return json.dumps(summary, default=lambda number: number.item(), **options) + "\n"
 
 
 def any_side(analysis: Analysis) -> pd.DataFrame:
