@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import io
+
 from hypothesis import given
 from hypothesis import strategies as st
 
-from device.printing import MAX_SHOWN, escaped, shown
+from device.printing import MAX_SHOWN, echo, escaped, shown
 
 
 @given(st.text())
@@ -25,3 +27,11 @@ def test_words_of_any_script_stay_as_they_are(text: str) -> None:
 @given(st.text() | st.binary() | st.integers())
 def test_a_message_repeats_little_of_a_value(value: object) -> None:
     assert len(shown(value)) <= MAX_SHOWN
+
+
+def test_letters_that_the_stream_lacks_are_escaped() -> None:
+    written = io.BytesIO()
+    with io.TextIOWrapper(written, encoding="ascii", newline="\n") as stream:
+        echo("1.6 µm − \x1b", file=stream)
+        stream.flush()
+        assert written.getvalue() == b"1.6 \\xb5m \\u2212 \\x1b\n"
