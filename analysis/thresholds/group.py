@@ -13,6 +13,7 @@ from functools import lru_cache, reduce
 from typing import TYPE_CHECKING, Final, Literal
 
 import numpy as np
+from scipy.optimize import brentq
 from scipy.special import ndtr
 
 from analysis.thresholds.fit import (
@@ -149,11 +150,14 @@ class Population:
         weight = np.outer(trapezoid(middle), trapezoid(spread)) * (
             self.cells @ trapezoid(log_sigma)
         )
+        weight /= weight.sum()
         sd = np.hypot(spread, trapezoid(middle)[:, None] / math.sqrt(12))
-        mu = np.linspace(middle[0] - 5 * spread[-1], middle[-1] + 5 * spread[-1], 401)
-        z = (mu[:, None, None] - middle[:, None]) / sd
-        below = ndtr(z.reshape(len(mu), -1)) @ (weight / weight.sum()).ravel()
-        return np.interp(POINTS, below, mu)
+
+        def excess(mu: float, point: float) -> float:
+            return float((ndtr((mu - middle[:, None]) / sd) * weight).sum()) - point
+
+        ends = middle[0] - 5 * spread[-1], middle[-1] + 5 * spread[-1]
+        return np.array([brentq(excess, *ends, args=(point,)) for point in POINTS])
 
     def drawn(self, number: int, rng: np.random.Generator) -> list[Floats]:
         """Draw all parameters, anywhere between the nodes."""
@@ -229,16 +233,31 @@ def zoomed(
     """
     cells = cells_at(*axes)
     for turn in range(_MAX_PASSES):
-        boxes = [range_of(axis, _margin(cells, axes, i)) for i, axis in enumerate(axes)]
+        margins = [_margin(cells, axes, i) for i in range(len(axes))]
+        boxes = [range_of(*axis) for axis in zip(axes, margins, strict=True)]
         widths = [np.ptp(box) / np.ptp(axis) for box, axis in zip(boxes, axes, strict=True)]
         if turn and min(widths) >= _SETTLED:
             break
+        median = float(quantiles(margins[MIDDLE], axes[MIDDLE], (0.5,))[0])
         axes = [np.linspace(*box, number) for box, number in zip(boxes, numbers, strict=True)]
-        # The density of a small spread is the narrowest.
-        spread = axes[SPREAD]
-        axes[SPREAD] = spread[0] + (spread - spread[0]) ** 1.5 / np.sqrt(np.ptp(spread))
+        # The density is narrowest where the spread is small: there, and at the middle, which
+        # is then almost known, but has long tails where people may differ much.
+        axes[MIDDLE] = _crowded(axes[MIDDLE], median)
+        axes[SPREAD] = _crowded(axes[SPREAD], boxes[SPREAD][0])
         cells = cells_at(*axes)
     return Population(axes=tuple(axes), cells=cells)
+
+
+def _crowded(axis: Floats, center: float) -> Floats:
+    """Return as many nodes between the same ends, the closer together the nearer to a center.
+
+    >>> _crowded(np.array([0.0, 1.0, 2.0, 9.0, 16.0]), 8.0).round(2).tolist()
+    [0.0, 5.17, 8.0, 10.83, 16.0]
+    """
+    low, high = center - axis[0], axis[-1] - center
+    place = np.linspace(-(low ** (2 / 3)), high ** (2 / 3), len(axis))
+    nodes = center + np.sign(place) * np.abs(place) ** 1.5
+    return np.clip(nodes, axis[0], axis[-1])
 
 
 def _margin(cells: Floats, axes: Sequence[Floats], parameter: int) -> Floats:

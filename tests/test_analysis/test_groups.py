@@ -65,22 +65,27 @@ def test_a_difference_of_normal_likelihoods_is_that_of_a_sum_over_the_hyperparam
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("number", "apart"), [(2, 0.2), (2, 1.0), (3, 1.0), (5, 0.2), (12, 1.0)])
-def test_the_next_person_is_that_of_the_exact_integral(number: int, apart: float) -> None:
-    """M given tau is normal but for its prior: a sum over both, a hundred times finer."""
+@pytest.mark.parametrize(
+    ("number", "apart"), [(2, 0.2), (2, 1.0), (3, 0.1), (3, 1.0), (4, 0.1), (5, 0.2), (12, 1.0)]
+)
+def test_a_group_and_the_next_person_are_exact_integrals(number: int, apart: float) -> None:
+    """M given tau is normal but for its prior: a sum over both, ten times finer."""
     at = 5 + apart * np.linspace(-2, 2, number)
     width = np.full(number, 0.5)
     found = group_of_normals(at.tolist(), width.tolist())
-    middle, spread = np.linspace(-25, 35, 2401), np.concatenate([np.linspace(0.05, 40, 800)])
+    u = (np.arange(200) + 0.5) / 200
+    middle, spread = np.linspace(-25, 35, 1201), 0.05 + 40 * u**2
     total = np.hypot(0.5, spread)
     z = (at[:, None, None] - middle[:, None]) / total
     density = np.exp((-0.5 * z * z - np.log(total)).sum(axis=0) - 0.5 * (spread / 6) ** 2)
     density *= np.exp(-np.maximum(np.maximum(-middle, middle - 10), 0) / 3)[:, None]
-    density /= density.sum()
+    density *= u / (density @ u).sum()
     mu = np.linspace(-40, 50, 361)
     below = [float((density * ndtr((one - middle[:, None]) / spread)).sum()) for one in mu]
     expected = np.interp([0.025, 0.5, 0.975], below, mu)
     points, group = found.next_person_points(), found.points(MIDDLE)
+    exact = np.interp([0.025, 0.5, 0.975], np.cumsum(density.sum(axis=1)), middle + 0.025)
+    assert group == pytest.approx(exact, abs=0.012 * np.ptp(exact[[0, 2]]))
     assert points == pytest.approx(expected, abs=0.02 * np.ptp(expected[[0, 2]]))
     assert points[0] <= group[0]
     assert group[2] <= points[2]
