@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import reprlib
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -275,12 +276,16 @@ def checked_counts(detected: ArrayLike, presented: ArrayLike) -> tuple[Floats, F
     counts = []
     for name, values in (("detected", detected), ("presented", presented)):
         numbers = np.asarray(values)
-        if numbers.dtype.kind not in "iuf" or not np.all(
-            np.isfinite(numbers) & (numbers >= 0) & (numbers == np.floor(numbers))
-        ):
-            raise ValueError(f"{name} must be whole numbers of at least 0, got {values!r}")
+        if numbers.dtype.kind in "iuf":
+            is_count = np.isfinite(numbers) & (numbers >= 0) & (numbers == np.floor(numbers))
+        else:
+            is_count = np.zeros(numbers.shape, dtype=bool)
+        if not is_count.all():
+            wrong = reprlib.repr(numbers[~is_count].tolist())
+            raise ValueError(f"{name} must be whole numbers of at least 0, got {wrong}")
         counts.append(numbers.astype(np.float64))
     k, n = (array.copy() for array in np.broadcast_arrays(*counts))
     if np.any(k > n):
-        raise ValueError(f"detected must be at most presented, got {detected!r} of {presented!r}")
+        more, less = (reprlib.repr(counts[k > n].tolist()) for counts in (k, n))
+        raise ValueError(f"detected must be at most presented, got {more} of {less}")
     return k, n

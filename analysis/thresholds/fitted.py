@@ -222,7 +222,8 @@ def fit(
     Raises
     ------
     ValueError
-        For a column that is missing, impossible counts or levels, another function or axis.
+        For a column or a name that is missing, impossible counts or levels, another function or
+        axis.
 
     Examples
     --------
@@ -232,17 +233,21 @@ def fit(
     [100.0]
     """
     named = {"level_vpp": level, "detected": detected, "presented": presented}
-    missing = [
-        name for name in (*named.values(), participant, condition) if name not in (None, *frame)
-    ]
-    if missing:
-        raise ValueError(f"frame must have the columns that are named; {missing} are missing")
+    names = [name for name in (participant, condition) if name is not None]
+    wrong = [name for name in (*named.values(), *names) if [*frame].count(name) != 1]
+    if wrong:
+        raise ValueError(f"frame must have the columns that are named, each once; got {wrong}")
+    for name in names:
+        if frame[name].isna().any():
+            raise ValueError(f"column {name!r} must hold a name in each row")
+    if participant is not None and frame[participant].astype(str).eq(TOTAL).any():
+        raise ValueError(f'column {participant!r} must not hold "{TOTAL}", which names a group')
     counts = frame[level], [frame[detected]], [frame[presented]]
     tables = checked_tables(*counts, guess_rate, x_scale=x_scale, function=function)
     table = pd.DataFrame(
         {
-            "condition": frame[condition].astype(str) if condition else "main",
-            "participant": frame[participant].astype(str) if participant else "1",
+            "condition": frame[condition].astype(str) if condition is not None else "main",
+            "participant": frame[participant].astype(str) if participant is not None else "1",
             "level_vpp": frame[level].astype(float),
             "detected": tables.detected[0],
             "presented": tables.presented[0],

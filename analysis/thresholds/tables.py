@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import reprlib
 from typing import TYPE_CHECKING, Final, get_args
 
 import numpy as np
@@ -68,17 +69,17 @@ def checked_tables(
 def _checked_levels(levels: NDArray[np.generic], x_scale: XScale, name: str) -> Floats:
     """Return levels that can lie on the axis."""
     if levels.size and levels.dtype.kind not in "iuf":
-        raise ValueError(f"{name} must be finite numbers; got {levels.tolist()!r}")
+        raise ValueError(f"{name} must be finite numbers; got {reprlib.repr(levels.tolist())}")
     x = levels.astype(np.float64)
     if not (np.abs(x) <= LARGEST).all():
-        wrong = x[~(np.abs(x) <= LARGEST)].tolist()
+        wrong = reprlib.repr(x[~(np.abs(x) <= LARGEST)].tolist())
         raise ValueError(f"{name} must be finite and at most {LARGEST:g}; got {wrong}")
     if x_scale not in get_args(XScale):
         raise ValueError(f"x_scale must be one of log10, linear; got {x_scale!r}")
     if x_scale == "log10" and (x <= 0).any():
         raise ValueError(
-            f"{name} must be above 0 on the axis log10; got {x[x <= 0].tolist()}: use "
-            'x_scale="linear"'
+            f"{name} must be above 0 on the axis log10; got {reprlib.repr(x[x <= 0].tolist())}: "
+            'use x_scale="linear"'
         )
     return x
 

@@ -429,6 +429,22 @@ def test_the_table_of_a_notebook_has_the_thresholds_of_its_people() -> None:
             notebook_fit(pd.DataFrame(rows, columns=names), **(columns | options))
 
 
+def test_a_notebooks_table_without_a_name_or_a_count_is_refused_in_one_line() -> None:
+    frame = pd.DataFrame({"who": "a", "level": PAPER, "k": GOOD, "n": 30})
+    columns: Any = {"level": "level", "detected": "k", "presented": "n", "guess_rate": 0.05}
+    for wrong, name in (
+        (frame.assign(who=pd.Series(["a"] * 4)), "'who' must hold a name"),
+        (frame.assign(who=["all"] * 5), "'who' must not hold"),
+        (frame.assign(k=[1.5] * 5), "detected must be whole numbers"),
+        (frame.assign(k=31), "detected must be at most presented"),
+        (frame.assign(level=[math.nan] * 5), "finite"),
+        (pd.concat([frame, frame["k"]], axis=1), "each once"),
+    ):
+        with pytest.raises(ValueError, match=name) as refusal:
+            notebook_fit(wrong, participant="who", **columns)
+        assert "\n" not in str(refusal.value)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("function", "sigmoid"), [("normal", "norm"), ("logistic", "logistic"), ("weibull", "gumbel")]
