@@ -133,7 +133,7 @@ def log_likelihood(table: Tables, mu: Floats, log_sigma: Floats, lapse: Floats) 
 def test_no_corner_or_neighbour_is_likelier(detected: list[int], guess_rate: float) -> None:
     table = tables_at(U * STEP, detected, 30, guess_rate)
     best = likeliest_function(table, 0, table.likelihoods[0].node)
-    mu, sigma = best["mle_threshold"] / STEP, best["mle_sigma"] / STEP
+    mu, sigma = np.log10(best["mle_threshold"]) / STEP, best["mle_sigma"] / STEP
     at = np.array([mu, np.log(sigma), best["mle_lapse_rate"]])
     lower = np.array([-REACH, LOG_SIGMA[0], 0.0])
     upper = np.array([10 + REACH, LOG_SIGMA[1], MAX_LAPSE])

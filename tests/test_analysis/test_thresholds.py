@@ -143,10 +143,9 @@ def test_limits_cover_their_threshold(guess: float, presented: int, within_db: f
     fits = fit_counts(np.log10(CENTRED), k, presented, guess)
     found = [one for one in fits if one.status in WITH_THRESHOLD]
     assert len(found) > 0.97 * studies
-    truth = math.log10(truth_vpp)
-    covered = np.mean([low < truth < high for low, high in (f.threshold_limits for f in found)])
+    covered = np.mean([low < truth_vpp < high for low, high in (f.threshold_limits for f in found)])
     assert covered == pytest.approx(0.95, abs=0.03)
-    errors_db = 20 * (np.array([one.threshold for one in found]) - truth)
+    errors_db = 20 * np.log10(np.array([one.threshold for one in found]) / truth_vpp)
     assert errors_db.mean() == pytest.approx(0, abs=3 * errors_db.std() / 24 + within_db)
 
 
