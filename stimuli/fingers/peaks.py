@@ -15,11 +15,10 @@ import numpy as np
 from stimuli.checks import instance
 from stimuli.drive.sampled import Drive
 from stimuli.errors import PlateError, Rule
-from stimuli.fingers.fingertip import RTOL, causal, checked_fingertips
-from stimuli.fingers.work import felt_known
+from stimuli.fingers.fingertip import causal, checked_fingertips
 from stimuli.load import PointForce, PressureDisc
 from stimuli.plate.line import gauss_rule
-from stimuli.plate.response import MISSED, RELATIVE, Estimate, describe_modes, estimate
+from stimuli.plate.response import MISSED, RELATIVE, Estimate, estimate
 from stimuli.plate.scene import check_loads
 from stimuli.plate.transient import LOOKS, make_time_line, receptances, reference_hz
 
@@ -32,7 +31,7 @@ if TYPE_CHECKING:
     from stimuli.fingers.fingertip import Fingertip
     from stimuli.fingers.impedance import Impedance
     from stimuli.load import Load
-    from stimuli.plate.transient import Receptance
+    from stimuli.plate.transient import Receptance, TimeLine
     from stimuli.strip.strip import Strip
 
 MAX_ERROR: Final = 0.03
@@ -95,11 +94,6 @@ def fingertip_peaks(
     loads = check_loads(strip, loads)
     fingertips = checked_fingertips(fingertips)
     instance("drive", drive, Drive, "a burst or a sampled drive")
-    if strip.length_m is None:
-        # Without loss the echoes of a section's ends would have to be very late.
-        endless = felt_known(strip, loads, fingertips, drive)
-        work = (endless.work.words,)
-        return Estimate(value=endless.peak_m, error=RTOL * endless.peak_m, work=work)
     strip = causal(strip, drive)
     max_hz = reference_hz(strip, drive)
     pressing = [tip for tip in fingertips if tip.impedance and tip.impedance.holds_for(drive)]
@@ -113,13 +107,17 @@ def fingertip_peaks(
     )
     contact = _Contact(pressing, [weights for _, weights in means], len(loads))
     ends = np.cumsum([0, *map(len, areas_m)])
-    span_s = drive.duration_s + _wait_s(strip, loads, fingertips)
+    span_s = 2 * drive.duration_s + _wait_s(strip, loads, fingertips)
     step_s = 1 / (LOOKS * max_hz)
-    coarse_m, fine_m = (
-        _peaks(plate, contact, ends, drive, step_s=step_s, span_s=span_s) for plate in plates
-    )
+    while True:
+        line = make_time_line(drive, step_s, span_s)
+        coarse_m, late_m = _peaks(plates[0], contact, ends, line)
+        if np.all(late_m <= _LATE * coarse_m) or span_s > _LONGEST_S:
+            break
+        span_s *= 2
+    fine_m, _ = _peaks(plates[1], contact, ends, line)
     missed_m = MISSED * fine_m.max(axis=0)
-    peaks = estimate(coarse_m, fine_m, missed_m, describe_modes(plates[1].modes), RELATIVE)
+    peaks = estimate(coarse_m, fine_m, missed_m, plates[1].work, RELATIVE)
     largest = (np.argmax(fine_m, axis=0), np.arange(len(loads)))
     errors = peaks.error[largest] / np.maximum(fine_m[largest], _TINIEST_M)
     if errors.max() > MAX_ERROR:
@@ -130,26 +128,18 @@ def fingertip_peaks(
 
 
 def _peaks(
-    plate: Receptance,
-    contact: _Contact,
-    ends: NDArray[np.intp],
-    drive: Drive,
-    *,
-    step_s: float,
-    span_s: float,
-) -> Real:
-    """Return the largest displacement of each group of points: (n_groups, n_loads)."""
-    while True:
-        line = make_time_line(drive, step_s, span_s)
-        history_m = line.history(contact.loaded(plate.response(line.omega), line.omega))
-        late_m = np.abs(history_m[len(history_m) // 2 :]).max(axis=0)
-        highest_m = _crests(history_m)
-        peaks_m, late_peaks_m = (
-            np.maximum.reduceat(values, ends[:-1], axis=-1).T for values in (highest_m, late_m)
-        )
-        if np.all(late_peaks_m <= _LATE * peaks_m) or span_s > _LONGEST_S:
-            return peaks_m
-        span_s *= 2
+    plate: Receptance, contact: _Contact, ends: NDArray[np.intp], line: TimeLine
+) -> tuple[Real, Real]:
+    """Return the largest displacement of each group of points, and in the second half of the time.
+
+    The shape of both is (n_groups, n_loads).
+    """
+    history_m = line.history(contact.loaded(plate.response(line.omega), line.omega))
+    late_m = np.abs(history_m[len(history_m) // 2 :]).max(axis=0)
+    peaks_m, late_peaks_m = (
+        np.maximum.reduceat(values, ends[:-1], axis=-1).T for values in (_crests(history_m), late_m)
+    )
+    return peaks_m, late_peaks_m
 
 
 class _Contact:

@@ -183,7 +183,6 @@ class ChordWork(NamedTuple):
 
 def chord_work(load: Load, slices: Slices, across: Line) -> ChordWork:
     """Return the work of what `local_field` leaves of a unit load, by slices."""
-    none = np.zeros((1, 1))
     if _is_moment_disc(load):
         y_m, weights_m = _chord_nodes(load, slices, across)
         x_m = np.broadcast_to(slices.x_m[:, np.newaxis], y_m.shape)
@@ -195,8 +194,9 @@ def chord_work(load: Load, slices: Slices, across: Line) -> ChordWork:
             np.einsum("sn,snf->sf", weights_m * density, values)
             for density in (pressure, _bump(load, s))
         )
-        return ChordWork(force, none, inertia)
+        return ChordWork(force, np.zeros_like(force), inertia)
     integral, slope = _chord_integrals(load, slices, across)
+    none = np.zeros_like(integral)
     if load.is_moment:
         return ChordWork(slope, integral, none)
     return ChordWork(integral / load.area_m2, none, none)

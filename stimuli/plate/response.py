@@ -270,20 +270,26 @@ def displacement_map(
 def _endless_response(
     strip: Strip, loads: Sequence[Load], points_m: Real, at_hz: Real, accuracy: Accuracy
 ) -> tuple[Complex, tuple[str, ...]]:
+    omega = 2 * math.pi * at_hz
     both = [
-        [endless_displacement(strip, load, points_m, at_hz, margins) for load in loads]
+        endless_displacement(strip, loads, points_m, omega, margins)
         for margins in accuracy.endless
     ]
+    return np.stack(both), describe_waves(strip, loads)
+
+
+def describe_waves(strip: Strip, loads: Sequence[Load]) -> tuple[str, ...]:
+    """Return in words which waves were solved."""
     is_centred = all(load.y_m == strip.width_m / 2 for load in loads)
-    symmetries = "even waves; no load excites odd ones" if is_centred else "even and odd waves"
-    return np.stack(both).swapaxes(1, 2), (f"all {symmetries}",)
+    return (f"all even {'waves; no load excites odd ones' if is_centred else 'and odd waves'}",)
 
 
 def _finite_response(
     strip: Strip, loads: Sequence[Load], points_m: Real, at_hz: Real, accuracy: Accuracy
 ) -> tuple[Complex, tuple[str, ...]]:
     """Return the displacement of a plate with ends: (2, n_frequencies, n_loads, n_points)."""
-    omega, factors = 2 * math.pi * at_hz, stiffness_factors(strip, at_hz)
+    omega = 2 * math.pi * at_hz
+    factors = stiffness_factors(strip, omega)
     max_hz = max(float(at_hz.max()), strip.cutoff_hz())
     n_terms = 0 if strip.patches else 2
     modes = plate_modes(strip, loads, points_m, max_hz, accuracy.modes)

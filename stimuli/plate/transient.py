@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, Protocol
 
 import numpy as np
 from scipy.fft import next_fast_len
@@ -19,8 +19,15 @@ from scipy.fft import next_fast_len
 from stimuli.checks import finite_array
 from stimuli.plate.line import Margins
 from stimuli.plate.modes import Resolution
-from stimuli.plate.response import RELATIVE, describe_modes, estimate, plate_modes
+from stimuli.plate.response import (
+    RELATIVE,
+    describe_modes,
+    describe_waves,
+    estimate,
+    plate_modes,
+)
 from stimuli.plate.rest import rest_displacement
+from stimuli.plate.waveguide import endless_displacement
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -47,6 +54,7 @@ _BEYOND, _BEYOND_LOSSLESS = (15.0, 20.0), (30.0, 40.0)
 """Widths of a long plate that are kept beyond loads and points, coarse and fine: echoes from
 farther away are too late, and with loss too faint."""
 _MODES: Final = Resolution(multiples=(5.5, 8.0), margins=Margins(2.0, 3.0))
+_WAVES: Final = Margins(2, 2), Margins(4, 4)
 _REST: Final = Resolution(multiples=(1.0, 2.0), margins=Margins(4.0, 6.0))
 
 
@@ -102,9 +110,45 @@ def drive_values(drive: Drive, times_s: Real) -> Real:
     return np.pad(samples, (0, times_s.size - samples.size))
 
 
+class Receptance(Protocol):
+    """The displacement of a plate per unit load, for any complex frequency."""
+
+    def response(self, omega: Complex) -> Complex:
+        """Return it at points: (n_frequencies, n_loads, n_points)."""
+
+    @property
+    def work(self) -> tuple[str, ...]:
+        """What is solved."""
+
+
 @dataclass(frozen=True, eq=False)
-class Receptance:
-    """The displacement of a plate per unit load, for any complex frequency, by its slow modes.
+class WaveReceptance:
+    """That of an endless strip, by its waves up to a frequency."""
+
+    strip: Strip
+    loads: Sequence[Load]
+    points_m: Real
+    max_hz: float
+    margins: Margins
+
+    def response(self, omega: Complex) -> Complex:
+        """Return the displacement per unit load: (n_frequencies, n_loads, n_points)."""
+        is_slow = omega.real <= 2 * math.pi * self.max_hz
+        response = np.zeros((omega.size, len(self.loads), len(self.points_m)), np.complex128)
+        response[is_slow] = endless_displacement(
+            self.strip, self.loads, self.points_m, omega[is_slow], self.margins
+        )
+        return response
+
+    @property
+    def work(self) -> tuple[str, ...]:
+        """What is solved."""
+        return describe_waves(self.strip, self.loads)
+
+
+@dataclass(frozen=True, eq=False)
+class ModeReceptance:
+    """That of a plate with ends, by its slow modes.
 
     What faster modes do follows the load at once, but for the viscous loss.
 
@@ -127,22 +171,33 @@ class Receptance:
         at_once = self.rest_m / factors[:, np.newaxis, np.newaxis]
         return sum((modes.response(omega, factors, 0.0, 0) for modes in self.modes), at_once)
 
+    @property
+    def work(self) -> tuple[str, ...]:
+        """What is solved."""
+        return describe_modes(self.modes)
+
 
 def receptances(
     strip: Strip, loads: Sequence[Load], points_m: Real, max_hz: float
 ) -> tuple[Receptance, Receptance]:
     """Return the receptance of a plate in the coarse and in the fine basis.
 
-    Of a long plate or an endless strip only a section is kept, a longer one in the fine basis.
+    Of a long plate only a section is kept, a longer one in the fine basis.
     """
+    if strip.length_m is None:
+        coarse, fine = (
+            WaveReceptance(strip, loads, points_m, multiple * max_hz, margins)
+            for multiple, margins in zip(_MODES.multiples, _WAVES, strict=True)
+        )
+        return coarse, fine
     viscous_time_s = strip.material.viscous_time_s
     lossless = replace(strip, material=replace(strip.material, viscous_time_s=0.0))
     beyond = _BEYOND if viscous_time_s else _BEYOND_LOSSLESS
     points = tuple((x, y) for x, y in points_m.tolist())
-    coarse, fine = _lossless_receptances(lossless, tuple(loads), points, max_hz, beyond)
+    coarse_modes, fine_modes = _lossless_receptances(lossless, tuple(loads), points, max_hz, beyond)
     return (
-        replace(coarse, viscous_time_s=viscous_time_s),
-        replace(fine, viscous_time_s=viscous_time_s),
+        replace(coarse_modes, viscous_time_s=viscous_time_s),
+        replace(fine_modes, viscous_time_s=viscous_time_s),
     )
 
 
@@ -153,7 +208,7 @@ def _lossless_receptances(
     points: tuple[tuple[float, float], ...],
     max_hz: float,
     beyond: tuple[float, float],
-) -> tuple[Receptance, Receptance]:
+) -> tuple[ModeReceptance, ModeReceptance]:
     points_m, results = np.array(points), []
     for number, widths in enumerate(beyond):
         section, middle_m = _section(strip, loads, points_m, widths * strip.width_m)
@@ -172,7 +227,7 @@ def _section(
     places_m = [*points_m[:, 0]]
     for area in (*loads, *strip.patches):
         places_m += [area.x_m - area.half_size_m[0], area.x_m + area.half_size_m[0]]
-    half_length_m = math.inf if strip.length_m is None else strip.length_m / 2
+    half_length_m = (strip.length_m or math.inf) / 2
     low_m, high_m = min(places_m) - beyond_m, max(places_m) + beyond_m
     if low_m <= -half_length_m and high_m >= half_length_m:
         return strip, 0.0
@@ -184,7 +239,7 @@ def _section(
 
 def _receptances(
     plate: Strip, loads: Sequence[Load], points_m: Real, max_hz: float
-) -> tuple[Receptance, Receptance]:
+) -> tuple[ModeReceptance, ModeReceptance]:
     """Return the receptance of a plate with ends in the coarse and in the fine basis."""
     every = plate_modes(plate, loads, points_m, max_hz, _MODES)
     rest = [_at_rest(modes) for modes in every]
@@ -203,7 +258,7 @@ def _receptances(
     for multiple, modes, rest_m in zip(_MODES.multiples, every, rest, strict=True):
         slow = [part.slow(multiple * max_hz) for part in modes]
         residual_m = rest_m - _at_rest(slow)
-        results.append(Receptance(slow, residual_m, plate.material.viscous_time_s))
+        results.append(ModeReceptance(slow, residual_m, plate.material.viscous_time_s))
     return results[0], results[1]
 
 
@@ -261,7 +316,7 @@ def transient(scene: Scene, drive: Drive, times_s: ArrayLike) -> Estimate[Real]:
         history[is_driven] = spline(times[is_driven])
     coarse, fine = histories
     scale = np.abs(fine).max(axis=(0, 2), keepdims=True, initial=0.0)
-    return estimate(coarse, fine, _BETWEEN_LOOKS * scale, describe_modes(plates[1].modes), RELATIVE)
+    return estimate(coarse, fine, _BETWEEN_LOOKS * scale, plates[1].work, RELATIVE)
 
 
 def reference_hz(strip: Strip, drive: Drive) -> float:

@@ -14,7 +14,7 @@ sum, at any distance from a load (the semi-analytical finite element method).
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -24,9 +24,7 @@ from stimuli.plate.line import CLAMPED_END, EVEN, ODD, SUPPORTED, make_line, pla
 from stimuli.strip.edge import CLAMPED, ElasticEdge
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
-
-    from numpy.typing import ArrayLike
+    from collections.abc import Iterable, Iterator, Sequence
 
     from stimuli.arrays import Complex, Real
     from stimuli.load import Load
@@ -38,7 +36,10 @@ MIN_FREQUENCY: Final = 1e-3
 waves of one order approach each other and cancel."""
 _MIN_CELL: Final = 0.03
 """Of the width: shorter cells gain nothing, and make the eigenproblem larger."""
-_SLICE_MARGIN: Final = 10
+_MIN_NODES: Final = 3
+"""Of Gauss's rule along a part of a load, and of the whole load beyond interior functions."""
+_DISTANCE_DIGITS: Final = 13
+"""Of distances along in metres: nearer ones are one."""
 _ROUNDING: Final = 1e-9
 
 
@@ -64,17 +65,17 @@ class CrossSection:
         inverse = np.linalg.eigvalsh(np.linalg.inv(self.curvatures + self.springs))[::-1]
         return np.asarray(1 / np.sqrt(inverse * self.inertia) / (2 * math.pi))
 
-    def waves(self, frequencies_hz: Real) -> Waves:
-        """Return all waves that go or decay to the right at some frequencies."""
+    def waves(self, omega: Complex | Real) -> Waves:
+        """Return all waves that go or decay to the right at some angular frequencies."""
         strip, n = self.strip, len(self.slopes)
-        lossy = stiffness_factors(strip, frequencies_hz)
+        lossy = stiffness_factors(strip, omega)
         # Real eigenproblems take a quarter of the time.
         factor: Complex | Real = lossy if np.any(lossy.imag) else lossy.real
-        fourth = self.inertia * (2 * math.pi * frequencies_hz) ** 2 / factor
+        fourth = self.inertia * omega**2 / factor
         relative = 1 / factor if has_lossless_springs(strip) else np.ones_like(factor)
         # A size of z makes both halves of the matrix alike.
         size = 30 * (math.pi / strip.width_m) ** 2
-        matrix = np.zeros((frequencies_hz.size, 2 * n, 2 * n), dtype=factor.dtype)
+        matrix = np.zeros((omega.size, 2 * n, 2 * n), dtype=fourth.dtype)
         matrix[:, :n, n:] = size * np.eye(n)
         matrix[:, n:, :n] = (
             fourth[:, np.newaxis, np.newaxis] * np.eye(n)
@@ -155,76 +156,91 @@ def plate_wavenumber(strip: Strip, frequency_hz: float) -> float:
     return math.sqrt(2 * math.pi * frequency_hz * math.sqrt(plate_inertia(strip)))
 
 
-def stiffness_factors(strip: Strip, frequencies_hz: Real) -> Complex:
-    """Return what loss multiplies the bending stiffness with, at each frequency."""
+def stiffness_factors(strip: Strip, omega: Complex | Real) -> Complex:
+    """Return what loss multiplies the bending stiffness with, at each angular frequency."""
     material = strip.material
-    loss = material.loss_factor + 2 * math.pi * frequencies_hz * material.viscous_time_s
+    loss = material.loss_factor + omega * material.viscous_time_s
     return np.asarray(1 - 1j * loss, dtype=np.complex128)
 
 
 def endless_displacement(
-    strip: Strip, load: Load, points_m: Real, frequencies_hz: Real, margins: Margins
+    strip: Strip, loads: Sequence[Load], points_m: Real, omega: Complex | Real, margins: Margins
 ) -> Complex:
-    """Return the displacement of an endless strip under a unit load: (n_frequencies, n_points).
+    """Return the displacement of an endless strip per unit load.
 
-    Lower frequencies than `MIN_FREQUENCY` cut-offs are taken for that. A load on the centre line
-    excites no odd waves, which are left out.
+    The shape is (n_frequencies, n_loads, n_points). Angular frequencies may be complex; lower ones
+    than `MIN_FREQUENCY` cut-offs are taken for that. Loads on the centre line excite no odd waves,
+    which are left out.
     """
-    at_hz = np.maximum(frequencies_hz, MIN_FREQUENCY * strip.cutoff_hz())
-    stiffness = strip.bending_stiffness_n_m * stiffness_factors(strip, at_hz)
-    field = local_field(load, points_m) / stiffness[:, np.newaxis]
-    wavenumber = plate_wavenumber(strip, float(at_hz.max()))
-    places_m = [load.y_m + side * load.half_size_m[1] for side in (-1, 1)]
-    is_centred = abs(load.y_m - strip.width_m / 2) < _ROUNDING * strip.width_m
+    min_omega = 2 * math.pi * MIN_FREQUENCY * strip.cutoff_hz()
+    omega = np.where(np.abs(omega) < min_omega, min_omega, omega)
+    fields = np.zeros((omega.size, len(loads), len(points_m)), dtype=np.complex128)
+    fields += np.stack([local_field(load, points_m) for load in loads])
+    wavenumber = plate_wavenumber(strip, float(np.abs(omega).max()) / (2 * math.pi))
+    places_m = [load.y_m + side * load.half_size_m[1] for load in loads for side in (-1, 1)]
+    is_centred = all(abs(load.y_m - strip.width_m / 2) < _ROUNDING * strip.width_m for load in loads)
     for parity in (1,) if is_centred else (1, -1):
         section = make_cross_section(strip, wavenumber, parity, margins, places_m)
-        field += endless_field(section, load, points_m, at_hz)
-    return np.asarray(field)
+        fields += _wave_fields(section, loads, points_m, omega)
+    stiffness = strip.bending_stiffness_n_m * stiffness_factors(strip, omega)
+    return np.asarray(fields / stiffness[:, np.newaxis, np.newaxis])
 
 
-def endless_field(
-    section: CrossSection, load: Load, points_m: ArrayLike, frequencies_hz: Real
+def _wave_fields(
+    section: CrossSection, loads: Sequence[Load], points_m: Real, omega: Complex | Real
 ) -> Complex:
-    """Return the part of one symmetry of the displacement per unit load on an endless strip.
+    """Return D times the displacement by waves of one symmetry.
 
-    The shape is (n_frequencies, n_points); frequencies are at least `MIN_FREQUENCY` cut-offs.
+    Loads that differ only in where they are along the strip share the amplitudes of waves.
     """
-    strip, line = section.strip, section.line
-    waves = section.waves(frequencies_hz)
-    x_m, y_m = np.asarray(points_m, dtype=np.float64).T
-    distances_m, back = np.unique(np.round(np.abs(x_m - load.x_m), 13), return_inverse=True)
-    values = line.derivatives(y_m, (0,))[0] @ waves.shapes
-    field = np.zeros((frequencies_hz.size, x_m.size), dtype=np.complex128)
-    factor = stiffness_factors(strip, frequencies_hz)
-    fourth = section.inertia * (2 * math.pi * frequencies_hz) ** 2 / factor
-    for number, distance_m in enumerate(distances_m):
-        amplitudes = _wave_amplitudes(load, float(distance_m), line, waves, fourth)
-        here = np.flatnonzero(back == number)
-        field[:, here] = (values[:, here] @ amplitudes[..., np.newaxis])[..., 0]
-    return np.asarray(field / (strip.bending_stiffness_n_m * factor)[:, np.newaxis])
+    waves = section.waves(omega)
+    fourth = section.inertia * omega**2 / stiffness_factors(section.strip, omega)
+    x_m, y_m = points_m.T
+    values = section.line.derivatives(y_m, (0,))[0] @ waves.shapes
+    fields = np.zeros((omega.size, len(loads), len(points_m)), dtype=np.complex128)
+    equal: dict[Load, list[int]] = {}
+    for number, load in enumerate(loads):
+        equal.setdefault(replace(load, x_m=0.0), []).append(number)
+    for load, numbers in equal.items():
+        centres_m = np.array([loads[number].x_m for number in numbers])
+        away_m = np.round(np.abs(x_m - centres_m[:, np.newaxis]), _DISTANCE_DIGITS)
+        distances_m, back = np.unique(away_m, return_inverse=True)
+        amplitudes = _wave_amplitudes(load, distances_m, section.line, waves, fourth)
+        for place, amplitude in enumerate(amplitudes):
+            for number, point in np.argwhere(back.reshape(away_m.shape) == place):
+                fields[:, numbers[number], point] = (values[:, point] * amplitude).sum(axis=-1)
+    return fields
 
 
 def _wave_amplitudes(
-    load: Load, distance_m: float, line: Line, waves: Waves, fourth: Complex
-) -> Complex:
-    """Return the amplitude of each wave at a distance along from a load's centre.
+    load: Load, distances_m: Real, line: Line, waves: Waves, fourth: Complex
+) -> Iterator[Complex]:
+    """Yield the amplitude of each wave at increasing distances along from a load's centre.
 
-    Within the load the slices on both sides of the place send waves to it. `fourth` is k^4.
+    A wave to the right gathers what each part of the load adds to it, and goes on alone beyond the
+    load. Within the load the wave to the left comes to it, which at one place is the wave to the
+    right at the opposite one, as loads are symmetric. `fourth` is k^4.
     """
     half_m, wavenumbers = load.half_size_m[0], waves.wavenumbers_rad_m
-    spans = [(-1.0, 1.0)]
-    if distance_m < half_m:
-        spans = [(-1.0, distance_m / half_m), (distance_m / half_m, 1.0)]
-    n_nodes = _SLICE_MARGIN + max(line.interior) * (2 if load.is_disc else 1)
-    amplitudes = np.zeros(wavenumbers.shape, dtype=np.complex128)
-    for span in spans:
-        slices = slice_area(load, n_nodes, (), span)
-        force, curvature, inertia = chord_work(load, slices, line)
-        across = force + fourth[:, np.newaxis, np.newaxis] * inertia
-        work = across @ waves.shapes
+    within_m = distances_m[distances_m < half_m * (1 - _ROUNDING)]
+    ends_m = np.array([-half_m, *np.unique([-within_m, within_m]), half_m])
+    share = np.diff(ends_m).max() / (2 * half_m) if half_m else 0.0
+    n_whole = _MIN_NODES + max(line.interior) * (2 if load.is_disc else 1)
+    slices = slice_area(load, _MIN_NODES + math.ceil(share * n_whole), load.x_m + ends_m)
+    parts = np.split(np.arange(slices.x_m.size), ends_m.size - 1)
+    force, curvature, inertia = chord_work(load, slices, line)
+    to_the_right = [np.zeros(wavenumbers.shape, dtype=np.complex128)]
+    for start_m, end_m, part in zip(ends_m[:-1], ends_m[1:], parts, strict=True):
+        work = (force[part] + fourth[:, np.newaxis, np.newaxis] * inertia[part]) @ waves.shapes
         if curvature.any():
-            work -= (wavenumbers**2)[:, np.newaxis] * (curvature @ waves.shapes)
-        ways_m = np.abs(load.x_m + distance_m - slices.x_m)
+            work -= (wavenumbers**2)[:, np.newaxis] * (curvature[part] @ waves.shapes)
+        ways_m = load.x_m + end_m - slices.x_m[part]
         phases = np.exp(1j * wavenumbers[:, np.newaxis] * ways_m[:, np.newaxis])
-        amplitudes += np.einsum("n,fnm,fnm->fm", slices.weights_m, work, phases)
-    return np.asarray(amplitudes * 1j / (2 * wavenumbers * waves.norms))
+        added = np.einsum("n,fnm,fnm->fm", slices.weights_m[part], work, phases)
+        come = to_the_right[-1] * np.exp(1j * wavenumbers * (end_m - start_m))
+        to_the_right.append(come + added)
+    gains = 1j / (2 * wavenumbers * waves.norms)
+    both_ways = [a + b for a, b in zip(to_the_right, to_the_right[::-1], strict=True)]
+    yield from (gains * both for both in both_ways[-1 - within_m.size : -1])
+    for distance_m in distances_m[within_m.size :]:
+        yield gains * to_the_right[-1] * np.exp(1j * wavenumbers * (distance_m - half_m))
