@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
 # More threads only wait for each other on small matrices. A value that the user has set is kept;
-# stimuli/tuned.py does the same for scripts.
+# stimuli/threads.py does the same for scripts.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 COMMANDS = {

@@ -10,7 +10,7 @@ import numpy as np
 
 from stimuli import CLAMPED, BondedPatch, ElasticEdge, MomentRectangle, Strip
 from stimuli.motion.oscillators import followed, moved, poles
-from stimuli.strip.patch import laminate, layer_of
+from stimuli.plate.patch import laminate, layer_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence

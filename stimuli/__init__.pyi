@@ -1,16 +1,11 @@
+from .burst_check import BurstCheck, check_burst
 from .drive.burst import Burst
 from .drive.energy import staircase_energy_above
-from .drive.fit import BurstCheck, check_burst
 from .drive.sampled import Drive, SampledDrive
-from .field.field import Response, displacement, response
-from .field.maps import DisplacementMap, displacement_map
-from .field.scene import Scene, Work
-from .field.synthesis import TransientWork
 from .fingers.actuator import LoadPerVolt, MeasuredDisplacement, PiezoLayers, load_per_volt
-from .fingers.fingertip import Fingertip, causal, felt
-from .fingers.impedance import Impedance
+from .fingers.fingertip import Fingertip, Impedance, causal
 from .fingers.level import WindowChoice, level_db, shortest_window
-from .fingers.work import FeltWork, felt_work
+from .fingers.peaks import felt, fingertip_peaks
 from .load import (
     ForceRectangle,
     Load,
@@ -20,11 +15,13 @@ from .load import (
     PressureDisc,
     PressureRectangle,
 )
-from .motion.history import transient, transient_work
-from .strip.edge import CLAMPED, SIMPLY_SUPPORTED, ElasticEdge, IdealEdge
-from .strip.material import ALUMINIUM, MATERIALS, Material
-from .strip.patch import BondedPatch, Layer
-from .strip.strip import Strip
+from .plate.edge import CLAMPED, SIMPLY_SUPPORTED, ElasticEdge, IdealEdge
+from .plate.material import ALUMINIUM, MATERIALS, Material
+from .plate.patch import BondedPatch, Layer
+from .plate.response import Estimate, displacement, displacement_map, response
+from .plate.scene import Scene
+from .plate.strip import Strip
+from .plate.transient import transient, transient_response
 
 __all__ = [
     "ALUMINIUM",
@@ -34,10 +31,9 @@ __all__ = [
     "BondedPatch",
     "Burst",
     "BurstCheck",
-    "DisplacementMap",
     "Drive",
     "ElasticEdge",
-    "FeltWork",
+    "Estimate",
     "Fingertip",
     "ForceRectangle",
     "IdealEdge",
@@ -53,24 +49,21 @@ __all__ = [
     "PointForce",
     "PressureDisc",
     "PressureRectangle",
-    "Response",
     "SampledDrive",
     "Scene",
     "Strip",
-    "TransientWork",
     "WindowChoice",
-    "Work",
     "causal",
     "check_burst",
     "displacement",
     "displacement_map",
     "felt",
-    "felt_work",
+    "fingertip_peaks",
     "level_db",
     "load_per_volt",
     "response",
     "shortest_window",
     "staircase_energy_above",
     "transient",
-    "transient_work",
+    "transient_response",
 ]

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import cmath
 import math
-from numbers import Complex, Integral, Real
+from numbers import Integral, Real
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -87,22 +86,6 @@ def finite_array(name: str, values: ArrayLike) -> NDArray[np.float64]:
         line = " ".join(repr(numbers).split())
         raise ValueError(f"{name} must hold finite real numbers, got {line}")
     return numbers.astype(np.float64)
-
-
-def finite_complex(name: str, value: complex) -> complex:
-    """Return a value as a complex number, or refuse it.
-
-    ValueError where the value is not a finite real or complex number.
-
-    >>> finite_complex("wavenumber_rad_m", 2)
-    (2+0j)
-    >>> finite_complex("wavenumber_rad_m", float("nan"))
-    Traceback (most recent call last):
-    ValueError: wavenumber_rad_m must be a finite number, got nan
-    """
-    if not _is_number(value, Complex) or not cmath.isfinite(value):
-        raise ValueError(f"{name} must be a finite number, got {value!r}")
-    return complex(value)
 
 
 def instance(name: str, value: Any, kind: type | tuple[type, ...], wanted: str) -> None:

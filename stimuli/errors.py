@@ -1,70 +1,12 @@
-"""What a field refuses to compute, with the values that decide as attributes.
+"""What a plate, a load or a drive violates, as data.
 
-Each is a `ValueError`. A caller that has other names for these values, such as the keys of a study,
-reads the attributes and not the message.
+A caller that has other names for these values, such as the keys of a study, reads the rule and the
+values, and not the message.
 """
 
 from __future__ import annotations
 
 from enum import Enum
-
-
-class TooManyModesError(ValueError):
-    """A plate that has too many modes for its patches to be computed.
-
-    Parameters
-    ----------
-    length_m : float or None
-        Length of the strip; an attribute of the error.
-    """
-
-    def __init__(self, length_m: float | None) -> None:
-        super().__init__(
-            "the plate has too many modes for its patches to be counted, got "
-            f"length_m = {length_m!r}"
-        )
-        self.length_m = length_m
-
-
-class PeakOutOfRangeError(ValueError):
-    """A drive whose spectrum has its peak where the field of the strip is not known.
-
-    Parameters
-    ----------
-    peak_hz, max_hz : float
-        Where the peak is, and the highest frequency allowed; attributes of the error.
-    """
-
-    def __init__(self, peak_hz: float, max_hz: float) -> None:
-        super().__init__(
-            f"burst must have its peak below {max_hz:.6g} Hz, where the field is known far beyond "
-            f"it, got one of {peak_hz:.6g} Hz"
-        )
-        self.peak_hz, self.max_hz = peak_hz, max_hz
-
-
-class SpectrumTailError(ValueError):
-    """A drive that reaches beyond the highest frequency at which the field is known.
-
-    Parameters
-    ----------
-    rtol, min_rtol : float
-        The tolerance, and the smallest that can be kept; attributes of the error.
-    highest_hz : float
-        The highest frequency of the field.
-    """
-
-    def __init__(self, *, rtol: float, min_rtol: float, highest_hz: float) -> None:
-        super().__init__(
-            f"rtol must be at least {min_rtol:.2g} for this drive and scene: they reach "
-            f"beyond {highest_hz:.6g} Hz, the highest frequency of the field; "
-            f"smoother ends or viscous loss reach less far, got {rtol!r}"
-        )
-        self.rtol, self.min_rtol, self.highest_hz = rtol, min_rtol, highest_hz
-
-
-class FingertipLoadError(ValueError):
-    """A plate whose motion under the load of fingertips cannot be computed."""
 
 
 class Rule(Enum):

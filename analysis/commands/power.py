@@ -158,13 +158,11 @@ def power(
     from analysis.planning.goals import Goal
     from analysis.planning.spread import Kept, StoppedError, computing_on, seed_in, spread
     from experiment.study.files import naming, read_study
-    from stimuli.tuned import keep_freed_memory
 
     # The time limit of a batch queue stops the command as Ctrl-C does.
     previous_handler = signal.signal(signal.SIGTERM, signal.default_int_handler)
     restore = partial(signal.signal, signal.SIGTERM, previous_handler)
     click.get_current_context().call_on_close(restore)
-    keep_freed_memory()
     goal = Goal.parse(goal_text)
     if scheduler and workers > 1:
         raise CommandError(f"--workers and --scheduler exclude each other; got {workers}")

@@ -19,7 +19,6 @@ from functools import cache
 from importlib.metadata import version
 from typing import TYPE_CHECKING, Any, Final, TypeVar
 
-from stimuli.tuned import keep_freed_memory
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -117,7 +116,6 @@ def _run_chunk(
         raise ValueError(
             f"a worker has {versions()}, this computer {expected}: install the same versions"
         )
-    keep_freed_memory()
     is_main_thread = threading.current_thread() is threading.main_thread()  # not so in Dask
     if os.getppid() == main_process and is_main_thread:
         _follow(main_process)

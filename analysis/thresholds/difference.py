@@ -29,7 +29,7 @@ from analysis.thresholds.group import (
 )
 from analysis.thresholds.likelihood import TINY, quantiles, range_of, trapezoid
 from analysis.thresholds.tables import checked_tables
-from stimuli.tuned import tuned
+from stimuli.threads import single_threaded
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -131,7 +131,7 @@ class ConditionDifference(Difference):
     people: tuple[Difference, ...] = ()
 
 
-@tuned
+@single_threaded
 def compare_conditions(
     levels: ArrayLike,
     detected_a: ArrayLike,

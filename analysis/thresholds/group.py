@@ -33,7 +33,7 @@ from analysis.thresholds.likelihood import (
     trapezoid,
 )
 from analysis.thresholds.tables import checked_tables
-from stimuli.tuned import tuned
+from stimuli.threads import single_threaded
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -345,7 +345,7 @@ def group_fit(tables: Tables) -> GroupFit:
     )
 
 
-@tuned
+@single_threaded
 def fit_group(
     levels: ArrayLike,
     detected: ArrayLike,

@@ -17,7 +17,7 @@ from experiment.study.stimulus import unscaled_peak
 from stimuli import causal
 from stimuli.plate.response import displacement_map
 from stimuli.plate.scene import Scene
-from stimuli.plate.transient import transient
+from stimuli.plate.transient import transient_response
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -238,7 +238,7 @@ def plate_motion(plate: PlatePreview) -> PlateMotion:
     end_s = min(drive.duration_s + after_s, _MAX_LOOKS * step_s)
     n_times = math.floor(_FINER * end_s / step_s + 1e-9) + 1
     times_s = (step_s / _FINER * np.arange(n_times)).astype(np.float64)
-    moved_m = np.moveaxis(transient(scene, drive, times_s).value, 0, -1)
+    moved_m = np.moveaxis(transient_response(scene, drive, times_s).value, 0, -1)
     amplitudes = np.array(plate.drive.amplitudes[: len(loads)])
     moved_m *= amplitudes[:, np.newaxis, np.newaxis] / unscaled_peak(condition, plate.study.device)
     over_m = moved_m[:, : x_m.size * y_m.size, ::_FINER]

@@ -18,7 +18,7 @@ from experiment.study.threshold import extrapolations, median_threshold
 from experiment.trial.draw import block_lengths, longer_blocks
 from experiment.trial.order import order_count
 from stimuli import CLAMPED, SIMPLY_SUPPORTED, ElasticEdge
-from stimuli.strip.patch import laminate, layer_of
+from stimuli.plate.patch import laminate, layer_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator

@@ -9,15 +9,15 @@ from typing import TYPE_CHECKING, Final, Literal, get_args
 from stimuli.checks import finite, instance
 from stimuli.errors import PlateError, Rule
 from stimuli.load import DISCS, LOADS
+from stimuli.plate.patch import Layer, laminate, layer_of
 from stimuli.plate.response import first_mode_hz, response
 from stimuli.plate.scene import Scene
-from stimuli.strip.patch import Layer, laminate, layer_of
-from stimuli.tuned import tuned
+from stimuli.threads import single_threaded
 
 if TYPE_CHECKING:
     from stimuli.load import Load
-    from stimuli.strip.patch import BondedPatch
-    from stimuli.strip.strip import Strip
+    from stimuli.plate.patch import BondedPatch
+    from stimuli.plate.strip import Strip
 
 
 Basis = Literal["measured", "predicted"]
@@ -184,7 +184,7 @@ class LoadPerVolt:
             raise ValueError(f'basis must be "measured" or "predicted", got {self.basis!r}')
 
 
-@tuned
+@single_threaded
 @lru_cache(maxsize=16)  # asked for with every stimulus and every assumed loss
 def load_per_volt(
     strip: Strip, load: Load, basis: MeasuredDisplacement | PiezoLayers

@@ -1,4 +1,4 @@
-"""A fingertip: the points of its contact area, and the peak it feels of each actuator."""
+"""A fingertip: the points of its contact area, and its impedance."""
 
 from __future__ import annotations
 
@@ -8,27 +8,13 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import TYPE_CHECKING, Final
 
-import numpy as np
-
 from stimuli.checks import finite, instance
 from stimuli.drive.sampled import Drive
-from stimuli.field.scene import Scene
-from stimuli.fingers.impedance import Impedance, Pressed, pressing
-from stimuli.fingers.mirrored import images_of
-from stimuli.fingers.pressed import pressed_peaks
-from stimuli.fingers.unpressed import by_modes, by_patched_modes
-from stimuli.load import LOADS, Load
-from stimuli.motion.history import by_spectra
-from stimuli.strip.patch import cutoff_factor
-from stimuli.strip.strip import Strip
-from stimuli.tuned import tuned
+from stimuli.plate.patch import cutoff_factor
+from stimuli.plate.strip import Strip
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
-
-    from numpy.typing import NDArray
-
-    from stimuli.arrays import Real
 
 
 _LEAST_RINGS: Final = 3
@@ -40,6 +26,85 @@ away from its centre: then within 0.3 dB."""
 _POINTS_PER_RING: Final = 8
 _DIGITS: Final = 12
 """Places are rounded to a picometre, so that mirrored pairs of loads and points are equal."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Impedance:
+    """What a fingertip opposes to the plate: Z = damping - i w mass + i stiffness / w.
+
+    Attributes
+    ----------
+    mass_kg : float
+        Mass that goes with the plate, from 1e-7 to 1 kg.
+    stiffness_n_m : float
+        Spring between the plate and what does not move, from 0 to 1e8 N/m.
+    damping_n_s_m : float
+        Damper beside it, from 0 to 1e5 N s/m.
+    holds_up_to_hz : float
+        Upper end of the band in which these values were found, from 1e-3 to 1e6 Hz. They are
+        left out of the answer to a drive whose band at half power reaches above it.
+
+    Raises
+    ------
+    ValueError
+        If a value is not a number in its range.
+
+    Notes
+    -----
+    There are no values by default. They depend on the direction, the force and the posture, and
+    such a lumped model holds in a band: above it less and less of a finger goes with the plate,
+    while the force on a mass grows with the square of the frequency.
+
+    Examples
+    --------
+    A spring alone is not to be had, but a mass that does not count is:
+
+    >>> Impedance(mass_kg=0.0, stiffness_n_m=500.0, damping_n_s_m=1.0, holds_up_to_hz=800.0)
+    Traceback (most recent call last):
+    ValueError: mass_kg must be a finite number >= 1e-07 and <= 1, got 0.0
+    >>> spring = Impedance(
+    ...     mass_kg=1e-7, stiffness_n_m=500.0, damping_n_s_m=0.0, holds_up_to_hz=800.0
+    ... )
+    """
+
+    mass_kg: float
+    stiffness_n_m: float
+    damping_n_s_m: float
+    holds_up_to_hz: float
+
+    def __post_init__(self) -> None:
+        ranges = {
+            "mass_kg": (1e-7, 1.0),
+            "stiffness_n_m": (0.0, 1e8),
+            "damping_n_s_m": (0.0, 1e5),
+            "holds_up_to_hz": (1e-3, 1e6),
+        }
+        for name, (least, most) in ranges.items():
+            value = finite(name, getattr(self, name), least=least, most=most)
+            object.__setattr__(self, name, value)
+
+    def holds_for(self, drive: Drive) -> bool:
+        """Tell whether a drive's band at half power lies within that of the values.
+
+        Parameters
+        ----------
+        drive : Drive
+            A burst or any other drive.
+
+        Returns
+        -------
+        bool
+            Whether its upper edge is at most `holds_up_to_hz`.
+
+        Examples
+        --------
+        >>> from stimuli import Burst
+        >>> finger = Impedance(mass_kg=1e-4, stiffness_n_m=500.0, damping_n_s_m=1.0,
+        ...                    holds_up_to_hz=800.0)
+        >>> [finger.holds_for(Burst(frequency_hz=hz)) for hz in (500.0, 1000.0)]
+        [True, False]
+        """
+        return drive.band_hz()[1] <= self.holds_up_to_hz
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -55,7 +120,7 @@ class Fingertip:
         dependence on its owner and on how hard it presses.
     impedance : Impedance or None
         What it opposes to the mean displacement of that area; none: the plate moves as if no
-        finger touched it. Only a plate with ends can be pressed on, by a whole disc.
+        finger touched it. A fingertip that presses must lie wholly on the strip.
 
     Raises
     ------
@@ -161,127 +226,6 @@ def _on_rings(radius_m: float, width_m: float) -> Iterator[tuple[float, float]]:
             yield from ((a_m, b_m), (-b_m, a_m), (-a_m, -b_m), (b_m, -a_m))
 
 
-RTOL: Final = 5e-3
-"""Wanted relative error of a displacement over time: 0.04 dB, less than the sampling adds."""
-
-
-@tuned
-def felt(
-    strip: Strip,
-    loads: Sequence[Load],
-    fingertips: Sequence[Fingertip],
-    drive: Drive,
-    rtol: float = RTOL,
-) -> Real:
-    """Return the greatest displacement at each fingertip for each load, equation (69).
-
-    Parameters
-    ----------
-    strip : Strip
-        The strip. One with a constant loss factor is replaced by `causal(strip, drive)`.
-    loads : tuple or list of Load
-        Loads, each driven by itself.
-    fingertips : tuple or list of Fingertip
-        Fingertips; beside their own points the centres of loads under them are looked at. Those
-        with an impedance that holds for the drive rest on the plate, whichever load is driven.
-    drive : Drive
-        A burst or any other drive, with the amplitude 1.
-    rtol : float
-        Wanted relative error of the displacement over time; bursts without a window take much
-        longer where it is small. Levels below -60 dB are known less well, with impedances those
-        below -50 dB. On a strip with patches `felt_known` tells how well.
-
-    Returns
-    -------
-    ndarray of float64, shape (n_fingertips, n_loads)
-        The greatest abs(u(t)) over contact area and time in metres per unit load amplitude
-        (1 N, 1 Pa, 1 N m/m).
-
-    Raises
-    ------
-    ValueError
-        If an argument is not what it should be, or a load or fingertip is not on the strip; with
-        impedances, if it is endless, too long for its modes, or a disc is not wholly on it.
-
-    Notes
-    -----
-    Beside the error `rtol` the sampling adds up to 0.05 dB in time and 0.1 dB over the area. A
-    strip of finite length without loss may ring on above its cut-off; what comes later than
-    eight times the time that an endless one takes is left out.
-
-    Examples
-    --------
-    Two equal actuators with a finger on each feel alike:
-
-    >>> from stimuli import ALUMINIUM, CLAMPED, Burst, MomentDisc, Strip
-    >>> strip = Strip(width_m=0.025, thickness_m=0.0005, material=ALUMINIUM, edge=CLAMPED)
-    >>> discs = [MomentDisc(x_m=x, y_m=0.0125, radius_m=0.0064) for x in (-0.035, 0.035)]
-    >>> fingers = [Fingertip(x_m=x, y_m=0.0125) for x in (-0.035, 0.035)]
-    >>> burst = Burst(frequency_hz=500.0, cycles=1, window="hann")
-    >>> peaks_m = felt(strip, discs, fingers, burst)
-    >>> bool(abs(peaks_m / peaks_m.T - 1).max() < 1e-6)
-    True
-    >>> bool(peaks_m[1, 0] < 1e-3 * peaks_m[0, 0])
-    True
-    """
-    scene, places, far_m = asked(strip, loads, fingertips, drive)
-    images = images_of(strip, loads, fingertips)
-    scene, pressed = images.fewer(scene), pressed_of(strip, fingertips, drive)
-    with images.named():
-        if pressed:
-            peaks = pressed_peaks(scene, places, drive, pressed, rtol=rtol, far_m=far_m)[0]
-            return images.every(peaks.peak_m)
-        if strip.patches:
-            return images.every(by_patched_modes(scene, places, drive, far_m)[0].peak_m)
-    found = by_modes(scene, places, drive, rtol, far_m)
-    if found is None:
-        return images.every(by_spectra(scene, places, drive, rtol, far_m))
-    return images.every(found[0].peak_m)
-
-
-def pressed_of(strip: Strip, tips: Sequence[Fingertip], drive: Drive) -> tuple[Pressed, ...]:
-    """Return what presses on the strip: the fingertips whose impedance holds for a drive."""
-    return tuple(
-        pressing(strip, (tip.x_m, tip.y_m), tip.radius_m, tip.impedance)
-        for tip in tips
-        if tip.impedance and tip.impedance.holds_for(drive)
-    )
-
-
-def asked(
-    strip: Strip, loads: Sequence[Load], fingertips: Sequence[Fingertip], drive: Drive
-) -> tuple[Scene, list[NDArray[np.intp]], float]:
-    """Return what is looked at, the places of each fingertip in it, and the farthest."""
-    instance("drive", drive, Drive, "a burst or a sampled drive")
-    instance("loads", loads, (tuple, list), "a tuple of loads")
-    for load in loads:
-        instance("loads", load, LOADS, "a tuple of loads")
-    tips = checked_fingertips(fingertips)
-    areas = [tip.points_m(strip) + _centres(tip, loads) for tip in tips]
-    if _is_even(strip, loads, tips):
-        areas = [_folded(area, strip.width_m) for area in areas]
-    points_m = tuple(dict.fromkeys(point for area in areas for point in area))
-    scene = Scene(strip=causal(strip, drive), loads=tuple(loads), points_m=points_m)
-    row = {point: index for index, point in enumerate(points_m)}
-    places = [np.array([row[point] for point in area]) for area in areas]
-    far_m = max(abs(tip.x_m - load.x_m) + tip.radius_m for tip in tips for load in loads)
-    return scene, places, far_m
-
-
-def _is_even(strip: Strip, loads: Sequence[Load], tips: Sequence[Fingertip]) -> bool:
-    """Tell whether all that moves or loads the strip lies on its centre line."""
-    pressed = [tip for tip in tips if tip.impedance is not None]
-    return all(one.y_m == strip.width_m / 2 for one in (*loads, *strip.patches, *pressed))
-
-
-def _folded(
-    area: tuple[tuple[float, float], ...], width_m: float
-) -> tuple[tuple[float, float], ...]:
-    """Return the points of an area without those that are mirror images of others across."""
-    lower = ((x_m, min(y_m, round(width_m - y_m, _DIGITS))) for x_m, y_m in area)
-    return tuple(dict.fromkeys(lower))
-
-
 def causal(strip: Strip, drive: Drive) -> Strip:
     """Return a strip whose loss is causal: viscous instead of constant, equation (69).
 
@@ -352,9 +296,3 @@ def checked_fingertips(fingertips: Sequence[Fingertip]) -> tuple[Fingertip, ...]
     if not fingertips:
         raise ValueError(f"fingertips must hold at least one, got {fingertips!r}")
     return tuple(fingertips)
-
-
-def _centres(tip: Fingertip, loads: Sequence[Load]) -> tuple[tuple[float, float], ...]:
-    """Return the centres of loads under a fingertip: there a small load moves the plate most."""
-    places = [(load.x_m, load.y_m) for load in loads]
-    return tuple(p for p in places if math.dist(p, (tip.x_m, tip.y_m)) <= tip.radius_m)

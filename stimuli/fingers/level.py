@@ -15,7 +15,7 @@ from stimuli.drive.burst import Burst
 from stimuli.errors import PlateError, Rule
 from stimuli.fingers.fingertip import checked_fingertips
 from stimuli.fingers.peaks import fingertip_peaks
-from stimuli.tuned import tuned
+from stimuli.threads import single_threaded
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from stimuli.drive.windows import Window
     from stimuli.fingers.fingertip import Fingertip
     from stimuli.load import Load
-    from stimuli.strip.strip import Strip
+    from stimuli.plate.strip import Strip
 
 
 MOST_CYCLES: Final = 20
@@ -114,7 +114,7 @@ class WindowChoice:
     louder: tuple[tuple[Burst, float], ...] = ()
 
 
-@tuned
+@single_threaded
 def shortest_window(
     strip: Strip,
     loads: Sequence[Load],

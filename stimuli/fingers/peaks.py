@@ -21,6 +21,7 @@ from stimuli.plate.line import gauss_rule
 from stimuli.plate.response import MISSED, RELATIVE, Estimate, estimate
 from stimuli.plate.scene import check_loads
 from stimuli.plate.transient import LOOKS, make_time_line, receptances, reference_hz
+from stimuli.threads import single_threaded
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -28,11 +29,10 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from stimuli.arrays import Complex, Real
-    from stimuli.fingers.fingertip import Fingertip
-    from stimuli.fingers.impedance import Impedance
+    from stimuli.fingers.fingertip import Fingertip, Impedance
     from stimuli.load import Load
+    from stimuli.plate.strip import Strip
     from stimuli.plate.transient import Receptance, TimeLine
-    from stimuli.strip.strip import Strip
 
 MAX_ERROR: Final = 0.03
 """Part of the peak at the driven finger that has to be known."""
@@ -48,8 +48,13 @@ _RADII: Final = 8
 _ROUNDING_DIGITS: Final = 12
 
 
+@single_threaded
 def fingertip_peaks(
-    strip: Strip, loads: Sequence[Load], fingertips: Sequence[Fingertip], drive: Drive
+    strip: Strip,
+    loads: Sequence[Load],
+    fingertips: Sequence[Fingertip],
+    drive: Drive,
+    rtol: float | None = None,
 ) -> Estimate[Real]:
     """Return the peak displacement at each fingertip under each load, with its error.
 
@@ -62,6 +67,8 @@ def fingertip_peaks(
     fingertips : sequence of Fingertip
         Those with an impedance that holds for the drive press on the plate.
     drive : Drive
+    rtol : float, optional
+        Largest error, relative to the largest peak of each load; refused where it is not kept.
 
     Returns
     -------
@@ -74,7 +81,8 @@ def fingertip_peaks(
         If an argument is not what it should be, a load or fingertip is not on the strip, or one
         with an impedance not wholly.
     PlateError
-        If the plate needs too many functions, or a peak at a driven finger is not known to 3 %.
+        If the plate needs too many functions, a peak at a driven finger is not known to 3 %, or
+        `rtol` is not kept.
 
     Examples
     --------
@@ -124,7 +132,29 @@ def fingertip_peaks(
         load = int(errors.argmax())
         data = {"error_percent": 100 * float(errors[load]), "max_percent": 100 * MAX_ERROR}
         raise PlateError(Rule.UNCERTAIN_PEAK, load=load, **data)
-    return peaks
+    return peaks.kept(rtol, fine_m.max(axis=0))
+
+
+def felt(
+    strip: Strip,
+    loads: Sequence[Load],
+    fingertips: Sequence[Fingertip],
+    drive: Drive,
+    rtol: float | None = None,
+) -> Real:
+    """Return the value of `fingertip_peaks` alone.
+
+    Parameters
+    ----------
+    strip, loads, fingertips, drive, rtol
+        As for `fingertip_peaks`.
+
+    Returns
+    -------
+    ndarray of float64, shape (n_fingertips, n_loads)
+        Metres per unit load.
+    """
+    return fingertip_peaks(strip, loads, fingertips, drive, rtol).value
 
 
 def _peaks(

@@ -23,8 +23,8 @@ import scipy.linalg
 from stimuli.errors import PlateError, Rule
 from stimuli.plate.area import area_nodes, load_work, make_rim, remaining_work
 from stimuli.plate.line import EVEN, FREE, ODD, Margins, make_line, place_breaks
+from stimuli.plate.patch import laminate, layer_of
 from stimuli.plate.waveguide import edge_end, edge_springs, plate_wavenumber
-from stimuli.strip.patch import laminate, layer_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -35,8 +35,8 @@ if TYPE_CHECKING:
     from stimuli.load import Load
     from stimuli.plate.area import Rim
     from stimuli.plate.line import Line
-    from stimuli.strip.patch import BondedPatch, Laminate
-    from stimuli.strip.strip import Strip
+    from stimuli.plate.patch import BondedPatch, Laminate
+    from stimuli.plate.strip import Strip
 
 _MIN_CELL, _MAX_CELL = 0.02, 8.0
 """Of the width. Long cells hold many waves; beyond some tens polynomials lose digits."""

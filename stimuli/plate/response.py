@@ -26,6 +26,7 @@ from stimuli.plate.waveguide import (
     has_lossless_springs,
     stiffness_factors,
 )
+from stimuli.threads import single_threaded
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -35,7 +36,7 @@ if TYPE_CHECKING:
     from stimuli.arrays import Complex, Real
     from stimuli.load import Load
     from stimuli.plate.modes import Basis
-    from stimuli.strip.strip import Strip
+    from stimuli.plate.strip import Strip
 
 Values = TypeVar("Values", bound="NDArray[Any]")
 
@@ -113,6 +114,24 @@ class Estimate(Generic[Values]):
     error: Real
     work: tuple[str, ...]
 
+    def kept(self, rtol: float | None, scale: Real) -> Estimate[Values]:
+        """Return the result if its error is at most `rtol` of a scale, or refuse it.
+
+        PlateError where it is not, ValueError where `rtol` is not from 0 to 0.1.
+        """
+        if rtol is None:
+            return self
+        rtol = check_tolerance(rtol)
+        relative = float((self.error / np.maximum(scale, _TINIEST)).max())
+        if relative > rtol:
+            raise PlateError(Rule.TOLERANCE, rtol=rtol, min_rtol=relative)
+        return self
+
+
+def check_tolerance(rtol: float) -> float:
+    """Return a tolerance, or refuse it with a ValueError."""
+    return finite("rtol", rtol, above=0.0, most=0.1)
+
 
 def estimate(
     coarse: Values, fine: Values, missed: Real, work: tuple[str, ...], relative: float
@@ -125,6 +144,7 @@ def estimate(
     return Estimate(value=fine, error=np.asarray(error), work=work)
 
 
+@single_threaded
 def response(
     scene: Scene, frequencies_hz: ArrayLike, rtol: float | None = None
 ) -> Estimate[Complex]:
@@ -170,17 +190,16 @@ def response(
     True
     """
     at_hz = scene.check_frequencies(frequencies_hz)
-    rtol = None if rtol is None else finite("rtol", rtol, above=0.0, most=0.1)
-    best = math.inf
+    if rtol is None:
+        return solve_scene(scene, at_hz, ACCURACIES[0])[0]
+    rtol, best = check_tolerance(rtol), math.inf
     for accuracy in ACCURACIES:
         answer, scale = solve_scene(scene, at_hz, accuracy)
-        if rtol is None:
-            return answer
         floor = np.maximum(np.abs(answer.value), _FLOOR * rtol * scale)
         best = min(best, float((answer.error / np.maximum(floor, _TINIEST)).max()))
         if best <= rtol:
             return answer
-    raise PlateError(Rule.TOLERANCE, rtol=rtol or 0.0, min_rtol=best)
+    raise PlateError(Rule.TOLERANCE, rtol=rtol, min_rtol=best)
 
 
 def displacement(scene: Scene, frequencies_hz: ArrayLike, rtol: float | None = None) -> Complex:
@@ -272,8 +291,7 @@ def _endless_response(
 ) -> tuple[Complex, tuple[str, ...]]:
     omega = 2 * math.pi * at_hz
     both = [
-        endless_displacement(strip, loads, points_m, omega, margins)
-        for margins in accuracy.endless
+        endless_displacement(strip, loads, points_m, omega, margins) for margins in accuracy.endless
     ]
     return np.stack(both), describe_waves(strip, loads)
 

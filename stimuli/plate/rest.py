@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from stimuli.arrays import Complex, Real
     from stimuli.load import Load
     from stimuli.plate.modes import Basis
-    from stimuli.strip.strip import Strip
+    from stimuli.plate.strip import Strip
 
 _REACH: Final = 7.0
 """Widths of the plate that are solved on each side of a load: 3e-10 of its field lies beyond."""

@@ -9,7 +9,7 @@ import numpy as np
 
 from stimuli.checks import finite_array, instance
 from stimuli.load import LOADS, Load
-from stimuli.strip.strip import Strip
+from stimuli.plate.strip import MAX_CUTOFFS, Strip
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -18,8 +18,6 @@ if TYPE_CHECKING:
 
     from stimuli.arrays import Real
 
-MAX_CUTOFFS: Final = 400.0
-"""Highest frequency, in first cut-offs: 20 half waves over the width."""
 _MAX_X_M: Final = 1e3
 _ROUNDING: Final = 1e-12
 _AXES: Final = 2

@@ -28,6 +28,7 @@ from stimuli.plate.response import (
 )
 from stimuli.plate.rest import rest_displacement
 from stimuli.plate.waveguide import endless_displacement
+from stimuli.threads import single_threaded
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -39,7 +40,7 @@ if TYPE_CHECKING:
     from stimuli.load import Load
     from stimuli.plate.response import Estimate, Modes
     from stimuli.plate.scene import Scene
-    from stimuli.strip.strip import Strip
+    from stimuli.plate.strip import Strip
 
 _FADING: Final = 9.0
 """Nepers by which a period fades before it comes round: exp(-9 / 2) = 1e-4 into the kept half,
@@ -266,7 +267,26 @@ def _at_rest(modes: Sequence[Modes]) -> Real:
     return np.asarray(np.sum([part.at_rest() for part in modes], axis=0))
 
 
-def transient(scene: Scene, drive: Drive, times_s: ArrayLike) -> Estimate[Real]:
+def transient(scene: Scene, drive: Drive, times_s: ArrayLike, rtol: float | None = None) -> Real:
+    """Return the value of `transient_response` alone.
+
+    Parameters
+    ----------
+    scene, drive, times_s, rtol
+        As for `transient_response`.
+
+    Returns
+    -------
+    ndarray of float64, shape (n_times, n_loads, n_points)
+        Metres per unit load amplitude.
+    """
+    return transient_response(scene, drive, times_s, rtol).value
+
+
+@single_threaded
+def transient_response(
+    scene: Scene, drive: Drive, times_s: ArrayLike, rtol: float | None = None
+) -> Estimate[Real]:
     """Return the displacement of a strip over time.
 
     Parameters
@@ -276,6 +296,9 @@ def transient(scene: Scene, drive: Drive, times_s: ArrayLike) -> Estimate[Real]:
     drive : Drive
         It begins at time 0.
     times_s : array_like of float, shape (n_times,)
+    rtol : float, optional
+        Largest error, relative to the largest displacement under each load; refused where it is
+        not kept.
 
     Returns
     -------
@@ -286,14 +309,13 @@ def transient(scene: Scene, drive: Drive, times_s: ArrayLike) -> Estimate[Real]:
     --------
     A plate that is not driven yet is at rest:
 
-    >>> from stimuli import ALUMINIUM, CLAMPED, Burst, MomentDisc, Strip
+    >>> from stimuli import ALUMINIUM, CLAMPED, Burst, MomentDisc, Scene, Strip
     >>> strip = Strip(width_m=0.025, thickness_m=0.0005, material=ALUMINIUM, edge=CLAMPED)
     >>> disc = MomentDisc(x_m=0.0, y_m=0.0125, radius_m=0.0064)
     >>> burst = Burst(frequency_hz=500.0, cycles=1, window="hann")
     >>> times_s = [-1e-4, 0.0, 1e-3]
-    >>> from stimuli.plate.scene import Scene
     >>> scene = Scene(strip=strip, loads=(disc,), points_m=((0.0, 0.0125),))
-    >>> motion = transient(scene, burst, times_s)
+    >>> motion = transient_response(scene, burst, times_s)
     >>> motion.value.shape, bool(motion.value[:2].any())
     ((3, 1, 1), False)
     """
@@ -316,7 +338,8 @@ def transient(scene: Scene, drive: Drive, times_s: ArrayLike) -> Estimate[Real]:
         history[is_driven] = spline(times[is_driven])
     coarse, fine = histories
     scale = np.abs(fine).max(axis=(0, 2), keepdims=True, initial=0.0)
-    return estimate(coarse, fine, _BETWEEN_LOOKS * scale, plates[1].work, RELATIVE)
+    motion = estimate(coarse, fine, _BETWEEN_LOOKS * scale, plates[1].work, RELATIVE)
+    return motion.kept(rtol, scale)
 
 
 def reference_hz(strip: Strip, drive: Drive) -> float:

@@ -20,8 +20,8 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from stimuli.plate.area import chord_work, local_field, slice_area
+from stimuli.plate.edge import CLAMPED, ElasticEdge
 from stimuli.plate.line import CLAMPED_END, EVEN, ODD, SUPPORTED, make_line, place_breaks
-from stimuli.strip.edge import CLAMPED, ElasticEdge
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from stimuli.arrays import Complex, Real
     from stimuli.load import Load
     from stimuli.plate.line import Line, LineEnd, Margins
-    from stimuli.strip.strip import Strip
+    from stimuli.plate.strip import Strip
 
 MIN_FREQUENCY: Final = 1e-3
 """Of the first cut-off. Below it a strip moves as at this frequency, within 1e-6; nearer to 0 the
@@ -64,6 +64,17 @@ class CrossSection:
         # eigenvalues of the matrix itself they would lose some to the largest.
         inverse = np.linalg.eigvalsh(np.linalg.inv(self.curvatures + self.springs))[::-1]
         return np.asarray(1 / np.sqrt(inverse * self.inertia) / (2 * math.pi))
+
+    def mode_shapes(self, y_m: Real) -> Real:
+        """Return the shapes at cut-offs, by frequency, whose squares have an integral of 1.
+
+        They are (..., n_functions), and positive beside the edge y = 0.
+        """
+        _, shapes = np.linalg.eigh(self.curvatures + self.springs)
+        near_m = self.strip.width_m / (4 * np.arange(2, 2 * shapes.shape[1] + 1, 2))
+        first = self.line.derivatives(near_m, (0,))[0]
+        signs = np.sign(np.einsum("mf,fm->m", first, shapes))
+        return np.asarray(self.line.derivatives(y_m, (0,))[0] @ (signs * shapes))
 
     def waves(self, omega: Complex | Real) -> Waves:
         """Return all waves that go or decay to the right at some angular frequencies."""
@@ -178,7 +189,9 @@ def endless_displacement(
     fields += np.stack([local_field(load, points_m) for load in loads])
     wavenumber = plate_wavenumber(strip, float(np.abs(omega).max()) / (2 * math.pi))
     places_m = [load.y_m + side * load.half_size_m[1] for load in loads for side in (-1, 1)]
-    is_centred = all(abs(load.y_m - strip.width_m / 2) < _ROUNDING * strip.width_m for load in loads)
+    is_centred = all(
+        abs(load.y_m - strip.width_m / 2) < _ROUNDING * strip.width_m for load in loads
+    )
     for parity in (1,) if is_centred else (1, -1):
         section = make_cross_section(strip, wavenumber, parity, margins, places_m)
         fields += _wave_fields(section, loads, points_m, omega)

@@ -34,9 +34,9 @@ from stimuli import (
     load_per_volt,
     transient,
 )
+from stimuli.plate.patch import laminate, layer_of
 from stimuli.plate.response import displacement as displacement_by_modes
 from stimuli.plate.scene import Scene as PlateScene
-from stimuli.strip.patch import laminate, layer_of
 from tests.test_stimuli.modes import (
     natural_frequencies_hz,
     peaks_up_to,

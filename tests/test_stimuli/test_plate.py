@@ -28,6 +28,7 @@ from stimuli.errors import PlateError, Rule
 from stimuli.fingers.peaks import fingertip_peaks
 from stimuli.plate.line import EVEN, FREE, ODD, SUPPORTED, LineEnd, Margins, make_line
 from stimuli.plate.modes import Resolution, plate_bases
+from stimuli.plate.patch import layer_of
 from stimuli.plate.response import ACCURACIES, response, solve_scene
 from stimuli.plate.rest import rest_displacement
 from stimuli.plate.scene import Scene as PlateScene
@@ -37,13 +38,12 @@ from stimuli.plate.waveguide import (
     make_cross_section,
     plate_wavenumber,
 )
-from stimuli.strip.patch import layer_of
 from tests.test_stimuli.scenes import fingertip_of, load_of, reference_rows, strip_of
 
 if TYPE_CHECKING:
     from stimuli import Load
     from stimuli.arrays import Complex, Real
-    from stimuli.strip.strip import Symmetry
+    from stimuli.plate.strip import Symmetry
 
 EDGES = (SIMPLY_SUPPORTED, CLAMPED, ElasticEdge(stiffness_n=140.0))
 
@@ -108,7 +108,9 @@ def test_cut_offs_and_wavenumbers_are_those_of_the_edges(edge: Any) -> None:
 def endless(strip: Strip, load: Load, points_m: Real, frequency_hz: float) -> Complex:
     """Return the displacement per unit load on a strip without ends."""
     hz = np.array([frequency_hz])
-    return np.asarray(endless_displacement(strip, [load], points_m, 2 * math.pi * hz, Margins(4, 6))[0, 0])
+    return np.asarray(
+        endless_displacement(strip, [load], points_m, 2 * math.pi * hz, Margins(4, 6))[0, 0]
+    )
 
 
 def test_fields_of_endless_strips_are_those_of_another_solver() -> None:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from stimuli.checks import finite, instance
 from stimuli.drive.energy import staircase_energy_above
 from stimuli.drive.sampled import Drive
-from stimuli.strip.strip import Strip
+from stimuli.plate.strip import Strip
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -12,7 +12,7 @@ from stimuli.checks import finite, instance
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from stimuli.strip.material import Material
+    from stimuli.plate.material import Material
 
 
 _TOUCHING: Final = 1e-9

@@ -1,1 +1,0 @@
-"""Plates with patches: functions that bend at their rims, matrices, modes."""

@@ -1,1 +1,0 @@
-"""What free ends add to the field: waves turned back, fields fitted, singular corners."""
