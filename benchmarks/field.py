@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from benchmarks import plates
-from benchmarks.plate_fem import MODES, direct, modal, model
+from tests.reference.plate_fem import MODES, direct, modal, model
 from benchmarks.timing import duration, median_s
 from stimuli import (
     ALUMINIUM,
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from benchmarks.plate_fem import Model
+    from tests.reference.plate_fem import Model
     from stimuli import IdealEdge
     from stimuli.arrays import Complex, Real
 

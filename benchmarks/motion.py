@@ -11,7 +11,7 @@ from unittest.mock import patch
 
 import numpy as np
 
-from benchmarks.plate_fem import in_modes, model, newmark
+from tests.reference.plate_fem import in_modes, model, newmark
 from benchmarks.timing import duration
 from stimuli import (
     ALUMINIUM,

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Final
 import mpmath
 import numpy as np
 
-from benchmarks.exact import exact
+from tests.reference.exact import exact
 from benchmarks.hard_cases import FORCE, PLACE, Case, Sweep, strip_on, sweeps
 from stimuli import CLAMPED, Scene, response
 
@@ -143,7 +143,7 @@ def section() -> str:
             "",
             (
                 "Relative error of one displacement against 62 digits and more "
-                "(`benchmarks/exact.py`); a warning, overflow or NaN is an error. Unless "
+                "(`tests/reference/exact.py`); a warning, overflow or NaN is an error. Unless "
                 "told: the paper's plate, point force at y = 0.4 W, field at (10 mm, 0.6 W), no "
                 "loss. A field below the least normal number counts as 0. Each sweep has "
                 f"{min(sizes)} to {max(sizes)} values."

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 from benchmarks import calibration, field, single, sweep
-from benchmarks.exact import exact
+from tests.reference.exact import exact
 from benchmarks.hard_cases import strip_on
-from benchmarks.plate_fem import direct, modal, model
+from tests.reference.plate_fem import direct, modal, model
 from stimuli import CLAMPED, SIMPLY_SUPPORTED, MomentRectangle, PointForce, displacement
 
 if TYPE_CHECKING:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy.optimize import brentq
 
-from benchmarks.exact import exact
+from tests.reference.exact import exact
 from stimuli import (
     CLAMPED,
     SIMPLY_SUPPORTED,

@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from benchmarks.exact import exact
+from tests.reference.exact import exact
 from stimuli import (
     ALUMINIUM,
     CLAMPED,

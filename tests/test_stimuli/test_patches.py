@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from benchmarks.plate_fem import model
+from tests.reference.plate_fem import model
 from stimuli import (
     ALUMINIUM,
     CLAMPED,

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from numpy.polynomial import Legendre
 
-from benchmarks.exact import exact
+from tests.reference.exact import exact
 from stimuli import (
     CLAMPED,
     SIMPLY_SUPPORTED,
@@ -127,7 +127,7 @@ STEEL = Strip(
 F1_HZ = STEEL.cutoff_hz()
 HALF_HZ = 896.8434934076143
 """f_1 / 2 of the steel strip to the last digit: there p^2 + k^2 rounds to 0 exactly."""
-# Residues and integrals in 62-digit arithmetic (benchmarks/exact.py), of the doubles as they are.
+# Residues and integrals in 62-digit arithmetic (tests/reference/exact.py), of the doubles as they are.
 AT_MEETINGS: list[tuple[Edge, float | None, float, Load, complex]] = [
     (FREE, None, HALF_HZ, force(0.0, 0.008), 0.000013383171464953033861),
     (FREE, None, 4 * HALF_HZ, disc(0.005, y_m=0.008),
@@ -190,7 +190,7 @@ def soft(stiffness_n: float) -> Strip:
     return on(ElasticEdge(stiffness_n=stiffness_n))
 
 
-# Residues and tanh-sinh-like integrals in 62-digit arithmetic (benchmarks/exact.py), each number
+# Residues and tanh-sinh-like integrals in 62-digit arithmetic (tests/reference/exact.py), each number
 # of the problem taken as the double it is: strip, load, x, y, frequency, metres per unit load.
 Values = list[tuple[Strip, Load, float, float, float, complex]]
 HARD: Values = [

@@ -1,9 +1,9 @@
 """The field of one load to forty digits: an evaluator in mpmath to measure errors against.
 
-It shares nothing with the solver but the statement of the problem (docs/model.md, (37) to (44)):
-the transform along the strip is written with plain hyperbolic functions, residues are taken as
-means over small circles, and the rest is a tanh-sinh integral along two rays that open upwards.
-Digits that cancel are paid for with working precision. Lengths are in widths.
+It shares with the product the values that state a problem, and no equation: the transform along the
+strip is written with plain hyperbolic functions, residues are taken as means over small circles,
+and the rest is a tanh-sinh integral along two rays that open upwards. Digits that cancel are paid
+for with working precision. Lengths are in widths.
 """
 
 from __future__ import annotations
@@ -13,7 +13,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final
 
 import mpmath
+import numpy as np
 from mpmath import mp
+from numpy.polynomial import Legendre
 
 from stimuli import SIMPLY_SUPPORTED, ElasticEdge, ForceRectangle, PressureDisc, PressureRectangle
 from stimuli.load import DISCS
@@ -29,6 +31,7 @@ _FAR: Final = 3.0
 """Clearance in widths beyond which the residues are the whole field."""
 
 _EXTRA_WAVES: Final = 9
+_EXTRA_POLYNOMIALS: Final = 20
 _STEPS: Final = 40
 """Nodes per unit of the integration variable."""
 
@@ -111,12 +114,12 @@ def exact(strip: Strip, load: Load, x_m: float, y_m: float, frequency_hz: float)
     frequency = frequency_hz or mp.mpf(_REST_HZ)
     lost = max(0, 2 * int(mp.log10(2000 / mp.mpf(frequency))))
     with mp.workdps(DIGITS + _GUARD + lost):
-        problem, scale = _stated(strip, load, x_m, y_m, mp.mpf(frequency))
+        problem, scale = _state(strip, load, x_m, y_m, mp.mpf(frequency))
         if problem.radius and not problem.x and problem.y == problem.centre:
             aside = {name: getattr(problem, name) for name in problem.__slots__}
             problem = Problem(**{**aside, "x": _ASIDE})
         signs = (1,) if problem.y == 0 or problem.centre == 0 else (1, -1)
-        value = mp.fsum(_one_symmetry(problem, strip, frequency_hz, sign) for sign in signs)
+        value = mp.fsum(_one_symmetry(problem, sign) for sign in signs)
         if problem.radius:
             value += _inside_disc(problem)
         if strip.length_m is not None:
@@ -124,9 +127,7 @@ def exact(strip: Strip, load: Load, x_m: float, y_m: float, frequency_hz: float)
         return +(value * scale)
 
 
-def _stated(
-    strip: Strip, load: Load, x_m: float, y_m: float, frequency: Any
-) -> tuple[Problem, Any]:
+def _state(strip: Strip, load: Load, x_m: float, y_m: float, frequency: Any) -> tuple[Problem, Any]:
     """Return the problem in widths and what its D U is multiplied with."""
     material, width, thickness = strip.material, mp.mpf(strip.width_m), mp.mpf(strip.thickness_m)
     nu, omega = mp.mpf(material.poisson_ratio), 2 * mp.pi * frequency
@@ -162,9 +163,9 @@ def _stated(
     return problem, scale
 
 
-def _one_symmetry(problem: Problem, strip: Strip, frequency_hz: float, sign: int) -> Any:
+def _one_symmetry(problem: Problem, sign: int) -> Any:
     """Return residues of the waves below two rays, and the integral along these."""
-    waves = _waves(problem, strip, frequency_hz, sign)
+    waves = _waves(problem, sign)
     weights = problem.branch_weights()
     pieces = _pieces(problem, sign)
 
@@ -310,21 +311,40 @@ def _supported(across: _Across, y: Any, pieces: list[_Piece]) -> Any:
     return side * total / (2 * g * across.shape(_HALF))
 
 
-def _waves(problem: Problem, strip: Strip, frequency_hz: float, sign: int) -> list[Any]:
+def _waves(problem: Problem, sign: int) -> list[Any]:
     """Return outgoing wavenumbers of one symmetry: all that propagate and some more."""
     count = int(abs(problem.k) / (2 * mp.pi)) + _EXTRA_WAVES
     if mp.isinf(problem.hold):
         q = [mp.pi * n for n in range(1 if sign > 0 else 2, 2 * count + 2, 2)]
         squares = [branch * problem.k**2 - a * a for a in q for branch in (1, -1)]
         return sorted((_outgoing(mp.mpc(z)) for z in squares), key=_decay)[: count + 1]
-    symmetry = "symmetric" if sign > 0 else "antisymmetric"
-    # mypy: the symmetry of a case is text, one of two words
-    endless = strip.wavenumbers_rad_m(frequency_hz, n_modes=count + 1, symmetry=symmetry)  # type: ignore[arg-type]
     found: list[Any] = []
-    for start in (mp.mpc(complex(p)) * mp.mpf(strip.width_m) for p in endless[:count]):
-        found.append(_polished(problem, start**2, found, sign))
+    for start in _rough_squares(problem, sign, count):
+        found.append(_polished(problem, mp.mpc(start), found, sign))
     waves = [_outgoing(z) for z in found]
     return [p for i, p in enumerate(waves) if all(abs(p - q) > mp.eps**0.5 for q in waves[:i])]
+
+
+def _rough_squares(problem: Problem, sign: int, count: int) -> list[complex]:
+    """Return p^2 of the waves that decay least to some digits: of a model in polynomials across."""
+    bubble = Legendre([2 / 3, 0, -2 / 3]) ** (1 if problem.hold else 2)
+    first, n = int(sign < 0), count + _EXTRA_POLYNOMIALS
+    shapes = [bubble * Legendre.basis(first + 2 * j) for j in range(n)]
+    nodes, weights = np.polynomial.legendre.leggauss(2 * n + 6)
+    mass, slope, bend = (
+        (values * weights / 2) @ values.T
+        for order in (0, 1, 2)
+        for values in [np.array([2**order * shape.deriv(order)(nodes) for shape in shapes])]
+    )
+    ends = np.array([2 * shape.deriv()(1.0) for shape in shapes])
+    springs = 2 / complex(problem.hold) * np.outer(ends, ends) if problem.hold else 0.0
+    root = np.linalg.inv(np.linalg.cholesky(mass))
+    slope, bend = root @ slope @ root.T, root @ (bend + springs) @ root.T
+    unit = np.eye(n)
+    lower = complex(problem.k) ** 4 * unit - bend
+    squares: Any = np.linalg.eigvals(np.block([[0 * unit, unit], [lower, -2 * slope]]))
+    by_decay = sorted(squares.tolist(), key=lambda square: _decay(_outgoing(mp.mpc(square))))
+    return by_decay[:count]
 
 
 def _decay(p: Any) -> Any:

@@ -1,4 +1,7 @@
-"""The finite plate in scikit-fem: Bogner-Fox-Schmit rectangles, four unknowns per node."""
+"""The finite plate in scikit-fem: Bogner-Fox-Schmit rectangles, four unknowns per node.
+
+It shares with the product the values that state a problem, and no equation.
+"""
 
 from __future__ import annotations
 
@@ -9,8 +12,6 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from stimuli import CLAMPED, BondedPatch, ElasticEdge, MomentRectangle, Strip
-from stimuli.motion.oscillators import followed, moved, poles
-from stimuli.plate.patch import laminate, layer_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -81,27 +82,25 @@ def model(
     mesh = skfem.MeshQuad.init_tensor(_lines(sorted(x_m), size_m), _lines(sorted(y_m), size_m))
     basis = skfem.Basis(mesh, skfem.ElementQuadBFS(), intorder=6)
 
-    plate = layer_of(strip.material, strip.thickness_m)
-    over = [(patch, laminate([plate, *patch.layers])) for patch in strip.patches]
+    bare, covered = _laminate(strip), [_laminate(strip, patch) for patch in strip.patches]
 
-    def there(name: str, w: Any) -> Any:
-        """Return what the plate, or where a patch is the laminate, has."""
-        found = np.full_like(w.x[0], getattr(laminate([plate]), name))
-        for patch, both in over:
-            (reach_x, reach_y), (x, y) = patch.half_size_m, w.x
+    def properties(w: Any) -> Any:
+        """Return what the plate, or where a patch is the laminate, has at some places."""
+        (x, y), values = w.x, [np.full_like(w.x[0], value) for value in bare]
+        for patch, laminate in zip(strip.patches, covered, strict=True):
+            reach_x, reach_y = patch.half_size_m
             inside = (abs(x - patch.x_m) < reach_x) & (abs(y - patch.y_m) < reach_y)
-            found = np.where(inside, getattr(both, name), found)
-        return found
+            values = [np.where(inside, new, old) for new, old in zip(laminate, values, strict=True)]
+        return values
 
     @bilinear
     def bending(u: Any, v: Any, w: Any) -> Any:
-        one, other = dd(u), dd(v)
-        biaxial, opposed = there("biaxial_n_m", w), there("opposed_n_m", w)
-        return opposed * ddot(one, other) + (biaxial - opposed) / 2 * trace(one) * trace(other)
+        (d11, d12, _), curvature, virtual = properties(w), dd(u), dd(v)
+        return (d11 - d12) * ddot(curvature, virtual) + d12 * trace(curvature) * trace(virtual)
 
     @bilinear
     def product(u: Any, v: Any, w: Any) -> Any:
-        return there("mass_kg_m2", w) * u * v
+        return properties(w)[2] * u * v
 
     @bilinear
     def spring(u: Any, v: Any, _: Any) -> Any:
@@ -126,6 +125,27 @@ def model(
         points=basis.probes(np.array(points_m).T).tocsr()[:, free],
         loss_factor=strip.material.loss_factor,
     )
+
+
+def _laminate(strip: Strip, patch: BondedPatch | None = None) -> tuple[float, float, float]:
+    """Return D11, D12 and the mass per area of the plate with a patch, by classical lamination.
+
+    With the stiffnesses A, B and D per unit width about the plate's lower face, curvature without
+    a force in the plane meets D - B A^-1 B.
+    """
+    layers: list[Any] = [strip.material, *(patch.layers if patch else ())]
+    thicknesses_m = [strip.thickness_m, *(layer.thickness_m for layer in layers[1:])]
+    faces_m = np.cumsum([0.0, *thicknesses_m])
+    stretch, couple, bend = np.zeros((3, 2, 2))
+    for layer, low_m, high_m in zip(layers, faces_m, faces_m[1:], strict=False):
+        nu = layer.poisson_ratio
+        plane = layer.youngs_modulus_pa / (1 - nu**2) * np.array([[1, nu], [nu, 1]])
+        stretch += plane * (high_m - low_m)
+        couple += plane * (high_m**2 - low_m**2) / 2
+        bend += plane * (high_m**3 - low_m**3) / 3
+    relaxed = bend - couple @ np.linalg.solve(stretch, couple)
+    mass = sum(layer.density_kg_m3 * h for layer, h in zip(layers, thicknesses_m, strict=True))
+    return float(relaxed[0, 0]), float(relaxed[0, 1]), float(mass)
 
 
 def _lines(breaks_m: Sequence[float], size_m: float) -> Real:
@@ -196,7 +216,15 @@ def newmark(plate: Model, samples: Real, step_s: float, viscous_s: float) -> Rea
 
 def in_modes(n_modes: int, plate: Model, samples: Real, step_s: float, viscous_s: float) -> Real:
     """Return the same by the lowest modes, each exactly, and what the others do at rest."""
-    squares, seen, others = _modes(n_modes, plate)
-    rates, modes, drives = poles(squares, squares, viscous_s)
-    answers = followed(rates, samples, step_s, np.zeros_like(rates), held=False)
-    return moved(seen @ modes * np.diag(drives), others, answers, samples)
+    from scipy.signal import StateSpace, lsim
+
+    squares, driven_points, others = _modes(n_modes, plate)
+    times_s = step_s * np.arange(samples.size)
+    swings = []
+    for square in squares:
+        matrix = np.array([[0.0, 1.0], [-square, -viscous_s * square]])
+        oscillator: Any = StateSpace(matrix, np.eye(2)[:, 1:], np.eye(2)[:1], np.zeros((1, 1)))
+        swings.append(lsim(oscillator, samples, times_s)[1])
+    return np.asarray(
+        driven_points @ np.array(swings, dtype=np.float64) + np.outer(others, samples)
+    )
