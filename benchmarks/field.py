@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from benchmarks import plates
-from tests.reference.plate_fem import MODES, direct, modal, model
 from benchmarks.timing import duration, median_s
 from stimuli import (
     ALUMINIUM,
@@ -23,15 +22,16 @@ from stimuli import (
     Strip,
     displacement,
 )
+from tests.reference.plate_fem import MODES, direct, modal, model
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
     from numpy.typing import NDArray
 
-    from tests.reference.plate_fem import Model
     from stimuli import IdealEdge
     from stimuli.arrays import Complex, Real
+    from tests.reference.plate_fem import Model
 
     _Method = Callable[[Model, Real], Complex]
 

@@ -11,7 +11,6 @@ from unittest.mock import patch
 
 import numpy as np
 
-from tests.reference.plate_fem import in_modes, model, newmark
 from benchmarks.timing import duration
 from stimuli import (
     ALUMINIUM,
@@ -31,6 +30,7 @@ from stimuli import (
 from stimuli.fingers import fingertip
 from stimuli.fingers.fingertip import causal
 from stimuli.motion.motion import motion_of
+from tests.reference.plate_fem import in_modes, model, newmark
 
 if TYPE_CHECKING:
     from stimuli.arrays import Real

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Final
 import mpmath
 import numpy as np
 
-from tests.reference.exact import exact
 from benchmarks.hard_cases import FORCE, PLACE, Case, Sweep, strip_on, sweeps
 from stimuli import CLAMPED, Scene, response
+from tests.reference.exact import exact
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 from benchmarks import calibration, field, single, sweep
-from tests.reference.exact import exact
 from benchmarks.hard_cases import strip_on
-from tests.reference.plate_fem import direct, modal, model
 from stimuli import CLAMPED, SIMPLY_SUPPORTED, MomentRectangle, PointForce, displacement
+from tests.reference.exact import exact
+from tests.reference.plate_fem import direct, modal, model
 
 if TYPE_CHECKING:
     from stimuli import Load, Strip

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy.optimize import brentq
 
-from tests.reference.exact import exact
 from stimuli import (
     CLAMPED,
     SIMPLY_SUPPORTED,
@@ -23,6 +22,7 @@ from stimuli import (
     Strip,
     response,
 )
+from tests.reference.exact import exact
 from tests.test_stimuli.plates import disc, drawn_strip, force, patch, scene_of, spring
 
 if TYPE_CHECKING:

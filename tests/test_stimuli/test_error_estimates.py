@@ -11,7 +11,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tests.reference.exact import exact
 from stimuli import (
     ALUMINIUM,
     CLAMPED,
@@ -28,6 +27,7 @@ from stimuli import (
     displacement,
     response,
 )
+from tests.reference.exact import exact
 from tests.test_stimuli.meetings import (
     DETUNINGS,
     check_estimates_at_meetings,

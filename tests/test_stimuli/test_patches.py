@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.reference.plate_fem import model
 from stimuli import (
     ALUMINIUM,
     CLAMPED,
@@ -37,6 +36,7 @@ from stimuli import (
 from stimuli.plate.patch import laminate, layer_of
 from stimuli.plate.response import displacement as displacement_by_modes
 from stimuli.plate.scene import Scene as PlateScene
+from tests.reference.plate_fem import model
 from tests.test_stimuli.modes import (
     natural_frequencies_hz,
     peaks_up_to,

@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 from numpy.polynomial import Legendre
 
-from tests.reference.exact import exact
 from stimuli import (
     CLAMPED,
     SIMPLY_SUPPORTED,
@@ -25,6 +24,7 @@ from stimuli import (
     transient,
 )
 from stimuli.field.field import solve
+from tests.reference.exact import exact
 from tests.test_stimuli.plates import (
     FIRM,
     HANN,
