@@ -100,23 +100,3 @@ def instance(name: str, value: Any, kind: type | tuple[type, ...], wanted: str) 
     fits = isinstance(value, kind)
     if not fits:
         raise ValueError(f"{name} must be {wanted}, got {value!r}")
-
-
-def upper_half_plane(name: str, values: ArrayLike) -> NDArray[np.complex128]:
-    """Return numbers as an array of complex128 of the same shape, or refuse them.
-
-    ValueError where they are not numbers, not all finite, or one of them lies below the real axis.
-
-    >>> upper_half_plane("frequencies_hz", [0.0, 1.0 - 1.0j])
-    Traceback (most recent call last):
-    ValueError: frequencies_hz must hold finite numbers with imaginary parts >= 0,
-    got [0.0, (1-1j)]
-    """
-    numbers = np.asarray(values)
-    if numbers.dtype.kind != "c":
-        return finite_array(name, numbers).astype(np.complex128)
-    if not np.all(np.isfinite(numbers)) or np.any(numbers.imag < 0):
-        raise ValueError(
-            f"{name} must hold finite numbers with imaginary parts >= 0, got {values!r}"
-        )
-    return numbers.astype(np.complex128)

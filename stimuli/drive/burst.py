@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 from numpy.polynomial.chebyshev import Chebyshev
 
-from stimuli.checks import finite, upper_half_plane, whole
+from stimuli.checks import finite, finite_array, whole
 from stimuli.drive.energy import energy_above
 from stimuli.drive.windows import MOST_Y, WINDOWS, Window, taper, transform
 
@@ -136,13 +136,35 @@ class Burst:
         values[[0, last]] = 0.0
         return values + 0.0
 
-    def spectrum(self, frequencies_hz: ArrayLike) -> Complex:
-        """Return the exact spectrum int s(t) exp(+i omega t) dt, equations (20) and (60).
+    def at(self, times_s: ArrayLike) -> Real:
+        """Return the burst at some times.
 
         Parameters
         ----------
-        frequencies_hz : array_like of float or complex
-            Frequencies, real or above the real axis; S(-conj f) is the conjugate of S(f).
+        times_s : array_like of float
+
+        Returns
+        -------
+        ndarray of float64, shape of `times_s`
+            From -1 to 1; 0 before and after the burst.
+
+        Examples
+        --------
+        >>> Burst(frequency_hz=500.0).at([-0.001, 0.0, 0.0005, 0.0015, 0.01]).tolist()
+        [0.0, 0.0, 1.0, -1.0, 0.0]
+        """
+        place = finite_array("times_s", times_s) / self.duration_s
+        near = np.clip(np.minimum(place, 1 - place), 0.0, None)
+        values = taper(self.window, near) * _sine_of_cycles(np.fmod(near * self.cycles, 1.0))
+        return np.asarray(np.where(place > 1 / 2, -values, values) + 0.0)
+
+    def spectrum(self, frequencies_hz: ArrayLike) -> Complex:
+        """Return the exact spectrum int s(t) exp(+i omega t) dt, equation (20).
+
+        Parameters
+        ----------
+        frequencies_hz : array_like of float
+            Frequencies; S(-f) is the conjugate of S(f).
 
         Returns
         -------
@@ -152,7 +174,7 @@ class Burst:
         Raises
         ------
         ValueError
-            If the frequencies are not finite, lie below the real axis or reach beyond 1e15 / T.
+            If the frequencies are not finite or reach beyond 1e15 / T.
 
         Examples
         --------
@@ -266,19 +288,10 @@ _REAL: Final = 1e-9
 
 def burst_spectrum(burst: Burst, frequencies_hz: ArrayLike) -> Complex:
     """Return the exact spectrum of a burst; see `Burst.spectrum`, equation (20)."""
-    frequencies = upper_half_plane("frequencies_hz", frequencies_hz)
+    frequencies = finite_array("frequencies_hz", frequencies_hz)
     most_hz = MOST_Y / burst.duration_s
     if np.any(np.abs(frequencies) > most_hz):
         raise ValueError(f"frequencies_hz must lie within +-{most_hz:g}, got {frequencies_hz!r}")
-    off_axis = frequencies.imag > 0
-    values = np.empty(frequencies.shape, dtype=np.complex128)
-    values[~off_axis] = _real_spectrum(burst, frequencies[~off_axis].real)
-    values[off_axis] = _complex_spectrum(burst, frequencies[off_axis])
-    return values
-
-
-def _real_spectrum(burst: Burst, frequencies: Real) -> Complex:
-    """Return the spectrum at real frequencies."""
     nearest, rest = _split(np.abs(frequencies), burst)
     amplitude = transform(burst.window, burst.cycles).amplitude(nearest, rest)
     sign = 1 - 2 * np.mod(nearest - burst.cycles, 2.0)
@@ -286,15 +299,6 @@ def _real_spectrum(burst: Burst, frequencies: Real) -> Complex:
     phase = np.where(frequencies == 0, 0.0, sign) * np.exp(1j * np.pi * rest)
     values = 1j * burst.duration_s * amplitude * phase
     return np.asarray(np.where(frequencies < 0, np.conj(values), values), dtype=np.complex128) + 0
-
-
-def _complex_spectrum(burst: Burst, frequencies: Complex) -> Complex:
-    """Return the spectrum above the real axis, equation (60); S(-conj f) is conj S(f)."""
-    nearest, rest = _split(np.abs(frequencies.real), burst)
-    rise = 1j * (frequencies.imag * burst.duration_s)
-    turned = transform(burst.window, burst.cycles).turned(nearest, rest + rise)
-    values = 1j * burst.duration_s * turned
-    return np.asarray(np.where(frequencies.real < 0, np.conj(values), values))
 
 
 def _split(frequencies_hz: Real, burst: Burst) -> tuple[Real, Real]:

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.polynomial.chebyshev import Chebyshev
 
-from stimuli.checks import finite, finite_array, instance, upper_half_plane
+from stimuli.checks import finite, finite_array, instance
 from stimuli.drive.energy import panels
-from stimuli.drive.sums import exponential_sums
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -25,6 +25,8 @@ MOST_SAMPLES: Final = 1_000_000
 _FINER: Final = 8
 """Frequencies of the search for the peak per 1 / duration."""
 
+_ROUNDING: Final = 1e-9
+"""Of a place among the samples."""
 _CELL_DEGREE: Final = 16
 _PERIODS_A_PANEL: Final = 4
 _REAL: Final = 1e-6
@@ -48,13 +50,25 @@ class Drive(Protocol):
     def duration_s(self) -> float:
         """Time after which the signal is 0."""
 
+    def at(self, times_s: ArrayLike) -> Real:
+        """Return the signal at some times.
+
+        Parameters
+        ----------
+        times_s : array_like of float
+
+        Returns
+        -------
+        ndarray of float64, shape of `times_s`
+            In units of the load's amplitude; 0 before and after the drive.
+        """
+
     def spectrum(self, frequencies_hz: ArrayLike) -> Complex:
         """Return int s(t) exp(+i omega t) dt, in seconds.
 
         Parameters
         ----------
-        frequencies_hz : array_like of float or complex
-            Frequencies, real or above the real axis.
+        frequencies_hz : array_like of float
 
         Returns
         -------
@@ -202,13 +216,39 @@ class SampledDrive:
             )
         return np.array(self.values)
 
+    def at(self, times_s: ArrayLike) -> Real:
+        """Return the signal at some times.
+
+        Parameters
+        ----------
+        times_s : array_like of float
+
+        Returns
+        -------
+        ndarray of float64, shape of `times_s`
+            Straight lines between samples, or the sample that is held; 0 before and after.
+
+        Examples
+        --------
+        >>> for held in (False, True):
+        ...     drive = SampledDrive(samples=[0, 1, 0], sample_rate_hz=1e3, held=held)
+        ...     print(drive.at([-1.0, 0.0, 0.0005, 0.001, 0.0015, 0.003]).tolist())
+        [0.0, 0.0, 0.5, 1.0, 0.5, 0.0]
+        [0.0, 0.0, 0.0, 1.0, 1.0, 0.0]
+        """
+        place = finite_array("times_s", times_s) * self.sample_rate_hz
+        if self.held:
+            number = np.floor(place + _ROUNDING).astype(np.intp) + 1
+            padded = np.array([0.0, *self.values, 0.0])
+            return np.asarray(padded[np.clip(number, 0, padded.size - 1)])
+        return np.interp(place, np.arange(len(self.values)), self.values)
+
     def spectrum(self, frequencies_hz: ArrayLike) -> Complex:
         """Return the exact spectrum int s(t) exp(+i omega t) dt, equation (61).
 
         Parameters
         ----------
-        frequencies_hz : array_like of float or complex
-            Frequencies, real or above the real axis.
+        frequencies_hz : array_like of float
 
         Returns
         -------
@@ -218,7 +258,7 @@ class SampledDrive:
         Raises
         ------
         ValueError
-            If the frequencies are not finite or lie below the real axis.
+            If the frequencies are not finite.
 
         Examples
         --------
@@ -228,14 +268,14 @@ class SampledDrive:
         >>> drive.spectrum([0.0]).round(9)
         array([0.00025+0.j])
         """
-        frequencies = upper_half_plane("frequencies_hz", frequencies_hz)
+        frequencies = finite_array("frequencies_hz", frequencies_hz)
         steps = frequencies.ravel() / self.sample_rate_hz
-        one = _held_step(2j * np.pi * steps)
+        one = _held_step(np.asarray(2j * np.pi * steps, dtype=np.complex128))
         values = np.array(self.values)
         if not self.held:
             # the triangle about a sample begins a step earlier; the first sample is 0
             one, values = one * one, values[1:]
-        sums = exponential_sums(values[:, np.newaxis], steps - np.floor(steps.real))[:, 0]
+        sums = _exponential_sums(values, steps - np.floor(steps))
         return (sums * one / self.sample_rate_hz).reshape(frequencies.shape)
 
     def peak_hz(self) -> float:
@@ -338,7 +378,7 @@ class SampledDrive:
             yield place[others], weight * others[others], square[others]
         edges = np.unique([split * width, border, (split + 1) * width])
         place, rest = panels(edges)
-        yield place, rest, np.abs(exponential_sums(values[:, np.newaxis], place)[:, 0]) ** 2
+        yield place, rest, np.abs(_exponential_sums(values, place)) ** 2
 
     def _images(self, place: Real, first: float) -> Real:
         """Return the sum of |spectrum of one sample|^2 over place + 0, 1, 2, ... beyond first."""
@@ -395,6 +435,8 @@ class SampledDrive:
         return float(np.clip(inside[np.argmin(np.abs(inside - middle))], low, high))
 
 
+_MOST_TERMS: Final = 2_000_000
+"""Exponentials that are held at once."""
 _TINY = 1e-20
 """Below it, the spectrum of a step is 1 to double precision; a quotient of subnormals overflows."""
 
@@ -403,3 +445,27 @@ def _held_step(z: Complex) -> Complex:
     """Return (exp(z) - 1) / z, the spectrum of a step of length 1 and height 1."""
     tiny = np.abs(z) < _TINY
     return np.asarray(np.where(tiny, 1.0, np.expm1(z) / np.where(tiny, 1.0, z)))
+
+
+def _exponential_sums(coefficients: Real, turns: Real) -> Complex:
+    """Return the sums over k of c_k exp(2 pi i k turns), one for each angle in turns.
+
+    With k = j B + b the exponentials are those of the b and of the j alone: n values of k and m
+    places need m sqrt(n) exponentials, not m n, and two products of matrices.
+
+    >>> _exponential_sums(np.array([1.0, 1.0, 1.0]), np.array([0.25])).round(9)
+    array([0.+1.j])
+    """
+    length = max(1, math.isqrt(coefficients.size))
+    n_blocks = -(-coefficients.size // length)
+    padded = np.zeros(n_blocks * length)
+    padded[: coefficients.size] = coefficients
+    blocks = padded.reshape(n_blocks, length).T
+    sums = np.empty(turns.size, dtype=np.complex128)
+    n_at_once = max(1, _MOST_TERMS // (n_blocks + length))
+    for start in range(0, turns.size, n_at_once):
+        some = turns[start : start + n_at_once, np.newaxis]
+        within = np.exp(2j * np.pi * some * np.arange(length)) @ blocks
+        across = np.exp(2j * np.pi * some * (length * np.arange(n_blocks)))
+        sums[start : start + n_at_once] = (across * within).sum(axis=1)
+    return sums

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Final, Literal, NamedTuple, Protocol, get_args
+from typing import TYPE_CHECKING, Final, Literal, Protocol, get_args
 
 import numpy as np
 from numpy.polynomial import polynomial
@@ -61,37 +61,6 @@ def taper(window: Window, position: Real) -> Real:
     return np.ones_like(position)
 
 
-class Sines(NamedTuple):
-    """A part of a burst that is a sum of sines: amplitude x sin(2 pi y t / T), T its duration."""
-
-    begin: float  # of the duration
-    end: float
-    ys: tuple[int, ...]
-    amplitudes: tuple[float, ...]
-
-
-def sines(window: Window, cycles: int) -> tuple[Sines, ...]:
-    """Return the parts of a burst as sums of sines; none of a gaussian, which is no such sum.
-
-    >>> (part,) = sines("hann", 3)
-    >>> t = np.array([0.1, 0.7])
-    >>> turns = 2 * np.pi * np.multiply.outer(t, part.ys)
-    >>> bool(np.allclose(np.sin(turns) @ part.amplitudes, np.sin(np.pi * t)**2 * np.sin(6*np.pi*t)))
-    True
-    """
-    whole = Sines(0.0, 1.0, (cycles,), (1.0,))
-    tapered = (0.5, -0.25, -0.25)
-    if window == "none":
-        return (whole,)
-    if window == "hann":
-        return (Sines(0.0, 1.0, (cycles, cycles + 1, cycles - 1), tapered),)
-    if window == "tukey":
-        first = Sines(0.0, 0.25, (cycles, cycles + 2, cycles - 2), tapered)
-        middle, last = whole._replace(begin=0.25, end=0.75), first._replace(begin=0.75, end=1.0)
-        return first, middle, last
-    return ()
-
-
 class Transform(Protocol):
     """The amplitude B(y) of a burst's spectrum, and its square far from the carrier."""
 
@@ -101,9 +70,6 @@ class Transform(Protocol):
 
     def amplitude(self, nearest: Real, rest: Real) -> Real:
         """Return B at y = nearest + rest >= 0, with `nearest` the whole number next to y."""
-
-    def turned(self, nearest: Real, rest: Complex) -> Complex:
-        """Return exp(i pi (y - N)) B(y) at y = nearest + rest, Im y >= 0, equation (60)."""
 
     def smooth(self, y: Real) -> Real:
         """Return the part of B^2 that does not oscillate."""
@@ -189,26 +155,6 @@ class _RationalTransform:
         second = polynomial.polyval(y, self.second)
         return ratio * (polynomial.polyval(y, self.first) + 2 * cosine * second)
 
-    def turned(self, nearest: Real, rest: Complex) -> Complex:
-        # exp(i theta) in whole quarter turns and a rest, exp(2 i theta) - 1 without cancellation
-        quarters = np.mod((nearest - self.cycles) * (2 // self.stretch), 4.0)
-        turn = np.array([1, 1j, -1, -1j])[quarters.astype(np.intp)]
-        turn = turn * np.exp(1j * np.pi / self.stretch * rest)
-        square = turn * turn
-        returned = np.mod(quarters, 2.0) == 0
-        full = np.where(returned, np.expm1(2j * np.pi / self.stretch * rest), square - 1)
-        parted = np.isin(nearest, self.poles)
-        on_pole = parted & (rest == 0)
-        slope = 2j * np.pi / self.stretch
-        ratio = np.where(on_pole, slope, full / np.where(parted & ~on_pole, rest, 1.0))
-        for pole in self.poles:
-            ratio = ratio / np.where(nearest == pole, 1.0, nearest - pole + rest)
-        y = nearest + rest
-        first, second = polynomial.polyval(y, self.first), polynomial.polyval(y, self.second)
-        if self.stretch > 1:
-            first = first * turn
-        return np.asarray(ratio * (first + second * (square + 1)) / 2j)
-
     def smooth(self, y: Real) -> Real:
         first, second = self._fractions(y.astype(np.complex128))
         return (first.real**2 + second.real**2) / 2
@@ -262,26 +208,6 @@ class _GaussianTransform:
         ends: Real = math.exp(-_SHARPNESS / 4) * np.real(turned)
         values: Real = math.sqrt(math.pi / _SHARPNESS) / 2 * (bell - ends)
         return values
-
-    def turned(self, nearest: Real, rest: Complex) -> Complex:
-        from scipy.special import wofz
-
-        y = nearest + rest
-        spread, root = np.pi**2 / _SHARPNESS, math.sqrt(_SHARPNESS)
-        # beyond this line the bell grows without end, but the ends' other half takes it away
-        above = np.pi * y.imag > _SHARPNESS / 2
-        side = np.where(above, -1.0, 1.0)
-        sign = 1 - 2 * np.mod(nearest - self.cycles, 2.0)
-        turn = sign * np.exp(1j * np.pi * rest)
-        calm = np.where(above, y.real, y)
-        bell = -np.expm1(-4 * spread * self.cycles * calm)
-        bell = bell * np.exp(-spread * (calm - self.cycles) ** 2) * turn
-        z = -np.pi / root * (y - self.cycles) + 0.5j * root
-        gap = 2 * math.pi * self.cycles / root
-        other = side * (wofz(side * z) - wofz(side * (z - gap)))
-        ends = math.exp(-_SHARPNESS / 4) / 2 * (turn * turn * self._steps(y) + other)
-        whole = np.where(above, 0.0, bell) - ends
-        return np.asarray(math.sqrt(math.pi / _SHARPNESS) / 2 * whole)
 
     def smooth(self, y: Real) -> Real:
         steps = self._steps(y.astype(np.complex128))

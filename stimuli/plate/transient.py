@@ -98,17 +98,11 @@ def make_time_line(drive: Drive, step_s: float, span_s: float) -> TimeLine:
     n = 2 * n_times
     fading = _FADING / (n * step_s)
     fine_s = np.asarray(step_s / _FINER * np.arange(n * _FINER), dtype=np.float64)
-    values = drive_values(drive, fine_s)
+    values = drive.at(fine_s)
     omega = 2 * math.pi * np.fft.rfftfreq(n, step_s) + 1j * fading
     faded = np.fft.rfft(values * np.exp(-fading * fine_s))[: omega.size]
     spectrum = np.asarray(np.conj(faded) / _FINER, dtype=np.complex128)
     return TimeLine(step_s, np.asarray(omega), spectrum, values[::_FINER][:n_times])
-
-
-def drive_values(drive: Drive, times_s: Real) -> Real:
-    """Return a drive at evenly spaced times from 0 on."""
-    samples = drive.samples(1 / (times_s[1] - times_s[0]))[: times_s.size]
-    return np.pad(samples, (0, times_s.size - samples.size))
 
 
 class Receptance(Protocol):

@@ -175,16 +175,11 @@ def test_the_energy_duration_is_that_of_the_sine_of_equal_peak_and_energy(
 
 
 @bursts(cycles=BY_CYCLES)
-def test_the_closed_form_is_the_integral_of_the_burst_on_and_above_the_real_axis(
-    window: Window, cycles: int
-) -> None:
+def test_the_closed_form_is_the_integral_of_the_burst(window: Window, cycles: int) -> None:
     burst, slow = burst_of(window, cycles), burst_of(window, cycles, 0.3)
     # carriers, nulls and their neighbours included, and what is next to 0 Hz
     beside = 1 + np.arange(-3, 4) / cycles
-    real = np.concatenate([np.linspace(0, 8, 33), beside, [1e-3, 2e-3, -0.642]])
-    rises = np.array([1e-9, 1e-3, 0.3, 2.8, 2.95, 6.0])
-    above = np.add.outer([0.0, 1e-3, 0.5, *beside[2:4], 3.0, -0.642], 1j * rises / cycles)
-    ratios = np.concatenate([real, above.ravel()])
+    ratios = np.concatenate([np.linspace(0, 8, 33), beside, [1e-3, 2e-3, -0.642]])
     closed = burst.spectrum(500 * ratios)
     u, weights, signal = signal_of(burst)
     turns = np.exp(2j * np.pi * np.outer(500 * ratios * burst.duration_s, u))
@@ -192,9 +187,8 @@ def test_the_closed_form_is_the_integral_of_the_burst_on_and_above_the_real_axis
     largest = np.max(np.abs(closed))
     assert np.max(error) < 3e-14 * largest
     assert closed[0] == 0.0  # a sine burst has no mean
-    aside = ratios.real != 0
-    mirrored = burst.spectrum(-np.conj(500 * ratios[aside]))
-    assert np.array_equal(mirrored, np.conj(closed[aside]))
+    aside = ratios != 0
+    assert np.array_equal(burst.spectrum(-500 * ratios[aside]), np.conj(closed[aside]))
     stretched = slow.spectrum(0.3 * ratios) * 0.3 / 500
     assert np.all(np.abs(stretched - closed) < 1e-12 * largest * (1 + np.abs(ratios)))
 
@@ -375,19 +369,12 @@ def test_a_staircase_of_any_frequency_and_length_stays_a_fraction() -> None:
 GAUSS = np.polynomial.legendre.leggauss(24)
 
 
-def integral(value: Any, edges: NDArray[np.float64], frequency_hz: complex) -> complex:
+def integral(value: Any, edges: NDArray[np.float64], frequency_hz: float) -> complex:
     """Return int s(t) exp(+i omega t) dt by Gauss's rule between the edges."""
     half = np.diff(edges)[:, np.newaxis] / 2
     t = (edges[:-1, np.newaxis] + half * (GAUSS[0] + 1)).ravel()
     weights = (half * GAUSS[1]).ravel()
     return complex(weights @ (value(t) * np.exp(2j * np.pi * frequency_hz * t)))
-
-
-def sampled_value(drive: SampledDrive, t: NDArray[np.float64]) -> NDArray[np.float64]:
-    place, values = t * drive.sample_rate_hz, np.array(drive.values)
-    if drive.held:
-        return np.asarray(values[np.floor(place).astype(int)])
-    return np.asarray(np.interp(place, np.arange(values.size), values))
 
 
 def edges_of(drive: SampledDrive) -> NDArray[np.float64]:
@@ -405,15 +392,11 @@ def sampled(draw: st.DrawFn) -> SampledDrive:
 
 
 @laws
-@example(
-    drive=SampledDrive(samples=[0.0, 0.125, 0.0], sample_rate_hz=1e3), frequency=0.0, rise=1e-308
-)
-@given(drive=sampled(), frequency=st.floats(-4000, 4000), rise=st.floats(0, 200))
-def test_sampled_spectra_are_those_of_the_signal(
-    drive: SampledDrive, frequency: float, rise: float
-) -> None:
-    true = integral(lambda t: sampled_value(drive, t), edges_of(drive), frequency + 1j * rise)
-    found = complex(drive.spectrum([frequency + 1j * rise])[0])
+@example(drive=SampledDrive(samples=[0.0, 0.125, 0.0], sample_rate_hz=1e3), frequency=0.0)
+@given(drive=sampled(), frequency=st.floats(-4000, 4000))
+def test_sampled_spectra_are_those_of_the_signal(drive: SampledDrive, frequency: float) -> None:
+    true = integral(drive.at, edges_of(drive), frequency)
+    found = complex(drive.spectrum([frequency])[0])
     assert abs(found - true) < 1e-14 * drive.duration_s * (1 + abs(frequency) / 1000)
 
 
@@ -421,7 +404,7 @@ def test_spectra_of_many_samples_are_their_sums() -> None:
     rng, rate_hz = np.random.default_rng(7), 1000.0
     samples = rng.normal(size=1234)
     drive = SampledDrive(samples=samples, sample_rate_hz=rate_hz, held=True)
-    f = rng.uniform(-1000, 1000, 57) + 1j * rng.uniform(0, 1, 57)
+    f = rng.uniform(-1000, 1000, 57)
     steps = np.exp(2j * np.pi * np.outer(f / rate_hz, np.arange(1234))) @ samples
     hold = (np.exp(2j * np.pi * f / rate_hz) - 1) / (2j * np.pi * f)
     np.testing.assert_allclose(drive.spectrum(f), steps * hold, atol=1e-12)
@@ -430,8 +413,21 @@ def test_spectra_of_many_samples_are_their_sums() -> None:
 def test_a_staircase_has_no_energy_at_its_sample_rate() -> None:
     drive = SampledDrive(samples=[1.0, 0.5, 0.25], sample_rate_hz=1000.0, held=True)
     assert abs(drive.spectrum(1000.0)) < 1e-18
-    with np.errstate(over="raise", invalid="raise"):
-        assert np.all(np.isfinite(drive.spectrum(np.array([1e8j, 5.0 + 1e6j]))))
+
+
+@pytest.mark.parametrize("window", WINDOWS)
+@pytest.mark.parametrize("rate_hz", [8e3, 44.1e3])
+def test_a_burst_at_any_time_is_what_its_samples_are(window: Window, rate_hz: float) -> None:
+    burst = burst_of(window, 3)
+    samples = burst.samples(rate_hz)
+    assert burst.at(np.arange(samples.size) / rate_hz) == pytest.approx(samples, abs=1e-12)
+
+
+@pytest.mark.parametrize("held", [False, True])
+def test_a_drive_is_its_samples_and_nothing_before_and_after(held: object) -> None:
+    samples = [0.0, 0.5, -1.0, 0.0]
+    drive = SampledDrive(samples=samples, sample_rate_hz=3e3, held=bool(held))
+    assert drive.at(np.arange(-1, 6) / 3e3).tolist() == [0.0, *samples, 0.0, 0.0]
 
 
 @pytest.mark.slow
@@ -441,7 +437,7 @@ def test_energy_above_of_samples_is_what_parseval_leaves(
     drive: SampledDrive, frequency: float
 ) -> None:
     edges = edges_of(drive)
-    energy = integral(lambda t: sampled_value(drive, t) ** 2, edges, 0.0).real
+    energy = integral(lambda t: drive.at(t) ** 2, edges, 0.0).real
     lines = np.linspace(0.0, frequency, 200 + int(frequency))
     half = np.diff(lines)[:, np.newaxis] / 2
     nodes = lines[:-1, np.newaxis] + half * (GAUSS[0][:] + 1)
