@@ -13,7 +13,16 @@ from hypothesis import strategies as st
 from scipy.integrate import quad
 from scipy.optimize import minimize_scalar
 
-from stimuli import Burst, Drive, SampledDrive, check_burst, staircase_energy_above
+from stimuli import (
+    Burst,
+    Drive,
+    Fingertip,
+    MomentDisc,
+    SampledDrive,
+    check_burst,
+    fingertip_peaks,
+    staircase_energy_above,
+)
 from tests.test_stimuli.plates import HANN, SUPPORTED
 
 if TYPE_CHECKING:
@@ -517,3 +526,14 @@ def test_the_check_takes_any_drive() -> None:
 def test_both_drives_keep_the_protocol() -> None:
     assert isinstance(Burst(frequency_hz=500.0), Drive)
     assert isinstance(SampledDrive(samples=[0, 1, 0], sample_rate_hz=1e3), Drive)
+
+
+@pytest.mark.parametrize("held", [False, True])
+def test_samples_of_a_burst_move_a_plate_as_the_burst_does(held: object) -> None:
+    drive = SampledDrive(samples=HANN.samples(192e3), sample_rate_hz=192e3, held=bool(held))
+    plate = dataclasses.replace(SUPPORTED, length_m=0.2)
+    disc, finger = MomentDisc(x_m=0.0, y_m=0.0125, radius_m=0.006), Fingertip(x_m=0.0, y_m=0.0125)
+    peak, sampled_peak = (fingertip_peaks(plate, [disc], [finger], one) for one in (HANN, drive))
+    difference_m = abs(peak.value - sampled_peak.value)
+    assert (difference_m <= peak.error + sampled_peak.error).all()
+    assert (difference_m < 1e-3 * peak.value).all()
