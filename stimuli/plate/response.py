@@ -48,6 +48,8 @@ _FAR: Final = 40.0
 _FLOOR, _TINIEST = 1e-3, 1e-300
 _SAFETY: Final = 3.0
 """What the coarse basis differs by is multiplied with; it may agree with the fine one by chance."""
+_RESOLVED: Final = 0.03
+"""Size of a load, in widths, that both bases follow."""
 
 
 class Accuracy(NamedTuple):
@@ -134,14 +136,34 @@ def check_tolerance(rtol: float) -> float:
 
 
 def estimate(
-    coarse: Values, fine: Values, missed: Real, work: tuple[str, ...], relative: float
+    coarse: Values,
+    fine: Values,
+    missed: Real,
+    work: tuple[str, ...],
+    relative: float,
+    *,
+    safety: Real | float = _SAFETY,
 ) -> Estimate[Values]:
     """Return the fine result, with its error by what the coarse one differs.
 
     `missed` is what both resolutions miss of the largest value, and `relative` a part of each.
     """
-    error = _SAFETY * np.abs(fine - coarse) + relative * np.abs(fine) + missed
+    error = safety * np.abs(fine - coarse) + relative * np.abs(fine) + missed
     return Estimate(value=fine, error=np.asarray(error), work=work)
+
+
+def safety_factors(strip: Strip, loads: Sequence[Load]) -> Real:
+    """Return what the difference of both bases is multiplied with, for each load: (n_loads, 1).
+
+    At its own place a small load that bends the plate moves it by the logarithm of its size, of
+    which each basis gives what it resolves.
+    """
+    sizes = [2 * min(load.half_size_m) / strip.width_m for load in loads]
+    factors = [
+        1 + math.log(_RESOLVED / size) if load.is_moment and size < _RESOLVED else 1.0
+        for load, size in zip(loads, sizes, strict=True)
+    ]
+    return _SAFETY * np.array(factors)[:, np.newaxis]
 
 
 @single_threaded
@@ -232,7 +254,9 @@ def solve_scene(scene: Scene, at_hz: Real, accuracy: Accuracy) -> tuple[Estimate
     if not is_known.all():
         raise PlateError(Rule.INFINITE, frequency_hz=float(at_hz[~is_known][0]))
     coarse, fine = both[..., : len(scene.points_m)]
-    return estimate(coarse, fine, accuracy.missed * scale, work, accuracy.relative), scale
+    safety = safety_factors(scene.strip, scene.loads)
+    missed = accuracy.missed * scale
+    return estimate(coarse, fine, missed, work, accuracy.relative, safety=safety), scale
 
 
 def displacement_map(

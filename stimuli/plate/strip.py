@@ -33,6 +33,8 @@ if TYPE_CHECKING:
 Symmetry = Literal["symmetric", "antisymmetric"]
 
 _MARGINS: Final = Margins(12, 12)
+_MORE_WAVES: Final = 1.2
+"""So many times more waves than are asked for are followed: the last ones are the least known."""
 _ROUNDING: Final = 1e-12
 _MAX_MODE: Final = 10_000
 _MAX_WAVES: Final = 100
@@ -214,8 +216,8 @@ class Strip:
         Notes
         -----
         Their squares are the eigenvalues of the cross section, equation (31), with an error of
-        about 1e-13 of the largest one asked for. At a cut-off, where p = 0, and where two
-        wavenumbers coalesce (`exceptional_point_hz`), half of the digits are left.
+        1e-11 of the largest one of the first ten, and 1e-7 of a hundred. At a cut-off, where p = 0,
+        and where two wavenumbers coalesce (`exceptional_point_hz`), half of the digits are left.
 
         Examples
         --------
@@ -303,8 +305,8 @@ class Strip:
         ...               edge=SIMPLY_SUPPORTED)
         >>> strip.mode_shape(1, [0.0, 0.005, 0.0125, 0.02]).round(4).tolist()
         [0.0, 0.5878, 1.0, 0.5878]
-        >>> float(strip.mode_shape(2, 0.0125).round(12))
-        0.0
+        >>> bool(abs(strip.mode_shape(2, 0.0125)) < 1e-9)
+        True
 
         Between clamps the shape is that of the clamped beam:
 
@@ -316,13 +318,16 @@ class Strip:
         y = finite_array("y_m", y_m)
         if np.any((y < 0) | (y > self.width_m)):
             raise ValueError(f"y_m must lie from 0 to the width {self.width_m:g} m, got {y_m!r}")
-        shapes = self._section(1 if mode % 2 else -1, mode, self.cutoff_hz(mode)).mode_shapes(y)
-        return np.asarray(shapes[..., (mode - 1) // 2] * math.sqrt(self.width_m / 2))
+        section = self._section(1 if mode % 2 else -1, mode, self.cutoff_hz(mode))
+        shape = section.mode_shapes(y.ravel())[:, (mode - 1) // 2]
+        shape[(y.ravel() == 0) | (y.ravel() == self.width_m)] = 0
+        return np.asarray(shape.reshape(y.shape) * math.sqrt(self.width_m / 2))
 
     def _section(self, parity: int, n_waves: int, frequency_hz: float) -> CrossSection:
         """Return a cross section that follows so many waves, and those of a frequency."""
         n_half_waves = self.width_m / math.pi * plate_wavenumber(self, frequency_hz)
-        wavenumber_rad_m = math.pi / self.width_m * max(n_half_waves, n_waves + 1)
+        n_followed = math.hypot(n_half_waves, _MORE_WAVES * (n_waves + 1))
+        wavenumber_rad_m = math.pi / self.width_m * n_followed
         return make_cross_section(self, wavenumber_rad_m, parity, _MARGINS)
 
     def _edge_compliance(self) -> float:

@@ -25,6 +25,7 @@ from stimuli.plate.response import (
     describe_waves,
     estimate,
     plate_modes,
+    safety_factors,
 )
 from stimuli.plate.rest import rest_displacement
 from stimuli.plate.waveguide import endless_displacement
@@ -332,7 +333,9 @@ def transient_response(
         history[is_driven] = spline(times[is_driven])
     coarse, fine = histories
     scale = np.abs(fine).max(axis=(0, 2), keepdims=True, initial=0.0)
-    motion = estimate(coarse, fine, _BETWEEN_LOOKS * scale, plates[1].work, RELATIVE)
+    safety = safety_factors(strip, loads)
+    missed, work = _BETWEEN_LOOKS * scale, plates[1].work
+    motion = estimate(coarse, fine, missed, work, RELATIVE, safety=safety)
     return motion.kept(rtol, scale)
 
 

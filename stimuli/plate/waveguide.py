@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from stimuli.plate.area import chord_work, local_field, slice_area
-from stimuli.plate.edge import CLAMPED, ElasticEdge
+from stimuli.plate.edge import ElasticEdge, edge_compliance
 from stimuli.plate.line import CLAMPED_END, EVEN, ODD, SUPPORTED, make_line, place_breaks
 
 if TYPE_CHECKING:
@@ -36,6 +36,10 @@ MIN_FREQUENCY: Final = 1e-3
 waves of one order approach each other and cancel."""
 _MIN_CELL: Final = 0.03
 """Of the width: shorter cells gain nothing, and make the eigenproblem larger."""
+_MIN_HALF_WAVES: Final = 3e-5
+"""Of a wave over the width: at a cut-off, of slower waves rounding is all that is known."""
+_MIN_COMPLIANCE: Final = 2e-7
+"""Of springs, 2 D / (K W): the waves between stiffer ones are those between clamps within 4e-7."""
 _MIN_NODES: Final = 3
 """Of Gauss's rule along a part of a load, and of the whole load beyond interior functions."""
 _DISTANCE_DIGITS: Final = 13
@@ -68,7 +72,7 @@ class CrossSection:
     def mode_shapes(self, y_m: Real) -> Real:
         """Return the shapes at cut-offs, by frequency, whose squares have an integral of 1.
 
-        They are (..., n_functions), and positive beside the edge y = 0.
+        They are (n_places, n_functions), and positive beside the edge y = 0.
         """
         _, shapes = np.linalg.eigh(self.curvatures + self.springs)
         near_m = self.strip.width_m / (4 * np.arange(2, 2 * shapes.shape[1] + 1, 2))
@@ -95,11 +99,11 @@ class CrossSection:
         ) / size
         matrix[:, n:, n:] = -2 * self.slopes
         squared, vectors = np.linalg.eig(matrix)
-        shapes = vectors[:, :n]
-        norms = 2 * ((squared[:, np.newaxis] * shapes + self.slopes @ shapes) * shapes).sum(axis=1)
+        # Where waves meet, vectors of the problem and of the transposed one are no longer alike.
+        excitations = np.linalg.inv(vectors.swapaxes(1, 2))[:, n:] / size
         wavenumbers = np.sqrt(squared.astype(np.complex128))
         outgoing = np.where(wavenumbers.imag < 0, -wavenumbers, wavenumbers)
-        return Waves(outgoing, shapes, norms)
+        return Waves(outgoing, vectors[:, :n], excitations.astype(np.complex128))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -111,13 +115,13 @@ class Waves:
     wavenumbers_rad_m : ndarray of complex128, shape (n_frequencies, n_waves)
         p of exp(i p x), with Im p >= 0.
     shapes : ndarray, shape (n_frequencies, n_functions, n_waves)
-    norms : ndarray, shape (n_frequencies, n_waves)
-        phi^T (2 z + 2 A) phi, without conjugate: the operator is symmetric, not Hermitian.
+    excitations : ndarray, same shape
+        What loads on the functions excite of each wave: shapes over phi^T (2 z + 2 A) phi.
     """
 
     wavenumbers_rad_m: Complex
     shapes: Complex
-    norms: Complex
+    excitations: Complex
 
 
 def make_cross_section(
@@ -127,26 +131,37 @@ def make_cross_section(
     margins: Margins,
     places_m: Iterable[float] = (),
 ) -> CrossSection:
-    """Return functions across a strip with breaks at places, where loads begin and end."""
+    """Return functions across a strip with breaks at places, where loads begin and end.
+
+    Polynomials follow many half waves with pi / 2 functions for each, few with one and a margin.
+    """
     middle_m = strip.width_m / 2
     folded = (min(y_m, strip.width_m - y_m) for y_m in places_m)
     breaks_m = place_breaks(
         folded, 0.0, middle_m, min_cell_m=_MIN_CELL * strip.width_m, max_cell_m=middle_m
     )
     ends = edge_end(strip), EVEN if parity > 0 else ODD
-    line = make_line(breaks_m, (max_wavenumber_rad_m, max_wavenumber_rad_m), ends, margins, parity)
+    half_waves = max_wavenumber_rad_m * middle_m / math.pi
+    wavenumber_rad_m = max_wavenumber_rad_m * max(1.0, math.pi / 2 - 1 / half_waves)
+    line = make_line(breaks_m, (wavenumber_rad_m, wavenumber_rad_m), ends, margins, parity)
     slopes, curvatures = line.products((1, 1), (2, 2))
     return CrossSection(strip, line, slopes, curvatures, edge_springs(strip, line))
 
 
 def edge_end(strip: Strip) -> LineEnd:
     """Return what functions across may have at an edge."""
-    return CLAMPED_END if strip.edge is CLAMPED else SUPPORTED
+    return CLAMPED_END if _is_clamped(strip) else SUPPORTED
+
+
+def _is_clamped(strip: Strip) -> bool:
+    """Return whether the edges hold as clamps do: such stiff springs would take all digits."""
+    compliance = edge_compliance(strip.edge, strip.bending_stiffness_n_m, strip.width_m)
+    return compliance < _MIN_COMPLIANCE
 
 
 def edge_springs(strip: Strip, line: Line) -> Real:
     """Return the products of edge slopes by which springs hold the functions, over D."""
-    if not isinstance(strip.edge, ElasticEdge):
+    if not isinstance(strip.edge, ElasticEdge) or _is_clamped(strip):
         return np.zeros((line.size, line.size))
     (slopes,) = line.derivatives([0.0, strip.width_m], (1,))
     return np.asarray(strip.edge.stiffness_n / strip.bending_stiffness_n_m * slopes.T @ slopes)
@@ -218,7 +233,7 @@ def _wave_fields(
         centres_m = np.array([loads[number].x_m for number in numbers])
         away_m = np.round(np.abs(x_m - centres_m[:, np.newaxis]), _DISTANCE_DIGITS)
         distances_m, back = np.unique(away_m, return_inverse=True)
-        amplitudes = _wave_amplitudes(load, distances_m, section.line, waves, fourth)
+        amplitudes = _wave_amplitudes(load, distances_m, section, waves, fourth)
         for place, amplitude in enumerate(amplitudes):
             for number, point in np.argwhere(back.reshape(away_m.shape) == place):
                 fields[:, numbers[number], point] = (values[:, point] * amplitude).sum(axis=-1)
@@ -226,7 +241,7 @@ def _wave_fields(
 
 
 def _wave_amplitudes(
-    load: Load, distances_m: Real, line: Line, waves: Waves, fourth: Complex
+    load: Load, distances_m: Real, section: CrossSection, waves: Waves, fourth: Complex
 ) -> Iterator[Complex]:
     """Yield the amplitude of each wave at increasing distances along from a load's centre.
 
@@ -238,21 +253,22 @@ def _wave_amplitudes(
     within_m = distances_m[distances_m < half_m * (1 - _ROUNDING)]
     ends_m = np.array([-half_m, *np.unique([-within_m, within_m]), half_m])
     share = np.diff(ends_m).max() / (2 * half_m) if half_m else 0.0
-    n_whole = _MIN_NODES + max(line.interior) * (2 if load.is_disc else 1)
+    n_whole = _MIN_NODES + max(section.line.interior) * (2 if load.is_disc else 1)
     slices = slice_area(load, _MIN_NODES + math.ceil(share * n_whole), load.x_m + ends_m)
     parts = np.split(np.arange(slices.x_m.size), ends_m.size - 1)
-    force, curvature, inertia = chord_work(load, slices, line)
+    force, curvature, inertia = chord_work(load, slices, section.line)
     to_the_right = [np.zeros(wavenumbers.shape, dtype=np.complex128)]
     for start_m, end_m, part in zip(ends_m[:-1], ends_m[1:], parts, strict=True):
-        work = (force[part] + fourth[:, np.newaxis, np.newaxis] * inertia[part]) @ waves.shapes
+        work = (force[part] + fourth[:, np.newaxis, np.newaxis] * inertia[part]) @ waves.excitations
         if curvature.any():
-            work -= (wavenumbers**2)[:, np.newaxis] * (curvature[part] @ waves.shapes)
+            work -= (wavenumbers**2)[:, np.newaxis] * (curvature[part] @ waves.excitations)
         ways_m = load.x_m + end_m - slices.x_m[part]
         phases = np.exp(1j * wavenumbers[:, np.newaxis] * ways_m[:, np.newaxis])
         added = np.einsum("n,fnm,fnm->fm", slices.weights_m[part], work, phases)
         come = to_the_right[-1] * np.exp(1j * wavenumbers * (end_m - start_m))
         to_the_right.append(come + added)
-    gains = 1j / (2 * wavenumbers * waves.norms)
+    is_cutoff = np.abs(wavenumbers) < _MIN_HALF_WAVES * math.pi / section.strip.width_m
+    gains = np.where(is_cutoff, np.nan, 1j / (2 * wavenumbers))
     both_ways = [a + b for a, b in zip(to_the_right, to_the_right[::-1], strict=True)]
     yield from (gains * both for both in both_ways[-1 - within_m.size : -1])
     for distance_m in distances_m[within_m.size :]:

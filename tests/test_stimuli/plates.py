@@ -6,7 +6,6 @@ import dataclasses
 import math
 from typing import TYPE_CHECKING, Any, TypeAlias
 
-import numpy as np
 import pytest
 
 from stimuli import (
@@ -15,22 +14,22 @@ from stimuli import (
     SIMPLY_SUPPORTED,
     Burst,
     ElasticEdge,
+    Estimate,
     Fingertip,
     IdealEdge,
     Load,
-    Material,
     MomentDisc,
     MomentRectangle,
     PointForce,
     Scene,
     Strip,
-    displacement,
+    response,
 )
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from stimuli.arrays import Complex, Real
+    from stimuli.arrays import Complex
 
 Edge: TypeAlias = IdealEdge | ElasticEdge
 Points: TypeAlias = tuple[tuple[float, float], ...]
@@ -103,15 +102,11 @@ def at(
     load: Load,
     points_m: Sequence[tuple[float, float]],
     frequency_hz: float,
-    rtol: float = 1e-10,
-) -> Complex:
-    """Displacement at some points under one load of one frequency."""
-    return np.asarray(displacement(scene_of(strip, load, *points_m), [frequency_hz], rtol)[0, 0])
-
-
-def alone(scene: Scene, frequencies_hz: Sequence[float] | Real, rtol: float = 1e-11) -> Complex:
-    """Displacement of one frequency after another, so that none follows from others."""
-    return np.concatenate([displacement(scene, [float(f)], rtol) for f in frequencies_hz])
+    rtol: float | None = None,
+) -> Estimate[Complex]:
+    """Displacement at some points under one load of one frequency, with its error."""
+    answer = response(scene_of(strip, load, *points_m), [frequency_hz], rtol)
+    return Estimate(value=answer.value[0, 0], error=answer.error[0, 0], work=answer.work)
 
 
 def bending_wavenumber_rad_m(strip: Strip, frequency_hz: float) -> complex:
@@ -121,26 +116,6 @@ def bending_wavenumber_rad_m(strip: Strip, frequency_hz: float) -> complex:
     return complex((square**2 / strip.material.stiffness_factor(frequency_hz)) ** 0.25)
 
 
-def drawn_strip(rng: np.random.Generator, edge: Edge = SIMPLY_SUPPORTED, **more: Any) -> Strip:
-    """A strip of a material and size that no default has."""
-    material = Material(
-        youngs_modulus_pa=float(np.round(10 ** rng.uniform(9.3, 11.6), -6)),
-        poisson_ratio=float(np.round(rng.uniform(0, 0.45), 3)),
-        density_kg_m3=float(np.round(rng.uniform(900, 9000))),
-        loss_factor=more.pop("loss", 0.0),
-    )
-    width_m = float(np.round(rng.uniform(0.01, 0.06), 4))
-    thickness_m = float(np.round(width_m * rng.uniform(0.005, 0.05), 5))
-    return Strip(width_m=width_m, thickness_m=thickness_m, material=material, edge=edge, **more)
-
-
 def spring(strip: Strip, grip: float) -> ElasticEdge:
     """An edge whose stiffness is so many times the strip's bending stiffness over its width."""
     return ElasticEdge(stiffness_n=grip * strip.bending_stiffness_n_m / strip.width_m)
-
-
-def within(found: Complex, true: Complex, rtol: float, axis: Any = None) -> bool:
-    """Whether each value is right to its tolerance, or to a thousandth of that of the largest."""
-    size = np.abs(true)
-    floor = 1e-3 * np.max(size, axis=axis, keepdims=True)
-    return bool(np.all(np.abs(found - true) <= rtol * np.maximum(size, floor)))
