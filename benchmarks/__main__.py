@@ -20,9 +20,6 @@ NAMES = (
         "journal",
         "stability",
         "field",
-        "sweep",
-        "single",
-        "motion",
         "gains",
         "skipping",
         "link",
@@ -30,7 +27,7 @@ NAMES = (
     *("analysis", "precision", "calibration", "groups", "crosscheck", "people"),
 )
 PAGE = Path(__file__).parent.parent / "docs" / "benchmarks.md"
-BY_HAND = "## Long runs\n"
+BY_HAND = "Long runs"
 """The section that `make bench` does not measure: it stays, at the end of the page."""
 GUIDE = (
     "How numbers are taken is in each script in `benchmarks/`. No hardware and no person took "
@@ -56,21 +53,41 @@ def machine() -> str:
 
 
 def main(names: list[str]) -> None:
-    """Run benchmarks, print their sections, and write the page if all were run."""
+    """Run benchmarks, print their sections, and put them in the page.
+
+    Without names all are run, and other sections than theirs and `BY_HAND` are dropped.
+    """
     unknown = set(names) - set(NAMES)
     if unknown:
         print(
             f"unknown: {', '.join(sorted(unknown))}; there are: {', '.join(NAMES)}", file=sys.stderr
         )
         sys.exit(2)
-    sections = []
+    measured: dict[str, str] = {}
     for name in names or NAMES:
-        sections.append(import_module(f"benchmarks.{name}").section())
-        print(sections[-1], flush=True)
-    if not names:
-        head = f"# Benchmarks\n\nMeasured by `make bench` on: {machine()}.\n"
-        kept = "".join(PAGE.read_text(encoding="utf-8").partition(BY_HAND)[1:])
-        PAGE.write_text("\n".join([head, GUIDE, *sections, kept]), encoding="utf-8")
+        section = import_module(f"benchmarks.{name}").section()
+        print(section, flush=True)
+        measured |= sections(section)
+    page = PAGE.read_text(encoding="utf-8")
+    written = sections(page)
+    by_hand = {BY_HAND: written.pop(BY_HAND)}
+    if names:
+        head = page.partition("\n## ")[0]
+        kept = written | measured
+    else:
+        head = f"# Benchmarks\n\nMeasured by `make bench` on: {machine()}.\n\n{GUIDE}"
+        kept = measured
+    PAGE.write_text("\n".join([head, *kept.values(), *by_hand.values()]), encoding="utf-8")
+
+
+def sections(page: str) -> dict[str, str]:
+    r"""Return the sections of a page by their headings.
+
+    >>> sections("# Page\n\n## One\n\nText.\n\n## Two\n")
+    {'One': '## One\n\nText.\n', 'Two': '## Two\n'}
+    """
+    parts = f"\n{page}".split("\n## ")[1:]
+    return {part.partition("\n")[0]: f"## {part}" for part in parts}
 
 
 if __name__ == "__main__":

@@ -242,11 +242,6 @@ def distribution() -> list[str]:
     return rows
 
 
-REASONS: Final = """\
-What takes more than wanted, and why: [decision 11](decisions.md#11-time-of-a-gain-matrix).
-"""
-
-
 def section() -> str:
     """Measure and return the section of docs/benchmarks.md."""
     lines = [
@@ -254,7 +249,7 @@ def section() -> str:
         "",
         "Least processor time of two new processes, one thread: of a study's gain matrix without",
         f"its imports, and beyond `{IMPORTS}` of `tactstrip check` and of what `dry-run` does with",
-        "five participants before its analysis, in ms. Wanted: 150, 1000 and 1000.",
+        "five participants before its analysis, in ms.",
         "",
         "| plate | gain matrix | check | dry run |",
         "|---|---|---|---|",
@@ -273,4 +268,4 @@ def section() -> str:
         "|---|---|---|",
         *distribution(),
     ]
-    return "\n".join([*lines, "", REASONS])
+    return "\n".join([*lines, ""])

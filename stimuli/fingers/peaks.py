@@ -20,7 +20,7 @@ from stimuli.load import PointForce, PressureDisc
 from stimuli.plate.line import gauss_rule
 from stimuli.plate.response import MISSED, RELATIVE, Estimate, estimate
 from stimuli.plate.scene import check_loads
-from stimuli.plate.transient import LOOKS, make_time_line, receptances, reference_hz
+from stimuli.plate.transient import BEYOND, LOOKS, make_time_line, receptances, reference_hz
 from stimuli.threads import single_threaded
 
 if TYPE_CHECKING:
@@ -257,13 +257,15 @@ def _wait_s(strip: Strip, loads: Sequence[Load], fingertips: Sequence[Fingertip]
     """Return how long after the drive the slow waves just above a cut-off may bring the peak.
 
     They spread like heat: the longest waves have come when 2 sqrt(D / (rho h)) t is the square of
-    the distance. Far away the faster ones count. Over an end of the plate the way is longer.
+    the distance. Far away the faster ones count. Over an end of the plate the way is longer, unless
+    the end is too far away.
     """
     spread_m2_s = math.sqrt(
         strip.bending_stiffness_n_m / (strip.material.density_kg_m3 * strip.thickness_m)
     )
     way_m = max(abs(tip.x_m - load.x_m) + tip.radius_m for tip in fingertips for load in loads)
-    way_m += strip.length_m or 0.0
+    if strip.length_m is not None:
+        way_m += min(strip.length_m, 2 * max(BEYOND) * strip.width_m)
     slowest_m_s = _SLOWEST * 4 * math.pi * spread_m2_s / strip.width_m
     return min(way_m**2 / (2 * spread_m2_s), way_m / slowest_m_s) + 1 / strip.cutoff_hz()
 

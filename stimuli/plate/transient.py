@@ -52,7 +52,7 @@ LOOKS: Final = 32
 """Times in a period of the highest of cut-off and drive's band at which the plate is looked at."""
 _BETWEEN_LOOKS: Final = 3e-4
 """Part of the largest displacement that a spline between the looks misses at corners of a drive."""
-_BEYOND, _BEYOND_LOSSLESS = (15.0, 20.0), (30.0, 40.0)
+BEYOND, _BEYOND_LOSSLESS = (15.0, 20.0), (30.0, 40.0)
 """Widths of a long plate that are kept beyond loads and points, coarse and fine: echoes from
 farther away are too late, and with loss too faint."""
 _MODES: Final = Resolution(multiples=(5.5, 8.0), margins=Margins(2.0, 3.0))
@@ -188,13 +188,18 @@ def receptances(
         return coarse, fine
     viscous_time_s = strip.material.viscous_time_s
     lossless = replace(strip, material=replace(strip.material, viscous_time_s=0.0))
-    beyond = _BEYOND if viscous_time_s else _BEYOND_LOSSLESS
+    beyond = BEYOND if viscous_time_s else _BEYOND_LOSSLESS
     points = tuple((x, y) for x, y in points_m.tolist())
     coarse_modes, fine_modes = _lossless_receptances(lossless, tuple(loads), points, max_hz, beyond)
     return (
         replace(coarse_modes, viscous_time_s=viscous_time_s),
         replace(fine_modes, viscous_time_s=viscous_time_s),
     )
+
+
+def clear_receptances() -> None:
+    """Forget the plates of earlier calls, as for measurements of time."""
+    _lossless_receptances.cache_clear()
 
 
 @lru_cache(maxsize=4)  # a check asks for the same plate with several losses and drives

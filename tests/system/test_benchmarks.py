@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+import dataclasses
 import importlib
 from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from benchmarks import calibration, field, single, sweep
+from benchmarks import calibration, field
 from benchmarks.hard_cases import strip_on
-from stimuli import CLAMPED, SIMPLY_SUPPORTED, MomentRectangle, PointForce, displacement
+from stimuli import CLAMPED, SIMPLY_SUPPORTED, MomentRectangle, PointForce
 from tests.reference.exact import exact
-from tests.reference.plate_fem import direct, modal, model
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from stimuli import Load, Strip
 
 W = 0.025
@@ -29,7 +31,7 @@ PATCH = MomentRectangle(x_m=0.0, y_m=W / 2, length_x_m=0.005, length_y_m=0.015)
         (strip_on(CLAMPED), FORCE, (0.07, W / 2, 300.0), 3.70695978412616636e-11, 1e-15),
         # with free ends: polynomials and finite elements, 12 digits
         (
-            field.scene(SIMPLY_SUPPORTED).strip,
+            dataclasses.replace(strip_on(SIMPLY_SUPPORTED, loss_factor=0.01), length_m=0.2),
             PATCH,
             (0.02, 0.0075, 500.0),
             -1.9807964221232675e-06 - 2.2596465628158454e-08j,
@@ -43,19 +45,16 @@ def test_the_evaluator_gives_values_known_from_other_methods(
     assert float(abs(exact(strip, load, *at) / known_m - 1)) < rel
 
 
-def test_finite_elements_on_a_coarse_grid_are_right_to_a_percent() -> None:
-    scene = field.scene(SIMPLY_SUPPORTED)
-    plate = model(scene.strip, field.PATCH, scene.points_m, 6e-3)
-    frequencies_hz = field.frequencies(3)
-    true_m = displacement(scene, frequencies_hz, 1e-6)[:, 0]
-    assert field.error_of(direct(plate, frequencies_hz), true_m) < 1e-2
-    assert field.error_of(modal(40, plate, frequencies_hz), true_m) < 1e-2
-
-
-@pytest.mark.parametrize("benchmark", [sweep, single])
-def test_the_true_error_is_below_the_estimate_and_that_below_the_target(benchmark: Any) -> None:
-    result = benchmark.measured(next(benchmark.cases()), lambda *runs: [1.0] * len(runs))
-    assert result.error < result.told < sweep.RTOL
+@pytest.mark.parametrize("problem", [field.frequency_response, field.gain_matrix, field.field_map])
+def test_errors_beside_finite_elements_are_told(
+    problem: Callable[[], field.Problem], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(field, "REPEATS", 1)
+    monkeypatch.setattr(field, "FINEST_M", 2e-3)
+    ours, coarse, fine = problem().runs((4e-3, 3e-3))
+    assert ours.error < ours.told
+    assert ours.error < coarse.error < 0.1
+    assert fine.seconds > coarse.seconds > ours.seconds
 
 
 def test_statsmodels_agrees_where_there_are_neither_guesses_nor_lapses() -> None:
