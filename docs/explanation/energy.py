@@ -27,6 +27,7 @@ from stimuli import (
     displacement,
     felt,
     level_db,
+    transient,
 )
 
 if TYPE_CHECKING:
@@ -45,7 +46,7 @@ BURSTS = (
     replace(PAPER, window="hann", cycles=2),
 )
 SLOW_HZ, FAST_HZ = 8000.0, 48_000.0
-TOP_HZ, STEP_HZ = 16_000.0, 4.0
+STEP_HZ = 4.0
 BLUE, ORANGE, GREY = "#0072B2", "#D55E00", "#7F7F7F"
 
 
@@ -143,16 +144,15 @@ def _motion() -> tuple[Motion, float]:
     own, _ = loads_of(STUDY)
     points_m = tuple((tip.x_m, tip.y_m) for tip in fingertips_of(STUDY))
     scene = Scene(strip=causal(plate(), PAPER), loads=(own,), points_m=points_m)
-    frequencies_hz = np.arange(STEP_HZ / 2, TOP_HZ, STEP_HZ)
-    moved = displacement(scene, frequencies_hz, rtol=1e-4)[:, 0].T * PAPER.spectrum(frequencies_hz)
+    frequencies_hz = np.arange(STEP_HZ / 2, plate().cutoff_hz(), STEP_HZ)
+    below = displacement(scene, frequencies_hz)[:, 0].T * PAPER.spectrum(frequencies_hz)
     time_s = np.linspace(0.0, 0.012, 1201)
-    turned = np.exp(-2j * np.pi * np.outer(frequencies_hz, time_s))
-    below = np.where(frequencies_hz < plate().cutoff_hz(), moved, 0.0)
+    phases = np.exp(-2j * np.pi * np.outer(frequencies_hz, time_s))
     tone = displacement(scene, [PAPER.frequency_hz])[0, 0]
     motion = Motion(
         time_s=time_s,
-        whole_m=2 * STEP_HZ * (moved @ turned).real,
-        below_m=2 * STEP_HZ * (below @ turned).real,
+        whole_m=transient(scene, PAPER, time_s)[:, 0].T,
+        below_m=2 * STEP_HZ * (below @ phases).real,
     )
     return motion, float(20 * np.log10(abs(tone[1] / tone[0])))
 

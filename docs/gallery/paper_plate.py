@@ -26,7 +26,6 @@ from stimuli import (
     displacement_map,
     load_per_volt,
 )
-from stimuli.motion.motion import steady
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -146,7 +145,7 @@ def over_frequency(
 ) -> Frequencies:
     """Compute the field at the centre of a load and at a place beside it."""
     scene = Scene(strip=strip, loads=(load,), points_m=((load.x_m, load.y_m), beside_m))
-    field_m = displacement(scene, frequencies_hz, rtol=1e-6)[:, 0]
+    field_m = displacement(scene, frequencies_hz)[:, 0]
     return Frequencies(
         frequencies_hz=frequencies_hz, centre_m=field_m[:, 0], beside_m=field_m[:, 1]
     )
@@ -172,10 +171,8 @@ def over_plate(strip: Strip, driven: tuple[tuple[Load, float], ...], frequency_h
     """Compute the field of loads with their amplitudes over 200 mm, in steps of 0.5 mm."""
     x_m, y_m = np.linspace(-0.1, 0.1, 401), np.linspace(0.0, strip.width_m, 51)
     loads, amplitudes = zip(*driven, strict=True)
-    field = displacement_map(strip, loads, frequency_hz, x_m=x_m, y_m=y_m, rtol=1e-5)
-    total_m = np.asarray(
-        np.tensordot(amplitudes, field.displacement_m, axes=1), dtype=np.complex128
-    )
+    field = displacement_map(strip, loads, frequency_hz, x_m=x_m, y_m=y_m)
+    total_m = np.asarray(np.tensordot(amplitudes, field.value, axes=1), dtype=np.complex128)
     return Map(x_m=x_m, y_m=y_m, displacement_m=total_m, loads=loads)
 
 
@@ -191,7 +188,10 @@ class PatchMap:
 def patch_map(
     strip: Strip, load: Load, layers: PiezoLayers, *, frequency_hz: float, level_vpp: float
 ) -> PatchMap:
-    """Compute the field of a patch whose moment is predicted from its layers."""
+    """Compute the field of a patch on a strip, whose moment is predicted from its layers.
+
+    Where the patch is one of the strip's own, the moment is that of its free laminate.
+    """
     moment_n = predicted_moment_n(strip, load, layers, level_vpp)
     plate = over_plate(strip, ((load, moment_n),), frequency_hz)
     return PatchMap(plate=plate, centre_m=plate.at(load.x_m), moment_n=moment_n)
@@ -224,8 +224,8 @@ def with_patch(
     per_v = load_per_volt(plate, load, layers).load_per_v
     points_m = ((load.x_m, load.y_m), (load.x_m + 0.02, load.y_m))
     scene = Scene(strip=plate, loads=(load,), points_m=points_m)
-    moved_m = np.abs([steady(scene, frequency_hz)[0] for frequency_hz in frequencies_hz.tolist()])
-    return per_v * moved_m[:, 0], per_v * moved_m[:, 1]
+    amplitudes_m = per_v * np.abs(displacement(scene, frequencies_hz)[:, 0])
+    return amplitudes_m[:, 0], amplitudes_m[:, 1]
 
 
 def draw_frequencies(

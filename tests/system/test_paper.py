@@ -97,9 +97,9 @@ def test_amplitudes_of_figures_5_6_9_and_10_are_met_within_a_factor() -> None:
     # layer data are good to a factor of 1.5 to 2 at best
     assert 1 / 1.5 < 1.0 / centre_um(ONE_DISC) < 1.5
     assert 1 / 1.5 < 2.6 / centre_um(TWO_DISCS) < 1.5
-    # a patch with a free rim has the smallest moment
-    assert 1.5 < 2.8 / centre_um(UPRIGHT) < 2
-    assert 1.2 < 1.0 / centre_um(FLAT) < 1.5
+    # the plate around a patch holds it more than the model does
+    assert 1 < 2.8 / centre_um(UPRIGHT) < 1.25
+    assert 1 < 1.0 / centre_um(FLAT) < 1.1
 
 
 def test_figures_5_and_6_leave_the_rest_at_rest_and_are_not_one_linear_plate() -> None:
@@ -113,13 +113,19 @@ def test_figures_9_and_10_peak_at_the_centre_and_differ_as_in_the_paper() -> Non
     for script in (UPRIGHT, FLAT):
         assert numbers(script).plate.peak_place_m == pytest.approx((0.0, 0.0125), abs=1e-9)
     flat = numbers(FLAT)
-    per_moment_m = flat.plate.at(0.02) / flat.moment_n
-    assert per_moment_m == pytest.approx(4.96422864218509787e-7, rel=1e-5)
     # section III-C: the entire width is activated
     across = np.abs(flat.plate.displacement_m[flat.plate.x_m.size // 2])
     assert across[np.isclose(flat.plate.y_m, 0.006)] > across.max() / 4
     # one ceramic: its data drop out of the ratio
-    assert 1 < 2.8 / (centre_um(UPRIGHT) / centre_um(FLAT)) < 1.3
+    assert 1 < 2.8 / (centre_um(UPRIGHT) / centre_um(FLAT)) < 1.15
+
+
+def test_the_plate_under_figure_10_has_the_displacement_of_the_reference_without_its_patch() -> (
+    None
+):
+    paper: Any = importlib.import_module("paper_plate")
+    bare = paper.over_plate(paper.SECOND, ((paper.FLAT_PATCH, 1.0),), 700.0)
+    assert bare.at(0.02) == pytest.approx(4.96422864218509787e-7, rel=1e-5)
 
 
 def test_figure_11_needs_the_force_of_the_reference_whatever_the_motor_weighs() -> None:
