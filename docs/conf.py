@@ -30,6 +30,7 @@ extensions = [
     "sphinx.ext.autodoc",
     "sphinx_gallery.gen_gallery",
     "drawn",
+    "mathml",
     "reference",
     "stacked",
 ]
@@ -40,7 +41,8 @@ nitpick_ignore_regex = [("py:.*", ".*")]  # docstrings name types and modules, l
 default_role = "py:obj"
 
 myst_heading_anchors = 4
-myst_enable_extensions = ["colon_fence"]
+myst_enable_extensions = ["colon_fence", "dollarmath"]
+html_math_renderer = "mathml"
 
 autodoc_typehints = "none"  # the docstrings say it, with units
 numpydoc_show_class_members = False

@@ -47,7 +47,7 @@ class _Placed:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PointForce(_Placed):
-    """A force of 1 N at one point, equation (37).
+    """A force of 1 N at one point, equation (31).
 
     Attributes
     ----------
@@ -80,7 +80,7 @@ class _Disc(_Placed):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PressureDisc(_Disc):
-    """A pressure of 1 Pa over a disc, equation (37).
+    """A pressure of 1 Pa over a disc, equation (31).
 
     Attributes
     ----------
@@ -105,7 +105,7 @@ class PressureDisc(_Disc):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MomentDisc(_Disc):
-    """A bonded disc with an edge moment of 1 N m per metre, equation (37): a piezo bender.
+    """A bonded disc with an edge moment of 1 N m per metre, equation (31): a piezo bender.
 
     Attributes
     ----------
@@ -146,7 +146,7 @@ class _Rectangle(_Placed):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PressureRectangle(_Rectangle):
-    """A pressure of 1 Pa over a rectangle, equation (37).
+    """A pressure of 1 Pa over a rectangle, equation (31).
 
     Attributes
     ----------
@@ -171,7 +171,7 @@ class PressureRectangle(_Rectangle):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MomentRectangle(_Rectangle):
-    """A bonded rectangle with an edge moment of 1 N m per metre, equation (37).
+    """A bonded rectangle with an edge moment of 1 N m per metre, equation (31).
 
     Attributes
     ----------

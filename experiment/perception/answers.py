@@ -1,8 +1,8 @@
 """What simulated participants answer: the probability of every answer, and draws from it.
 
 The psychometric function, masking between the fingers, lapses and reaction times are here; which
-answer follows from what was detected is the task's (`experiment.tasks`). Equations (28), (29) and
-(71) of docs/model.md.
+answer follows from what was detected is the task's (`experiment.tasks`). Equations (28) to
+(30) of docs/model.md.
 """
 
 from __future__ import annotations

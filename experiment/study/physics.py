@@ -75,7 +75,7 @@ class PeakErrors:
 def study_gains(
     study: Study, loss_factor: float = ASSUMED_LOSS, *, bare: bool = False
 ) -> tuple[ConditionGains, ...]:
-    """Return the gain matrix of every condition of a study, equation (71).
+    """Return the gain matrix of every condition of a study, equation (30).
 
     Parameters
     ----------

@@ -62,7 +62,7 @@ def _energy_far(shape: Transform, cycles: int, low: float, high: float) -> float
     """Return the integral of B^2 over a range beyond `FAR` from the carrier, 0 if it is empty.
 
     The smooth part is summed over panels that double with the distance from the carrier. Each end
-    of the ripple is integrated along Im y > 0, where it decays, equation (25).
+    of the ripple is integrated along Im y > 0, where it decays, equation (24).
     """
     if low >= high:
         return 0.0
@@ -105,7 +105,7 @@ def staircase_energy_above(
     """Return the energy fraction above a frequency of samples as a converter holds them.
 
     The samples, each held for 1 / rate (zero-order hold), make a staircase. Its steps give the
-    spectrum exactly, images at all multiples of the rate included, equation (26); the total is
+    spectrum exactly, images at all multiples of the rate included, equation (25); the total is
     Parseval's sum of the squared samples.
 
     Parameters
@@ -172,7 +172,7 @@ def _autocorrelation(steps: Real) -> Real:
 
 
 def _cosine_tail(x: Real) -> Real:
-    """Return x times the integral of cos(t) / t^2 from x to infinity, equation (27); 1 at x = 0.
+    """Return x times the integral of cos(t) / t^2 from x to infinity, equation (25); 1 at x = 0.
 
     A power series up to x = 1; beyond, the real part of the exponential integral E_2(-i x) by
     its continued fraction, which needs the fewer terms the larger x is.

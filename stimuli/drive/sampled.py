@@ -244,7 +244,7 @@ class SampledDrive:
         return np.interp(place, np.arange(len(self.values)), self.values)
 
     def spectrum(self, frequencies_hz: ArrayLike) -> Complex:
-        """Return the exact spectrum int s(t) exp(+i omega t) dt, equation (61).
+        """Return the exact spectrum int s(t) exp(+i omega t) dt, equation (26).
 
         Parameters
         ----------
@@ -317,7 +317,7 @@ class SampledDrive:
         return lower, self._crossing(int(above[0]) + at - 1, frequencies, power)
 
     def energy_above(self, frequency_hz: float) -> float:
-        """Return the fraction of the one-sided energy above a frequency, equation (62).
+        """Return the fraction of the one-sided energy above a frequency, equation (27).
 
         Parameters
         ----------

@@ -189,7 +189,7 @@ class LoadPerVolt:
 def load_per_volt(
     strip: Strip, load: Load, basis: MeasuredDisplacement | PiezoLayers
 ) -> LoadPerVolt:
-    """Return the load of an actuator per volt, equations (67), (68) and (85).
+    """Return the load of an actuator per volt, equations (45) and (46).
 
     Parameters
     ----------
@@ -247,7 +247,7 @@ def load_per_volt(
 
 
 def _measured_load_per_volt(scene: Scene, measured: MeasuredDisplacement) -> float:
-    """Return the measured displacement over that of the unit load, equation (68)."""
+    """Return the measured displacement over that of the unit load, equation (46)."""
     strip, frequency_hz = scene.strip, measured.frequency_hz
     first_hz = first_mode_hz(strip)
     if not strip.patches and frequency_hz >= first_hz:
@@ -260,7 +260,7 @@ def _measured_load_per_volt(scene: Scene, measured: MeasuredDisplacement) -> flo
 
 
 def _moment_per_volt(strip: Strip, load: Load, layers: PiezoLayers) -> float:
-    """Return the moment that bends the plate as the layers bend it, equations (67) and (85)."""
+    """Return the moment that bends the plate as the layers bend it, equation (45)."""
     plate = layer_of(strip.material, strip.thickness_m)
     whole = laminate([plate, *layers.layers])
     # thickness times strain is d31 per volt, whatever the thickness

@@ -158,7 +158,7 @@ class Fingertip:
             object.__setattr__(self, name, size_m)
 
     def points_m(self, strip: Strip) -> tuple[tuple[float, float], ...]:
-        """Return points that sample the contact area, equation (69).
+        """Return points that sample the contact area, equation (43).
 
         Parameters
         ----------
@@ -227,7 +227,7 @@ def _on_rings(radius_m: float, width_m: float) -> Iterator[tuple[float, float]]:
 
 
 def causal(strip: Strip, drive: Drive) -> Strip:
-    """Return a strip whose loss is causal: viscous instead of constant, equation (69).
+    """Return a strip whose loss is causal: viscous instead of constant, equation (43).
 
     Parameters
     ----------

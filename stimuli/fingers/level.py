@@ -39,7 +39,7 @@ _MATRIX: Final = 2
 
 
 def level_db(felt_m: ArrayLike, own: int, other: int, load: int | None = None) -> float:
-    """Return the peak at another finger in dB relative to that at the own finger, equation (70).
+    """Return the peak at another finger in dB relative to that at the own finger, equation (44).
 
     Parameters
     ----------

@@ -56,7 +56,7 @@ def fingertip_peaks(
     drive: Drive,
     rtol: float | None = None,
 ) -> Estimate[Real]:
-    """Return the peak displacement at each fingertip under each load, with its error.
+    """Return the peak displacement at fingertips under each load, equation (43), with its error.
 
     Parameters
     ----------
@@ -183,7 +183,7 @@ class _Contact:
         self.weights, self.n_loads = weights, n_loads
 
     def loaded(self, response: Complex, omega: Complex) -> Complex:
-        """Return the response to loads at the points that are no nodes of contact areas."""
+        """Return the response at points that are no nodes of contact areas, equation (42)."""
         if not self.weights:
             return response
         n_loads, n_points = self.n_loads, response.shape[2] - sum(map(len, self.weights))

@@ -137,7 +137,7 @@ def load_work(load: Load, along: Line, across: Line) -> Real:
     """Return the work of a unit load on all products of functions: (n_along, n_across).
 
     A force works on the displacement, a pressure on its integral over the area, and the moment of a
-    bonded patch on the integral of the Laplacian, equation (37).
+    bonded patch on the integral of the Laplacian, equation (31).
     """
     slices = slice_area(load, _slice_nodes(load, along, across), along.kinks_m)
     integral, slope = _chord_integrals(load, slices, across)
@@ -208,8 +208,8 @@ def local_field(load: Load, points_m: Real) -> Real:
     A moment disc makes the Laplacian of the displacement jump at its rim, which no sum of smooth
     functions follows well. R^2 (q^2 / 8 + q^3 / 12) with q = 1 - r^2 / R^2, and 0 outside of the
     disc, has that jump and a continuous normal derivative of the Laplacian. The rest is the field
-    of a pressure, (48 r^2 / R^2 - 24) / R^2, and of the inertia of this part. Other loads have no
-    such part.
+    of a pressure, (48 r^2 / R^2 - 24) / R^2, and of the inertia of this part, equation (35). Other
+    loads have no such part.
     """
     if not _is_moment_disc(load):
         return np.zeros(len(points_m))
@@ -247,7 +247,7 @@ def _chord_integrals(load: Load, slices: Slices, across: Line) -> tuple[Real, Re
 
 @dataclass(frozen=True, slots=True)
 class Rim:
-    """Functions of one disc: (1 - r^2)^2 times polynomials inside it, and 0 outside.
+    """Functions of one disc: (1 - r^2)^2 times polynomials inside, 0 outside, equation (40).
 
     They have a continuous slope and a jump of the curvature at the rim of the disc, as the plate
     has where a disc stiffens it. Products of piecewise polynomials can only follow that jump

@@ -92,7 +92,7 @@ class Basis:
 
     @cached_property
     def matrices(self) -> tuple[Real, Real, Real]:
-        """Stiffness of the plate, stiffness of the edge springs, and mass."""
+        """Stiffness of the plate, stiffness of the edge springs, and mass, equation (36)."""
         strip, along, across = self.strip, self.along, self.across
         nu = strip.material.poisson_ratio
         xx, x0, x1, xm = along.products((2, 2), (0, 0), (1, 1), (2, 0))

@@ -72,7 +72,7 @@ def layer_of(material: Material, thickness_m: float) -> Layer:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BondedPatch:
-    """A disc or rectangle glued to a strip, which stiffens and loads it there, equation (83).
+    """A disc or rectangle glued to a strip, which stiffens and loads it there, equation (39).
 
     The layers bend with the plate as one laminate whose neutral surface lies where no force
     stretches it; the plate around holds it in part, and the glue is left out.
@@ -166,7 +166,7 @@ class BondedPatch:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Laminate:
-    """Bending of a plate with its layers, no force in its plane, equation (83).
+    """Bending of a plate with its layers, no force in its plane, equation (39).
 
     Attributes
     ----------
@@ -222,7 +222,7 @@ def laminate(layers: Sequence[Layer]) -> Laminate:
 def cutoff_factor(material: Material, thickness_m: float, patches: Sequence[BondedPatch]) -> float:
     """Return how many times higher a cut-off is at most where patches cover the strip, at least 1.
 
-    With the stiffer of the two bendings of (83); elastic edges do not stiffen, and give less.
+    With the stiffer of the two bendings of (39); elastic edges do not stiffen, and give less.
     """
     plate = layer_of(material, thickness_m)
     bare, factor = laminate([plate]), 1.0

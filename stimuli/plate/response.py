@@ -144,7 +144,7 @@ def estimate(
     *,
     safety: Real | float = _SAFETY,
 ) -> Estimate[Values]:
-    """Return the fine result, with its error by what the coarse one differs.
+    """Return the fine result, with its error by what the coarse one differs, equation (47).
 
     `missed` is what both resolutions miss of the largest value, and `relative` a part of each.
     """
@@ -395,7 +395,7 @@ class Modes:
     def response(
         self, omega: Complex | Real, factors: Complex, exchange_hz: float, n_terms: int
     ) -> Complex:
-        """Return the displacement, without the first terms in powers of w^2.
+        """Return the sum over modes, equation (38), without the first terms in powers of w^2.
 
         Up to a multiple of `exchange_hz` modes exchange loss where their springs have none.
         """

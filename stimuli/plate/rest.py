@@ -35,7 +35,7 @@ _REACH: Final = 7.0
 
 @dataclass(frozen=True, eq=False)
 class RestField:
-    """Displacement at rest under a unit load and under its inertia, for stiffness factors.
+    """Displacement at rest under a unit load and under its inertia, equation (37).
 
     Attributes
     ----------

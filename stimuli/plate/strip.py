@@ -215,7 +215,7 @@ class Strip:
 
         Notes
         -----
-        Their squares are the eigenvalues of the cross section, equation (31), with an error of
+        Their squares are the eigenvalues of the cross section, equation (33), with an error of
         1e-11 of the largest one of the first ten, and 1e-7 of a hundred. At a cut-off, where p = 0,
         and where two wavenumbers coalesce (`exceptional_point_hz`), half of the digits are left.
 
@@ -248,7 +248,7 @@ class Strip:
         Returns
         -------
         float
-            The exceptional point of the strip without loss, equation (35), in Hz; 0 on simple
+            The exceptional point of the strip without loss, see equation (33), in Hz; 0 on simple
             supports, whose wavenumbers all meet there in twos.
 
         Examples

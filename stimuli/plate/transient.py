@@ -44,8 +44,7 @@ if TYPE_CHECKING:
     from stimuli.plate.strip import Strip
 
 _FADING: Final = 9.0
-"""Nepers by which a period fades before it comes round: exp(-9 / 2) = 1e-4 into the kept half,
-of what is left there."""
+"""Nepers by which a period fades before it comes round: exp(-9) = 1e-4 of what is left then."""
 _FINER: Final = 4
 """Samples of the drive for each time at which the plate is looked at."""
 LOOKS: Final = 32
@@ -84,7 +83,7 @@ class TimeLine:
         return np.asarray(np.exp(self.omega[0].imag * self.step_s * np.arange(self.drive.size)))
 
     def history(self, response: Complex) -> Real:
-        """Return what a response (n_frequencies, ...) does over time: (n_times, ...)."""
+        """Return what a response does over time, equation (41): (n_times, ...)."""
         n_times, more = self.drive.size, (np.newaxis,) * (response.ndim - 1)
         at_once = response[-1].real
         spectrum = self.spectrum[:, *more]

@@ -49,7 +49,7 @@ _ROUNDING: Final = 1e-9
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CrossSection:
-    """Functions across a strip that are even or odd about its centre line, and their energies."""
+    """Functions across a strip, even or odd about its centre line: energies of equation (32)."""
 
     strip: Strip
     line: Line
@@ -81,7 +81,7 @@ class CrossSection:
         return np.asarray(self.line.derivatives(y_m, (0,))[0] @ (signs * shapes))
 
     def waves(self, omega: Complex | Real) -> Waves:
-        """Return all waves that go or decay to the right at some angular frequencies."""
+        """Return all waves that go or decay to the right at angular frequencies, equation (33)."""
         strip, n = self.strip, len(self.slopes)
         lossy = stiffness_factors(strip, omega)
         # Real eigenproblems take a quarter of the time.
@@ -178,7 +178,7 @@ def plate_inertia(strip: Strip) -> float:
 
 
 def plate_wavenumber(strip: Strip, frequency_hz: float) -> float:
-    """Return the wavenumber of bending waves in a plate without edges, equation (3)."""
+    """Return the wavenumber of bending waves in a plate without edges, equation (4)."""
     return math.sqrt(2 * math.pi * frequency_hz * math.sqrt(plate_inertia(strip)))
 
 
@@ -192,7 +192,7 @@ def stiffness_factors(strip: Strip, omega: Complex | Real) -> Complex:
 def endless_displacement(
     strip: Strip, loads: Sequence[Load], points_m: Real, omega: Complex | Real, margins: Margins
 ) -> Complex:
-    """Return the displacement of an endless strip per unit load.
+    """Return the displacement of an endless strip per unit load, equation (34).
 
     The shape is (n_frequencies, n_loads, n_points). Angular frequencies may be complex; lower ones
     than `MIN_FREQUENCY` cut-offs are taken for that. Loads on the centre line excite no odd waves,

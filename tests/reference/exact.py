@@ -75,7 +75,11 @@ class Problem:
         return not (mp.im(self.k) or (mp.isfinite(self.hold) and mp.im(self.hold)))
 
     def branch_weights(self) -> tuple[Any, Any]:
-        """Return what the load makes of plane waves of either branch, (42) and (44)."""
+        """Return what the load makes of plane waves of either branch.
+
+        A moment multiplies them by their Laplacians, -k^2 and k^2. A disc acts like its centre
+        times the mean of a plane wave over it: 2 pi R J1(k R) / k and 2 pi R I1(k R) / k.
+        """
         k, radius = self.k, self.radius
         one = two = mp.mpf(1)
         if radius:
@@ -230,7 +234,12 @@ def _residue(field: Callable[[Any], Any], p: Any, waves: list[Any]) -> Any:
 def _transform(
     problem: Problem, weights: tuple[Any, Any], pieces: list[_Piece], s: Any, sign: int
 ) -> Any:
-    """Return D U^(s) of one symmetry, equations (38) to (42)."""
+    """Return D U^(s) of one symmetry.
+
+    lap^2 - k^4 is (lap + k^2)(lap - k^2), so that a strip on simple supports has the difference
+    of two Green's functions, of g = sqrt(s^2 -+ k^2), over 2 k^2. What springs add is the field
+    psi of a rotated edge, by as much as the moments at the edges demand.
+    """
     k2 = problem.k**2
     near, far = (_Across(mp.sqrt(s * s + k2), sign), _Across(mp.sqrt(s * s - k2), sign))
     one, two = weights
@@ -390,7 +399,10 @@ def _polished(problem: Problem, start: Any, found: list[Any], sign: int) -> Any:
 
 
 def _inside_disc(problem: Problem) -> Any:
-    """Return what a disc's field has over that of its replacement at its centre, (50)."""
+    """Return what a disc's field has over that of its replacement at its centre.
+
+    Each branch adds w with (lap +- k^2) w = -1 inside, and w = w' = 0 at the rim.
+    """
     k, radius = problem.k, problem.radius
     r = mp.sqrt(problem.x**2 + (problem.y - problem.centre) ** 2)
     if r >= radius:

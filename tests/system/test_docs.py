@@ -77,6 +77,31 @@ def test_every_link_of_a_page_leads_to_a_file_and_a_heading(page: Path) -> None:
     assert dead == []
 
 
+# Equations
+
+
+def test_equations_that_the_code_cites_are_on_the_page_of_the_model() -> None:
+    text = (DOCS / "model.md").read_text("utf-8")
+    numbers = [int(number) for number in re.findall(r"\\tag\{(\d+)\}", text)]
+    assert numbers == [*range(1, len(numbers) + 1)]
+    assert [
+        path
+        for path in re.findall(r"`((?:stimuli|experiment)/[^`]*)`", text)
+        if not (ROOT / path).exists()
+    ] == []
+    cited = {
+        int(number)
+        for package in ("stimuli", "experiment", "analysis", "device")
+        for path in (ROOT / package).rglob("*.py")
+        for group in re.findall(
+            r"[Ee]quations?((?:(?:,| and| to)?\s+\(\d+\))+)", path.read_text("utf-8")
+        )
+        for number in re.findall(r"\d+", group)
+    }
+    assert cited
+    assert cited <= {*numbers}
+
+
 # Commands
 
 

@@ -93,8 +93,8 @@ def aliases() -> dict[str, str]:
 def link(lines: Iterable[str]) -> list[str]:
     """Make links of the equations and the pages that a docstring names; its examples stay.
 
-    >>> link(["See docs/plate.md and equation (37).", ">>> # docs/plate.md"])
-    ['See :doc:`docs/plate.md </plate>` and :doc:`equation (37) </model>`.', '>>> # docs/plate.md']
+    >>> link(["See docs/plate.md and equation (31).", ">>> # docs/plate.md"])
+    ['See :doc:`docs/plate.md </plate>` and :doc:`equation (31) </model>`.', '>>> # docs/plate.md']
     """
     return [line if line.lstrip().startswith((">>>", "...")) else _linked(line) for line in lines]
 
