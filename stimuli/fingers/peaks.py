@@ -153,6 +153,19 @@ def felt(
     -------
     ndarray of float64, shape (n_fingertips, n_loads)
         Metres per unit load.
+
+    Examples
+    --------
+    A finger beside the actuator gets less than one above it:
+
+    >>> from stimuli import ALUMINIUM, CLAMPED, Burst, Fingertip, MomentDisc, Strip
+    >>> strip = Strip(width_m=0.025, thickness_m=0.0005, material=ALUMINIUM, edge=CLAMPED)
+    >>> disc = MomentDisc(x_m=0.0, y_m=0.0125, radius_m=0.0064)
+    >>> fingers = [Fingertip(x_m=x, y_m=0.0125, radius_m=0.0) for x in (0.0, 0.02)]
+    >>> burst = Burst(frequency_hz=500.0, cycles=1, window="hann")
+    >>> above_m, beside_m = felt(strip, [disc], fingers, burst)[:, 0]
+    >>> bool(beside_m < 0.1 * above_m)
+    True
     """
     return fingertip_peaks(strip, loads, fingertips, drive, rtol).value
 

@@ -236,6 +236,18 @@ def displacement(scene: Scene, frequencies_hz: ArrayLike, rtol: float | None = N
     -------
     ndarray of complex128, shape (n_frequencies, n_loads, n_points)
         Metres per unit load.
+
+    Examples
+    --------
+    Places on both sides of a load move alike:
+
+    >>> from stimuli import ALUMINIUM, CLAMPED, MomentDisc, Strip
+    >>> strip = Strip(width_m=0.025, thickness_m=0.0005, material=ALUMINIUM, edge=CLAMPED)
+    >>> disc = MomentDisc(x_m=0.0, y_m=0.0125, radius_m=0.0064)
+    >>> scene = Scene(strip=strip, loads=(disc,), points_m=((-0.01, 0.01), (0.01, 0.01)))
+    >>> left, right = displacement(scene, [500.0])[0, 0]
+    >>> bool(abs(left - right) < 1e-12 * abs(left))
+    True
     """
     return np.asarray(response(scene, frequencies_hz, rtol).value)
 

@@ -278,6 +278,19 @@ def transient(scene: Scene, drive: Drive, times_s: ArrayLike, rtol: float | None
     -------
     ndarray of float64, shape (n_times, n_loads, n_points)
         Metres per unit load amplitude.
+
+    Examples
+    --------
+    Far below its cut-off a strip follows a slow burst as a spring:
+
+    >>> from stimuli import ALUMINIUM, CLAMPED, Burst, MomentDisc, Scene, Strip
+    >>> strip = Strip(width_m=0.025, thickness_m=0.0005, material=ALUMINIUM, edge=CLAMPED)
+    >>> disc = MomentDisc(x_m=0.0, y_m=0.0125, radius_m=0.0064)
+    >>> scene = Scene(strip=strip, loads=(disc,), points_m=((0.0, 0.0125),))
+    >>> burst = Burst(frequency_hz=250.0, cycles=2, window="hann")
+    >>> rise_m, fall_m = transient(scene, burst, [0.003, 0.005])[:, 0, 0]
+    >>> bool(abs(rise_m + fall_m) < 0.01 * abs(rise_m))
+    True
     """
     return transient_response(scene, drive, times_s, rtol).value
 
@@ -303,6 +316,13 @@ def transient_response(
     -------
     Estimate
         Metres per unit load amplitude, of the shape (n_times, n_loads, n_points).
+
+    Raises
+    ------
+    ValueError
+        If an argument is out of its range, or the strip has a constant loss factor.
+    PlateError
+        If the plate needs too many functions, or `rtol` is not kept.
 
     Examples
     --------

@@ -23,7 +23,8 @@ PACKAGES: Final = ("stimuli", "device", "experiment", "analysis")
 # Methods that modules of the same package call. They are no part of what is offered: their values
 # have no page, and they may change.
 INSIDE: Final = {
-    "stimuli.Scene": ("bands", "checked", "counted", "jobs", "near"),
+    "stimuli.Estimate": ("kept",),
+    "stimuli.Scene": ("check_frequencies",),
     "analysis.ColumnMap": ("conditions", "filter", "form", "ours", "reader", "sources"),
     "analysis.GuessRate": ("log_density", "nodes"),
 }
@@ -109,7 +110,7 @@ def shown(package: str, name: str, value: type) -> list[str]:
 
     >>> from stimuli import Scene
     >>> shown("stimuli", "Scene", Scene)
-    ['is_supported', 'work']
+    ['points']
     """
     inside = INSIDE.get(f"{package}.{name}", ())
     owners = [one for one in value.__mro__ if one is value or is_dataclass(one)]
