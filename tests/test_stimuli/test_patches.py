@@ -183,7 +183,7 @@ def test_mirrored_patches_have_mirrored_fields() -> None:
 
 
 def test_both_ways_to_predict_a_moment_bend_a_wholly_covered_plate_alike() -> None:
-    """The bare plate with the moment of (67), and the laminate with its own, (85)."""
+    """The bare plate and the laminate, each with its moment of (45)."""
     layers = PiezoLayers(
         thickness_m=0.2e-3, youngs_modulus_pa=62e9, poisson_ratio=0.31, d31_m_v=-180e-12
     )

@@ -185,7 +185,7 @@ def test_the_papers_plate_has_its_known_wavenumbers(
 @pytest.mark.parametrize(
     ("bending", "compliance", "symmetric", "place", "wavenumber"),
     [
-        # roots of (31) in 40 digits; p W / 2; those far above the bending wavenumber lie close
+        # roots of (33) in 40 digits; p W / 2; those far above the bending wavenumber lie close
         (0, 0, True, 0, 1.12536430580093027 + 2.1061961152453303j),
         (0, 0, False, 0, 1.38433914149366077 + 3.74883813888819275j),
         (0, 1e-06, True, 49, -2.87013873672256418 + 77.7358876072091597j),
