@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final, Literal
 
 import numpy as np
-from scipy.optimize import brentq
 
 from stimuli.checks import finite, finite_array, instance, whole
 from stimuli.plate.edge import (
@@ -260,6 +259,8 @@ class Strip:
         >>> round(strip.exceptional_point_hz(), 6), round(strip.cutoff_hz(), 6)
         (3618.11525, 4366.096943)
         """
+        from scipy.optimize import brentq
+
         if math.isinf(self._edge_compliance()):
             return 0.0
         lossless = dataclasses.replace(self.material, loss_factor=0.0, viscous_time_s=0.0)

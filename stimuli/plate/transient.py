@@ -14,7 +14,6 @@ from functools import lru_cache
 from typing import TYPE_CHECKING, Final, Protocol
 
 import numpy as np
-from scipy.fft import next_fast_len
 
 from stimuli.checks import finite_array
 from stimuli.plate.line import Margins
@@ -47,6 +46,8 @@ _FADING: Final = 9.0
 """Nepers by which a period fades before it comes round: exp(-9) = 1e-4 of what is left then."""
 _FINER: Final = 4
 """Samples of the drive for each time at which the plate is looked at."""
+_FFT_LENGTH: Final = 64
+"""Numbers of times are multiples of it, so that they have small factors."""
 LOOKS: Final = 32
 """Times in a period of the highest of cut-off and drive's band at which the plate is looked at."""
 _BETWEEN_LOOKS: Final = 3e-4
@@ -94,7 +95,7 @@ class TimeLine:
 
 def make_time_line(drive: Drive, step_s: float, span_s: float) -> TimeLine:
     """Return times from the drive's begin on, in steps, over at least a span."""
-    n_times = next_fast_len(math.ceil(span_s / step_s))
+    n_times = _FFT_LENGTH * math.ceil(span_s / step_s / _FFT_LENGTH)
     n = 2 * n_times
     fading = _FADING / (n * step_s)
     fine_s = np.asarray(step_s / _FINER * np.arange(n * _FINER), dtype=np.float64)
