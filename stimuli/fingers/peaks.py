@@ -20,7 +20,15 @@ from stimuli.load import PointForce, PressureDisc
 from stimuli.plate.line import gauss_rule
 from stimuli.plate.response import MISSED, RELATIVE, Estimate, estimate
 from stimuli.plate.scene import check_loads
-from stimuli.plate.transient import BEYOND, LOOKS, make_time_line, receptances, reference_hz
+from stimuli.plate.transient import (
+    AT_JUMPS,
+    BEYOND,
+    LOOKS,
+    make_time_line,
+    receptances,
+    reference_hz,
+    unexchanged_loss,
+)
 from stimuli.threads import single_threaded
 
 if TYPE_CHECKING:
@@ -37,6 +45,8 @@ if TYPE_CHECKING:
 MAX_ERROR: Final = 0.03
 """Part of the peak at the driven finger that has to be known."""
 _TINIEST_M: Final = 1e-300
+_AT_LARGEST: Final = 0.03
+"""Part of the loss factor that is missed of the largest peak where modes exchange loss."""
 _LATE: Final = 0.7
 """The plate is looked at for longer where in the second half of the time it moves by more than this
 part of its peak: waves of one speed may still add up."""
@@ -124,15 +134,17 @@ def fingertip_peaks(
             break
         span_s *= 2
     fine_m, _ = _peaks(plates[1], contact, ends, line)
-    missed_m = MISSED * fine_m.max(axis=0)
+    largest_m, loss = np.maximum(fine_m.max(axis=0), _TINIEST_M), unexchanged_loss(strip, max_hz)
+    exchanged = loss * (_AT_LARGEST + loss * (1 - fine_m / largest_m))
+    missed_m = MISSED * largest_m + (exchanged + AT_JUMPS * line.jump) * fine_m
     peaks = estimate(coarse_m, fine_m, missed_m, plates[1].work, RELATIVE)
     largest = (np.argmax(fine_m, axis=0), np.arange(len(loads)))
-    errors = peaks.error[largest] / np.maximum(fine_m[largest], _TINIEST_M)
+    errors = peaks.error[largest] / largest_m
     if errors.max() > MAX_ERROR:
         load = int(errors.argmax())
         data = {"error_percent": 100 * float(errors[load]), "max_percent": 100 * MAX_ERROR}
         raise PlateError(Rule.UNCERTAIN_PEAK, load=load, **data)
-    return peaks.kept(rtol, fine_m.max(axis=0))
+    return peaks.kept(rtol, largest_m)
 
 
 def felt(

@@ -17,11 +17,11 @@ from stimuli import (
     MeasuredDisplacement,
     PiezoLayers,
     PressureDisc,
+    Scene,
     Strip,
+    displacement,
     load_per_volt,
 )
-from stimuli.plate.response import displacement
-from stimuli.plate.scene import Scene
 from tests.test_stimuli.plates import PLATE, Edge, disc, force, on, patch
 
 change = dataclasses.replace

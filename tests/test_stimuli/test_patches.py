@@ -1,10 +1,8 @@
-"""Plates with bonded patches: thicker plates, mirror images, finite elements, known errors."""
+"""Plates with bonded patches: thicker plates, mirror images, triangles at rims, moments."""
 
 from __future__ import annotations
 
 import dataclasses
-import math
-from typing import Any
 
 import numpy as np
 import pytest
@@ -16,7 +14,6 @@ from stimuli import (
     SIMPLY_SUPPORTED,
     BondedPatch,
     Burst,
-    ElasticEdge,
     Fingertip,
     ForceRectangle,
     Layer,
@@ -31,18 +28,11 @@ from stimuli import (
     felt,
     level_db,
     load_per_volt,
-    transient,
+    response,
+    transient_response,
 )
+from stimuli.errors import PlateError, Rule
 from stimuli.plate.patch import laminate, layer_of
-from stimuli.plate.response import displacement as displacement_by_modes
-from stimuli.plate.scene import Scene as PlateScene
-from tests.reference.plate_fem import model
-from tests.test_stimuli.modes import (
-    natural_frequencies_hz,
-    peaks_up_to,
-    peaks_with_error,
-    steady_motion,
-)
 from tests.test_stimuli.plates import CYCLE, FIRM, PLATE, SUPPORTED, Edge, W, force, on
 
 LENGTH_M = 0.12
@@ -95,7 +85,8 @@ def bearing(strip: Strip, *patches: BondedPatch) -> Strip:
     return dataclasses.replace(strip, patches=patches)
 
 
-SHORT = on(CLAMPED, LENGTH_M)
+SHORT = on(CLAMPED, LENGTH_M, loss=0.01)
+TIMES_S = np.linspace(0.0, 0.004, 41)
 
 
 # --- layers and other plates ---------------------------------------------------------------------
@@ -112,12 +103,28 @@ def test_layers_of_the_plates_material_thicken_it_however_they_are_divided() -> 
     assert divided.opposed_n_m == pytest.approx(whole.opposed_n_m, rel=1e-12)
 
 
-@pytest.mark.parametrize("strip", [SHORT, on(SUPPORTED.edge, LENGTH_M), on(FIRM, LENGTH_M)])
-def test_patches_over_the_whole_plate_make_another_plate(strip: Strip) -> None:
+@pytest.mark.parametrize("edge", [SIMPLY_SUPPORTED, pytest.param(CLAMPED, marks=pytest.mark.slow)])
+def test_patches_over_the_whole_plate_make_another_plate(edge: Edge) -> None:
+    """Over frequency and over time, however the patches are divided."""
+    strip = on(edge, LENGTH_M, viscous_s=1e-6)
     halves = [rectangle(side * LENGTH_M / 4, SAME, size_m=(LENGTH_M / 2, W)) for side in (-1, 1)]
-    thicker = dataclasses.replace(strip, thickness_m=0.75e-3)
-    found = natural_frequencies_hz(bearing(strip, *halves), 8, 12e3)
-    assert found == pytest.approx(natural_frequencies_hz(thicker, 8, 23e3), rel=5e-5)
+    whole = rectangle(0.0, SAME, size_m=(LENGTH_M, W))
+    plates = (
+        dataclasses.replace(strip, thickness_m=0.75e-3),
+        bearing(strip, whole),
+        bearing(strip, *halves),
+    )
+    load = ForceRectangle(x_m=-0.02, y_m=0.011, length_x_m=0.012, length_y_m=0.008)
+    points_m = (-0.02, 0.011), (0.01, 0.014), (0.055, 0.02)
+    thick, *covered = (Scene(strip=one, loads=(load,), points_m=points_m) for one in plates)
+    frequencies_hz = 0.999 * strip.cutoff_hz() * np.array([0.0, 0.5, 1.2])
+    tones, motion = response(thick, frequencies_hz), transient_response(thick, CYCLE, TIMES_S)
+    for scene in covered:
+        difference_m = abs(displacement(scene, frequencies_hz) - tones.value)
+        assert np.all(difference_m < 2e-3 * abs(tones.value).max(axis=2, keepdims=True))
+        covered_motion = transient_response(scene, CYCLE, TIMES_S)
+        difference_m = abs(covered_motion.value - motion.value)
+        assert np.all(difference_m <= covered_motion.error + motion.error)
 
 
 @pytest.mark.parametrize("edge", [CLAMPED, SIMPLY_SUPPORTED])
@@ -140,34 +147,32 @@ def test_fingers_on_a_covered_plate_are_those_on_a_thicker_one(edge: Edge) -> No
     assert level_db(first, 0, 1) == pytest.approx(level_db(second, 0, 1), abs=0.2)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("patch", [disc(), rectangle()], ids=["disc", "rectangle"])
-def test_a_patch_of_no_thickness_changes_nothing(patch: BondedPatch) -> None:
-    layer = dataclasses.replace(CERAMIC, thickness_m=1e-9, youngs_modulus_pa=1.0)
-    thin = dataclasses.replace(patch, layers=(layer,))
-    expected = natural_frequencies_hz(SHORT, 10, 23e3)
-    rel = 2e-4 if patch.is_disc else 5e-5
-    assert natural_frequencies_hz(bearing(SHORT, thin), 10, 12e3) == pytest.approx(
-        expected, rel=rel
+def test_a_patch_of_no_stiffness_changes_nothing_and_a_stiff_one_stiffens(
+    patch: BondedPatch,
+) -> None:
+    place = patch.x_m + 0.002, patch.y_m + 0.001
+    nothing = Layer(thickness_m=1e-9, youngs_modulus_pa=1.0, poisson_ratio=0.31)
+    bare, without, stiffened = (
+        response(Scene(strip=strip, loads=(force(*place),), points_m=(place,)), [0.0, 800.0])
+        for strip in (
+            SHORT,
+            bearing(SHORT, dataclasses.replace(patch, layers=(nothing,))),
+            bearing(SHORT, patch),
+        )
     )
-
-
-@pytest.mark.parametrize("patch", [disc(), rectangle()], ids=["disc", "rectangle"])
-def test_frequencies_fall_as_more_functions_are_taken(patch: BondedPatch) -> None:
-    strip = bearing(SHORT, patch)
-    few, more = (natural_frequencies_hz(strip, 8, hz, 40e3) for hz in (23e3, 40e3))
-    assert np.all(more <= few * (1 + 1e-9))
-    assert natural_frequencies_hz(strip, 8, 23e3) == pytest.approx(more, rel=1e-3)
-    assert more == pytest.approx(few, rel=1e-3)
+    assert np.all(abs(without.value - bare.value) <= without.error + bare.error)
+    assert np.all(abs(stiffened.value) < 0.8 * abs(bare.value))
 
 
 @pytest.mark.slow
 def test_load_and_point_may_be_exchanged() -> None:
-    strip = bearing(on(CLAMPED, LENGTH_M, viscous_s=1e-7), disc(0.02, y_m=0.011), rectangle(-0.03))
-    places = [(0.021, 0.009), (-0.028, 0.016)]
-    loads = tuple(force(*place) for place in places)
-    scene = Scene(strip=strip, loads=loads, points_m=tuple(places))
-    found = steady_motion(scene, 700.0, multiple=6.0)
-    assert found[0, 1] == pytest.approx(found[1, 0], rel=1e-9)
+    strip = bearing(SHORT, disc(0.02, y_m=0.011), rectangle(-0.03))
+    places = (0.021, 0.009), (-0.028, 0.016)
+    scene = Scene(strip=strip, loads=tuple(force(*place) for place in places), points_m=places)
+    for field in response(scene, [0.0, 700.0, 3300.0]).value:
+        assert abs(field[0, 1] - field[1, 0]) < 1e-9 * abs(field).max()
 
 
 def test_mirrored_patches_have_mirrored_fields() -> None:
@@ -175,7 +180,7 @@ def test_mirrored_patches_have_mirrored_fields() -> None:
     pair = [disc(-0.03), disc(0.03)]
     nearly = [pair[0], dataclasses.replace(pair[1], x_m=0.03 + 1e-12)]
     tips = [Fingertip(x_m=x, y_m=W / 2) for x in (-0.03, 0.03)]
-    loads = [moment(one) for one in pair]
+    loads = [moment(patch) for patch in pair]
     strip = on(FIRM, LENGTH_M, viscous_s=1e-7)
     by_halves, whole = (felt(bearing(strip, *both), loads, tips, CYCLE) for both in (pair, nearly))
     assert by_halves == pytest.approx(by_halves[::-1, ::-1], rel=1e-6)
@@ -205,33 +210,13 @@ def test_a_measured_displacement_comes_back() -> None:
     load = moment(disc(0.03))
     per_v = load_per_volt(strip, load, measured).load_per_v
     tone = Burst(frequency_hz=300.0, cycles=6, window="hann")
-    scene = PlateScene(strip=strip, loads=(load,), points_m=((0.03, W / 2),))
-    assert 50 * per_v * abs(displacement_by_modes(scene, [300.0])[0, 0, 0]) == pytest.approx(2.6e-6)
+    scene = Scene(strip=strip, loads=(load,), points_m=((0.03, W / 2),))
+    assert 50 * per_v * abs(displacement(scene, [300.0])[0, 0, 0]) == pytest.approx(2.6e-6)
     (peak_m,) = felt(strip, [load], [Fingertip(x_m=0.03, y_m=W / 2, radius_m=0.0)], tone)[0]
     assert 50 * per_v * peak_m == pytest.approx(2.6e-6, rel=0.02)
 
 
 # --- finite elements -----------------------------------------------------------------------------
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("size_m", [(0.006, 0.018), (0.010, 0.003), (0.012, W)], ids=str)
-def test_rectangles_are_as_in_finite_elements(size_m: tuple[float, float]) -> None:
-    from scipy.sparse.linalg import eigsh, splu
-
-    across_m = 0.0125 if size_m[1] == W else 0.011
-    patches = [rectangle(-0.025, size_m=size_m), rectangle(0.03, y_m=across_m, size_m=size_m)]
-    strip, load = bearing(on(FIRM, LENGTH_M, viscous_s=1e-9), *patches), moment(patches[1])
-    assert isinstance(load, MomentRectangle)
-    points_m = ((0.03, across_m), (0.033, 0.013))
-    plate = model(strip, load, points_m, 1e-3)
-    squares = eigsh(plate.stiffness, 6, plate.mass, sigma=0, return_eigenvectors=False)
-    expected_hz = np.sqrt(np.sort(squares)) / (2 * math.pi)
-    found_hz = natural_frequencies_hz(strip, 6, 23e3)
-    assert found_hz == pytest.approx(expected_hz, rel=3e-4)
-    at_rest_m = plate.points @ splu(plate.stiffness).solve(plate.load)
-    scene = Scene(strip=strip, loads=(load,), points_m=points_m)
-    assert abs(steady_motion(scene, 1.0)[0]) == pytest.approx(abs(at_rest_m), rel=5e-3)
 
 
 # Morley triangles on rings that follow the rim, extrapolated from sizes of 1 mm and 0.5 mm
@@ -246,165 +231,41 @@ BY_TRIANGLES = [
 def test_discs_are_as_in_triangles_that_follow_their_rim(
     x_m: float, y_m: float, radius_m: float, expected_hz: list[float], expected_m: float
 ) -> None:
+    """What is driven and seen at one place turns round at each resonance, and rests at 0 Hz."""
     patch = disc(x_m, y_m=y_m, size_m=2 * radius_m)
-    strip = bearing(on(FIRM, 0.1, viscous_s=1e-9), patch)
-    assert natural_frequencies_hz(strip, 4, 30e3) == pytest.approx(expected_hz, rel=3e-4)
+    strip, place = bearing(on(FIRM, 0.1, viscous_s=1e-9), patch), (0.037, 0.011)
+    scene = Scene(strip=strip, loads=(force(*place),), points_m=(place,))
+    beside_hz = np.outer(expected_hz, [1 - 1e-3, 1 + 1e-3])
+    beside_m = displacement(scene, beside_hz.ravel()).real.reshape(beside_hz.shape)
+    assert np.all(beside_m[:, 0] > 0)
+    assert np.all(beside_m[:, 1] < 0)
     scene = Scene(strip=strip, loads=(moment(patch),), points_m=((x_m, y_m),))
-    assert abs(steady_motion(scene, 1.0)[0, 0]) == pytest.approx(expected_m, rel=3e-3)
+    assert abs(displacement(scene, [0.0])[0, 0, 0]) == pytest.approx(expected_m, rel=3e-3)
 
 
 @pytest.mark.slow
 def test_a_disc_that_nearly_touches_an_edge_does_what_one_that_touches_it_does() -> None:
     """It must not rotate freely at its rim, where it is neither held nor at the edge."""
-    found = []
+    moved_m = []
     for gap in (0.0, 2e-5, 2e-3, 0.01):
         patch = disc(0.0, y_m=0.3 * W + gap * W, size_m=0.6 * W)
         strip = bearing(on(FIRM, 0.1, viscous_s=1e-9), patch)
         scene = Scene(strip=strip, loads=(moment(patch),), points_m=((0.0, patch.y_m),))
-        found.append(float(abs(steady_motion(scene, 300.0)[0, 0])))
-    assert found == pytest.approx([found[0]] * 4, rel=0.05)
-    assert found[0] != pytest.approx(found[3], rel=1e-3)
-
-
-# --- known errors --------------------------------------------------------------------------------
-
-
-Given = tuple[Strip, list[Any], list[Fingertip], Burst]
-
-
-def drawn(seed: int, *, round_ones: bool) -> Given:
-    """A plate of any material, size and edge, with two patches that are not mirror images."""
-    rng = np.random.default_rng((7, seed))
-    width_m, thickness_m = rng.uniform(0.015, 0.03), float(rng.choice([0.3e-3, 0.5e-3, 0.8e-3]))
-    material = MATERIALS[str(rng.choice(["steel", "glass", "brass", "pmma"]))].material
-    strip = Strip(
-        width_m=width_m,
-        thickness_m=thickness_m,
-        length_m=width_m * rng.uniform(4.5, 6),
-        material=dataclasses.replace(material, loss_factor=float(rng.choice([0.005, 0.01, 0.02]))),
-        edge=(CLAMPED, SIMPLY_SUPPORTED)[seed % 2],
-    )
-    if seed % 3 == 0:
-        held_n = strip.bending_stiffness_n_m / width_m * 10 ** rng.uniform(0, 2)
-        strip = dataclasses.replace(strip, edge=ElasticEdge(stiffness_n=held_n, lossless=False))
-    patches, loads, tips = [], [], []
-    for side in (-1, 1):
-        along_m, across_m = width_m * rng.uniform(0.2, 0.5), width_m * rng.uniform(0.2, 0.7)
-        across_m = along_m if round_ones else across_m
-        x_m = side * float(rng.uniform(0.9, 1.4)) * width_m
-        y_m = float(rng.uniform(across_m / 2, width_m - across_m / 2))
-        layers = ((CERAMIC,), (BRASS, CERAMIC))[rng.integers(2)]
-        patches.append(
-            BondedPatch(
-                x_m=x_m,
-                y_m=y_m,
-                length_x_m=along_m,
-                length_y_m=across_m,
-                layers=layers,
-                is_disc=round_ones,
-            )
-        )
-        load: Any = MomentDisc(x_m=x_m, y_m=y_m, radius_m=along_m / 2)
-        if not round_ones:
-            load = MomentRectangle(x_m=x_m, y_m=y_m, length_x_m=along_m, length_y_m=across_m)
-        loads.append(load)
-        tips.append(Fingertip(x_m=x_m, y_m=y_m, radius_m=0.003))
-    burst = Burst(
-        frequency_hz=float(rng.choice([0.1, 0.25])) * strip.cutoff_hz(),
-        cycles=1,
-        window=("none", "tukey", "hann")[rng.integers(3)],
-    )
-    return dataclasses.replace(strip, patches=tuple(patches)), loads, tips, burst
-
-
-def wide(
-    name: str, width_m: float, length_m: float, loss: float, frequency_hz: float, *places_m: Any
-) -> Given:
-    """A plate four times as wide as its discs: functions must reach beyond them."""
-    patches = tuple(disc(x_m, CERAMIC, y_m=y_m, size_m=9e-3) for x_m, y_m in places_m)
-    material = dataclasses.replace(MATERIALS[name].material, loss_factor=loss)
-    strip = Strip(
-        width_m=width_m,
-        thickness_m=0.5e-3,
-        length_m=length_m,
-        edge=SIMPLY_SUPPORTED,
-        material=material,
-        patches=patches,
-    )
-    tips = [Fingertip(x_m=patch.x_m, y_m=patch.y_m, radius_m=3e-3) for patch in patches]
-    loads: list[Any] = [moment(patch) for patch in patches]
-    return strip, loads, tips, Burst(frequency_hz=frequency_hz, cycles=1, window="hann")
-
-
-# Of rectangles by the modes of finite elements a twentieth of the width in size; of discs with
-# twice as many functions of each disc, more waves and more nodes, up to 11 cut-offs
-FINER: list[tuple[Given, list[float]]] = [
-    (drawn(0, round_ones=False), [1.6690075e-05, 1.1303277e-07, 6.2987920e-08, 1.8514468e-05]),
-    (drawn(1, round_ones=False), [2.4033163e-06, 2.1837960e-07, 2.9069182e-07, 1.8219154e-06]),
-    (drawn(2, round_ones=False), [9.4744934e-06, 6.0384528e-07, 5.1410688e-07, 9.7717828e-06]),
-    (drawn(1, round_ones=True), [1.5943380e-06, 8.3774792e-08, 1.4522440e-07, 9.3380466e-07]),
-    (drawn(2, round_ones=True), [6.4650928e-06, 8.5687345e-08, 2.7024850e-07, 3.2130671e-06]),
-    (drawn(3, round_ones=True), [4.0158689e-05, 9.2505904e-08, 4.7647545e-08, 5.5526868e-05]),
-    (drawn(7, round_ones=True), [2.2029584e-06, 2.4200798e-07, 2.5055694e-07, 2.0867503e-06]),
-    (
-        wide("glass", 0.034, 0.47, 0.003, 144.0, (-0.022, 0.017), (0.025, 0.017)),
-        [8.7802097e-06, 1.5656277e-07, 1.5645308e-07, 8.7800791e-06],
-    ),
-    (
-        wide("brass", 0.0325, 0.298, 0.01, 104.0, (-0.007, 0.018), (0.048, 0.015)),
-        [5.9794549e-06, 4.1891796e-08, 4.1538334e-08, 6.0048947e-06],
-    ),
-]
-
-
-@pytest.mark.parametrize(
-    ("plate", "finer_m"),
-    [FINER[5], *(pytest.param(*case, marks=pytest.mark.slow) for case in FINER[:5] + FINER[6:])],
-)
-def test_the_estimate_lies_above_the_error(plate: Given, finer_m: list[float]) -> None:
-    (peak_m, error_m), true_m = peaks_with_error(*plate), np.reshape(finer_m, (2, 2))
-    np.testing.assert_allclose(peak_m, felt(*plate), rtol=1e-9)
-    assert np.all(abs(peak_m - true_m) <= error_m)
-    if plate[0].patches[0].is_disc:
-        assert np.all(np.diag(abs(peak_m - true_m)) <= 2e-3 * np.diag(true_m))
-    else:
-        assert np.all(np.diag(error_m) <= 0.01 * np.diag(peak_m))
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    "patches",
-    [(disc(-0.03), disc(0.03)), (disc(-0.025, size_m=0.008), rectangle(0.03))],
-    ids=["mirrored", "different"],
-)
-def test_the_estimate_holds_against_twice_as_many_modes(patches: tuple[BondedPatch, ...]) -> None:
-    strip = bearing(on(FIRM, LENGTH_M, viscous_s=5e-7), *patches)
-    loads = [moment(patch) for patch in patches]
-    tips = [Fingertip(x_m=patch.x_m, y_m=patch.y_m) for patch in patches]
-    peak_m, error_m = peaks_with_error(strip, loads, tips, CYCLE)
-    finer_m = peaks_up_to(22.0, strip, loads, tips, CYCLE).peak_m
-    assert np.all(abs(peak_m - finer_m) <= error_m)
-    assert np.all(np.diag(abs(peak_m - finer_m)) < 2e-3 * np.diag(peak_m))
-    assert np.all(error_m < 0.02 * peak_m)
+        moved_m.append(float(abs(displacement(scene, [300.0])[0, 0, 0])))
+    assert moved_m == pytest.approx([moved_m[0]] * 4, rel=0.05)
+    assert moved_m[0] != pytest.approx(moved_m[3], rel=1e-3)
 
 
 # --- refusals ------------------------------------------------------------------------------------
 
 
-def test_what_knows_no_patches_refuses_them() -> None:
-    scene = Scene(strip=bearing(SHORT, disc()), loads=(moment(disc()),), points_m=((0.02, W / 2),))
-    with pytest.raises(ValueError, match=r"^strip .*patches"):
-        displacement(scene, [300.0])
-    with pytest.raises(ValueError, match=r"^rtol .*patches.* 1e-06$"):
-        transient(scene, CYCLE, [1e-3], rtol=1e-6)
-
-
 def test_patches_whose_effect_is_not_known_well_are_refused() -> None:
     small = [rectangle(x_m, size_m=(0.0008, 0.0008)) for x_m in (-0.03, 0.03)]
     tips = [Fingertip(x_m=patch.x_m, y_m=W / 2) for patch in small]
-    strip = bearing(on(FIRM, LENGTH_M, viscous_s=5e-7), *small)
-    with pytest.raises(ValueError, match=r"^loads\[0\]: .*5\.8 %.*3 %"):
-        felt(strip, [moment(patch) for patch in small], tips, CYCLE)
+    with pytest.raises(PlateError) as refusal:
+        felt(bearing(SHORT, *small), [moment(patch) for patch in small], tips, CYCLE)
+    assert refusal.value.rule is Rule.UNCERTAIN_PEAK
+    assert float(refusal.value.values["error_percent"]) > 3.0
 
 
 @pytest.mark.parametrize(
