@@ -41,7 +41,7 @@ _MIN_HALF_WAVES: Final = 3e-5
 _MIN_COMPLIANCE: Final = 2e-7
 """Of springs, 2 D / (K W): the waves between stiffer ones are those between clamps within 4e-7."""
 _MIN_NODES: Final = 3
-"""Of Gauss's rule along a part of a load, and of the whole load beyond interior functions."""
+"""Of Gauss's rule along a part of a disc, and of the whole disc beyond interior functions."""
 _DISTANCE_DIGITS: Final = 13
 """Of distances along in metres: nearer ones are one."""
 _ROUNDING: Final = 1e-9
@@ -252,9 +252,11 @@ def _wave_amplitudes(
     half_m, wavenumbers = load.half_size_m[0], waves.wavenumbers_rad_m
     within_m = distances_m[distances_m < half_m * (1 - _ROUNDING)]
     ends_m = np.array([-half_m, *np.unique([-within_m, within_m]), half_m])
-    share = np.diff(ends_m).max() / (2 * half_m) if half_m else 0.0
-    n_whole = _MIN_NODES + max(section.line.interior) * (2 if load.is_disc else 1)
-    slices = slice_area(load, _MIN_NODES + math.ceil(share * n_whole), load.x_m + ends_m)
+    n_nodes = 1  # a rectangle's chords are alike: waves are integrated over its length as they are
+    if load.is_disc:
+        share = np.diff(ends_m).max() / (2 * half_m)
+        n_nodes = _MIN_NODES + math.ceil(share * (_MIN_NODES + 2 * max(section.line.interior)))
+    slices = slice_area(load, n_nodes, load.x_m + ends_m)
     parts = np.split(np.arange(slices.x_m.size), ends_m.size - 1)
     force, curvature, inertia = chord_work(load, slices, section.line)
     to_the_right = [np.zeros(wavenumbers.shape, dtype=np.complex128)]
@@ -262,10 +264,15 @@ def _wave_amplitudes(
         work = (force[part] + fourth[:, np.newaxis, np.newaxis] * inertia[part]) @ waves.excitations
         if curvature.any():
             work -= (wavenumbers**2)[:, np.newaxis] * (curvature[part] @ waves.excitations)
-        ways_m = load.x_m + end_m - slices.x_m[part]
-        phases = np.exp(1j * wavenumbers[:, np.newaxis] * ways_m[:, np.newaxis])
+        turn = 1j * wavenumbers * (end_m - start_m)
+        if load.is_disc:
+            ways_m = load.x_m + end_m - slices.x_m[part]
+            phases = np.exp(1j * wavenumbers[:, np.newaxis] * ways_m[:, np.newaxis])
+        else:
+            mean = np.expm1(turn) / np.where(turn == 0, 1.0, turn)
+            phases = np.where(turn == 0, 1.0, mean)[:, np.newaxis]
         added = np.einsum("n,fnm,fnm->fm", slices.weights_m[part], work, phases)
-        come = to_the_right[-1] * np.exp(1j * wavenumbers * (end_m - start_m))
+        come = to_the_right[-1] * np.exp(turn)
         to_the_right.append(come + added)
     is_cutoff = np.abs(wavenumbers) < _MIN_HALF_WAVES * math.pi / section.strip.width_m
     gains = np.where(is_cutoff, np.nan, 1j / (2 * wavenumbers))

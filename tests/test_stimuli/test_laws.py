@@ -1,37 +1,39 @@
-"""Laws that every field obeys, whichever solver computes it: edges, lengths, loads, frequencies."""
+"""Laws that every field obeys, whichever method computes it: edges, lengths, loads, frequencies.
+
+Two sides of a law agree within the errors that are told of both: laws test those as well.
+"""
 
 from __future__ import annotations
 
 import dataclasses
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from stimuli import (
-    ALUMINIUM,
     CLAMPED,
     SIMPLY_SUPPORTED,
     ElasticEdge,
+    Estimate,
     ForceRectangle,
     Load,
     PressureDisc,
     PressureRectangle,
+    Scene,
     Strip,
     displacement,
     displacement_map,
     response,
 )
+from stimuli.errors import PlateError, Rule
 from tests.test_stimuli.plates import (
     DISCS,
     EDGES,
     FIRM,
     PLATE,
     SOFT,
-    SUPPORTED,
     Edge,
     W,
     at,
@@ -43,270 +45,291 @@ from tests.test_stimuli.plates import (
     on,
     patch,
     scene_of,
-    within,
 )
+from tests.test_stimuli.scenes import check_drawn_scene, drawn_strip
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from stimuli.arrays import Complex
 
 MIDDLE = force()
 FREE, HELD = SIMPLY_SUPPORTED, CLAMPED
-LENGTHS_M = [None, pytest.param(0.05, marks=pytest.mark.slow)]
-each_length = pytest.mark.parametrize("length_m", LENGTHS_M, ids=["endless", "50 mm"])
-laws = settings(deadline=None, max_examples=20)
-across = st.floats(0.02 * W, 0.98 * W)
-drawn_fields = given(
-    edge=st.sampled_from([*EDGES, SOFT]),
-    y0=across,
-    y=across,
-    x=st.floats(0, 3 * W),
-    f=st.one_of(st.just(0.0), st.floats(1.0, 40_000.0)),
-    loss=st.sampled_from([0.0, 0.01, 0.5]),
+each_length = pytest.mark.parametrize(
+    "length_m", [None, pytest.param(0.05, marks=pytest.mark.slow)], ids=["endless", "50 mm"]
 )
 
+
+def check_alike(one: Estimate[Complex], other: Estimate[Complex], factor: float = 1.0) -> None:
+    """Two fields agree within their errors, and those tell something."""
+    apart_m = np.abs(one.value - factor * other.value)
+    assert np.all(apart_m <= one.error + abs(factor) * other.error)
+    assert np.max(one.error) < 0.06 * np.max(np.abs(one.value))
+
+
+def sums(fields: Estimate[Complex], parts: int) -> tuple[Estimate[Complex], Estimate[Complex]]:
+    """Return the sum of the first loads' fields, and the field of the last one."""
+    both = ((slice(parts), np.sum), (slice(parts, None), np.sum))
+    first, last = (
+        Estimate(
+            value=add(fields.value[:, some], axis=1),
+            error=add(fields.error[:, some], axis=1),
+            work=(),
+        )
+        for some, add in both
+    )
+    return first, last
+
+
+@pytest.mark.parametrize("first", range(0, 60, 10))
+def test_no_drawn_scene_has_nan_or_a_warning_and_all_are_as_their_mirror_images(first: int) -> None:
+    finite = [check_drawn_scene(seed) for seed in range(first, first + 10)]
+    assert np.mean(finite) > 0.5
+
+
 # --- symmetry ------------------------------------------------------------------------------------
-
-
-@pytest.mark.slow
-@laws
-@drawn_fields
-def test_a_force_and_a_point_may_be_exchanged(
-    edge: Edge, y0: float, y: float, x: float, f: float, loss: float
-) -> None:
-    strip = on(edge, loss=loss)
-    there, own = at(strip, force(0.0, y0), [(x, y), (0.0, y0)], f)
-    back = at(strip, force(x, y), [(0.0, y0)], f)[0]
-    assert abs(there - back) < 1e-10 * max(abs(there), 1e-3 * abs(own))
 
 
 @each_edge
 @each_length
 @pytest.mark.parametrize("frequency_hz", [0.0, 500.0, 5000.0, 30_000.0])
-def test_so_it_is_between_ends(edge: Edge, length_m: float | None, frequency_hz: float) -> None:
+def test_a_force_and_a_point_may_be_exchanged(
+    edge: Edge, length_m: float | None, frequency_hz: float
+) -> None:
     places = ((0.019, 0.004), (-0.006, 0.015))
-    there, back = (
-        at(on(edge, length_m), force(*a), [b], frequency_hz, 1e-8)[0]
-        for a, b in (places, places[::-1])
-    )
-    assert abs(there - back) < 1e-7 * abs(there)
-
-
-@laws
-@drawn_fields
-def test_the_field_is_mirrored_about_its_load_and_about_the_centre_line(
-    edge: Edge, y0: float, y: float, x: float, f: float, loss: float
-) -> None:
-    load = patch(0.01, 1.9 * min(y0, W - y0), y_m=y0, kind=PressureRectangle)
-    mirror = dataclasses.replace(load, y_m=W - y0)
-    scene = scene_of(on(edge, loss=loss), (load, mirror), (x, y), (-x, y), (x, W - y))
-    u = displacement(scene, [f], 1e-10)[0]
-    assert u[0, 0] == u[0, 1]
-    largest = np.max(np.abs(u))
-    for value, image in ((u[0, 0], u[1, 2]), (u[1, 0], u[0, 2])):
-        assert abs(value - image) < 1e-10 * max(abs(value), 1e-3 * largest)
-
-
-# --- limits --------------------------------------------------------------------------------------
-
-
-@every_edge
-@pytest.mark.parametrize("length_m", [None, pytest.param(0.15, marks=pytest.mark.slow)])
-def test_the_field_at_rest_is_the_limit_of_slow_vibration(
-    edge: Edge, length_m: float | None
-) -> None:
-    scene = scene_of(on(edge, length_m), MIDDLE, (0.0, W / 2), (0.01, 0.01))
-    u = displacement(scene, [0.0, 1e-9, 1e-3, 0.03, 20.0, 60.0], 1e-11)[:, 0]
-    np.testing.assert_allclose(u[:4], u[:1].repeat(4, axis=0), rtol=1e-9)
-    # the first correction is proportional to f^2
-    np.testing.assert_allclose((u[5] - u[0]) / (u[4] - u[0]), 9.0, rtol=0.05)
-    assert np.all(np.abs(u.imag) < 1e-11 * np.abs(u))
-
-
-@pytest.mark.parametrize(("edge", "divisor"), [(FREE, 384 / 5), (HELD, 384.0)])
-def test_a_long_pressure_at_rest_bends_the_strip_like_a_beam(edge: Edge, divisor: float) -> None:
-    load = patch(2.0, W, kind=PressureRectangle)
-    beam_m = W**4 / (divisor * PLATE.bending_stiffness_n_m)
-    assert at(on(edge), load, [(0.1, W / 2)], 0.0)[0] == pytest.approx(beam_m, rel=1e-10)
-
-
-@pytest.mark.parametrize("f", [0.0, 500.0, 3000.0, 20_000.0])
-def test_springs_reach_both_ideal_edges(f: float) -> None:
-    def moved(edge: Edge) -> NDArray[np.complex128]:
-        load = patch(0.006, 0.012, y_m=0.01)
-        return at(on(edge, loss=0.01), load, ((0.0, 0.009), (0.05, 0.009)), f)
-
-    for edge, stiffnesses_n in ((FREE, (1e-3, 1e-6, 1e-9)), (HELD, (1e8, 1e11, 1e14))):
-        springs = np.array([moved(ElasticEdge(stiffness_n=k)) for k in stiffnesses_n])
-        errors = np.abs(springs / moved(edge) - 1)
-        assert np.all(errors[0] < 1e-3)
-        assert np.all(errors[1] < 2e-3 * errors[0])
-        assert np.all(errors[2] < 1e-9)
+    strip = on(edge, length_m, loss=0.01)
+    there, back = (at(strip, force(*a), [b], frequency_hz) for a, b in (places, places[::-1]))
+    assert abs(there.value - back.value)[0] <= (there.error + back.error)[0]
 
 
 @each_edge
-def test_an_end_far_away_does_not_count(edge: Edge) -> None:
-    load = patch(0.005, 0.015)
-    near, far, endless = (
-        displacement(scene_of(on(edge, m), load, (0.01, 0.01), skip=False), [100.0, 1500.0], 1e-9)
-        for m in (0.4, 1.0, None)
-    )
-    np.testing.assert_allclose(near, endless, rtol=1e-8)
-    np.testing.assert_allclose(far, endless, rtol=1e-8)
+@each_length
+def test_a_disc_moves_the_mean_over_another_as_that_one_moves_its_own(
+    edge: Edge, length_m: float | None
+) -> None:
+    """The mean displacement over an area, by an equal force on another: either way the same."""
+    areas = [
+        patch(0.006, 0.008, x_m=x_m, y_m=y_m, kind=ForceRectangle)
+        for x_m, y_m in ((-0.01, 0.009), (0.012, 0.014))
+    ]
+    nodes, weights = np.polynomial.legendre.leggauss(6)
+    means = []
+    for load, area in (areas, areas[::-1]):
+        points = [(area.x_m + 0.003 * a, area.y_m + 0.004 * b) for a in nodes for b in nodes]
+        means.append(at(on(edge, length_m), load, points, 900.0).value @ np.kron(weights, weights))
+    assert means[0] == pytest.approx(means[1], rel=2e-4)
 
 
+@each_edge
+@each_length
+def test_maps_rest_at_the_edges_and_are_mirrored(edge: Edge, length_m: float | None) -> None:
+    aside = patch(0.006, 0.012, x_m=0.01, y_m=0.009)
+    left, right = (disc(0.005, x_m=x_m) for x_m in (-0.015, 0.015))
+    loads = (left, right, aside, dataclasses.replace(aside, y_m=W - aside.y_m))
+    along_m, across_m = 0.004 * np.arange(-6, 7), np.linspace(0.0, W, 9)
+    found = displacement_map(on(edge, length_m), loads, 5000.0, x_m=along_m, y_m=across_m)
+    assert found.value.shape == found.error.shape == (4, 13, 9)
+    assert not found.value[:, :, [0, -1]].any()
+    assert np.all(found.value[:, :, 1:-1] != 0)
+    left_m, right_m, aside_m, turned_m = found.value
+    slack_m = 2 * np.max(found.error)
+    for one_m, image_m in ((left_m, right_m[::-1]), (left_m, left_m[:, ::-1])):
+        assert np.max(np.abs(one_m - image_m)) < 1e-6 * np.max(np.abs(one_m))
+    assert np.max(np.abs(aside_m - turned_m[:, ::-1])) < slack_m
+
+
+# --- superposition, scaling ----------------------------------------------------------------------
+
+
+@each_edge
+@each_length
 @pytest.mark.parametrize("frequency_hz", [0.0, 800.0, 15_000.0])
-def test_patches_add_up(frequency_hz: float) -> None:
+def test_four_quarters_of_a_patch_are_the_patch(
+    edge: Edge, length_m: float | None, frequency_hz: float
+) -> None:
     parts = (patch(0.004, 0.005, x_m=x, y_m=y) for x in (-0.002, 0.002) for y in (0.01, 0.015))
     loads = (*parts, patch(0.008, 0.01))
-    scene = scene_of(on(FIRM), loads, (0.0, 0.011), (0.004, 0.013), (0.03, 0.02))
-    u = displacement(scene, [frequency_hz], 1e-11)[0]
-    np.testing.assert_allclose(u[:4].sum(axis=0), u[4], rtol=1e-9)
+    scene = scene_of(on(edge, length_m, loss=0.02), loads, (0.0, 0.011), (0.006, 0.013), (0.02, 0.02))
+    check_alike(*sums(response(scene, [frequency_hz]), 4))
+
+
+@each_edge
+@each_length
+def test_a_disc_is_the_limit_of_slices(edge: Edge, length_m: float | None) -> None:
+    """Sixteen rectangles with the areas of a disc's slices, seen away from its rim."""
+    radius_m, n = 0.006, 16
+    ends = radius_m * np.sin(np.pi * (np.arange(n + 1) / n - 0.5))
+    antiderivative = ends * np.sqrt(radius_m**2 - ends**2) + radius_m**2 * np.arcsin(ends / radius_m)
+    slices = [
+        patch(high - low, area / (high - low), x_m=(low + high) / 2, kind=PressureRectangle)
+        for low, high, area in zip(ends, ends[1:], np.diff(antiderivative), strict=False)
+    ]
+    loads = (*slices, disc(radius_m, kind=PressureDisc))
+    points = ((0.0, W / 2), (0.015, W / 2), (0.02, 0.006))
+    u = displacement(scene_of(on(edge, length_m, loss=0.01), loads, *points), [1200.0])[0]
+    np.testing.assert_allclose(u[:n].sum(axis=0), u[n], rtol=3e-3)
 
 
 @every_edge
-def test_tiny_patches_act_like_a_point_force(edge: Edge) -> None:
-    size_m = 1e-6 * W
+@each_length
+def test_small_loads_act_like_a_point_force(edge: Edge, length_m: float | None) -> None:
+    size_m = 1e-3 * W
     loads = (
         force(0.0, 0.01),
         patch(size_m, size_m, y_m=0.01, kind=PressureRectangle),
         disc(size_m, y_m=0.01, kind=PressureDisc),
         patch(size_m, size_m, y_m=0.01, kind=ForceRectangle),
     )
-    u = displacement(scene_of(on(edge), loads, (0.004, 0.012)), [700.0], 1e-10)[0, :, 0]
+    u = displacement(scene_of(on(edge, length_m), loads, (0.009, 0.014)), [700.0])[0, :, 0]
     u /= [1, size_m**2, np.pi * size_m**2, 1]
-    np.testing.assert_allclose(u[1:], u[0], rtol=1e-9)
+    np.testing.assert_allclose(u[1:], u[0], rtol=3e-4)
 
 
-# --- scaling and maps ----------------------------------------------------------------------------
-
-LEFT, RIGHT = DISCS
-ASIDE = patch(0.006, 0.012, x_m=0.01, y_m=0.009)
-ALONG_M, ACROSS_M = 0.005 * np.arange(-20, 21), np.linspace(0.0, W, 11)
-
-
-@settings(deadline=None, max_examples=10)
-@given(
-    larger=st.floats(0.2, 5.0),
-    thicker=st.floats(0.3, 3.0),
-    stiffer=st.floats(0.1, 10.0),
-    edge=st.sampled_from(EDGES),
-)
-def test_a_map_in_widths_depends_on_k_times_the_width_only(
-    larger: float, thicker: float, stiffer: float, edge: Edge
-) -> None:
-    """k^4 = rho h omega^2 / D, so that omega goes with h sqrt(E) / W^2; U D / W^2 is the same."""
-    first = on(edge)
+@pytest.mark.parametrize("seed", range(12))
+def test_a_field_in_widths_depends_on_k_times_the_width_only(seed: int) -> None:
+    """k^4 = rho h omega^2 / D, so that omega goes with sqrt(D / (rho h)) / W^2, and U D / W^2."""
+    rng = np.random.default_rng(seed)
+    first = dataclasses.replace(drawn_strip(rng), length_m=None if seed % 2 else 0.08)
+    first = dataclasses.replace(first, width_m=0.02)
+    larger, thicker, stiffer, denser = 10 ** rng.uniform(-0.5, 0.5, 4)
+    edge = first.edge
     if isinstance(edge, ElasticEdge):
-        edge = ElasticEdge(stiffness_n=FIRM.stiffness_n * stiffer * thicker**3 / larger)
-    modulus_pa = ALUMINIUM.youngs_modulus_pa * stiffer
-    scaled = Strip(
-        width_m=W * larger,
-        thickness_m=PLATE.thickness_m * thicker,
-        material=dataclasses.replace(ALUMINIUM, youngs_modulus_pa=modulus_pa),
-        edge=edge,
+        stiffness_n = edge.stiffness_n * stiffer * thicker**3 / larger
+        edge = dataclasses.replace(edge, stiffness_n=stiffness_n)
+    material = dataclasses.replace(
+        first.material,
+        youngs_modulus_pa=first.material.youngs_modulus_pa * stiffer,
+        density_kg_m3=first.material.density_kg_m3 * denser,
     )
-    wide = disc(0.0064 * larger, y_m=W / 2 * larger)
-    x_m, y_m = ALONG_M[15:26], ACROSS_M[2:9]
-    one = displacement_map(first, disc(), 1200.0, x_m=x_m, y_m=y_m, rtol=1e-9).displacement_m
-    same_hz = 1200.0 * thicker * math.sqrt(stiffer) / larger**2
-    places_m = {"x_m": x_m * larger, "y_m": y_m * larger}
-    two = displacement_map(scaled, wide, same_hz, **places_m, rtol=1e-9).displacement_m
-    factor = scaled.bending_stiffness_n_m / first.bending_stiffness_n_m / larger**2
-    assert np.abs(two * factor - one).max() < 1e-8 * np.abs(one).max()
+    second = Strip(
+        width_m=first.width_m * larger,
+        thickness_m=first.thickness_m * thicker,
+        material=material,
+        edge=edge,
+        length_m=first.length_m and first.length_m * larger,
+    )
+    frequency_hz = first.cutoff_hz() * rng.uniform(0.1, 3)
+    same_hz = frequency_hz * thicker * math.sqrt(stiffer / denser) / larger**2
+    fields = []
+    for strip, size, hz in ((first, 1.0, frequency_hz), (second, larger, same_hz)):
+        load = disc(0.004 * size, y_m=0.009 * size)
+        points = [(x * size, y * size) for x, y in ((0.0, 0.009), (0.013, 0.012), (-0.03, 0.004))]
+        fields.append(at(strip, load, points, hz))
+    factor = second.bending_stiffness_n_m / first.bending_stiffness_n_m / larger**2
+    largest_m = np.max(np.abs(fields[0].value))
+    np.testing.assert_allclose(fields[1].value * factor, fields[0].value, atol=1e-6 * largest_m)
 
 
-@each_edge
-def test_maps_rest_at_the_edges_and_are_mirrored(edge: Edge) -> None:
-    loads = (LEFT, RIGHT, ASIDE, dataclasses.replace(ASIDE, y_m=W - ASIDE.y_m))
-    found = displacement_map(on(edge), loads, 5000.0, x_m=ALONG_M, y_m=ACROSS_M)
-    assert not found.displacement_m[:, :, [0, -1]].any()
-    assert np.all(found.displacement_m[:, :, 1:-1] != 0)
-    left, right, aside, turned = found.displacement_m
-    assert np.array_equal(left, right[::-1])
-    assert np.array_equal(left, left[:, ::-1])
-    assert np.array_equal(aside, turned[:, ::-1])
+# --- limits --------------------------------------------------------------------------------------
+
+
+@every_edge
+@each_length
+def test_the_field_at_rest_is_the_limit_of_slow_vibration(
+    edge: Edge, length_m: float | None
+) -> None:
+    scene = scene_of(on(edge, length_m), disc(), (0.0, W / 2), (0.01, 0.01))
+    u = displacement(scene, [0.0, 1e-9, 1e-3, 0.03, 60.0, 180.0])[:, 0]
+    np.testing.assert_allclose(u[:4], u[:1].repeat(4, axis=0), rtol=3e-6)
+    # the first correction is proportional to f^2
+    np.testing.assert_allclose((u[5] - u[0]) / (u[4] - u[0]), 9.0, rtol=0.2)
+    assert np.all(np.abs(u.imag) < 1e-9 * np.abs(u))
+
+
+@pytest.mark.parametrize(("edge", "divisor"), [(FREE, 384 / 5), (HELD, 384.0)])
+def test_a_long_pressure_at_rest_bends_the_strip_like_a_beam(edge: Edge, divisor: float) -> None:
+    load = patch(2.0, W, kind=PressureRectangle)
+    beam_m = W**4 / (divisor * PLATE.bending_stiffness_n_m)
+    assert at(on(edge), load, [(0.1, W / 2)], 0.0).value[0] == pytest.approx(beam_m, rel=1e-5)
+
+
+@each_length
+@pytest.mark.parametrize("frequency_hz", [0.0, 3000.0])
+def test_springs_reach_both_ideal_edges(length_m: float | None, frequency_hz: float) -> None:
+    def moved(edge: Edge) -> Estimate[Complex]:
+        load, strip = patch(0.006, 0.012, y_m=0.01), on(edge, length_m, loss=0.01)
+        return at(strip, load, ((0.0, 0.009), (0.015, 0.009)), frequency_hz)
+
+    for edge, stiffnesses_n in ((FREE, (1e-3, 1e-5, 1e-9)), (HELD, (1e6, 1e8, 1e14))):
+        ideal = moved(edge)
+        springs = [moved(ElasticEdge(stiffness_n=k)).value for k in stiffnesses_n]
+        errors = np.abs(np.array(springs) / ideal.value - 1)
+        assert np.all(errors[0] < 1e-2)
+        assert np.all(errors[1] < 2e-2 * errors[0] + 1e-6)
+        assert np.all(errors[2] < 2e-6)
+
+
+@every_edge
+@pytest.mark.parametrize(
+    "frequency_hz", [400.0, *(pytest.param(f, marks=pytest.mark.slow) for f in (0.0, 1500.0))]
+)
+def test_a_long_plate_by_its_modes_is_an_endless_one_by_its_waves(
+    edge: Edge, frequency_hz: float
+) -> None:
+    """Below the cut-off its ends do not count; with loss they do not above it either."""
+    for load in (disc(0.005, y_m=0.011), patch(0.006, 0.012), force(0.0, 0.009)):
+        points = ((0.0, 0.011), (0.008, 0.01), (0.03, 0.015))
+        bounded, endless = (at(on(edge, m, loss=0.01), load, points, frequency_hz) for m in (0.3, None))
+        check_alike(bounded, endless)
 
 
 # --- equations -----------------------------------------------------------------------------------
 
-NINE_POINTS = {
-    2: [-1 / 560, 8 / 315, -1 / 5, 8 / 5, -205 / 72],
-    4: [7 / 240, -2 / 5, 169 / 60, -122 / 15, 91 / 8],
-}
-
-
-def stencil(order: int) -> NDArray[np.float64]:
-    half = np.array(NINE_POINTS[order])
-    return np.concatenate([half, half[-2::-1]])
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("edge", "frequency_hz"), [(FREE, 9000.0), (SOFT, 700.0), (FIRM, 12_000.0), (HELD, 0.0)]
-)
-@pytest.mark.parametrize(
-    ("load", "pressure_pa"),
-    [
-        (disc(0.009, kind=PressureDisc), 1.0),
-        (patch(0.02, 0.018, y_m=0.011, kind=PressureRectangle), 1.0),
-        (disc(0.009), 0.0),
-        (patch(0.02, 0.018, y_m=0.011), 0.0),
-        (disc(0.002, x_m=0.03, y_m=0.008, kind=PressureDisc), 0.0),
-    ],
-)
-def test_the_plate_equation_holds_inside_and_outside_the_load(
-    edge: Edge, frequency_hz: float, load: Load, pressure_pa: float
-) -> None:
-    strip, step_m, (x_m, y_m) = on(edge, loss=0.02), 0.0006, (0.001, 0.0115)
-    shifts = step_m * np.arange(-4, 5)
-    points = tuple((x_m + a, y_m + b) for a in shifts for b in shifts)
-    u = at(strip, load, points, frequency_hz, 1e-12).reshape(9, 9)
-    lone = np.eye(9)[4]
-    fourth, second = stencil(4) / step_m**4, stencil(2) / step_m**2
-    bilaplacian = fourth @ u @ lone + lone @ u @ fourth + 2 * second @ u @ second
-    stiffness = strip.bending_stiffness_n_m * strip.material.stiffness_factor(frequency_hz)
-    inertia = bending_wavenumber_rad_m(strip, frequency_hz) ** 4 * u[4, 4]
-    scale = max(1.0, abs(stiffness) * float(np.max(np.abs(u))) / W**4)
-    slack_pa = 2e-4 * scale + 1e-6 * abs(stiffness * inertia)
-    assert abs(stiffness * (bilaplacian - inertia) - pressure_pa) < slack_pa
-
 
 @every_edge
+@each_length
 @pytest.mark.parametrize("frequency_hz", [0.0, 900.0, 9000.0])
 def test_the_edges_neither_move_nor_rotate_beyond_their_spring(
-    edge: Edge, frequency_hz: float
+    edge: Edge, length_m: float | None, frequency_hz: float
 ) -> None:
-    strip, step_m = on(edge), 1e-4
-    points = tuple((0.002, step_m * n) for n in range(8))
-    u = at(strip, disc(0.006, y_m=0.015), points, frequency_hz, 1e-12)
-    series = np.polynomial.polynomial.polyfit(np.arange(8), u.real / abs(u[7]), 7)
+    strip, step_m = on(edge, length_m), 2e-4
+    points = tuple((0.012, step_m * n) for n in range(9))
+    u = at(strip, disc(0.006, x_m=-0.004, y_m=0.015), points, frequency_hz).value
+    series = np.polynomial.polynomial.polyfit(np.arange(9), u.real / abs(u[8]), 7)
     slope, curvature = series[1], 2 * series[2]
-    assert abs(series[0]) < 1e-9
+    assert abs(series[0]) < 1e-8
     if edge is HELD:
-        assert abs(slope) < 1e-5
+        assert abs(slope) < 1e-4
     else:
         stiffness_n = edge.stiffness_n if isinstance(edge, ElasticEdge) else 0.0
         hold = stiffness_n * step_m / strip.bending_stiffness_n_m
-        assert curvature == pytest.approx(hold * slope, abs=1e-5)
+        assert curvature == pytest.approx(hold * slope, abs=2e-4)
+
+
+@each_edge
+@each_length
+def test_the_plate_equation_holds_outside_the_load(edge: Edge, length_m: float | None) -> None:
+    """By differences over 5 mm: D (bilaplacian - k^4) U = 0."""
+    strip, frequency_hz, n = on(edge, length_m, loss=0.02), 9000.0, 9
+    nodes = np.cos(np.pi * (np.arange(n) + 0.5) / n)
+    x0_m, y0_m, reach_m = 0.014, 0.013, 0.004
+    points = tuple((x0_m + reach_m * a, y0_m + reach_m * b) for a in nodes for b in nodes)
+    u = at(strip, disc(0.004, x_m=0.0), points, frequency_hz).value.reshape(n, n)
+    to_series = np.linalg.inv(np.polynomial.chebyshev.chebvander(nodes, n - 1))
+    series = np.polynomial.chebyshev.cheb2poly
+
+    def derivatives(order: int) -> Any:
+        terms = [series(to_series[:, place]) for place in range(n)]
+        return np.array([term[order] * math.factorial(order) for term in terms]) / reach_m**order
+
+    zeroth, second, fourth = (derivatives(order) for order in (0, 2, 4))
+    bilaplacian = fourth @ u @ zeroth + zeroth @ u @ fourth + 2 * second @ u @ second
+    inertia = bending_wavenumber_rad_m(strip, frequency_hz) ** 4 * (zeroth @ u @ zeroth)
+    assert abs(bilaplacian - inertia) < 0.02 * abs(inertia)
 
 
 @each_edge
 @pytest.mark.parametrize("frequency_hz", [800.0, 5000.0])
-@pytest.mark.slow
-def test_ends_bear_no_moment_and_no_shear(edge: Edge, frequency_hz: float) -> None:
-    """From differences over 4 mm: 12 places along x from the end, 7 across."""
-    nu, y0_m, n = 0.346, 0.011, 12
+def test_ends_bear_no_moment(edge: Edge, frequency_hz: float) -> None:
+    """u_xx + nu u_yy = 0 at an end, from differences over 4 mm."""
+    nu, y0_m, n = 0.346, 0.011, 9
     x, y = -0.5e-3 * np.arange(n), 0.5e-3 * np.arange(-3, 4)
     points_m = tuple((0.025 + a, y0_m + b) for a in x for b in y)
-    u = at(on(edge, 0.05, loss=0.01), force(0.005, 0.008), points_m, frequency_hz, 1e-11)
+    u = at(on(edge, 0.05, loss=0.01), force(0.005, 0.008), points_m, frequency_hz).value
     polyfit = np.polynomial.polynomial.polyfit
-    series = polyfit(y / W, u.reshape(n, 7).T, 6)
-    terms = [polyfit(x / W, series[j], n - 1) for j in (0, 2)]
-    bent = [2 * terms[0][2], 2 * terms[1][0]]
-    sheared = [6 * terms[0][3], 2 * terms[1][1]]
-    assert abs(bent[0] + nu * bent[1]) < 1e-4 * abs(bent[1])
-    assert abs(sheared[0] + (2 - nu) * sheared[1]) < 1e-3 * max(abs(a) for a in sheared)
+    series = polyfit(y / W, u.reshape(n, 7).T, 5)
+    bent = 2 * polyfit(x / W, series[0], 6)[2], 2 * series[2, 0]
+    assert abs(bent[0] + nu * bent[1]) < 0.04 * abs(bent[1])
 
 
 # --- power and loss ------------------------------------------------------------------------------
@@ -314,173 +337,139 @@ def test_ends_bear_no_moment_and_no_shear(edge: Edge, frequency_hz: float) -> No
 
 @pytest.mark.parametrize(("edge", "f"), [(FREE, 3000.0), (FIRM, 4100.0), (HELD, 6000.0)])
 def test_above_cutoff_the_input_power_is_carried_away(edge: Edge, f: float) -> None:
+    """By the waves of either side: their energy per length times the group velocity."""
     strip = on(edge)
     nodes, weights = np.polynomial.legendre.leggauss(24)
     y = W * (nodes + 1) / 2
     far_m, step_m, step_hz = 0.5, 1e-3, 2.0
     points = [(0.0, W / 2), (far_m, W / 2), (far_m + step_m, W / 2), *((far_m, v) for v in y)]
-    scene = scene_of(strip, MIDDLE, *points)
-    u = displacement(scene, [f - step_hz, f, f + step_hz], 1e-12)[:, 0]
+    scene = scene_of(strip, disc(kind=PressureDisc), *points[1:])
+    u = displacement(scene, [f - step_hz, f, f + step_hz])[:, 0]
+    # power goes in where the pressure moves the disc: the mean over it
+    radii_m, angles = 0.0064 * np.sqrt((nodes[:16] * 0 + (np.arange(16) + 0.5) / 16)), np.arange(32)
+    inside = [
+        (r * math.cos(math.pi * a / 16), W / 2 + r * math.sin(math.pi * a / 16))
+        for r in radii_m.tolist()
+        for a in angles.tolist()
+    ]
+    mean_m = np.mean(displacement(scene_of(strip, disc(kind=PressureDisc), *inside), [f]))
     omega = 2 * np.pi * f
-    power_in = omega / 2 * u[1, 0].imag
-    p = np.angle(u[:, 2] / u[:, 1]) / step_m
+    power_in = omega / 2 * math.pi * 0.0064**2 * mean_m.imag
+    p = np.angle(u[:, 1] / u[:, 0]) / step_m
     group_m_s = 2 * np.pi * 2 * step_hz / (p[2] - p[0])
     areal = strip.material.density_kg_m3 * strip.thickness_m
-    energy_j_m = areal * omega**2 / 2 * (np.abs(u[1, 3:]) ** 2 @ weights) * W / 2
-    assert power_in == pytest.approx(2 * group_m_s * energy_j_m, rel=1e-5)
+    energy_j_m = areal * omega**2 / 2 * (np.abs(u[1, 2:]) ** 2 @ weights) * W / 2
+    assert power_in == pytest.approx(2 * group_m_s * energy_j_m, rel=1e-3)
 
 
 @each_edge
 @pytest.mark.parametrize("frequency_hz", [5000.0, 9000.0])
 def test_without_loss_the_ends_turn_all_power_back(edge: Edge, frequency_hz: float) -> None:
-    """One wave propagates; were its reflection not of size 1, the force would do work."""
     value, endless = (
-        at(on(edge, length_m), force(0.004), [(0.004, W / 2)], frequency_hz, 1e-9)[0]
+        at(on(edge, length_m), force(0.004), [(0.004, W / 2)], frequency_hz).value[0]
         for length_m in (0.05, None)
     )
     assert abs(endless.imag) > 0.1 * abs(endless)
-    assert abs(value.imag) < 1e-7 * abs(value)
+    assert abs(value.imag) < 1e-9 * abs(value)
 
 
-def test_loss_takes_power_from_the_wave_and_leaves_the_range_of_numbers_quietly() -> None:
+@each_length
+def test_loss_takes_power_at_any_frequency(length_m: float | None) -> None:
+    for edge in (*EDGES, SOFT):
+        scene = scene_of(on(edge, length_m, loss=0.01), force(), (0.0, W / 2))
+        assert np.all(displacement(scene, np.geomspace(30.0, 30_000.0, 12)).imag > 0)
+
+
+def test_far_waves_fall_with_loss_and_leave_the_range_of_numbers_quietly() -> None:
     far = [(0.3, W / 2), (10.0, W / 2)]
-    levels = [np.abs(at(on(HELD, loss=one), MIDDLE, far, 6000.0)) for one in (0.0, 0.001, 0.1)]
+    levels = [np.abs(at(on(HELD, loss=a), MIDDLE, far, 6000.0).value) for a in (0.0, 0.001, 0.1)]
     assert levels[0][0] > levels[1][0] > levels[2][0]
     assert levels[1][1] > 0
-    assert at(on(HELD, loss=0.01), MIDDLE, far, 500.0)[1] == 0
-    for edge in EDGES:
-        for f in (300.0, 6000.0):
-            assert at(on(edge, loss=0.01), MIDDLE, [(0.0, W / 2)], f)[0].imag > 0
+    assert at(on(HELD, loss=0.01), MIDDLE, far, 500.0).value[1] == 0
 
 
-# --- what is left out ----------------------------------------------------------------------------
-
-FINGERS = ((-0.035, W / 2), (0.035, W / 2))
-BESIDE = ((-0.06, 0.0075), (-0.02, 0.0105), (0.03, 0.016), (0.06, W / 2))
-"""Off the centre line at three distances, and on it."""
-COUNTS = ("frequencies", "pairs", "symmetries", "integrals")
-
-
-def test_two_discs_and_two_fingers_are_two_distances() -> None:
-    work = scene_of(PLATE, DISCS, *FINGERS).work([300.0])
-    assert (work.pairs_asked, work.pairs_solved) == (4, 2)
-    assert (work.symmetries_asked, work.symmetries_solved) == (4, 1)
-    assert (work.integrals_asked, work.integrals_solved) == (8, 1)
-    points = ((float(x), float(y)) for x in ALONG_M for y in ACROSS_M)
-    work = scene_of(PLATE, DISCS, *points).work([500.0], rtol=1e-4)
-    assert work.pairs_solved < work.pairs_asked / 4
-    for shift_m, pairs in ((0.0, 2), (0.005, 4)):  # mirror images, and none between ends
-        points = ((x_m + shift_m, y_m) for x_m, y_m in ((-0.01, 0.01), (0.01, 0.015)))
-        work = scene_of(on(HELD, 0.05), (force(-0.01), force(0.01)), *points).work([1000.0])
-        assert work.pairs_solved == pairs
-    loads = tuple(disc(0.004, x_m=x_m, y_m=y_m) for x_m, y_m in BESIDE)
-    assert scene_of(on(FIRM, 0.2, loss=0.01), loads, *BESIDE).work([3000.0]).symmetries_solved == 7
-
-
-def test_nothing_is_skipped_where_skip_is_false() -> None:
-    sweep_hz = np.linspace(100.0, 1500.0, 200)
-    work = scene_of(PLATE, DISCS, *FINGERS, skip=False).work(sweep_hz)
-    assert (work.skipped, work.wall_correction) == ((), True)
-    for name in COUNTS:
-        assert getattr(work, f"{name}_asked") == getattr(work, f"{name}_solved")
-    quick = scene_of(SUPPORTED, DISCS, *FINGERS).work(sweep_hz)
-    assert (len(quick.skipped), quick.wall_correction) == (5, False)
-
-
-@pytest.mark.slow
-@each_edge
-@pytest.mark.parametrize("rtol", [1e-3, 1e-6, 1e-10])
-@pytest.mark.parametrize("length_m", [None, 0.35])
-def test_skipping_changes_the_counts_and_no_result(
-    edge: Edge, rtol: float, length_m: float | None
-) -> None:
-    more: tuple[Load, ...] = (
-        force(0.01, 0.006),
-        patch(0.01, 0.01, kind=PressureRectangle),
-        patch(0.006, 0.009, x_m=-0.02, y_m=0.017),
-    )
-    loads = DISCS if length_m else (*DISCS, *more)
-    quick = scene_of(on(edge, length_m), loads, *FINGERS, (0.0, 0.004), (0.0, 0.021))
-    sweep_hz = np.append(np.linspace(0.0, 1500.0, 40), [6000.0, 14000.0])
-    if length_m:
-        rtol, sweep_hz = max(rtol, 1e-7), sweep_hz[4:24]
-    careful = dataclasses.replace(quick, skip=False)
-    full, some = (response(scene, sweep_hz, rtol) for scene in (careful, quick))
-    for name in (*COUNTS[1:], "reflections" if length_m else "frequencies"):
-        assert getattr(some.work, f"{name}_solved") < getattr(full.work, f"{name}_solved")
-    assert full.work.reflections_asked == full.work.reflections_solved
-    assert (full.work.reflections_solved > 0) == (length_m is not None)
-    assert within(some.displacement_m, full.displacement_m, rtol, axis=(1, 2))
+# --- sweeps and several loads --------------------------------------------------------------------
 
 
 @each_edge
-@pytest.mark.parametrize("length_m", [None, 0.2])
-@pytest.mark.parametrize("across_m", [0.0, 0.006])
-def test_loads_in_different_places_across_give_what_each_gives_alone(
-    edge: Edge, length_m: float | None, across_m: float
+@each_length
+@pytest.mark.parametrize("loss", [0.0, 0.01])
+def test_a_sweep_is_what_its_frequencies_are_alone(
+    edge: Edge, length_m: float | None, loss: float
 ) -> None:
-    last = BESIDE[-1] if length_m is None else (0.092, 0.006)  # too near the end for waves alone
-    loads = tuple(
-        patch(0.005, across_m, x_m=x_m, y_m=y_m) if across_m else disc(0.004, x_m=x_m, y_m=y_m)
-        for x_m, y_m in (*BESIDE[:3], last)
+    """In any order, some twice, at rest too; the basis follows the highest one."""
+    strip = on(edge, length_m, loss=loss)
+    loads = (force(0.0, 0.008), disc(0.003, x_m=0.01, y_m=0.017, kind=PressureDisc))
+    scene = scene_of(strip, loads, (0.0, W / 2), (0.02, 0.0075))
+    sweep_hz = [3000.0, 0.0, 700.0, 3000.0, 11_000.0, 1500.0]
+    sweep = response(scene, sweep_hz)
+    assert sweep.value.shape == sweep.error.shape == (6, 2, 2)
+    assert sweep.value.dtype == np.complex128
+    np.testing.assert_array_equal(sweep.value[0], sweep.value[3])
+    for place in (1, 2, 5):
+        single = response(scene, [sweep_hz[place]])
+        apart_m = np.abs(sweep.value[place] - single.value[0])
+        assert np.all(apart_m <= sweep.error[place] + single.error[0])
+
+
+@each_edge
+@each_length
+def test_loads_together_do_what_each_does_alone(edge: Edge, length_m: float | None) -> None:
+    loads: tuple[Load, ...] = (
+        disc(0.004, x_m=-0.015, y_m=0.0075),
+        patch(0.006, 0.009, x_m=0.01, y_m=0.017),
+        force(-0.01, 0.006),
+        disc(0.004, x_m=0.015, y_m=0.0075),
     )
-    points = (-0.06, 0.0075), (0.03, W / 2), (0.045, 0.005)
-    scene = scene_of(on(edge, length_m, loss=0.01), loads, *points)
-    found = response(scene, [1700.0], rtol := 1e-5)
+    scene = scene_of(on(edge, length_m, loss=0.01), loads, (-0.015, 0.0075), (0.01, W / 2))
+    together = response(scene, [1700.0])
     for number, load in enumerate(loads):
-        single = response(dataclasses.replace(scene, loads=(load,)), [1700.0], rtol)
-        apart = np.abs(found.displacement_m[:, number] - single.displacement_m[:, 0])
-        assert np.all(apart <= found.error_m[:, number] + single.error_m[:, 0])
-        assert within(found.displacement_m[:, number], single.displacement_m[:, 0], rtol)
+        single = response(dataclasses.replace(scene, loads=(load,)), [1700.0])
+        apart_m = np.abs(together.value[:, number] - single.value[:, 0])
+        assert np.all(apart_m <= together.error[:, number] + single.error[:, 0])
 
 
-@pytest.mark.parametrize("length_m", [None, 0.2])
-def test_loads_never_driven_are_not_computed_and_do_not_move(length_m: float | None) -> None:
-    loads = (disc(), patch(), disc(x_m=0.07))
-    strip = on(FREE, length_m, viscous_s=8e-7)
-    every = scene_of(strip, loads, (0.0, W / 2), (0.07, W / 2))
-    some = dataclasses.replace(every, driven=(True, False, True))
-    full = dataclasses.replace(some, skip=False)
-    lean, careful, all_three = (displacement(one, [300.0, 2500.0]) for one in (some, full, every))
-    assert np.all(lean[:, 1] == 0)
-    np.testing.assert_allclose(lean, careful, rtol=1e-6)
-    np.testing.assert_array_equal(lean[:, ::2], all_three[:, ::2])
-    works = [scene.work([300.0]) for scene in (some, full, every)]
-    assert works[0].pairs_solved < works[1].pairs_solved
-    still = dataclasses.replace(every, driven=(False,) * 3)
-    assert not displacement(still, [0.0, 300.0]).any()
+def test_work_says_what_is_left_out() -> None:
+    """Loads on the centre line excite no odd waves; one in the middle one symmetry of four."""
 
+    def work(strip: Strip, *loads: Load) -> str:
+        return response(Scene(strip=strip, loads=loads, points_m=((0.0, 0.01),)), [300.0]).work[0]
 
-# --- shapes --------------------------------------------------------------------------------------
-
-
-def test_results_have_the_shape_and_the_order_of_frequencies_loads_and_points() -> None:
-    loads, points = (
-        (MIDDLE, disc(0.005, x_m=0.01, y_m=0.01)),
-        ((0.0, 0.01), (0.02, 0.01), (0, 0.02)),
-    )
-    scene = scene_of(PLATE, loads, *points)
-    result = response(scene, [5000.0, 3000.0, 200.0, 5000.0], 1e-11)
-    u = result.displacement_m
-    assert u.shape == result.error_m.shape == (4, 2, 3)
-    assert u.dtype == np.complex128
-    np.testing.assert_array_equal(u[0], u[3])
-    assert displacement(scene, []).shape == (0, 2, 3)
-    turned = displacement(scene_of(PLATE, loads[::-1], *points[::-1]), [200.0, 3000.0], 1e-11)
-    np.testing.assert_allclose(turned[:, ::-1, ::-1], u[[2, 1]], rtol=1e-10)
+    assert "no load excites odd ones" in work(PLATE, *DISCS)
+    assert "even and odd waves" in work(PLATE, disc(0.005, y_m=0.01))
+    for load, count in ((force(), 1), (force(0.01), 2), (force(0.01, 0.01), 4)):
+        assert f"in {count} of 4 symmetries" in work(on(HELD, 0.2), load)
 
 
 @each_edge
-@pytest.mark.parametrize("length_m", [None, 0.05])
+@each_length
 @pytest.mark.parametrize("mode", [1, 2, 3])
-def test_a_cutoff_without_loss_is_refused_and_one_with_any_loss_is_not(
+def test_a_cutoff_without_loss_is_refused_and_one_with_loss_is_not(
     edge: Edge, length_m: float | None, mode: int
 ) -> None:
     cutoff_hz = on(edge).cutoff_hz(mode)
     bare, lossy = (
         scene_of(on(edge, length_m, loss=loss), force(0.0, 0.004), (0.0, 0.01))
-        for loss in (0.0, 1e-12)
+        for loss in (0.0, 1e-6)
     )
     assert np.all(np.isfinite(displacement(lossy, [500.0, cutoff_hz])))
-    with pytest.raises(ValueError, match=rf"cut-off.* mode {mode}\b"):
-        displacement(bare, [500.0, cutoff_hz])
+    if length_m is None:  # between ends it is no resonance
+        with pytest.raises(PlateError) as refusal:
+            displacement(bare, [500.0, cutoff_hz])
+        assert refusal.value.rule is Rule.INFINITE
+        assert refusal.value.values == {"frequency_hz": cutoff_hz}
+
+
+@pytest.mark.parametrize("x_m", [0.0, 0.01, 0.07])
+@pytest.mark.parametrize("edge", [FIRM, HELD], ids=["elastic", "clamped"])
+def test_an_exceptional_point_leaves_no_trace(edge: Edge, x_m: float) -> None:
+    """Beside it the field is smooth: a polynomial of f^2."""
+    point_hz, reach = on(edge).exceptional_point_hz(), 0.03
+    nodes = np.cos(np.pi * (np.arange(12) + 0.5) / 12)
+    detuning = np.array([0.0, *(s * 10.0**-n for n in range(3, 16, 2) for s in (1, -1))])
+    scene = scene_of(on(edge), disc(), (x_m, 0.009))
+    around = displacement(scene, point_hz * np.sqrt(1 + reach * nodes))[:, 0, 0]
+    series = np.polynomial.chebyshev.chebfit(nodes, around.real, 11)
+    smooth = np.polynomial.chebyshev.chebval(((1 + detuning) ** 2 - 1) / reach, series)
+    u = displacement(scene, point_hz * (1 + detuning))[:, 0, 0]
+    np.testing.assert_allclose(u, smooth, rtol=1e-5)
