@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, Final, Generic, NamedTuple, TypeVar
 import numpy as np
 import scipy.linalg
 
-from stimuli.checks import finite, finite_array
+from stimuli.checks import finite, finite_array, instance
 from stimuli.errors import PlateError, Rule
 from stimuli.load import PointForce
 from stimuli.plate.line import Margins
@@ -211,6 +211,7 @@ def response(
     >>> bool(abs(there.value - back.value).max() < there.error.max())
     True
     """
+    instance("scene", scene, Scene, "a Scene")
     at_hz = scene.check_frequencies(frequencies_hz)
     if rtol is None:
         return solve_scene(scene, at_hz, ACCURACIES[0])[0]

@@ -15,7 +15,8 @@ from typing import TYPE_CHECKING, Final, Protocol
 
 import numpy as np
 
-from stimuli.checks import finite_array
+from stimuli.checks import finite_array, instance
+from stimuli.drive.sampled import Drive
 from stimuli.plate.line import Margins
 from stimuli.plate.modes import Resolution
 from stimuli.plate.response import (
@@ -27,6 +28,8 @@ from stimuli.plate.response import (
     safety_factors,
 )
 from stimuli.plate.rest import rest_displacement
+from stimuli.plate.scene import Scene
+from stimuli.plate.strip import MAX_CUTOFFS
 from stimuli.plate.waveguide import endless_displacement, has_lossless_springs
 from stimuli.threads import single_threaded
 
@@ -36,12 +39,11 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from stimuli.arrays import Complex, Real
-    from stimuli.drive.sampled import Drive
     from stimuli.load import Load
     from stimuli.plate.response import Estimate, Modes
-    from stimuli.plate.scene import Scene
     from stimuli.plate.strip import Strip
 
+_MAX_TIME_S: Final = 1.0
 _FADING: Final = 9.0
 """Nepers by which a period fades before it comes round: exp(-9) = 1e-4 of what is left then."""
 _FINER: Final = 8
@@ -336,6 +338,13 @@ def transient_response(
     PlateError
         If the plate needs too many functions, or `rtol` is not kept.
 
+    Raises
+    ------
+    ValueError
+        If an argument is out of its range, or the strip's loss is not viscous.
+    PlateError
+        If `rtol` is not kept.
+
     Examples
     --------
     A plate that is not driven yet is at rest:
@@ -352,7 +361,13 @@ def transient_response(
     """
     from scipy.interpolate import CubicSpline
 
+    instance("scene", scene, Scene, "a Scene")
     strip, loads, times = scene.strip, scene.loads, finite_array("times_s", times_s)
+    if times.ndim != 1 or not times.size or np.abs(times).max() > _MAX_TIME_S:
+        raise ValueError(
+            f"times_s must be a one-dimensional array of times within {_MAX_TIME_S:g} s of 0, "
+            f"got {times_s!r}"
+        )
     if strip.material.loss_factor:
         raise ValueError(
             "strip must have no constant loss factor, which is not causal: take "
@@ -388,5 +403,15 @@ def unexchanged_loss(strip: Strip, max_hz: float) -> float:
 
 
 def reference_hz(strip: Strip, drive: Drive) -> float:
-    """Return the highest of the first cut-off and the drive's band at half power."""
-    return max(strip.cutoff_hz(), drive.band_hz()[1])
+    """Return the highest of the first cut-off and the drive's band at half power.
+
+    ValueError where the drive is too long, or too fast for the strip.
+    """
+    instance("drive", drive, Drive, "a burst or a sampled drive")
+    max_hz, cutoff_hz = drive.band_hz()[1], strip.cutoff_hz()
+    if drive.duration_s > _MAX_TIME_S or max_hz > MAX_CUTOFFS * cutoff_hz:
+        raise ValueError(
+            f"drive must last {_MAX_TIME_S:g} s at most and have its band below "
+            f"{MAX_CUTOFFS * cutoff_hz:.6g} Hz, got {drive!r}"
+        )
+    return max(cutoff_hz, max_hz)

@@ -49,8 +49,6 @@ from tests.test_stimuli.plates import (
 from tests.test_stimuli.scenes import check_drawn_scene, drawn_strip
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from stimuli.arrays import Complex
 
 MIDDLE = force()
@@ -149,7 +147,9 @@ def test_four_quarters_of_a_patch_are_the_patch(
 ) -> None:
     parts = (patch(0.004, 0.005, x_m=x, y_m=y) for x in (-0.002, 0.002) for y in (0.01, 0.015))
     loads = (*parts, patch(0.008, 0.01))
-    scene = scene_of(on(edge, length_m, loss=0.02), loads, (0.0, 0.011), (0.006, 0.013), (0.02, 0.02))
+    scene = scene_of(
+        on(edge, length_m, loss=0.02), loads, (0.0, 0.011), (0.006, 0.013), (0.02, 0.02)
+    )
     check_alike(*sums(response(scene, [frequency_hz]), 4))
 
 
@@ -159,7 +159,9 @@ def test_a_disc_is_the_limit_of_slices(edge: Edge, length_m: float | None) -> No
     """Sixteen rectangles with the areas of a disc's slices, seen away from its rim."""
     radius_m, n = 0.006, 16
     ends = radius_m * np.sin(np.pi * (np.arange(n + 1) / n - 0.5))
-    antiderivative = ends * np.sqrt(radius_m**2 - ends**2) + radius_m**2 * np.arcsin(ends / radius_m)
+    antiderivative = ends * np.sqrt(radius_m**2 - ends**2) + radius_m**2 * np.arcsin(
+        ends / radius_m
+    )
     slices = [
         patch(high - low, area / (high - low), x_m=(low + high) / 2, kind=PressureRectangle)
         for low, high, area in zip(ends, ends[1:], np.diff(antiderivative), strict=False)
@@ -269,7 +271,9 @@ def test_a_long_plate_by_its_modes_is_an_endless_one_by_its_waves(
     """Below the cut-off its ends do not count; with loss they do not above it either."""
     for load in (disc(0.005, y_m=0.011), patch(0.006, 0.012), force(0.0, 0.009)):
         points = ((0.0, 0.011), (0.008, 0.01), (0.03, 0.015))
-        bounded, endless = (at(on(edge, m, loss=0.01), load, points, frequency_hz) for m in (0.3, None))
+        bounded, endless = (
+            at(on(edge, m, loss=0.01), load, points, frequency_hz) for m in (0.3, None)
+        )
         check_alike(bounded, endless)
 
 
@@ -346,7 +350,7 @@ def test_above_cutoff_the_input_power_is_carried_away(edge: Edge, f: float) -> N
     scene = scene_of(strip, disc(kind=PressureDisc), *points[1:])
     u = displacement(scene, [f - step_hz, f, f + step_hz])[:, 0]
     # power goes in where the pressure moves the disc: the mean over it
-    radii_m, angles = 0.0064 * np.sqrt((nodes[:16] * 0 + (np.arange(16) + 0.5) / 16)), np.arange(32)
+    radii_m, angles = 0.0064 * np.sqrt(nodes[:16] * 0 + (np.arange(16) + 0.5) / 16), np.arange(32)
     inside = [
         (r * math.cos(math.pi * a / 16), W / 2 + r * math.sin(math.pi * a / 16))
         for r in radii_m.tolist()

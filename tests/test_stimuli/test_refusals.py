@@ -34,8 +34,8 @@ from stimuli import (
     staircase_energy_above,
     transient,
 )
-from stimuli.errors import PlateError, Rule
 from stimuli.drive.noise import crest_factor, pink_loop
+from stimuli.errors import PlateError, Rule
 from tests.test_stimuli.plates import DISCS, PLATE, SUPPORTED, TIPS, W, disc, force, patch
 
 if TYPE_CHECKING:
@@ -164,24 +164,24 @@ REFUSED: list[tuple[Call, Iterable[Any], str]] = [
     (lambda v: change(SCENE, loads=v), ((), None, "ab", 1.0), "loads"),
     (lambda v: change(SCENE, loads=(v,)), ("load",), "loads"),
     (lambda v: change(SCENE, loads=(v,)),
-     (force(0.0, 0.0251), disc(0.0064, y_m=0.005), patch(0.01, 0.011, y_m=0.02)), "loads:"),
+     (force(0.0, 0.0251), disc(0.0064, y_m=0.005), patch(0.01, 0.011, y_m=0.02)), "loads"),
     (lambda v: change(SCENE, loads=(v,)), (disc(0.0126, kind=PressureDisc), patch(0.01, 0.026)),
-     "loads: 0.025"),
+     "loads"),
     (lambda v: change(FINITE, loads=(v,)),
-     (force(0.1000001), disc(0.0051, x_m=-0.095), patch(0.021, 0.01, x_m=0.09)), "loads:"),
+     (force(0.1000001), disc(0.0051, x_m=-0.095), patch(0.021, 0.01, x_m=0.09)), "loads"),
     (lambda v: change(SCENE, points_m=v), ((), None, "ab", 1.0), "points_m"),
     (lambda v: change(SCENE, points_m=(v,)), ((0.0,), 3), "points_m"),
-    (lambda v: change(SCENE, points_m=((0.0, v),)), (-1e-9, 0.0251, *NONE), "points_m: y 0 0.025"),
-    (lambda v: change(FINITE, points_m=((v, W / 2),)), (0.1000001, -0.2, *NONE), "points_m: x 0.1"),
+    (lambda v: change(SCENE, points_m=((0.0, v),)), (-1e-9, 0.0251, *NONE), "points_m"),
+    (lambda v: change(FINITE, points_m=((v, W / 2),)), (0.1000001, -0.2, *NONE), "points_m"),
     (lambda v: response(SCENE, v), ([-1.0], [1e12], [[1.0]], 300.0, [math.nan], ["a"], [True]),
      "frequencies_hz"),
-    (lambda v: response(SCENE, [300.0], v), (0.0, 0.9e-12, 0.11, -1e-6, *NONE), "rtol 1e-12 0.1"),
+    (lambda v: response(SCENE, [300.0], v), (0.0, 0.11, -1e-6, *NONE[:4]), "rtol 0 0.1"),
     (lambda v: displacement(v, [100.0]), (PLATE,), "scene"),
     (lambda v: plate_map(frequency_hz=v), (-1.0, *NONE), "frequency_hz"),
     (lambda v: plate_map(frequency_hz=v), (1e12,), "0"),
     (lambda v: plate_map(frequency_hz=v), (PLATE.cutoff_hz(),), "cut-off"),
-    (lambda v: plate_map(x_m=v), ([], [0.0, math.inf]), "x_m"),
-    (lambda v: plate_map(y_m=v), (0.01,), "y_m"),
+    (lambda v: plate_map(x_m=v), ([0.0, math.inf], "a"), "x_m"),
+    (lambda v: plate_map(x_m=v), ([],), "points_m"),
     (lambda v: plate_map(y_m=v), ([0.0, 0.026],), "y 0 0.025"),
     (lambda v: plate_map(loads=v), ((),), "loads"),
     (lambda v: plate_map(strip=v), (0.025,), "strip"),
@@ -190,12 +190,12 @@ REFUSED: list[tuple[Call, Iterable[Any], str]] = [
     (lambda v: transient(MOVING, BURST, v), ([1.5], [-2.0], 0.001, [[0.0]]), "times_s 1"),
     (lambda v: transient(MOVING, BURST, v), ([math.nan], [math.inf], "now", None, [1j], [True]),
      "times_s"),
-    (lambda v: transient(MOVING, BURST, [0.001], rtol=v), (0.0, -1e-6, 1e-11, 0.2, *NONE),
-     "rtol 1e-10 0.1"),
-    (lambda v: transient(MOVING, v, [0.001]), (None, 500.0, "hann", np.zeros(3), Scene), "burst"),
+    (lambda v: transient(MOVING, BURST, [0.001], rtol=v), (0.0, -1e-6, 0.2, *NONE[:4]),
+     "rtol 0 0.1"),
+    (lambda v: transient(MOVING, v, [0.001]), (None, 500.0, "hann", np.zeros(3), Scene), "drive"),
     (lambda v: transient(v, BURST, [0.001]), (PLATE,), "scene"),
-    (lambda v: transient(MOVING, Burst(frequency_hz=v), [0.001]), (0.5,), "burst 1 2"),
-    (lambda v: transient(MOVING, Burst(frequency_hz=v), [0.001]), (1e9,), "burst"),
+    (lambda v: transient(MOVING, Burst(frequency_hz=v), [0.001]), (0.5,), "drive 1"),
+    (lambda v: transient(MOVING, Burst(frequency_hz=v), [0.001]), (1e9,), "drive"),
     (lambda v: transient(MOVING, BURST, [0.001], rtol=v), (1e-9,), "rtol"),
     # fingers and actuators
     (lambda v: felt(PLATE, DISCS, TIPS, v), (500.0,), "drive"),
@@ -284,11 +284,10 @@ def test_data_of_a_rule_are_its_values() -> None:
         response(change(SCENE, strip=SUPPORTED), [500.0], 1e-12)
     assert refused.value.rule is Rule.TOLERANCE
     assert refused.value.values["rtol"] == 1e-12
-    wide = change(FINITE, strip=change(SHORT, length_m=30.0))
     with pytest.raises(PlateError) as refused:
-        response(wide, [3000.0])
+        response(change(FINITE, strip=change(SHORT, length_m=8.0)), [20_000.0])
     assert refused.value.rule is Rule.TOO_MANY_FUNCTIONS
-    assert refused.value.values["n_functions"] > refused.value.values["max_functions"]
+    assert refused.value.values["max_functions"] == 3000
 
 
 def test_numbers_are_kept_in_double_precision_and_values_are_equal_by_value() -> None:
