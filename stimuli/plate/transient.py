@@ -338,13 +338,6 @@ def transient_response(
     PlateError
         If the plate needs too many functions, or `rtol` is not kept.
 
-    Raises
-    ------
-    ValueError
-        If an argument is out of its range, or the strip's loss is not viscous.
-    PlateError
-        If `rtol` is not kept.
-
     Examples
     --------
     A plate that is not driven yet is at rest:
