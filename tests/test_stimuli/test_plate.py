@@ -199,7 +199,11 @@ def test_a_tolerance_is_kept_or_refused_with_the_one_that_can_be_kept() -> None:
 
 
 @pytest.mark.parametrize(
-    "step", [pytest.param(107, id="two"), pytest.param(5, id="more", marks=pytest.mark.slow)]
+    "step",
+    [
+        pytest.param(107, id="two", marks=pytest.mark.slow),
+        pytest.param(5, id="more", marks=pytest.mark.slow),
+    ],
 )
 def test_peaks_at_fingertips_are_those_of_another_solver_within_their_error(step: int) -> None:
     for row in reference_rows("peaks.json")[::step]:
@@ -241,6 +245,7 @@ def test_a_patch_of_the_plates_own_material_makes_it_thicker(edge: Any) -> None:
     assert frequencies_of(covered, fine) == pytest.approx(frequencies_of(thicker, fine), rel=1e-4)
 
 
+@pytest.mark.slow
 def test_functions_at_the_rim_of_a_patch_only_speed_up_convergence() -> None:
     strip = strip_with(CLAMPED, length_m=0.08)
     disc = patch_on(strip, length_x_m=0.013, length_y_m=0.013, is_disc=True)
