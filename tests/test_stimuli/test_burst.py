@@ -537,3 +537,14 @@ def test_samples_of_a_burst_move_a_plate_as_the_burst_does(held: object) -> None
     difference_m = abs(peak.value - sampled_peak.value)
     assert (difference_m <= peak.error + sampled_peak.error).all()
     assert (difference_m < 1e-3 * peak.value).all()
+
+
+def test_the_steps_of_a_converter_at_48_khz_leave_crosstalk_as_it_is() -> None:
+    burst = Burst(frequency_hz=500.0, cycles=2, window="hann")
+    steps = SampledDrive(samples=burst.samples(48e3), sample_rate_hz=48e3, held=True)
+    lossy = dataclasses.replace(SUPPORTED.material, loss_factor=0.01)
+    plate = dataclasses.replace(SUPPORTED, length_m=0.2, material=lossy).with_cutoff(2900.0)
+    disc = MomentDisc(x_m=-0.035, y_m=0.0125, radius_m=0.0064)
+    fingers = [Fingertip(x_m=x_m, y_m=0.0125) for x_m in (-0.035, 0.035)]
+    smooth, stepped = (fingertip_peaks(plate, [disc], fingers, drive) for drive in (burst, steps))
+    assert (abs(stepped.value - smooth.value) < 0.01 * smooth.value).all()
