@@ -18,7 +18,7 @@ from stimuli.errors import PlateError, Rule
 from stimuli.fingers.fingertip import causal, checked_fingertips
 from stimuli.load import PointForce, PressureDisc
 from stimuli.plate.line import gauss_rule
-from stimuli.plate.response import MISSED, RELATIVE, Estimate, estimate
+from stimuli.plate.response import MISSED, Estimate, estimate, relative_error
 from stimuli.plate.scene import check_loads
 from stimuli.plate.transient import (
     AT_JUMPS,
@@ -137,7 +137,7 @@ def fingertip_peaks(
     largest_m, loss = np.maximum(fine_m.max(axis=0), _TINIEST_M), unexchanged_loss(strip, max_hz)
     exchanged = loss * (_AT_LARGEST + loss * (1 - fine_m / largest_m))
     missed_m = MISSED * largest_m + (exchanged + AT_JUMPS * line.jump) * fine_m
-    peaks = estimate(coarse_m, fine_m, missed_m, plates[1].work, RELATIVE)
+    peaks = estimate(coarse_m, fine_m, missed_m, plates[1].work, relative_error(strip))
     largest = (np.argmax(fine_m, axis=0), np.arange(len(loads)))
     errors = peaks.error[largest] / largest_m
     if errors.max() > MAX_ERROR:

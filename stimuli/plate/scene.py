@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 
 _MAX_X_M: Final = 1e3
 _ROUNDING: Final = 1e-12
+_NEAR_EDGE: Final = 0.02
+"""Of the width: a load beside an edge makes a field that no basis here follows."""
 _AXES: Final = 2
 
 
@@ -33,14 +35,14 @@ class Scene:
         The strip, endless or with two free ends at x = -length_m / 2 and length_m / 2.
     loads : tuple of Load
         At least one load, each driven by itself and wholly on the strip; it may touch edges and
-        ends.
+        ends, but its centre lies at least 2 % of the width from the edges.
     points_m : tuple of (float, float)
         At least one point (x, y).
 
     Raises
     ------
     ValueError
-        If there is no load or no point, or one of them is not on the strip.
+        If there is no load or no point, or one of them is not where it may be.
 
     Examples
     --------
@@ -91,6 +93,11 @@ def check_loads(strip: Strip, loads: Sequence[Load]) -> tuple[Load, ...]:
         for room_m, distance_m, half_m in zip(rooms_m, centre_m, load.half_size_m, strict=True):
             if distance_m + half_m > room_m + _ROUNDING * strip.width_m:
                 raise ValueError(f"loads must lie wholly on the strip, got {load!r}")
+        if rooms_m[1] - centre_m[1] < _NEAR_EDGE * strip.width_m:
+            raise ValueError(
+                f"loads must have their centres at least {_NEAR_EDGE * strip.width_m:.3g} m from "
+                f"the edges, where the strip hardly moves, got {load!r}"
+            )
     return tuple(loads)
 
 

@@ -20,7 +20,7 @@ from stimuli.drive.sampled import Drive, SampledDrive
 from stimuli.plate.line import Margins
 from stimuli.plate.modes import Resolution
 from stimuli.plate.response import (
-    RELATIVE,
+    relative_error,
     describe_modes,
     describe_waves,
     estimate,
@@ -391,7 +391,7 @@ def transient_response(
     safety, loss = safety_factors(strip, loads), unexchanged_loss(strip, max_hz)
     exchanged = loss * (_OVER_TIME + loss) * np.abs(fine).max(axis=0, initial=0.0)
     missed = (_BETWEEN_LOOKS + AT_JUMPS * line.jump) * scale + exchanged
-    motion = estimate(coarse, fine, missed, plates[1].work, RELATIVE, safety=safety)
+    motion = estimate(coarse, fine, missed, plates[1].work, relative_error(strip), safety=safety)
     return motion.kept(rtol, scale)
 
 

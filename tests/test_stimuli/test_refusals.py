@@ -99,6 +99,7 @@ def fields(valid: Any, bounds: str, values: Iterable[Any]) -> list[tuple[Call, I
 
 
 CLICK = click()
+BESIDE_EDGES_M = 0.0, 0.019 * W, 0.981 * W, W
 
 REFUSED: list[tuple[Call, Iterable[Any], str]] = [
     # strip, material, edge
@@ -116,6 +117,7 @@ REFUSED: list[tuple[Call, Iterable[Any], str]] = [
     (SUPPORTED.with_cutoff, (SUPPORTED.cutoff_hz(), PLATE.cutoff_hz(), 100.0, 5000.0),
      "1926.031369 4366.096943"),
     (lambda v: PLATE.mode_shape(v, 0.01), (101,), "mode 1 100"),
+    (lambda v: change(SCENE, loads=(force(0.0, v),)), BESIDE_EDGES_M, "loads 0.0005 edges"),
     (PLATE.wavenumbers_rad_m, (-1.0, 1e300, *NONE), "frequency_hz 0"),
     (lambda v: PLATE.wavenumbers_rad_m(5.0, symmetry=v), ("even",), "symmetry"),
     (lambda v: PLATE.wavenumbers_rad_m(5.0, v), (0, 101, 1.0, True), "n_modes 1 100"),

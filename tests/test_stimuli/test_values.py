@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 
+import stimuli
 from stimuli import (
     CLAMPED,
     SIMPLY_SUPPORTED,
@@ -224,16 +225,14 @@ def test_a_small_load_that_bends_the_plate_tells_what_its_basis_does_not_resolve
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("part", [1e-2, 1e-4])
+@pytest.mark.parametrize("part", [0.04, 0.05, 0.1])
 @pytest.mark.parametrize("edge", [CLAMPED, SIMPLY_SUPPORTED], ids=["clamped", "supported"])
 @pytest.mark.parametrize("touches", [False, True])
 def test_errors_are_told_next_to_an_edge(edge: Edge, part: float, *, touches: bool) -> None:
-    """Of a force, and of a disc that touches the edge; what is not resolved is refused."""
+    """Of a force, and of a disc that touches the edge."""
     y_m = part * W / 2
     load = disc(y_m, y_m=y_m) if touches else force(0.0, y_m)
-    found = finite_response(scene_of(on(edge), load, (0.0, y_m)), 700.0)
-    if found is None:
-        return
+    found = stimuli.response(scene_of(on(edge), load, (0.0, y_m)), [700.0])
     true_m = complex(exact(on(edge), load, 0.0, y_m, 700.0))
     assert abs(found.value[0, 0, 0] - true_m) <= found.error[0, 0, 0]
 
