@@ -20,11 +20,11 @@ from stimuli.drive.sampled import Drive, SampledDrive
 from stimuli.plate.line import Margins
 from stimuli.plate.modes import Resolution
 from stimuli.plate.response import (
-    relative_error,
     describe_modes,
     describe_waves,
     estimate,
     plate_modes,
+    relative_error,
     safety_factors,
 )
 from stimuli.plate.rest import rest_displacement
