@@ -25,6 +25,10 @@ class Rule(Enum):
         "the plate needs {n_functions} functions (at most {max_functions}): take a shorter or "
         "narrower plate, or lower frequencies"
     )
+    DRIVE_OUT_OF_RANGE = (
+        "drive must last at most {max_s:g} s and have its band below {max_hz:.6g} Hz, got "
+        "{duration_s:.6g} s and a band up to {band_hz:.6g} Hz"
+    )
     UNCERTAIN_PEAK = (
         "loads must have peaks at their fingertips that are known to {max_percent:g} %, got an "
         "error of {error_percent:.1f} % for number {load}"

@@ -44,6 +44,10 @@ _RULES: Final = {
     "{plate.width_mm:.6g} and thickness_mm = {plate.thickness_mm:.6g} needs {n_functions} "
     "functions for a drive with its peak at {peak_hz:.6g} Hz (at most {max_functions}); take a "
     "lower frequency, or a shorter, narrower or thicker plate",
+    Rule.DRIVE_OUT_OF_RANGE: "a plate of width_mm = {plate.width_mm:.6g} and thickness_mm = "
+    "{plate.thickness_mm:.6g} is computed for drives of at most {max_s:g} s with a band below "
+    "{max_hz:.6g} Hz; this one lasts {duration_s:.6g} s, with its peak at {peak_hz:.6g} Hz; take a "
+    "lower frequency, or a narrower or thicker plate",
     Rule.LEVEL_NOT_REACHED: "must be at least {lowest_db:.2f}, which {cycles} cycles with window "
     "{window} leave",
 }

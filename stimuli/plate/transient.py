@@ -17,6 +17,7 @@ import numpy as np
 
 from stimuli.checks import finite_array, instance
 from stimuli.drive.sampled import Drive, SampledDrive
+from stimuli.errors import PlateError, Rule
 from stimuli.plate.line import Margins
 from stimuli.plate.modes import Resolution
 from stimuli.plate.response import (
@@ -409,13 +410,17 @@ def unexchanged_loss(strip: Strip, max_hz: float) -> float:
 def reference_hz(strip: Strip, drive: Drive) -> float:
     """Return the highest of the first cut-off and the drive's band at half power.
 
-    ValueError where the drive is too long, or too fast for the strip.
+    PlateError where the drive is too long, or too fast for the strip.
     """
     instance("drive", drive, Drive, "a burst or a sampled drive")
     max_hz, cutoff_hz = drive.band_hz()[1], strip.cutoff_hz()
-    if drive.duration_s > _MAX_TIME_S or max_hz > MAX_CUTOFFS * cutoff_hz:
-        raise ValueError(
-            f"drive must last {_MAX_TIME_S:g} s at most and have its band below "
-            f"{MAX_CUTOFFS * cutoff_hz:.6g} Hz, got {drive!r}"
+    highest_hz = MAX_CUTOFFS * cutoff_hz
+    if drive.duration_s > _MAX_TIME_S or max_hz > highest_hz:
+        raise PlateError(
+            Rule.DRIVE_OUT_OF_RANGE,
+            max_s=_MAX_TIME_S,
+            max_hz=highest_hz,
+            duration_s=drive.duration_s,
+            band_hz=max_hz,
         )
     return max(cutoff_hz, max_hz)
