@@ -22,7 +22,15 @@ import scipy.linalg
 
 from stimuli.errors import PlateError, Rule
 from stimuli.plate.area import area_nodes, load_work, make_rim, remaining_work
-from stimuli.plate.line import EVEN, FREE, ODD, Margins, make_line, place_breaks
+from stimuli.plate.line import (
+    EVEN,
+    FREE,
+    ODD,
+    Margins,
+    count_functions,
+    make_line,
+    place_breaks,
+)
 from stimuli.plate.patch import laminate, layer_of
 from stimuli.plate.waveguide import edge_end, edge_springs, plate_wavenumber
 
@@ -293,12 +301,14 @@ def plate_bases(
     bases = []
     for x_parity, y_parity in product(x_parities, y_parities):
         x_ends, y_ends = (FREE, middle.get(x_parity, FREE)), (edge, middle.get(y_parity, edge))
-        along = make_line(x_breaks_m, wavenumbers, x_ends, resolution.margins, x_parity)
-        across = make_line(y_breaks_m, wavenumbers, y_ends, margins, y_parity)
-        n_functions = along.size * across.size
+        n_functions = count_functions(
+            x_breaks_m, wavenumbers[1], x_ends, resolution.margins[1]
+        ) * count_functions(y_breaks_m, wavenumbers[1], y_ends, margins[1])
         if n_functions > _MAX_FUNCTIONS:
             data = {"n_functions": n_functions, "max_functions": _MAX_FUNCTIONS}
             raise PlateError(Rule.TOO_MANY_FUNCTIONS, **data)
+        along = make_line(x_breaks_m, wavenumbers, x_ends, resolution.margins, x_parity)
+        across = make_line(y_breaks_m, wavenumbers, y_ends, margins, y_parity)
         parities = [
             (x_parity if abs(disc.x_m) <= _ROUNDING * width_m else 0, y_parity) for disc in discs
         ]

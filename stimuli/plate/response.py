@@ -20,7 +20,7 @@ from stimuli.load import PointForce
 from stimuli.plate.line import Margins
 from stimuli.plate.modes import Resolution, plate_bases
 from stimuli.plate.rest import rest_displacement
-from stimuli.plate.scene import Scene
+from stimuli.plate.scene import Scene, check_loads
 from stimuli.plate.waveguide import (
     endless_displacement,
     has_lossless_springs,
@@ -338,7 +338,9 @@ def displacement_map(
     x, y = finite_array("x_m", x_m), finite_array("y_m", y_m)
     points_m = np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).reshape(-1, 2)
     scene = Scene(
-        strip=strip, loads=tuple(loads), points_m=tuple((x, y) for x, y in points_m.tolist())
+        strip=strip,
+        loads=check_loads(strip, loads),
+        points_m=tuple((x, y) for x, y in points_m.tolist()),
     )
     field = response(scene, [frequency_hz], rtol)
     value, error = (each[0].reshape(-1, x.size, y.size) for each in (field.value, field.error))
@@ -457,8 +459,13 @@ class Modes:
         lossy plate, and what remains of the exchange is solved at each frequency.
         """
         stiffness, springs, mass = self.matrices
-        lossy = springs + factors[factors.size // 2] * stiffness
-        vectors = scipy.linalg.solve(lossy, mass @ shapes, assume_a="sym", check_finite=False)
+        # As a sum of modes of unit stiffness, which keep the digits that sharp functions would lose
+        unit = self.shapes / np.sqrt(self.squared)
+        factor = factors[factors.size // 2]
+        lossy = factor * np.eye(self.squared.size) + (1 - factor) * (unit.T @ springs @ unit)
+        vectors = unit @ scipy.linalg.solve(
+            lossy, unit.T @ mass @ shapes, assume_a="sym", check_finite=False
+        )
         vectors /= np.linalg.norm(vectors, axis=0)
         held, bent, moved = (vectors.T @ matrix @ vectors for matrix in (springs, stiffness, mass))
         square = omega[:, np.newaxis, np.newaxis] ** 2

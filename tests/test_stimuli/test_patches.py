@@ -14,13 +14,16 @@ from stimuli import (
     SIMPLY_SUPPORTED,
     BondedPatch,
     Burst,
+    ElasticEdge,
     Fingertip,
     ForceRectangle,
     Layer,
+    Material,
     MeasuredDisplacement,
     MomentDisc,
     MomentRectangle,
     PiezoLayers,
+    PressureDisc,
     Scene,
     Strip,
     causal,
@@ -164,6 +167,47 @@ def test_a_patch_of_no_stiffness_changes_nothing_and_a_stiff_one_stiffens(
     )
     assert np.all(abs(without.value - bare.value) <= without.error + bare.error)
     assert np.all(abs(stiffened.value) < 0.8 * abs(bare.value))
+
+
+def test_tiny_loads_beside_an_edge_have_a_field_on_springs_without_loss() -> None:
+    """Their sharp functions leave a stiffness matrix that loses all digits if it is inverted."""
+    width_m = 0.0099780149976227
+    strip = Strip(
+        width_m=width_m,
+        thickness_m=2.8333588296125198e-05,
+        material=Material(
+            youngs_modulus_pa=53731222910.32074,
+            poisson_ratio=0.3,
+            density_kg_m3=11986.920650580796,
+            loss_factor=0.01,
+        ),
+        edge=ElasticEdge(stiffness_n=7.687056685121855e-06),
+        length_m=4 * width_m,
+        patches=(
+            BondedPatch(
+                x_m=-0.0037200061309770934,
+                y_m=width_m / 2,
+                length_x_m=0.004649983166716977,
+                length_y_m=0.004649983166716977,
+                layers=(
+                    Layer(
+                        thickness_m=3.2437214763315447e-06,
+                        youngs_modulus_pa=2002178911.0728176,
+                        poisson_ratio=0.28358481754643583,
+                        density_kg_m3=4067.218856959804,
+                    ),
+                ),
+                is_disc=True,
+            ),
+        ),
+    )
+    y_m, radius_m = 0.021 * width_m, 2.1e-5 * width_m
+    loads = (
+        MomentDisc(x_m=-1.404 * width_m, y_m=y_m, radius_m=radius_m),
+        PressureDisc(x_m=0.0, y_m=y_m, radius_m=radius_m),
+    )
+    found = response(Scene(strip=strip, loads=loads, points_m=((0.0, y_m),)), [0.0])
+    assert np.all(np.isfinite(found.value))
 
 
 @pytest.mark.slow

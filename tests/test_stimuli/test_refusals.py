@@ -185,7 +185,7 @@ REFUSED: list[tuple[Call, Iterable[Any], str]] = [
     (lambda v: plate_map(x_m=v), ([0.0, math.inf], "a"), "x_m"),
     (lambda v: plate_map(x_m=v), ([],), "points_m"),
     (lambda v: plate_map(y_m=v), ([0.0, 0.026],), "y 0 0.025"),
-    (lambda v: plate_map(loads=v), ((),), "loads"),
+    (lambda v: plate_map(loads=v), ((), 1.0, None), "loads"),
     (lambda v: plate_map(strip=v), (0.025,), "strip"),
     (lambda v: plate_map(rtol=v), (0.0,), "rtol"),
     # fields over time
@@ -290,6 +290,12 @@ def test_data_of_a_rule_are_its_values() -> None:
         response(change(FINITE, strip=change(SHORT, length_m=8.0)), [20_000.0])
     assert refused.value.rule is Rule.TOO_MANY_FUNCTIONS
     assert refused.value.values["max_functions"] == 3000
+
+
+def test_a_plate_far_too_long_is_refused_before_its_functions_are_made() -> None:
+    with pytest.raises(PlateError) as refused:
+        response(change(FINITE, strip=change(SHORT, length_m=1000.0)), [50_000.0])
+    assert refused.value.rule is Rule.TOO_MANY_FUNCTIONS
 
 
 def test_numbers_are_kept_in_double_precision_and_values_are_equal_by_value() -> None:
