@@ -258,7 +258,7 @@ def section() -> str:
             "",
             csv_table("plate", rows),
             "",
-            f"At our error finite elements take this many times as long: {gains}.",
+            f"At our error finite elements take at least this many times as long: {gains}.",
             "",
         ]
     )

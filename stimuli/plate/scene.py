@@ -93,7 +93,7 @@ def check_loads(strip: Strip, loads: Sequence[Load]) -> tuple[Load, ...]:
         for room_m, distance_m, half_m in zip(rooms_m, centre_m, load.half_size_m, strict=True):
             if distance_m + half_m > room_m + _ROUNDING * strip.width_m:
                 raise ValueError(f"loads must lie wholly on the strip, got {load!r}")
-        if rooms_m[1] - centre_m[1] < _NEAR_EDGE * strip.width_m:
+        if rooms_m[1] - centre_m[1] < (_NEAR_EDGE - _ROUNDING) * strip.width_m:
             raise ValueError(
                 f"loads must have their centres at least {_NEAR_EDGE * strip.width_m:.3g} m from "
                 f"the edges, where the strip hardly moves, got {load!r}"
