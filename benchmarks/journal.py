@@ -8,10 +8,11 @@ import time
 from pathlib import Path
 from statistics import median
 
+from experiment.archive.entries import TrialArmed
 from experiment.archive.journal import Journal
 
 LINES = 300
-FACTS = {"trial": 12, "attempt": 1, "token": 2**62 + 1}
+LINE = TrialArmed(trial=12, attempt=1, token=2**62 + 1)
 
 
 def _bare_s(folder: Path, *, sync: bool) -> float:
@@ -33,7 +34,7 @@ def _journal_s(folder: Path, *, sync: bool) -> float:
     with Journal(folder / f"journal-{sync}.jsonl", now_s=time.monotonic) as journal:
         for _ in range(LINES):
             start = time.perf_counter()
-            journal.append("trial_armed", FACTS, sync=sync)
+            journal.append(LINE, sync=sync)
             times.append(time.perf_counter() - start)
     return median(times)
 

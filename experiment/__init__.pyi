@@ -1,7 +1,8 @@
+from .archive.entries import Entry
 from .archive.files import ArchiveError
 from .archive.folders import SessionFolder
 from .archive.history import replay
-from .archive.journal import Entry, Journal, JournalError, JournalWriteError, read_journal
+from .archive.journal import Journal, JournalError, JournalWriteError, read_journal
 from .check.check import check_study
 from .integrity.sessions import examine
 from .participant.settings import ResponderSettings

@@ -10,7 +10,7 @@ import csv
 import io
 from dataclasses import dataclass, field, fields
 from operator import attrgetter
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias, get_args
 
 from experiment.tasks import LEFT_RIGHT_BOTH
 
@@ -29,12 +29,16 @@ KINDS = (*LEFT_RIGHT_BOTH.kinds, PRACTICE, HANDS_OFF)
 SIDES = LEFT_RIGHT_BOTH.presentation_names
 ANSWERS = LEFT_RIGHT_BOTH.answer_names
 RESPONSES = (*ANSWERS, "timeout", "invalid")
-STATUSES = ("ok", "device_error", "indeterminate", "aborted", "voided")
+Status: TypeAlias = Literal["ok", "device_error", "indeterminate", "aborted", "voided"]
+STATUSES = get_args(Status)
 BASES = ("measured", "predicted")
-DEVICE_KINDS = ("real", "emulated", "mock")
-PLACES = ("line", "amplifier", "current", "motion", "false")
-"""Where a monitor measured a burst as planned; ``false`` where it did not."""
-TAPS = PLACES[:-1]
+DeviceKind: TypeAlias = Literal["real", "emulated", "mock"]
+DEVICE_KINDS = get_args(DeviceKind)
+TapName: TypeAlias = Literal["line", "amplifier", "current", "motion"]
+TAPS = get_args(TapName)
+Verified: TypeAlias = TapName | Literal["false"]
+"""The tap at which a monitor measured a burst as planned; ``false`` where it did not."""
+VERIFIED = (*TAPS, "false")
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,7 +118,7 @@ class TrialRow(_Presented):
     noise_ok: bool | None = _column("whether the masking noise played from the onset to the answer")
     simulated: bool = _column("whether the participant is a simulation")
     device_kind: str | None = _column("what drove the actuators, if anything did", *DEVICE_KINDS)
-    burst_verified: str | None = _column("where a monitor measured the burst as planned", *PLACES)
+    burst_verified: str | None = _column("where a monitor measured the burst as planned", *VERIFIED)
     onset_clock: int = _column(
         "1, or more after the computer was started anew: onsets of another number are on another "
         "clock"
@@ -132,7 +136,7 @@ class MeasuredRow(_Presented):
     source: str = _column("by what it was measured")
     unit: str = _column("of peaks and noise", "V", "A", "um")
     burst_verified: str | None = _column(
-        "the tap if the burst was as planned, false if not, n/a of a silent blank", *PLACES
+        "the tap if the burst was as planned, false if not, n/a of a silent blank", *VERIFIED
     )
     faults: str | None = _column("in which ways it was another one, with / between them")
     noted: str | None = _column("the same, where the tap does not tell enough to void a trial")

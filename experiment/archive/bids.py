@@ -177,7 +177,7 @@ def _write_session(
             for source in sorted(folder.path.glob(pattern)):
                 new.write(f"sourcedata/{folder.name}/{source.name}", source.read_bytes())
         head_sha256 = read_journal(folder.journal_path).head_sha256 if history.opening else None
-    simulated = history.opening.get("simulated")
+    simulated = history.opening.simulated if history.opening else None
     kinds = sorted({row.device_kind or NOT_AVAILABLE for row in history.rows})
     session = ExportedSession(
         participant=folder.participant,

@@ -3,17 +3,30 @@
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import dataclass, field, fields
-from typing import TYPE_CHECKING, Any, Final
+from dataclasses import dataclass, fields
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 from device.clock import MachineTime
-from experiment.archive.journal import Entry, JournalError
-from experiment.rows import HANDS_OFF, NOT_AVAILABLE, SCHEMA, MeasuredRow, TrialRow
+from experiment.archive.entries import (
+    MarkerSent,
+    ResponseGiven,
+    SessionClosed,
+    SessionOpened,
+    SessionResumed,
+    StimulusConfirmed,
+    StimulusMeasured,
+    TrialArmed,
+    TrialEnded,
+    lines_of,
+)
+from experiment.archive.journal import JournalError
+from experiment.rows import HANDS_OFF, SCHEMA, MeasuredRow, TrialRow
 from experiment.trial.events import Attempt
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
 
+    from experiment.archive.entries import Entry
     from experiment.perception.gains import FingerGains
     from experiment.trial.plan import Plan, Trial
 
@@ -30,26 +43,20 @@ class InterruptedTrial:
         The token by which the device knows its stimulus.
     boot_id : int
         The device's power cycle in which it was armed.
-    outcome : str or None
-        What the device said of the stimulus, where that was still written.
-    response : str or None
-        The answer of the participant, where it was still written.
-    premature : bool
-        Whether there was a premature response.
-    noise_ok : bool or None
-        Whether the masking noise played, where that was still written with the answer.
-    verified : str or None
-        What a monitor said of the burst, where that was still written with the answer.
+    confirmed : StimulusConfirmed or None
+        What the device reported about the stimulus, if that was still written.
+    measured : StimulusMeasured or None
+        What a monitor measured, if that was still written.
+    response : ResponseGiven or None
+        The answer of the participant, if it was still written.
     """
 
     attempt: Attempt
     token: int
     boot_id: int
-    outcome: str | None
-    response: str | None
-    premature: bool
-    noise_ok: bool | None
-    verified: str | None
+    confirmed: StimulusConfirmed | None
+    measured: StimulusMeasured | None
+    response: ResponseGiven | None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -66,8 +73,8 @@ class History:
         The planned trials without an answer, in the order in which they are due.
     interrupted : InterruptedTrial or None
         The trial in which the session was interrupted.
-    opening : mapping
-        What the first line says of host, device and participant; empty before the first line.
+    opening : SessionOpened or None
+        The first line: host, device and participant; None if the journal is empty.
     warm_up : tuple of Attempt
         The plan's warm-up trials, for the next resume.
     finished : bool
@@ -89,7 +96,7 @@ class History:
     measured: tuple[MeasuredRow, ...]
     pending: tuple[Attempt, ...]
     interrupted: InterruptedTrial | None
-    opening: Mapping[str, Any]
+    opening: SessionOpened | None
     warm_up: tuple[Attempt, ...]
     finished: bool
     last_t_s: float
@@ -111,20 +118,39 @@ class History:
         return tuple(sorted((*again, *self.pending), key=lambda attempt: attempt.trial.block))
 
 
+_TrialLine: TypeAlias = (
+    TrialArmed | StimulusConfirmed | StimulusMeasured | ResponseGiven | TrialEnded
+)
+
+
 @dataclass(slots=True)
 class _Presentation:
     """What the journal has said so far of one attempt at one trial."""
 
     trial: Trial
     attempt: int
-    token: int | None = None
-    boot_id: int = 0
     device_kind: str | None = None
     onset_clock: int = 1
-    stimulus: Mapping[str, Any] = field(default_factory=dict)
-    measured: Mapping[str, Any] = field(default_factory=dict)
-    answer: Mapping[str, Any] = field(default_factory=dict)
-    end: Mapping[str, Any] = field(default_factory=dict)
+    token: int | None = None
+    boot_id: int = 0
+    confirmed: StimulusConfirmed | None = None
+    measured: StimulusMeasured | None = None
+    response: ResponseGiven | None = None
+    end: TrialEnded | None = None
+
+    def add(self, line: _TrialLine, boot_id: int) -> None:
+        """Add a line about this attempt, of the device's power cycle `boot_id`."""
+        match line:
+            case TrialArmed():
+                self.token, self.boot_id = line.token, boot_id
+            case StimulusConfirmed():
+                self.confirmed = line
+            case StimulusMeasured():
+                self.measured = line
+            case ResponseGiven():
+                self.response = line
+            case TrialEnded():
+                self.end = line
 
 
 def replay(plan: Plan, entries: Iterable[Entry]) -> History:
@@ -147,8 +173,8 @@ def replay(plan: Plan, entries: Iterable[Entry]) -> History:
     Raises
     ------
     JournalError
-        If the journal belongs to another plan, names a trial that the plan does not have, lacks a
-        member of a line, or continues after a trial that has no end.
+        If the journal belongs to another plan, names a trial that the plan does not have, or
+        continues after a trial that has no end.
 
     Examples
     --------
@@ -169,17 +195,12 @@ def replay(plan: Plan, entries: Iterable[Entry]) -> History:
     >>> valid + len(history.pending) == len(plan.trials)
     True
     """
-    try:
-        return _history(plan, tuple(entries))
-    except (KeyError, TypeError, AttributeError) as error:
-        raise JournalError(f"a line of the journal lacks what it must say: {error}") from error
-
-
-def _history(plan: Plan, entries: tuple[Entry, ...]) -> History:
+    entries = tuple(entries)
     opening = _opening(plan, entries)
     shown = _presentations(plan, entries)
-    ended = [p for p in shown if p.end]
-    unended = [p for p in shown if not p.end]
+    ended = [p for p in shown if p.end is not None]
+    resumes = lines_of(entries, SessionResumed)
+    unended = [p for p in shown if p.end is None]
     # A session has one trial at a time, so that only the last can have been cut off. One that is
     # open further up is a lost line or a second writer, and its row would be made up.
     if len(unended) > 1 or (unended and unended[0] is not shown[-1]):
@@ -187,89 +208,70 @@ def _history(plan: Plan, entries: tuple[Entry, ...]) -> History:
     pending, warm_up = _due(plan, ended)
     gains = {name: plan.gains_of(name) for name in {p.trial.condition for p in ended}}
     return History(
-        measured=tuple(_measured_row(plan, p) for p in ended if p.measured),
-        rows=tuple(_row(plan, p, gains, simulated=opening["simulated"]) for p in ended),
+        measured=tuple(_measured_row(plan, p, p.measured) for p in ended if p.measured),
+        rows=tuple(_row(plan, p, p.end, gains, opening) for p in ended if p.end and opening),
         pending=pending,
         interrupted=_interrupted(unended[0]) if unended else None,
         opening=opening,
         warm_up=warm_up,
-        finished=any(e.event == "session_close" and e.facts["finished"] for e in entries),
+        finished=any(line.finished for line in lines_of(entries, SessionClosed)),
         last_t_s=entries[-1].t_s if entries else 0.0,
         last=_last(entries),
         last_token=max((p.token for p in shown if p.token is not None), default=0),
-        onset_clock=1 + sum(_breaks_clock(entry) for entry in entries),
-        recording_start_s=next((e.facts["at_s"] for e in entries if e.event == "marker"), 0.0),
+        onset_clock=1 + sum(line.session_clock == "broken" for line in resumes),
+        recording_start_s=next((line.at_s for line in lines_of(entries, MarkerSent)), 0.0),
     )
 
 
-BROKEN: Final = "broken"
-"""What a resume says of the session's clock where nobody can tell how long the interruption was."""
-
-
-def _breaks_clock(entry: Entry) -> bool:
-    return entry.event == "session_resume" and entry.facts["session_clock"] == BROKEN
-
-
 def _last(entries: tuple[Entry, ...]) -> MachineTime:
-    boots = [entry.facts["host_boot"] for entry in entries if entry.event in _OPENINGS]
-    has_boot = boots and boots[-1] != NOT_AVAILABLE
+    lines = [entry.line for entry in entries]
+    boots = [line.host_boot for line in lines if isinstance(line, SessionOpened | SessionResumed)]
     return MachineTime(
-        boot=boots[-1] if has_boot else None,
+        boot=boots[-1] if boots else None,
         up_s=entries[-1].up_s if entries else 0.0,
         wall_s=entries[-1].wall_s if entries else 0.0,
     )
 
 
-def _opening(plan: Plan, entries: tuple[Entry, ...]) -> Mapping[str, Any]:
+def _opening(plan: Plan, entries: tuple[Entry, ...]) -> SessionOpened | None:
     if not entries:
-        return {}
-    first = entries[0]
-    if first.event != "session_open":
+        return None
+    first = entries[0].line
+    if not isinstance(first, SessionOpened):
         raise JournalError(f"the first line must be session_open; got {first.event}")
-    if first.facts["plan_sha256"] != plan.sha256:
+    if first.plan_sha256 != plan.sha256:
         raise JournalError(
-            f"the journal belongs to the plan {first.facts['plan_sha256'][:12]}..., "
+            f"the journal belongs to the plan {first.plan_sha256[:12]}..., "
             f"not to this one, {plan.sha256[:12]}...; nothing was changed"
         )
-    return first.facts
-
-
-_OPENINGS = ("session_open", "session_resume")
-_PART = {
-    "stimulus_confirmed": "stimulus",
-    "stimulus_measured": "measured",
-    "response": "answer",
-    "trial_end": "end",
-}
+    return first
 
 
 def _presentations(plan: Plan, entries: Iterable[Entry]) -> list[_Presentation]:
     trials = {trial.number: trial for trial in (*plan.trials, *plan.warm_up)}
     shown: dict[tuple[int, int], _Presentation] = {}
     boot_id, device_kind, onset_clock = 0, None, 1
-    for entry in entries:
+    for line in (entry.line for entry in entries):
         # A token means something to the power cycle that heard it and to no other. The lines of a
         # trial do not repeat which that is: it stands in the last opening of the session above
         # them; and so does what sort of device that is, and whether the clock went on.
-        if entry.event in _OPENINGS:
-            boot_id, device_kind = entry.facts["boot_id"], entry.facts["device_kind"]
-            onset_clock += _breaks_clock(entry)
-        if entry.event != "trial_armed" and entry.event not in _PART:
+        if isinstance(line, SessionOpened | SessionResumed):
+            boot_id, device_kind = line.boot_id, line.device_kind
+        if isinstance(line, SessionResumed):
+            onset_clock += line.session_clock == "broken"
+        if not isinstance(line, _TrialLine):
             continue
-        number, attempt = entry.facts["trial"], entry.facts["attempt"]
-        if number not in trials:
-            raise JournalError(f"the journal names trial {number}, which the plan does not have")
-        if (number, attempt) not in shown:
-            shown[number, attempt] = _Presentation(
-                trials[number], attempt, device_kind=device_kind, onset_clock=onset_clock
+        if line.trial not in trials:
+            raise JournalError(
+                f"the journal names trial {line.trial}, which the plan does not have"
             )
-        presentation = shown[number, attempt]
-        if presentation.end:
-            raise JournalError(f"trial {number}, attempt {attempt}, goes on after its end")
-        if entry.event == "trial_armed":
-            presentation.token, presentation.boot_id = entry.facts["token"], boot_id
-        else:
-            setattr(presentation, _PART[entry.event], entry.facts)
+        presentation = shown.setdefault(
+            (line.trial, line.attempt),
+            _Presentation(trials[line.trial], line.attempt, device_kind, onset_clock),
+        )
+        if presentation.end is not None:
+            raise JournalError(f"trial {line.trial}, attempt {line.attempt}, goes on after its end")
+        presentation.add(line, boot_id)
     return list(shown.values())
 
 
@@ -282,9 +284,9 @@ def _due(
     premature: Counter[int] = Counter()  # of the attempts that have to be repeated
     for presentation in ended:
         number, end = presentation.trial.number, presentation.end
-        if end["status"] == "ok":
+        if end is not None and end.status == "ok":
             answered.add(number)
-        elif end["premature"]:
+        elif end is not None and end.premature:
             premature[number] += 1
         # Taken out and put in again, so that the keys are in the order of the last attempts: as in
         # the engine, the trial that failed last comes last in its block.
@@ -313,51 +315,56 @@ def _interrupted(presentation: _Presentation) -> InterruptedTrial:
         attempt=Attempt(presentation.trial, presentation.attempt),
         token=presentation.token,
         boot_id=presentation.boot_id,
-        outcome=presentation.stimulus.get("outcome"),
-        response=presentation.answer.get("response"),
-        premature=presentation.answer.get("premature", False),
-        noise_ok=presentation.answer.get("noise_ok"),
-        verified=presentation.measured.get("burst_verified"),
+        confirmed=presentation.confirmed,
+        measured=presentation.measured,
+        response=presentation.response,
     )
 
 
 def _row(
     plan: Plan,
     presentation: _Presentation,
+    end: TrialEnded,
     gains: Mapping[str, FingerGains],
-    *,
-    simulated: bool,
+    opening: SessionOpened,
 ) -> TrialRow:
-    trial, stimulus = presentation.trial, presentation.stimulus
-    response = presentation.answer.get("response")
-    left_um, right_um, basis = _displacements(gains[trial.condition], trial, stimulus)
+    trial, confirmed = presentation.trial, presentation.confirmed
+    response = presentation.response.response if presentation.response else None
+    left_vpp = confirmed.level_left_vpp if confirmed else None
+    right_vpp = confirmed.level_right_vpp if confirmed else None
+    left_um, right_um, basis = _displacements(gains[trial.condition], trial, left_vpp, right_vpp)
     return TrialRow(
         **_trial_columns(plan, presentation),
         kind=trial.kind,
         response=response,
-        rt_s=presentation.answer.get("rt_s"),
+        rt_s=presentation.response.rt_s if presentation.response else None,
         correct=plan.task.is_correct(trial.side, response),
-        onset_s=stimulus.get("onset_s"),
-        level_left_vpp=stimulus.get("level_left_vpp"),
-        level_right_vpp=stimulus.get("level_right_vpp"),
-        **{name: presentation.end[name] for name in ("status", "premature", "noise_ok")},
+        onset_s=confirmed.onset_s if confirmed else None,
+        level_left_vpp=left_vpp,
+        level_right_vpp=right_vpp,
+        status=end.status,
+        premature=end.premature,
+        noise_ok=end.noise_ok,
         foreperiod_s=trial.foreperiod_s,
         peak_left_um=left_um,
         peak_right_um=right_um,
         displacement_basis=basis,
-        simulated=simulated,
+        simulated=opening.simulated,
         device_kind=presentation.device_kind,
-        burst_verified=presentation.measured.get("burst_verified"),
+        burst_verified=presentation.measured.burst_verified if presentation.measured else None,
         onset_clock=presentation.onset_clock,
         study_sha256=plan.study_sha256,
     )
 
 
-def _measured_row(plan: Plan, presentation: _Presentation) -> MeasuredRow:
+def _measured_row(
+    plan: Plan, presentation: _Presentation, measured: StimulusMeasured
+) -> MeasuredRow:
     columns = _trial_columns(plan, presentation)
-    measured = presentation.measured
-    lists = {name: "/".join(measured[name]) or None for name in ("faults", "noted")}
-    values = {f.name: measured[f.name] for f in fields(MeasuredRow) if f.name not in columns}
+    lists = {name: "/".join(getattr(measured, name)) or None for name in ("faults", "noted")}
+    values = {
+        f.name: getattr(measured, f.name) for f in fields(MeasuredRow) if f.name not in columns
+    }
     return MeasuredRow(**columns, **values | lists)
 
 
@@ -374,10 +381,9 @@ def _trial_columns(plan: Plan, presentation: _Presentation) -> dict[str, Any]:
 
 
 def _displacements(
-    gains: FingerGains, trial: Trial, stimulus: Mapping[str, Any]
+    gains: FingerGains, trial: Trial, left_vpp: float | None, right_vpp: float | None
 ) -> tuple[float | None, float | None, str | None]:
     """Return what the fingers got for the levels that the device reported, and its basis."""
-    left_vpp, right_vpp = stimulus.get("level_left_vpp"), stimulus.get("level_right_vpp")
     if left_vpp is None or right_vpp is None or trial.kind == HANDS_OFF:
         return None, None, None
     peaks_um = gains.peaks_um(left_vpp, right_vpp)

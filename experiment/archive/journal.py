@@ -1,6 +1,6 @@
 """The journal of a session: append-only lines in a chain of hashes, on disk when it matters.
 
-One line is one event: ``{"crc":"<8 hex digits>","schema":3,"seq":n,"prev":"<64 hex digits>",
+One line is one event: ``{"crc":"<8 hex digits>","schema":4,"seq":n,"prev":"<64 hex digits>",
 "event":...,...}``. The checksum is the CRC-32 of the line without its ``crc`` member: of the bytes
 ``{"schema":...}``. ``prev`` is the SHA-256 of the line before, all of it but its line end, so that
 the hash of the last line, the head, stands for the whole journal. The checksum names the line in
@@ -15,35 +15,37 @@ that takes its time would be felt there, in the reaction time.
 from __future__ import annotations
 
 import hashlib
-import json
-import math
 import os
 import re
 import time
 import zlib
 from dataclasses import dataclass
 from itertools import count
-from typing import TYPE_CHECKING, Any, NamedTuple, Self
+from typing import TYPE_CHECKING, Any, Final, Self
+
+from pydantic import ValidationError
+from pydantic_core import from_json, to_json
 
 from device.clock import uptime_s
 from experiment.archive.disk import DISK, write_new
+from experiment.archive.entries import LINES, Entry
 from experiment.rows import OTHER_VERSION
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
+    from collections.abc import Callable
     from pathlib import Path
 
     from experiment.archive.disk import Disk
+    from experiment.archive.entries import Line
 
 
-SCHEMA = 3
+SCHEMA: Final = 4
+"""Version of the lines; a journal of another version is refused."""
 ROOT = "0" * 64
 """What the first line has for the hash of the line before."""
 _LINE = re.compile(rb'\{"crc":"([0-9a-f]{8})",')
 _BRACE = zlib.crc32(b"{")
 """The checksum is of this and of what follows its own member."""
-_scan = json.JSONDecoder().raw_decode  # looks for no blanks around a line, half of the time
-_encode = json.JSONEncoder(separators=(",", ":"), ensure_ascii=False, allow_nan=False).encode
 
 
 class JournalError(ValueError):
@@ -58,10 +60,11 @@ class JournalError(ValueError):
 
     >>> from pathlib import Path
     >>> from tempfile import TemporaryDirectory
+    >>> from experiment.archive.entries import NoteTaken
     >>> with TemporaryDirectory() as folder:
     ...     path = Path(folder) / "journal.jsonl"
     ...     with Journal(path, now_s=lambda: 1.5) as journal:
-    ...         journal.append("note", {"text": "pause"})
+    ...         journal.append(NoteTaken(text="pause"))
     ...     _ = path.write_bytes(path.read_bytes().replace(b"pause", b"cause"))
     ...     try:
     ...         _ = read_journal(path)
@@ -113,39 +116,6 @@ class JournalWriteError(JournalError):
         return self.__cause__.errno if isinstance(self.__cause__, OSError) else None
 
 
-class Entry(NamedTuple):
-    """One line of a journal.
-
-    `experiment.archive.entries.EVENTS` lists the events and the members of `facts` for each.
-
-    Attributes
-    ----------
-    event : str
-        Name of the event.
-    t_s : float
-        Time on the session's clock, in seconds.
-    wall_s : float
-        Calendar time of the host, in seconds since 1970. The host can adjust this clock during a
-        session.
-    facts : mapping of str to object
-        The other members of the line, by name.
-    up_s : float
-        Time since the host was started, in seconds.
-
-    Examples
-    --------
-    >>> entry = Entry("block_start", 12.5, 1.8e9, {"block": 1, "condition": "main"})
-    >>> entry.event, entry.t_s, entry.facts["block"]
-    ('block_start', 12.5, 1)
-    """
-
-    event: str
-    t_s: float  # on the session's clock
-    wall_s: float  # seconds since 1970 by the host's calendar clock, which may be set meanwhile
-    facts: Mapping[str, Any]  # what else the line says
-    up_s: float = math.nan  # since the host was started
-
-
 @dataclass(frozen=True, slots=True)
 class JournalFile:
     """A journal as it was found: its entries, and the bytes of a last line that was cut short."""
@@ -188,10 +158,11 @@ def read_journal(path: Path) -> JournalFile:
 
     >>> from pathlib import Path
     >>> from tempfile import TemporaryDirectory
+    >>> from experiment.archive.entries import BreakStarted
     >>> with TemporaryDirectory() as folder:
     ...     path = Path(folder) / "journal.jsonl"
     ...     with Journal(path, now_s=lambda: 1.5) as journal:
-    ...         journal.append("break")
+    ...         journal.append(BreakStarted())
     ...     _ = path.write_bytes(path.read_bytes() + b'{"crc":"01')
     ...     file = read_journal(path)
     >>> [entry.event for entry in file.entries], file.torn
@@ -214,32 +185,37 @@ def _parse(path: Path, number: int, line: bytes, previous: str) -> Entry:
         damaged = "this line is damaged (its checksum does not match)"
         raise JournalLineError(path, number, damaged)
     try:
-        text = "{" + body.decode()
-        facts, end = _scan(text)
-        if end < len(text):
-            raise json.JSONDecodeError("Extra data", text, end)
-        return _entry(path, number, facts, previous)
-    except (KeyError, UnicodeDecodeError, json.JSONDecodeError, RecursionError) as error:
+        members = from_json(b"{" + body, allow_inf_nan=False)
+        _check_chain(path, number, members, previous)
+        times = {name: float(members.pop(name)) for name in ("t_s", "wall_s", "up_s")}
+        return Entry(LINES.validate_python(members), **times)
+    except ValidationError as error:
+        fault = error.errors()[0]
+        key = ".".join(map(str, fault["loc"]))
+        raise JournalLineError(path, number, f"{key}: {fault['msg']}") from error
+    except (KeyError, TypeError, ValueError) as error:
+        if isinstance(error, JournalError):
+            raise
         raise JournalLineError(path, number, f"this line is none of a journal: {error}") from error
 
 
-_CHAIN = (
+_CHAIN: Final = (
     ("schema", RecordSchemaError, OTHER_VERSION),
     ("seq", JournalLineError, "a line is missing or repeated"),
     ("prev", JournalLineError, "lines up to here were changed or removed"),
 )
 
 
-def _entry(path: Path, number: int, facts: dict[str, Any], previous: str) -> Entry:
-    take = facts.pop
-    chain = (take("schema", None), take("seq", None), take("prev", None))
+def _check_chain(path: Path, number: int, members: dict[str, Any], previous: str) -> None:
+    """Take the members of the chain out of a line, and refuse a line that breaks the chain."""
+    actual = (members.pop("schema", None), members.pop("seq", None), members.pop("prev", None))
     expected = (SCHEMA, number, previous)
-    if chain != expected:
-        for (member, error, meaning), actual, value in zip(_CHAIN, chain, expected, strict=True):
-            if actual != value:
-                rule = f"{member} must be {value!s:.12}; got {actual!s:.12}: {meaning}"
-                raise error(path, number, rule)
-    return Entry(take("event"), take("t_s"), take("wall_s"), facts, take("up_s"))
+    if actual == expected:
+        return
+    for (name, error, meaning), got, value in zip(_CHAIN, actual, expected, strict=True):
+        if got != value:
+            rule = f"{name} must be {value!s:.12}; got {got!s:.12}: {meaning}"
+            raise error(path, number, rule)
 
 
 class Journal:
@@ -274,11 +250,12 @@ class Journal:
 
     >>> from pathlib import Path
     >>> from tempfile import TemporaryDirectory
+    >>> from experiment.archive.entries import BlockEnded, BlockStarted
     >>> with TemporaryDirectory() as folder:
     ...     path = Path(folder) / "journal.jsonl"
     ...     with Journal(path, now_s=lambda: 1.5) as journal:
-    ...         journal.append("block_start", {"block": 1, "condition": "main"})
-    ...         journal.append("block_end", {"block": 1}, sync=True)
+    ...         journal.append(BlockStarted(block=1, condition="main"))
+    ...         journal.append(BlockEnded(block=1), sync=True)
     ...     file = read_journal(path)
     >>> [(entry.event, entry.t_s) for entry in file.entries]
     [('block_start', 1.5), ('block_end', 1.5)]
@@ -325,17 +302,13 @@ class Journal:
         os.truncate(self._path, self._path.stat().st_size - len(journal.torn))
         return aside
 
-    def append(
-        self, event: str, facts: Mapping[str, object] | None = None, *, sync: bool = False
-    ) -> None:
+    def append(self, line: Line, *, sync: bool = False) -> None:
         """Write one line at the end of the journal.
 
         Parameters
         ----------
-        event : str
-            Name of the event, a key of `experiment.archive.entries.EVENTS`.
-        facts : mapping of str to object, optional
-            The members of the line beside its times; JSON values without NaN and infinities.
+        line : Line
+            What happened.
         sync : bool
             Whether the method returns only when this line and all lines before it are on the disk.
 
@@ -346,28 +319,28 @@ class Journal:
         """
         if self._broken:
             raise JournalWriteError(f"{self._path}: not written after an earlier failure")
-        body = _encode(
+        body = to_json(
             {
                 "schema": SCHEMA,
                 "seq": self._seq + 1,
                 "prev": self.head_sha256,
-                "event": event,
+                "event": line.event,
                 "t_s": round(self._now_s(), 6),
                 "wall_s": round(self._wall_s(), 3),
                 "up_s": round(self._up_s(), 6),
-                **(facts or {}),
+                **line.model_dump(),
             }
-        ).encode()
-        line = b'{"crc":"%08x",%b' % (zlib.crc32(body), body[1:])
+        )
+        raw = b'{"crc":"%08x",%b' % (zlib.crc32(body), body[1:])
         try:
-            self._disk.write(self._file, line + b"\n")
+            self._disk.write(self._file, raw + b"\n")
             if sync:
                 self._disk.sync(self._file)
         except OSError as error:
             self._broken = True
             raise self._write_error(error) from error
         self._seq += 1
-        self.head_sha256 = hashlib.sha256(line).hexdigest()
+        self.head_sha256 = hashlib.sha256(raw).hexdigest()
 
     def _write_error(self, error: OSError) -> JournalWriteError:
         return JournalWriteError(f"{self._path}: cannot be written ({error.strerror})")

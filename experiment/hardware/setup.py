@@ -43,6 +43,7 @@ if TYPE_CHECKING:
     from device.driver import BurstDevice, Identity
     from device.emulate.mock import MockDevice
     from device.monitor.measured import Monitor
+    from experiment.rows import DeviceKind
     from experiment.study.equipment import DeviceSettings
     from experiment.study.stimulus import Condition
     from experiment.study.study import Study
@@ -216,7 +217,7 @@ def mock_device(study: Study, clock: Clock) -> MockDevice:
     return make_mock(host_limits(study.device), clock, study.device.sample_rate_hz)
 
 
-def device_kind(identity: Identity) -> str:
+def device_kind(identity: Identity) -> DeviceKind:
     """Return ``real``, ``mock`` or ``emulated``, as the opened device identifies itself.
 
     >>> from device.clock import VirtualClock

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from itertools import zip_longest
 from typing import TYPE_CHECKING, Final, Literal, TypeAlias
 
+from experiment.archive.entries import SessionOpened
 from experiment.archive.files import (
     HEADER,
     HEADS,
@@ -167,7 +168,8 @@ class Examined:
             self.head = kept_head(folder)
         entries = self.journal.entries if self.journal else ()
         self.events = [entry.event for entry in entries]
-        self.opening = entries[0].facts if entries else {}
+        first = entries[0].line if entries else None
+        self.opening = first if isinstance(first, SessionOpened) else None
         with self._noting_errors(JOURNAL):
             if self.journal and self.plan and self.has_sealed_plan:
                 self.history = replay(self.plan, entries)
@@ -194,8 +196,9 @@ class Examined:
     @property
     def has_sealed_plan(self) -> bool:
         """Whether the plan is the one that the journal's first line names, if there is a line."""
-        sealed = self.opening.get("plan_sha256")
-        return not self.opening or (self.plan is not None and self.plan.sha256 == sealed)
+        if self.opening is None:
+            return True
+        return self.plan is not None and self.plan.sha256 == self.opening.plan_sha256
 
     @property
     def head_sha256(self) -> str | None:
@@ -238,24 +241,24 @@ def _check_plan(record: Examined) -> Iterator[Difference]:
 
 def _check_seals(record: Examined) -> Iterator[Difference]:
     """Compare plan and header with the checksums in the journal's first line."""
-    if not record.opening:
+    opening = record.opening
+    if opening is None:
         return
     seals: list[tuple[str, str, str]] = []
     if record.plan and record.has_sealed_plan:
-        seals.append((PLAN, record.plan_file_sha256, "plan_file_sha256"))
+        seals.append((PLAN, record.plan_file_sha256, opening.plan_file_sha256))
     elif record.plan:
-        seals.append((PLAN, record.plan.sha256, "plan_sha256"))
+        seals.append((PLAN, record.plan.sha256, opening.plan_sha256))
     header = record.files[HEADER]
     if header is None:
         yield record.difference(HEADER, None, "is missing")
     else:
-        seals.append((HEADER, _sha256(header), "header_sha256"))
-    for name, actual, key in seals:
-        sealed = record.opening.get(key)
+        seals.append((HEADER, _sha256(header), opening.header_sha256))
+    for name, actual, sealed in seals:
         if actual != sealed:
             message = (
                 f"is not the one that the session began with: sha256 {actual[:12]}..., line 1 of "
-                f"{JOURNAL} has {str(sealed)[:12]}..."
+                f"{JOURNAL} has {sealed[:12]}..."
             )
             yield record.difference(name, None, message)
 

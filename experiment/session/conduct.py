@@ -7,6 +7,7 @@ from datetime import UTC, datetime
 from typing import TYPE_CHECKING
 
 from device.clock import elapsed_s, machine_time
+from experiment.archive.entries import NoteTaken, SessionOpened, SessionResumed
 from experiment.archive.files import HEADS, ArchiveError
 from experiment.archive.journal import JournalWriteError
 from experiment.hardware.setup import (
@@ -24,10 +25,10 @@ from experiment.session.session import Session
 from experiment.session.setting import (
     Ending,
     Setting,
+    drawn_observer,
     header,
     host_and_device,
-    opening,
-    resuming,
+    visit_conditions,
 )
 from experiment.study.files import study_from_canonical
 
@@ -58,10 +59,12 @@ def interruption_s(history: History) -> float | None:
     return elapsed_s(history.last, machine_time())
 
 
-def refuse_another_place(history: History, identity: Identity, setting: Setting) -> None:
+def refuse_another_place(
+    history: History, opening: SessionOpened, identity: Identity, setting: Setting
+) -> None:
     """Refuse another kind of participant; another place or time, unless the operator says so."""
-    if setting.responder.simulated != history.opening["simulated"]:
-        who = "a simulated participant" if history.opening["simulated"] else "a person"
+    if setting.responder.simulated != opening.simulated:
+        who = "a simulated participant" if opening.simulated else "a person"
         raise ArchiveError(
             f"the session was begun with {who} and can only go on so: give another --responder"
         )
@@ -69,9 +72,10 @@ def refuse_another_place(history: History, identity: Identity, setting: Setting)
         return
     here = host_and_device(identity)
     for what in ("host", "device", "serial_number"):
-        if here[what] != history.opening[what]:
+        then, now = getattr(opening, what), getattr(here, what)
+        if then != now:
             raise ArchiveError(
-                f"the session was begun with {what} {history.opening[what]!r}; got {here[what]!r}: "
+                f"the session was begun with {what} {then!r}; got {now!r}: "
                 "give --resume-anyway if that makes no difference"
             )
     gap_s = interruption_s(history)
@@ -235,8 +239,8 @@ def resume(folder: SessionFolder, setting: Setting) -> Ending:
     with folder.locked(), _opened(setting, study) as identity:
         history = folder.read_history(plan)
         _refuse_altered(folder, setting.report)
-        if history.opening:
-            refuse_another_place(history, identity, setting)
+        if history.opening is not None:
+            refuse_another_place(history, history.opening, identity, setting)
         else:
             setting.report("Note: its journal is empty, so the session begins at its first trial.")
         setting.noise.start()
@@ -302,7 +306,7 @@ def _run(
 ) -> Ending:
     """Note the beginning, or the resume; there, resolve the interrupted trial. Run the rest."""
     history = folder.read_history(plan)
-    resumed = bool(history.opening)
+    resumed = history.opening is not None
     gap_s = interruption_s(history) if resumed else 0.0
     clock_goes_on = gap_s is not None
     # Over a new start of the computer no clock goes on: the time between is not guessed at, the
@@ -310,14 +314,27 @@ def _run(
     origin_s = setting.clock.now_s() - history.last_t_s - (gap_s or 0.0)
     with folder.open_journal(lambda: setting.clock.now_s() - origin_s) as journal:
         if resumed:
-            contents = resuming(study, plan, identity, setting, clock_goes_on=clock_goes_on)
-            journal.append("session_resume", contents, sync=True)
+            conditions = visit_conditions(study, plan, setting, identity).model_dump()
+            resumption = SessionResumed(
+                session_clock="goes on" if clock_goes_on else "broken", **conditions
+            )
+            journal.append(resumption, sync=True)
         else:
-            contents = opening(plan, identity, setting) | folder.sealed()
-            journal.append("session_open", contents, sync=True)
+            sealed = folder.sealed()
+            opening = SessionOpened(
+                participant=plan.participant,
+                session=plan.session,
+                plan_sha256=plan.sha256,
+                simulated=setting.responder.simulated,
+                observer=drawn_observer(setting.responder),
+                **host_and_device(identity).model_dump(),
+                header_sha256=sealed["header_sha256"],
+                plan_file_sha256=sealed["plan_file_sha256"],
+            )
+            journal.append(opening, sync=True)
         if not clock_goes_on:
             text = CLOCK_BROKEN.format(history.onset_clock + 1)
-            journal.append("note", {"text": text}, sync=True)
+            journal.append(NoteTaken(text=text), sync=True)
             setting.report(f"Note: {text}.")
         if history.interrupted is not None:
             resolve_interrupted_trial(history.interrupted, study, journal, setting.device, identity)

@@ -5,10 +5,17 @@ from __future__ import annotations
 import contextlib
 import time
 from dataclasses import replace
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from device.driver import Outcome
 from device.errors import DeviceError, RefusedError
+from experiment.archive.entries import (
+    DeviceFailed,
+    NoiseChanged,
+    StimulusCommanded,
+    StimulusMeasured,
+    TrialArmed,
+)
 from experiment.hardware.monitor import planned_burst
 from experiment.hardware.noise import NoiseError
 from experiment.hardware.setup import (
@@ -20,7 +27,6 @@ from experiment.hardware.setup import (
     read_health,
 )
 from experiment.perception.gains import significant
-from experiment.session.setting import fault_values, trial_name
 from experiment.trial.events import Event
 
 if TYPE_CHECKING:
@@ -97,7 +103,8 @@ class StimulusDelivery:
         # Tokens rise, also where the calendar's clock was set back: the device relies on it.
         self._token = max(self._token + 1, time.time_ns())
         # On the disk before the device knows it: after a crash only the token tells what was felt.
-        self._journal.append("trial_armed", trial_name(attempt) | {"token": self._token}, sync=True)
+        armed = TrialArmed(trial=trial.number, attempt=attempt.number, token=self._token)
+        self._journal.append(armed, sync=True)
         try:
             self._device.set_levels(level_vpp, level_vpp)
             self._device.arm(self._token, SLOTS[trial.side], time_to_live_s=LONGEST_ARMED_S)
@@ -106,7 +113,7 @@ class StimulusDelivery:
         if self._monitor is not None:
             condition = self._conditions[trial.condition]
             self.planned = planned_burst(self._study, condition, trial.side, level_vpp)
-        self._journal.append("stimulus_commanded", {"token": self._token})
+        self._journal.append(StimulusCommanded(token=self._token))
         return Event.ARMED
 
     def fire(self) -> Event:
@@ -116,7 +123,7 @@ class StimulusDelivery:
         try:
             self.delivery = self._device.fire(self._token)
         except RefusedError as error:
-            self._journal.append("fault", fault_values(error))  # synced with the trial's end
+            self._journal.append(_failure_line(error))  # synced with the trial's end
             return self._disarmed()
         except DeviceError as error:
             return self.fail(error)
@@ -138,7 +145,7 @@ class StimulusDelivery:
     def fail(self, error: DeviceError) -> Event:
         """Note that the device cannot go on."""
         self.failure = error
-        self._journal.append("fault", fault_values(error), sync=True)
+        self._journal.append(_failure_line(error), sync=True)
         return Event.DEVICE_FAILED
 
     def measure(self) -> None:
@@ -188,24 +195,34 @@ class StimulusDelivery:
         return None
 
 
-def measured_values(measured: Measured, planned: Planned, origin_s: float) -> dict[str, object]:
-    """List what the journal keeps of what a monitor measured; the onset on the session's clock."""
+def _failure_line(error: DeviceError) -> DeviceFailed:
+    return DeviceFailed(error=type(error).__name__, message=str(error))
+
+
+def measurement_line(
+    attempt: Attempt, measured: Measured, planned: Planned, origin_s: float
+) -> StimulusMeasured:
+    """Return the journal line of a measurement; its onset is on the session's clock."""
     figures: dict[str, float | None]
     figures = {"planned_left": planned.left, "planned_right": planned.right}
     figures |= {name: getattr(measured, name) for name in _FIGURES}
-    onset_s = measured.onset_s
-    return {
-        "token": measured.token,
-        "tap": measured.tap.value,
-        "source": measured.source,
-        "unit": measured.tap.unit,
-        "burst_verified": measured.verified,
-        "faults": [fault.value for fault in measured.faults],
-        "noted": [fault.value for fault in measured.noted],
-        "unmeasured": measured.unmeasured or None,
-        "onset_s": None if onset_s is None else round(onset_s - origin_s, 7),
-        **{name: None if value is None else significant(value) for name, value in figures.items()},
+    values: dict[str, Any] = {
+        name: None if value is None else significant(value) for name, value in figures.items()
     }
+    values |= {"unit": measured.tap.unit, "burst_verified": measured.verified}
+    onset_s = measured.onset_s
+    return StimulusMeasured(
+        trial=attempt.trial.number,
+        attempt=attempt.number,
+        token=measured.token,
+        tap=measured.tap.value,
+        source=measured.source,
+        faults=[fault.value for fault in measured.faults],
+        noted=[fault.value for fault in measured.noted],
+        unmeasured=measured.unmeasured or None,
+        onset_s=None if onset_s is None else round(onset_s - origin_s, 7),
+        **values,
+    )
 
 
 _FIGURES: Final = (
@@ -249,9 +266,13 @@ class NoiseMonitor:
         for health in (*losses, self._noise.health()):
             if (health.ok, health.underruns) != self._noted:
                 self._noted = (health.ok, health.underruns)
-                counts = {"frames": health.frames, "underruns": health.underruns}
-                status = {"ok": health.ok, "text": health.message, **counts}
-                self._journal.append("noise_status", status)
+                line = NoiseChanged(
+                    ok=health.ok,
+                    text=health.message,
+                    frames=health.frames,
+                    underruns=health.underruns,
+                )
+                self._journal.append(line)
 
     def start_again(self) -> Event | None:
         """Start it after it was lost; journal why not where that cannot be done."""
@@ -259,7 +280,7 @@ class NoiseMonitor:
             self._noise.start()
         except NoiseError as error:
             self.trouble = str(error)
-            self._journal.append("noise_status", {"ok": False, "text": self.trouble})
+            self._journal.append(NoiseChanged(ok=False, text=self.trouble))
             return Event.NOISE_LOST
         self.trouble = ""
         return None

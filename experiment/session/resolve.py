@@ -6,12 +6,13 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from device.driver import Outcome
-from experiment.session.setting import delivery_values, trial_name
+from experiment.archive.entries import StimulusConfirmed, TrialEnded
 
 if TYPE_CHECKING:
     from device.driver import BurstDevice, Identity
     from experiment.archive.history import InterruptedTrial
     from experiment.archive.journal import Journal
+    from experiment.rows import Status
     from experiment.study.study import Study
 
 
@@ -28,21 +29,30 @@ def resolve_interrupted_trial(
     and the study repeats such trials. A stimulus that went out is voided, one that did not is
     aborted; where the device cannot tell, or was started anew, the trial is indeterminate.
     """
-    name = trial_name(interrupted.attempt)
-    outcome = interrupted.outcome
-    if outcome is None:
+    confirmed = interrupted.confirmed
+    if confirmed is None:
         device.disarm(interrupted.token)
         delivery = device.query(interrupted.token)
         same_boot = interrupted.boot_id == identity.boot_id
         if delivery.outcome is Outcome.NOT_FIRED and not same_boot:
             delivery = replace(delivery, outcome=Outcome.INDETERMINATE)
-        journal.append("stimulus_confirmed", name | delivery_values(delivery, None))
-        outcome = delivery.outcome
-    repeated = interrupted.premature and study.design.premature_responses == "repeat"
-    refused = interrupted.verified == "false" and study.monitor.disagreement == "repeat"
-    if outcome == Outcome.FIRED and not (refused and interrupted.response is not None):
-        status = "ok" if interrupted.response is not None and not repeated else "voided"
+        confirmed = StimulusConfirmed.from_delivery(interrupted.attempt, delivery, None)
+        journal.append(confirmed)
+    response, measured = interrupted.response, interrupted.measured
+    premature = response is not None and response.premature
+    repeated = premature and study.design.premature_responses == "repeat"
+    is_mismatch = measured is not None and measured.burst_verified == "false"
+    refused = is_mismatch and study.monitor.disagreement == "repeat"
+    status: Status
+    if confirmed.outcome is Outcome.FIRED and not (refused and response is not None):
+        status = "ok" if response is not None and not repeated else "voided"
     else:
-        status = "aborted" if outcome == Outcome.NOT_FIRED else "indeterminate"
-    how = {"premature": interrupted.premature, "noise_ok": interrupted.noise_ok}
-    journal.append("trial_end", name | {"status": status} | how, sync=True)
+        status = "aborted" if confirmed.outcome is Outcome.NOT_FIRED else "indeterminate"
+    end = TrialEnded(
+        trial=interrupted.attempt.trial.number,
+        attempt=interrupted.attempt.number,
+        status=status,
+        premature=premature,
+        noise_ok=None if response is None else response.noise_ok,
+    )
+    journal.append(end, sync=True)

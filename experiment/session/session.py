@@ -8,11 +8,22 @@ from typing import TYPE_CHECKING, Any, Final
 
 from device.driver import Outcome
 from device.errors import DeviceError
+from experiment.archive.entries import (
+    BlockEnded,
+    BlockStarted,
+    BreakStarted,
+    MarkerSent,
+    NoteTaken,
+    PauseStarted,
+    ResponseGiven,
+    SessionClosed,
+    StimulusConfirmed,
+    TrialEnded,
+)
 from experiment.rows import HANDS_OFF, PRACTICE
 from experiment.session.attendance import GuardedResponder
 from experiment.session.markers import RECORDING_START, UNHEARD, response_marker, stimulus_marker
-from experiment.session.outputs import NoiseMonitor, StimulusDelivery, measured_values
-from experiment.session.setting import delivery_values, trial_name
+from experiment.session.outputs import NoiseMonitor, StimulusDelivery, measurement_line
 from experiment.session.standing import Standing
 from experiment.trial import events
 from experiment.trial.engine import next_event, step
@@ -93,10 +104,11 @@ class Session:
                 self._responder.introduce, effect.part, self._progress()
             ),
             events.OpenBlock: lambda effect: journal.append(
-                "block_start",
-                {"block": effect.attempt.trial.block, "condition": effect.attempt.trial.condition},
+                BlockStarted(
+                    block=effect.attempt.trial.block, condition=effect.attempt.trial.condition
+                )
             ),
-            events.CloseBlock: lambda effect: journal.append("block_end", {"block": effect.block}),
+            events.CloseBlock: lambda effect: journal.append(BlockEnded(block=effect.block)),
             events.Cue: self._cue,
             events.Wait: lambda effect: self._participant.wait(effect.attempt, self._due_s),
             events.ArmStimulus: lambda effect: (
@@ -147,8 +159,8 @@ class Session:
             return
         self._marked = True
         markers.send(RECORDING_START, at_s)
-        marker = {"marker": RECORDING_START, "at_s": round(at_s - self._origin_s, 6)}
-        self._journal.append("marker", marker, sync=True)
+        line = MarkerSent(marker=RECORDING_START, at_s=round(at_s - self._origin_s, 6))
+        self._journal.append(line, sync=True)
 
     def _mark_trial(self, end: events.EndTrial) -> None:
         """Send the markers of a trial whose stimulus surely went out."""
@@ -192,7 +204,7 @@ class Session:
     def _note(self) -> None:
         """Journal the operator's notes, and the noise where it changed."""
         for text in self._requests.notes():
-            self._journal.append("note", {"text": text}, sync=True)
+            self._journal.append(NoteTaken(text=text), sync=True)
         self._noise.note()
 
     def _show(self) -> None:
@@ -265,21 +277,29 @@ class Session:
         # end: from the onset to the answer nothing may touch the disk. If these lines are lost, the
         # token that lies on the disk since before the onset is enough for the device to tell
         # whether it played.
-        name = trial_name(effect.attempt)
-        how = {"premature": effect.premature, "noise_ok": self._noise.ok}
+        attempt, noise_ok = effect.attempt, self._noise.ok
+        name: dict[str, Any] = {"trial": attempt.trial.number, "attempt": attempt.number}
         if self.stimulus.delivery is not None:
             onset_s = round(self.stimulus.onset_s - self._origin_s, 6)
-            values = delivery_values(self.stimulus.delivery, onset_s)
-            self._journal.append("stimulus_confirmed", name | values)
+            confirmed = StimulusConfirmed.from_delivery(attempt, self.stimulus.delivery, onset_s)
+            self._journal.append(confirmed)
             self.stimulus.measure()
         measured, planned = self.stimulus.measured, self.stimulus.planned
         if measured is not None and planned is not None:
-            values = measured_values(measured, planned, self._origin_s)
-            self._journal.append("stimulus_measured", name | values)
+            self._journal.append(measurement_line(attempt, measured, planned, self._origin_s))
         if effect.response is not None:
-            answer = {"response": effect.response, "rt_s": effect.rt_s}
-            self._journal.append("response", name | answer | how)
-        self._journal.append("trial_end", name | {"status": effect.status} | how, sync=True)
+            response = ResponseGiven(
+                **name,
+                response=effect.response,
+                rt_s=effect.rt_s,
+                premature=effect.premature,
+                noise_ok=noise_ok,
+            )
+            self._journal.append(response)
+        end = TrialEnded(
+            **name, status=effect.status, premature=effect.premature, noise_ok=noise_ok
+        )
+        self._journal.append(end, sync=True)
         self._mark_trial(effect)
         self._standing.trial_ends(effect, self._clock.now_s())
 
@@ -287,11 +307,11 @@ class Session:
         self._note()
         mismatch = self.stimulus.trouble if self._state.burst_mismatch else ""
         why = TOO_MANY_PREMATURE if self._state.operator_needed else mismatch
-        reason = {"operator_called": why} if why else None
-        self._journal.append("pause" if effect.paused else "break", reason, sync=True)
-        if reason and self._requests.attended:
+        line = PauseStarted(operator_called=why or None) if effect.paused else BreakStarted()
+        self._journal.append(line, sync=True)
+        if why and self._requests.attended:
             self._requests.pause()  # the participant, whom it does not concern, does not end it
-        elif reason:  # nobody could tell whether the operator goes on or the participant
+        elif why:  # nobody could tell whether the operator goes on or the participant
             self._setting.report(f"Stopped. {why}. Continue with --resume.")
             return Event.STOP_REQUESTED
         minimum_s = 0.0 if effect.paused else self._study.design.min_break_s
@@ -304,12 +324,12 @@ class Session:
 
     def _close(self, effect: events.CloseSession) -> None:
         self._note()
-        contents: dict[str, object] = {"finished": effect.finished}
+        sha256: dict[str, Any] = {}
         # With them the last line seals the tables, too: who reads all need not build them anew. But
         # a session has ended whatever lies there: who writes the tables next says what is wrong.
         with contextlib.suppress(ValueError, OSError):
-            contents |= self._tables_sha256()
-        self._journal.append("session_close", contents, sync=True)
+            sha256 = self._tables_sha256()
+        self._journal.append(SessionClosed(finished=effect.finished, **sha256), sync=True)
 
     def _farewell(self, effect: events.Farewell) -> None:
         self._setting.noise.stop()

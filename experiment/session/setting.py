@@ -10,8 +10,7 @@ from importlib.metadata import version
 from typing import TYPE_CHECKING, Any, Final
 
 from device.clock import boot
-from device.driver import Outcome
-from experiment.archive.history import BROKEN
+from experiment.archive.entries import HostAndDevice, VisitConditions
 from experiment.check.check import check_study
 from experiment.hardware.monitor import monitor_facts
 from experiment.hardware.setup import (
@@ -32,37 +31,16 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from device.clock import Clock
-    from device.driver import BurstDevice, Delivery, Identity
+    from device.driver import BurstDevice, Identity
     from device.errors import DeviceError
     from device.monitor.measured import Monitor
-    from experiment.hardware.noise import NoiseFacts, NoisePlayer
+    from experiment.hardware.noise import NoisePlayer
     from experiment.hardware.setup import Confirmation
     from experiment.operator.requests import Status, StopSignal
     from experiment.session.markers import LslMarkers
     from experiment.study.study import Study
-    from experiment.trial.events import Attempt
     from experiment.trial.plan import Plan
     from experiment.trial.responder import Responder
-
-
-def trial_name(attempt: Attempt) -> dict[str, object]:
-    """List how the journal names an attempt at a trial."""
-    return {"trial": attempt.trial.number, "attempt": attempt.number}
-
-
-def delivery_values(delivery: Delivery, onset_s: float | None) -> dict[str, object]:
-    """List what the journal keeps of a delivery; onset and levels only if it surely went out."""
-    names = ("token", "boot_id", "device_us", "uncertainty_s", "retries")
-    values = {"outcome": delivery.outcome.value} | {name: getattr(delivery, name) for name in names}
-    levels = ("level_left_vpp", "level_right_vpp")
-    if delivery.outcome is Outcome.FIRED:
-        return values | {"onset_s": onset_s} | {name: getattr(delivery, name) for name in levels}
-    return values | dict.fromkeys(("onset_s", *levels))
-
-
-def fault_values(error: DeviceError) -> dict[str, object]:
-    """List what the journal keeps of a device's fault."""
-    return {"error": type(error).__name__, "message": str(error)}
 
 
 MAX_NAME_CHARACTERS: Final = 100
@@ -85,96 +63,89 @@ def require_operator(name: str | None) -> None:
 
 
 def header(study: Study, plan: Plan, setting: Setting, identity: Identity) -> dict[str, Any]:
-    """Return the contents of header.json: what is worth knowing and is not part of the plan."""
+    """Return the contents of header.json: what is worth knowing and is not part of the plan.
+
+    A value that is not known, or does not apply, is ``n/a``.
+    """
     is_simulated = setting.responder_name == "simulated"
-    return _marked_unknown(
-        {
-            "schema": 1,
-            "begun": datetime.now(UTC).isoformat(timespec="seconds"),
-            **opening(plan, identity, setting),
-            **_people(study, plan, setting),
-            "consent_version": study.about.consent_version or None,
-            "screen": study.screen.model_dump() if setting.responder_name == "screen" else None,
-            "texts": None if is_simulated else study.texts.model_dump(by_alias=True),
-            "device_identity": asdict(identity),
-            **_device_state(setting.device),
-            "device_line": asdict(line_settings(study.device)),
-            "device_cannot": list(setting.device.cannot),
-            "markers": setting.markers and setting.markers.description,
-            "monitor": monitor_facts(setting.monitor),
-            "hardware_confirmed": _confirmation(setting, identity),
-            "limits": asdict(host_limits(study.device)),
-            "responses": plan.responses,
-            "participant_number": plan.participant_number,
-            "condition_order": plan.condition_order,
-            **_noise(setting.noise.facts),
-            "stimuli": {c.name: stimulus_values(c) for c in study.conditions},
-            "accepted_violations": _accepted_violations(study, has_gains=bool(plan.gains)),
-            "platform": platform.platform(),
-            "python": platform.python_version(),
-            "versions": {name: version(name) for name in ("tactstrip", "numpy")},
-            "contact": study.contact.model_dump() | {"summary": study.contact.summary},
-        }
-    )
-
-
-def opening(plan: Plan, identity: Identity, setting: Setting) -> dict[str, Any]:
-    """Return what the first journal line of a session says."""
-    responder = setting.responder
-    # Of a simulated participant the journal keeps what was drawn; an installed one has no such
-    # values.
-    observer = getattr(responder, "observer_facts", None) if responder.simulated else None
-    return {
+    contents = {
+        "schema": 1,
+        "begun": datetime.now(UTC).isoformat(timespec="seconds"),
         "participant": plan.participant,
         "session": plan.session,
         "plan_sha256": plan.sha256,
-        "simulated": responder.simulated,
-        **({"observer": observer} if isinstance(observer, dict) else {}),
-        **host_and_device(identity),
+        "simulated": setting.responder.simulated,
+        **visit_conditions(study, plan, setting, identity).model_dump(),
+        "consent_version": study.about.consent_version or None,
+        "screen": study.screen.model_dump() if setting.responder_name == "screen" else None,
+        "texts": None if is_simulated else study.texts.model_dump(by_alias=True),
+        "device_identity": asdict(identity),
+        "device_line": asdict(line_settings(study.device)),
+        "device_cannot": list(setting.device.cannot),
+        "markers": setting.markers and setting.markers.description,
+        "monitor": monitor_facts(setting.monitor),
+        "limits": asdict(host_limits(study.device)),
+        "responses": plan.responses,
+        "participant_number": plan.participant_number,
+        "condition_order": plan.condition_order,
+        "stimuli": {c.name: stimulus_values(c) for c in study.conditions},
+        "accepted_violations": _accepted_violations(study, has_gains=bool(plan.gains)),
+        "platform": platform.platform(),
+        "python": platform.python_version(),
+        "versions": {name: version(name) for name in ("tactstrip", "numpy")},
+        "contact": study.contact.model_dump() | {"summary": study.contact.summary},
     }
-
-
-def resuming(
-    study: Study, plan: Plan, identity: Identity, setting: Setting, *, clock_goes_on: bool
-) -> dict[str, Any]:
-    """Return what the first journal line of a later visit says: all that may have changed."""
-    return _marked_unknown(
-        {
-            **host_and_device(identity),
-            "session_clock": "goes on" if clock_goes_on else BROKEN,
-            **_people(study, plan, setting),
-            **_device_state(setting.device),
-            "hardware_confirmed": _confirmation(setting, identity),
-            **_noise(setting.noise.facts),
-        }
-    )
-
-
-def host_and_device(identity: Identity) -> dict[str, Any]:
-    """Return on which host and device a visit takes place."""
-    return {
-        "host": platform.node(),
-        "host_boot": boot() or NOT_AVAILABLE,
-        "device": identity.model,
-        "device_kind": device_kind(identity),
-        "serial_number": identity.serial_number,
-        "boot_id": identity.boot_id,
-    }
-
-
-def _marked_unknown(contents: dict[str, Any]) -> dict[str, Any]:
-    """Write n/a where a value is not known or does not apply."""
     return {key: NOT_AVAILABLE if value is None else value for key, value in contents.items()}
 
 
-def _people(study: Study, plan: Plan, setting: Setting) -> dict[str, Any]:
-    return {
-        "operator": setting.operator,
-        "responder": setting.responder_name,
-        "responder_distribution": setting.responder_from,
-        "driver_distribution": setting.driver_from,
-        "response_mapping": _response_mapping(setting.responder_name, study, plan),
-    }
+def drawn_observer(responder: Responder) -> dict[str, Any] | None:
+    """Return what was drawn for a simulated participant; None for anybody else.
+
+    An installed simulated responder has no such values.
+    """
+    observer = getattr(responder, "observer_facts", None) if responder.simulated else None
+    return observer if isinstance(observer, dict) else None
+
+
+def host_and_device(identity: Identity) -> HostAndDevice:
+    """Return the computer and the device of a visit."""
+    return HostAndDevice(
+        host=platform.node(),
+        host_boot=boot(),
+        device=identity.model,
+        device_kind=device_kind(identity),
+        serial_number=identity.serial_number,
+        boot_id=identity.boot_id,
+    )
+
+
+def visit_conditions(
+    study: Study, plan: Plan, setting: Setting, identity: Identity
+) -> VisitConditions:
+    """Return everything about a visit that can differ from the visit before."""
+    limits, health = read_limits(setting.device), read_health(setting.device)
+    # An emulator needs no confirmation, so that one that was given is not recorded.
+    confirmation = None if identity.emulated else setting.confirmation
+    noise = setting.noise.facts
+    return VisitConditions(
+        **host_and_device(identity).model_dump(),
+        operator=setting.operator,
+        responder=setting.responder_name,
+        responder_distribution=setting.responder_from,
+        driver_distribution=setting.driver_from,
+        response_mapping=_response_mapping(setting.responder_name, study, plan),
+        device_limits=None if limits is None else asdict(limits),
+        device_health=None if health is None else asdict(health),
+        hardware_confirmed=None if confirmation is None else asdict(confirmation),
+        masking_noise=noise.noise,
+        masking_noise_played=noise.played,
+        noise_level_dba=noise.measured_level_dba,
+        noise_max_level_dba=noise.max_level_dba,
+        noise_sha256=noise.sha256,
+        noise_sample_rate_hz=noise.sample_rate_hz,
+        noise_loop_s=noise.loop_s,
+        noise_sound_card=noise.sound_card,
+    )
 
 
 def _response_mapping(responder: str, study: Study, plan: Plan) -> dict[str, list[str]] | None:
@@ -192,31 +163,6 @@ def _response_mapping(responder: str, study: Study, plan: Plan) -> dict[str, lis
         for meaning, names in study.keys.meanings.items()
         if meaning in accepted or meaning not in study.task.answer_names
     }
-
-
-def _device_state(device: BurstDevice) -> dict[str, Any]:
-    """Return what the device reports of itself, which new firmware may change."""
-    reports = {"device_limits": read_limits(device), "device_health": read_health(device)}
-    return {name: None if report is None else asdict(report) for name, report in reports.items()}
-
-
-def _noise(facts: NoiseFacts) -> dict[str, Any]:
-    return {
-        "masking_noise": facts.noise,
-        "masking_noise_played": facts.played,
-        "noise_level_dba": facts.measured_level_dba,
-        "noise_max_level_dba": facts.max_level_dba,
-        "noise_sha256": facts.sha256,
-        "noise_sample_rate_hz": facts.sample_rate_hz,
-        "noise_loop_s": facts.loop_s,
-        "noise_sound_card": facts.sound_card,
-    }
-
-
-def _confirmation(setting: Setting, identity: Identity) -> dict[str, Any] | None:
-    """Return the confirmation of a real device; for an emulator none counts."""
-    confirmation = None if identity.emulated else setting.confirmation
-    return None if confirmation is None else asdict(confirmation)
 
 
 # The gains in a plan are those of one loss factor, without an uncertainty: what was accepted for

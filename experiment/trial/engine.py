@@ -42,6 +42,7 @@ from experiment.trial.plan import PRACTICE_BLOCK
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
+    from experiment.rows import Status
     from experiment.tasks.task import Task
 
 
@@ -52,7 +53,7 @@ class Transition(NamedTuple):
     """Where the session goes, and the status with which the current trial ends, if it ends."""
 
     then: Phase
-    trial: str | None = None
+    trial: Status | None = None
 
 
 # A row reads aloud: "in the foreperiod, when a pause is asked for, the session is paused, and the
@@ -219,7 +220,7 @@ def _complete(state: SessionState, response: Response, task: Task) -> Change:
     return replace(state, pending=tuple(rest), premature_in_a_row=0), (end, *feedback)
 
 
-def _repeat(state: SessionState, status: str) -> Change:
+def _repeat(state: SessionState, status: Status) -> Change:
     """End the trial with this status and put it at the end of its block, or of the warm-up."""
     attempt, *rest = state.pending
     end = EndTrial(attempt=attempt, status=status, premature=state.premature)

@@ -11,6 +11,7 @@ from experiment.trial.plan import PRACTICE_BLOCK
 from experiment.trial.responder import SessionPart
 
 if TYPE_CHECKING:
+    from experiment.rows import Status
     from experiment.trial.plan import Trial
 
 
@@ -223,7 +224,7 @@ class EndTrial(Effect):
     """Record how the trial ended."""
 
     attempt: Attempt
-    status: str
+    status: Status
     response: str | None = None
     rt_s: float | None = None
     premature: bool = False

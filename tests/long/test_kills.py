@@ -36,9 +36,9 @@ class Watched:
         self.kills += 1
         folder = self._sessions.folder()
         if folder.journal_path.exists():
-            for entry in self._sessions.entries("response"):
-                name = str(entry.facts["trial"]), str(entry.facts["attempt"])
-                assert self._answers.setdefault(name, entry.facts["response"])
+            for line in self._sessions.lines("response"):
+                name = str(line["trial"]), str(line["attempt"])
+                assert self._answers.setdefault(name, line["response"])
         if not folder.plan_path.exists():
             return []
         amiss = examine(folder.path).differences
@@ -56,8 +56,8 @@ class Watched:
         assert [ok[number] for number in planned] == [1] * len(planned)
         assert {name: rows[name]["response"] for name in self._answers} == self._answers
         armed = {
-            entry.facts["token"]: (str(entry.facts["trial"]), str(entry.facts["attempt"]))
-            for entry in self._sessions.entries("trial_armed")
+            line["token"]: (str(line["trial"]), str(line["attempt"]))
+            for line in self._sessions.lines("trial_armed")
         }
         assert sorted(armed.values()) == sorted(rows)
 

@@ -112,7 +112,7 @@ def require_true(sessions: Sessions, truth: Path, session: str = "01") -> Counte
     told: dict[tuple[int, int], dict[str, Any]] = {}
     ended: dict[tuple[int, int], str] = {}
     for entry in sessions.entries(session=session):
-        facts: Any = entry.facts
+        facts = entry.line.model_dump()
         if entry.event == "trial_armed":
             armed[facts["token"]] = facts["trial"], facts["attempt"]
         elif entry.event == "stimulus_confirmed":
@@ -143,7 +143,7 @@ def require_true_by_time(sessions: Sessions, truth: Path) -> Counter[str]:
     bursts = bursts_of(truth)
     armed_s, told_vpp, ended = 0.0, None, Counter[str]()
     for entry in sessions.entries():
-        facts: Any = entry.facts
+        facts = entry.line.model_dump()
         if entry.event == "trial_armed":
             armed_s, told_vpp = entry.wall_s, None
         elif entry.event == "stimulus_confirmed" and facts["outcome"] == "fired":
@@ -208,7 +208,7 @@ def require_cut_told_and_mended(
     assert bool(unfelt) != sensed
     tokens = {
         (str(facts["trial"]), str(facts["attempt"])): facts["token"]
-        for facts in (dict(entry.facts) for entry in sessions.entries("trial_armed"))
+        for facts in sessions.lines("trial_armed")
     }
     assert not unfelt & {tokens[row["trial"], row["attempt"]] for row in good}
     assert len(good) < len(rows)

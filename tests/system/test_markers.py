@@ -84,8 +84,8 @@ def test_an_inlet_sees_every_trial_at_the_time_of_the_record(
     seen = inlet.take(1 + len(rows) + len(answered))
     (start, start_s), *trials = seen
     assert start == RECORDING_START
-    (marked,) = sessions.entries("marker")
-    at_s = {text: time_s - start_s + marked.facts["at_s"] for text, time_s in trials}
+    (marked,) = sessions.lines("marker")
+    at_s = {text: time_s - start_s + marked["at_s"] for text, time_s in trials}
     for row in rows:
         trial = f"trial{row['trial']}/attempt{row['attempt']}"
         level = f"{float(row['level_vpp']):g}Vpp"
@@ -100,5 +100,5 @@ def test_an_inlet_sees_every_trial_at_the_time_of_the_record(
     (events,) = bids.rglob("*_events.tsv")
     heading, *lines = (line.split("\t") for line in events.read_text("utf-8").splitlines())
     onsets = [float(line[heading.index("onset")]) for line in lines]
-    shifted = [float(row["onset_s"]) - marked.facts["at_s"] for row in rows]
+    shifted = [float(row["onset_s"]) - marked["at_s"] for row in rows]
     assert onsets == pytest.approx(shifted, abs=1e-6)

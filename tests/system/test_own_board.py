@@ -113,6 +113,6 @@ def test_an_amplifier_that_cannot_drive_ends_the_session_and_no_trial_counts_the
     bursts = [event["token"] for event in events if event["event"] == "burst"]
     cut = [event["token"] for event in events if event["event"] == "cut"]
     assert len(bursts) in n_bursts
-    ends = [dict(entry.facts) for entry in sessions.entries("trial_end")]
+    ends = sessions.lines("trial_end")
     ok = [end for end in ends if end["status"] == "ok"]
     assert len(ok) in {len(bursts), len(bursts) - len(cut)}

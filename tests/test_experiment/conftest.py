@@ -1,14 +1,11 @@
-"""What several tests of sessions need: a scripted session, and a check of the lines it writes."""
+"""What several tests of sessions need: a scripted session."""
 
 from __future__ import annotations
 
-import sys
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING, TypeAlias
 
 import pytest
 
-from experiment import Journal
-from experiment.archive.entries import EVENTS
 from tests.test_experiment.lab import FakeNoise, Lab
 
 if TYPE_CHECKING:
@@ -23,21 +20,6 @@ if TYPE_CHECKING:
     Rows: TypeAlias = Callable[..., list[dict[str, str]]]
     Refused: TypeAlias = Callable[..., str]
     LabOf: TypeAlias = Callable[..., Lab]
-
-
-@pytest.fixture(autouse=True)
-def _lines_are_as_listed(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Refuse a line of a session that has other members than `EVENTS` lists."""
-    append = Journal.append
-
-    def listed(journal: Journal, event: str, facts: Any = None, *, sync: bool = False) -> None:
-        if str(sys._getframe(1).f_globals["__name__"]).startswith("experiment.session."):
-            members = {one.removesuffix("?") for one in EVENTS[event].members}
-            needed = {one for one in EVENTS[event].members if not one.endswith("?")}
-            assert needed <= {*(facts or {})} <= members, event
-        append(journal, event, facts, sync=sync)
-
-    monkeypatch.setattr(Journal, "append", listed)
 
 
 @pytest.fixture

@@ -11,7 +11,7 @@ from device.clock import VirtualClock
 from experiment.archive.disk import UNWAITED
 from experiment.archive.folders import SessionFolder
 from experiment.archive.history import replay
-from experiment.archive.journal import Entry, Journal, read_journal
+from experiment.archive.journal import Journal, read_journal
 from experiment.hardware.noise import NoiseError, NoiseFacts, NoiseHealth
 from experiment.hardware.setup import mock_device
 from experiment.integrity.sessions import examine
@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from device.clock import Clock
     from device.emulate.mock import MockDevice
     from experiment.archive.disk import Disk
+    from experiment.archive.entries import Entry, Line
     from experiment.integrity.sessions import Difference
     from experiment.operator.requests import Status
     from experiment.rows import TrialRow
@@ -229,11 +230,11 @@ class Lab:
         """Crash after so many journal lines, or after the first of an event."""
         append, written = Journal.append, 0
 
-        def append_and_crash(journal: Journal, name: str, *args: Any, sync: bool = False) -> None:
+        def append_and_crash(journal: Journal, line: Line, *, sync: bool = False) -> None:
             nonlocal written
-            append(journal, name, *args, sync=sync)
+            append(journal, line, sync=sync)
             written += 1
-            if written == lines or name == event:
+            if written == lines or line.event == event:
                 raise Crash
 
         with self.patch.context() as patch:
@@ -248,9 +249,9 @@ class Lab:
     def n_ok(self) -> int:
         return [row.status for row in self.rows].count("ok")
 
-    def facts(self, event: str, name: str) -> list[Any]:
-        """Return one fact of every line of an event."""
-        return [entry.facts[name] for entry in self.entries(event)]
+    def members(self, event: str, name: str) -> list[Any]:
+        """Return one member of every line of an event."""
+        return [getattr(entry.line, name) for entry in self.entries(event)]
 
     def differences(self) -> tuple[Difference, ...]:
         """Compare the files of the session with its journal."""
@@ -258,7 +259,8 @@ class Lab:
 
     def is_sealed(self) -> bool:
         """Return whether the checksums in the journal's last line fit the tables."""
-        sealed = {n: v for n, v in self.entries()[-1].facts.items() if n.endswith("_sha256")}
+        line = self.entries()[-1].line.model_dump()
+        sealed = {n: v for n, v in line.items() if n.endswith("_sha256") and v is not None}
         return bool(sealed) and sealed == self.folder.tables_sha256(self.plan)
 
     def entries(self, event: str | None = None) -> list[Entry]:

@@ -83,6 +83,10 @@ class Sessions:
     def folder(self, session: str = "01") -> SessionFolder:
         return SessionFolder(self.out, "01", session)
 
+    def lines(self, event: str | None = None, session: str = "01") -> list[dict[str, Any]]:
+        """Return the members of every line of an event."""
+        return [entry.line.model_dump() for entry in self.entries(event, session)]
+
     def entries(self, event: str | None = None, session: str = "01") -> list[Entry]:
         read = read_journal(self.folder(session).journal_path).entries
         return [entry for entry in read if event in {None, entry.event}]

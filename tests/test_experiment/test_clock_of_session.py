@@ -79,7 +79,7 @@ def test_over_an_interruption_the_clock_goes_on_by_what_went_by(
     moved_s = [row_s - s for row_s, s in zip(onsets_s(lab), recorded_s, strict=True)]
     assert max(moved_s) - min(moved_s) < 1e-4
     assert {row.onset_clock for row in lab.rows} == {1}
-    assert lab.facts("session_resume", "session_clock") == ["goes on"]
+    assert lab.members("session_resume", "session_clock") == ["goes on"]
     assert not lab.entries("note")
 
 
@@ -117,9 +117,9 @@ def test_after_a_new_start_of_the_computer_the_clock_is_broken_and_says_so(
     lab.resume_anyway = True
     assert lab.resume().finished
     resumed = lab.entries("session_resume")[0]
-    assert resumed.facts["session_clock"] == "broken"
+    assert lab.members("session_resume", "session_clock") == ["broken"]
     assert resumed.t_s == pytest.approx(last_t_s, abs=1e-3)
-    (note,) = lab.facts("note", "text")
+    (note,) = lab.members("note", "text")
     assert "onset_clock 2" in note
     assert any("onset_clock 2" in message for message in lab.messages)
     clocks = defaultdict(list)

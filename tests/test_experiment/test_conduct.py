@@ -65,7 +65,7 @@ def test_a_key_that_is_no_answer_here_is_no_miss_but_a_note(lab: Lab) -> None:
     assert [row.response for row in lab.rows] == ["right", "left", "timeout", "left", "left"]
     assert lab.rows[0].rt_s == 0.4
     assert not any(row.premature for row in lab.rows)
-    notes = [note.split(": ", 1)[1] for note in lab.facts("note", "text")]
+    notes = [note.split(": ", 1)[1] for note in lab.members("note", "text")]
     for note, key in zip(notes, ("none", "key q", "key x"), strict=True):
         assert note.startswith(key)
 
@@ -91,7 +91,7 @@ def test_somebody_who_always_presses_too_early_gets_three_trials_then_the_operat
     assert at_pauses[0] == 3
     assert all(later - earlier <= 3 for earlier, later in pairwise(at_pauses))
     assert len(lab.device.emitted) in {0, at_pauses[-1]}
-    calls = lab.facts("pause", "operator_called")
+    calls = lab.members("pause", "operator_called")
     assert len(calls) == 4
     assert lab.display.messages == {*calls}
 
@@ -105,7 +105,7 @@ def test_where_no_operator_attends_the_session_stops_and_no_key_of_the_participa
     assert "pause" not in lab.responder.calls
     assert len(lab.device.emitted) in {0, 6}
     assert [message.split()[-1] for message in lab.messages] == ["--resume."] * 2
-    assert len(lab.facts("pause", "operator_called")) == 2
+    assert len(lab.members("pause", "operator_called")) == 2
     assert lab.resume().finished
 
 
@@ -171,7 +171,7 @@ def test_a_device_that_fails_stops_the_session_which_can_be_resumed(
         ending = lab.begin()
     assert (ending.finished, ending.failure) == (False, error)
     assert lab.statuses() == statuses
-    assert lab.facts("fault", "message") == [str(error)]
+    assert lab.members("fault", "message") == [str(error)]
     assert lab.display.seen[-1].device == "failed"
     assert lab.resume().finished
 
@@ -253,7 +253,7 @@ def test_noise_is_on_record_in_every_row_where_some_is_to_play_and_stopped_at_th
     assert {row.noise_ok for row in lab.rows} == {ok}
     assert lab.noise.calls[0] == "start"
     assert set(lab.noise.calls[1:]) == {"stop"}
-    assert lab.facts("noise_status", "ok") == on_record
+    assert lab.members("noise_status", "ok") == on_record
 
 
 @pytest.mark.parametrize("answer", [("left", 0.5), ("escape", 0.3), ("left", 0.05), (None, 3.0)])
@@ -269,7 +269,7 @@ def test_noise_lost_while_the_answer_is_awaited_voids_the_trial(
     assert (lost.status, lost.noise_ok, lost.response) == ("voided", False, None)
     assert lost.onset_s is not None
     assert noisy.noise.calls.count("start") == 2
-    assert noisy.facts("noise_status", "ok") == [True, False, True]
+    assert noisy.members("noise_status", "ok") == [True, False, True]
     assert len(noisy.display.messages) == 1
     assert noisy.display.seen[-1].message == ""
 
@@ -290,16 +290,16 @@ def test_a_gap_that_is_over_voids_its_trial_and_stays_on_record(noisy: Lab) -> N
     assert noisy.begin(ask={2: gap}, cue={4: gap}).finished
     # one in an answer window, one in a foreperiod
     assert [s for _, _, s in noisy.statuses()] == ["ok", "voided", "ok", "aborted", *["ok"] * 3]
-    assert noisy.facts("noise_status", "ok") == [True, False, True, False, True]
-    assert noisy.facts("noise_status", "underruns") == [0, 1, 1, 2, 2]
+    assert noisy.members("noise_status", "ok") == [True, False, True, False, True]
+    assert noisy.members("noise_status", "underruns") == [0, 1, 1, 2, 2]
 
 
 def test_noise_that_never_plays_again_pauses_until_the_session_is_stopped(noisy: Lab) -> None:
     assert not noisy.begin(ask={2: noisy.noise.lose_for_good}, pause={4: False}).finished
     assert noisy.responder.calls["pause"] == 4
     assert noisy.responder.calls["cue"] == 2
-    assert noisy.facts("noise_status", "text")[:2] == ["plays", "silent"]
-    assert noisy.facts("noise_status", "ok") == [True, *[False] * 4]
+    assert noisy.members("noise_status", "text")[:2] == ["plays", "silent"]
+    assert noisy.members("noise_status", "ok") == [True, *[False] * 4]
     noisy.noise.can_start = True
     assert noisy.resume().finished
     assert noisy.n_ok == 5

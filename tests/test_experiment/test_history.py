@@ -7,7 +7,17 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
+from device.driver import Outcome
 from experiment import Entry, JournalError, draw_plan, replay
+from experiment.archive.entries import (
+    JournalLine,
+    ResponseGiven,
+    SessionOpened,
+    SessionResumed,
+    StimulusConfirmed,
+    TrialArmed,
+    TrialEnded,
+)
 from experiment.perception.gains import ConditionGains
 
 if TYPE_CHECKING:
@@ -24,36 +34,62 @@ GAINS = ConditionGains(
 """Four different numbers: whatever is mixed up gives other displacements."""
 
 
+HOST: dict[str, Any] = {
+    "host": "lab",
+    "host_boot": "first",
+    "device": "plate",
+    "device_kind": "emulated",
+    "serial_number": "1",
+    "boot_id": 7,
+}
+PLANNED: dict[str, Any] = {
+    "participant": "01",
+    "session": "01",
+    "simulated": False,
+    "header_sha256": "0" * 64,
+    "plan_file_sha256": "0" * 64,
+}
+FIRED: dict[str, Any] = {
+    "outcome": "fired",
+    "token": 12,
+    "boot_id": 7,
+    "device_us": 3_500_000,
+    "uncertainty_s": 1e-4,
+    "retries": 0,
+    "onset_s": 3.5,
+}
+
+
+def resume_line(clock: str) -> SessionResumed:
+    """Return the first line of a later visit, on another device."""
+    values = dict.fromkeys(SessionResumed.model_fields) | HOST
+    values |= {"event": "session_resume", "boot_id": 8, "device_kind": "real", "host_boot": None}
+    values |= {"responder": "screen", "masking_noise": "none", "masking_noise_played": False}
+    return SessionResumed.model_validate(values | {"session_clock": clock})
+
+
 @pytest.fixture
 def plan(make_study: Callable[[str], Study], short_study_text: str) -> Plan:
     study = make_study(short_study_text.replace("[design]", "[design]\nhands_off_trials_after = 2"))
     return draw_plan(study, participant="01", session="01", seed=1, gains=(GAINS,))
 
 
-def lines(plan: Plan, number: int, **confirmed: Any) -> list[Entry]:
+def lines(plan: Plan, number: int, **confirmed: float | None) -> list[Entry]:
     """Return the journal of a session whose one trial had this delivery."""
-    name = {"trial": number, "attempt": 1}
-    opening = {
-        "plan_sha256": plan.sha256,
-        "simulated": False,
-        "boot_id": 7,
-        "device_kind": "emulated",
-        "host_boot": "first",
-    }
-    events: list[tuple[str, dict[str, Any]]] = [
-        ("session_open", opening),
-        ("trial_armed", name | {"token": 12}),
-        ("stimulus_confirmed", name | {"outcome": "fired", "onset_s": 3.5} | confirmed),
-        ("response", name | {"response": "left", "rt_s": 0.5}),
-        ("trial_end", name | {"status": "ok", "premature": False, "noise_ok": True}),
+    levels_vpp: dict[str, Any] = {"level_left_vpp": None, "level_right_vpp": None} | confirmed
+    events: list[JournalLine] = [
+        SessionOpened(**HOST, **PLANNED, plan_sha256=plan.sha256),
+        TrialArmed(trial=number, attempt=1, token=12),
+        StimulusConfirmed(trial=number, attempt=1, **FIRED, **levels_vpp),
+        ResponseGiven(
+            trial=number, attempt=1, response="left", rt_s=0.5, premature=False, noise_ok=True
+        ),
+        TrialEnded(trial=number, attempt=1, status="ok", premature=False, noise_ok=True),
     ]
-    return [
-        Entry(event, float(at), 100.0 + at, facts, 7.0 + at)
-        for at, (event, facts) in enumerate(events)
-    ]
+    return [Entry(line, float(at), 100.0 + at, 7.0 + at) for at, line in enumerate(events)]
 
 
-def row_of(plan: Plan, number: int, **confirmed: Any) -> TrialRow:
+def row_of(plan: Plan, number: int, **confirmed: float | None) -> TrialRow:
     (row,) = replay(plan, lines(plan, number, **confirmed)).rows
     return row
 
@@ -106,8 +142,7 @@ def test_a_row_says_what_plan_and_lines_say(plan: Plan) -> None:
 def test_a_row_says_whether_its_onset_can_be_compared(
     plan: Plan, clocks: list[str], expected: list[int]
 ) -> None:
-    facts = {"boot_id": 8, "device_kind": "real", "host_boot": "n/a"}
-    resumed = [Entry("session_resume", 5.0, 105.0, facts | {"session_clock": c}) for c in clocks]
+    resumed = [Entry(resume_line(clock), 5.0, 105.0, 12.0) for clock in clocks]
     history = replay(plan, [*lines(plan, 1), *resumed, *lines(plan, 2)[1:]])
     assert [row.onset_clock for row in history.rows] == expected
     assert history.onset_clock == expected[-1]
@@ -117,7 +152,11 @@ def test_a_trial_without_its_end_is_open_with_all_that_was_written(plan: Plan) -
     history = replay(plan, lines(plan, 1)[:-1])
     trial = history.interrupted
     assert trial is not None
-    assert (trial.token, trial.boot_id, trial.outcome, trial.response) == (12, 7, "fired", "left")
+    assert (trial.token, trial.boot_id) == (12, 7)
+    assert trial.confirmed is not None
+    assert trial.confirmed.outcome is Outcome.FIRED
+    assert trial.response is not None
+    assert trial.response.response == "left"
     assert history.rows == ()
     assert [attempt.trial.number for attempt in history.pending] == [t.number for t in plan.trials]
     assert (history.last_t_s, history.last_token) == (3.0, 12)
@@ -132,7 +171,6 @@ def test_a_journal_of_another_plan_or_of_lines_that_cannot_be_is_refused(plan: P
         ([*whole, whole[2]], "end"),
         (lines(plan, 99), "99"),
         ([*whole[:-1], *lines(plan, 2)[1:]], "ended"),
-        ([Entry("session_open", 0.0, 0.0, {})], "lacks"),
         (lines(replace(plan, sha256="0" * 64), 1), "000000000000"),
     ):
         with pytest.raises(JournalError, match=named):

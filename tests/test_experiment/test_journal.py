@@ -16,6 +16,7 @@ from hypothesis import strategies as st
 
 from experiment import Journal, JournalError, JournalWriteError, read_journal
 from experiment.archive.disk import UNWAITED
+from experiment.archive.entries import MarkerSent, lines_of
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -26,12 +27,16 @@ def path(tmp_path: Path) -> Path:
     return tmp_path / "journal.jsonl"
 
 
-def write(path: Path, *events: str) -> None:
+def write(path: Path, *texts: str) -> None:
     with Journal(
         path, now_s=lambda: 1.25, wall_s=lambda: 2.0, up_s=lambda: 0.5, disk=UNWAITED
     ) as journal:
-        for event in events:
-            journal.append(event, {"note": "é\n\u2028", "value": 0.1}, sync=True)
+        for text in texts:
+            journal.append(MarkerSent(marker=text, at_s=0.1), sync=True)
+
+
+def texts_of(path: Path) -> list[str]:
+    return [line.marker for line in lines_of(read_journal(path).entries, MarkerSent)]
 
 
 def test_what_is_appended_is_read_back(path: Path) -> None:
@@ -39,13 +44,13 @@ def test_what_is_appended_is_read_back(path: Path) -> None:
     assert read_journal(path).head_sha256 == "0" * 64
     write(path, "first")
     assert re.fullmatch(
-        r'\{"crc":"[0-9a-f]{8}","schema":3,"seq":1,"prev":"0{64}","event":"first",.*\}\n',
+        r'\{"crc":"[0-9a-f]{8}","schema":4,"seq":1,"prev":"0{64}","event":"marker",.*\}\n',
         path.read_text(encoding="utf-8"),
     )
-    write(path, "second", "third")
+    write(path, "second", "é\n\u2028")
     entries = read_journal(path).entries
-    assert [entry.event for entry in entries] == ["first", "second", "third"]
-    assert entries[2].facts == {"note": "é\n\u2028", "value": 0.1}
+    assert texts_of(path) == ["first", "second", "é\n\u2028"]
+    assert entries[2].line == MarkerSent(marker="é\n\u2028", at_s=0.1)
     assert (entries[0].t_s, entries[0].wall_s, entries[0].up_s) == (1.25, 2.0, 0.5)
 
 
@@ -72,7 +77,7 @@ def test_any_changed_byte_is_found_with_its_line(
 def test_a_sound_line_of_another_schema_is_refused(path: Path) -> None:
     body = b'"schema":1,"seq":1,"event":"first","t_s":0.0,"wall_s":0.0}'
     path.write_bytes(b'{"crc":"%08x",%b\n' % (zlib.crc32(b"{" + body), body))
-    with pytest.raises(JournalError, match=r":1: schema .* 3; got 1: another version"):
+    with pytest.raises(JournalError, match=r":1: schema .* 4; got 1: another version"):
         read_journal(path)
 
 
@@ -94,7 +99,7 @@ def test_each_line_has_the_hash_of_the_line_before(path: Path) -> None:
     assert read_journal(path).sha256 == tuple(hashes)
     with Journal(path, now_s=lambda: 0.0, disk=UNWAITED) as journal:
         assert journal.head_sha256 == read_journal(path).head_sha256 == hashes[-1]
-        journal.append("fourth")
+        journal.append(MarkerSent(marker="fourth", at_s=0.1))
         assert journal.head_sha256 == read_journal(path).head_sha256 != hashes[-1]
 
 
@@ -107,7 +112,8 @@ def test_a_changed_line_with_a_checksum_that_fits_breaks_the_chain_after_it(path
     with pytest.raises(JournalError, match=r":3: prev .*[0-9a-f]{12}"):
         read_journal(path)
     path.write_bytes(b"".join(lines[:2]))
-    assert read_journal(path).entries[1].facts["value"] == 0.2  # the head alone tells of it
+    changed = MarkerSent(marker="second", at_s=0.2)
+    assert read_journal(path).entries[1].line == changed  # the head alone tells of it
 
 
 def test_a_last_line_cut_short_is_set_aside_wherever_it_was_cut(path: Path) -> None:
@@ -117,11 +123,11 @@ def test_a_last_line_cut_short_is_set_aside_wherever_it_was_cut(path: Path) -> N
     for number, end in enumerate(range(start + 1, len(whole), 5), start=1):
         path.write_bytes(whole[:end])
         with Journal(path, now_s=lambda: 0.0, disk=UNWAITED) as journal:
-            assert [entry.event for entry in read_journal(path).entries] == ["first"]
+            assert texts_of(path) == ["first"]
             assert journal.torn_file == path.with_name(f"journal.torn-{number}")
             assert journal.torn_file.read_bytes() == whole[start:end]
-            journal.append("third")
-        assert [entry.event for entry in read_journal(path).entries] == ["first", "third"]
+            journal.append(MarkerSent(marker="third", at_s=0.1))
+        assert texts_of(path) == ["first", "third"]
 
 
 def test_a_journal_that_cannot_be_opened_or_written_is_an_error(
@@ -131,13 +137,33 @@ def test_a_journal_that_cannot_be_opened_or_written_is_an_error(
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
     with Journal(path, now_s=lambda: 0.0) as journal:
-        journal.append("first")
+        journal.append(MarkerSent(marker="first", at_s=0.1))
         with monkeypatch.context() as patch:
             patch.setattr(os, "write", full)
             with pytest.raises(JournalWriteError):
-                journal.append("second")
+                journal.append(MarkerSent(marker="second", at_s=0.1))
         with pytest.raises(JournalWriteError):  # after an earlier failure
-            journal.append("third")
-    assert [entry.event for entry in read_journal(path).entries] == ["first"]
+            journal.append(MarkerSent(marker="third", at_s=0.1))
+    assert texts_of(path) == ["first"]
     with pytest.raises(JournalWriteError):
         Journal(path / "no-folder" / "journal.jsonl", now_s=lambda: 0.0)
+
+
+@pytest.mark.parametrize(
+    ("members", "named"),
+    [
+        ({"event": "noon"}, "noon"),
+        ({"event": "marker", "marker": "begin"}, "marker.at_s: Field required"),
+        ({"event": "marker", "marker": "begin", "at_s": "0.1"}, "marker.at_s: .*valid number"),
+        ({"event": "marker", "marker": "begin", "at_s": 0.1, "volts": 3}, "marker.volts: Extra"),
+        ({"event": "break", "t_s": None}, "none of a journal"),
+    ],
+)
+def test_a_line_that_is_no_line_of_its_event_is_refused(
+    path: Path, members: dict[str, object], named: str
+) -> None:
+    chain = {"schema": 4, "seq": 1, "prev": "0" * 64, "t_s": 0.0, "wall_s": 0.0, "up_s": 0.0}
+    body = json.dumps(chain | members).encode()
+    path.write_bytes(b'{"crc":"%08x",%b\n' % (zlib.crc32(body), body[1:]))
+    with pytest.raises(JournalError, match=rf"journal\.jsonl:1: .*{named}"):
+        read_journal(path)

@@ -12,6 +12,7 @@ import pytest
 
 from experiment import Journal, JournalWriteError, simulate_study
 from experiment.archive.disk import DISK, Disk, make_folder
+from experiment.archive.entries import NoteTaken, StimulusCommanded
 from tests.test_experiment.disks import FullDisk, LossyDisk, withdraw, write_export, write_file
 from tests.test_experiment.lab import Lab
 from tests.test_experiment.sessions import Sessions
@@ -40,9 +41,9 @@ def test_a_synced_line_and_all_before_it_outlive_a_power_cut(
 ) -> None:
     path = tmp_path / "journal.jsonl"
     with Journal(path, now_s=lambda: 0.0, disk=disk) as journal:
-        journal.append("first")
-        journal.append("second", sync=True)
-        journal.append("third")
+        journal.append(NoteTaken(text="first"))
+        journal.append(NoteTaken(text="second"), sync=True)
+        journal.append(NoteTaken(text="third"))
         there = disk.holds(tmp_path)["journal.jsonl"]
     assert there == b"".join(path.read_bytes().splitlines(keepends=True)[:2])
 
@@ -123,7 +124,7 @@ def test_at_every_fire_the_token_and_at_every_cue_the_last_end_are_on_the_disk(
     def observed_fire(token: int) -> Delivery:
         armed, commanded = lab.safe_lines()[-1], lab.entries()[-1]
         assert (armed["event"], armed["token"]) == ("trial_armed", token)
-        assert (commanded.event, commanded.facts["token"]) == ("stimulus_commanded", token)
+        assert commanded.line == StimulusCommanded(token=token)
         seen.append(("fire", lab.safe("trial_armed")))
         return fire(token)
 

@@ -55,12 +55,13 @@ def assert_complete_and_true(sessions: Sessions, felt_before: list[Entry]) -> No
     status_of: dict[object, str] = {
         (int(row["trial"]), int(row["attempt"])): row["status"] for row in rows
     }
-    named = [(e.event, (e.facts.get("trial"), e.facts.get("attempt"))) for e in felt_before]
+    lines = [entry.line.model_dump() for entry in felt_before]
+    named = [(line["event"], (line.get("trial"), line.get("attempt"))) for line in lines]
     for event, key in named:
         if event == "trial_armed":
             answered = ("response", key) in named
             assert status_of[key] in ({"ok"} if answered else {"voided", "indeterminate"})
-    tokens = [entry.facts["token"] for entry in sessions.entries("trial_armed")]
+    tokens = [line["token"] for line in sessions.lines("trial_armed")]
     assert len(set(tokens)) == len(tokens) == len(rows)
 
 

@@ -150,13 +150,13 @@ def test_whoever_resumes_is_noted_anew(sessions: Sessions) -> None:
     folder.trials_path.unlink()
     (folder.path.parent / "sessions.tsv").unlink()
     assert sessions.run(*by_screen, "second", "--resume").exit_code == 0
-    (resumed,) = sessions.entries("session_resume")
-    assert (resumed.facts["operator"], resumed.facts["responder"]) == ("second", "screen")
-    assert resumed.facts["response_mapping"]["right"] == ["right"]
+    (resumed,) = sessions.lines("session_resume")
+    assert (resumed["operator"], resumed["responder"]) == ("second", "screen")
+    assert resumed["response_mapping"]["right"] == ["right"]
     header = sessions.header()
     assert header["operator"] == "first"
     for key in ("device_limits", "device_health"):
-        assert resumed.facts[key] == header[key]
+        assert resumed[key] == header[key]
     assert header["device_limits"]["slots"] == 8
 
 
