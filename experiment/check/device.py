@@ -5,13 +5,12 @@ Without a device: what this computer lacks to run the study.
 
 from __future__ import annotations
 
-import os
 import time
 from dataclasses import asdict, dataclass
 from itertools import count
 from typing import TYPE_CHECKING, Any, Final
 
-from device.driver import Lack, Outcome
+from device.driver import Outcome
 from device.drivers import MOCK
 from device.limits import CHANNELS
 from experiment.check.warnings import apply_rules
@@ -30,6 +29,7 @@ from experiment.hardware.setup import (
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from device.driver import Lack
     from device.monitor.measured import Measured, Planned
     from experiment.check.warnings import CheckWarning
     from experiment.hardware.setup import Confirmation, Hardware
@@ -340,7 +340,4 @@ def missing_equipment(settings: DeviceSettings, masking: Masking) -> list[tuple[
         lacks.append(("device", find_lack(settings.port)))
     if masking.noise != "none":
         lacks.append(("masking noise", sound_lack()))
-    if os.name != "posix":
-        remedy = "--responder terminal needs Linux or macOS"
-        lacks.append(("answers at the terminal", Lack(what="a POSIX terminal", remedy=remedy)))
     return [(need, lack) for need, lack in lacks if lack is not None]

@@ -1,41 +1,44 @@
-"""The operator's live panel on the terminal, and the commands that the operator types there.
-
-A command is a line: p, r, n TEXT or s, then Enter. The terminal keeps its usual settings, so that
-nothing has to be restored when the program is suspended or killed.
-"""
+"""The operator's live panel on the terminal, and the keys that the operator presses there."""
 
 from __future__ import annotations
 
 import _thread
+import contextlib
 import math
 import os
-import select
 import signal
 import sys
+import tempfile
 import threading
-from codecs import getincrementaldecoder
 from collections import deque
 from typing import TYPE_CHECKING, Final, Self
 
 from device.printing import echo, escaped
+from experiment.operator.keyboard import is_in_front, open_keyboard
 from experiment.trial.events import Phase
 from experiment.trial.plan import HANDS_OFF_BLOCK, PRACTICE_BLOCK
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from rich.live import Live
     from rich.text import Text
 
+    from experiment.operator.keyboard import Keyboard
     from experiment.operator.requests import Requests, Status, StopSignal, Tally
 
 
 REFRESH_INTERVAL_S: Final = 0.1
 MAX_NOTE_CHARACTERS: Final = 500
 """Further characters of a note are dropped."""
-HINTS: Final = "Type p (pause), r (resume), n TEXT (note) or s (stop), then Enter: "
+KEYS_HINT: Final = "p pause   r resume   n note   s stop"
+NOTE_HINT: Final = "Enter saves the note, Esc discards it."
 RESUME_HINT: Final = "Press r to continue."
+_ENTER, _ESCAPE = "\n", "\x1b"
+_BACKSPACE: Final = ("\x7f", "\b")
 
 _TIMED: Final = (Phase.ARMING, Phase.FIRING, Phase.ANSWER)
-"""Nothing is drawn here unless the operator types: a reaction time is being measured."""
+"""Nothing is drawn here unless the operator writes a note: a reaction time is being measured."""
 _RUNNING: Final = (Phase.READY, Phase.FOREPERIOD, *_TIMED)
 """Here nothing waits for somebody to continue."""
 _MAX_EXIT_S: Final = 1.0
@@ -47,9 +50,10 @@ class OperatorView:
     """Shows an operator the progress of a session and takes commands; a context manager.
 
     Enter it in the main thread, within `StopSignal.on_signals`. On a terminal, one thread draws the
-    panel and reads p (pause), r (resume), n TEXT (note) and s (stop). In a pipe, or in the
+    panel and reads the keys p (pause), r (resume), n (note) and s (stop). In a pipe, or in the
     background of a shell, there is neither panel nor commands. A terminal that goes away, or is
-    held by Ctrl-S, does not hold up the session.
+    held by Ctrl-S, does not hold up the session. What libraries write to the terminal's standard
+    error appears below the panel at the end.
 
     Parameters
     ----------
@@ -73,8 +77,10 @@ class OperatorView:
         self._stop = stop
         self._status: Status | None = None
         self._notice = ""
+        self._note: str | None = None
         self._lines: deque[str] = deque()
         self._over = threading.Event()
+        self._terminal = contextlib.ExitStack()
         self._thread: threading.Thread | None = None
 
     def show(self, status: Status) -> None:
@@ -89,10 +95,12 @@ class OperatorView:
             self._lines.append(line)
 
     def __enter__(self) -> Self:
-        if sys.stdin.isatty() and sys.stdout.isatty():
+        if sys.stdin.isatty() and sys.stdout.isatty() and is_in_front():
             import rich.live  # noqa: F401 - now, not during a trial
 
-            self._thread = threading.Thread(target=self._run, daemon=True)
+            self._terminal.enter_context(_captured_stderr())
+            keyboard = self._terminal.enter_context(open_keyboard())
+            self._thread = threading.Thread(target=self._run, args=(keyboard,), daemon=True)
             self._thread.start()
             self._requests.attended = True
         return self
@@ -102,31 +110,31 @@ class OperatorView:
         if self._thread is not None:
             self._thread.join(_MAX_EXIT_S)
             self._thread = None
+        self._terminal.close()
 
-    def _run(self) -> None:
+    def _run(self, keyboard: Keyboard) -> None:
         from rich.console import Console
         from rich.live import Live
 
         console = Console(highlight=False)
         drawn: object = None
-        decode = getincrementaldecoder("utf-8")("replace").decode
-        typed = ""
         try:
-            with Live(console=console, auto_refresh=False, transient=False) as live:
-                console.show_cursor()  # the operator types behind the panel
+            with Live(console=console, auto_refresh=False) as live:
                 while not self._over.is_set():
+                    if not is_in_front():
+                        self._over.wait(REFRESH_INTERVAL_S)
+                        continue
                     status = self._status
-                    state = (status, self._requests.paused, self._notice, console.size)
-                    is_timed = status is not None and status.phase in _TIMED and not typed
-                    if _is_in_front() and not is_timed and (state != drawn or self._lines):
+                    state = status, self._requests.paused, self._notice, self._note, console.size
+                    is_timed = status is not None and status.phase in _TIMED and self._note is None
+                    if not is_timed and (state != drawn or self._lines):
                         self._draw(live, hints=True)
                         drawn = state
-                    *lines, typed = (typed + decode(_read_typed())).split("\n")
-                    for line in lines:
-                        console.file.write(_UP_AND_CLEAR)  # Enter moved the cursor on
-                        self.obey(line.rstrip("\r"))
+                    if keyboard.wait(REFRESH_INTERVAL_S):
+                        for key in keyboard.read():
+                            self.press(key)
                 self._draw(live, hints=False)
-        except OSError:  # the terminal is gone: the session goes on without it
+        except (OSError, EOFError):  # the terminal is gone: the session goes on without it
             return
 
     def _draw(self, live: Live, *, hints: bool) -> None:
@@ -135,32 +143,46 @@ class OperatorView:
         while self._lines:
             live.console.print(Text(escaped(self._lines.popleft())))
         lines = status_lines(self._status, is_pause_requested=self._requests.paused)
-        if hints:
-            lines += [Text(self._notice, "green")] * bool(self._notice) + [Text(HINTS, "reverse")]
+        if hints and self._note is not None:
+            lines += [Text(f"Note: {self._note}", "green"), Text(NOTE_HINT, "reverse")]
+        elif hints:
+            lines += [Text(self._notice, "green")] * bool(self._notice)
+            lines.append(Text(KEYS_HINT, "reverse"))
         live.update(Text("\n").join(lines), refresh=True)
 
-    def obey(self, line: str) -> None:
-        """Carry out a command; a line without a meaning is answered by the list of commands."""
-        command, _, text = line.strip().partition(" ")
-        note = escaped(text.strip())[:MAX_NOTE_CHARACTERS]
-        match command.lower(), note:
-            case "p", "":
+    def press(self, key: str) -> None:
+        """Carry out the command of a key, or take it as a character of a note."""
+        if self._note is not None:
+            self._edit_note(self._note, key)
+            return
+        match key.lower():
+            case "p":
                 self._requests.pause()
                 self._notice = ""
-            case "r", "":
+            case "r":
                 # No wish is kept for later: only a pause, or a wait, can be ended.
                 is_waiting = self._status is not None and self._status.phase not in _RUNNING
                 self._notice = "" if is_waiting or self._requests.paused else "Nothing is paused."
                 if not self._notice:
                     self._requests.request_continue()
-            case "n", note if note:
-                self._requests.note(note)
-                self._notice = f"Noted: {note}"
-            case "s", "":
+            case "n":
+                self._notice, self._note = "", ""
+            case "s":
                 self._notice = "Stopping ..."
                 self._request_stop()
-            case _:
-                self._notice = "There is no such command." if command else ""
+
+    def _edit_note(self, note: str, key: str) -> None:
+        if key == _ENTER:
+            self._note = None
+            if text := note.strip():
+                self._requests.note(text)
+                self._notice = f"Noted: {text}"
+        elif key == _ESCAPE:
+            self._note = None
+        elif key in _BACKSPACE:
+            self._note = note[:-1]
+        elif escaped(key) == key:
+            self._note = (note + key)[:MAX_NOTE_CHARACTERS]
 
     def _request_stop(self) -> None:
         """Have the main thread, where waits are interrupted, ask for the stop.
@@ -179,33 +201,28 @@ class OperatorView:
             _thread.interrupt_main(signal.SIGTERM)
 
 
-_UP_AND_CLEAR: Final = "\x1b[1A\x1b[2K"
+@contextlib.contextmanager
+def _captured_stderr() -> Iterator[None]:
+    """Keep what libraries write to a terminal's standard error, and write it there at the end.
 
-
-def _is_in_front() -> bool:
-    """Return whether this program may use the terminal: it is not in a shell's background."""
-    if os.name != "posix":
-        return True
-    try:
-        return os.tcgetpgrp(sys.stdin.fileno()) == os.getpgrp()
-    except OSError:  # no job control on this terminal
-        return True
-
-
-def _read_typed() -> bytes:
-    """Return what was typed up to Enter, or nothing after a moment.
-
-    `os.read` is used, as a thread that waits in `sys.stdin` would block the end of the program.
+    ALSA and others write to the file descriptor itself; their lines would scroll the panel away.
     """
-    keyboard = sys.stdin.fileno()
-    if os.name == "posix" and not select.select([keyboard], [], [], REFRESH_INTERVAL_S)[0]:
-        return b""
-    if not _is_in_front():
-        return b""
-    typed = os.read(keyboard, 4096)
-    if not typed:
-        raise OSError
-    return typed
+    number = 2
+    if not os.isatty(number):
+        yield
+        return
+    with tempfile.TemporaryFile() as captured:
+        terminal = os.dup(number)
+        os.dup2(captured.fileno(), number)
+        try:
+            yield
+        finally:
+            os.dup2(terminal, number)
+            os.close(terminal)
+            captured.seek(0)
+            with contextlib.suppress(OSError):  # the terminal is gone
+                for line in captured.read().decode(errors="replace").splitlines():
+                    echo(line, err=True)
 
 
 def status_lines(status: Status | None, *, is_pause_requested: bool) -> list[Text]:

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import contextlib
 import os
-import re
-import select
 import shutil
 import sys
 from typing import TYPE_CHECKING, Final, Self
 
+from experiment.operator.keyboard import open_keyboard
 from experiment.operator.requests import StopRequested
 from experiment.participant.keys import ARROWS
 from experiment.participant.window import wrapped
@@ -41,20 +39,12 @@ _PLACEMENT: Final = (
 """In the place of the default, which speaks of a picture."""
 
 
-KEY: Final = re.compile(r"\x1b\[[0-?]*[ -/]*[@-~]|\x1bO.|.", re.DOTALL)
-"""A key: a control sequence as a whole, or one character."""
-_UNFINISHED: Final = re.compile(rb"(?<!\x1b)\x1b(\[[0-?]*[ -/]*|O)?\Z")
-"""What a key's control sequence may begin with; of Esc held down only the first is waited for."""
-_MAX_BYTES: Final = 1024
-_REST_S: Final = 0.05
-
-
 class NoTerminalError(ValueError):
     """Nobody can press a key here, or read what has to be read."""
 
 
 class TerminalResponder:
-    """Asks a person at a terminal; a context manager that borrows the terminal's keyboard.
+    """Asks a person at a terminal; a context manager that takes over the terminal's keyboard.
 
     Parameters
     ----------
@@ -66,17 +56,17 @@ class TerminalResponder:
     Raises
     ------
     NoTerminalError
-        If standard input is no terminal, the system has no POSIX terminals, a text cannot be
-        encoded for it, or a key that is needed cannot be typed at it.
+        If standard input is no terminal, a text cannot be encoded for it, or a key that is needed
+        cannot be typed at it.
     """
 
     simulated = False
 
     def __init__(self, settings: ResponderSettings, clock: Clock) -> None:
-        if os.name != "posix" or not sys.stdin.isatty():
+        if not sys.stdin.isatty():
             raise NoTerminalError(
-                "--responder terminal needs a terminal (on Linux or macOS) as standard input; "
-                "use --responder simulated to try a study out without one"
+                "--responder terminal needs a terminal as standard input; use --responder "
+                "simulated to try a study out without one"
             )
         _require_encodable(settings.texts, sys.stdout.encoding)
         self._meaning, self._labels = _typed_keys(settings)
@@ -87,24 +77,17 @@ class TerminalResponder:
         self._placement = _PLACEMENT if is_default else settings.texts.placement
         self._fingers_on = False
         self._question: AwaitedAnswer | None = None
-        self._input = sys.stdin.fileno()
+        self._keyboard = open_keyboard()
         self._typed: list[str] = []
         self._gone = False
 
     def __enter__(self) -> Self:
-        import termios
-        import tty
-
-        self._settings = termios.tcgetattr(self._input)
-        tty.setcbreak(self._input)
+        self._keyboard.__enter__()
         return self
 
-    def __exit__(self, *_: object) -> None:
-        import termios
-
+    def __exit__(self, *exception: object) -> None:
         self._say("", "")
-        with contextlib.suppress(termios.error):  # the terminal may be gone
-            termios.tcsetattr(self._input, termios.TCSADRAIN, self._settings)
+        self._keyboard.__exit__(*exception)
 
     def begin(self, progress: Progress) -> bool:
         """Welcome and instruct; the fingers are laid on the plate when a part needs them."""
@@ -210,7 +193,7 @@ class TerminalResponder:
 
     def _forget_typed(self, but: str = "") -> None:
         """Drop the keys that were typed so far, but those of one meaning."""
-        while not self._gone and select.select([self._input], [], [], 0)[0]:
+        while not self._gone and self._keyboard.wait(0.0):
             self._typed += self._typed_now()
         self._typed = [key for key in self._typed if self._meaning.get(key, "-") == but]
 
@@ -237,31 +220,18 @@ class TerminalResponder:
             raise StopRequested
         if not self._typed:
             remaining_s = None if until_s is None else max(0.0, until_s - self._clock.now_s())
-            ready, _, _ = select.select([self._input], [], [], remaining_s)
-            if not ready:
+            if not self._keyboard.wait(remaining_s):
                 return None
-        self._key_s = self._clock.now_s()  # the rest of Esc is waited for, but it came now
+        self._key_s = self._clock.now_s()  # before the rest of a control sequence is awaited
         self._typed = self._typed or self._typed_now()
         return self._typed.pop(0)
 
     def _typed_now(self) -> list[str]:
-        """Return the keys that are typed; waits for the first key, and for the rest of one.
-
-        A key may arrive in pieces, whose first alone would be Esc: that is Esc only if nothing
-        follows.
-        """
-        typed = b""
-        with contextlib.suppress(OSError):
-            typed = os.read(self._input, _MAX_BYTES)
-            while _UNFINISHED.search(typed) and select.select([self._input], [], [], _REST_S)[0]:
-                rest = os.read(self._input, _MAX_BYTES)
-                typed += rest
-                if not rest:
-                    break
-        if not typed:
+        try:
+            return self._keyboard.read()
+        except EOFError as error:
             self._lose_terminal()
-            raise StopRequested
-        return KEY.findall(typed.decode(errors="replace"))
+            raise StopRequested from error
 
 
 def _broken(*texts: str) -> list[str]:

@@ -223,6 +223,9 @@ try:
         facts |= {"threads": threading.active_count(), "rich": "rich" in sys.modules}
         view.show(Status(phase=sys.argv[2], done=11, planned=155, block=2, blocks=5, left_s=610.0,
                          noise="plays", device="ready", message="", tallies=tallies))
+        if os.isatty(0):
+            os.write(2, b"ALSA lib pcm.c: underrun\\n")
+            view.print("Note: the monitor is blind.")
         with stop.interruptible():
             time.sleep(float(sys.argv[3]))
 except StopRequested:
@@ -259,7 +262,7 @@ class View(Terminal):
 def view(tmp_path: Path) -> Iterator[View]:
     with View(tmp_path) as view:
         view.expect(b"right timeout")
-        view.expect(b"then Enter")
+        view.expect(b"s stop")
         yield view
 
 
@@ -269,17 +272,24 @@ def test_the_view_shows_how_far_the_session_is_and_no_level(view: View) -> None:
     assert b"vpp" not in view.shown.lower()
 
 
-def test_a_line_is_a_command_and_any_other_line_is_refused(view: View) -> None:
-    assert view.is_unchanged()
-    view.press("n chair moved, späť\nn\nx\n".encode())
-    view.expect(b"no such command")
-    view.press(b"p\n")
+def test_keys_are_commands_and_lines_of_libraries_stand_below_the_panel(view: View) -> None:
+    view.press(b"n")
+    view.expect(b"Esc discards")
+    view.press("chair moved, späť\n".encode())
+    view.expect(b"Noted")
+    view.press(b"p")
     view.expect(b"pause follows")
-    view.press(b"r\ns\n")
+    view.press(b"r")
+    assert b"ALSA" not in view.shown
+    view.press(b"s")
     assert view.ended() == 0
     facts = view.facts()
     assert facts["notes"] == ["chair moved, späť"]
     assert (facts["asked"], facts["paused"], facts["continue"]) == (True, False, True)
+    assert view.is_unchanged()
+    *_, panel, below, end = re.sub(r"\x1b\[[?\d]*[a-zA-Z]", "", view.shown.decode()).split("\r\n")
+    assert (panel.rpartition("\r")[2][:5], below, end) == ("right", "ALSA lib pcm.c: underrun", "")
+    assert b"Note: the monitor is blind.\r\n" in view.shown
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT, signal.SIGHUP, None])

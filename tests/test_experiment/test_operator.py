@@ -1,13 +1,18 @@
-"""The operator's panel: whole messages, the key that continues, commands by line."""
+"""The operator's panel and the terminal's keys: whole messages, commands, notes."""
 
 from __future__ import annotations
 
 import io
+import os
+import sys
+import threading
+from collections import deque
+from types import ModuleType
 
 import pytest
 from rich.console import Console
 
-from experiment.operator import view
+from experiment.operator import keyboard, view
 from experiment.operator.requests import Requests, Status, StopSignal, Tally
 
 LONG = "the monitor measured " + "much more than " * 30 + "it should"
@@ -48,20 +53,63 @@ def test_control_characters_of_a_message_move_no_cursor() -> None:
     assert "\x1b" not in drawn(status("paused", "a\x1b[2Kb\rc"))
 
 
-def test_lines_are_commands() -> None:
+def test_keys_are_commands_and_a_note_is_typed_until_enter() -> None:
     requests, stop = Requests(), StopSignal()
     panel = view.OperatorView(requests, stop)
+
+    def type_keys(*keys: str) -> None:
+        for key in keys:
+            panel.press(key)
+
     panel.show(status("foreperiod"))
-    panel.obey("r")
+    type_keys("r")
     assert not requests.take_continue()  # nothing waits
-    panel.obey("P")
-    panel.obey(" r ")
+    type_keys("P", "r")
     assert (requests.paused, requests.take_continue()) == (False, True)
-    panel.obey("p")
-    for line in ("", "n", "n  ", "x", "resume", "s please", "n chair moved", "n " + "x" * 600):
-        panel.obey(line)
+    type_keys("p", "\x1b[A", "\n", "x", "\x1b")
+    type_keys("n", *"chair  mowed", *"\x7f" * 3, *"ved, späť", "\x1b[D", "\t", "\n")
+    type_keys("n", "\n", "n", *"slip", "\x1b", "n", *"x" * 600, "\n")
     assert requests.paused
-    assert requests.notes() == ("chair moved", "x" * view.MAX_NOTE_CHARACTERS)
+    assert requests.notes() == ("chair  moved, späť", "x" * view.MAX_NOTE_CHARACTERS)
     stops = [stop.asked]
-    panel.obey("s")
+    type_keys("s")
     assert [*stops, stop.asked] == [False, True]
+
+
+def test_a_console_of_windows_gives_the_keys_that_other_terminals_give(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    typed = deque("p\r\xe0H\x00Kä")
+    console = ModuleType("msvcrt")
+    vars(console).update(kbhit=lambda: bool(typed), getwch=typed.popleft)
+    monkeypatch.setitem(sys.modules, "msvcrt", console)
+    with keyboard.WindowsKeyboard() as keys:
+        assert keys.wait(None)
+        assert keys.read() == ["p", "\n", "\x1b[A", "\x1b[D", "ä"]
+        assert not keys.wait(0.01)
+
+
+@pytest.mark.parametrize(
+    ("pieces", "keys"),
+    [
+        ([b"\x1b[", b"D"], ["\x1b[D"]),
+        ([b"\x1b"], ["\x1b"]),
+        ([b"\x1b\x1bx"], ["\x1b", "\x1b", "x"]),
+        ([b"\x1b[15~", b"a"], ["\x1b[15~", "a"]),
+        (["ä\n".encode()], ["ä", "\n"]),
+    ],
+)
+def test_a_key_in_pieces_is_one_key(pieces: list[bytes], keys: list[str]) -> None:
+    pty = pytest.importorskip("pty", reason="pseudo-terminals are a POSIX feature")
+    outside, inside = pty.openpty()
+    with os.fdopen(inside, "rb", buffering=0) as terminal, pytest.MonkeyPatch.context() as patch:
+        patch.setattr(sys, "stdin", terminal)
+        read: list[str] = []
+        with keyboard.PosixKeyboard() as board:
+            for number, piece in enumerate(pieces):
+                threading.Timer(0.02 * number, os.write, (outside, piece)).start()
+            while len(read) < len(keys):
+                assert board.wait(5.0)
+                read += board.read()
+    os.close(outside)
+    assert read == keys
