@@ -9,13 +9,8 @@ from device.clock import VirtualClock
 from device.drivers import MOCK
 from experiment.check.warnings import Rule, apply_rules
 from experiment.exits import ANSWER_IS_NO, CommandError
-from experiment.hardware.setup import (
-    chosen_settings,
-    mock_device,
-    read_limits,
-    require_playable,
-    require_suitable,
-)
+from experiment.hardware.setup import chosen_settings, mock_device, read_limits
+from experiment.hardware.suitability import require_playable, require_suitable
 from experiment.perception.gains import OWN_FINGERS, significant
 from experiment.study.base import Fault
 from experiment.study.design import ASSUMED_ANSWER_S

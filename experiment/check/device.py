@@ -15,16 +15,9 @@ from device.drivers import MOCK
 from device.limits import CHANNELS
 from experiment.check.warnings import apply_rules
 from experiment.hardware.monitor import planned_burst
-from experiment.hardware.setup import (
-    LONGEST_ARMED_S,
-    SLOTS,
-    load_condition,
-    onset_interval_s,
-    read_health,
-    read_limits,
-    require_confirmed,
-    require_suitable,
-)
+from experiment.hardware.safety import require_confirmed
+from experiment.hardware.setup import SLOTS, load_condition, read_health, read_limits
+from experiment.hardware.suitability import LONGEST_ARMED_S, onset_interval_s, require_suitable
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -32,7 +25,8 @@ if TYPE_CHECKING:
     from device.driver import Lack
     from device.monitor.measured import Measured, Planned
     from experiment.check.warnings import CheckWarning
-    from experiment.hardware.setup import Confirmation, Hardware
+    from experiment.hardware.safety import Confirmation
+    from experiment.hardware.setup import Hardware
     from experiment.study.equipment import DeviceSettings, Masking, MonitorSettings
     from experiment.study.study import Study
 

@@ -145,7 +145,7 @@ def _play(masking: Masking, noise_s: int) -> None:
 def _device_check(study: Study, rig: Hardware, *, given: bool) -> DeviceCheck:
     """Check a device; the operator answers for a real one unless --confirm-hardware is given."""
     from experiment.check.device import check_device
-    from experiment.hardware.setup import SuitabilityError
+    from experiment.hardware.suitability import SuitabilityError
 
     with device_failures():
         confirmation = confirmed(rig, given=given)

@@ -149,7 +149,8 @@ def run(
     from experiment.archive.folders import SessionFolder
     from experiment.archive.participants import participant_facts
     from experiment.hardware.noise import noise_player
-    from experiment.hardware.setup import assemble, require_device
+    from experiment.hardware.safety import require_device
+    from experiment.hardware.setup import assemble
     from experiment.operator.requests import Requests, StopSignal
     from experiment.session.conduct import begin, completed, resume
     from experiment.session.markers import LslMarkers, await_recorder

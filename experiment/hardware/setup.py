@@ -1,14 +1,8 @@
-"""The hardware of a session: device, clock and monitor of a study, and whether they may be used.
-
-Software is not the safety device: what keeps a person safe is wired, and only a person can confirm
-that it is.
-"""
+"""The hardware of a session: device, clock and monitor of a study, set up but not opened."""
 
 from __future__ import annotations
 
-import getpass
-from dataclasses import dataclass, fields, replace
-from datetime import UTC, datetime
+from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -17,7 +11,6 @@ from device.clock import MonotonicClock, VirtualClock
 from device.core.host import HostDriver
 from device.drivers import (
     MOCK,
-    MOCK_MODEL,
     NEEDS,
     DriverSettings,
     is_emulated,
@@ -26,8 +19,8 @@ from device.drivers import (
     own_driver,
     require_port_of,
 )
-from device.errors import PortError, Rejected
-from device.limits import Limits, check_waveforms
+from device.errors import PortError
+from device.limits import Limits
 from device.wire.channels import LineSettings
 from experiment.hardware.monitor import make_monitor
 from experiment.names import is_line
@@ -36,24 +29,17 @@ from experiment.study.stimulus import drive_samples
 from experiment.tasks import LEFT_RIGHT_BOTH
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
-
     from device.clock import Clock
     from device.core.reports import DeviceLimits, Health
-    from device.driver import BurstDevice, Identity
+    from device.driver import BurstDevice
     from device.emulate.mock import MockDevice
     from device.monitor.measured import Monitor
-    from experiment.rows import DeviceKind
     from experiment.study.equipment import DeviceSettings
     from experiment.study.stimulus import Condition
     from experiment.study.study import Study
 
-LONGEST_ARMED_S: Final = 1.0
-"""A token is armed for at most this time, in a session as in a check."""
 SLOTS: Final = {p.name: slot for slot, p in enumerate(LEFT_RIGHT_BOTH.presentations)}
 """The slot of each presentation. A silent channel plays zeros: no side shows in the commands."""
-_MARGIN_S: Final = 1e-3
-"""Covers what host and device round, and how far their clocks drift apart in one rest."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -217,102 +203,6 @@ def mock_device(study: Study, clock: Clock) -> MockDevice:
     return make_mock(host_limits(study.device), clock, study.device.sample_rate_hz)
 
 
-def device_kind(identity: Identity) -> DeviceKind:
-    """Return ``real``, ``mock`` or ``emulated``, as the opened device identifies itself.
-
-    >>> from device.clock import VirtualClock
-    >>> from experiment.study.files import paper_study
-    >>> device_kind(mock_device(paper_study(), VirtualClock()).open())
-    'mock'
-    """
-    if not identity.emulated:
-        return "real"
-    return "mock" if identity.model == MOCK_MODEL else "emulated"
-
-
-class NoDeviceError(ValueError):
-    """A person in front of a device that moves nothing."""
-
-
-def require_device(kind: str, *, simulated: bool, practice: bool) -> None:
-    """Raise NoDeviceError for a person on a device that moves nothing, except for practice.
-
-    Examples
-    --------
-    >>> require_device("mock", simulated=False, practice=False)
-    Traceback (most recent call last):
-    experiment.hardware.setup.NoDeviceError: the device is a mock, which moves nothing: ...
-    """
-    if kind == "real" or simulated or practice:
-        return
-    article = {"mock": "a mock", "emulated": "an emulator"}[kind]
-    raise NoDeviceError(
-        f"the device is {article}, which moves nothing: give --driver and --port of a real device, "
-        "or --practice-without-device to try the session out (no analysis counts it by default)"
-    )
-
-
-SAFETY_CONDITIONS: Final = (
-    "the amplifier's enable has a switch within the participant's and the operator's reach",
-    "a current limit stands between the amplifier and the actuators",
-    "the plate is bonded to protective earth, or insulated with its leakage measured",
-)
-"""What the operator confirms; docs/hardware.md says more."""
-
-
-class NotConfirmedError(ValueError):
-    """A real device that nobody has confirmed to be safe."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Confirmation:
-    """The operator's confirmation of the `SAFETY_CONDITIONS`.
-
-    Attributes
-    ----------
-    by : str
-        The user of the machine who gave it.
-    at : str
-        When, in UTC.
-    how : str
-        ``asked`` on a terminal, or ``--confirm-hardware``.
-    confirmed : tuple of str
-        What was confirmed.
-    """
-
-    by: str
-    at: str
-    how: str
-    confirmed: tuple[str, ...] = SAFETY_CONDITIONS
-
-
-def confirmed_now(how: str) -> Confirmation:
-    """Return the confirmation that is given at this moment.
-
-    Examples
-    --------
-    >>> confirmed_now("asked").how
-    'asked'
-    """
-    try:
-        user = getpass.getuser()
-    except (OSError, KeyError, ImportError):  # a user without a name
-        user = "unknown"
-    return Confirmation(by=user, at=datetime.now(UTC).isoformat(timespec="seconds"), how=how)
-
-
-def require_confirmed(identity: Identity, confirmation: Confirmation | None) -> None:
-    """Raise NotConfirmedError for an opened real device without a confirmation."""
-    if confirmation is None and not identity.emulated:
-        raise NotConfirmedError(
-            f"{identity.model} {identity.serial_number} drives real actuators: read "
-            "docs/hardware.md, then give --confirm-hardware"
-        )
-
-
-# A condition's burst in the device
-
-
 def load_condition(device: BurstDevice, condition: Condition, settings: DeviceSettings) -> None:
     """Load a condition's burst into the opened device, one slot for each side.
 
@@ -332,22 +222,6 @@ def host_limits(settings: DeviceSettings) -> Limits:
     return Limits(ceiling_vpp=settings.ceiling_vpp, min_interval_s=settings.min_interval_s)
 
 
-def onset_interval_s(condition: Condition, settings: DeviceSettings) -> float:
-    """Return the shortest time from one onset to the next that keeps rest and duty limits."""
-    limits = host_limits(settings)
-    duration_s = _sampled_s(condition, settings)
-    return max(duration_s + limits.min_interval_s, duration_s / limits.max_duty) + _MARGIN_S
-
-
-def playing_s(condition: Condition, settings: DeviceSettings) -> float:
-    """Return for how long after an onset a device may still be playing."""
-    return _sampled_s(condition, settings) + _MARGIN_S
-
-
-def _sampled_s(condition: Condition, settings: DeviceSettings) -> float:
-    return condition.drive.duration_s + 2 / settings.sample_rate_hz
-
-
 def read_limits(device: BurstDevice) -> DeviceLimits | None:
     """Return the limits of an opened device; None if it reports none."""
     return device.limits() if isinstance(device, HostDriver) else None
@@ -357,89 +231,3 @@ def read_health(device: BurstDevice) -> Health | None:
     """Return the state of an opened device's amplifier; None if it reports none."""
     health = device.health() if isinstance(device, HostDriver) else None
     return health if health is not None and health.reported_bits else None
-
-
-# Whether the device can run the study
-
-
-class SuitabilityError(ValueError):
-    """A device that cannot do what a study asks."""
-
-
-def require_suitable(
-    study: Study, identity: Identity, device_limits: DeviceLimits | None = None
-) -> None:
-    """Raise SuitabilityError unless sample rate, ceiling, rests and waveforms suit the device.
-
-    Parameters
-    ----------
-    study : Study
-        The study.
-    identity : Identity
-        Of the opened device.
-    device_limits : DeviceLimits, optional
-        As `read_limits` returns them.
-    """
-    limits = replace(host_limits(study.device), longest_waveform=identity.longest_waveform)
-    limits = limits if device_limits is None else device_limits.applied(limits)
-    for is_violated, rule in _rules(study, identity, limits, is_reported=device_limits is not None):
-        if is_violated:
-            raise SuitabilityError(rule)
-    require_playable(study, limits)
-
-
-def _rules(
-    study: Study, identity: Identity, limits: Limits, *, is_reported: bool
-) -> Iterator[tuple[bool, str]]:
-    """Yield whether each rule is violated, and the rule; some need limits that a device reports."""
-    settings, rate_hz, high_vpp = study.device, identity.sample_rate_hz, study.highest_vpp
-    rule = (
-        f"device.sample_rate_hz: must be that of the device, {rate_hz:g} "
-        f"(got {settings.sample_rate_hz:g})"
-    )
-    yield rate_hz != settings.sample_rate_hz, rule
-    rule = (
-        f"design.levels_vpp: must be at most the ceiling of the device itself, "
-        f"{identity.ceiling_vpp:g} Vpp (got {high_vpp:g})"
-    )
-    yield high_vpp > identity.ceiling_vpp, rule
-    if not is_reported:
-        return
-    # The device would refuse shorter rests than its own in mid-session.
-    rule = (
-        f"the device must keep a token armed for {LONGEST_ARMED_S:g} s; its longest time to live "
-        f"is {limits.longest_time_to_live_s:g} s"
-    )
-    yield limits.longest_time_to_live_s < LONGEST_ARMED_S, rule
-    rule = f"the device must have {len(SLOTS)} slots, one for each side; it has {limits.slots}"
-    yield limits.slots < len(SLOTS), rule
-    for condition in study.conditions:
-        duration_s = _sampled_s(condition, settings)
-        min_rest_s = max(limits.min_interval_s, duration_s / limits.max_duty - duration_s)
-        rule = (
-            f"device.min_interval_s: must be at least {min_rest_s:.6g} for the burst of condition "
-            f"{condition.name}: the device rests {limits.min_interval_s:g} s or more, and plays "
-            f"at most {100 * limits.max_duty:g} % of the time (got {settings.min_interval_s:g})"
-        )
-        yield onset_interval_s(condition, settings) < duration_s + min_rest_s, rule
-        n_samples = len(SLOTS) * drive_samples(condition, settings).size
-        rule = (
-            f"condition {condition.name}: the burst must be shorter; for {len(SLOTS)} sides it "
-            f"has {n_samples} samples, and the device keeps {limits.memory_samples}"
-        )
-        yield n_samples > limits.memory_samples, rule
-
-
-def require_playable(study: Study, limits: Limits | None = None) -> None:
-    """Raise SuitabilityError for a burst that no device, or not one of these limits, can play."""
-    settings = study.device
-    limits = host_limits(settings) if limits is None else limits
-    for condition in study.conditions:
-        burst = drive_samples(condition, settings)
-        try:
-            check_waveforms(burst, burst, limits)
-        except Rejected as error:
-            raise SuitabilityError(
-                f"condition {condition.name}: the burst cannot be played at "
-                f"device.sample_rate_hz = {settings.sample_rate_hz:g}: {error}"
-            ) from error

@@ -10,13 +10,9 @@ from device.clock import elapsed_s, machine_time
 from experiment.archive.entries import NoteTaken, SessionOpened, SessionResumed
 from experiment.archive.files import HEADS, ArchiveError
 from experiment.archive.journal import JournalWriteError
-from experiment.hardware.setup import (
-    device_kind,
-    read_limits,
-    require_confirmed,
-    require_device,
-    require_suitable,
-)
+from experiment.hardware.safety import device_kind, require_confirmed, require_device
+from experiment.hardware.setup import read_limits
+from experiment.hardware.suitability import require_suitable
 from experiment.integrity.heads import SessionHead, enter_head, read_heads
 from experiment.integrity.sessions import refuse_altered
 from experiment.session.attendance import require_responder

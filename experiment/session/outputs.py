@@ -18,14 +18,8 @@ from experiment.archive.entries import (
 )
 from experiment.hardware.monitor import planned_burst
 from experiment.hardware.noise import NoiseError
-from experiment.hardware.setup import (
-    LONGEST_ARMED_S,
-    SLOTS,
-    load_condition,
-    onset_interval_s,
-    playing_s,
-    read_health,
-)
+from experiment.hardware.setup import SLOTS, load_condition, read_health
+from experiment.hardware.suitability import LONGEST_ARMED_S, onset_interval_s, playing_s
 from experiment.perception.gains import significant
 from experiment.trial.events import Event
 

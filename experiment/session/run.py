@@ -11,7 +11,7 @@ from device.drivers import whole_device
 from experiment.archive.folders import SessionFolder
 from experiment.check.check import require_fit
 from experiment.hardware.noise import noise_player
-from experiment.hardware.setup import confirmed_now
+from experiment.hardware.safety import confirmed_now
 from experiment.operator.requests import StopSignal
 from experiment.session.attendance import require_responder
 from experiment.session.conduct import begin, resume

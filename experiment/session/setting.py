@@ -13,13 +13,8 @@ from device.clock import boot
 from experiment.archive.entries import HostAndDevice, VisitConditions
 from experiment.check.check import check_study
 from experiment.hardware.monitor import monitor_facts
-from experiment.hardware.setup import (
-    device_kind,
-    host_limits,
-    line_settings,
-    read_health,
-    read_limits,
-)
+from experiment.hardware.safety import device_kind
+from experiment.hardware.setup import host_limits, line_settings, read_health, read_limits
 from experiment.names import is_line
 from experiment.operator.requests import Requests
 from experiment.rows import HANDS_OFF, NOT_AVAILABLE
@@ -34,8 +29,13 @@ if TYPE_CHECKING:
     from device.driver import BurstDevice, Identity
     from device.errors import DeviceError
     from device.monitor.measured import Monitor
+<<<<<<< HEAD
     from experiment.hardware.noise import NoisePlayer
     from experiment.hardware.setup import Confirmation
+=======
+    from experiment.hardware.noise import NoiseFacts, NoisePlayer
+    from experiment.hardware.safety import Confirmation
+>>>>>>> fe83712a (Set hardware up, confirm it and judge its suitability in a module each)
     from experiment.operator.requests import Status, StopSignal
     from experiment.session.markers import LslMarkers
     from experiment.study.study import Study

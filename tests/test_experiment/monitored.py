@@ -18,7 +18,8 @@ from experiment.commands.check import end_check
 from experiment.exits import CommandError
 from experiment.hardware.monitor import make_monitor
 from experiment.hardware.noise import SilentNoise
-from experiment.hardware.setup import Hardware, confirmed_now, host_limits
+from experiment.hardware.safety import confirmed_now
+from experiment.hardware.setup import Hardware, host_limits
 from experiment.operator.requests import Requests, StopSignal
 from experiment.session.conduct import begin, resume
 from experiment.session.setting import Setting

@@ -24,7 +24,8 @@ from device import (
     make_device,
 )
 from experiment import Press, ResponderError, run_session
-from experiment.hardware.setup import read_limits, require_suitable
+from experiment.hardware.setup import read_limits
+from experiment.hardware.suitability import require_suitable
 from tests.plates import on_paper_plate, study_from_text
 
 if TYPE_CHECKING:

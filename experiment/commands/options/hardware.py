@@ -15,7 +15,8 @@ from experiment.exits import DEVICE_FAILED, CommandError
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
-    from experiment.hardware.setup import Confirmation, Hardware
+    from experiment.hardware.safety import Confirmation
+    from experiment.hardware.setup import Hardware
 
 
 _Command = TypeVar("_Command", bound="Callable[..., object]")
@@ -60,7 +61,7 @@ def confirmed(rig: Hardware, *, given: bool, practice: bool = False) -> Confirma
     terminal, and for a real device during `practice`. Raises LinkError if no device answers.
     """
     from device.drivers import MOCK
-    from experiment.hardware.setup import SAFETY_CONDITIONS, confirmed_now
+    from experiment.hardware.safety import SAFETY_CONDITIONS, confirmed_now
 
     driver = rig.settings.driver
     if driver == MOCK or rig.is_emulated():  # nothing moves, even if --confirm-hardware is given

@@ -1,0 +1,111 @@
+"""Whether a device may be used with a person: its kind, and the operator's confirmation.
+
+Software is not the safety device: what keeps a person safe is wired, and only a person can confirm
+that it is.
+"""
+
+from __future__ import annotations
+
+import getpass
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from typing import TYPE_CHECKING, Final
+
+from device.drivers import MOCK_MODEL
+
+if TYPE_CHECKING:
+    from device.driver import Identity
+
+
+def device_kind(identity: Identity) -> str:
+    """Return ``real``, ``mock`` or ``emulated``, as the opened device identifies itself.
+
+    >>> from device.clock import VirtualClock
+    >>> from experiment.study.files import paper_study
+    >>> from experiment.hardware.setup import mock_device
+    >>> device_kind(mock_device(paper_study(), VirtualClock()).open())
+    'mock'
+    """
+    if not identity.emulated:
+        return "real"
+    return "mock" if identity.model == MOCK_MODEL else "emulated"
+
+
+class NoDeviceError(ValueError):
+    """A person in front of a device that moves nothing."""
+
+
+def require_device(kind: str, *, simulated: bool, practice: bool) -> None:
+    """Raise NoDeviceError for a person on a device that moves nothing, except for practice.
+
+    Examples
+    --------
+    >>> require_device("mock", simulated=False, practice=False)
+    Traceback (most recent call last):
+    experiment.hardware.safety.NoDeviceError: the device is a mock, which moves nothing: ...
+    """
+    if kind == "real" or simulated or practice:
+        return
+    article = {"mock": "a mock", "emulated": "an emulator"}[kind]
+    raise NoDeviceError(
+        f"the device is {article}, which moves nothing: give --driver and --port of a real device, "
+        "or --practice-without-device to try the session out (no analysis counts it by default)"
+    )
+
+
+SAFETY_CONDITIONS: Final = (
+    "the amplifier's enable has a switch within the participant's and the operator's reach",
+    "a current limit stands between the amplifier and the actuators",
+    "the plate is bonded to protective earth, or insulated with its leakage measured",
+)
+"""What the operator confirms; docs/hardware.md says more."""
+
+
+class NotConfirmedError(ValueError):
+    """A real device that nobody has confirmed to be safe."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Confirmation:
+    """The operator's confirmation of the `SAFETY_CONDITIONS`.
+
+    Attributes
+    ----------
+    by : str
+        The user of the machine who gave it.
+    at : str
+        When, in UTC.
+    how : str
+        ``asked`` on a terminal, or ``--confirm-hardware``.
+    confirmed : tuple of str
+        What was confirmed.
+    """
+
+    by: str
+    at: str
+    how: str
+    confirmed: tuple[str, ...] = SAFETY_CONDITIONS
+
+
+def confirmed_now(how: str) -> Confirmation:
+    """Return the confirmation that is given at this moment.
+
+    Examples
+    --------
+    >>> confirmed_now("asked").how
+    'asked'
+    """
+    try:
+        user = getpass.getuser()
+    except (OSError, KeyError, ImportError):  # a user without a name
+        user = "unknown"
+    return Confirmation(by=user, at=datetime.now(UTC).isoformat(timespec="seconds"), how=how)
+
+
+def require_confirmed(identity: Identity, confirmation: Confirmation | None) -> None:
+    """Raise NotConfirmedError for an opened real device without a confirmation."""
+    if confirmation is None and not identity.emulated:
+        raise NotConfirmedError(
+            f"{identity.model} {identity.serial_number} drives real actuators: read "
+            "docs/hardware.md, then give --confirm-hardware"
+        )
