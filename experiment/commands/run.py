@@ -119,6 +119,12 @@ if TYPE_CHECKING:
     help="Use the mock device, which moves nothing, instead of the device of the study. To use an "
     "emulator, also give --driver and --port.",
 )
+@click.option(
+    "--rehearse",
+    is_flag=True,
+    help="Rehearse with window, noise and monitor, but with the mock device, or with an emulator if "
+    "you also give --driver and --port. No analysis accepts the session.",
+)
 @refusals
 def run(
     *,
@@ -139,6 +145,7 @@ def run(
     resuming: bool,
     resume_anyway: bool,
     practice: bool,
+    rehearse: bool,
 ) -> None:
     """Run one session with a participant.
 
@@ -149,7 +156,7 @@ def run(
     from experiment.archive.folders import SessionFolder
     from experiment.archive.participants import participant_facts
     from experiment.hardware.noise import noise_player
-    from experiment.hardware.safety import require_device
+    from experiment.hardware.safety import Purpose
     from experiment.hardware.setup import assemble
     from experiment.operator.requests import Requests, StopSignal
     from experiment.session.conduct import begin, completed, resume
@@ -161,7 +168,12 @@ def run(
     require_operator(operator)
     with stop.on_signals():
         folder = SessionFolder(out, participant, session)
-        driver = MOCK if practice and driver is None and port is None else driver
+        if practice and rehearse:
+            raise CommandError("--practice-without-device and --rehearse exclude each other")
+        purpose = Purpose.PRACTICE if practice else Purpose.DATA
+        purpose = Purpose.REHEARSAL if rehearse else purpose
+        is_mock = purpose is not Purpose.DATA and driver is None and port is None
+        driver = MOCK if is_mock else driver
         resuming = resuming or resume_anyway
         chosen = {"seed": seed, "participant_number": participant_number}
         if resuming:
@@ -180,17 +192,16 @@ def run(
             )
         folder.check_people(study)  # before a window opens or the operator is prompted
         simulated = responder == "simulated"
-        hardware = assemble(study, driver=driver, port=port, simulated=simulated, practice=practice)
-        _print_driver_notes(study, hardware, responder, practice=practice)
+        hardware = assemble(study, driver=driver, port=port, simulated=simulated, purpose=purpose)
+        _print_driver_notes(study, hardware, responder, purpose)
         names = {"participant": participant, "session": session}
         markers = LslMarkers(hardware.clock, **names) if lsl else None
         with device_failures(), _interruptible(stop):
-            confirmation = confirmed(hardware, given=confirm_hardware, practice=practice)
-            if confirmation is None and responder in {"screen", "terminal"}:
-                # Before a window opens. A confirmed device identifies itself when it is opened, and
-                # an installed responder declares whether it is a person.
-                kind = "mock" if hardware.settings.driver == MOCK else "emulated"
-                require_device(kind, simulated=False, practice=practice)
+            # Before a window opens; an installed responder says later whether it is a person.
+            is_person = responder in {"screen", "terminal"}
+            confirmation = confirmed(
+                hardware, given=confirm_hardware, simulated=not is_person, purpose=purpose
+            )
             if markers is not None:
                 await_recorder(markers, echo, asking=True)
         with (

@@ -9,16 +9,31 @@ from __future__ import annotations
 import getpass
 from dataclasses import dataclass
 from datetime import UTC, datetime
+from enum import StrEnum
 from typing import TYPE_CHECKING, Final
 
 from device.drivers import MOCK_MODEL
 
 if TYPE_CHECKING:
     from device.driver import Identity
+    from experiment.rows import DeviceKind
 
 
-def device_kind(identity: Identity) -> str:
+class Purpose(StrEnum):
+    """What a session is held for, where nothing may move."""
+
+    DATA = "data"
+    """Data; a person needs a real device."""
+    PRACTICE = "practice"
+    """A person tries the session out without a device, noise and feedback."""
+    REHEARSAL = "rehearsal"
+    """Everything plays as in a session for data, but without a device; no analysis accepts it."""
+
+
+def device_kind(identity: Identity, purpose: Purpose = Purpose.DATA) -> DeviceKind:
     """Return ``real``, ``mock`` or ``emulated``, as the opened device identifies itself.
+
+    In a rehearsal it is ``rehearsal``, by which every reader of the record knows it.
 
     >>> from device.clock import VirtualClock
     >>> from experiment.study.files import paper_study
@@ -26,31 +41,38 @@ def device_kind(identity: Identity) -> str:
     >>> device_kind(mock_device(paper_study(), VirtualClock()).open())
     'mock'
     """
+    if purpose is Purpose.REHEARSAL:
+        return "rehearsal"
     if not identity.emulated:
         return "real"
     return "mock" if identity.model == MOCK_MODEL else "emulated"
 
 
-class NoDeviceError(ValueError):
-    """A person in front of a device that moves nothing."""
+class WrongDeviceError(ValueError):
+    """A device that moves nothing for data of a person, or a real device for anything but data."""
 
 
-def require_device(kind: str, *, simulated: bool, practice: bool) -> None:
-    """Raise NoDeviceError for a person on a device that moves nothing, except for practice.
+def require_device(*, is_real: bool, simulated: bool, purpose: Purpose) -> None:
+    """Raise WrongDeviceError if the device does not suit the participant and the purpose.
 
     Examples
     --------
-    >>> require_device("mock", simulated=False, practice=False)
+    >>> require_device(is_real=False, simulated=False, purpose=Purpose.DATA)
     Traceback (most recent call last):
-    experiment.hardware.safety.NoDeviceError: the device is a mock, which moves nothing: ...
+    experiment.hardware.safety.WrongDeviceError: the device is a mock or an emulator, which ...
     """
-    if kind == "real" or simulated or practice:
-        return
-    article = {"mock": "a mock", "emulated": "an emulator"}[kind]
-    raise NoDeviceError(
-        f"the device is {article}, which moves nothing: give --driver and --port of a real device, "
-        "or --practice-without-device to try the session out (no analysis counts it by default)"
-    )
+    if is_real and purpose is not Purpose.DATA:
+        option = {Purpose.PRACTICE: "--practice-without-device", Purpose.REHEARSAL: "--rehearse"}
+        raise WrongDeviceError(
+            f"{option[purpose]} needs the mock device or an emulator, and this device is real: "
+            "omit --driver and --port to use the mock"
+        )
+    if not is_real and not simulated and purpose is Purpose.DATA:
+        raise WrongDeviceError(
+            "the device is a mock or an emulator, which moves nothing: give --driver and --port of "
+            "a real device, or --practice-without-device to try the session out (no analysis "
+            "counts it by default), or --rehearse to try its equipment (no analysis counts it)"
+        )
 
 
 SAFETY_CONDITIONS: Final = (

@@ -23,6 +23,7 @@ from device.errors import PortError
 from device.limits import Limits
 from device.wire.channels import LineSettings
 from experiment.hardware.monitor import make_monitor
+from experiment.hardware.safety import Purpose
 from experiment.names import is_line
 from experiment.study.base import Fault
 from experiment.study.stimulus import drive_samples
@@ -83,7 +84,7 @@ def assemble(
     driver: str | None,
     port: str | None,
     simulated: bool,
-    practice: bool = False,
+    purpose: Purpose = Purpose.DATA,
 ) -> Hardware:
     """Return the device, clock and monitor of a session; nothing is opened.
 
@@ -95,8 +96,8 @@ def assemble(
         Used instead of the study's.
     simulated : bool
         Whether the participant is.
-    practice : bool
-        Whether a person practices without a device, and so without noise.
+    purpose : Purpose
+        What the session is held for. In practice no noise plays; in a rehearsal everything does.
 
     Raises
     ------
@@ -113,12 +114,14 @@ def assemble(
     """
     settings = chosen_settings(study, driver=driver, port=port)
     faults = device_faults(settings)
-    if not simulated and not practice:
+    is_audible = purpose is not Purpose.PRACTICE and not simulated
+    if is_audible or purpose is Purpose.REHEARSAL:
         faults += noise_faults(study, settings)
     if faults:
         raise study.refused(*faults)
     is_mock = settings.driver == MOCK
-    clock = VirtualClock() if is_mock and simulated else MonotonicClock()
+    is_virtual = is_mock and simulated and purpose is not Purpose.REHEARSAL
+    clock = VirtualClock() if is_virtual else MonotonicClock()
     recorder = None  # of the inputs of the sound card that drives
     if study.monitor.source == "duplex" and not is_mock:
         from device.sound.recorder import Recorder

@@ -15,7 +15,7 @@ from experiment.exits import DEVICE_FAILED, CommandError
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
-    from experiment.hardware.safety import Confirmation
+    from experiment.hardware.safety import Confirmation, Purpose
     from experiment.hardware.setup import Hardware
 
 
@@ -54,23 +54,28 @@ def hardware_options(command: _Command) -> _Command:
     return command
 
 
-def confirmed(rig: Hardware, *, given: bool, practice: bool = False) -> Confirmation | None:
+def confirmed(
+    rig: Hardware, *, given: bool, simulated: bool = True, purpose: Purpose | None = None
+) -> Confirmation | None:
     """Return the operator's confirmation that a device is safe; None for a mock or an emulator.
 
     Raises CommandError if the confirmation is neither `given` on the command line nor entered at a
-    terminal, and for a real device during `practice`. Raises LinkError if no device answers.
+    terminal, WrongDeviceError if the device does not suit the purpose, by default data, and
+    LinkError if no device answers.
     """
     from device.drivers import MOCK
-    from experiment.hardware.safety import SAFETY_CONDITIONS, confirmed_now
+    from experiment.hardware.safety import (
+        SAFETY_CONDITIONS,
+        Purpose,
+        confirmed_now,
+        require_device,
+    )
 
     driver = rig.settings.driver
-    if driver == MOCK or rig.is_emulated():  # nothing moves, even if --confirm-hardware is given
+    is_real = driver != MOCK and not rig.is_emulated()
+    require_device(is_real=is_real, simulated=simulated, purpose=purpose or Purpose.DATA)
+    if not is_real:  # nothing moves, even if --confirm-hardware is given
         return None
-    if practice:
-        raise CommandError(
-            "--practice-without-device needs the mock device or an emulator; got the driver "
-            f"{driver} of a real device: omit --driver and --port to use the mock"
-        )
     if given:
         return confirmed_now("--confirm-hardware")
     if not on_terminal():
