@@ -39,8 +39,8 @@ from experiment.hardware.noise import SilentNoise
 from experiment.hardware.setup import mock_device
 from experiment.operator.requests import StopSignal
 from experiment.perception.observer import Observer
-from experiment.session.conduct import begin
-from experiment.session.setting import Setting
+from experiment.session.config import SessionConfig
+from experiment.session.run import run
 from experiment.session.simulate import SimulatedResponder, simulate_study, simulated_responder
 from experiment.study.files import with_levels
 from experiment.study.physics import study_gains
@@ -247,10 +247,10 @@ def _run(
     study: Study, root: Path, plan: SessionPlan, responder: SimulatedResponder, clock: VirtualClock
 ) -> SessionFolder:
     folder = SessionFolder(root, plan.participant, plan.session, disk=UNWAITED)
-    begin(
+    run(
         folder,
         plan,
-        Setting(
+        SessionConfig(
             device=mock_device(study, clock),
             responder=responder,
             noise=SilentNoise(study.masking),

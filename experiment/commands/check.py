@@ -126,7 +126,7 @@ def _play(masking: Masking, noise_s: int) -> None:
 
     clock = MonotonicClock()
     try:
-        player = noise_player(masking, clock, simulated=False)
+        player = noise_player(masking, clock, is_silent=False)
         try:
             player.start()
             echo(f"the noise plays for {noise_s} s; Ctrl-C ends it", err=True)

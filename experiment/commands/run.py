@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import secrets
 import shlex
 from dataclasses import replace
 from pathlib import Path
@@ -32,9 +31,10 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from experiment.archive.folders import SessionFolder
+    from experiment.hardware.safety import Purpose
     from experiment.hardware.setup import Hardware
     from experiment.operator.requests import StopSignal
-    from experiment.session.setting import Ending
+    from experiment.session.config import SessionResult
     from experiment.study.study import Study
     from experiment.trial.plan import Plan
 
@@ -122,8 +122,8 @@ if TYPE_CHECKING:
 @click.option(
     "--rehearse",
     is_flag=True,
-    help="Rehearse with window, noise and monitor, but with the mock device, or with an emulator if "
-    "you also give --driver and --port. No analysis accepts the session.",
+    help="Rehearse with window, noise and monitor, but with the mock device. To use an emulator, "
+    "also give --driver and --port. No analysis accepts the session.",
 )
 @refusals
 def run(
@@ -159,44 +159,40 @@ def run(
     from experiment.hardware.safety import Purpose
     from experiment.hardware.setup import assemble
     from experiment.operator.requests import Requests, StopSignal
-    from experiment.session.conduct import begin, completed, resume
+    from experiment.session.config import SessionConfig, require_operator
     from experiment.session.markers import LslMarkers, await_recorder
-    from experiment.session.setting import Setting, require_operator
+    from experiment.session.run import chosen_purpose, finish
+    from experiment.session.run import run as run_session
 
     stop, requests = StopSignal(), Requests()
     responder_from = require_usable(responder)  # an invalid name is rejected before anything else
     require_operator(operator)
-    with stop.on_signals():
-        folder = SessionFolder(out, participant, session)
-        if practice and rehearse:
-            raise CommandError("--practice-without-device and --rehearse exclude each other")
-        purpose = Purpose.PRACTICE if practice else Purpose.DATA
-        purpose = Purpose.REHEARSAL if rehearse else purpose
-        is_mock = purpose is not Purpose.DATA and driver is None and port is None
-        driver = MOCK if is_mock else driver
-        resuming = resuming or resume_anyway
-        chosen = {"seed": seed, "participant_number": participant_number}
+    purpose = chosen_purpose(practice=practice, rehearse=rehearse)
+    if purpose is not Purpose.DATA and driver is None and port is None:
+        driver = MOCK
+    folder = SessionFolder(out, participant, session)
+    chosen = {"seed": seed, "participant_number": participant_number}
+    resuming = resuming or resume_anyway
+    with stop.on_signals(), _failures(folder):
         if resuming:
             plan = _plan_to_resume(folder, study_file, levels_file, column_values, **chosen)
-            with _failures():
-                ending = completed(folder, plan, echo)
-            if ending is not None:
-                _print_result(ending, plan)
+            result = finish(folder, plan, echo)
+            if result is not None:
+                _print_result(result, plan)
                 return
         else:
             plan = _new_plan(folder, study_file, levels_file, driver, **chosen)
         study = folder.read_study(plan)
         if column_values:
-            folder = replace(
-                folder, facts=participant_facts(study.participants.columns, column_values)
-            )
+            facts = participant_facts(study.participants.columns, column_values)
+            folder = replace(folder, facts=facts)
         folder.check_people(study)  # before a window opens or the operator is prompted
         simulated = responder == "simulated"
         hardware = assemble(study, driver=driver, port=port, simulated=simulated, purpose=purpose)
         _print_driver_notes(study, hardware, responder, purpose)
         names = {"participant": participant, "session": session}
         markers = LslMarkers(hardware.clock, **names) if lsl else None
-        with device_failures(), _interruptible(stop):
+        with _interruptible(stop):
             # Before a window opens; an installed responder says later whether it is a person.
             is_person = responder in {"screen", "terminal"}
             confirmation = confirmed(
@@ -204,25 +200,30 @@ def run(
             )
             if markers is not None:
                 await_recorder(markers, echo, asking=True)
+        noise = noise_player(
+            study.masking,
+            hardware.clock,
+            is_silent=not purpose.plays_noise(simulated=simulated),
+        )
         with (
-            _failures(),
             responder_named(
                 *(responder, study, plan, hardware.clock),
                 requests=requests,
                 stop=stop,
-                practice=practice,
+                practice=purpose is Purpose.PRACTICE,
             ) as active_responder,
             display_beside(responder, requests, stop) as (show, report),
         ):
-            setting = Setting(
+            config = SessionConfig(
                 device=hardware.device,
                 responder=active_responder,
-                noise=noise_player(study.masking, hardware.clock, simulated=simulated or practice),
+                noise=noise,
                 clock=hardware.clock,
                 stop=stop,
+                resume=resuming,
                 resume_anyway=resume_anyway,
+                purpose=purpose,
                 confirmation=confirmation,
-                practice=practice,
                 report=report,
                 requests=requests,
                 show=show,
@@ -233,16 +234,16 @@ def run(
                 markers=markers,
                 monitor=hardware.monitor,
             )
-            ending = resume(folder, setting) if resuming else begin(folder, plan, setting)
-        _print_result(ending, plan, practice_out=out if practice and not simulated else None)
+            result = run_session(folder, plan, config)
+    is_practice = purpose is Purpose.PRACTICE and not simulated
+    _print_result(result, plan, practice_out=out if is_practice else None)
 
 
-def _print_driver_notes(
-    study: Study, hardware: Hardware, responder: str, *, practice: bool
-) -> None:
+def _print_driver_notes(study: Study, hardware: Hardware, responder: str, purpose: Purpose) -> None:
     """Note a mock device in place of the study's, and installed names that a built-in one hides."""
     from device.drivers import MOCK, NEEDS
     from device.installed import DRIVERS, RESPONDERS, shadowed
+    from experiment.hardware.safety import Purpose
     from experiment.trial import responder as built_in
 
     driver = hardware.settings.driver
@@ -250,7 +251,7 @@ def _print_driver_notes(
     hidden += [shadowed(RESPONDERS, responder)] if responder in built_in.RESPONDERS else []
     for warning in filter(None, hidden):
         echo(f"Note: {warning}.", err=True)
-    if practice and driver == MOCK != study.device.driver:
+    if purpose is not Purpose.DATA and driver == MOCK != study.device.driver:
         note = f"the mock takes the place of the driver {study.device.driver}"
         echo(f"Note: {note}: no device is opened, nothing moves.")
 
@@ -276,40 +277,29 @@ def _new_plan(
     seed: int | None,
     participant_number: int | None,
 ) -> Plan:
-    """Check the study and draw the plan of a session."""
-    from experiment.check.check import require_fit
-    from experiment.study.files import naming, read_levels, read_study
-    from experiment.trial.draw import draw_plan
+    """Check the study, draw the plan of a session and print what was drawn."""
+    from experiment.session.run import plan_session
+    from experiment.study.files import naming, read_levels, read_study, with_levels
 
-    levels_vpp = read_levels(levels_file, folder.participant) if levels_file else None
     folder.refuse_existing()
+    levels_vpp = read_levels(levels_file, folder.participant) if levels_file else None
     with working("Checking"), naming(study_file):
         study = read_study(study_file)
-        gains = require_fit(study, driver=driver).gains
-    balanced = study.design.condition_order == "balanced"
-    if balanced and participant_number is None:
-        participant_number = folder.participant_number()
-    elif participant_number is not None and not balanced:
-        raise CommandError(
-            f'--participant-number needs condition_order = "balanced" in [design]; got '
-            f"{study.design.condition_order!r}"
-        )
-    with naming(levels_file):
-        plan = draw_plan(
+        if levels_vpp is not None:
+            with naming(levels_file):
+                with_levels(study, levels_vpp)
+        plan = plan_session(
+            folder,
             study,
-            participant=folder.participant,
-            session=folder.session,
-            seed=secrets.randbits(32) if seed is None else seed,
-            levels_vpp=levels_vpp,
-            gains=gains,
+            driver=driver,
+            seed=seed,
             participant_number=participant_number,
+            levels_vpp=levels_vpp,
         )
     echo(f"seed {plan.seed}")
     if plan.participant_number is not None:
         order = ", ".join(plan.condition_order)
         echo(f"participant number {plan.participant_number}: conditions in the order {order}")
-        if warning := folder.number_shared(plan.participant_number):
-            echo(f"Note: {warning}.")
     return plan
 
 
@@ -369,7 +359,7 @@ def _resumed_line() -> str:
 
 
 @contextlib.contextmanager
-def _failures() -> Iterator[None]:
+def _failures(folder: SessionFolder) -> Iterator[None]:
     """Turn failures of device, noise and disk into errors with exit codes."""
     from experiment.archive.journal import JournalWriteError
     from experiment.hardware.noise import NoiseError
@@ -384,31 +374,35 @@ def _failures() -> Iterator[None]:
     except NoiseError as error:
         message = f'{error}; a study with noise = "none" in [masking] plays none'
         raise CommandError(message, exit_code=DEVICE_FAILED) from error
-    except JournalWriteError as error:
+    except (JournalWriteError, OSError) as error:
+        is_disk_full = isinstance(error, JournalWriteError) or bool(room_hint(error.errno))
+        if not (is_disk_full and folder.plan_path.exists()):
+            raise
+        where = f"{error.filename}: {error.strerror}" if isinstance(error, OSError) else str(error)
         hint = f"{room_hint(error.errno)}continue with {_resumed_line()}"
-        message = f"{error}; the record is safe: {hint}"
+        message = f"{where}; the record is safe: {hint}"
         raise CommandError(message, exit_code=STOPPED_EARLY) from error
 
 
-def _print_result(ending: Ending, plan: Plan, practice_out: Path | None = None) -> None:
+def _print_result(result: SessionResult, plan: Plan, practice_out: Path | None = None) -> None:
     """Print where the table is, what is still due, and the checksum last."""
-    if ending.torn_file is not None:
-        echo(f"An incomplete last line of the journal was moved to {ending.torn_file}.", err=True)
-    if ending.finished:
-        unanswered = f", {ending.unanswered} without an answer" if ending.unanswered else ""
-        echo(f"All {plan.describe_trials()} are done{unanswered}: {ending.trials_path}")
-    if practice_out is not None and ending.trials_path.read_bytes().count(b"\n") > 1:
+    if result.torn_file is not None:
+        echo(f"An incomplete last line of the journal was moved to {result.torn_file}.", err=True)
+    if result.finished:
+        unanswered = f", {result.unanswered} without an answer" if result.unanswered else ""
+        echo(f"All {plan.describe_trials()} are done{unanswered}: {result.trials_path}")
+    if practice_out is not None and result.trials_path.read_bytes().count(b"\n") > 1:
         command = f"tactstrip analyze {shlex.quote(str(practice_out))} --allow-simulated"
         echo(f"No stimulus was presented. To analyze the session nevertheless: {command}")
     error = None
-    if ending.failure is not None:
-        message = f"device: {ending.failure}; continue with {_resumed_line()}"
+    if result.failure is not None:
+        message = f"device: {result.failure}; continue with {_resumed_line()}"
         error = CommandError(message, exit_code=DEVICE_FAILED)
-    elif not ending.finished:
-        message = f"Stopped early: {ending.trials_path}; continue with {_resumed_line()}"
+    elif not result.finished:
+        message = f"Stopped early: {result.trials_path}; continue with {_resumed_line()}"
         error = CommandError(message, exit_code=STOPPED_EARLY, label="")
     if error is not None:
         error.show()
-    echo(f"Session checksum (copy it to your lab book): {ending.head_sha256}")
+    echo(f"Session checksum (copy it to your lab book): {result.head_sha256}")
     if error is not None:
         click.get_current_context().exit(error.exit_code)

@@ -128,7 +128,7 @@ _PATIENCE_S: Final = 5.0
 _POLL_S: Final = 0.02
 
 
-def noise_player(masking: Masking, clock: Clock, *, simulated: bool) -> NoisePlayer:
+def noise_player(masking: Masking, clock: Clock, *, is_silent: bool) -> NoisePlayer:
     """Return what plays a study's masking noise; no sound card is opened yet.
 
     Parameters
@@ -137,8 +137,8 @@ def noise_player(masking: Masking, clock: Clock, *, simulated: bool) -> NoisePla
         The study's.
     clock : Clock
         The machine's.
-    simulated : bool
-        Whether the participant is, who hears nothing; so is practice without a device.
+    is_silent : bool
+        Whether no noise plays: the participant is simulated, or practises without a device.
 
     Raises
     ------
@@ -150,13 +150,13 @@ def noise_player(masking: Masking, clock: Clock, *, simulated: bool) -> NoisePla
     >>> from device.clock import VirtualClock
     >>> from experiment.study.equipment import Masking
     >>> pink = Masking(noise="pink", max_level_dba=75.0, loop_s=1.0)
-    >>> player = noise_player(pink, VirtualClock(), simulated=False)
+    >>> player = noise_player(pink, VirtualClock(), is_silent=False)
     >>> player.facts.played, player.facts.sound_card, player.health().message
     (True, 'default', 'the noise is not playing')
-    >>> noise_player(pink, VirtualClock(), simulated=True).facts.played
+    >>> noise_player(pink, VirtualClock(), is_silent=True).facts.played
     False
     """
-    if simulated or masking.noise == "none":
+    if is_silent or masking.noise == "none":
         return SilentNoise(masking)
     card, rate_hz = masking.sound_card, masking.sample_rate_hz
     connect = partial(open_stream, card=card, sample_rate_hz=rate_hz, latency=LATENCY_S)

@@ -29,6 +29,10 @@ class Purpose(StrEnum):
     REHEARSAL = "rehearsal"
     """Everything plays as in a session for data, but without a device; no analysis accepts it."""
 
+    def plays_noise(self, *, simulated: bool) -> bool:
+        """Return whether a study's noise plays: for a person and data, and in every rehearsal."""
+        return self is Purpose.REHEARSAL or (self is Purpose.DATA and not simulated)
+
 
 def device_kind(identity: Identity, purpose: Purpose = Purpose.DATA) -> DeviceKind:
     """Return ``real``, ``mock`` or ``emulated``, as the opened device identifies itself.

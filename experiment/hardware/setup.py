@@ -114,8 +114,7 @@ def assemble(
     """
     settings = chosen_settings(study, driver=driver, port=port)
     faults = device_faults(settings)
-    is_audible = purpose is not Purpose.PRACTICE and not simulated
-    if is_audible or purpose is Purpose.REHEARSAL:
+    if purpose.plays_noise(simulated=simulated):
         faults += noise_faults(study, settings)
     if faults:
         raise study.refused(*faults)

@@ -20,11 +20,13 @@ from experiment.archive.entries import (
     StimulusConfirmed,
     TrialEnded,
 )
+from experiment.hardware.safety import Purpose
 from experiment.rows import HANDS_OFF, PRACTICE
-from experiment.session.attendance import GuardedResponder
 from experiment.session.markers import RECORDING_START, UNHEARD, response_marker, stimulus_marker
-from experiment.session.outputs import NoiseMonitor, StimulusDelivery, measurement_line
-from experiment.session.standing import Standing
+from experiment.session.participant import GuardedResponder
+from experiment.session.progress import SessionProgress
+from experiment.session.stimulus import StimulusDelivery
+from experiment.session.watch import BurstMonitor, NoiseMonitor
 from experiment.trial import events
 from experiment.trial.engine import next_event, step
 from experiment.trial.events import Event
@@ -36,7 +38,7 @@ if TYPE_CHECKING:
     from experiment.archive.folders import SessionFolder
     from experiment.archive.history import History
     from experiment.archive.journal import Journal
-    from experiment.session.setting import Setting
+    from experiment.session.config import SessionConfig
     from experiment.study.study import Study
     from experiment.trial.events import Input
     from experiment.trial.plan import Plan
@@ -63,7 +65,7 @@ class Session:
 
     def __init__(
         self,
-        setting: Setting,
+        config: SessionConfig,
         study: Study,
         plan: Plan,
         folder: SessionFolder,
@@ -73,23 +75,25 @@ class Session:
         origin_s: float,
     ) -> None:
         history = folder.read_history(plan)
-        self._setting = setting
+        self._config = config
         self._study = study
         self._plan = plan
-        self._responder = setting.responder
-        self._participant = GuardedResponder(setting, plan)
-        self._clock = setting.clock
+        self._responder = config.responder
+        self._participant = GuardedResponder(config, plan)
+        self._clock = config.clock
         self._origin_s = origin_s
         self._journal = journal
         self._tables_sha256 = partial(folder.tables_sha256, plan)
-        self._requests = setting.requests
-        self._markers = setting.markers
+        self._requests = config.requests
+        self._markers = config.markers
         self._marked = False
-        self.stimulus = StimulusDelivery(setting, study, journal, last_token=history.last_token)
-        self._noise = NoiseMonitor(setting.noise, journal)
-        self._standing = Standing(plan, study.design, history)
-        # Where nothing moved, no answer of a person is right or wrong.
-        self._gives_feedback = setting.responder.simulated or not setting.practice
+        self.stimulus = StimulusDelivery(config, study, journal, last_token=history.last_token)
+        self._bursts = BurstMonitor(config, study)
+        self._noise = NoiseMonitor(config.noise, journal)
+        self._counts = SessionProgress(plan, study.design, history)
+        # In practice without a device nothing moves, so that no answer of a person is right.
+        is_practice = config.purpose is Purpose.PRACTICE
+        self._gives_feedback = config.responder.simulated or not is_practice
         warm_up = resumed and not self._responder.simulated and _needs_warm_up(history)
         self._state = events.SessionState(
             pending=history.due(warm_up=warm_up),
@@ -111,9 +115,7 @@ class Session:
             events.CloseBlock: lambda effect: journal.append(BlockEnded(block=effect.block)),
             events.Cue: self._cue,
             events.Wait: lambda effect: self._participant.wait(effect.attempt, self._due_s),
-            events.ArmStimulus: lambda effect: (
-                Event.NOISE_LOST if self._noise.lost() else self.stimulus.arm(effect.attempt)
-            ),
+            events.ArmStimulus: self._arm,
             events.FireStimulus: self._fire,
             events.Listen: self._listen,
             events.EndTrial: self._end_trial,
@@ -121,9 +123,9 @@ class Session:
                 self._participant.feedback(correct=effect.correct) if self._gives_feedback else None
             ),
             events.Rest: self._rest,
-            events.OpenMonitor: lambda _: self.stimulus.open_monitor(),
+            events.OpenMonitor: lambda _: self._bursts.reopen(),
             events.StartNoise: lambda _: self._noise.start_again(),
-            events.ZeroOutputs: lambda _: self._setting.device.stop(),
+            events.ZeroOutputs: lambda _: self._config.device.stop(),
             events.CloseSession: self._close,
             events.Farewell: self._farewell,
         }
@@ -145,7 +147,7 @@ class Session:
             self.stimulus.fail(error)
             self._show()
         finally:
-            self._setting.device.stop()
+            self._config.device.stop()
         return self._state.phase is events.Phase.FINISHED
 
     def _mark_start(self, at_s: float) -> None:
@@ -165,7 +167,7 @@ class Session:
     def _mark_trial(self, end: events.EndTrial) -> None:
         """Send the markers of a trial whose stimulus surely went out."""
         delivery, onset_s = self.stimulus.delivery, self.stimulus.onset_s
-        measured = self.stimulus.measured
+        measured = self._bursts.measured
         if self._markers is None or delivery is None or delivery.outcome is not Outcome.FIRED:
             return
         measured_s = None if measured is None or measured.faults else measured.onset_s
@@ -197,7 +199,7 @@ class Session:
         event = next_event(self._state)
         if event is Event.NO_TRIAL_LEFT:
             return event
-        if self._setting.stop.asked:
+        if self._config.stop.asked:
             return Event.STOP_REQUESTED
         return Event.PAUSE_REQUESTED if self._requests.paused else event
 
@@ -215,33 +217,43 @@ class Session:
             "" if failure is None else str(failure),
             TOO_MANY_PREMATURE if state.operator_needed else "",
             self._noise.trouble,
-            self.stimulus.trouble,
+            self._bursts.trouble,
             self._participant.ignored,
             UNHEARD if is_unheard else "",
         )
-        status = self._standing.status(
+        status = self._counts.status(
             state,
-            noise=self._setting.noise.health().message,
+            noise=self._config.noise.health().message,
             device=device if failure is None else "failed",
             message=next(filter(None, messages), ""),
         )
-        self._setting.show(status)
+        self._config.show(status)
 
     def _progress(self) -> Progress:
-        return self._standing.progress(self._state)
+        return self._counts.progress(self._state)
 
     def _cue(self, effect: events.Cue) -> None:
         trial = effect.attempt.trial
         self._noise.ok = None  # nothing was heard in this trial yet
-        self._standing.trial_begins(self._clock.now_s())
+        self._bursts.clear()
+        self._counts.trial_begins(self._clock.now_s())
         rested_s = self.stimulus.prepare(trial)
         self._participant.cue(self._progress())
         # The foreperiod runs from the end of the cue, for loading a condition may take a while. The
         # device may need longer: its rest after the stimulus before is kept whatever was drawn.
         self._due_s = max(self._clock.now_s() + trial.foreperiod_s, rested_s)
 
+    def _arm(self, effect: events.ArmStimulus) -> Input:
+        if self._noise.lost():
+            return Event.NOISE_LOST
+        event = self.stimulus.arm(effect.attempt)
+        if event is Event.ARMED:
+            self._bursts.expect(effect.attempt.trial, self.stimulus.level_vpp)
+        return event
+
     def _fire(self, _: events.FireStimulus) -> Input:
         """Emit the stimulus; nothing touches the disk from here to the answer."""
+        self._bursts.begin(self.stimulus.token)
         event = self.stimulus.fire()
         if event is Event.FIRED:
             self._noise.hear_onset()
@@ -264,12 +276,12 @@ class Session:
         # pause.
         event = self._participant.ask(effect.attempt, question)
         lost = self._noise.lost()
-        self.stimulus.measure()
+        self._bursts.measure(delivery)
         if event is Event.STOP_REQUESTED:
             return event
         if lost:
             return Event.NOISE_LOST
-        refused = self.stimulus.is_refused and event is not Event.PAUSE_REQUESTED
+        refused = self._bursts.is_repeated and event is not Event.PAUSE_REQUESTED
         return Event.BURST_MISMATCH if refused else event
 
     def _end_trial(self, effect: events.EndTrial) -> None:
@@ -283,10 +295,10 @@ class Session:
             onset_s = round(self.stimulus.onset_s - self._origin_s, 6)
             confirmed = StimulusConfirmed.from_delivery(attempt, self.stimulus.delivery, onset_s)
             self._journal.append(confirmed)
-            self.stimulus.measure()
-        measured, planned = self.stimulus.measured, self.stimulus.planned
-        if measured is not None and planned is not None:
-            self._journal.append(measurement_line(attempt, measured, planned, self._origin_s))
+            self._bursts.measure(self.stimulus.delivery)
+        measurement = self._bursts.line(attempt, self._origin_s)
+        if measurement is not None:
+            self._journal.append(measurement)
         if effect.response is not None:
             response = ResponseGiven(
                 **name,
@@ -301,18 +313,18 @@ class Session:
         )
         self._journal.append(end, sync=True)
         self._mark_trial(effect)
-        self._standing.trial_ends(effect, self._clock.now_s())
+        self._counts.trial_ends(effect, self._clock.now_s())
 
     def _rest(self, effect: events.Rest) -> Input:
         self._note()
-        mismatch = self.stimulus.trouble if self._state.burst_mismatch else ""
+        mismatch = self._bursts.trouble if self._state.burst_mismatch else ""
         why = TOO_MANY_PREMATURE if self._state.operator_needed else mismatch
         line = PauseStarted(operator_called=why or None) if effect.paused else BreakStarted()
         self._journal.append(line, sync=True)
         if why and self._requests.attended:
             self._requests.pause()  # the participant, whom it does not concern, does not end it
         elif why:  # nobody could tell whether the operator goes on or the participant
-            self._setting.report(f"Stopped. {why}. Continue with --resume.")
+            self._config.report(f"Stopped. {why}. Continue with --resume.")
             return Event.STOP_REQUESTED
         minimum_s = 0.0 if effect.paused else self._study.design.min_break_s
         event = self._participant.attend(
@@ -332,7 +344,7 @@ class Session:
         self._journal.append(SessionClosed(finished=effect.finished, **sha256), sync=True)
 
     def _farewell(self, effect: events.Farewell) -> None:
-        self._setting.noise.stop()
+        self._config.noise.stop()
         # A stop from outside leaves no time for it.
         self._participant.attend(self._responder.end, self._progress(), finished=effect.finished)
 

@@ -18,8 +18,8 @@ from experiment.operator.requests import StopSignal
 from experiment.perception.answers import draw_answers
 from experiment.perception.population import threshold_course_db
 from experiment.rows import HANDS_OFF
-from experiment.session.conduct import begin
-from experiment.session.setting import Setting
+from experiment.session.config import SessionConfig
+from experiment.session.run import run
 from experiment.study.physics import study_gains
 from experiment.study.threshold import extrapolations, vibrations
 from experiment.tasks import LEFT_RIGHT_BOTH
@@ -240,14 +240,14 @@ def _simulate_session(
         participant_number=number,
     )
     clock = VirtualClock()
-    setting = Setting(
+    config = SessionConfig(
         device=mock_device(study, clock),
         responder=simulated_responder(study, plan, clock),
         noise=SilentNoise(study.masking),
         clock=clock,
         stop=StopSignal(),
     )
-    ending = begin(folder, plan, setting)
-    if ending.failure is not None:
-        raise SimulationError(f"participant {folder.participant}: device: {ending.failure}")
+    result = run(folder, plan, config)
+    if result.failure is not None:
+        raise SimulationError(f"participant {folder.participant}: device: {result.failure}")
     return folder

@@ -52,4 +52,4 @@ def noisy(lab: Lab) -> Lab:
 @pytest.fixture
 def anybody_may(monkeypatch: pytest.MonkeyPatch) -> None:
     """Ask nobody whether the hardware is safe."""
-    monkeypatch.setattr("experiment.session.conduct.require_confirmed", lambda *_: None)
+    monkeypatch.setattr("experiment.session.run.require_confirmed", lambda *_: None)

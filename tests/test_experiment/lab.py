@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import pytest
@@ -13,11 +14,12 @@ from experiment.archive.folders import SessionFolder
 from experiment.archive.history import replay
 from experiment.archive.journal import Journal, read_journal
 from experiment.hardware.noise import NoiseError, NoiseFacts, NoiseHealth
+from experiment.hardware.safety import Purpose
 from experiment.hardware.setup import mock_device
 from experiment.integrity.sessions import examine
 from experiment.operator.requests import Requests, StopSignal
-from experiment.session.conduct import begin, resume
-from experiment.session.setting import Setting
+from experiment.session.config import SessionConfig
+from experiment.session.run import run
 from experiment.trial.draw import draw_plan
 from experiment.trial.responder import Press, SessionPart
 
@@ -32,7 +34,7 @@ if TYPE_CHECKING:
     from experiment.integrity.sessions import Difference
     from experiment.operator.requests import Status
     from experiment.rows import TrialRow
-    from experiment.session.setting import Ending
+    from experiment.session.config import SessionResult
     from experiment.study.study import Study
     from experiment.trial.responder import AwaitedAnswer, Progress
 
@@ -186,10 +188,10 @@ class Lab:
         """Switch the device off; another one stands in its place, on the present clock."""
         self.device = mock_device(self.study, self.clock)
 
-    def setting(self, **script: Mapping[int, object]) -> Setting:
+    def config(self, **script: Mapping[int, object]) -> SessionConfig:
         self.responder = Scripted(self.clock, **script)
         self.stop = StopSignal()
-        return Setting(
+        return SessionConfig(
             device=self.device,
             responder=self.responder,
             noise=self.noise,
@@ -197,16 +199,18 @@ class Lab:
             stop=self.stop,
             requests=self.requests,
             show=self.display.show,
-            practice=self.practice,
+            purpose=Purpose.PRACTICE if self.practice else Purpose.DATA,
             resume_anyway=self.resume_anyway,
             report=self.messages.append,
         )
 
-    def begin(self, **script: Mapping[int, object]) -> Ending:
-        return begin(self.folder, self.plan, self.setting(**script))
+    def begin(self, **script: Mapping[int, object]) -> SessionResult:
+        return run(self.folder, self.plan, self.config(**script))
 
-    def resume(self, **script: Mapping[int, object]) -> Ending:
-        return resume(self.folder, self.setting(**script))
+    def resume(self, **script: Mapping[int, object]) -> SessionResult:
+        return run(
+            self.folder, self.folder.read_plan(), replace(self.config(**script), resume=True)
+        )
 
     def crash(self, question: int, ask: Mapping[int, object] | None = None) -> None:
         """Begin, or go on, until the process ends at the n-th question of this sitting."""

@@ -21,8 +21,8 @@ from experiment.hardware.noise import SilentNoise
 from experiment.hardware.safety import confirmed_now
 from experiment.hardware.setup import Hardware, host_limits
 from experiment.operator.requests import Requests, StopSignal
-from experiment.session.conduct import begin, resume
-from experiment.session.setting import Setting
+from experiment.session.config import SessionConfig
+from experiment.session.run import run
 from experiment.session.simulate import simulated_responder
 from tests.plates import study_from_text
 from tests.test_device.in_process import LoopCard
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from device import BurstDevice, Clock
     from experiment import AwaitedAnswer, Press
     from experiment.check.device import DeviceCheck
-    from experiment.session.setting import Ending
+    from experiment.session.config import SessionResult
 
 STUDY = """
 [burst]
@@ -104,7 +104,7 @@ class Wired:
         self.at_pause: Callable[[], object] = lambda: None
         self.at_ask: Callable[[int], object] = lambda trial: None
 
-    def setting(self) -> Setting:
+    def config(self) -> SessionConfig:
         someone = simulated_responder(self.study, self.plan, self.card)
         pause, ask = someone.pause, someone.ask
 
@@ -118,7 +118,7 @@ class Wired:
             return ask(question)  # type: ignore[arg-type]
 
         someone.pause, someone.ask = paused, asked  # type: ignore[method-assign,assignment]
-        return Setting(
+        return SessionConfig(
             device=self.device,
             responder=someone,
             noise=SilentNoise(self.study.masking),
@@ -131,11 +131,11 @@ class Wired:
             confirmation=None,
         )
 
-    def begin(self) -> Ending:
-        return begin(self.folder, self.plan, self.setting())
+    def begin(self) -> SessionResult:
+        return run(self.folder, self.plan, self.config())
 
-    def resume(self) -> Ending:
-        return resume(self.folder, self.setting())
+    def resume(self) -> SessionResult:
+        return run(self.folder, self.folder.read_plan(), replace(self.config(), resume=True))
 
     @property
     def header(self) -> dict[str, Any]:
@@ -221,7 +221,7 @@ class ByItself(Wired):
     def time(self) -> Clock:
         return self.clock
 
-    def setting(self) -> Setting:
+    def config(self) -> SessionConfig:
         someone = simulated_responder(self.study, self.plan, self.clock)
         ask = someone.ask
 
@@ -230,7 +230,7 @@ class ByItself(Wired):
             return ask(question)
 
         someone.ask = asked  # type: ignore[method-assign]
-        made = super().setting()
+        made = super().config()
         made = replace(made, device=self.mock, responder=someone, clock=self.clock)
         return made if self.markers is None else replace(made, markers=self.markers)
 

@@ -211,7 +211,7 @@ def test_a_card_that_cannot_be_opened_is_an_error_of_one_line(
     monkeypatch.setitem(sys.modules, "sounddevice", None)
     noises = (
         SoundCardNoise(PINK, card, refuse),
-        noise_player(PINK, MonotonicClock(), simulated=False),
+        noise_player(PINK, MonotonicClock(), is_silent=False),
     )
     for noise, why in zip(noises, ("card 7", "sound"), strict=True):
         with pytest.raises(NoiseError, match=why) as refused:
@@ -222,7 +222,7 @@ def test_a_card_that_cannot_be_opened_is_an_error_of_one_line(
 
 def test_nothing_is_played_to_a_simulated_participant_or_where_the_study_wants_none() -> None:
     for masking, simulated in ((PINK, True), (PINK.changed(noise="none"), False)):
-        noise = noise_player(masking, VirtualClock(), simulated=simulated)
+        noise = noise_player(masking, VirtualClock(), is_silent=simulated)
         assert isinstance(noise, SilentNoise)
         noise.start()
         assert noise.health().ok is None
@@ -234,20 +234,20 @@ def test_nothing_is_played_to_a_simulated_participant_or_where_the_study_wants_n
 
 def test_the_facts_are_those_of_the_study() -> None:
     masking = PINK.changed(measured_level_dba=71.5, level_dbfs=-33.0, sound_card="headphones")
-    facts = noise_player(masking, VirtualClock(), simulated=False).facts
+    facts = noise_player(masking, VirtualClock(), is_silent=False).facts
     assert (facts.played, facts.noise, facts.sound_card) == (True, "pink", "headphones")
     assert (facts.max_level_dba, facts.measured_level_dba, facts.level_dbfs) == (75.0, 71.5, -33.0)
     assert (facts.loop_s, facts.sample_rate_hz) == (1.0, 48_000.0)
-    sums = {noise_player(PINK, VirtualClock(), simulated=False).facts.sha256 for _ in range(2)}
+    sums = {noise_player(PINK, VirtualClock(), is_silent=False).facts.sha256 for _ in range(2)}
     assert sums == {LOOP_SHA256}
 
 
 def test_a_level_that_would_be_clipped_is_refused_before_anything_is_opened() -> None:
     masking = PINK.changed(level_dbfs=-18.0)
-    assert noise_player(masking, VirtualClock(), simulated=False).facts.level_dbfs == -18.0
+    assert noise_player(masking, VirtualClock(), is_silent=False).facts.level_dbfs == -18.0
     object.__setattr__(masking, "level_dbfs", -10.0)
     with pytest.raises(NoiseError, match=r"-1\d\.\d\d.*got -10"):
-        noise_player(masking, VirtualClock(), simulated=False)
+        noise_player(masking, VirtualClock(), is_silent=False)
 
 
 def test_without_noise_there_is_none_to_play(tmp_path: Path, refused: Refused) -> None:

@@ -335,7 +335,7 @@ def test_a_session_is_run_and_resumed_from_python(
     with pytest.raises(ValueError, match="exists"):
         session.run()
     with monkeypatch.context() as patch:
-        patch.setattr("experiment.session.conduct.interruption_s", lambda _: 3600.0)
+        patch.setattr("experiment.session.run.interruption_s", lambda _: 3600.0)
         with pytest.raises(ValueError, match="60 minutes"):
             session.run(resuming=True)
         ending = session.run(resume_anyway=True)

@@ -92,8 +92,8 @@ def noise(monkeypatch: pytest.MonkeyPatch) -> FakeNoise:
     """Play on a sound card that is none."""
     card = FakeNoise()
 
-    def noise_player(masking: Any, clock: object, *, simulated: bool) -> FakeNoise:
-        card.calls.append(f"{masking.noise} {simulated}")
+    def noise_player(masking: Any, clock: object, *, is_silent: bool) -> FakeNoise:
+        card.calls.append(f"{masking.noise} {is_silent}")
         return card
 
     monkeypatch.setattr("experiment.hardware.noise.noise_player", noise_player)

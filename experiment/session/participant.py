@@ -15,7 +15,7 @@ from experiment.trial.responder import ESCAPE, AwaitedAnswer, Press, Responder, 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
-    from experiment.session.setting import Setting
+    from experiment.session.config import SessionConfig
     from experiment.trial.events import Attempt, Input
     from experiment.trial.plan import Plan
     from experiment.trial.responder import Progress
@@ -40,11 +40,11 @@ class GuardedResponder:
     and `ignored` says it to the operator until the next trial.
     """
 
-    def __init__(self, setting: Setting, plan: Plan) -> None:
+    def __init__(self, config: SessionConfig, plan: Plan) -> None:
         self._plan = plan
-        self._responder = setting.responder
-        self._setting = setting
-        self._clock = setting.clock
+        self._responder = config.responder
+        self._config = config
+        self._clock = config.clock
         self._cued_s = -math.inf
         self.ignored = ""
 
@@ -53,7 +53,7 @@ class GuardedResponder:
     ) -> Literal[Event.CONTINUED, Event.STOP_REQUESTED]:
         """Let the participant read or rest, until they, or a stop from outside, end it."""
         try:
-            with self._guarded(), self._setting.stop.interruptible():
+            with self._guarded(), self._config.stop.interruptible():
                 return Event.CONTINUED if step(*args, **kwargs) else Event.STOP_REQUESTED
         except StopRequested:
             return Event.STOP_REQUESTED
@@ -111,7 +111,7 @@ class GuardedResponder:
         until_s: float,
     ) -> Input:
         try:
-            with self._guarded(), self._setting.stop.interruptible():
+            with self._guarded(), self._config.stop.interruptible():
                 while (press := listen()) is not None:
                     self._require_press(press)
                     if press.response == ESCAPE:
@@ -123,7 +123,7 @@ class GuardedResponder:
                     ignored = f"trial {attempt.trial.number}: {press.response} was pressed"
                     ignored += ", which is no answer here"
                     if ignored != self.ignored:  # of a key that is held one note is enough
-                        self._setting.requests.note(ignored)
+                        self._config.requests.note(ignored)
                     self.ignored = ignored
                     # One that gives the same again and again, without waiting, is asked until the
                     # time is over, which passes on any clock.

@@ -1,4 +1,4 @@
-"""How a session stands, for its operator: answers by side, pace, time left."""
+"""The progress of a session for its operator: answers by side, pace, time left."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ if TYPE_CHECKING:
     from experiment.trial.plan import Plan, Trial
 
 
-LAST_ANSWERS = 5
-"""So many answers of each side are shown."""
+N_LAST_ANSWERS = 5
+"""Number of last answers of each side that the operator sees."""
 
 
-class Standing:
-    """What is counted while a session goes on; earlier sittings are in its history."""
+class SessionProgress:
+    """Counts trials and answers of a session; earlier visits are in its history."""
 
     def __init__(self, plan: Plan, design: Design, history: History) -> None:
         self._planned = Counter(Attempt(trial, number=1).part for trial in plan.trials)
@@ -95,6 +95,6 @@ class Standing:
             return
         tally = self._tallies[side]
         correct = self._task.is_correct(side, response) is True
-        last = (*tally.last, response)[-LAST_ANSWERS:]
+        last = (*tally.last, response)[-N_LAST_ANSWERS:]
         counts = {"presented": tally.presented + 1, "correct": tally.correct + correct}
         self._tallies[side] = Tally(**counts, last=last)
