@@ -567,6 +567,8 @@ def _trial_rules(rows: pd.DataFrame, columns: ColumnMap) -> Iterator[_Rule]:
         must = f"{' or '.join(sides)} in a {name} trial"
         yield _Rule("side", must, kind.eq(name) & ~side.isin(sides))
     negative = kind.ne(HANDS_OFF) & rows["block"].lt(0)
+    rehearsed = rows["device_kind"].eq("rehearsal").fillna(value=False)
+    yield _Rule("device_kind", "of another session: no rehearsal is analyzed", rehearsed)
     yield _Rule("block", "0 or more in any but a hands-off trial", negative)
     missing = rows["status"].eq("ok") & response.isna()
     yield _Rule("response", "an answer, timeout or invalid where the status is ok", missing)

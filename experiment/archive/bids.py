@@ -177,6 +177,8 @@ def _write_session(
             for source in sorted(folder.path.glob(pattern)):
                 new.write(f"sourcedata/{folder.name}/{source.name}", source.read_bytes())
         head_sha256 = read_journal(folder.journal_path).head_sha256 if history.opening else None
+    if history.opening is not None and history.opening.device_kind == "rehearsal":
+        raise ArchiveError(f"{folder.path}: is a rehearsal: nothing was written")
     simulated = history.opening.simulated if history.opening else None
     kinds = sorted({row.device_kind or NOT_AVAILABLE for row in history.rows})
     session = ExportedSession(

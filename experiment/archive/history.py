@@ -386,5 +386,5 @@ def _displacements(
     """Return what the fingers got for the levels that the device reported, and its basis."""
     if left_vpp is None or right_vpp is None or trial.kind == HANDS_OFF:
         return None, None, None
-    peaks_um = gains.peaks_um(left_vpp, right_vpp)
-    return (*peaks_um, gains.basis_of(left_vpp, right_vpp)) if peaks_um else (None, None, None)
+    peaks_um = gains.peaks_um((left_vpp, right_vpp))
+    return (*peaks_um, gains.basis_of((left_vpp, right_vpp))) if peaks_um else (None, None, None)

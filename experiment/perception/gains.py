@@ -59,9 +59,9 @@ class FingerGains:
     Examples
     --------
     >>> gains = FingerGains(left=(0.02, 0.001), right=(0.001, 0.02), basis="measured")
-    >>> gains.peaks_um(100.0, 0.0)
+    >>> gains.peaks_um((100.0, 0.0))
     (2.0, 0.1)
-    >>> OWN_FINGER_ONLY.amplitudes(100.0, 60.0), OWN_FINGER_ONLY.peaks_um(100.0, 60.0)
+    >>> OWN_FINGER_ONLY.amplitudes((100.0, 60.0)), OWN_FINGER_ONLY.peaks_um((100.0, 60.0))
     ((100.0, 60.0), None)
     """
 
@@ -80,7 +80,7 @@ class FingerGains:
         """
         return 20 * math.log10(self.right[1] / self.left[0])
 
-    def amplitudes(self, level_left_vpp: float, level_right_vpp: float) -> tuple[float, float]:
+    def amplitudes(self, levels_vpp: tuple[float, float]) -> tuple[float, float]:
         """Return the greatest displacement at the left and at the right finger.
 
         What comes from the two actuators adds as if the peaks came at the same time: with both
@@ -88,34 +88,36 @@ class FingerGains:
 
         Parameters
         ----------
-        level_left_vpp, level_right_vpp : float
-            Levels at the two actuators; 0 for a silent one.
+        levels_vpp : tuple of float
+            Levels of the left and the right actuator; 0 for a silent one.
         """
+        left_vpp, right_vpp = levels_vpp
         return (
-            self.left[0] * level_left_vpp + self.left[1] * level_right_vpp,
-            self.right[0] * level_left_vpp + self.right[1] * level_right_vpp,
+            self.left[0] * left_vpp + self.left[1] * right_vpp,
+            self.right[0] * left_vpp + self.right[1] * right_vpp,
         )
 
-    def peaks_um(self, level_left_vpp: float, level_right_vpp: float) -> tuple[float, float] | None:
+    def peaks_um(self, levels_vpp: tuple[float, float]) -> tuple[float, float] | None:
         """Return `amplitudes` in um to `SIGNIFICANT_DIGITS`; none without a basis."""
         if self.basis is None:
             return None
-        left_um, right_um = self.amplitudes(level_left_vpp, level_right_vpp)
+        left_um, right_um = self.amplitudes(levels_vpp)
         return significant(left_um), significant(right_um)
 
-    def basis_of(self, level_left_vpp: float, level_right_vpp: float) -> str | None:
+    def basis_of(self, levels_vpp: tuple[float, float]) -> str | None:
         """Return the basis of what the driven actuators do.
 
         Examples
         --------
         >>> gains = FingerGains(left=(0.02, 0.0), right=(0.0, 0.02), basis="predicted",
         ...                     bases=("measured", "predicted"))
-        >>> gains.basis_of(100.0, 0.0), gains.basis_of(100.0, 60.0)
+        >>> gains.basis_of((100.0, 0.0)), gains.basis_of((100.0, 60.0))
         ('measured', 'predicted')
         """
-        if self.bases is None or (level_left_vpp > 0) == (level_right_vpp > 0):
+        left_vpp, right_vpp = levels_vpp
+        if self.bases is None or (left_vpp > 0) == (right_vpp > 0):
             return self.basis
-        return self.bases[0 if level_left_vpp > 0 else 1]
+        return self.bases[0 if left_vpp > 0 else 1]
 
     def with_crosstalk(self, crosstalk_db: float) -> FingerGains:
         """Return the same actuators on a plate of another cross-talk.

@@ -265,8 +265,7 @@ class Session:
         question = AwaitedAnswer(
             trial=effect.attempt.trial.number,
             attempt=effect.attempt.number,
-            level_left_vpp=delivery.level_left_vpp,
-            level_right_vpp=delivery.level_right_vpp,
+            levels_vpp=(delivery.level_left_vpp, delivery.level_right_vpp),
             onset_s=self.stimulus.onset_s,
             window_s=effect.window_s,
             answers=self._plan.answers_to(effect.attempt.trial),

@@ -85,11 +85,10 @@ class SimulatedResponder:
     def ask(self, question: AwaitedAnswer) -> Press | None:
         """Answer as the observer does."""
         rng = np.random.default_rng((self.seed, question.trial, question.attempt))
-        levels_vpp = (question.level_left_vpp, question.level_right_vpp)
         left_db, right_db = self.shifts_db.get(question.trial, (0.0, 0.0))
         answer, rt_s = draw_answers(
             [self.observer],
-            (0.0, 0.0) if question.trial in self.untouched else levels_vpp,
+            (0.0, 0.0) if question.trial in self.untouched else question.levels_vpp,
             question.answers,
             question.window_s,
             rng,

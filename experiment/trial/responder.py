@@ -90,8 +90,9 @@ class AwaitedAnswer:
     ----------
     trial, attempt : int
         Which trial it is. Not for a person's eyes.
-    level_left_vpp, level_right_vpp : float
-        What the device set, in peak-to-peak volts. Not for a person's eyes.
+    levels_vpp : tuple of float
+        Levels that the device set on the left and on the right, in peak-to-peak volts. Not for a
+        person's eyes.
     onset_s : float
         Onset on the responder's clock, in seconds.
     window_s : float
@@ -103,7 +104,7 @@ class AwaitedAnswer:
     --------
     An answer half a second after the onset is a press at that time:
 
-    >>> question = AwaitedAnswer(trial=3, attempt=1, level_left_vpp=130.0, level_right_vpp=0.0,
+    >>> question = AwaitedAnswer(trial=3, attempt=1, levels_vpp=(130.0, 0.0),
     ...                          onset_s=12.0, window_s=3.0, answers=("yes", "no"))
     >>> Press(question.answers[0], question.onset_s + 0.5)
     Press(response='yes', time_s=12.5)
@@ -111,8 +112,7 @@ class AwaitedAnswer:
 
     trial: int
     attempt: int
-    level_left_vpp: float
-    level_right_vpp: float
+    levels_vpp: tuple[float, float]
     onset_s: float
     window_s: float
     answers: tuple[str, ...]

@@ -179,7 +179,7 @@ class Lab:
         self.requests = Requests()
         self.display = Watching()
         self.stop = StopSignal()
-        self.practice = True
+        self.purpose = Purpose.PRACTICE
         """For scripts in which the participant is a person."""
         self.resume_anyway = False
         self.messages: list[str] = []
@@ -199,7 +199,7 @@ class Lab:
             stop=self.stop,
             requests=self.requests,
             show=self.display.show,
-            purpose=Purpose.PRACTICE if self.practice else Purpose.DATA,
+            purpose=self.purpose,
             resume_anyway=self.resume_anyway,
             report=self.messages.append,
         )

@@ -64,8 +64,7 @@ def ask(
     question = AwaitedAnswer(
         trial=trial,
         attempt=1,
-        level_left_vpp=levels_vpp[0],
-        level_right_vpp=levels_vpp[1],
+        levels_vpp=levels_vpp,
         onset_s=0.0,
         window_s=window_s,
         answers=offered,

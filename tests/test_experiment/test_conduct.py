@@ -10,12 +10,17 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 import pytest
 
+from click.testing import CliRunner
+
 from device import LimitExceeded, LinkError, Outcome, Refusal
 from experiment import ArchiveError, Journal, JournalError, Progress, SessionPart
+from experiment.hardware.safety import Purpose, require_device
+from tactstrip import main
 from tests.test_experiment.lab import Crash, FakeNoise, Lab, Scripted, Watching
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
+    from pathlib import Path
 
     from device import Delivery
     from experiment import AwaitedAnswer, Press
@@ -448,8 +453,44 @@ def test_killed_after_any_line_a_lively_session_loses_nothing(
 
 @pytest.mark.usefixtures("person")
 def test_a_person_on_a_silent_device_begins_nothing_unless_it_is_practice(lab: Lab) -> None:
-    lab.practice = False
+    lab.purpose = Purpose.DATA
     with pytest.raises(ValueError, match="--practice-without-device"):
         lab.begin()
     assert not lab.folder.path.exists()
     assert lab.noise.calls == []
+
+
+@pytest.mark.parametrize("simulated", [False, True])
+def test_a_rehearsal_plays_everything_and_stays_a_rehearsal(
+    noisy: Lab, *, simulated: bool, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setattr(Scripted, "simulated", simulated)
+    noisy.purpose = Purpose.REHEARSAL
+    noisy.crash(3)
+    noisy.resume_anyway = True
+    for purpose in [Purpose.PRACTICE, *[Purpose.DATA] * simulated]:
+        noisy.purpose = purpose
+        with pytest.raises(ArchiveError, match="begun as a rehearsal"):
+            noisy.resume()
+    noisy.purpose = Purpose.REHEARSAL
+    assert noisy.resume().finished
+    assert "start" in noisy.noise.calls
+    assert {row.device_kind for row in noisy.rows} == {"rehearsal"}
+    results = [str(noisy.folder.root)]
+    assert CliRunner().invoke(main, ["verify", *results]).exit_code == 0
+    for command in ("analyze", "export"):
+        out = ["--out" if command == "analyze" else "--bids", str(tmp_path / command)]
+        refusal = CliRunner().invoke(main, [command, *results, *out, "--allow-simulated"])
+        assert refusal.exit_code == 2, refusal.output
+        assert "rehears" in refusal.stderr
+
+
+def test_a_session_for_data_cannot_be_resumed_as_a_rehearsal_nor_rehearsed_on_a_real_device(
+    lab: Lab, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    lab.crash(3)
+    lab.purpose = Purpose.REHEARSAL
+    with pytest.raises(ArchiveError, match="begun as data"):
+        lab.resume()
+    with pytest.raises(ValueError, match="this device is real"):
+        require_device(is_real=True, simulated=True, purpose=Purpose.REHEARSAL)

@@ -50,10 +50,10 @@ def paper() -> ConditionGains:
 
 def test_amplitudes_of_two_actuators_add() -> None:
     gains = FingerGains(left=(0.03, 0.001), right=(0.002, 0.02), basis="measured")
-    left_um, right_um = gains.amplitudes(100.0, 50.0)
+    left_um, right_um = gains.amplitudes((100.0, 50.0))
     assert left_um == pytest.approx(3.05)
     assert right_um == pytest.approx(1.2)
-    assert gains.amplitudes(0.0, 0.0) == (0.0, 0.0)
+    assert gains.amplitudes((0.0, 0.0)) == (0.0, 0.0)
 
 
 @settings(deadline=None, max_examples=200)
@@ -89,7 +89,7 @@ def test_without_one_displacement_the_matrix_of_the_fingers_is_relative() -> Non
         MATRIX | {"bases": ("measured", None), "per_vpp": ((0.02, 0.1), (0.001, 1.0))}
     ).fingers()
     assert fingers == FingerGains(left=(1.0, 0.1), right=(0.05, 1.0), basis=None)
-    assert fingers.peaks_um(100.0, 0.0) is None
+    assert fingers.peaks_um((100.0, 0.0)) is None
 
 
 def test_another_crosstalk_keeps_what_an_actuator_does_at_its_own_finger() -> None:
@@ -97,7 +97,7 @@ def test_another_crosstalk_keeps_what_an_actuator_does_at_its_own_finger() -> No
     other = gains.with_crosstalk(-20.0)
     assert other.left == pytest.approx((0.03, 0.002))
     assert other.right == pytest.approx((0.003, 0.02))
-    assert OWN_FINGER_ONLY.with_crosstalk(-200.0).amplitudes(100.0, 0.0)[1] < 1e-7
+    assert OWN_FINGER_ONLY.with_crosstalk(-200.0).amplitudes((100.0, 0.0))[1] < 1e-7
 
 
 @pytest.mark.parametrize(

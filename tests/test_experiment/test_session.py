@@ -178,7 +178,7 @@ def test_every_row_has_the_displacements_of_the_sealed_matrix(sessions: Sessions
     gains = sessions.folder().read_plan().gains_of("main")
     assert {row["kind"] for row in sessions.rows()} == {"practice", "single", "both", "blank"}
     for row in sessions.rows():
-        peaks_um = gains.peaks_um(float(row["level_left_vpp"]), float(row["level_right_vpp"]))
+        peaks_um = gains.peaks_um((float(row["level_left_vpp"]), float(row["level_right_vpp"])))
         assert peaks_um == (float(row["peak_left_um"]), float(row["peak_right_um"]))
         assert row["displacement_basis"] == "measured"
         assert (row["peak_left_um"] == "0") == (row["kind"] == "blank")

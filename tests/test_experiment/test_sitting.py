@@ -194,6 +194,23 @@ def test_practice_without_a_device_plays_no_noise_and_judges_no_answer(
     assert [row["kind"] for row in sessions.rows()].count("practice") == 2
 
 
+@pytest.mark.slow
+def test_a_rehearsal_plays_the_noise_and_judges_answers_on_the_mock(
+    sessions: Sessions, screen: type[FakeScreen], noise: FakeNoise
+) -> None:
+    text = sessions.text.replace('noise = "none"', 'noise = "pink"') + "practice_trials = 2\n"
+    sessions.write('[device]\ndriver = "serial"\nport = "/dev/none"\n' + text)
+    sessions.practice = False
+    result = sessions.run("--responder", "screen", "--rehearse")
+    assert result.exit_code == 0, result.stderr
+    assert noise.calls[:2] == ["pink False", "start"]
+    assert screen.settings.texts.practice == Texts().practice
+    assert [line for line in screen.log if line.startswith("correct")]
+    assert {row["device_kind"] for row in sessions.rows()} == {"rehearsal"}
+    refused = sessions.run("--rehearse", "--practice-without-device", "--resume")
+    assert (refused.exit_code, refused.stderr.count("\n")) == (2, 1)
+
+
 @pytest.mark.parametrize("responder", ["screen", "terminal"])
 def test_a_person_on_the_mock_needs_the_option_for_practice_on_a_resume_too(
     sessions: Sessions, screen: type[FakeScreen], responder: str, monkeypatch: pytest.MonkeyPatch
