@@ -13,6 +13,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -26,55 +27,6 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
 
-STUDY: Final = '''\
-# The paper's plate, burst and answers; six trials instead of 155.
-[study]
-name = "demo"
-
-[strip]
-width_mm = 25
-length_mm = 200
-thickness_mm = 0.5
-youngs_modulus_gpa = 67
-poisson_ratio = 0.346
-density_kg_m3 = 2700
-edge = "measured-cutoff"
-measured_cutoff_hz = 2900
-
-[[actuator]]
-side = "left"
-x_mm = -35
-diameter_mm = 12.8
-measured_displacement_um = 2.6
-measured_at_vpp = 100
-measured_at_hz = 300
-
-[[actuator]]
-side = "right"
-x_mm = 35
-diameter_mm = 12.8
-measured_displacement_um = 2.6
-measured_at_vpp = 100
-measured_at_hz = 300
-
-[design]
-levels_vpp = [60, 130, 200]
-trials_per_side = 3
-both_trials = 0
-responses = ["left", "right"]
-foreperiod_s = [0.8, 1.5]
-response_window_s = 10
-
-[masking]
-noise = "none"
-
-[texts]
-welcome = "Two fingers rest on a plate, above one actuator each."
-instructions = """
-Now and then one of them is driven for 2 ms, and you say which: {left} or {right}.
-Here nothing moves, so guess."""
-placement = "This is where you would lay your fingers on the plate."
-'''
 SESSION: Final = ("run", "study.toml", "--participant", "01", "--practice-without-device")
 CUT_IN_TRIAL: Final = 3
 _TRIAL_COLUMNS: Final = ("trial", "attempt", "kind", "side", "level_vpp", "response", "status")
@@ -104,7 +56,8 @@ def demo(*, out: Path | None) -> None:
             "demo needs a terminal (on Linux or macOS) to ask at; tactstrip dry-run needs none"
         )
     with _folder(out) as folder:
-        (folder / "study.toml").write_text(STUDY, encoding="utf-8")
+        study = files("experiment.commands").joinpath("demo.toml").read_text(encoding="utf-8")
+        (folder / "study.toml").write_text(study, encoding="utf-8")
         click.echo(f"A study in {folder}: the paper's plate, six trials. No device is opened.")
         _run_steps(folder, kept=out is not None)
     click.echo(

@@ -184,8 +184,8 @@ def run(
             plan = _new_plan(folder, study_file, levels_file, driver, **chosen)
         study = folder.read_study(plan)
         if column_values:
-            facts = participant_facts(study.participants.columns, column_values)
-            folder = replace(folder, facts=facts)
+            values = participant_facts(study.participants.columns, column_values)
+            folder = replace(folder, facts=values)
         folder.check_people(study)  # before a window opens or the operator is prompted
         simulated = responder == "simulated"
         hardware = assemble(study, driver=driver, port=port, simulated=simulated, purpose=purpose)

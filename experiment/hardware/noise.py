@@ -51,7 +51,7 @@ class NoiseHealth:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class NoiseFacts:
+class NoiseDescription:
     """What the header keeps of the noise; ``None`` is what is not known or does not apply.
 
     Attributes
@@ -89,7 +89,7 @@ class NoisePlayer(Protocol):
     """What plays the masking noise; see `masking`."""
 
     @property
-    def facts(self) -> NoiseFacts:
+    def description(self) -> NoiseDescription:
         """What the header keeps of it."""
 
     def start(self) -> None:
@@ -151,9 +151,9 @@ def noise_player(masking: Masking, clock: Clock, *, is_silent: bool) -> NoisePla
     >>> from experiment.study.equipment import Masking
     >>> pink = Masking(noise="pink", max_level_dba=75.0, loop_s=1.0)
     >>> player = noise_player(pink, VirtualClock(), is_silent=False)
-    >>> player.facts.played, player.facts.sound_card, player.health().message
+    >>> player.description.played, player.description.sound_card, player.health().message
     (True, 'default', 'the noise is not playing')
-    >>> noise_player(pink, VirtualClock(), is_silent=True).facts.played
+    >>> noise_player(pink, VirtualClock(), is_silent=True).description.played
     False
     """
     if is_silent or masking.noise == "none":
@@ -175,12 +175,12 @@ class SilentNoise:
     --------
     >>> from experiment.study.equipment import Masking
     >>> noise = SilentNoise(Masking(noise="none", max_level_dba=75.0))
-    >>> noise.start(); noise.health().ok is None, noise.facts.noise, noise.facts.played
+    >>> noise.start(); noise.health().ok is None, noise.description.noise, noise.description.played
     (True, 'none', False)
     """
 
     def __init__(self, masking: Masking) -> None:
-        self.facts = NoiseFacts(noise=masking.noise, played=False)
+        self.description = NoiseDescription(noise=masking.noise, played=False)
 
     def start(self) -> None:
         """Do nothing."""
@@ -218,7 +218,7 @@ class SoundCardNoise:
         self._since_s = 0.0
         self._underruns_seen = 0
         # the checksum is of the samples as int16, low byte first
-        self.facts = NoiseFacts(
+        self.description = NoiseDescription(
             **sound | {"loop_s": len(self._loop) / self._rate_hz},
             **masking.model_dump(include={"noise", "max_level_dba", "measured_level_dba"}),
             played=True,

@@ -17,15 +17,15 @@ class StopRequested(Exception):  # noqa: N818 - not an error: it ends a wait
 
 
 class StopSignal:
-    """A wish to stop: kept until the session can heed it, and ending any wait for a person."""
+    """A request to stop: kept until the session can stop, and ending any wait for a person."""
 
     def __init__(self) -> None:
-        self.asked = False
+        self.is_requested = False
         self._waiting = False
 
-    def ask(self) -> None:
+    def request(self) -> None:
         """Ask the session to stop."""
-        self.asked = True
+        self.is_requested = True
         if self._waiting:
             self._waiting = False
             raise StopRequested
@@ -41,7 +41,7 @@ class StopSignal:
         """
         self._waiting = True
         try:
-            if self.asked:
+            if self.is_requested:
                 raise StopRequested
             yield
         finally:
@@ -52,7 +52,7 @@ class StopSignal:
         """Let Ctrl-C, SIGTERM and a closed terminal ask for the stop, not end the program."""
         names = ("SIGINT", "SIGTERM", "SIGHUP")
         numbers = [getattr(signal, name) for name in names if hasattr(signal, name)]
-        before = {number: signal.signal(number, lambda *_: self.ask()) for number in numbers}
+        before = {number: signal.signal(number, lambda *_: self.request()) for number in numbers}
         try:
             yield
         finally:

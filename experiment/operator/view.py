@@ -187,11 +187,11 @@ class OperatorView:
     def _request_stop(self) -> None:
         """Have the main thread, where waits are interrupted, ask for the stop.
 
-        `StopSignal.ask` ends a wait by raising in the thread that calls it. It is therefore called
-        by the handler of a signal, sent to the main thread alone: a signal to the process could
-        reach another thread, and the wait would continue.
+        `StopSignal.request` ends a wait by raising in the thread that calls it. It is therefore
+        called by the handler of a signal, sent to the main thread alone: a signal to the process
+        could reach another thread, and the wait would continue.
         """
-        self._stop.asked = True
+        self._stop.is_requested = True
         main = threading.main_thread().ident
         if main is None or not callable(signal.getsignal(signal.SIGTERM)):
             return

@@ -13,8 +13,6 @@ if TYPE_CHECKING:
 
     from device.clock import Clock
 
-ARROWS = {"right": "→", "down": "↓", "left": "←", "up": "↑"}
-"""The arrow keys by PsychoPy's names, each a quarter turn after the one before."""
 LARGEST_JUMP_S = 1e-3
 """By how much the keyboard's clock may move against the session's without a report."""
 

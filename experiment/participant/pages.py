@@ -5,8 +5,8 @@ from __future__ import annotations
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
-from experiment.participant.keys import ARROWS
 from experiment.participant.window import DIM, FOREGROUND, PITCH
+from experiment.study.key_names import ARROWS
 from experiment.trial.responder import SessionPart
 
 if TYPE_CHECKING:

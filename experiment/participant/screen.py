@@ -165,7 +165,7 @@ class ScreenResponder:
     def _hold_pause(self, progress: Progress) -> bool:
         """Show a pause, which only the operator ends where they asked for it."""
         return self._show_until_continued(
-            lambda asked: self._pages.pause(progress, may_continue=not asked),
+            lambda by_operator: self._pages.pause(progress, may_continue=not by_operator),
             lambda: self._requests.paused,
         )
 
@@ -222,9 +222,9 @@ class ScreenResponder:
         """
         while True:
             self._stage.poll()
-            if self._stage.closed and not self._settings.stop.asked:
-                self._settings.stop.ask()
-            if self._settings.stop.asked:
+            if self._stage.closed and not self._settings.stop.is_requested:
+                self._settings.stop.request()
+            if self._settings.stop.is_requested:
                 raise StopRequested
             press = self._reader.next()
             if press is None:

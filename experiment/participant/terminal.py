@@ -9,10 +9,9 @@ from typing import TYPE_CHECKING, Final, Self
 
 from experiment.operator.keyboard import open_keyboard
 from experiment.operator.requests import StopRequested
-from experiment.participant.keys import ARROWS
 from experiment.participant.window import wrapped
 from experiment.study.design import EARLIEST_ANSWER_S
-from experiment.study.key_names import TYPED
+from experiment.study.key_names import ARROWS, TYPED
 from experiment.trial.responder import ESCAPE, Press, SessionPart
 
 if TYPE_CHECKING:

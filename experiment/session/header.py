@@ -92,7 +92,7 @@ def visit_conditions(
     limits, health = read_limits(config.device), read_health(config.device)
     # An emulator needs no confirmation, so that one that was given is not recorded.
     confirmation = None if identity.emulated else config.confirmation
-    noise = config.noise.facts
+    noise = config.noise.description
     return VisitConditions(
         **host_and_device(identity, config.purpose).model_dump(),
         operator=config.operator,

@@ -199,7 +199,7 @@ class Session:
         event = next_event(self._state)
         if event is Event.NO_TRIAL_LEFT:
             return event
-        if self._config.stop.asked:
+        if self._config.stop.is_requested:
             return Event.STOP_REQUESTED
         return Event.PAUSE_REQUESTED if self._requests.paused else event
 

@@ -154,11 +154,11 @@ class NoiseMonitor:
 
     def hear_onset(self) -> None:
         """Take the health at an onset; touches no disk."""
-        self.ok = self._asked().ok
+        self.ok = self._check_health().ok
 
     def lost(self) -> bool:
         """Tell whether it does not play now, or did not at the onset; touches no disk."""
-        if self._asked().ok is False:
+        if self._check_health().ok is False:
             self.ok = False
         return self.ok is False
 
@@ -190,7 +190,7 @@ class NoiseMonitor:
         self.trouble = ""
         return None
 
-    def _asked(self) -> NoiseHealth:
+    def _check_health(self) -> NoiseHealth:
         health = self._noise.health()
         if health.ok is False:
             self._losses = [health]  # the last one is enough

@@ -32,9 +32,9 @@ class ParticipantColumn(Section):
 
     Examples
     --------
-    >>> hand = ParticipantColumn(name="hand", description="preferred", levels=("left", "right"))
-    >>> hand.levels
-    ('left', 'right')
+    >>> glasses = ParticipantColumn(name="glasses", description="wears any", levels=("yes", "no"))
+    >>> glasses.levels
+    ('yes', 'no')
     """
 
     name: _Column

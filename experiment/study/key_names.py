@@ -8,6 +8,8 @@ from pathlib import Path
 from typing import Final
 
 _SENT: Final = tomllib.loads(Path(__file__).with_name("key_names.toml").read_text("utf-8"))
+ARROWS: Final[dict[str, str]] = _SENT.pop("symbols")
+"""The arrow keys with their symbols, each a quarter turn after the one before."""
 TYPED: Final[dict[str, tuple[str, ...]]] = {
     **{letter: (letter, letter.upper()) for letter in string.ascii_lowercase},
     **{name: (digit,) for digit in string.digits for name in (digit, f"num_{digit}")},

@@ -231,7 +231,7 @@ try:
 except StopRequested:
     pass
 finally:
-    facts |= {"asked": stop.asked, "notes": requests.notes(), "paused": requests.paused,
+    facts |= {"asked": stop.is_requested, "notes": requests.notes(), "paused": requests.paused,
               "continue": requests.take_continue()}
     with open(sys.argv[1], "w") as file:
         json.dump(facts, file)

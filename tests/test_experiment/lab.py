@@ -13,7 +13,7 @@ from experiment.archive.disk import UNWAITED
 from experiment.archive.folders import SessionFolder
 from experiment.archive.history import replay
 from experiment.archive.journal import Journal, read_journal
-from experiment.hardware.noise import NoiseError, NoiseFacts, NoiseHealth
+from experiment.hardware.noise import NoiseDescription, NoiseError, NoiseHealth
 from experiment.hardware.safety import Purpose
 from experiment.hardware.setup import mock_device
 from experiment.integrity.sessions import examine
@@ -114,7 +114,7 @@ class FakeNoise:
         self.can_start = True
         self.calls: list[str] = []
         played = ok is not None
-        self.facts = NoiseFacts(
+        self.description = NoiseDescription(
             noise="pink" if played else "none",
             played=played,
             sha256="ab12" if played else None,

@@ -9,7 +9,6 @@ from itertools import pairwise
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import pytest
-
 from click.testing import CliRunner
 
 from device import LimitExceeded, LinkError, Outcome, Refusal
@@ -117,7 +116,7 @@ def test_where_no_operator_attends_the_session_stops_and_no_key_of_the_participa
 @pytest.mark.parametrize(("call", "number", "status"), [("ask", 3, "voided"), ("pause", 1, "ok")])
 def test_a_stop_from_outside_ends_a_wait(lab: Lab, call: str, number: int, status: str) -> None:
     def stop() -> None:
-        lab.stop.ask()
+        lab.stop.request()
 
     script: Script = {call: {number: stop}}
     assert not lab.begin(**script).finished

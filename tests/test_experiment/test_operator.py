@@ -71,9 +71,9 @@ def test_keys_are_commands_and_a_note_is_typed_until_enter() -> None:
     type_keys("n", "\n", "n", *"slip", "\x1b", "n", *"x" * 600, "\n")
     assert requests.paused
     assert requests.notes() == ("chair  moved, späť", "x" * view.MAX_NOTE_CHARACTERS)
-    stops = [stop.asked]
+    stops = [stop.is_requested]
     type_keys("s")
-    assert [*stops, stop.asked] == [False, True]
+    assert [*stops, stop.is_requested] == [False, True]
 
 
 def test_a_console_of_windows_gives_the_keys_that_other_terminals_give(

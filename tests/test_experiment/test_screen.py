@@ -112,10 +112,10 @@ def test_a_stop_or_a_closed_window_ends_every_wait(room: Room, *, close: bool) -
         lambda: room.pause(paused=False, minimum_s=100.0),
     )
     for wait in waits:
-        room.stop.asked, room.stage.closed = not close, close
+        room.stop.is_requested, room.stage.closed = not close, close
         with pytest.raises(StopRequested):
             wait()
-        assert room.stop.asked
+        assert room.stop.is_requested
 
 
 def test_the_last_page_waits_for_a_key_but_not_for_ever(room: Room) -> None:
