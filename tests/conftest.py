@@ -157,15 +157,6 @@ def pytest_addoption(parser: pytest.Parser) -> None:
         help="port or URL of a real device: tests/system/test_device_contract.py drives it. "
         "Its outputs go up to 200 Vpp: nobody may touch the plate.",
     )
-    parser.addoption(
-        "--device-command",
-        action="append",
-        default=[],
-        metavar="NAME=COMMAND",
-        help="run the contract of devices on what this command starts, once for each test: its "
-        "first line of output is the port or URL; {port} becomes 0 (any), {truth} the file for "
-        "what it emits, {rate} the sample rate",
-    )
 
 
 def pytest_configure(config: pytest.Config) -> None:

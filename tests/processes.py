@@ -25,10 +25,12 @@ if TYPE_CHECKING:
 
 EMULATORS = """
 import json, os, signal, sys
+from pathlib import Path
 import numpy as np
 from device import Limits, MonotonicClock, OutputStage
 from device.emulate.emulator import Emulator, Nature, Truth
 from device.emulate.faults import Faults, FaultScript
+from device.emulate.firmware import FirmwareLibrary
 from device.emulate.lines import PtyLine, TcpLine
 
 signal.signal(signal.SIGCHLD, signal.SIG_IGN)
@@ -41,6 +43,7 @@ for order in sys.stdin:
         limits=Limits(ceiling_vpp=200.0, min_interval_s=wish["min_interval_s"]),
         output=OutputStage(sample_rate_hz=wish["sample_rate_hz"]),
         baud=wish["baud"],
+        firmware=FirmwareLibrary(Path(wish["firmware"])) if wish["firmware"] else None,
     )
     line = PtyLine() if wish["kind"] == "pty" else TcpLine(0)
     faults = Faults(FaultScript.parse(wish["faults"]), np.random.default_rng(wish["seed"]))
@@ -60,6 +63,7 @@ USUAL_EMULATOR: dict[str, object] = {
     "volts": False,
     "sample_rate_hz": 48_000.0,
     "min_interval_s": 0.005,
+    "firmware": None,
 }
 
 HALT_AT = """

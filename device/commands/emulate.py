@@ -59,6 +59,7 @@ def emulate(
     ceiling_vpp: float | None,
     sample_rate_hz: float | None,
     serial_number: str | None,
+    firmware: Path | None,
     switch_open: bool,
     switch_stdin: bool,
     over_current_at_s: float | None,
@@ -91,6 +92,7 @@ def emulate(
                 ceiling_vpp=200.0 if ceiling_vpp is None else ceiling_vpp,
                 sample_rate_hz=48_000.0 if sample_rate_hz is None else sample_rate_hz,
                 serial_number=SERIAL_NUMBER if serial_number is None else serial_number,
+                firmware=firmware,
                 amplifier=Amplifier(
                     switch_open=switch_open,
                     sensed=not unsensed,
@@ -118,12 +120,14 @@ def _run_device(
     ceiling_vpp: float,
     sample_rate_hz: float,
     serial_number: str,
+    firmware: Path | None,
     amplifier: Amplifier,
     switch_stdin: bool,
 ) -> None:
     from device.clock import MonotonicClock
     from device.core.output import OutputStage
     from device.emulate.emulator import Emulator, Nature, Truth
+    from device.emulate.firmware import FirmwareLibrary
     from device.limits import Limits
 
     nature = Nature(
@@ -132,6 +136,7 @@ def _run_device(
         baud=baud,
         serial_number=serial_number,
         amplifier=amplifier,
+        firmware=None if firmware is None else FirmwareLibrary(firmware),
     )
     line = _line(tcp_port)
     emulator = Emulator(line, nature, faults, Truth(truth), MonotonicClock())

@@ -73,6 +73,13 @@ _OPTIONS = (
         metavar="S",
         help="Serial number of the device. Different numbers distinguish emulators.  [default: 1]",
     ),
+    click.option(
+        "--firmware",
+        type=click.Path(path_type=Path, dir_okay=False, exists=True),
+        metavar="LIBRARY",
+        help="Run the device logic in C from this library, which `make -C firmware library` "
+        "compiles, instead of the one in Python.",
+    ),
     click.option("--switch-open", is_flag=True, help="Start with the safety switch open."),
     click.option(
         "--switch-stdin",
@@ -113,7 +120,7 @@ def require_together(ctx: click.Context) -> None:
     """Reject options of a device for a generator, and of a generator for a device."""
     options = {option for option, value in ctx.params.items() if value not in (None, False)}
     device_options = (
-        *("baud", "ceiling_vpp", "sample_rate_hz", "serial_number"),
+        *("baud", "ceiling_vpp", "sample_rate_hz", "serial_number", "firmware"),
         *("switch_open", "switch_stdin", "over_current_at_s", "unsensed", "adc"),
     )
     excluded = device_options if "generator" in options else ("amplifier_gain",)

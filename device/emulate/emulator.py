@@ -26,12 +26,15 @@ from device.core.states import State
 from device.driver import Identity
 from device.emulate.amplifier import Amplifier
 from device.emulate.faults import Faults, Mishap
+from device.emulate.firmware import FirmwareEndpoint
 from device.wire.endpoint import Endpoint
 from device.wire.frames import MINOR, VERSION
 
 if TYPE_CHECKING:
     from device.clock import Clock
     from device.core.output import Emission, OutputStage
+    from device.core.reports import Measurement
+    from device.emulate.firmware import FirmwareLibrary
     from device.emulate.lines import Line
     from device.limits import Limits
 
@@ -98,6 +101,7 @@ class Truth:
 
 
 ABOUT: Final = About(firmware="tactstrip emulator")
+FIRMWARE_ABOUT: Final = About(firmware="tactstrip firmware 2.0 emulated")
 TICK_S: Final = 0.002
 """How late the device notices what is due by itself, such as its watchdog."""
 
@@ -121,7 +125,8 @@ class Nature:
     The limits are the device's own. A baud rate models a wire of 10 bits a byte, None one that
     takes no time. Its clock runs `drift_ppm` parts per million faster than the machine's. The
     serial number is 1 to 16 printable ASCII characters without a comma. Behind it hangs an
-    amplifier.
+    amplifier. With `firmware` the core in C runs instead of the one in Python; it has the limits
+    that are compiled in, and the ceiling must be theirs.
 
     >>> from device.core.output import OutputStage
     >>> from device.limits import Limits
@@ -135,8 +140,14 @@ class Nature:
     drift_ppm: float = 0.0
     serial_number: str = SERIAL_NUMBER
     amplifier: Amplifier = field(default_factory=Amplifier)
+    firmware: FirmwareLibrary | None = None
 
     def __post_init__(self) -> None:
+        if self.firmware is not None and self.firmware.ceiling_vpp != self.limits.ceiling_vpp:
+            raise ValueError(
+                f"ceiling_vpp must be {self.firmware.ceiling_vpp:g}, as compiled into the "
+                f"firmware; got {self.limits.ceiling_vpp:g}"
+            )
         require_real("ceiling_vpp", self.limits.ceiling_vpp, least=0.001, most=_LARGEST)
         require_real("sample_rate_hz", self.output.sample_rate_hz, least=0.001, most=_LARGEST)
         if self.baud is not None:
@@ -300,17 +311,17 @@ class Emulator:
         rate = 1.0 + self._nature.drift_ppm * 1e-6
         return int((self._clock.now_s() - self._began_s) * rate * 1e6)
 
-    def _power_up(self) -> Endpoint:
+    def _power_up(self) -> Endpoint | FirmwareEndpoint:
         boot_id = secrets.randbits(63)
+        endpoint = self._make_endpoint(boot_id)
+        endpoint.core.advance(self._now_us())
+        self._sensed = self._nature.amplifier.sensed_at(self._now_us() / 1e6)
+        endpoint.core.sense(self._now_us(), self._sensed)
+        self._truth.note(self._now_us() / 1e6, "boot", boot_id=boot_id, began_s=self._began_s)
+        return endpoint
+
+    def _make_endpoint(self, boot_id: int) -> Endpoint | FirmwareEndpoint:
         limits, output = self._nature.limits, self._nature.output
-        core = DeviceCore(
-            boot_id=boot_id,
-            limits=limits,
-            output=output,
-            sink=self._truth.note_burst,
-            measure=lambda burst: self._nature.amplifier.seen(burst, self._missed),
-            about=ABOUT,
-        )
         identity = Identity(
             model="emulator",
             serial_number=self._nature.serial_number,
@@ -323,8 +334,23 @@ class Emulator:
             longest_waveform=limits.longest_waveform,
             emulated=True,
         )
-        core.advance(self._now_us())
-        self._sensed = self._nature.amplifier.sensed_at(self._now_us() / 1e6)
-        core.sense(self._now_us(), self._sensed)
-        self._truth.note(self._now_us() / 1e6, "boot", boot_id=boot_id, began_s=self._began_s)
+        if self._nature.firmware is not None:
+            return FirmwareEndpoint(
+                self._nature.firmware,
+                identity=identity,
+                about=FIRMWARE_ABOUT,
+                sink=self._truth.note_burst,
+                measure=self._measure,
+            )
+        core = DeviceCore(
+            boot_id=boot_id,
+            limits=limits,
+            output=output,
+            sink=self._truth.note_burst,
+            measure=self._measure,
+            about=ABOUT,
+        )
         return Endpoint(core, identity)
+
+    def _measure(self, burst: Emission) -> Measurement | None:
+        return self._nature.amplifier.seen(burst, self._missed)

@@ -6,67 +6,11 @@
 #define DEVICE_H
 
 #include "limits.h"
+#include "wire_numbers.h"
 
 #include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
-
-/* By their numbers on the wire. */
-enum state {
-    STATE_IDLE = 0,
-    STATE_LOADED = 1,
-    STATE_LIVE = 2,
-    STATE_ARMED = 3,
-    STATE_FIRED = 4,
-    STATE_SAFE = 5,
-};
-
-enum refusal {
-    DONE = 0,
-    BAD_SLOT = 1,
-    EMPTY_SLOT = 2,
-    WAVEFORM_EMPTY = 3,
-    WAVEFORM_TOO_LONG = 4,
-    OUT_OF_RANGE = 7,
-    EDGES_NOT_ZERO = 8,
-    DC = 9,
-    CEILING = 10,
-    BAD_TOKEN = 12,
-    TOKEN_SPENT = 13,
-    WRONG_TOKEN = 14,
-    NOT_ARMED = 15,
-    EXPIRED = 16,
-    ABORTED = 17,
-    ALREADY_ARMED = 18,
-    BUSY = 19,
-    LEAST_INTERVAL = 20,
-    DUTY = 21,
-    BAD_TIME_TO_LIVE = 22,
-    SAFE_STATE = 23,
-    NOT_ENABLED = 24,
-    NOTHING_LOADED = 25,
-    WRONG_BOOT = 28,
-    BAD_UPLOAD = 29,
-    BAD_MESSAGE = 30,
-    STALE = 31,
-    AMPLIFIER_OFF = 32,
-    MEMORY_FULL = 33,
-};
-
-enum fate {
-    FATE_UNKNOWN = 0,
-    FATE_NEVER_ARMED = 1,
-    FATE_ARMED = 2,
-    FATE_FIRED = 3,
-    FATE_EXPIRED = 4,
-    FATE_ABORTED = 5,
-};
-
-/* Bits of what is known of the amplifier. */
-enum health { AMPLIFIER_ENABLED = 1, SWITCH_CLOSED = 2, OVER_CURRENT = 4 };
-
-enum tap { TAP_NONE = 0, TAP_LINE = 1, TAP_AMPLIFIER = 2, TAP_CURRENT = 3, TAP_MOTION = 4 };
-enum unit { UNIT_NONE = 0, UNIT_MILLIVOLT = 1, UNIT_MICROAMPERE = 2, UNIT_NANOMETRE = 3 };
 
 /* What a monitor saw of one burst; peaks are magnitudes, correlations in 1e-4. */
 struct measured {

@@ -3,25 +3,6 @@
 #include <assert.h>
 #include <string.h>
 
-enum kind {
-    HELLO = 0x01,
-    PING = 0x02,
-    LIMITS = 0x03,
-    HEALTH = 0x04,
-    BEGIN = 0x10,
-    DATA = 0x11,
-    COMMIT = 0x12,
-    LEVEL = 0x20,
-    OUTPUT = 0x21,
-    ARM = 0x22,
-    DISARM = 0x23,
-    FIRE = 0x24,
-    QUERY = 0x25,
-    MEASURED = 0x26,
-    STOP = 0x30,
-    BEAT = 0x31,
-};
-
 #define HEAD_SIZE 18U /* of an answer */
 #define BOOT_ID_SIZE 8U
 #define LINE_SIZE (9U + 1U + NAME_SIZE + 1U + NAME_SIZE + 1U + 12U + 1U)

@@ -29,8 +29,6 @@
 #define LONGEST_UPLOAD (2U * CHANNELS * LONGEST_WAVEFORM)
 #define PIECES ((LONGEST_UPLOAD + LONGEST_DATA - 1U) / LONGEST_DATA)
 
-enum entropy { ENTROPY_NONE = 0, ENTROPY_SYSTEM = 1, ENTROPY_HARDWARE = 2, ENTROPY_GIVEN = 3 };
-
 /* What a device says of itself; texts are filled up with zeros. */
 struct about {
     char model[NAME_SIZE];

@@ -2,24 +2,36 @@
 
 Inputs are what a host, a bad line and an amplifier do: most questions are what a host would ask
 next, for only these come far.
+
+`python -m tests.system.differential LIBRARY FIRST COUNT` compares COUNT power cycles from the seed
+FIRST on; the library is compiled with the limits of `make_small_library`.
 """
 
 from __future__ import annotations
 
+import json
+import re
+import struct
+import sys
+import time
 import zlib
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, TypeVar
 
 import numpy as np
 from cobs import cobs
 
 from device import Emission, Health
-from tests.system.firmware import READING, LastBurst, Server, limits_of, make, require_tools
+from device.emulate.firmware import FirmwareLibrary
+from tests.system.firmware import firmware_device, limits_of, make, require_tools
 from tests.test_device.golden import Reader, device_of, measurement_of
 from tests.test_device.wire import fields_of, question, upload_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
-    from pathlib import Path
+
+    from device.emulate.firmware import FirmwareEndpoint
+    from device.wire.endpoint import Endpoint
 
 _One = TypeVar("_One")
 
@@ -199,85 +211,109 @@ class Host:
         return self._of(changed) if self._one_in(20) else frame
 
 
-class Reference:
-    """The core in Python behind the same operations."""
+_READING: Final = struct.Struct("<BBIIIIHH")
+"""MEASURED without its token."""
+_PIECE: Final = re.compile(rb"[^\0]*\0?")
+"""Bytes up to a delimiter, which complete a frame or a line of text, but not both."""
 
-    def __init__(self, device: Mapping[str, Any]) -> None:
+
+class Device:
+    """A core, in Python or in C, behind the operations of a `Host`."""
+
+    def __init__(self, make_device: Callable[[Reader, Callable[[Emission], None]], Any]) -> None:
         self._reader = Reader()
-        self._emitted: Emission | None = None
-        self._crc = (0, 0)
-        self._rail_v = device["ceiling_vpp"] / 2
-        self._endpoint = device_of(
-            device, self._reader, self._emit, history=HISTORY, rail_v=self._rail_v
+        self._emissions: list[Emission] = []
+        self._endpoint: Endpoint | FirmwareEndpoint = make_device(
+            self._reader, self._emissions.append
         )
-        self._core = self._endpoint.core
 
-    def _emit(self, burst: Emission) -> None:
-        self._emitted = burst
-
-    def take(self, operation: str, now_us: int, some: bytes) -> tuple[bytes, LastBurst]:
-        """Return what is answered, and the last burst."""
-        answer = b""
-        self._core.advance(now_us)  # as an emulator does, and server.c, whatever arrives
+    def take(self, operation: str, now_us: int, octets: bytes) -> list[bytes]:
+        """Return the answer to each piece of what arrives."""
+        self._endpoint.core.advance(now_us)
         if operation == "R":
-            answer = self._endpoint.receive(now_us, some)
-        elif operation == "H":
+            pieces = filter(None, _PIECE.findall(octets))
+            return [self._endpoint.receive(now_us, piece) for piece in pieces]
+        if operation == "H":
             self._endpoint.hang_up(now_us)
         elif operation == "S":
-            self._core.sense(now_us, Health.of_bits(reported_bits=some[0], set_bits=some[1]))
+            health = Health.of_bits(reported_bits=octets[0], set_bits=octets[1])
+            self._endpoint.core.sense(now_us, health)
         else:
-            self._reader.reading = measurement_of(READING.unpack(some)) if some else None
-        return answer, self._burst()
+            reading = measurement_of(_READING.unpack(octets)) if octets else None
+            self._reader.reading = reading
+        return []
 
-    def _burst(self) -> LastBurst:
-        last = self._core._last
-        if last is None:
-            return LastBurst(0, 0, 0, 0, 0, 0, 0)
-        if last.token != self._crc[0]:
-            full = 2 ** (self._core.output.bits - 1) - 1
-            volts = np.concatenate((last.left_v, last.right_v))
-            steps = np.rint(volts * full / self._rail_v).astype("<i4")
-            self._crc = last.token, zlib.crc32(steps.tobytes())
-        ended = self._emitted
-        cut = ended is not None and ended.token == last.token and ended.cut_us is not None
-        levels = round(last.level_left_vpp * 1000), round(last.level_right_vpp * 1000)
-        return LastBurst(
-            last.token, last.start_us, last.duration_us, *levels, int(cut), self._crc[1]
+    def output(self) -> tuple[Any, ...]:
+        """Return the state, the burst that plays, and those that ended since the last call."""
+        ended = [emission_facts(emission) for emission in self._emissions]
+        self._emissions.clear()
+        return (
+            self._endpoint.core.state,
+            emission_facts(self._endpoint.core.playing),
+            ended,
         )
 
 
-def small_server(folder: Path) -> Server:
-    """Return the firmware with the limits that `compare` needs, with sanitizers."""
+def emission_facts(burst: Emission | None) -> tuple[Any, ...]:
+    """Return a burst as a value that can be compared, to the last bit of each sample."""
+    if burst is None:
+        return ()
+    return (
+        burst.token,
+        burst.start_us,
+        burst.cut_us,
+        burst.level_left_vpp,
+        burst.level_right_vpp,
+        np.stack((burst.left_v, burst.right_v)).tobytes(),
+    )
+
+
+def make_small_library(folder: Path, *, sanitize: str = "") -> Path:
+    """Compile the firmware with the limits that `compare` needs; return the library."""
     require_tools("gcc", "make")
-    make(folder, "server", sanitize=True, HISTORY=HISTORY, **limits_of(DEVICE))
-    return Server(folder / "server")
+    limits = limits_of(DEVICE) | {"HISTORY": HISTORY}
+    return make(folder, "library", sanitize=sanitize, **limits) / "firmware.so"
 
 
-def compare(server: Server, seed: int, steps: int = STEPS) -> set[tuple[int, int]]:
-    """Give both one power cycle; return the types of questions with the refusals that were told.
+def compare(library: FirmwareLibrary, seed: int, steps: int = STEPS) -> set[tuple[int, int]]:
+    """Give both cores one power cycle; return the types of questions with their refusals.
 
     Raises AssertionError with the seed and the number of the input where they differ.
     """
-    host, reference, script = Host(seed, DEVICE), Reference(DEVICE), []
-    server.switch_on(DEVICE)
-    for _ in range(steps):
-        operation, now_us, some = host.next()
-        script.append((operation, now_us, some, *reference.take(operation, now_us, some)))
-        if operation == "M":
-            server.read_from_now_on(now_us, READING.unpack(some) if some else None)
-        elif operation == "S":
-            server.sense(now_us, *some)
-        elif operation == "H":
-            server.hang_up(now_us)
-        else:
-            server.receive(now_us, some)
+    host = Host(seed, DEVICE)
+    rail_v = DEVICE["ceiling_vpp"] / 2
+    reference = Device(lambda *ends: device_of(DEVICE, *ends, history=HISTORY, rail_v=rail_v))
+    firmware = Device(lambda *ends: firmware_device(library, DEVICE, *ends))
     met = set()
-    for number, (step, told) in enumerate(zip(script, server.told(), strict=True)):
-        operation, now_us, some, answer, burst = step
-        where = f"seed {seed}, input {number}: {operation} at {now_us} us: {some.hex(' ')}"
-        assert told.frames + told.text == answer, f"{where}\n C: {told}\nPy: {answer.hex(' ')}"
-        assert told.burst == burst, f"{where}\n C: {told.burst}\nPy: {burst}"
-        if told.frames:
-            body = cobs.decode(told.frames.split(b"\0", 2)[1])
-            met.add((body[1] - 0x80, body[4]))
+    for number in range(steps):
+        operation, now_us, octets = host.next()
+        expected = reference.take(operation, now_us, octets), reference.output()
+        got = firmware.take(operation, now_us, octets), firmware.output()
+        where = f"seed {seed}, input {number}: {operation} at {now_us} us: {octets.hex(' ')}"
+        assert got == expected, f"{where}\n C: {got}\nPy: {expected}"
+        for answer in got[0]:
+            if answer.startswith(b"\0"):
+                body = cobs.decode(answer.split(b"\0", 2)[1])
+                met.add((body[1] - 0x80, body[4]))
     return met
+
+
+def main(path: str, first: int, count: int) -> None:
+    """Compare power cycles, and print how many inputs were given in which time."""
+    library, began_s = FirmwareLibrary(Path(path)), time.monotonic()
+    met = set[tuple[int, int]]()
+    for seed in range(first, first + count):
+        met |= compare(library, seed)
+    print(
+        json.dumps(
+            {
+                "inputs": count * STEPS,
+                "seconds": round(time.monotonic() - began_s),
+                "met": sorted(met),
+            }
+        )
+    )
+
+
+if __name__ == "__main__":
+    main(sys.argv[1], int(sys.argv[2]), int(sys.argv[3]))

@@ -1,26 +1,35 @@
-"""The firmware in C behind a pipe (firmware/check/server.c): asked at any device time."""
+"""The firmware in C: compiled with given limits, run in this process, and under QEMU."""
 
 from __future__ import annotations
 
 import shutil
-import struct
 import subprocess
-from contextlib import contextmanager
-from dataclasses import dataclass
+import sys
 from pathlib import Path
-from typing import IO, TYPE_CHECKING, Any, Final, NamedTuple, Self
+from typing import TYPE_CHECKING, Any, Final
 
+import numpy as np
+
+from device import Emission
+from device.core.reports import About, Entropy
+from device.emulate.firmware import FirmwareEndpoint
 from tests.processes import require
+from tests.test_device import rigs
+from tests.test_device.bursts import identity
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
+    from collections.abc import Callable, Iterator, Mapping
+
+    import pytest
+
+    from device.emulate.firmware import FirmwareLibrary
+    from tests.test_device.golden import Reader
 
 FIRMWARE: Final = Path(__file__).parents[2] / "firmware"
-
-_RECORD = struct.Struct("<cQH")
-_SIZE = struct.Struct("<I")
-_BURST = struct.Struct("<QQQIIBI3x")
-READING = struct.Struct("<BBIIIIHH")
+IDENTITY: Final = (
+    *("model", "serial_number", "boot_id", "sample_rate_hz"),
+    *("bits", "ceiling_vpp", "longest_waveform", "emulated"),
+)
 
 
 def require_tools(*tools: str) -> None:
@@ -28,17 +37,17 @@ def require_tools(*tools: str) -> None:
     require("firmware", [tool for tool in tools if shutil.which(tool) is None])
 
 
-def make(folder: Path, target: str, *, sanitize: bool = False, **limits: int) -> Path:
+def make(folder: Path, target: str, *, sanitize: str = "", **limits: int) -> Path:
     """Make a target of firmware/Makefile in a folder, with limits of firmware/hal/limits.h."""
-    subprocess.run(making(folder, target, sanitize=sanitize, **limits), check=True)
+    subprocess.run(make_command(folder, target, sanitize=sanitize, **limits), check=True)
     return folder
 
 
-def making(folder: Path, target: str, *, sanitize: bool = False, **limits: int) -> list[str]:
+def make_command(folder: Path, target: str, *, sanitize: str = "", **limits: int) -> list[str]:
     """Return the command that makes a target."""
     defines = " ".join(f"-D{name}={value}U" for name, value in limits.items())
     command = ["make", "--silent", "-C", str(FIRMWARE), f"BUILD={folder}", f"DEFINES={defines}"]
-    return [*command, *(["SANITIZE=1"] if sanitize else []), target]
+    return [*command, f"PYTHON={sys.executable}", f"SANITIZE={sanitize}", target]
 
 
 def limits_of(device: Mapping[str, Any]) -> dict[str, int]:
@@ -51,108 +60,72 @@ def limits_of(device: Mapping[str, Any]) -> dict[str, int]:
     return {name.upper(): device[name] for name in names} | {"CEILING_MVPP": ceiling_mvpp}
 
 
-class LastBurst(NamedTuple):
-    """The last burst: when, how loud, and a checksum of what the converter was given."""
-
-    token: int
-    start_us: int
-    duration_us: int
-    left_mvpp: int
-    right_mvpp: int
-    cut: int
-    crc: int
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Told:
-    """What the firmware answered: frames, text, and its last burst."""
-
-    frames: bytes
-    text: bytes
-    burst: LastBurst
+def firmware_device(
+    library: FirmwareLibrary,
+    device: Mapping[str, Any],
+    reader: Reader,
+    sink: Callable[[Emission], None],
+) -> FirmwareEndpoint:
+    """Return the firmware as a device of tests/test_device/golden_frames.json, switched on."""
+    entropy = tuple(Entropy)[device["entropy"]]
+    return FirmwareEndpoint(
+        library,
+        identity=identity(**{name: device[name] for name in IDENTITY}),
+        about=About(firmware=device["firmware"], entropy=entropy),
+        sink=sink,
+        measure=reader,
+    )
 
 
-class Server:
-    """A process of firmware/check/server.c."""
+def firmware_rig(request: pytest.FixtureRequest) -> rigs.Rig:
+    """Return a rig around the emulator that runs the core in C."""
+    require_tools("gcc", "make")
+    folder = make(request.getfixturevalue("firmware_build"), "library", sanitize="undefined")
+    return rigs.emulator_rig("tcp", firmware=str(folder / "firmware.so"))(request)
 
-    def __init__(self, program: Path) -> None:
-        self._process = subprocess.Popen([program], stdin=subprocess.PIPE, stdout=subprocess.PIPE)
-        self._to, self._from = _pipe(self._process.stdin), _pipe(self._process.stdout)
-        self._asked = 0
 
-    def __enter__(self) -> Self:
-        return self
+def qemu_rig(request: pytest.FixtureRequest) -> rigs.Rig:
+    """Return a rig around the firmware under QEMU."""
+    require_tools("arm-none-eabi-gcc", "qemu-system-arm", "make")
+    image = make(request.getfixturevalue("firmware_build"), "qemu") / "tactstrip-qemu.elf"
+    truth: Path = request.getfixturevalue("tmp_path") / "truth.txt"
+    command = [sys.executable, str(FIRMWARE / "hal/qemu/run.py"), "--image", str(image)]
+    command += ["--truth", str(truth), "--rate", str(round(rigs.EMULATED_RATE_HZ))]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
 
-    def __exit__(self, *_: object) -> None:
-        self._to.close()
-        assert self._process.wait() == 0
-        self._from.close()
+    def end() -> None:
+        process.kill()
+        process.communicate()
 
-    def switch_on(self, device: Mapping[str, Any]) -> None:
-        """Begin a power cycle of a device as tests/test_device/golden_frames.json describes one."""
-        names = (device[name].encode() for name in ("model", "serial_number", "firmware"))
-        rate_mhz = round(1000 * device["sample_rate_hz"])
-        numbers = device["boot_id"], rate_mhz, device["entropy"], device["emulated"]
-        about = struct.pack("<16s16s32sQIBB", *names, *numbers)
-        self._put(b"B", 0, about)
+    request.addfinalizer(end)
+    assert process.stdout is not None
+    port = process.stdout.readline().strip()
+    return rigs.process_rig(port, lambda: tuple(read_qemu_truth(truth)))
 
-    def receive(self, now_us: int, octets: bytes) -> None:
-        self._ask(b"R", now_us, octets)
 
-    def hang_up(self, now_us: int) -> None:
-        self._ask(b"H", now_us, b"")
+FIRMWARE_RIGS: Final[rigs.Rigs] = {"firmware": firmware_rig, "qemu": qemu_rig}
+"""The core in C: on this machine behind the emulator, and as an image for a processor."""
 
-    def sense(self, now_us: int, known: int, set_bits: int) -> None:
-        self._ask(b"S", now_us, bytes((known, set_bits)))
+RAIL_V: Final = 100.0
+"""Volts of the full scale of the image's converter."""
 
-    def read_from_now_on(self, now_us: int, reading: Sequence[int] | None) -> None:
-        """Have a monitor see this of every burst that ends: MEASURED without its token."""
-        self._ask(b"M", now_us, b"" if reading is None else READING.pack(*reading))
 
-    def told(self) -> list[Told]:
-        """Return the answers to all that was asked since the last call."""
-        self._put(b"F", 0, b"")
-        self._to.flush()
-        told = [self._next() for _ in range(self._asked)]
-        self._asked = 0
-        return told
-
-    def _next(self) -> Told:
-        frames, text = self._sized(), self._sized()
-        return Told(
-            frames=frames, text=text, burst=LastBurst(*_BURST.unpack(self._read(_BURST.size)))
+def read_qemu_truth(truth: Path) -> Iterator[Emission]:
+    """Return the bursts that hal/qemu/main.c wrote down, cut where they were cut."""
+    lines = truth.read_text(encoding="ascii").splitlines()
+    cuts_us = {line[1:17]: int(line[17:33], 16) for line in lines if line.startswith("c")}
+    for line in lines:
+        if not line.startswith("b"):
+            continue
+        steps = np.frombuffer(bytes.fromhex(line[49:]), dtype=">i2").reshape(2, -1)
+        left_v, right_v = steps * RAIL_V / 32_767
+        burst = Emission(
+            token=int(line[1:17], 16),
+            start_us=int(line[17:33], 16),
+            left_v=left_v,
+            right_v=right_v,
+            level_left_vpp=int(line[33:41], 16) / 1000,
+            level_right_vpp=int(line[41:49], 16) / 1000,
+            sample_rate_hz=rigs.EMULATED_RATE_HZ,
         )
-
-    def _sized(self) -> bytes:
-        (size,) = _SIZE.unpack(self._read(_SIZE.size))
-        return self._read(size)
-
-    def _read(self, size: int) -> bytes:
-        octets = self._from.read(size)
-        if len(octets) < size:
-            raise RuntimeError(f"the firmware ended with {self._process.wait()}")
-        return octets
-
-    def _ask(self, operation: bytes, now_us: int, octets: bytes) -> None:
-        self._put(operation, now_us, octets)
-        self._asked += 1
-
-    def _put(self, operation: bytes, now_us: int, octets: bytes) -> None:
-        self._to.write(_RECORD.pack(operation, now_us, len(octets)) + octets)
-
-
-def _pipe(pipe: IO[bytes] | None) -> IO[bytes]:
-    assert pipe is not None
-    return pipe
-
-
-@contextmanager
-def running(*command: str) -> Iterator[tuple[subprocess.Popen[str], str]]:
-    """Have a firmware run: its process and its port."""
-    pipe = subprocess.PIPE
-    with subprocess.Popen(command, stdin=pipe, stdout=pipe, text=True) as process:
-        assert process.stdout is not None
-        try:
-            yield process, process.stdout.readline().strip()
-        finally:
-            process.kill()
+        yield burst.cut(cuts_us[line[1:17]]) if line[1:17] in cuts_us else burst

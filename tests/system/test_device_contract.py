@@ -1,13 +1,14 @@
-"""The contract of devices, behind real lines and on whatever the command line names.
+"""The contract of devices, behind real lines, on the firmware, and on what the command line names.
 
-With ``--device-command`` on what a command starts, such as firmware, with ``--device-url`` on real
-hardware, with ``--driver NAME --port P`` on an installed driver of a lab's own.
+With ``--device-url`` on real hardware, with ``--driver NAME --port P`` on an installed driver of a
+lab's own.
 """
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from tests.system.firmware import FIRMWARE_RIGS
 from tests.test_device import rigs
 from tests.test_device.contract import DeviceContract
 
@@ -18,4 +19,4 @@ if TYPE_CHECKING:
 class TestContract(DeviceContract):
     @staticmethod
     def implementations(config: pytest.Config) -> rigs.Rigs:
-        return rigs.EMULATED | rigs.given_rigs(config)
+        return rigs.EMULATED | FIRMWARE_RIGS | rigs.given_rigs(config)

@@ -121,7 +121,9 @@ class InProcess:
 
     def stored(self, slot: int) -> CodeArray:
         """Return the codes of a slot, shape (2, n)."""
-        return self.emulator._endpoint.core._slots[slot].codes
+        core = self.emulator._endpoint.core
+        assert isinstance(core, DeviceCore)
+        return core._slots[slot].codes
 
     def wait(self, duration_s: float) -> None:
         """Let time pass."""

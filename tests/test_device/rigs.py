@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import base64
 import json
-import shlex
-import subprocess
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Final, TypeAlias
 
@@ -134,48 +132,27 @@ def emission_of(event: dict[str, Any]) -> Emission:
     )
 
 
-def emulator_rig(kind: str) -> MakeRig:
+def emulator_rig(kind: str, **settings: object) -> MakeRig:
     def make(request: pytest.FixtureRequest) -> Rig:
         emulate = request.getfixturevalue("emulate")
         port, truth, _ = emulate(
-            kind, volts=True, sample_rate_hz=EMULATED_RATE_HZ, min_interval_s=0.01
+            kind, volts=True, sample_rate_hz=EMULATED_RATE_HZ, min_interval_s=0.01, **settings
         )
-        return process_rig(port, truth)
+        return process_rig(port, lambda: read_truth(truth))
 
     return make
 
 
-def process_rig(port: str, truth: Path) -> Rig:
-    """Return a rig around a device that writes down what it emits."""
+def process_rig(port: str, read_bursts: Callable[[], tuple[Emission, ...]]) -> Rig:
+    """Return a rig around a device that writes down what it emits, and how that is read."""
     link = link_to(port)
 
     def emitted() -> tuple[Emission, ...]:
         if link.state is not State.CLOSED:
             link.exchange(message("PING"))
-        return read_truth(truth)
+        return read_bursts()
 
     return real_rig(HostDriver(link, limits=LIMITS, clock=MonotonicClock()), link, emitted)
-
-
-def command_rig(command: str) -> MakeRig:
-    """Return what starts a command, which ends with the test, and a rig around its device."""
-
-    def make(request: pytest.FixtureRequest) -> Rig:
-        truth: Path = request.getfixturevalue("tmp_path") / "truth.jsonl"
-        words = shlex.split(command.format(port=0, truth=truth, rate=round(EMULATED_RATE_HZ)))
-        process = subprocess.Popen(words, stdout=subprocess.PIPE, text=True)
-
-        def end() -> None:
-            process.kill()
-            process.communicate()
-
-        request.addfinalizer(end)
-        assert process.stdout is not None
-        port = process.stdout.readline().strip()
-        assert port, f"the first line of {words[0]} must be its port or URL"
-        return process_rig(port, truth)
-
-    return make
 
 
 class FreshTokens(HostDriver):
@@ -283,10 +260,8 @@ def own_rig(request: pytest.FixtureRequest) -> Rig:
 
 def given_rigs(config: pytest.Config) -> Rigs:
     """Return the rigs that the command line asks for, by name."""
-    commands = (option.partition("=") for option in config.getoption("--device-command"))
-    rigs = {name: command_rig(command) for name, _, command in commands}
     lab = {"--device-url": hardware_rig, "--driver": own_rig}
-    return rigs | {option: rig for option, rig in lab.items() if config.getoption(option)}
+    return {option: rig for option, rig in lab.items() if config.getoption(option)}
 
 
 VIRTUAL: Final[Rigs] = {

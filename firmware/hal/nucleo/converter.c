@@ -110,7 +110,7 @@ void converter_init(void) {
     DMAMUX_CCR(TO_RIGHT) = REQUEST_DAC2_CH1;
     DMAMUX_CCR(FROM_INPUTS) = REQUEST_ADC1;
     NVIC_IPR(DMA1_CHANNEL1_IRQ) = LATER;
-    NVIC_ISER(0) = 1U << DMA1_CHANNEL1_IRQ;
+    cortex_enable_interrupt(DMA1_CHANNEL1_IRQ);
 }
 
 static void feed(uint32_t channel, uint32_t dac, uint16_t *buffer, uint32_t interrupts) {

@@ -9,7 +9,7 @@
  */
 #include "../../core/endpoint.h"
 #include "../../monitor/monitor.h"
-#include "../startup.h"
+#include "../cortex.h"
 #include "converter.h"
 #include "registers.h"
 
@@ -18,7 +18,6 @@
 #define CLOCK_HZ 144000000U
 #define BAUD 115200U
 #define RATE_MHZ 48000000U
-#define RING 4096U /* of bytes received: far more than a window of DATA */
 #define PIN_ENABLE 8U
 #define PIN_SWITCH 9U
 #define PIN_OVER_CURRENT 10U
@@ -36,17 +35,11 @@
 static struct endpoint endpoint;
 static struct monitor monitor;
 static bool is_recording; /* what comes behind the last sample of a burst */
-static volatile uint8_t ring[RING];
-static volatile uint32_t received;
-static uint32_t taken;
 static volatile bool over_current; /* since the loop last looked */
-
-void systick_handler(void) {} /* wakes the loop, which does what is due */
 
 static void usart2_handler(void) {
     while ((USART2_ISR & USART_ISR_RXNE) != 0U) {
-        ring[received % RING] = (uint8_t)USART2_RDR;
-        received++;
+        cortex_keep((uint8_t)USART2_RDR);
     }
 }
 
@@ -115,7 +108,7 @@ static void start_pins(void) {
     set_pin(6, ANALOG, 0);
     EXTI_RTSR1 = 1U << PIN_OVER_CURRENT;
     EXTI_IMR1 |= 1U << PIN_OVER_CURRENT;
-    NVIC_ISER(EXTI15_10_IRQ / 32U) = 1U << (EXTI15_10_IRQ % 32U);
+    cortex_enable_interrupt(EXTI15_10_IRQ);
     GPIOA_AFRL = (GPIOA_AFRL & ~0xFF00U) | (SERIAL << 8) | (SERIAL << 12);
     set_pin(2, ALTERNATE, 0);
     set_pin(3, ALTERNATE, PULL_UP);
@@ -128,15 +121,14 @@ static void start_timers(void) {
     TIM2_ARR = 0xFFFFFFFFU;
     TIM2_EGR = TIM_EGR_UG;
     TIM2_CR1 = TIM_CR1_CEN;
-    SYSTICK_RELOAD = CLOCK_HZ / 1000U - 1U;
-    SYSTICK_CTRL = 7U;
+    cortex_start_tick(CLOCK_HZ);
 }
 
 static void start_line(void) {
     USART2_BRR = CLOCK_HZ / BAUD;
     USART2_CR3 = USART_CR3_OVRDIS;
     USART2_CR1 = USART_CR1_UE | USART_CR1_RE | USART_CR1_TE | USART_CR1_RXNEIE;
-    NVIC_ISER(USART2_IRQ / 32U) = 1U << (USART2_IRQ % 32U);
+    cortex_enable_interrupt(USART2_IRQ);
 }
 
 /* RM0440, 26: a number that comes with a fault is no number. */
@@ -166,11 +158,7 @@ static void write_serial_number(char text[NAME_SIZE]) {
     }
 }
 
-static uint64_t clock_us(void) {
-    static uint64_t now_us;
-    now_us += (uint32_t)(TIM2_CNT - (uint32_t)now_us);
-    return now_us;
-}
+static uint64_t clock_us(void) { return cortex_time_us(TIM2_CNT); }
 
 static void sense(void) {
     static uint8_t before = 0xFFU;
@@ -288,11 +276,11 @@ static void send(const uint8_t *bytes, size_t size) {
 /* What arrived, at most a frame: however much comes, what is measured goes on. */
 static void take_frame(void) {
     size_t size = 0;
-    for (uint32_t i = 0; i < LONGEST_FRAME && size == 0U && received != taken; i++) {
+    uint8_t byte;
+    for (uint32_t i = 0; i < LONGEST_FRAME && size == 0U && cortex_take(&byte); i++) {
         uint8_t answer[LONGEST_ANSWER];
         turn(clock_us());
-        size = endpoint_receive(&endpoint, ring[taken % RING], answer);
-        taken++;
+        size = endpoint_receive(&endpoint, byte, answer);
         drive();
         send(answer, size);
     }
@@ -317,11 +305,9 @@ int main(void) {
     over_current = false; /* the edge of the pull; a fault that stays is seen as a level */
     start_line();
     for (;;) {
-        __asm__ volatile("cpsid i" ::: "memory");
-        if (received == taken && !endpoint.device.is_measuring) {
-            __asm__ volatile("wfi");
+        if (!endpoint.device.is_measuring) {
+            cortex_sleep();
         }
-        __asm__ volatile("cpsie i" ::: "memory");
         turn(clock_us());
         measure(clock_us());
         take_frame();

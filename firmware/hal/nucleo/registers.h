@@ -6,9 +6,9 @@
 #ifndef REGISTERS_H
 #define REGISTERS_H
 
-#include <stdint.h>
+#include "../cortex.h"
 
-#define REGISTER(address) (*(volatile uint32_t *)(address))
+#include <stdint.h>
 
 /* Reset and clock control */
 #define RCC_CR REGISTER(0x40021000U)
@@ -144,7 +144,6 @@
 #define ADC_CR_ADSTART (1U << 2)
 #define ADC_CR_ADSTP (1U << 4)
 #define ADC_CR_ADVREGEN (1U << 28)
-#define ADC_CR_DEEPPWD (1U << 29)
 #define ADC_CR_ADCAL (1U << 31)
 #define ADC_CFGR_EXTSEL_TIM6 (13U << 5)
 #define ADC_CFGR_EXTEN_RISING (1U << 10)
@@ -166,9 +165,6 @@
 #define CHIP_NUMBER(word) REGISTER(0x1FFF7590U + 4U * (word))
 
 /* The core: ARMv7-M Architecture Reference Manual, B3 */
-#define NVIC_ISER(word) REGISTER(0xE000E100U + 4U * (word))
 #define NVIC_IPR(interrupt) (*(volatile uint8_t *)(0xE000E400U + (interrupt)))
-#define SYSTICK_CTRL REGISTER(0xE000E010U)
-#define SYSTICK_RELOAD REGISTER(0xE000E014U)
 
 #endif
