@@ -130,110 +130,8 @@ class FirmwareLibrary:
         c.library_samples.argtypes = [pointer]
 
 
-class FirmwareCore:
-    """One power cycle of the firmware, with the interface of `DeviceCore` that an emulator uses.
-
-    Parameters
-    ----------
-    library : FirmwareLibrary
-        The compiled firmware.
-    device : int
-        Address of its `struct device`.
-    sample_rate_hz : float
-        Sample rate of the converter.
-    sink : callable
-        Is given each `Emission` once, when it is over.
-    measure : callable
-        Returns what was measured of an `Emission` that is over, or None.
-    """
-
-    def __init__(
-        self,
-        library: FirmwareLibrary,
-        device: int,
-        *,
-        sample_rate_hz: float,
-        sink: Callable[[Emission], None],
-        measure: Callable[[Emission], Measurement | None],
-    ) -> None:
-        self._library = library
-        self._device = device
-        self._sample_rate_hz = sample_rate_hz
-        self._sink = sink
-        self._measure = measure
-        self._onset = (0, 0)
-        self._burst: Emission | None = None
-
-    @property
-    def state(self) -> State:
-        """The state as of the last call."""
-        return STATES[self._library.functions.library_state(self._device)]
-
-    @property
-    def playing(self) -> Emission | None:
-        """The burst that is under way, as of the last call."""
-        return self._burst
-
-    def advance(self, now_us: int) -> None:
-        """Let happen what was due by `now_us`: end of a burst, end of a time to live, watchdog."""
-        self._library.functions.device_advance(self._device, now_us)
-        self.update_burst()
-
-    def sense(self, now_us: int, sensed: Health) -> None:
-        """Take what switch and amplifier report; over-current is a stop, kept until ENABLE."""
-        self.advance(now_us)
-        bits = sensed.reported_bits, sensed.set_bits
-        self._library.functions.device_sense(self._device, *bits)
-        self.update_burst()
-
-    def update_burst(self) -> None:
-        """Notice a burst that began, and give one that is over to the sink."""
-        burst = self._library.functions.library_last_burst(self._device).contents
-        # A token that the device has forgotten can fire again: only with its onset it is unique.
-        if (burst.token, burst.start_us) != self._onset:
-            self._onset = burst.token, burst.start_us
-            self._burst = self._emission(burst)
-        if self._burst is not None and self.state is not State.FIRED:
-            emission, self._burst = self._burst, None
-            self._sink(emission.cut(burst.cut_us) if burst.is_cut else emission)
-            if not burst.is_cut:
-                self._hand_over(self._measure(emission))
-
-    def _emission(self, burst: _BurstStruct) -> Emission:
-        n_samples = self._library.functions.library_samples(self._device)
-        steps = np.empty((_CHANNELS, n_samples), dtype=np.int32)
-        self._library.functions.library_render(self._device, steps.ctypes.data)
-        rail_v = self._library.rail_vpp / 2
-        left_v, right_v = steps * rail_v / full_scale(self._library.bits)
-        left_mvpp, right_mvpp = burst.levels_mvpp
-        return Emission(
-            token=burst.token,
-            start_us=burst.start_us,
-            left_v=left_v,
-            right_v=right_v,
-            level_left_vpp=left_mvpp / 1000,
-            level_right_vpp=right_mvpp / 1000,
-            sample_rate_hz=self._sample_rate_hz,
-        )
-
-    def _hand_over(self, measurement: Measurement | None) -> None:
-        if measurement is None:
-            return
-        measured = MeasuredStruct(
-            tap=TAPS.index(measurement.tap),
-            unit=UNITS.index(measurement.unit),
-            left=measurement.left,
-            right=measurement.right,
-            onset_us=measurement.onset_offset_us,
-            uncertainty_us=measurement.onset_uncertainty_us,
-            correlation_left=measurement.correlation_left,
-            correlation_right=measurement.correlation_right,
-        )
-        self._library.functions.device_measure(self._device, ctypes.byref(measured))
-
-
 class FirmwareEndpoint:
-    """The device's end of the wire in C, with the interface of `device.wire.endpoint.Endpoint`.
+    """One power cycle of the firmware, with the interface of `device.wire.endpoint.Endpoint`.
 
     Parameters
     ----------
@@ -244,8 +142,10 @@ class FirmwareEndpoint:
         the rest is compiled in.
     about : About
         Name of the firmware and source of the boot id.
-    sink, measure : callable
-        See `FirmwareCore`.
+    sink : callable
+        Is given each `Emission` once, when it is over.
+    measure : callable
+        Returns what was measured of an `Emission` that is over, or None.
     """
 
     def __init__(
@@ -257,30 +157,56 @@ class FirmwareEndpoint:
         sink: Callable[[Emission], None],
         measure: Callable[[Emission], Measurement | None],
     ) -> None:
+        self._library = library
         self._c = library.functions
-        self._memory = ctypes.create_string_buffer(self._c.library_size())
+        self._sample_rate_hz = identity.sample_rate_hz
+        self._sink = sink
+        self._measure = measure
+        self._onset = (0, 0)
+        self._burst: Emission | None = None
         self._answer = ctypes.create_string_buffer(_LONGEST_ANSWER)
+        self._memory = ctypes.create_string_buffer(self._c.library_size())
+        self._device = self._c.library_device(self._memory)
         description = _AboutStruct(
-            model=identity.model.encode(),
-            serial_number=identity.serial_number.encode(),
-            firmware=about.firmware.encode(),
-            boot_id=identity.boot_id,
-            sample_rate_mhz=round(identity.sample_rate_hz * 1000),
-            entropy=tuple(Entropy).index(about.entropy),
-            emulated=identity.emulated,
+            identity.model.encode(),
+            identity.serial_number.encode(),
+            about.firmware.encode(),
+            identity.boot_id,
+            round(identity.sample_rate_hz * 1000),
+            tuple(Entropy).index(about.entropy),
+            identity.emulated,
         )
         self._c.endpoint_init(self._memory, ctypes.byref(description))
-        self.core = FirmwareCore(
-            library,
-            self._c.library_device(self._memory),
-            sample_rate_hz=identity.sample_rate_hz,
-            sink=sink,
-            measure=measure,
-        )
+
+    @property
+    def core(self) -> FirmwareEndpoint:
+        """The interface of `DeviceCore`: in C, logic and wire are one structure."""
+        return self
+
+    @property
+    def state(self) -> State:
+        """The state as of the last call."""
+        return STATES[self._c.library_state(self._device)]
+
+    @property
+    def playing(self) -> Emission | None:
+        """The burst that is under way, as of the last call."""
+        return self._burst
+
+    def advance(self, now_us: int) -> None:
+        """Let happen what was due by `now_us`: end of a burst, end of a time to live, watchdog."""
+        self._c.device_advance(self._device, now_us)
+        self._update_burst()
+
+    def sense(self, now_us: int, sensed: Health) -> None:
+        """Take what switch and amplifier report; over-current is a stop, kept until ENABLE."""
+        self.advance(now_us)
+        self._c.device_sense(self._device, sensed.reported_bits, sensed.set_bits)
+        self._update_burst()
 
     def receive(self, now_us: int, data: bytes) -> bytes:
         """Take whatever arrived at a device time and return the bytes to send back."""
-        self.core.advance(now_us)
+        self.advance(now_us)
         answers = []
         while data:
             size = c_size_t()
@@ -288,12 +214,55 @@ class FirmwareEndpoint:
                 self._memory, data, len(data), self._answer, ctypes.byref(size)
             )
             answers.append(self._answer.raw[: size.value])
-            self.core.update_burst()
+            self._update_burst()
             data = data[n_taken:]
         return b"".join(answers)
 
     def hang_up(self, now_us: int) -> None:
         """Notice that the line is gone: the outputs go to zero."""
-        self.core.advance(now_us)
+        self.advance(now_us)
         self._c.endpoint_hang_up(self._memory)
-        self.core.update_burst()
+        self._update_burst()
+
+    def _update_burst(self) -> None:
+        """Notice a burst that began, and give one that is over to the sink."""
+        burst = self._c.library_last_burst(self._device).contents
+        # A token that the device has forgotten can fire again: only with its onset it is unique.
+        if (burst.token, burst.start_us) != self._onset:
+            self._onset = burst.token, burst.start_us
+            self._burst = self._emission(burst)
+        if self._burst is not None and self.state is not State.FIRED:
+            emission, self._burst = self._burst, None
+            self._sink(emission.cut(burst.cut_us) if burst.is_cut else emission)
+            measurement = None if burst.is_cut else self._measure(emission)
+            if measurement is not None:
+                self._report(measurement)
+
+    def _emission(self, burst: _BurstStruct) -> Emission:
+        steps = np.empty((_CHANNELS, self._c.library_samples(self._device)), dtype=np.int32)
+        self._c.library_render(self._device, steps.ctypes.data)
+        left_v, right_v = steps * (self._library.rail_vpp / 2) / full_scale(self._library.bits)
+        left_mvpp, right_mvpp = burst.levels_mvpp
+        return Emission(
+            token=burst.token,
+            start_us=burst.start_us,
+            left_v=left_v,
+            right_v=right_v,
+            level_left_vpp=left_mvpp / 1000,
+            level_right_vpp=right_mvpp / 1000,
+            sample_rate_hz=self._sample_rate_hz,
+        )
+
+    def _report(self, measurement: Measurement) -> None:
+        """Have the firmware answer MEASURED of its last burst with this."""
+        measured = MeasuredStruct(
+            TAPS.index(measurement.tap),
+            UNITS.index(measurement.unit),
+            measurement.left,
+            measurement.right,
+            measurement.onset_offset_us,
+            measurement.onset_uncertainty_us,
+            measurement.correlation_left,
+            measurement.correlation_right,
+        )
+        self._c.device_measure(self._device, ctypes.byref(measured))
