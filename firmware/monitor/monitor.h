@@ -15,7 +15,7 @@
 #define MONITOR_UV_PER_COUNT 80566U /* at the actuator: 3.3 V / 4096 behind a divider by 100 */
 #endif
 #ifndef SLICE
-#define SLICE 4096U /* samples that a step looks at; docs/firmware.md has how long that takes */
+#define SLICE 4096U /* samples that a step looks at; README.md has how long that takes */
 #endif
 #define LAGS 48U /* samples by which a burst may come late: 1 ms at 48 kHz */
 

@@ -1,4 +1,4 @@
-/* The device on a Nucleo-G474RE. NOT TRIED ON HARDWARE: see docs/firmware.md.
+/* The device on a Nucleo-G474RE. NOT TRIED ON HARDWARE: see firmware/README.md.
  *
  *     PA2, PA3  serial line, 115200 baud, behind the ST-Link's USB
  *     PA4, PA6  left and right, 12 bits, zero volts at half of the supply
