@@ -11,6 +11,7 @@ import math
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
+import scipy.linalg
 
 from stimuli.checks import instance
 from stimuli.drive.sampled import Drive
@@ -120,11 +121,14 @@ def fingertip_peaks(
         areas_m = [_lower_half(area_m, strip.width_m) for area_m in areas_m]
     means = [_mean_nodes(tip) for tip in pressing]
     points_m = np.concatenate([*areas_m, *(nodes_m for nodes_m, _ in means)])
-    plates = receptances(
-        strip, [*loads, *(_contact_force(strip, tip) for tip in pressing)], points_m, max_hz
-    )
-    contact = _Contact(pressing, [weights for _, weights in means], len(loads))
     ends = np.cumsum([0, *map(len, areas_m)])
+    averages = scipy.linalg.block_diag(np.eye(ends[-1]), *(weights for _, weights in means))
+    forces = [_contact_force(strip, tip) for tip in pressing]
+    plates = [
+        plate.averaged(averages)
+        for plate in receptances(strip, [*loads, *forces], points_m, max_hz)
+    ]
+    contact = _Contact(pressing, len(loads))
     span_s = 2 * drive.duration_s + _wait_s(strip, loads, fingertips)
     step_s = 1 / (LOOKS * max_hz)
     while True:
@@ -200,22 +204,17 @@ def _peaks(
 class _Contact:
     """Fingertips that press on the plate: their impedances on means of its displacement."""
 
-    def __init__(
-        self, fingertips: Sequence[Fingertip], weights: Sequence[Real], n_loads: int
-    ) -> None:
+    def __init__(self, fingertips: Sequence[Fingertip], n_loads: int) -> None:
         self.impedances = [tip.impedance for tip in fingertips if tip.impedance]
         self.areas_m2 = np.array([math.pi * tip.radius_m**2 or 1.0 for tip in fingertips])
-        self.weights, self.n_loads = weights, n_loads
+        self.n_loads = n_loads
 
     def loaded(self, response: Complex, omega: Complex) -> Complex:
-        """Return the response at points that are no nodes of contact areas, equation (42)."""
-        if not self.weights:
+        """Return the response at points, without the means that come after them, equation (42)."""
+        if not self.impedances:
             return response
-        n_loads, n_points = self.n_loads, response.shape[2] - sum(map(len, self.weights))
-        nodes = np.split(response[:, :, n_points:], np.cumsum(list(map(len, self.weights)))[:-1], 2)
-        means = np.stack(
-            [part @ some for part, some in zip(nodes, self.weights, strict=True)], axis=1
-        )
+        n_loads, n_points = self.n_loads, response.shape[2] - len(self.impedances)
+        means = response[:, :, n_points:].swapaxes(1, 2).copy()
         means[:, :, n_loads:] /= self.areas_m2
         forces = response[:, n_loads:, :n_points] / self.areas_m2[:, np.newaxis]
         impedance = np.stack([_dynamic_stiffness(z, omega) for z in self.impedances], axis=1)

@@ -106,6 +106,23 @@ class Line:
         interior = np.array([*self.interior, *(self.interior[::-1] if self.parity else ())])
         return int(interior[(kinks_m[1:] >= low_m) & (kinks_m[:-1] <= high_m)].max())
 
+    def local(self, low_m: float, high_m: float) -> tuple[Line, Real]:
+        """Return the cubics and interior functions of the cells that touch a part of the line.
+
+        The second are all functions of the line there in terms of them, of the shape (n_local,
+        n_functions).
+        """
+        breaks_m, n_ends = self.breaks_m, 2 * self.breaks_m.size
+        cells = np.flatnonzero((breaks_m[1:] >= low_m) & (breaks_m[:-1] <= high_m))
+        first = n_ends + np.cumsum([0, *self.interior])
+        rows = [
+            *range(2 * int(cells[0]), 2 * int(cells[-1]) + 4),
+            *range(int(first[cells[0]]), int(first[cells[-1] + 1])),
+        ]
+        functions = np.eye(len(self.coefficients))[:, rows]
+        local = Line(breaks_m, self.interior, functions, len(rows), self.parity)
+        return local, self.coefficients[rows]
+
     def integration_nodes(self) -> tuple[Real, Real]:
         """Return Gauss nodes, and weights that count both halves, exact for products of two."""
         nodes, weights = [], []

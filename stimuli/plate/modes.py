@@ -15,10 +15,11 @@ import math
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import product
-from typing import TYPE_CHECKING, Final, NamedTuple
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
 import scipy.linalg
+from numpy.typing import NDArray
 
 from stimuli.errors import PlateError, Rule
 from stimuli.plate.area import area_nodes, load_work, make_rim, remaining_work
@@ -36,8 +37,6 @@ from stimuli.plate.waveguide import edge_end, edge_springs, plate_wavenumber
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
-
-    from numpy.typing import NDArray
 
     from stimuli.arrays import Real
     from stimuli.load import Load
@@ -59,6 +58,10 @@ _ROUNDING: Final = 1e-9
 _MIN_INVERSE: Final = 1e-12
 """Rim functions are nearly combinations of others in the mass matrix. Of the inverse problem, mass
 over stiffness, they are eigenvectors near 0, which are very fast modes that follow at rest."""
+
+
+Selection = NDArray[np.intp] | slice
+"""Which functions of a basis."""
 
 
 class Resolution(NamedTuple):
@@ -90,9 +93,9 @@ class Basis:
         rims = (np.arange(rim.powers.shape[1]) < rim.n_coarse for rim in self.rims)
         return np.concatenate([products, *rims])
 
-    def resolutions(self) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    def resolutions(self) -> tuple[Selection, Selection]:
         """Return which functions make up the coarse and the fine basis."""
-        return np.flatnonzero(self.is_coarse), np.arange(self.is_coarse.size)
+        return np.flatnonzero(self.is_coarse), slice(None)
 
     @cached_property
     def _laminate(self) -> Laminate:
@@ -116,7 +119,7 @@ class Basis:
         springs[:n, :n] = np.kron(x0, rigidity * edge_springs(strip, across))
         mass[:n, :n] = self._laminate.mass_kg_m2 * np.eye(n)
         for rim in self.rims:
-            self._add(rim, self._laminate, stiffness, mass, n_known=n)
+            self._add(rim, self._laminate, stiffness, mass, only_rim=True)
         for patch in strip.patches:
             whole = laminate([layer_of(strip.material, strip.thickness_m), *patch.layers])
             bare = self._laminate
@@ -136,17 +139,25 @@ class Basis:
         added: Laminate,
         stiffness: Real,
         mass: Real,
-        n_known: int = 0,
+        *,
+        only_rim: bool = False,
     ) -> None:
-        """Add bending stiffness and mass of an area; not those of the first functions together."""
+        """Add bending stiffness and mass of an area.
+
+        Those of products with each other are left out if only those of rims are wanted.
+        """
         if self.along.parity and area.x_m > _MIN_CELL * self.strip.width_m:
             return  # its mirror image stands for both
         points_m, weights = area_nodes(area, self.along, self.across)
         copies = 2 if self.along.parity and area.x_m < 0 else 1
         root = np.sqrt(copies * weights)[:, np.newaxis]
+        # On a small area the many functions along are combinations of few.
+        half_m = area.half_size_m[0]
+        along, parts = self.along.local(area.x_m - half_m, area.x_m + half_m)
+        local = replace(self, along=along)
         xx, yy, xy, value = (
             root * derivative
-            for derivative in self.derivatives(points_m, ((2, 0), (0, 2), (1, 1), (0, 0)))
+            for derivative in local.derivatives(points_m, ((2, 0), (0, 2), (1, 1), (0, 0)))
         )
         rows = np.concatenate(
             [
@@ -155,10 +166,19 @@ class Basis:
                 math.sqrt(2 * added.opposed_n_m) * xy,
             ]
         )
+        n_products, n = along.size * self.across.size, self.along.size * self.across.size
         for matrix, half in ((stiffness, rows), (mass, math.sqrt(added.mass_kg_m2) * value)):
             product = half.T @ half
-            product[:n_known, :n_known] = 0.0
-            np.add(matrix, product, out=matrix)
+            shape = (along.size, self.across.size)
+            if not only_rim:
+                inner = product[:n_products, :n_products].reshape(*shape, *shape)
+                whole = np.einsum("la,lymz,mb->aybz", parts, inner, parts, optimize=True)
+                np.add(matrix[:n, :n], whole.reshape(n, n), out=matrix[:n, :n])
+            mixed = product[:n_products, n_products:].reshape(*shape, -1)
+            mixed = np.tensordot(parts, mixed, (0, 0)).reshape(n, -1)
+            np.add(matrix[:n, n:], mixed, out=matrix[:n, n:])
+            np.add(matrix[n:, :n], mixed.T, out=matrix[n:, :n])
+            np.add(matrix[n:, n:], product[n_products:, n_products:], out=matrix[n:, n:])
 
     def derivatives(self, points_m: Real, orders: Sequence[tuple[int, int]]) -> list[Real]:
         """Return derivatives of all functions at points: (n_points, n_functions), by orders."""
@@ -221,17 +241,42 @@ class Basis:
                 (value,) = self._rim_derivatives(rim, points_m, ((0, 0),))
                 yield weights @ value / load.area_m2
 
-    def modes(self, select: NDArray[np.intp]) -> tuple[Real, Real]:
-        """Return squares of angular frequencies, rising, and shapes of unit mass."""
-        stiffness, springs, mass = (matrix[np.ix_(select, select)] for matrix in self.matrices)
-        whole = stiffness + springs
+    def modes(self, select: Selection, max_hz: float = math.inf) -> tuple[Real, Real]:
+        """Return squares of angular frequencies, rising, and shapes of unit mass.
+
+        Those of the plate without loss up to a frequency, in some of the functions.
+        """
+        whole, _, mass = self.selected(select)
+        max_square = (2 * math.pi * max_hz) ** 2
         if not self.rims and not self.strip.patches:
             areal = self._laminate.mass_kg_m2
-            squared, shapes = scipy.linalg.eigh(whole / areal, check_finite=False, driver="evd")
+            squared, shapes = _eigenvectors(whole / areal, None, (0.0, max_square))
             return squared, shapes / math.sqrt(areal)
-        inverse, shapes = scipy.linalg.eigh(mass, whole, check_finite=False, driver="gvd")
-        inverse = np.maximum(inverse, _MIN_INVERSE * inverse[-1])
+        inverse, shapes = _eigenvectors(mass, whole, (1 / max_square, math.inf))
+        inverse = np.maximum(inverse, _MIN_INVERSE * inverse.max(initial=0.0))
         return 1 / inverse[::-1], (shapes / np.sqrt(inverse))[:, ::-1]
+
+    def at_rest(self, select: Selection, work: Real) -> Real:
+        """Return amplitudes of some of the functions at rest: (n_loads, n_functions)."""
+        whole, _, _ = self.selected(select)
+        solved = scipy.linalg.solve(whole, work.T, assume_a="pos", check_finite=False)
+        return np.asarray(solved.T)
+
+    def selected(self, select: Selection) -> tuple[Real, Real, Real]:
+        """Return stiffness with springs, springs alone, and mass, of some of the functions."""
+        stiffness, springs, mass = (matrix[select][:, select] for matrix in self.matrices)
+        return stiffness + springs, springs, mass
+
+
+def _eigenvectors(
+    matrix: Real, norm: Real | None, bounds: tuple[float, float]
+) -> tuple[Real, Real]:
+    """Return eigenvalues in (low, high], rising, and eigenvectors."""
+    options: dict[str, Any] = {"subset_by_value": bounds}
+    if bounds == (0.0, math.inf):  # divide and conquer is the fastest for all of them
+        options = {"driver": "evd" if norm is None else "gvd"}
+    values, vectors = scipy.linalg.eigh(matrix, norm, check_finite=False, **options)
+    return values, vectors
 
 
 def plate_bases(

@@ -18,9 +18,9 @@ from stimuli.checks import finite, finite_array, instance
 from stimuli.errors import PlateError, Rule
 from stimuli.load import PointForce
 from stimuli.plate.line import Margins
-from stimuli.plate.modes import Resolution, plate_bases
+from stimuli.plate.modes import Resolution, Selection, plate_bases
 from stimuli.plate.rest import rest_displacement
-from stimuli.plate.scene import Scene, check_loads
+from stimuli.plate.scene import Scene, check_loads, cut_section
 from stimuli.plate.waveguide import (
     endless_displacement,
     has_lossless_springs,
@@ -45,6 +45,8 @@ _EXCHANGE: Final = 5.0
 frequency; what faster modes exchange has no effect."""
 _FAR: Final = 40.0
 """Ends so many widths apart hardly see each other: 5e-6 of the first mode on the paper's plate."""
+_DECAY: Final = 9.0
+"""Nepers by which a field decays to where a plate is cut: exp(-18) = 2e-8 of it comes back."""
 _PUSHED, _BENT = 0.005, 0.05
 """Of `typical_displacement`: a point force in the middle of a clamped strip has 0.007."""
 _FLOOR, _TINIEST = 1e-3, 1e-300
@@ -368,6 +370,8 @@ def _finite_response(
     strip: Strip, loads: Sequence[Load], points_m: Real, at_hz: Real, accuracy: Accuracy
 ) -> tuple[Complex, tuple[str, ...]]:
     """Return the displacement of a plate with ends: (2, n_frequencies, n_loads, n_points)."""
+    plate, decay_m = strip, _decay_length_m(strip, float(at_hz.max()))
+    strip, loads, points_m = cut_section(plate, loads, points_m, decay_m)
     omega = 2 * math.pi * at_hz
     factors = stiffness_factors(strip, omega)
     max_hz = max(float(at_hz.max()), strip.cutoff_hz())
@@ -381,18 +385,36 @@ def _finite_response(
             strip, loads, points_m, factors, max_hz=max_hz, resolution=accuracy.rest
         )
         both += rest[:, 0] + omega[:, np.newaxis, np.newaxis] ** 2 * rest[:, 1]
-    return both, describe_modes(modes[1])
+    return both, describe_modes(modes[1], plate, strip)
 
 
-def describe_modes(modes: Sequence[Modes]) -> tuple[str, ...]:
-    """Return in words which modes were solved."""
+def _decay_length_m(strip: Strip, max_hz: float) -> float:
+    """Return the length over which every wave has decayed, below the first cut-off."""
+    if max_hz >= strip.cutoff_hz():
+        return math.inf
+    endless = replace(strip, length_m=None, patches=())
+    even = endless.wavenumbers_rad_m(max_hz, 1, "symmetric")
+    odd = endless.wavenumbers_rad_m(max_hz, 1, "antisymmetric")
+    return _DECAY / float(min(even.imag.min(), odd.imag.min()))
+
+
+def describe_modes(modes: Sequence[Modes], plate: Strip, section: Strip) -> tuple[str, ...]:
+    """Return in words which modes were solved, and of which section of the plate."""
     n_modes = sum(part.squared.size for part in modes)
-    max_khz = max(math.sqrt(part.squared.max()) for part in modes) / (2e3 * math.pi)
-    return (f"{n_modes} modes up to {max_khz:.3g} kHz in {len(modes)} of 4 symmetries",)
+    max_hz = max(math.sqrt(part.squared.max(initial=0.0)) for part in modes) / (2 * math.pi)
+    work = [f"{n_modes} modes up to {max_hz:.3g} Hz in {len(modes)} of 4 symmetries"]
+    if section != plate:
+        lengths_mm = (1e3 * float(strip.length_m or 0.0) for strip in (section, plate))
+        work.append("a section of {:.0f} mm of the {:.0f} mm long plate".format(*lengths_mm))
+    return tuple(work)
 
 
 def plate_modes(
-    strip: Strip, loads: Sequence[Load], points_m: Real, max_hz: float, resolution: Resolution
+    strip: Strip,
+    loads: Sequence[Load],
+    points_m: Real,
+    max_hz: float,
+    resolution: Resolution,
 ) -> tuple[list[Modes], list[Modes]]:
     """Return the modes that loads excite, by symmetry, in the coarse and in the fine basis."""
     coarse: list[Modes] = []
@@ -405,30 +427,41 @@ def plate_modes(
 
 
 class Modes:
-    """Modes of one symmetry in one basis, at points and under loads."""
+    """Modes of one symmetry in one basis, at points and under loads.
 
-    def __init__(self, basis: Basis, select: NDArray[np.intp], values: Real, work: Real) -> None:
-        self.squared, self.shapes = basis.modes(select)
-        self.matrices = [matrix[np.ix_(select, select)] for matrix in basis.matrices]
+    Attributes
+    ----------
+    squared : ndarray of float64, shape (n_modes,)
+        Squares of their angular frequencies without loss.
+    shapes : ndarray of float64, shape (n_functions, n_modes)
+    values : ndarray of float64, shape (n_points, n_functions)
+    work : ndarray of float64, shape (n_loads, n_functions)
+    """
+
+    def __init__(
+        self,
+        basis: Basis,
+        select: Selection,
+        values: Real,
+        work: Real,
+        max_hz: float = math.inf,
+    ) -> None:
+        self.squared, self.shapes = basis.modes(select, max_hz)
         self.values, self.work = values, work
         self.held = np.zeros(self.squared.size)
         if has_lossless_springs(basis.strip):
-            self.held = np.einsum("im,im->m", self.shapes, self.matrices[1] @ self.shapes)
+            self._matrices = basis.selected(select)
+            self.held = np.einsum("im,im->m", self.shapes, self._matrices[1] @ self.shapes)
 
     def at_rest(self) -> Real:
         """Return the displacement at rest of these modes without loss: (n_loads, n_points)."""
         return (self.work @ self.shapes / self.squared) @ (self.values @ self.shapes).T
 
-    def slow(self, max_hz: float) -> Modes:
-        """Return the modes up to a frequency."""
-        is_slow = self.squared <= (2 * math.pi * max_hz) ** 2
-        slow = copy(self)
-        slow.squared, slow.shapes, slow.held = (
-            self.squared[is_slow],
-            self.shapes[:, is_slow],
-            self.held[is_slow],
-        )
-        return slow
+    def averaged(self, weights: Real) -> Modes:
+        """Return the same modes on averages over points: weights (n_averages, n_points)."""
+        averaged = copy(self)
+        averaged.values = weights @ self.values
+        return averaged
 
     def response(
         self, omega: Complex | Real, factors: Complex, exchange_hz: float, n_terms: int
@@ -437,18 +470,22 @@ class Modes:
 
         Up to a multiple of `exchange_hz` modes exchange loss where their springs have none.
         """
-        squared, shapes, held = self.squared, self.shapes, self.held
-        is_slow = squared <= (_EXCHANGE * 2 * math.pi * exchange_hz) ** 2
+        squared, shapes = self.squared[:, np.newaxis], self.shapes
+        held = self.held[:, np.newaxis]
+        is_slow = self.squared <= (_EXCHANGE * 2 * math.pi * exchange_hz) ** 2
         is_slow &= bool(np.any(held)) and bool(np.any(factors.imag))
-        lossy = held + (squared - held) * factors[:, np.newaxis]
-        square = omega[:, np.newaxis] ** 2
-        gains = (square / lossy) ** n_terms / (lossy - square)
-        gains[:, is_slow] = 0.0
+        lossy, square = held + (squared - held) * factors, omega**2
+        gains = np.asarray(1 / (lossy - square), dtype=np.complex128)
+        if n_terms:
+            gains *= (square / lossy) ** n_terms
+        gains[is_slow] = 0.0
         received, excitation = self.values @ shapes, self.work @ shapes
-        response = np.stack([(gains * row) @ received.T for row in excitation], axis=1)
+        # Real and imaginary parts are summed alike: received is real.
+        sums = [(received * row) @ gains.view(np.float64) for row in excitation]
+        response = np.stack(sums).view(np.complex128).transpose(2, 0, 1)
         if is_slow.any():
-            response += self._exchanging(shapes[:, is_slow], omega, factors, n_terms)
-        return response
+            response = response + self._exchanging(shapes[:, is_slow], omega, factors, n_terms)
+        return np.asarray(response)
 
     def _exchanging(
         self, shapes: Real, omega: Complex | Real, factors: Complex, n_terms: int
@@ -458,7 +495,8 @@ class Modes:
         One step of inverse iteration with a lossy stiffness takes the modes near to those of the
         lossy plate, and what remains of the exchange is solved at each frequency.
         """
-        stiffness, springs, mass = self.matrices
+        whole, springs, mass = self._matrices
+        stiffness = whole - springs
         # As a sum of modes of unit stiffness, which keep the digits that sharp functions would lose
         unit = self.shapes / np.sqrt(self.squared)
         factor = factors[factors.size // 2]

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Final
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
@@ -118,3 +118,28 @@ def _check_points(strip: Strip, points_m: ArrayLike) -> Real:
 
 def _half_length_m(strip: Strip) -> float:
     return _MAX_X_M if strip.length_m is None else strip.length_m / 2
+
+
+class Section(NamedTuple):
+    """A part of a plate, with loads and points (n_points, 2) from its own middle."""
+
+    strip: Strip
+    loads: Sequence[Load]
+    points_m: Real
+
+
+def cut_section(strip: Strip, loads: Sequence[Load], points_m: Real, beyond_m: float) -> Section:
+    """Return a plate with ends without what lies far beyond loads, patches and points."""
+    places_m = [*points_m[:, 0]]
+    for area in (*loads, *strip.patches):
+        places_m += [area.x_m - area.half_size_m[0], area.x_m + area.half_size_m[0]]
+    half_length_m = _half_length_m(strip)
+    low_m, high_m = min(places_m) - beyond_m, max(places_m) + beyond_m
+    if low_m <= -half_length_m and high_m >= half_length_m:
+        return Section(strip, loads, points_m)
+    low_m, high_m = max(low_m, -half_length_m), min(high_m, half_length_m)
+    middle_m = (low_m + high_m) / 2
+    patches = tuple(replace(patch, x_m=patch.x_m - middle_m) for patch in strip.patches)
+    section = replace(strip, length_m=high_m - low_m, patches=patches)
+    local_loads = [replace(load, x_m=load.x_m - middle_m) for load in loads]
+    return Section(section, local_loads, points_m - (middle_m, 0.0))

@@ -19,17 +19,17 @@ from stimuli.checks import finite_array, instance
 from stimuli.drive.sampled import Drive, SampledDrive
 from stimuli.errors import PlateError, Rule
 from stimuli.plate.line import Margins
-from stimuli.plate.modes import Resolution
+from stimuli.plate.modes import Resolution, plate_bases
 from stimuli.plate.response import (
+    Modes,
     describe_modes,
     describe_waves,
     estimate,
-    plate_modes,
     relative_error,
     safety_factors,
 )
 from stimuli.plate.rest import rest_displacement
-from stimuli.plate.scene import Scene
+from stimuli.plate.scene import Scene, cut_section
 from stimuli.plate.strip import MAX_CUTOFFS
 from stimuli.plate.waveguide import endless_displacement, has_lossless_springs
 from stimuli.threads import single_threaded
@@ -41,7 +41,8 @@ if TYPE_CHECKING:
 
     from stimuli.arrays import Complex, Real
     from stimuli.load import Load
-    from stimuli.plate.response import Estimate, Modes
+    from stimuli.plate.response import Estimate
+    from stimuli.plate.scene import Section
     from stimuli.plate.strip import Strip
 
 _MAX_TIME_S: Final = 1.0
@@ -137,6 +138,9 @@ class Receptance(Protocol):
     def response(self, omega: Complex) -> Complex:
         """Return it at points: (n_frequencies, n_loads, n_points)."""
 
+    def averaged(self, weights: Real) -> Receptance:
+        """Return it on averages over points: weights (n_averages, n_points)."""
+
     @property
     def work(self) -> tuple[str, ...]:
         """What is solved."""
@@ -151,6 +155,7 @@ class WaveReceptance:
     points_m: Real
     max_hz: float
     margins: Margins
+    weights: Real
 
     def response(self, omega: Complex) -> Complex:
         """Return the displacement per unit load: (n_frequencies, n_loads, n_points)."""
@@ -159,7 +164,11 @@ class WaveReceptance:
         response[is_slow] = endless_displacement(
             self.strip, self.loads, self.points_m, omega[is_slow], self.margins
         )
-        return response
+        return response @ self.weights.T
+
+    def averaged(self, weights: Real) -> WaveReceptance:
+        """Return it on averages over points: weights (n_averages, n_points)."""
+        return replace(self, weights=weights @ self.weights)
 
     @property
     def work(self) -> tuple[str, ...]:
@@ -180,22 +189,25 @@ class ModeReceptance:
     rest_m : ndarray of float64, shape (n_loads, n_points)
         Displacement at rest of all faster ones.
     viscous_time_s : float
+    work : tuple of str
+        What is solved.
     """
 
     modes: Sequence[Modes]
     rest_m: Real
     viscous_time_s: float
+    work: tuple[str, ...]
 
     def response(self, omega: Complex) -> Complex:
         """Return the displacement per unit load: (n_frequencies, n_loads, n_points)."""
         factors = 1 - 1j * omega * self.viscous_time_s
-        at_once = self.rest_m / factors[:, np.newaxis, np.newaxis]
+        at_once = (self.rest_m[:, :, np.newaxis] / factors).transpose(2, 0, 1)
         return sum((modes.response(omega, factors, 0.0, 0) for modes in self.modes), at_once)
 
-    @property
-    def work(self) -> tuple[str, ...]:
-        """What is solved."""
-        return describe_modes(self.modes)
+    def averaged(self, weights: Real) -> ModeReceptance:
+        """Return it on averages over points: weights (n_averages, n_points)."""
+        modes = [part.averaged(weights) for part in self.modes]
+        return replace(self, modes=modes, rest_m=self.rest_m @ weights.T)
 
 
 def receptances(
@@ -207,7 +219,9 @@ def receptances(
     """
     if strip.length_m is None:
         coarse, fine = (
-            WaveReceptance(strip, loads, points_m, multiple * max_hz, margins)
+            WaveReceptance(
+                strip, loads, points_m, multiple * max_hz, margins, np.eye(len(points_m))
+            )
             for multiple, margins in zip(_MODES.multiples, _WAVES, strict=True)
         )
         return coarse, fine
@@ -234,62 +248,44 @@ def _lossless_receptances(
     points: tuple[tuple[float, float], ...],
     max_hz: float,
     beyond: tuple[float, float],
-) -> tuple[ModeReceptance, ModeReceptance]:
-    points_m, results = np.array(points), []
-    for number, widths in enumerate(beyond):
-        section, middle_m = _section(strip, loads, points_m, widths * strip.width_m)
-        local_loads = [replace(load, x_m=load.x_m - middle_m) for load in loads]
-        both = _receptances(section, local_loads, points_m - (middle_m, 0.0), max_hz)
-        if section == strip:
-            return both
-        results.append(both[number])
-    return results[0], results[1]
-
-
-def _section(
-    strip: Strip, loads: Sequence[Load], points_m: Real, beyond_m: float
-) -> tuple[Strip, float]:
-    """Return a plate without what lies far beyond loads and points, and where its middle was."""
-    places_m = [*points_m[:, 0]]
-    for area in (*loads, *strip.patches):
-        places_m += [area.x_m - area.half_size_m[0], area.x_m + area.half_size_m[0]]
-    half_length_m = (strip.length_m or math.inf) / 2
-    low_m, high_m = min(places_m) - beyond_m, max(places_m) + beyond_m
-    if low_m <= -half_length_m and high_m >= half_length_m:
-        return strip, 0.0
-    low_m, high_m = max(low_m, -half_length_m), min(high_m, half_length_m)
-    middle_m = (low_m + high_m) / 2
-    patches = tuple(replace(patch, x_m=patch.x_m - middle_m) for patch in strip.patches)
-    return replace(strip, length_m=high_m - low_m, patches=patches), middle_m
+) -> tuple[ModeReceptance, ...]:
+    coarse, fine = (
+        cut_section(strip, loads, np.array(points), widths * strip.width_m) for widths in beyond
+    )
+    if coarse.strip == fine.strip:
+        return _receptances(strip, fine, max_hz, (0, 1))
+    return _receptances(strip, coarse, max_hz, (0,)) + _receptances(strip, fine, max_hz, (1,))
 
 
 def _receptances(
-    plate: Strip, loads: Sequence[Load], points_m: Real, max_hz: float
-) -> tuple[ModeReceptance, ModeReceptance]:
-    """Return the receptance of a plate with ends in the coarse and in the fine basis."""
-    every = plate_modes(plate, loads, points_m, max_hz, _MODES)
-    rest = [_at_rest(modes) for modes in every]
+    whole: Strip, section: Section, max_hz: float, numbers: tuple[int, ...]
+) -> tuple[ModeReceptance, ...]:
+    """Return the receptance of a section of a plate, in the coarse (0) and the fine (1) basis."""
+    plate, loads, points_m = section
+    rest_m = np.zeros((2, len(loads), len(points_m)))
     if not plate.patches:
-        rest = list(
-            rest_displacement(
-                plate,
-                loads,
-                points_m,
-                np.ones(1, dtype=np.complex128),
-                max_hz=max_hz,
-                resolution=_REST,
-            ).real[:, 0, 0]
-        )
-    results = []
-    for multiple, modes, rest_m in zip(_MODES.multiples, every, rest, strict=True):
-        slow = [part.slow(multiple * max_hz) for part in modes]
-        residual_m = rest_m - _at_rest(slow)
-        results.append(ModeReceptance(slow, residual_m, plate.material.viscous_time_s))
-    return results[0], results[1]
-
-
-def _at_rest(modes: Sequence[Modes]) -> Real:
-    return np.asarray(np.sum([part.at_rest() for part in modes], axis=0))
+        rest_m += rest_displacement(
+            plate,
+            loads,
+            points_m,
+            np.ones(1, dtype=np.complex128),
+            max_hz=max_hz,
+            resolution=_REST,
+        ).real[:, 0, 0]
+    slow: tuple[list[Modes], list[Modes]] = [], []
+    for basis in plate_bases(plate, max_hz, _MODES, loads, with_breaks=bool(plate.patches)):
+        values, work = basis.values(points_m), np.stack([basis.work(load) for load in loads])
+        for number in numbers:
+            select, limit_hz = basis.resolutions()[number], _MODES.multiples[number] * max_hz
+            modes = Modes(basis, select, values[:, select], work[:, select], limit_hz)
+            slow[number].append(modes)
+            rest_m[number] -= modes.at_rest()
+            if plate.patches:
+                rest_m[number] += basis.at_rest(select, modes.work) @ modes.values.T
+    return tuple(
+        ModeReceptance(slow[i], rest_m[i], 0.0, describe_modes(slow[i], whole, plate))
+        for i in numbers
+    )
 
 
 def transient(scene: Scene, drive: Drive, times_s: ArrayLike, rtol: float | None = None) -> Real:
