@@ -102,8 +102,7 @@ class ConditionCheck:
             rules.append((part > burst.max_energy_above_cutoff, "energy_above_cutoff", data))
         for driven, other in ((0, 1), (1, 0)) if self.gains is not None else ():
             level_db, limit_db = self.level_db(other, driven), -self.masking_threshold_db
-            errors = self.peak_errors
-            error_db = 0.0 if errors is None else float(errors.levels_db[other, driven])
+            error_db = self.level_error_db(other, driven) or 0.0
             code = "crosstalk_above_limit" if level_db > limit_db else "uncertain_crosstalk"
             data = {"driven": OWN_FINGERS[driven], "crosstalk_db": level_db, "error_db": error_db}
             rules.append((level_db + error_db > limit_db, code, data | {"limit_db": limit_db}))
@@ -113,6 +112,11 @@ class ConditionCheck:
         """Return the crosstalk of an actuator at a finger: the worst of the variants, if any."""
         every = [self.gains] if not self.variants else [variant.gains for variant in self.variants]
         return max(gains.level_db(finger, actuator) for gains in every if gains is not None)
+
+    def level_error_db(self, finger: int, actuator: int) -> float | None:
+        """Return the error of the crosstalk, the worst of the variants; None where unknown."""
+        errors = self.peak_errors
+        return None if errors is None else float(errors.levels_db[finger, actuator])
 
     def peak_um(self, finger: int, actuator: int, level_vpp: float) -> float | None:
         """Return the peak displacement at a finger; None where that of the actuator is unknown."""

@@ -53,10 +53,17 @@ class _Field:
 
     plate: PlatePreview
     at_fingers_m: Complex
+    finger_errors_m: Real
 
     def level_db(self, driven: int, other: int) -> Real:
         """Return the level at another finger re above the driven actuator, see `level_db`."""
         return level_db(self.at_fingers_m[driven, driven], self.at_fingers_m[driven, other])
+
+    def level_error_db(self, driven: int, other: int) -> Real:
+        """Return the error of that level."""
+        size_m = np.maximum(np.abs(self.at_fingers_m[driven]), _LEAST)
+        factor = 1 + self.finger_errors_m[driven] / size_m
+        return np.asarray(20 * np.log10(factor[driven] * factor[other]))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -75,6 +82,8 @@ class PlateMap(_Field):
         Amplitude in metres, for the drive of the plate.
     at_fingers_m : ndarray of complex128, shape (n_driven, n_fingertips)
         The same at the centres of the fingertips.
+    finger_errors_m : ndarray of float64, same shape
+        Its errors.
     """
 
     frequency_hz: float
@@ -103,6 +112,8 @@ class PlateBand(_Field):
         Frequencies, increasing.
     at_fingers_m : ndarray of complex128, shape (n_driven, n_fingertips, n_frequencies)
         Amplitude in metres at the centres of the fingertips, for the drive of the plate.
+    finger_errors_m : ndarray of float64, same shape
+        Its errors.
     cutoffs_hz : tuple of float
         Cut-offs in the band of the waves that go from the actuators to the fingers.
     left_out_hz : tuple of float
@@ -190,13 +201,15 @@ def plate_map(plate: PlatePreview, frequency_hz: float) -> PlateMap:
     """
     x_m, y_m = _grid(plate)
     field = displacement_map(plate.strip, plate.loads, frequency_hz, x_m=x_m, y_m=y_m)
+    at_fingers_m, errors_m = plate.at_fingers_m([frequency_hz])
     return PlateMap(
         plate=plate,
         frequency_hz=frequency_hz,
         x_m=x_m,
         y_m=y_m,
         displacement_m=plate.scaled(field.value),
-        at_fingers_m=plate.at_fingers_m([frequency_hz])[..., 0],
+        at_fingers_m=at_fingers_m[..., 0],
+        finger_errors_m=errors_m[..., 0],
     )
 
 
@@ -326,11 +339,13 @@ def plate_band(
     cutoffs_hz = tuple(takewhile(lambda cutoff_hz: cutoff_hz <= upper_hz, every_cutoff_hz))
     steps = (frequencies_hz[:, np.newaxis] - cutoffs_hz) / (frequencies_hz[1] - frequencies_hz[0])
     near = np.any(np.abs(steps) < _NEAR_CUTOFF, axis=1) & plate.is_lossless
+    at_fingers_m, errors_m = plate.at_fingers_m(frequencies_hz[~near])
     return PlateBand(
         plate=plate,
         band_hz=band_hz,
         frequencies_hz=frequencies_hz[~near],
-        at_fingers_m=plate.at_fingers_m(frequencies_hz[~near]),
+        at_fingers_m=at_fingers_m,
+        finger_errors_m=errors_m,
         cutoffs_hz=tuple(cutoff_hz for cutoff_hz in cutoffs_hz if cutoff_hz >= lower_hz),
         left_out_hz=tuple(frequencies_hz[near].tolist()),
     )
@@ -377,9 +392,18 @@ def report_field(field: PlateMap | PlateBand | PlateMotion, file_name: str) -> d
         "unused": plate.drive.unused,
         "limit_db": -plate.masking_threshold_db,
         "driven": [
-            {"name": name, "burst_db": burst_db, **_report_driven(field, driven)}
-            for driven, (name, burst_db) in enumerate(
-                zip_longest(plate.drive.names[: len(field.at_fingers_m)], plate.bursts_db)
+            {
+                "name": name,
+                "burst_db": level_db,
+                "burst_error_db": error_db,
+                **_report_driven(field, driven),
+            }
+            for driven, (name, (level_db, error_db)) in enumerate(
+                zip_longest(
+                    plate.drive.names[: len(field.at_fingers_m)],
+                    plate.burst_levels_db,
+                    fillvalue=(None, None),
+                )
             )
         ],
         **_extent(field),
@@ -415,6 +439,7 @@ def _report_driven(field: PlateMap | PlateBand | PlateMotion, driven: int) -> di
         peak_m, x_m, y_m = field.peak_of(driven)
         return {
             "shown_db": [float(field.level_db(driven, other)) for other in others],
+            "shown_error_db": [float(field.level_error_db(driven, other)) for other in others],
             "peak_um": peak_m * 1e6,
             "peak_x_mm": x_m * 1e3,
             "peak_y_mm": y_m * 1e3,
@@ -423,6 +448,7 @@ def _report_driven(field: PlateMap | PlateBand | PlateMotion, driven: int) -> di
         peaks_m = np.max(np.abs(field.at_fingers_m[driven]), axis=1)
         return {
             "shown_db": [float(level_db(peaks_m[driven], peaks_m[other])) for other in others],
+            "shown_error_db": [None for _ in others],
             "peak_um": float(peaks_m[driven]) * 1e6,
         }
     frequencies_hz, limit_db = field.frequencies_hz, -field.plate.masking_threshold_db
@@ -430,8 +456,10 @@ def _report_driven(field: PlateMap | PlateBand | PlateMotion, driven: int) -> di
     largest = int(np.argmax(size_m))
     levels_db = [field.level_db(driven, other) for other in others]
     tops = [int(np.argmax(level > np.max(level) - _PLATEAU_DB)) for level in levels_db]
+    errors_db = [field.level_error_db(driven, other) for other in others]
     return {
         "shown_db": [float(level[top]) for level, top in zip(levels_db, tops, strict=True)],
+        "shown_error_db": [float(error[top]) for error, top in zip(errors_db, tops, strict=True)],
         "shown_hz": frequencies_hz[tops].tolist(),
         "crossings_hz": [_crossing_hz(frequencies_hz, level, limit_db) for level in levels_db],
         "peak_um": float(size_m[largest]) * 1e6,

@@ -16,7 +16,7 @@ import numpy as np
 
 from experiment.check.field import FRAMES_PER_S, PlateMap, slowdown
 from experiment.check.plate import draw_outlines, outline_keys
-from experiment.check.report import CREATOR, burst_text
+from experiment.check.report import CREATOR, burst_text, format_level
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
@@ -104,8 +104,8 @@ def _styled() -> Iterator[None]:
 def _panel_title(plate: PlatePreview, driven: int) -> str:
     """Name the driven actuator, and the crosstalk of its burst where it is known."""
     title = f"{plate.drive.names[driven]} actuator driven"
-    for level_db in plate.bursts_db[driven : driven + 1]:
-        title += f"; crosstalk of the burst {level_db:.1f} dB".replace("-", "−")
+    for level in plate.burst_levels_db[driven : driven + 1]:
+        title += f"; crosstalk of the burst {format_level(*level)}".replace("-", "−")
     return title
 
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from experiment.study.physics import bare_strip, fingertips_of, loads_of, loads_per_volt
 from stimuli import Burst, Fingertip, Load, Strip
-from stimuli.plate.response import displacement
+from stimuli.plate.response import response
 from stimuli.plate.scene import Scene
 
 if TYPE_CHECKING:
@@ -110,8 +110,8 @@ class PlatePreview:
         return "set" if self.study.plate.has_loss_factor else "assumed"
 
     @cached_property
-    def bursts_db(self) -> tuple[float, ...]:
-        """Crosstalk of the first condition's burst, of the left and of the right actuator.
+    def burst_levels_db(self) -> tuple[tuple[float, float | None], ...]:
+        """Crosstalk of the first condition's burst and its error, of left and right actuator.
 
         As in the check; empty where the study cannot be checked.
         """
@@ -121,7 +121,9 @@ class PlatePreview:
             check = check_study(self.study).conditions[0]
         except ValueError:  # tactstrip check reports it
             return ()
-        return check.level_db(1, 0), check.level_db(0, 1)
+        return tuple(
+            (check.level_db(*pair), check.level_error_db(*pair)) for pair in ((1, 0), (0, 1))
+        )
 
     @property
     def fingers(self) -> tuple[Fingertip, ...]:
@@ -137,10 +139,15 @@ class PlatePreview:
         amplitudes = np.array(self.drive.amplitudes)
         return np.asarray(per_load_m * amplitudes.reshape(-1, *[1] * (per_load_m.ndim - 1)))
 
-    def at_fingers_m(self, frequencies_hz: ArrayLike) -> Complex:
-        """Return amplitudes at the fingertips, shape (n_driven, n_fingertips, n_frequencies)."""
-        per_load_m = displacement(self.scene, frequencies_hz)
-        return self.scaled(np.moveaxis(per_load_m, 0, -1))
+    def at_fingers_m(self, frequencies_hz: ArrayLike) -> tuple[Complex, Real]:
+        """Return amplitudes at the fingertips, and their errors.
+
+        Both have the shape (n_driven, n_fingertips, n_frequencies).
+        """
+        per_load = response(self.scene, frequencies_hz)
+        value_m = self.scaled(np.moveaxis(per_load.value, 0, -1))
+        error_m = self.scaled(np.moveaxis(per_load.error.astype(np.complex128), 0, -1))
+        return value_m, np.abs(error_m)
 
 
 def plate_of(study: Study) -> PlatePreview:

@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 CREATOR: Final = "tactstrip field"
 """What a picture says of the program that drew it."""
 _MAX_WIDTH: Final = 100
+_MAX_ERROR_DB: Final = 3.0
+"""A level with a greater error is not known; only what it is at most is printed."""
 _COLUMN: Final = 15
 """Where the text begins behind a label."""
 
@@ -83,9 +85,25 @@ def _fixed(value: float, digits: int = 1) -> str:
     return f"{round(value, digits) + 0.0:.{digits}f}"  # no minus before 0.0
 
 
+def format_level(level_db: float, error_db: float | None) -> str:
+    """Return a level with its error, or what it is at most where the error is large.
+
+    >>> format_level(-23.71, 0.016), format_level(-48.2, 0.31), format_level(-81.0, 20.0)
+    ('-23.71 +- 0.02 dB', '-48.2 +- 0.4 dB', 'at most -61.0 dB')
+    """
+    if error_db is None:
+        return f"{_fixed(level_db)} dB"
+    if error_db > _MAX_ERROR_DB:
+        return f"at most {_fixed(level_db + error_db)} dB"
+    digits = 2 if error_db < 0.1 else 1  # noqa: PLR2004 - what one digit shows
+    error_db = math.ceil(error_db * 10**digits) / 10**digits
+    return f"{_fixed(level_db, digits)} +- {error_db:.{digits}f} dB"
+
+
 _FILTERS: Final[dict[str, Callable[..., str]]] = {
     "g": _scaled(1.0),
     "fixed": _fixed,
+    "level": format_level,
     "mm": _scaled(1e3),
     "ms": _scaled(1e3),
     "us": _scaled(1e6),
@@ -94,6 +112,7 @@ _FILTERS: Final[dict[str, Callable[..., str]]] = {
     "power": "{:.1e}".format,
     "scientific": "{:.2e}".format,
     "percent": "{:.1%}".format,
+    "percent_above": lambda value: f"{math.ceil(1e3 * value) / 10:g}%",
     "label": f"{{:{_COLUMN}}}".format,
     "minutes": lambda value: f"{math.ceil(value / 60)}",
     "edge": lambda text: text.replace("-", " ").replace("cutoff", "cut-off"),

@@ -289,6 +289,7 @@ def _displacements(study: Study, tested: ConditionCheck, gains: ConditionGains) 
             "finger": OWN_FINGERS[finger],
             "peak_um": tested.peak_um(finger, actuator, level_vpp),
             "crosstalk_db": tested.level_db(finger, actuator),  # the worst of the variants
+            "crosstalk_error_db": tested.level_error_db(finger, actuator),
             "variants": [
                 {
                     "loss_factor": variant.loss_factor,
@@ -313,7 +314,7 @@ def _displacements(study: Study, tested: ConditionCheck, gains: ConditionGains) 
             for index, name in enumerate(gains.actuators)
         ],
         "right_re_left_db": None if fingers.basis is None else fingers.right_re_left_db,
-        "error": None if errors is None else errors.facts,
+        "peak_error": None if errors is None else errors.own,
         "loss_basis": "set" if plate.has_loss_factor else "assumed",
         "loss_factors": [plate.loss_factor] if plate.has_loss_factor else [MIN_LOSS, MAX_LOSS],
         "edge_loss": plate.edge_loss if isinstance(strip.edge, ElasticEdge) else None,

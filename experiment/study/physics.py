@@ -69,12 +69,6 @@ class PeakErrors:
     own: float
     levels_db: NDArray[np.float64]
 
-    @property
-    def facts(self) -> dict[str, float]:
-        """The worst of each."""
-        others = ~np.eye(len(self.levels_db), dtype=bool)
-        return {"own": self.own, "level_db": float(np.max(self.levels_db[others]))}
-
 
 def study_gains(
     study: Study, loss_factor: float = ASSUMED_LOSS, *, bare: bool = False

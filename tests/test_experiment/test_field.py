@@ -158,7 +158,7 @@ def test_only_waves_that_the_actuators_make_have_their_cutoff_marked() -> None:
 
 
 def test_the_measured_displacement_comes_out_at_the_highest_level() -> None:
-    at_m = plate().at_fingers_m([300.0])[:, :, 0]
+    at_m = plate().at_fingers_m([300.0])[0][:, :, 0]
     assert np.abs(np.diag(at_m)) == pytest.approx(2 * 2.6e-6, rel=1e-4)
 
 
