@@ -198,9 +198,9 @@ def test_a_predicted_actuator_moves_the_stiffer_plate_with_its_whole_moment() ->
 @pytest.mark.slow
 def test_the_check_tells_what_patches_do_and_how_well_it_is_known() -> None:
     (condition,) = facts_of(LOSSY + discs(OWN_HEAD + COUNTS))["conditions"]
-    error = condition["displacements"]["error"]
-    assert 0 < error["own"] < 0.01
-    assert 0 < error["level_db"] < 0.25
+    displacements = condition["displacements"]
+    assert 0 < displacements["peak_error"] < 0.01
+    assert 0 < displacements["actuators"][0]["fingers"][0]["crosstalk_error_db"] < 0.25
 
 
 @pytest.mark.slow
