@@ -1,5 +1,5 @@
 from .clock import Clock, MonotonicClock, VirtualClock
-from .core.converter import Converter, converter_device
+from .core.converter import Converter, Played, converter_device
 from .core.output import Emission, OutputStage
 from .core.reports import Health, Measurement
 from .core.states import State
@@ -42,6 +42,7 @@ __all__ = [
     "Outcome",
     "OutputStage",
     "OutputsOffError",
+    "Played",
     "Refusal",
     "RefusedError",
     "Rejected",

@@ -6,9 +6,10 @@ Levels are peak-to-peak volts at the actuator: a waveform that reaches +1 and -1
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import Protocol, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -198,7 +199,7 @@ class Delivery:
         require_real("level_right_vpp", self.level_right_vpp, least=0.0)
 
 
-class BurstDevice(Protocol):
+class BurstDevice(ABC):
     """Two channels that play loaded waveforms, each at most once per token.
 
     The steps of a session: `open`, `load`, `enable`, then for each trial `set_levels`, `arm`,
@@ -218,8 +219,10 @@ class BurstDevice(Protocol):
 
     @property
     def cannot(self) -> tuple[str, ...]:
-        """What this device cannot promise, each to be read after "it cannot"; told before a run."""
+        """What this device cannot promise, each to be read after "it cannot"."""
+        return ()
 
+    @abstractmethod
     def open(self) -> Identity:
         """Connect.
 
@@ -229,6 +232,7 @@ class BurstDevice(Protocol):
             Who answered, and what it can do.
         """
 
+    @abstractmethod
     def load(self, slot: int, left: FloatArray, right: FloatArray) -> None:
         """Store the waveforms of both channels; played at a level, 1 is half of its volts.
 
@@ -240,9 +244,11 @@ class BurstDevice(Protocol):
             Samples at the device's rate, from -1 to 1, the first and the last 0.
         """
 
+    @abstractmethod
     def enable(self) -> None:
         """Switch the output on; the only way out of a stop."""
 
+    @abstractmethod
     def set_levels(self, left_vpp: float, right_vpp: float) -> None:
         """Set the levels of both channels.
 
@@ -252,6 +258,7 @@ class BurstDevice(Protocol):
             Peak-to-peak volts at the actuator.
         """
 
+    @abstractmethod
     def arm(self, token: int, slot: int, *, time_to_live_s: float) -> None:
         """Allow `fire(token)` to play a slot.
 
@@ -265,6 +272,7 @@ class BurstDevice(Protocol):
             For how many seconds from now.
         """
 
+    @abstractmethod
     def fire(self, token: int) -> Delivery:
         """Play the armed slot; the same token again gives the same record, not another burst.
 
@@ -279,6 +287,7 @@ class BurstDevice(Protocol):
             What is known of the burst.
         """
 
+    @abstractmethod
     def disarm(self, token: int) -> None:
         """Make sure that a token cannot fire from now on; what it did before stays.
 
@@ -288,6 +297,7 @@ class BurstDevice(Protocol):
             The armed one, or any other.
         """
 
+    @abstractmethod
     def query(self, token: int) -> Delivery:
         """Ask what became of a token.
 
@@ -302,8 +312,10 @@ class BurstDevice(Protocol):
             INDETERMINATE while it is armed.
         """
 
+    @abstractmethod
     def stop(self) -> None:
         """Bring outputs to zero: from any thread, in any state, any number of times, no lock."""
 
+    @abstractmethod
     def close(self) -> None:
         """Stop, then disconnect."""

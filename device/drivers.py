@@ -6,22 +6,21 @@ Beside the built-in ones there are those of a lab's own, see `device.installed`.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, Final, TypeVar
+from typing import TYPE_CHECKING, Any, Final, TypeVar, cast
 
 from device.clock import MonotonicClock
 from device.core.host import HostDriver
 from device.core.output import OutputStage
 from device.driver import BurstDevice, Delivery, Identity
 from device.emulate.mock import DEVICE_LIMITS, MODEL, MockDevice
-from device.errors import DeviceError, LinkError
-from device.installed import DRIVERS, Installed, lookup, require_whole
+from device.errors import DeviceError, LinkError, one_line
+from device.installed import DRIVERS, Installed, lookup, require_instance
 from device.wire.channels import USUAL, LineSettings, require_port
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Callable, Mapping
 
     from device.clock import Clock
-    from device.driver import FloatArray
     from device.limits import Limits
     from device.sound.recorder import Recorder
 
@@ -117,7 +116,7 @@ def make_device(name: str, settings: DriverSettings, clock: Clock) -> BurstDevic
     ValueError: port must be given for the driver serial, got None
     """
     if name not in NEEDS:
-        return whole_device(own_driver(name).make(settings, clock, BurstDevice))
+        return guarded_device(own_driver(name).make(settings, clock, BurstDevice))
     if refused := other_channels(name, settings.channels):
         raise ValueError(refused)
     limits, rate_hz = settings.limits, settings.sample_rate_hz
@@ -152,85 +151,45 @@ def make_device(name: str, settings: DriverSettings, clock: Clock) -> BurstDevic
     )
 
 
-def whole_device(device: BurstDevice) -> BurstDevice:
-    """Return a device of a lab's own as one that fails by `DeviceError` only, in one line.
+def guarded_device(device: BurstDevice) -> BurstDevice:
+    """Return a device of another distribution as one that fails by `DeviceError` only, in one line.
 
-    ValueError where it lacks a part of `BurstDevice`.
+    ValueError if it is no `BurstDevice`.
     """
-    require_whole(device, BurstDevice)
-    return device if isinstance(device, HostDriver) else _OwnDevice(device)
+    require_instance(device, BurstDevice)
+    return device if isinstance(device, HostDriver) else cast("BurstDevice", _GuardedDevice(device))
 
 
-class _OwnDevice:
-    """A device of a lab's own; whatever it fails with is a failure of this device."""
+_RESULTS: Final[Mapping[str, type]] = {"open": Identity, "fire": Delivery, "query": Delivery}
+
+
+class _GuardedDevice:
+    """A device of another distribution; whatever it fails with is a failure of this device."""
 
     def __init__(self, device: BurstDevice) -> None:
         self._device = device
 
     @property
     def cannot(self) -> tuple[str, ...]:
-        """What it cannot promise."""
         return tuple(self._device.cannot)
 
-    def open(self) -> Identity:
-        """Connect."""
-        identity: Identity = self._returned(self._do("open"), Identity, "open")
-        return identity
+    def __getattr__(self, step: str) -> Callable[..., Any]:
+        method = getattr(self._device, step)
 
-    def load(self, slot: int, left: FloatArray, right: FloatArray) -> None:
-        """Store waveforms."""
-        self._do("load", slot, left, right)
+        def call(*args: Any, **named: Any) -> Any:
+            name = f"{type(self._device).__name__}.{step}"
+            try:
+                result = method(*args, **named)
+            except DeviceError:
+                raise
+            except Exception as error:
+                raise LinkError(f"{name} failed: {one_line(error)}") from error
+            expected = _RESULTS.get(step)
+            if expected is not None and not isinstance(result, expected):
+                raise LinkError(f"{name} must return a device.{expected.__name__}; got {result!r}")
+            return result
 
-    def enable(self) -> None:
-        """Switch on."""
-        self._do("enable")
-
-    def set_levels(self, left_vpp: float, right_vpp: float) -> None:
-        """Set levels."""
-        self._do("set_levels", left_vpp, right_vpp)
-
-    def arm(self, token: int, slot: int, *, time_to_live_s: float) -> None:
-        """Arm."""
-        self._do("arm", token, slot, time_to_live_s=time_to_live_s)
-
-    def fire(self, token: int) -> Delivery:
-        """Fire."""
-        delivery: Delivery = self._returned(self._do("fire", token), Delivery, "fire")
-        return delivery
-
-    def disarm(self, token: int) -> None:
-        """Disarm."""
-        self._do("disarm", token)
-
-    def query(self, token: int) -> Delivery:
-        """Ask."""
-        delivery: Delivery = self._returned(self._do("query", token), Delivery, "query")
-        return delivery
-
-    def stop(self) -> None:
-        """Stop."""
-        self._do("stop")
-
-    def close(self) -> None:
-        """Close."""
-        self._do("close")
-
-    def _do(self, step: str, *args: Any, **named: Any) -> Any:
-        try:
-            return getattr(self._device, step)(*args, **named)
-        except DeviceError:
-            raise
-        except Exception as error:
-            said = f"{type(error).__name__}: {' '.join(str(error).split())}"
-            raise LinkError(f"{type(self._device).__name__}.{step} failed: {said}") from error
-
-    def _returned(self, value: object, wanted: type, step: str) -> Any:
-        if not isinstance(value, wanted):
-            raise LinkError(
-                f"{type(self._device).__name__}.{step} must return a device.{wanted.__name__}; got "
-                f"{value!r}"
-            )
-        return value
+        return call
 
 
 def require_port_of(name: str, port: str) -> None:

@@ -66,6 +66,15 @@ class Refusal(IntEnum):
     MEMORY_FULL = 33, "the waveforms in all slots together are too long"
 
 
+def one_line(error: Exception) -> str:
+    r"""Return what another library raised in one line, with its type.
+
+    >>> one_line(OSError("no\n such port"))
+    'OSError: no such port'
+    """
+    return f"{type(error).__name__}: {' '.join(str(error).split())}"
+
+
 class DeviceError(Exception):
     """Anything that went wrong with a device.
 

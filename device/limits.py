@@ -1,7 +1,9 @@
 """What may be played: ceilings, waveform rules, rests; refused, never clipped.
 
 The host checks with the limits of the study, the device with its own; both call these functions.
-All ceilings hold for peak(waveform) x level x gain, compared without rounding.
+They compare whole numbers (converter codes, millivolts, microseconds), so that firmware, which has
+no floats, comes to the same verdict to the last bit. All ceilings hold for
+peak(waveform) x level x gain.
 """
 
 from __future__ import annotations
@@ -10,7 +12,7 @@ import math
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import partial
-from typing import TYPE_CHECKING, Any, Final, TypeAlias, TypeVar
+from typing import TYPE_CHECKING, Any, Final, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,16 +23,14 @@ from device.errors import Refusal, rejection
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from device.driver import FloatArray
-
 CHANNELS: Final = ("left", "right")
 """The output channels of a device, in their order."""
 _LARGEST_GAIN = 1e6
 _LEAST_RATIO = 1e-6
 _GRID_TOLERANCE = 1e-6
 
-_Codes: TypeAlias = NDArray[np.signedinteger[Any]]
-_Peak = TypeVar("_Peak", int, float)
+CodeArray: TypeAlias = NDArray[np.signedinteger[Any]]
+"""Codes of a converter, one for each sample."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -94,8 +94,6 @@ class Limits:
         require_positive("dc_tolerance", self.dc_tolerance, most=1.0)
         require_positive("longest_time_to_live_s", self.longest_time_to_live_s)
 
-    # A device counts in whole numbers, so that firmware, which has no floats, comes to the same
-    # verdict to the last bit; and these are the numbers that it tells of itself.
     @property
     def ceiling_mvpp(self) -> int:
         """The ceiling in whole millivolts."""
@@ -127,122 +125,77 @@ def _whole(limit: float) -> int:
     return math.floor(limit + _GRID_TOLERANCE)
 
 
-def check_waveforms(left: FloatArray, right: FloatArray, limits: Limits) -> tuple[float, float]:
-    """Check the waveforms of one slot and return the peak magnitude of each.
+def check_codes(
+    left: CodeArray, right: CodeArray, *, full_scale: int, limits: Limits
+) -> tuple[int, int]:
+    """Check the codes of both channels of a slot, and return the peak code of each.
 
-    Left and right, shape (n,) each: of one length, not too long, finite, in [-1, 1], 0 at both ends
-    and without a DC part, which is ``|sum|`` above `dc_tolerance` times ``sum|.|``. Otherwise
+    The codes, shape (n,) each, must be of one length, not too long, within full scale, 0 at both
+    ends and without a DC part, which is ``|sum|`` above `dc_tolerance` times ``sum|.|``. Otherwise
     `Rejected` or `LimitExceeded`.
 
-    >>> sine = np.sin(2 * np.pi * np.arange(97) / 96)
-    >>> sine[-1] = 0.0
+    >>> sine = np.array([0, 32767, 0, -32767, 0])
     >>> limits = Limits(ceiling_vpp=200.0)
-    >>> check_waveforms(sine, 0 * sine, limits)
-    (1.0, 0.0)
-    >>> check_waveforms(sine, abs(sine), limits)
+    >>> check_codes(sine, 0 * sine, full_scale=32767, limits=limits)
+    (32767, 0)
+    >>> check_codes(sine, abs(sine), full_scale=32767, limits=limits)
     Traceback (most recent call last):
     device.errors.LimitExceeded: the waveform has a DC part (a unipolar click has one): right
     """
-    _check_lengths(left.size, right.size, limits)
-    first, second = map(partial(_check_waveform, limits=limits), CHANNELS, (left, right))
-    return float(first), float(second)
-
-
-def check_codes(left: _Codes, right: _Codes, *, full_scale: int, limits: Limits) -> tuple[int, int]:
-    """Check the codes of both channels as a device does, and return the peak code of each.
-
-    >>> sine = np.array([0, 32767, 0, -32767, 0])
-    >>> check_codes(sine, 0 * sine, full_scale=32767, limits=Limits(ceiling_vpp=200.0))
-    (32767, 0)
-    """
-    _check_lengths(left.size, right.size, limits)
-    check = partial(_check_waveform, limits=limits, full_scale=full_scale)
-    first, second = map(check, CHANNELS, (left.astype(np.int64), right.astype(np.int64)))
-    return int(first), int(second)
-
-
-def _check_lengths(n_left: int, n_right: int, limits: Limits) -> None:
-    if n_left != n_right:
-        raise rejection(Refusal.LENGTHS_DIFFER, f"{n_left} and {n_right} samples")
-    if n_left == 0:
+    if left.size != right.size:
+        raise rejection(Refusal.LENGTHS_DIFFER, f"{left.size} and {right.size} samples")
+    if left.size == 0:
         raise rejection(Refusal.WAVEFORM_EMPTY)
-    if n_left > limits.longest_waveform:
-        detail = f"{n_left} samples, at most {limits.longest_waveform}"
+    if left.size > limits.longest_waveform:
+        detail = f"{left.size} samples, at most {limits.longest_waveform}"
         raise rejection(Refusal.WAVEFORM_TOO_LONG, detail)
+    check = partial(_check_channel, limits=limits, full_scale=full_scale)
+    left_peak, right_peak = map(check, CHANNELS, (left, right))
+    return left_peak, right_peak
 
 
-def _check_waveform(
-    channel: str, samples: FloatArray | _Codes, limits: Limits, full_scale: int = 1
-) -> float:
-    magnitudes = np.abs(samples)
-    peak = magnitudes.max()
-    if not math.isfinite(peak):
-        raise rejection(Refusal.NOT_FINITE, channel)
+def _check_channel(channel: str, codes: CodeArray, limits: Limits, full_scale: int) -> int:
+    codes = codes.astype(np.int64)
+    magnitudes = np.abs(codes)
+    peak = int(magnitudes.max())
     if peak > full_scale:
         raise rejection(Refusal.OUT_OF_RANGE, f"{channel} reaches {peak / full_scale:g}")
-    if samples[0] != 0 or samples[-1] != 0:
+    if codes[0] != 0 or codes[-1] != 0:
         raise rejection(Refusal.EDGES_NOT_ZERO, channel)
-    if abs(samples.sum()) * 1_000_000 > limits.dc_tolerance_ppm * magnitudes.sum():
+    if abs(codes.sum()) * 1_000_000 > limits.dc_tolerance_ppm * magnitudes.sum():
         raise rejection(Refusal.DC, channel)
-    return float(peak)
+    return peak
 
 
-def check_ceiling(peak: float, level_vpp: float, limits: Limits) -> None:
-    """Refuse a burst whose peak x level x gain is above the ceiling; exactly at it is allowed.
-
-    The product is formed in whole numbers from the exact values of the factors, so that no
-    rounding lets a larger one pass.
-
-    >>> limits = Limits(ceiling_vpp=200.0)
-    >>> check_ceiling(1.0, 200.0, limits)
-    >>> check_ceiling(0.5, 400.0, limits)
-    >>> check_ceiling(1.0, 200.00000000000003, limits)
-    Traceback (most recent call last):
-    device.errors.LimitExceeded: peak x level x gain is above the ceiling: 1 x 200 x 1 > 200 Vpp
-    """
-    _require_at_most(limits.ceiling_vpp, peak, level_vpp, limits.gain)
-
-
-def _require_at_most(ceiling_vpp: float | Fraction, *factors: float | Fraction) -> None:
-    product = math.prod(Fraction(factor) for factor in factors)
-    if product > Fraction(ceiling_vpp):
-        told = " x ".join(f"{float(factor):g}" for factor in factors)
-        raise rejection(Refusal.CEILING, f"{told} > {float(ceiling_vpp):g} Vpp")
-
-
-def check_burst(
-    peaks: tuple[float, float], levels_vpp: tuple[float, float], limits: Limits
-) -> None:
-    """Check left and right of a burst against the ceiling.
-
-    >>> check_burst((1.0, 0.0), (200.0, 1e6), Limits(ceiling_vpp=200.0))   # right is silent
-    """
-    for peak, level_vpp in zip(peaks, levels_vpp, strict=True):
-        check_ceiling(peak, level_vpp, limits)
-
-
-def check_stored(
+def check_ceiling(
     peaks: tuple[int, int], levels_mvpp: tuple[int, int], *, full_scale: int, limits: Limits
 ) -> None:
-    """Check left and right of a burst against the ceiling as a device does: in whole numbers.
+    """Refuse a burst of which a channel's peak x level x gain is above the ceiling.
+
+    Exactly at the ceiling is allowed. `peaks` are codes, left and right. The product is formed in
+    whole numbers, so that no rounding lets a larger one pass.
 
     >>> limits = Limits(ceiling_vpp=64.1)
-    >>> check_stored((32767, 0), (64_100, 10**6), full_scale=32767, limits=limits)
+    >>> check_ceiling((32767, 0), (64_100, 10**6), full_scale=32767, limits=limits)
+    >>> check_ceiling((32767, 0), (64_101, 0), full_scale=32767, limits=limits)
+    Traceback (most recent call last):
+    device.errors.LimitExceeded: peak x level x gain is above the ceiling: 1 x 64.101 x 1 > 64.1 Vpp
     """
-    ceiling_vpp = Fraction(limits.ceiling_mvpp, 1000)
     for peak, level_mvpp in zip(peaks, levels_mvpp, strict=True):
-        factors = Fraction(peak, full_scale), Fraction(level_mvpp, 1000), limits.gain
-        _require_at_most(ceiling_vpp, *factors)
+        factors = Fraction(peak, full_scale), Fraction(level_mvpp, 1000), Fraction(limits.gain)
+        if math.prod(factors) * 1000 > limits.ceiling_mvpp:
+            product = " x ".join(f"{float(factor):g}" for factor in factors)
+            raise rejection(Refusal.CEILING, f"{product} > {limits.ceiling_mvpp / 1000:g} Vpp")
 
 
-def least_peaks(loaded: Iterable[tuple[_Peak, _Peak]]) -> tuple[_Peak | int, _Peak | int]:
+def lowest_peaks(loaded: Iterable[tuple[int, int]]) -> tuple[int, int]:
     """Return the smallest peak of each channel among the loaded slots, silent ones left out.
 
     A level that is too high even for these cannot be used by any slot, and is refused when it is
     set; which slot will be played is known only when it is armed, and then checked exactly.
 
-    >>> least_peaks([(1.0, 0.0), (0.5, 0.0)])
-    (0.5, 0)
+    >>> lowest_peaks([(100, 0), (50, 0)])
+    (50, 0)
     """
     pairs = list(loaded)
     left = min((pair[0] for pair in pairs if pair[0]), default=0)

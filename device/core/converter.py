@@ -1,63 +1,106 @@
-"""A device of a lab's own: all that it has to do is to play two waveforms, once.
+"""A device around what plays two waveforms: a sound card, a generator, a program of a lab.
 
 Tokens, times to live, rests, levels and ceilings are kept for it by a `DeviceCore` in this process.
 """
 
 from __future__ import annotations
 
-from dataclasses import replace
-from typing import TYPE_CHECKING, Protocol
+import secrets
+from abc import ABC, abstractmethod
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, Final, cast
 
+from device.core.core import DeviceCore
 from device.core.host import HostDriver
-from device.core.local import HostedCore
-from device.core.messages import Arm, Enable, Message
+from device.core.local import LocalCore
+from device.core.messages import Arm, AskHealth, Disarm, Enable, Fire, LoadSlot, Message, Query
 from device.core.output import OutputStage
-from device.core.tokens import Exchange, Fate, Record, Reply
+from device.core.reports import Health
+from device.core.tokens import Exchange, Record, Reply
 from device.driver import Identity, Outcome
-from device.errors import DeviceError, LinkError
-from device.installed import require_whole
+from device.errors import DeviceError, LinkError, Refusal, one_line
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from device.clock import Clock
     from device.driver import FloatArray
-    from device.limits import Limits
+    from device.limits import CodeArray, Limits
+
+_SLEW_V_S: Final = 1e12
+_ATTRIBUTES: Final = ("name", "serial_number", "sample_rate_hz", "bits", "full_scale_v", "emulated")
 
 
-class Converter(Protocol):
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Played:
+    """What a converter knows of a burst that it was asked to play.
+
+    Attributes
+    ----------
+    outcome : Outcome
+        FIRED only if the burst surely came out as a whole, NOT_FIRED only if surely nothing did.
+    onset_s : float or None
+        When it began, on the host's clock; None: after `play` was called, and its duration before
+        `play` returned.
+    uncertainty_s : float
+        Half-width of the interval around `onset_s`.
+    levels_vpp : tuple of float or None
+        Left and right level that was really set; None: as asked for.
+
+    Examples
+    --------
+    >>> Played(outcome=Outcome.FIRED).onset_s is None
+    True
+    """
+
+    outcome: Outcome
+    onset_s: float | None = None
+    uncertainty_s: float = 0.0
+    levels_vpp: tuple[float, float] | None = None
+
+
+class Converter(ABC):
     """What turns samples into volts at two actuators: a card, an instrument, a program.
+
+    A subclass sets the attributes, at the latest in `connect` those that only the hardware tells,
+    and has the four abstract methods. The other three are for hardware that stores waveforms or
+    switches its outputs.
 
     Attributes
     ----------
     name : str
         Its model.
     serial_number : str
-        Which one it is.
+        Tells it from others of its model.
     sample_rate_hz : float
-        At which it plays.
+        Rate at which it plays.
     bits : int
-        Of its converters.
+        Resolution of its converters.
     full_scale_v : float
         Volts at the actuator, to both sides, of its largest sample: measured, behind the amplifier.
     emulated : bool
         Whether no actuator can move.
     cannot : tuple of str
-        What it cannot promise, each to be read after "it cannot"; told before a session.
+        What it cannot promise, each to be read after "it cannot"; shown before a session.
+    protocol : str
+        What it is spoken to by.
+    longest_waveform : int
+        In samples.
 
     Examples
     --------
     `converter_device` makes a device around one; docs/own-device.md has it in 40 lines:
 
-    >>> from device import Converter, Outcome
-    >>> class Silent:
+    >>> from device import Converter, Outcome, Played
+    >>> class Silent(Converter):
     ...     name, serial_number, sample_rate_hz, bits = "silent", "1", 48_000.0, 16
     ...     full_scale_v, emulated, cannot = 100.0, True, ("be felt",)
     ...     def connect(self): pass
-    ...     def play(self, left_v, right_v): return Outcome.NOT_FIRED
+    ...     def play(self, left_v, right_v): return Played(outcome=Outcome.NOT_FIRED)
     ...     def zero(self): pass
     ...     def disconnect(self): pass
-    >>> converter: Converter = Silent()
+    >>> Silent().protocol
+    'own'
     """
 
     name: str
@@ -66,12 +109,16 @@ class Converter(Protocol):
     bits: int
     full_scale_v: float
     emulated: bool
-    cannot: tuple[str, ...]
+    cannot: tuple[str, ...] = ()
+    protocol: str = "own"
+    longest_waveform: int = 2**31
 
+    @abstractmethod
     def connect(self) -> None:
-        """Open it, its outputs at zero; `LinkError` where it is not there."""
+        """Open it, its outputs at zero; `LinkError` if it is not there."""
 
-    def play(self, left_v: FloatArray, right_v: FloatArray) -> Outcome:
+    @abstractmethod
+    def play(self, left_v: FloatArray, right_v: FloatArray) -> Played:
         """Play volts at the actuators once, return when they are over, and say what is known.
 
         Parameters
@@ -81,28 +128,42 @@ class Converter(Protocol):
 
         Returns
         -------
-        Outcome
-            FIRED only where it surely came out as a whole, NOT_FIRED where surely nothing did.
-            Whatever is raised counts as INDETERMINATE.
+        Played
+            What is known. Whatever is raised counts as INDETERMINATE.
         """
 
+    @abstractmethod
     def zero(self) -> None:
         """Bring the outputs to zero and cut what plays; from any thread, at any time."""
 
+    @abstractmethod
     def disconnect(self) -> None:
         """Close it."""
 
+    def store(self, slot: int, left: CodeArray, right: CodeArray) -> None:  # noqa: B027 - most need no such step
+        """Store the codes of both channels in a slot; by default nothing is stored."""
 
-_FATES = {
-    Outcome.FIRED: Fate.FIRED,
-    Outcome.NOT_FIRED: Fate.ABORTED,
-    Outcome.INDETERMINATE: Fate.UNKNOWN,
-}
-_SLEW_V_S = 1e12
+    def switch_on(self) -> None:  # noqa: B027 - most need no such step
+        """Switch the outputs on, at zero; by default nothing has to be switched."""
+
+    def select(self, slot: int, left_vpp: float, right_vpp: float) -> None:  # noqa: B027 - most need no such step
+        """Make a slot ready for the next `play`; by default nothing has to be prepared.
+
+        Parameters
+        ----------
+        slot : int
+            Which waveforms.
+        left_vpp, right_vpp : float
+            Levels of both channels, in peak-to-peak volts at the actuator.
+        """
 
 
-class _ConverterLink(HostedCore):
-    """A `host.Link` to a converter, with the core that it lacks."""
+class HostedCore(LocalCore):
+    """A `host.Link` to a converter: its core is in this process and keeps what it cannot keep.
+
+    The core decides first, so that the converter does only what is allowed; what the converter
+    then refuses is taken back.
+    """
 
     def __init__(self, converter: Converter, clock: Clock, limits: Limits) -> None:
         output = OutputStage(
@@ -111,73 +172,129 @@ class _ConverterLink(HostedCore):
             rail_v=converter.full_scale_v,
             slew_v_s=_SLEW_V_S,
         )
-        super().__init__(clock, limits=limits, output=output)
+        core = DeviceCore(
+            boot_id=secrets.randbits(63), limits=limits, output=output, sink=lambda _: None
+        )
+        super().__init__(core, clock)
         self._converter = converter
-        self._trouble: Exception | None = None
+        self._fired: dict[int, Exchange[Any]] = {}
+        self._failure: Exception | None = None
 
     def hello(self) -> Identity:
-        self._attend()
-        self._do(self._converter.connect)
-        self._trouble = None
-        self._known = self._core.state
+        """Connect the converter and return who it is."""
+        self._advance()
+        self._call(self._converter.connect)
+        self._failure = None
+        self._state = self._core.state
+        converter, limits = self._converter, self._core.limits
         return Identity(
-            model=self._converter.name,
-            serial_number=self._converter.serial_number,
+            model=converter.name,
+            serial_number=converter.serial_number,
             boot_id=self.boot_id,
-            protocol_version="own",
-            sample_rate_hz=self._core.output.sample_rate_hz,
-            bits=self._core.output.bits,
+            protocol_version=converter.protocol,
+            sample_rate_hz=converter.sample_rate_hz,
+            bits=converter.bits,
             channels=2,
-            ceiling_vpp=self._core.limits.ceiling_vpp,
-            longest_waveform=self._core.limits.longest_waveform,
-            emulated=self._converter.emulated,
+            ceiling_vpp=min(limits.ceiling_vpp, 2 * converter.full_scale_v),
+            longest_waveform=min(limits.longest_waveform, converter.longest_waveform),
+            emulated=converter.emulated,
         )
 
     def exchange(self, message: Message[Reply]) -> Exchange[Reply]:
-        """Give a message to the core; what failed while it played is told at the next step."""
-        if self._trouble is not None and isinstance(message, Enable | Arm):
-            raise LinkError(f"{self._converter.name}: {self._trouble}") from self._trouble
-        return super().exchange(message)
+        """Give a message to the core and have the converter do what it allows.
+
+        A token is played once: the same FIRE again, or a QUERY, gives the same exchange. What
+        failed while the converter played is raised at the next step.
+        """
+        if self._failure is not None and isinstance(message, Enable | Arm):
+            raise LinkError(f"{self._converter.name}: {self._failure}") from self._failure
+        if isinstance(message, Fire) and message.token not in self._fired:
+            self._fired[message.token] = self._play(self._take(message))
+        if isinstance(message, Fire | Query) and message.token in self._fired:
+            return self._fired[message.token]
+        exchange = super().exchange(message)
+        match message:
+            case LoadSlot():
+                self._call(self._converter.store, message.slot, message.left, message.right)
+            case Enable():
+                self._switch_on()
+            case Arm():
+                self._select(message)
+            case AskHealth():  # which this host cannot see
+                return replace(exchange, record=cast("Reply", Health()))
+        return exchange
 
     def stop(self) -> None:
+        """Bring the outputs to zero at once, from any thread; the core hears of it next."""
         super().stop()
-        self._do(self._converter.zero)
+        self._call(self._converter.zero)
 
     def hang_up(self) -> None:
-        super().hang_up()
-        self._do(self._converter.disconnect)
-
-    def _do(self, step: Callable[[], None]) -> None:
-        """Have a step done; what fails is told as a failure of this device, in one line."""
+        """Disconnect the converter."""
         try:
-            step()
+            super().hang_up()
+        finally:
+            self._call(self._converter.disconnect)
+
+    def _advance(self) -> int:
+        if self._stops:  # again: hardware may have missed it while it was sent something else
+            self._call(self._converter.zero)
+        return super()._advance()
+
+    def _switch_on(self) -> None:
+        try:
+            self._call(self._converter.switch_on)
+        except DeviceError:
+            self.stop()
+            raise
+        self._advance()  # a stop that was asked for meanwhile, by another thread, has the last word
+
+    def _select(self, message: Arm) -> None:
+        try:
+            self._call(self._converter.select, message.slot, *self._core.levels.vpp)
+        except DeviceError:
+            super().exchange(Disarm(token=message.token))
+            raise
+
+    def _call(self, step: Callable[..., None], *args: object) -> None:
+        """Call a method of the converter; whatever fails is a `DeviceError` of one line."""
+        try:
+            step(*args)
         except DeviceError:
             raise
         except Exception as error:
-            said = f"{type(error).__name__}: {' '.join(str(error).split())}"
-            raise LinkError(f"{self._converter.name}: {step.__name__} failed: {said}") from error
+            message = f"{self._converter.name}: {step.__name__} failed: {one_line(error)}"
+            raise LinkError(message) from error
 
     def _play(self, record: Record) -> Exchange[Record]:
+        """Play what the core has allowed with this record."""
         playing = self._core.playing
-        asked_s = self._clock.now_s()
+        called_s = self._clock.now_s()
         if playing is None:
-            return self._told(record, asked_s, asked_s, self._device_us(asked_s))
-        try:
-            outcome = Outcome(self._converter.play(playing.left_v, playing.right_v))
-        except Exception as error:  # noqa: BLE001 - whatever it was, the burst may have been felt
-            self._trouble, outcome = error, Outcome.INDETERMINATE
-        if self._stops and outcome is Outcome.FIRED:
-            outcome = Outcome.INDETERMINATE  # it may have been cut
+            return self._exchange(record, called_s, called_s, self._device_us(called_s))
+        played, outcome = Played(outcome=Outcome.NOT_FIRED), Outcome.NOT_FIRED
+        if not self._stops:
+            try:
+                played = self._converter.play(playing.left_v, playing.right_v)
+                outcome = Outcome(played.outcome)
+            except Exception as error:  # noqa: BLE001 - whatever it was, the burst may have been felt
+                self._failure, outcome = error, Outcome.INDETERMINATE
         returned_s = self._clock.now_s()
-        if outcome is not Outcome.FIRED:
-            known = Record(token=record.token, fate=_FATES[outcome])
-            return self._told(known, asked_s, returned_s, 0)
-        # It began when it was asked to at the earliest, and its length before it was over at the
-        # latest.
-        latest_s = returned_s - len(playing.left_v) / self._core.output.sample_rate_hz
-        start_us = self._device_us(asked_s)
-        known = replace(record, start_us=start_us)
-        return self._told(known, asked_s, max(asked_s, latest_s), start_us)
+        if outcome is Outcome.NOT_FIRED:
+            unplayed = Record.not_fired(record.token, Refusal.ABORTED)
+            return self._exchange(unplayed, called_s, returned_s, 0)
+        if outcome is Outcome.INDETERMINATE or self._stops:  # a stop may have cut it
+            return self._exchange(Record.unknown(record.token), called_s, returned_s, 0)
+        before_s, after_s = called_s, returned_s - playing.duration_us * 1e-6
+        if played.onset_s is not None:
+            before_s = max(before_s, played.onset_s - played.uncertainty_s)
+            after_s = min(returned_s, played.onset_s + played.uncertainty_s)
+        if played.levels_vpp is not None:
+            left_mvpp, right_mvpp = (round(level_vpp * 1e3) for level_vpp in played.levels_vpp)
+            record = replace(record, left_mvpp=left_mvpp, right_mvpp=right_mvpp)
+        start_us = self._device_us(before_s)
+        record = replace(record, start_us=start_us)
+        return self._exchange(record, before_s, max(before_s, after_s), start_us)
 
 
 class ConverterDevice(HostDriver):
@@ -186,13 +303,13 @@ class ConverterDevice(HostDriver):
     def __init__(self, converter: Converter, *, limits: Limits, clock: Clock) -> None:
         reachable_vpp = min(limits.ceiling_vpp, 2 * converter.full_scale_v)
         reachable = replace(limits, ceiling_vpp=reachable_vpp)
-        self._cannot = tuple(converter.cannot)
-        super().__init__(_ConverterLink(converter, clock, reachable), limits=reachable, clock=clock)
+        self._converter = converter
+        super().__init__(HostedCore(converter, clock, reachable), limits=reachable, clock=clock)
 
     @property
     def cannot(self) -> tuple[str, ...]:
         """What the converter says that it cannot promise."""
-        return self._cannot
+        return tuple(self._converter.cannot)
 
 
 def converter_device(converter: Converter, *, limits: Limits, clock: Clock) -> ConverterDevice:
@@ -215,21 +332,21 @@ def converter_device(converter: Converter, *, limits: Limits, clock: Clock) -> C
     Raises
     ------
     ValueError
-        If the converter lacks something that `Converter` lists; the message says what to add.
+        If `converter` is no `Converter`, or one of its attributes is missing or out of range.
 
     Examples
     --------
     A burst is played once, however often it is asked for:
 
     >>> import numpy as np
-    >>> from device import Limits, Outcome, VirtualClock
-    >>> class Printer:
+    >>> from device import Converter, Limits, Outcome, Played, VirtualClock
+    >>> class Printer(Converter):
     ...     name, serial_number, sample_rate_hz, bits = "printer", "1", 48_000.0, 16
     ...     full_scale_v, emulated, cannot = 100.0, True, ("be felt",)
     ...     def connect(self): pass
     ...     def play(self, left_v, right_v):
     ...         print(f"{abs(left_v).max():.0f} V left, {abs(right_v).max():.0f} V right")
-    ...         return Outcome.FIRED
+    ...         return Played(outcome=Outcome.FIRED)
     ...     def zero(self): pass
     ...     def disconnect(self): pass
     >>> device = converter_device(Printer(), limits=Limits(ceiling_vpp=150.0), clock=VirtualClock())
@@ -241,5 +358,11 @@ def converter_device(converter: Converter, *, limits: Limits, clock: Clock) -> C
     75 V left, 0 V right
     True
     """
-    require_whole(converter, Converter)
+    if not isinstance(converter, Converter):
+        raise ValueError(f"converter must be a device.Converter, got {converter!r}")  # noqa: TRY004
+    for name in _ATTRIBUTES:
+        if not hasattr(converter, name):
+            raise ValueError(
+                f"{type(converter).__name__}.{name} must be set (see device.Converter)"
+            )
     return ConverterDevice(converter, limits=limits, clock=clock)

@@ -18,7 +18,6 @@ from device.core.messages import (
     AskLimits,
     AskMeasured,
     Beat,
-    CodeArray,
     Disarm,
     Enable,
     Fire,
@@ -33,18 +32,19 @@ from device.core.messages import (
 from device.core.output import Emission, OutputStage
 from device.core.reports import OURS, About, DeviceLimits, Health, Measurement
 from device.core.states import ILLEGAL, TRANSITIONS, State, Step
-from device.core.tokens import Fate, Record, Reply, TokenHistory
-from device.driver import LARGEST_TOKEN, FloatArray
+from device.core.tokens import Record, Reply, TokenHistory
+from device.driver import LARGEST_TOKEN, FloatArray, Outcome
 from device.errors import WATCHDOG_S, Refusal, rejection
 from device.limits import (
+    CodeArray,
     Limits,
+    check_ceiling,
     check_codes,
     check_memory,
     check_rest,
     check_slot,
-    check_stored,
     check_time_to_live,
-    least_peaks,
+    lowest_peaks,
 )
 
 if TYPE_CHECKING:
@@ -158,6 +158,11 @@ class DeviceCore:
         return replace(self._sensed, amplifier_enabled=self._state in _ENABLED)
 
     @property
+    def levels(self) -> Levels:
+        """The levels that are set."""
+        return self._levels
+
+    @property
     def playing(self) -> Emission | None:
         """The burst that is under way, as of the last call."""
         return self._last if self._state is State.FIRED else None
@@ -210,7 +215,7 @@ class DeviceCore:
     def _set_levels(self, message: Levels) -> None:
         """Set both levels, unless no loaded waveform of a channel could use its level."""
         after = self._after(Step.LEVEL)
-        peaks = least_peaks(slot.peaks for slot in self._slots.values())
+        peaks = lowest_peaks(slot.peaks for slot in self._slots.values())
         self._check_ceiling(peaks, message)
         self._levels = message
         self._state = after
@@ -241,11 +246,11 @@ class DeviceCore:
         # in every state, so that a FIRE whose answer was lost can be sent again at any time.
         token = message.token
         record = self._tokens.find(token)
-        if record is not None and record.fate is Fate.FIRED:
+        if record is not None and record.outcome is Outcome.FIRED:
             return record
         if record is not None and self._state is not State.SAFE:
-            spent = Refusal.EXPIRED if record.fate is Fate.EXPIRED else Refusal.ABORTED
-            raise rejection(spent)
+            is_expired = record.reason is Refusal.EXPIRED
+            raise rejection(Refusal.EXPIRED if is_expired else Refusal.ABORTED)
         after = self._after(Step.FIRE)
         if self._armed is None or token != self._armed.token:
             raise rejection(Refusal.WRONG_TOKEN)
@@ -261,7 +266,7 @@ class DeviceCore:
         # A token that was never here is kept too: its ARM may still be under way.
         token = message.token
         if self._armed is not None and token == self._armed.token:
-            self._resolve(Fate.ABORTED)
+            self._resolve(Refusal.ABORTED)
             self._state = self._after(Step.DISARM)
         elif self._tokens.find(token) is None:
             self._tokens.keep(self._tokens.absent(token))
@@ -269,7 +274,8 @@ class DeviceCore:
     def _query(self, message: Query) -> Record:
         token = message.token
         if self._armed is not None and token == self._armed.token:
-            return Record(token=token, fate=Fate.ARMED)
+            outcome, reason = Outcome.INDETERMINATE, Refusal.ALREADY_ARMED
+            return Record(token=token, outcome=outcome, reason=reason)
         return self._tokens.find(token) or self._tokens.absent(token)
 
     def _require_amplifier(self) -> None:
@@ -325,37 +331,37 @@ class DeviceCore:
         if self._state is State.LIVE:
             return watchdog
         if self._state is State.ARMED:
-            own = (self._armed_until_us, Step.EXPIRE)
+            event = (self._armed_until_us, Step.EXPIRE)
         elif self._state is State.FIRED and self._last is not None:
-            own = (self._last.start_us + self._last.duration_us, Step.FINISH)
+            event = (self._last.start_us + self._last.duration_us, Step.FINISH)
         else:
             return None
-        return own if own[0] <= watchdog[0] else watchdog
+        return event if event[0] <= watchdog[0] else watchdog
 
     def _happen(self, at_us: int, step: Step) -> None:
         if self._last is not None and self._state is State.FIRED:
             cut = step is Step.STOP
             self._sink(self._last.cut(at_us) if cut else self._last)
             self._measured = None if cut else self._measure(self._last)
-        self._resolve(Fate.EXPIRED if step is Step.EXPIRE else Fate.ABORTED)
+        self._resolve(Refusal.EXPIRED if step is Step.EXPIRE else Refusal.ABORTED)
         self._state = self._after(step)
 
-    def _resolve(self, fate: Fate) -> None:
+    def _resolve(self, reason: Refusal) -> None:
         """Put the token that is armed, if there is one, into the history: it has not fired.
 
         At least not this time: of one that may have been forgotten since it fired, that is all
         that can be said.
         """
         if self._armed is not None:
-            earlier = self._tokens.absent(self._armed.token)
-            if earlier.fate is not Fate.UNKNOWN:
-                earlier = replace(earlier, fate=fate)
-            self._tokens.keep(earlier)
+            record = self._tokens.absent(self._armed.token)
+            if record.outcome is Outcome.NOT_FIRED:
+                record = replace(record, reason=reason)
+            self._tokens.keep(record)
             self._armed = None
 
     def _check_ceiling(self, peaks: tuple[int, int], levels: Levels) -> None:
         levels_mvpp, full = (levels.left_mvpp, levels.right_mvpp), full_scale(self.output.bits)
-        check_stored(peaks, levels_mvpp, full_scale=full, limits=self.limits)
+        check_ceiling(peaks, levels_mvpp, full_scale=full, limits=self.limits)
 
     def _check_rest(self) -> None:
         if self._last is not None:
@@ -379,9 +385,10 @@ class DeviceCore:
         )
         return Record(
             token=armed.token,
-            fate=Fate.FIRED,
+            outcome=Outcome.FIRED,
             start_us=self._now_us,
-            levels_mvpp=(left_mvpp, right_mvpp),
+            left_mvpp=left_mvpp,
+            right_mvpp=right_mvpp,
         )
 
     def _render(self, slot: _Slot) -> FloatArray:

@@ -1,8 +1,8 @@
 """The host's side of every device that has a `DeviceCore` in it, whatever lies between them.
 
-`HostDriver` is the `BurstDevice`: it refuses what is illegal or beyond the study's limits before
-anything is sent, and concludes from the answers what became of a burst. A `Link` carries its
-messages: calls in this process, or frames on a wire.
+`HostDriver` is the `BurstDevice`: it refuses what is beyond the study's limits before anything is
+sent, and concludes from the answers what became of a burst. Which step is legal when, the device
+alone decides. A `Link` carries the messages: calls in this process, or frames on a wire.
 """
 
 from __future__ import annotations
@@ -22,15 +22,16 @@ from device.core.messages import (
     LoadSlot,
     Message,
     Query,
-    as_waveform,
     check_slot,
     check_token,
+    full_scale,
     to_codes,
     to_microseconds,
     to_millivolts,
 )
-from device.core.states import State, Step, require_legal
-from device.core.tokens import Exchange, Fate, Record, Reply, delivery
+from device.core.states import ILLEGAL, State
+from device.core.tokens import Exchange, Record, Reply, delivery
+from device.driver import BurstDevice
 from device.errors import (
     DeviceError,
     LinkError,
@@ -44,11 +45,11 @@ from device.errors import (
 from device.limits import (
     CHANNELS,
     Limits,
-    check_burst,
+    check_ceiling,
+    check_codes,
     check_rest,
     check_time_to_live,
-    check_waveforms,
-    least_peaks,
+    lowest_peaks,
 )
 
 if TYPE_CHECKING:
@@ -90,11 +91,11 @@ class Link(Protocol):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _HostSlot:
-    peaks: tuple[float, float]
+    peaks: tuple[int, int]
     duration_us: int
 
 
-class HostDriver:
+class HostDriver(BurstDevice):
     """A `BurstDevice` over a link; its methods are described there.
 
     `limits` are the study's; the device has its own.
@@ -112,18 +113,13 @@ class HostDriver:
         self._limits = limits
         self._clock = clock
         self._identity: Identity | None = None
-        self._seen_restart = False
+        self._has_restarted = False
         self._slots: dict[int, _HostSlot] = {}
-        self._levels_vpp = (0.0, 0.0)
+        self._levels_mvpp = (0, 0)
         self._armed: Arm | None = None
         self._is_enabled = False
         self._burst: Delivery | None = None
         self._burst_us = 0
-
-    @property
-    def cannot(self) -> tuple[str, ...]:
-        """What the device cannot promise: nothing, where it has a core of its own."""
-        return ()
 
     def open(self) -> Identity:
         """Connect and return who answered; levels start at 0, waveforms have to be loaded.
@@ -133,7 +129,7 @@ class HostDriver:
         if self._link.state is not State.CLOSED and not self._restarted:
             raise StateError(Refusal.ALREADY_OPEN)
         identity = self._link.hello()
-        self._seen_restart |= self._restarted
+        self._has_restarted |= self._restarted
         self._identity = identity
         self._slots.clear()
         self._armed = self._burst = None
@@ -143,23 +139,26 @@ class HostDriver:
         except DeviceError:
             self._link.hang_up()  # else nobody closes it: an open that failed is no open device
             raise
-        self._levels_vpp = (0.0, 0.0)
+        self._levels_mvpp = (0, 0)
         return identity
 
     def load(self, slot: int, left: FloatArray, right: FloatArray) -> None:
         """Store waveforms, shape (n,) each in [-1, 1], at the device's sample rate."""
-        identity = self._require(Step.LOAD)
+        identity = self._require_same()
         slot = check_slot(slot)
-        left, right = map(as_waveform, CHANNELS, (left, right))
-        peaks = check_waveforms(left, right, self._limits)
-        codes_left, codes_right = to_codes(left, identity.bits), to_codes(right, identity.bits)
-        self._link.exchange(LoadSlot(slot=slot, left=codes_left, right=codes_right))
-        duration_us = round(left.size * 1e6 / identity.sample_rate_hz)
+        left_codes, right_codes = (
+            to_codes(samples, identity.bits, name=name)
+            for name, samples in zip(CHANNELS, (left, right), strict=True)
+        )
+        full = full_scale(identity.bits)
+        peaks = check_codes(left_codes, right_codes, full_scale=full, limits=self._limits)
+        self._link.exchange(LoadSlot(slot=slot, left=left_codes, right=right_codes))
+        duration_us = round(left_codes.size * 1e6 / identity.sample_rate_hz)
         self._slots[slot] = _HostSlot(peaks=peaks, duration_us=duration_us)
 
     def enable(self) -> None:
         """Switch the output on; the only way out of a stop."""
-        self._require(Step.ENABLE)
+        self._require_same()
         self._link.exchange(Enable())
         self._is_enabled = True
 
@@ -169,14 +168,12 @@ class HostDriver:
         A level that no loaded waveform of its channel could use is refused here, any other where
         it is too high for a slot when that slot is armed.
         """
-        self._require(Step.LEVEL)
+        self._require_same()
         message = Levels(left_mvpp=to_millivolts(left_vpp), right_mvpp=to_millivolts(right_vpp))
-        sent_vpp = message.vpp
-        levels_vpp = max(left_vpp, sent_vpp[0]), max(right_vpp, sent_vpp[1])
-        peaks = least_peaks(slot.peaks for slot in self._slots.values())
-        check_burst(peaks, levels_vpp, self._limits)
+        levels_mvpp = to_millivolts(left_vpp, up=True), to_millivolts(right_vpp, up=True)
+        self._check_ceiling(lowest_peaks(slot.peaks for slot in self._slots.values()), levels_mvpp)
         self._link.exchange(message)
-        self._levels_vpp = levels_vpp
+        self._levels_mvpp = levels_mvpp
 
     def arm(self, token: int, slot: int, *, time_to_live_s: float) -> None:
         """Allow `fire(token)` to play a slot for the next `time_to_live_s` seconds."""
@@ -191,16 +188,18 @@ class HostDriver:
             raise
 
     def _arm(self, token: int, slot: int, time_to_live_s: float) -> None:
-        self._require(Step.ARM)
+        self._require_same()
         message = Arm(
             token=check_token(token),
             slot=check_slot(slot),
             time_to_live_us=to_microseconds(time_to_live_s),
         )
         check_time_to_live(message.time_to_live_us, self._limits)
-        if message.slot not in self._slots:
-            raise rejection(Refusal.EMPTY_SLOT, f"slot {slot}")
-        check_burst(self._slots[message.slot].peaks, self._levels_vpp, self._limits)
+        if message.slot not in self._slots:  # not even if the device kept it from before
+            state = self._link.state
+            is_armable = state in {State.LIVE, State.FIRED}  # a burst may be over by now
+            raise rejection(Refusal.EMPTY_SLOT if is_armable else ILLEGAL[state], f"slot {slot}")
+        self._check_ceiling(self._slots[message.slot].peaks, self._levels_mvpp)
         self._link.exchange(message)
         self._armed = message
 
@@ -216,8 +215,6 @@ class HostDriver:
         armed = self._armed if self._armed is not None and token == self._armed.token else None
         if armed is not None:
             self._check_rest()
-        elif self._burst is None or token != self._burst.token:
-            require_legal(self._link.state, Step.FIRE)
         fired = delivery(self._link.exchange(Fire(token=token)))
         if armed is not None:
             self._burst, self._burst_us = fired, self._slots[armed.slot].duration_us
@@ -236,10 +233,10 @@ class HostDriver:
         INDETERMINATE: it may have fired in the power cycle before.
         """
         self._require_open()
-        told = self._link.exchange(Query(token=check_token(token)))
-        if told.record.fate is Fate.NEVER_ARMED and (self._seen_restart or self._restarted):
-            told = replace(told, record=Record(token=told.record.token, fate=Fate.UNKNOWN))
-        return delivery(told)
+        answer = self._link.exchange(Query(token=check_token(token)))
+        if answer.record.reason is Refusal.NOT_ARMED and (self._has_restarted or self._restarted):
+            answer = replace(answer, record=Record.unknown(token))
+        return delivery(answer)
 
     def limits(self) -> DeviceLimits:
         """Return what the device is ready to do; a study is held against it before a session."""
@@ -257,8 +254,8 @@ class HostDriver:
         Refused with BUSY while it plays.
         """
         self._require_open()
-        found = self._link.exchange(AskMeasured(token=check_token(token))).record
-        return found if found.tap else None
+        measurement = self._link.exchange(AskMeasured(token=check_token(token))).record
+        return measurement if measurement.tap else None
 
     def stop(self) -> None:
         """Bring outputs to zero: from any thread, in any state, any number of times, no lock."""
@@ -267,8 +264,10 @@ class HostDriver:
 
     def close(self) -> None:
         """Stop, then disconnect."""
-        self.stop()
-        self._link.hang_up()
+        try:
+            self.stop()
+        finally:
+            self._link.hang_up()
 
     @property
     def _restarted(self) -> bool:
@@ -280,12 +279,17 @@ class HostDriver:
             raise StateError(Refusal.NOT_OPEN)
         return self._identity
 
-    def _require(self, step: Step) -> Identity:
+    def _require_same(self) -> Identity:
+        """Refuse a step for a device that is not open, or that restarted since it was opened."""
         identity = self._require_open()
         if self._restarted:
             raise LinkError("the device restarted and forgot everything: open it again")
-        require_legal(self._link.state, step)
         return identity
+
+    # The device checks its own ceiling, too: two barriers, by one function.
+    def _check_ceiling(self, peaks: tuple[int, int], levels_mvpp: tuple[int, int]) -> None:
+        full = full_scale(self._require_open().bits)
+        check_ceiling(peaks, levels_mvpp, full_scale=full, limits=self._limits)
 
     def _check_rest(self) -> None:
         if self._burst is not None:
@@ -297,7 +301,7 @@ class HostDriver:
         now_s = self._clock.now_s()
         return delivery(
             Exchange(
-                record=Record(token=token, fate=Fate.UNKNOWN),
+                record=Record.unknown(token),
                 boot_id=self._link.boot_id,
                 host_before_s=now_s,
                 host_after_s=now_s,

@@ -1,27 +1,17 @@
-"""A device's core in the host's process: the mock's, and that of a device which has none.
-
-States, tokens, times to live, rests and ceilings are then kept by the host. Whatever stands behind
-such a core is told what to play by a class derived from `LocalCore`.
-"""
+"""A device's core in the host's process: the mock's, and that of a device which has none."""
 
 from __future__ import annotations
 
-import secrets
-from abc import abstractmethod
 from collections import deque
-from dataclasses import replace
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING
 
 from device.clock import Clock, resolution_s
-from device.core.core import DeviceCore
-from device.core.messages import AskHealth, Beat, Fire, Message, Query, Stop
-from device.core.reports import Health
+from device.core.messages import Beat, Message, Stop
 from device.core.states import State
-from device.core.tokens import Exchange, Record, Reply
+from device.core.tokens import Exchange, Reply
 
 if TYPE_CHECKING:
-    from device.core.output import OutputStage
-    from device.limits import Limits
+    from device.core.core import DeviceCore
 
 BEAT_US = 100_000
 """Interval of the host's heartbeat."""
@@ -36,14 +26,16 @@ class LocalCore:
     The core's time is the clock's.
 
     >>> from device.clock import VirtualClock
+    >>> from device.core.core import DeviceCore
+    >>> from device.core.messages import Query
     >>> from device.limits import Limits
     >>> from device.core.output import OutputStage
     >>> clock = VirtualClock()
     >>> core = DeviceCore(boot_id=1, limits=Limits(ceiling_vpp=200.0), output=OutputStage(),
     ...                   sink=print)
     >>> link = LocalCore(core, clock)
-    >>> link.exchange(Query(token=7)).record.fate.value
-    'never_armed'
+    >>> link.exchange(Query(token=7)).record.outcome.value
+    'not_fired'
     """
 
     def __init__(self, core: DeviceCore, clock: Clock) -> None:
@@ -51,15 +43,15 @@ class LocalCore:
         self._clock = clock
         self._resolution_s = resolution_s(clock)
         self._stops: deque[float] = deque()
-        self._known = State.CLOSED
+        self._state = State.CLOSED
         self._heart_beats = True
         self._beat_us = 0
 
     @property
     def state(self) -> State:
         """The core's state with its last answer; SAFE after `stop`, CLOSED if not connected."""
-        stopped = self._stops and self._known is not State.CLOSED
-        return State.SAFE if stopped else self._known
+        stopped = self._stops and self._state is not State.CLOSED
+        return State.SAFE if stopped else self._state
 
     @property
     def boot_id(self) -> int:
@@ -70,7 +62,7 @@ class LocalCore:
         """Give a message to the core; its answer, also a refusal, tells the core's state."""
         before_s = self._clock.now_s()
         record = self._take(message)
-        return self._told(record, before_s, self._clock.now_s(), self._core.now_us)
+        return self._exchange(record, before_s, self._clock.now_s(), self._core.now_us)
 
     def stop(self) -> None:
         """Note a stop, from any thread; the core hears of it before anything else."""
@@ -78,17 +70,17 @@ class LocalCore:
 
     def hang_up(self) -> None:
         """Disconnect."""
-        self._attend()
-        self._known = State.CLOSED
+        self._advance()
+        self._state = State.CLOSED
 
     def _take(self, message: Message[Reply]) -> Reply:
-        now_us = self._attend()
+        now_us = self._advance()
         try:
             return self._core.take(now_us, message)
         finally:
-            self._known = self._core.state
+            self._state = self._core.state
 
-    def _told(
+    def _exchange(
         self, record: Reply, before_s: float, after_s: float, device_us: int
     ) -> Exchange[Reply]:
         return Exchange(
@@ -101,7 +93,7 @@ class LocalCore:
             retries=0,
         )
 
-    def _attend(self) -> int:
+    def _advance(self) -> int:
         """Bring the core up to the present, stops first, and return its time."""
         while self._stops:
             at_us = max(self._device_us(self._stops.popleft()), self._core.now_us)
@@ -120,34 +112,3 @@ class LocalCore:
 
     def _device_us(self, host_s: float) -> int:
         return round(host_s * 1e6)
-
-
-class HostedCore(LocalCore):
-    """The core of a device that has none, in the host; it keeps what became of each token.
-
-    A derived class plays what the core has allowed, once, and says what is known of it.
-    """
-
-    def __init__(self, clock: Clock, *, limits: Limits, output: OutputStage) -> None:
-        boot_id = secrets.randbits(63)
-        core = DeviceCore(boot_id=boot_id, limits=limits, output=output, sink=lambda _: None)
-        super().__init__(core, clock)
-        self._fired: dict[int, Exchange[Any]] = {}
-
-    def exchange(self, message: Message[Reply]) -> Exchange[Reply]:
-        """Give a message to the core; play a token it allows, once, and tell what is known of it.
-
-        The same FIRE again, or a QUERY, gives the same exchange.
-        """
-        if isinstance(message, Fire) and message.token not in self._fired:
-            self._fired[message.token] = self._play(self._take(message))
-        if isinstance(message, Fire | Query) and message.token in self._fired:
-            return self._fired[message.token]
-        told = super().exchange(message)
-        if isinstance(message, AskHealth):  # which this host cannot see
-            return replace(told, record=cast("Reply", Health()))
-        return told
-
-    @abstractmethod
-    def _play(self, record: Record) -> Exchange[Record]:
-        """Play what the core has allowed with this record."""

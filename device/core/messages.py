@@ -10,18 +10,20 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Generic, TypeAlias
+from typing import TYPE_CHECKING, Generic
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
 from device.checks import is_real, is_whole
 from device.core.reports import DeviceLimits, Health, Measurement
 from device.core.tokens import Record, Reply
-from device.driver import LARGEST_TOKEN, FloatArray
+from device.driver import LARGEST_TOKEN
 from device.errors import Refusal, rejection
 
-CodeArray: TypeAlias = NDArray[np.int32]
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+    from device.limits import CodeArray
 
 _LARGEST_SLOT = 255
 _LARGEST_LEVEL_MVPP = 2**32 - 1
@@ -52,17 +54,21 @@ def check_millivolts(level_mvpp: int) -> int:
     return int(level_mvpp)
 
 
-def to_millivolts(level_vpp: float) -> int:
+def to_millivolts(level_vpp: float, *, up: bool = False) -> int:
     """Return a level in whole millivolts, rounded toward zero, or refuse it with BAD_LEVEL.
 
-    A level within 1e-6 mV of the grid is taken to lie on it: no float represents 64.1 V.
+    `up` rounds away from zero, for what is held against a ceiling. A level within 1e-6 mV of the
+    grid is taken to lie on it: no float represents 64.1 V.
 
-    >>> to_millivolts(64.1), to_millivolts(199.9999)
-    (64100, 199999)
+    >>> to_millivolts(64.1), to_millivolts(199.9999), to_millivolts(199.9999, up=True)
+    (64100, 199999, 200000)
     """
     if not is_real(level_vpp) or not 0.0 <= level_vpp <= _LARGEST_LEVEL_MVPP / 1000:
         raise rejection(Refusal.BAD_LEVEL, f"got {level_vpp!r} V")
-    return check_millivolts(math.floor(level_vpp * 1000 + _GRID_TOLERANCE_MVPP))
+    level_mvpp = level_vpp * 1000
+    if up:
+        return check_millivolts(math.ceil(level_mvpp - _GRID_TOLERANCE_MVPP))
+    return check_millivolts(math.floor(level_mvpp + _GRID_TOLERANCE_MVPP))
 
 
 def to_microseconds(time_to_live_s: float) -> int:
@@ -72,32 +78,32 @@ def to_microseconds(time_to_live_s: float) -> int:
     return round(time_to_live_s * 1e6)
 
 
-def as_waveform(name: str, samples: ArrayLike) -> FloatArray:
-    """Return samples as float64, shape (n,), or raise a ValueError that names the argument.
-
-    >>> as_waveform("wave", [True, False])
-    Traceback (most recent call last):
-    ValueError: wave must be a one-dimensional array of real numbers, got bool, shape (2,)
-    """
-    given = np.asarray(samples)
-    if given.ndim != 1 or given.dtype.kind not in "iuf":
-        raise ValueError(
-            f"{name} must be a one-dimensional array of real numbers, "
-            f"got {given.dtype.name}, shape {given.shape}"
-        )
-    return given.astype(np.float64, copy=False)
-
-
-def to_codes(waveform: FloatArray, bits: int) -> CodeArray:
+def to_codes(samples: ArrayLike, bits: int, *, name: str = "waveform") -> CodeArray:
     """Return the converter codes, shape (n,), of samples in [-1, 1], rounded toward zero.
 
     Full scale is 2**(bits - 1) - 1 to both sides, so that codes are symmetric about zero and no
-    code stands for more than its sample.
+    code stands for more than its sample. Samples that no code stands for are refused with
+    NOT_FINITE or OUT_OF_RANGE; what is no row of real numbers is a ValueError.
 
     >>> to_codes(np.array([0.0, 1.0, -1.0, 0.5]), bits=16).tolist()
     [0, 32767, -32767, 16383]
+    >>> to_codes([True, False], bits=16, name="left")
+    Traceback (most recent call last):
+    ValueError: left must be a one-dimensional array of real numbers, got bool, shape (2,)
     """
-    return np.trunc(waveform * full_scale(bits)).astype(np.int32)
+    waveform = np.asarray(samples)
+    if waveform.ndim != 1 or waveform.dtype.kind not in "iuf":
+        raise ValueError(
+            f"{name} must be a one-dimensional array of real numbers, "
+            f"got {waveform.dtype.name}, shape {waveform.shape}"
+        )
+    if not np.isfinite(waveform).all():
+        raise rejection(Refusal.NOT_FINITE, name)
+    peak = np.abs(waveform).max(initial=0.0)
+    if peak > 1.0:
+        raise rejection(Refusal.OUT_OF_RANGE, f"{name} reaches {peak:g}")
+    codes: CodeArray = np.trunc(waveform * full_scale(bits)).astype(np.int32)
+    return codes
 
 
 def full_scale(bits: int) -> int:

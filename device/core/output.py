@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from device.checks import require_positive, require_real, require_whole
-from device.core.messages import CodeArray, Levels, full_scale
+from device.core.messages import Levels, full_scale
 
 if TYPE_CHECKING:
     from device.driver import FloatArray
-    from device.limits import Limits
+    from device.limits import CodeArray, Limits
 
 
 _LARGEST_FACTOR = 2**39

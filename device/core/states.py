@@ -1,4 +1,4 @@
-"""The states of a device and every legal step between them; host and device obey one table.
+"""The states of a device and every legal step between them.
 
 Read aloud: a device that was loaded can be enabled; once live it can be armed; once armed it is
 fired, disarmed or runs out of its time to live, and is live again; a stop leads from anywhere to
@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from enum import StrEnum
 
-from device.errors import Refusal, StateError
+from device.errors import Refusal
 
 
 class State(StrEnum):
@@ -51,8 +51,7 @@ class Step(StrEnum):
     STOP = "stop"
 
 
-# Host and device read the same table, so that the host refuses before a byte is sent what the
-# device would refuse. LOAD and LEVEL stand here even where they change no state: while a token is
+# LOAD and LEVEL stand here even where they change no state: while a token is
 # armed or plays they are illegal, lest something else is felt than was armed. STOP stands in every
 # state, and out of SAFE leads ENABLE alone: nothing that comes late or by itself may switch an
 # output on.
@@ -93,23 +92,3 @@ ILLEGAL = {
     State.SAFE: Refusal.SAFE_STATE,
 }
 """Why any other step is refused."""
-
-SPONTANEOUS = (Step.EXPIRE, Step.FINISH)
-"""Steps a device takes without being told, after which it takes steps that it did not before. Its
-watchdog's stop is no such step."""
-
-
-def require_legal(known: State, step: Step) -> None:
-    """Refuse, on the host, a step that is illegal whatever the device has done by itself.
-
-    A `StateError` says that neither the known state nor one that follows from it without the host
-    allows the step.
-
-    >>> require_legal(State.FIRED, Step.ARM)        # the burst may be over by now
-    >>> require_legal(State.LOADED, Step.ARM)
-    Traceback (most recent call last):
-    device.errors.StateError: the output is not enabled: arm
-    """
-    later = (TRANSITIONS.get((known, event)) for event in SPONTANEOUS)
-    if not any((state, step) in TRANSITIONS for state in (known, *later)):
-        raise StateError(ILLEGAL[TRANSITIONS.get((known, Step.FINISH), known)], step.value)

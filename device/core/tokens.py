@@ -3,61 +3,74 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from enum import StrEnum
-from typing import Generic, TypeVar
+from typing import Generic, TypeAlias, TypeVar
 
 from device.checks import require_whole
 from device.clock import CLOCK_TOLERANCE
 from device.driver import Delivery, Outcome
+from device.errors import Refusal
+
+Fate: TypeAlias = tuple[Outcome, Refusal | None]
+"""Outcome of a token, and why it has not fired."""
 
 Reply = TypeVar("Reply")
 """What a message is answered with: the record of a token, or nothing but that it was done."""
-
-
-class Fate(StrEnum):
-    """What the device knows of a token.
-
-    `NEVER_ARMED` is said only where it is certain for this power cycle; a token that may have been
-    forgotten is `UNKNOWN`.
-    """
-
-    ARMED = "armed"
-    FIRED = "fired"
-    EXPIRED = "expired"
-    ABORTED = "aborted"
-    NEVER_ARMED = "never_armed"
-    UNKNOWN = "unknown"
-
-
-OUTCOMES = {
-    Fate.ARMED: Outcome.INDETERMINATE,
-    Fate.FIRED: Outcome.FIRED,
-    Fate.EXPIRED: Outcome.NOT_FIRED,
-    Fate.ABORTED: Outcome.NOT_FIRED,
-    Fate.NEVER_ARMED: Outcome.NOT_FIRED,
-    Fate.UNKNOWN: Outcome.INDETERMINATE,
-}
-"""What a driver reports for each fate. An armed token has not fired, but still can."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Record:
     """The device's record of one token.
 
-    `start_us` is the onset on the device's clock if it fired, and only then; `levels_mvpp` the left
-    and right level that were set, 0 for a silent channel and where it did not fire.
+    Attributes
+    ----------
+    token : int
+        Of the burst.
+    outcome : Outcome
+        INDETERMINATE while the token is armed, and where the device may have forgotten it.
+    reason : Refusal or None
+        Why it has not fired: EXPIRED, ABORTED, NOT_ARMED (it never was, in this power cycle) or
+        ALREADY_ARMED (it still can); None where it fired, or may have.
+    start_us : int or None
+        Onset on the device's clock if it fired, and only then.
+    left_mvpp, right_mvpp : int
+        Levels that were set; 0 for a silent channel and where it did not fire.
     """
 
     token: int
-    fate: Fate
+    outcome: Outcome
+    reason: Refusal | None = None
     start_us: int | None = None
-    levels_mvpp: tuple[int, int] = (0, 0)
+    left_mvpp: int = 0
+    right_mvpp: int = 0
 
     def __post_init__(self) -> None:
-        if (self.fate is Fate.FIRED) is (self.start_us is None):
+        if (self.outcome is Outcome.FIRED) is (self.start_us is None):
             raise ValueError(
                 f"start_us must be given if FIRED and only then, got {self.start_us!r}"
             )
+
+    @property
+    def fate(self) -> Fate:
+        """Outcome and reason, which the wire carries as one number."""
+        return self.outcome, self.reason
+
+    @classmethod
+    def unknown(cls, token: int) -> Record:
+        """Return the record of a token of which nobody knows whether it fired.
+
+        >>> Record.unknown(7).outcome.value
+        'indeterminate'
+        """
+        return cls(token=token, outcome=Outcome.INDETERMINATE)
+
+    @classmethod
+    def not_fired(cls, token: int, reason: Refusal) -> Record:
+        """Return the record of a token that has surely not fired.
+
+        >>> Record.not_fired(7, Refusal.EXPIRED).outcome.value
+        'not_fired'
+        """
+        return cls(token=token, outcome=Outcome.NOT_FIRED, reason=reason)
 
 
 # A device has little memory, and a host may ask for a token hours after it fired, if it
@@ -69,17 +82,17 @@ class TokenHistory:
 
     A full history drops its oldest record and remembers the largest token it ever dropped: a token
     above that mark that is not in the history was never here. With tokens in any other order than
-    upwards the answers turn into `UNKNOWN` once something was dropped, never into a wrong one.
+    upwards the answers turn into INDETERMINATE once something was dropped, never into a wrong one.
     A token that was dropped can be armed again; that no token fires twice is the device's promise
     for `capacity` tokens, and the host's beyond, which makes each token once.
 
     >>> history = TokenHistory(capacity=1)
-    >>> history.absent(7).fate.value
-    'never_armed'
+    >>> history.absent(7).outcome.value
+    'not_fired'
     >>> for token in (7, 8):
-    ...     history.keep(Record(token=token, fate=Fate.EXPIRED))
-    >>> history.find(7) is None, history.absent(7).fate.value, history.absent(9).fate.value
-    (True, 'unknown', 'never_armed')
+    ...     history.keep(Record.not_fired(token, Refusal.EXPIRED))
+    >>> history.find(7) is None, history.absent(7).outcome.value, history.absent(9).outcome.value
+    (True, 'indeterminate', 'not_fired')
     """
 
     def __init__(self, capacity: int) -> None:
@@ -94,8 +107,9 @@ class TokenHistory:
 
     def absent(self, token: int) -> Record:
         """Return what can be said of a token that has no record."""
-        fate = Fate.UNKNOWN if token <= self._dropped_up_to else Fate.NEVER_ARMED
-        return Record(token=token, fate=fate)
+        if token <= self._dropped_up_to:
+            return Record.unknown(token)
+        return Record.not_fired(token, Refusal.NOT_ARMED)
 
     def keep(self, record: Record) -> None:
         """Add the record of a token that has none, dropping the oldest if the history is full."""
@@ -132,7 +146,7 @@ def delivery(exchange: Exchange[Record]) -> Delivery:
     device's: the interval moves by the time since the onset, and grows by `CLOCK_TOLERANCE` times
     that to both sides.
 
-    >>> fired = Record(token=1, fate=Fate.FIRED, start_us=1_000_000)
+    >>> fired = Record(token=1, outcome=Outcome.FIRED, start_us=1_000_000)
     >>> late = delivery(Exchange(record=fired, boot_id=1, host_before_s=5.0, host_after_s=5.5,
     ...                          device_us=3_000_000, resolution_s=0.0, retries=0))
     >>> round(late.host_before_s, 6), round(late.host_after_s, 6), round(late.uncertainty_s, 6)
@@ -143,7 +157,7 @@ def delivery(exchange: Exchange[Record]) -> Delivery:
     before_s = exchange.host_before_s - since_s / (1 - CLOCK_TOLERANCE)
     after_s = exchange.host_after_s - since_s / (1 + CLOCK_TOLERANCE)
     return Delivery(
-        outcome=OUTCOMES[record.fate],
+        outcome=record.outcome,
         token=record.token,
         boot_id=exchange.boot_id,
         device_us=record.start_us,
@@ -151,6 +165,6 @@ def delivery(exchange: Exchange[Record]) -> Delivery:
         host_after_s=after_s,
         uncertainty_s=(after_s - before_s) / 2 + exchange.resolution_s,
         retries=exchange.retries,
-        level_left_vpp=record.levels_mvpp[0] / 1000,
-        level_right_vpp=record.levels_mvpp[1] / 1000,
+        level_left_vpp=record.left_mvpp / 1000,
+        level_right_vpp=record.right_mvpp / 1000,
     )

@@ -159,9 +159,9 @@ class _Bench(LocalCore):
         self._heart_beats = False
 
     def hello(self) -> Identity:
-        self._beat_us = self._attend()
+        self._beat_us = self._advance()
         self._heart_beats = True
-        self._known = self._core.state
+        self._state = self._core.state
         return Identity(
             model=MODEL,
             serial_number="mock",
@@ -180,20 +180,20 @@ class _Bench(LocalCore):
         self._heart_beats = False
 
     def emitted(self) -> tuple[Emission, ...]:
-        self._attend()
+        self._advance()
         playing = self._core.playing
         return (*self._over, *(() if playing is None else (playing,)))
 
     def sense(self, sensed: Health) -> None:
         self._sensed = sensed
-        self._core.sense(self._attend(), sensed)
+        self._core.sense(self._advance(), sensed)
 
     def silence(self) -> None:
-        self._attend()
+        self._advance()
         self._heart_beats = False
 
     def reset(self) -> None:
-        self._core.take(self._attend(), Stop())
+        self._core.take(self._advance(), Stop())
         self._core = self._power_up()
 
     def _power_up(self) -> DeviceCore:

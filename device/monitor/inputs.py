@@ -11,31 +11,33 @@ from scipy import signal
 
 from device.checks import require_real
 from device.errors import LinkError
-from device.monitor.delays import LONGEST_OWN_S, Delays, OwnDelay
+from device.monitor.judge import judge
 from device.monitor.matching import Template
-from device.monitor.measured import Fault, Measured, Planned, Tap, Tolerances, judge, void
+from device.monitor.measured import Fault, Measured, Planned, Tap, Tolerances, void
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from device.clock import Clock
     from device.driver import Delivery, FloatArray
-    from device.monitor.matching import Found
+    from device.monitor.matching import TemplateMatch
     from device.sound.recorder import Recorder
     from device.sound.stream import Stream
 
 QUIET_S: Final = 0.25
-MOST_QUIET_S: Final = 1.0
+MAX_QUIET_S: Final = 1.0
 _QUIET_SHAPES: Final = 40
 """So much before a burst tells the noise, where it is there: of a long burst more."""
-LEAST_QUIET_S: Final = 0.02
+MIN_QUIET_S: Final = 0.02
 SEARCHED_S: Final = 0.1
 """So long after its time a burst is waited for."""
-_PATIENCE_S: Final = 1.0
+MAX_DELAY_S: Final = 0.3
+"""As long as a sound server's delay may be, where nobody has measured it."""
+_TIMEOUT_S: Final = 1.0
 _SETTLES_S: Final = 10.0
 """A sound server has been seen to need 3.5 s, on an idle machine."""
 _POLL_S: Final = 0.002
-_UNKNOWN: Final = "the burst before was not heard, and this may be that one"
+_NO_ONSET: Final = ", nor that a burst is early or late: monitor.delay_ms is not set"
 _FULL: Final = 32768
 _LIMIT: Final = 32766 / _FULL
 
@@ -50,8 +52,8 @@ class Calibration:
         At the tap, in its unit, for the record's full scale, left and right; less than 0 where a
         channel is inverted.
     delay_s : tuple of float or None
-        From the onset that the driver tells to the one that is heard, left and right; None where
-        nobody has measured it, so that each stream's first burst tells it.
+        From the onset that the driver reports to the one that is heard, left and right; None where
+        nobody has measured it, so that no burst is called early or late.
 
     Raises
     ------
@@ -63,10 +65,10 @@ class Calibration:
     delay_s: tuple[float, float] | None = None
 
     def __post_init__(self) -> None:
-        for one in self.per_unit:
-            require_real("per_unit", abs(one), least=1e-12, most=1e12)
-        for one in self.delay_s or ():
-            require_real("delay_s", one, least=-1.0, most=1.0)
+        for value in self.per_unit:
+            require_real("per_unit", abs(value), least=1e-12, most=1e12)
+        for value_s in self.delay_s or ():
+            require_real("delay_s", value_s, least=-1.0, most=1.0)
 
 
 class InputMonitor:
@@ -103,13 +105,11 @@ class InputMonitor:
         self._stream: Stream | None = None
         self._first = self._gaps = self._over = 0
         self._planned: Planned | None = None
-        self._delays, self._own = Delays(), OwnDelay()
-        self._opened = recorder.opened
 
     @property
     def unseen(self) -> str:
-        """What is never seen at its tap."""
-        return self.tap.unseen
+        """What is never seen at its tap, nor without a delay that was measured."""
+        return self.tap.unseen + (_NO_ONSET if self._calibration.delay_s is None else "")
 
     def open(self) -> None:
         """Open the inputs, also anew; the driver's own are open. Wait until they run steadily.
@@ -126,9 +126,6 @@ class InputMonitor:
             self.close()
             self._recorder.restart()
             self._stream = self._connect(self._recorder)
-        if self._opened != self._recorder.opened:  # with another delay, it may be
-            self._opened = self._recorder.opened
-            self._delays, self._own = Delays(), OwnDelay()
         give_up_s = self._clock.now_s() + _SETTLES_S
         while not self._recorder.settled:
             if self._clock.now_s() > give_up_s:
@@ -158,41 +155,43 @@ class InputMonitor:
         if planned is None:
             raise LinkError("nothing was begun that could be measured")
         template = Template(_at_rate(planned, self._recorder.sample_rate_hz))
-        why = self._wait(delivery.host_after_s, template)
+        reason = self._wait(delivery.host_after_s, template)
         quiet, self._over = self._quiet(), self._recorder.frames
-        found = None if why else self._found(template, quiet)
+        matches = None if reason else self._match(template, quiet)
         self._recorder.release()  # what comes until the next burst is its quiet part
-        if found is None:
-            return Measured(token=delivery.token, tap=self.tap, source=self.source, unmeasured=why)
-        return self._measured(delivery, planned, found)
+        if matches is None:
+            return Measured(
+                token=delivery.token, tap=self.tap, source=self.source, unmeasured=reason
+            )
+        return self._judge(delivery, planned, matches)
 
     def _quiet(self) -> int:
         recorder, planned = self._recorder, self._planned
         shapes_s = 0.0 if planned is None else len(planned.shape) / planned.sample_rate_hz
-        wanted_s = min(max(QUIET_S, _QUIET_SHAPES * shapes_s), MOST_QUIET_S)
+        quiet_s = min(max(QUIET_S, _QUIET_SHAPES * shapes_s), MAX_QUIET_S)
         since = max(recorder.first, self._over)
-        return min(self._first - since, round(wanted_s * recorder.sample_rate_hz))
+        return min(self._first - since, round(quiet_s * recorder.sample_rate_hz))
 
     def _wait(self, onset_s: float, template: Template) -> str:
         """Wait until all of the burst must have been heard; return why it was not."""
         recorder = self._recorder
         rate_hz = recorder.sample_rate_hz
         delay_s = self._calibration.delay_s
-        later_s = LONGEST_OWN_S if delay_s is None else SEARCHED_S + max(delay_s)
+        later_s = MAX_DELAY_S if delay_s is None else SEARCHED_S + max(delay_s)
         began = None if self._played is None else self._played()
-        give_up_s = self._clock.now_s() + _PATIENCE_S + later_s + len(template.shape) / rate_hz
-        asked = recorder.frames
+        give_up_s = self._clock.now_s() + _TIMEOUT_S + later_s + len(template.shape) / rate_hz
+        waited_from = recorder.frames
         while not self._heard_all(len(template.shape), began, onset_s, later_s):
             if self._clock.now_s() > give_up_s:
-                if began is not None or recorder.frames < asked + _PATIENCE_S / 2 * rate_hz:
+                if began is not None or recorder.frames < waited_from + _TIMEOUT_S / 2 * rate_hz:
                     return "nothing comes from the inputs"
                 break  # it is the word of the sound system's latency that is wrong
             self._clock.wait(_POLL_S)
         if recorder.gaps != self._gaps:
             return "the record has a gap"
-        least_s = max(LEAST_QUIET_S, template.least_quiet / rate_hz)
-        if self._quiet() < least_s * rate_hz:
-            return f"the record before the burst is shorter than {least_s:.3g} s"
+        min_s = max(MIN_QUIET_S, template.min_quiet / rate_hz)
+        if self._quiet() < min_s * rate_hz:
+            return f"the record before the burst is shorter than {min_s:.3g} s"
         return ""
 
     def _heard_all(self, frames: int, began: int | None, onset_s: float, later_s: float) -> bool:
@@ -203,7 +202,7 @@ class InputMonitor:
             return recorder.time_of(last)[0] >= onset_s + later_s
         return last >= began + later_s * recorder.sample_rate_hz
 
-    def _found(self, template: Template, quiet: int) -> tuple[Found, Found]:
+    def _match(self, template: Template, quiet: int) -> tuple[TemplateMatch, TemplateMatch]:
         record = self._recorder.part(self._first - quiet, self._recorder.frames) / _FULL
         left, right = (
             template.find(record[:, i] * per_unit, quiet=quiet, limit=abs(per_unit) * _LIMIT)
@@ -211,77 +210,69 @@ class InputMonitor:
         )
         return left, right
 
-    def _measured(
-        self, delivery: Delivery, planned: Planned, found: tuple[Found, Found]
+    def _judge(
+        self, delivery: Delivery, planned: Planned, matches: tuple[TemplateMatch, TemplateMatch]
     ) -> Measured:
         rate_hz = self._recorder.sample_rate_hz
-        told_s = (delivery.host_before_s + delivery.host_after_s) / 2
-        frames = [self._first + one.onset for one in found]
+        reported_s = (delivery.host_before_s + delivery.host_after_s) / 2
+        frames = [self._first + match.onset for match in matches]
         times = [self._recorder.time_of(frame) for frame in frames]
         began = None if self._played is None else self._played()
-        stated_s = self._calibration.delay_s or (0.0, 0.0)
+        delay_s = self._calibration.delay_s
         late_s = [
-            (at_s - told_s if began is None else (frame - began) / rate_hz) - delay_s
-            for frame, (at_s, _), delay_s in zip(frames, times, stated_s, strict=True)
+            (at_s - reported_s if began is None else (frame - began) / rate_hz) - channel_delay_s
+            for frame, (at_s, _), channel_delay_s in zip(
+                frames, times, delay_s or (0.0, 0.0), strict=True
+            )
         ]
-        sounding = [
-            i for i in range(2) if found[i].amplitude >= self._tolerances.silence * planned.burst[i]
-        ]
-        main = min(sounding, key=lambda i: frames[i], default=None)
-        near_s: float | None = 0.0
-        if self._calibration.delay_s is None and main is not None:
-            near_s = self._own.near(late_s[main], within_s=self._tolerances.onset_s)
-        off_s = late_s if near_s is None else [one - near_s for one in late_s]
-        faults, noisy = judge(
+        faults, unmeasured = judge(
             planned,
-            found,
+            matches,
             tap=self.tap,
             tolerances=self._tolerances,
-            late_s=(off_s[0], off_s[1]),
+            late_s=None if delay_s is None else (late_s[0], late_s[1]),
             sample_rate_hz=rate_hz,
         )
-        flat = Fault.CLIPPED in faults
+        silence = self._tolerances.silence
+        sounds = [matches[i].amplitude >= silence * planned.burst[i] for i in range(2)]
+        first = min((i for i in range(2) if sounds[i]), key=lambda i: frames[i], default=None)
         peaks = [
-            max(min(one.tops)[0] if flat else one.amplitude, 0.0)
-            if peak
-            else max(one.largest, one.loudest)
-            for peak, one in zip(planned.peaks, found, strict=True)
+            _peak(match, is_driven=peak > 0, is_clipped=Fault.CLIPPED in faults)
+            for peak, match in zip(planned.peaks, matches, strict=True)
         ]
-        if main is None and not planned.blank:
-            self._own.miss()
-        if noisy:
-            main = None
-        if main is not None and not {*faults} - {Fault.EARLY, Fault.LATE}:
-            self._own.keep(late_s[main], good=not faults)
-            if near_s is None:
-                noisy, faults = _UNKNOWN, ()
-        voided = void(faults, self.tap)
-        noted = tuple(one for one in faults if one not in voided)
-        if main is not None and not voided:
-            known_s = found[main].onset_uncertainty / rate_hz
-            if began is None:
-                known_s += times[main][1] + delivery.uncertainty_s
-            noted += (Fault.DELAYED,) * self._delays.changed(late_s[main], known_s)
+        onset: dict[str, float] = {}
+        if first is not None and not unmeasured:
+            onset_s, clock_s = times[first]
+            shape_s = matches[first].onset_uncertainty / rate_hz
+            onset = {
+                "onset_s": onset_s,
+                "onset_uncertainty_s": math.hypot(shape_s, clock_s),
+                "late_s": late_s[first],
+            }
+        voiding = void(faults, self.tap)
         return Measured(
             token=delivery.token,
             tap=self.tap,
             source=self.source,
             peak_left=peaks[0],
             peak_right=peaks[1],
-            onset_s=None if main is None else times[main][0],
-            onset_uncertainty_s=None
-            if main is None
-            else math.hypot(found[main].onset_uncertainty / rate_hz, times[main][1]),
-            late_s=None if main is None else late_s[main],
-            correlation_left=found[0].correlation if 0 in sounding else None,
-            correlation_right=found[1].correlation if 1 in sounding else None,
-            noise_left=found[0].noise_rms,
-            noise_right=found[1].noise_rms,
-            faults=voided,
-            noted=noted,
-            unmeasured=noisy,
+            correlation_left=matches[0].correlation if sounds[0] else None,
+            correlation_right=matches[1].correlation if sounds[1] else None,
+            noise_left=matches[0].noise_rms,
+            noise_right=matches[1].noise_rms,
+            faults=voiding,
+            noted=tuple(fault for fault in faults if fault not in voiding),
+            unmeasured=unmeasured,
             blank=planned.blank,
+            **onset,
         )
+
+
+def _peak(match: TemplateMatch, *, is_driven: bool, is_clipped: bool) -> float:
+    """Return the peak of a channel: of a clipped burst that of its flat tops."""
+    if not is_driven:
+        return max(match.largest, match.loudest)
+    return max(min(match.tops)[0] if is_clipped else match.amplitude, 0.0)
 
 
 def _at_rate(planned: Planned, sample_rate_hz: float) -> FloatArray:

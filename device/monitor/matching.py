@@ -23,7 +23,7 @@ _TOP: Final = 0.9
 """From this part of its peak on a shape's samples are its top: there a clipped burst is flat."""
 _COVERS_95: Final = 2.1
 """Standard deviations; a little over 1.96, as the noise itself is an estimate."""
-LEAST_QUIET: Final = 8
+MIN_QUIET: Final = 8
 """So many shapes long must a quiet part be: from fewer nobody can tell a figure's noise."""
 _FEW_95: Final = 1.21
 _FEW_SURE: Final = 3.31
@@ -36,13 +36,15 @@ _LOUD: Final = 6.0
 """Standard deviations of a stretch's energy."""
 _UPSIDE_DOWN: Final = 8.0
 """Standard deviations: a burst of many cycles is nearly itself upside down, half a period later."""
-_LEAST_NOISE: Final = 2.0**-16
+_MIN_NOISE: Final = 2.0**-16
 """Of the record's limit: a record without any noise is still one of 16 bit."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Found:
+class TemplateMatch:
     """What a record of one channel holds of a burst, in the record's unit and in its frames.
+
+    The defaults are those of a burst that was measured without noise, at its time and alone.
 
     Attributes
     ----------
@@ -75,20 +77,20 @@ class Found:
     """
 
     amplitude: float
-    amplitude_sd: float
-    tops: tuple[tuple[float, float], ...]
-    onset: float
-    onset_uncertainty: float
     correlation: float
-    correlation_sd: float
-    inverted: bool
     largest: float
-    loudest: float
-    beside: float
-    second: float
-    second_at: float
     noise_rms: float
-    overloaded: bool
+    amplitude_sd: float = 0.0
+    tops: tuple[tuple[float, float], ...] = ()
+    onset: float = 0.0
+    onset_uncertainty: float = 0.0
+    correlation_sd: float = 0.0
+    inverted: bool = False
+    loudest: float = 0.0
+    beside: float = 0.0
+    second: float = 0.0
+    second_at: float = 0.0
+    overloaded: bool = False
 
 
 class Template:
@@ -97,8 +99,8 @@ class Template:
     >>> shape = np.sin(2 * np.pi * np.arange(97) / 96)
     >>> record = np.zeros(3000)
     >>> record[1100:1197] = 0.5 * shape
-    >>> found = Template(shape).find(record, quiet=1000, limit=1.0)
-    >>> round(found.amplitude, 6), round(found.onset, 6), round(found.correlation, 6)
+    >>> match = Template(shape).find(record, quiet=1000, limit=1.0)
+    >>> round(match.amplitude, 6), round(match.onset, 6), round(match.correlation, 6)
     (0.5, 100.0, 1.0)
     """
 
@@ -109,7 +111,7 @@ class Template:
             raise ValueError("shape must have a sample that is not 0")
         self.length = len(shape)
         self.rms = math.sqrt(self.energy / self.length)
-        self.least_quiet = LEAST_QUIET * self.length
+        self.min_quiet = MIN_QUIET * self.length
         self._spectrum = np.fft.rfft(self.shape)
         self._turn = -2j * np.pi * np.fft.rfftfreq(len(self.shape))
         self._slope = self._later(0.0)[1]
@@ -117,30 +119,30 @@ class Template:
         itself = signal.correlate(self.shape, self.shape) / self.energy
         self._upside_down = 1 + float(np.min(itself))
 
-    def shifted(self, part: float) -> FloatArray:
-        """Return the shape, with a margin, as it is sampled a part of a frame later."""
-        return self._later(part)[0]
+    def shifted(self, frames: float) -> FloatArray:
+        """Return the shape, with a margin, as it is sampled a fraction of a frame later."""
+        return self._later(frames)[0]
 
-    def _later(self, part: float) -> tuple[FloatArray, FloatArray]:
-        """Return the shape a part of a frame later, and its slope; as a converter plays it."""
-        turned = self._spectrum * np.exp(self._turn * part)
+    def _later(self, frames: float) -> tuple[FloatArray, FloatArray]:
+        """Return the shape a fraction of a frame later, and its slope; as a converter plays it."""
+        turned = self._spectrum * np.exp(self._turn * frames)
         size = len(self.shape)
         return np.fft.irfft(turned, size), np.fft.irfft(-self._turn * turned, size)
 
-    def find(self, record: FloatArray, *, quiet: int, limit: float) -> Found:
+    def find(self, record: FloatArray, *, quiet: int, limit: float) -> TemplateMatch:
         """Look for the burst in a record whose first `quiet` frames hold none.
 
         `record`, shape (n,), must be longer than `quiet` and the shape together; `limit` is its
         largest magnitude.
         """
-        size, least = len(self.shape), self.least_quiet
-        if not least <= quiet <= len(record) - size:
+        size, min_quiet = len(self.shape), self.min_quiet
+        if not min_quiet <= quiet <= len(record) - size:
             raise ValueError(
-                f"quiet must be from {least} to {len(record) - size}, for the shape with its "
+                f"quiet must be from {min_quiet} to {len(record) - size}, for the shape with its "
                 f"margin is {size} frames long; got {quiet}"
             )
         x = record - np.mean(record[:quiet])
-        noise = max(float(np.std(x[:quiet])), limit * _LEAST_NOISE)
+        noise = max(float(np.std(x[:quiet])), limit * _MIN_NOISE)
         few = self.length / quiet
         sure = 1 + _FEW_SURE * few
         amplitude_sd = sure * _spread(x[:quiet], noise, self.shape / self.energy)
@@ -148,25 +150,27 @@ class Template:
         fit = signal.correlate(x, self.shape, "valid") / self.energy
         searched = fit[max(quiet - _MARGIN, 1) : -1]
         at = _vertex(fit, max(quiet - _MARGIN, 1) + int(np.argmax(searched)))
-        first, here, part, amplitude = 0, self.shape, x, 0.0
+        first, here, stretch, amplitude = 0, self.shape, x, 0.0
         for _ in range(_STEPS):  # the parabola is near; least squares from there
             first = min(math.floor(at), len(x) - size)
             here, slope = self._later(at - first)
-            part = x[first : first + size]
-            amplitude = float(part @ here) / float(here @ here)
+            stretch = x[first : first + size]
+            amplitude = float(stretch @ here) / float(here @ here)
             if amplitude > 0:
-                step = float((part - amplitude * here) @ slope) / (amplitude * self._slope_energy)
+                step = float((stretch - amplitude * here) @ slope) / (
+                    amplitude * self._slope_energy
+                )
                 at -= min(max(step, -0.5), 0.5)
         tops = tuple(
             (
-                float(weights @ part),
+                float(weights @ stretch),
                 sure * _spread(x[:quiet], noise, weights - here / self.energy),
             )
             for weights in _of_tops(here)
         )
         energies = _energies(x, size)
         noises = energies[: quiet - size]
-        correlation, correlation_sd = self._correlation(part, amplitude, noises)
+        correlation, correlation_sd = self._correlation(stretch, amplitude, noises)
         bent = energies - _straight(x, size)
         loud = np.maximum(bent[quiet - _MARGIN :] - float(np.mean(bent[: quiet - size])), 0.0)
         loud[loud <= sure * _clear_of(bent[: quiet - size])] = 0.0
@@ -177,7 +181,7 @@ class Template:
         x[first : first + size] -= amplitude * here
         second = np.abs(signal.correlate(x[quiet - _MARGIN :], self.shape, "valid")) / self.energy
         last = int(np.argmax(second))
-        return Found(
+        return TemplateMatch(
             amplitude=amplitude,
             amplitude_sd=amplitude_sd,
             tops=tops,
@@ -197,14 +201,14 @@ class Template:
         )
 
     def _correlation(
-        self, part: FloatArray, amplitude: float, energies: FloatArray
+        self, stretch: FloatArray, amplitude: float, energies: FloatArray
     ) -> tuple[float, float]:
         """Return it without the noise's energy, which a quiet part tells stretch by stretch."""
         noise, fitted = float(np.mean(energies)), amplitude**2 * self.energy
-        rest = float(part @ part) - noise
+        rest = float(stretch @ stretch) - noise
         if fitted <= 0 or rest <= 0:
             return 0.0, 1.0
-        spread = max(float(np.std(energies)), noise * math.sqrt(2 / len(part))) / fitted / 2
+        spread = max(float(np.std(energies)), noise * math.sqrt(2 / len(stretch))) / fitted / 2
         return math.copysign(math.sqrt(min(1.0, fitted / rest)), amplitude), spread
 
 

@@ -1,56 +1,290 @@
-"""The driver of two-channel arbitrary-waveform generators over SCPI. Not tried on hardware."""
+"""Two-channel arbitrary-waveform generators over SCPI. Not tried on hardware.
+
+A generator has no burst counter: its trigger is sent once and never again, and a trigger whose
+confirmation was lost is INDETERMINATE. Every waveform spans the whole range of the converter and
+the amplitude carries the level, so that it means the same whether the generator takes its amplitude
+for that of the waveform or of the range. A silent channel plays a waveform of zeros: generators
+have a least amplitude, and for every side the same commands are sent.
+"""
 
 from __future__ import annotations
 
+import contextlib
 from contextlib import closing
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
+import numpy as np
+
+from device.checks import require_positive
 from device.clock import Clock, MonotonicClock
-from device.core.host import HostDriver
-from device.errors import LinkError
-from device.scpi.dialects import dialect_of
-from device.scpi.line import ScpiLine
-from device.scpi.link import GeneratorLink
+from device.core.converter import Converter, ConverterDevice, Played
+from device.driver import Outcome
+from device.errors import DeviceError, LinkError, Refusal, SettingError, rejection
+from device.scpi.dialects import EMULATED, Dialect, ReadBack, dialect_of
+from device.scpi.line import BITS, ScpiLine, Wave, decimals, encode, matches
 from device.scpi.visa import open_instrument
 from device.wire.channels import USUAL, Channel, LineSettings
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from device.limits import Limits
+    from device.driver import FloatArray
+    from device.limits import CodeArray, Limits
 
-_GLANCE_S: Final = 1.0
+
+CANNOT: Final = (
+    "bring its outputs to zero when this program or the line to it dies",
+    "count its bursts: a trigger whose confirmation is lost is recorded as indeterminate",
+    "refuse a trigger that reaches it late",
+)
+"""What no generator can promise."""
+
+_CHANNELS: Final = (1, 2)
+_IDENTIFY_WITHIN_S: Final = 1.0
 
 
-class GeneratorDevice(HostDriver):
-    """A `BurstDevice` that is a generator with an amplifier behind it.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Slot:
+    waves: tuple[Wave, Wave]
+    silence: Wave
+    duration_s: float
 
-    `connect` opens the channel or raises `LinkError`; the gain is volts at the actuator per volt of
-    the generator.
+
+class GeneratorConverter(Converter):
+    """A generator with an amplifier behind it as a `Converter`.
+
+    `open_port` opens the channel or raises `LinkError`; the gain is volts at the actuator per volt
+    of the generator. `cannot` is complete once it is known which generator it is.
     """
+
+    name, serial_number = "generator", ""
+    bits, emulated = BITS, False
+    cannot: tuple[str, ...] = CANNOT
 
     def __init__(
         self,
-        connect: Callable[[], Channel],
+        open_port: Callable[[], Channel],
+        clock: Clock,
         *,
         limits: Limits,
-        clock: Clock,
         amplifier_gain: float,
         sample_rate_hz: float,
     ) -> None:
-        self._generator = GeneratorLink(
-            connect,
-            clock,
-            limits=limits,
-            amplifier_gain=amplifier_gain,
-            sample_rate_hz=sample_rate_hz,
-        )
-        super().__init__(self._generator, limits=limits, clock=clock)
+        require_positive("amplifier_gain", amplifier_gain)
+        self.full_scale_v = limits.ceiling_vpp / 2
+        self.sample_rate_hz = sample_rate_hz
+        self._open_port = open_port
+        self._clock = clock
+        self._limits = limits
+        self._gain = amplifier_gain
+        self._rate = f"{sample_rate_hz:.12g}"
+        self._channel: Channel | None = None
+        self._talk: tuple[ScpiLine, Dialect] | None = None
+        self._off = b""
+        self._names: dict[tuple[int, bytes], str] = {}
+        self._slots: dict[int, _Slot] = {}
+        self._selected: _Slot | None = None
+        self._set_vpp = (0.0, 0.0)
 
-    @property
-    def cannot(self) -> tuple[str, ...]:
-        """What the generator cannot promise; complete once it is open."""
-        return self._generator.cannot
+    def connect(self) -> None:
+        """Connect, set the generator up with its outputs off, and read it back."""
+        self._drop()
+        self._channel = self._open_port()
+        try:
+            self._set_up(ScpiLine(self._channel, self._clock))
+        except DeviceError:
+            self._drop()
+            raise
+
+    def disconnect(self) -> None:
+        """Wait until the generator has done what it was sent, outputs off included; disconnect."""
+        if self._talk is not None:
+            line, dialect = self._talk
+            with contextlib.suppress(LinkError):
+                line.ask(dialect.complete)
+        self._drop()
+
+    def zero(self) -> None:
+        """Send both outputs off at once."""
+        channel = self._channel
+        if channel is not None:
+            with contextlib.suppress(LinkError):
+                channel.write(self._off)
+
+    def store(self, slot: int, left: CodeArray, right: CodeArray) -> None:
+        """Encode a waveform, and store it there if the generator keeps several."""
+        line, dialect = self._require_talk()
+        self._slots.pop(slot, None)
+        if left.size > dialect.longest_waveform:
+            detail = f"{left.size} samples, at most {dialect.longest_waveform}"
+            raise rejection(Refusal.WAVEFORM_TOO_LONG, detail)
+        waves = encode(left, dialect), encode(right, dialect)
+        silence = encode(np.zeros_like(left), dialect)
+        if dialect.named:
+            for channel, wave in zip(_CHANNELS, waves, strict=True):
+                self._store(line, dialect, channel, wave)
+                self._store(line, dialect, channel, silence)
+            line.check_errors(dialect.error)
+        duration_s = left.size / self.sample_rate_hz
+        self._slots[slot] = _Slot(waves=waves, silence=silence, duration_s=duration_s)
+
+    def switch_on(self) -> None:
+        """Read the set-up back and switch both outputs on."""
+        line, dialect = self._require_talk()
+        self._read_back(dialect.channel_readings)
+        line.say(*(dialect.output_on.format(channel=channel) for channel in _CHANNELS))
+        line.check_errors(dialect.error)
+
+    def select(self, slot: int, left_vpp: float, right_vpp: float) -> None:
+        """Select waveforms and amplitudes and read them back, the same way for every side."""
+        line, dialect = self._require_talk()
+        selected = self._slots.get(slot)
+        if selected is None:
+            raise SettingError(f"slot {slot} is not stored: load its waveforms again")
+        self._selected = selected
+        pairs = zip(selected.waves, (left_vpp, right_vpp), strict=True)
+        choices = [self._choice(wave, level_vpp, selected, dialect) for wave, level_vpp in pairs]
+        for channel, (wave, volts) in zip(_CHANNELS, choices, strict=True):
+            if not dialect.named:
+                self._store(line, dialect, channel, wave)
+            name = self._names[channel, wave.data]
+            line.say(*(self._fill(command, channel, name, volts) for command in dialect.select))
+        set_vpp = []
+        for channel, (wave, volts) in zip(_CHANNELS, choices, strict=True):
+            name = self._names[channel, wave.data]
+            self._compare(dialect.select_readings, channel, name, volts)
+            set_vpp.append(self._read_level_vpp(channel, wave, volts, dialect))
+        line.check_errors(dialect.error)
+        self._set_vpp = set_vpp[0], set_vpp[1]
+
+    def play(self, left_v: FloatArray, right_v: FloatArray) -> Played:
+        """Send the trigger and the question that confirms it; an answer lost is not asked again."""
+        before_s = self._clock.now_s()
+        duration_s = 0.0 if self._selected is None else self._selected.duration_s
+        try:
+            line, dialect = self._require_talk()
+            answer = line.ask(dialect.complete, after=dialect.trigger, within_s=duration_s)
+            half_s = (self._clock.now_s() - before_s) / 2
+            line.check_errors(dialect.error)
+        except (LinkError, SettingError):
+            return Played(outcome=Outcome.INDETERMINATE)
+        if not matches("1", answer):
+            return Played(outcome=Outcome.INDETERMINATE)
+        return Played(
+            outcome=Outcome.FIRED,
+            onset_s=before_s + half_s,
+            uncertainty_s=half_s,
+            levels_vpp=self._set_vpp,
+        )
+
+    def _drop(self) -> None:
+        self._talk = None
+        if self._channel is not None:
+            self._channel.close()
+            self._channel = None
+
+    def _require_talk(self) -> tuple[ScpiLine, Dialect]:
+        if self._talk is None:
+            raise LinkError("the generator is not connected")
+        return self._talk
+
+    def _set_up(self, line: ScpiLine) -> None:
+        identity = line.identify()
+        dialect = dialect_of(identity)
+        if dialect is None:
+            raise LinkError(f"no generator with two channels that is known here: {identity}")
+        maker, model, serial_number, *_ = (*identity.split(","), "", "")
+        self.name, self.serial_number = f"{maker} {model}", serial_number
+        self.emulated = serial_number == EMULATED
+        self.protocol = f"SCPI {dialect.name}"
+        self.cannot = CANNOT + dialect.cannot
+        self.longest_waveform = dialect.longest_waveform
+        self.full_scale_v = min(self._limits.ceiling_vpp, dialect.most_vpp * self._gain) / 2
+        off = (dialect.output_off.format(channel=channel) for channel in _CHANNELS)
+        self._off = "".join(f"{command}\n" for command in ("", *dialect.abort, *off)).encode()
+        self._talk = line, dialect
+        self._names.clear()
+        self._slots.clear()
+        line.say(*dialect.reset)
+        line.check_errors(dialect.error)
+        silence = encode(np.zeros(dialect.shortest_waveform, dtype=np.int32), dialect)
+        for channel in _CHANNELS:
+            self._say_each(dialect.channel_load, channel)
+            self._store(line, dialect, channel, silence)
+            self._say_each(dialect.channel_setup, channel, silence)
+            line.check_errors(dialect.error)
+        self._read_back(dialect.channel_readings)
+
+    def _highest_vpp(self, dialect: Dialect) -> float:
+        """Return the amplitude that the ceiling means at the generator."""
+        return min(self._limits.ceiling_vpp / self._gain, dialect.most_vpp)
+
+    def _fill(self, template: str, channel: int, name: str, volts: float) -> str:
+        """Fill a template in: amplitudes are rounded down, the limit that guards them up."""
+        _, dialect = self._require_talk()
+        limit = decimals(self._highest_vpp(dialect) / 2, dialect.volts_digits, up=True)
+        return template.format(
+            channel=channel,
+            name=name,
+            rate=self._rate,
+            volts=decimals(volts, dialect.volts_digits),
+            high=limit,
+            low=f"-{limit}",
+        )
+
+    def _say_each(self, templates: tuple[str, ...], channel: int, wave: Wave | None = None) -> None:
+        line, dialect = self._require_talk()
+        name = "" if wave is None else self._names[channel, wave.data]
+        volts = self._highest_vpp(dialect)
+        line.say(*(self._fill(template, channel, name, volts) for template in templates))
+
+    def _store(self, line: ScpiLine, dialect: Dialect, channel: int, wave: Wave) -> None:
+        """Store a waveform, unless a generator that keeps waveforms by name has it."""
+        key = channel, wave.data
+        if dialect.named and key in self._names:
+            return
+        self._names[key] = f"T{len(self._names) + 1}"
+        command = dialect.store.format(channel=channel, name=self._names[key])
+        line.say_block(command, wave.data)
+
+    def _read_back(self, readings: tuple[ReadBack, ...]) -> None:
+        for channel in _CHANNELS:
+            self._compare(readings, channel, "", 0.0)
+
+    def _compare(
+        self, readings: tuple[ReadBack, ...], channel: int, name: str, volts: float
+    ) -> None:
+        line, _ = self._require_talk()
+        for reading in readings:
+            question = self._fill(reading.question, channel, name, volts)
+            required = self._fill(reading.answer, channel, name, volts)
+            answer = line.ask(question)
+            if not matches(required, answer):
+                raise SettingError(f"{question} must answer {required}, got {answer}")
+
+    def _choice(
+        self, wave: Wave, level_vpp: float, slot: _Slot, dialect: Dialect
+    ) -> tuple[Wave, float]:
+        """Return what a channel plays and with which amplitude in volts peak-to-peak."""
+        highest_vpp = self._highest_vpp(dialect)
+        volts = level_vpp * self._limits.gain * (wave.peak or 1.0) / self._gain
+        if wave.peak == 0.0 or level_vpp == 0.0:
+            return slot.silence, min(max(volts, dialect.least_vpp), highest_vpp)
+        if not dialect.least_vpp <= volts <= dialect.most_vpp:
+            allowed = f"{dialect.least_vpp:g} to {dialect.most_vpp:g} Vpp at the generator"
+            raise rejection(Refusal.BAD_LEVEL, f"{level_vpp:g} Vpp is {volts:g} of {allowed}")
+        return wave, min(volts, highest_vpp)
+
+    def _read_level_vpp(self, channel: int, wave: Wave, volts: float, dialect: Dialect) -> float:
+        """Return the level in Vpp at the actuator that the generator says it has set."""
+        line, _ = self._require_talk()
+        answer = line.ask(dialect.amplitude.format(channel=channel))
+        limit_vpp = float(decimals(self._highest_vpp(dialect), dialect.volts_digits, up=True))
+        if not matches(f"{volts!r}", answer) or float(answer) > limit_vpp:
+            raise SettingError(f"channel {channel} must have {volts:g} Vpp, got {answer}")
+        factor = self._limits.gain * wave.peak
+        return float(answer) * self._gain / factor if factor else 0.0
 
 
 def generator_device(
@@ -61,7 +295,7 @@ def generator_device(
     amplifier_gain: float,
     sample_rate_hz: float,
     line: LineSettings = USUAL,
-) -> GeneratorDevice:
+) -> ConverterDevice:
     """Return the driver of the generator on a port; nothing is opened yet.
 
     >>> from device.clock import MonotonicClock
@@ -71,13 +305,14 @@ def generator_device(
     Traceback (most recent call last):
     device.errors.LinkError: cannot open /no/such/port: ...
     """
-    return GeneratorDevice(
+    converter = GeneratorConverter(
         lambda: open_instrument(port, clock, line),
+        clock,
         limits=limits,
-        clock=clock,
         amplifier_gain=amplifier_gain,
         sample_rate_hz=sample_rate_hz,
     )
+    return ConverterDevice(converter, limits=limits, clock=clock)
 
 
 def identify_generator(port: str, line: LineSettings = USUAL) -> str | None:
@@ -88,7 +323,7 @@ def identify_generator(port: str, line: LineSettings = USUAL) -> str | None:
     clock = MonotonicClock()
     with closing(open_instrument(port, clock, line)) as channel:
         try:
-            words = ScpiLine(channel, clock, response_timeout_s=_GLANCE_S).identify()
+            identity = ScpiLine(channel, clock, response_timeout_s=_IDENTIFY_WITHIN_S).identify()
         except LinkError:
             return None
-    return words if dialect_of(words) is not None else None
+    return identity if dialect_of(identity) is not None else None

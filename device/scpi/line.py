@@ -8,11 +8,12 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from device.core.messages import CodeArray, full_scale
+from device.core.messages import full_scale
 from device.errors import LinkError, SettingError
 
 if TYPE_CHECKING:
     from device.clock import Clock
+    from device.limits import CodeArray
     from device.scpi.dialects import Dialect
     from device.wire.channels import Channel
 

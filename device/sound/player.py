@@ -28,13 +28,27 @@ class StreamStatus(Protocol):
 
 
 @dataclass(slots=True, kw_only=True, eq=False)
-class Played:
+class SoundBurst:
     """A burst on its way to the sound card.
 
-    Host times of the first frame that the card took and of the last; the longest time to its output
-    that PortAudio told, buffer included; how often it came for more after the last frame; clean
-    until it said that it had run out of frames, cut by a stop in between. `first` is the frame of
-    the stream at which it begins.
+    Attributes
+    ----------
+    frames : ndarray of int16, shape (n, 2)
+        What is to be played.
+    taken : int
+        Number of frames that the card has taken.
+    first : int
+        Frame of the stream at which the burst begins.
+    began_s, ended_s : float
+        Host times at which the card took the first frame and the last.
+    latency_s : float
+        Longest time to its output that PortAudio reported, buffer included.
+    callbacks_after : int
+        How often the card came for more after the last frame.
+    clean : bool
+        Whether the card has not reported that it ran out of frames.
+    cut : bool
+        Whether a stop came in between.
     """
 
     frames: Frames
@@ -42,20 +56,20 @@ class Played:
     first: int = 0
     began_s: float = 0.0
     ended_s: float = 0.0
-    told_s: float = 0.0
+    latency_s: float = 0.0
     callbacks_after: int = 0
     clean: bool = True
     cut: bool = False
 
     @property
-    def complete(self) -> bool:
+    def is_complete(self) -> bool:
         """Whether every frame was taken."""
         return self.taken == len(self.frames)
 
-    def settled(self, now_s: float) -> bool:
+    def is_settled(self, now_s: float) -> bool:
         """Tell whether nothing more is to be learned: it was cut, or it must have come out."""
-        heard = now_s >= self.ended_s + self.told_s and self.callbacks_after > 0
-        return self.cut or (self.complete and heard)
+        heard = now_s >= self.ended_s + self.latency_s and self.callbacks_after > 0
+        return self.cut or (self.is_complete and heard)
 
 
 class Counter:
@@ -85,7 +99,7 @@ class Player(Counter):
     >>> out = np.ones((3, 2), dtype=np.int16)
     >>> player(out, 3, SimpleNamespace(currentTime=1.0, outputBufferDacTime=1.02),
     ...        SimpleNamespace(output_underflow=False))
-    >>> out[:, 0].tolist(), out[:, 1].tolist(), burst.complete, player.frames
+    >>> out[:, 0].tolist(), out[:, 1].tolist(), burst.is_complete, player.frames
     ([5, -5, 0], [0, 0, 0], True, 3)
     """
 
@@ -93,16 +107,16 @@ class Player(Counter):
         super().__init__()
         self._clock = clock
         self._rate_hz = sample_rate_hz
-        self._burst: Played | None = None
+        self._burst: SoundBurst | None = None
         self._muted = True
 
     def mute(self, *, on: bool) -> None:
         """Play zeros from the next buffer on, whatever else is asked for; or no longer."""
         self._muted = on
 
-    def play(self, frames: Frames, latency_s: float) -> Played:
+    def play(self, frames: Frames, latency_s: float) -> SoundBurst:
         """Begin to play with the next buffer, by a stream of this latency in seconds."""
-        burst = Played(frames=frames, told_s=latency_s)
+        burst = SoundBurst(frames=frames, latency_s=latency_s)
         self._burst = burst
         return burst
 
@@ -119,20 +133,20 @@ class Player(Counter):
             return
         if status.output_underflow and burst.taken:
             burst.clean = False
-        if burst.complete:
+        if burst.is_complete:
             burst.callbacks_after += 1
         elif self._muted:
             burst.cut = True
         elif not burst.cut:
             self._fill(out, count, timing, burst)
 
-    def _fill(self, out: Frames, count: int, timing: Timing, burst: Played) -> None:
+    def _fill(self, out: Frames, count: int, timing: Timing, burst: SoundBurst) -> None:
         now_s = self._clock.now_s()
         if not burst.taken:
             burst.began_s = now_s
             burst.first = self.frames - count
-        told_s = timing.outputBufferDacTime - timing.currentTime + count / self._rate_hz
-        burst.told_s = max(burst.told_s, told_s)
+        latency_s = timing.outputBufferDacTime - timing.currentTime + count / self._rate_hz
+        burst.latency_s = max(burst.latency_s, latency_s)
         piece = burst.frames[burst.taken : burst.taken + count]
         out[: len(piece)] = piece
         burst.ended_s = now_s

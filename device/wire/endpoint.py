@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Any, Final
 from device.core.messages import Beat, Message, Stop
 from device.core.states import State
 from device.errors import Refusal, Rejected, rejection
-from device.wire import codec
-from device.wire.codec import AnswerPayload, Greeting, Kind
+from device.wire import protocol
 from device.wire.frames import Decoder, Frame, IdentityLine, encode
+from device.wire.protocol import AnswerPayload, Kind
 from device.wire.upload import Begin, Commit, Data, Uploads
 
 if TYPE_CHECKING:
@@ -47,9 +47,9 @@ class Endpoint:
     ...                     sample_rate_hz=48e3, bits=16, channels=2, ceiling_vpp=200.0,
     ...                     longest_waveform=4096, emulated=True)
     >>> endpoint = Endpoint(core, identity)
-    >>> ping = Frame(kind=Kind.PING, sequence=1, payload=codec.payload(Ping(), 5))
+    >>> ping = Frame(kind=Kind.PING, sequence=1, payload=protocol.pack_question(Ping(), 5))
     >>> answer, = Decoder().feed(endpoint.receive(10, encode(ping)))
-    >>> codec.HEAD.read(answer.payload).state.value
+    >>> protocol.HEAD.read(answer.payload).state.value
     'idle'
     >>> endpoint.receive(20, b"*IDN?\n")
     b'tactstrip,m,1,protocol 2.0\n'
@@ -74,7 +74,7 @@ class Endpoint:
         Frames, the line that answers ``*IDN?``, or nothing.
         """
         frames = self._decoder.feed(data)
-        questions = [frame for frame in frames if frame.kind < codec.ANSWER]
+        questions = [frame for frame in frames if frame.kind < protocol.ANSWER]
         answers = [self._respond(now_us, question) for question in questions]
         return b"".join(answers) + self._text.feed(data)
 
@@ -107,7 +107,7 @@ class Endpoint:
         return coded
 
     def _is_meant(self, frame: Frame, message: Message[None]) -> bool:
-        return frame.payload == codec.payload(message, self.core.boot_id)
+        return frame.payload == protocol.pack_question(message, self.core.boot_id)
 
     def _is_newer(self, frame: Frame) -> bool:
         if self._newest is None:
@@ -125,7 +125,7 @@ class Endpoint:
         """Begin a connection; a HELLO that came before only gets its answer again."""
         self.core.advance(now_us)
         try:
-            nonce = codec.TABLE[Kind.HELLO].message.read(frame.payload).nonce
+            nonce = protocol.TABLE[Kind.HELLO].message.read(frame.payload).nonce
         except Rejected as refused:
             return self._answer(refused.code)
         if nonce not in self._greetings:
@@ -136,17 +136,16 @@ class Endpoint:
             self._uploads.forget()
         elif nonce != self._greetings[-1]:
             return self._answer(Refusal.STALE)
-        greeting = Greeting.of(self._identity, nonce=nonce)
-        return self._answer(None, codec.GREETING.pack(greeting))
+        return self._answer(None, protocol.pack_greeting(nonce, self._identity))
 
     def _perform(self, now_us: int, frame: Frame) -> AnswerPayload:
         """Do what a question asks, or say why not."""
         self.core.advance(now_us)
         try:
-            question = codec.QUESTION.read(frame.payload)
+            question = protocol.QUESTION.read(frame.payload)
             if question.boot_id != self.core.boot_id:
                 raise rejection(Refusal.WRONG_BOOT)
-            return self._done(now_us, frame, codec.read(frame.kind, question.content))
+            return self._done(now_us, frame, protocol.read_message(frame.kind, question.content))
         except Rejected as refused:
             return self._answer(refused.code)
 
@@ -161,7 +160,7 @@ class Endpoint:
                 self.core.take(now_us, self._uploads.finish(message))
             case _:
                 reply = self.core.take(now_us, message)
-        return self._answer(None, codec.told(frame.kind, reply))
+        return self._answer(None, protocol.pack_report(frame.kind, reply))
 
     def _answer(self, refusal: Refusal | None, body: bytes = b"") -> AnswerPayload:
         return AnswerPayload(
@@ -174,4 +173,4 @@ class Endpoint:
 
 
 def _coded(question: Frame, answer: AnswerPayload) -> bytes:
-    return encode(question.answered(codec.HEAD.pack(answer)))
+    return encode(question.answered(protocol.HEAD.pack(answer)))

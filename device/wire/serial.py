@@ -10,9 +10,9 @@ from device.core.host import HostDriver
 from device.core.messages import AskHealth, AskLimits
 from device.errors import LinkError, PortError
 from device.wire.channels import USUAL, Channel, LineSettings, open_channel
-from device.wire.dialogue import plain_answer
 from device.wire.frames import MAKER
 from device.wire.link import FrameLink
+from device.wire.requests import plain_answer
 
 if TYPE_CHECKING:
     from device.core.reports import DeviceLimits, Health

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import zlib
 from dataclasses import dataclass
-from itertools import islice
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -14,7 +13,7 @@ from device.errors import Refusal, rejection
 from device.limits import check_memory, check_slot
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator
+    from collections.abc import Callable, Iterator
 
     from device.limits import Limits
 
@@ -134,79 +133,3 @@ class Uploads:
 def _code_type(bits: int) -> np.dtype[np.signedinteger[Any]]:
     """Return how one code travels: 16 bit signed, or 32 where the converter has more."""
     return np.dtype("<i2" if bits <= _SHORT_BITS else "<i4")
-
-
-# A line keeps the order, most of the time: an answer says that what was last sent before its piece
-# was first sent, and is not answered, was lost. The answer to a piece that was sent twice may be to
-# the first: of what was sent between it tells nothing. Only where nothing comes back at all a clock
-# decides, and then for one piece alone, lest a busy machine is taken for a bad line.
-class Window:
-    """The pieces that are unanswered at a time, `size` at most, each by its number.
-
-    >>> window = Window({7: b"a", 8: b"b", 9: b"c"}.items(), size=2, late_s=0.025)
-    >>> window.due(0.0), window.answered(8, 0.01), window.due(0.01)
-    ([b'a', b'b'], True, [b'a', b'c'])
-    >>> window.due(0.02), window.due(0.04), window.answered(8, 0.04), window.is_over
-    ([], [b'a'], False, False)
-    """
-
-    def __init__(self, pieces: Iterable[tuple[int, bytes]], *, size: int, late_s: float) -> None:
-        self._pieces: Iterator[tuple[int, bytes]] = iter(pieces)
-        self._size = size
-        self._late_s = late_s
-        self._sent: dict[int, _Sent] = {}
-        self._lost: list[int] = []
-        self._n_sent = 0
-        self._moved_s = 0.0
-
-    @property
-    def is_over(self) -> bool:
-        """Whether all that was sent is answered."""
-        return not self._sent
-
-    @property
-    def late_at_s(self) -> float:
-        """When a piece is due again, if nothing is answered until then."""
-        return self._moved_s + self._late_s
-
-    def due(self, now_s: float) -> list[bytes]:
-        """Return what is to be sent now, and take it as sent."""
-        if self._sent and not self._lost and now_s >= self.late_at_s:
-            self._lost = [min(self._sent, key=lambda number: self._sent[number].last)]
-        going = [self._sent[number] for number in self._lost]
-        self._lost = []
-        for number, piece in islice(self._pieces, self._size - len(self._sent)):
-            self._sent[number] = sent = _Sent(piece)
-            going.append(sent)
-        for sent in going:
-            sent.go(self._n_sent)
-            self._n_sent += 1
-        if going:
-            self._moved_s = now_s
-        return [sent.piece for sent in going]
-
-    def answered(self, number: int, now_s: float) -> bool:
-        """Note an answer; tell whether it was waited for."""
-        one = self._sent.pop(number, None)
-        if one is None:
-            return False
-        self._lost = [
-            other
-            for other, sent in self._sent.items()
-            if sent.last < one.first or other in self._lost
-        ]
-        self._moved_s = now_s
-        return True
-
-
-@dataclass(slots=True)
-class _Sent:
-    """A piece that is under way, and as which of all it was sent first and last."""
-
-    piece: bytes
-    first: int = -1
-    last: int = -1
-
-    def go(self, order: int) -> None:
-        self.first = order if self.first < 0 else self.first
-        self.last = order

@@ -11,14 +11,14 @@ import threading
 
 import numpy as np
 
-from device import LinkError, Outcome, converter_device
+from device import Converter, LinkError, Outcome, Played, converter_device
 
 LARGEST_V = 10.0
 """Of the outputs of the usual devices, to both sides."""
 PATIENCE_S = 2.0
 
 
-class NiDaq:
+class NiDaq(Converter):
     """What plays two waveforms on a device with a clock and a buffer of its own."""
 
     name, bits, emulated = "NI-DAQ", 16, False
@@ -71,7 +71,7 @@ class NiDaq:
             task.stop()
         if not over:
             self._hold_zero()
-        return Outcome.FIRED if over else Outcome.INDETERMINATE
+        return Played(outcome=Outcome.FIRED if over else Outcome.INDETERMINATE)
 
     def zero(self):
         """Have what plays cut short by the thread that plays it, which holds the outputs."""

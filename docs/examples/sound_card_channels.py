@@ -5,10 +5,10 @@ Offer it as an entry point of the group tactstrip.drivers. Not tried with an act
 
 import numpy as np
 
-from device import LinkError, Outcome, converter_device
+from device import Converter, LinkError, Outcome, Played, converter_device
 
 
-class SoundCardChannels:
+class SoundCardChannels(Converter):
     """What plays two waveforms on chosen outputs of a card with several."""
 
     name, bits, emulated = "sound card", 16, False
@@ -52,7 +52,8 @@ class SoundCardChannels:
             mapping=list(self._channels),
             blocking=True,
         )
-        return Outcome.INDETERMINATE if sounddevice.get_status() else Outcome.FIRED
+        gap = sounddevice.get_status()
+        return Played(outcome=Outcome.INDETERMINATE if gap else Outcome.FIRED)
 
     def zero(self):
         """Stop the stream; without one the card plays nothing."""

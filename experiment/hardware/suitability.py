@@ -5,8 +5,9 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING, Final
 
+from device.core.messages import full_scale, to_codes
 from device.errors import Rejected
-from device.limits import check_waveforms
+from device.limits import check_codes
 from experiment.hardware.setup import SLOTS, host_limits
 from experiment.study.stimulus import drive_samples
 
@@ -22,6 +23,8 @@ if TYPE_CHECKING:
 
 LONGEST_ARMED_S: Final = 1.0
 """A token is armed for at most this time, in a session as in a check."""
+_BITS: Final = 16
+"""Resolution of the usual converters, in which a burst is checked before any device is opened."""
 _MARGIN_S: Final = 1e-3
 """Covers what host and device round, and how far their clocks drift apart in one rest."""
 
@@ -115,9 +118,9 @@ def require_playable(study: Study, limits: Limits | None = None) -> None:
     settings = study.device
     limits = host_limits(settings) if limits is None else limits
     for condition in study.conditions:
-        burst = drive_samples(condition, settings)
         try:
-            check_waveforms(burst, burst, limits)
+            burst = to_codes(drive_samples(condition, settings), _BITS)
+            check_codes(burst, burst, full_scale=full_scale(_BITS), limits=limits)
         except Rejected as error:
             raise SuitabilityError(
                 f"condition {condition.name}: the burst cannot be played at "

@@ -8,7 +8,7 @@ from itertools import chain
 from typing import TYPE_CHECKING, Self
 
 from experiment.operator.requests import StopRequested
-from experiment.trial.responder import ESCAPE, Press, SessionPart
+from experiment.trial.responder import ESCAPE, Press, Responder, SessionPart
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -29,7 +29,7 @@ END_S = 30.0
 STOPPED_S = 1.5
 
 
-class ScreenResponder:
+class ScreenResponder(Responder):
     """Asks a person in front of a PsychoPy window; a context manager that owns the window.
 
     Keys count only while the window has the keyboard, as far as the system tells: what an operator

@@ -12,7 +12,7 @@ from experiment.operator.requests import StopRequested
 from experiment.participant.window import wrapped
 from experiment.study.design import EARLIEST_ANSWER_S
 from experiment.study.key_names import ARROWS, TYPED
-from experiment.trial.responder import ESCAPE, Press, SessionPart
+from experiment.trial.responder import ESCAPE, Press, Responder, SessionPart
 
 if TYPE_CHECKING:
     from device.clock import Clock
@@ -42,7 +42,7 @@ class NoTerminalError(ValueError):
     """Nobody can press a key here, or read what has to be read."""
 
 
-class TerminalResponder:
+class TerminalResponder(Responder):
     """Asks a person at a terminal; a context manager that takes over the terminal's keyboard.
 
     Parameters

@@ -7,7 +7,7 @@ import math
 from typing import TYPE_CHECKING, Final, Literal, ParamSpec
 
 from device.errors import DeviceError
-from device.installed import require_whole
+from device.installed import require_instance
 from experiment.operator.requests import StopRequested
 from experiment.trial.events import Event, Response
 from experiment.trial.responder import ESCAPE, AwaitedAnswer, Press, Responder, ResponderError
@@ -25,9 +25,9 @@ _P = ParamSpec("_P")
 
 
 def require_responder(responder: Responder) -> None:
-    """Refuse what lacks a part of a responder; whether anybody is there, every row keeps."""
+    """Refuse what is no `Responder`; whether anybody is there, every row keeps."""
     try:
-        require_whole(responder, Responder)
+        require_instance(responder, Responder)
     except ValueError as error:
         raise ResponderError(str(error)) from error
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from device.clock import MonotonicClock, elapsed_s, machine_time
-from device.drivers import whole_device
+from device.drivers import guarded_device
 from experiment.archive.entries import NoteTaken, SessionOpened, SessionResumed
 from experiment.archive.files import HEADS, ArchiveError
 from experiment.archive.folders import SessionFolder
@@ -141,7 +141,8 @@ def run_session(
     >>> study = paper_study().changed(
     ...     design={"trials_per_side": 2, "both_trials": 0}, burst={"window": "hann"},
     ...     masking={"noise": "none"})
-    >>> class Left:
+    >>> from experiment import Press, Responder
+    >>> class Left(Responder):
     ...     simulated = True
     ...     def begin(self, progress): return True
     ...     def introduce(self, part, progress): return True
@@ -153,7 +154,6 @@ def run_session(
     ...     def feedback(self, *, correct): pass
     ...     def pause(self, progress, *, paused, minimum_s): return True
     ...     def end(self, progress, *, finished): pass
-    >>> from experiment import Press
     >>> clock = VirtualClock()
     >>> settings = DriverSettings(limits=Limits(ceiling_vpp=200.0, min_interval_s=0.05))
     >>> device = make_device("mock", settings, clock)
@@ -166,7 +166,7 @@ def run_session(
     require_responder(responder)
     require_operator(operator)
     purpose = chosen_purpose(practice=practice_without_device, rehearse=rehearse)
-    driver_from, device = type(device).__module__, whole_device(device)
+    driver_from, device = type(device).__module__, guarded_device(device)
     folder = SessionFolder(Path(out), participant, session)
     resuming = resuming or resume_anyway
     if resuming:

@@ -24,7 +24,7 @@ from experiment.study.physics import study_gains
 from experiment.study.threshold import extrapolations, vibrations
 from experiment.tasks import LEFT_RIGHT_BOTH
 from experiment.trial.draw import draw_plan
-from experiment.trial.responder import Press
+from experiment.trial.responder import Press, Responder
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -44,7 +44,7 @@ class SimulationError(RuntimeError):
 
 
 @dataclass
-class SimulatedResponder:
+class SimulatedResponder(Responder):
     """An observer that answers by itself; the same answers whenever a session is interrupted.
 
     Every trial's chance is drawn from the seed, the trial's number and the attempt; what depends on

@@ -167,12 +167,12 @@ class MonitorSettings(Section):
         if self.source not in {"duplex", "input"}:
             return
         # scipy.signal takes a tenth of a second to import: only a study with a monitor needs it
-        from device.monitor.inputs import LEAST_QUIET_S, MOST_QUIET_S
-        from device.monitor.matching import LEAST_QUIET
+        from device.monitor.inputs import MAX_QUIET_S, MIN_QUIET_S
+        from device.monitor.matching import MIN_QUIET
 
-        quiet_s = max(LEAST_QUIET_S, LEAST_QUIET * drive.duration_s)
-        rule = f"needs bursts of at most {MOST_QUIET_S / LEAST_QUIET:g} s"
-        yield quiet_s > MOST_QUIET_S, "monitor.source", rule, f"{drive.duration_s:.10g} s"
+        quiet_s = max(MIN_QUIET_S, MIN_QUIET * drive.duration_s)
+        rule = f"needs bursts of at most {MAX_QUIET_S / MIN_QUIET:g} s"
+        yield quiet_s > MAX_QUIET_S, "monitor.source", rule, f"{drive.duration_s:.10g} s"
         rule = f"must be at least {quiet_s:.6g} s, so that a monitor can measure the noise"
         yield interval_s < quiet_s, "design.foreperiod_s[0]", rule, interval_s
         section = "monitor" if self.source == "input" else "device"

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import Final, Protocol
+from typing import Final
 
 ESCAPE = "escape"
 """What `Press.response` says when a pause is asked for."""
@@ -127,17 +128,15 @@ class ResponderError(RuntimeError):
     --------
     >>> from device import VirtualClock
     >>> from experiment import first_study, run_session
-    >>> class Silent:
-    ...     simulated = True
     >>> try:
-    ...     run_session(first_study(), "01", None, Silent(), clock=VirtualClock())
+    ...     run_session(first_study(), "01", None, "nobody", clock=VirtualClock())
     ... except RuntimeError as error:
     ...     print(type(error).__name__, error)
-    ResponderError Silent has no method begin: ...
+    ResponderError 'nobody' must be an instance of a subclass of experiment.Responder
     """
 
 
-class Responder(Protocol):
+class Responder(ABC):
     """A participant as a session sees one.
 
     docs/own-device.md has one in 26 lines. Whatever it raises ends the session, which can be
@@ -147,7 +146,7 @@ class Responder(Protocol):
     --------
     Somebody who always gives the first answer, half a second after the onset:
 
-    >>> class First:
+    >>> class First(Responder):
     ...     simulated = True
     ...     def __init__(self, clock): self.clock = clock
     ...     def begin(self, progress): return True
@@ -167,9 +166,11 @@ class Responder(Protocol):
     """
 
     @property
+    @abstractmethod
     def simulated(self) -> bool:
         """Whether nobody is there."""
 
+    @abstractmethod
     def begin(self, progress: Progress) -> bool:
         """Welcome and instruct, before the first trial of a sitting.
 
@@ -184,6 +185,7 @@ class Responder(Protocol):
             Whether to go on; False ends the sitting.
         """
 
+    @abstractmethod
     def introduce(self, part: SessionPart, progress: Progress) -> bool:
         """Tell what the next part asks for, and where the fingers lie.
 
@@ -200,6 +202,7 @@ class Responder(Protocol):
             Whether to go on; False ends the sitting.
         """
 
+    @abstractmethod
     def cue(self, progress: Progress) -> None:
         """Show that a trial begins; what was pressed before is to be forgotten.
 
@@ -209,6 +212,7 @@ class Responder(Protocol):
             How far the session has come.
         """
 
+    @abstractmethod
     def wait(self, until_s: float) -> Press | None:
         """Let the foreperiod pass; return early with a key that was pressed in it.
 
@@ -225,6 +229,7 @@ class Responder(Protocol):
             The key; None if the time is over.
         """
 
+    @abstractmethod
     def ask(self, question: AwaitedAnswer) -> Press | None:
         """Wait for an answer.
 
@@ -241,6 +246,7 @@ class Responder(Protocol):
             The answer; None if the time is over.
         """
 
+    @abstractmethod
     def feedback(self, *, correct: bool) -> None:
         """Tell whether a practice answer was right.
 
@@ -250,6 +256,7 @@ class Responder(Protocol):
             Whether it was.
         """
 
+    @abstractmethod
     def pause(self, progress: Progress, *, paused: bool, minimum_s: float) -> bool:
         """Hold a pause, or offer a break.
 
@@ -270,6 +277,7 @@ class Responder(Protocol):
             Whether to go on; False ends the sitting.
         """
 
+    @abstractmethod
     def end(self, progress: Progress, *, finished: bool) -> None:
         """Thank and say good-bye.
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 from device import Limits, OutputStage, Refusal, RefusedError
 from device.core.core import DeviceCore
 from device.core.messages import to_codes
+from device.wire.protocol import FATES
 from tests.test_device.bursts import refusal, sine
 from tests.test_device.wire import message
 
@@ -14,6 +15,13 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from device import Emission, Measurement, State
+    from device.core.tokens import Record
+
+
+def fate_name(record: Record) -> str:
+    """Return the name that docs/protocol.md gives to what became of a token."""
+    return next(name for name, fate in FATES.items() if fate == record.fate)
+
 
 LIMITS = Limits(ceiling_vpp=200.0, min_interval_s=0.01, max_duty=0.5)
 BURST_US = 2021
@@ -70,7 +78,7 @@ class Bench:
         return self.take(at_us, "FIRE", token=token)
 
     def fate(self, token: int) -> str:
-        return str(self.take(self.now_us, "QUERY", token=token).fate)
+        return fate_name(self.take(self.now_us, "QUERY", token=token))
 
     def state_at(self, at_us: int) -> State:
         self.core.advance(at_us)

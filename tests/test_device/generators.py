@@ -18,7 +18,7 @@ from tests.test_device.in_process import LIMITS, LocalChannel, generator_on
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from device.scpi.generator import GeneratorDevice
+    from device.core.converter import ConverterDevice
 
 GAIN = 27.5
 
@@ -123,7 +123,7 @@ class GeneratorBench:
     out: list[Emission] = field(default_factory=list)
     generator: EmulatedGenerator = field(init=False)
     channel: Recorder = field(init=False)
-    device: GeneratorDevice = field(init=False)
+    device: ConverterDevice = field(init=False)
 
     def __post_init__(self) -> None:
         self.generator = EmulatedGenerator(self.out.append)

@@ -1,7 +1,7 @@
 """The golden frames: what is asked of a device from power on, and all that it answers.
 
 `python -m tests.test_device.golden` writes the answers of golden_frames.json again, by the core and
-the codec of this program. The file was read against docs/protocol.md, and an implementation in
+the protocol of this program. The file was read against docs/protocol.md, and an implementation in
 another language agrees with it.
 """
 

@@ -14,12 +14,13 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from device import Limits, LineSettings, LinkError, OutputStage, VirtualClock
+from device.core.converter import ConverterDevice
 from device.core.core import DeviceCore
 from device.core.host import HostDriver
 from device.emulate.emulator import TICK_S, Emulator, Nature, Truth
 from device.emulate.faults import Faults, FaultScript
-from device.scpi.generator import GeneratorDevice
-from device.sound.audio import AudioDevice
+from device.scpi.generator import GeneratorConverter
+from device.sound.audio import AudioConverter, AudioDevice
 from device.sound.recorder import Recorder
 from device.wire.channels import BEAT_EVERY_S
 from device.wire.endpoint import Endpoint
@@ -32,8 +33,8 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from device import Clock, Emission, Refusal
-    from device.core.messages import CodeArray
     from device.emulate.generator import EmulatedGenerator
+    from device.limits import CodeArray
     from device.sound.player import Frames
     from device.sound.stream import Callback
     from device.wire.channels import Channel
@@ -207,10 +208,11 @@ class LocalChannel:
 
 def generator_on(
     channel: Channel, clock: Clock, *, gain: float, limits: Limits = LIMITS
-) -> GeneratorDevice:
-    return GeneratorDevice(
-        lambda: channel, limits=limits, clock=clock, amplifier_gain=gain, sample_rate_hz=48_000.0
+) -> ConverterDevice:
+    converter = GeneratorConverter(
+        lambda: channel, clock, limits=limits, amplifier_gain=gain, sample_rate_hz=48_000.0
     )
+    return ConverterDevice(converter, limits=limits, clock=clock)
 
 
 class SoundCard(VirtualClock):
@@ -284,15 +286,16 @@ def recorder_on(clock: Clock) -> Recorder:
 
 
 def audio_on(card: SoundCard, limits: Limits = LIMITS) -> AudioDevice:
-    return AudioDevice(
+    recorder = card.recorder if isinstance(card, LoopCard) else None
+    converter = AudioConverter(
         card.connect,
-        limits=limits,
-        clock=card,
+        card,
         volts_full_scale=FULL_SCALE_V,
         sample_rate_hz=48_000.0,
-        name="card",
-        recorder=card.recorder if isinstance(card, LoopCard) else None,
+        card="card",
+        recorder=recorder,
     )
+    return AudioDevice(converter, limits=limits, clock=card, recorder=recorder)
 
 
 class RecordedLine:

@@ -13,12 +13,14 @@ import pytest
 from device import (
     BurstDevice,
     Clock,
+    Converter,
     Delivery,
     DriverSettings,
     Emission,
     MockDevice,
     MonotonicClock,
     Outcome,
+    Played,
     State,
     VirtualClock,
     converter_device,
@@ -214,21 +216,20 @@ def audio_rig(_: pytest.FixtureRequest) -> Rig:
     return Rig(device=audio_on(card), clock=card, silence=lambda: None, emitted=None)
 
 
-class Recorder:
+class Recorder(Converter):
     """A converter that takes as long as its burst."""
 
     name, serial_number, bits, emulated = "recorder", "1", 16, True
     sample_rate_hz, full_scale_v = 48_000.0, 150.0
-    cannot: tuple[str, ...] = ()
 
     def __init__(self, clock: Clock) -> None:
         self._clock = clock
 
     def connect(self) -> None: ...
 
-    def play(self, left_v: NDArray[np.float64], right_v: NDArray[np.float64]) -> Outcome:
+    def play(self, left_v: NDArray[np.float64], right_v: NDArray[np.float64]) -> Played:
         self._clock.wait(len(left_v) / self.sample_rate_hz)
-        return Outcome.FIRED
+        return Played(outcome=Outcome.FIRED)
 
     def zero(self) -> None: ...
 

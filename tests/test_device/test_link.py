@@ -96,8 +96,8 @@ def why_not_open(baud: int | None, line: LineSettings, script: str = "", seed: i
 
 
 @pytest.mark.parametrize("baud", [1200, 2400, 4800, 9600, 19_200, 38_400])
-def test_a_slow_wire_is_refused_with_its_rate_and_driven_when_that_is_given(baud: int) -> None:
-    assert f"device.baud = {baud}," in why_not_open(baud, LineSettings())
+def test_a_slow_wire_is_refused_and_driven_when_its_rate_is_given(baud: int) -> None:
+    assert "slower than device.baud = 115200" in why_not_open(baud, LineSettings())
     assert why_not_open(baud, LineSettings(baud=baud)) == ""
     assert why_not_open(57_600, LineSettings()) == ""
 
@@ -151,7 +151,7 @@ def question(name: str, number: int, *, boot_id: int = RecordedLine.BOOT_ID, **o
 
 
 def next_number(line: RecordedLine) -> int:
-    return next(line.link._numbers) & 0xFFFF
+    return int(next(line.link.requests._numbers)) & 0xFFFF
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -223,7 +223,7 @@ def test_a_stop_during_an_enable_has_the_last_word(line: RecordedLine) -> None:
 def test_a_stop_after_the_device_enabled_has_the_last_word_too(line: RecordedLine) -> None:
     def late(data: bytes) -> bytes:
         line.on_read = lambda later: later
-        line.link._last_stop -= 1
+        line.link.requests.last_stop -= 1
         return data
 
     line.on_read = late

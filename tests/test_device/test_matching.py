@@ -12,7 +12,7 @@ from device.monitor.matching import Template
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from device.monitor.matching import Found
+    from device.monitor.matching import TemplateMatch
 
 QUIET, AFTER, PEAK = 4800, 2400, 0.4
 
@@ -33,7 +33,7 @@ SHAPES = {
 
 def delayed(
     shape: NDArray[np.float64], delay: float, rng: np.random.Generator, *, noise_db: float
-) -> Found:
+) -> TemplateMatch:
     """Return what is matched of a burst that is so many frames late, in noise."""
     template = Template(shape)
     record = np.zeros(QUIET + AFTER + template.length)
@@ -78,7 +78,7 @@ def heard(
     rng: np.random.Generator,
     *,
     noise_db: float = 20.0,
-) -> Found:
+) -> TemplateMatch:
     noise_rms = 10 ** (-noise_db / 20) * float(np.sqrt(np.mean(shape**2)))
     noise = noise_rms * rng.normal(size=len(record))
     return Template(shape).find(record + noise, quiet=20_000, limit=10.0)

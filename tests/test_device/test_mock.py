@@ -102,8 +102,8 @@ def test_the_hosts_ceiling_and_the_devices_hold_both() -> None:
         with pytest.raises(LimitExceeded):
             device.set_levels(120.001, 0.0)
     live = live_mock(clock)
-    with pytest.raises(LimitExceeded):  # though its millivolts are within the ceiling
-        live.set_levels(0.0, math.nextafter(200.0, math.inf))
+    with pytest.raises(LimitExceeded):  # though its whole millivolts are within the ceiling
+        live.set_levels(0.0, 200.0005)
 
 
 def test_the_hosts_own_limits_hold_where_the_devices_would_let_it_pass() -> None:

@@ -116,26 +116,20 @@ def test_when_a_frame_was_heard_is_known_as_well_as_is_reported_on_a_drifting_cl
 
 
 @pytest.mark.parametrize("frames", [0.0, 2052.0, 3800.0])
-def test_an_unstated_delay_is_that_of_the_first_burst(frames: float) -> None:
+def test_without_a_stated_delay_no_burst_is_early_or_late_and_its_delay_is_reported(
+    frames: float,
+) -> None:
     rig = MonitorRig(stated=False)
     rig.card.line.delays = [DELAY + frames, DELAY + frames]
-    assert [rig.measure(side).verified for side in ("left", "none", "both")] == [
-        "line",
-        None,
-        "line",
-    ]
+    verified = [rig.measure(side).verified for side in ("left", "none", "both")]
+    assert verified == ["line", None, "line"]
     late_s = rig.measure().late_s
     assert late_s is not None
     assert late_s * 48e3 == pytest.approx(DELAY + frames, abs=0.6)
-
-
-def test_after_a_burst_that_was_not_heard_an_unstated_delay_is_not_known() -> None:
-    rig = MonitorRig(stated=False)
     rig.card.line.path = scaled(0.0)
     assert rig.measure().faults == (Fault.SILENT,)
-    rig.card.line.path = scaled(1.0)
-    assert rig.measure().unmeasured
-    assert rig.measure().verified == "line"
+    assert "monitor.delay_ms" in rig.monitor.unseen
+    assert "monitor.delay_ms" not in MonitorRig().monitor.unseen
 
 
 def test_frames_that_were_put_in_make_a_burst_unmeasured() -> None:

@@ -74,7 +74,7 @@ def test_what_is_no_level_token_slot_or_time_to_live_is_refused_as_such(
 def render(
     stage: OutputStage, levels_mvpp: tuple[int, int], limits: Limits = CEILING, *, peak: float = 1.0
 ) -> NDArray[np.float64]:
-    codes = to_codes(np.array((peak * BURST, peak * BURST)), stage.bits)
+    codes = np.stack([to_codes(peak * BURST, stage.bits)] * 2)
     levels = Levels(left_mvpp=levels_mvpp[0], right_mvpp=levels_mvpp[1])
     return stage.render(codes, levels=levels, limits=limits)
 

@@ -8,9 +8,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from device import Refusal, Rejected
-from device.wire import codec
-from device.wire.codec import FATES, REFUSALS, STATES, TABLE, Kind
+from device import Outcome, Refusal, Rejected
+from device.core.tokens import Record
+from device.wire import protocol
+from device.wire.protocol import FATES, REFUSALS, STATES, TABLE, Kind
 from tests.test_device import golden
 from tests.test_device.bursts import refusal
 
@@ -18,8 +19,8 @@ PAGE = (Path(__file__).parents[2] / "docs" / "protocol.md").read_text(encoding="
 LAYOUTS = {
     **{kind.name: row.message for kind, row in TABLE.items()},
     **{f"answer to {kind.name}": row.answer for kind, row in TABLE.items() if row.answer},
-    "question": codec.QUESTION,
-    "answer": codec.HEAD,
+    "question": protocol.QUESTION,
+    "answer": protocol.HEAD,
 }
 SIZES = {"u8": 1, "u16": 2, "u32": 4, "u64": 8}
 some_octets = st.lists(st.integers(0, 5) | st.integers(0, 255), max_size=96).map(bytes)
@@ -48,31 +49,33 @@ def test_a_content_is_refused_or_read_and_packed_again(
 @pytest.mark.parametrize("kind", [Kind.FIRE, Kind.LIMITS, Kind.HEALTH, Kind.MEASURED, Kind.STOP])
 def test_a_report_is_read_again(kind: Kind) -> None:
     report = {
-        Kind.FIRE: codec.Told(
-            token=3, fate=FATES[3], onset_us=5, left_mvpp=64_100, right_mvpp=1
-        ).record,
-        Kind.LIMITS: golden.power_on(golden.Reader()).core.take(1, codec.read(Kind.LIMITS, b"")),
-        Kind.HEALTH: codec.understood(Kind.HEALTH, b"\x05\x04"),
+        Kind.FIRE: Record(
+            token=3, outcome=Outcome.FIRED, start_us=5, left_mvpp=64_100, right_mvpp=1
+        ),
+        Kind.LIMITS: golden.power_on(golden.Reader()).core.take(
+            1, protocol.read_message(Kind.LIMITS, b"")
+        ),
+        Kind.HEALTH: protocol.read_report(Kind.HEALTH, b"\x05\x04"),
         Kind.MEASURED: golden.READING,
         Kind.STOP: None,
     }[kind]
-    assert codec.understood(kind, codec.told(kind, report)) == report
+    assert protocol.read_report(kind, protocol.pack_report(kind, report)) == report
 
 
 @given(known=st.integers(0, 255), sensed=st.integers(0, 255))
 def test_health_keeps_what_is_known_and_nothing_else(known: int, sensed: int) -> None:
-    health = codec.understood(Kind.HEALTH, bytes([known, sensed]))
-    assert codec.told(Kind.HEALTH, health) == bytes([known & 7, known & sensed & 7])
+    health = protocol.read_report(Kind.HEALTH, bytes([known, sensed]))
+    assert protocol.pack_report(Kind.HEALTH, health) == bytes([known & 7, known & sensed & 7])
 
 
 @pytest.mark.parametrize(
     ("layout", "place", "number"),
     [
-        (codec.TOLD, 8, len(FATES)),
-        (codec.HEAD, 0, len(Refusal) + 1),
-        (codec.HEAD, 1, len(STATES)),
-        (codec.HEAD, 17, 128),
-        (codec.LIMITS, -1, 255),
+        (protocol.RECORD, 8, len(FATES)),
+        (protocol.HEAD, 0, len(Refusal) + 1),
+        (protocol.HEAD, 1, len(STATES)),
+        (protocol.HEAD, 17, 128),
+        (protocol.LIMITS, -1, 255),
     ],
 )
 def test_numbers_that_stand_for_nothing_are_refused(layout: Any, place: int, number: int) -> None:
@@ -84,11 +87,14 @@ def test_numbers_that_stand_for_nothing_are_refused(layout: Any, place: int, num
 
 def test_every_type_has_its_row_and_every_row_its_own_message() -> None:
     assert set(TABLE) == set(Kind)
-    assert len({row.message.of for row in TABLE.values()}) == len(TABLE)
+    assert len({row.message.make for row in TABLE.values()}) == len(TABLE)
 
 
 def test_a_piece_of_a_waveform_is_no_message_of_the_core() -> None:
-    core, piece = golden.power_on(golden.Reader()).core, codec.read(Kind.BEGIN, b"\0\1\0\0\0")
+    core, piece = (
+        golden.power_on(golden.Reader()).core,
+        protocol.read_message(Kind.BEGIN, b"\0\1\0\0\0"),
+    )
     assert refusal(lambda: core.take(1, piece), Rejected) is Refusal.BAD_MESSAGE
 
 
@@ -110,11 +116,13 @@ def test_the_page_lists_the_types_with_their_numbers_and_layouts() -> None:
     assert {name: int(row[0], 16) for name, row in page.items()} == {k.name: int(k) for k in Kind}
     for kind, row in TABLE.items():
         assert size_of(page[kind.name][3]) == row.message.size, kind.name
-        assert size_of(page[kind.name][4]) == (row.answer.size if row.answer else 0), kind.name
+        size = row.answer.size if row.answer else 0
+        size += protocol.IDENTITY.size if kind is Kind.HELLO else 0
+        assert size_of(page[kind.name][4]) == size, kind.name
 
 
 def test_the_page_numbers_states_fates_and_refusals() -> None:
-    names = {"States": [state.value for state in STATES], "Fates": [fate.value for fate in FATES]}
+    names = {"States": [state.value for state in STATES], "Fates": list(FATES)}
     for heading, listed in names.items():
         assert [(int(row[0]), row[1]) for row in table_of(heading)] == list(enumerate(listed))
     rows = [(int(row[0]), row[1]) for row in table_of("Refusals")]

@@ -1,10 +1,7 @@
-"""The table of states: what a stop does, what fires, what the host may hold back."""
+"""The table of states: what a stop does, and what fires."""
 
-import pytest
-
-from device import State, StateError
-from device.core.states import ILLEGAL, SPONTANEOUS, TRANSITIONS, Step, require_legal
-from tests.test_device.bursts import refusal
+from device import State
+from device.core.states import ILLEGAL, TRANSITIONS, Step
 
 
 def test_a_stop_leads_from_every_state_to_safe_which_only_enable_leaves() -> None:
@@ -26,16 +23,3 @@ def test_nothing_fires_that_is_not_armed_and_nothing_arms_that_is_not_live() -> 
 def test_every_state_has_one_reason_for_what_is_illegal_in_it() -> None:
     assert set(ILLEGAL) == set(State)
     assert len(set(ILLEGAL.values())) == len(State)
-
-
-@pytest.mark.parametrize("known", list(State))
-@pytest.mark.parametrize("step", [step for step in Step if step not in (*SPONTANEOUS, Step.STOP)])
-def test_the_host_holds_back_just_what_the_device_could_not_accept(
-    known: State, step: Step
-) -> None:
-    reachable = {known} | {TRANSITIONS.get((known, event), known) for event in SPONTANEOUS}
-    if any((state, step) in TRANSITIONS for state in reachable):
-        require_legal(known, step)
-    else:
-        reason = ILLEGAL[State.LIVE if known is State.FIRED else known]
-        assert refusal(lambda: require_legal(known, step), StateError) is reason

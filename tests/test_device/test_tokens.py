@@ -6,8 +6,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from device import Delivery, Outcome
-from device.core.tokens import OUTCOMES, Exchange, Fate, Record, TokenHistory, delivery
+from device import Delivery, Outcome, Refusal
+from device.core.tokens import Exchange, Record, TokenHistory, delivery
+from device.wire.protocol import FATES
 
 
 @settings(deadline=None, max_examples=80)
@@ -21,23 +22,25 @@ def test_no_token_that_was_here_is_ever_said_to_be_new(
 ) -> None:
     history = TokenHistory(capacity)
     for token in tokens:
-        history.keep(Record(token=token, fate=Fate.EXPIRED))
+        history.keep(Record.not_fired(token, Refusal.EXPIRED))
     record = history.find(asked)
     if asked in tokens[-capacity:]:
-        assert record == Record(token=asked, fate=Fate.EXPIRED)
+        assert record == Record.not_fired(asked, Refusal.EXPIRED)
     else:
         assert record is None
         fate = history.absent(asked).fate
-        assert fate in (Fate.UNKNOWN, Fate.NEVER_ARMED)
-        assert fate is Fate.UNKNOWN or asked not in tokens
-    assert history.absent(max(tokens, default=0) + 1).fate is Fate.NEVER_ARMED
+        assert fate in (FATES["unknown"], FATES["never_armed"])
+        assert fate == FATES["unknown"] or asked not in tokens
+    assert history.absent(max(tokens, default=0) + 1).fate == FATES["never_armed"]
 
 
 def test_every_fate_has_an_outcome_and_only_certain_ones_are_not_fired() -> None:
-    assert set(OUTCOMES) == set(Fate)
-    unsure = {fate for fate, outcome in OUTCOMES.items() if outcome is Outcome.INDETERMINATE}
-    assert unsure == {Fate.ARMED, Fate.UNKNOWN}
-    assert [fate for fate in Fate if OUTCOMES[fate] is Outcome.FIRED] == [Fate.FIRED]
+    names: dict[Outcome, set[str]] = {outcome: set() for outcome in Outcome}
+    for name, (outcome, _) in FATES.items():
+        names[outcome].add(name)
+    assert names[Outcome.FIRED] == {"fired"}
+    assert names[Outcome.INDETERMINATE] == {"armed", "unknown"}
+    assert len(set(FATES.values())) == len(FATES)
 
 
 def reported(device_us: int, **facts: Any) -> Delivery:
@@ -56,7 +59,7 @@ def reported(device_us: int, **facts: Any) -> Delivery:
 
 
 def test_what_fired_is_reported_with_onset_and_the_levels_that_were_set() -> None:
-    report = reported(77, fate=Fate.FIRED, start_us=77, levels_mvpp=(64_100, 0))
+    report = reported(77, outcome=Outcome.FIRED, start_us=77, left_mvpp=64_100)
     assert (report.outcome, report.device_us, report.boot_id, report.retries) == (
         Outcome.FIRED,
         77,
@@ -69,7 +72,7 @@ def test_what_fired_is_reported_with_onset_and_the_levels_that_were_set() -> Non
 
 
 def test_an_onset_asked_for_later_is_carried_back_with_more_uncertainty() -> None:
-    report = reported(5_000_000, fate=Fate.FIRED, start_us=1_000_000)
+    report = reported(5_000_000, outcome=Outcome.FIRED, start_us=1_000_000)
     assert report.host_before_s == pytest.approx(6.0 - 4e-4, abs=1e-6)
     assert report.host_after_s == pytest.approx(6.002 + 4e-4, abs=1e-6)
     assert report.uncertainty_s == pytest.approx(0.001 + 1e-6 + 4e-4)

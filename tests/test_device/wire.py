@@ -7,16 +7,17 @@ from typing import TYPE_CHECKING, Any
 
 from device.core.messages import LoadSlot
 from device.errors import Refusal, Rejected
-from device.wire import codec
-from device.wire.codec import Kind
-from device.wire.dialogue import framed
+from device.wire import protocol
 from device.wire.frames import Decoder, Frame, encode
+from device.wire.protocol import Kind
+from device.wire.requests import framed
 from device.wire.upload import data_of, octets_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
-    from device.core.messages import CodeArray, Message
+    from device.core.messages import Message
+    from device.limits import CodeArray
     from device.wire.endpoint import Endpoint
 
 
@@ -33,12 +34,14 @@ class Answer:
 
 def message(name: str, **values: Any) -> Message[Any]:
     """Return a message by the name of its type; LOAD stores two rows of codes in a slot."""
-    return LoadSlot(**values) if name == "LOAD" else codec.TABLE[Kind[name]].message.of(**values)
+    return (
+        LoadSlot(**values) if name == "LOAD" else protocol.TABLE[Kind[name]].message.make(**values)
+    )
 
 
 def fields_of(name: str) -> list[str]:
     """Return the names of a message's fields."""
-    message_type: Any = codec.TABLE[Kind[name]].message.of
+    message_type: Any = protocol.TABLE[Kind[name]].message.make
     return [field.name for field in fields(message_type)]
 
 
@@ -60,9 +63,9 @@ def kinds(octets: bytes) -> list[str]:
 
 def kind_name(kind: int) -> str:
     """Return the name of a type."""
-    prefix = "answer to " if kind & codec.ANSWER else ""
+    prefix = "answer to " if kind & protocol.ANSWER else ""
     names = {int(known): known.name for known in Kind}
-    return prefix + names.get(kind & ~codec.ANSWER, "unknown")
+    return prefix + names.get(kind & ~protocol.ANSWER, "unknown")
 
 
 def answers(octets: bytes) -> list[Answer]:
@@ -71,7 +74,7 @@ def answers(octets: bytes) -> list[Answer]:
         Answer(
             kind=kind_name(frame.kind).removeprefix("answer to "),
             number=frame.sequence,
-            refusal=(head := codec.HEAD.read(frame.payload)).refusal,
+            refusal=(head := protocol.HEAD.read(frame.payload)).refusal,
             state=head.state.value,
             device_us=head.device_us,
         )
@@ -93,9 +96,9 @@ def packed_again(octets: bytes) -> bytes:
         if frame.kind == Kind.HELLO:
             meant, content = 0, frame.payload
         else:
-            asked = codec.QUESTION.read(frame.payload)
+            asked = protocol.QUESTION.read(frame.payload)
             meant, content = asked.boot_id, asked.content
-        return encode(framed(codec.read(frame.kind, content), frame.sequence, meant))
+        return encode(framed(protocol.read_message(frame.kind, content), frame.sequence, meant))
     except Rejected:
         return b""
 
@@ -104,7 +107,7 @@ def answer_otherwise(octets: bytes, name: str, payload: Callable[[bytes], bytes 
     """Return answers with another payload in those to one type of question; None loses them."""
     changed = b""
     for frame in Decoder().feed(octets):
-        is_it = frame.kind == Kind[name] | codec.ANSWER
+        is_it = frame.kind == Kind[name] | protocol.ANSWER
         said = payload(frame.payload) if is_it else frame.payload
         if said is not None:
             changed += encode(Frame(kind=frame.kind, sequence=frame.sequence, payload=said))

@@ -21,7 +21,7 @@ from experiment.operator.requests import Requests, StopSignal
 from experiment.session.config import SessionConfig
 from experiment.session.run import run
 from experiment.trial.draw import draw_plan
-from experiment.trial.responder import Press, SessionPart
+from experiment.trial.responder import Press, Responder, SessionPart
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -43,7 +43,7 @@ class Crash(BaseException):
     """The end of the process, as far as a session in the same process can have one."""
 
 
-class Scripted:
+class Scripted(Responder):
     """Answers as usual, unless the script says otherwise for the n-th call."""
 
     simulated = True

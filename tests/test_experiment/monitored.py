@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 from device import MockDevice, VirtualClock
 from device.core.reports import Health
 from device.emulate.amplifier import Adc
-from device.sound.audio import AudioDevice
 from experiment import SessionFolder, draw_plan
 from experiment.archive.disk import UNWAITED
 from experiment.check.device import check_device
@@ -25,7 +24,7 @@ from experiment.session.config import SessionConfig
 from experiment.session.run import run
 from experiment.session.simulate import simulated_responder
 from tests.plates import study_from_text
-from tests.test_device.in_process import LoopCard
+from tests.test_device.in_process import LoopCard, audio_on
 from tests.test_experiment.lab import Watching
 
 if TYPE_CHECKING:
@@ -85,15 +84,7 @@ class Wired:
         self.study = study_from_text(text, "study.toml")
         self.card = LoopCard()
         self.card.line.noise = 1e-3
-        self.device = AudioDevice(
-            self.card.connect,
-            limits=host_limits(self.study.device),
-            clock=self.card,
-            volts_full_scale=125.0,
-            sample_rate_hz=48_000.0,
-            name="card",
-            recorder=self.card.recorder,
-        )
+        self.device = audio_on(self.card, host_limits(self.study.device))
         self.monitor = make_monitor(self.study.monitor, self.device, self.card, self.card.recorder)
         self.folder = SessionFolder(root, "01", "01", disk=UNWAITED)
         self.plan = draw_plan(self.study, participant="01", session="01", seed=3)

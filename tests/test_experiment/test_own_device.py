@@ -14,16 +14,19 @@ import numpy as np
 import pytest
 
 from device import (
+    BurstDevice,
+    Converter,
     DriverSettings,
     LimitExceeded,
     Limits,
     LinkError,
     Outcome,
+    Played,
     VirtualClock,
     converter_device,
     make_device,
 )
-from experiment import Press, ResponderError, run_session
+from experiment import Press, Responder, ResponderError, run_session
 from experiment.hardware.setup import read_limits
 from experiment.hardware.suitability import require_suitable
 from tests.plates import on_paper_plate, study_from_text
@@ -127,13 +130,11 @@ LEFT = "def leave(*_):\n    raise OSError('gone')\nImpatient.__enter__ = lambda 
 @pytest.mark.parametrize(
     ("made", "part", "exit_code"),
     [
-        ("Printer.emulated = None", "Printer.emulated", 2),
-        ("del Printer.emulated", "Printer", 2),
-        ("Printer.play = lambda self: None", "(left_v, right_v); got ()", 2),
+        ("del Printer.emulated", "Printer.emulated", 2),
+        ("class Printer(Converter): pass", "Printer", 2),
         ("Printer.bits = 99", "bits", 2),
-        ("del Impatient.simulated", "Impatient", 2),
-        ("del Impatient.cue", "cue(progress)", 2),
-        ("Impatient.pause = lambda self, progress: True", "(progress, *, paused, minimum_s)", 2),
+        ("class Impatient: pass", "Impatient", 2),
+        ("class Impatient(Responder):\n    def __init__(self, *_): pass", "abstract method", 2),
         (f"{LEFT}Impatient.__exit__ = leave", "OSError: gone", 0),
     ],
 )
@@ -183,11 +184,10 @@ def test_what_a_device_would_refuse_in_a_session_is_refused_before(
         require_suitable(study, replace(identity, ceiling_vpp=199.0))
 
 
-class Faulty:
+class Faulty(Converter):
     """A converter that fails in one way or another."""
 
     name, serial_number, bits, emulated = "faulty", "1", 16, True
-    cannot: tuple[str, ...] = ()
     sample_rate_hz, full_scale_v = 48_000.0, 60.0
 
     def __init__(self, outcome: Any) -> None:
@@ -196,11 +196,11 @@ class Faulty:
 
     def connect(self) -> None: ...
 
-    def play(self, left_v: Any, right_v: Any) -> Outcome:
+    def play(self, left_v: Any, right_v: Any) -> Played:
         self.played.append((abs(left_v).max(), abs(right_v).max()))
         if isinstance(self.outcome, Exception):
             raise self.outcome
-        return self.outcome  # type: ignore[no-any-return] # of no type, on purpose
+        return Played(outcome=self.outcome)
 
     def zero(self) -> None: ...
 
@@ -233,49 +233,8 @@ def test_what_a_converter_says_or_fails_with_is_kept_and_nothing_is_played_twice
             device.enable()
 
 
-CONVERTER = (
-    "name",
-    "serial_number",
-    "sample_rate_hz",
-    "bits",
-    "full_scale_v",
-    "emulated",
-    "cannot",
-    "connect",
-    "play",
-    "zero",
-    "disconnect",
-)  # one protocol
-DEVICE = (
-    "cannot",
-    "open",
-    "load",
-    "enable",
-    "set_levels",
-    "arm",
-    "fire",
-    "disarm",
-    "query",
-    "stop",
-    "close",
-)  # one protocol
-ANSWERER = ("simulated", "begin", "introduce", "cue", "wait", "ask", "feedback", "pause", "end")
-
-
-class Lacking:
-    """Another object but for one part, which it has not, has as something else, or fails with."""
-
-    def __init__(self, whole: object, part: str, how: str) -> None:
-        self._whole, self._part, self._how = whole, part, how
-
-    def __getattr__(self, name: str) -> Any:
-        if name == self._part:
-            if self._how == "raises":
-                raise OSError("gone")
-            if self._how == "wrong":
-                return object()
-            raise AttributeError(name)
-        return getattr(self._whole, name)
+ATTRIBUTES = ("name", "serial_number", "sample_rate_hz", "bits", "full_scale_v", "emulated")
+STEPS = ("open", "load", "enable", "set_levels", "arm", "fire", "disarm", "query", "stop", "close")
 
 
 @pytest.mark.parametrize("step", ["connect", "zero", "disconnect"])
@@ -380,42 +339,51 @@ def test_a_word_that_is_never_offered_ends_in_time_outs_after_its_foreperiod(
     assert min(np.diff([float(row["onset_s"]) for row in rows])) >= 0.33 + 0.01
 
 
-PARTS = {"converter": CONVERTER, "device": DEVICE, "someone": ANSWERER}
+@pytest.mark.parametrize("base", [Converter, BurstDevice, Responder])
+def test_a_class_that_lacks_a_method_is_refused_by_its_name(base: Any) -> None:
+    for name in base.__abstractmethods__:
+        methods = {other: lambda *_: None for other in base.__abstractmethods__ - {name}}
+        with pytest.raises(TypeError, match=rf"abstract method '?{name}'?"):
+            type("Lacking", (base,), methods)()
 
 
-@pytest.mark.parametrize("how", ["lacks", "wrong", "raises"])
-@pytest.mark.parametrize(
-    ("kind", "part"), [(kind, part) for kind, parts in PARTS.items() for part in parts]
-)
-def test_what_lacks_a_part_is_refused_with_what_to_add(
-    session: Session, tmp_path: Path, kind: str, part: str, how: str
+@pytest.mark.parametrize("name", ATTRIBUTES)
+def test_a_converter_without_an_attribute_is_refused_by_its_name(name: str) -> None:
+    class Lacking(Faulty):
+        def __getattribute__(self, attribute: str) -> Any:
+            if attribute == name:
+                raise AttributeError(name)
+            return super().__getattribute__(attribute)
+
+    with pytest.raises(ValueError, match=rf"^Lacking\.{name} must be set"):
+        converter_device(Lacking(Outcome.FIRED), limits=LIMITS, clock=VirtualClock())
+
+
+@pytest.mark.parametrize("part", ["device", "someone"])
+def test_what_is_no_device_or_responder_is_refused_before_a_session(
+    session: Session, tmp_path: Path, part: str
 ) -> None:
-    def use_lacking() -> None:
-        if kind == "converter":
-            converter: Any = Lacking(Faulty(Outcome.FIRED), part, how)
-            converter_device(converter, limits=LIMITS, clock=session.clock)
-        else:
-            session.run(**{kind: Lacking(getattr(session, kind), part, how)})
-
-    with pytest.raises((ValueError, ResponderError), match=rf"^Lacking\b.*\b{part}\b") as caught:
-        use_lacking()
+    with pytest.raises((ValueError, ResponderError), match="subclass of") as caught:
+        session.run(**{part: object()})
     assert "\n" not in str(caught.value)
     assert not (tmp_path / "results").exists()
 
 
-@pytest.mark.parametrize("step", [part for part in DEVICE if part != "cannot"])
+def forwarded(device: Any, step: str) -> Any:
+    """Return a method that has another device do its step."""
+    return lambda _, *args, **named: getattr(device, step)(*args, **named)
+
+
+@pytest.mark.parametrize("step", STEPS)
 def test_a_device_of_ones_own_that_raises_is_a_failure_of_the_device(
     session: Session, step: str
 ) -> None:
-    class Own:
-        cannot = ()
-
     def failing(*_: Any, **__: Any) -> None:
         raise OSError("gone")
 
-    inner, device = session.device, Own()
-    for name in DEVICE[1:]:
-        setattr(device, name, failing if name == step else getattr(inner, name))
+    inner = session.device
+    methods = {name: failing if name == step else forwarded(inner, name) for name in STEPS}
+    device = type("Own", (BurstDevice,), methods)()
     if step in {"disarm", "query"}:
         assert session.run(device=device).finished
         return

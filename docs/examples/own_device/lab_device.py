@@ -1,10 +1,10 @@
 """A lab's own driver and responder: a printer of volts, and somebody who always answers left."""
 
-from device import Outcome, converter_device
-from experiment import Press
+from device import Converter, Outcome, Played, converter_device
+from experiment import Press, Responder
 
 
-class Printer:
+class Printer(Converter):
     """What plays two waveforms; here it only prints how large they are."""
 
     name = "printer"
@@ -23,7 +23,7 @@ class Printer:
     def play(self, left_v, right_v):
         """Play volts at the actuators, wait until it is over, and say what is known."""
         print(f"{abs(left_v).max():.0f} V left, {abs(right_v).max():.0f} V right")
-        return Outcome.FIRED
+        return Played(outcome=Outcome.FIRED)
 
     def zero(self):
         """Bring the outputs to zero; called from any thread, at any time."""
@@ -38,7 +38,7 @@ def printer(settings, clock):
     return converter_device(converter, limits=settings.limits, clock=clock)
 
 
-class Impatient:
+class Impatient(Responder):
     """Somebody who answers left, a third of a second after every stimulus."""
 
     simulated = True

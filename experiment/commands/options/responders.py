@@ -81,7 +81,7 @@ def responder_named(
 
 def _enter_responder(name: str, responder: Any, stack: contextlib.ExitStack) -> Responder:
     """Enter a responder; an installed one may fail or return another object."""
-    from device.installed import require_whole
+    from device.installed import require_instance
     from experiment.trial.responder import Responder
 
     entered: Responder
@@ -102,7 +102,7 @@ def _enter_responder(name: str, responder: Any, stack: contextlib.ExitStack) -> 
     try:
         entered = responder.__enter__()
         stack.push(leave)
-        require_whole(entered, Responder)
+        require_instance(entered, Responder)
     except Exception as error:
         kind = "" if isinstance(error, ValueError) else f"{type(error).__name__}: "
         message = " ".join(f"{kind}{error}".split())

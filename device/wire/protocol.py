@@ -1,0 +1,413 @@
+"""What the frames carry: which message has which type, and how it lies in bytes.
+
+docs/protocol.md lists the same layouts for implementations in other languages. All numbers are
+little endian and unsigned.
+"""
+
+from __future__ import annotations
+
+import math
+import struct
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import TYPE_CHECKING, Any, Final, Generic, NamedTuple, Protocol, TypeVar
+
+from device.core.messages import (
+    Arm,
+    AskHealth,
+    AskLimits,
+    AskMeasured,
+    Beat,
+    Disarm,
+    Enable,
+    Fire,
+    Levels,
+    Message,
+    Ping,
+    Query,
+    Stop,
+)
+from device.core.reports import TAPS, UNITS, DeviceLimits, Entropy, Health, Measurement
+from device.core.states import State
+from device.core.tokens import Fate, Record
+from device.driver import Identity, Outcome
+from device.errors import Refusal, rejection
+from device.wire.frames import VERSION
+from device.wire.upload import Begin, Commit, Data
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+_Value = TypeVar("_Value")
+
+ANSWER: Final = 0x80
+"""What an answer's type has more than its question's."""
+
+
+class Kind(IntEnum):
+    """Types of questions; BEAT alone has no answer."""
+
+    HELLO = 0x01
+    PING = 0x02
+    LIMITS = 0x03
+    HEALTH = 0x04
+    BEGIN = 0x10
+    DATA = 0x11
+    COMMIT = 0x12
+    LEVEL = 0x20
+    OUTPUT = 0x21
+    ARM = 0x22
+    DISARM = 0x23
+    FIRE = 0x24
+    QUERY = 0x25
+    MEASURED = 0x26
+    STOP = 0x30
+    BEAT = 0x31
+
+
+STATES: Final = (State.IDLE, State.LOADED, State.LIVE, State.ARMED, State.FIRED, State.SAFE)
+"""States by their number on the wire."""
+
+FATES: Final[dict[str, Fate]] = {
+    "unknown": (Outcome.INDETERMINATE, None),
+    "never_armed": (Outcome.NOT_FIRED, Refusal.NOT_ARMED),
+    "armed": (Outcome.INDETERMINATE, Refusal.ALREADY_ARMED),
+    "fired": (Outcome.FIRED, None),
+    "expired": (Outcome.NOT_FIRED, Refusal.EXPIRED),
+    "aborted": (Outcome.NOT_FIRED, Refusal.ABORTED),
+}
+"""Fates of a token in the order of their numbers on the wire: outcome and reason of its record."""
+
+REFUSALS: Final = (None, *Refusal)
+"""Refusals by their number on the wire; 0 is none."""
+
+
+class Meanings(Protocol):
+    """What the numbers of a field stand for, as a sequence does it."""
+
+    def index(self, value: Any, /) -> Any:
+        """Return what travels for a value."""
+
+    def __getitem__(self, number: Any, /) -> Any:
+        """Return the value; IndexError where there is none."""
+
+
+class _Text:
+    """Text, which travels as ASCII."""
+
+    def index(self, text: str) -> bytes:
+        return text.encode("ascii", "replace")
+
+    def __getitem__(self, octets: bytes) -> str:
+        if not octets.isascii():
+            raise IndexError
+        return octets.rstrip(b"\x00").decode()
+
+
+class _Thousandths:
+    """A number that travels in thousandths, rounded down but for how floats are written."""
+
+    def index(self, value: float) -> int:
+        return math.floor(value * 1000 + 1e-6)
+
+    def __getitem__(self, number: int) -> float:
+        return number / 1000
+
+
+class _Onset:
+    """An onset in microseconds; 0 where nothing fired."""
+
+    def index(self, start_us: int | None) -> int:
+        return start_us or 0
+
+    def __getitem__(self, number: int) -> int:
+        return range(2**63)[number]
+
+
+class _MinorVersion:
+    """A protocol version, of which the minor number travels."""
+
+    def index(self, version: str) -> int:
+        return int(version.partition(".")[2])
+
+    def __getitem__(self, number: int) -> str:
+        return f"{VERSION}.{number}"
+
+
+class Field(NamedTuple):
+    """How one field travels: its code in `struct`, and what its numbers stand for."""
+
+    code: str
+    meanings: Meanings | None = None
+
+    def number(self, value: Any) -> Any:
+        """Return what travels for a value."""
+        return value if self.meanings is None else self.meanings.index(value)
+
+    def value(self, name: str, number: Any) -> Any:
+        """Return what a number stands for, or refuse it with BAD_MESSAGE."""
+        try:
+            return number if self.meanings is None else self.meanings[number]
+        except IndexError:
+            raise rejection(Refusal.BAD_MESSAGE, f"{name} {number}") from None
+
+
+U8: Final = Field("B")
+U16: Final = Field("H")
+U32: Final = Field("I")
+U64: Final = Field("Q")
+FLAG: Final = Field("B", (False, True))
+MILLI: Final = Field("I", _Thousandths())
+TIME: Final = Field("Q", range(2**63))
+TEXT: Final = Field("16s", _Text())
+LONG_TEXT: Final = Field("32s", _Text())
+REST: Final = Field("")
+"""All bytes that are left; only as the last field."""
+
+
+class Layout(Generic[_Value]):
+    r"""How the fields of one kind of value follow each other in bytes.
+
+    Parameters
+    ----------
+    make : callable
+        Makes the value from its fields, by name.
+    fields : Field
+        Name and form of each field, in their order on the wire.
+
+    Examples
+    --------
+    >>> arm = Layout(Arm, token=U64, slot=U8, time_to_live_us=U32)
+    >>> arm.pack(Arm(token=258, slot=7, time_to_live_us=1))
+    b'\x02\x01\x00\x00\x00\x00\x00\x00\x07\x01\x00\x00\x00'
+    >>> arm.read(arm.pack(Arm(token=258, slot=7, time_to_live_us=1))).slot
+    7
+    """
+
+    def __init__(self, make: Callable[..., _Value], **fields: Field) -> None:
+        self.make = make
+        self._fields = {name: field for name, field in fields.items() if field is not REST}
+        self._rest = next((name for name, field in fields.items() if field is REST), None)
+        self._struct = struct.Struct("<" + "".join(field.code for field in fields.values()))
+
+    @property
+    def size(self) -> int:
+        """Number of bytes, without what fills the rest."""
+        return self._struct.size
+
+    def pack(self, value: _Value) -> bytes:
+        """Return the bytes of a value."""
+        numbers = [field.number(getattr(value, name)) for name, field in self._fields.items()]
+        rest: bytes = getattr(value, self._rest) if self._rest else b""
+        return self._struct.pack(*numbers) + rest
+
+    def read(self, content: bytes) -> _Value:
+        """Return the value of some bytes.
+
+        Bytes of another length and numbers that stand for nothing are refused with BAD_MESSAGE,
+        and what the value itself refuses with its own code.
+        """
+        head, rest = content[: self.size], content[self.size :]
+        if len(head) < self.size or (rest and not self._rest):
+            raise rejection(
+                Refusal.BAD_MESSAGE, f"{self.size} bytes are expected, got {len(content)}"
+            )
+        numbers = zip(self._fields.items(), self._struct.unpack(head), strict=True)
+        values = {name: field.value(name, number) for (name, field), number in numbers}
+        if self._rest:
+            values[self._rest] = rest
+        return self.make(**values)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Greeting:
+    """The nonce of a HELLO, and the bytes of the identity that answers it."""
+
+    nonce: int
+    identity: bytes
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Hello(Message[Greeting]):
+    """Begin a connection, by a number that no other one has."""
+
+    nonce: int
+
+
+class MessageLayout(NamedTuple):
+    """The layout of a message, and that of its answer after the head, if anything follows it."""
+
+    message: Layout[Any]
+    answer: Layout[Any] | None = None
+
+
+IDENTITY: Final = Layout[Any](
+    dict,
+    protocol_version=Field("B", _MinorVersion()),
+    emulated=FLAG,
+    bits=U8,
+    channels=U8,
+    sample_rate_hz=MILLI,
+    ceiling_vpp=MILLI,
+    longest_waveform=U32,
+    model=TEXT,
+    serial_number=TEXT,
+)
+"""An `Identity` but for its boot id, which stands in the head of the answer."""
+GREETING: Final = Layout(Greeting, nonce=U64, identity=REST)
+
+
+def _read_record(*, fate: Fate, start_us: int, **values: int) -> Record:
+    outcome, reason = fate
+    onset_us = start_us if outcome is Outcome.FIRED else None
+    return Record(outcome=outcome, reason=reason, start_us=onset_us, **values)
+
+
+RECORD: Final = Layout(
+    _read_record,
+    token=U64,
+    fate=Field("B", tuple(FATES.values())),
+    start_us=Field("Q", _Onset()),
+    left_mvpp=U32,
+    right_mvpp=U32,
+)
+LIMITS: Final = Layout(
+    DeviceLimits,
+    slots=U8,
+    memory_samples=U32,
+    least_interval_us=U32,
+    max_duty_ppm=U32,
+    dc_tolerance_ppm=U32,
+    longest_time_to_live_us=U32,
+    data_window=U8,
+    entropy=Field("B", tuple(Entropy)),
+    firmware=LONG_TEXT,
+)
+HEALTH: Final = Layout(Health.of_bits, reported_bits=U8, set_bits=U8)
+MEASURED: Final = Layout(
+    Measurement,
+    token=U64,
+    tap=Field("B", TAPS),
+    unit=Field("B", UNITS),
+    left=U32,
+    right=U32,
+    onset_offset_us=U32,
+    onset_uncertainty_us=U32,
+    correlation_left=U16,
+    correlation_right=U16,
+)
+
+# This table is the wire: host and device pack and read by its rows and by nothing else, so that a
+# new message is a row here, a value in core/messages.py, and a line in docs/protocol.md. A row may
+# be added in a minor version; none may change, since a device in the field cannot be asked which
+# layout it meant.
+TABLE: Final = {
+    Kind.HELLO: MessageLayout(Layout(Hello, nonce=U64), GREETING),
+    Kind.PING: MessageLayout(Layout(Ping)),
+    Kind.LIMITS: MessageLayout(Layout(AskLimits), LIMITS),
+    Kind.HEALTH: MessageLayout(Layout(AskHealth), HEALTH),
+    Kind.BEGIN: MessageLayout(Layout(Begin, slot=U8, samples=U32)),
+    Kind.DATA: MessageLayout(Layout(Data, upload=U16, offset=U32, octets=REST)),
+    Kind.COMMIT: MessageLayout(Layout(Commit, slot=U8, crc=U32)),
+    Kind.LEVEL: MessageLayout(Layout(Levels, left_mvpp=U32, right_mvpp=U32)),
+    Kind.OUTPUT: MessageLayout(Layout(Enable)),
+    Kind.ARM: MessageLayout(Layout(Arm, token=U64, slot=U8, time_to_live_us=U32)),
+    Kind.DISARM: MessageLayout(Layout(Disarm, token=U64)),
+    Kind.FIRE: MessageLayout(Layout(Fire, token=U64), RECORD),
+    Kind.QUERY: MessageLayout(Layout(Query, token=U64), RECORD),
+    Kind.MEASURED: MessageLayout(Layout(AskMeasured, token=U64), MEASURED),
+    Kind.STOP: MessageLayout(Layout(Stop)),
+    Kind.BEAT: MessageLayout(Layout(Beat)),
+}
+"""Every type of question with the layouts of its message and its answer.
+
+Before the message of every question but HELLO comes a boot id (`QuestionPayload`), before what an
+answer tells its head (`AnswerPayload`). A `LoadSlot` has no row: upload.py sends it in pieces.
+"""
+
+_KINDS: Final = {row.message.make: kind for kind, row in TABLE.items()}
+
+
+def kind_of(message: Message[Any]) -> Kind:
+    """Return the type of a message.
+
+    >>> kind_of(Enable()).name
+    'OUTPUT'
+    """
+    return _KINDS[type(message)]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class QuestionPayload:
+    """Any question but HELLO: the power cycle it is meant for, and the bytes of its message."""
+
+    boot_id: int
+    content: bytes
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AnswerPayload:
+    """Any answer: its head, and the bytes of its report after it.
+
+    The head says why the question was refused, if it was, in which state the device is now, its
+    power cycle and its clock.
+    """
+
+    refusal: Refusal | None
+    state: State
+    boot_id: int
+    device_us: int
+    body: bytes = b""
+
+
+QUESTION: Final = Layout(QuestionPayload, boot_id=U64, content=REST)
+HEAD: Final = Layout(
+    AnswerPayload,
+    refusal=Field("B", REFUSALS),
+    state=Field("B", STATES),
+    boot_id=U64,
+    device_us=TIME,
+    body=REST,
+)
+
+
+def pack_question(message: Message[Any], boot_id: int) -> bytes:
+    """Return the payload of a message that is meant for one power cycle; HELLO is for any."""
+    kind = kind_of(message)
+    content = TABLE[kind].message.pack(message)
+    if kind is Kind.HELLO:
+        return content
+    return QUESTION.pack(QuestionPayload(boot_id=boot_id, content=content))
+
+
+def read_message(kind: int, content: bytes) -> Message[Any]:
+    """Return the message of a type, or refuse with BAD_MESSAGE what is none."""
+    if kind not in TABLE:
+        raise rejection(Refusal.BAD_MESSAGE, f"type {kind:#04x}")
+    message: Message[Any] = TABLE[Kind(kind)].message.read(content)
+    return message
+
+
+def pack_report(kind: int, report: Any) -> bytes:
+    """Return the bytes of what a question of a type is answered with, after the head."""
+    layout = TABLE[Kind(kind)].answer
+    return b"" if layout is None else layout.pack(report)
+
+
+def read_report(kind: int, body: bytes) -> Any:
+    """Return what an answer reports, or refuse with BAD_MESSAGE; None where it reports nothing."""
+    layout = TABLE[Kind(kind)].answer
+    return None if layout is None else layout.read(body)
+
+
+def pack_greeting(nonce: int, identity: Identity) -> bytes:
+    """Return the answer to a HELLO, after the head; names are cut to 16 bytes."""
+    return GREETING.pack(Greeting(nonce=nonce, identity=IDENTITY.pack(identity)))
+
+
+def read_identity(greeting: Greeting, boot_id: int) -> Identity:
+    """Return who answered a HELLO, or refuse with BAD_MESSAGE what is no identity."""
+    try:
+        return Identity(boot_id=boot_id, **IDENTITY.read(greeting.identity))
+    except ValueError as error:
+        raise rejection(Refusal.BAD_MESSAGE, str(error)) from error
