@@ -31,7 +31,7 @@ class DeviceMonitor:
     """A `Monitor` by MEASURED: what a device reports of its last burst.
 
     The device matches the recording itself: 0.1 s of two channels at 48 kHz are 19 kB, which take
-    3 s to come back at 115200 baud. It reports peaks, onset and correlation, but no
+    3.1 s to come back at 115200 baud. It reports peaks, onset and correlation, but no
     noise and no second burst. `per_unit` is the
     value at the tap for what the device reports, left and right.
     """
