@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Final
 
 from device.core.reports import TAPS, UNITS, Entropy, Health
 from device.errors import Refusal
-from device.wire.codec import FATES, STATES, Kind
+from device.wire.protocol import FATES, STATES, Kind
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -45,7 +45,7 @@ def header() -> str:
     """Return the text of the header."""
     in_order = {
         "state": _names(STATES),
-        "fate": _names(FATES),
+        "fate": _words(FATES),
         "entropy": _names(Entropy),
         "tap": _words(TAPS),
         "unit": _words(UNITS),

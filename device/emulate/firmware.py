@@ -16,7 +16,7 @@ from device.core.messages import full_scale
 from device.core.output import Emission
 from device.core.reports import TAPS, UNITS, Entropy, Measurement
 from device.core.states import State
-from device.wire.codec import STATES
+from device.wire.protocol import STATES
 
 if TYPE_CHECKING:
     from collections.abc import Callable
