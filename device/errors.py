@@ -224,9 +224,11 @@ class OffCause(StrEnum):
     OVER_CURRENT = "over_current"
 
 
-_OFF_REASONS = {
-    OffCause.WATCHDOG: f"it heard nothing from this computer for {WATCHDOG_S * 1e3:g} ms",
-    OffCause.OVER_CURRENT: "the amplifier reported an over-current",
+_OFF_MESSAGES = {
+    OffCause.WATCHDOG: f"the device received nothing for {WATCHDOG_S * 1e3:g} ms and switched its "
+    "outputs off",
+    OffCause.OVER_CURRENT: "the amplifier reported an over-current, and the device switched its "
+    "outputs off",
 }
 
 
@@ -241,7 +243,7 @@ class OutputsOffError(Rejected):
     Examples
     --------
     >>> print(OutputsOffError(OffCause.WATCHDOG))
-    the device switched its outputs off: it heard nothing from this computer for 500 ms
+    the device received nothing for 500 ms and switched its outputs off
     """
 
     def __init__(self, cause: OffCause) -> None:
@@ -250,7 +252,7 @@ class OutputsOffError(Rejected):
 
     def __str__(self) -> str:
         """Name the cause."""
-        return f"the device switched its outputs off: {_OFF_REASONS[self.cause]}"
+        return _OFF_MESSAGES[self.cause]
 
 
 class LimitExceeded(Rejected):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import os
 import re
 import select
@@ -181,6 +182,9 @@ _POLL_S: Final = 0.002
 _WRITE_WITHIN_S: Final = 0.5
 _AT_ONCE: Final = 4096
 
+_IN_USE: Final = (errno.EAGAIN, errno.EBUSY)
+"""Another process has locked the port."""
+
 _GONE: Final = (OSError, TypeError, ValueError, AttributeError)
 """What pyserial raises where the port is gone, or is closed by another thread meanwhile."""
 
@@ -210,6 +214,8 @@ class SerialChannel:
             self._line.exclusive = True
             self._line.open()
         except (OSError, ValueError) as error:
+            if getattr(error, "errno", None) in _IN_USE:
+                raise LinkError(f"{port} is in use by another program") from error
             raise LinkError(f"cannot open {port}: {error}") from error
 
     def write(self, data: bytes) -> None:

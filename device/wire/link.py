@@ -227,7 +227,10 @@ class FrameLink:
         """Say what answers in plain text where no HELLO was answered."""
         text = self.requests.plain_answer(min(_PLAIN_S, 2 * self._line.open_timeout_s))
         if not text:
-            return f"no answer at device.baud = {self._line.baud}; see docs/howto/no-answer.md"
+            return (
+                f"no answer at device.baud = {self._line.baud} within device.open_timeout_s = "
+                f"{self._line.open_timeout_s:g}; see docs/howto/no-answer.md"
+            )
         if not text.startswith(f"{MAKER},"):
             return f"{shown(text)} answers, which is no device of tactstrip"
         return (

@@ -146,7 +146,7 @@ def test_a_port_has_one_host_and_the_second_is_refused(emulate: Emulate, kind: s
     port, truth, _ = emulate(kind)
     first, second = device_at(port), device_at(port)
     ready(first, 100.0, burst=QUICK)
-    with pytest.raises(LinkError):
+    with pytest.raises(LinkError, match="is in use by another program" if kind == "pty" else port):
         second.open()
     assert play(first, 1, within_s=5.0).outcome is Outcome.FIRED
     first.close()
