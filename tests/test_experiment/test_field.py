@@ -18,6 +18,7 @@ from experiment.check.field import (
     plate_map,
     plate_motion,
 )
+from experiment.check.report import format_level
 from stimuli.plate.response import displacement
 from stimuli.plate.scene import Scene
 from tests.plates import PAPER_PLATE, study_from_text
