@@ -8,8 +8,8 @@ import time
 from pathlib import Path
 from statistics import median
 
-from experiment.archive.entries import TrialArmed
-from experiment.archive.journal import Journal
+from experiment.record.entries import TrialArmed
+from experiment.record.journal import Journal
 
 LINES = 300
 LINE = TrialArmed(trial=12, attempt=1, token=2**62 + 1)

@@ -33,12 +33,12 @@ from analysis.reading.trials import read_trials
 from analysis.thresholds.table import difference_table, group_table, thresholds_of
 from analysis.thresholds.tables import tables_of
 from device.clock import VirtualClock
-from experiment.archive.disk import UNWAITED
-from experiment.archive.folders import SessionFolder
 from experiment.hardware.noise import SilentNoise
 from experiment.hardware.setup import mock_device
 from experiment.operator.requests import StopSignal
 from experiment.perception.observer import Observer
+from experiment.record.files import UNWAITED
+from experiment.record.folder import SessionFolder
 from experiment.session.config import SessionConfig
 from experiment.session.run import run
 from experiment.session.simulate import SimulatedResponder, simulate_study, simulated_responder

@@ -1,13 +1,13 @@
-from .archive.entries import Entry
-from .archive.files import ArchiveError
-from .archive.folders import SessionFolder
-from .archive.history import replay
-from .archive.journal import Journal, JournalError, JournalWriteError, read_journal
 from .check.check import check_study
-from .integrity.sessions import examine
 from .participant.settings import ResponderSettings
 from .perception.gains import ConditionGains
-from .rows import COLUMNS, TrialRow
+from .record.entries import Entry
+from .record.files import ArchiveError
+from .record.folder import SessionFolder
+from .record.history import replay
+from .record.journal import Journal, JournalError, JournalWriteError, read_journal
+from .record.rows import COLUMNS, TrialRow
+from .record.verify import examine
 from .session.run import run_session
 from .session.simulate import simulate_study
 from .study.base import StudyError

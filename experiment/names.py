@@ -1,14 +1,19 @@
-"""The names that a study and its files can have, and what counts as a line of text."""
+"""Names of a study and its files, words of every table, and what counts as a line of text."""
 
 from __future__ import annotations
 
 import re
 import unicodedata
 from numbers import Integral
-from typing import Final
+from typing import Final, Literal, TypeAlias
 
 from device.printing import shown
 
+NOT_AVAILABLE: Final = "n/a"
+"""What a table has for a value that does not exist or is not known."""
+OTHER_VERSION: Final = "another version of tactstrip wrote it"
+DeviceKind: TypeAlias = Literal["real", "emulated", "mock", "rehearsal"]
+"""What drives the actuators."""
 _RESERVED: Final = r"(?i:CON|PRN|AUX|NUL|COM[0-9]|LPT[0-9])"
 """Pattern of the names that Windows keeps for devices: a file or folder of one cannot be read."""
 TOTALS: Final = "all"

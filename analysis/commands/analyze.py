@@ -261,7 +261,7 @@ def default_folder(paths: Sequence[Path], *, external: bool) -> Path:
 
 
 def _is_free(folder: Path) -> bool:
-    from experiment.archive import manifest
+    from experiment.record import manifest
 
     if not folder.is_dir():
         return not folder.exists()

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 import click
 
 from device.printing import echo
-from experiment.archive.disk import DISK, write_new
 from experiment.commands.options.common import PATH, write_option
 from experiment.exits import CommandError, refusals
+from experiment.record.files import DISK, write_new
 
 if TYPE_CHECKING:
     from pathlib import Path

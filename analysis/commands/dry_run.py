@@ -16,10 +16,10 @@ import click
 
 from analysis.commands.analyze import output_options, show_analysis, write_analysis
 from device.printing import echo
-from experiment.archive.disk import FOLDER_MODE
 from experiment.commands.options.common import PATH, make_new_folder, seed_option
 from experiment.commands.options.hardware import working
 from experiment.exits import DEVICE_FAILED, CommandError, refusals, room_hint
+from experiment.record.files import FOLDER_MODE
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -130,7 +130,7 @@ def _is_made(folder: Path) -> bool:
 
 
 def _simulate(check: StudyCheck, folder: Path, participants: int, seed: int) -> None:
-    from experiment.archive.journal import JournalWriteError
+    from experiment.record.journal import JournalWriteError
     from experiment.session.simulate import SimulationError, simulate_study
 
     sessions = simulate_study(

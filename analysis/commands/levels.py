@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Final
 import click
 
 from device.printing import echo
-from experiment.archive.disk import DISK, write_new
-from experiment.archive.manifest import LEVELS_SUFFIX
 from experiment.commands.options.common import PATH, write_option
 from experiment.exits import CommandError, refusals
+from experiment.record.files import DISK, write_new
+from experiment.record.withdraw import LEVELS_SUFFIX
 from experiment.templates import open_templates
 
 if TYPE_CHECKING:

@@ -11,9 +11,10 @@ import pandas as pd
 
 from analysis.counts.intervals import group_interval, mean_limits, proportion_ci
 from analysis.numbers import TOTAL, in_order
-from experiment.rows import COLUMNS, HANDS_OFF, NOT_AVAILABLE, RESPONSES, SIDES
+from experiment.names import NOT_AVAILABLE
+from experiment.record.rows import COLUMNS, RESPONSES, SIDES
 from experiment.tasks import LEFT_RIGHT_BOTH
-from experiment.trial.plan import HANDS_OFF_BLOCK
+from experiment.trial.plan import HANDS_OFF, HANDS_OFF_BLOCK
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -377,7 +378,7 @@ def excluded_table(trials: pd.DataFrame) -> pd.DataFrame:
 def clean_table(trials: pd.DataFrame, *, more: Iterable[str] = ()) -> pd.DataFrame:
     """Return every trial with whether it counts (``counted``) and, if not, why (``reason``).
 
-    In front stand the columns of `experiment.rows.COLUMNS`; rows are ordered by
+    In front stand the columns of `experiment.record.rows.COLUMNS`; rows are ordered by
     participant, session, trial and attempt. Columns that `more` names come last.
     """
     counts = trials["reason"].eq("")

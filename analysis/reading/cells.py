@@ -15,7 +15,8 @@ import pandas as pd
 
 from analysis.axis import LARGEST
 from analysis.reading.text import ResultFileError, shown
-from experiment.rows import NOT_AVAILABLE, RESPONSES, SCHEMA, Column
+from experiment.names import NOT_AVAILABLE
+from experiment.record.rows import RESPONSES, SCHEMA, Column
 from experiment.tasks import LEFT_RIGHT_BOTH
 from experiment.trial.plan import HANDS_OFF_BLOCK
 
@@ -168,7 +169,7 @@ class CellReader:
     def allowed(self) -> str:
         """Which cells the column may have.
 
-        >>> from experiment.rows import COLUMNS
+        >>> from experiment.record.rows import COLUMNS
         >>> readers = (CellReader(column=column, label="") for column in COLUMNS)
         >>> [each.allowed for each in readers if each.column.name in {"trial", "noise_ok"}]
         ['a whole number of at least 1', 'true, false or n/a']

@@ -36,7 +36,8 @@ from analysis.reading.cells import (
 )
 from analysis.reading.text import TextFormat, one_line, shown
 from experiment.bounded import FileRefusedError, parse_toml, read_bounded
-from experiment.rows import COLUMNS, NOT_AVAILABLE, Column, format_value
+from experiment.names import NOT_AVAILABLE
+from experiment.record.rows import COLUMNS, Column, format_value
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

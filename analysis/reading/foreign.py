@@ -31,7 +31,8 @@ from analysis.reading.text import (
     shown,
     text_chunks,
 )
-from experiment.rows import COLUMNS, KINDS, NOT_AVAILABLE, RESPONSES, SCHEMA, SIDES
+from experiment.names import NOT_AVAILABLE
+from experiment.record.rows import COLUMNS, KINDS, RESPONSES, SCHEMA, SIDES
 from experiment.tasks import LEFT_RIGHT_BOTH
 
 if TYPE_CHECKING:

@@ -19,10 +19,11 @@ from analysis.reading.text import (
     shown,
     text_chunks,
 )
-from experiment.archive.files import HEADS, JOURNAL, PLAN
 from experiment.bounded import read_bounded
-from experiment.integrity.sessions import examine
-from experiment.rows import COLUMNS, OTHER_VERSION, SCHEMA
+from experiment.names import OTHER_VERSION
+from experiment.record.files import HEADS, JOURNAL, PLAN
+from experiment.record.rows import COLUMNS, SCHEMA
+from experiment.record.verify import examine
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
@@ -31,8 +32,8 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from analysis.reading.sources import InputTable
-    from experiment.integrity.sessions import Difference
-    from experiment.rows import MeasuredRow
+    from experiment.record.index import Difference
+    from experiment.record.rows import MeasuredRow
     from experiment.trial.plan import Plan
 
 
@@ -55,7 +56,7 @@ def read_own_texts(raw: bytes, table: Path, *, empty_allowed: bool) -> Iterator[
     for lines, cells in chunks:
         texts = text_frame(header, lines, cells)
         if form:
-            from experiment.archive.bids import EVENT_COLUMNS  # with all of a study's sections
+            from experiment.record.bids import EVENT_COLUMNS
 
             if {*header} == {*EVENT_COLUMNS}:
                 sources = {name: ours for name, ours in EVENT_COLUMNS.items() if ours}
@@ -180,9 +181,9 @@ def _refuse_differences(differences: Sequence[Difference], action: str) -> None:
         return
     first, *others = differences
     more = f" (and {len(others)} more; tactstrip verify DIR names all)" if others else ""
-    mended_by = {each.mended_by for each in differences}
-    restore = "; restore it from a copy" * (None in mended_by)
-    export = ", tactstrip export DIR builds it anew from the journal" * (mended_by == {"export"})
+    remedy = {each.remedy for each in differences}
+    restore = "; restore it from a copy" * (None in remedy)
+    export = ", tactstrip export DIR builds it anew from the journal" * (remedy == {"export"})
     accept = f"tactstrip analyze --accept-altered {action}, with a mark{export}"
     message = f"{first.message}{first.hint}{more}{restore}; {accept}"
     raise ResultFileError(first.path, first.line, message)

@@ -10,14 +10,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from analysis.reading.text import ELSEWHERE, ResultFileError, one_line
-from experiment.archive.files import LinkError, refuse_link
-from experiment.archive.journal import RecordSchemaError
-from experiment.integrity.places import list_sessions
+from experiment.record.files import SymlinkError, refuse_link
+from experiment.record.index import list_sessions
+from experiment.record.journal import RecordSchemaError
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
-    from experiment.integrity.sessions import Difference
+    from experiment.record.index import Difference
 
 
 TABLE = "trials.csv"
@@ -165,8 +165,8 @@ def refusals(path: Path) -> Iterator[None]:
     """Refuse a file that cannot be read, a symbolic link, and a session of another version."""
     try:
         yield
-    except (RecordSchemaError, LinkError) as error:
-        line = None if isinstance(error, LinkError) else error.line
+    except (RecordSchemaError, SymlinkError) as error:
+        line = None if isinstance(error, SymlinkError) else error.line
         raise ResultFileError(error.path, line, error.message) from None
     except OSError as error:
         raise unreadable(error, path) from None

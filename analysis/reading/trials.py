@@ -39,15 +39,10 @@ from analysis.reading.session import (
 )
 from analysis.reading.sources import FILE, TABLE, find_sources
 from analysis.reading.text import ResultFileError, named, one_line, shown
-from experiment.rows import (
-    ANSWERS,
-    COLUMNS,
-    HANDS_OFF,
-    NOT_AVAILABLE,
-    PRACTICE,
-    format_value,
-)
+from experiment.names import NOT_AVAILABLE
+from experiment.record.rows import ANSWERS, COLUMNS, format_value
 from experiment.tasks import LEFT_RIGHT_BOTH
+from experiment.trial.plan import HANDS_OFF, PRACTICE
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence

@@ -10,7 +10,6 @@ from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
 import pandas as pd
-from filelock import Timeout
 
 from analysis.counts.table import clean_table
 from analysis.numbers import TOTAL
@@ -21,10 +20,18 @@ from analysis.results.methods import methods_of
 from analysis.results.report import report_html
 from analysis.results.summary import columns_text, devices, reported_columns, summary_text
 from analysis.thresholds.displacement import with_group_micrometres
-from experiment.archive import manifest
-from experiment.archive.disk import UNWAITED, LockError, lock_on, make_folder, write_new
-from experiment.archive.manifest import Manifest
-from experiment.rows import NOT_AVAILABLE, format_value
+from experiment.names import NOT_AVAILABLE
+from experiment.record import manifest
+from experiment.record.files import (
+    UNWAITED,
+    ArchiveError,
+    LockError,
+    locked,
+    make_folder,
+    write_new,
+)
+from experiment.record.manifest import Manifest
+from experiment.record.rows import format_value
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
@@ -135,7 +142,7 @@ def save(
     make_folder(out_dir, UNWAITED)
     try:
         _sweep(out_dir)
-        with TemporaryDirectory(prefix=_PREFIX, dir=out_dir) as name, lock_on(Path(name) / _LOCK):
+        with TemporaryDirectory(prefix=_PREFIX, dir=out_dir) as name, locked(Path(name) / _LOCK):
             made = Path(name)
             for file, content in _contents(analysis, style):
                 _write(made / file, content, out_dir / file)
@@ -153,7 +160,10 @@ def _sweep(out_dir: Path) -> None:
         if left.is_symlink() or not left.is_dir():
             continue
         if {path.name for path in left.iterdir()} <= {*NAMES, _LOCK}:
-            with contextlib.suppress(Timeout, LockError, OSError), lock_on(left / _LOCK, 0):
+            with (
+                contextlib.suppress(ArchiveError, LockError, OSError),
+                locked(left / _LOCK, "in use"),
+            ):
                 shutil.rmtree(left)
 
 

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
     from analysis.reading.session import SessionProgress
     from analysis.results.analysis import Analysis
-    from experiment.rows import MeasuredRow
+    from experiment.record.rows import MeasuredRow
     from experiment.study.study import Study
 
 

@@ -15,8 +15,8 @@ from analysis.results.protocol import protocol_rows
 from analysis.results.rendering import phrases, read_text, template
 from analysis.results.summary import devices
 from analysis.results.tables import make_tables, result_rows
-from experiment.archive.files import HEADER
-from experiment.rows import NOT_AVAILABLE
+from experiment.names import NOT_AVAILABLE
+from experiment.record.files import HEADER
 
 if TYPE_CHECKING:
     from collections.abc import Iterable

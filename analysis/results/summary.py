@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from analysis.results.answer import answer
 from analysis.results.rendering import read_toml
-from experiment.rows import NOT_AVAILABLE
+from experiment.names import NOT_AVAILABLE
 from experiment.tasks import LEFT_RIGHT_BOTH
 
 if TYPE_CHECKING:

@@ -16,8 +16,9 @@ from analysis.results.findings import ALPHA, records, sides_that_differ
 from analysis.results.rendering import warning
 from analysis.thresholds.displacement import SITE_COLUMNS
 from analysis.thresholds.fit import WITH_THRESHOLD
+from experiment.names import NOT_AVAILABLE
 from experiment.perception.gains import UNEQUAL_DB
-from experiment.rows import HANDS_OFF, NOT_AVAILABLE, PRACTICE
+from experiment.trial.plan import HANDS_OFF, PRACTICE
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

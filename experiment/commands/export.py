@@ -14,9 +14,9 @@ from experiment.exits import CommandError, refusals
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from experiment.archive.bids import Export
-    from experiment.archive.folders import SessionFolder
-    from experiment.integrity.places import FoundSessions
+    from experiment.record.bids import Export
+    from experiment.record.folder import SessionFolder
+    from experiment.record.index import FoundSessions
 
 
 @click.command(epilog="Example: tactstrip export results --bids bids")
@@ -55,8 +55,8 @@ def export(*, folder: Path, out: Path | None, with_sourcedata: bool, allow_simul
 
 
 def _export_tables(folder: Path) -> None:
-    from experiment.integrity.places import find_sessions
-    from experiment.integrity.sessions import refuse_altered
+    from experiment.record.index import find_sessions
+    from experiment.record.verify import refuse_altered
 
     # An unreadable plan stops the export before any lock is taken or table written. A damaged
     # journal is detected only under its lock, and does not stop the export of other sessions.
@@ -76,7 +76,7 @@ def _export_tables(folder: Path) -> None:
             with session.locked():
                 session.read_history(plan)
                 for difference in refuse_altered(session.path):
-                    if difference.mended_by == "export":
+                    if difference.remedy == "export":
                         echo(f"{difference}; the table is rebuilt", err=True)
                 echo(session.write_trials())
                 if session.measured_path.exists():
@@ -96,7 +96,7 @@ def _collecting(errors: list[str]) -> Iterator[None]:
 
 def _begun_sessions(located: FoundSessions) -> list[SessionFolder]:
     """List the sessions that began, including damaged ones; print the names of the others."""
-    from experiment.integrity.sessions import examine
+    from experiment.record.verify import examine
 
     sessions = []
     for session in located.sessions:
@@ -108,8 +108,8 @@ def _begun_sessions(located: FoundSessions) -> list[SessionFolder]:
 
 
 def _export_bids(folder: Path, out: Path, *, with_sourcedata: bool, allow_simulated: bool) -> None:
-    from experiment.archive.bids import export_bids
-    from experiment.integrity.places import find_sessions
+    from experiment.record.bids import export_bids
+    from experiment.record.index import find_sessions
 
     located = find_sessions(folder)
     sessions = _begun_sessions(located)
@@ -149,10 +149,10 @@ def _print_export(out: Path, exported: Export) -> None:
 
 def _require_unmodified(session: Path) -> None:
     """Raise CommandError if a session was modified, unless only a table is missing."""
-    from experiment.integrity.sessions import examine
+    from experiment.record.verify import examine
 
     for difference in examine(session).differences:
-        if difference.mended_by != "export":
+        if difference.remedy != "export":
             raise CommandError(f"{difference}; nothing was written")
         if difference.line is not None:
             hint = "tactstrip export DIR rebuilds it from the journal"

@@ -402,7 +402,7 @@ def _check_options(
 
 def _write(file: Path, text: str) -> None:
     """Write a study file and its JSON Schema."""
-    from experiment.archive.files import write_atomically
+    from experiment.record.files import write_atomically
     from experiment.study.writing import SCHEMA_FILE, schema_text
 
     schema_file = file.with_name(SCHEMA_FILE)

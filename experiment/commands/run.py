@@ -30,10 +30,10 @@ from experiment.exits import DEVICE_FAILED, STOPPED_EARLY, CommandError, refusal
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from experiment.archive.folders import SessionFolder
     from experiment.hardware.safety import Purpose
     from experiment.hardware.setup import Hardware
     from experiment.operator.requests import StopSignal
+    from experiment.record.folder import SessionFolder
     from experiment.session.config import SessionResult
     from experiment.study.study import Study
     from experiment.trial.plan import Plan
@@ -153,12 +153,12 @@ def run(
     stopped or interrupted, repeat the command with --resume to continue it.
     """
     from device.drivers import MOCK
-    from experiment.archive.folders import SessionFolder
-    from experiment.archive.participants import participant_facts
     from experiment.hardware.noise import noise_player
     from experiment.hardware.safety import Purpose
     from experiment.hardware.setup import assemble
     from experiment.operator.requests import Requests, StopSignal
+    from experiment.record.folder import SessionFolder
+    from experiment.record.people import participant_facts
     from experiment.session.config import SessionConfig, require_operator
     from experiment.session.markers import LslMarkers, await_recorder
     from experiment.session.run import chosen_purpose, finish
@@ -361,8 +361,8 @@ def _resumed_line() -> str:
 @contextlib.contextmanager
 def _failures(folder: SessionFolder) -> Iterator[None]:
     """Turn failures of device, noise and disk into errors with exit codes."""
-    from experiment.archive.journal import JournalWriteError
     from experiment.hardware.noise import NoiseError
+    from experiment.record.journal import JournalWriteError
     from experiment.trial.responder import ResponderError
 
     try:

@@ -12,7 +12,7 @@ from experiment.commands.options.hardware import working
 from experiment.exits import ANSWER_IS_NO, CommandError, refusals
 
 if TYPE_CHECKING:
-    from experiment.integrity.sessions import Examined
+    from experiment.record.verify import Examined
 
 
 @click.command(
@@ -38,8 +38,8 @@ def verify(*, folder: Path) -> None:
     of a session that has not ended. To detect a modified checksum, write it down when a session
     ends, and compare it with the output of this command.
     """
-    from experiment.integrity.places import find_sessions
-    from experiment.integrity.sessions import examine
+    from experiment.record.index import find_sessions
+    from experiment.record.verify import examine
 
     sessions = find_sessions(folder)
     errors = [*map(str, sessions.links)]

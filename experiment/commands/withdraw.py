@@ -12,8 +12,7 @@ from device.printing import echo, shown
 from experiment.exits import CommandError, refusals
 
 if TYPE_CHECKING:
-    from experiment.archive.manifest import Search
-    from experiment.archive.withdraw import Person
+    from experiment.record.withdraw import Person, Search
 
 
 @click.command(epilog="Example: tactstrip withdraw results --participant 01")
@@ -37,8 +36,7 @@ def withdraw(*, folder: Path, participant: str, folders: tuple[Path, ...]) -> No
     record that contains only the ID. It lists exports and analyses that still contain the
     participant, but does not change them. If the command is interrupted, run it again.
     """
-    from experiment.archive.manifest import search
-    from experiment.archive.withdraw import held, look_up, remove
+    from experiment.record.withdraw import held, look_up, remove, search
 
     person = look_up(folder, participant)
     if person.gone:

@@ -9,7 +9,7 @@ import numpy as np
 
 from device.core.host import HostDriver
 from device.errors import LinkError, SoundCardError
-from experiment.rows import NOT_AVAILABLE
+from experiment.names import NOT_AVAILABLE
 from experiment.study.stimulus import drive_samples
 from experiment.tasks import LEFT_RIGHT_BOTH
 

@@ -16,7 +16,7 @@ from device.drivers import MOCK_MODEL
 
 if TYPE_CHECKING:
     from device.driver import Identity
-    from experiment.rows import DeviceKind
+    from experiment.names import DeviceKind
 
 
 class Purpose(StrEnum):

@@ -10,7 +10,6 @@ import math
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Final
 
-from experiment.rows import BASES
 from experiment.tasks import LEFT_RIGHT_BOTH
 from stimuli.checks import finite
 
@@ -28,6 +27,9 @@ more."""
 
 OWN_FINGERS: Final = LEFT_RIGHT_BOTH.sites
 """The actuators under the two fingers: the first two of every matrix."""
+
+BASES: Final = ("measured", "predicted")
+"""Where a displacement comes from, the stronger basis first."""
 
 
 def significant(value: float) -> float:
@@ -51,7 +53,7 @@ class FingerGains:
         Peak displacement at that finger per Vpp of the left and of the right actuator: in um where
         the basis is known, else relative to what an actuator does at its own finger.
     basis : str or None
-        A word of `record.BASES`, the weaker one if they differ; none where no displacement is
+        A word of `BASES`, the weaker one if they differ; none where no displacement is
         known.
     bases : tuple of str or None
         That of the left and of the right actuator, if they differ.
@@ -152,7 +154,7 @@ class ConditionGains:
     actuators : tuple of str
         ``left``, ``right``, then the others by name.
     bases : tuple of (str or None)
-        For each actuator a word of `record.BASES`; none where its displacement is not known.
+        For each actuator a word of `BASES`; none where its displacement is not known.
     per_vpp : tuple of tuple of float
         A row for the place above each actuator, a column for each actuator: greatest displacement
         over the fingertip's contact area and over time, um per Vpp. The column of an actuator

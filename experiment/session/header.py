@@ -10,14 +10,15 @@ from importlib.metadata import version
 from typing import TYPE_CHECKING, Any
 
 from device.clock import boot
-from experiment.archive.entries import HostAndDevice, VisitConditions
 from experiment.check.check import check_study
 from experiment.hardware.monitor import monitor_facts
 from experiment.hardware.safety import device_kind
 from experiment.hardware.setup import host_limits, line_settings, read_health, read_limits
-from experiment.rows import HANDS_OFF, NOT_AVAILABLE
+from experiment.names import NOT_AVAILABLE
+from experiment.record.entries import HostAndDevice, VisitConditions
 from experiment.study.key_names import UNTYPED
 from experiment.study.stimulus import stimulus_values
+from experiment.trial.plan import HANDS_OFF
 
 if TYPE_CHECKING:
     from device.driver import Identity

@@ -12,7 +12,7 @@ from experiment.trial.plan import PRACTICE_BLOCK
 from experiment.trial.responder import Progress, SessionPart
 
 if TYPE_CHECKING:
-    from experiment.archive.history import History
+    from experiment.record.history import History
     from experiment.study.design import Design
     from experiment.trial.events import EndTrial, SessionState
     from experiment.trial.plan import Plan, Trial

@@ -6,14 +6,14 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from device.driver import Outcome
-from experiment.archive.entries import StimulusConfirmed, TrialEnded
+from experiment.record.entries import StimulusConfirmed, TrialEnded
 
 if TYPE_CHECKING:
     from device.driver import BurstDevice, Identity
-    from experiment.archive.history import InterruptedTrial
-    from experiment.archive.journal import Journal
-    from experiment.rows import Status
+    from experiment.record.history import InterruptedTrial
+    from experiment.record.journal import Journal
     from experiment.study.study import Study
+    from experiment.trial.events import Status
 
 
 def resolve_interrupted_trial(

@@ -10,18 +10,18 @@ from typing import TYPE_CHECKING, Final
 
 from device.clock import MonotonicClock, elapsed_s, machine_time
 from device.drivers import guarded_device
-from experiment.archive.entries import NoteTaken, SessionOpened, SessionResumed
-from experiment.archive.files import HEADS, ArchiveError
-from experiment.archive.folders import SessionFolder
-from experiment.archive.journal import JournalWriteError
 from experiment.check.check import require_fit
 from experiment.hardware.noise import noise_player
 from experiment.hardware.safety import Purpose, confirmed_now, require_confirmed, require_device
 from experiment.hardware.setup import read_limits
 from experiment.hardware.suitability import require_suitable
-from experiment.integrity.heads import SessionHead, enter_head, read_heads
-from experiment.integrity.sessions import refuse_altered
 from experiment.operator.requests import StopSignal
+from experiment.record.entries import NoteTaken, SessionOpened, SessionResumed
+from experiment.record.files import HEADS, ArchiveError
+from experiment.record.folder import SessionFolder
+from experiment.record.index import SessionHead, enter_head, read_heads
+from experiment.record.journal import JournalWriteError
+from experiment.record.verify import refuse_altered
 from experiment.session.config import SessionConfig, SessionResult, require_operator
 from experiment.session.header import (
     drawn_observer,
@@ -42,8 +42,8 @@ if TYPE_CHECKING:
     from device.clock import Clock
     from device.driver import BurstDevice, Identity
     from device.errors import DeviceError
-    from experiment.archive.history import History
-    from experiment.archive.journal import Journal
+    from experiment.record.history import History
+    from experiment.record.journal import Journal
     from experiment.study.files import Levels
     from experiment.study.study import Study
     from experiment.trial.plan import Plan
@@ -428,7 +428,7 @@ def _refuse_modified(folder: SessionFolder, report: Callable[[str], object]) -> 
     """Refuse a record that was changed; tell what a resume puts right, for it is not seen later."""
     differences = refuse_altered(folder.path)
     for difference in differences:
-        if difference.mended_by == "export" and difference.line is not None:
+        if difference.remedy == "export" and difference.line is not None:
             raise ArchiveError(
                 f"{difference}; tactstrip export DIR builds it anew from the journal: nothing was "
                 "changed"

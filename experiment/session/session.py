@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any, Final
 
 from device.driver import Outcome
 from device.errors import DeviceError
-from experiment.archive.entries import (
+from experiment.hardware.safety import Purpose
+from experiment.record.entries import (
     BlockEnded,
     BlockStarted,
     BreakStarted,
@@ -20,8 +21,6 @@ from experiment.archive.entries import (
     StimulusConfirmed,
     TrialEnded,
 )
-from experiment.hardware.safety import Purpose
-from experiment.rows import HANDS_OFF, PRACTICE
 from experiment.session.markers import RECORDING_START, UNHEARD, response_marker, stimulus_marker
 from experiment.session.participant import GuardedResponder
 from experiment.session.progress import SessionProgress
@@ -30,14 +29,15 @@ from experiment.session.watch import BurstMonitor, NoiseMonitor
 from experiment.trial import events
 from experiment.trial.engine import next_event, step
 from experiment.trial.events import Event
+from experiment.trial.plan import HANDS_OFF, PRACTICE
 from experiment.trial.responder import AwaitedAnswer
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
-    from experiment.archive.folders import SessionFolder
-    from experiment.archive.history import History
-    from experiment.archive.journal import Journal
+    from experiment.record.folder import SessionFolder
+    from experiment.record.history import History
+    from experiment.record.journal import Journal
     from experiment.session.config import SessionConfig
     from experiment.study.study import Study
     from experiment.trial.events import Input

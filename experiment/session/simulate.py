@@ -9,21 +9,21 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from device.clock import VirtualClock
-from experiment.archive.disk import UNWAITED
-from experiment.archive.folders import SessionFolder
 from experiment.hardware.noise import SilentNoise
 from experiment.hardware.setup import mock_device
 from experiment.names import require_whole
 from experiment.operator.requests import StopSignal
 from experiment.perception.answers import draw_answers
 from experiment.perception.population import threshold_course_db
-from experiment.rows import HANDS_OFF
+from experiment.record.files import UNWAITED
+from experiment.record.folder import SessionFolder
 from experiment.session.config import SessionConfig
 from experiment.session.run import run
 from experiment.study.physics import study_gains
 from experiment.study.threshold import extrapolations, vibrations
 from experiment.tasks import LEFT_RIGHT_BOTH
 from experiment.trial.draw import draw_plan
+from experiment.trial.plan import HANDS_OFF
 from experiment.trial.responder import Press, Responder
 
 if TYPE_CHECKING:

@@ -7,16 +7,16 @@ from typing import TYPE_CHECKING
 
 from device.driver import Outcome
 from device.errors import DeviceError, RefusedError
-from experiment.archive.entries import DeviceFailed, StimulusCommanded, TrialArmed
 from experiment.hardware.setup import SLOTS, load_condition
 from experiment.hardware.suitability import LONGEST_ARMED_S, onset_interval_s, playing_s
+from experiment.record.entries import DeviceFailed, StimulusCommanded, TrialArmed
 from experiment.trial.events import Event
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from device.driver import Delivery
-    from experiment.archive.journal import Journal
+    from experiment.record.journal import Journal
     from experiment.session.config import SessionConfig
     from experiment.study.study import Study
     from experiment.trial.events import Attempt

@@ -8,18 +8,18 @@ from typing import TYPE_CHECKING, Any, Final
 
 from device.driver import Outcome
 from device.errors import DeviceError
-from experiment.archive.entries import NoiseChanged, StimulusMeasured
 from experiment.hardware.monitor import planned_burst
 from experiment.hardware.noise import NoiseError
 from experiment.hardware.setup import read_health
 from experiment.perception.gains import significant
+from experiment.record.entries import NoiseChanged, StimulusMeasured
 from experiment.trial.events import Event
 
 if TYPE_CHECKING:
     from device.driver import Delivery
     from device.monitor.measured import Measured, Planned
-    from experiment.archive.journal import Journal
     from experiment.hardware.noise import NoiseHealth, NoisePlayer
+    from experiment.record.journal import Journal
     from experiment.session.config import SessionConfig
     from experiment.study.study import Study
     from experiment.trial.events import Attempt

@@ -9,11 +9,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from experiment.names import require_identifier, require_whole
-from experiment.rows import HANDS_OFF, PRACTICE
 from experiment.tasks import LEFT_RIGHT_BOTH
 from experiment.trial.order import balanced_order
 from experiment.trial.plan import (
+    HANDS_OFF,
     HANDS_OFF_BLOCK,
+    PRACTICE,
     PRACTICE_BLOCK,
     Plan,
     PlanError,

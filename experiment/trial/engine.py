@@ -9,7 +9,6 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
-from experiment.rows import PRACTICE
 from experiment.study.design import EARLIEST_ANSWER_S
 from experiment.tasks import LEFT_RIGHT_BOTH
 from experiment.trial.events import (
@@ -37,13 +36,13 @@ from experiment.trial.events import (
     Welcome,
     ZeroOutputs,
 )
-from experiment.trial.plan import PRACTICE_BLOCK
+from experiment.trial.plan import PRACTICE, PRACTICE_BLOCK
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
-    from experiment.rows import Status
     from experiment.tasks.task import Task
+    from experiment.trial.events import Status
 
 
 Change: TypeAlias = tuple[SessionState, tuple[Effect, ...]]

@@ -4,15 +4,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING, Literal, TypeAlias
 
-from experiment.rows import HANDS_OFF, PRACTICE
-from experiment.trial.plan import PRACTICE_BLOCK
+from experiment.trial.plan import HANDS_OFF, PRACTICE, PRACTICE_BLOCK
 from experiment.trial.responder import SessionPart
 
 if TYPE_CHECKING:
-    from experiment.rows import Status
     from experiment.trial.plan import Trial
+
+Status: TypeAlias = Literal["ok", "device_error", "indeterminate", "aborted", "voided"]
+"""How a trial ends: `ok`, or why it does not count."""
 
 
 class Phase(StrEnum):

@@ -7,13 +7,13 @@ import json
 from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING, Any
 
+from experiment.names import OTHER_VERSION
 from experiment.perception.gains import (
     OWN_FINGER_ONLY,
     ConditionGains,
     FingerGains,
     gains_from_json,
 )
-from experiment.rows import HANDS_OFF, OTHER_VERSION, PRACTICE
 from experiment.tasks import LEFT_RIGHT_BOTH
 
 if TYPE_CHECKING:
@@ -21,6 +21,9 @@ if TYPE_CHECKING:
 
 
 SCHEMA = 4
+PRACTICE = "practice"
+HANDS_OFF = "hands_off"
+"""The kind of the trials with the hands off the plate."""
 _HAS_STIMULUS = {
     (kind, presentation.name): bool(presentation.sites)
     for presentation in LEFT_RIGHT_BOTH.presentations

@@ -11,7 +11,7 @@ import pytest
 
 from analysis import ResultFileError, read_trials
 from experiment import StudyError
-from experiment.archive.journal import JournalError, read_journal
+from experiment.record.journal import JournalError, read_journal
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -42,7 +42,7 @@ class Watched:
         if not folder.plan_path.exists():
             return []
         amiss = examine(folder.path).differences
-        assert {one.mended_by for one in amiss} <= {"resume"}, amiss
+        assert {one.remedy for one in amiss} <= {"resume"}, amiss
         return ["--resume"]
 
     def ended(self) -> None:

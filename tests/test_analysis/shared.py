@@ -15,7 +15,7 @@ from click.testing import CliRunner, Result
 from analysis import ColumnMap, ResultFileError, load_column_map, read_inputs
 from analysis.reading.draft import propose_map
 from analysis.reading.sources import find_sources
-from experiment.rows import TrialRow, table_csv
+from experiment.record.rows import TrialRow, table_csv
 from experiment.tasks import LEFT_RIGHT_BOTH
 from tactstrip import main
 

@@ -15,7 +15,7 @@ from filelock import FileLock
 
 from analysis import ColumnMap, write_analysis
 from experiment import COLUMNS
-from experiment.archive.disk import write_new
+from experiment.record.files import write_new
 from tests.test_analysis.shared import EXAMPLES, LEAST, cases, files, put, run
 
 if TYPE_CHECKING:

@@ -25,7 +25,7 @@ from analysis.results.methods import methods_of
 from analysis.results.protocol import measured_bursts
 from analysis.results.rendering import phrases, read_toml
 from analysis.results.tables import make_tables
-from experiment.rows import MeasuredRow
+from experiment.record.rows import MeasuredRow
 from tests.plates import PAPER_PLATE
 from tests.test_analysis.shared import LEAST, files, loaded, put
 from tests.test_analysis.tables import numbers

@@ -6,10 +6,9 @@ import errno
 import os
 from typing import TYPE_CHECKING, Any
 
-from experiment.archive.disk import Disk
-from experiment.archive.files import replaced, write_atomically
-from experiment.archive.manifest import Manifest
-from experiment.archive.withdraw import held, look_up, remove
+from experiment.record.files import Disk, write_atomically
+from experiment.record.manifest import Manifest, replaced
+from experiment.record.withdraw import held, look_up, remove
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator

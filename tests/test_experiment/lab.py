@@ -9,15 +9,15 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 from device.clock import VirtualClock
-from experiment.archive.disk import UNWAITED
-from experiment.archive.folders import SessionFolder
-from experiment.archive.history import replay
-from experiment.archive.journal import Journal, read_journal
 from experiment.hardware.noise import NoiseDescription, NoiseError, NoiseHealth
 from experiment.hardware.safety import Purpose
 from experiment.hardware.setup import mock_device
-from experiment.integrity.sessions import examine
 from experiment.operator.requests import Requests, StopSignal
+from experiment.record.files import UNWAITED
+from experiment.record.folder import SessionFolder
+from experiment.record.history import replay
+from experiment.record.journal import Journal, read_journal
+from experiment.record.verify import examine
 from experiment.session.config import SessionConfig
 from experiment.session.run import run
 from experiment.trial.draw import draw_plan
@@ -29,11 +29,11 @@ if TYPE_CHECKING:
 
     from device.clock import Clock
     from device.emulate.mock import MockDevice
-    from experiment.archive.disk import Disk
-    from experiment.archive.entries import Entry, Line
-    from experiment.integrity.sessions import Difference
     from experiment.operator.requests import Status
-    from experiment.rows import TrialRow
+    from experiment.record.entries import Entry, Line
+    from experiment.record.files import Disk
+    from experiment.record.index import Difference
+    from experiment.record.rows import TrialRow
     from experiment.session.config import SessionResult
     from experiment.study.study import Study
     from experiment.trial.responder import AwaitedAnswer, Progress

@@ -11,7 +11,6 @@ from device import MockDevice, VirtualClock
 from device.core.reports import Health
 from device.emulate.amplifier import Adc
 from experiment import SessionFolder, draw_plan
-from experiment.archive.disk import UNWAITED
 from experiment.check.device import check_device
 from experiment.commands.check import end_check
 from experiment.exits import CommandError
@@ -20,6 +19,7 @@ from experiment.hardware.noise import SilentNoise
 from experiment.hardware.safety import confirmed_now
 from experiment.hardware.setup import Hardware, host_limits
 from experiment.operator.requests import Requests, StopSignal
+from experiment.record.files import UNWAITED
 from experiment.session.config import SessionConfig
 from experiment.session.run import run
 from experiment.session.simulate import simulated_responder

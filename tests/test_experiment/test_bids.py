@@ -12,7 +12,7 @@ from click.testing import CliRunner
 from filelock import FileLock
 
 from experiment import SessionFolder
-from experiment.archive.participants import Tombstone, write_tombstone
+from experiment.record.people import Tombstone, write_tombstone
 from tactstrip import main
 from tests.plates import on_paper_plate
 from tests.test_experiment.sessions import Sessions, contents

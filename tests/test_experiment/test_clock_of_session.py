@@ -54,7 +54,7 @@ def host(lab: Lab, monkeypatch: pytest.MonkeyPatch) -> Host:
     monkeypatch.setattr("experiment.session.run.machine_time", host.time)
     monkeypatch.setattr("experiment.session.header.boot", lambda: host.boot)
     kept = partial(Journal, wall_s=host.wall_s, up_s=host.up_s)
-    monkeypatch.setattr("experiment.archive.folders.Journal", kept)
+    monkeypatch.setattr("experiment.record.folder.Journal", kept)
     monkeypatch.setattr("time.time_ns", lambda: int(host.wall_s() * 1e9))
     return host
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 from experiment import ArchiveError, StudyError
-from experiment.archive.files import check_identifier
+from experiment.record.files import check_identifier
 from tests.test_experiment.lab import Crash, Lab
 from tests.test_experiment.sessions import Sessions, contents
 

@@ -9,7 +9,8 @@ import pytest
 
 from device.driver import Outcome
 from experiment import Entry, JournalError, draw_plan, replay
-from experiment.archive.entries import (
+from experiment.perception.gains import ConditionGains
+from experiment.record.entries import (
     JournalLine,
     ResponseGiven,
     SessionOpened,
@@ -18,7 +19,6 @@ from experiment.archive.entries import (
     TrialArmed,
     TrialEnded,
 )
-from experiment.perception.gains import ConditionGains
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -259,7 +259,7 @@ def test_a_missing_or_earlier_head_of_the_same_chain_is_put_right_by_a_resume(
         with lab.killed_after("session_close"), pytest.raises(Crash):
             lab.begin()
     (difference,) = lab.differences()
-    assert (difference.path.name, difference.mended_by) == ("sessions.tsv", "resume")
+    assert (difference.path.name, difference.remedy) == ("sessions.tsv", "resume")
     lab.messages.clear()
     assert lab.resume().finished
     assert ["sessions.tsv:" in message for message in lab.messages] == [True]
@@ -285,7 +285,7 @@ def honest(lab: Lab, rng: Random) -> None:
             with lab.folder.journal_path.open("ab") as file:
                 file.write(b'{"crc":"00')
         amiss = lab.differences()
-        assert {difference.mended_by for difference in amiss} <= {"resume"}, amiss
+        assert {difference.remedy for difference in amiss} <= {"resume"}, amiss
     (lab.resume if lab.folder.plan_path.exists() else lab.begin)()
 
 

@@ -15,8 +15,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from experiment import Journal, JournalError, JournalWriteError, read_journal
-from experiment.archive.disk import UNWAITED
-from experiment.archive.entries import MarkerSent, lines_of
+from experiment.record.entries import MarkerSent, lines_of
+from experiment.record.files import UNWAITED
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -8,11 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from experiment.archive.participants import (
-    enter_person,
-    participant_facts,
-    read_people,
-)
+from experiment.record.people import enter_person, participant_facts, read_people
 from tests.plates import on_paper_plate
 from tests.test_experiment.lab import Lab
 from tests.test_experiment.studies import codes_of, facts_of

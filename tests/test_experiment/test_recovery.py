@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 from experiment import Journal, JournalWriteError, simulate_study
-from experiment.archive.disk import DISK, Disk, make_folder
-from experiment.archive.entries import NoteTaken, StimulusCommanded
+from experiment.record.entries import NoteTaken, StimulusCommanded
+from experiment.record.files import DISK, Disk, make_folder
 from tests.test_experiment.disks import FullDisk, LossyDisk, withdraw, write_export, write_file
 from tests.test_experiment.lab import Lab
 from tests.test_experiment.sessions import Sessions

@@ -244,7 +244,7 @@ def test_an_analysis_names_another_measured_csv_and_export_builds_it(
     written = path.read_bytes()
     change(path)
     differences = examine(measured.folder.path).differences
-    assert {(found.path, found.mended_by) for found in differences} == {(path, "export")}
+    assert {(found.path, found.remedy) for found in differences} == {(path, "export")}
     place = re.escape(str(path) if line is None else f"{path}:{line}")
     with pytest.raises(ResultFileError, match=f"^{place}: "):
         read_inputs([measured.folder.root])

@@ -10,7 +10,8 @@ import pytest
 from filelock import FileLock
 
 from experiment import ArchiveError
-from experiment.archive.manifest import NAME, Holding, search
+from experiment.record.manifest import NAME
+from experiment.record.withdraw import Holding, search
 from tests.test_experiment.sessions import contents
 from tests.test_experiment.withdrawals import (
     assert_gone,

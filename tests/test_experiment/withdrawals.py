@@ -6,8 +6,8 @@ import contextlib
 from functools import partial
 from typing import TYPE_CHECKING
 
-from experiment.archive.participants import Tombstone, read_people, read_tombstone, write_tombstone
-from experiment.archive.withdraw import held, look_up, remove
+from experiment.record.people import Tombstone, read_people, read_tombstone, write_tombstone
+from experiment.record.withdraw import held, look_up, remove
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator

@@ -9,7 +9,7 @@ import numpy as np
 from analysis.results.figures.axes import figure_of, text_em
 from analysis.results.figures.drawing import DEFAULT_STYLE, lay_out
 from analysis.results.rendering import short
-from experiment.rows import RESPONSES
+from experiment.record.rows import RESPONSES
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING, Final, get_type_hints
 
 from analysis.axis import VOLTS, Axis
 from analysis.results.summary import column_meanings
-from experiment.rows import COLUMNS, MeasuredRow
+from experiment.record.rows import COLUMNS, MeasuredRow
 from reference.markdown import literal, table
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
-    from experiment.rows import Column
+    from experiment.record.rows import Column
     from reference.sample import Sample
 
 

@@ -8,8 +8,8 @@ from typing import Final
 
 import click
 
-from experiment.archive.disk import UNWAITED, make_folder
 from experiment.exits import CommandError
+from experiment.record.files import UNWAITED, make_folder
 
 PATH: Final = click.Path(path_type=Path)
 json_option = click.option(

@@ -12,28 +12,21 @@ from dataclasses import dataclass, field, fields
 from operator import attrgetter
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias, get_args
 
+from experiment.names import NOT_AVAILABLE, DeviceKind
+from experiment.perception.gains import BASES
 from experiment.tasks import LEFT_RIGHT_BOTH
+from experiment.trial.events import Status
+from experiment.trial.plan import HANDS_OFF, PRACTICE
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
 
 SCHEMA = 3
-NOT_AVAILABLE = "n/a"
-OTHER_VERSION = "another version of tactstrip wrote it"
-
-PRACTICE = "practice"
-HANDS_OFF = "hands_off"
-"""The kind of the trials with the hands off the plate."""
 KINDS = (*LEFT_RIGHT_BOTH.kinds, PRACTICE, HANDS_OFF)
 SIDES = LEFT_RIGHT_BOTH.presentation_names
 ANSWERS = LEFT_RIGHT_BOTH.answer_names
 RESPONSES = (*ANSWERS, "timeout", "invalid")
-Status: TypeAlias = Literal["ok", "device_error", "indeterminate", "aborted", "voided"]
-STATUSES = get_args(Status)
-BASES = ("measured", "predicted")
-DeviceKind: TypeAlias = Literal["real", "emulated", "mock", "rehearsal"]
-DEVICE_KINDS = get_args(DeviceKind)
 TapName: TypeAlias = Literal["line", "amplifier", "current", "motion"]
 TAPS = get_args(TapName)
 Verified: TypeAlias = TapName | Literal["false"]
@@ -104,7 +97,7 @@ class TrialRow(_Presented):
     response: str | None = _column("what was answered", *RESPONSES)
     rt_s: float | None = _column("time from the stimulus's onset to the answer, seconds")
     correct: bool | None = _column("whether the answer names the stimulus")
-    status: str = _column("ok, or why the trial does not count", *STATUSES)
+    status: str = _column("ok, or why the trial does not count", *get_args(Status))
     onset_s: float | None = _column("onset of the stimulus on the session's clock, seconds")
     foreperiod_s: float = _column("planned wait between cue and stimulus, seconds")
     level_left_vpp: float | None = _column("level the device set on the left channel, volts")
@@ -117,7 +110,9 @@ class TrialRow(_Presented):
     premature: bool = _column("a response came before the onset or within 100 ms of it")
     noise_ok: bool | None = _column("whether the masking noise played from the onset to the answer")
     simulated: bool = _column("whether the participant is a simulation")
-    device_kind: str | None = _column("what drove the actuators, if anything did", *DEVICE_KINDS)
+    device_kind: str | None = _column(
+        "what drove the actuators, if anything did", *get_args(DeviceKind)
+    )
     burst_verified: str | None = _column("where a monitor measured the burst as planned", *VERIFIED)
     onset_clock: int = _column(
         "1, or more after the computer was started anew: onsets of another number are on another "

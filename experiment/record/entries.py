@@ -12,7 +12,9 @@ from typing import TYPE_CHECKING, Annotated, Any, Final, Literal, NamedTuple, Se
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter
 
 from device.driver import Outcome
-from experiment.rows import DeviceKind, Status, TapName, Verified
+from experiment.names import DeviceKind
+from experiment.record.rows import TapName, Verified
+from experiment.trial.events import Status
 
 if TYPE_CHECKING:
     from collections.abc import Iterable

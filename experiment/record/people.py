@@ -12,23 +12,24 @@ from dataclasses import asdict, dataclass, field
 from typing import TYPE_CHECKING, Final
 
 from device.printing import shown
-from experiment.archive.disk import DISK, lock_on, make_folder
-from experiment.archive.files import (
+from experiment.names import NOT_AVAILABLE, is_line
+from experiment.record.files import (
+    DISK,
     FOLDER,
     ArchiveError,
+    locked,
+    make_folder,
     refuse_link,
     remove_left_overs,
     tsv,
     write_atomically,
 )
-from experiment.names import is_line
-from experiment.rows import NOT_AVAILABLE
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
     from pathlib import Path
 
-    from experiment.archive.disk import Disk
+    from experiment.record.files import Disk
     from experiment.study.dataset import ParticipantColumn
 
 
@@ -137,7 +138,7 @@ def participant_facts(columns: Sequence[ParticipantColumn], given: Iterable[str]
     {'hand': 'l'}
     >>> participant_facts([hand], ["hand=both"])
     Traceback (most recent call last):
-    experiment.archive.files.ArchiveError: fact hand must be one of l, r, n/a; got 'both'
+    experiment.record.files.ArchiveError: fact hand must be one of l, r, n/a; got 'both'
     """
     facts: dict[str, str] = {}
     for text in given:
@@ -302,7 +303,7 @@ def enter_person(
 
     ArchiveError as `People.with_person`, or where the person was withdrawn.
     """
-    with lock_on(root / _LOCK):
+    with locked(root / _LOCK):
         refuse_withdrawn(root, participant)
         before = read_people(root)
         after = before.with_person(participant, columns, facts)
@@ -315,7 +316,7 @@ def remove_person(root: Path, participant: str, *, disk: Disk = DISK) -> None:
 
     ArchiveError where participants.tsv is no such table.
     """
-    with lock_on(root / _LOCK):
+    with locked(root / _LOCK):
         remove_left_overs(root, FILE_NAME)
         before = read_people(root)
         if f"sub-{participant}" in before.rows:

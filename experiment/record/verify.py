@@ -9,12 +9,11 @@ from __future__ import annotations
 
 import contextlib
 import hashlib
-from dataclasses import dataclass
 from itertools import zip_longest
-from typing import TYPE_CHECKING, Final, Literal, TypeAlias
+from typing import TYPE_CHECKING, Final
 
-from experiment.archive.entries import SessionOpened
-from experiment.archive.files import (
+from experiment.record.entries import SessionOpened
+from experiment.record.files import (
     HEADER,
     HEADS,
     JOURNAL,
@@ -25,51 +24,24 @@ from experiment.archive.files import (
     person_of,
     refuse_links,
 )
-from experiment.archive.history import replay
-from experiment.archive.journal import (
+from experiment.record.history import replay
+from experiment.record.index import Difference, HeadError, in_place, kept_head
+from experiment.record.journal import (
     JournalError,
     JournalLineError,
     RecordSchemaError,
     read_journal,
 )
-from experiment.integrity.heads import HeadError, in_place, kept_head
-from experiment.rows import MeasuredRow, TrialRow, table_csv
+from experiment.record.rows import MeasuredRow, TrialRow, table_csv
 from experiment.trial.plan import Plan, PlanError, plan_from_json
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
-    from experiment.archive.history import History
-    from experiment.archive.journal import JournalFile
-    from experiment.integrity.heads import SessionHead
-
-
-Mended: TypeAlias = Literal["export", "resume", "removal"]  # what puts a difference right
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Difference:
-    """Something in a record that is not as the session wrote it."""
-
-    path: Path
-    line: int | None  # counted from 1; none where a file as a whole is another one
-    message: str
-    mended_by: Mended | None = None
-
-    @property
-    def place(self) -> str:
-        """File and line."""
-        return f"{self.path}" if self.line is None else f"{self.path}:{self.line}"
-
-    @property
-    def hint(self) -> str:
-        """What puts it right, where that is neither a copy nor an export."""
-        return {"resume": _KILLED, "removal": "; remove it"}.get(self.mended_by or "", "")
-
-    def __str__(self) -> str:
-        """Name file and line first, as a compiler does."""
-        return f"{self.place}: {self.message}{self.hint}"
+    from experiment.record.history import History
+    from experiment.record.index import Remedy, SessionHead
+    from experiment.record.journal import JournalFile
 
 
 def examine(folder: Path, table: str = TABLE) -> Examined:
@@ -93,7 +65,7 @@ def examine(folder: Path, table: str = TABLE) -> Examined:
     ------
     RecordSchemaError
         If the session is of another version of this program.
-    LinkError
+    SymlinkError
         If a file, the folder or the person's is a symbolic link.
     OSError
         If a file cannot be read.
@@ -187,11 +159,11 @@ class Examined:
             self.errors.append(self.difference(name, None, str(error)))
 
     def difference(
-        self, name: str, line: int | None, message: str, mended_by: Mended | None = None
+        self, name: str, line: int | None, message: str, remedy: Remedy | None = None
     ) -> Difference:
         """Return a difference in a file of the session, or in the sessions.tsv beside it."""
         folder = person_of(self.folder) if name == HEADS else self.folder
-        return Difference(path=folder / name, line=line, message=message, mended_by=mended_by)
+        return Difference(path=folder / name, line=line, message=message, remedy=remedy)
 
     @property
     def has_sealed_plan(self) -> bool:
@@ -326,8 +298,8 @@ def _check_tables(record: Examined) -> Iterator[Difference]:
             message = "is there, though nothing was measured"
             yield record.difference(name, None, message, "removal")
         elif difference := first_difference(actual, recorded, min_rows=n_rows):
-            mended_by: Mended | None = "export" if name in {TABLE, MEASURED} else None
-            yield record.difference(name, *difference, mended_by)
+            remedy: Remedy | None = "export" if name in {TABLE, MEASURED} else None
+            yield record.difference(name, *difference, remedy)
 
 
 def first_difference(actual: bytes, recorded: bytes, *, min_rows: int) -> tuple[int, str] | None:
@@ -359,7 +331,6 @@ _CHECKS: Final = (_check_plan, _check_seals, _check_journal, _check_head, _check
 
 _WITHOUT = f"and cannot be built without {PLAN} and {JOURNAL} as they were recorded"
 _NO_HEAD = "has no line of this session, whose journal has ended"
-_KILLED = "; where the session was killed in that moment, tactstrip run --resume puts it right"
 
 
 def _sha256(raw: bytes) -> str:
@@ -377,7 +348,7 @@ def refuse_altered(folder: Path) -> tuple[Difference, ...]:
     """
     differences = examine(folder).differences
     for difference in differences:
-        if difference.mended_by in {None, "removal"}:
-            copy = "" if difference.mended_by else "; restore it from a copy"
+        if difference.remedy in {None, "removal"}:
+            copy = "" if difference.remedy else "; restore it from a copy"
             raise ArchiveError(f"{difference}{copy}: nothing was changed")
     return differences

@@ -1,6 +1,6 @@
 """Sessions as a BIDS data set (Brain Imaging Data Structure, behaviour without imaging).
 
-What a column is, is said once, in `experiment.rows`; what its words mean stands in bids.toml.
+`experiment.record.rows` describes each column; bids.toml says what its words mean.
 """
 
 from __future__ import annotations
@@ -15,16 +15,12 @@ from importlib.resources import files
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Final
 
-from experiment.archive.files import FILES, HEADS, ArchiveError, locked, replaced, tsv
-from experiment.archive.journal import read_journal
-from experiment.archive.manifest import Manifest
-from experiment.archive.participants import (
-    FILE_NAME,
-    ID_COLUMN,
-    People,
-    read_people,
-)
-from experiment.rows import COLUMNS, NOT_AVAILABLE, format_value
+from experiment.names import NOT_AVAILABLE
+from experiment.record.files import FILES, HEADS, ArchiveError, locked, tsv
+from experiment.record.journal import read_journal
+from experiment.record.manifest import Manifest, replaced
+from experiment.record.people import FILE_NAME, ID_COLUMN, People, read_people
+from experiment.record.rows import COLUMNS, format_value
 from experiment.study.stimulus import stimulus_values
 from experiment.tasks import LEFT_RIGHT_BOTH
 from experiment.templates import open_templates
@@ -33,9 +29,9 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence
     from pathlib import Path
 
-    from experiment.archive.files import NewFolder
-    from experiment.archive.folders import SessionFolder
-    from experiment.rows import Column, TrialRow
+    from experiment.record.folder import SessionFolder
+    from experiment.record.manifest import NewFolder
+    from experiment.record.rows import Column, TrialRow
     from experiment.study.dataset import ParticipantColumn
     from experiment.study.study import Study
     from experiment.trial.plan import Plan

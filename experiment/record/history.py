@@ -7,7 +7,7 @@ from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from device.clock import MachineTime
-from experiment.archive.entries import (
+from experiment.record.entries import (
     MarkerSent,
     ResponseGiven,
     SessionClosed,
@@ -19,15 +19,16 @@ from experiment.archive.entries import (
     TrialEnded,
     lines_of,
 )
-from experiment.archive.journal import JournalError
-from experiment.rows import HANDS_OFF, SCHEMA, MeasuredRow, TrialRow
+from experiment.record.journal import JournalError
+from experiment.record.rows import SCHEMA, MeasuredRow, TrialRow
 from experiment.trial.events import Attempt
+from experiment.trial.plan import HANDS_OFF
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
 
-    from experiment.archive.entries import Entry
     from experiment.perception.gains import FingerGains
+    from experiment.record.entries import Entry
     from experiment.trial.plan import Plan, Trial
 
 

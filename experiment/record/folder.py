@@ -9,8 +9,8 @@ from dataclasses import dataclass, field
 from hashlib import sha256
 from typing import TYPE_CHECKING, Any, Final
 
-from experiment.archive.disk import DISK, make_folder, write_new
-from experiment.archive.files import (
+from experiment.record.files import (
+    DISK,
     HEADER,
     JOURNAL,
     LOCK,
@@ -21,24 +21,16 @@ from experiment.archive.files import (
     ArchiveError,
     check_identifier,
     locked,
+    make_folder,
     refuse_links,
     remove_left_overs,
     write_atomically,
+    write_new,
 )
-from experiment.archive.history import replay
-from experiment.archive.journal import (
-    Journal,
-    JournalError,
-    JournalWriteError,
-    read_journal,
-)
-from experiment.archive.participants import (
-    enter_person,
-    next_number,
-    read_people,
-    refuse_withdrawn,
-)
-from experiment.rows import MeasuredRow, TrialRow, table_csv
+from experiment.record.history import replay
+from experiment.record.journal import Journal, JournalError, JournalWriteError, read_journal
+from experiment.record.people import enter_person, next_number, read_people, refuse_withdrawn
+from experiment.record.rows import MeasuredRow, TrialRow, table_csv
 from experiment.study.base import Fault, StudyError
 from experiment.study.files import study_from_canonical
 from experiment.trial.plan import Plan, PlanError, plan_from_json
@@ -47,8 +39,8 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping
     from pathlib import Path
 
-    from experiment.archive.disk import Disk
-    from experiment.archive.history import History
+    from experiment.record.files import Disk
+    from experiment.record.history import History
     from experiment.study.study import Study
 
 

@@ -27,16 +27,16 @@ from pydantic import ValidationError
 from pydantic_core import from_json, to_json
 
 from device.clock import uptime_s
-from experiment.archive.disk import DISK, write_new
-from experiment.archive.entries import LINES, Entry
-from experiment.rows import OTHER_VERSION
+from experiment.names import OTHER_VERSION
+from experiment.record.entries import LINES, Entry
+from experiment.record.files import DISK, write_new
 
 if TYPE_CHECKING:
     from collections.abc import Callable
     from pathlib import Path
 
-    from experiment.archive.disk import Disk
-    from experiment.archive.entries import Line
+    from experiment.record.entries import Line
+    from experiment.record.files import Disk
 
 
 SCHEMA: Final = 4
@@ -60,7 +60,7 @@ class JournalError(ValueError):
 
     >>> from pathlib import Path
     >>> from tempfile import TemporaryDirectory
-    >>> from experiment.archive.entries import NoteTaken
+    >>> from experiment.record.entries import NoteTaken
     >>> with TemporaryDirectory() as folder:
     ...     path = Path(folder) / "journal.jsonl"
     ...     with Journal(path, now_s=lambda: 1.5) as journal:
@@ -158,7 +158,7 @@ def read_journal(path: Path) -> JournalFile:
 
     >>> from pathlib import Path
     >>> from tempfile import TemporaryDirectory
-    >>> from experiment.archive.entries import BreakStarted
+    >>> from experiment.record.entries import BreakStarted
     >>> with TemporaryDirectory() as folder:
     ...     path = Path(folder) / "journal.jsonl"
     ...     with Journal(path, now_s=lambda: 1.5) as journal:
@@ -250,7 +250,7 @@ class Journal:
 
     >>> from pathlib import Path
     >>> from tempfile import TemporaryDirectory
-    >>> from experiment.archive.entries import BlockEnded, BlockStarted
+    >>> from experiment.record.entries import BlockEnded, BlockStarted
     >>> with TemporaryDirectory() as folder:
     ...     path = Path(folder) / "journal.jsonl"
     ...     with Journal(path, now_s=lambda: 1.5) as journal:

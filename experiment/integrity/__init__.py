@@ -1,1 +1,0 @@
-"""Whether the record of a session is what the session wrote: heads, tables, all of it."""
