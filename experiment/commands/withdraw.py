@@ -12,7 +12,7 @@ from device.printing import echo, shown
 from experiment.exits import CommandError, refusals
 
 if TYPE_CHECKING:
-    from experiment.record.withdraw import Person, Search
+    from experiment.record.withdraw import Person, SearchResult
 
 
 @click.command(epilog="Example: tactstrip withdraw results --participant 01")
@@ -70,10 +70,10 @@ def _confirm(person: Person) -> None:
         )
 
 
-def _print_search(result: Search, participant: str) -> None:
-    if result.holdings:
+def _print_search(result: SearchResult, participant: str) -> None:
+    if result.hits:
         echo(f"Participant {participant} is still in:")
-        echo(*(f"  {holding.what}: {holding.path}" for holding in result.holdings))
+        echo(*(f"  {hit.what}: {hit.path}" for hit in result.hits))
     else:
         echo("The folders that were searched hold nothing else of this participant.")
     if result.not_searched:

@@ -13,6 +13,8 @@ says that the removal has begun, and the removal can be run again:
 from __future__ import annotations
 
 import contextlib
+import csv
+import io
 import os
 import re
 from dataclasses import dataclass
@@ -23,7 +25,10 @@ from experiment.bounded import parse_toml, read_bounded
 from experiment.record.files import (
     DISK,
     FOLDER,
+    HEADER,
+    JOURNAL,
     LOCK,
+    PLAN,
     RUNNING,
     ArchiveError,
     check_identifier,
@@ -34,6 +39,7 @@ from experiment.record.files import (
 from experiment.record.manifest import NAME, read_manifest
 from experiment.record.people import (
     FILE_NAME,
+    ID_COLUMN,
     Tombstone,
     read_people,
     read_tombstone,
@@ -220,43 +226,47 @@ def remove(person: Person, locks: contextlib.ExitStack, *, today: str, disk: Dis
 
 
 @dataclass(frozen=True, slots=True, order=True)
-class Holding:
-    """Something that holds a person."""
+class PersonalData:
+    """A folder or a file that still holds data of a person."""
 
-    path: Path  # a folder or a file
-    what: str  # "BIDS data set", "analysis", "sessions" or "levels"
+    path: Path
+    what: str
+    """``BIDS data set``, ``analysis``, ``sessions``, ``levels`` or ``table``."""
 
 
 @dataclass(frozen=True, slots=True)
-class Search:
-    """What a search found.
+class SearchResult:
+    """What a search for a person's data gave.
 
     Attributes
     ----------
-    holdings : tuple of Holding
-        What holds the person, by path.
+    hits : tuple of PersonalData
+        What holds data of the person, by path.
     not_searched : tuple of Path
         Links, damaged manifests, and what could not be read: somebody has to look into them.
     """
 
-    holdings: tuple[Holding, ...]
+    hits: tuple[PersonalData, ...]
     not_searched: tuple[Path, ...]
 
 
-_PERSON: Final = re.compile(r"sub-[A-Za-z0-9]+")
+def search(
+    folders: Iterable[Path], participant: str, leave_out: Iterable[Path] = ()
+) -> SearchResult:
+    """Look for data of a person: exports, analyses, sessions, levels and tables, also renamed.
 
-
-def search(folders: Iterable[Path], participant: str, leave_out: Iterable[Path] = ()) -> Search:
-    """Look for what was made of a person's sessions; links are not followed.
+    Exports and analyses are known by their manifests, sessions by header, plan and journal, tables
+    by their column of participants. Files of other programs are not searched: a search that must
+    find a name in any file finds too much in some and nothing in others.
 
     Parameters
     ----------
     folders : iterable of Path
-        Where to look, with everything below.
+        Where to look, with everything below; links are not followed.
     participant : str
         The person's identifier.
     leave_out : iterable of Path
-        Folders that are known already.
+        Files and folders that need no search.
 
     Examples
     --------
@@ -265,67 +275,105 @@ def search(folders: Iterable[Path], participant: str, leave_out: Iterable[Path] 
     >>> with tempfile.TemporaryDirectory() as name:
     ...     manifest = Manifest(what="analysis", participants=("07", "08"))
     ...     _ = (Path(name) / NAME).write_text(manifest.text())
-    ...     [len(search([Path(name)], who).holdings) for who in ("07", "7", "analysis")]
+    ...     [len(search([Path(name)], who).hits) for who in ("07", "7", "analysis")]
     [1, 0, 0]
     """
-    search = _Search(participant, {path.resolve() for path in leave_out})
+    searcher = _Searcher(participant, {path.resolve() for path in leave_out})
     for top in folders:
-        for place, names, files in os.walk(top.resolve(), onerror=search.miss):
-            search.look_at(Path(place), names, files)
-    return Search(tuple(sorted(search.holdings)), tuple(sorted(search.missed)))
+        for folder, names, files in os.walk(top.resolve(), onerror=searcher.miss):
+            searcher.search_folder(Path(folder), names, files)
+    whole = {hit.path for hit in searcher.hits if hit.what in {"analysis", "sessions"}}
+    hits = [hit for hit in searcher.hits if hit.what != "table" or hit.path.parent not in whole]
+    return SearchResult(tuple(sorted(hits)), tuple(sorted(searcher.missed)))
 
 
-class _Search:
-    """One search: what holds the person, and what could not be searched."""
+class _Searcher:
+    """One search: the hits so far, and what could not be searched."""
 
     def __init__(self, participant: str, excluded: set[Path]) -> None:
         self._participant = participant
         self._excluded = excluded
-        self._listed: set[Path] = set()  # by the manifests of exports: files and their folders
-        self.holdings: set[Holding] = set()
+        text = re.escape(participant.encode())
+        self._in_json = re.compile(rb'"participant"\s*:\s*"%b"' % text)
+        self._in_text = re.compile(rb"\b(sub-)?%b\b" % text)
+        self._listed: set[Path] = set()  # files of exports and their folders, by the manifests
+        self.hits: set[PersonalData] = set()
         self.missed: set[Path] = set()
 
     def miss(self, error: OSError) -> None:
+        """Note a folder that cannot be read."""
         self.missed.add(Path(error.filename))
 
-    def look_at(self, here: Path, names: list[str], files: list[str]) -> None:
-        """Look at a folder, and keep of the names of folders in it those to look into."""
-        links = {here / name for name in (*names, *files) if (here / name).is_symlink()}
-        self.missed |= links - self._excluded
-        for path in sorted({here / name for name in files} - links):
+    def search_folder(self, folder: Path, names: list[str], files: list[str]) -> None:
+        """Search the files of a folder, and keep the names of the folders to go into."""
+        paths = {folder / name for name in (*names, *files)} - self._excluded
+        links = {path for path in paths if path.is_symlink()}
+        self.missed |= links
+        for path in sorted(paths.intersection(folder / name for name in files) - links):
+            if path in self._listed:
+                continue
             try:
-                self._look_at_file(path)
-            except OSError:
+                what = self._what_holds_person(path)
+            except (OSError, ValueError, csv.Error):
                 self.missed.add(path)
-        names[:] = [name for name in names if self._enters(here / name)]
-
-    def _look_at_file(self, path: Path) -> None:
-        """Note a folder whose manifest names the person, or levels that were placed for them."""
-        if path.name == NAME:
-            try:
-                manifest = read_manifest(path.parent)
-            except ValueError:
-                self.missed.add(path)
-                return
-            if manifest and self._participant in manifest.participants:
-                self.holdings.add(Holding(path.parent, manifest.what))
-            for name in map(Path, manifest.files if manifest else ()):
-                self._listed |= {path.parent / part for part in (name, *name.parents)}
-        elif path.suffix == LEVELS_SUFFIX:
-            with contextlib.suppress(ValueError, RecursionError):  # `levels` did not write it
-                table = parse_toml(read_bounded(path, MAX_LEVELS_BYTES).decode("utf-8"))
-                if table.get("participant") == self._participant and "levels_vpp" in table:
-                    self.holdings.add(Holding(path, "levels"))
+                continue
+            if what is not None:
+                is_file = what in {"levels", "table"}
+                self.hits.add(PersonalData(path if is_file else folder, what))
+        names[:] = [n for n in names if folder / n in paths - links and self._enters(folder / n)]
 
     def _enters(self, folder: Path) -> bool:
-        """Note a copy of the person's sessions; other people's folders need no search.
+        """Return whether to search a folder; that of the person is named as a whole.
 
-        An export is named as a whole; in its folders may be what somebody put there since.
+        An export is named as a whole, too, but somebody may have put other things into it.
         """
-        if folder in self._excluded or folder.is_symlink():
+        is_persons = folder.name == f"sub-{self._participant}" and folder not in self._listed
+        if is_persons:
+            self.hits.add(PersonalData(folder, "sessions"))
+        return not is_persons
+
+    def _what_holds_person(self, path: Path) -> str | None:
+        """Return what a file shows to hold data of the person; None if it shows nothing.
+
+        Raises OSError if the file cannot be read or is too large, ValueError for a manifest that is
+        none.
+        """
+        if path.name == NAME:
+            manifest = read_manifest(path.parent)
+            if manifest is None:
+                return None
+            for name in map(Path, manifest.files):
+                self._listed |= {path.parent / each for each in (name, *name.parents)}
+            return manifest.what if self._participant in manifest.participants else None
+        if path.name in {HEADER, PLAN, JOURNAL}:
+            raw = read_bounded(path, MAX_SEARCHED_BYTES)
+            return "sessions" if self._in_json.search(raw) else None
+        if path.suffix in _TABLE_SEPARATORS and path.is_file():
+            raw = read_bounded(path, MAX_SEARCHED_BYTES)
+            return "table" if self._is_in_table(raw, _TABLE_SEPARATORS[path.suffix]) else None
+        if path.suffix == LEVELS_SUFFIX and self._has_levels(path):
+            return "levels"
+        return None
+
+    def _is_in_table(self, raw: bytes, separator: str) -> bool:
+        if not self._in_text.search(raw):
             return False
-        if folder in self._listed or not _PERSON.fullmatch(folder.name):
-            return True
-        if folder.name == f"sub-{self._participant}":
-            self.holdings.add(Holding(folder, "sessions"))
-        return False
+        text = io.TextIOWrapper(io.BytesIO(raw), encoding="utf-8-sig", errors="replace", newline="")
+        rows = csv.reader(text, delimiter=separator)
+        heading = next(rows, [])
+        columns = [i for i, name in enumerate(heading) if name in {"participant", ID_COLUMN}]
+        names = {self._participant, f"sub-{self._participant}"}
+        return any(row[i] in names for row in rows for i in columns if i < len(row))
+
+    def _has_levels(self, path: Path) -> bool:
+        """Return whether a file has levels that were placed for the person."""
+        try:
+            table = parse_toml(read_bounded(path, MAX_LEVELS_BYTES).decode("utf-8"))
+        except (ValueError, RecursionError):  # `levels` did not write it
+            return False
+        return table.get("participant") == self._participant and "levels_vpp" in table
+
+
+_TABLE_SEPARATORS: Final = {".csv": ",", ".tsv": "\t"}
+MAX_SEARCHED_BYTES: Final = 100_000_000
+"""A larger file is reported as not searched."""

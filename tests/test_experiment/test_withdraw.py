@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import shutil
 from typing import TYPE_CHECKING
 
@@ -11,7 +12,7 @@ from filelock import FileLock
 
 from experiment import ArchiveError
 from experiment.record.manifest import NAME
-from experiment.record.withdraw import Holding, search
+from experiment.record.withdraw import PersonalData, search
 from tests.test_experiment.sessions import contents
 from tests.test_experiment.withdrawals import (
     assert_gone,
@@ -172,6 +173,7 @@ def test_analyses_and_copies_that_hold_the_person_are_listed(
         f"analysis: {copies / 'analysis'}",
         f"sessions: {copies / 'old' / 'sub-01'}",
         f"levels: {copies / 'levels.toml'}",
+        f"table: {copies / 'table.csv'}",
         str(copies / "broken" / NAME),  # not searched
         str(copies / "link"),
     }
@@ -181,19 +183,19 @@ def test_analyses_and_copies_that_hold_the_person_are_listed(
 def test_of_an_export_the_whole_is_listed_and_what_was_put_into_it(
     results: Path, tmp_path: Path, run: Run
 ) -> None:
-    bids, whole = tmp_path / "bids", Holding(tmp_path / "bids", "BIDS data set")
+    bids, whole = tmp_path / "bids", PersonalData(tmp_path / "bids", "BIDS data set")
     assert run("export", results, "--bids", bids, "--with-sourcedata").exit_code == 0
-    assert search([bids], "02").holdings == (whole,)
+    assert search([bids], "02").hits == (whole,)
     copies = [bids / "analysis", bids / "sourcedata" / "more"]
     for copy in copies:
         shutil.copytree(results / "analysis", copy)
     (bids / "code" / "sub-02").mkdir(parents=True)
-    assert set(search([bids], "02").holdings) == {
+    assert set(search([bids], "02").hits) == {
         whole,
-        *(Holding(copy, "analysis") for copy in copies),
-        Holding(bids / "code" / "sub-02", "sessions"),
+        *(PersonalData(copy, "analysis") for copy in copies),
+        PersonalData(bids / "code" / "sub-02", "sessions"),
     }
-    assert search([bids], "03").holdings == ()
+    assert search([bids], "03").hits == ()
 
 
 REST = '"what": "analysis", "participants": ["01"], "files": {}}'
@@ -224,7 +226,35 @@ REST = '"what": "analysis", "participants": ["01"], "files": {}}'
 def test_a_damaged_manifest_is_not_searched(tmp_path: Path, text: str) -> None:
     path = tmp_path / NAME
     path.write_text('{"schema": 1, ' + REST, encoding="utf-8")
-    assert search([tmp_path], "01").holdings == (Holding(tmp_path, "analysis"),)
+    assert search([tmp_path], "01").hits == (PersonalData(tmp_path, "analysis"),)
     path.write_text(text, encoding="utf-8", errors="surrogateescape")
     found = search([tmp_path], "01")
-    assert (found.holdings, found.not_searched) == ((), (path,))
+    assert (found.hits, found.not_searched) == ((), (path,))
+
+
+def test_renamed_copies_of_sessions_and_tables_are_listed(
+    results: Path, tmp_path: Path, withdraw: Withdraw
+) -> None:
+    session = results / "sub-01" / "ses-01"
+    notes, others = results / "notes", results / "sub-02" / "old"
+    for folder in (notes, others):
+        folder.mkdir()
+    shutil.copytree(session, notes / "pilot")
+    shutil.copytree(session, others / "ses-77")
+    shutil.copy(session / "plan.json", others)
+    shutil.copy(session / "trials.csv", notes / "first.csv")
+    shutil.copy(results / "participants.tsv", notes / "people.tsv")
+    shutil.copy(results / "sub-02" / "ses-01" / "trials.csv", notes / "others.csv")
+    (notes / "words.csv").write_text("word,participant\n01,one\n", encoding="utf-8")
+    os.mkfifo(notes / "header.json")
+    os.mkfifo(notes / "levels.toml")
+    (notes / "long.toml").write_text("a." * 60_000 + "a = 1\n", encoding="utf-8")
+    assert listed(withdraw()) == {
+        f"analysis: {results / 'analysis'}",
+        f"sessions: {notes / 'pilot'}",
+        f"sessions: {others}",
+        f"sessions: {others / 'ses-77'}",
+        f"table: {notes / 'first.csv'}",
+        f"table: {notes / 'people.tsv'}",
+        str(notes / "header.json"),  # not searched
+    }
