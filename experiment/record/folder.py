@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from experiment.record.files import (
     DISK,
+    FOLDER,
     HEADER,
     JOURNAL,
     LOCK,
@@ -175,8 +176,9 @@ class SessionFolder:
         ------
         ArchiveError
             If there is a plan, a journal with a line or a trials.csv, one of the places is a
-            symbolic link, or the person withdrew.
+            symbolic link, an identifier in use differs only by case, or the person withdrew.
         """
+        self._refuse_other_case()
         refuse_withdrawn(self.root, self.participant)
         refuse_links(self.path)
         self.refuse_loss()
@@ -185,6 +187,26 @@ class SessionFolder:
                 f"{self.path}: this session exists already; nothing was changed. Go on with it by "
                 "--resume, or give another --participant or --session"
             )
+
+    def _refuse_other_case(self) -> None:
+        """Refuse an identifier that differs from one in use only by upper and lower case.
+
+        Many disks treat such names as the same, so that the folder could not be copied to them.
+        """
+        people = {path.name for path in self.root.glob("sub-*")}
+        people |= {path.stem for path in (self.root / FOLDER).glob("sub-*.json")}
+        people |= {*read_people(self.root).rows}
+        sessions = {path.name for path in self.path.parent.glob("ses-*")}
+        for key, name, names in (
+            ("participant", f"sub-{self.participant}", people),
+            ("session", f"ses-{self.session}", sessions),
+        ):
+            for other in sorted(names - {name}):
+                if other.casefold() == name.casefold():
+                    raise ArchiveError(
+                        f"{key}: must differ from {other[4:]!r}, which exists, by more than upper "
+                        f"and lower case (got {name[4:]!r}): nothing was changed"
+                    )
 
     def refuse_loss(self) -> None:
         """Refuse a session of which plan or journal were lost; none at all is no loss.

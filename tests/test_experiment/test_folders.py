@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from experiment import ArchiveError, StudyError
+from experiment import ArchiveError, SessionFolder, StudyError
 from experiment.record.files import check_identifier
 from tests.test_experiment.lab import Crash, Lab
 from tests.test_experiment.sessions import Sessions, contents
@@ -185,3 +185,24 @@ def test_a_name_that_windows_reserves_is_refused(
     for text in (f'study = {{ name = "{name}" }}', f'[[condition]]\nname = "{name}"'):
         with pytest.raises(StudyError, match=f'Windows.*"{name}"'):
             make_study(text)
+
+
+@pytest.mark.parametrize("left", ["sub-ab/ses-ab", "withdrawn/sub-ab.json", "participants.tsv"])
+@pytest.mark.parametrize(("participant", "session"), [("AB", "ab"), ("aB", "2"), ("ab", "Ab")])
+def test_identifiers_that_differ_only_by_case_are_refused(
+    tmp_path: Path, left: str, participant: str, session: str
+) -> None:
+    path = tmp_path / left
+    path.parent.mkdir(parents=True, exist_ok=True)
+    if path.suffix:
+        path.write_text("participant_id\nsub-ab\n" if path.suffix == ".tsv" else "", "utf-8")
+    else:
+        path.mkdir()
+    folder = SessionFolder(tmp_path, participant, session)
+    is_taken = participant != "ab" or left == "sub-ab/ses-ab"
+    before = everything(tmp_path)
+    if is_taken:
+        with pytest.raises(ArchiveError, match=r"must differ from 'ab', which exists, .* upper"):
+            folder.refuse_existing()
+    assert everything(tmp_path) == before
+    SessionFolder(tmp_path, "abc", "1").refuse_existing()

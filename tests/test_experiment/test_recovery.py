@@ -280,3 +280,34 @@ def test_wherever_the_disk_is_full_nothing_is_lost_or_felt_without_a_row(
         full_at += 1
     assert begun > 5 * TRIALS
     assert full_at - begun > 10
+
+
+@pytest.mark.parametrize(
+    ("number", "advice"),
+    [(errno.EIO, "safe: continue with"), (errno.ENOSPC, "safe: make room, then continue with")],
+)
+def test_a_disk_that_fails_is_reported_by_its_own_error(
+    tmp_path: Path,
+    quick_study_text: str,
+    monkeypatch: pytest.MonkeyPatch,
+    number: int,
+    advice: str,
+) -> None:
+    sessions = Sessions(tmp_path, quick_study_text + VOLTS)
+    sync, calls = Disk.sync, 0
+
+    def failing_sync(disk: Disk, file: int) -> None:
+        nonlocal calls
+        calls += 1
+        if calls > 12:
+            raise OSError(number, os.strerror(number))
+        sync(disk, file)
+
+    monkeypatch.setattr(Disk, "sync", failing_sync)
+    result = sessions.run(*SIMULATED)
+    assert result.exit_code == 4
+    assert os.strerror(number) in result.stderr
+    assert advice in result.stderr
+    assert ("make room" in result.stderr) == (number == errno.ENOSPC)
+    monkeypatch.undo()
+    assert sessions.run(*SIMULATED, "--resume").exit_code == 0
