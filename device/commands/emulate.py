@@ -6,9 +6,8 @@ import contextlib
 import os
 import signal
 import threading
-from math import inf
 from pathlib import Path
-from typing import IO, TYPE_CHECKING
+from typing import IO, TYPE_CHECKING, Any
 
 import click
 
@@ -18,10 +17,8 @@ from device.printing import echo
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from device.emulate.amplifier import Amplifier
-    from device.emulate.emulator import Emulator
+    from device.emulate.emulator import Emulator, Nature
     from device.emulate.faults import Faults
-    from device.emulate.generator import GeneratorEmulator
     from device.emulate.lines import Line
 
 
@@ -48,59 +45,32 @@ if TYPE_CHECKING:
 @click.pass_context
 def emulate(
     ctx: click.Context,
+    /,
     *,
     on_pty: bool,
     tcp_port: int | None,
     generator: str | None,
     truth_file: Path | None,
-    script: str | None,
+    script: str,
     seed: int,
-    baud: int | None,
-    ceiling_vpp: float | None,
-    sample_rate_hz: float | None,
-    serial_number: str | None,
-    firmware: Path | None,
-    switch_open: bool,
+    amplifier_gain: float,
     switch_stdin: bool,
-    over_current_at_s: float | None,
-    unsensed: bool,
-    adc: str | None,
-    amplifier_gain: float | None,
+    **device: Any,
 ) -> None:
     """Emulate a device on a pseudo-terminal or TCP port, for tests without hardware.
 
     The first line of output names the port to open. The emulator runs until Ctrl-C or SIGTERM. The
     options from --baud to --adc apply to the emulated tactstrip device, not to a --generator.
     """
-    from device.emulate.amplifier import Adc, Amplifier
-    from device.emulate.emulator import SERIAL_NUMBER
-
     if on_pty and tcp_port is not None:
         raise click.UsageError("--pty and --tcp exclude each other.", ctx)
     require_together(ctx)
     with usage(ctx), _until_signal(), _open_truth_file(truth_file) as truth:
-        faults = _faults(script or "", seed)
+        faults = _faults(script, seed)
         if generator is not None:
-            gain = 1.0 if amplifier_gain is None else amplifier_gain
-            _run_generator(tcp_port, truth, faults, gain)
+            _run_generator(tcp_port, truth, faults, amplifier_gain)
         else:
-            _run_device(
-                tcp_port,
-                truth,
-                faults,
-                baud=baud,
-                ceiling_vpp=200.0 if ceiling_vpp is None else ceiling_vpp,
-                sample_rate_hz=48_000.0 if sample_rate_hz is None else sample_rate_hz,
-                serial_number=SERIAL_NUMBER if serial_number is None else serial_number,
-                firmware=firmware,
-                amplifier=Amplifier(
-                    switch_open=switch_open,
-                    sensed=not unsensed,
-                    over_current_at_s=inf if over_current_at_s is None else over_current_at_s,
-                    adc=None if adc is None else Adc.parse(adc),
-                ),
-                switch_stdin=switch_stdin,
-            )
+            _run_device(tcp_port, truth, faults, _nature(**device), switch_stdin=switch_stdin)
 
 
 def _faults(script: str, seed: int) -> Faults:
@@ -111,33 +81,44 @@ def _faults(script: str, seed: int) -> Faults:
     return Faults(FaultScript.parse(script), np.random.default_rng(seed))
 
 
-def _run_device(
-    tcp_port: int | None,
-    truth: IO[str],
-    faults: Faults,
+def _nature(
     *,
-    baud: int | None,
     ceiling_vpp: float,
     sample_rate_hz: float,
-    serial_number: str,
     firmware: Path | None,
-    amplifier: Amplifier,
-    switch_stdin: bool,
-) -> None:
-    from device.clock import MonotonicClock
+    switch_open: bool,
+    unsensed: bool,
+    over_current_at_s: float,
+    adc: str | None,
+    **settings: Any,
+) -> Nature:
     from device.core.output import OutputStage
-    from device.emulate.emulator import Emulator, Nature, Truth
+    from device.emulate.amplifier import Adc, Amplifier
+    from device.emulate.emulator import Nature
     from device.emulate.firmware import FirmwareLibrary
     from device.limits import Limits
 
-    nature = Nature(
+    amplifier = Amplifier(
+        switch_open=switch_open,
+        sensed=not unsensed,
+        over_current_at_s=over_current_at_s,
+        adc=None if adc is None else Adc.parse(adc),
+    )
+    return Nature(
         limits=Limits(ceiling_vpp=ceiling_vpp, min_interval_s=_MIN_INTERVAL_S),
         output=OutputStage(sample_rate_hz=sample_rate_hz, rail_v=ceiling_vpp / 2),
-        baud=baud,
-        serial_number=serial_number,
         amplifier=amplifier,
         firmware=None if firmware is None else FirmwareLibrary(firmware),
+        **settings,
     )
+
+
+def _run_device(
+    tcp_port: int | None, truth: IO[str], faults: Faults, nature: Nature, *, switch_stdin: bool
+) -> None:
+    from device.clock import MonotonicClock
+    from device.emulate.emulator import Emulator, Truth
+
     line = _line(tcp_port)
     emulator = Emulator(line, nature, faults, Truth(truth), MonotonicClock())
     _print_port(line, "serial")
@@ -172,9 +153,7 @@ def _run_generator(
 
     require_positive("amplifier_gain", amplifier_gain)
     line = _line(tcp_port)
-    emulator: GeneratorEmulator = GeneratorEmulator(
-        line, truth, amplifier_gain=amplifier_gain, faults=faults
-    )
+    emulator = GeneratorEmulator(line, truth, amplifier_gain=amplifier_gain, faults=faults)
     _print_port(line, "generator")
     try:
         emulator.run()

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import contextlib
+from math import inf
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, Final, TypeVar
 
 import click
+from click.core import ParameterSource
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -40,6 +42,7 @@ _OPTIONS = (
         "--fault",
         "script",
         metavar="SCRIPT",
+        default="",
         help="Inject faults, such as drop=0.01,corrupt=0.01 (see below).",
     ),
     click.option(
@@ -60,17 +63,20 @@ _OPTIONS = (
         "--ceiling-vpp",
         type=float,
         metavar="V",
+        default=200.0,
         help="Ceiling of the device, in V peak-to-peak.  [default: 200]",
     ),
     click.option(
         "--sample-rate-hz",
         type=float,
         metavar="R",
+        default=48_000.0,
         help="Sample rate of the device, in Hz.  [default: 48000]",
     ),
     click.option(
         "--serial-number",
         metavar="S",
+        default="1",
         help="Serial number of the device. Different numbers distinguish emulators.  [default: 1]",
     ),
     click.option(
@@ -91,6 +97,7 @@ _OPTIONS = (
         "over_current_at_s",
         type=click.FloatRange(min=0.0),
         metavar="S",
+        default=inf,
         help="Report an over-current of the amplifier after this time, in s.",
     ),
     click.option("--unsensed", is_flag=True, help="Do not report the state of the amplifier."),
@@ -103,6 +110,7 @@ _OPTIONS = (
         "--amplifier-gain",
         type=float,
         metavar="G",
+        default=1.0,
         help="Gain of the amplifier behind the --generator, for the voltages in the --truth file.  "
         "[default: 1]",
     ),
@@ -116,17 +124,18 @@ def emulator_options(command: _Command) -> _Command:
     return command
 
 
+_DEVICE_OPTIONS: Final = (
+    *("baud", "ceiling_vpp", "sample_rate_hz", "serial_number", "firmware"),
+    *("switch_open", "switch_stdin", "over_current_at_s", "unsensed", "adc"),
+)
+
+
 def require_together(ctx: click.Context) -> None:
     """Reject options of a device for a generator, and of a generator for a device."""
-    options = {option for option, value in ctx.params.items() if value not in (None, False)}
-    device_options = (
-        *("baud", "ceiling_vpp", "sample_rate_hz", "serial_number", "firmware"),
-        *("switch_open", "switch_stdin", "over_current_at_s", "unsensed", "adc"),
-    )
-    excluded = device_options if "generator" in options else ("amplifier_gain",)
-    for name in excluded:
-        if name in options:
-            verb = "exclude" if "generator" in options else "need"
+    is_generator = ctx.params["generator"] is not None
+    verb = "exclude" if is_generator else "need"
+    for name in _DEVICE_OPTIONS if is_generator else ("amplifier_gain",):
+        if ctx.get_parameter_source(name) is ParameterSource.COMMANDLINE:
             option = "--" + name.removesuffix("_s").replace("_", "-")
             raise click.UsageError(f"{option} and --generator {verb} each other.", ctx)
 

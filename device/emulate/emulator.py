@@ -7,14 +7,11 @@ host can touch.
 from __future__ import annotations
 
 import base64
-import heapq
 import json
-import re
 import secrets
 import signal
 import zlib
 from dataclasses import dataclass, field, replace
-from itertools import chain
 from typing import IO, TYPE_CHECKING, Final
 
 import numpy as np
@@ -25,7 +22,7 @@ from device.core.reports import About, Health
 from device.core.states import State
 from device.driver import Identity
 from device.emulate.amplifier import Amplifier
-from device.emulate.faults import Faults, Mishap
+from device.emulate.faults import FaultyLine
 from device.emulate.firmware import FirmwareEndpoint
 from device.wire.endpoint import Endpoint
 from device.wire.frames import MINOR, VERSION
@@ -34,6 +31,7 @@ if TYPE_CHECKING:
     from device.clock import Clock
     from device.core.output import Emission, OutputStage
     from device.core.reports import Measurement
+    from device.emulate.faults import Faults
     from device.emulate.firmware import FirmwareLibrary
     from device.emulate.lines import Line
     from device.limits import Limits
@@ -107,9 +105,6 @@ TICK_S: Final = 0.002
 
 SERIAL_NUMBER: Final = "1"
 """The same in every process: an emulator that is started again is the same device."""
-
-_FRAME: Final = re.compile(rb"\0*[^\0]+\0?|\0+")
-"""What faults may happen to, one by one: bytes up to the delimiter that ends a frame."""
 
 _IDLE_TICK_S: Final = 0.02
 _BITS_PER_BYTE: Final = 10
@@ -190,16 +185,11 @@ class Emulator:
     def __init__(
         self, line: Line, nature: Nature, faults: Faults, truth: Truth, clock: Clock
     ) -> None:
-        self._line = line
+        self._line = FaultyLine(line, faults, clock, on_reset=self.reset, byte_s=nature.byte_s)
         self._nature = nature
-        self._faults = faults
         self._truth = truth
         self._clock = clock
         self._began_s = clock.now_s()
-        self._inbox: list[tuple[float, int, bytes]] = []
-        self._outbox: list[tuple[float, int, bytes]] = []
-        self._pieces = 0
-        self._wire_free_s = [0.0, 0.0]
         self._connected = False
         self._missed = np.random.default_rng(0)
         self._was_open = nature.amplifier.switch_open
@@ -225,22 +215,18 @@ class Emulator:
         self._endpoint.core.advance(self._now_us())
         self._note_state("watchdog")
         self._sense()
+        while data:
+            self._connected = True
+            self._receive(data)
+            data = self._line.read(0.0)
         if data is None and self._connected:
             self._lose_host("line")
         self._connected = data is not None
-        if data:
-            self._arrive(data)
-        self._take_due()
-        self._send_due()
-        if self._faults.cut_off():
-            self._line.drop()
-            self._lose_host("disconnect")
 
     @property
     def due_in_s(self) -> float:
         """Seconds until a piece on the wire arrives; infinite if there is none."""
-        due_s = [box[0][0] for box in (self._inbox, self._outbox) if box]
-        return max(0.0, min(due_s, default=float("inf")) - self._clock.now_s())
+        return self._line.due_in_s
 
     def reset(self) -> None:
         """Restart the device: new boot id, everything forgotten."""
@@ -263,46 +249,19 @@ class Emulator:
             self._endpoint.core.sense(self._now_us(), sensed)
             self._note_state("over-current")
 
-    def _arrive(self, data: bytes) -> None:
-        mishap = self._faults.arrived()
-        if mishap is Mishap.STALL:
-            self._clock.wait(self._faults.stall_s())
-        if mishap is Mishap.RESET:
-            self.reset()
-        elif mishap is Mishap.DISCONNECT:
-            self._line.drop()
-            self._lose_host("disconnect")
-        else:
-            self._put(data, self._inbox, wire=0)
-
-    def _put(self, data: bytes, box: list[tuple[float, int, bytes]], *, wire: int) -> None:
-        """Give bytes to one of the wires."""
-        for delay_s, piece in chain.from_iterable(map(self._faults.passed, _FRAME.findall(data))):
-            begin_s = max(self._clock.now_s(), self._wire_free_s[wire])
-            self._wire_free_s[wire] = begin_s + len(piece) * self._nature.byte_s
-            self._pieces += 1
-            heapq.heappush(box, (self._wire_free_s[wire] + delay_s, self._pieces, piece))
-
-    def _take_due(self) -> None:
-        while self._inbox and self._inbox[0][0] <= self._clock.now_s():
-            answers = self._endpoint.receive(self._now_us(), heapq.heappop(self._inbox)[2])
-            burst = self._endpoint.core.playing
-            if burst is not None:
-                self._truth.note_burst(burst)
-            self._note_state("host")
-            if answers:
-                self._put(answers, self._outbox, wire=1)
-
-    def _send_due(self) -> None:
-        while self._outbox and self._outbox[0][0] <= self._clock.now_s():
-            self._line.write(heapq.heappop(self._outbox)[2])
+    def _receive(self, data: bytes) -> None:
+        answers = self._endpoint.receive(self._now_us(), data)
+        burst = self._endpoint.core.playing
+        if burst is not None:
+            self._truth.note_burst(burst)
+        self._note_state("host")
+        if answers:
+            self._line.write(answers)
 
     def _lose_host(self, cause: str) -> None:
         """Lose the line and what was on it; the outputs go to zero."""
         self._endpoint.hang_up(self._now_us())
         self._note_state(cause)
-        self._inbox.clear()
-        self._outbox.clear()
 
     def _note_state(self, cause: str) -> None:
         self._truth.note_state(self._now_us() / 1e6, self._endpoint.core.state, cause)

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import heapq
 import math
+import re
 from dataclasses import dataclass, fields
 from enum import StrEnum
 from typing import TYPE_CHECKING, Final
@@ -23,9 +24,11 @@ if TYPE_CHECKING:
 
 _SECONDS: Final = ("delay_s", "stall_s")
 _LONGEST_S: Final = 86_400.0
+_FRAME: Final = re.compile(rb"\0*[^\0]+\0?|\0+")
+"""What faults may happen to, one by one: bytes up to the delimiter that ends a frame."""
 
 
-class Mishap(StrEnum):
+class DeviceFault(StrEnum):
     """What happens to the device as a whole."""
 
     NONE = "none"
@@ -36,7 +39,7 @@ class Mishap(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FaultScript:
-    """How often what goes wrong.
+    """How often each fault happens.
 
     Parameters
     ----------
@@ -92,18 +95,17 @@ class FaultScript:
         ValueError: faults must be of drop, corrupt, duplicate, delay, stall, reset, disconnect,
         delay_s, stall_s, disconnect_at, each once as name=number; got 'drops=0.01'
         """
-        known = [field.name for field in fields(FaultScript)]
+        names = [field.name for field in fields(FaultScript)]
         values: dict[str, float] = {}
-        for part in filter(None, (part.strip() for part in text.split(","))):
-            name, _, number = part.partition("=")
+        for setting in filter(None, (setting.strip() for setting in text.split(","))):
+            name, _, number = setting.partition("=")
             try:
                 value = float(number)
             except ValueError:
                 value = math.nan
-            if name not in known or name in values or math.isnan(value):
-                raise ValueError(
-                    f"faults must be of {', '.join(known)}, each once as name=number; got {part!r}"
-                )
+            if name not in names or name in values or math.isnan(value):
+                rule = f"of {', '.join(names)}, each once as name=number"
+                raise ValueError(f"faults must be {rule}; got {setting!r}")
             values[name] = value
         return FaultScript(**values)
 
@@ -144,16 +146,16 @@ class Faults:
         self._room = math.inf
         return True
 
-    def arrived(self) -> Mishap:
+    def arrived(self) -> DeviceFault:
         """Return what happens to the device when something arrives."""
-        for mishap, probability in (
-            (Mishap.RESET, self.script.reset),
-            (Mishap.DISCONNECT, self.script.disconnect),
-            (Mishap.STALL, self.script.stall),
+        for fault, probability in (
+            (DeviceFault.RESET, self.script.reset),
+            (DeviceFault.DISCONNECT, self.script.disconnect),
+            (DeviceFault.STALL, self.script.stall),
         ):
             if self._rng.random() < probability:
-                return mishap
-        return Mishap.NONE
+                return fault
+        return DeviceFault.NONE
 
     def stall_s(self) -> float:
         """Return how long a stall lasts."""
@@ -169,74 +171,122 @@ class Faults:
         return octets[self._rng.random(octets.size) >= script.drop].tobytes()
 
 
-_Pieces = list[tuple[float, int, bytes]]
+class _Wire:
+    """One direction of a line: pieces under way, each with the time of its arrival."""
+
+    def __init__(self, faults: Faults, clock: Clock, byte_s: float) -> None:
+        self._faults = faults
+        self._clock = clock
+        self._byte_s = byte_s
+        self._free_s = 0.0
+        self._n_pieces = 0
+        self._pieces: list[tuple[float, int, bytes]] = []
+
+    @property
+    def due_s(self) -> float:
+        """When the next piece arrives; infinite if there is none."""
+        return self._pieces[0][0] if self._pieces else math.inf
+
+    def put(self, data: bytes) -> None:
+        """Send bytes; each frame among them may be damaged, delayed, doubled or lost."""
+        for frame in _FRAME.findall(data):
+            for delay_s, piece in self._faults.passed(frame):
+                self._free_s = max(self._clock.now_s(), self._free_s) + len(piece) * self._byte_s
+                self._n_pieces += 1
+                heapq.heappush(self._pieces, (self._free_s + delay_s, self._n_pieces, piece))
+
+    def take(self) -> bytes | None:
+        """Return the next piece whose time has come; None if there is none."""
+        return heapq.heappop(self._pieces)[2] if self.due_s <= self._clock.now_s() else None
+
+    def clear(self) -> None:
+        """Lose what is under way."""
+        self._pieces.clear()
 
 
-class BadLine:
-    """A `lines.Line` that is in the way of another one.
+class FaultyLine:
+    """A `lines.Line` in the way of another one: with a rate, and with faults.
 
-    What arrives together is a frame; `restart` restarts what is at the end of the line.
+    Parameters
+    ----------
+    line : Line
+        The line to the host.
+    faults : Faults
+        What goes wrong.
+    clock : Clock
+        By which pieces arrive.
+    on_reset : callable
+        Restarts what is at the device's end of the line.
+    byte_s : float
+        Seconds that one byte takes on the wire.
     """
 
     def __init__(
-        self, line: Line, faults: Faults, clock: Clock, *, restart: Callable[[], object]
+        self,
+        line: Line,
+        faults: Faults,
+        clock: Clock,
+        *,
+        on_reset: Callable[[], object],
+        byte_s: float = 0.0,
     ) -> None:
         self.name = line.name
         self._line = line
         self._faults = faults
         self._clock = clock
-        self._restart = restart
-        self._inbox: _Pieces = []
-        self._outbox: _Pieces = []
-        self._pieces = 0
+        self._on_reset = on_reset
+        self._inbound = _Wire(faults, clock, byte_s)
+        self._outbound = _Wire(faults, clock, byte_s)
+
+    @property
+    def due_in_s(self) -> float:
+        """Seconds until a piece arrives at either end; infinite if there is none."""
+        return max(0.0, min(self._inbound.due_s, self._outbound.due_s) - self._clock.now_s())
 
     def read(self, timeout_s: float) -> bytes | None:
-        """Return what has come through; None where the host is gone."""
+        """Return the next piece that has come through; None if the host is gone."""
         data = self._line.read(timeout_s)
-        if data and not self._survives():
-            data = None
-        if data:
-            self._put(data, self._inbox)
-        for piece in self._due(self._outbox):
-            self._line.write(piece)
-        if data is None or self._faults.cut_off():
+        if data is None:
+            self._clear()
+            return None
+        if data and self._survives():
+            self._inbound.put(data)
+        self._send_due()
+        if self._faults.cut_off():
             self.drop()
             return None
-        return b"".join(self._due(self._inbox))
+        return self._inbound.take() or b""
 
     def write(self, data: bytes) -> None:
         """Send bytes that come through at once, later, damaged or not at all."""
-        self._put(data, self._outbox)
-        for piece in self._due(self._outbox):
-            self._line.write(piece)
+        self._outbound.put(data)
+        self._send_due()
 
     def drop(self) -> None:
         """Lose the host, and what is on the line."""
         self._line.drop()
-        self._inbox.clear()
-        self._outbox.clear()
+        self._clear()
 
     def close(self) -> None:
         """Give the port back."""
         self._line.close()
 
     def _survives(self) -> bool:
-        """Tell whether what arrives finds the line and the device as they were."""
-        mishap = self._faults.arrived()
-        if mishap is Mishap.STALL:
+        """Return whether what arrives finds the line and the device as they were."""
+        fault = self._faults.arrived()
+        if fault is DeviceFault.STALL:
             self._clock.wait(self._faults.stall_s())
-        if mishap is Mishap.RESET:
-            self._restart()
-        return mishap in {Mishap.NONE, Mishap.STALL}
+        elif fault is DeviceFault.RESET:
+            self._clear()
+            self._on_reset()
+        elif fault is DeviceFault.DISCONNECT:
+            self.drop()
+        return fault in {DeviceFault.NONE, DeviceFault.STALL}
 
-    def _put(self, data: bytes, box: _Pieces) -> None:
-        for delay_s, piece in self._faults.passed(data):
-            self._pieces += 1
-            heapq.heappush(box, (self._clock.now_s() + delay_s, self._pieces, piece))
+    def _send_due(self) -> None:
+        while (piece := self._outbound.take()) is not None:
+            self._line.write(piece)
 
-    def _due(self, box: _Pieces) -> list[bytes]:
-        """Take the pieces whose time has come."""
-        pieces = []
-        while box and box[0][0] <= self._clock.now_s():
-            pieces.append(heapq.heappop(box)[2])
-        return pieces
+    def _clear(self) -> None:
+        self._inbound.clear()
+        self._outbound.clear()

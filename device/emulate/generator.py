@@ -19,7 +19,7 @@ import numpy as np
 from device.clock import MonotonicClock
 from device.core.output import Emission
 from device.emulate.emulator import TICK_S
-from device.emulate.faults import BadLine, Faults
+from device.emulate.faults import FaultyLine
 from device.emulate.instrument import (
     BAD_BLOCK,
     BAD_VALUE,
@@ -37,6 +37,7 @@ from device.scpi.dialects import EMULATED, INFINITE_OHM
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from device.emulate.faults import Faults
     from device.emulate.lines import Line
 
 
@@ -280,11 +281,9 @@ class GeneratorEmulator:
     """
 
     def __init__(
-        self, line: Line, truth: IO[str], *, amplifier_gain: float, faults: Faults | None = None
+        self, line: Line, truth: IO[str], *, amplifier_gain: float, faults: Faults
     ) -> None:
-        self._line: Line = line
-        if faults is not None:
-            self._line = BadLine(line, faults, MonotonicClock(), restart=self._restart)
+        self._line = FaultyLine(line, faults, MonotonicClock(), on_reset=self._restart)
         self._truth = truth
         self._gain = amplifier_gain
         self._began_s = time.monotonic()
@@ -312,6 +311,7 @@ class GeneratorEmulator:
         """Switch the generator off and on: it forgets everything, its outputs are off."""
         self._generator.hang_up()
         self._generator.receive(self._now_us(), b"*RST\n*CLS\n")
+        self._line.drop()
 
     def _now_us(self) -> int:
         return int((time.monotonic() - self._began_s) * 1e6)

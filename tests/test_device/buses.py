@@ -14,6 +14,9 @@ import threading
 import time
 from typing import TYPE_CHECKING, Any, Final
 
+import numpy as np
+
+from device.emulate.faults import Faults, FaultScript
 from device.emulate.generator import GeneratorEmulator
 from device.emulate.lines import TcpLine
 
@@ -29,6 +32,9 @@ LARGEST: Final = 64
 """Bytes that a bus takes in a piece of a message."""
 
 
+NO_FAULTS: Final = Faults(FaultScript(), np.random.default_rng(1))
+
+
 class Instrument:
     """A generator at work behind a bus, and what it was sent."""
 
@@ -38,7 +44,7 @@ class Instrument:
         self.truth = io.StringIO()
         self._bus = bus
         self._over = threading.Event()
-        self._emulator = GeneratorEmulator(self, self.truth, amplifier_gain=gain)
+        self._emulator = GeneratorEmulator(self, self.truth, amplifier_gain=gain, faults=NO_FAULTS)
         self._thread = threading.Thread(target=self._serve)
         self._thread.start()
 
