@@ -13,7 +13,7 @@ from device.core.host import HostDriver
 from device.core.output import OutputStage
 from device.driver import BurstDevice, Delivery, Identity
 from device.emulate.mock import DEVICE_LIMITS, MODEL, MockDevice
-from device.errors import DeviceError, LinkError, one_line
+from device.errors import DeviceError, LinkError, error_line
 from device.installed import DRIVERS, Installed, lookup, require_instance
 from device.wire.channels import USUAL, LineSettings, require_port
 
@@ -116,8 +116,8 @@ def make_device(name: str, settings: DriverSettings, clock: Clock) -> BurstDevic
     ValueError: port must be given for the driver serial, got None
     """
     if name not in NEEDS:
-        return guarded_device(own_driver(name).make(settings, clock, BurstDevice))
-    if refused := other_channels(name, settings.channels):
+        return guarded_device(installed_driver(name).make(settings, clock, BurstDevice))
+    if refused := channel_fault(name, settings.channels):
         raise ValueError(refused)
     limits, rate_hz = settings.limits, settings.sample_rate_hz
     if name == MOCK:
@@ -183,7 +183,7 @@ class _GuardedDevice:
             except DeviceError:
                 raise
             except Exception as error:
-                raise LinkError(f"{name} failed: {one_line(error)}") from error
+                raise LinkError(f"{name} failed: {error_line(error)}") from error
             expected = _RESULTS.get(step)
             if expected is not None and not isinstance(result, expected):
                 raise LinkError(f"{name} must return a device.{expected.__name__}; got {result!r}")
@@ -206,15 +206,15 @@ def require_port_of(name: str, port: str) -> None:
         require_port(port)
 
 
-def own_driver(name: str) -> Installed:
+def installed_driver(name: str) -> Installed:
     """Return an installed driver by its name; ValueError with the names of those that there are."""
     return lookup(DRIVERS, name, tuple(NEEDS))
 
 
-def other_channels(name: str, channels: tuple[int, int]) -> str | None:
-    """Say why a built-in driver refuses channels; None where it takes them.
+def channel_fault(name: str, channels: tuple[int, int]) -> str | None:
+    """Return why a built-in driver refuses channels; None if it takes them.
 
-    >>> other_channels("mock", (1, 2)), other_channels("mock", (3, 4))
+    >>> channel_fault("mock", (1, 2)), channel_fault("mock", (3, 4))
     (None, 'channels must be [1, 2] for the driver mock, got [3, 4]: the example ...')
     """
     if name not in NEEDS or channels == FIRST_TWO:
@@ -270,10 +270,10 @@ def _is_emulated_generator(port: str, line: LineSettings) -> bool:
     from device.scpi.dialects import EMULATED
     from device.scpi.generator import identify_generator
 
-    words = identify_generator(port, line)
-    if words is None:
+    identity = identify_generator(port, line)
+    if identity is None:
         raise LinkError(f"no generator that is known here answers on {port}")
-    return EMULATED in words.split(",")
+    return EMULATED in identity.split(",")
 
 
 def _given(value: _Value | None, key: str, name: str) -> _Value:

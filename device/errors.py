@@ -66,10 +66,10 @@ class Refusal(IntEnum):
     MEMORY_FULL = 33, "the waveforms in all slots together are too long"
 
 
-def one_line(error: Exception) -> str:
+def error_line(error: Exception) -> str:
     r"""Return what another library raised in one line, with its type.
 
-    >>> one_line(OSError("no\n such port"))
+    >>> error_line(OSError("no\n such port"))
     'OSError: no such port'
     """
     return f"{type(error).__name__}: {' '.join(str(error).split())}"

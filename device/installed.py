@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from importlib.metadata import entry_points
 from typing import TYPE_CHECKING, Any, Final
 
-from device.errors import one_line
+from device.errors import error_line
 from device.printing import shown
 
 if TYPE_CHECKING:
@@ -46,7 +46,7 @@ class Installed:
         except Exception as error:
             raise ValueError(
                 f"{self.name} of {self.distribution} cannot be loaded from {self.entry.value}: "
-                f"{one_line(error)}"
+                f"{error_line(error)}"
             ) from error
         if not callable(factory):
             raise ValueError(  # noqa: TRY004 - the fault is of the distribution, not of a caller
@@ -65,7 +65,7 @@ class Installed:
             raise ValueError(f"{self.name} of {self.distribution}: {error}") from error
         except Exception as error:
             raise ValueError(
-                f"{self.name} of {self.distribution} failed: {one_line(error)}"
+                f"{self.name} of {self.distribution} failed: {error_line(error)}"
             ) from error
         return made
 

@@ -18,7 +18,7 @@ from device.core.output import OutputStage
 from device.core.reports import Health
 from device.core.tokens import Exchange, Record, Reply
 from device.driver import Identity, Outcome
-from device.errors import DeviceError, LinkError, Refusal, one_line
+from device.errors import DeviceError, LinkError, Refusal, error_line
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -263,7 +263,7 @@ class HostedCore(LocalCore):
         except DeviceError:
             raise
         except Exception as error:
-            message = f"{self._converter.name}: {step.__name__} failed: {one_line(error)}"
+            message = f"{self._converter.name}: {step.__name__} failed: {error_line(error)}"
             raise LinkError(message) from error
 
     def _play(self, record: Record) -> Exchange[Record]:

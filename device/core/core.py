@@ -282,13 +282,13 @@ class DeviceCore:
         if self._sensed.switch_closed is False:
             raise rejection(Refusal.AMPLIFIER_OFF)
 
-    def _tell_limits(self, _: AskLimits) -> DeviceLimits:
+    def _report_limits(self, _: AskLimits) -> DeviceLimits:
         return DeviceLimits.of(self.limits, self._about)
 
-    def _tell_health(self, _: AskHealth) -> Health:
+    def _report_health(self, _: AskHealth) -> Health:
         return self.health
 
-    def _tell_measured(self, message: AskMeasured) -> Measurement:
+    def _report_measured(self, message: AskMeasured) -> Measurement:
         token, playing = message.token, self.playing
         if playing is not None and token == playing.token:
             raise rejection(Refusal.BUSY)
@@ -307,9 +307,9 @@ class DeviceCore:
 
     _ACTIONS: ClassVar[dict[type[Message[Any]], Callable[..., Any]]] = {
         Ping: _answer,
-        AskLimits: _tell_limits,
-        AskHealth: _tell_health,
-        AskMeasured: _tell_measured,
+        AskLimits: _report_limits,
+        AskHealth: _report_health,
+        AskMeasured: _report_measured,
         LoadSlot: _load,
         Levels: _set_levels,
         Enable: _enable,

@@ -169,27 +169,27 @@ class Health:
     @property
     def reported_bits(self) -> int:
         """Bits of what the device reports: 0 amplifier, 1 switch, 2 over-current."""
-        return sum((said is not None) << bit for bit, said in enumerate(self._all))
+        return sum((state is not None) << bit for bit, state in enumerate(self._states))
 
     @property
     def set_bits(self) -> int:
         """Bits of what is so."""
-        return sum(bool(said) << bit for bit, said in enumerate(self._all))
+        return sum(bool(state) << bit for bit, state in enumerate(self._states))
 
     @property
-    def _all(self) -> tuple[bool | None, ...]:
+    def _states(self) -> tuple[bool | None, ...]:
         return self.amplifier_enabled, self.switch_closed, self.over_current
 
     def __str__(self) -> str:
-        """Tell it in one line."""
-        words = (
+        """Return it in one line."""
+        texts = (
             ("amplifier", "disabled", "enabled"),
             ("safety switch", "open", "closed"),
             ("over-current", "none", "reported"),
         )
         return ", ".join(
-            f"{what} {'not known' if said is None else yes if said else no}"
-            for (what, no, yes), said in zip(words, self._all, strict=True)
+            f"{item} {'not known' if state is None else yes if state else no}"
+            for (item, no, yes), state in zip(texts, self._states, strict=True)
         )
 
 

@@ -66,15 +66,15 @@ class Adc:
     @classmethod
     def parse(cls, text: str) -> Adc:
         """Return the input that a text states."""
-        known = [field.name for field in fields(cls)]
+        names = [field.name for field in fields(cls)]
         values: dict[str, Any] = {}
-        for part in filter(None, (part.strip() for part in text.split(","))):
-            name, _, value = part.partition("=")
+        for setting in filter(None, (setting.strip() for setting in text.split(","))):
+            name, _, value = setting.partition("=")
             number = _tap(value) if name == "tap" else _number(value)
-            if name not in known or name in values or number is None:
+            if name not in names or name in values or number is None:
                 raise ValueError(
-                    f"adc must be of {', '.join(known)}, each once as name=value, with tap one of "
-                    f"{', '.join(UNIT_AT)}; got {part!r}"
+                    f"adc must be of {', '.join(names)}, each once as name=value, with tap one of "
+                    f"{', '.join(UNIT_AT)}; got {setting!r}"
                 )
             values[name] = number
         return cls(**values)

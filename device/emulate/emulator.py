@@ -60,9 +60,9 @@ class Truth:
         self._was = State.IDLE
         self._token = 0
 
-    def note(self, t_s: float, event: str, **facts: object) -> None:
+    def note(self, t_s: float, event: str, **entries: object) -> None:
         """Write an event down."""
-        self._file.write(json.dumps({"event": event, "t_s": t_s} | facts) + "\n")
+        self._file.write(json.dumps({"event": event, "t_s": t_s} | entries) + "\n")
         self._file.flush()
 
     def note_state(self, t_s: float, state: State, cause: str) -> None:
@@ -83,19 +83,31 @@ class Truth:
             self.note(burst.cut_us / 1e6, "cut", token=burst.token)
 
     def _note_burst(self, burst: Emission) -> None:
-        rows = burst.left_v, burst.right_v
-        volts = np.stack(rows).astype("<f8").tobytes()
-        levels_vpp = burst.level_left_vpp, burst.level_right_vpp
-        self.note(
-            burst.start_us / 1e6,
-            "burst",
-            token=burst.token,
-            channels=[int(np.any(row)) for row in rows],
-            levels_mv=[round(level_vpp * 1000) for level_vpp in levels_vpp],
-            peak_v=[float(np.abs(row).max(initial=0.0)) for row in rows],
-            crc=zlib.crc32(volts),
-            **({"volts": base64.b64encode(volts).decode()} if self._volts else {}),
-        )
+        entries = {"token": burst.token} | burst_entries(burst)
+        if self._volts:
+            volts = np.stack((burst.left_v, burst.right_v)).astype("<f8").tobytes()
+            entries["volts"] = base64.b64encode(volts).decode()
+        self.note(burst.start_us / 1e6, "burst", **entries)
+
+
+def burst_entries(burst: Emission, *, gain: float = 1.0) -> dict[str, object]:
+    """Return what a truth file says of a burst, behind an amplifier of a gain.
+
+    >>> from device.core.output import Emission
+    >>> volts = np.array([0.0, 2.0, -2.0, 0.0])
+    >>> burst = Emission(token=1, start_us=5, left_v=volts, right_v=0 * volts, level_left_vpp=4.0,
+    ...                  level_right_vpp=0.0, sample_rate_hz=1000.0)
+    >>> burst_entries(burst, gain=10.0)["levels_mv"]
+    [40000, 0]
+    """
+    volts = np.stack((burst.left_v, burst.right_v)) * gain
+    levels_vpp = burst.level_left_vpp, burst.level_right_vpp
+    return {
+        "channels": [int(np.any(row)) for row in volts],
+        "levels_mv": [round(level_vpp * gain * 1000) for level_vpp in levels_vpp],
+        "peak_v": [float(np.abs(row).max(initial=0.0)) for row in volts],
+        "crc": zlib.crc32(volts.astype("<f8").tobytes()),
+    }
 
 
 ABOUT: Final = About(firmware="tactstrip emulator")

@@ -7,9 +7,7 @@ host is gone: neither would the real one.
 
 from __future__ import annotations
 
-import json
 import time
-import zlib
 from collections import deque
 from dataclasses import dataclass
 from typing import IO, TYPE_CHECKING, Final
@@ -18,7 +16,7 @@ import numpy as np
 
 from device.clock import MonotonicClock
 from device.core.output import Emission
-from device.emulate.emulator import TICK_S
+from device.emulate.emulator import TICK_S, Truth, burst_entries
 from device.emulate.faults import FaultyLine
 from device.emulate.instrument import (
     BAD_BLOCK,
@@ -48,9 +46,8 @@ _QUEUE: Final = 20
 
 
 def _number(text: str) -> float:
-    words = {"INF": float(INFINITE_OHM), "INFINITY": float(INFINITE_OHM)}
     try:
-        return words[text.upper()] if text.upper() in words else float(text)
+        return float(INFINITE_OHM if text.upper() in {"INF", "INFINITY"} else text)
     except ValueError:
         raise ScpiError(BAD_VALUE) from None
 
@@ -284,7 +281,7 @@ class GeneratorEmulator:
         self, line: Line, truth: IO[str], *, amplifier_gain: float, faults: Faults
     ) -> None:
         self._line = FaultyLine(line, faults, MonotonicClock(), on_reset=self._restart)
-        self._truth = truth
+        self._truth = Truth(truth)
         self._gain = amplifier_gain
         self._began_s = time.monotonic()
         self._generator = EmulatedGenerator(self._note_burst)
@@ -305,7 +302,8 @@ class GeneratorEmulator:
             self._line.write(answers)
         if self._generator.outputs_on != self._was:
             self._was = self._generator.outputs_on
-            self._note({"event": "on" if any(self._was) else "off", "cause": "host"})
+            event = "on" if any(self._was) else "off"
+            self._truth.note(self._now_us() / 1e6, event, cause="host")
 
     def _restart(self) -> None:
         """Switch the generator off and on: it forgets everything, its outputs are off."""
@@ -317,36 +315,13 @@ class GeneratorEmulator:
         return int((time.monotonic() - self._began_s) * 1e6)
 
     def _note_burst(self, burst: Emission) -> None:
-        facts = burst_facts(burst, amplifier_gain=self._gain)
         ago_s = (self._now_us() - burst.start_us) / 1e6
-        own = {"token": None, "number": burst.token, "wall_s": round(time.time() - ago_s, 6)}
-        self._note(facts | own)
-
-    def _note(self, facts: dict[str, object]) -> None:
-        self._truth.write(json.dumps({"t_s": self._now_us() / 1e6} | facts) + "\n")
-        self._truth.flush()
-
-
-def burst_facts(burst: Emission, *, amplifier_gain: float) -> dict[str, object]:
-    """Return the line of a truth file for a burst, in volts at the actuators.
-
-    Examples
-    --------
-    >>> volts = np.array([0.0, 2.0, -2.0, 0.0])
-    >>> burst = Emission(token=1, start_us=5, left_v=volts, right_v=0 * volts, level_left_vpp=4.0,
-    ...                  level_right_vpp=0.0, sample_rate_hz=1000.0)
-    >>> burst_facts(burst, amplifier_gain=10.0)["levels_mv"]
-    [40000, 0]
-    """
-    volts = np.stack((burst.left_v, burst.right_v)) * amplifier_gain
-    levels_vpp = burst.level_left_vpp, burst.level_right_vpp
-    return {
-        "event": "burst",
-        "token": burst.token,
-        "t_s": burst.start_us / 1e6,
-        "channels": [int(np.any(row)) for row in volts],
-        "levels_mv": [round(level_vpp * amplifier_gain * 1000) for level_vpp in levels_vpp],
-        "peak_v": [float(np.abs(row).max(initial=0.0)) for row in volts],
-        "crc": zlib.crc32(volts.tobytes()),
-        "cut": burst.cut_us is not None,
-    }
+        self._truth.note(
+            burst.start_us / 1e6,
+            "burst",
+            token=None,
+            number=burst.token,
+            wall_s=round(time.time() - ago_s, 6),
+            cut=burst.cut_us is not None,
+            **burst_entries(burst, gain=self._gain),
+        )

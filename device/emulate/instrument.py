@@ -211,11 +211,10 @@ class Reader:
 
 
 def _unit(text: bytes, content: bytes | None) -> list[Unit]:
-    words = text.decode("ascii", errors="replace").strip().split(maxsplit=1)
-    if not words:
+    header, _, argument = text.decode("ascii", errors="replace").strip().partition(" ")
+    if not header:
         return []
-    argument = words[1].strip() if len(words) > 1 else ""
-    return [Unit(header=words[0].removeprefix(":"), argument=argument, data=content)]
+    return [Unit(header=header.removeprefix(":"), argument=argument.strip(), data=content)]
 
 
 def header_pattern(notation: str) -> re.Pattern[str]:

@@ -203,7 +203,7 @@ class InputMonitor:
         return last >= began + later_s * recorder.sample_rate_hz
 
     def _match(self, template: Template, quiet: int) -> tuple[TemplateMatch, TemplateMatch]:
-        record = self._recorder.part(self._first - quiet, self._recorder.frames) / _FULL
+        record = self._recorder.frames_between(self._first - quiet, self._recorder.frames) / _FULL
         left, right = (
             template.find(record[:, i] * per_unit, quiet=quiet, limit=abs(per_unit) * _LIMIT)
             for i, per_unit in enumerate(self._calibration.per_unit)

@@ -36,17 +36,17 @@ def block(data: bytes) -> bytes:
     return f"#{len(size)}{size}".encode() + data
 
 
-def matches(wanted: str, got: str) -> bool:
-    """Tell whether an answer is the wanted one: numbers within 0.1 %, words in any case or quotes.
+def matches(required: str, got: str) -> bool:
+    """Return whether an answer is the required one: numbers within 0.1 %, text in any case.
 
     >>> matches("9.9E+37", "+9.90000000000000E+37"), matches("T1", '"T1"'), matches("50", "+51")
     (True, True, False)
     """
     try:
-        number, other = float(wanted), float(got)
+        number, answered = float(required), float(got)
     except ValueError:
-        return wanted.strip('"').upper() == got.strip('"').upper()
-    return abs(other - number) <= _TOLERANCE * abs(number)
+        return required.strip('"').upper() == got.strip('"').upper()
+    return abs(answered - number) <= _TOLERANCE * abs(number)
 
 
 class ScpiLine:

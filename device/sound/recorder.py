@@ -52,7 +52,7 @@ class Recorder:
     >>> recorder.take(np.array([[1, 2], [3, 4]], dtype=np.int16),
     ...               SimpleNamespace(currentTime=1.0, inputBufferAdcTime=0.9),
     ...               SimpleNamespace(input_overflow=False, input_underflow=False))
-    >>> recorder.frames, recorder.part(0, 2).tolist()
+    >>> recorder.frames, recorder.frames_between(0, 2).tolist()
     (2, [[1, 2], [3, 4]])
     """
 
@@ -89,11 +89,12 @@ class Recorder:
         last = self.frames - _SETTLED_S * self.sample_rate_hz
         if self._whole_from > last:
             return f"{self.frames} frames came, with {self.gaps} gaps"
-        told_s = max((delay_s for first, _, delay_s in self._marks if first >= last), default=0.0)
-        if told_s <= self.latency_s + _ABOVE_LATENCY_S:
+        delays_s = (delay_s for first, _, delay_s in self._marks if first >= last)
+        max_delay_s = max(delays_s, default=0.0)
+        if max_delay_s <= self.latency_s + _ABOVE_LATENCY_S:
             return ""
         return (
-            f"the sound system states a latency of {told_s:.3g} s, more than "
+            f"the sound system states a latency of {max_delay_s:.3g} s, more than "
             f"{_ABOVE_LATENCY_S:g} s above PortAudio's {self.latency_s:.3g} s"
         )
 
@@ -128,11 +129,11 @@ class Recorder:
         if held is None:
             self.first = max(self.first, self.frames - self._size)
 
-    def part(self, first: int, last: int) -> Frames:
+    def frames_between(self, first: int, last: int) -> Frames:
         """Return frames from `first` up to `last`, which is not among them; what is there."""
-        least = self.first if self._held_from is None else self._held_from
-        most = self.frames if self._held_from is None else self._held_from + self._size
-        places = np.arange(max(first, least), min(last, most, self.frames)) % self._size
+        low = self.first if self._held_from is None else self._held_from
+        high = self.frames if self._held_from is None else self._held_from + self._size
+        places = np.arange(max(first, low), min(last, high, self.frames)) % self._size
         taken: Frames = self._ring[places]
         return taken
 
@@ -142,8 +143,8 @@ class Recorder:
         It is a half-width of 95 %: what the sound system's word of its inputs' latency varies by,
         the drift of the two clocks included, and the latency itself, as nobody has measured it.
         """
-        told = [at_s + (frame - first) / self.sample_rate_hz for first, at_s, _ in self._marks]
-        if not told:
+        times_s = [at_s + (frame - first) / self.sample_rate_hz for first, at_s, _ in self._marks]
+        if not times_s:
             return self._clock.now_s(), _LONGEST_DELAY_S
-        least, middle, most = np.quantile(told, (_OUTSIDE, 0.5, 1 - _OUTSIDE))
-        return float(middle), float(max(middle - least, most - middle)) + self.latency_s
+        low, middle, high = np.quantile(times_s, (_OUTSIDE, 0.5, 1 - _OUTSIDE))
+        return float(middle), float(max(middle - low, high - middle)) + self.latency_s

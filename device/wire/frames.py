@@ -103,20 +103,20 @@ class Decoder:
         """Return the frames that these bytes complete."""
         frames = []
         *ended, rest = data.split(_DELIMITER)
-        for part in ended:
-            self._extend(part)
+        for octets in ended:
+            self._extend(octets)
             frame = self._finish()
             if frame is not None:
                 frames.append(frame)
         self._extend(rest)
         return frames
 
-    def _extend(self, part: bytes) -> None:
-        if len(self._piece) + len(part) > _LONGEST_CODED:
+    def _extend(self, octets: bytes) -> None:
+        if len(self._piece) + len(octets) > _LONGEST_CODED:
             self._too_long = True
             self._piece.clear()
         if not self._too_long:
-            self._piece += part
+            self._piece += octets
 
     def _finish(self) -> Frame | None:
         piece, too_long = bytes(self._piece), self._too_long
@@ -173,25 +173,26 @@ class IdentityLine:
     """
 
     def __init__(self, identity: Identity) -> None:
-        facts = (identity.model, identity.serial_number, f"protocol {identity.protocol_version}")
-        self._answer = ",".join((MAKER, *facts)).encode("ascii", "replace") + b"\n"
+        version = f"protocol {identity.protocol_version}"
+        texts = (MAKER, identity.model, identity.serial_number, version)
+        self._answer = ",".join(texts).encode("ascii", "replace") + b"\n"
         self._is_text = True
         self._line = b""
 
     def feed(self, data: bytes) -> bytes:
         """Take bytes from the line and return the answers to the questions in them."""
         first, *after_delimiter = data.split(b"\0")
-        asked = self._asked(first)
-        for part in after_delimiter:
+        n_questions = self._count_questions(first)
+        for octets in after_delimiter:
             self._is_text, self._line = True, b""
-            asked += self._asked(part)
-        return asked * self._answer
+            n_questions += self._count_questions(octets)
+        return n_questions * self._answer
 
-    def _asked(self, part: bytes) -> int:
-        self._is_text = self._is_text and not part.translate(None, _TEXT)
+    def _count_questions(self, octets: bytes) -> int:
+        self._is_text = self._is_text and not octets.translate(None, _TEXT)
         if not self._is_text:
             return 0
-        *lines, rest = (self._line + part).split(b"\n")
+        *lines, rest = (self._line + octets).split(b"\n")
         tail = rest[len(QUESTION) :]  # of which it matters whether there is more than space
         self._line = rest[: len(QUESTION)] + (tail.strip() or tail)[:1]
         return sum(line.rstrip() == QUESTION for line in lines)

@@ -6,7 +6,7 @@ import math
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Final
 
-from device.drivers import MOCK, NEEDS, other_channels
+from device.drivers import MOCK, NEEDS, channel_fault
 from experiment.check.check import alternative_edge, check_study, with_each_edge
 from experiment.check.warnings import apply_rules, sort_warnings
 from experiment.hardware.setup import device_faults, noise_faults
@@ -92,7 +92,7 @@ def report_study(
     device = study.device if device is None else device
     is_balanced, strip = design.condition_order == "balanced", _report_strip(check)
     simulated = simulated_participants(study, check.gains, device) if check.gains else None
-    channels = other_channels(device.driver, device.channels)
+    channels = channel_fault(device.driver, device.channels)
     faults = (*device_faults(device), *noise_faults(study, device))
     refusals = [*map(str, faults), *([channels] if channels else [])]
     missing = [

@@ -13,10 +13,10 @@ from device.drivers import (
     MOCK,
     NEEDS,
     DriverSettings,
+    installed_driver,
     is_emulated,
     make_device,
     make_mock,
-    own_driver,
     require_port_of,
 )
 from device.errors import PortError
@@ -68,7 +68,7 @@ class Hardware:
     def driver_from(self) -> str | None:
         """The distribution of an installed driver."""
         name = self.settings.driver
-        return None if name in NEEDS else own_driver(name).distribution
+        return None if name in NEEDS else installed_driver(name).distribution
 
     def is_emulated(self) -> bool:
         """Ask the device whether it is an emulator; nothing is set, loaded or switched on.
@@ -159,7 +159,7 @@ def chosen_settings(study: Study, *, driver: str | None, port: str | None) -> De
     chosen = settings.changed(driver=name, port=settings.port if port is None else port)
     try:
         if name not in NEEDS:
-            own_driver(name)
+            installed_driver(name)
         if chosen.port is not None:
             require_port_of(name, chosen.port)
     except PortError as error:
