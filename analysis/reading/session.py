@@ -21,7 +21,7 @@ from analysis.reading.text import (
 )
 from experiment.bounded import read_bounded
 from experiment.names import OTHER_VERSION
-from experiment.record.files import HEADS, JOURNAL, PLAN
+from experiment.record.files import JOURNAL, PLAN, SESSIONS_TABLE
 from experiment.record.rows import COLUMNS, SCHEMA
 from experiment.record.verify import examine
 
@@ -144,12 +144,12 @@ def read_record(
         if path.name == TABLE or path.with_name(JOURNAL).exists():
             examined = examine(path.parent, path.name)
             altered = examined.differences
-            of_journal = set() if examined.has_journal else {JOURNAL, HEADS}
+            of_journal = set() if examined.has_journal else {JOURNAL, SESSIONS_TABLE}
             compared = [d for d in altered if d.path.name not in of_journal]
             if not accept_altered:
                 _refuse_differences(compared, "takes it if its rows are consistent")
             # Without a journal nothing but sessions.tsv shows that there was one.
-            altered = altered if examined.head else compared
+            altered = altered if examined.seal else compared
         raw = examined.files[path.name] if examined else None
         if raw is None:
             raw = read_bounded(path, _MAX_TABLE_BYTES)
@@ -226,7 +226,9 @@ def read_missing(
 def _format_difference(difference: Difference, table: InputTable) -> str:
     """Return a difference as a line, its file named as the table is."""
     folder = PurePosixPath(table.name).parent
-    file = (folder.parent if difference.path.name == HEADS else folder) / difference.path.name
+    file = (
+        folder.parent if difference.path.name == SESSIONS_TABLE else folder
+    ) / difference.path.name
     line = "" if difference.line is None else f":{difference.line}"
     return f"{file}{line}: {difference.message}"
 

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
     from experiment.record.bids import Export
     from experiment.record.folder import SessionFolder
-    from experiment.record.index import FoundSessions
+    from experiment.record.index import SessionIndex
 
 
 @click.command(epilog="Example: tactstrip export results --bids bids")
@@ -56,7 +56,7 @@ def export(*, folder: Path, out: Path | None, with_sourcedata: bool, allow_simul
 
 def _export_tables(folder: Path) -> None:
     from experiment.record.index import find_sessions
-    from experiment.record.verify import refuse_altered
+    from experiment.record.verify import refuse_modified
 
     # An unreadable plan stops the export before any lock is taken or table written. A damaged
     # journal is detected only under its lock, and does not stop the export of other sessions.
@@ -75,7 +75,7 @@ def _export_tables(folder: Path) -> None:
             plan = session.read_plan()
             with session.locked():
                 session.read_history(plan)
-                for difference in refuse_altered(session.path):
+                for difference in refuse_modified(session.path):
                     if difference.remedy == "export":
                         echo(f"{difference}; the table is rebuilt", err=True)
                 echo(session.write_trials())
@@ -94,7 +94,7 @@ def _collecting(errors: list[str]) -> Iterator[None]:
         errors.append(str(error))
 
 
-def _begun_sessions(located: FoundSessions) -> list[SessionFolder]:
+def _begun_sessions(located: SessionIndex) -> list[SessionFolder]:
     """List the sessions that began, including damaged ones; print the names of the others."""
     from experiment.record.verify import examine
 

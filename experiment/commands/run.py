@@ -158,7 +158,7 @@ def run(
     from experiment.hardware.setup import assemble
     from experiment.operator.requests import Requests, StopSignal
     from experiment.record.folder import SessionFolder
-    from experiment.record.people import participant_facts
+    from experiment.record.people import parse_participant_values
     from experiment.session.config import SessionConfig, require_operator
     from experiment.session.markers import LslMarkers, await_recorder
     from experiment.session.run import chosen_purpose, finish
@@ -184,8 +184,8 @@ def run(
             plan = _new_plan(folder, study_file, levels_file, driver, **chosen)
         study = folder.read_study(plan)
         if column_values:
-            values = participant_facts(study.participants.columns, column_values)
-            folder = replace(folder, facts=values)
+            values = parse_participant_values(study.participants.columns, column_values)
+            folder = replace(folder, values=values)
         folder.check_people(study)  # before a window opens or the operator is prompted
         simulated = responder == "simulated"
         hardware = assemble(study, driver=driver, port=port, simulated=simulated, purpose=purpose)

@@ -12,7 +12,7 @@ from experiment.commands.options.hardware import working
 from experiment.exits import ANSWER_IS_NO, CommandError, refusals
 
 if TYPE_CHECKING:
-    from experiment.record.verify import Examined
+    from experiment.record.verify import Verification
 
 
 @click.command(
@@ -72,7 +72,7 @@ def verify(*, folder: Path) -> None:
         click.get_current_context().exit(ANSWER_IS_NO)
 
 
-def _verdict(examined: Examined) -> str:
+def _verdict(examined: Verification) -> str:
     number = len(examined.differences)
     if number:
         return f"{number} difference{'s' if number > 1 else ''}"

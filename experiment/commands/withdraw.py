@@ -36,13 +36,13 @@ def withdraw(*, folder: Path, participant: str, folders: tuple[Path, ...]) -> No
     record that contains only the ID. It lists exports and analyses that still contain the
     participant, but does not change them. If the command is interrupted, run it again.
     """
-    from experiment.record.withdraw import held, look_up, remove, search
+    from experiment.record.withdraw import find_person, locked_sessions, remove, search
 
-    person = look_up(folder, participant)
-    if person.gone:
+    person = find_person(folder, participant)
+    if person.is_removed:
         echo(f"Participant {participant} was removed before.")
     else:
-        with held(person) as locks:
+        with locked_sessions(person) as locks:
             _confirm(person)
             remove(person, locks, today=datetime.now(UTC).date().isoformat())
         echo(f"Participant {participant} is removed from {folder}.")
@@ -55,7 +55,7 @@ def _confirm(person: Person) -> None:
     """Require the operator to type the ID of the participant."""
     row = "a row" if person.in_table else "no row"
     echo(
-        f"{person.folder}: {person.files} files in {len(person.sessions)} sessions, {row} of "
+        f"{person.folder}: {person.n_files} files in {len(person.sessions)} sessions, {row} of "
         "participants.tsv. They will be permanently deleted.",
         err=True,
     )

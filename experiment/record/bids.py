@@ -16,7 +16,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Final
 
 from experiment.names import NOT_AVAILABLE
-from experiment.record.files import FILES, HEADS, ArchiveError, locked, tsv
+from experiment.record.files import FILES, SESSIONS_TABLE, ArchiveError, locked, tsv
 from experiment.record.journal import read_journal
 from experiment.record.manifest import Manifest, replaced
 from experiment.record.people import FILE_NAME, ID_COLUMN, People, read_people
@@ -153,9 +153,9 @@ def export_bids(
                 "with a mark: nothing was written"
             )
         for participant in participants if with_sourcedata else ():
-            file = root / f"sub-{participant}" / HEADS
+            file = root / f"sub-{participant}" / SESSIONS_TABLE
             if file.is_file():
-                new.write(f"sourcedata/sub-{participant}/{HEADS}", file.read_bytes())
+                new.write(f"sourcedata/sub-{participant}/{SESSIONS_TABLE}", file.read_bytes())
         _write_people(new, participants, people, tuple(columns.values()))
         _write_sessions(new, sessions)
         _write_description(new, export)
@@ -288,8 +288,8 @@ def _tables() -> dict[str, Any]:
     return tomllib.loads(files(__package__).joinpath("bids.toml").read_text("utf-8"))
 
 
-def _given(facts: Mapping[str, object]) -> dict[str, Any]:
-    return {key: value for key, value in facts.items() if value}
+def _given(members: Mapping[str, object]) -> dict[str, Any]:
+    return {key: value for key, value in members.items() if value}
 
 
 def _write_people(

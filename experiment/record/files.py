@@ -33,7 +33,7 @@ FILES: Final = (PLAN, HEADER, JOURNAL, TABLE, MEASURED)
 LOCK: Final = ".lock"
 """The file of a session that is locked while it is run, read or removed."""
 RUNNING: Final = "another process is running this session; nothing was changed"
-HEADS: Final = "sessions.tsv"
+SESSIONS_TABLE: Final = "sessions.tsv"
 """What a person's folder has beside the sessions: the hash of each one's last journal line."""
 
 

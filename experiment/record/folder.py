@@ -60,8 +60,8 @@ class SessionFolder:
         Identifiers, 1 to 32 letters or digits.
     disk : Disk
         Where it is kept.
-    facts : mapping of str to str
-        What is known of the participant, by the columns of participants.tsv.
+    values : mapping of str to str
+        Values of the participant, by the columns of participants.tsv.
 
     Raises
     ------
@@ -89,7 +89,7 @@ class SessionFolder:
     participant: str
     session: str
     disk: Disk = DISK
-    facts: Mapping[str, str] = field(default_factory=dict, hash=False)
+    values: Mapping[str, str] = field(default_factory=dict, hash=False)
 
     def __post_init__(self) -> None:
         check_identifier("participant", self.participant)
@@ -178,7 +178,7 @@ class SessionFolder:
             If there is a plan, a journal with a line or a trials.csv, one of the places is a
             symbolic link, an identifier in use differs only by case, or the person withdrew.
         """
-        self._refuse_other_case()
+        self._refuse_case_variant()
         refuse_withdrawn(self.root, self.participant)
         refuse_links(self.path)
         self.refuse_loss()
@@ -188,7 +188,7 @@ class SessionFolder:
                 "--resume, or give another --participant or --session"
             )
 
-    def _refuse_other_case(self) -> None:
+    def _refuse_case_variant(self) -> None:
         """Refuse an identifier that differs from one in use only by upper and lower case.
 
         Many disks treat such names as the same, so that the folder could not be copied to them.
@@ -257,7 +257,7 @@ class SessionFolder:
         """
         self.refuse_existing()
         columns = study_from_canonical(plan.study).participants.columns
-        enter_person(self.root, self.participant, columns, self.facts, disk=self.disk)
+        enter_person(self.root, self.participant, columns, self.values, disk=self.disk)
         if not self.journal_path.exists():
             write_new(self.journal_path, b"", self.disk)
         header_text = json.dumps(header, ensure_ascii=False, indent=1) + "\n"
@@ -286,7 +286,7 @@ class SessionFolder:
             a fact of the participant is not one that the study declares or differs from it.
         """
         columns = study.participants.columns
-        read_people(self.root, columns).with_person(self.participant, columns, self.facts)
+        read_people(self.root, columns).with_person(self.participant, columns, self.values)
 
     def participant_number(self) -> int:
         """Return the participant number, which selects the order of conditions.

@@ -299,7 +299,7 @@ def _due(
         again = attempts.get(number, 0) + 1
         return Attempt(trial, again, warm_up=warm_up, premature=premature[number])
 
-    turn = {number: place for place, number in enumerate(attempts, start=1)}
+    turn = {number: position for position, number in enumerate(attempts, start=1)}
     waiting = [trial for trial in plan.trials if trial.number not in answered]
     waiting.sort(key=lambda trial: (trial.block, turn.get(trial.number, 0), trial.number))
     return (

@@ -1,7 +1,10 @@
-"""Which sessions there are below a folder: those that are there, and those that are told of only.
+"""The sessions of a study: those that lie in its folder, and those that sessions.tsv lists.
 
-A session is a folder with any file of a record, or a line of sessions.tsv. So none goes unnoticed
-for the loss of one file.
+``sessions.tsv`` lies beside the sessions of a person. It keeps, for each session that ended, the
+hash of the journal's last line, which stands for the whole journal. The chain of hashes in a
+journal cannot be mended unseen, but a journal can be cut, or written anew as a whole: then its last
+hash is another one than was kept. Whoever changes sessions.tsv, too, is found only by a hash that
+was written down elsewhere.
 """
 
 from __future__ import annotations
@@ -14,7 +17,7 @@ from device.printing import shown
 from experiment.record.files import (
     DISK,
     FILES,
-    HEADS,
+    SESSIONS_TABLE,
     ArchiveError,
     SymlinkError,
     locked,
@@ -33,46 +36,57 @@ if TYPE_CHECKING:
     from experiment.record.files import Disk
 
 
-_HEADING: Final = "session_id\thead_sha256\tended"
+_PERSON, _SESSION = "sub-", "ses-"
+_COLUMNS: Final = ("session_id", "head_sha256", "ended")
 _LINE: Final = re.compile(r"ses-([^\t]*)\t([0-9a-f]{64})\t([^\t]*)")
 _LOCK: Final = ".sessions.lock"
 
-
 Remedy: TypeAlias = Literal["export", "resume", "removal"]
 """What puts a difference right: a command of that name, or the removal of the file."""
+_HINTS: Final = {
+    "resume": "; where the session was killed in that moment, tactstrip run --resume puts it right",
+    "removal": "; remove it",
+}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Difference:
-    """Something in a record that is not as the session wrote it."""
+    """Something in a record that is not as the session wrote it.
+
+    Attributes
+    ----------
+    path : Path
+        The file.
+    line : int or None
+        The line, counted from 1; None if the file as a whole differs.
+    message : str
+        How it differs.
+    remedy : str or None
+        What puts it right; None if only a copy from a backup can.
+    """
 
     path: Path
-    line: int | None  # counted from 1; none where a file as a whole is another one
+    line: int | None
     message: str
     remedy: Remedy | None = None
 
     @property
-    def place(self) -> str:
+    def location(self) -> str:
         """File and line."""
         return f"{self.path}" if self.line is None else f"{self.path}:{self.line}"
 
     @property
     def hint(self) -> str:
-        """What puts it right, where that is neither a copy nor an export."""
-        hints = {
-            "resume": "; where the session was killed in that moment, tactstrip run --resume puts "
-            "it right",
-            "removal": "; remove it",
-        }
-        return hints.get(self.remedy or "", "")
+        """What puts it right, if that is neither a copy from a backup nor an export."""
+        return _HINTS.get(self.remedy or "", "")
 
     def __str__(self) -> str:
-        """Name file and line first, as a compiler does."""
-        return f"{self.place}: {self.message}{self.hint}"
+        """Return location, message and hint, the location first as in a compiler's messages."""
+        return f"{self.location}: {self.message}{self.hint}"
 
 
-class HeadError(ArchiveError):
-    """A sessions.tsv that is none; with the line."""
+class SessionIndexError(ArchiveError):
+    """A sessions.tsv that is not valid, with the line."""
 
     def __init__(self, path: Path, line: int, message: str) -> None:
         super().__init__(f"{path}:{line}: {message}")
@@ -80,87 +94,122 @@ class HeadError(ArchiveError):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class SessionHead:
-    """The hash of the last line of a journal, when a sitting of its session came to its end."""
+class SessionSeal:
+    """The line of sessions.tsv of one session.
+
+    Attributes
+    ----------
+    session : str
+        Identifier of the session.
+    head_sha256 : str
+        Hash of the journal's last line when the latest visit ended.
+    ended : str
+        When that was, in UTC.
+    line : int
+        Number of the line in the file.
+    """
 
     session: str
     head_sha256: str
-    ended: str  # in UTC
-    line: int = 0  # in the file
+    ended: str
+    line: int = 0
 
 
-def read_heads(person: Path) -> dict[str, SessionHead]:
-    """Read what is kept in a person's folder, by session; nothing where there is no file.
+def read_seals(person: Path) -> dict[str, SessionSeal]:
+    """Read the sessions.tsv in a person's folder; an empty result if there is no file.
 
-    HeadError where it is no such table, or tells of a session twice; SymlinkError for a link.
+    Parameters
+    ----------
+    person : Path
+        ``sub-<participant>``.
+
+    Returns
+    -------
+    dict of str to SessionSeal
+        By the session's identifier.
+
+    Raises
+    ------
+    SessionIndexError
+        If the file is no such table, or has a session twice.
+    SymlinkError
+        If the file is a symbolic link.
     """
-    path = person / HEADS
+    path = person / SESSIONS_TABLE
     refuse_link(path)
     if not path.exists():
         return {}
     heading, *lines = path.read_text(encoding="utf-8", errors="replace").splitlines() or [""]
-    if heading != _HEADING:
-        raise HeadError(path, 1, f"the columns must be {', '.join(_HEADING.split())}")
-    heads: dict[str, SessionHead] = {}
+    if heading != "\t".join(_COLUMNS):
+        raise SessionIndexError(path, 1, f"the columns must be {', '.join(_COLUMNS)}")
+    seals: dict[str, SessionSeal] = {}
     for number, line in enumerate(lines, start=2):
         match = _LINE.fullmatch(line)
         if match is None:
             rule = "must be ses- and a session, 64 of 0-9 and a-f, and when it ended"
-            raise HeadError(path, number, f"{rule}; got {shown(line)}")
+            raise SessionIndexError(path, number, f"{rule}; got {shown(line)}")
         session, head_sha256, ended = match.groups()
-        if session in heads:
-            message = f"session {session} stands in line {heads[session].line} already"
-            raise HeadError(path, number, message)
-        heads[session] = SessionHead(
+        if session in seals:
+            message = f"session {session} stands in line {seals[session].line} already"
+            raise SessionIndexError(path, number, message)
+        seals[session] = SessionSeal(
             session=session, head_sha256=head_sha256, ended=ended, line=number
         )
-    return heads
+    return seals
 
 
-def in_place(folder: Path) -> bool:
-    """Whether it lies where sessions lie; a copy elsewhere has no head beside it."""
-    return folder.resolve().name.startswith("ses-")
+def is_named_session(folder: Path) -> bool:
+    """Return whether a folder is named as a session; a copy of another name has no seal."""
+    return folder.resolve().name.startswith(_SESSION)
 
 
-def kept_head(folder: Path) -> SessionHead | None:
-    """Return the head that was kept of a session, if any was; raises as `read_heads`."""
-    if not in_place(folder):
+def find_seal(folder: Path) -> SessionSeal | None:
+    """Return the seal of a session's folder; None if it has none. Raises as `read_seals`."""
+    if not is_named_session(folder):
         return None
-    return read_heads(person_of(folder)).get(folder.resolve().name.removeprefix("ses-"))
+    return read_seals(person_of(folder)).get(folder.resolve().name.removeprefix(_SESSION))
 
 
-def enter_head(person: Path, head: SessionHead, *, disk: Disk = DISK) -> None:
-    """Keep the head of a session; that of an earlier sitting is replaced, others stay as they are.
+def write_seal(person: Path, seal: SessionSeal, *, disk: Disk = DISK) -> None:
+    """Write the seal of a session into sessions.tsv; that of an earlier visit is replaced.
 
-    HeadError where there is a file that is no such table.
+    Parameters
+    ----------
+    person : Path
+        ``sub-<participant>``.
+    seal : SessionSeal
+        The seal. If its hash is in the file already, nothing is written, so that the time stays.
+    disk : Disk
+        Where the record is kept.
+
+    Raises
+    ------
+    SessionIndexError
+        If the file is no such table.
     """
     with locked(person / _LOCK):
-        remove_left_overs(person, HEADS)
-        heads = read_heads(person)
-        entered = heads.get(head.session)
-        if entered is not None and entered.head_sha256 == head.head_sha256:
-            return  # a finished session that only gets its trials.csv again ended when it ended
-        heads[head.session] = head
-        rows = ((f"ses-{h.session}", h.head_sha256, h.ended) for h in heads.values())
-        write_atomically(person / HEADS, tsv([_HEADING.split(), *rows]), disk=disk)
-
-
-_PERSON, _SESSION = "sub-", "ses-"
-_IN_PLACE: Final = (_PERSON, _SESSION)
+        remove_left_overs(person, SESSIONS_TABLE)
+        seals = read_seals(person)
+        present = seals.get(seal.session)
+        if present is not None and present.head_sha256 == seal.head_sha256:
+            return
+        seals[seal.session] = seal
+        rows = ((f"{_SESSION}{s.session}", s.head_sha256, s.ended) for s in seals.values())
+        write_atomically(person / SESSIONS_TABLE, tsv([_COLUMNS, *rows]), disk=disk)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class FoundSessions:
+class SessionIndex:
     """The sessions of a study, of a person, or one.
 
     Attributes
     ----------
     folders : tuple of Path
-        Those with a file of a record.
+        Folders with at least one file of a record, so that the loss of one file hides no session.
     lost : mapping of Path to Difference
-        What sessions.tsv says of those without any, by their folders.
+        Sessions of which only a line of sessions.tsv is left, by the folder that is missing.
     links : tuple of SymlinkError
-        Symbolic links where a person's or session's folder has to be: nothing there is read.
+        Symbolic links in place of a person's or session's folder: nothing there is read.
     """
 
     folders: tuple[Path, ...]
@@ -169,71 +218,72 @@ class FoundSessions:
 
     @property
     def sessions(self) -> tuple[SessionFolder, ...]:
-        """The folders as sessions of a study; ArchiveError where a name is none of a session."""
-        return tuple(map(_session, self.folders))
+        """The folders as sessions of a study; ArchiveError if a name is none of a session."""
+        return tuple(map(_session_folder, self.folders))
 
 
-def _session(path: Path) -> SessionFolder:
-    place = path.resolve()
-    participant = place.parent.name.removeprefix(_PERSON)
-    session = place.name.removeprefix(_SESSION)
-    return SessionFolder(person_of(person_of(path)), participant, session)
+def _session_folder(folder: Path) -> SessionFolder:
+    path = folder.resolve()
+    return SessionFolder(
+        person_of(person_of(folder)),
+        path.parent.name.removeprefix(_PERSON),
+        path.name.removeprefix(_SESSION),
+    )
 
 
-def find_sessions(root: Path) -> FoundSessions:
-    """List the sessions as `list_sessions` does; ArchiveError where there is none."""
-    sessions = list_sessions(root)
-    if not (sessions.folders or sessions.lost or sessions.links):
+def find_sessions(root: Path) -> SessionIndex:
+    """List the sessions as `list_sessions` does; ArchiveError if there is none."""
+    index = list_sessions(root)
+    if not (index.folders or index.lost or index.links):
         raise ArchiveError(f"{root}: there is no session below this folder")
-    return sessions
+    return index
 
 
-def list_sessions(root: Path) -> FoundSessions:
-    """List the sessions below a study's folder, a person's, or one.
+def list_sessions(root: Path) -> SessionIndex:
+    """List the sessions below a folder.
 
-    SymlinkError where that folder is reached by a link.
+    Parameters
+    ----------
+    root : Path
+        Folder of a study, of a person (``sub-...``) or of a session (``ses-...``).
+
+    Raises
+    ------
+    SymlinkError
+        If a person's or session's folder is given by a link; a study's folder may be one.
     """
-    refuse_given_link(root)
-    kind = _kind(root)
+    name = root.resolve().name
+    prefix = next((each for each in (_PERSON, _SESSION) if name.startswith(each)), "")
+    _refuse_given_link(root, prefix)
     links: list[SymlinkError] = []
-    if kind == _SESSION:
+    if prefix == _SESSION:
         people, folders = [person_of(root)], [root]
     else:
-        people = [root] if kind == _PERSON else _real(root, _PERSON, links)
-        folders = [path for person in people for path in _real(person, _SESSION, links)]
+        people = [root] if prefix == _PERSON else _list_folders(root, _PERSON, links)
+        folders = [path for person in people for path in _list_folders(person, _SESSION, links)]
     lost: dict[Path, Difference] = {}
     for person in people:
         try:
-            lost |= lost_sessions(person)
+            lost |= _lost_sessions(person)
         except SymlinkError as error:
             links.append(error)
-    if kind == _SESSION:
-        lost = {path: lost[path] for path in lost if path.name == root.resolve().name}
-    folders = [folder for folder in folders if _holds_any(folder)]
-    return FoundSessions(folders=tuple(folders), lost=lost, links=tuple(links))
+    if prefix == _SESSION:
+        lost = {path: lost[path] for path in lost if path.name == name}
+    folders = [folder for folder in folders if _holds_record(folder)]
+    return SessionIndex(folders=tuple(folders), lost=lost, links=tuple(links))
 
 
-def _kind(root: Path) -> str:
-    """Tell a person's or session's folder by its name from a study's."""
-    name = root.resolve().name
-    return next((prefix for prefix in _IN_PLACE if name.startswith(prefix)), "")
-
-
-def refuse_given_link(root: Path) -> None:
-    """Refuse to go to a person or session by a symbolic link; a study's folder may be one.
-
-    SymlinkError where it is one.
-    """
-    if root.name.startswith(_IN_PLACE):
+def _refuse_given_link(root: Path, prefix: str) -> None:
+    if root.name.startswith((_PERSON, _SESSION)):
         refuse_link(root)
-    elif root.is_symlink() and _kind(root):
+    elif root.is_symlink() and prefix:
         raise SymlinkError(root, f"is a symbolic link to {root.resolve()}; give that folder itself")
     if root.name.startswith(_SESSION):
         refuse_link(root.parent)
 
 
-def _real(folder: Path, prefix: str, links: list[SymlinkError]) -> list[Path]:
-    """List folders by name; links among them, which may be dead, go to the list of links."""
+def _list_folders(folder: Path, prefix: str, links: list[SymlinkError]) -> list[Path]:
+    """List folders by name; links among them, which may be dead, are added to `links`."""
     folders = []
     # Unlike a glob, this never passes over a folder that cannot be read.
     for path in sorted(each for each in folder.iterdir() if each.name.startswith(prefix)):
@@ -244,27 +294,24 @@ def _real(folder: Path, prefix: str, links: list[SymlinkError]) -> list[Path]:
     return folders
 
 
-def _holds_any(folder: Path) -> bool:
+def _holds_record(folder: Path) -> bool:
     return folder.is_dir() and any(path.name in FILES for path in folder.iterdir())
 
 
-def lost_sessions(person: Path) -> dict[Path, Difference]:
-    """Return the folders of a person's sessions that have ended and of which no file is left.
-
-    SymlinkError where sessions.tsv is a symbolic link.
-    """
-    path = person / HEADS
+def _lost_sessions(person: Path) -> dict[Path, Difference]:
+    """Return the sessions of a person that have ended and of which no file is left."""
+    path = person / SESSIONS_TABLE
     try:
-        heads = read_heads(person)
-    except HeadError as error:  # of a session that is there, `examine` tells it
-        if any(_holds_any(session) for session in person.glob(f"{_SESSION}*")):
+        seals = read_seals(person)
+    except SessionIndexError as error:  # a session that is there reports it when it is verified
+        if any(_holds_record(session) for session in person.glob(f"{_SESSION}*")):
             return {}
         return {person / _SESSION: Difference(path=path, line=error.line, message=error.message)}
     lost = {}
-    for head in heads.values():
-        folder = person / f"{_SESSION}{head.session}"
-        if not folder.is_symlink() and not _holds_any(folder):
-            what = "no file of it is left" if folder.is_dir() else "its folder is lost"
-            message = f"session {head.session} ended on {head.ended}, and {what}"
-            lost[folder] = Difference(path=path, line=head.line, message=message)
+    for seal in seals.values():
+        folder = person / f"{_SESSION}{seal.session}"
+        if not folder.is_symlink() and not _holds_record(folder):
+            missing = "no file of it is left" if folder.is_dir() else "its folder is lost"
+            message = f"session {seal.session} ended on {seal.ended}, and {missing}"
+            lost[folder] = Difference(path=path, line=seal.line, message=message)
     return lost

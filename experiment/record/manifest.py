@@ -1,19 +1,20 @@
-"""What was made of sessions, and of whom: every export and analysis has a manifest that says so.
+"""Folders of results that are replaced as a whole, and the manifest in each.
 
-By these, by folders of sessions and by files of levels, a withdrawal tells what still holds a
-person. Files of other origin are nobody's to guess about: a search that must find a name in any
-file finds too much in some and nothing in others, and its silence reads as "nowhere".
+Every export and every analysis has a manifest that names whose data it holds: by it, `withdraw`
+finds what still holds a person. An export is written beside its target and put in place as a whole.
+Its manifest has the checksum of every file: only a folder that is still what an export made is
+replaced, and what somebody added or changed since is not deleted.
 """
 
 from __future__ import annotations
 
 import contextlib
 import hashlib
-import json
 import os
-from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from experiment.bounded import read_bounded
 from experiment.record.files import (
@@ -28,58 +29,54 @@ from experiment.record.files import (
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Iterator
 
     from experiment.record.files import Disk
 
 
 NAME: Final = ".tactstrip.json"
-SCHEMA: Final = 1
-_MAX_MANIFEST_BYTES: Final = 10_000_000
+_MAX_BYTES: Final = 10_000_000
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Manifest:
-    """What a folder is, whose data are in it, and, where it is replaced as a whole, its files.
+class Manifest(BaseModel):
+    """What a folder of results is, and whose data are in it."""
 
-    Attributes
-    ----------
-    what : str
-        ``BIDS data set`` or ``analysis``.
-    participants : tuple of str
-        Everybody of whom it holds something.
-    files : mapping of str to str
-        The checksum of each file, by its path in the folder.
-    """
+    model_config = ConfigDict(frozen=True, extra="forbid", strict=True)
 
+    version: Literal[1] = Field(default=1, alias="schema")
+    """Version of the file."""
     what: str
+    """``BIDS data set`` or ``analysis``."""
     participants: tuple[str, ...]
-    files: Mapping[str, str] = field(default_factory=dict)
+    """Everybody of whom the folder holds data."""
+    files: dict[str, str] = {}
+    """Checksum of each file, by its path in the folder, where the folder is replaced as a whole."""
 
     def text(self) -> str:
-        """Write it as it stands in its file."""
-        return json.dumps({"schema": SCHEMA} | asdict(self), ensure_ascii=False, indent=1) + "\n"
+        """Return the contents of the file."""
+        return self.model_dump_json(by_alias=True, indent=1) + "\n"
 
 
 def read_manifest(folder: Path) -> Manifest | None:
-    """Read the manifest of a folder; none if it has none.
+    """Read the manifest of a folder; None if it has none.
 
-    ValueError where it is damaged, however, or of another schema.
+    Raises
+    ------
+    ValueError
+        If it is damaged, or of another schema.
     """
     path = folder / NAME
     if not path.is_file():
         return None
     try:
-        contents = json.loads(read_bounded(path, _MAX_MANIFEST_BYTES))
-    except (ValueError, RecursionError) as error:  # the latter of brackets without end
-        raise ValueError(f"{path}: not a manifest: {error}") from error
-    match contents:
-        case {"schema": 1, "what": str(what), "participants": [*people], "files": dict(files)} if (
-            all(isinstance(text, str) for text in (*people, *files.values()))
-        ):
-            return Manifest(what=what, participants=tuple(people), files=files)
-    rule = "must have schema 1, what, participants (a list of texts) and files"
-    raise ValueError(f"{path}: not a manifest: {rule}")
+        manifest = Manifest.model_validate_json(read_bounded(path, _MAX_BYTES))
+    except ValidationError as error:
+        fault = error.errors()[0]
+        key = ".".join(map(str, fault["loc"]))
+        raise ValueError(f"{path}: not a manifest: {key}: {fault['msg']}") from error
+    if "version" not in manifest.model_fields_set:
+        raise ValueError(f"{path}: not a manifest: schema must be 1")
+    return manifest
 
 
 class NewFolder:
@@ -117,7 +114,7 @@ def replaced(out: Path, source: Path, about: Manifest, disk: Disk = DISK) -> Ite
         folder = NewFolder(new, disk)
         yield folder
         listed = dict(sorted(folder.sha256.items()))
-        folder.write(NAME, replace(about, files=listed).text())
+        folder.write(NAME, about.model_copy(update={"files": listed}).text())
         for place, _, _ in os.walk(new):
             disk.sync_folder(Path(place))
         refuse_target(out, source)

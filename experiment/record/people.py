@@ -1,15 +1,16 @@
-"""participants.tsv: an id for each person, and the facts that the study declares; nothing else.
+"""The people of a study: participants.tsv, and the records of those who withdrew.
 
-Of a person who withdrew a tombstone stays: that it was so, and when.
+participants.tsv has an identifier for each person and the columns that the study declares.
 """
 
 from __future__ import annotations
 
 import contextlib
-import json
 import re
-from dataclasses import asdict, dataclass, field
-from typing import TYPE_CHECKING, Final
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Final, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from device.printing import shown
 from experiment.names import NOT_AVAILABLE, is_line
@@ -33,89 +34,86 @@ if TYPE_CHECKING:
     from experiment.study.dataset import ParticipantColumn
 
 
-SCHEMA: Final = 1
+class WithdrawalRecord(BaseModel):
+    """What stays of a person who withdrew.
 
-_DATE = re.compile(r"\d{4}-\d{2}-\d{2}")
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Tombstone:
-    """The mark that a person withdrew.
-
-    It holds the identifier, which is what tells the person in backups and copies from the others
-    and keeps it from being given again; the day; and nothing else of the person.
+    It holds the identifier, by which the person's data are found in backups and copies and which is
+    not given again, and the day; nothing else of the person.
     """
 
+    model_config = ConfigDict(frozen=True, extra="forbid", strict=True)
+
+    version: Literal[1] = Field(default=1, alias="schema")
+    """Version of the file."""
     participant: str
-    withdrawn: str  # the day, as YYYY-MM-DD in UTC
-    removed: bool  # whether everything is removed; false from the first step to the last
+    """Identifier of the person."""
+    withdrawn: str = Field(pattern=r"^\d{4}-\d{2}-\d{2}$")
+    """Day, as YYYY-MM-DD in UTC."""
+    removed: bool
+    """Whether everything is removed; false from the first step of the removal to the last."""
 
 
-def tombstone_path(root: Path, participant: str) -> Path:
-    """Return where a person's tombstone stands.
+def withdrawal_path(root: Path, participant: str) -> Path:
+    """Return the path of a person's withdrawal record in a study's folder.
 
     >>> from pathlib import Path
-    >>> tombstone_path(Path("results"), "07").as_posix()
+    >>> withdrawal_path(Path("results"), "07").as_posix()
     'results/withdrawn/sub-07.json'
     """
     return root / FOLDER / f"sub-{participant}.json"
 
 
-def read_tombstone(root: Path, participant: str) -> Tombstone | None:
-    """Read a person's tombstone; none if there is none.
+def read_withdrawal(root: Path, participant: str) -> WithdrawalRecord | None:
+    """Read a person's withdrawal record; None if there is none.
 
-    ArchiveError where the file is no tombstone of this person.
+    Raises
+    ------
+    ArchiveError
+        If the file is no withdrawal record of this person.
     """
-    path = tombstone_path(root, participant)
+    path = withdrawal_path(root, participant)
     if not path.exists():
         return None
-    with contextlib.suppress(ValueError, RecursionError):
-        match json.loads(path.read_bytes()):
-            case {
-                "schema": 1,
-                "participant": str(name),
-                "withdrawn": str(day),
-                "removed": bool(removed),
-            } if name == participant and _DATE.fullmatch(day):
-                return Tombstone(participant=name, withdrawn=day, removed=removed)
+    with contextlib.suppress(ValidationError):
+        record = WithdrawalRecord.model_validate_json(path.read_bytes())
+        if record.participant == participant and "version" in record.model_fields_set:
+            return record
     raise ArchiveError(
         f"{path}: must have schema 1, participant {participant}, withdrawn (YYYY-MM-DD) and "
         "removed (true or false)"
     )
 
 
-def write_tombstone(root: Path, tombstone: Tombstone, *, disk: Disk = DISK) -> None:
-    """Write a tombstone; it is on the disk when this returns."""
-    path = tombstone_path(root, tombstone.participant)
+def write_withdrawal(root: Path, record: WithdrawalRecord, *, disk: Disk = DISK) -> None:
+    """Write a withdrawal record; it is on the disk when this returns."""
+    path = withdrawal_path(root, record.participant)
     make_folder(path.parent, disk)
     remove_left_overs(path.parent, path.name)
-    text = json.dumps({"schema": SCHEMA} | asdict(tombstone), indent=1) + "\n"
-    write_atomically(path, text, disk=disk)
+    write_atomically(path, record.model_dump_json(by_alias=True, indent=1) + "\n", disk=disk)
 
 
 def refuse_withdrawn(root: Path, participant: str) -> None:
-    """Refuse an identifier whose person withdrew.
-
-    ArchiveError where there is a tombstone.
-    """
-    tombstone = read_tombstone(root, participant)
-    if tombstone is not None:
+    """Raise ArchiveError if a person withdrew, or the removal of their data was interrupted."""
+    record = read_withdrawal(root, participant)
+    if record is not None:
         remedy = "the removal was interrupted: run tactstrip withdraw again"
-        if tombstone.removed:
+        if record.removed:
             remedy = "give another --participant: this one is not given again"
-        raise ArchiveError(f"participant {participant} withdrew on {tombstone.withdrawn}; {remedy}")
+        raise ArchiveError(f"participant {participant} withdrew on {record.withdrawn}; {remedy}")
 
 
 ID_COLUMN: Final = "participant_id"
 FILE_NAME: Final = "participants.tsv"
 _LOCK = ".participants.lock"
 _PERSON = re.compile(r"sub-[A-Za-z0-9]{1,32}")
-_LONGEST = 200
+_MAX_CHARACTERS = 200
 _FORMULA = ("=", "+", "-", "@")
 
 
-def participant_facts(columns: Sequence[ParticipantColumn], given: Iterable[str]) -> dict[str, str]:
-    """Read the facts of one person by their columns, as a command line gives them.
+def parse_participant_values(
+    columns: Sequence[ParticipantColumn], given: Iterable[str]
+) -> dict[str, str]:
+    """Return the values of one person by their columns, from the texts of a command line.
 
     Parameters
     ----------
@@ -134,31 +132,30 @@ def participant_facts(columns: Sequence[ParticipantColumn], given: Iterable[str]
     --------
     >>> from experiment.study.dataset import ParticipantColumn
     >>> hand = ParticipantColumn(name="hand", description="preferred", levels=("l", "r"))
-    >>> participant_facts([hand], ["hand=l"])
+    >>> parse_participant_values([hand], ["hand=l"])
     {'hand': 'l'}
-    >>> participant_facts([hand], ["hand=both"])
+    >>> parse_participant_values([hand], ["hand=both"])
     Traceback (most recent call last):
     experiment.record.files.ArchiveError: fact hand must be one of l, r, n/a; got 'both'
     """
-    facts: dict[str, str] = {}
+    values: dict[str, str] = {}
     for text in given:
         name, equals, value = text.partition("=")
         if not equals:
             raise ArchiveError(f"a fact must be given as NAME=VALUE; got {shown(text)}")
-        if name in facts:
+        if name in values:
             raise ArchiveError(f"fact {name} must be given once; got it twice")
-        facts[name] = value
-    check_facts(columns, facts)
-    return facts
+        values[name] = value
+    check_participant_values(columns, values)
+    return values
 
 
-def check_facts(columns: Sequence[ParticipantColumn], facts: Mapping[str, str]) -> None:
-    """Refuse a fact that the study does not declare, or whose value it does not know.
-
-    ArchiveError as `participant_facts`.
-    """
+def check_participant_values(
+    columns: Sequence[ParticipantColumn], values: Mapping[str, str]
+) -> None:
+    """Raise ArchiveError for a column that the study does not declare or a value it refuses."""
     declared = {column.name: column for column in columns}
-    for name, value in facts.items():
+    for name, value in values.items():
         if name not in declared:
             raise ArchiveError(
                 f"{name}: unknown key; the study declares "
@@ -174,8 +171,8 @@ def _check_value(column: ParticipantColumn, value: str) -> None:
         rule = f"must be one of {', '.join(column.levels)}, {NOT_AVAILABLE}"
     elif value.startswith(_FORMULA):
         rule = f"must not begin with {' '.join(_FORMULA)}, which begin a formula in a spreadsheet"
-    elif not is_line(value) or len(value) > _LONGEST or value != value.strip():
-        rule = f"must be 1 to {_LONGEST} characters in one line, without blanks at its ends"
+    elif not is_line(value) or len(value) > _MAX_CHARACTERS or value != value.strip():
+        rule = f"must be 1 to {_MAX_CHARACTERS} characters in one line, without blanks at its ends"
     else:
         return
     raise ArchiveError(f"fact {column.name} {rule}; got {shown(value)}")
@@ -196,16 +193,16 @@ class People:
     rows: Mapping[str, Mapping[str, str]] = field(default_factory=dict)  # by id, cells by column
 
     def with_person(
-        self, participant: str, columns: Sequence[ParticipantColumn], facts: Mapping[str, str]
+        self, participant: str, columns: Sequence[ParticipantColumn], values: Mapping[str, str]
     ) -> People:
         """Return the table with this person and these columns; what is not given is ``n/a``.
 
-        ArchiveError where a fact is not declared, or differs from what is there already.
+        ArchiveError if a column is not declared, or a value differs from the one in the table.
         """
-        check_facts(columns, facts)
+        check_participant_values(columns, values)
         name = f"sub-{participant}"
         cells = {ID_COLUMN: name, **self.rows.get(name, {})}
-        for column, value in facts.items():
+        for column, value in values.items():
             present = cells.get(column, NOT_AVAILABLE)
             if present == NOT_AVAILABLE:
                 cells[column] = value
@@ -229,10 +226,12 @@ class People:
 
 
 def read_people(root: Path, columns: Iterable[ParticipantColumn] = ()) -> People:
-    """Read participants.tsv; where there is none, its bare heading.
+    """Read participants.tsv; without the file, a table without rows.
 
-    ArchiveError, with file and line, where it is no such table or has a value that one of the
-    columns does not know.
+    Raises
+    ------
+    ArchiveError
+        If the file is no such table, or has a value that one of the columns refuses; with the line.
     """
     path = root / FILE_NAME
     refuse_link(path)
@@ -279,42 +278,48 @@ def _check_row(
 
 
 def next_number(root: Path, participant: str) -> int:
-    """Return the number of a person by their place in participants.tsv, counted from 1.
+    """Return the number of a person: their position in participants.tsv, counted from 1.
 
-    Who is not in it yet comes last. Each person who withdrew counts for one, so that the number of
-    a person who is entered at the end is nobody else's.
+    A person who is not yet in the table comes last. Each person who withdrew counts, so that the
+    number of the next person is nobody else's.
     """
     names = [*read_people(root).rows]
     name = f"sub-{participant}"
-    place = names.index(name) if name in names else len(names)
-    gone = {path.stem for path in (root / FOLDER).glob("sub-*.json")} - {*names, name}
-    return place + len(gone) + 1
+    index = names.index(name) if name in names else len(names)
+    withdrawn = {path.stem for path in (root / FOLDER).glob("sub-*.json")} - {*names, name}
+    return index + len(withdrawn) + 1
 
 
 def enter_person(
     root: Path,
     participant: str,
     columns: Sequence[ParticipantColumn],
-    facts: Mapping[str, str],
+    values: Mapping[str, str],
     *,
     disk: Disk = DISK,
 ) -> None:
-    """Enter a person and what is known of them; nothing is written where nothing is new.
+    """Enter a person with their values in participants.tsv; written only if something is new.
 
-    ArchiveError as `People.with_person`, or where the person was withdrawn.
+    Raises
+    ------
+    ArchiveError
+        As `People.with_person`, or if the person withdrew.
     """
     with locked(root / _LOCK):
         refuse_withdrawn(root, participant)
         before = read_people(root)
-        after = before.with_person(participant, columns, facts)
+        after = before.with_person(participant, columns, values)
         if after != before:
             write_atomically(root / FILE_NAME, after.text(), disk=disk)
 
 
 def remove_person(root: Path, participant: str, *, disk: Disk = DISK) -> None:
-    """Remove a person's row, also from a table that was left half written.
+    """Remove a person's row from participants.tsv, and tables that were left half written.
 
-    ArchiveError where participants.tsv is no such table.
+    Raises
+    ------
+    ArchiveError
+        If participants.tsv is not a valid table.
     """
     with locked(root / _LOCK):
         remove_left_overs(root, FILE_NAME)

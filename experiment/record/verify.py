@@ -1,4 +1,4 @@
-"""A session's record as a whole: plan, header, journal, trials.csv and the head that was kept.
+"""Verify a session: its plan, header, journal and tables against each other and sessions.tsv.
 
 What is covered: the plan by its seal, plan and header as files by the journal's first line, each
 journal line by the next one, the last by the head in sessions.tsv, trials.csv and measured.csv by
@@ -15,17 +15,17 @@ from typing import TYPE_CHECKING, Final
 from experiment.record.entries import SessionOpened
 from experiment.record.files import (
     HEADER,
-    HEADS,
     JOURNAL,
     MEASURED,
     PLAN,
+    SESSIONS_TABLE,
     TABLE,
     ArchiveError,
     person_of,
     refuse_links,
 )
 from experiment.record.history import replay
-from experiment.record.index import Difference, HeadError, in_place, kept_head
+from experiment.record.index import Difference, SessionIndexError, find_seal, is_named_session
 from experiment.record.journal import (
     JournalError,
     JournalLineError,
@@ -40,11 +40,11 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from experiment.record.history import History
-    from experiment.record.index import Remedy, SessionHead
+    from experiment.record.index import Remedy, SessionSeal
     from experiment.record.journal import JournalFile
 
 
-def examine(folder: Path, table: str = TABLE) -> Examined:
+def examine(folder: Path, table: str = TABLE) -> Verification:
     """Verify the files of a session against each other, without changing or locking them.
 
     Parameters
@@ -56,7 +56,7 @@ def examine(folder: Path, table: str = TABLE) -> Examined:
 
     Returns
     -------
-    Examined
+    Verification
         ``plan`` and ``history``: the plan and the contents of the journal, None where a file cannot
         be trusted; ``differences``: every modification, with its file and line, empty if the
         session is as it was recorded.
@@ -89,10 +89,10 @@ def examine(folder: Path, table: str = TABLE) -> Examined:
     ((), [('trials.csv', 2)])
     """
     refuse_links(folder, table)
-    return Examined(folder, table)
+    return Verification(folder, table)
 
 
-class Examined:
+class Verification:
     """What there is of a session's record, and what is amiss with it.
 
     Attributes
@@ -109,8 +109,8 @@ class Examined:
         The plan, where there is a sealed one of this session.
     plan_file_sha256 : str
         Checksum of its bytes; empty without a file.
-    head : SessionHead or None
-        What sessions.tsv keeps of the session.
+    seal : SessionSeal or None
+        The line of sessions.tsv of the session.
     history : History or None
         What the journal says, where journal and plan can be trusted.
     differences : tuple of Difference
@@ -125,7 +125,7 @@ class Examined:
         }
         self.journal: JournalFile | None = None
         self.plan: Plan | None = None
-        self.head: SessionHead | None = None
+        self.seal: SessionSeal | None = None
         self.history: History | None = None
         self.errors: list[Difference] = []
         path, plan = folder / JOURNAL, self.files[PLAN]
@@ -136,8 +136,8 @@ class Examined:
             self.journal = read_journal(path) if self.has_journal else None
         with self._noting_errors(PLAN):
             self.plan = None if plan is None else plan_from_json(plan.decode())
-        with self._noting_errors(HEADS):
-            self.head = kept_head(folder)
+        with self._noting_errors(SESSIONS_TABLE):
+            self.seal = find_seal(folder)
         entries = self.journal.entries if self.journal else ()
         self.events = [entry.event for entry in entries]
         first = entries[0].line if entries else None
@@ -153,7 +153,7 @@ class Examined:
             yield
         except RecordSchemaError:
             raise
-        except (JournalLineError, HeadError) as error:
+        except (JournalLineError, SessionIndexError) as error:
             self.errors.append(self.difference(name, error.line, error.message))
         except (JournalError, PlanError, UnicodeDecodeError) as error:
             self.errors.append(self.difference(name, None, str(error)))
@@ -162,7 +162,7 @@ class Examined:
         self, name: str, line: int | None, message: str, remedy: Remedy | None = None
     ) -> Difference:
         """Return a difference in a file of the session, or in the sessions.tsv beside it."""
-        folder = person_of(self.folder) if name == HEADS else self.folder
+        folder = person_of(self.folder) if name == SESSIONS_TABLE else self.folder
         return Difference(path=folder / name, line=line, message=message, remedy=remedy)
 
     @property
@@ -187,31 +187,31 @@ class Examined:
         """Whether anything is left of a session that began: its journal was made first."""
         left = {name for name, raw in self.files.items() if raw is not None}
         started = left - {HEADER} if self.has_journal else left
-        return self.head is not None or self.has_lines or bool(started)
+        return self.seal is not None or self.has_lines or bool(started)
 
     @property
     def n_sealed(self) -> int:
         """How many lines the journal had when its hash was kept; 0 where no line has that hash."""
-        if self.journal is None or self.head is None:
+        if self.journal is None or self.seal is None:
             return 0
         hashes = [None, *self.journal.sha256]
-        return hashes.index(self.head.head_sha256) if self.head.head_sha256 in hashes else 0
+        return hashes.index(self.seal.head_sha256) if self.seal.head_sha256 in hashes else 0
 
 
-def _check_plan(record: Examined) -> Iterator[Difference]:
+def _check_plan(record: Verification) -> Iterator[Difference]:
     if record.files[PLAN] is None and record.has_lines:
         yield record.difference(PLAN, None, "is missing")
     if record.plan is None:
         return
-    place = record.folder.resolve()
+    path = record.folder.resolve()
     person, session = f"sub-{record.plan.participant}", f"ses-{record.plan.session}"
-    for folder, name in ((place.parent, person), (place, session)):
+    for folder, name in ((path.parent, person), (path, session)):
         if folder.name.startswith(name[:4]) and folder.name != name:
             message = f"is the plan of {name}, but the folder is {folder.name}"
             yield record.difference(PLAN, None, message)
 
 
-def _check_seals(record: Examined) -> Iterator[Difference]:
+def _check_files(record: Verification) -> Iterator[Difference]:
     """Compare plan and header with the checksums in the journal's first line."""
     opening = record.opening
     if opening is None:
@@ -235,10 +235,10 @@ def _check_seals(record: Examined) -> Iterator[Difference]:
             yield record.difference(name, None, message)
 
 
-def _check_journal(record: Examined) -> Iterator[Difference]:
+def _check_journal(record: Verification) -> Iterator[Difference]:
     if record.begun and not record.has_journal:
         message = "is missing: no table can be compared with it"
-        message = _missing(record.head) if record.head else message
+        message = _missing(record.seal) if record.seal else message
         yield record.difference(JOURNAL, None, message)
     torn = record.journal.torn if record.journal else b""
     if torn and record.history and record.history.finished and record.ended:
@@ -246,34 +246,34 @@ def _check_journal(record: Examined) -> Iterator[Difference]:
         yield record.difference(JOURNAL, len(record.events) + 1, message)
 
 
-def _check_head(record: Examined) -> Iterator[Difference]:
+def _check_seal(record: Verification) -> Iterator[Difference]:
     """Compare the journal with the hash of its last line that was kept in sessions.tsv."""
-    journal, head, n_sealed = record.journal, record.head, record.n_sealed
+    journal, seal, n_sealed = record.journal, record.seal, record.n_sealed
     if journal is None:
         return
     later = record.events[n_sealed:]
     closed = record.events[-1:] == ["session_close"]
-    if head is None:
+    if seal is None:
         # A process killed between its last line and this one leaves none: only a resume, which
         # somebody asks for, may take a journal's word for its own end.
         unreadable = {error.path.name for error in record.errors}
-        if closed and in_place(record.folder) and HEADS not in unreadable:
-            yield record.difference(HEADS, None, _NO_HEAD, "resume")
+        if closed and is_named_session(record.folder) and SESSIONS_TABLE not in unreadable:
+            yield record.difference(SESSIONS_TABLE, None, _NO_SEAL, "resume")
     elif not n_sealed:
         torn = "; its last line is cut short" if journal.torn else ""
         message = (
-            f"head_sha256 {head.head_sha256[:12]}... is of no line of {JOURNAL}, which was "
+            f"head_sha256 {seal.head_sha256[:12]}... is of no line of {JOURNAL}, which was "
             f"changed or cut since{torn}"
         )
-        yield record.difference(HEADS, head.line, message)
+        yield record.difference(SESSIONS_TABLE, seal.line, message)
     elif later and later[0] != "session_resume":
         yield record.difference(JOURNAL, n_sealed + 1, "was added after the session had ended")
     elif later and closed:
         message = f"the last line of {JOURNAL} is another one than head_sha256 tells of"
-        yield record.difference(HEADS, head.line, message, "resume")
+        yield record.difference(SESSIONS_TABLE, seal.line, message, "resume")
 
 
-def _check_tables(record: Examined) -> Iterator[Difference]:
+def _check_tables(record: Verification) -> Iterator[Difference]:
     """Compare the tables with those that the journal gives.
 
     A session that was cut off wrote its tables before: the rows of the lines that are sealed have
@@ -292,8 +292,8 @@ def _check_tables(record: Examined) -> Iterator[Difference]:
         actual, recorded = record.files[name], table_csv(kind, rows).encode()
         n_rows = sealed.count(event)
         if actual is None:
-            if record.head and sealed and (n_rows or name != MEASURED):
-                yield record.difference(name, None, _missing(record.head), "export")
+            if record.seal and sealed and (n_rows or name != MEASURED):
+                yield record.difference(name, None, _missing(record.seal), "export")
         elif name == MEASURED and not rows:
             message = "is there, though nothing was measured"
             yield record.difference(name, None, message, "removal")
@@ -326,22 +326,22 @@ def first_difference(actual: bytes, recorded: bytes, *, min_rows: int) -> tuple[
     return number, "is not the line that the journal gives"
 
 
-_CHECKS: Final = (_check_plan, _check_seals, _check_journal, _check_head, _check_tables)
+_CHECKS: Final = (_check_plan, _check_files, _check_journal, _check_seal, _check_tables)
 
 
 _WITHOUT = f"and cannot be built without {PLAN} and {JOURNAL} as they were recorded"
-_NO_HEAD = "has no line of this session, whose journal has ended"
+_NO_SEAL = "has no line of this session, whose journal has ended"
 
 
 def _sha256(raw: bytes) -> str:
     return hashlib.sha256(raw).hexdigest()
 
 
-def _missing(kept: SessionHead) -> str:
-    return f"is missing; line {kept.line} of {HEADS} tells of it"
+def _missing(seal: SessionSeal) -> str:
+    return f"is missing; line {seal.line} of {SESSIONS_TABLE} tells of it"
 
 
-def refuse_altered(folder: Path) -> tuple[Difference, ...]:
+def refuse_modified(folder: Path) -> tuple[Difference, ...]:
     """Refuse a session whose record is not as it was written; return what a command mends.
 
     ArchiveError for the first difference that the journal cannot put right.

@@ -1,13 +1,14 @@
-"""A person's withdrawal: their folders and their row go, a tombstone stays.
+"""The withdrawal of a person: their data are removed, and what still holds them is searched for.
 
-The order is such that an interruption at any point leaves either everything, or a tombstone that
-says that the removal has begun, and the removal can be run again:
+The order of a removal is such that an interruption at any point leaves either everything, or a
+record that the removal has begun, and the removal can be run again:
 
-1. the tombstone is written, ``removed`` being false; from here on the identifier is refused,
+1. the withdrawal record is written, ``removed`` being false; from here on the identifier is
+   refused,
 2. the person's folder is moved, in one step, to where nothing reads it,
 3. the row in participants.tsv goes,
 4. the moved folder is deleted,
-5. the tombstone says ``removed``.
+5. the record says ``removed``.
 """
 
 from __future__ import annotations
@@ -40,12 +41,12 @@ from experiment.record.manifest import NAME, read_manifest
 from experiment.record.people import (
     FILE_NAME,
     ID_COLUMN,
-    Tombstone,
+    WithdrawalRecord,
     read_people,
-    read_tombstone,
+    read_withdrawal,
     remove_person,
-    tombstone_path,
-    write_tombstone,
+    withdrawal_path,
+    write_withdrawal,
 )
 
 if TYPE_CHECKING:
@@ -71,20 +72,20 @@ class Person:
         The identifier.
     sessions : tuple of str
         Names of the folders in the person's folder.
-    files : int
-        How many files there are in it.
+    n_files : int
+        Number of files in it.
     in_table : bool
         Whether participants.tsv has a row for the person.
-    tombstone : Tombstone or None
-        The mark of an earlier withdrawal.
+    withdrawal : WithdrawalRecord or None
+        The record of an earlier withdrawal.
     """
 
     root: Path
     participant: str
     sessions: tuple[str, ...]
-    files: int
+    n_files: int
     in_table: bool
-    tombstone: Tombstone | None
+    withdrawal: WithdrawalRecord | None
 
     @property
     def folder(self) -> Path:
@@ -92,64 +93,62 @@ class Person:
         return self.root / f"sub-{self.participant}"
 
     @property
-    def grave(self) -> Path:
+    def doomed_folder(self) -> Path:
         """Where the folder is moved before it is deleted."""
         return self.root / FOLDER / f"sub-{self.participant}.removing"
 
     @property
-    def gone(self) -> bool:
+    def is_removed(self) -> bool:
         """Whether the person was removed, and nothing came back."""
-        done = self.tombstone is not None and self.tombstone.removed
-        there = self.in_table or self.folder.exists() or self.grave.exists()
-        return done and not there
+        is_done = self.withdrawal is not None and self.withdrawal.removed
+        is_left = self.in_table or self.folder.exists() or self.doomed_folder.exists()
+        return is_done and not is_left
 
     @property
     def removed_paths(self) -> tuple[Path, ...]:
         """What needs no search: what is removed, and what is written about it."""
-        tombstone = tombstone_path(self.root, self.participant)
-        return (self.folder, self.grave, tombstone, self.root / FILE_NAME)
+        record = withdrawal_path(self.root, self.participant)
+        return (self.folder, self.doomed_folder, record, self.root / FILE_NAME)
 
 
-def look_up(root: Path, participant: str) -> Person:
-    """Tell what there is of a person.
+def find_person(root: Path, participant: str) -> Person:
+    """Return what a study's folder holds of a person.
 
     Raises
     ------
     ArchiveError
-        If nothing is there, if one of the places is a symbolic link, or the person's folder holds
+        If it holds nothing, or if one of the paths is a symbolic link or the person's folder holds
         one: what it points to would stay.
 
     Examples
     --------
     >>> from pathlib import Path
-    >>> look_up(Path("."), "../07")
+    >>> find_person(Path("."), "../07")
     Traceback (most recent call last):
     experiment.record.files.ArchiveError: participant: must be 1 to 32 letters (a-z, A-Z) ...
     """
     check_identifier("participant", participant)
     if not root.is_dir():
         raise ArchiveError(f"{root}: there is no such folder")
-    for path in (root / FILE_NAME, root / FOLDER, tombstone_path(root, participant)):
+    for path in (root / FILE_NAME, root / FOLDER, withdrawal_path(root, participant)):
         refuse_link(path)
     folder = root / f"sub-{participant}"
     # On some systems, asking for ``sub-a`` finds ``sub-A``.
-    is_there = folder.name in {path.name for path in root.iterdir()}
+    exists = folder.name in {path.name for path in root.iterdir()}
+    n_files = _count_files(folder) if exists else 0
+    sessions = sorted(path.name for path in folder.iterdir() if path.is_dir()) if exists else ()
     person = Person(
         root=root,
         participant=participant,
-        files=_count_files(folder) if is_there else 0,
-        sessions=_folders_in(folder) if is_there else (),
+        n_files=n_files,
+        sessions=tuple(sessions),
         in_table=folder.name in read_people(root).rows,
-        tombstone=read_tombstone(root, participant),
+        withdrawal=read_withdrawal(root, participant),
     )
-    refuse_link(person.grave)
-    if not is_there and not person.in_table and person.tombstone is None:
+    refuse_link(person.doomed_folder)
+    if not exists and not person.in_table and person.withdrawal is None:
         raise ArchiveError(f"{root}: there is no participant {participant} here")
     return person
-
-
-def _folders_in(folder: Path) -> tuple[str, ...]:
-    return tuple(sorted(path.name for path in folder.iterdir() if path.is_dir()))
 
 
 def _count_files(folder: Path) -> int:
@@ -158,9 +157,9 @@ def _count_files(folder: Path) -> int:
     if not folder.is_dir():
         raise ArchiveError(f"{folder}: must be a folder; nothing was changed")
     count = 0
-    for place, folders, files in os.walk(folder, onerror=_raise):
+    for parent, folders, files in os.walk(folder, onerror=_raise):
         for name in (*folders, *files):
-            refuse_link(folder / place / name)
+            refuse_link(folder / parent / name)
         count += len(files)
     return count
 
@@ -170,8 +169,13 @@ def _raise(error: OSError) -> None:
 
 
 @contextlib.contextmanager
-def held(person: Person) -> Iterator[contextlib.ExitStack]:
-    """Hold all sessions of a person, so that none runs; yields what holds them.
+def locked_sessions(person: Person) -> Iterator[contextlib.ExitStack]:
+    """Lock all sessions of a person, so that none runs.
+
+    Yields
+    ------
+    ExitStack
+        The locks, for `remove`.
 
     Raises
     ------
@@ -185,44 +189,42 @@ def held(person: Person) -> Iterator[contextlib.ExitStack]:
 
 
 def remove(person: Person, locks: contextlib.ExitStack, *, today: str, disk: Disk = DISK) -> None:
-    """Remove a person whose sessions are held; a withdrawal that was interrupted keeps its day.
+    """Remove a person whose sessions are locked; an interrupted withdrawal keeps its day.
 
     Parameters
     ----------
     person : Person
-        What `look_up` found.
+        The person, from `find_person`.
     locks : ExitStack
-        What `held` yielded.
+        The locks, from `locked_sessions`.
     today : str
         The day, as YYYY-MM-DD in UTC.
     disk : Disk
-        Where it is kept.
+        Where the record is kept.
 
     Raises
     ------
     ArchiveError
-        If something changed since `look_up`; nothing is changed then.
+        If something changed since `find_person`; nothing is changed then.
     """
-    again = look_up(person.root, person.participant)
-    if again.sessions != person.sessions:
+    if find_person(person.root, person.participant).sessions != person.sessions:
         raise ArchiveError(f"{person.folder}: it changed meanwhile; nothing was changed")
-    day = person.tombstone.withdrawn if person.tombstone else today
-    begun = Tombstone(participant=person.participant, withdrawn=day, removed=False)
-    # First the mark, on the disk: data that vanish without one look like data that were lost.
-    write_tombstone(person.root, begun, disk=disk)
-    delete_folder(person.grave)
+    day = person.withdrawal.withdrawn if person.withdrawal else today
+    record = WithdrawalRecord(participant=person.participant, withdrawn=day, removed=False)
+    # First the record, on the disk: data that vanish without one look like data that were lost.
+    write_withdrawal(person.root, record, disk=disk)
+    delete_folder(person.doomed_folder)
     if person.folder.exists():
         if os.name == "nt":  # which moves no folder with an open file in it
             locks.close()
         # One rename, since deleting file by file would leave, if stopped, half a session that reads
         # like a whole one. A power cut must not bring the folder back once its files are gone.
-        person.folder.rename(person.grave)
+        person.folder.rename(person.doomed_folder)
         disk.sync_folder(person.root)
     remove_person(person.root, person.participant, disk=disk)
-    delete_folder(person.grave)
-    # The last mark lies in the folder that the files went from: one sync is for both.
-    done = Tombstone(participant=person.participant, withdrawn=day, removed=True)
-    write_tombstone(person.root, done, disk=disk)
+    delete_folder(person.doomed_folder)
+    # The record lies in the folder that the files went from: one sync is for both.
+    write_withdrawal(person.root, record.model_copy(update={"removed": True}), disk=disk)
 
 
 @dataclass(frozen=True, slots=True, order=True)

@@ -17,11 +17,11 @@ from experiment.hardware.setup import read_limits
 from experiment.hardware.suitability import require_suitable
 from experiment.operator.requests import StopSignal
 from experiment.record.entries import NoteTaken, SessionOpened, SessionResumed
-from experiment.record.files import HEADS, ArchiveError
+from experiment.record.files import SESSIONS_TABLE, ArchiveError
 from experiment.record.folder import SessionFolder
-from experiment.record.index import SessionHead, enter_head, read_heads
+from experiment.record.index import SessionSeal, read_seals, write_seal
 from experiment.record.journal import JournalWriteError
-from experiment.record.verify import refuse_altered
+from experiment.record.verify import refuse_modified
 from experiment.session.config import SessionConfig, SessionResult, require_operator
 from experiment.session.header import (
     drawn_observer,
@@ -354,12 +354,12 @@ def chosen_purpose(*, practice: bool, rehearse: bool) -> Purpose:
 def _refuse_existing(folder: SessionFolder) -> None:
     """Refuse to begin a session that exists, or whose final hash is all that is left of it."""
     folder.refuse_existing()
-    for head in read_heads(folder.path.parent).values():
-        if head.session == folder.session:
+    for seal in read_seals(folder.path.parent).values():
+        if seal.session == folder.session:
             raise ArchiveError(
-                f"{folder.path.parent / HEADS}:{head.line}: this session ended on {head.ended}, "
-                f"yet {folder.path} is lost; restore it from a copy, or give another --session: "
-                "nothing was changed"
+                f"{folder.path.parent / SESSIONS_TABLE}:{seal.line}: this session ended on "
+                f"{seal.ended}, yet {folder.path} is lost; restore it from a copy, or give another "
+                "--session: nothing was changed"
             )
 
 
@@ -426,7 +426,7 @@ def _refuse_other_conditions(
 
 def _refuse_modified(folder: SessionFolder, report: Callable[[str], object]) -> None:
     """Refuse a record that was changed; tell what a resume puts right, for it is not seen later."""
-    differences = refuse_altered(folder.path)
+    differences = refuse_modified(folder.path)
     for difference in differences:
         if difference.remedy == "export" and difference.line is not None:
             raise ArchiveError(
@@ -434,7 +434,7 @@ def _refuse_modified(folder: SessionFolder, report: Callable[[str], object]) -> 
                 "changed"
             )
     for difference in differences:
-        report(f"Note: {difference.place}: {difference.message}; it is written anew.")
+        report(f"Note: {difference.location}: {difference.message}; it is written anew.")
 
 
 @contextlib.contextmanager
@@ -518,12 +518,12 @@ def _finish(
     planned = {trial.number for trial in plan.trials}  # without those of a warm-up
     trials_path = folder.write_trials()
     now = datetime.now(UTC).isoformat(timespec="seconds")
-    head = SessionHead(session=folder.session, head_sha256=journal.head_sha256, ended=now)
+    seal = SessionSeal(session=folder.session, head_sha256=journal.head_sha256, ended=now)
     try:
-        enter_head(folder.path.parent, head, disk=folder.disk)
+        write_seal(folder.path.parent, seal, disk=folder.disk)
     except OSError as error:
         raise JournalWriteError(
-            f"{folder.path.parent / HEADS}: cannot be written ({error.strerror})"
+            f"{folder.path.parent / SESSIONS_TABLE}: cannot be written ({error.strerror})"
         ) from error
     return SessionResult(
         finished=finished,

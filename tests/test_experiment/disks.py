@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from experiment.record.files import Disk, write_atomically
 from experiment.record.manifest import Manifest, replaced
-from experiment.record.withdraw import held, look_up, remove
+from experiment.record.withdraw import find_person, locked_sessions, remove
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -124,6 +124,6 @@ def write_export(folder: Path, study: Path, text: str, disk: LossyDisk) -> None:
 
 def withdraw(results: Path, disk: LossyDisk) -> None:
     """Remove participant 01."""
-    person = look_up(results, "01")
-    with held(person) as locks:
+    person = find_person(results, "01")
+    with locked_sessions(person) as locks:
         remove(person, locks, today="2026-01-02", disk=disk)

@@ -12,7 +12,7 @@ from click.testing import CliRunner
 from filelock import FileLock
 
 from experiment import SessionFolder
-from experiment.record.people import Tombstone, write_tombstone
+from experiment.record.people import WithdrawalRecord, write_withdrawal
 from tactstrip import main
 from tests.plates import on_paper_plate
 from tests.test_experiment.sessions import Sessions, contents
@@ -215,7 +215,9 @@ def test_what_is_no_export_is_refused(results: Path, no_export: Refused, refused
     assert refused("export", results, "--with-sourcedata").count("\n") == 1
     with FileLock(results / "sub-02" / "ses-01" / ".lock"):
         assert "sub-02" in no_export()
-    write_tombstone(results, Tombstone(participant="02", withdrawn="2001-02-03", removed=False))
+    write_withdrawal(
+        results, WithdrawalRecord(participant="02", withdrawn="2001-02-03", removed=False)
+    )
     assert "participant 02" in no_export()
 
 

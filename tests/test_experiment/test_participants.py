@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from experiment.record.people import enter_person, participant_facts, read_people
+from experiment.record.people import enter_person, parse_participant_values, read_people
 from tests.plates import on_paper_plate
 from tests.test_experiment.lab import Lab
 from tests.test_experiment.studies import codes_of, facts_of
@@ -56,7 +56,7 @@ def test_a_fact_that_the_study_does_not_declare_is_refused(
     columns: Any, given: list[str], parts: list[str]
 ) -> None:
     with pytest.raises(ValueError, match=re.escape(parts[0])) as caught:
-        participant_facts(columns, given)
+        parse_participant_values(columns, given)
     assert [part for part in parts if part not in str(caught.value)] == []
 
 
@@ -76,7 +76,7 @@ def test_a_fact_is_filled_in_later_and_never_overwritten(tmp_path: Path, columns
     enter_person(tmp_path, "01", [hand], {"hand": "left"})
     for facts in ({}, {"hand": "n/a"}, {"hand": "left"}):
         enter_person(tmp_path, "01", columns, facts)
-    enter_person(tmp_path, "02", columns, participant_facts(columns, ["age_group=20-29"]))
+    enter_person(tmp_path, "02", columns, parse_participant_values(columns, ["age_group=20-29"]))
     table = tmp_path / "participants.tsv"
     whole = table.read_bytes()
     assert whole == f"{HEAD}sub-01\tleft\tn/a\nsub-02\tn/a\t20-29\n".encode()
