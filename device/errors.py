@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from enum import IntEnum, StrEnum
+from enum import IntEnum
 from typing import Final, Self
 
 from device.printing import shown
@@ -64,6 +64,9 @@ class Refusal(IntEnum):
     STALE = 31, "a later message was answered already"
     AMPLIFIER_OFF = 32, "the amplifier is off: its safety switch is open"
     MEMORY_FULL = 33, "the waveforms in all slots together are too long"
+    WATCHDOG_STOP = 34, "the device received nothing for 500 ms and switched its outputs off"
+    OVERLOAD_STOP = 35, "the amplifier reported an over-current, and the outputs were switched off"
+    LINE_STOP = 36, "the line to the device was interrupted, and it switched its outputs off"
 
 
 def error_line(error: Exception) -> str:
@@ -209,50 +212,6 @@ class Rejected(RefusedError):  # noqa: N818 - "rejected" is the device's answer,
     >>> Rejected(Refusal.BUSY).code.name
     'BUSY'
     """
-
-
-class OffCause(StrEnum):
-    """Why a device switched its outputs off by itself.
-
-    Examples
-    --------
-    >>> OffCause("watchdog") is OffCause.WATCHDOG
-    True
-    """
-
-    WATCHDOG = "watchdog"
-    OVER_CURRENT = "over_current"
-
-
-_OFF_MESSAGES = {
-    OffCause.WATCHDOG: f"the device received nothing for {WATCHDOG_S * 1e3:g} ms and switched its "
-    "outputs off",
-    OffCause.OVER_CURRENT: "the amplifier reported an over-current, and the device switched its "
-    "outputs off",
-}
-
-
-class OutputsOffError(Rejected):
-    """A step after the device switched its outputs off by itself.
-
-    Parameters
-    ----------
-    cause : OffCause
-        Why it did; an attribute of the error.
-
-    Examples
-    --------
-    >>> print(OutputsOffError(OffCause.WATCHDOG))
-    the device received nothing for 500 ms and switched its outputs off
-    """
-
-    def __init__(self, cause: OffCause) -> None:
-        super().__init__(Refusal.SAFE_STATE)
-        self.cause = cause
-
-    def __str__(self) -> str:
-        """Name the cause."""
-        return _OFF_MESSAGES[self.cause]
 
 
 class LimitExceeded(Rejected):

@@ -137,6 +137,7 @@ class DeviceCore:
         self._slots: dict[int, _Slot] = {}
         self._levels = Levels(left_mvpp=0, right_mvpp=0)
         self._state = State.IDLE
+        self._off_reason = Refusal.SAFE_STATE
         self._armed: Arm | None = None
         self._armed_until_us = 0
         self._last: Emission | None = None
@@ -172,7 +173,7 @@ class DeviceCore:
         if now_us < self._now_us:
             raise ValueError(f"now_us must be {self._now_us} or later, got {now_us}")
         while (due := self._next_event()) is not None and due[0] <= now_us:
-            self._happen(*due)
+            self._happen(*due, Refusal.WATCHDOG_STOP)
         self._now_us = now_us
 
     def sense(self, now_us: int, sensed: Health) -> None:
@@ -181,7 +182,12 @@ class DeviceCore:
         kept = self._sensed.over_current is True
         self._sensed = replace(sensed, over_current=True) if kept else sensed
         if sensed.over_current:
-            self._happen(now_us, Step.STOP)
+            self._happen(now_us, Step.STOP, Refusal.OVERLOAD_STOP)
+
+    def lose_line(self, now_us: int) -> None:
+        """Notice that the line to the host is gone: the outputs go to zero."""
+        self.advance(now_us)
+        self._happen(now_us, Step.STOP, Refusal.LINE_STOP)
 
     def take(self, now_us: int, message: Message[Reply]) -> Reply:
         """Do what a message asks and return its answer, or refuse it and change nothing.
@@ -297,7 +303,7 @@ class DeviceCore:
         return Measurement(token=token)
 
     def _stop(self, _: Stop) -> None:
-        self._happen(self._now_us, Step.STOP)
+        self._happen(self._now_us, Step.STOP, Refusal.SAFE_STATE)
 
     def _hear(self, _: Beat) -> None:
         self._beat_us = self._now_us
@@ -323,7 +329,8 @@ class DeviceCore:
 
     def _after(self, step: Step) -> State:
         if (self._state, step) not in TRANSITIONS:
-            raise rejection(ILLEGAL[self._state], step.value)
+            is_safe = self._state is State.SAFE
+            raise rejection(self._off_reason if is_safe else ILLEGAL[self._state], step.value)
         return TRANSITIONS[self._state, step]
 
     def _next_event(self) -> tuple[int, Step] | None:
@@ -338,7 +345,11 @@ class DeviceCore:
             return None
         return event if event[0] <= watchdog[0] else watchdog
 
-    def _happen(self, at_us: int, step: Step) -> None:
+    # What switched the outputs off stays the reason until they are on again: a stop that comes
+    # later does not hide it.
+    def _happen(self, at_us: int, step: Step, off_reason: Refusal) -> None:
+        if step is Step.STOP and self._state is not State.SAFE:
+            self._off_reason = off_reason
         if self._last is not None and self._state is State.FIRED:
             cut = step is Step.STOP
             self._sink(self._last.cut(at_us) if cut else self._last)

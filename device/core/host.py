@@ -35,10 +35,7 @@ from device.driver import BurstDevice
 from device.errors import (
     DeviceError,
     LinkError,
-    OffCause,
-    OutputsOffError,
     Refusal,
-    RefusedError,
     StateError,
     rejection,
 )
@@ -117,7 +114,6 @@ class HostDriver(BurstDevice):
         self._slots: dict[int, _HostSlot] = {}
         self._levels_mvpp = (0, 0)
         self._armed: Arm | None = None
-        self._is_enabled = False
         self._burst: Delivery | None = None
         self._burst_us = 0
 
@@ -133,7 +129,6 @@ class HostDriver(BurstDevice):
         self._identity = identity
         self._slots.clear()
         self._armed = self._burst = None
-        self._is_enabled = False
         try:
             self._link.exchange(Levels(left_mvpp=0, right_mvpp=0))
         except DeviceError:
@@ -160,7 +155,6 @@ class HostDriver(BurstDevice):
         """Switch the output on; the only way out of a stop."""
         self._require_same()
         self._link.exchange(Enable())
-        self._is_enabled = True
 
     def set_levels(self, left_vpp: float, right_vpp: float) -> None:
         """Set the levels of both channels in peak-to-peak volts at the actuator.
@@ -177,17 +171,6 @@ class HostDriver(BurstDevice):
 
     def arm(self, token: int, slot: int, *, time_to_live_s: float) -> None:
         """Allow `fire(token)` to play a slot for the next `time_to_live_s` seconds."""
-        try:
-            self._arm(token, slot, time_to_live_s)
-        except RefusedError as refused:
-            # Nothing but the device itself can have switched off what was switched on here.
-            if refused.code is Refusal.SAFE_STATE and self._is_enabled:
-                over_current = self.health().over_current
-                cause = OffCause.OVER_CURRENT if over_current else OffCause.WATCHDOG
-                raise OutputsOffError(cause) from refused
-            raise
-
-    def _arm(self, token: int, slot: int, time_to_live_s: float) -> None:
         self._require_same()
         message = Arm(
             token=check_token(token),
@@ -259,7 +242,6 @@ class HostDriver(BurstDevice):
 
     def stop(self) -> None:
         """Bring outputs to zero: from any thread, in any state, any number of times, no lock."""
-        self._is_enabled = False
         self._link.stop()
 
     def close(self) -> None:

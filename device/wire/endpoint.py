@@ -80,7 +80,7 @@ class Endpoint:
 
     def hang_up(self, now_us: int) -> None:
         """Notice that the line is gone: the outputs go to zero."""
-        self.core.take(now_us, Stop())
+        self.core.lose_line(now_us)
         self._decoder = Decoder()
         self._text = IdentityLine(self._identity)
         self._uploads.forget()

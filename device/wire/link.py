@@ -63,6 +63,7 @@ _DRAIN_S: Final = 30.0
 """A line of 1200 baud needs 25 s."""
 
 _PLAIN_S: Final = 0.5
+_OFF_REASONS: Final = (Refusal.WATCHDOG_STOP, Refusal.OVERLOAD_STOP, Refusal.LINE_STOP)
 _FAREWELL_S: Final = 0.25
 
 
@@ -301,6 +302,8 @@ class FrameLink:
             return
         if answer.refusal is Refusal.WRONG_BOOT:
             raise RestartedError("the device restarted and forgot everything: open it again")
+        if answer.refusal in _OFF_REASONS:
+            raise rejection(answer.refusal)
         detail = f"the device, on {kind.name}"
         if answer.refusal is Refusal.CEILING:
             left_vpp, right_vpp = message.vpp if isinstance(message, Levels) else self._levels_vpp

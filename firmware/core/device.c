@@ -18,9 +18,12 @@ enum legal {
 static enum refusal check_state(const struct device *device, enum legal legal) {
     static const enum refusal reasons[] = {
         [STATE_IDLE] = NOTHING_LOADED, [STATE_LOADED] = NOT_ENABLED, [STATE_LIVE] = NOT_ARMED,
-        [STATE_ARMED] = ALREADY_ARMED, [STATE_FIRED] = BUSY,         [STATE_SAFE] = SAFE_STATE,
+        [STATE_ARMED] = ALREADY_ARMED, [STATE_FIRED] = BUSY,
     };
-    return ((uint32_t)legal & (1U << device->state)) != 0U ? DONE : reasons[device->state];
+    if (((uint32_t)legal & (1U << device->state)) != 0U) {
+        return DONE;
+    }
+    return device->state == STATE_SAFE ? device->off_reason : reasons[device->state];
 }
 
 /* Return the record of a token, or NULL. The newest comes first, so that the answer to FIRE takes
@@ -60,7 +63,11 @@ static void resolve(struct device *device, enum fate fate) {
     }
 }
 
-static void stop(struct device *device, uint64_t at_us) {
+/* The first reason counts: a stop that comes later does not hide it. */
+static void stop(struct device *device, uint64_t at_us, enum refusal reason) {
+    if (device->state != STATE_SAFE) {
+        device->off_reason = reason;
+    }
     if (device->state == STATE_FIRED) {
         device->last.is_cut = true;
         device->last.cut_us = at_us;
@@ -88,7 +95,7 @@ void device_advance(struct device *device, uint64_t now_us) {
         device->state = STATE_LIVE;
     }
     if (device_is_on(device) && silent_us <= now_us) {
-        stop(device, silent_us);
+        stop(device, silent_us, WATCHDOG_STOP);
     }
     device->now_us = now_us;
 }
@@ -99,7 +106,7 @@ void device_sense(struct device *device, uint8_t known, uint8_t set) {
     device->known = (uint8_t)(reported | latched);
     device->set = (uint8_t)((reported & set) | latched);
     if ((reported & set & OVER_CURRENT) != 0U) {
-        device_stop(device);
+        stop(device, device->now_us, OVERLOAD_STOP);
     }
 }
 
@@ -351,7 +358,9 @@ enum refusal device_measured(const struct device *device, uint64_t token,
     return token == device->last.token && is_waiting ? BUSY : DONE;
 }
 
-void device_stop(struct device *device) { stop(device, device->now_us); }
+void device_stop(struct device *device) { stop(device, device->now_us, SAFE_STATE); }
+
+void device_lose_line(struct device *device) { stop(device, device->now_us, LINE_STOP); }
 
 void device_hear(struct device *device) { device->beat_us = device->now_us; }
 

@@ -66,6 +66,7 @@ struct device {
     bool is_measuring; /* MEASURED of the last burst is not known yet */
     uint8_t known; /* bits of `health` */
     uint8_t set;
+    enum refusal off_reason; /* of the steps that are illegal in STATE_SAFE */
     /* The memory behind exactly-once. The danger is not to forget but to say "never armed" of what
      * was forgotten: a burst that was felt would be presented again. Up to the largest token ever
      * dropped absence means nothing; hosts count upwards, so that theirs lie above it. */
@@ -104,6 +105,9 @@ struct record device_query(const struct device *device, uint64_t token);
 enum refusal device_measured(const struct device *device, uint64_t token,
                              struct measured *measured);
 void device_stop(struct device *device);
+
+/* Stop because the line to the host is gone. */
+void device_lose_line(struct device *device);
 void device_hear(struct device *device);
 
 /* Whether outputs and amplifier are on. */

@@ -15,7 +15,7 @@ void endpoint_init(struct endpoint *endpoint, const struct about *about) {
 }
 
 void endpoint_hang_up(struct endpoint *endpoint) {
-    device_stop(&endpoint->device);
+    device_lose_line(&endpoint->device);
     endpoint->decoder = (struct decoder){.size = 0};
     endpoint->upload.is_under_way = false;
 }

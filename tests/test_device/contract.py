@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from device import LimitExceeded, OffCause, Outcome, OutputsOffError, Refusal, RefusedError
+from device import LimitExceeded, Outcome, Refusal, RefusedError, Rejected
 from device.core.converter import ConverterDevice
 from device.core.host import HostDriver
 from tests.test_device import bursts
@@ -313,10 +313,11 @@ class DeviceContract:
             assert 0.3 < after_s < live.long_s
             assert live.in_real_time or 0.5 < after_s <= 0.75 + 1e-4
             assert not cut.left_v[math.ceil(after_s * live.rate_hz) :].any()
-        with pytest.raises(OutputsOffError) as refused:
+        with pytest.raises(Rejected, match="received nothing for 500 ms") as refused:
             live.device.arm(2, 0, time_to_live_s=0.1)
-        assert refused.value.cause is OffCause.WATCHDOG
-        assert refused.value.code is Refusal.SAFE_STATE
+        assert refused.value.code is Refusal.WATCHDOG_STOP
+        live.device.stop()  # hides no earlier reason
+        assert refusal(lambda: live.device.arm(2, 0, time_to_live_s=0.1)) is Refusal.WATCHDOG_STOP
 
     def test_a_stop_cuts_the_burst_and_only_enable_undoes_it(self, live: Rig) -> None:
         load_long(live)

@@ -1,6 +1,7 @@
 """The device's own logic: what happens when, what is remembered, what can never happen."""
 
 from fractions import Fraction
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
@@ -10,6 +11,9 @@ from hypothesis import strategies as st
 from device import Emission, Health, Limits, Measurement, OutputStage, Refusal, State
 from device.core.states import ILLEGAL, TRANSITIONS, Step
 from tests.test_device.bench import BURST_US, Bench, fate_name
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
 
 WATCHDOG_US = 500_000
 
@@ -298,3 +302,23 @@ def test_a_measurement_is_that_of_the_last_burst_once_it_is_over() -> None:
     bench.fire(100_000, 2)
     bench.take(100_100, "STOP")
     assert [measured(200_000, token) for token in (1, 2)] == [("", 0)] * 2
+
+
+def test_why_the_outputs_went_off_is_the_reason_of_what_is_refused_until_they_are_on_again() -> (
+    None
+):
+    stops: dict[Refusal, Callable[[Bench], object]] = {
+        Refusal.SAFE_STATE: lambda bench: bench.take(bench.now_us, "STOP"),
+        Refusal.WATCHDOG_STOP: lambda bench: bench.core.advance(bench.now_us + 500_000),
+        Refusal.OVERLOAD_STOP: lambda bench: bench.core.sense(
+            bench.now_us, Health(over_current=True)
+        ),
+        Refusal.LINE_STOP: lambda bench: bench.core.lose_line(bench.now_us),
+    }
+    bench = Bench().live()
+    for reason, stop in stops.items():
+        stop(bench)
+        for later in (stop, *stops.values()):
+            later(bench)
+            assert bench.refused(bench.now_us, "ARM", token=1, slot=0, time_to_live_us=9) is reason
+        bench.take(bench.now_us, "OUTPUT")

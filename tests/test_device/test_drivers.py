@@ -1,5 +1,6 @@
 """The drivers by name: made from settings, refused by the one that is missing."""
 
+import os
 from typing import Any
 
 import pytest
@@ -7,6 +8,8 @@ from click.testing import CliRunner
 
 from device import DriverSettings, Limits, LinkError, MonotonicClock, VirtualClock, make_device
 from device.drivers import NEEDS, is_emulated
+from device.emulate.lines import PtyLine
+from device.wire.channels import SerialChannel
 from tactstrip import main
 
 LIMITS = Limits(ceiling_vpp=200.0, min_interval_s=0.02)
@@ -50,6 +53,17 @@ def test_a_driver_is_emulated_by_its_name_or_by_its_answer() -> None:
     for name in ("serial", "generator"):
         with pytest.raises(LinkError):
             is_emulated(name, "/no/such/port")
+
+
+@pytest.mark.skipif(os.name != "posix", reason="pseudo-terminals are of POSIX")
+def test_a_port_that_another_program_has_open_is_named() -> None:
+    line = PtyLine()
+    channel = SerialChannel(line.name, MonotonicClock())
+    with pytest.raises(LinkError, match=f"^{line.name} is in use by another program$"):
+        SerialChannel(line.name, MonotonicClock())
+    channel.close()
+    SerialChannel(line.name, MonotonicClock()).close()
+    line.close()
 
 
 WRONG_OPTIONS = [
