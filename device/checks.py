@@ -9,7 +9,7 @@ import numpy as np
 
 
 def is_real(value: object) -> TypeGuard[float]:
-    """Tell whether a value is a finite number; bool is none.
+    """Return whether a value is a finite number; bool is none.
 
     >>> is_real(2), is_real(2.5), is_real(True), is_real(float("nan")), is_real("2")
     (True, True, False, False, False)
@@ -22,7 +22,7 @@ def is_real(value: object) -> TypeGuard[float]:
 
 
 def is_whole(value: object) -> TypeGuard[int]:
-    """Tell whether a value is an integer; bool is none.
+    """Return whether a value is an integer; bool is none.
 
     >>> is_whole(2), is_whole(2.0), is_whole(True)
     (True, False, False)

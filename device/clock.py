@@ -137,8 +137,9 @@ class VirtualClock:
 class MachineTime:
     """A moment by the machine's own clocks.
 
-    `up_s` counts from the machine's start, sleep included, and nobody can set it; `boot` tells one
-    start from another, where the system does. `wall_s`, seconds since 1970, may be set at any time.
+    `up_s` counts from the machine's start, sleep included, and nobody can set it; `boot` differs
+    from start to start, where the system has it. `wall_s`, seconds since 1970, may be set at any
+    time.
     """
 
     boot: str | None
@@ -156,7 +157,7 @@ def uptime_s() -> float:
 
 
 def boot() -> str | None:
-    """Return what tells this start of the machine from its others; None where nothing does."""
+    """Return what identifies this start of the machine; None if nothing does."""
     try:
         return _BOOT.read_text(encoding="ascii").strip()
     except OSError:

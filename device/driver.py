@@ -122,7 +122,7 @@ class Identity:
         require_whole("longest_waveform", self.longest_waveform, least=1, most=2**31)
 
     def __str__(self) -> str:
-        """Tell in one line what the device says of itself."""
+        """Return the identity in one line."""
         emulated = " (emulated)" if self.emulated else ""
         return (
             f"{self.model} {self.serial_number}{emulated}, ceiling {self.ceiling_vpp:g} Vpp, "

@@ -102,7 +102,7 @@ def installed(group: str) -> dict[str, list[Installed]]:
 
 
 def shadowed(group: str, name: str) -> str:
-    """Tell of what is installed by the name of a built-in one, which is taken; else nothing.
+    """Return a note on what is installed under the name of a built-in driver; "" if nothing is.
 
     >>> shadowed("tactstrip.nothing", "mock")
     ''

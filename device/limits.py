@@ -50,7 +50,7 @@ class Limits:
     longest_waveform : int
         In samples.
     slots : int
-        Number of waveforms that are kept at once, 255 at most: a byte tells it.
+        Number of waveforms that are kept at once, 255 at most, as they are counted in a byte.
     memory_samples : int
         Samples of one channel that all slots together hold.
     dc_tolerance : float

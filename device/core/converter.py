@@ -62,7 +62,7 @@ class Played:
 class Converter(ABC):
     """What turns samples into volts at two actuators: a card, an instrument, a program.
 
-    A subclass sets the attributes, at the latest in `connect` those that only the hardware tells,
+    A subclass sets the attributes, at the latest in `connect` those that only the hardware knows,
     and has the four abstract methods. The other three are for hardware that stores waveforms or
     switches its outputs.
 

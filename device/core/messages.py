@@ -3,7 +3,7 @@
 Slots, 64-bit tokens, millivolts peak-to-peak, microseconds and converter codes. Fields are checked
 with the refusals of the device, so that a message that exists is well formed wherever it was made;
 whether it is allowed is for limits and states to say. How it lies on a wire is the table in
-wire/codec.py.
+wire/protocol.py.
 """
 
 from __future__ import annotations

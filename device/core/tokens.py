@@ -140,7 +140,7 @@ class Exchange(Generic[Reply]):
 
 
 def delivery(exchange: Exchange[Record]) -> Delivery:
-    """Return what a driver reports for a record that it was told by the device.
+    """Return what a driver reports for a record that the device sent.
 
     The onset of a burst that fired before the question is carried back to the host's clock by the
     device's: the interval moves by the time since the onset, and grows by `CLOCK_TOLERANCE` times

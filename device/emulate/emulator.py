@@ -43,7 +43,7 @@ _QUIET: Final = (State.IDLE, State.LOADED, State.SAFE)
 class Truth:
     """A truth file.
 
-    A burst stands in it from its onset, before any answer tells of it; one that was cut short gets
+    A burst stands in it from its onset, before any answer reports it; one that was cut short gets
     a line of its own for that.
 
     With `volts` each burst carries its samples: volts as base64 of little-endian float64, left then

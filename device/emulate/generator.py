@@ -270,11 +270,11 @@ class EmulatedGenerator:
 class GeneratorEmulator:
     """The emulated generator between a line and a truth file.
 
-    No host tells a generator its tokens: a burst has a ``number``, and ``wall_s``, the calendar's
+    A generator knows no tokens: a burst has a ``number``, and ``wall_s``, the calendar's
     clock at its onset. In a journal of the same machine it belongs to the one attempt that was
     armed before and ended after.
 
-    The truth file tells volts at the actuators, behind an amplifier of this gain.
+    The truth file has volts at the actuators, behind an amplifier of this gain.
     """
 
     def __init__(

@@ -68,7 +68,7 @@ class ChannelState:
         return 1.0 if self.load > 1e9 else 2.0  # noqa: PLR2004 - any infinite load
 
     def set_load(self, ohm: float) -> None:
-        """Tell what is connected: the display changes, the terminals do not."""
+        """Set the load that is connected: the display changes, the terminals do not."""
         if self.limited:
             raise ScpiError(CONFLICT)
         before = self.doubling
@@ -114,7 +114,7 @@ class ChannelState:
         self.memory[name] = data
 
     def waits(self) -> bool:
-        """Tell whether a trigger from the bus plays a burst."""
+        """Return whether a trigger from the bus plays a burst."""
         return self.burst and self.trigger == "BUS" and self.function == "ARB"
 
     def play(self, *, byte_order: str) -> FloatArray:

@@ -26,10 +26,10 @@ MODEL = "tactstrip mock"
 """What it says it is."""
 
 DEVICE_LIMITS = Limits(ceiling_vpp=200.0, min_interval_s=0.005)
-"""The mock's own limits, unless told otherwise."""
+"""Limits of the mock, unless others are given."""
 
 OUTPUT_STAGE = OutputStage()
-"""The mock's converter and amplifier, unless told otherwise."""
+"""Converter and amplifier of the mock, unless others are given."""
 
 
 class MockDevice(HostDriver):

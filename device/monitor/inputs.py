@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 QUIET_S: Final = 0.25
 MAX_QUIET_S: Final = 1.0
 _QUIET_SHAPES: Final = 40
-"""So much before a burst tells the noise, where it is there: of a long burst more."""
+"""The record of this time before a burst gives the noise, if it is there: of a long burst more."""
 MIN_QUIET_S: Final = 0.02
 SEARCHED_S: Final = 0.1
 """So long after its time a burst is waited for."""
@@ -74,9 +74,26 @@ class Calibration:
 class InputMonitor:
     """A `Monitor` by two inputs of a sound card.
 
-    `connect` opens their stream; None where the driver does that, whose stream they are, and
-    `renew` opens that anew. `played` tells at which frame the driver's last burst began, where its
-    frames are the record's.
+    Parameters
+    ----------
+    recorder : Recorder
+        What keeps the last seconds of the inputs.
+    clock : Clock
+        The host's.
+    tap : Tap
+        Where the inputs are connected.
+    calibration : Calibration
+        What the recorded numbers stand for.
+    tolerances : Tolerances
+        By how much a burst may differ.
+    source : str
+        What the record says of the inputs.
+    connect : callable or None
+        Opens the stream of the inputs; None if the driver's stream has them.
+    played : callable or None
+        Returns the frame at which the driver's last burst began, if both share a stream.
+    renew : callable or None
+        Opens the driver's stream anew.
     """
 
     def __init__(
@@ -195,7 +212,7 @@ class InputMonitor:
         return ""
 
     def _heard_all(self, frames: int, began: int | None, onset_s: float, later_s: float) -> bool:
-        """Tell whether a burst this much later would be in the record, by frames if they tell."""
+        """Return whether a burst this much later would be in the record."""
         recorder = self._recorder
         last = recorder.frames - frames
         if began is None:

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from device.monitor.matching import TemplateMatch
 
 MIN_SNR_DB: Final = 10.0
-"""Ratio of a burst's effective value to the noise's; below it nothing is told."""
+"""Ratio of a burst's effective value to the noise's; below it nothing is judged."""
 _SURE_SD: Final = 3.5
 """Standard deviations: by so much the threshold lies inside of a tolerance, so that noise lets
 nothing pass that is beyond it; and by as much again outside of what a good burst is taken for."""
@@ -35,7 +35,7 @@ def judge(
     late_s: tuple[float, float] | None,
     sample_rate_hz: float,
 ) -> tuple[tuple[Fault, ...], str]:
-    """Return in which ways a burst was another one, and why it cannot be told; empty if not.
+    """Return in which ways a burst was another one, and why that cannot be judged; empty if not.
 
     `late_s` are left's and right's; None where nobody knows when they were due. An overloaded input
     is a fault however strong the noise is.

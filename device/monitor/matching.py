@@ -28,7 +28,7 @@ MIN_QUIET: Final = 8
 _FEW_95: Final = 1.21
 _FEW_SURE: Final = 3.31
 """Student's t with n degrees of freedom is wider than a normal deviate z by 1 + (z^2 + 1) / 4n: at
-95 %, and at the 3.5 standard deviations by which faults are told."""
+95 %, and at the 3.5 standard deviations by which faults are reported."""
 _MARGIN: Final = 8
 """Frames around a shape: what is played between two samples of the record rings there."""
 _STEPS: Final = 3
@@ -203,7 +203,7 @@ class Template:
     def _correlation(
         self, stretch: FloatArray, amplitude: float, energies: FloatArray
     ) -> tuple[float, float]:
-        """Return it without the noise's energy, which a quiet part tells stretch by stretch."""
+        """Return it without the noise's energy, which a quiet part shows stretch by stretch."""
         noise, fitted = float(np.mean(energies)), amplitude**2 * self.energy
         rest = float(stretch @ stretch) - noise
         if fitted <= 0 or rest <= 0:
@@ -264,5 +264,5 @@ def _vertex(values: FloatArray, k: int) -> float:
 
 
 def _in_a_row(full: np.ndarray[tuple[int, ...], np.dtype[np.bool_]]) -> bool:
-    """Tell whether three neighbours are full: one alone may be a true peak."""
+    """Return whether three neighbours are full: one alone may be a true peak."""
     return bool(np.any(full[:-2] & full[1:-1] & full[2:]))

@@ -1,6 +1,7 @@
 """What a monitor saw of a burst, beside what was planned.
 
-A tap tells where along the way from converter to finger it was looked, and so what stays unseen.
+A tap is the point between converter and finger at which a burst is measured; what lies behind stays
+unseen.
 """
 
 from __future__ import annotations
@@ -168,7 +169,7 @@ class Measured:
     unmeasured : str
         Why nothing can be said; empty where something can.
     blank : bool
-        No channel was to sound: silence tells nothing of the way to the finger.
+        No channel was to sound: silence says nothing of the way to the finger.
     """
 
     token: int

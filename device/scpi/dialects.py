@@ -69,7 +69,7 @@ class Dialect:
     abort: tuple[str, ...]  # ends a burst that is under way
     trigger: tuple[str, ...]  # plays both channels once
     complete: str  # a question that is answered once everything before it was done
-    error: str  # question for the oldest error that was not told yet
+    error: str  # question for the oldest error that was not reported yet
     cannot: tuple[str, ...]  # what this make cannot promise beyond what none can
 
     def __post_init__(self) -> None:

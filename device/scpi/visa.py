@@ -141,7 +141,7 @@ def open_instrument(port: str, clock: Clock, line: LineSettings = USUAL) -> Chan
 
 
 def instrument_lack(port: str) -> Lack | None:
-    """Tell what this machine lacks to open an instrument's port; it is not opened."""
+    """Return what this machine lacks to open an instrument's port; it is not opened."""
     if not is_resource(port):
         return port_lack(port)
     needs = {"pyvisa": "pyvisa", "pyvisa_py": "pyvisa-py"}

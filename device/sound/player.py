@@ -15,14 +15,14 @@ Frames: TypeAlias = NDArray[np.int16]
 
 
 class Timing(Protocol):
-    """What PortAudio tells a callback of time, in seconds of its own clock."""
+    """What PortAudio reports to a callback of time, in seconds of its own clock."""
 
     currentTime: float  # noqa: N815 - PortAudio's name
     outputBufferDacTime: float  # noqa: N815 - PortAudio's name
 
 
 class StreamStatus(Protocol):
-    """What PortAudio tells a callback of trouble."""
+    """What PortAudio reports to a callback of trouble."""
 
     output_underflow: bool
 
@@ -67,7 +67,7 @@ class SoundBurst:
         return self.taken == len(self.frames)
 
     def is_settled(self, now_s: float) -> bool:
-        """Tell whether nothing more is to be learned: it was cut, or it must have come out."""
+        """Return whether nothing more will be known: it was cut, or it must have come out."""
         heard = now_s >= self.ended_s + self.latency_s and self.callbacks_after > 0
         return self.cut or (self.is_complete and heard)
 

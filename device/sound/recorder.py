@@ -19,21 +19,21 @@ for a while."""
 _OUTSIDE: Final = 0.025
 """Of the marks on either side: 95 % of them say how far their word is to be trusted."""
 _LONGEST_DELAY_S: Final = 1.0
-"""A sound system that tells of a longer one tells nonsense."""
+"""A sound system that reports a longer one is wrong."""
 _SETTLED_S: Final = 1.0
 _ABOVE_LATENCY_S: Final = 0.1
-"""A sound server that has just begun tells of half a second, and is wrong."""
+"""A sound server that has just begun reports half a second, and is wrong."""
 
 
 class InputTiming(Protocol):
-    """What PortAudio tells a callback of time, in seconds of its own clock."""
+    """What PortAudio reports to a callback of time, in seconds of its own clock."""
 
     currentTime: float  # noqa: N815 - PortAudio's name
     inputBufferAdcTime: float  # noqa: N815 - PortAudio's name
 
 
 class InputStatus(Protocol):
-    """What PortAudio tells a callback of trouble: frames were lost, or put in as zeros."""
+    """What PortAudio reports to a callback of trouble: frames were lost, or put in as zeros."""
 
     input_overflow: bool
     input_underflow: bool

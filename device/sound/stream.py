@@ -101,7 +101,7 @@ def open_duplex(
 
 
 class _Duplex:
-    """A stream of outputs and inputs, as one of outputs: PortAudio tells both latencies of it."""
+    """A stream of outputs and inputs, as one of outputs: PortAudio reports both latencies of it."""
 
     def __init__(self, stream: Any) -> None:
         self._stream = stream
@@ -178,7 +178,7 @@ def sound_cards() -> tuple[str, ...]:
 
 
 def sound_lack() -> Lack | None:
-    """Tell what this machine lacks to play sound; PortAudio is not started and no card opened.
+    """Return what this machine lacks to play sound; PortAudio is not started and no card opened.
 
     Cards are looked for on Linux only; a sound server may bring one that the kernel does not know.
     """
@@ -196,7 +196,7 @@ def sound_lack() -> Lack | None:
 
 
 def _has_card(pcm: Path, environment: Mapping[str, str]) -> bool:
-    """Tell whether the kernel lists an output, or a sound server waits that may have one."""
+    """Return whether the kernel lists an output, or a sound server waits that may have one."""
     with contextlib.suppress(OSError):
         if "playback" in pcm.read_text(encoding="utf-8", errors="replace"):
             return True

@@ -94,7 +94,7 @@ USUAL: Final = LineSettings()
 
 
 class Heart:
-    """A thread that beats until it is told to end, whatever the line is like.
+    """A thread that beats until `end` is called, whatever the line is like.
 
     A `LinkError` of `beat` is passed over.
 
@@ -129,7 +129,7 @@ _CONNECT_WITHIN_S: Final = 5.0
 
 
 class SocketChannel:
-    """A `channel.Channel` over TCP.
+    """A `Channel` over TCP.
 
     pyserial opens such URLs too, but waits 0.3 s whenever it closes one and keeps the socket open
     if the other side was faster.
@@ -190,7 +190,7 @@ _GONE: Final = (OSError, TypeError, ValueError, AttributeError)
 
 
 class SerialChannel:
-    """A `channel.Channel` over a serial port, or a URL that pyserial knows.
+    """A `Channel` over a serial port, or a URL that pyserial knows.
 
     A `LinkError` says that it cannot be opened; another process may have it.
 

@@ -242,7 +242,7 @@ class FrameLink:
     def _require_speed(self, boot_id: int, hello_s: float) -> None:
         """Refuse a line on which no answer comes in time, however often it is tried.
 
-        Each try is a question of its own, sent once, so that what is late can be told from what
+        Each try is a question of its own, sent once, so that what is late differs from what
         was lost. A line that loses much is not refused.
         """
         within_s = self._line.answer_within_s

@@ -322,7 +322,7 @@ TABLE: Final = {
 """Every type of question with the layouts of its message and its answer.
 
 Before the message of every question but HELLO comes a boot id (`QuestionPayload`), before what an
-answer tells its head (`AnswerPayload`). A `LoadSlot` has no row: upload.py sends it in pieces.
+answer's report its head (`AnswerPayload`). A `LoadSlot` has no row: upload.py sends it in pieces.
 """
 
 _KINDS: Final = {row.message.make: kind for kind, row in TABLE.items()}

@@ -153,7 +153,7 @@ class RequestChannel:
     def ask(
         self, message: Message[Any], boot_id: int, response_timeout_s: float | None = None
     ) -> AnswerPayload:
-        """Send a question until its answer comes; also a refusal tells state and power cycle.
+        """Send a question until its answer comes; also a refusal reports state and power cycle.
 
         A stop from another thread may overtake a question, which the device does not do then. It
         is asked anew, except to switch on what was just stopped.
@@ -280,7 +280,7 @@ class RequestChannel:
             self._stops.difference_update(number for number in stops if number <= max(obeyed))
 
     def _accept(self, frame: Frame) -> AnswerPayload:
-        """Read an answer; one that was overtaken tells nothing of the state."""
+        """Read an answer; one that was overtaken says nothing of the state."""
         answer = read_answer(lambda: protocol.HEAD.read(frame.payload))
         if answer.boot_id != self.boot_id or answer.device_us >= self._device_us:
             self._state, self.boot_id = answer.state, answer.boot_id

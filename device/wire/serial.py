@@ -40,7 +40,7 @@ def serial_device(
 
 
 def identify(port: str, line: LineSettings = USUAL) -> tuple[Identity, DeviceLimits, Health] | None:
-    """Return who answers on a port and what it tells, or None where no device of this kind does.
+    """Return who answers on a port and what it reports, or None where no device of this kind does.
 
     A `LinkError` says of one of this kind why it cannot be driven.
 
