@@ -10,7 +10,7 @@ import math
 import struct
 from dataclasses import dataclass
 from enum import IntEnum
-from typing import TYPE_CHECKING, Any, Final, Generic, NamedTuple, Protocol, TypeVar
+from typing import TYPE_CHECKING, Any, Final, Generic, NamedTuple, TypeVar
 
 from device.core.messages import (
     Arm,
@@ -36,7 +36,7 @@ from device.wire.frames import VERSION
 from device.wire.upload import Begin, Commit, Data
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
 
 _Value = TypeVar("_Value")
 
@@ -82,85 +82,67 @@ REFUSALS: Final = (None, *Refusal)
 """Refusals by their number on the wire; 0 is none."""
 
 
-class Meanings(Protocol):
-    """What the numbers of a field stand for, as a sequence does it."""
-
-    def index(self, value: Any, /) -> Any:
-        """Return what travels for a value."""
-
-    def __getitem__(self, number: Any, /) -> Any:
-        """Return the value; IndexError where there is none."""
-
-
-class _Text:
-    """Text, which travels as ASCII."""
-
-    def index(self, text: str) -> bytes:
-        return text.encode("ascii", "replace")
-
-    def __getitem__(self, octets: bytes) -> str:
-        if not octets.isascii():
-            raise IndexError
-        return octets.rstrip(b"\x00").decode()
-
-
-class _Thousandths:
-    """A number that travels in thousandths, rounded down but for how floats are written."""
-
-    def index(self, value: float) -> int:
-        return math.floor(value * 1000 + 1e-6)
-
-    def __getitem__(self, number: int) -> float:
-        return number / 1000
-
-
-class _Onset:
-    """An onset in microseconds; 0 where nothing fired."""
-
-    def index(self, start_us: int | None) -> int:
-        return start_us or 0
-
-    def __getitem__(self, number: int) -> int:
-        return range(2**63)[number]
-
-
-class _MinorVersion:
-    """A protocol version, of which the minor number travels."""
-
-    def index(self, version: str) -> int:
-        return int(version.partition(".")[2])
-
-    def __getitem__(self, number: int) -> str:
-        return f"{VERSION}.{number}"
+def _unchanged(value: Any) -> Any:
+    return value
 
 
 class Field(NamedTuple):
-    """How one field travels: its code in `struct`, and what its numbers stand for."""
+    """How one field travels.
+
+    Attributes
+    ----------
+    code : str
+        Its code in `struct`.
+    pack : callable
+        Returns what travels for a value.
+    read : callable
+        Returns the value; IndexError if there is none.
+    """
 
     code: str
-    meanings: Meanings | None = None
-
-    def number(self, value: Any) -> Any:
-        """Return what travels for a value."""
-        return value if self.meanings is None else self.meanings.index(value)
+    pack: Callable[[Any], Any] = _unchanged
+    read: Callable[[Any], Any] = _unchanged
 
     def value(self, name: str, number: Any) -> Any:
         """Return what a number stands for, or refuse it with BAD_MESSAGE."""
         try:
-            return number if self.meanings is None else self.meanings[number]
+            return self.read(number)
         except IndexError:
             raise rejection(Refusal.BAD_MESSAGE, f"{name} {number}") from None
+
+
+def _choice(values: Sequence[Any], code: str = "B") -> Field:
+    """Return a field that has one of some values, which travels by its index."""
+    return Field(code, values.index, values.__getitem__)
+
+
+def _text(code: str) -> Field:
+    """Return a field of ASCII text, filled up with zeros."""
+
+    def read(octets: bytes) -> str:
+        if not octets.isascii():
+            raise IndexError
+        return octets.rstrip(b"\x00").decode()
+
+    return Field(code, lambda text: text.encode("ascii", "replace"), read)
 
 
 U8: Final = Field("B")
 U16: Final = Field("H")
 U32: Final = Field("I")
 U64: Final = Field("Q")
-FLAG: Final = Field("B", (False, True))
-MILLI: Final = Field("I", _Thousandths())
-TIME: Final = Field("Q", range(2**63))
-TEXT: Final = Field("16s", _Text())
-LONG_TEXT: Final = Field("32s", _Text())
+FLAG: Final = _choice((False, True))
+TIME: Final = _choice(range(2**63), "Q")
+ONSET: Final = TIME._replace(pack=lambda start_us: start_us or 0)
+"""An onset in microseconds; 0 where nothing fired."""
+MILLI: Final = Field(
+    "I", lambda value: math.floor(value * 1000 + 1e-6), lambda number: number / 1000
+)
+"""A number that travels in thousandths, rounded down but for how floats are written."""
+MINOR: Final = Field("B", lambda text: int(text.partition(".")[2]), lambda n: f"{VERSION}.{n}")
+"""A protocol version, of which the minor number travels."""
+TEXT: Final = _text("16s")
+LONG_TEXT: Final = _text("32s")
 REST: Final = Field("")
 """All bytes that are left; only as the last field."""
 
@@ -197,7 +179,7 @@ class Layout(Generic[_Value]):
 
     def pack(self, value: _Value) -> bytes:
         """Return the bytes of a value."""
-        numbers = [field.number(getattr(value, name)) for name, field in self._fields.items()]
+        numbers = [field.pack(getattr(value, name)) for name, field in self._fields.items()]
         rest: bytes = getattr(value, self._rest) if self._rest else b""
         return self._struct.pack(*numbers) + rest
 
@@ -243,7 +225,7 @@ class MessageLayout(NamedTuple):
 
 IDENTITY: Final = Layout[Any](
     dict,
-    protocol_version=Field("B", _MinorVersion()),
+    protocol_version=MINOR,
     emulated=FLAG,
     bits=U8,
     channels=U8,
@@ -266,8 +248,8 @@ def _read_record(*, fate: Fate, start_us: int, **values: int) -> Record:
 RECORD: Final = Layout(
     _read_record,
     token=U64,
-    fate=Field("B", tuple(FATES.values())),
-    start_us=Field("Q", _Onset()),
+    fate=_choice(tuple(FATES.values())),
+    start_us=ONSET,
     left_mvpp=U32,
     right_mvpp=U32,
 )
@@ -280,15 +262,15 @@ LIMITS: Final = Layout(
     dc_tolerance_ppm=U32,
     longest_time_to_live_us=U32,
     data_window=U8,
-    entropy=Field("B", tuple(Entropy)),
+    entropy=_choice(tuple(Entropy)),
     firmware=LONG_TEXT,
 )
 HEALTH: Final = Layout(Health.of_bits, reported_bits=U8, set_bits=U8)
 MEASURED: Final = Layout(
     Measurement,
     token=U64,
-    tap=Field("B", TAPS),
-    unit=Field("B", UNITS),
+    tap=_choice(TAPS),
+    unit=_choice(UNITS),
     left=U32,
     right=U32,
     onset_offset_us=U32,
@@ -363,8 +345,8 @@ class AnswerPayload:
 QUESTION: Final = Layout(QuestionPayload, boot_id=U64, content=REST)
 HEAD: Final = Layout(
     AnswerPayload,
-    refusal=Field("B", REFUSALS),
-    state=Field("B", STATES),
+    refusal=_choice(REFUSALS),
+    state=_choice(STATES),
     boot_id=U64,
     device_us=TIME,
     body=REST,
