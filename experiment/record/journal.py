@@ -328,7 +328,7 @@ class Journal:
                 "t_s": round(self._now_s(), 6),
                 "wall_s": round(self._wall_s(), 3),
                 "up_s": round(self._up_s(), 6),
-                **line.model_dump(),
+                **vars(line),
             }
         )
         raw = b'{"crc":"%08x",%b' % (zlib.crc32(body), body[1:])

@@ -161,6 +161,22 @@ def test_an_edit_is_found_and_named(results: Path, run: Run, edit: Edit, named: 
     assert "\n" not in error
 
 
+@pytest.mark.parametrize("command", ["verify", "analyze", "export"])
+def test_a_session_of_another_schema_is_refused_in_one_line(
+    results: Path, run: Run, command: str
+) -> None:
+    edits.journal(
+        lambda lines: [line.replace(b'"schema":4', b'"schema":3') for line in lines], again=True
+    )(results)
+    done = run(command, results)
+    assert done.exit_code == 2
+    assert re.fullmatch(
+        r"error: [^\n]*journal\.jsonl:1: schema must be 4; got 3: another version of tactstrip "
+        r"wrote it[^\n]*\n",
+        done.stderr,
+    )
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(("edit", "named"), EDITS)
 def test_what_is_accepted_is_read_with_its_mark_or_is_no_table(

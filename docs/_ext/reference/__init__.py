@@ -6,7 +6,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
-from reference import commands, example, refusals, study, tables
+from reference import commands, example, journal, refusals, study, tables
 from reference.api import python
 from reference.sample import make_sample
 
@@ -27,6 +27,7 @@ example
 study
 commands
 tables
+journal
 refusals
 /glossary
 python
@@ -43,12 +44,14 @@ def write_reference(folder: Path) -> None:
             "study.md": study.page(),
             "commands.md": commands.page(),
             "tables.md": tables.page(sample),
+            "journal.md": journal.page(),
             "refusals.md": refusals.page(Path(place)),
             "example.md": example.page(sample),
             **python.pages(),
         }
         for name, text in texts.items():
             put(folder / name, text.encode())
+        put(folder / SITE / "journal.schema.json", journal.schema_text().encode())
         for path in (sample.analysis / "report.html", sample.field):
             put(folder / SITE / "example" / path.name, path.read_bytes())
 
