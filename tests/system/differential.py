@@ -9,7 +9,6 @@ FIRST on; the library is compiled with the limits of `make_small_library`.
 
 from __future__ import annotations
 
-import json
 import re
 import struct
 import sys
@@ -115,7 +114,7 @@ class Host:
         return some[self._below(len(some))]
 
     def _some(self, size: int) -> bytes:
-        return bytes(self._below(256) for _ in range(size))
+        return self._rng.bytes(size)
 
     def next(self) -> tuple[str, int, bytes]:
         """Return an operation, its device time and its bytes."""
@@ -203,12 +202,14 @@ class Host:
 
     def _on_the_line(self, frame: bytes) -> bytes:
         """Return what arrives of a frame: with noise, twice, cut short, damaged; mostly itself."""
+        if not self._one_in(20):
+            return frame
         at, noise = self._below(len(frame)), self._some(self._below(130))
         changed = (
             *(frame[:at] + noise[:2] + frame[at + 1 :], frame + frame, frame[:at]),
             *(noise + frame, frame + self._of(TYPED)),
         )
-        return self._of(changed) if self._one_in(20) else frame
+        return self._of(changed)
 
 
 _READING: Final = struct.Struct("<BBIIIIHH")
@@ -299,20 +300,12 @@ def compare(library: FirmwareLibrary, seed: int, steps: int = STEPS) -> set[tupl
 
 
 def main(path: str, first: int, count: int) -> None:
-    """Compare power cycles, and print how many inputs were given in which time."""
+    """Compare power cycles; print the number of inputs and the seconds, every 100 cycles."""
     library, began_s = FirmwareLibrary(Path(path)), time.monotonic()
-    met = set[tuple[int, int]]()
-    for seed in range(first, first + count):
-        met |= compare(library, seed)
-    print(
-        json.dumps(
-            {
-                "inputs": count * STEPS,
-                "seconds": round(time.monotonic() - began_s),
-                "met": sorted(met),
-            }
-        )
-    )
+    for number in range(1, count + 1):
+        compare(library, first + number - 1)
+        if number % 100 == 0 or number == count:
+            print(number * STEPS, round(time.monotonic() - began_s), flush=True)
 
 
 if __name__ == "__main__":

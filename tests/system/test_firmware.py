@@ -6,7 +6,6 @@ The contract of devices runs on it in test_device_contract.py.
 from __future__ import annotations
 
 import ctypes
-import json
 import os
 import subprocess
 import sys
@@ -88,7 +87,7 @@ def test_the_sanitizers_find_nothing_where_firmware_and_core_do_the_same(tmp_pat
         check=False,
     )
     assert run.returncode == 0, run.stderr
-    assert json.loads(run.stdout)["inputs"] == 100 * STEPS
+    assert run.stdout.startswith(f"{100 * STEPS} ")
 
 
 def codes_of_sine() -> NDArray[np.int32]:
