@@ -1,9 +1,11 @@
-"""Sessions killed at random before changes of the disk."""
+"""Sessions killed before changes of the disk, and at random times at a terminal and a line."""
 
 from __future__ import annotations
 
 import os
 import signal
+import subprocess
+import time
 from collections import Counter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -14,7 +16,9 @@ from click.testing import CliRunner
 from experiment import examine
 from tactstrip import main
 from tests.long.test_fuzz import rounds
-from tests.test_experiment.sessions import Sessions
+from tests.system.test_links import over, require_true
+from tests.system.test_terminal import ENTER, GO_ON, LATER_S, LEFT, run
+from tests.test_experiment.sessions import COMMAND, Sessions
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -103,3 +107,58 @@ def test_a_session_killed_thousands_of_times_loses_and_doubles_nothing(
         watched.ended()
         kills += watched.kills
     print(f"{kills} kills in {number} sessions")
+
+
+def kill_at_random(sessions: Sessions, rng: np.random.Generator, *options: str) -> int:
+    """Start a session and kill it at random times until it ends; return the number of kills."""
+    watched, more = Watched(sessions), ["--seed", str(rng.integers(2**31))]
+    while True:
+        with run(sessions, *options, *more) as terminal:
+            until_s = time.monotonic() + float(rng.uniform(0.5, 5.0))
+            while terminal.process.poll() is None and time.monotonic() < until_s:
+                terminal.read(time.monotonic() + 0.05)
+                if terminal.take(GO_ON):
+                    terminal.press(ENTER)
+                if terminal.take(b" ?"):
+                    time.sleep(LATER_S)
+                    terminal.press(LEFT)
+            has_ended = terminal.process.poll() == 0
+            assert terminal.process.poll() in {None, 0}, terminal.shown
+        if has_ended:
+            break
+        more = watched.killed() or more
+    watched.ended()
+    return watched.kills
+
+
+def test_a_session_at_a_terminal_killed_at_random_times_loses_and_doubles_nothing(
+    tmp_path: Path, quick_study_text: str
+) -> None:
+    kills = number = 0
+    while kills < rounds(200):
+        number += 1
+        sessions = Sessions(tmp_path / f"{number}", quick_study_text)
+        rng = np.random.default_rng(number)
+        kills += kill_at_random(sessions, rng)
+    print(f"{kills} kills in {number} sessions at a terminal")
+
+
+def test_a_session_over_a_serial_line_killed_at_random_times_is_what_the_emulator_did(
+    tmp_path: Path, quick_study_text: str
+) -> None:
+    kills = number = 0
+    while kills < rounds(200):
+        number += 1
+        sessions = Sessions(tmp_path / f"{number}", quick_study_text)
+        truth = tmp_path / f"{number}.jsonl"
+        command = [*COMMAND, "emulate", "--pty", "--truth", str(truth)]
+        with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as emulator:
+            try:
+                assert emulator.stdout is not None
+                options = over("serial", emulator.stdout.readline().strip())
+                rng = np.random.default_rng(number)
+                kills += kill_at_random(sessions, rng, *options)
+            finally:
+                emulator.kill()
+        require_true(sessions, truth)
+    print(f"{kills} kills in {number} sessions over a serial line")

@@ -86,6 +86,13 @@ class Terminal:
             assert self.read(until_s), (text, self.shown)
         self._seen = self._seen[self._seen.index(text) + len(text) :]
 
+    def take(self, text: bytes) -> bool:
+        """Return whether a text was shown since the last call; what came before it is dropped."""
+        is_shown = text in self._seen
+        if is_shown:
+            self._seen = self._seen[self._seen.index(text) + len(text) :]
+        return is_shown
+
     def press(self, key: bytes) -> None:
         os.write(self._keyboard, key)
 

@@ -64,3 +64,13 @@ def test_every_page_has_its_text_with_keys_and_numbers(pages: Pages) -> None:
     assert "{" not in text
     for label in ("\nF\n", "\n4\n", "B2", "Press Enter", "3 of 10", "12 s"):
         assert label in text
+
+
+def test_a_pause_that_only_the_operator_ends_asks_to_call_the_experimenter(pages: Pages) -> None:
+    progress = Progress(done=214, planned=215, part=SessionPart.MAIN)
+    shown = [
+        "\n".join(line for line in pages.pause(progress, may_continue=may) if line)
+        for may in (True, False)
+    ]
+    assert ["call the experimenter" in text for text in shown] == [False, True]
+    assert ["Press Enter" in text for text in shown] == [True, False]

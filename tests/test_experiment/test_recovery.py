@@ -311,3 +311,26 @@ def test_a_disk_that_fails_is_reported_by_its_own_error(
     assert ("make room" in result.stderr) == (number == errno.ENOSPC)
     monkeypatch.undo()
     assert sessions.run(*SIMULATED, "--resume").exit_code == 0
+
+
+@pytest.mark.slow
+def test_on_a_full_disk_the_line_that_resumes_stands_in_the_error(
+    tmp_path: Path, quick_study_text: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    sessions = Sessions(tmp_path, quick_study_text)
+    options = ["--responder", "simulated"]
+    assert sessions.crash(12, *options, "--seed", "1")
+    full_at, is_full = 0, True
+    while is_full:
+        full_at += 1
+        with monkeypatch.context() as patch:
+            disk = FullDisk(patch, full_at=full_at)
+            result = sessions.run(*options, "--resume")
+        is_full = disk.full
+        if is_full:
+            assert result.exit_code == 4, (full_at, result.output)
+            (line,) = result.stderr.splitlines()
+            assert line.endswith("--resume"), line
+            assert "make room" in line
+    assert result.exit_code == 0
+    assert full_at > 3
