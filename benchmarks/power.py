@@ -253,7 +253,7 @@ def _run(
         SessionConfig(
             device=mock_device(study, clock),
             responder=responder,
-            noise=SilentNoise(study.masking),
+            noise=SilentNoise(),
             clock=clock,
             stop=StopSignal(),
         ),

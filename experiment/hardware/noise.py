@@ -50,47 +50,12 @@ class NoiseHealth:
     underruns: int = 0
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class NoiseDescription:
-    """What the header keeps of the noise; ``None`` is what is not known or does not apply.
-
-    Attributes
-    ----------
-    noise : str
-        ``pink`` or ``none``.
-    played : bool
-        Whether it is.
-    sha256 : str or None
-        Checksum of the loop's samples.
-    sample_rate_hz : float or None
-        Of the loop.
-    loop_s : float or None
-        Its length.
-    level_dbfs : float or None
-        Effective value of its samples, dB re the peak of a full-scale sine.
-    max_level_dba, measured_level_dba : float or None
-        The study's, at the ear.
-    sound_card : str or None
-        What plays it.
-    """
-
-    noise: str
-    played: bool
-    sha256: str | None = None
-    sample_rate_hz: float | None = None
-    loop_s: float | None = None
-    level_dbfs: float | None = None
-    max_level_dba: float | None = None
-    measured_level_dba: float | None = None
-    sound_card: str | None = None
-
-
 class NoisePlayer(Protocol):
-    """What plays the masking noise; see `masking`."""
+    """What plays the masking noise of a study, or plays nothing."""
 
     @property
-    def description(self) -> NoiseDescription:
-        """What the header keeps of it."""
+    def sha256(self) -> str | None:
+        """Checksum of the loop's samples, or None if nothing plays."""
 
     def start(self) -> None:
         """Fade in, and play until `stop`; also again after the sound card was lost.
@@ -151,36 +116,29 @@ def noise_player(masking: Masking, clock: Clock, *, is_silent: bool) -> NoisePla
     >>> from experiment.study.equipment import Masking
     >>> pink = Masking(noise="pink", max_level_dba=75.0, loop_s=1.0)
     >>> player = noise_player(pink, VirtualClock(), is_silent=False)
-    >>> player.description.played, player.description.sound_card, player.health().message
-    (True, 'default', 'the noise is not playing')
-    >>> noise_player(pink, VirtualClock(), is_silent=True).description.played
-    False
+    >>> player.sha256[:8], player.health().message
+    ('dde72e97', 'the noise is not playing')
+    >>> noise_player(pink, VirtualClock(), is_silent=True).sha256 is None
+    True
     """
     if is_silent or masking.noise == "none":
-        return SilentNoise(masking)
+        return SilentNoise()
     card, rate_hz = masking.sound_card, masking.sample_rate_hz
     connect = partial(open_stream, card=card, sample_rate_hz=rate_hz, latency=LATENCY_S)
     return SoundCardNoise(masking, clock, connect)
 
 
 class SilentNoise:
-    """A `NoisePlayer` that plays nothing: the study wants no noise, or nobody would hear it.
-
-    Parameters
-    ----------
-    masking : Masking
-        The study's.
+    """A `NoisePlayer` that plays nothing: the study has no noise, or nobody would hear it.
 
     Examples
     --------
-    >>> from experiment.study.equipment import Masking
-    >>> noise = SilentNoise(Masking(noise="none", max_level_dba=75.0))
-    >>> noise.start(); noise.health().ok is None, noise.description.noise, noise.description.played
-    (True, 'none', False)
+    >>> noise = SilentNoise()
+    >>> noise.start(); noise.health().ok is None, noise.sha256 is None
+    (True, True)
     """
 
-    def __init__(self, masking: Masking) -> None:
-        self.description = NoiseDescription(noise=masking.noise, played=False)
+    sha256 = None
 
     def start(self) -> None:
         """Do nothing."""
@@ -217,14 +175,8 @@ class SoundCardNoise:
         self._stream: Stream | None = None
         self._since_s = 0.0
         self._underruns_seen = 0
-        # the checksum is of the samples as int16, low byte first
-        self.description = NoiseDescription(
-            **sound | {"loop_s": len(self._loop) / self._rate_hz},
-            **masking.model_dump(include={"noise", "max_level_dba", "measured_level_dba"}),
-            played=True,
-            sha256=hashlib.sha256(self._loop.astype("<i2").tobytes()).hexdigest(),
-            sound_card=self._card,
-        )
+        # of the samples as int16, low byte first
+        self.sha256 = hashlib.sha256(self._loop.astype("<i2").tobytes()).hexdigest()
 
     def start(self) -> None:
         """Open the sound card, fade in, and return when the noise has its full level.

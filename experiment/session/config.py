@@ -95,7 +95,7 @@ class SessionConfig:
     >>> plan = draw_plan(study, participant="01", session="01", seed=1)
     >>> config = SessionConfig(device=mock_device(study, clock), clock=clock, stop=StopSignal(),
     ...                        responder=simulated_responder(study, plan, clock),
-    ...                        noise=SilentNoise(study.masking))
+    ...                        noise=SilentNoise())
     >>> config.resume, config.purpose.value, config.monitor
     (False, 'data', None)
     """

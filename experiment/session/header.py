@@ -93,7 +93,7 @@ def visit_conditions(
     limits, health = read_limits(config.device), read_health(config.device)
     # An emulator needs no confirmation, so that one that was given is not recorded.
     confirmation = None if identity.emulated else config.confirmation
-    noise = config.noise.description
+    masking, is_played = study.masking, config.noise.sha256 is not None
     return VisitConditions(
         **host_and_device(identity, config.purpose).model_dump(),
         operator=config.operator,
@@ -104,14 +104,14 @@ def visit_conditions(
         device_limits=None if limits is None else asdict(limits),
         device_health=None if health is None else asdict(health),
         hardware_confirmed=None if confirmation is None else asdict(confirmation),
-        masking_noise=noise.noise,
-        masking_noise_played=noise.played,
-        noise_level_dba=noise.measured_level_dba,
-        noise_max_level_dba=noise.max_level_dba,
-        noise_sha256=noise.sha256,
-        noise_sample_rate_hz=noise.sample_rate_hz,
-        noise_loop_s=noise.loop_s,
-        noise_sound_card=noise.sound_card,
+        masking_noise=masking.noise,
+        masking_noise_played=is_played,
+        noise_level_dba=masking.measured_level_dba if is_played else None,
+        noise_max_level_dba=masking.max_level_dba if is_played else None,
+        noise_sha256=config.noise.sha256,
+        noise_sample_rate_hz=masking.sample_rate_hz if is_played else None,
+        noise_loop_s=masking.loop_s if is_played else None,
+        noise_sound_card=(masking.sound_card or "default") if is_played else None,
     )
 
 

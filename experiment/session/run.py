@@ -294,7 +294,7 @@ def run(folder: SessionFolder, plan: Plan, config: SessionConfig) -> SessionResu
     >>> plan, clock = draw_plan(study, participant="01", session="01", seed=1), VirtualClock()
     >>> config = SessionConfig(device=mock_device(study, clock), clock=clock, stop=StopSignal(),
     ...                        responder=simulated_responder(study, plan, clock),
-    ...                        noise=SilentNoise(study.masking))
+    ...                        noise=SilentNoise())
     >>> with TemporaryDirectory() as results:
     ...     folder = SessionFolder(Path(results), "01", "01")
     ...     result = run(folder, plan, config)

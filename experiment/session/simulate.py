@@ -242,7 +242,7 @@ def _simulate_session(
     config = SessionConfig(
         device=mock_device(study, clock),
         responder=simulated_responder(study, plan, clock),
-        noise=SilentNoise(study.masking),
+        noise=SilentNoise(),
         clock=clock,
         stop=StopSignal(),
     )

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 from device.clock import VirtualClock
-from experiment.hardware.noise import NoiseDescription, NoiseError, NoiseHealth
+from experiment.hardware.noise import NoiseError, NoiseHealth
 from experiment.hardware.safety import Purpose
 from experiment.hardware.setup import mock_device
 from experiment.operator.requests import Requests, StopSignal
@@ -113,13 +113,7 @@ class FakeNoise:
         self.ok = ok
         self.can_start = True
         self.calls: list[str] = []
-        played = ok is not None
-        self.description = NoiseDescription(
-            noise="pink" if played else "none",
-            played=played,
-            sha256="ab12" if played else None,
-            measured_level_dba=62.5 if played else None,
-        )
+        self.sha256 = None if ok is None else "ab12"
 
     def start(self) -> None:
         self.calls.append("start")

@@ -112,7 +112,7 @@ class Wired:
         return SessionConfig(
             device=self.device,
             responder=someone,
-            noise=SilentNoise(self.study.masking),
+            noise=SilentNoise(),
             clock=self.card,
             stop=StopSignal(),
             requests=self.requests,
