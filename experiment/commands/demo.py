@@ -87,8 +87,8 @@ def _run_steps(folder: Path, *, kept: bool) -> None:
     with _restored_terminal():
         _run_session(folder, *SESSION, cut=True)
     click.echo(
-        "\n\nKilled, as by a power cut. Each answer was on the disk before the next burst. Of the "
-        "burst\nthat was under way nobody can say whether it was felt. The same command goes on:"
+        "\n\nKilled, as by a power cut. Each answer was on the disk before the next burst. Whether "
+        "the burst\nthat was under way was felt is unknown. The same command resumes the session:"
     )
 
     _print_heading("3. The session, resumed.")

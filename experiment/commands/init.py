@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+import tomllib
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
@@ -39,17 +40,12 @@ _ACTUATOR: Final = re.compile(
 """An actuator on the command line: shape, size and centre."""
 
 
-def _number(text: str) -> float:
-    """Return a number."""
-    try:
-        return float(text)
-    except ValueError as error:
-        raise click.BadParameter(f"{text!r} is not a number, such as 0.5") from error
-
-
 def _length(text: str) -> float | str:
     """Return a number of millimetres, or endless."""
-    return text if text == "endless" else _number(text)
+    try:
+        return text if text == "endless" else float(text)
+    except ValueError as error:
+        raise click.BadParameter(f"{text!r} is neither a number nor endless") from error
 
 
 def _actuator(text: str) -> dict[str, Any]:
@@ -87,49 +83,24 @@ class Question(NamedTuple):
         return f"--{self.name.replace('_', '-')}"
 
 
-_EDGES: Final = ("simply-supported", "clamped", "measured-cutoff")
 _MEASURED: Final = "measured-cutoff"
-# In the order of the prompts. The section that reads a key has its meaning and its range.
-QUESTIONS: Final = (
-    Question("strip.width_mm", _number, "MM", "Width between the held edges, in mm"),
-    Question("strip.thickness_mm", _number, "MM", "Thickness of the plate, in mm"),
-    Question("strip.length_mm", _length, "MM", "Length in mm, or endless", default="endless"),
-    Question(
-        "strip.material", str, "NAME", "Material, such as aluminium or glass", default="aluminium"
-    ),
-    Question(
-        "strip.edge",
-        click.Choice(_EDGES),
-        "NAME",
-        "Support of the long edges: simply-supported, clamped or measured-cutoff",
-        "Edges glued with epoxy or taped lie between simply-supported and clamped: measure the\n"
-        "cut-off frequency. Until then, take the edge with which check reports more crosstalk.",
-        default="clamped",
-    ),
-    Question("strip.measured_cutoff_hz", _number, "HZ", "Measured cut-off frequency, in Hz"),
-    Question(
-        "actuator",
-        _actuator,
-        "SHAPE@X",
-        "Actuators at -X and X, such as disc:12.8@35 or rectangle:20x10@35",
-        "Sizes and X are in mm, X from the middle of the strip. The diameter is that of the\n"
-        "electrode, not of the metal.",
-    ),
-    Question(
-        "device.ceiling_vpp",
-        _number,
-        "V",
-        "Ceiling, the highest level that the actuators withstand, in V peak-to-peak",
-        "Data sheets of buzzer discs often allow 30 V.",
-        default="30",
-    ),
+_TYPES: Final[dict[str, Any]] = {
+    "number": float,
+    "text": str,
+    "length": _length,
+    "actuator": _actuator,
+    "edge": click.Choice(("simply-supported", "clamped", _MEASURED)),
+}
+QUESTIONS: Final = tuple(
+    Question(**question | {"type": _TYPES[question["type"]]})
+    for question in tomllib.loads(
+        Path(__file__).with_name("init_questions.toml").read_text(encoding="utf-8")
+    )["question"]
 )
 
 
 def _sections(values: Mapping[str, Any], disc: str | None) -> dict[str, Any]:
     """Return the keys that options set, by section; of an option that is omitted, none."""
-    import tomllib
-
     from experiment.study.writing import discs, preset_text
 
     sections: dict[str, Any] = {"strip": {}, "device": {}}

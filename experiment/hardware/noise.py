@@ -1,4 +1,4 @@
-"""The masking noise as a session sees it: started, asked for its health, stopped."""
+"""The masking noise of a session: it is started, checked and stopped."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the operator, or a signal, asks of a session while it runs: pause, note, stop."""
+"""What an operator, or a signal, requests of a running session: a pause, a note, a stop."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 class StopRequested(Exception):  # noqa: N818 - not an error: it ends a wait
-    """The wait in progress is over because the session is to be stopped."""
+    """A stop was requested, which ends the wait in progress."""
 
 
 class StopSignal:
@@ -24,7 +24,7 @@ class StopSignal:
         self._waiting = False
 
     def request(self) -> None:
-        """Ask the session to stop."""
+        """Request that the session stops."""
         self.is_requested = True
         if self._waiting:
             self._waiting = False
@@ -32,12 +32,12 @@ class StopSignal:
 
     @contextlib.contextmanager
     def interruptible(self) -> Iterator[None]:
-        """Mark a wait for a person: `StopRequested` is raised in it when a stop is asked for.
+        """Mark a wait for a person: `StopRequested` is raised in it when a stop is requested.
 
         Raises
         ------
         StopRequested
-            At once where the stop was asked for before.
+            At once if a stop was requested before.
         """
         self._waiting = True
         try:
@@ -49,7 +49,7 @@ class StopSignal:
 
     @contextlib.contextmanager
     def on_signals(self) -> Iterator[None]:
-        """Let Ctrl-C, SIGTERM and a closed terminal ask for the stop, not end the program."""
+        """Let Ctrl-C, SIGTERM and a closed terminal request a stop instead of ending the program."""
         names = ("SIGINT", "SIGTERM", "SIGHUP")
         numbers = [getattr(signal, name) for name in names if hasattr(signal, name)]
         before = {number: signal.signal(number, lambda *_: self.request()) for number in numbers}
@@ -61,14 +61,14 @@ class StopSignal:
 
 
 class Requests:
-    """What an operator asks for, from any thread; a session heeds it between two trials.
+    """What an operator requests, from any thread; a session acts on it between two trials.
 
     Attributes
     ----------
     paused : bool
-        A pause is wanted, or goes on; responders end a pause when it becomes false.
+        Whether a pause is requested or in progress; responders end it when this becomes false.
     attended : bool
-        An operator has keys to end a pause with.
+        Whether an operator has keys that end a pause.
 
     Examples
     --------
@@ -88,26 +88,26 @@ class Requests:
         self._notes: deque[str] = deque()
 
     def pause(self) -> None:
-        """Ask for a pause after the current trial."""
+        """Request a pause after the current trial."""
         self._is_continue_requested = False
         self.paused = True
 
     def request_continue(self) -> None:
-        """End a pause, whoever asked for it."""
+        """End a pause, whoever requested it."""
         self.paused = False
         self._is_continue_requested = True
 
     def take_continue(self) -> bool:
-        """Return, once, whether the end of a pause was asked for."""
+        """Return, once, whether the end of a pause was requested."""
         is_requested, self._is_continue_requested = self._is_continue_requested, False
         return is_requested
 
     def note(self, text: str) -> None:
-        """Leave a note for the journal."""
+        """Add a note for the journal."""
         self._notes.append(text)
 
     def notes(self) -> tuple[str, ...]:
-        """Return the notes that were left since the last call."""
+        """Return the notes since the last call."""
         return tuple(self._notes.popleft() for _ in range(len(self._notes)))
 
 
@@ -135,7 +135,7 @@ class Status:
     Attributes
     ----------
     phase : str
-        A word of `steps.Phase`.
+        A word of `Phase`.
     done, planned : int
         Trials answered, and trials in the plan.
     block, blocks : int

@@ -194,7 +194,7 @@ class Pages:
         return [*placement, *self._reading(text, picture)]
 
     def pause(self, progress: Progress, *, may_continue: bool) -> Page:
-        """Return a pause, with the hint how to go on where the participant may."""
+        """Return a pause, with a hint how to continue if the participant may."""
         called = "" if may_continue else f"\n{self._texts.called}"
         return self._halt(self._texts.paused + called, progress, may_continue=may_continue)
 

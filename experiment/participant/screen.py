@@ -25,7 +25,7 @@ KEY_DELAY_S = 0.01
 """So long after the last moment of an answer a key of that moment is read at the latest."""
 FEEDBACK_S = 0.8
 END_S = 30.0
-"""How long the last screen stands where nobody goes on."""
+"""Longest time of the last page if no key is pressed."""
 STOPPED_S = 1.5
 
 
@@ -39,7 +39,7 @@ class ScreenResponder(Responder):
     Parameters
     ----------
     settings : ResponderSettings
-        Window, keys and texts; a stop is asked for when the window is closed.
+        Window, keys and texts; closing the window requests a stop.
     clock : Clock
         The monotonic clock by which keys are timed.
 
@@ -130,9 +130,9 @@ class ScreenResponder(Responder):
     def pause(self, progress: Progress, *, paused: bool, minimum_s: float) -> bool:
         """Hold a pause or offer a break.
 
-        The key to go on ends it, after the least time and unless the operator asked for the pause;
-        the operator ends it at any time. The key for a pause makes a pause of a break, and stops
-        the session in a pause.
+        The key to continue ends it, after the shortest time and unless the operator requested the
+        pause; the operator can end it at any time. The key for a pause turns a break into a pause,
+        and stops the session in a pause.
         """
         self._requests.take_continue()
         if paused and not self._paused_by_key:
@@ -149,7 +149,7 @@ class ScreenResponder(Responder):
         return self._hold_pause(progress)
 
     def end(self, progress: Progress, *, finished: bool) -> None:
-        """Say good-bye until the key to go on, or for a moment after an early end."""
+        """Say good-bye until the key to continue, or for a moment after an early end."""
         self._stage.show(self._pages.end(progress, finished=finished))
         if not finished:
             self._hold(STOPPED_S)
@@ -163,7 +163,7 @@ class ScreenResponder(Responder):
                 pass
 
     def _hold_pause(self, progress: Progress) -> bool:
-        """Show a pause, which only the operator ends where they asked for it."""
+        """Show a pause, which only the operator can end if the operator requested it."""
         return self._show_until_continued(
             lambda by_operator: self._pages.pause(progress, may_continue=not by_operator),
             lambda: self._requests.paused,
@@ -191,7 +191,7 @@ class ScreenResponder(Responder):
                 return True
 
     def _read_through(self, pages: Sequence[Page], progress: Progress) -> bool:
-        """Show pages, each until the key to go on; ``False`` if the session is to be stopped."""
+        """Show pages, each until the key to continue; ``False`` if the session is to stop."""
         return all(self._read_page(page, progress) for page in pages)
 
     def _read_page(self, page: Page, progress: Progress) -> bool:

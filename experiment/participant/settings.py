@@ -92,9 +92,9 @@ class ResponderSettings:
 
 
 def texts_without_device(texts: Texts) -> Texts:
-    """Return what is read where nothing moves: nobody is told whether a guess was right.
+    """Return the texts of practice without a device: guesses are not judged.
 
-    Texts of the study's own stay as they are.
+    Texts that the study sets stay as they are.
 
     >>> from experiment.study.files import paper_study
     >>> texts_without_device(paper_study().texts).practice

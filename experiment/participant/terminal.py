@@ -152,7 +152,7 @@ class TerminalResponder(Responder):
         self._say(f" - {self._session.texts.correct if correct else self._session.texts.incorrect}")
 
     def pause(self, progress: Progress, *, paused: bool, minimum_s: float) -> bool:
-        """Wait for the key to go on, or that for a pause, which stops.
+        """Wait for the key to continue, or for the key of a pause, which stops the session.
 
         Of what was typed before only the latter counts.
         """
@@ -171,7 +171,7 @@ class TerminalResponder(Responder):
         """Say nothing: the command reports how it ended."""
 
     def _goes_on(self) -> bool:
-        """Wait for a person to go on; ``False`` means stop."""
+        """Wait for the key to continue; ``False`` if the session is to stop."""
         resume, pause = self._labels["continue"], self._labels["pause"]
         self._say(f"Press {resume} to continue, or {pause} to stop the session.", "")
         return self._await_key("continue", "pause") == "continue"
@@ -207,7 +207,7 @@ class TerminalResponder(Responder):
             self._lose_terminal()
 
     def _lose_terminal(self) -> None:
-        """Note that nobody sees the screen; what is still written goes nowhere."""
+        """Note that the terminal is gone; what is still written goes nowhere."""
         self._gone = True
         nowhere = os.open(os.devnull, os.O_WRONLY)
         os.dup2(nowhere, sys.stdout.fileno())

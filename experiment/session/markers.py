@@ -24,16 +24,16 @@ if TYPE_CHECKING:
     from experiment.trial.events import Attempt
 
 RECORDING_START: Final = "recording_start"
-"""Sent in each sitting before its first trial, and kept, once it is surely heard.
+"""Sent in each visit before its first trial, and kept, once it is surely heard.
 
 Onsets of a BIDS data set are counted from the first.
 """
 STREAM: Final = "tactstrip"
 STREAM_TEXT: Final = f"LSL stream {STREAM}"
-LONGEST_S: Final = 10.0
-"""So long a recorder is waited for where nobody can say that it is to go on."""
+MAX_WAIT_S: Final = 10.0
+"""Longest wait for a recorder if no operator can end it."""
 _LOOK_EVERY_S: Final = 0.1
-UNHEARD: Final = f"nobody records the {STREAM_TEXT}: connect the recorder"
+UNHEARD: Final = f"no program records the {STREAM_TEXT}: connect the recorder"
 
 
 class MarkerError(ValueError):
@@ -62,7 +62,7 @@ class LslMarkers:
         self.description = f"{STREAM_TEXT}, {versions}"
 
     def heard(self) -> bool:
-        """Return whether somebody listens: a marker reaches only who was connected before."""
+        """Return whether a recorder is connected; it receives no earlier marker."""
         return bool(self._outlet.have_consumers())
 
     def send(self, marker: str, time_s: float) -> None:
@@ -71,18 +71,16 @@ class LslMarkers:
 
 
 def await_recorder(markers: LslMarkers, report: Callable[[str], object], *, asking: bool) -> None:
-    """Give the operator time to connect a recorder to a stream that there was not before.
+    """Give the operator time to connect a recorder to the new stream.
 
-    `asking`: on a terminal it is waited for until Enter is pressed.
+    With `asking`, the wait on a terminal lasts until Enter is pressed.
     """
     if markers.heard():
         return
     asking = asking and os.name == "posix" and sys.stdin.isatty()
-    without = "Enter goes on without" if asking else f"at most {LONGEST_S:g} s"
-    report(
-        f"Waiting until somebody records the {STREAM_TEXT}: connect the recorder now; {without}."
-    )
-    until_s = math.inf if asking else time.monotonic() + LONGEST_S
+    without = "press Enter to continue without" if asking else f"wait {MAX_WAIT_S:g} s"
+    report(f"Waiting for a recorder of the {STREAM_TEXT}: connect it now, or {without}.")
+    until_s = math.inf if asking else time.monotonic() + MAX_WAIT_S
     while not markers.heard() and time.monotonic() < until_s:
         if not asking:
             time.sleep(_LOOK_EVERY_S)
@@ -93,8 +91,8 @@ def await_recorder(markers: LslMarkers, report: Callable[[str], object], *, aski
         report(f"The {STREAM_TEXT} is recorded.")
         return
     report(
-        f"Note: nobody records the {STREAM_TEXT}. {RECORDING_START} is sent before the first trial "
-        "at which somebody does; what was sent before is lost to them."
+        f"Note: no program records the {STREAM_TEXT}. {RECORDING_START} is sent before the first "
+        "trial at which one does; it does not receive earlier markers."
     )
 
 

@@ -376,29 +376,26 @@ def _refuse_resume(
 
 
 MAX_INTERRUPTION_S: Final = 30 * 60
-"""After a longer one, plate, fingers and noise may not be what they were."""
+"""After a longer interruption, the plate, the fingers and the noise may have changed."""
 CLOCK_BROKEN: Final = (
-    "the computer was started anew, so that nobody can tell how long the session was interrupted: "
-    "onsets from here on have onset_clock {} in trials.csv, they cannot be compared with earlier "
-    "ones"
+    "the computer was restarted, so the duration of the interruption is unknown: onsets from here "
+    "on have onset_clock {} in trials.csv and cannot be compared with earlier onsets"
 )
-"""What is noted where the session's clock does not go on."""
+"""Note in the journal when the session's clock was broken."""
 
 
 def interruption_s(history: History) -> float | None:
-    """Return for how long a session was interrupted; None where nobody can tell."""
+    """Return for how long a session was interrupted; None if that is unknown."""
     return elapsed_s(history.last, machine_time())
 
 
 def _refuse_other_conditions(
     history: History, opening: SessionOpened, identity: Identity, config: SessionConfig
 ) -> None:
-    """Refuse another kind of participant; another place or time, unless the operator says so."""
+    """Refuse another kind of participant, and another device or hour unless the operator agrees."""
     if config.responder.simulated != opening.simulated:
         who = "a simulated participant" if opening.simulated else "a person"
-        raise ArchiveError(
-            f"the session was begun with {who} and can only go on so: give another --responder"
-        )
+        raise ArchiveError(f"the session was begun with {who}: give another --responder")
     is_rehearsal = config.purpose is Purpose.REHEARSAL
     if is_rehearsal != (opening.device_kind == "rehearsal"):
         rule = "data: omit --rehearse" if is_rehearsal else "a rehearsal: give --rehearse"
@@ -416,16 +413,16 @@ def _refuse_other_conditions(
     gap_s = interruption_s(history)
     if gap_s is None or gap_s > MAX_INTERRUPTION_S:
         minutes = (gap_s or machine_time().wall_s - history.last.wall_s) / 60
-        source = "" if gap_s else " by the calendar clock, as the computer was started anew"
+        source = "" if gap_s else " by the calendar clock, as the computer was restarted"
         raise ArchiveError(
-            f"the session was interrupted for {minutes:.0f} minutes{source}; the most is "
-            f"{MAX_INTERRUPTION_S / 60:.0f}: give --resume-anyway if fingers, plate and noise "
-            "are as they were"
+            f"the session was interrupted for {minutes:.0f} minutes{source}, and at most "
+            f"{MAX_INTERRUPTION_S / 60:.0f} are allowed: give --resume-anyway if fingers, plate "
+            "and noise have not changed"
         )
 
 
 def _refuse_modified(folder: SessionFolder, report: Callable[[str], object]) -> None:
-    """Refuse a record that was changed; tell what a resume puts right, for it is not seen later."""
+    """Refuse a modified record; report what a resume rebuilds, because it cannot be seen later."""
     differences = refuse_modified(folder.path)
     for difference in differences:
         if difference.remedy == "export" and difference.line is not None:
@@ -434,12 +431,12 @@ def _refuse_modified(folder: SessionFolder, report: Callable[[str], object]) -> 
                 "changed"
             )
     for difference in differences:
-        report(f"Note: {difference.location}: {difference.message}; it is written anew.")
+        report(f"Note: {difference.location}: {difference.message}; it is rebuilt.")
 
 
 @contextlib.contextmanager
 def _opened(config: SessionConfig, study: Study) -> Iterator[Identity]:
-    """Open device and monitor, and refuse what the session cannot be run with.
+    """Open device and monitor, and refuse a device that does not suit the session.
 
     At the end both are closed, and the noise, which the caller starts, is stopped.
     """
@@ -466,13 +463,13 @@ def _opened(config: SessionConfig, study: Study) -> Iterator[Identity]:
 def _run(
     folder: SessionFolder, study: Study, plan: Plan, config: SessionConfig, identity: Identity
 ) -> SessionResult:
-    """Note the beginning, or the resume; there, resolve the interrupted trial. Run the rest."""
+    """Journal that the session begins or resumes, resolve an interrupted trial, and run the rest."""
     history = folder.read_history(plan)
     resumed = history.opening is not None
     gap_s = interruption_s(history) if resumed else 0.0
     clock_goes_on = gap_s is not None
-    # Over a new start of the computer no clock goes on: the time between is not guessed at, the
-    # lines only stay in their order.
+    # No clock continues over a restart of the computer. The time between is not guessed; the lines
+    # only keep their order.
     origin_s = config.clock.now_s() - history.last_t_s - (gap_s or 0.0)
     with folder.open_journal(lambda: config.clock.now_s() - origin_s) as journal:
         if resumed:
@@ -513,7 +510,7 @@ def _finish(
     finished: bool,
     failure: DeviceError | None,
 ) -> SessionResult:
-    """Write the tables, then the final hash: who finds it may expect the tables, too."""
+    """Write the tables, then the final hash: where it is recorded, the tables exist."""
     answered = [row for row in folder.read_history(plan).rows if row.status == "ok"]
     planned = {trial.number for trial in plan.trials}  # without those of a warm-up
     trials_path = folder.write_trials()

@@ -46,7 +46,7 @@ if TYPE_CHECKING:
 
 
 _SHOWN_BEFORE = (events.Welcome, events.Introduce, events.Cue, events.Rest, events.Farewell)
-"""What takes a while: the operator is told first. From the cue's end to the answer nobody is."""
+"""Before these longer steps the operator's status is updated, and not from cue to answer."""
 
 
 TOO_MANY_PREMATURE: Final = (
@@ -151,7 +151,7 @@ class Session:
         return self._state.phase is events.Phase.FINISHED
 
     def _mark_start(self, at_s: float) -> None:
-        """Send the first marker of a sitting; by its time the record is aligned to others.
+        """Send the first marker of a visit; by its time the record is aligned to others.
 
         A recorder hears nothing of what was sent before it was connected, so that it is not sent
         before the start key, nor to nobody; before a marker for a past time it has that time.

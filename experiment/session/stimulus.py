@@ -107,7 +107,7 @@ class StimulusDelivery:
         return _EVENT_OF[self.delivery.outcome]
 
     def _disarm(self) -> Event:
-        """Let go of a token whose FIRE was refused: the next trial's level is refused meanwhile."""
+        """Disarm a token whose FIRE was refused; an armed device refuses the next trial's level."""
         try:
             self._device.disarm(self.token)
         except DeviceError as error:
@@ -115,7 +115,7 @@ class StimulusDelivery:
         return Event.NOT_FIRED
 
     def fail(self, error: DeviceError) -> Event:
-        """Note that the device cannot go on."""
+        """Keep and journal a failure that ends the session."""
         self.failure = error
         self._journal.append(_failure_line(error), sync=True)
         return Event.DEVICE_FAILED

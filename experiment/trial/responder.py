@@ -172,17 +172,17 @@ class Responder(ABC):
 
     @abstractmethod
     def begin(self, progress: Progress) -> bool:
-        """Welcome and instruct, before the first trial of a sitting.
+        """Welcome and instruct, before the first trial of a visit.
 
         Parameters
         ----------
         progress : Progress
-            How far the session has come, perhaps in earlier sittings.
+            How far the session has come, perhaps in earlier visits.
 
         Returns
         -------
         bool
-            Whether to go on; False ends the sitting.
+            Whether to continue; False ends the visit.
         """
 
     @abstractmethod
@@ -199,7 +199,7 @@ class Responder(ABC):
         Returns
         -------
         bool
-            Whether to go on; False ends the sitting.
+            Whether to continue; False ends the visit.
         """
 
     @abstractmethod
@@ -274,7 +274,7 @@ class Responder(ABC):
         Returns
         -------
         bool
-            Whether to go on; False ends the sitting.
+            Whether to continue; False ends the visit.
         """
 
     @abstractmethod
