@@ -49,7 +49,7 @@ class StopSignal:
 
     @contextlib.contextmanager
     def on_signals(self) -> Iterator[None]:
-        """Let Ctrl-C, SIGTERM and a closed terminal request a stop instead of ending the program."""
+        """Let Ctrl-C, SIGTERM and a closed terminal request a stop, not end the program."""
         names = ("SIGINT", "SIGTERM", "SIGHUP")
         numbers = [getattr(signal, name) for name in names if hasattr(signal, name)]
         before = {number: signal.signal(number, lambda *_: self.request()) for number in numbers}

@@ -463,7 +463,7 @@ def _opened(config: SessionConfig, study: Study) -> Iterator[Identity]:
 def _run(
     folder: SessionFolder, study: Study, plan: Plan, config: SessionConfig, identity: Identity
 ) -> SessionResult:
-    """Journal that the session begins or resumes, resolve an interrupted trial, and run the rest."""
+    """Journal the begin or the resume, resolve an interrupted trial, and run the rest."""
     history = folder.read_history(plan)
     resumed = history.opening is not None
     gap_s = interruption_s(history) if resumed else 0.0
