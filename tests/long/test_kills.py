@@ -114,9 +114,10 @@ def kill_at_random(sessions: Sessions, rng: np.random.Generator, *options: str) 
     watched, more = Watched(sessions), ["--seed", str(rng.integers(2**31))]
     while True:
         with run(sessions, *options, *more) as terminal:
-            until_s = time.monotonic() + float(rng.uniform(0.5, 5.0))
+            until_s = np.inf  # counted from the first line, for a busy machine starts slowly
             while terminal.process.poll() is None and time.monotonic() < until_s:
-                terminal.read(time.monotonic() + 0.05)
+                if terminal.read(time.monotonic() + 0.05) and until_s == np.inf:
+                    until_s = time.monotonic() + float(rng.uniform(0.0, 4.0))
                 if terminal.take(GO_ON):
                     terminal.press(ENTER)
                 if terminal.take(b" ?"):
