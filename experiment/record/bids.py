@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any, Final
 from experiment.names import NOT_AVAILABLE
 from experiment.record.files import FILES, SESSIONS_TABLE, ArchiveError, locked, tsv
 from experiment.record.journal import read_journal
-from experiment.record.manifest import Manifest, replaced
+from experiment.record.manifest import Manifest, replace_folder
 from experiment.record.people import FILE_NAME, ID_COLUMN, People, read_people
 from experiment.record.rows import COLUMNS, format_value
 from experiment.study.stimulus import stimulus_values
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from experiment.record.folder import SessionFolder
-    from experiment.record.manifest import NewFolder
+    from experiment.record.manifest import FolderWriter
     from experiment.record.rows import Column, TrialRow
     from experiment.study.dataset import ParticipantColumn
     from experiment.study.study import Study
@@ -137,7 +137,7 @@ def export_bids(
     participants = tuple(sorted({folder.participant for folder in folders}))
     about = Manifest(what="BIDS data set", participants=participants)
     busy = "another process is exporting it"
-    with locked(root / ".export.lock", busy), replaced(out, root, about) as new:
+    with locked(root / ".export.lock", busy), replace_folder(out, root, about) as new:
         sessions = tuple(
             _write_session(new, folder, plan, with_sources=with_sourcedata)
             for folder, plan in zip(folders, plans, strict=True)
@@ -163,7 +163,7 @@ def export_bids(
 
 
 def _write_session(
-    new: NewFolder, folder: SessionFolder, plan: Plan, *, with_sources: bool
+    new: FolderWriter, folder: SessionFolder, plan: Plan, *, with_sources: bool
 ) -> ExportedSession:
     with folder.locked():
         study = folder.read_study(plan)
@@ -293,7 +293,7 @@ def _given(members: Mapping[str, object]) -> dict[str, Any]:
 
 
 def _write_people(
-    new: NewFolder,
+    new: FolderWriter,
     participants: Iterable[str],
     people: People,
     columns: Sequence[ParticipantColumn],
@@ -309,7 +309,7 @@ def _write_people(
     new.write("participants.json", _json(sidecar))
 
 
-def _write_sessions(new: NewFolder, sessions: Sequence[ExportedSession]) -> None:
+def _write_sessions(new: FolderWriter, sessions: Sequence[ExportedSession]) -> None:
     """Write the table of the sessions of each participant."""
     columns = _tables()["sessions"]
     rows: dict[str, list[list[str]]] = {}
@@ -325,7 +325,7 @@ def _write_sessions(new: NewFolder, sessions: Sequence[ExportedSession]) -> None
         new.write(f"{file}.json", _json(columns))
 
 
-def _write_description(new: NewFolder, export: Export) -> None:
+def _write_description(new: FolderWriter, export: Export) -> None:
     """Write dataset_description.json, without what the study does not give, and README."""
     study = export.last.study
     name = study.dataset.name or study.name

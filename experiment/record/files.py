@@ -23,22 +23,22 @@ if TYPE_CHECKING:
 
 
 TEMPORARY = ".tmp"
-"""How the name of a file ends that is still being written."""
-FOLDER: Final = "withdrawn"
-"""Where a study's folder keeps what says that people withdrew."""
+"""Ending of the name of a file that is still being written."""
+WITHDRAWN_FOLDER: Final = "withdrawn"
+"""The folder of a study's withdrawal records."""
 PLAN, HEADER, JOURNAL, TABLE = "plan.json", "header.json", "journal.jsonl", "trials.csv"
 MEASURED: Final = "measured.csv"
 FILES: Final = (PLAN, HEADER, JOURNAL, TABLE, MEASURED)
-"""The files that are the record of a session; the last one where a monitor measured the bursts."""
+"""The files of a session's record; the last one only if a monitor measured the bursts."""
 LOCK: Final = ".lock"
 """The file of a session that is locked while it is run, read or removed."""
 RUNNING: Final = "another process is running this session; nothing was changed"
 SESSIONS_TABLE: Final = "sessions.tsv"
-"""What a person's folder has beside the sessions: the hash of each one's last journal line."""
+"""The table beside a person's sessions: the hash of the last journal line of each."""
 
 
 class ArchiveError(ValueError):
-    """A session folder or another file of the archive that cannot be used.
+    """A folder or file of a record that cannot be used.
 
     The message is one line and names the file or the value. Errors that concern symbolic links are
     of the subclass `SymlinkError`.
@@ -62,7 +62,7 @@ _LINK: Final = (
 
 
 class SymlinkError(ArchiveError):
-    """A symbolic link where a session's own folder or file has to be."""
+    """A symbolic link in place of a folder or file of a record."""
 
     def __init__(self, path: Path, message: str = _LINK) -> None:
         super().__init__(f"{path}: {message}")
@@ -70,7 +70,7 @@ class SymlinkError(ArchiveError):
 
 
 def check_identifier(name: str, value: str) -> None:
-    """Refuse what cannot be a participant's or session's identifier, by an ArchiveError."""
+    """Raise ArchiveError if a value cannot be the identifier of a participant or session."""
     try:
         require_identifier(name, value)
     except ValueError as error:
@@ -78,16 +78,13 @@ def check_identifier(name: str, value: str) -> None:
 
 
 def refuse_link(path: Path) -> None:
-    """Refuse a symbolic link: what is written or removed there would be another place's.
-
-    SymlinkError where it is one.
-    """
+    """Raise SymlinkError for a symbolic link: its target lies elsewhere and must not change."""
     if path.is_symlink():
         raise SymlinkError(path)
 
 
 def person_of(folder: Path) -> Path:
-    """Return the folder of a session's person, of "." too, which names no other folder.
+    """Return the folder of a session's person, also for "." and "..", which have no parent's name.
 
     >>> from pathlib import Path
     >>> person_of(Path("sub-01/ses-01")).as_posix(), person_of(Path()).as_posix()
@@ -97,10 +94,7 @@ def person_of(folder: Path) -> Path:
 
 
 def refuse_links(session: Path, table: str = TABLE) -> None:
-    """Refuse a session of which a file, the folder or the person's is a symbolic link.
-
-    SymlinkError for the first.
-    """
+    """Raise SymlinkError if a session's file or folder, or the person's, is a symbolic link."""
     person = person_of(session)
     if "sub-" in {person.name[:4], person.resolve().name[:4]}:
         refuse_link(person)
@@ -109,7 +103,7 @@ def refuse_links(session: Path, table: str = TABLE) -> None:
 
 
 def tsv(rows: Iterable[Iterable[str]]) -> str:
-    """Write cells with tabs between them, one line a row."""
+    """Return rows of cells as the text of a table with tabs between the cells."""
     return "".join("\t".join(row) + "\n" for row in rows)
 
 
@@ -121,7 +115,7 @@ _NO_LOCKS: Final = (errno.ENOLCK, errno.EOPNOTSUPP, errno.ENOTSUP, errno.ENOSYS,
 
 
 class LockError(ValueError):
-    """A folder in which no file can be locked: two processes would write one record."""
+    """A folder in which files cannot be locked, so that two processes could write one record."""
 
 
 @dataclass(eq=False)
@@ -174,7 +168,7 @@ UNWAITED: Final = Disk(waits=False)
 
 @contextlib.contextmanager
 def _named(path: Path) -> Iterator[None]:
-    """Give a failure the name of its file, which the system leaves out of one on an open file."""
+    """Add the name of the file to an OSError, which lacks it for a file that is open."""
     try:
         yield
     except OSError as error:
@@ -183,7 +177,7 @@ def _named(path: Path) -> Iterator[None]:
 
 
 def write_new(path: Path, data: bytes, disk: Disk) -> None:
-    """Write a new file, all of it on the disk when this returns; its name is not yet."""
+    """Write a new file. Its contents are on the disk when this returns; its name may not be."""
     file = disk.open(path, new=True)
     try:
         with _named(path):
@@ -194,7 +188,7 @@ def write_new(path: Path, data: bytes, disk: Disk) -> None:
 
 
 def make_folder(folder: Path, disk: Disk) -> None:
-    """Make a folder and those above it, where they are not there; their names are on the disk."""
+    """Create a folder and its parents if they do not exist; their names are on the disk."""
     if folder.is_dir():
         return
     make_folder(folder.parent, disk)
@@ -206,13 +200,13 @@ def make_folder(folder: Path, disk: Disk) -> None:
 
 
 def remove_left_overs(folder: Path, name: str = "") -> None:
-    """Remove what processes left that were killed while they wrote a file, or any, of a folder."""
+    """Remove what processes left in a folder that were killed while they wrote the file `name`."""
     for path in folder.glob(f".{name}*{TEMPORARY}"):
         path.unlink()
 
 
 def write_atomically(path: Path, text: str, *, disk: Disk = DISK) -> None:
-    """Write a file so that it is either there as a whole or as it was before.
+    """Replace a file so that, after a crash, it is complete: the former file or the new one.
 
     Raises
     ------
@@ -233,7 +227,7 @@ def write_atomically(path: Path, text: str, *, disk: Disk = DISK) -> None:
 
 
 def delete_folder(folder: Path) -> None:
-    """Delete a folder with all in it, where it is there."""
+    """Delete a folder with its contents, if it exists."""
     if folder.exists():
         shutil.rmtree(folder)
 

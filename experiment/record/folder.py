@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any, Final
 
 from experiment.record.files import (
     DISK,
-    FOLDER,
     HEADER,
     JOURNAL,
     LOCK,
@@ -19,6 +18,7 @@ from experiment.record.files import (
     PLAN,
     RUNNING,
     TABLE,
+    WITHDRAWN_FOLDER,
     ArchiveError,
     check_identifier,
     locked,
@@ -194,18 +194,18 @@ class SessionFolder:
         Many disks treat such names as the same, so that the folder could not be copied to them.
         """
         people = {path.name for path in self.root.glob("sub-*")}
-        people |= {path.stem for path in (self.root / FOLDER).glob("sub-*.json")}
+        people |= {path.stem for path in (self.root / WITHDRAWN_FOLDER).glob("sub-*.json")}
         people |= {*read_people(self.root).rows}
         sessions = {path.name for path in self.path.parent.glob("ses-*")}
         for key, name, names in (
             ("participant", f"sub-{self.participant}", people),
             ("session", f"ses-{self.session}", sessions),
         ):
-            for other in sorted(names - {name}):
-                if other.casefold() == name.casefold():
+            for present in sorted(names - {name}):
+                if present.casefold() == name.casefold():
                     raise ArchiveError(
-                        f"{key}: must differ from {other[4:]!r}, which exists, by more than upper "
-                        f"and lower case (got {name[4:]!r}): nothing was changed"
+                        f"{key}: must differ from {present[4:]!r}, which exists, by more than "
+                        f"upper and lower case (got {name[4:]!r}): nothing was changed"
                     )
 
     def refuse_loss(self) -> None:
@@ -329,11 +329,11 @@ class SessionFolder:
         """
         for path in sorted(self.root.glob("sub-*/ses-*/header.json")):
             match = _NUMBER.search(path.read_bytes())
-            other = path.parent.parent.name.removeprefix("sub-")
-            if match and int(match[1]) == number and other != self.participant:
+            participant = path.parent.parent.name.removeprefix("sub-")
+            if match and int(match[1]) == number and participant != self.participant:
                 return (
-                    f"participant number {number} is that of participant {other}, too. Right if "
-                    f"{self.participant} takes their place; else the orders are not balanced: "
+                    f"participant number {number} is that of participant {participant}, too. "
+                    f"Right if {self.participant} takes their place; else the orders are not balanced: "
                     "give another --participant-number"
                 )
         return ""

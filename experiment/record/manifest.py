@@ -19,8 +19,8 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from experiment.bounded import read_bounded
 from experiment.record.files import (
     DISK,
-    FOLDER,
     FOLDER_MODE,
+    WITHDRAWN_FOLDER,
     ArchiveError,
     delete_folder,
     make_folder,
@@ -79,8 +79,8 @@ def read_manifest(folder: Path) -> Manifest | None:
     return manifest
 
 
-class NewFolder:
-    """A folder that is being filled; it keeps the checksum of each file for its manifest."""
+class FolderWriter:
+    """A folder that is being filled; `sha256` has the checksum of each file for its manifest."""
 
     def __init__(self, path: Path, disk: Disk) -> None:
         self._path = path
@@ -97,12 +97,34 @@ class NewFolder:
 
 
 @contextlib.contextmanager
-def replaced(out: Path, source: Path, about: Manifest, disk: Disk = DISK) -> Iterator[NewFolder]:
-    """Make a folder anew: it is there as a whole when this ends, or as it was before.
+def replace_folder(
+    out: Path, source: Path, about: Manifest, disk: Disk = DISK
+) -> Iterator[FolderWriter]:
+    """Replace a folder as a whole: it is complete when this ends, or as it was before.
 
-    ArchiveError, and nothing changed, where `out` is anything but an unchanged export, or lies
-    where a person's data are. A process killed within the exchange leaves the former export beside
-    `out` under a name of its own; the next export to `out` removes it.
+    A process killed within the exchange leaves the former folder beside `out` under a name of its
+    own; the next call for `out` removes it.
+
+    Parameters
+    ----------
+    out : Path
+        The folder: new, empty, or an export that nobody changed.
+    source : Path
+        The folder of the study, whose data must not be replaced.
+    about : Manifest
+        What the folder is; the checksums of its files are added.
+    disk : Disk
+        Where the folder is kept.
+
+    Yields
+    ------
+    FolderWriter
+        What writes the files.
+
+    Raises
+    ------
+    ArchiveError
+        If `out` is anything else, or lies among the data of the study; nothing is changed then.
     """
     refuse_target(out, source)
     out = out.resolve()  # "." has no name of its own
@@ -111,12 +133,12 @@ def replaced(out: Path, source: Path, about: Manifest, disk: Disk = DISK) -> Ite
     delete_folder(new)
     new.mkdir(FOLDER_MODE)
     try:
-        folder = NewFolder(new, disk)
+        folder = FolderWriter(new, disk)
         yield folder
-        listed = dict(sorted(folder.sha256.items()))
-        folder.write(NAME, about.model_copy(update={"files": listed}).text())
-        for place, _, _ in os.walk(new):
-            disk.sync_folder(Path(place))
+        files = dict(sorted(folder.sha256.items()))
+        folder.write(NAME, about.model_copy(update={"files": files}).text())
+        for parent, _, _ in os.walk(new):
+            disk.sync_folder(Path(parent))
         refuse_target(out, source)
         _exchange(new, out, disk)
     finally:
@@ -138,31 +160,28 @@ def _exchange(new: Path, out: Path, disk: Disk) -> None:
 
 
 def refuse_target(out: Path, source: Path) -> None:
-    """Refuse a place that an export may not take.
-
-    ArchiveError as `replaced`.
-    """
+    """Raise ArchiveError for a folder that must not be replaced, see `replace_folder`."""
     refuse_link(out)
-    place, home = out.resolve(), source.resolve()
-    inside = place.relative_to(home).parts if place.is_relative_to(home) else None
-    if inside == () or (inside and (inside[0].startswith("sub-") or inside[0] == FOLDER)):
+    target, study = out.resolve(), source.resolve()
+    parts = target.relative_to(study).parts if target.is_relative_to(study) else None
+    if parts == () or (parts and (parts[0].startswith("sub-") or parts[0] == WITHDRAWN_FOLDER)):
         raise ArchiveError(f"{out}: must not lie among the data that are exported")
     if not out.exists():
         return
     if not out.is_dir():
         raise ArchiveError(f"{out}: must be a folder; nothing was changed")
-    there = {name: _sha256(out / name) for name in _files(out)}
-    if not there:
+    present = {name: _sha256(out / name) for name in _files(out)}
+    if not present:
         return
     try:
-        made = read_manifest(out)
+        manifest = read_manifest(out)
     except ValueError as error:
         raise ArchiveError(f"{error}; give another folder: nothing was changed") from error
-    there.pop(NAME, None)
-    listed = made.files if made else {}
-    names = sorted({*there, *listed})
-    changed = [name for name in names if there.get(name, "") != listed.get(name, "")]
-    if changed or not made:
+    present.pop(NAME, None)
+    listed = manifest.files if manifest else {}
+    names = sorted({*present, *listed})
+    changed = [name for name in names if present.get(name, "") != listed.get(name, "")]
+    if changed or not manifest:
         raise ArchiveError(
             f"{out}: must be a new or empty folder, or an export that nobody changed; "
             f"{changed[0] if changed else NAME} was added, changed or removed; give "

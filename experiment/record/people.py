@@ -16,7 +16,7 @@ from device.printing import shown
 from experiment.names import NOT_AVAILABLE, is_line
 from experiment.record.files import (
     DISK,
-    FOLDER,
+    WITHDRAWN_FOLDER,
     ArchiveError,
     locked,
     make_folder,
@@ -60,7 +60,7 @@ def withdrawal_path(root: Path, participant: str) -> Path:
     >>> withdrawal_path(Path("results"), "07").as_posix()
     'results/withdrawn/sub-07.json'
     """
-    return root / FOLDER / f"sub-{participant}.json"
+    return root / WITHDRAWN_FOLDER / f"sub-{participant}.json"
 
 
 def read_withdrawal(root: Path, participant: str) -> WithdrawalRecord | None:
@@ -286,7 +286,10 @@ def next_number(root: Path, participant: str) -> int:
     names = [*read_people(root).rows]
     name = f"sub-{participant}"
     index = names.index(name) if name in names else len(names)
-    withdrawn = {path.stem for path in (root / FOLDER).glob("sub-*.json")} - {*names, name}
+    withdrawn = {path.stem for path in (root / WITHDRAWN_FOLDER).glob("sub-*.json")} - {
+        *names,
+        name,
+    }
     return index + len(withdrawn) + 1
 
 

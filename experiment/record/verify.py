@@ -1,7 +1,7 @@
 """Verify a session: its plan, header, journal and tables against each other and sessions.tsv.
 
 What is covered: the plan by its seal, plan and header as files by the journal's first line, each
-journal line by the next one, the last by the head in sessions.tsv, trials.csv and measured.csv by
+journal line by the next one, the last by its hash in sessions.tsv, trials.csv and measured.csv by
 the journal.
 """
 
@@ -319,10 +319,10 @@ def first_difference(actual: bytes, recorded: bytes, *, min_rows: int) -> tuple[
         for raw in (recorded.split(b"\n")[0], line, expected)
     )
     if number > 1 and len(cells) == len(names) == len(expected_cells):
-        name, cell, other = next(
+        name, cell, expected_cell = next(
             row for row in zip(names, cells, expected_cells, strict=True) if row[1] != row[2]
         )
-        return number, f"column '{name}' is {cell!r}; by the journal it is {other!r}"
+        return number, f"column '{name}' is {cell!r}; by the journal it is {expected_cell!r}"
     return number, "is not the line that the journal gives"
 
 

@@ -25,12 +25,12 @@ from typing import TYPE_CHECKING, Final
 from experiment.bounded import parse_toml, read_bounded
 from experiment.record.files import (
     DISK,
-    FOLDER,
     HEADER,
     JOURNAL,
     LOCK,
     PLAN,
     RUNNING,
+    WITHDRAWN_FOLDER,
     ArchiveError,
     check_identifier,
     delete_folder,
@@ -93,22 +93,22 @@ class Person:
         return self.root / f"sub-{self.participant}"
 
     @property
-    def doomed_folder(self) -> Path:
+    def removal_folder(self) -> Path:
         """Where the folder is moved before it is deleted."""
-        return self.root / FOLDER / f"sub-{self.participant}.removing"
+        return self.root / WITHDRAWN_FOLDER / f"sub-{self.participant}.removing"
 
     @property
     def is_removed(self) -> bool:
         """Whether the person was removed, and nothing came back."""
         is_done = self.withdrawal is not None and self.withdrawal.removed
-        is_left = self.in_table or self.folder.exists() or self.doomed_folder.exists()
+        is_left = self.in_table or self.folder.exists() or self.removal_folder.exists()
         return is_done and not is_left
 
     @property
     def removed_paths(self) -> tuple[Path, ...]:
         """What needs no search: what is removed, and what is written about it."""
         record = withdrawal_path(self.root, self.participant)
-        return (self.folder, self.doomed_folder, record, self.root / FILE_NAME)
+        return (self.folder, self.removal_folder, record, self.root / FILE_NAME)
 
 
 def find_person(root: Path, participant: str) -> Person:
@@ -130,7 +130,7 @@ def find_person(root: Path, participant: str) -> Person:
     check_identifier("participant", participant)
     if not root.is_dir():
         raise ArchiveError(f"{root}: there is no such folder")
-    for path in (root / FILE_NAME, root / FOLDER, withdrawal_path(root, participant)):
+    for path in (root / FILE_NAME, root / WITHDRAWN_FOLDER, withdrawal_path(root, participant)):
         refuse_link(path)
     folder = root / f"sub-{participant}"
     # On some systems, asking for ``sub-a`` finds ``sub-A``.
@@ -145,7 +145,7 @@ def find_person(root: Path, participant: str) -> Person:
         in_table=folder.name in read_people(root).rows,
         withdrawal=read_withdrawal(root, participant),
     )
-    refuse_link(person.doomed_folder)
+    refuse_link(person.removal_folder)
     if not exists and not person.in_table and person.withdrawal is None:
         raise ArchiveError(f"{root}: there is no participant {participant} here")
     return person
@@ -213,16 +213,16 @@ def remove(person: Person, locks: contextlib.ExitStack, *, today: str, disk: Dis
     record = WithdrawalRecord(participant=person.participant, withdrawn=day, removed=False)
     # First the record, on the disk: data that vanish without one look like data that were lost.
     write_withdrawal(person.root, record, disk=disk)
-    delete_folder(person.doomed_folder)
+    delete_folder(person.removal_folder)
     if person.folder.exists():
         if os.name == "nt":  # which moves no folder with an open file in it
             locks.close()
         # One rename, since deleting file by file would leave, if stopped, half a session that reads
         # like a whole one. A power cut must not bring the folder back once its files are gone.
-        person.folder.rename(person.doomed_folder)
+        person.folder.rename(person.removal_folder)
         disk.sync_folder(person.root)
     remove_person(person.root, person.participant, disk=disk)
-    delete_folder(person.doomed_folder)
+    delete_folder(person.removal_folder)
     # The record lies in the folder that the files went from: one sync is for both.
     write_withdrawal(person.root, record.model_copy(update={"removed": True}), disk=disk)
 

@@ -7,7 +7,7 @@ import os
 from typing import TYPE_CHECKING, Any
 
 from experiment.record.files import Disk, write_atomically
-from experiment.record.manifest import Manifest, replaced
+from experiment.record.manifest import Manifest, replace_folder
 from experiment.record.withdraw import find_person, locked_sessions, remove
 
 if TYPE_CHECKING:
@@ -117,7 +117,7 @@ def write_file(path: Path, text: str, disk: Disk) -> None:
 def write_export(folder: Path, study: Path, text: str, disk: LossyDisk) -> None:
     """Write an export of two files, in place of the one that is there."""
     about = Manifest(what="BIDS data set", participants=("01",))
-    with replaced(folder, study, about, disk) as new:
+    with replace_folder(folder, study, about, disk) as new:
         new.write("README", text)
         new.write("sub-01/beh/events.tsv", text)
 
