@@ -286,11 +286,8 @@ def next_number(root: Path, participant: str) -> int:
     names = [*read_people(root).rows]
     name = f"sub-{participant}"
     index = names.index(name) if name in names else len(names)
-    withdrawn = {path.stem for path in (root / WITHDRAWN_FOLDER).glob("sub-*.json")} - {
-        *names,
-        name,
-    }
-    return index + len(withdrawn) + 1
+    records = {path.stem for path in (root / WITHDRAWN_FOLDER).glob("sub-*.json")}
+    return index + len(records - {*names, name}) + 1
 
 
 def enter_person(
