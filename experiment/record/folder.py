@@ -333,8 +333,8 @@ class SessionFolder:
             if match and int(match[1]) == number and participant != self.participant:
                 return (
                     f"participant number {number} is that of participant {participant}, too. "
-                    f"Right if {self.participant} takes their place; else the orders are not balanced: "
-                    "give another --participant-number"
+                    f"Right if {self.participant} takes their place; else the orders are not "
+                    "balanced: give another --participant-number"
                 )
         return ""
 
