@@ -21,7 +21,7 @@ _STRIDE_US = 4 * BEAT_US
 
 
 class LocalCore:
-    """A `host.Link` but for `hello`: calls of a core, with the heart of a host that is well.
+    """A `host.Link` but for `hello`: calls of a core, with the heartbeat of a host that is well.
 
     The core's time is the clock's.
 

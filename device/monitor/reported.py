@@ -31,9 +31,8 @@ class DeviceMonitor:
     """A `Monitor` by MEASURED: what a device reports of its last burst.
 
     The device matches the recording itself: 0.1 s of two channels at 48 kHz are 19 kB, which take
-    3.1 s to come back at 115200 baud. It reports peaks, onset and correlation, but no
-    noise and no second burst. `per_unit` is the
-    value at the tap for what the device reports, left and right.
+    3.1 s to come back at 115200 baud. It reports peaks, onset and correlation, but no noise and no
+    second burst. `per_unit` is the value at the tap for what the device reports, left and right.
     """
 
     source = "the device's own converter"
@@ -58,7 +57,7 @@ class DeviceMonitor:
 
     @property
     def unseen(self) -> str:
-        """What is never seen at its tap, nor by it."""
+        """What is never seen at its tap, nor by the device."""
         return self.tap.unseen + ALSO_UNSEEN
 
     def open(self) -> None:
