@@ -43,7 +43,7 @@ _FROM_STUDY: Final = "stated in the study"
 _DEFAULT: Final = "default of tactstrip"
 _PAPER_VPP: Final = "that of the paper's plate, which may not be yours"
 _NO_SOURCE: Final = "assumed without a source"
-_GRUND: Final = "Grund et al. 2022, electrical pulses (docs/model.md, section 4)"
+_GRUND: Final = "Grund et al. 2022, electrical pulses (docs/explanation/simulated-people.md)"
 _LITERATURE: Final[dict[str, tuple[float, str]]] = {
     SPREAD: (3.0, _NO_SOURCE),
     "sigma": (0.1, _NO_SOURCE),

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 CREATOR: Final = "tactstrip field"
 """What a picture says of the program that drew it."""
 _MAX_WIDTH: Final = 100
-_MAX_ERROR_DB: Final = 3.0
+_MAX_ERROR_DB: Final = 2.0
 """A level with a greater error is not known; only what it is at most is printed."""
 _COLUMN: Final = 15
 """Where the text begins behind a label."""
