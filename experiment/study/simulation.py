@@ -37,7 +37,10 @@ _Spread = Annotated[float, Field(ge=0, le=20)]
 
 
 class Simulation(Section):
-    """The population of simulated participants. Sources and limits: docs/explanation/simulated-people.md."""
+    """The population of simulated participants.
+
+    Sources and limits: docs/explanation/simulated-people.md.
+    """
 
     threshold_um: Annotated[float, Field(ge=0.01, le=1000)] | None = None
     """median threshold: peak displacement that is detected half of the time"""
