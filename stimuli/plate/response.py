@@ -447,8 +447,10 @@ class Modes:
         self.values, self.work = values, work
         self.held = np.zeros(self.squared.size)
         if has_lossless_springs(basis.strip):
-            self._matrices = basis.selected(select)
-            self.held = np.einsum("im,im->m", self.shapes, self._matrices[1] @ self.shapes)
+            matrices = basis.selected(select)
+            self.held = np.einsum("im,im->m", self.shapes, matrices[1] @ self.shapes)
+            if max_hz == math.inf:  # only all modes together exchange loss; slow ones are kept long
+                self._matrices = matrices
 
     def at_rest(self) -> Real:
         """Return the displacement at rest of these modes without loss: (n_loads, n_points)."""
