@@ -9,6 +9,7 @@ FIRST on; the library is compiled with the limits of `make_small_library`.
 
 from __future__ import annotations
 
+import math
 import re
 import struct
 import sys
@@ -99,6 +100,9 @@ class Host:
         self._number = self._below(0x10000)
         self._token = 1
         self._waiting: list[tuple[str, dict[str, Any]]] = []
+        self._pauses_us: list[int] = []
+        self._n_samples = {0: 1, 1: 1}
+        self._device = device
         self._last = b""
         self._upload()
 
@@ -118,7 +122,7 @@ class Host:
 
     def next(self) -> tuple[str, int, bytes]:
         """Return an operation, its device time and its bytes."""
-        self._now_us += self._of(SHORT_US if self._waiting else PAUSES_US)
+        self._now_us += self._pause_us()
         if self._waiting or not self._one_in(40):
             return "R", self._now_us, self._on_the_line(self._question())
         operation, some = self._of("HSSSM"), b""
@@ -128,8 +132,15 @@ class Host:
             some = bytes((1, 1)) + self._some(20)
         return operation, self._now_us, some
 
+    def _pause_us(self) -> int:
+        """Return the time from the last input to the next."""
+        if self._waiting and self._pauses_us:
+            return self._pauses_us.pop(0)
+        return self._of(SHORT_US if self._waiting else PAUSES_US)
+
     def _question(self) -> bytes:
         if self._last and self._one_in(15):
+            self._pauses_us.clear()
             return self._last  # the same again: its answer was lost
         if not self._waiting:
             if self._one_in(15):
@@ -180,15 +191,25 @@ class Host:
         if self._one_in(10):
             pieces.pop()
         begin = ("BEGIN", {"slot": slot, "samples": n_samples})
+        self._n_samples[slot] = n_samples
         self._waiting = [begin, *pieces, ("COMMIT", {"slot": slot, "crc": zlib.crc32(octets)})]
 
     def _play(self) -> None:
-        """Have two bursts played next, as soon after each other as may be."""
+        """Have two bursts played next, the second when the rest of the first ends, or 1 us off."""
         level = self._of((0, 1, 75_000, 75_000, 149_999))
         self._waiting = [("LEVEL", {"left_mvpp": level, "right_mvpp": level}), ("OUTPUT", {})]
+        slot = self._of((0, 1))
+        duration_us = math.ceil(1e6 * self._n_samples[slot] / self._device["sample_rate_hz"])
+        rest_us = self._of(
+            (
+                self._device["least_interval_us"],
+                math.ceil(1e6 * duration_us / self._device["max_duty_ppm"]) - duration_us,
+            )
+        )
+        self._pauses_us = [0, 0, 0, duration_us, max(0, rest_us + self._of((-1, 0, 1)))]
         for _ in range(2):
             self._token += 1
-            armed = {"token": self._token, "slot": self._of((0, 1)), "time_to_live_us": 5_000}
+            armed = {"token": self._token, "slot": slot, "time_to_live_us": 5_000}
             self._waiting += [("ARM", armed), ("FIRE", {"token": self._token})]
 
     def _waveform(self, n_samples: int) -> Any:
