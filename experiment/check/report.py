@@ -89,15 +89,13 @@ def format_level(level_db: float, error_db: float | None) -> str:
     """Return a level with its error, or what it is at most where the error is large.
 
     >>> format_level(-23.71, 0.016), format_level(-48.2, 0.31), format_level(-81.0, 20.0)
-    ('-23.71 +- 0.02 dB', '-48.2 +- 0.4 dB', 'at most -61.0 dB')
+    ('-23.7 +- 0.1 dB', '-48.2 +- 0.4 dB', 'at most -61.0 dB')
     """
     if error_db is None:
         return f"{_fixed(level_db)} dB"
     if error_db > _MAX_ERROR_DB:
         return f"at most {_fixed(level_db + error_db)} dB"
-    digits = 2 if error_db < 0.1 else 1  # noqa: PLR2004 - what one digit shows
-    error_db = math.ceil(error_db * 10**digits) / 10**digits
-    return f"{_fixed(level_db, digits)} +- {error_db:.{digits}f} dB"
+    return f"{_fixed(level_db)} +- {math.ceil(10 * error_db) / 10:.1f} dB"
 
 
 _FILTERS: Final[dict[str, Callable[..., str]]] = {

@@ -89,7 +89,7 @@ def test_a_figure_has_the_same_bytes_on_every_run(
         assert contents[0].startswith(b"\x89PNG")
         check = check_study(paper_study()).conditions[0]
         assert format_level(check.level_db(1, 0), check.level_error_db(1, 0)) in result.stdout
-        assert "at most -86.2 dB (tone)" in result.stdout  # less than is resolved
+        assert "of the tone at most -86.2 dB" in result.stdout  # less than is resolved
     if name.endswith("svg"):
         text = contents[0].decode()
         assert [one for one in ("(mm)", "2900 Hz", "200 Vpp") if one not in text] == (
