@@ -87,9 +87,9 @@ def to_codes(samples: ArrayLike, bits: int, *, name: str = "waveform") -> CodeAr
 
     >>> to_codes(np.array([0.0, 1.0, -1.0, 0.5]), bits=16).tolist()
     [0, 32767, -32767, 16383]
-    >>> to_codes([True, False], bits=16, name="left")
+    >>> to_codes([True, False], bits=16, name="samples")
     Traceback (most recent call last):
-    ValueError: left must be a one-dimensional array of real numbers, got bool, shape (2,)
+    ValueError: samples must be a one-dimensional array of real numbers, got bool, shape (2,)
     """
     waveform = np.asarray(samples)
     if waveform.ndim != 1 or waveform.dtype.kind not in "iuf":
