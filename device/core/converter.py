@@ -141,7 +141,15 @@ class Converter(ABC):
         """Close it."""
 
     def store(self, slot: int, left: CodeArray, right: CodeArray) -> None:  # noqa: B027 - most need no such step
-        """Store the codes of both channels in a slot; by default nothing is stored."""
+        """Store the codes of both channels in a slot; by default nothing is stored.
+
+        Parameters
+        ----------
+        slot : int
+            Which waveforms.
+        left, right : ndarray of int, shape (n_samples,)
+            Codes of each channel.
+        """
 
     def switch_on(self) -> None:  # noqa: B027 - most need no such step
         """Switch the outputs on, at zero; by default nothing has to be switched."""

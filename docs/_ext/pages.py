@@ -39,6 +39,7 @@ import subprocess
 import sys
 import tempfile
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Final
 
@@ -161,7 +162,7 @@ class Page:
         """Run all of it; rewrite the page if that was asked for."""
         blocks = list(blocks_of(self._lines))
         try:
-            for block, after in zip(blocks, [*blocks[1:], None], strict=True):
+            for block, after in pairwise([*blocks, None]):
                 if "meanwhile" not in block.notes:
                     meanwhile = after if after and "meanwhile" in after.notes else None
                     self._step(block, meanwhile)
