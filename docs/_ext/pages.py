@@ -39,7 +39,6 @@ import subprocess
 import sys
 import tempfile
 from dataclasses import dataclass
-from itertools import pairwise
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Final
 
@@ -162,7 +161,7 @@ class Page:
         """Run all of it; rewrite the page if that was asked for."""
         blocks = list(blocks_of(self._lines))
         try:
-            for block, after in pairwise([*blocks, None]):
+            for block, after in zip(blocks, [*blocks[1:], None], strict=False):
                 if "meanwhile" not in block.notes:
                     meanwhile = after if after and "meanwhile" in after.notes else None
                     self._step(block, meanwhile)
