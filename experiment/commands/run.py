@@ -283,19 +283,20 @@ def _new_plan(
 
     folder.refuse_existing()
     levels_vpp = read_levels(levels_file, folder.participant) if levels_file else None
-    with working("Checking"), naming(study_file):
+    with working("Checking"):
         study = read_study(study_file)
         if levels_vpp is not None:
             with naming(levels_file):
                 with_levels(study, levels_vpp)
-        plan = plan_session(
-            folder,
-            study,
-            driver=driver,
-            seed=seed,
-            participant_number=participant_number,
-            levels_vpp=levels_vpp,
-        )
+        with naming(study_file):
+            plan = plan_session(
+                folder,
+                study,
+                driver=driver,
+                seed=seed,
+                participant_number=participant_number,
+                levels_vpp=levels_vpp,
+            )
     echo(f"seed {plan.seed}")
     if plan.participant_number is not None:
         order = ", ".join(plan.condition_order)

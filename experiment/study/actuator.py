@@ -284,7 +284,7 @@ class Actuator(Section):
 
     def finger_rules(self, strip: Strip) -> Iterator[Rule]:
         """Yield the rule that the loaded fingertip above it rests on the plate."""
-        end_m = (strip.length_m or math.inf) / 2
+        end_m = (strip.length_m or 0.0) / 2
         room_mm = 2e3 * min(end_m - abs(self.x_m), self.y_m, strip.width_m - self.y_m)
         rule = f"must be at most {room_mm:.6g} with [finger_load], so that the fingertip rests on"
         is_beside = self.finger_diameter_mm > room_mm + _ROUNDING_MM

@@ -178,7 +178,10 @@ class Study(Section):
             plate_rules = actuator.plate_rules(self.strip, self.highest_vpp)
             yield from rules_below(plate_rules, actuator, f"actuator[{index}]")
         yield from distance_rules(self.actuators)
-        if self.finger_load.impedance is not None:
+        has_load, is_endless = self.finger_load.impedance is not None, self.strip.length_m is None
+        rule = "must be a number with [finger_load]"
+        yield has_load and is_endless, "strip.length_mm", rule, "endless"
+        if has_load and not is_endless:
             for index, actuator in enumerate(self.driven):
                 finger_rules = actuator.finger_rules(self.strip)
                 yield from rules_below(finger_rules, actuator, f"actuator[{index}]")

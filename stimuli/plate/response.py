@@ -357,9 +357,13 @@ def _endless_response(
     both = [
         endless_displacement(strip, loads, points_m, omega, margins) for margins in accuracy.endless
     ]
+    return np.stack(both), describe_waves(strip, loads)
+
+
+def describe_waves(strip: Strip, loads: Sequence[Load]) -> tuple[str, ...]:
+    """Return in words which waves were solved."""
     is_centred = all(load.y_m == strip.width_m / 2 for load in loads)
-    work = f"all even {'waves; no load excites odd ones' if is_centred else 'and odd waves'}"
-    return np.stack(both), (work,)
+    return (f"all even {'waves; no load excites odd ones' if is_centred else 'and odd waves'}",)
 
 
 def _finite_response(
@@ -400,9 +404,8 @@ def describe_modes(modes: Sequence[Modes], plate: Strip, section: Strip) -> tupl
     max_hz = max(math.sqrt(part.squared.max(initial=0.0)) for part in modes) / (2 * math.pi)
     work = [f"{n_modes} modes up to {max_hz:.3g} Hz in {len(modes)} of 4 symmetries"]
     if section != plate:
-        section_mm = 1e3 * float(section.length_m or 0.0)
-        whole = "endless" if plate.length_m is None else f"{1e3 * plate.length_m:.0f} mm long"
-        work.append(f"a section of {section_mm:.0f} mm of the {whole} plate")
+        lengths_mm = (1e3 * float(strip.length_m or 0.0) for strip in (section, plate))
+        work.append("a section of {:.0f} mm of the {:.0f} mm long plate".format(*lengths_mm))
     return tuple(work)
 
 

@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, Protocol
 
 import numpy as np
 
@@ -23,6 +23,7 @@ from stimuli.plate.modes import Resolution, plate_bases
 from stimuli.plate.response import (
     Modes,
     describe_modes,
+    describe_waves,
     estimate,
     relative_error,
     safety_factors,
@@ -30,7 +31,7 @@ from stimuli.plate.response import (
 from stimuli.plate.rest import rest_displacement
 from stimuli.plate.scene import Scene, cut_section
 from stimuli.plate.strip import MAX_CUTOFFS
-from stimuli.plate.waveguide import has_lossless_springs
+from stimuli.plate.waveguide import endless_displacement, has_lossless_springs
 from stimuli.threads import single_threaded
 
 if TYPE_CHECKING:
@@ -60,9 +61,10 @@ AT_JUMPS: Final = 0.04
 _OVER_TIME: Final = 0.2
 """Part of the loss factor that is missed of a displacement over time where modes exchange loss."""
 BEYOND, _BEYOND_LOSSLESS = (15.0, 20.0), (30.0, 40.0)
-"""Widths of a long or endless plate that are kept beyond loads and points, coarse and fine: echoes
-from farther away are too late, and with loss too faint."""
+"""Widths of a long plate that are kept beyond loads and points, coarse and fine: echoes from
+farther away are too late, and with loss too faint."""
 _MODES: Final = Resolution(multiples=(5.5, 8.0), margins=Margins(2.0, 3.0))
+_WAVES: Final = Margins(2, 2), Margins(4, 4)
 _REST: Final = Resolution(multiples=(1.0, 2.0), margins=Margins(4.0, 6.0))
 
 
@@ -130,9 +132,53 @@ def make_time_line(drive: Drive, step_s: float, span_s: float) -> TimeLine:
     return TimeLine(step_s, np.asarray(omega), spectrum, means, jump)
 
 
+class Receptance(Protocol):
+    """The displacement of a plate per unit load, for any complex frequency."""
+
+    def response(self, omega: Complex) -> Complex:
+        """Return it at points: (n_frequencies, n_loads, n_points)."""
+
+    def averaged(self, weights: Real) -> Receptance:
+        """Return it on averages over points: weights (n_averages, n_points)."""
+
+    @property
+    def work(self) -> tuple[str, ...]:
+        """What is solved."""
+
+
 @dataclass(frozen=True, eq=False)
-class Receptance:
-    """The displacement of a plate per unit load at complex frequencies, by its slow modes.
+class WaveReceptance:
+    """That of an endless strip, by its waves up to a frequency."""
+
+    strip: Strip
+    loads: Sequence[Load]
+    points_m: Real
+    max_hz: float
+    margins: Margins
+    weights: Real
+
+    def response(self, omega: Complex) -> Complex:
+        """Return the displacement per unit load: (n_frequencies, n_loads, n_points)."""
+        is_slow = omega.real <= 2 * math.pi * self.max_hz
+        response = np.zeros((omega.size, len(self.loads), len(self.points_m)), np.complex128)
+        response[is_slow] = endless_displacement(
+            self.strip, self.loads, self.points_m, omega[is_slow], self.margins
+        )
+        return response @ self.weights.T
+
+    def averaged(self, weights: Real) -> WaveReceptance:
+        """Return it on averages over points: weights (n_averages, n_points)."""
+        return replace(self, weights=weights @ self.weights)
+
+    @property
+    def work(self) -> tuple[str, ...]:
+        """What is solved."""
+        return describe_waves(self.strip, self.loads)
+
+
+@dataclass(frozen=True, eq=False)
+class ModeReceptance:
+    """That of a plate with ends, by its slow modes.
 
     What faster modes do follows the load at once, but for the viscous loss.
 
@@ -158,7 +204,7 @@ class Receptance:
         at_once = (self.rest_m[:, :, np.newaxis] / factors).transpose(2, 0, 1)
         return sum((modes.response(omega, factors, 0.0, 0) for modes in self.modes), at_once)
 
-    def averaged(self, weights: Real) -> Receptance:
+    def averaged(self, weights: Real) -> ModeReceptance:
         """Return it on averages over points: weights (n_averages, n_points)."""
         modes = [part.averaged(weights) for part in self.modes]
         return replace(self, modes=modes, rest_m=self.rest_m @ weights.T)
@@ -169,8 +215,16 @@ def receptances(
 ) -> tuple[Receptance, Receptance]:
     """Return the receptance of a plate in the coarse and in the fine basis.
 
-    Of a long plate, or of an endless one, a section is kept, a longer one in the fine basis.
+    Of a long plate only a section is kept, a longer one in the fine basis.
     """
+    if strip.length_m is None:
+        coarse, fine = (
+            WaveReceptance(
+                strip, loads, points_m, multiple * max_hz, margins, np.eye(len(points_m))
+            )
+            for multiple, margins in zip(_MODES.multiples, _WAVES, strict=True)
+        )
+        return coarse, fine
     viscous_time_s = strip.material.viscous_time_s
     lossless = replace(strip, material=replace(strip.material, viscous_time_s=0.0))
     beyond = BEYOND if viscous_time_s else _BEYOND_LOSSLESS
@@ -194,7 +248,7 @@ def _lossless_receptances(
     points: tuple[tuple[float, float], ...],
     max_hz: float,
     beyond: tuple[float, float],
-) -> tuple[Receptance, ...]:
+) -> tuple[ModeReceptance, ...]:
     coarse, fine = (
         cut_section(strip, loads, np.array(points), widths * strip.width_m) for widths in beyond
     )
@@ -205,7 +259,7 @@ def _lossless_receptances(
 
 def _receptances(
     whole: Strip, section: Section, max_hz: float, numbers: tuple[int, ...]
-) -> tuple[Receptance, ...]:
+) -> tuple[ModeReceptance, ...]:
     """Return the receptance of a section of a plate, in the coarse (0) and the fine (1) basis."""
     plate, loads, points_m = section
     rest_m = np.zeros((2, len(loads), len(points_m)))
@@ -229,7 +283,8 @@ def _receptances(
             if plate.patches:
                 rest_m[number] += basis.at_rest(select, modes.work) @ modes.values.T
     return tuple(
-        Receptance(slow[i], rest_m[i], 0.0, describe_modes(slow[i], whole, plate)) for i in numbers
+        ModeReceptance(slow[i], rest_m[i], 0.0, describe_modes(slow[i], whole, plate))
+        for i in numbers
     )
 
 
@@ -343,7 +398,7 @@ def unexchanged_loss(strip: Strip, max_hz: float) -> float:
     Over time each mode keeps its own part of it. At the largest displacement that misses a small
     part of the loss factor, elsewhere about its square.
     """
-    if not has_lossless_springs(strip):
+    if strip.length_m is None or not has_lossless_springs(strip):
         return 0.0
     return 2 * math.pi * max_hz * strip.material.viscous_time_s
 
