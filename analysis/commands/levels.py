@@ -10,8 +10,7 @@ import click
 from device.printing import echo
 from experiment.commands.options.common import PATH, write_option
 from experiment.exits import CommandError, refusals
-from experiment.record.files import DISK, write_new
-from experiment.record.withdraw import LEVELS_SUFFIX
+from experiment.record.files import DISK, LEVELS_SUFFIX, write_new
 from experiment.templates import open_templates
 
 if TYPE_CHECKING:

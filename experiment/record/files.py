@@ -30,6 +30,8 @@ PLAN, HEADER, JOURNAL, TABLE = "plan.json", "header.json", "journal.jsonl", "tri
 MEASURED: Final = "measured.csv"
 FILES: Final = (PLAN, HEADER, JOURNAL, TABLE, MEASURED)
 """The files of a session's record; the last one only if a monitor measured the bursts."""
+LEVELS_SUFFIX: Final = ".toml"
+"""How the name of a file of placed levels ends: by it, a withdrawal finds them."""
 LOCK: Final = ".lock"
 """The file of a session that is locked while it is run, read or removed."""
 RUNNING: Final = "another process is running this session; nothing was changed"

@@ -27,6 +27,7 @@ from experiment.record.files import (
     DISK,
     HEADER,
     JOURNAL,
+    LEVELS_SUFFIX,
     LOCK,
     PLAN,
     RUNNING,
@@ -56,8 +57,6 @@ if TYPE_CHECKING:
 
 MAX_LEVELS_BYTES: Final = 100_000
 """No file of levels is larger."""
-LEVELS_SUFFIX: Final = ".toml"
-"""How the name of a file of placed levels ends: by it, a withdrawal finds them."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
