@@ -452,7 +452,7 @@ class Modes:
         if has_lossless_springs(basis.strip):
             matrices = basis.selected(select)
             self.held = np.einsum("im,im->m", self.shapes, matrices[1] @ self.shapes)
-            if max_hz == math.inf:  # only all modes together exchange loss; slow ones are kept long
+            if max_hz == math.inf:  # slow modes alone exchange no loss, and would hold gigabytes
                 self._matrices = matrices
 
     def at_rest(self) -> Real:
