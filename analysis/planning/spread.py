@@ -45,7 +45,8 @@ def computing_on(workers: int = 1, scheduler: str | None = None) -> Iterator[Non
     from joblib import parallel_config
 
     if scheduler is None:
-        with parallel_config(backend="loky", n_jobs=workers, inner_max_num_threads=1):
+        following = {"initializer": _follow, "initargs": (os.getpid(),)}
+        with parallel_config("loky", n_jobs=workers, inner_max_num_threads=1, **following):
             yield
         return
     try:
@@ -94,7 +95,7 @@ def spread(
         else:
             missing.append(chunk)
     run = delayed(_run_chunk)
-    tasks = (run(function, chunk, versions(), os.getpid()) for chunk in missing)
+    tasks = (run(function, chunk, versions()) for chunk in missing)
     try:
         for chunk, result in Parallel(return_as="generator_unordered")(tasks):
             if kept is not None:
@@ -109,19 +110,15 @@ def spread(
 
 
 def _run_chunk(
-    function: Callable[[_Chunk], Any], chunk: _Chunk, expected: dict[str, str], main_process: int
+    function: Callable[[_Chunk], Any], chunk: _Chunk, expected: dict[str, str]
 ) -> tuple[_Chunk, Any]:
     if versions() != expected:
         raise ValueError(
             f"a worker has {versions()}, this computer {expected}: install the same versions"
         )
-    is_main_thread = threading.current_thread() is threading.main_thread()  # not so in Dask
-    if os.getppid() == main_process and is_main_thread:
-        _follow(main_process)
     return chunk, function(chunk)
 
 
-@cache
 def _follow(parent: int) -> None:
     """Leave Ctrl-C to the parent process, and end this process soon after it."""
 
