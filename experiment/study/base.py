@@ -4,12 +4,10 @@ from __future__ import annotations
 
 import json
 import re
-import tomllib
 from dataclasses import dataclass, replace
 from datetime import UTC, date, datetime, timedelta
 from difflib import get_close_matches
 from functools import cache
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final, Self
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, ValidationError, model_validator
@@ -19,11 +17,10 @@ from experiment.names import NAME, NAME_RULE, is_line
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Hashable, Iterable, Iterator, Mapping
+    from pathlib import Path
 
 _MAX_SHOWN: Final = 80
 """The longest part of a value that a message repeats."""
-_RENAMED: Final = tomllib.loads(Path(__file__).with_name("renamed.toml").read_text("utf-8"))
-"""Former keys with their present names, by section."""
 _EARTH_AHEAD: Final = timedelta(hours=14)
 
 Rule = tuple[bool, str, str] | tuple[bool, str, str, object]
@@ -235,7 +232,6 @@ def faults_of(error: ValidationError, model: type[Section]) -> tuple[Fault, ...]
                 section, table = _locate(model, detail["loc"][:-1])
                 name = str(detail["loc"][-1])
                 names = get_close_matches(name, table.get("properties", {}), n=1)
-                names = names or _sections_with(name, model)
                 similar |= {join_keys(section, name) for name in names}
                 hint = f"; did you mean {names[0]}?" if names else ""
                 is_table = isinstance(detail["input"], dict | list)
@@ -243,21 +239,9 @@ def faults_of(error: ValidationError, model: type[Section]) -> tuple[Fault, ...]
             case _:
                 joined = [Fault(key, f"must be {describe(schema)}", detail["input"])]
         for fault in joined:
-            section, _, name = re.sub(r"\[\d+\]", "", fault.key).rpartition(".")
-            present = _RENAMED.get(section, {}).get(name)
-            renamed = Fault(fault.key, f"renamed to {section}.{present}")
-            faults.setdefault(fault.key, renamed if present else fault)
+            faults.setdefault(fault.key, fault)
     # a required key that is misspelt is one fault
     return tuple(fault for key, fault in faults.items() if key not in missing & similar)
-
-
-def _sections_with(key: str, model: type[Section]) -> list[str]:
-    """Return the path of a key in the first section of a study that has it, if any."""
-    for section in schema_of(model).get("properties", {}):
-        _, table = _locate(model, (section,))
-        if key in table.get("properties", {}):
-            return [f"{section}.{key}"]
-    return []
 
 
 @cache

@@ -98,12 +98,7 @@ class MonitorSettings(Section):
     """where the burst is measured"""
     sound_card: _Card = ""
     """sound card of source = "input"; by default the system's"""
-    inputs: Annotated[
-        tuple[_Connector, _Connector], obeying(is_distinct, "must be two different inputs")
-    ] = (
-        1,
-        2,
-    )
+    inputs: _Inputs = (1, 2)
     """inputs of the two sites, counted from 1"""
     sample_rate_hz: Annotated[float, Field(ge=8_000, le=768_000)] | None = None
     """sample rate of source = "input"; by default 48000"""

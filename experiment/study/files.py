@@ -8,13 +8,12 @@ from __future__ import annotations
 
 import base64
 import json
-import re
-from bisect import bisect_left
 from collections.abc import Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
+from device.printing import escaped
 from experiment import bounded
 from experiment.study.base import Fault, StudyError
 from experiment.study.design import Design
@@ -28,16 +27,8 @@ if TYPE_CHECKING:
 
 PRESETS: Final = Path(__file__).parent / "presets"
 """The study files of the presets."""
-
-_MISPRINTS: Final = (
-    (re.compile(r"=\s*(#.*)?$"), "no value after ="),
-    (re.compile(r"=\s*[-+]?\d+,\d+\s*(#.*)?$"), "write a decimal point, not a comma"),
-    (re.compile(r"=\s*[-+]?(\.\d|\d+\.(\s|$))"), "write a digit before and after the point"),
-    (re.compile(r"=\s*(True|False)\b"), "write true or false in lower case"),
-    (re.compile(r"=\s*[-+]?[\d.]+\s*[A-Za-z%]"), "write the number without its unit"),
-    (re.compile(r"=\s*[^\W\d][^\"'=\[{]*$"), "write text in quotes"),
-)
-"""Common misprints of a line that is not TOML, and what to write."""
+_MAX_REASON: Final = 200
+"""Longest part of tomllib's message that is repeated."""
 
 
 def paper_study() -> Study:
@@ -132,8 +123,8 @@ def study_from_text(text: str, file_name: str) -> Study:
     --------
     >>> study_from_text("[strip]\nwidth_mm = 25,4", "study.toml")
     Traceback (most recent call last):
-    experiment.study.base.StudyError: study.toml: line 2: write a decimal point, not a comma (got
-    "width_mm = 25,4")
+    experiment.study.base.StudyError: study.toml: must be valid TOML: Expected newline or end of
+    document after a statement (at line 2, column 14)
     """
     return _study(parse_toml(text, file_name), file_name, Path(file_name).parent)
 
@@ -263,44 +254,14 @@ def read_text(path: Path) -> str:
 
 
 def parse_toml(text: str, file_name: str) -> dict[str, Any]:
-    """Return the tables of a TOML text, or refuse it with its line."""
+    """Return the tables of a TOML text, or refuse it; tomllib says in which line."""
     try:
         return bounded.parse_toml(text)
     except RecursionError as error:
         raise StudyError(file_name, Fault("", "is nested too deeply")) from error
-    except bounded.LongKeyError as error:
-        raise StudyError(
-            file_name, Fault(f"line {error.line}", "has a key of too many parts")
-        ) from error
     except ValueError as error:
-        number = _line_of_error(text)
-        line = "".join(text.splitlines()[number - 1 : number]).strip()
-        hints = (hint for pattern, hint in _MISPRINTS if pattern.search(line))
-        rule = next(hints, "must be valid TOML, with every key once")
-        raise StudyError(file_name, Fault(f"line {number}", rule, line)) from error
-
-
-def _line_of_error(text: str) -> int:
-    """Return the line of a text that is not TOML: tomllib has it in its message only."""
-    import tomlkit
-    from tomlkit.exceptions import KeyAlreadyPresent, ParseError, TOMLKitError
-
-    lines = text.splitlines()
-
-    def has_key_twice(count: int) -> bool:
-        try:
-            tomlkit.parse("\n".join(lines[:count]))
-        except (TOMLKitError, ValueError) as error:
-            return isinstance(error, KeyAlreadyPresent)
-        return False
-
-    try:
-        tomlkit.parse(text)
-    except ParseError as error:
-        return int(error.line)
-    except (KeyAlreadyPresent, ValueError):  # these do not say where
-        pass
-    return bisect_left(range(len(lines)), True, key=has_key_twice)  # noqa: FBT003
+        reason = escaped(str(error)[-_MAX_REASON:])  # its end has the line; a key may be long
+        raise StudyError(file_name, Fault("", f"must be valid TOML: {reason}")) from error
 
 
 def is_recorded(path: Path, recorded: str, sha256: str) -> bool:

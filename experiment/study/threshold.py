@@ -14,9 +14,7 @@ from experiment.study.simulation import CURVE_KEYS, Simulation
 from stimuli import Burst
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from experiment.perception.gains import ConditionGains, FingerGains
+    from experiment.perception.gains import FingerGains
     from experiment.perception.thresholds import Extrapolation
     from experiment.study.equipment import DeviceSettings
     from experiment.study.stimulus import Condition
@@ -169,19 +167,6 @@ def vibrations_of(study: Study, burst: Burst) -> tuple[Vibration, Vibration]:
         for actuator in study.actuators[:2]
     )
     return left, right
-
-
-def dry_run_difference_db(study: Study, gains: Sequence[ConditionGains]) -> float:
-    """Return by how much the second condition's threshold of a dry run lies above the first's.
-
-    In dB of volts: what the study states, the curves of its people and the displacements add up.
-    """
-    people = study.simulation
-    first_db, second_db = (
-        20 * math.log10(threshold_vpp(people, matrix.fingers())) + _curve_shift_db(study, condition)
-        for condition, matrix in zip(study.conditions[:2], gains, strict=False)
-    )
-    return second_db - first_db + (people.difference_db or 0.0)
 
 
 def extrapolations(study: Study) -> tuple[Extrapolation, ...]:

@@ -140,7 +140,3 @@ class Task:
     def guess_rate(self, responses: tuple[str, ...]) -> float | None:
         """Return the guess rate of a forced choice; None where blank trials estimate it."""
         return None if self.nothing in responses else 1 / len(responses)
-
-    def default_instructions(self, responses: tuple[str, ...]) -> str:
-        """Return the instructions for a study that offers these answers."""
-        return self.instructions[frozenset(responses) - frozenset(self.sites)]

@@ -154,6 +154,32 @@ def test_a_file_that_cannot_be_read_is_one_clear_line(tmp_path: Path) -> None:
         assert "\n" not in str(caught.value)
 
 
+TORN = [
+    ("[strip]\nmeasured_on = 04.05.2026", "at line 2"),
+    ("[strip]\nwidth_mm = 30,5 # mm", "at line 2"),
+    ("[strip]\nwidth_mm = ", "at end of document"),
+    ("[strip]\nthickness_mm = .5", "at line 2"),
+    ("[strip]\nthickness_mm = 1.", "at line 2"),
+    ("[strip]\nthickness_mm = 05", "at line 2"),
+    ("[strip]\nloss_factor = 1 %", "at line 2"),
+    ("[strip]\nwidth_mm = 30 mm", "at line 2"),
+    ("[strip]\nwidth_mm = wide", "at line 2"),
+    ("[strip]\nwidth_mm = 1\nwidth_mm = 2", "at end of document"),
+    ("[actuator]\nx_mm = 1\n[[actuator]]\nx_mm = 2", "at line 3"),
+    ("[screen]\nfull_screen = True", "at line 2"),
+    ("[strip]\nedge = clamped", "at line 2"),
+    ("[design]\nlevels_vpp = [60,\n\nx", "at line 4"),
+    ("[design]\nlevels_vpp = [60,\n", "at end of document"),
+    ("[a]\n[a]\n", "at line 2"),
+]
+
+
+@pytest.mark.parametrize(("text", "place"), TORN)
+def test_a_file_that_is_no_toml_is_refused_with_its_line(text: str, place: str) -> None:
+    with pytest.raises(StudyError, match=f"must be valid TOML: .*{place}"):
+        study_from_text(text, "s.toml")
+
+
 # A value that a refusal names is accepted.
 
 NUMBER = r"(-?[\d.]+(?:e[-+]?\d+)?)"

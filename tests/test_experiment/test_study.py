@@ -264,7 +264,7 @@ def test_an_actuator_lies_where_the_study_puts_it(
         (None, "levels_vpp = [50, 40]", r"levels_vpp\[1\]: .*50 \(got 40\)"),
         (None, "participant = 1\nlevels_vpp = [50]", r'participant: .*"1" \(got 1\)'),
         (None, "participant = '2'\nlevels_vpp = [50]", r'participant: .*"1" \(got "2"\)'),
-        (None, "levels_vpp = [50", "levels.toml: line 1: "),
+        (None, "levels_vpp = [50", "levels.toml: must be valid TOML: .*at end of document"),
     ],
 )
 def test_levels_that_cannot_be_run_are_refused(

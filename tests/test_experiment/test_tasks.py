@@ -48,7 +48,7 @@ def test_only_the_correct_answer_detects_a_stimulus_and_any_other_is_a_false_ala
 @TASK
 def test_instructions_and_guess_rates_follow_the_offered_answers(task: Task) -> None:
     for responses in offers(task):
-        assert task.default_instructions(responses)
+        assert task.instructions[frozenset(responses) - frozenset(task.sites)]
         blank = task.nothing in responses
         assert task.guess_rate(responses) == (None if blank else 1 / len(responses))
         assert task.nothing in task.offered(responses, hands_off=True)
