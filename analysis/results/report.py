@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import base64
 import hashlib
-import json
 from typing import TYPE_CHECKING, Final
 
 import pandas as pd
@@ -16,6 +15,7 @@ from analysis.results.rendering import phrases, read_text, template
 from analysis.results.summary import devices
 from analysis.results.tables import make_tables, result_rows
 from experiment.names import NOT_AVAILABLE
+from experiment.record.entries import Header
 from experiment.record.files import HEADER
 
 if TYPE_CHECKING:
@@ -92,8 +92,8 @@ def date_of(analysis: Analysis) -> str:
     days = set()
     for table in analysis.loaded.paths:
         try:
-            header = json.loads(table.with_name(HEADER).read_bytes())
-            days.add(str(header["begun"])[:10])
-        except (OSError, ValueError, KeyError, TypeError):
+            header = Header.model_validate_json(table.with_name(HEADER).read_bytes())
+        except (OSError, ValueError):
             continue
+        days.add(header.begun[:10])
     return " to ".join(sorted({min(days), max(days)})) if days else ""

@@ -9,7 +9,6 @@ import numpy as np
 
 from device.core.host import HostDriver
 from device.errors import LinkError, SoundCardError
-from experiment.names import NOT_AVAILABLE
 from experiment.study.stimulus import drive_samples
 from experiment.tasks import LEFT_RIGHT_BOTH
 
@@ -79,10 +78,8 @@ def _open_inputs(settings: MonitorSettings, heard: Recorder) -> Stream:
         raise LinkError(f"monitor.{key} must be {rule}; got {value!r} ({error})") from error
 
 
-def monitor_facts(monitor: Monitor | None) -> dict[str, str] | str:
-    """List what the header keeps of what measured the bursts, and of what it never sees."""
-    if monitor is None:
-        return NOT_AVAILABLE
+def monitor_facts(monitor: Monitor) -> dict[str, str]:
+    """List what the header keeps of a monitor, and what it never sees."""
     return {
         "source": monitor.source,
         "tap": monitor.tap.value,

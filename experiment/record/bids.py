@@ -168,7 +168,7 @@ def _write_session(
     with folder.locked():
         study = folder.read_study(plan)
         history = folder.read_history(plan)
-        begun, software_version = _read_header(folder.header_path)
+        header = folder.read_header()
         for pattern in (*FILES, "journal.torn-*") if with_sources else ():
             for source in sorted(folder.path.glob(pattern)):
                 new.write(f"sourcedata/{folder.name}/{source.name}", source.read_bytes())
@@ -180,7 +180,7 @@ def _write_session(
     session = ExportedSession(
         participant=folder.participant,
         session=folder.session,
-        begun=begun,
+        begun=header.begun,
         study=study,
         finished=history.finished,
         planned=len(plan.trials),
@@ -197,18 +197,9 @@ def _write_session(
         )
     file = f"{folder.name}/beh/sub-{folder.participant}_ses-{folder.session}_task-{label}_events"
     new.write(f"{file}.tsv", tsv(_event_cells(study, history.rows, history.recording_start_s)))
-    sidecar = _events_sidecar(study, software_version, simulated=bool(simulated))
+    sidecar = _events_sidecar(study, header.versions["tactstrip"], simulated=bool(simulated))
     new.write(f"{file}.json", _json(sidecar))
     return session
-
-
-def _read_header(path: Path) -> tuple[str, str]:
-    """Return when a session was begun, and by which version of tactstrip."""
-    try:
-        header = json.loads(path.read_bytes())
-        return str(header["begun"]), str(header["versions"]["tactstrip"])
-    except (ValueError, KeyError, TypeError) as error:
-        raise ArchiveError(f"{path}: must be the header of a session; got {error}") from error
 
 
 def _json(contents: Mapping[str, object]) -> str:

@@ -106,6 +106,35 @@ class VisitConditions(HostAndDevice):
     """Sound card that plays the noise."""
 
 
+class Header(VisitConditions):
+    """header.json: everything about the first visit that the plan does not hold."""
+
+    participant: str
+    """Identifier of the participant."""
+    session: str
+    """Identifier of the session."""
+    begun: str
+    """Date and time of the beginning, UTC."""
+    plan_sha256: str
+    """Seal of the plan."""
+    simulated: bool
+    """Whether the participant is a simulation."""
+    consent_version: str | None
+    """Version of the consent form."""
+    device_identity: dict[str, Any]
+    """What the device says of itself."""
+    device_cannot: list[str]
+    """What the device cannot guarantee."""
+    monitor: dict[str, str] | None
+    """Source, tap and unit of the monitor, and what it never sees."""
+    markers: str | None
+    """Stream of the markers for other recordings."""
+    platform: str
+    """Operating system."""
+    versions: dict[str, str]
+    """Versions of Python, tactstrip and numpy."""
+
+
 class SessionOpened(Line, HostAndDevice):
     """The session begins."""
 

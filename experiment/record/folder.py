@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import contextlib
-import json
-import re
 from dataclasses import dataclass, field
 from hashlib import sha256
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING
 
+from pydantic import ValidationError
+
+from experiment.record.entries import Header
 from experiment.record.files import (
     DISK,
     HEADER,
@@ -45,9 +46,6 @@ if TYPE_CHECKING:
     from experiment.study.study import Study
 
 
-_NUMBER: Final = re.compile(rb'^ "participant_number": (\d+)', re.MULTILINE)
-
-
 @dataclass(frozen=True, slots=True)
 class SessionFolder:
     """``ROOT/sub-<participant>/ses-<session>`` and the files in it.
@@ -70,19 +68,16 @@ class SessionFolder:
 
     Examples
     --------
-    A new session has a plan and an empty history:
-
     >>> from pathlib import Path
     >>> from tempfile import TemporaryDirectory
-    >>> from experiment import draw_plan, first_study
-    >>> plan = draw_plan(first_study(), participant="01", session="02", seed=7)
-    >>> with TemporaryDirectory() as root:
-    ...     folder = SessionFolder(Path(root), "01", "02")
-    ...     with folder.locked():
-    ...         folder.create(plan, header={})
-    ...     recorded, history = folder.read_plan(), folder.read_history(plan)
-    >>> folder.name, recorded == plan, history.rows
-    ('sub-01/ses-02', True, ())
+    >>> from experiment import paper_study, simulate_study
+    >>> study = paper_study().changed(design={"trials_per_side": 5, "both_trials": 0},
+    ...                               simulation={"threshold_vpp": 100.0})
+    >>> with TemporaryDirectory() as results:
+    ...     folder, = simulate_study(study, Path(results), participants=1, seed=7, gains=())
+    ...     plan, header = folder.read_plan(), folder.read_header()
+    >>> folder.name, len(plan.trials), header.device_kind
+    ('sub-01/ses-01', 10, 'mock')
     """
 
     root: Path
@@ -233,7 +228,7 @@ class SessionFolder:
                 "needs another --session: nothing was changed"
             )
 
-    def create(self, plan: Plan, header: dict[str, Any]) -> None:
+    def create(self, plan: Plan, header: Header) -> None:
         """Enter the participant in participants.tsv, then write the files of a new session.
 
         The plan is written last: a session exists from the moment it has a plan. The journal is
@@ -244,8 +239,8 @@ class SessionFolder:
         ----------
         plan : Plan
             The sealed plan of the session.
-        header : dict
-            The contents of header.json; JSON values.
+        header : Header
+            The contents of header.json.
 
         Raises
         ------
@@ -260,8 +255,7 @@ class SessionFolder:
         enter_person(self.root, self.participant, columns, self.values, disk=self.disk)
         if not self.journal_path.exists():
             write_new(self.journal_path, b"", self.disk)
-        header_text = json.dumps(header, ensure_ascii=False, indent=1) + "\n"
-        write_atomically(self.header_path, header_text, disk=self.disk)
+        write_atomically(self.header_path, f"{header.model_dump_json(indent=1)}\n", disk=self.disk)
         try:
             write_atomically(self.plan_path, plan.to_json(), disk=self.disk)
         except OSError as error:
@@ -310,33 +304,25 @@ class SessionFolder:
                 return number
         return next_number(self.root, self.participant)
 
-    def number_shared(self, number: int) -> str:
-        """Report another participant who has the same number.
-
-        Parameters
-        ----------
-        number : int
-            The participant number, counted from 1.
+    def read_header(self) -> Header:
+        """Read header.json.
 
         Returns
         -------
-        str
-            A warning that names the other participant; empty if there is none.
+        Header
+            Computer, device, noise and versions of the first visit.
 
-        Notes
-        -----
-        The method reads headers rather than plans, which are longer: there may be thousands.
+        Raises
+        ------
+        ArchiveError
+            If the file is not the header of a session.
         """
-        for path in sorted(self.root.glob("sub-*/ses-*/header.json")):
-            match = _NUMBER.search(path.read_bytes())
-            participant = path.parent.parent.name.removeprefix("sub-")
-            if match and int(match[1]) == number and participant != self.participant:
-                return (
-                    f"participant number {number} is that of participant {participant}, too. "
-                    f"Right if {self.participant} takes their place; else the orders are not "
-                    "balanced: give another --participant-number"
-                )
-        return ""
+        try:
+            return Header.model_validate_json(self.header_path.read_bytes())
+        except ValidationError as error:
+            fault = error.errors()[0]
+            key = ".".join(map(str, fault["loc"]))
+            raise ArchiveError(f"{self.header_path}: {key}: {fault['msg']}") from error
 
     def read_plan(self) -> Plan:
         """Read and verify the plan.

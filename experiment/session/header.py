@@ -5,19 +5,15 @@ from __future__ import annotations
 import platform
 from dataclasses import asdict
 from datetime import UTC, datetime
-from functools import lru_cache
 from importlib.metadata import version
 from typing import TYPE_CHECKING, Any
 
 from device.clock import boot
-from experiment.check.check import check_study
 from experiment.hardware.monitor import monitor_facts
 from experiment.hardware.safety import device_kind
-from experiment.hardware.setup import host_limits, line_settings, read_health, read_limits
-from experiment.names import NOT_AVAILABLE
-from experiment.record.entries import HostAndDevice, VisitConditions
+from experiment.hardware.setup import read_health, read_limits
+from experiment.record.entries import Header, HostAndDevice, VisitConditions
 from experiment.study.key_names import UNTYPED
-from experiment.study.stimulus import stimulus_values
 from experiment.trial.plan import HANDS_OFF
 
 if TYPE_CHECKING:
@@ -29,40 +25,27 @@ if TYPE_CHECKING:
     from experiment.trial.responder import Responder
 
 
-def header(study: Study, plan: Plan, config: SessionConfig, identity: Identity) -> dict[str, Any]:
-    """Return the contents of header.json: what is worth knowing and is not part of the plan.
-
-    A value that is not known, or does not apply, is ``n/a``.
-    """
-    is_simulated = config.responder_name == "simulated"
-    contents = {
-        "schema": 1,
-        "begun": datetime.now(UTC).isoformat(timespec="seconds"),
-        "participant": plan.participant,
-        "session": plan.session,
-        "plan_sha256": plan.sha256,
-        "simulated": config.responder.simulated,
+def header(study: Study, plan: Plan, config: SessionConfig, identity: Identity) -> Header:
+    """Return the contents of header.json."""
+    monitor = config.monitor
+    return Header(
         **visit_conditions(study, plan, config, identity).model_dump(),
-        "consent_version": study.about.consent_version or None,
-        "screen": study.screen.model_dump() if config.responder_name == "screen" else None,
-        "texts": None if is_simulated else study.texts.model_dump(by_alias=True),
-        "device_identity": asdict(identity),
-        "device_line": asdict(line_settings(study.device)),
-        "device_cannot": list(config.device.cannot),
-        "markers": config.markers and config.markers.description,
-        "monitor": monitor_facts(config.monitor),
-        "limits": asdict(host_limits(study.device)),
-        "responses": plan.responses,
-        "participant_number": plan.participant_number,
-        "condition_order": plan.condition_order,
-        "stimuli": {c.name: stimulus_values(c) for c in study.conditions},
-        "accepted_violations": _accepted_violations(study, has_gains=bool(plan.gains)),
-        "platform": platform.platform(),
-        "python": platform.python_version(),
-        "versions": {name: version(name) for name in ("tactstrip", "numpy")},
-        "contact": study.contact.model_dump() | {"summary": study.contact.summary},
-    }
-    return {key: NOT_AVAILABLE if value is None else value for key, value in contents.items()}
+        participant=plan.participant,
+        session=plan.session,
+        begun=datetime.now(UTC).isoformat(timespec="seconds"),
+        plan_sha256=plan.sha256,
+        simulated=config.responder.simulated,
+        consent_version=study.about.consent_version,
+        device_identity=asdict(identity),
+        device_cannot=list(config.device.cannot),
+        monitor=None if monitor is None else monitor_facts(monitor),
+        markers=None if config.markers is None else config.markers.description,
+        platform=platform.platform(),
+        versions={
+            "python": platform.python_version(),
+            **{name: version(name) for name in ("tactstrip", "numpy")},
+        },
+    )
 
 
 def drawn_observer(responder: Responder) -> dict[str, Any] | None:
@@ -130,16 +113,3 @@ def _response_mapping(responder: str, study: Study, plan: Plan) -> dict[str, lis
         for meaning, names in study.keys.meanings.items()
         if meaning in accepted or meaning not in study.task.answer_names
     }
-
-
-# The gains in a plan are those of one loss factor, without an uncertainty: what was accepted for
-# the largest loss, or for unknown patches, shows only if everything is computed. That is done once
-# for a study, which may have a hundred simulated sessions, and only if it states a reason.
-@lru_cache(maxsize=1)
-def _accepted_violations(study: Study, *, has_gains: bool) -> dict[str, str | None]:
-    """Return the study's reason for each condition whose burst violates a limit."""
-    if all(condition.accept_violation is None for condition in study.conditions):
-        return {}
-    check = check_study(study) if has_gains else check_study(study, ())
-    accepted = (c.condition for c in check.conditions if c.verdict == "accepted")
-    return {condition.name: condition.accept_violation for condition in accepted}

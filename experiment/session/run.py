@@ -314,8 +314,6 @@ def run(folder: SessionFolder, plan: Plan, config: SessionConfig) -> SessionResu
     else:
         _refuse_existing(folder)
         folder.check_people(study)
-        if plan.participant_number and (shared := folder.number_shared(plan.participant_number)):
-            config.report(f"Note: {shared}.")
     with folder.locked(), _opened(config, study) as identity:
         if config.resume:
             _refuse_resume(folder, plan, identity, config)

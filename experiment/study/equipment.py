@@ -214,7 +214,7 @@ class Masking(Section):
 class Contact(Section):
     """How the fingers rest on the plate: thresholds depend on their force and area of contact.
 
-    The program controls neither; the header, the report and the data set repeat these values.
+    The program controls neither; the plan, the report and the data set repeat these values.
     """
 
     control: Literal["not stated", "none", "instructed", "held", "measured"] = "not stated"

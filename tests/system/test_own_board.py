@@ -52,7 +52,6 @@ def test_a_session_on_a_slow_board_that_boots_is_run_by_the_options_and_kept(
         events = [json.loads(line) for line in truth.getvalue().splitlines()]
     assert "watchdog" not in {event["event"] for event in events}
     header = sessions.header()
-    assert header["device_line"] == {"dtr": True, "response_timeout_s": 2.0} | options
     assert header["device_limits"]["firmware"] == "tactstrip emulator"
     assert header["device_health"]["switch_closed"] is True
 

@@ -86,7 +86,7 @@ def test_a_study_that_no_device_could_run_is_refused(
 
 
 @pytest.mark.slow
-def test_an_accepted_violation_is_in_the_header(run: Run, tmp_path: Path) -> None:
+def test_an_accepted_violation_is_in_the_plan(run: Run, tmp_path: Path) -> None:
     study, out = tmp_path / "study.toml", tmp_path / "out"
     text = (
         '[strip]\nmeasured_cutoff_hz = 2500\n[burst]\naccept_violation = "control condition"\n'
@@ -95,8 +95,8 @@ def test_an_accepted_violation_is_in_the_header(run: Run, tmp_path: Path) -> Non
     study.write_text(on_paper_plate(text), encoding="utf-8")
     result = run("run", study, "--participant", "01", "--responder", "simulated", "--out", out)
     assert result.exit_code == 0, result.stderr
-    header = json.loads((out / "sub-01" / "ses-01" / "header.json").read_text("utf-8"))
-    assert header["accepted_violations"] == {"main": "control condition"}
+    plan = json.loads((out / "sub-01" / "ses-01" / "plan.json").read_text("utf-8"))
+    assert plan["study"]["condition"][0]["accept_violation"] == "control condition"
 
 
 @pytest.mark.slow

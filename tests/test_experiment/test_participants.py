@@ -98,7 +98,7 @@ def test_a_row_of_another_length_is_refused_with_its_line(tmp_path: Path) -> Non
 LOAD_CELL = 'control = "measured"\nforce_n = 0.5\nhow = "a load cell"\n'
 
 
-def test_the_contact_of_fingers_stands_in_check_and_header(tmp_path: Path, run: Run) -> None:
+def test_the_contact_of_fingers_stands_in_check_and_plan(tmp_path: Path, run: Run) -> None:
     held = 'control = "held"\nhow = "20 g on the nail"\n'
     controls = [f'control = "{control}"\n' for control in ("not stated", "none", "instructed")]
     for number, keys in enumerate((*controls, held, LOAD_CELL)):
@@ -110,8 +110,8 @@ def test_the_contact_of_fingers_stands_in_check_and_header(tmp_path: Path, run: 
     (tmp_path / "study.toml").write_text(on_paper_plate(text), "utf-8")
     words = ("run", tmp_path / "study.toml", "--participant", "01", "--out", tmp_path)
     assert run(*words, "--responder", "simulated", "--seed", "1").exit_code == 0
-    header = json.loads((tmp_path / "sub-01" / "ses-01" / "header.json").read_text("utf-8"))
-    assert facts["contact"].items() <= header["contact"].items()
+    plan = json.loads((tmp_path / "sub-01" / "ses-01" / "plan.json").read_text("utf-8"))
+    assert facts["contact"] == plan["study"]["contact"]
 
 
 @pytest.mark.slow

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import itertools
 import json
-import re
 from collections import Counter
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
@@ -246,28 +245,28 @@ def sessions(tmp_path: Path, quick_study_text: str) -> Sessions:
 
 
 def run_simulated(sessions: Sessions, participant: str, *more: str) -> dict[str, Any]:
-    """Run a session with a simulated participant; returns its header and the notes."""
+    """Run a session with a simulated participant; returns number and order of its plan."""
     words = sessions.words(*SIMULATED, *more)
     words[words.index("--participant") + 1] = participant
     result = CliRunner().invoke(main, words)
     assert result.exit_code == 0, result.stderr
     session = more[more.index("--session") + 1] if "--session" in more else "01"
-    path = sessions.out / f"sub-{participant}" / f"ses-{session}" / "header.json"
-    header: dict[str, Any] = json.loads(path.read_text("utf-8"))
-    return header | {"notes": re.findall(r"Note: participant number (\d+)", result.stdout)}
+    path = sessions.out / f"sub-{participant}" / f"ses-{session}" / "plan.json"
+    plan = plan_from_json(path.read_text("utf-8"))
+    return {"participant_number": plan.participant_number, "order": plan.condition_order}
 
 
 @pytest.mark.slow
 def test_a_number_is_the_place_in_the_table_and_a_person_keeps_theirs(
     sessions: Sessions, run: Run
 ) -> None:
-    header = run_simulated(sessions, "01")
-    assert (header["participant_number"], header["condition_order"]) == (1, ["a", "b"])
+    plan = run_simulated(sessions, "01")
+    assert plan == {"participant_number": 1, "order": ("a", "b")}
     table = sessions.out / "participants.tsv"
     table.write_text("participant_id\nsub-00\nsub-01\n", encoding="utf-8")
     assert run_simulated(sessions, "01", "--session", "02")["participant_number"] == 1
-    header = run_simulated(sessions, "02")
-    assert (header["participant_number"], header["condition_order"]) == (3, ["a", "b"])
+    plan = run_simulated(sessions, "02")
+    assert plan == {"participant_number": 3, "order": ("a", "b")}
     assert run("withdraw", sessions.out, "--participant", "01", typed="01\n").exit_code == 0
     assert run_simulated(sessions, "03")["participant_number"] == 4
 
@@ -275,7 +274,7 @@ def test_a_number_is_the_place_in_the_table_and_a_person_keeps_theirs(
 @pytest.mark.slow
 def test_a_number_may_be_given_where_it_counts_and_is_kept_on_resume(sessions: Sessions) -> None:
     number = ("--participant-number", "4")
-    assert run_simulated(sessions, "01", *number)["condition_order"] == ["b", "a"]
+    assert run_simulated(sessions, "01", *number)["order"] == ("b", "a")
     assert sessions.run(*SIMULATED, "--resume", *number).exit_code == 0
     refused = sessions.run(*SIMULATED, "--resume", "--participant-number", "3")
     assert (refused.exit_code, "4; got 3" in refused.stderr) == (2, True)
