@@ -25,7 +25,7 @@ from analysis.reading.trials import read_inputs
 from analysis.results.analysis import analyse
 from analysis.results.figures.curves import group_curves
 from experiment import simulate_study
-from experiment.check.plate import plate_of
+from experiment.check.plate import PlatePreview
 from experiment.study.files import read_study
 from experiment.study.physics import study_gains
 from experiment.study.stimulus import unscaled_peak
@@ -120,7 +120,7 @@ def numbers() -> FrontPage:
     each = found.participants.pivot_table(index="level_vpp", columns="participant", values="p")
     return FrontPage(
         study=study,
-        loads=plate_of(study).loads,
+        loads=PlatePreview(study).loads,
         x_mm=x_m * 1e3,
         y_mm=y_m * 1e3,
         moved_um=moved_m * 1e6,
@@ -135,14 +135,14 @@ def numbers() -> FrontPage:
 
 def _motion(study: Study) -> tuple[Real, Real, Real]:
     """Return places along and across the plate, and its displacement at the moments: metres."""
-    plate, condition = plate_of(study), study.conditions[0]
+    plate, condition = PlatePreview(study), study.conditions[0]
     half_m = (plate.strip.length_m or LENGTH_M) / 2
     x_m, y_m = np.linspace(-half_m, half_m, 121), np.linspace(0.0, plate.strip.width_m, 16)
     points_m = tuple((x, y) for x in x_m.tolist() for y in y_m.tolist())
     strip = causal(plate.strip, condition.drive)
     scene = Scene(strip=strip, loads=plate.loads[:1], points_m=points_m)
     moved_m = transient(scene, condition.drive, MOMENTS_S, rtol=1e-2)[:, 0]
-    moved_m *= plate.drive.amplitudes[0] / unscaled_peak(condition, study.device)
+    moved_m *= plate.amplitudes[0] / unscaled_peak(condition, study.device)
     moved_m *= SHOWN_VPP / max(study.design.levels_vpp)
     return x_m, y_m, moved_m.reshape(len(MOMENTS_S), x_m.size, y_m.size)
 

@@ -191,11 +191,11 @@ def plate_map(plate: PlatePreview, frequency_hz: float) -> PlateMap:
     --------
     Below the cut-off the plate moves most above the driven actuator:
 
-    >>> from experiment.check.plate import plate_of
+    >>> from experiment.check.plate import PlatePreview
     >>> from experiment.study.files import paper_study
     >>> paper = paper_study()
     >>> endless = paper.changed(strip=paper.plate.changed(length_mm="endless"))
-    >>> field = plate_map(plate_of(endless), 500.0)
+    >>> field = plate_map(PlatePreview(endless), 500.0)
     >>> [round(1e3 * place_m, 6) for place_m in field.peak_of(0)[1:]]
     [-35.0, 12.5]
     """
@@ -233,9 +233,9 @@ def plate_motion(plate: PlatePreview) -> PlateMotion:
     --------
     The burst stays above the driven actuator:
 
-    >>> from experiment.check.plate import plate_of
+    >>> from experiment.check.plate import PlatePreview
     >>> from experiment.study.files import paper_study
-    >>> field = plate_motion(plate_of(paper_study()))
+    >>> field = plate_motion(PlatePreview(paper_study()))
     >>> own_m, other_m = abs(field.at_fingers_m[0]).max(axis=1)
     >>> field.step_s, field.times_s.size, bool(other_m < 0.1 * own_m)
     (0.0001, 41, True)
@@ -252,7 +252,7 @@ def plate_motion(plate: PlatePreview) -> PlateMotion:
     n_times = math.floor(_FINER * end_s / step_s + 1e-9) + 1
     times_s = (step_s / _FINER * np.arange(n_times)).astype(np.float64)
     moved_m = np.moveaxis(transient_response(scene, drive, times_s).value, 0, -1)
-    amplitudes = np.array(plate.drive.amplitudes[: len(loads)])
+    amplitudes = np.array(plate.amplitudes[: len(loads)])
     moved_m *= amplitudes[:, np.newaxis, np.newaxis] / unscaled_peak(condition, plate.study.device)
     over_m = moved_m[:, : x_m.size * y_m.size, ::_FINER]
     return PlateMotion(
@@ -316,11 +316,11 @@ def plate_band(
     --------
     Without ends and loss the plate's own cut-off is left out, where the field is infinite:
 
-    >>> from experiment.check.plate import plate_of
+    >>> from experiment.check.plate import PlatePreview
     >>> from experiment.study.files import paper_study
     >>> paper = paper_study()
     >>> study = paper.changed(strip=paper.plate.changed(length_mm="endless"))
-    >>> field = plate_band(plate_of(study), (400.0, 2900.0), n_frequencies=6)
+    >>> field = plate_band(PlatePreview(study), (400.0, 2900.0), n_frequencies=6)
     >>> field.frequencies_hz.tolist(), len(field.left_out_hz)
     ([400.0, 900.0, 1400.0, 1900.0, 2400.0], 1)
     """
@@ -365,11 +365,11 @@ def report_field(field: PlateMap | PlateBand | PlateMotion, file_name: str) -> d
 
     Examples
     --------
-    >>> from experiment.check.plate import plate_of
+    >>> from experiment.check.plate import PlatePreview
     >>> from experiment.study.files import paper_study
     >>> paper = paper_study()
     >>> endless = paper.changed(strip=paper.plate.changed(length_mm="endless"))
-    >>> _, right = report_field(plate_map(plate_of(endless), 500.0), "study.toml")["driven"]
+    >>> _, right = report_field(plate_map(PlatePreview(endless), 500.0), "study.toml")["driven"]
     >>> [round(value, 2) for value in (*right["shown_db"], right["peak_um"])]
     [-90.85, 5.25]
     """
@@ -384,12 +384,12 @@ def report_field(field: PlateMap | PlateBand | PlateMotion, file_name: str) -> d
         "burst": burst_text(condition),
         "cutoff_hz": plate.strip.cutoff_hz(),
         "edge": study.plate.edge,
-        "load": plate.drive.load,
+        "load": plate.load,
         "loss_factor": plate.strip.material.loss_factor,
         "loss_basis": plate.loss_basis,
         "omits_patches": any(actuator.patch_counts for actuator in study.actuators),
         "omits_finger_load": study.finger_load.impedance is not None,
-        "unused": plate.drive.unused,
+        "unused": [] if plate.level_vpp else [*plate.loads_per_volt],
         "limit_db": -plate.masking_threshold_db,
         "driven": [
             {
@@ -400,7 +400,7 @@ def report_field(field: PlateMap | PlateBand | PlateMotion, file_name: str) -> d
             }
             for driven, (name, (level_db, error_db)) in enumerate(
                 zip_longest(
-                    plate.drive.names[: len(field.at_fingers_m)],
+                    plate.names[: len(field.at_fingers_m)],
                     plate.burst_levels_db,
                     fillvalue=(None, None),
                 )
@@ -496,17 +496,17 @@ def field_csv(field: PlateMap | PlateBand) -> str:
 
     Examples
     --------
-    >>> from experiment.check.plate import plate_of
+    >>> from experiment.check.plate import PlatePreview
     >>> from experiment.study.files import paper_study
-    >>> band = plate_band(plate_of(paper_study()), (100.0, 500.0), n_frequencies=9)
+    >>> band = plate_band(PlatePreview(paper_study()), (100.0, 500.0), n_frequencies=9)
     >>> head, first, *_ = field_csv(band).splitlines()
     >>> head.split(",")[:2], first.split(",")[0]
     (['frequency_hz', 'left_driven_at_left_re_um'], '100.0')
     """
     import pandas as pd
 
-    plate, drive = field.plate, field.plate.drive
-    names = [f"{name}_driven" for name in drive.names]
+    plate = field.plate
+    names = [f"{name}_driven" for name in plate.names]
     where: Sequence[Real]
     if isinstance(field, PlateMap):
         columns = ["frequency_hz", "x_mm", "y_mm"]
@@ -514,13 +514,13 @@ def field_csv(field: PlateMap | PlateBand) -> str:
         values_m = field.displacement_m.reshape(len(names), -1)
     else:
         columns, where = ["frequency_hz"], [field.frequencies_hz]
-        names = [f"{name}_at_{finger}" for name in names for finger in drive.names]
+        names = [f"{name}_at_{finger}" for name in names for finger in plate.names]
         values_m = field.at_fingers_m.reshape(len(names), -1)
-    unit = "um_per_unit_load" if drive.level_vpp is None else "um"
+    unit = "um_per_unit_load" if plate.level_vpp is None else "um"
     columns += [f"{name}_{value}_{unit}" for name in names for value in ("re", "im", "abs")]
     constants = {
-        "level_vpp": "n/a" if drive.level_vpp is None else f"{drive.level_vpp:g}",
-        "load_unit": " or ".join(dict.fromkeys(drive.units)),
+        "level_vpp": "n/a" if plate.level_vpp is None else f"{plate.level_vpp:g}",
+        "load_unit": plate.load_units,
         "loss_factor": f"{plate.strip.material.loss_factor:g}",
         "loss_basis": plate.loss_basis,
     }

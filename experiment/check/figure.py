@@ -103,7 +103,7 @@ def _styled() -> Iterator[None]:
 
 def _panel_title(plate: PlatePreview, driven: int) -> str:
     """Name the driven actuator, and the crosstalk of its burst where it is known."""
-    title = f"{plate.drive.names[driven]} actuator driven"
+    title = f"{plate.names[driven]} actuator driven"
     for level in plate.burst_levels_db[driven : driven + 1]:
         title += f"; crosstalk of the burst {format_level(*level)}".replace("-", "−")
     return title
@@ -126,7 +126,7 @@ def _legend(figure: Figure, plate: PlatePreview, keys: Sequence[Artist]) -> None
         loc="outside lower center",
         ncols=len(keys),
         frameon=False,
-        title=f"each actuator driven alone, {plate.drive.load}",
+        title=f"each actuator driven alone, {plate.load}",
         title_fontsize=8,
     )
 
@@ -156,7 +156,7 @@ def _draw_image(
 def _map_figure(field: PlateMap) -> Figure:
     from matplotlib.figure import Figure
 
-    plate, names, limit_db = field.plate, field.plate.drive.names, field.plate.masking_threshold_db
+    plate, names, limit_db = field.plate, field.plate.names, field.plate.masking_threshold_db
     span_m, width_m = float(np.ptp(field.x_m)), float(np.ptp(field.y_m))
     panel_in = min(_MAP_WIDTH_IN * width_m / span_m, _MAP_HEIGHT_IN)
     across_in = max(panel_in * span_m / width_m, _MIN_WIDTH_IN)
@@ -187,7 +187,7 @@ def _map_figure(field: PlateMap) -> Figure:
 def _band_figure(field: PlateBand) -> Figure:
     from matplotlib.figure import Figure
 
-    plate, names, limit_db = field.plate, field.plate.drive.names, field.plate.masking_threshold_db
+    plate, names, limit_db = field.plate, field.plate.names, field.plate.masking_threshold_db
     width_in, height_in = _BAND_PANEL_IN
     figure = Figure(figsize=(width_in * len(names), height_in), layout="constrained")
     panels = figure.subplots(1, len(names), squeeze=False, sharey=True).ravel()
@@ -245,7 +245,7 @@ def _moving_figure(motion: PlateMotion) -> tuple[Figure, Callable[[int, int], No
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    plate, names = motion.plate, motion.plate.drive.names
+    plate, names = motion.plate, motion.plate.names
     figure = Figure(figsize=_MOTION_IN, dpi=_MOTION_DPI, layout="constrained")
     canvas: Any = FigureCanvasAgg(figure)  # its methods have no types
     over, fingers = figure.subplots(2, 1, height_ratios=(1.0, 1.2))

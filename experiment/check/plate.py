@@ -25,61 +25,78 @@ if TYPE_CHECKING:
     Real = NDArray[np.float64]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class DriveLevels:
-    """How strongly each actuator of a study is driven, in the study's order."""
+_DASHES: Final = (0, (3, 2))
+_FINGERS: Final = 2
+"""The first actuators have a finger above them, left and right."""
 
-    names: tuple[str, ...]
-    units: tuple[str, ...]  # of each actuator's load
-    amplitudes: tuple[float, ...]  # in that unit; unit loads where a displacement is not known
-    level_vpp: float | None  # None for unit loads
-    unused: tuple[str, ...] = ()  # actuators whose displacement is known, but not all others'
+
+@dataclass(frozen=True)
+class PlatePreview:
+    """The plate of a study with its loads, and a fingertip above each actuator.
+
+    Each actuator is driven at the highest level, or by a unit load if a displacement is not known.
+
+    Examples
+    --------
+    >>> from experiment.study.files import paper_study
+    >>> plate = PlatePreview(paper_study())
+    >>> plate.names, plate.load
+    (('left', 'right'), 'at 200 Vpp')
+    """
+
+    study: Study
+
+    @cached_property
+    def strip(self) -> Strip:
+        """The strip without the stiffness and mass of its patches."""
+        return bare_strip(self.study)
+
+    @cached_property
+    def loads(self) -> tuple[Load, ...]:
+        """The load of each actuator."""
+        return loads_of(self.study)
+
+    @cached_property
+    def fingertips(self) -> tuple[Fingertip, ...]:
+        """The fingertip above each actuator."""
+        return fingertips_of(self.study)
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """The names of the actuators."""
+        return tuple(actuator.label for actuator in self.study.actuators)
+
+    @cached_property
+    def loads_per_volt(self) -> dict[str, float]:
+        """The load per volt of each actuator whose displacement is known, by its name."""
+        per_volt = loads_per_volt(self.study, self.strip)
+        return {name: load for name, (load, _) in zip(self.names, per_volt, strict=True) if load}
+
+    @property
+    def level_vpp(self) -> float | None:
+        """The level that displacements are for; None for unit loads."""
+        is_known = len(self.loads_per_volt) == len(self.names)
+        return max(self.study.design.levels_vpp) if is_known else None
 
     @property
     def load(self) -> str:
         """What displacements are for: the level, or a unit load."""
         if self.level_vpp is not None:
             return f"at {self.level_vpp:g} Vpp"
-        return f"per {' or '.join(dict.fromkeys(self.units))}"
+        return f"per {self.load_units}"
 
+    @property
+    def load_units(self) -> str:
+        """The units of the loads."""
+        return " or ".join(dict.fromkeys(load.unit for load in self.loads))
 
-def drive_of(study: Study) -> DriveLevels:
-    """Return the drive of a study's highest level; unit loads if a displacement is not known.
-
-    Examples
-    --------
-    >>> from experiment.study.files import paper_study
-    >>> drive_of(paper_study()).load
-    'at 200 Vpp'
-    """
-    units = tuple(load.unit for load in loads_of(study))
-    names = tuple(actuator.label for actuator in study.actuators)
-    per_volt = [load for load, _ in loads_per_volt(study, bare_strip(study))]
-    loads = {name: load for name, load in zip(names, per_volt, strict=True) if load}
-    level_vpp: float | None = None
-    amplitudes, unused = tuple(1.0 for _ in names), tuple(loads)
-    if len(loads) == len(names):
-        level_vpp = max(study.design.levels_vpp)
-        amplitudes, unused = tuple(load * level_vpp / 2 for load in loads.values()), ()
-    return DriveLevels(
-        names=names, units=units, amplitudes=amplitudes, level_vpp=level_vpp, unused=unused
-    )
-
-
-_DASHES: Final = (0, (3, 2))
-_FINGERS: Final = 2
-"""The first actuators have a finger above them, left and right."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class PlatePreview:
-    """The plate of a study with its loads, and a fingertip above each actuator."""
-
-    study: Study
-    strip: Strip
-    loads: tuple[Load, ...]
-    drive: DriveLevels
-    fingertips: tuple[Fingertip, ...]
+    @property
+    def amplitudes(self) -> tuple[float, ...]:
+        """The amplitude of each load, in its unit."""
+        level_vpp = self.level_vpp
+        if level_vpp is None:
+            return tuple(1.0 for _ in self.names)
+        return tuple(load * level_vpp / 2 for load in self.loads_per_volt.values())
 
     @property
     def scene(self) -> Scene:
@@ -136,7 +153,7 @@ class PlatePreview:
 
     def scaled(self, per_load_m: Complex) -> Complex:
         """Return displacements for the drive, metres, from those per unit load, (n_loads, ...)."""
-        amplitudes = np.array(self.drive.amplitudes)
+        amplitudes = np.array(self.amplitudes)
         return np.asarray(per_load_m * amplitudes.reshape(-1, *[1] * (per_load_m.ndim - 1)))
 
     def at_fingers_m(self, frequencies_hz: ArrayLike) -> tuple[Complex, Real]:
@@ -148,24 +165,6 @@ class PlatePreview:
         value_m = self.scaled(np.moveaxis(per_load.value, 0, -1))
         error_m = self.scaled(np.moveaxis(per_load.error.astype(np.complex128), 0, -1))
         return value_m, np.abs(error_m)
-
-
-def plate_of(study: Study) -> PlatePreview:
-    """Return the plate of a study with its loads, its drive and the fingertips.
-
-    Examples
-    --------
-    >>> from experiment.study.files import paper_study
-    >>> len(plate_of(paper_study()).loads)
-    2
-    """
-    return PlatePreview(
-        study=study,
-        strip=bare_strip(study),
-        loads=loads_of(study),
-        drive=drive_of(study),
-        fingertips=fingertips_of(study),
-    )
 
 
 def draw_outlines(axes: Axes, plate: PlatePreview) -> None:

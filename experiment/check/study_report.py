@@ -15,7 +15,7 @@ from experiment.study.design import ASSUMED_ANSWER_S
 from experiment.study.physics import chosen_window
 from experiment.study.stimulus import stimulus_values
 from experiment.study.threshold import extrapolations, median_threshold
-from experiment.trial.draw import block_lengths, longer_blocks
+from experiment.trial.draw import block_lengths
 from experiment.trial.order import order_count
 from stimuli import CLAMPED, SIMPLY_SUPPORTED, ElasticEdge
 from stimuli.plate.patch import laminate, layer_of
@@ -91,7 +91,7 @@ def report_study(
     study, design = check.study, check.study.design
     device = study.device if device is None else device
     is_balanced, strip = design.condition_order == "balanced", _report_strip(check)
-    simulated = simulated_participants(study, check.gains, device) if check.gains else None
+    simulated = simulated_participants(study, check.gains) if check.gains else None
     channels = channel_fault(device.driver, device.channels)
     faults = (*device_faults(device), *noise_faults(study, device))
     refusals = [*map(str, faults), *([channels] if channels else [])]
@@ -397,9 +397,6 @@ def _device_rules(study: Study, device: DeviceSettings) -> Iterator[Rule]:
 def _design_rules(study: Study) -> Iterator[Rule]:
     yield study.contact.control in {"none", "not stated"}, "unknown_contact", {}
     yield study.masking.noise == "none", "no_masking_noise", {}
-    if (longer := longer_blocks(study.design)) is not None:
-        data = {"break_every": study.design.break_every, "longer_break_every": longer[0]}
-        yield True, "short_blocks", data | {"longer": longer[1]}
     defaults = [
         f"{name}.{key}"
         for name, key in _DECISIONS
@@ -410,12 +407,10 @@ def _design_rules(study: Study) -> Iterator[Rule]:
     yield bool(defaults), "assumed_value", {"keys": ", ".join(defaults)}
 
 
-def simulated_participants(
-    study: Study, gains: tuple[ConditionGains, ...], device: DeviceSettings | None = None
-) -> dict[str, Any]:
+def simulated_participants(study: Study, gains: tuple[ConditionGains, ...]) -> dict[str, Any]:
     """Report where simulated participants' thresholds lie, and what speaks against the levels."""
     thresholds = [
-        median_threshold(study, of_condition.fingers(), device, index=index)
+        median_threshold(study, of_condition.fingers(), index=index)
         for index, of_condition in enumerate(gains)
     ]
     people = study.simulation

@@ -123,9 +123,9 @@ def _computed(
     animate: bool,
 ) -> PlateMap | PlateBand | PlateMotion:
     from experiment.check.field import plate_band, plate_map, plate_motion
-    from experiment.check.plate import plate_of
+    from experiment.check.plate import PlatePreview
 
-    plate = plate_of(study)
+    plate = PlatePreview(study)
     if animate:
         return plate_motion(plate)
     option = "--frequency-hz" if band_hz is None else "--band"

@@ -16,7 +16,6 @@ from stimuli import Burst
 if TYPE_CHECKING:
     from experiment.perception.gains import FingerGains
     from experiment.perception.thresholds import Extrapolation
-    from experiment.study.equipment import DeviceSettings
     from experiment.study.stimulus import Condition
     from experiment.study.study import Study
 
@@ -57,8 +56,6 @@ class MedianThreshold:
         Number of levels below the threshold.
     detected : float
         Share of single stimuli that this participant detects.
-    highest_vpp, highest_key : float, str
-        What no level may exceed, and the key that says so.
     """
 
     condition: str
@@ -73,17 +70,12 @@ class MedianThreshold:
     levels_db: tuple[float, float]
     levels_below: int
     detected: float
-    highest_vpp: float
-    highest_key: str
 
 
-def median_threshold(
-    study: Study, gains: FingerGains, device: DeviceSettings | None = None, *, index: int = 0
-) -> MedianThreshold:
+def median_threshold(study: Study, gains: FingerGains, *, index: int = 0) -> MedianThreshold:
     """Return where simulated participants' thresholds lie in the condition with this index.
 
-    `gains` are those of that condition, `device` the settings in use, where they are others than
-    the study's.
+    `gains` are those of that condition.
     """
     people, condition = study.simulation, study.conditions[index]
     is_level = people.threshold_vpp is not None
@@ -95,7 +87,6 @@ def median_threshold(
     low_db, high_db = (20 * math.log10(f(levels_vpp) / level_vpp) for f in (min, max))
     below = sum(level < level_vpp for level in levels_vpp)
     curve = NormalDist(math.log10(level_vpp), people.sigma)
-    highest_vpp, highest_key = (study.device if device is None else device).highest
     apart = 10 ** (gains.right_re_left_db / 40)
     return MedianThreshold(
         condition=condition.name,
@@ -110,8 +101,6 @@ def median_threshold(
         levels_db=(low_db, high_db),
         levels_below=below,
         detected=fmean(curve.cdf(math.log10(level)) for level in levels_vpp),
-        highest_vpp=highest_vpp,
-        highest_key=highest_key,
     )
 
 

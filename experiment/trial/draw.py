@@ -165,30 +165,6 @@ def block_lengths(design: Design) -> tuple[int, ...]:
     return tuple(len(stimuli) for stimuli in blocks)
 
 
-def longer_blocks(design: Design) -> tuple[int, int] | None:
-    """Return the `break_every` of the next longer blocks, and their number; None where it is kept.
-
-    The order ``balanced`` may make blocks much shorter than ``break_every``.
-
-    Examples
-    --------
-    >>> from experiment.study.design import Design
-    >>> from experiment.tasks import LEFT_RIGHT_BOTH
-    >>> answers = LEFT_RIGHT_BOTH.answer_names
-    >>> longer_blocks(Design(order="balanced", blank_trials=60, responses=answers, break_every=42))
-    (43, 5)
-    """
-    if design.order == "random":
-        return None
-    count = block_count(design)
-    repeats = design.trials_per_side // len(design.levels_vpp)
-    fewer = [blocks for blocks in range(1, count) if repeats % blocks == 0]
-    if not fewer or count <= math.ceil(design.trials / (design.break_every or design.trials)):
-        return None
-    break_every = math.ceil(design.trials / fewer[-1])
-    return break_every, block_count(design.changed(break_every=break_every))
-
-
 _HANDS_OFF_STREAM = 1
 """The hands-off trials have a stream of their own; the others stay as they are without."""
 

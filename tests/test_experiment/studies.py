@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from experiment import ConditionGains, check_study
-from experiment.check.plate import plate_of
+from experiment.check.plate import PlatePreview
 from experiment.check.report import report_json
 from experiment.check.study_report import report_study
 from experiment.study.files import study_from_canonical
@@ -17,7 +17,6 @@ from tests.plates import study_from_text
 
 if TYPE_CHECKING:
     from experiment import Plan, Study
-    from experiment.check.plate import PlatePreview
 
 
 CASES = Path(__file__).with_name("cases")
@@ -78,7 +77,7 @@ def message_of(facts: dict[str, Any], code: str) -> str:
 
 def plate(text: str = "") -> PlatePreview:
     """Return the plate of a study as `tactstrip field` shows it."""
-    return plate_of(study_from_text(text, "s.toml"))
+    return PlatePreview(study_from_text(text, "s.toml"))
 
 
 def recorded(study: Study) -> Study:

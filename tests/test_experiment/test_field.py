@@ -110,20 +110,20 @@ def test_a_field_has_the_level_of_the_burst_by_which_the_check_decides() -> None
 
 
 @pytest.mark.parametrize(
-    ("text", "level_vpp", "unused", "amplitudes"),
+    ("text", "level_vpp", "known", "amplitudes"),
     [
-        (discs(measured()), 200.0, (), None),
+        (discs(measured()), 200.0, ("left", "right"), None),
         (discs(measured(), ""), None, ("left",), (1.0, 1.0)),
         (discs(), None, (), (1.0, 1.0)),
         (OFF_CENTRE, None, (), (1.0, 1.0)),
     ],
 )
 def test_a_drive_is_in_volts_where_both_displacements_are_known(
-    text: str, level_vpp: float | None, unused: tuple[str, ...], amplitudes: object
+    text: str, level_vpp: float | None, known: tuple[str, ...], amplitudes: object
 ) -> None:
-    drive = plate(text).drive
-    assert (drive.level_vpp, tuple(drive.unused)) == (level_vpp, unused)
-    assert amplitudes in (None, drive.amplitudes)
+    preview = plate(text)
+    assert (preview.level_vpp, tuple(preview.loads_per_volt)) == (level_vpp, known)
+    assert amplitudes in (None, preview.amplitudes)
 
 
 @pytest.mark.slow
@@ -180,7 +180,7 @@ def test_the_table_of_a_map_has_the_librarys_values(run: Run) -> None:
         place = (float(row["x_mm"]) / 1e3, float(row["y_mm"]) / 1e3)
         scene = Scene(strip=shown.strip, loads=shown.loads, points_m=(place,))
         per_load_um = 1e6 * displacement(scene, [3300.0])[0, :, 0]
-        expected_um = per_load_um * np.array(shown.drive.amplitudes)
+        expected_um = per_load_um * np.array(shown.amplitudes)
         for name, u_um in zip(("left", "right"), expected_um, strict=True):
             re_um, im_um, abs_um = (
                 float(row[f"{name}_driven_{p}_um"]) for p in ("re", "im", "abs")
