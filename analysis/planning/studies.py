@@ -19,7 +19,7 @@ from analysis.planning.goals import Goal, Outcome, evaluate
 from analysis.planning.levels import LevelsError, placed_levels
 from analysis.planning.people import truth_of
 from analysis.planning.sessions import Session, draw_counts
-from experiment.perception.gains import gains_from_json
+from experiment.perception.gains import GAINS
 from experiment.study.design import MIN_LEVEL_VPP
 from experiment.study.files import study_from_canonical
 from experiment.study.simulation import Simulation
@@ -103,7 +103,7 @@ def read_plan(text: str) -> Plan:
     """Read what `plan_text` returned."""
     values = json.loads(text)
     study, goal = study_from_canonical(values["study"]), Goal(**values["goal"])
-    gains = gains_from_json(values["gains"][0]).fingers()
+    gains = GAINS.validate_python(values["gains"][0]).fingers()
     keys = json.loads(study.canonical)["simulation"] | {"threshold_um": None}
     populations = tuple(Simulation(**(keys | draw)) for draw in values["draws"])
     populations = populations or (study.simulation,)

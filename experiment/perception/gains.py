@@ -8,14 +8,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, Final
+from typing import Final, get_args
+
+from pydantic import TypeAdapter
 
 from experiment.tasks import LEFT_RIGHT_BOTH
 from stimuli.checks import finite
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
+from stimuli.fingers.actuator import Basis
 
 SIGNIFICANT_DIGITS: Final = 4
 """Digits of a gain and of a displacement in trials.csv. What is computed is good to about 1 %; the
@@ -28,7 +27,7 @@ more."""
 OWN_FINGERS: Final = LEFT_RIGHT_BOTH.sites
 """The actuators under the two fingers: the first two of every matrix."""
 
-BASES: Final = ("measured", "predicted")
+BASES: Final = get_args(Basis)
 """Where a displacement comes from, the stronger basis first."""
 
 
@@ -175,7 +174,7 @@ class ConditionGains:
 
     condition: str
     actuators: tuple[str, ...]
-    bases: tuple[str | None, ...]
+    bases: tuple[Basis | None, ...]
     per_vpp: tuple[tuple[float, ...], ...]
 
     def __post_init__(self) -> None:
@@ -186,9 +185,6 @@ class ConditionGains:
             )
         if [len(self.bases), *map(len, (self.per_vpp, *self.per_vpp))] != [size] * (size + 2):
             raise ValueError(f"per_vpp must have a row and a column for each of {self.actuators}")
-        for basis in self.bases:
-            if basis is not None and basis not in BASES:
-                raise ValueError(f"bases must be of {', '.join(BASES)}; got {basis!r}")
         for row, gains in enumerate(self.per_vpp):
             for column, gain in enumerate(gains):
                 above = 0 if row == column else -math.inf
@@ -230,8 +226,10 @@ class ConditionGains:
         return FingerGains(left=(1.0, lr), right=(rl, 1.0), basis=None)
 
 
-def gains_from_json(contents: Mapping[str, Any]) -> ConditionGains:
-    """Rebuild a matrix from what `dataclasses.asdict` and JSON made of it."""
-    tuples = {name: tuple(contents[name]) for name in ("actuators", "bases")}
-    per_vpp = tuple(map(tuple, contents["per_vpp"]))
-    return ConditionGains(condition=contents["condition"], per_vpp=per_vpp, **tuples)
+GAINS: Final = TypeAdapter(ConditionGains)
+"""Rebuilds a matrix from JSON.
+
+>>> GAINS.validate_json('''{"condition": "main", "actuators": ["left", "right"],
+...     "bases": [null, null], "per_vpp": [[1.0, 0.1], [0.1, 1.0]]}''').level_db(1, 0)
+-20.0
+"""

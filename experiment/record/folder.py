@@ -33,7 +33,7 @@ from experiment.record.history import replay
 from experiment.record.journal import Journal, JournalError, JournalWriteError, read_journal
 from experiment.record.people import enter_person, next_number, read_people, refuse_withdrawn
 from experiment.record.rows import MeasuredRow, TrialRow, table_csv
-from experiment.study.base import Fault, StudyError
+from experiment.study.base import Fault, StudyError, first_fault
 from experiment.study.files import study_from_canonical
 from experiment.trial.plan import Plan, PlanError, plan_from_json
 
@@ -320,9 +320,7 @@ class SessionFolder:
         try:
             return Header.model_validate_json(self.header_path.read_bytes())
         except ValidationError as error:
-            fault = error.errors()[0]
-            key = ".".join(map(str, fault["loc"]))
-            raise ArchiveError(f"{self.header_path}: {key}: {fault['msg']}") from error
+            raise ArchiveError(f"{self.header_path}: {first_fault(error)}") from error
 
     def read_plan(self) -> Plan:
         """Read and verify the plan.

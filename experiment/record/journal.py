@@ -30,6 +30,7 @@ from device.clock import uptime_s
 from experiment.names import OTHER_VERSION
 from experiment.record.entries import LINES, Entry
 from experiment.record.files import DISK, write_new
+from experiment.study.base import first_fault
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -190,9 +191,7 @@ def _parse(path: Path, number: int, line: bytes, previous: str) -> Entry:
         times = {name: float(members.pop(name)) for name in ("t_s", "wall_s", "up_s")}
         return Entry(LINES.validate_python(members), **times)
     except ValidationError as error:
-        fault = error.errors()[0]
-        key = ".".join(map(str, fault["loc"]))
-        raise JournalLineError(path, number, f"{key}: {fault['msg']}") from error
+        raise JournalLineError(path, number, first_fault(error)) from error
     except (KeyError, TypeError, ValueError) as error:
         if isinstance(error, JournalError):
             raise

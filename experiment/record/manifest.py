@@ -27,6 +27,7 @@ from experiment.record.files import (
     refuse_link,
     write_new,
 )
+from experiment.study.base import first_fault
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -71,9 +72,7 @@ def read_manifest(folder: Path) -> Manifest | None:
     try:
         manifest = Manifest.model_validate_json(read_bounded(path, _MAX_BYTES))
     except ValidationError as error:
-        fault = error.errors()[0]
-        key = ".".join(map(str, fault["loc"]))
-        raise ValueError(f"{path}: not a manifest: {key}: {fault['msg']}") from error
+        raise ValueError(f"{path}: not a manifest: {first_fault(error)}") from error
     if "version" not in manifest.model_fields_set:
         raise ValueError(f"{path}: not a manifest: schema must be 1")
     return manifest

@@ -214,6 +214,12 @@ def format_value(value: object) -> str:
     return shown if len(shown) <= _MAX_SHOWN else f"{shown[:_MAX_SHOWN]}..."
 
 
+def first_fault(error: ValidationError) -> str:
+    """Return the first fault that pydantic found in a file that no person writes."""
+    fault = error.errors()[0]
+    return f"{'.'.join(map(str, fault['loc']))}: {fault['msg']}"
+
+
 def faults_of(error: ValidationError, model: type[Section]) -> tuple[Fault, ...]:
     """Return the faults that pydantic found in the tables of a model, one for each key."""
     faults: dict[str, Fault] = {}

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from experiment.study.study import Study
     from stimuli import Load, Strip, WindowChoice
     from stimuli.drive.sampled import Drive
+    from stimuli.fingers.actuator import Basis
     from stimuli.plate.response import Estimate
 
 
@@ -138,7 +139,7 @@ def own_per_load_m(study: Study) -> float:
 
 def loads_per_volt(
     study: Study, strip: Strip | None = None
-) -> list[tuple[float | None, str | None]]:
+) -> list[tuple[float | None, Basis | None]]:
     """Return the unit loads per volt of amplitude of every actuator, and what they rest on.
 
     Parameters
@@ -167,7 +168,7 @@ def loads_per_volt(
     from stimuli import load_per_volt
 
     strip = field_strip(study) if strip is None else strip
-    per_volt: list[tuple[float | None, str | None]] = []
+    per_volt: list[tuple[float | None, Basis | None]] = []
     for actuator, load in zip(study.actuators, loads_of(study), strict=True):
         if actuator.basis is None:
             per_volt.append((None, None))

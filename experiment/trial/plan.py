@@ -4,16 +4,14 @@ from __future__ import annotations
 
 import hashlib
 import json
-from dataclasses import asdict, dataclass, replace
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, Final
+
+from pydantic import TypeAdapter, ValidationError
 
 from experiment.names import OTHER_VERSION
-from experiment.perception.gains import (
-    OWN_FINGER_ONLY,
-    ConditionGains,
-    FingerGains,
-    gains_from_json,
-)
+from experiment.perception.gains import OWN_FINGER_ONLY, ConditionGains, FingerGains
+from experiment.study.base import first_fault
 from experiment.tasks import LEFT_RIGHT_BOTH
 
 if TYPE_CHECKING:
@@ -100,9 +98,6 @@ class Trial:
                 f"a {self.kind} trial cannot have side = {self.side!r}, level_vpp = "
                 f"{self.level_vpp!r}, block = {self.block}"
             )
-
-
-_TRIAL_FIELDS = tuple(Trial.__dataclass_fields__)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -237,25 +232,25 @@ class Plan:
         return json.dumps(contents, ensure_ascii=False, indent=1) + "\n"
 
 
-_CANONICAL: Any = {"sort_keys": True, "separators": (",", ":"), "ensure_ascii": False}
+_PLANS: Final = TypeAdapter(Plan)
+_CANONICAL: Final[dict[str, Any]] = {
+    "sort_keys": True,
+    "separators": (",", ":"),
+    "ensure_ascii": False,
+}
 """How JSON is written of which a checksum is taken."""
 
 
 def _contents(plan: Plan) -> dict[str, Any]:
     """List what the checksum covers."""
-    contents = {name: getattr(plan, name) for name in Plan.__dataclass_fields__}
-    del contents["sha256"]
+    contents: dict[str, Any] = _PLANS.dump_python(plan, mode="json", exclude={"sha256"})
     if plan.participant_number is None:  # it says nothing, nor did it in plans before there was one
         del contents["participant_number"]
-    contents["study"] = json.loads(plan.study)
-    for name in ("trials", "warm_up"):  # by hand: asdict takes ten times as long
-        contents[name] = [{f: getattr(t, f) for f in _TRIAL_FIELDS} for t in contents[name]]
-    contents["gains"] = [asdict(gains) for gains in plan.gains]
-    return {"schema": SCHEMA} | contents
+    return {"schema": SCHEMA} | contents | {"study": json.loads(plan.study)}
 
 
 def _checksum(plan: Plan) -> str:
-    canonical = json.dumps(_contents(plan), **_CANONICAL, allow_nan=False, default=list)
+    canonical = json.dumps(_contents(plan), **_CANONICAL, allow_nan=False)
     return hashlib.sha256(canonical.encode()).hexdigest()
 
 
@@ -295,18 +290,13 @@ def plan_from_json(text: str) -> Plan:
             raise PlanError(
                 f"the plan's schema must be {SCHEMA}; got {contents['schema']!r}: {OTHER_VERSION}"
             )
-        contents = {"participant_number": None} | contents
-        fields = {name: contents[name] for name in Plan.__dataclass_fields__}
-        fields["study"] = json.dumps(contents["study"], **_CANONICAL)
-        for name in ("responses", "keys_set"):
-            fields[name] = tuple(contents[name])
-        for name in ("trials", "warm_up"):
-            fields[name] = tuple(Trial(**trial) for trial in contents[name])
-        fields["gains"] = tuple(gains_from_json(gains) for gains in contents["gains"])
-        plan = Plan(**fields)
+        study = json.dumps(contents["study"], **_CANONICAL)
+        plan = _PLANS.validate_python(contents | {"study": study})
         verify(plan)
     except PlanError:
         raise
-    except (KeyError, TypeError, ValueError, AttributeError, RecursionError) as error:
+    except ValidationError as error:
+        raise PlanError(f"not a plan of this program: {first_fault(error)}") from error
+    except (KeyError, TypeError, ValueError, RecursionError) as error:
         raise PlanError(f"not a plan of this program: {error}") from error
     return plan
