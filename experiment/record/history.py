@@ -32,32 +32,60 @@ if TYPE_CHECKING:
     from experiment.trial.plan import Plan, Trial
 
 
-@dataclass(frozen=True, slots=True)
-class InterruptedTrial:
-    """A trial whose stimulus was armed and whose end was never written.
+@dataclass(slots=True)
+class Presentation:
+    """What the journal says of one attempt at one trial.
 
     Attributes
     ----------
     attempt : Attempt
         The trial and its attempt.
-    token : int
-        The token by which the device knows its stimulus.
     boot_id : int
-        The device's power cycle in which it was armed.
+        The device's power cycle.
+    device_kind : str or None
+        The kind of the device.
+    onset_clock : int
+        The clock of its onset.
+    token : int
+        The token by which the device knows its stimulus; 0 before it was armed.
     confirmed : StimulusConfirmed or None
-        What the device reported about the stimulus, if that was still written.
+        What the device reported about the stimulus.
     measured : StimulusMeasured or None
-        What a monitor measured, if that was still written.
+        What a monitor measured.
     response : ResponseGiven or None
-        The answer of the participant, if it was still written.
+        The answer of the participant.
+    end : TrialEnded or None
+        How the trial ended; None for the trial in which the session was interrupted.
     """
 
     attempt: Attempt
-    token: int
     boot_id: int
-    confirmed: StimulusConfirmed | None
-    measured: StimulusMeasured | None
-    response: ResponseGiven | None
+    device_kind: str | None
+    onset_clock: int
+    token: int = 0
+    confirmed: StimulusConfirmed | None = None
+    measured: StimulusMeasured | None = None
+    response: ResponseGiven | None = None
+    end: TrialEnded | None = None
+
+    @property
+    def trial(self) -> Trial:
+        """The trial."""
+        return self.attempt.trial
+
+    def add(self, line: _TrialLine) -> None:
+        """Add a line about this attempt."""
+        match line:
+            case TrialArmed():
+                self.token = line.token
+            case StimulusConfirmed():
+                self.confirmed = line
+            case StimulusMeasured():
+                self.measured = line
+            case ResponseGiven():
+                self.response = line
+            case TrialEnded():
+                self.end = line
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -72,7 +100,7 @@ class History:
         One row per burst that a monitor measured.
     pending : tuple of Attempt
         The planned trials without an answer, in the order in which they are due.
-    interrupted : InterruptedTrial or None
+    interrupted : Presentation or None
         The trial in which the session was interrupted.
     opening : SessionOpened or None
         The first line: host, device and participant; None if the journal is empty.
@@ -96,7 +124,7 @@ class History:
     rows: tuple[TrialRow, ...]
     measured: tuple[MeasuredRow, ...]
     pending: tuple[Attempt, ...]
-    interrupted: InterruptedTrial | None
+    interrupted: Presentation | None
     opening: SessionOpened | None
     warm_up: tuple[Attempt, ...]
     finished: bool
@@ -122,36 +150,6 @@ class History:
 _TrialLine: TypeAlias = (
     TrialArmed | StimulusConfirmed | StimulusMeasured | ResponseGiven | TrialEnded
 )
-
-
-@dataclass(slots=True)
-class _Presentation:
-    """What the journal has said so far of one attempt at one trial."""
-
-    trial: Trial
-    attempt: int
-    device_kind: str | None = None
-    onset_clock: int = 1
-    token: int | None = None
-    boot_id: int = 0
-    confirmed: StimulusConfirmed | None = None
-    measured: StimulusMeasured | None = None
-    response: ResponseGiven | None = None
-    end: TrialEnded | None = None
-
-    def add(self, line: _TrialLine, boot_id: int) -> None:
-        """Add a line about this attempt, of the device's power cycle `boot_id`."""
-        match line:
-            case TrialArmed():
-                self.token, self.boot_id = line.token, boot_id
-            case StimulusConfirmed():
-                self.confirmed = line
-            case StimulusMeasured():
-                self.measured = line
-            case ResponseGiven():
-                self.response = line
-            case TrialEnded():
-                self.end = line
 
 
 def replay(plan: Plan, entries: Iterable[Entry]) -> History:
@@ -212,13 +210,13 @@ def replay(plan: Plan, entries: Iterable[Entry]) -> History:
         measured=tuple(_measured_row(plan, p, p.measured) for p in ended if p.measured),
         rows=tuple(_row(plan, p, p.end, gains, opening) for p in ended if p.end and opening),
         pending=pending,
-        interrupted=_interrupted(unended[0]) if unended else None,
+        interrupted=unended[0] if unended else None,
         opening=opening,
         warm_up=warm_up,
         finished=any(line.finished for line in lines_of(entries, SessionClosed)),
         last_t_s=entries[-1].t_s if entries else 0.0,
         last=_last(entries),
-        last_token=max((p.token for p in shown if p.token is not None), default=0),
+        last_token=max((p.token for p in shown), default=0),
         onset_clock=1 + sum(line.session_clock == "broken" for line in resumes),
         recording_start_s=next((line.at_s for line in lines_of(entries, MarkerSent)), 0.0),
     )
@@ -248,9 +246,9 @@ def _opening(plan: Plan, entries: tuple[Entry, ...]) -> SessionOpened | None:
     return first
 
 
-def _presentations(plan: Plan, entries: Iterable[Entry]) -> list[_Presentation]:
+def _presentations(plan: Plan, entries: Iterable[Entry]) -> list[Presentation]:
     trials = {trial.number: trial for trial in (*plan.trials, *plan.warm_up)}
-    shown: dict[tuple[int, int], _Presentation] = {}
+    shown: dict[tuple[int, int], Presentation] = {}
     boot_id, device_kind, onset_clock = 0, None, 1
     for line in (entry.line for entry in entries):
         # A token means something to the power cycle that heard it and to no other. The lines of a
@@ -268,16 +266,18 @@ def _presentations(plan: Plan, entries: Iterable[Entry]) -> list[_Presentation]:
             )
         presentation = shown.setdefault(
             (line.trial, line.attempt),
-            _Presentation(trials[line.trial], line.attempt, device_kind, onset_clock),
+            Presentation(
+                Attempt(trials[line.trial], line.attempt), boot_id, device_kind, onset_clock
+            ),
         )
         if presentation.end is not None:
             raise JournalError(f"trial {line.trial}, attempt {line.attempt}, goes on after its end")
-        presentation.add(line, boot_id)
+        presentation.add(line)
     return list(shown.values())
 
 
 def _due(
-    plan: Plan, ended: Sequence[_Presentation]
+    plan: Plan, ended: Sequence[Presentation]
 ) -> tuple[tuple[Attempt, ...], tuple[Attempt, ...]]:
     """Return the unanswered trials, block by block new ones before repeats, and the warm-up."""
     answered: set[int] = set()
@@ -292,7 +292,7 @@ def _due(
         # Taken out and put in again, so that the keys are in the order of the last attempts: as in
         # the engine, the trial that failed last comes last in its block.
         attempts.pop(number, None)
-        attempts[number] = presentation.attempt
+        attempts[number] = presentation.attempt.number
 
     def attempt(trial: Trial, *, warm_up: bool) -> Attempt:
         number = trial.number
@@ -308,23 +308,9 @@ def _due(
     )
 
 
-def _interrupted(presentation: _Presentation) -> InterruptedTrial:
-    # Before its token nothing is written of a trial but its end, and with an end it is not open:
-    # one that is given up in the foreperiod was never armed.
-    assert presentation.token is not None
-    return InterruptedTrial(
-        attempt=Attempt(presentation.trial, presentation.attempt),
-        token=presentation.token,
-        boot_id=presentation.boot_id,
-        confirmed=presentation.confirmed,
-        measured=presentation.measured,
-        response=presentation.response,
-    )
-
-
 def _row(
     plan: Plan,
-    presentation: _Presentation,
+    presentation: Presentation,
     end: TrialEnded,
     gains: Mapping[str, FingerGains],
     opening: SessionOpened,
@@ -359,7 +345,7 @@ def _row(
 
 
 def _measured_row(
-    plan: Plan, presentation: _Presentation, measured: StimulusMeasured
+    plan: Plan, presentation: Presentation, measured: StimulusMeasured
 ) -> MeasuredRow:
     columns = _trial_columns(plan, presentation)
     lists = {name: "/".join(getattr(measured, name)) or None for name in ("faults", "noted")}
@@ -369,7 +355,7 @@ def _measured_row(
     return MeasuredRow(**columns, **values | lists)
 
 
-def _trial_columns(plan: Plan, presentation: _Presentation) -> dict[str, Any]:
+def _trial_columns(plan: Plan, presentation: Presentation) -> dict[str, Any]:
     """Return the columns that both tables have."""
     trial = presentation.trial
     return {
@@ -377,7 +363,7 @@ def _trial_columns(plan: Plan, presentation: _Presentation) -> dict[str, Any]:
         **{name: getattr(plan, name) for name in ("participant", "session")},
         **{name: getattr(trial, name) for name in ("condition", "block", "side", "level_vpp")},
         "trial": trial.number,
-        "attempt": presentation.attempt,
+        "attempt": presentation.attempt.number,
     }
 
 

@@ -10,14 +10,14 @@ from experiment.record.entries import StimulusConfirmed, TrialEnded
 
 if TYPE_CHECKING:
     from device.driver import BurstDevice, Identity
-    from experiment.record.history import InterruptedTrial
+    from experiment.record.history import Presentation
     from experiment.record.journal import Journal
     from experiment.study.study import Study
     from experiment.trial.events import Status
 
 
 def resolve_interrupted_trial(
-    interrupted: InterruptedTrial,
+    interrupted: Presentation,
     study: Study,
     journal: Journal,
     device: BurstDevice,
