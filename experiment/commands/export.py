@@ -75,7 +75,7 @@ def _export_tables(folder: Path) -> None:
             plan = session.read_plan()
             with session.locked():
                 session.read_history(plan)
-                for difference in refuse_modified(session.path):
+                for difference in refuse_modified(session.path, rebuilds_tables=True):
                     if difference.remedy == "export":
                         echo(f"{difference}; the table is rebuilt", err=True)
                 echo(session.write_trials())
@@ -110,6 +110,7 @@ def _begun_sessions(located: SessionIndex) -> list[SessionFolder]:
 def _export_bids(folder: Path, out: Path, *, with_sourcedata: bool, allow_simulated: bool) -> None:
     from experiment.record.bids import export_bids
     from experiment.record.index import find_sessions
+    from experiment.record.verify import refuse_modified
 
     located = find_sessions(folder)
     sessions = _begun_sessions(located)
@@ -121,7 +122,9 @@ def _export_bids(folder: Path, out: Path, *, with_sourcedata: bool, allow_simula
     for lost in located.lost.values():
         raise CommandError(f"{lost}; restore it from a copy; nothing was written")
     for session in sessions:
-        _require_unmodified(session.path)
+        for difference in refuse_modified(session.path):
+            if difference.remedy != "export":
+                raise CommandError(f"{difference}; nothing was written")
     exported = export_bids(
         sessions, out, with_sourcedata=with_sourcedata, allow_simulated=allow_simulated
     )
@@ -145,15 +148,3 @@ def _print_export(out: Path, exported: Export) -> None:
         )
     for column in exported.left_out:
         echo(f"left out of participants.tsv, declared by no study: {column}")
-
-
-def _require_unmodified(session: Path) -> None:
-    """Raise CommandError if a session was modified, unless only a table is missing."""
-    from experiment.record.verify import examine
-
-    for difference in examine(session).differences:
-        if difference.remedy != "export":
-            raise CommandError(f"{difference}; nothing was written")
-        if difference.line is not None:
-            hint = "tactstrip export DIR rebuilds it from the journal"
-            raise CommandError(f"{difference}; {hint}; nothing was written")

@@ -341,14 +341,22 @@ def _missing(seal: SessionSeal) -> str:
     return f"is missing; line {seal.line} of {SESSIONS_TABLE} tells of it"
 
 
-def refuse_modified(folder: Path) -> tuple[Difference, ...]:
+def refuse_modified(folder: Path, *, rebuilds_tables: bool = False) -> tuple[Difference, ...]:
     """Refuse a session whose record is not as it was written; return what a command mends.
 
-    ArchiveError for the first difference that the journal cannot put right.
+    ArchiveError for the first difference that the journal cannot put right, and for an edited table
+    unless the command rebuilds it on purpose: what was edited cannot be seen later.
     """
     differences = examine(folder).differences
     for difference in differences:
-        if difference.remedy in {None, "removal"}:
-            copy = "" if difference.remedy else "; restore it from a copy"
-            raise ArchiveError(f"{difference}{copy}: nothing was changed")
+        is_edited = difference.remedy == "export" and difference.line is not None
+        if difference.remedy is None:
+            hint = "; restore it from a copy"
+        elif is_edited and not rebuilds_tables:
+            hint = "; tactstrip export DIR builds it anew from the journal"
+        elif difference.remedy == "removal":
+            hint = ""
+        else:
+            continue
+        raise ArchiveError(f"{difference}{hint}: nothing was changed")
     return differences

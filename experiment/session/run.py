@@ -421,14 +421,7 @@ def _refuse_other_conditions(
 
 def _refuse_modified(folder: SessionFolder, report: Callable[[str], object]) -> None:
     """Refuse a modified record; report what a resume rebuilds, because it cannot be seen later."""
-    differences = refuse_modified(folder.path)
-    for difference in differences:
-        if difference.remedy == "export" and difference.line is not None:
-            raise ArchiveError(
-                f"{difference}; tactstrip export DIR builds it anew from the journal: nothing was "
-                "changed"
-            )
-    for difference in differences:
+    for difference in refuse_modified(folder.path):
         report(f"Note: {difference.location}: {difference.message}; it is rebuilt.")
 
 

@@ -243,7 +243,9 @@ _CANONICAL: Final[dict[str, Any]] = {
 
 def _contents(plan: Plan) -> dict[str, Any]:
     """List what the checksum covers."""
-    contents: dict[str, Any] = _PLANS.dump_python(plan, mode="json", exclude={"sha256"})
+    contents: dict[str, Any] = _PLANS.dump_python(
+        plan, mode="json", exclude={"sha256"}, warnings=False
+    )
     if plan.participant_number is None:  # it says nothing, nor did it in plans before there was one
         del contents["participant_number"]
     return {"schema": SCHEMA} | contents | {"study": json.loads(plan.study)}
