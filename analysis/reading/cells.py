@@ -224,8 +224,8 @@ def _spell_marks(text: str) -> str:
 def text_frame(header: Sequence[str], lines: list[int], rows: list[list[str]]) -> pd.DataFrame:
     """Return rows of text by their lines.
 
-    >>> text_frame(["side"], [2], [["left"]]).loc[2, "side"]
-    'left'
+    >>> text_frame(["side"], [2], [["both"]]).loc[2, "side"]
+    'both'
     """
     # As objects: with text of its own type, pandas takes twice the time for small tables.
     cells = np.array(rows, dtype=object).reshape(len(rows), len(header))

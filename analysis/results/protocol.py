@@ -10,6 +10,7 @@ import pandas as pd
 
 from analysis.results.rendering import phrases, sentence
 from experiment.study.base import format_value
+from experiment.tasks import LEFT_RIGHT_BOTH
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
@@ -87,7 +88,7 @@ def measured_bursts(rows: Iterable[MeasuredRow]) -> pd.DataFrame:
     bursts["late_ms"] = bursts["late_s"].astype(float).abs() * 1e3
     is_blank = bursts["planned_left"].eq(0) & bursts["planned_right"].eq(0)
     channels = [bursts[is_blank].assign(channel="none", planned=0.0, peak=None)]
-    for side in ("left", "right"):
+    for side in LEFT_RIGHT_BOTH.sites:
         driven = bursts[bursts[f"planned_{side}"].ne(0)]
         peaks = {"planned": driven[f"planned_{side}"], "peak": driven[f"peak_{side}"]}
         channels.append(driven.assign(channel=side, **peaks))

@@ -120,7 +120,7 @@ def _people(analysis: Analysis) -> pd.DataFrame:
     """Return the thresholds of participants, with d' and criterion over all levels."""
     sensitivity = analysis.sensitivity[analysis.sensitivity["level_vpp"].isna()]
     key = ["condition", "participant"]
-    table = analysis.thresholds.merge(sensitivity[[*key, "d_prime", "criterion"]], "left", key)
+    table = analysis.thresholds.join(sensitivity.set_index(key)[["d_prime", "criterion"]], on=key)
     return pd.DataFrame(
         row
         for _, rows in table.groupby("condition")

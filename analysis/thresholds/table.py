@@ -54,9 +54,11 @@ def threshold_table(trials: pd.DataFrame, *, seed: int, axis: Axis = VOLTS) -> p
     Examples
     --------
     >>> import numpy as np
+    >>> from experiment.tasks import LEFT_RIGHT_BOTH
+    >>> (left, _), nothing = LEFT_RIGHT_BOTH.sites, LEFT_RIGHT_BOTH.nothing
     >>> trials = pd.DataFrame({"participant": "1", "condition": "main", "kind": "single",
-    ...     "side": "left", "level_vpp": np.repeat([60.0, 90.0, 120.0], 30), "reason": "",
-    ...     "response": ["left"] * 4 + ["none"] * 40 + ["left"] * 46, "none_offered": True})
+    ...     "side": left, "level_vpp": np.repeat([60.0, 90.0, 120.0], 30), "reason": "",
+    ...     "response": [left] * 4 + [nothing] * 40 + [left] * 46, "none_offered": True})
     >>> table = threshold_table(trials, seed=1)
     >>> table["status"].tolist(), table["threshold_vpp"].round().tolist()
     (['ok'], [89.0])

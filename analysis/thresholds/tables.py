@@ -115,9 +115,11 @@ def tables_of(trials: pd.DataFrame, *, axis: Axis = VOLTS, alternatives: int = 2
     """Count the single stimuli and their detections, and find what guesses are worth.
 
     >>> import pandas as pd
+    >>> from experiment.tasks import LEFT_RIGHT_BOTH
+    >>> left, right = LEFT_RIGHT_BOTH.sites
     >>> trials = pd.DataFrame({"participant": "1", "condition": "main", "kind": "single",
-    ...     "side": "left", "level_vpp": [60.0, 60.0, 90.0], "reason": "",
-    ...     "response": ["left", "both", "left"], "none_offered": True})
+    ...     "side": left, "level_vpp": [60.0, 60.0, 90.0], "reason": "",
+    ...     "response": [left, right, left], "none_offered": True})
     >>> tables = tables_of(trials)
     >>> tables.names, tables.detected.tolist(), tables.presented.tolist()
     ((('main', '1'),), [[1.0, 1.0]], [[2.0, 1.0]])

@@ -171,7 +171,7 @@ def _map_figure(field: PlateMap) -> Figure:
         image = _draw_image(axes, field, level_db, _MIN_DB, 0.0, **style)
         axes.contour(field.x_m * 1e3, field.y_m * 1e3, level_db.T, [-limit_db], **_CONTOUR)
         draw_outlines(axes, plate)
-        axes.set_title(_panel_title(plate, driven), loc="left")
+        axes.set_title(_panel_title(plate, driven))
     panels[-1].set_xlabel("x (mm)")
     bar = figure.colorbar(image, ax=list(panels), extend="min", aspect=25, pad=0.02)
     bar.set_label("|u| (dB re its largest)")
@@ -250,7 +250,7 @@ def _moving_figure(motion: PlateMotion) -> tuple[Figure, Callable[[int, int], No
     canvas: Any = FigureCanvasAgg(figure)  # its methods have no types
     over, fingers = figure.subplots(2, 1, height_ratios=(1.0, 1.2))
     image = _draw_still(figure, over, fingers, motion)
-    title = over.set_title(" ", loc="left")
+    title = over.set_title(" ")
     draw_outlines(over, plate)
     lines = [fingers.plot([], [], **style)[0] for style in _MOVING_LINES.values()]
     moving: list[Artist] = [image, *over.patches, title, *lines]

@@ -229,7 +229,7 @@ class ConditionGains:
 GAINS: Final = TypeAdapter(ConditionGains)
 """Rebuilds a matrix from JSON.
 
->>> GAINS.validate_json('''{"condition": "main", "actuators": ["left", "right"],
-...     "bases": [null, null], "per_vpp": [[1.0, 0.1], [0.1, 1.0]]}''').level_db(1, 0)
+>>> GAINS.validate_python({"condition": "main", "actuators": OWN_FINGERS, "bases": [None, None],
+...                        "per_vpp": [[1.0, 0.1], [0.1, 1.0]]}).level_db(1, 0)
 -20.0
 """
