@@ -51,6 +51,9 @@ _AT_LARGEST: Final = 0.03
 _LATE: Final = 0.7
 """The plate is looked at for longer where in the second half of the time it moves by more than this
 part of its peak: waves of one speed may still add up."""
+_NOW_AND_THEN: Final = 4
+"""Looks: 8 in a period of the highest of cut-off and drive's band still show 0.92 of a crest."""
+_NEAR_PEAK: Final = 0.8
 _LONGEST_S: Final = 0.1
 _SLOWEST: Final = 0.1
 """Speed of the slowest waves that are waited for, in that of waves with a wavelength of W."""
@@ -191,14 +194,24 @@ def _peaks(
 ) -> tuple[Real, Real]:
     """Return the largest displacement of each group of points, and in the second half of the time.
 
-    The shape of both is (n_groups, n_loads).
+    The shape of both is (n_groups, n_loads). Points that move nearly most of their group when all
+    are looked at now and then are looked at every time.
     """
-    history_m = line.history(contact.loaded(plate.response(line.omega), line.omega))
-    late_m = np.abs(history_m[len(history_m) // 2 :]).max(axis=0)
-    peaks_m, late_peaks_m = (
-        np.maximum.reduceat(values, ends[:-1], axis=-1).T for values in (_crests(history_m), late_m)
-    )
-    return peaks_m, late_peaks_m
+    gains = plate.gains(line.omega)
+    forces = contact.forces(plate.response(gains, slice(ends[-1], None)), line.omega)
+    peaks_m, late_m = np.zeros((2, ends.size - 1, contact.n_loads))
+    for load in range(contact.n_loads):
+        amplitudes, shapes = plate.motion(line, gains, load, forces[:, load])
+        shapes = shapes[:, : ends[-1]]
+        looks_m = np.abs(amplitudes[::_NOW_AND_THEN] @ shapes)
+        largest_m = looks_m.max(axis=0)
+        groups_m = np.maximum.reduceat(largest_m, ends[:-1])
+        is_near = largest_m >= _NEAR_PEAK * np.repeat(groups_m, np.diff(ends))
+        largest_m[is_near] = _crests(amplitudes @ shapes[:, is_near])
+        peaks_m[:, load] = np.maximum.reduceat(largest_m, ends[:-1])
+        late_looks_m = looks_m[len(looks_m) // 2 :].max(axis=0)
+        late_m[:, load] = np.maximum.reduceat(late_looks_m, ends[:-1])
+    return peaks_m, late_m
 
 
 class _Contact:
@@ -209,21 +222,21 @@ class _Contact:
         self.areas_m2 = np.array([math.pi * tip.radius_m**2 or 1.0 for tip in fingertips])
         self.n_loads = n_loads
 
-    def loaded(self, response: Complex, omega: Complex) -> Complex:
-        """Return the response at points, without the means that come after them, equation (42)."""
-        if not self.impedances:
-            return response
-        n_loads, n_points = self.n_loads, response.shape[2] - len(self.impedances)
-        means = response[:, :, n_points:].swapaxes(1, 2).copy()
-        means[:, :, n_loads:] /= self.areas_m2
-        forces = response[:, n_loads:, :n_points] / self.areas_m2[:, np.newaxis]
+    def forces(self, means_m: Complex, omega: Complex) -> Complex:
+        """Return what fingertips do under each load, in unit loads of their contact areas.
+
+        That is -Z w over the area, equation (42), of the shape (n_frequencies, n_loads, n_tips).
+        Means are over contact areas, (n_frequencies, n_loads + n_tips, n_tips).
+        """
+        n_tips = len(self.impedances)
+        if not n_tips:
+            return np.zeros((omega.size, self.n_loads, 0), dtype=np.complex128)
+        free_m, by_force_m = np.split(means_m.swapaxes(1, 2), [self.n_loads], axis=2)
         impedance = np.stack([_dynamic_stiffness(z, omega) for z in self.impedances], axis=1)
-        unity = np.eye(len(self.impedances))
-        held = np.linalg.solve(
-            unity + means[:, :, n_loads:] * impedance[:, np.newaxis], means[:, :, :n_loads]
-        )
-        pushed = (impedance[:, :, np.newaxis] * held).swapaxes(1, 2)
-        return np.asarray(response[:, :n_loads, :n_points] - pushed @ forces)
+        mobility = by_force_m / self.areas_m2 * impedance[:, np.newaxis]
+        held_m = np.linalg.solve(np.eye(n_tips) + mobility, free_m)
+        loads = -(impedance / self.areas_m2)[:, :, np.newaxis] * held_m
+        return np.asarray(loads.swapaxes(1, 2))
 
 
 def _dynamic_stiffness(impedance: Impedance, omega: Complex) -> Complex:

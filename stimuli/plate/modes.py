@@ -33,7 +33,12 @@ from stimuli.plate.line import (
     place_breaks,
 )
 from stimuli.plate.patch import laminate, layer_of
-from stimuli.plate.waveguide import edge_end, edge_springs, plate_wavenumber
+from stimuli.plate.waveguide import (
+    edge_end,
+    edge_slopes,
+    has_lossless_springs,
+    plate_wavenumber,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -101,23 +106,29 @@ class Basis:
     def _laminate(self) -> Laminate:
         return laminate([layer_of(self.strip.material, self.strip.thickness_m)])
 
+    @property
+    def areal_kg_m2(self) -> float:
+        """Mass per area beside patches."""
+        return self._laminate.mass_kg_m2
+
     @cached_property
-    def matrices(self) -> tuple[Real, Real, Real]:
-        """Stiffness of the plate, stiffness of the edge springs, and mass, equation (36)."""
+    def matrices(self) -> tuple[Real, Real]:
+        """Stiffness with that of the edge springs, and mass, equation (36)."""
         strip, along, across = self.strip, self.along, self.across
-        nu = strip.material.poisson_ratio
-        xx, x0, x1, xm = along.products((2, 2), (0, 0), (1, 1), (2, 0))
-        yy, y0, y1, ym = across.products((2, 2), (0, 0), (1, 1), (0, 2))
-        mixed = nu * np.kron(xm, ym)
-        bending = np.kron(xx, y0) + np.kron(x0, yy) + mixed + mixed.T
-        bending += 2 * (1 - nu) * np.kron(x1, y1)
-        n = len(bending)
-        size = self.is_coarse.size
-        stiffness, springs, mass = np.zeros((3, size, size))
-        rigidity = strip.bending_stiffness_n_m
-        stiffness[:n, :n] = rigidity * bending
-        springs[:n, :n] = np.kron(x0, rigidity * edge_springs(strip, across))
-        mass[:n, :n] = self._laminate.mass_kg_m2 * np.eye(n)
+        rigidity, nu = strip.bending_stiffness_n_m, strip.material.poisson_ratio
+        xx, x1, xm = along.products((2, 2), (1, 1), (2, 0))
+        yy, y1, ym = across.products((2, 2), (1, 1), (0, 2))
+        slopes = edge_slopes(strip, across)
+        size, shape = self.is_coarse.size, (along.size, across.size)
+        n = math.prod(shape)
+        stiffness, mass = np.zeros((size, size)), np.zeros((size, size))
+        bending = stiffness[:n, :n].reshape(*shape, *shape)
+        for x, y in ((nu * xm, ym), (nu * xm.T, ym.T), (2 * (1 - nu) * x1, y1)):
+            bending += np.multiply.outer(rigidity * x, y).transpose(0, 2, 1, 3)
+        # Functions are orthonormal: what bends in one direction alone is on diagonals.
+        np.einsum("ayaz->ayz", bending)[...] += rigidity * yy + slopes.T @ slopes
+        np.einsum("ayby->aby", bending)[...] += rigidity * xx[:, :, np.newaxis]
+        np.fill_diagonal(mass[:n, :n], self.areal_kg_m2)
         for rim in self.rims:
             self._add(rim, self._laminate, stiffness, mass, only_rim=True)
         for patch in strip.patches:
@@ -131,7 +142,14 @@ class Basis:
                 },
             )
             self._add(patch, added, stiffness, mass)
-        return stiffness, springs, mass
+        return stiffness, mass
+
+    @cached_property
+    def edge_slopes(self) -> Real:
+        """Rows whose squares are the stiffness of the edge springs: (n_rows, n_functions)."""
+        slopes = np.kron(np.eye(self.along.size), edge_slopes(self.strip, self.across))
+        n_rims = self.is_coarse.size - slopes.shape[1]
+        return np.asarray(np.pad(slopes, ((0, 0), (0, n_rims))))
 
     def _add(
         self,
@@ -166,19 +184,19 @@ class Basis:
                 math.sqrt(2 * added.opposed_n_m) * xy,
             ]
         )
-        n_products, n = along.size * self.across.size, self.along.size * self.across.size
+        n_across = self.across.size
+        n_local, n = along.size * n_across, self.along.size * n_across
         for matrix, half in ((stiffness, rows), (mass, math.sqrt(added.mass_kg_m2) * value)):
             product = half.T @ half
-            shape = (along.size, self.across.size)
             if not only_rim:
-                inner = product[:n_products, :n_products].reshape(*shape, *shape)
-                whole = np.einsum("la,lymz,mb->aybz", parts, inner, parts, optimize=True)
+                inner = product[:n_local, :n_local].reshape(n_local, along.size, n_across)
+                right = np.einsum("imz,mb->ibz", inner, parts, optimize=True)
+                whole = parts.T @ right.reshape(along.size, -1)
                 np.add(matrix[:n, :n], whole.reshape(n, n), out=matrix[:n, :n])
-            mixed = product[:n_products, n_products:].reshape(*shape, -1)
-            mixed = np.tensordot(parts, mixed, (0, 0)).reshape(n, -1)
-            np.add(matrix[:n, n:], mixed, out=matrix[:n, n:])
-            np.add(matrix[n:, :n], mixed.T, out=matrix[n:, :n])
-            np.add(matrix[n:, n:], product[n_products:, n_products:], out=matrix[n:, n:])
+            mixed = parts.T @ product[:n_local, n_local:].reshape(along.size, -1)
+            np.add(matrix[:n, n:], mixed.reshape(n, -1), out=matrix[:n, n:])
+            np.add(matrix[n:, n:], product[n_local:, n_local:], out=matrix[n:, n:])
+            matrix[n:, :n] = matrix[:n, n:].T
 
     def derivatives(self, points_m: Real, orders: Sequence[tuple[int, int]]) -> list[Real]:
         """Return derivatives of all functions at points: (n_points, n_functions), by orders."""
@@ -246,26 +264,31 @@ class Basis:
 
         Those of the plate without loss up to a frequency, in some of the functions.
         """
-        whole, _, mass = self.selected(select)
+        stiffness, mass = self.selected(select)
         max_square = (2 * math.pi * max_hz) ** 2
         if not self.rims and not self.strip.patches:
-            areal = self._laminate.mass_kg_m2
-            squared, shapes = _eigenvectors(whole / areal, None, (0.0, max_square))
-            return squared, shapes / math.sqrt(areal)
-        inverse, shapes = _eigenvectors(mass, whole, (1 / max_square, math.inf))
+            squared, shapes = _eigenvectors(stiffness / self.areal_kg_m2, None, (0.0, max_square))
+            return squared, shapes / math.sqrt(self.areal_kg_m2)
+        inverse, shapes = _eigenvectors(mass, stiffness, (1 / max_square, math.inf))
         inverse = np.maximum(inverse, _MIN_INVERSE * inverse.max(initial=0.0))
         return 1 / inverse[::-1], (shapes / np.sqrt(inverse))[:, ::-1]
 
+    def held(self, select: Selection, shapes: Real) -> Real:
+        """Return what springs without loss add to the squares of modes: (n_modes,)."""
+        if not has_lossless_springs(self.strip):
+            return np.zeros(shapes.shape[1])
+        return np.asarray(((self.edge_slopes[:, select] @ shapes) ** 2).sum(axis=0))
+
     def at_rest(self, select: Selection, work: Real) -> Real:
         """Return amplitudes of some of the functions at rest: (n_loads, n_functions)."""
-        whole, _, _ = self.selected(select)
-        solved = scipy.linalg.solve(whole, work.T, assume_a="pos", check_finite=False)
+        stiffness, _ = self.selected(select)
+        solved = scipy.linalg.solve(stiffness, work.T, assume_a="pos", check_finite=False)
         return np.asarray(solved.T)
 
-    def selected(self, select: Selection) -> tuple[Real, Real, Real]:
-        """Return stiffness with springs, springs alone, and mass, of some of the functions."""
-        stiffness, springs, mass = (matrix[select][:, select] for matrix in self.matrices)
-        return stiffness + springs, springs, mass
+    def selected(self, select: Selection) -> tuple[Real, Real]:
+        """Return stiffness and mass of some of the functions."""
+        stiffness, mass = (matrix[select][:, select] for matrix in self.matrices)
+        return stiffness, mass
 
 
 def _eigenvectors(

@@ -7,7 +7,6 @@ modes swings. Where patches stiffen the plate, its own basis follows every load,
 from __future__ import annotations
 
 import math
-from copy import copy
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Final, Generic, NamedTuple, TypeVar
 
@@ -21,11 +20,7 @@ from stimuli.plate.line import Margins
 from stimuli.plate.modes import Resolution, Selection, plate_bases
 from stimuli.plate.rest import rest_displacement
 from stimuli.plate.scene import Scene, check_loads, cut_section
-from stimuli.plate.waveguide import (
-    endless_displacement,
-    has_lossless_springs,
-    stiffness_factors,
-)
+from stimuli.plate.waveguide import endless_displacement, stiffness_factors
 from stimuli.threads import single_threaded
 
 if TYPE_CHECKING:
@@ -385,7 +380,7 @@ def _finite_response(
             strip, loads, points_m, factors, max_hz=max_hz, resolution=accuracy.rest
         )
         both += rest[:, 0] + omega[:, np.newaxis, np.newaxis] ** 2 * rest[:, 1]
-    return both, describe_modes(modes[1], plate, strip)
+    return both, describe_modes([part.squared for part in modes[1]], plate, strip)
 
 
 def _decay_length_m(strip: Strip, max_hz: float) -> float:
@@ -398,11 +393,11 @@ def _decay_length_m(strip: Strip, max_hz: float) -> float:
     return _DECAY / float(min(even.imag.min(), odd.imag.min()))
 
 
-def describe_modes(modes: Sequence[Modes], plate: Strip, section: Strip) -> tuple[str, ...]:
-    """Return in words which modes were solved, and of which section of the plate."""
-    n_modes = sum(part.squared.size for part in modes)
-    max_hz = max(math.sqrt(part.squared.max(initial=0.0)) for part in modes) / (2 * math.pi)
-    work = [f"{n_modes} modes up to {max_hz:.3g} Hz in {len(modes)} of 4 symmetries"]
+def describe_modes(squared: Sequence[Real], plate: Strip, section: Strip) -> tuple[str, ...]:
+    """Return in words which modes were solved, by symmetry, and of which section of the plate."""
+    squares = np.concatenate(squared)
+    max_hz = math.sqrt(squares.max(initial=0.0)) / (2 * math.pi)
+    work = [f"{squares.size} modes up to {max_hz:.3g} Hz in {len(squared)} of 4 symmetries"]
     if section != plate:
         lengths_mm = (1e3 * float(strip.length_m or 0.0) for strip in (section, plate))
         work.append("a section of {:.0f} mm of the {:.0f} mm long plate".format(*lengths_mm))
@@ -438,32 +433,11 @@ class Modes:
     work : ndarray of float64, shape (n_loads, n_functions)
     """
 
-    def __init__(
-        self,
-        basis: Basis,
-        select: Selection,
-        values: Real,
-        work: Real,
-        max_hz: float = math.inf,
-    ) -> None:
-        self.squared, self.shapes = basis.modes(select, max_hz)
+    def __init__(self, basis: Basis, select: Selection, values: Real, work: Real) -> None:
+        self.squared, self.shapes = basis.modes(select)
         self.values, self.work = values, work
-        self.held = np.zeros(self.squared.size)
-        if has_lossless_springs(basis.strip):
-            matrices = basis.selected(select)
-            self.held = np.einsum("im,im->m", self.shapes, matrices[1] @ self.shapes)
-            if max_hz == math.inf:  # slow modes alone exchange no loss, and would hold gigabytes
-                self._matrices = matrices
-
-    def at_rest(self) -> Real:
-        """Return the displacement at rest of these modes without loss: (n_loads, n_points)."""
-        return (self.work @ self.shapes / self.squared) @ (self.values @ self.shapes).T
-
-    def averaged(self, weights: Real) -> Modes:
-        """Return the same modes on averages over points: weights (n_averages, n_points)."""
-        averaged = copy(self)
-        averaged.values = weights @ self.values
-        return averaged
+        self.held = basis.held(select, self.shapes)
+        self._basis, self._select = basis, select
 
     def response(
         self, omega: Complex | Real, factors: Complex, exchange_hz: float, n_terms: int
@@ -497,19 +471,21 @@ class Modes:
         One step of inverse iteration with a lossy stiffness takes the modes near to those of the
         lossy plate, and what remains of the exchange is solved at each frequency.
         """
-        whole, springs, mass = self._matrices
-        stiffness = whole - springs
+        stiffness, mass = self._basis.selected(self._select)
+        slopes = self._basis.edge_slopes[:, self._select]
         # As a sum of modes of unit stiffness, which keep the digits that sharp functions would lose
         unit = self.shapes / np.sqrt(self.squared)
         factor = factors[factors.size // 2]
-        lossy = factor * np.eye(self.squared.size) + (1 - factor) * (unit.T @ springs @ unit)
+        unit_slopes = slopes @ unit
+        lossy = factor * np.eye(self.squared.size) + (1 - factor) * (unit_slopes.T @ unit_slopes)
         vectors = unit @ scipy.linalg.solve(
             lossy, unit.T @ mass @ shapes, assume_a="sym", check_finite=False
         )
         vectors /= np.linalg.norm(vectors, axis=0)
-        held, bent, moved = (vectors.T @ matrix @ vectors for matrix in (springs, stiffness, mass))
+        whole, moved = (vectors.T @ matrix @ vectors for matrix in (stiffness, mass))
+        held = (slopes @ vectors).T @ (slopes @ vectors)
         square = omega[:, np.newaxis, np.newaxis] ** 2
-        at_rest = held + factors[:, np.newaxis, np.newaxis] * bent
+        at_rest = held + factors[:, np.newaxis, np.newaxis] * (whole - held)
         amplitudes: NDArray[Any] = np.broadcast_to(
             vectors.T @ self.work.T, (omega.size, held.shape[0], len(self.work))
         )

@@ -88,20 +88,22 @@ def rest_field(
 
 
 def _amplitudes(basis: Basis, load: Load, factors: Complex) -> Complex:
-    stiffness, springs, mass = basis.matrices
+    stiffness, slopes = basis.matrices[0], basis.edge_slopes
     work, local = basis.remaining_work(load)
     rigidity = basis.strip.bending_stiffness_n_m
     results = np.zeros((2, 2, factors.size, work.size), dtype=np.complex128)
     coarse_first = np.argsort(~basis.is_coarse, kind="stable")
     reorder = np.ix_(coarse_first, coarse_first)
-    work, local, mass = work[coarse_first], local[coarse_first], mass[reorder]
+    work, local = work[coarse_first], local[coarse_first]
     for number, factor in enumerate(factors):
         # Without loss all is real, which takes a quarter of the time.
-        scaled = (factor if factor.imag else factor.real) * stiffness
-        solve = _solver((springs + scaled)[reorder])
+        lossy = stiffness
+        if factor.imag:
+            lossy = factor * stiffness + (1 - factor) * (slopes.T @ slopes)
+        solve = _solver(lossy[reorder])
         for result, n in zip(results, (np.count_nonzero(basis.is_coarse), work.size), strict=True):
             at_rest = solve(work[:n])
-            inertia = mass[:n, :n] @ (at_rest + local[:n] / (rigidity * factor))
+            inertia = basis.areal_kg_m2 * (at_rest + local[:n] / (rigidity * factor))
             inertia = inertia if factor.imag else inertia.real
             result[0, number, coarse_first[:n]] = at_rest
             result[1, number, coarse_first[:n]] = solve(inertia)

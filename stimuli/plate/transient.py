@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import TYPE_CHECKING, Final, Protocol
+from typing import TYPE_CHECKING, Final, NamedTuple, Protocol
 
 import numpy as np
 
@@ -21,7 +21,6 @@ from stimuli.errors import PlateError, Rule
 from stimuli.plate.line import Margins
 from stimuli.plate.modes import Resolution, plate_bases
 from stimuli.plate.response import (
-    Modes,
     describe_modes,
     describe_waves,
     estimate,
@@ -133,17 +132,32 @@ def make_time_line(drive: Drive, step_s: float, span_s: float) -> TimeLine:
 
 
 class Receptance(Protocol):
-    """The displacement of a plate per unit load, for any complex frequency."""
+    """The displacement of a plate per unit load, for any complex frequency.
 
-    def response(self, omega: Complex) -> Complex:
-        """Return it at points: (n_frequencies, n_loads, n_points)."""
-
-    def averaged(self, weights: Real) -> Receptance:
-        """Return it on averages over points: weights (n_averages, n_points)."""
+    It is a sum of shapes with amplitudes, and `gains` is what both follow from at frequencies.
+    """
 
     @property
     def work(self) -> tuple[str, ...]:
         """What is solved."""
+
+    def averaged(self, weights: Real) -> Receptance:
+        """Return it on averages over points: weights (n_averages, n_points)."""
+
+    def gains(self, omega: Complex) -> Complex:
+        """Return what depends on frequency alone: (n_frequencies, ...)."""
+
+    def response(self, gains: Complex, points: slice) -> Complex:
+        """Return the displacement at some points: (n_frequencies, n_loads, n_points)."""
+
+    def motion(
+        self, line: TimeLine, gains: Complex, load: int, forces: Complex
+    ) -> tuple[Real, Real]:
+        """Return amplitudes over time and the shapes that they belong to, equation (42).
+
+        They are (n_times, n_shapes) and (n_shapes, n_points), under a load with forces in terms of
+        the last loads, (n_frequencies, n_forces).
+        """
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,8 +171,17 @@ class WaveReceptance:
     margins: Margins
     weights: Real
 
-    def response(self, omega: Complex) -> Complex:
-        """Return the displacement per unit load: (n_frequencies, n_loads, n_points)."""
+    @property
+    def work(self) -> tuple[str, ...]:
+        """What is solved."""
+        return describe_waves(self.strip, self.loads)
+
+    def averaged(self, weights: Real) -> WaveReceptance:
+        """Return it on averages over points: weights (n_averages, n_points)."""
+        return replace(self, weights=weights @ self.weights)
+
+    def gains(self, omega: Complex) -> Complex:
+        """Return the displacement at all points: (n_frequencies, n_loads, n_points)."""
         is_slow = omega.real <= 2 * math.pi * self.max_hz
         response = np.zeros((omega.size, len(self.loads), len(self.points_m)), np.complex128)
         response[is_slow] = endless_displacement(
@@ -166,14 +189,17 @@ class WaveReceptance:
         )
         return response @ self.weights.T
 
-    def averaged(self, weights: Real) -> WaveReceptance:
-        """Return it on averages over points: weights (n_averages, n_points)."""
-        return replace(self, weights=weights @ self.weights)
+    def response(self, gains: Complex, points: slice) -> Complex:
+        """Return the displacement at some points: (n_frequencies, n_loads, n_points)."""
+        return gains[:, :, points]
 
-    @property
-    def work(self) -> tuple[str, ...]:
-        """What is solved."""
-        return describe_waves(self.strip, self.loads)
+    def motion(
+        self, line: TimeLine, gains: Complex, load: int, forces: Complex
+    ) -> tuple[Real, Real]:
+        """Return amplitudes over time, each of the shape that moves one point."""
+        first = gains.shape[1] - forces.shape[1]
+        moved = gains[:, load] + (forces[:, np.newaxis] @ gains[:, first:])[:, 0]
+        return line.history(moved), np.eye(gains.shape[2])
 
 
 @dataclass(frozen=True, eq=False)
@@ -184,30 +210,65 @@ class ModeReceptance:
 
     Attributes
     ----------
-    modes : sequence of Modes
-        Slow modes, by symmetry.
+    squared : ndarray of float64, shape (n_modes,)
+        Squares of the slow modes' angular frequencies without loss.
+    held : ndarray of float64, shape (n_modes,)
+        What springs without loss add to them.
+    excitation : ndarray of float64, shape (n_loads, n_modes)
+    shapes : ndarray of float64, shape (n_modes, n_points)
     rest_m : ndarray of float64, shape (n_loads, n_points)
-        Displacement at rest of all faster ones.
+        Displacement at rest of all faster modes.
     viscous_time_s : float
     work : tuple of str
         What is solved.
     """
 
-    modes: Sequence[Modes]
+    squared: Real
+    held: Real
+    excitation: Real
+    shapes: Real
     rest_m: Real
     viscous_time_s: float
     work: tuple[str, ...]
 
-    def response(self, omega: Complex) -> Complex:
-        """Return the displacement per unit load: (n_frequencies, n_loads, n_points)."""
-        factors = 1 - 1j * omega * self.viscous_time_s
-        at_once = (self.rest_m[:, :, np.newaxis] / factors).transpose(2, 0, 1)
-        return sum((modes.response(omega, factors, 0.0, 0) for modes in self.modes), at_once)
-
     def averaged(self, weights: Real) -> ModeReceptance:
         """Return it on averages over points: weights (n_averages, n_points)."""
-        modes = [part.averaged(weights) for part in self.modes]
-        return replace(self, modes=modes, rest_m=self.rest_m @ weights.T)
+        return replace(self, shapes=self.shapes @ weights.T, rest_m=self.rest_m @ weights.T)
+
+    def gains(self, omega: Complex) -> Complex:
+        """Return amplitudes per unit work, at last of what is at rest: (n_frequencies, n + 1)."""
+        factors = (1 - 1j * omega * self.viscous_time_s)[:, np.newaxis]
+        lossy = self.held + (self.squared - self.held) * factors
+        gains = 1 / (lossy - omega[:, np.newaxis] ** 2)
+        return np.concatenate([gains, 1 / factors], axis=1)
+
+    def response(self, gains: Complex, points: slice) -> Complex:
+        """Return the displacement at some points: (n_frequencies, n_loads, n_points)."""
+        by_mode = self.excitation[:, :, np.newaxis] * self.shapes[:, points]
+        parts = np.concatenate([by_mode, self.rest_m[:, np.newaxis, points]], axis=1)
+        n_loads, n_parts, n_points = parts.shape
+        flat = parts.transpose(1, 0, 2).reshape(n_parts, -1)
+        return (gains @ flat).reshape(len(gains), n_loads, n_points)
+
+    def motion(
+        self, line: TimeLine, gains: Complex, load: int, forces: Complex
+    ) -> tuple[Real, Real]:
+        """Return amplitudes over time and the shapes that they belong to."""
+        first = len(self.excitation) - forces.shape[1]
+        work = self.excitation[load] + forces @ self.excitation[first:]
+        at_rest = np.concatenate([gains[:, -1:], gains[:, -1:] * forces], axis=1)
+        spectra = np.concatenate([work * gains[:, :-1], at_rest], axis=1)
+        shapes = np.concatenate([self.shapes, self.rest_m[[load]], self.rest_m[first:]])
+        return line.history(spectra), shapes
+
+
+class _SlowModes(NamedTuple):
+    """Those of one symmetry, along the last axis: under loads and at points."""
+
+    squared: Real
+    held: Real
+    excitation: Real
+    received: Real
 
 
 def receptances(
@@ -272,20 +333,28 @@ def _receptances(
             max_hz=max_hz,
             resolution=_REST,
         ).real[:, 0, 0]
-    slow: tuple[list[Modes], list[Modes]] = [], []
+    slow: tuple[list[_SlowModes], list[_SlowModes]] = [], []
     for basis in plate_bases(plate, max_hz, _MODES, loads, with_breaks=bool(plate.patches)):
         values, work = basis.values(points_m), np.stack([basis.work(load) for load in loads])
         for number in numbers:
             select, limit_hz = basis.resolutions()[number], _MODES.multiples[number] * max_hz
-            modes = Modes(basis, select, values[:, select], work[:, select], limit_hz)
-            slow[number].append(modes)
-            rest_m[number] -= modes.at_rest()
+            squared, vectors = basis.modes(select, limit_hz)
+            excitation, received = (each[:, select] @ vectors for each in (work, values))
+            held = basis.held(select, vectors)
+            slow[number].append(_SlowModes(squared, held, excitation, received))
+            rest_m[number] -= excitation / squared @ received.T
             if plate.patches:
-                rest_m[number] += basis.at_rest(select, modes.work) @ modes.values.T
-    return tuple(
-        ModeReceptance(slow[i], rest_m[i], 0.0, describe_modes(slow[i], whole, plate))
-        for i in numbers
-    )
+                rest_m[number] += basis.at_rest(select, work[:, select]) @ values[:, select].T
+    receptances = []
+    for number in numbers:
+        squared, held, excitation, received = (
+            np.concatenate(arrays, axis=-1) for arrays in zip(*slow[number], strict=True)
+        )
+        work_done = describe_modes([modes.squared for modes in slow[number]], whole, plate)
+        receptances.append(
+            ModeReceptance(squared, held, excitation, received.T, rest_m[number], 0.0, work_done)
+        )
+    return tuple(receptances)
 
 
 def transient(scene: Scene, drive: Drive, times_s: ArrayLike, rtol: float | None = None) -> Real:
@@ -381,8 +450,11 @@ def transient_response(
     is_driven = times > 0
     histories = np.zeros((2, times.size, len(loads), len(scene.points_m)))
     for history, plate in zip(histories, plates, strict=True):
-        spline = CubicSpline(looks_s, line.history(plate.response(line.omega)))
-        history[is_driven] = spline(times[is_driven])
+        gains = plate.gains(line.omega)
+        no_forces = np.zeros((line.omega.size, 0), dtype=np.complex128)
+        for load in range(len(loads)):
+            amplitudes, shapes = plate.motion(line, gains, load, no_forces)
+            history[is_driven, load] = CubicSpline(looks_s, amplitudes)(times[is_driven]) @ shapes
     coarse, fine = histories
     scale = np.abs(fine).max(axis=(0, 2), keepdims=True, initial=0.0)
     safety, loss = safety_factors(strip, loads), unexchanged_loss(strip, max_hz)

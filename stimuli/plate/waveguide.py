@@ -145,7 +145,9 @@ def make_cross_section(
     wavenumber_rad_m = max_wavenumber_rad_m * max(1.0, math.pi / 2 - 1 / half_waves)
     line = make_line(breaks_m, (wavenumber_rad_m, wavenumber_rad_m), ends, margins, parity)
     slopes, curvatures = line.products((1, 1), (2, 2))
-    return CrossSection(strip, line, slopes, curvatures, edge_springs(strip, line))
+    held = edge_slopes(strip, line)
+    springs = held.T @ held / strip.bending_stiffness_n_m
+    return CrossSection(strip, line, slopes, curvatures, springs)
 
 
 def edge_end(strip: Strip) -> LineEnd:
@@ -159,12 +161,15 @@ def _is_clamped(strip: Strip) -> bool:
     return compliance < _MIN_COMPLIANCE
 
 
-def edge_springs(strip: Strip, line: Line) -> Real:
-    """Return the products of edge slopes by which springs hold the functions, over D."""
+def edge_slopes(strip: Strip, line: Line) -> Real:
+    """Return edge slopes of functions across in terms of springs: (n_edges, n_functions).
+
+    The work of the springs is the sum of their squares.
+    """
     if not isinstance(strip.edge, ElasticEdge) or _is_clamped(strip):
-        return np.zeros((line.size, line.size))
+        return np.zeros((0, line.size))
     (slopes,) = line.derivatives([0.0, strip.width_m], (1,))
-    return np.asarray(strip.edge.stiffness_n / strip.bending_stiffness_n_m * slopes.T @ slopes)
+    return np.asarray(math.sqrt(strip.edge.stiffness_n) * slopes)
 
 
 def has_lossless_springs(strip: Strip) -> bool:
