@@ -165,25 +165,26 @@ def loads_per_volt(
     >>> [basis for _, basis in loads_per_volt(paper_study())]
     ['measured', 'measured']
     """
-    from stimuli import load_per_volt
+    from stimuli.fingers.actuator import loads_per_volt as solve
 
     strip = field_strip(study) if strip is None else strip
-    per_volt: list[tuple[float | None, Basis | None]] = []
-    for actuator, load in zip(study.actuators, loads_of(study), strict=True):
-        if actuator.basis is None:
-            per_volt.append((None, None))
-            continue
-        try:
-            scaled = load_per_volt(strip, load, actuator.basis)
-        except PlateError as error:
-            key = f"actuator[{study.actuators.index(actuator)}].measured_at_hz"
-            fault = Fault(key, _rule_of(error, study), actuator.measured_at_hz)
-            raise study.refused(fault) from error
-        except ValueError as error:
-            rule = f"the displacement of the {actuator.label} actuator: {_rule_of(error, study)}"
-            raise study.refused(Fault("", rule)) from error
-        basis = "predicted" if actuator.assumed_equal_to else scaled.basis
-        per_volt.append((scaled.load_per_v, basis))
+    known = [number for number, actuator in enumerate(study.actuators) if actuator.basis]
+    loads = tuple(study.actuators[number].load for number in known)
+    bases = tuple(basis for actuator in study.actuators if (basis := actuator.basis))
+    per_volt: list[tuple[float | None, Basis | None]] = [(None, None)] * len(study.actuators)
+    try:
+        solved = solve(strip, loads, bases) if known else ()
+    except PlateError as error:
+        actuator = study.actuators[known[int(error.values.get("load", 0))]]
+        key = f"actuator[{study.actuators.index(actuator)}].measured_at_hz"
+        fault = Fault(key, _rule_of(error, study), actuator.measured_at_hz)
+        raise study.refused(fault) from error
+    except ValueError as error:
+        rule = f"the displacement of the actuators: {_rule_of(error, study)}"
+        raise study.refused(Fault("", rule)) from error
+    for number, load in zip(known, solved, strict=True):
+        is_assumed = study.actuators[number].assumed_equal_to
+        per_volt[number] = (load.load_per_v, "predicted" if is_assumed else load.basis)
     return per_volt
 
 

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import TYPE_CHECKING, Final, Literal, get_args
+from typing import TYPE_CHECKING, Literal, get_args
+
+import numpy as np
 
 from stimuli.checks import finite, instance
 from stimuli.errors import PlateError, Rule
@@ -16,15 +18,14 @@ from stimuli.plate.scene import Scene
 from stimuli.threads import single_threaded
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from stimuli.load import Load
     from stimuli.plate.patch import BondedPatch
     from stimuli.plate.strip import Strip
 
 
 Basis = Literal["measured", "predicted"]
-
-_LEAST_INSET: Final = 1e-6
-"""Part of the width; nearer to an edge the strip does not move in any digit."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -185,8 +186,6 @@ class LoadPerVolt:
             raise ValueError(f'basis must be "measured" or "predicted", got {self.basis!r}')
 
 
-@single_threaded
-@lru_cache(maxsize=16)  # asked for with every stimulus and every assumed loss
 def load_per_volt(
     strip: Strip, load: Load, basis: MeasuredDisplacement | PiezoLayers
 ) -> LoadPerVolt:
@@ -237,30 +236,81 @@ def load_per_volt(
     >>> round(float(actuator.load_per_v * 50.0 * per_load_m) * 1e6, 5), actuator.basis
     (2.6, 'measured')
     """
-    instance("load", load, LOADS, "a load")
-    instance("basis", basis, (MeasuredDisplacement, PiezoLayers), "measured or layers")
-    scene = Scene(strip=strip, loads=(load,), points_m=((load.x_m, load.y_m),))
-    if isinstance(basis, PiezoLayers):
-        if not load.is_moment:
+    return loads_per_volt(strip, (load,), (basis,))[0]
+
+
+@single_threaded
+@lru_cache(maxsize=16)  # asked for with every stimulus and every assumed loss
+def loads_per_volt(
+    strip: Strip,
+    loads: tuple[Load, ...],
+    bases: tuple[MeasuredDisplacement | PiezoLayers, ...],
+) -> tuple[LoadPerVolt, ...]:
+    """Return the load of each actuator per volt, solved for all together.
+
+    Parameters
+    ----------
+    strip : Strip
+    loads, bases : tuple
+        What each actuator does to the strip, and what is known of it.
+
+    Returns
+    -------
+    tuple of LoadPerVolt
+
+    Raises
+    ------
+    ValueError
+        As `load_per_volt`; the `load` of a `PlateError` is the number of the actuator.
+
+    Examples
+    --------
+    Equal actuators at mirrored places load the plate alike:
+
+    >>> from stimuli import CLAMPED, ALUMINIUM, MomentDisc, Strip
+    >>> strip = Strip(width_m=0.025, thickness_m=0.0005, material=ALUMINIUM, edge=CLAMPED)
+    >>> discs = tuple(MomentDisc(x_m=x, y_m=0.0125, radius_m=0.0064) for x in (-0.035, 0.035))
+    >>> known = MeasuredDisplacement(displacement_m=2.6e-6, level_vpp=100.0, frequency_hz=300.0)
+    >>> left, right = loads_per_volt(strip, discs, (known, known))
+    >>> round(left.load_per_v / right.load_per_v, 9)
+    1.0
+    """
+    for load, basis in zip(loads, bases, strict=True):
+        instance("load", load, LOADS, "a load")
+        instance("basis", basis, (MeasuredDisplacement, PiezoLayers), "measured or layers")
+        if isinstance(basis, PiezoLayers) and not load.is_moment:
             raise ValueError(f"load must be a moment, as layers predict no other, got {load!r}")
-        return LoadPerVolt(load_per_v=_moment_per_volt(strip, load, basis), basis="predicted")
-    return LoadPerVolt(load_per_v=_measured_load_per_volt(scene, basis), basis="measured")
+    centres_m = tuple((load.x_m, load.y_m) for load in loads)
+    scene = Scene(strip=strip, loads=loads, points_m=centres_m)
+    displacements_m = _centre_displacements(
+        scene, [b.frequency_hz if isinstance(b, MeasuredDisplacement) else None for b in bases]
+    )
+    return tuple(
+        LoadPerVolt(load_per_v=_moment_per_volt(strip, load, basis), basis="predicted")
+        if isinstance(basis, PiezoLayers)
+        else LoadPerVolt(load_per_v=basis.displacement_per_v_m / own_m, basis="measured")
+        for load, basis, own_m in zip(loads, bases, displacements_m, strict=True)
+    )
 
 
-def _measured_load_per_volt(scene: Scene, measured: MeasuredDisplacement) -> float:
-    """Return the measured displacement over that of the unit load, equation (46)."""
-    strip, frequency_hz = scene.strip, measured.frequency_hz
+def _centre_displacements(scene: Scene, frequencies_hz: Sequence[float | None]) -> list[float]:
+    """Return how far each unit load moves its own centre, 0 where no frequency is asked for."""
+    strip, displacements_m = scene.strip, [0.0] * len(frequencies_hz)
     # Free ends cannot make a plate slower than the beams across it that it may be cut into.
     beam_hz = strip.cutoff_hz() * math.sqrt(1 - strip.material.poisson_ratio**2)
-    if not strip.patches and frequency_hz >= beam_hz:
-        first_hz = first_mode_hz(strip)
-        if frequency_hz >= first_hz:
-            raise PlateError(Rule.ABOVE_FIRST_MODE, frequency_hz=frequency_hz, first_hz=first_hz)
-    (load,), width_m = scene.loads, strip.width_m
-    if min(load.y_m, width_m - load.y_m) < _LEAST_INSET * width_m:
-        raise ValueError(f"load must move the strip at its own centre, got {load!r}")
-    per_load_m = response(scene, [frequency_hz]).value[0, 0, 0]
-    return measured.displacement_per_v_m / abs(complex(per_load_m))
+    for frequency_hz in dict.fromkeys(hz for hz in frequencies_hz if hz is not None):
+        asked = [number for number, hz in enumerate(frequencies_hz) if hz == frequency_hz]
+        if not strip.patches and frequency_hz >= beam_hz:
+            first_hz = first_mode_hz(strip)
+            if frequency_hz >= first_hz:
+                data = {"frequency_hz": frequency_hz, "first_hz": first_hz}
+                raise PlateError(Rule.ABOVE_FIRST_MODE, load=asked[0], **data)
+        loads = tuple(scene.loads[number] for number in asked)
+        points_m = tuple(scene.points_m[number] for number in asked)
+        field = response(replace(scene, loads=loads, points_m=points_m), [frequency_hz])
+        for number, own_m in zip(asked, np.diagonal(field.value[0]), strict=True):
+            displacements_m[number] = abs(complex(own_m))
+    return displacements_m
 
 
 def _moment_per_volt(strip: Strip, load: Load, layers: PiezoLayers) -> float:

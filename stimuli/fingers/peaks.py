@@ -129,7 +129,7 @@ def fingertip_peaks(
     forces = [_contact_force(strip, tip) for tip in pressing]
     plates = [
         plate.averaged(averages)
-        for plate in receptances(strip, [*loads, *forces], points_m, max_hz)
+        for plate in receptances(strip, [*loads, *forces], points_m, max_hz, len(loads))
     ]
     contact = _Contact(pressing, len(loads))
     span_s = 2 * drive.duration_s + _wait_s(strip, loads, fingertips)

@@ -59,6 +59,7 @@ gauss_rule = cache(legendre.leggauss)
 
 _CUBICS: Final = np.array([[2, -3, 0, 1], [1, -1, -1, 1], [2, 3, 0, -1], [-1, -1, 1, 1]]) / 4
 """Value 1 and slope 1 at the lower end of (-1, 1), and at the upper, by rising powers."""
+_ROUNDING: Final = 1e-6
 _GAUSS_MARGIN: Final = 4
 """Gauss nodes beyond the interior functions, which make products of two functions exact."""
 
@@ -102,22 +103,22 @@ class Line:
 
     def max_interior(self, low_m: float, high_m: float) -> int:
         """Return the greatest number of interior functions of a cell between two places."""
-        kinks_m = self.kinks_m
-        interior = np.array([*self.interior, *(self.interior[::-1] if self.parity else ())])
-        return int(interior[(kinks_m[1:] >= low_m) & (kinks_m[:-1] <= high_m)].max())
+        interior = (*self.interior, *(self.interior[::-1] if self.parity else ()))
+        first, last = _cells_between(self.kinks_m, low_m, high_m)
+        return max(interior[first : last + 1])
 
     def local(self, low_m: float, high_m: float) -> tuple[Line, Real]:
-        """Return the cubics and interior functions of the cells that touch a part of the line.
+        """Return the cubics and interior functions of the cells that a part of the line overlaps.
 
         The second are all functions of the line there in terms of them, of the shape (n_local,
         n_functions).
         """
         breaks_m, n_ends = self.breaks_m, 2 * self.breaks_m.size
-        cells = np.flatnonzero((breaks_m[1:] >= low_m) & (breaks_m[:-1] <= high_m))
-        first = n_ends + np.cumsum([0, *self.interior])
+        first, last = _cells_between(breaks_m, low_m, high_m)
+        interior = n_ends + np.cumsum([0, *self.interior])
         rows = [
-            *range(2 * int(cells[0]), 2 * int(cells[-1]) + 4),
-            *range(int(first[cells[0]]), int(first[cells[-1] + 1])),
+            *range(2 * first, 2 * last + 4),
+            *range(int(interior[first]), int(interior[last + 1])),
         ]
         functions = np.eye(len(self.coefficients))[:, rows]
         local = Line(breaks_m, self.interior, functions, len(rows), self.parity)
@@ -305,6 +306,15 @@ def place_breaks(
         n_cells = max(1, math.ceil((end_m - start_m) / max_cell_m - 1e-9))
         breaks += [start_m + (end_m - start_m) * i / n_cells for i in range(n_cells)]
     return np.array([*breaks, high_m])
+
+
+def _cells_between(breaks_m: Real, low_m: float, high_m: float) -> tuple[int, int]:
+    """Return the first and the last cell that a part of a line overlaps, not those it touches."""
+    rounding_m = _ROUNDING * (high_m - low_m)
+    begin = np.searchsorted(breaks_m, low_m + rounding_m, side="right") - 1
+    end = np.searchsorted(breaks_m, high_m - rounding_m, side="left") - 1
+    first = int(np.clip(begin, 0, breaks_m.size - 2))
+    return first, int(np.clip(end, first, breaks_m.size - 2))
 
 
 def _n_interior(half_waves: Real, margin: float) -> NDArray[np.int64]:

@@ -307,8 +307,7 @@ def plate_bases(
     max_hz: float,
     resolution: Resolution,
     sources: Sequence[Load],
-    *,
-    with_breaks: bool,
+    followed: Sequence[Load] = (),
 ) -> list[Basis]:
     """Return bases of all symmetries that loads excite.
 
@@ -321,23 +320,22 @@ def plate_bases(
     resolution : Resolution
     sources : sequence of Load
         What excites the plate.
-    with_breaks : bool
-        Whether curvatures may jump where the loads begin and end.
+    followed : sequence of Load
+        Those of them where curvatures may jump as the load begins and ends.
     """
     width_m, middle_m = strip.width_m, strip.width_m / 2
     half_length_m = float(strip.length_m or math.inf) / 2
-    loads = sources if with_breaks else ()
-    bent = [*(load for load in loads if load.is_moment), *strip.patches]
+    bent = [*(load for load in followed if load.is_moment), *strip.patches]
     images = {replace(patch, x_m=-patch.x_m) for patch in strip.patches}
     discs = [patch for patch in strip.patches if patch.is_disc]
     folds_along = images == set(strip.patches) and not _images_overlap(discs)
     folds_across = all(abs(area.y_m - middle_m) < _ROUNDING * width_m for area in bent)
     x_ends_m = [
         area.x_m + side * area.half_size_m[0]
-        for area in (*loads, *strip.patches)
+        for area in (*followed, *strip.patches)
         for side in (-1, 1)
     ]
-    y_ends_m = [load.y_m for load in loads if not load.half_size_m[0]]
+    y_ends_m = [load.y_m for load in followed if not load.half_size_m[0]]
     y_ends_m += [
         area.y_m + side * area.half_size_m[1]
         for area in bent

@@ -414,7 +414,7 @@ def plate_modes(
     """Return the modes that loads excite, by symmetry, in the coarse and in the fine basis."""
     coarse: list[Modes] = []
     fine: list[Modes] = []
-    for basis in plate_bases(strip, max_hz, resolution, loads, with_breaks=bool(strip.patches)):
+    for basis in plate_bases(strip, max_hz, resolution, loads, loads if strip.patches else ()):
         values, work = basis.values(points_m), np.stack([basis.work(load) for load in loads])
         for modes, select in zip((coarse, fine), basis.resolutions(), strict=True):
             modes.append(Modes(basis, select, values[:, select], work[:, select]))
@@ -506,6 +506,6 @@ def first_mode_hz(strip: Strip) -> float:
     plate = replace(strip, length_m=min(strip.length_m, _FAR * strip.width_m), patches=())
     centre = PointForce(x_m=0.0, y_m=strip.width_m / 2)
     resolution = ACCURACIES[0].modes
-    (basis,) = plate_bases(plate, cutoff_hz, resolution, [centre], with_breaks=False)
+    (basis,) = plate_bases(plate, cutoff_hz, resolution, [centre])
     squared, _ = basis.modes(basis.resolutions()[1])
     return min(cutoff_hz, math.sqrt(squared[0]) / (2 * math.pi))

@@ -82,7 +82,7 @@ def rest_field(
     section: Strip, load: Load, max_hz: float, factors: Complex, resolution: Resolution
 ) -> RestField:
     """Return the fields of a load on a section of a plate without patches."""
-    bases = plate_bases(section, max_hz, resolution, [load], with_breaks=True)
+    bases = plate_bases(section, max_hz, resolution, [load], [load])
     amplitudes = tuple(_amplitudes(basis, load, factors) for basis in bases)
     return RestField(section, load, factors, tuple(bases), amplitudes)
 

@@ -248,7 +248,7 @@ class ModeReceptance:
         parts = np.concatenate([by_mode, self.rest_m[:, np.newaxis, points]], axis=1)
         n_loads, n_parts, n_points = parts.shape
         flat = parts.transpose(1, 0, 2).reshape(n_parts, -1)
-        return (gains @ flat).reshape(len(gains), n_loads, n_points)
+        return np.asarray((gains @ flat).reshape(len(gains), n_loads, n_points))
 
     def motion(
         self, line: TimeLine, gains: Complex, load: int, forces: Complex
@@ -272,11 +272,12 @@ class _SlowModes(NamedTuple):
 
 
 def receptances(
-    strip: Strip, loads: Sequence[Load], points_m: Real, max_hz: float
+    strip: Strip, loads: Sequence[Load], points_m: Real, max_hz: float, n_driven: int
 ) -> tuple[Receptance, Receptance]:
     """Return the receptance of a plate in the coarse and in the fine basis.
 
-    Of a long plate only a section is kept, a longer one in the fine basis.
+    The first loads are driven; the others are forces of fingertips, whose own places need not be
+    followed as sharply. Of a long plate only a section is kept, a longer one in the fine basis.
     """
     if strip.length_m is None:
         coarse, fine = (
@@ -290,7 +291,9 @@ def receptances(
     lossless = replace(strip, material=replace(strip.material, viscous_time_s=0.0))
     beyond = BEYOND if viscous_time_s else _BEYOND_LOSSLESS
     points = tuple((x, y) for x, y in points_m.tolist())
-    coarse_modes, fine_modes = _lossless_receptances(lossless, tuple(loads), points, max_hz, beyond)
+    coarse_modes, fine_modes = _lossless_receptances(
+        lossless, tuple(loads), points, max_hz, n_driven=n_driven, beyond=beyond
+    )
     return (
         replace(coarse_modes, viscous_time_s=viscous_time_s),
         replace(fine_modes, viscous_time_s=viscous_time_s),
@@ -308,18 +311,23 @@ def _lossless_receptances(
     loads: tuple[Load, ...],
     points: tuple[tuple[float, float], ...],
     max_hz: float,
+    *,
+    n_driven: int,
     beyond: tuple[float, float],
 ) -> tuple[ModeReceptance, ...]:
     coarse, fine = (
         cut_section(strip, loads, np.array(points), widths * strip.width_m) for widths in beyond
     )
     if coarse.strip == fine.strip:
-        return _receptances(strip, fine, max_hz, (0, 1))
-    return _receptances(strip, coarse, max_hz, (0,)) + _receptances(strip, fine, max_hz, (1,))
+        return _receptances(strip, fine, max_hz, n_driven, (0, 1))
+    return (
+        *_receptances(strip, coarse, max_hz, n_driven, (0,)),
+        *_receptances(strip, fine, max_hz, n_driven, (1,)),
+    )
 
 
 def _receptances(
-    whole: Strip, section: Section, max_hz: float, numbers: tuple[int, ...]
+    whole: Strip, section: Section, max_hz: float, n_driven: int, numbers: tuple[int, ...]
 ) -> tuple[ModeReceptance, ...]:
     """Return the receptance of a section of a plate, in the coarse (0) and the fine (1) basis."""
     plate, loads, points_m = section
@@ -334,7 +342,8 @@ def _receptances(
             resolution=_REST,
         ).real[:, 0, 0]
     slow: tuple[list[_SlowModes], list[_SlowModes]] = [], []
-    for basis in plate_bases(plate, max_hz, _MODES, loads, with_breaks=bool(plate.patches)):
+    followed = loads[:n_driven] if plate.patches else ()
+    for basis in plate_bases(plate, max_hz, _MODES, loads, followed):
         values, work = basis.values(points_m), np.stack([basis.work(load) for load in loads])
         for number in numbers:
             select, limit_hz = basis.resolutions()[number], _MODES.multiples[number] * max_hz
@@ -444,7 +453,7 @@ def transient_response(
             f"causal(strip, drive), got loss_factor = {strip.material.loss_factor!r}"
         )
     max_hz = reference_hz(strip, drive)
-    plates = receptances(strip, loads, scene.points, max_hz)
+    plates = receptances(strip, loads, scene.points, max_hz, len(loads))
     line = make_time_line(drive, 1 / (LOOKS * max_hz), max(times.max(), drive.duration_s))
     looks_s = line.step_s * np.arange(line.drive.size)
     is_driven = times > 0
