@@ -211,9 +211,8 @@ def load_per_volt(
     ValueError
         If the load is not on the strip; for layers, if it is no moment; for a measured
         displacement, if its frequency is not below the strip's first mode (`PlateError`;
-        without ends its first cut-off) or the load's centre lies on an edge, where nothing
-        moves. From there on, what the centre does depends on the strip's ends and on its loss
-        as much as on the actuator, so that it tells no load.
+        without ends its first cut-off). From there on, what the centre does depends on the
+        strip's ends and on its loss as much as on the actuator, so that it tells no load.
 
     Notes
     -----

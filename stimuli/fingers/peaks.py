@@ -201,13 +201,13 @@ def _peaks(
     forces = contact.forces(plate.response(gains, slice(ends[-1], None)), line.omega)
     peaks_m, late_m = np.zeros((2, ends.size - 1, contact.n_loads))
     for load in range(contact.n_loads):
-        amplitudes, shapes = plate.motion(line, gains, load, forces[:, load])
+        amplitudes, shapes = plate.motion(line, gains, load, forces[load])
         shapes = shapes[:, : ends[-1]]
-        looks_m = np.abs(amplitudes[::_NOW_AND_THEN] @ shapes)
+        looks_m = np.abs(amplitudes[:, ::_NOW_AND_THEN].T @ shapes)
         largest_m = looks_m.max(axis=0)
         groups_m = np.maximum.reduceat(largest_m, ends[:-1])
         is_near = largest_m >= _NEAR_PEAK * np.repeat(groups_m, np.diff(ends))
-        largest_m[is_near] = _crests(amplitudes @ shapes[:, is_near])
+        largest_m[is_near] = _crests(amplitudes.T @ shapes[:, is_near])
         peaks_m[:, load] = np.maximum.reduceat(largest_m, ends[:-1])
         late_looks_m = looks_m[len(looks_m) // 2 :].max(axis=0)
         late_m[:, load] = np.maximum.reduceat(late_looks_m, ends[:-1])
@@ -225,18 +225,17 @@ class _Contact:
     def forces(self, means_m: Complex, omega: Complex) -> Complex:
         """Return what fingertips do under each load, in unit loads of their contact areas.
 
-        That is -Z w over the area, equation (42), of the shape (n_frequencies, n_loads, n_tips).
-        Means are over contact areas, (n_frequencies, n_loads + n_tips, n_tips).
+        That is -Z w over the area, equation (42), of the shape (n_loads, n_tips, n_frequencies).
+        Means are over contact areas, (n_loads + n_tips, n_tips, n_frequencies).
         """
         n_tips = len(self.impedances)
         if not n_tips:
-            return np.zeros((omega.size, self.n_loads, 0), dtype=np.complex128)
-        free_m, by_force_m = np.split(means_m.swapaxes(1, 2), [self.n_loads], axis=2)
+            return np.zeros((self.n_loads, 0, omega.size), dtype=np.complex128)
+        free_m, by_force_m = np.split(np.transpose(means_m), [self.n_loads], axis=2)
         impedance = np.stack([_dynamic_stiffness(z, omega) for z in self.impedances], axis=1)
         mobility = by_force_m / self.areas_m2 * impedance[:, np.newaxis]
         held_m = np.linalg.solve(np.eye(n_tips) + mobility, free_m)
-        loads = -(impedance / self.areas_m2)[:, :, np.newaxis] * held_m
-        return np.asarray(loads.swapaxes(1, 2))
+        return np.asarray(np.transpose(-(impedance / self.areas_m2)[:, :, np.newaxis] * held_m))
 
 
 def _dynamic_stiffness(impedance: Impedance, omega: Complex) -> Complex:

@@ -95,13 +95,11 @@ class TimeLine:
         return np.asarray(np.exp(self.omega[0].imag * self.step_s * np.arange(self.drive.size)))
 
     def history(self, response: Complex) -> Real:
-        """Return what a response does over time, equation (41): (n_times, ...)."""
-        n_times, more = self.drive.size, (np.newaxis,) * (response.ndim - 1)
-        at_once = response[-1].real
-        spectrum = self.spectrum[:, *more]
-        swinging = np.fft.irfft(np.conj((response - at_once) * spectrum), 2 * n_times, axis=0)
-        swinging = swinging[:n_times] * self.growth[:, *more]
-        return np.asarray(swinging + self.drive[:, *more] * at_once)
+        """Return what a response does over time, equation (41), along the last axis."""
+        n_times, at_once = self.drive.size, response[..., -1:].real
+        swinging = np.conj((response - at_once) * self.spectrum)
+        history = np.fft.irfft(swinging, 2 * n_times)[..., :n_times]
+        return np.asarray(history * self.growth + at_once * self.drive)
 
 
 def make_time_line(drive: Drive, step_s: float, span_s: float) -> TimeLine:
@@ -145,18 +143,18 @@ class Receptance(Protocol):
         """Return it on averages over points: weights (n_averages, n_points)."""
 
     def gains(self, omega: Complex) -> Complex:
-        """Return what depends on frequency alone: (n_frequencies, ...)."""
+        """Return what depends on frequency alone: (..., n_frequencies)."""
 
     def response(self, gains: Complex, points: slice) -> Complex:
-        """Return the displacement at some points: (n_frequencies, n_loads, n_points)."""
+        """Return the displacement at some points: (n_loads, n_points, n_frequencies)."""
 
     def motion(
         self, line: TimeLine, gains: Complex, load: int, forces: Complex
     ) -> tuple[Real, Real]:
         """Return amplitudes over time and the shapes that they belong to, equation (42).
 
-        They are (n_times, n_shapes) and (n_shapes, n_points), under a load with forces in terms of
-        the last loads, (n_frequencies, n_forces).
+        They are (n_shapes, n_times) and (n_shapes, n_points), under a load with forces in terms of
+        the last loads, (n_forces, n_frequencies).
         """
 
 
@@ -181,25 +179,25 @@ class WaveReceptance:
         return replace(self, weights=weights @ self.weights)
 
     def gains(self, omega: Complex) -> Complex:
-        """Return the displacement at all points: (n_frequencies, n_loads, n_points)."""
+        """Return the displacement at all points: (n_loads, n_points, n_frequencies)."""
         is_slow = omega.real <= 2 * math.pi * self.max_hz
         response = np.zeros((omega.size, len(self.loads), len(self.points_m)), np.complex128)
         response[is_slow] = endless_displacement(
             self.strip, self.loads, self.points_m, omega[is_slow], self.margins
         )
-        return response @ self.weights.T
+        return np.moveaxis(response @ self.weights.T, 0, -1)
 
     def response(self, gains: Complex, points: slice) -> Complex:
-        """Return the displacement at some points: (n_frequencies, n_loads, n_points)."""
-        return gains[:, :, points]
+        """Return the displacement at some points: (n_loads, n_points, n_frequencies)."""
+        return gains[:, points]
 
     def motion(
         self, line: TimeLine, gains: Complex, load: int, forces: Complex
     ) -> tuple[Real, Real]:
         """Return amplitudes over time, each of the shape that moves one point."""
-        first = gains.shape[1] - forces.shape[1]
-        moved = gains[:, load] + (forces[:, np.newaxis] @ gains[:, first:])[:, 0]
-        return line.history(moved), np.eye(gains.shape[2])
+        by_forces = gains[len(gains) - len(forces) :]
+        moved = gains[load] + (forces[:, np.newaxis] * by_forces).sum(axis=0)
+        return line.history(moved), np.eye(gains.shape[1])
 
 
 @dataclass(frozen=True, eq=False)
@@ -236,30 +234,26 @@ class ModeReceptance:
         return replace(self, shapes=self.shapes @ weights.T, rest_m=self.rest_m @ weights.T)
 
     def gains(self, omega: Complex) -> Complex:
-        """Return amplitudes per unit work, at last of what is at rest: (n_frequencies, n + 1)."""
-        factors = (1 - 1j * omega * self.viscous_time_s)[:, np.newaxis]
-        lossy = self.held + (self.squared - self.held) * factors
-        gains = 1 / (lossy - omega[:, np.newaxis] ** 2)
-        return np.concatenate([gains, 1 / factors], axis=1)
+        """Return amplitudes per unit work, at last of what is at rest: (n + 1, n_frequencies)."""
+        factors, held = 1 - 1j * omega * self.viscous_time_s, self.held[:, np.newaxis]
+        lossy = held + (self.squared[:, np.newaxis] - held) * factors
+        return np.concatenate([1 / (lossy - omega**2), 1 / factors[np.newaxis]])
 
     def response(self, gains: Complex, points: slice) -> Complex:
-        """Return the displacement at some points: (n_frequencies, n_loads, n_points)."""
+        """Return the displacement at some points: (n_loads, n_points, n_frequencies)."""
         by_mode = self.excitation[:, :, np.newaxis] * self.shapes[:, points]
         parts = np.concatenate([by_mode, self.rest_m[:, np.newaxis, points]], axis=1)
-        n_loads, n_parts, n_points = parts.shape
-        flat = parts.transpose(1, 0, 2).reshape(n_parts, -1)
-        return np.asarray((gains @ flat).reshape(len(gains), n_loads, n_points))
+        return np.asarray(parts.swapaxes(1, 2) @ gains)
 
     def motion(
         self, line: TimeLine, gains: Complex, load: int, forces: Complex
     ) -> tuple[Real, Real]:
         """Return amplitudes over time and the shapes that they belong to."""
-        first = len(self.excitation) - forces.shape[1]
-        work = self.excitation[load] + forces @ self.excitation[first:]
-        at_rest = np.concatenate([gains[:, -1:], gains[:, -1:] * forces], axis=1)
-        spectra = np.concatenate([work * gains[:, :-1], at_rest], axis=1)
+        first, (slow, rest) = len(self.excitation) - len(forces), (gains[:-1], gains[-1:])
+        work = self.excitation[load][:, np.newaxis] + self.excitation[first:].T @ forces
+        amplitudes = line.history(np.concatenate([work * slow, rest, rest * forces]))
         shapes = np.concatenate([self.shapes, self.rest_m[[load]], self.rest_m[first:]])
-        return line.history(spectra), shapes
+        return amplitudes, shapes
 
 
 class _SlowModes(NamedTuple):
@@ -460,10 +454,11 @@ def transient_response(
     histories = np.zeros((2, times.size, len(loads), len(scene.points_m)))
     for history, plate in zip(histories, plates, strict=True):
         gains = plate.gains(line.omega)
-        no_forces = np.zeros((line.omega.size, 0), dtype=np.complex128)
+        no_forces = np.zeros((0, line.omega.size), dtype=np.complex128)
         for load in range(len(loads)):
             amplitudes, shapes = plate.motion(line, gains, load, no_forces)
-            history[is_driven, load] = CubicSpline(looks_s, amplitudes)(times[is_driven]) @ shapes
+            looks = CubicSpline(looks_s, amplitudes, axis=1)
+            history[is_driven, load] = looks(times[is_driven]).T @ shapes
     coarse, fine = histories
     scale = np.abs(fine).max(axis=(0, 2), keepdims=True, initial=0.0)
     safety, loss = safety_factors(strip, loads), unexchanged_loss(strip, max_hz)
