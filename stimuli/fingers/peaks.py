@@ -29,6 +29,7 @@ from stimuli.plate.transient import (
     receptances,
     reference_hz,
     unexchanged_loss,
+    unfollowed_ringing,
 )
 from stimuli.threads import single_threaded
 
@@ -143,7 +144,8 @@ def fingertip_peaks(
     fine_m, _ = _peaks(plates[1], contact, ends, line)
     largest_m, loss = np.maximum(fine_m.max(axis=0), _TINIEST_M), unexchanged_loss(strip, max_hz)
     exchanged = loss * (_AT_LARGEST + loss * (1 - fine_m / largest_m))
-    missed_m = MISSED * largest_m + (exchanged + AT_JUMPS * line.jump) * fine_m
+    missed = MISSED + unfollowed_ringing(strip, max_hz, line)
+    missed_m = missed * largest_m + (exchanged + AT_JUMPS * line.jump) * fine_m
     peaks = estimate(coarse_m, fine_m, missed_m, plates[1].work, relative_error(strip))
     largest = (np.argmax(fine_m, axis=0), np.arange(len(loads)))
     errors = peaks.error[largest] / largest_m

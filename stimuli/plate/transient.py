@@ -45,12 +45,12 @@ if TYPE_CHECKING:
     from stimuli.plate.strip import Strip
 
 _MAX_TIME_S: Final = 1.0
+_SLOW: Final = 100.0
+"""Cut-offs in a drive's band: its corners make modes ring with 1e-3 of what it does at rest."""
 _FADING: Final = 9.0
 """Nepers by which a period fades before it comes round: exp(-9) = 1e-4 of what is left then."""
 _FINER: Final = 8
 """Samples of the drive for each time at which the plate is looked at."""
-_FFT_LENGTH: Final = 64
-"""Numbers of times are multiples of it, so that they have small factors."""
 LOOKS: Final = 32
 """Times in a period of the highest of cut-off and drive's band at which the plate is looked at."""
 _BETWEEN_LOOKS: Final = 3e-4
@@ -81,6 +81,8 @@ class TimeLine:
         Its means about each time, as the fastest modes do not follow a jump at once.
     jump : float
         Largest change of the drive at once, or from one of its samples to the next.
+    bend_per_s : float
+        Largest change of its slope.
     """
 
     step_s: float
@@ -88,6 +90,7 @@ class TimeLine:
     spectrum: Complex
     drive: Real
     jump: float
+    bend_per_s: float
 
     @property
     def growth(self) -> Real:
@@ -113,12 +116,13 @@ def make_time_line(drive: Drive, step_s: float, span_s: float) -> TimeLine:
         has_jumps = drive.held
         n_fine = math.ceil(_FINER / (step_s * drive.sample_rate_hz))
         step_s = _FINER / (n_fine * drive.sample_rate_hz)
-    n_times = _FFT_LENGTH * math.ceil(span_s / step_s / _FFT_LENGTH)
+    n_times = _fast_length(span_s / step_s)
     n = 2 * n_times
     fading = _FADING / (n * step_s)
     fine_s = np.asarray(step_s / _FINER * np.arange(n * _FINER), dtype=np.float64)
     values = drive.at(fine_s)
     jump = float(np.abs(np.diff(values)).max())
+    bend_per_s = float(np.abs(np.diff(values, 2)).max()) * _FINER / step_s
     if has_jumps:
         values = (values + np.concatenate([[0.0], values[:-1]])) / 2  # between before and after
     omega = 2 * math.pi * np.fft.rfftfreq(n, step_s) + 1j * fading
@@ -126,7 +130,16 @@ def make_time_line(drive: Drive, step_s: float, span_s: float) -> TimeLine:
     spectrum = np.asarray(np.conj(faded) / _FINER, dtype=np.complex128)
     before = np.concatenate([np.zeros(_FINER // 2), values])[: n_times * _FINER + 1]
     means = (before[:-1] + before[1:]).reshape(n_times, -1).mean(axis=1) / 2
-    return TimeLine(step_s, np.asarray(omega), spectrum, means, jump)
+    return TimeLine(step_s, np.asarray(omega), spectrum, means, jump, bend_per_s)
+
+
+def _fast_length(least: float) -> int:
+    """Return a number with small factors, of which Fourier transforms are fast.
+
+    >>> _fast_length(1000), _fast_length(1300)
+    (1024, 1536)
+    """
+    return min(int(odd * 2.0 ** math.ceil(math.log2(least / odd))) for odd in (1, 3, 5, 9, 15))
 
 
 class Receptance(Protocol):
@@ -463,7 +476,8 @@ def transient_response(
     scale = np.abs(fine).max(axis=(0, 2), keepdims=True, initial=0.0)
     safety, loss = safety_factors(strip, loads), unexchanged_loss(strip, max_hz)
     exchanged = loss * (_OVER_TIME + loss) * np.abs(fine).max(axis=0, initial=0.0)
-    missed = (_BETWEEN_LOOKS + AT_JUMPS * line.jump) * scale + exchanged
+    ringing = unfollowed_ringing(strip, max_hz, line)
+    missed = (_BETWEEN_LOOKS + AT_JUMPS * line.jump + ringing) * scale + exchanged
     motion = estimate(coarse, fine, missed, plates[1].work, relative_error(strip), safety=safety)
     return motion.kept(rtol, scale)
 
@@ -479,9 +493,20 @@ def unexchanged_loss(strip: Strip, max_hz: float) -> float:
     return 2 * math.pi * max_hz * strip.material.viscous_time_s
 
 
+def unfollowed_ringing(strip: Strip, max_hz: float, line: TimeLine) -> float:
+    """Return how far modes ring, over the largest displacement, where not even one is followed.
+
+    A corner of a drive makes a mode ring with the change of slope over its angular frequency.
+    """
+    cutoff_hz = strip.cutoff_hz()
+    is_followed = cutoff_hz <= min(_MODES.multiples) * max_hz
+    return 0.0 if is_followed else line.bend_per_s / (2 * math.pi * cutoff_hz)
+
+
 def reference_hz(strip: Strip, drive: Drive) -> float:
     """Return the highest of the first cut-off and the drive's band at half power.
 
+    A much slower drive without jumps makes modes ring so little that not all are followed.
     PlateError where the drive is too long, or too fast for the strip.
     """
     instance("drive", drive, Drive, "a burst or a sampled drive")
@@ -495,4 +520,5 @@ def reference_hz(strip: Strip, drive: Drive) -> float:
             duration_s=drive.duration_s,
             band_hz=max_hz,
         )
-    return max(cutoff_hz, max_hz)
+    has_jumps = isinstance(drive, SampledDrive) and drive.held
+    return max(max_hz, cutoff_hz if has_jumps else min(cutoff_hz, _SLOW * max_hz))

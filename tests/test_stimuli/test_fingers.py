@@ -55,6 +55,8 @@ from tests.test_stimuli.plates import (
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
+    from stimuli.drive.windows import Window
+
 change = dataclasses.replace
 TIP = TIPS[1]
 PAPER = on(FIRM, 0.2, loss=0.01)
@@ -232,6 +234,34 @@ def test_a_slow_drive_moves_the_plate_as_a_static_load_does() -> None:
     largest = np.max(slow.samples(1e5))
     point = Fingertip(x_m=0.0, y_m=W / 2, radius_m=0.0)
     assert felt(PAPER, [motor], [point], slow)[0, 0] == pytest.approx(static_m * largest, rel=1e-3)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("window", ["none", "tukey"])
+@pytest.mark.parametrize("apart_m", [0.012, 0.06])
+@pytest.mark.parametrize(
+    ("width_m", "thickness_m", "edge"),
+    [(0.005, 0.5e-3, SIMPLY_SUPPORTED), (0.003, 0.2e-3, CLAMPED), (0.003, 0.3e-3, CLAMPED)],
+)
+def test_what_is_not_followed_of_a_drive_far_below_the_cutoff_is_told(
+    width_m: float,
+    thickness_m: float,
+    edge: Edge,
+    apart_m: float,
+    window: Window,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    sizes = {"width_m": width_m, "thickness_m": thickness_m, "length_m": 0.1}
+    strip = change(lossy(PAPER, 0.01), edge=edge, **sizes)
+    places_m = [(side * apart_m / 2, width_m / 2) for side in (-1, 1)]
+    discs = [MomentDisc(x_m=x_m, y_m=y_m, radius_m=width_m / 4) for x_m, y_m in places_m]
+    tips = [Fingertip(x_m=x_m, y_m=y_m, radius_m=width_m / 3) for x_m, y_m in places_m]
+    burst = Burst(frequency_hz=250.0, cycles=1, window=window)
+    some = fingertip_peaks(strip, discs, tips, burst)
+    monkeypatch.setattr("stimuli.plate.transient._SLOW", math.inf)
+    every = fingertip_peaks(strip, discs, tips, burst)
+    assert (abs(some.value - every.value) <= some.error + every.error).all()
+    assert (some.error <= 5e-3 * some.value.max()).all()
 
 
 CLICK = SampledDrive(samples=[0.0, 1.0, -0.6, 0.2, 0.0], sample_rate_hz=8000.0)
