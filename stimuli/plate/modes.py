@@ -57,8 +57,8 @@ _NEAR_EDGE, _SMALL = 0.04, 0.25
 _UNFOLDED: Final = 1.6
 """How many times the margin a single cell over the whole width needs."""
 _ENDS: Final = 2
-_MAX_FUNCTIONS: Final = 3000
-"""Of one symmetry: more take minutes and gigabytes."""
+_MAX_FUNCTIONS: Final = 4000
+"""Of one symmetry: more take half a minute and a gigabyte."""
 _ROUNDING: Final = 1e-9
 _MIN_INVERSE: Final = 1e-12
 """Rim functions are nearly combinations of others in the mass matrix. Of the inverse problem, mass

@@ -289,7 +289,7 @@ def test_data_of_a_rule_are_its_values() -> None:
     with pytest.raises(PlateError) as refused:
         response(change(FINITE, strip=change(SHORT, length_m=8.0)), [20_000.0])
     assert refused.value.rule is Rule.TOO_MANY_FUNCTIONS
-    assert refused.value.values["max_functions"] == 3000
+    assert refused.value.values["max_functions"] == 4000
 
 
 def test_a_plate_far_too_long_is_refused_before_its_functions_are_made() -> None:
