@@ -32,8 +32,8 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from analysis.reading.sources import InputTable
+    from experiment.record.entries import MeasuredRow
     from experiment.record.index import Difference
-    from experiment.record.rows import MeasuredRow
     from experiment.trial.plan import Plan
 
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 import pandas as pd
 
 from analysis.results.rendering import phrases, sentence
+from experiment.record.entries import MEASURED_COLUMNS
 from experiment.study.base import format_value
 from experiment.tasks import LEFT_RIGHT_BOTH
 
@@ -17,7 +18,7 @@ if TYPE_CHECKING:
 
     from analysis.reading.session import SessionProgress
     from analysis.results.analysis import Analysis
-    from experiment.record.rows import MeasuredRow
+    from experiment.record.entries import MeasuredRow
     from experiment.study.study import Study
 
 
@@ -82,7 +83,8 @@ def _quantities(analysis: Analysis) -> pd.DataFrame:
 def measured_bursts(rows: Iterable[MeasuredRow]) -> pd.DataFrame:
     """Return the peaks that a monitor measured beside the planned ones."""
     columns = [*_MEASURED, *_PEAKS]
-    bursts = pd.DataFrame(map(attrgetter(*columns), rows), columns=columns)
+    cells = attrgetter(*(MEASURED_COLUMNS[name] for name in columns))
+    bursts = pd.DataFrame(map(cells, rows), columns=columns)
     if bursts.empty:
         return bursts
     bursts["late_ms"] = bursts["late_s"].astype(float).abs() * 1e3
@@ -93,13 +95,14 @@ def measured_bursts(rows: Iterable[MeasuredRow]) -> pd.DataFrame:
         peaks = {"planned": driven[f"planned_{side}"], "peak": driven[f"peak_{side}"]}
         channels.append(driven.assign(channel=side, **peaks))
     table = pd.concat(channels).astype({"peak": float}).rename(columns={"unit": "peak_unit"})
+    table["is_noted"] = table["noted"].astype(bool)
     table["is_false"] = table["burst_verified"].eq("false")
     groups = table.groupby(["condition", "tap", "channel", "planned", "peak_unit"])
     counts = {
         "bursts": groups.size(),
         "false_bursts": groups["is_false"].sum(),
         "unknown": groups.size() - groups["burst_verified"].count(),
-        "noted": groups["noted"].count(),
+        "noted": groups["is_noted"].sum(),
         "late_median_ms": groups["late_ms"].median(),
         "late_max_ms": groups["late_ms"].max(),
     }

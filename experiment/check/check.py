@@ -183,9 +183,7 @@ class StudyCheck:
         return max((level for level in levels_db if level is not None), default=None)
 
 
-def check_study(
-    study: Study, gains: tuple[ConditionGains, ...] | None = None, *, levels_only: bool = False
-) -> StudyCheck:
+def check_study(study: Study, gains: tuple[ConditionGains, ...] | None = None) -> StudyCheck:
     """Check every burst of a study against its strip and fingers, and count its trials.
 
     Parameters
@@ -194,9 +192,6 @@ def check_study(
         The study.
     gains : tuple of ConditionGains, optional
         The gain matrices as a plan holds them, even if none; computed by default.
-    levels_only : bool
-        Whether no plan is made of it, so that where levels are those of other losses or without
-        fingers the first of these stand for its gain matrices.
 
     Returns
     -------
@@ -248,15 +243,12 @@ def check_study(
                 for loss in losses
                 for one, holds in zip(study_gains(study, loss, bare=bare), loaded, strict=True)
             )
-        if variants and levels_only:
-            gains = tuple(variant.gains for variant in variants)
-        else:
-            gains, losses = study_gains(study), (ASSUMED_LOSS, *losses)
+        gains, losses = study_gains(study), (ASSUMED_LOSS, *losses)
         errors = [
             peak_errors(study, one, losses, (False, True) if holds else (False,))
             for one, holds in zip(study.conditions, loaded, strict=True)
         ]
-    gains_of = {one.condition: one for one in reversed(gains)}
+    gains_of = {one.condition: one for one in gains}
     conditions = tuple(
         ConditionCheck(
             condition=condition,

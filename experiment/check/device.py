@@ -41,19 +41,14 @@ _NOT_THE_BURST: Final = frozenset(
     {"silent", "swapped", "stray", "doubled", "clipped", "amplifier off"}
 )
 """Faults with which a measurement is no measurement of the burst: no key corrects them."""
-_CORRECTED: Final = {
-    "per_unit": frozenset({"too weak", "too strong"}),
-    "delay_ms": frozenset({"early", "late"}),
-}
-"""The faults that a key corrects."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MonitorCheck:
     """What a monitor measured of a test burst, and the keys with which it would be exact.
 
-    `planned` and `peak` are in `unit` at the tap; `corrections` are those of the keys `per_unit`
-    and `delay_ms` that the faults call for.
+    `planned` and `peak` are in `unit` at the tap; `per_unit` and `delay_ms` are values of these
+    keys, None where it measured another burst or none.
     """
 
     tap: str
@@ -67,7 +62,6 @@ class MonitorCheck:
     correlation: float | None
     per_unit: float | None
     delay_ms: float | None
-    corrections: dict[str, float]
 
     @property
     def failure(self) -> str | None:
@@ -90,10 +84,6 @@ def check_monitor(
     is_burst = not measured.unmeasured and not _NOT_THE_BURST & {*faults}
     scale = 1.0 if settings.per_unit is None else settings.per_unit[index]
     delay_ms, late_s = (settings.delay_ms or (0.0, 0.0))[index], measured.late_s
-    exact = {
-        "per_unit": scale * planned.peaks[index] / peak if is_burst and peak else None,
-        "delay_ms": None if late_s is None or not is_burst else delay_ms + late_s * 1e3,
-    }
     return MonitorCheck(
         tap=measured.tap.value,
         unit=measured.tap.unit,
@@ -104,12 +94,8 @@ def check_monitor(
         peak=peak,
         noise=(measured.noise_left, measured.noise_right)[index],
         correlation=(measured.correlation_left, measured.correlation_right)[index],
-        **exact,
-        corrections={
-            key: value
-            for key, value in exact.items()
-            if value is not None and _CORRECTED[key] & {*faults}
-        },
+        per_unit=scale * planned.peaks[index] / peak if is_burst and peak else None,
+        delay_ms=None if late_s is None or not is_burst else delay_ms + late_s * 1e3,
     )
 
 

@@ -221,56 +221,40 @@ def animate(motion: PlateMotion, file_type: str, shown: Callable[[int, int], obj
     `shown` is called with the number of frames that are drawn, and with that of all. An MP4 needs
     ffmpeg.
     """
-    from matplotlib.animation import FFMpegWriter, PillowWriter
+    from matplotlib.animation import FFMpegWriter, FuncAnimation, PillowWriter
 
     writer = (PillowWriter if file_type == "gif" else FFMpegWriter)(fps=FRAMES_PER_S)
     n_driven, n_times = motion.displacement_m.shape[:2]
     with _styled(), tempfile.TemporaryDirectory() as folder:
         figure, draw = _moving_figure(motion)
         path = Path(folder) / f"motion.{file_type}"
-        with writer.saving(figure, path, dpi=_MOTION_DPI):
-            for frame in range(n_driven * n_times):
-                draw(*divmod(frame, n_times))
-                writer.grab_frame()
-                shown(frame + 1, n_driven * n_times)
+        animation = FuncAnimation(figure, draw, frames=n_driven * n_times)
+        animation.save(path, writer, dpi=_MOTION_DPI, progress_callback=shown)
         return path.read_bytes()
 
 
-def _moving_figure(motion: PlateMotion) -> tuple[Figure, Callable[[int, int], None]]:
-    """Return a figure, and what draws the frame of an actuator at a time into it.
-
-    All that stands still is drawn once; what moves is drawn over its pixels, and they are what a
-    writer gets when it saves the figure: matplotlib would draw everything anew, twice.
-    """
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
+def _moving_figure(motion: PlateMotion) -> tuple[Figure, Callable[[int], Sequence[Artist]]]:
+    """Return a figure, and what draws a frame into it: the times of one actuator, then another."""
     from matplotlib.figure import Figure
 
-    plate, names = motion.plate, motion.plate.names
+    plate = motion.plate
     figure = Figure(figsize=_MOTION_IN, dpi=_MOTION_DPI, layout="constrained")
-    canvas: Any = FigureCanvasAgg(figure)  # its methods have no types
     over, fingers = figure.subplots(2, 1, height_ratios=(1.0, 1.2))
     image = _draw_still(figure, over, fingers, motion)
     title = over.set_title(" ")
     draw_outlines(over, plate)
     lines = [fingers.plot([], [], **style)[0] for style in _MOVING_LINES.values()]
-    moving: list[Artist] = [image, *over.patches, title, *lines]
-    for artist in moving:
-        artist.set_animated(True)
-    canvas.draw()
-    still = canvas.copy_from_bbox(figure.bbox)
-    vars(figure)["savefig"] = lambda file, **_: file.write(canvas.buffer_rgba())
 
-    def draw(driven: int, time: int) -> None:
+    def draw(frame: int) -> Sequence[Artist]:
+        driven, time = divmod(frame, motion.times_s.size)
         now_s = motion.times_s[time]
         past = motion.finger_times_s <= now_s + motion.step_s / 1000
         image.set_data(motion.displacement_m[driven, time].T)
         for line, finger in zip(lines, (driven, *plate.others_of(driven)), strict=True):
             seen_m = motion.at_fingers_m[driven, finger, past]
             line.set_data(motion.finger_times_s[past] * 1e3, seen_m)
-        title.set_text(f"{names[driven]} actuator driven, t = {now_s * 1e3:.2f} ms")
-        canvas.restore_region(still)
-        for artist in moving:
-            figure.draw_artist(artist)
+        title.set_text(f"{plate.names[driven]} actuator driven, t = {now_s * 1e3:.2f} ms")
+        return image, title, *lines
 
     return figure, draw
 

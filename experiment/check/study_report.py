@@ -187,7 +187,7 @@ def _report_alternative(check: StudyCheck) -> dict[str, Any] | None:
     report = {"edge": edge, "cutoff_hz": cutoff_hz, "crosstalk_db": None, "verdict": None}
     try:
         _, study = with_each_edge(check.study)
-        alternative = check_study(study, None if check.gains else (), levels_only=True)
+        alternative = check_study(study, None if check.gains else ())
     except ValueError as error:  # what was measured may not suit such a plate
         return report | {"refusal": str(error)}
     return report | _values(alternative, "crosstalk_db", "verdict") | {"refusal": None}

@@ -173,7 +173,8 @@ def _failure(channel: ChannelCheck) -> str:
     if not channel.ready or monitor is None:
         outcome = channel.outcome or "not tried"
         return f"{channel.side} channel: the device is not ready (burst: {outcome})"
-    keys = " and ".join(f"{key} = {value:.4g}" for key, value in monitor.corrections.items())
+    values = {"per_unit": monitor.per_unit, "delay_ms": monitor.delay_ms}
+    keys = " and ".join(f"{k} = {value:.4g}" for k, value in values.items() if value is not None)
     correct = f"; {keys} would be exact" if keys else ""
     return (
         f"{channel.side} channel: the monitor does not verify the burst: {monitor.failure}{correct}"

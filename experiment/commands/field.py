@@ -72,6 +72,7 @@ def field(
     """
     from experiment.check.field import report_field
     from experiment.check.report import report_json, report_text
+    from experiment.record.files import write_atomically
     from experiment.study.files import naming, read_study
 
     if frequency_hz is not None and band_hz is not None:
@@ -85,7 +86,7 @@ def field(
         result = _computed(study, frequency_hz, band_hz, animate=animate)
         content = _content(result, out.suffix.lower().removeprefix("."), step)
         report = report_field(result, str(study_file)) | {"out": str(out)}
-    _replace(out, content)
+    write_atomically(out, content)
     text = report_json(report) if as_json else report_text("field", report)
     echo(*text.splitlines())
 
@@ -149,16 +150,3 @@ def _content(result: PlateMap | PlateBand | PlateMotion, ending: str, step: Step
     except (BrokenPipeError, subprocess.CalledProcessError) as error:
         # The installed ffmpeg may lack the codec.
         raise CommandError("ffmpeg cannot write an MP4 here; let --out end in .gif") from error
-
-
-def _replace(path: Path, content: bytes) -> None:
-    """Write a file; the one that it replaces is kept until the new one is complete."""
-    new = path.with_name(f".{path.name}.new")
-    try:
-        new.write_bytes(content)
-        new.replace(path)
-    except OSError as error:
-        error.filename = str(path)
-        raise
-    finally:
-        new.unlink(missing_ok=True)

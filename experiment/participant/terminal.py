@@ -26,16 +26,6 @@ _KEY_NAMES: Final = {
     "escape": "Esc",
     **{arrow: f"{arrow} arrow" for arrow in ARROWS},
 }
-_COUNTED: Final = {
-    SessionPart.HANDS_OFF_BEFORE: ("hands off", "hands-off trials"),
-    SessionPart.PRACTICE: ("practice", "practice trials"),
-    SessionPart.HANDS_OFF_AFTER: ("hands off", "hands-off trials"),
-}
-"""What is counted apart from the trials of the task, and several of them."""
-_PLACEMENT: Final = (
-    "Lay one finger of each hand on the plate, one above each actuator, and keep them there."
-)
-"""In the place of the default, which speaks of a picture."""
 
 
 class NoTerminalError(ValueError):
@@ -72,8 +62,6 @@ class TerminalResponder(Responder):
         self._clock = clock
         self._answers = settings.responses
         self._session = settings
-        is_default = settings.texts.placement == settings.task.texts["placement"]
-        self._placement = _PLACEMENT if is_default else settings.texts.placement
         self._fingers_on = False
         self._question: AwaitedAnswer | None = None
         self._keyboard = open_keyboard()
@@ -105,7 +93,9 @@ class TerminalResponder(Responder):
         lay = not part.hands_off and not self._fingers_on
         self._fingers_on = not part.hands_off
         texts = (getattr(self._session.texts, part), self._session.prompt(part))
-        shown = [self._placement] * lay + [text.format(**self._labels) for text in texts]
+        shown = [self._session.texts.placement] * lay + [
+            text.format(**self._labels) for text in texts
+        ]
         answers = self._session.answers(part)
         self._forget_typed()
         keys = (f"  {answer:<6} {self._labels[answer]}" for answer in answers)
@@ -116,10 +106,10 @@ class TerminalResponder(Responder):
         """Show the trial's number in its part, if it counts; keys typed before are dropped."""
         self._forget_typed()
         self._answers = self._session.answers(progress.part)
-        noun, _ = _COUNTED.get(progress.part, ("trial", ""))
-        is_counted = progress.part != SessionPart.WARM_UP
-        trial = f"{noun} {progress.done + 1} of {progress.planned}" if is_counted else "warm-up"
-        self._say("", f"{trial}  ...")
+        part = progress.part
+        name = "trial" if part is SessionPart.MAIN else part.replace("_", " ")
+        number = f" {progress.done + 1} of {progress.planned}" * (part is not SessionPart.WARM_UP)
+        self._say("", f"{name}{number}  ...")
 
     def wait(self, until_s: float) -> Press | None:
         """Let the foreperiod pass; of an answer in it, it is said that it is too early."""
@@ -158,8 +148,7 @@ class TerminalResponder(Responder):
         """
         self._forget_typed(but="pause")
         what = "Paused" if paused else "Break"
-        _, of = _COUNTED.get(progress.part, ("", "trials"))
-        self._say("", f"{what}: {progress.done} of {progress.planned} {of} are done.", "")
+        self._say("", f"{what}: {progress.done} of {progress.planned} trials are done.", "")
         if minimum_s > 0:
             pause = self._labels["pause"]
             self._say(f"Rest for at least {minimum_s:g} s. {pause} stops the session.", "")

@@ -7,17 +7,18 @@ does not apply, is ``null``.
 
 from __future__ import annotations
 
+from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Annotated, Any, Final, Literal, NamedTuple, Self, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter
 
 from device.driver import Outcome
 from experiment.names import DeviceKind
-from experiment.record.rows import TapName, Verified
+from experiment.record.rows import Presented, TapName, Verified
 from experiment.trial.events import Status
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Iterable, Mapping
 
     from device.driver import Delivery
     from experiment.trial.events import Attempt
@@ -286,6 +287,23 @@ class StimulusMeasured(_AttemptLine):
     """Effective value of the noise, left."""
     noise_right: float | None
     """Effective value of the noise, right."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MeasuredRow(Presented):
+    """What a monitor measured of one trial's burst, one row of measured.csv."""
+
+    side: str
+    level_vpp: float | None
+    measured: StimulusMeasured
+
+
+_IN_JOURNAL_ONLY: Final = {"event", "trial", "attempt", "token"}
+MEASURED_COLUMNS: Final[Mapping[str, str]] = {
+    **{each.name: each.name for each in fields(MeasuredRow) if each.name != "measured"},
+    **{n: f"measured.{n}" for n in StimulusMeasured.model_fields if n not in _IN_JOURNAL_ONLY},
+}
+"""The columns of measured.csv, and the attribute of a `MeasuredRow` that each one is."""
 
 
 class ResponseGiven(_AttemptLine):

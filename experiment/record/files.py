@@ -207,7 +207,7 @@ def remove_left_overs(folder: Path, name: str = "") -> None:
         path.unlink()
 
 
-def write_atomically(path: Path, text: str, *, disk: Disk = DISK) -> None:
+def write_atomically(path: Path, content: bytes | str, *, disk: Disk = DISK) -> None:
     """Replace a file so that, after a crash, it is complete: the former file or the new one.
 
     Raises
@@ -218,7 +218,8 @@ def write_atomically(path: Path, text: str, *, disk: Disk = DISK) -> None:
     # The content is on the disk before the name, or the name could come to hold nothing.
     new = path.with_name(f".{path.name}.{secrets.token_hex(4)}{TEMPORARY}")
     try:
-        write_new(new, text.encode(), disk)
+        data = content.encode() if isinstance(content, str) else content
+        write_new(new, data, disk)
         new.replace(path)
         disk.sync_folder(path.parent)
     except BaseException as error:

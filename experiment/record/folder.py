@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from pydantic import ValidationError
 
-from experiment.record.entries import Header
+from experiment.record.entries import MEASURED_COLUMNS, Header
 from experiment.record.files import (
     DISK,
     HEADER,
@@ -32,7 +32,7 @@ from experiment.record.files import (
 from experiment.record.history import replay
 from experiment.record.journal import Journal, JournalError, JournalWriteError, read_journal
 from experiment.record.people import enter_person, next_number, read_people, refuse_withdrawn
-from experiment.record.rows import MeasuredRow, TrialRow, table_csv
+from experiment.record.rows import TRIAL_COLUMNS, table_csv
 from experiment.study.base import Fault, StudyError, first_fault
 from experiment.study.files import study_from_canonical
 from experiment.trial.plan import Plan, PlanError, plan_from_json
@@ -462,9 +462,9 @@ class SessionFolder:
 
     def _tables(self, plan: Plan) -> dict[Path, str]:
         history = self.read_history(plan)
-        tables = {self.trials_path: table_csv(TrialRow, history.rows)}
+        tables = {self.trials_path: table_csv(TRIAL_COLUMNS, history.rows)}
         if history.measured:
-            tables[self.measured_path] = table_csv(MeasuredRow, history.measured)
+            tables[self.measured_path] = table_csv(MEASURED_COLUMNS, history.measured)
         return tables
 
     def write_trials(self) -> Path:

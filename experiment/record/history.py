@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from device.clock import MachineTime
 from experiment.record.entries import (
     MarkerSent,
+    MeasuredRow,
     ResponseGiven,
     SessionClosed,
     SessionOpened,
@@ -20,7 +21,7 @@ from experiment.record.entries import (
     lines_of,
 )
 from experiment.record.journal import JournalError
-from experiment.record.rows import SCHEMA, MeasuredRow, TrialRow
+from experiment.record.rows import SCHEMA, TrialRow
 from experiment.trial.events import Attempt
 from experiment.trial.plan import HANDS_OFF
 
@@ -207,7 +208,11 @@ def replay(plan: Plan, entries: Iterable[Entry]) -> History:
     pending, warm_up = _due(plan, ended)
     gains = {name: plan.gains_of(name) for name in {p.trial.condition for p in ended}}
     return History(
-        measured=tuple(_measured_row(plan, p, p.measured) for p in ended if p.measured),
+        measured=tuple(
+            MeasuredRow(**_trial_columns(plan, p), measured=p.measured)
+            for p in ended
+            if p.measured is not None
+        ),
         rows=tuple(_row(plan, p, p.end, gains, opening) for p in ended if p.end and opening),
         pending=pending,
         interrupted=unended[0] if unended else None,
@@ -342,17 +347,6 @@ def _row(
         onset_clock=presentation.onset_clock,
         study_sha256=plan.study_sha256,
     )
-
-
-def _measured_row(
-    plan: Plan, presentation: Presentation, measured: StimulusMeasured
-) -> MeasuredRow:
-    columns = _trial_columns(plan, presentation)
-    lists = {name: "/".join(getattr(measured, name)) or None for name in ("faults", "noted")}
-    values = {
-        f.name: getattr(measured, f.name) for f in fields(MeasuredRow) if f.name not in columns
-    }
-    return MeasuredRow(**columns, **values | lists)
 
 
 def _trial_columns(plan: Plan, presentation: Presentation) -> dict[str, Any]:

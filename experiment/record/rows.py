@@ -1,6 +1,6 @@
-"""The columns of trials.csv and measured.csv: what session, export and analysis share.
+"""The columns of trials.csv: what session, export and analysis share.
 
-One row tells of one presented trial, or of what was measured of its burst. A value that does not
+One row tells of one presented trial. A value that does not
 exist, or that this program does not know yet, is written ``n/a``.
 """
 
@@ -10,7 +10,7 @@ import csv
 import io
 from dataclasses import dataclass, field, fields
 from operator import attrgetter
-from typing import TYPE_CHECKING, Any, Literal, TypeAlias, get_args
+from typing import TYPE_CHECKING, Any, Final, Literal, TypeAlias, get_args
 
 from experiment.names import NOT_AVAILABLE, DeviceKind
 from experiment.perception.gains import BASES
@@ -19,7 +19,7 @@ from experiment.trial.events import Status
 from experiment.trial.plan import HANDS_OFF, PRACTICE
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Iterable, Mapping
 
 
 SCHEMA = 3
@@ -64,7 +64,7 @@ def _column(description: str, *choices: str) -> Any:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Presented:
+class Presented:
     """Which presentation of which trial a row tells of: the first columns of both tables."""
 
     schema: int = _column("version of this table's layout")
@@ -77,7 +77,7 @@ class _Presented:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class TrialRow(_Presented):
+class TrialRow(Presented):
     """One presented trial, one row of trials.csv.
 
     Its fields are the columns of `COLUMNS`, in their order, each with its unit as suffix; None is
@@ -121,34 +121,6 @@ class TrialRow(_Presented):
     study_sha256: str = _column("checksum of the study that was run")
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class MeasuredRow(_Presented):
-    """What a monitor measured of one trial's burst, one row of measured.csv."""
-
-    side: str = _column("where the stimulus was to be", *SIDES)
-    level_vpp: float | None = _column("planned level, peak-to-peak volts at the actuator")
-    tap: str = _column("where it was measured", *TAPS)
-    source: str = _column("by what it was measured")
-    unit: str = _column("of peaks and noise", "V", "A", "um")
-    burst_verified: str | None = _column(
-        "the tap if the burst was as planned, false if not, n/a of a silent blank", *VERIFIED
-    )
-    faults: str | None = _column("in which ways it was another one, with / between them")
-    noted: str | None = _column("the same, where the tap does not tell enough to void a trial")
-    unmeasured: str | None = _column("why it could not be measured")
-    planned_left: float = _column("peak that was to be at the left tap")
-    planned_right: float = _column("peak that was to be at the right tap")
-    peak_left: float | None = _column("peak at the left tap")
-    peak_right: float | None = _column("peak at the right tap")
-    onset_s: float | None = _column("measured onset on the session's clock, seconds")
-    onset_uncertainty_s: float | None = _column("half-width of its 95 % interval, seconds")
-    late_s: float | None = _column("how much later than planned it began, seconds")
-    correlation_left: float | None = _column("with the planned burst, left")
-    correlation_right: float | None = _column("with the planned burst, right")
-    noise_left: float | None = _column("effective value of the noise, left")
-    noise_right: float | None = _column("effective value of the noise, right")
-
-
 COLUMNS: tuple[Column, ...] = tuple(
     Column(
         name=each.name,
@@ -167,7 +139,8 @@ words that may.
 >>> [column.name for column in COLUMNS if column.type == "bool"]
 ['correct', 'premature', 'noise_ok', 'simulated']
 """
-Row: TypeAlias = TrialRow | MeasuredRow
+TRIAL_COLUMNS: Final[Mapping[str, str]] = {column.name: column.name for column in COLUMNS}
+"""The columns of trials.csv, and the attribute of a `TrialRow` that each one is."""
 
 
 def format_value(value: object) -> str:
@@ -178,18 +151,22 @@ def format_value(value: object) -> str:
     """
     if isinstance(value, float):  # most are
         return repr(int(value)) if value.is_integer() else repr(value)
-    if value is None:
+    if value is None or value == []:
         return NOT_AVAILABLE
+    if isinstance(value, list):
+        return "/".join(value)
     return str(value).lower() if isinstance(value, bool) else str(value)
 
 
-def table_csv(kind: type[Row], rows: Iterable[Row]) -> str:
-    """Write rows of a kind as the text of their table: commas, LF line ends, the heading first."""
+def table_csv(columns: Mapping[str, str], rows: Iterable[Presented]) -> str:
+    """Write rows as the text of a table: commas, LF line ends, the heading first.
+
+    `columns` has the attribute of a row for each heading.
+    """
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
-    names = [each.name for each in fields(kind)]
-    writer.writerow(names)
-    cells = attrgetter(*names)
+    writer.writerow(columns)
+    cells = attrgetter(*columns.values())
     writer.writerows(
         [cell if type(cell) is str else format_value(cell) for cell in cells(row)] for row in rows
     )

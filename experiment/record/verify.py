@@ -12,7 +12,7 @@ import hashlib
 from itertools import zip_longest
 from typing import TYPE_CHECKING, Final
 
-from experiment.record.entries import SessionOpened
+from experiment.record.entries import MEASURED_COLUMNS, SessionOpened
 from experiment.record.files import (
     HEADER,
     JOURNAL,
@@ -32,7 +32,7 @@ from experiment.record.journal import (
     RecordSchemaError,
     read_journal,
 )
-from experiment.record.rows import MeasuredRow, TrialRow, table_csv
+from experiment.record.rows import TRIAL_COLUMNS, table_csv
 from experiment.trial.plan import Plan, PlanError, plan_from_json
 
 if TYPE_CHECKING:
@@ -285,11 +285,11 @@ def _check_tables(record: Verification) -> Iterator[Difference]:
             yield record.difference(record.table, None, f"is missing, too, {_WITHOUT}")
         return
     sealed = record.events[: record.n_sealed]
-    for name, kind, rows, event in (
-        (record.table, TrialRow, history.rows, "trial_end"),
-        (MEASURED, MeasuredRow, history.measured, "stimulus_measured"),
+    for name, columns, rows, event in (
+        (record.table, TRIAL_COLUMNS, history.rows, "trial_end"),
+        (MEASURED, MEASURED_COLUMNS, history.measured, "stimulus_measured"),
     ):
-        actual, recorded = record.files[name], table_csv(kind, rows).encode()
+        actual, recorded = record.files[name], table_csv(columns, rows).encode()
         n_rows = sealed.count(event)
         if actual is None:
             if record.seal and sealed and (n_rows or name != MEASURED):

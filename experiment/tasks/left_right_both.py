@@ -95,7 +95,10 @@ LEFT_RIGHT_BOTH: Final = Task(
     },
     reversed_mapping={_LEFT: _RIGHT, _RIGHT: _LEFT},
     texts={
-        "placement": "Place one finger of each hand on the plate as shown, and keep them there.",
+        "placement": (
+            "Place one finger of each hand on the plate, one above each actuator, and keep them "
+            "there."
+        ),
         "hands_off_before": (
             "Take both hands off the plate. If you hear a vibration, answer where it comes from; "
             "if you hear nothing, press {none}."

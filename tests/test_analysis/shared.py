@@ -15,7 +15,7 @@ from click.testing import CliRunner, Result
 from analysis import ColumnMap, ResultFileError, load_column_map, read_inputs
 from analysis.reading.draft import propose_map
 from analysis.reading.sources import find_sources
-from experiment.record.rows import TrialRow, table_csv
+from experiment.record.rows import TRIAL_COLUMNS, TrialRow, table_csv
 from experiment.tasks import LEFT_RIGHT_BOTH
 from tactstrip import main
 
@@ -105,7 +105,7 @@ def put(path: Path, text: str) -> Path:
 
 def table_of(*rows: TrialRow) -> str:
     """Return the text of a trials.csv."""
-    return table_csv(TrialRow, rows)
+    return table_csv(TRIAL_COLUMNS, rows)
 
 
 def write(path: Path, *rows: TrialRow) -> Path:

@@ -25,7 +25,7 @@ from analysis.results.methods import methods_of
 from analysis.results.protocol import measured_bursts
 from analysis.results.rendering import phrases, read_toml
 from analysis.results.tables import make_tables
-from experiment.record.rows import MeasuredRow
+from experiment.record.entries import MeasuredRow, StimulusMeasured
 from tests.plates import PAPER_PLATE
 from tests.test_analysis.shared import LEAST, files, loaded, put
 from tests.test_analysis.tables import numbers
@@ -371,16 +371,20 @@ def test_every_table_of_the_report_has_one_section() -> None:
 
 
 def test_measured_bursts_are_counted_by_condition_channel_and_planned_peak(least: Analysis) -> None:
-    unknown: dict[str, Any] = dict.fromkeys(field.name for field in fields(MeasuredRow))
-    same = unknown | {"condition": "main", "tap": "output", "unit": "V"}
+    same: dict[str, Any] = dict.fromkeys(StimulusMeasured.model_fields)
+    same |= {"tap": "output", "unit": "V", "noted": []}
     left = same | {"planned_left": 30.0, "planned_right": 0.0, "late_s": -1e-4}
     rows = [
         left | {"peak_left": 29.0, "burst_verified": "output"},
-        left | {"peak_left": 31.0, "burst_verified": "false", "noted": "late"},
+        left | {"peak_left": 31.0, "burst_verified": "false", "noted": ["late"]},
         left | {"peak_left": None, "late_s": None},
         same | {"planned_left": 0.0, "planned_right": 0.0, "burst_verified": None},
     ]
-    frame = measured_bursts(MeasuredRow(**row) for row in rows)
+    trial: dict[str, Any] = dict.fromkeys(field.name for field in fields(MeasuredRow))
+    trial |= {"condition": "main"}
+    frame = measured_bursts(
+        MeasuredRow(**trial | {"measured": StimulusMeasured.model_construct(**row)}) for row in rows
+    )
     (table,) = make_tables("measured", frame, least)
     assert [row[1:] for row in table.rows] == [
         ["left", "30 V", "30", "29 to 31", "3", "1", "1", "1", "1", "0.100 ms", "0.100 ms"],

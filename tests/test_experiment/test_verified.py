@@ -197,8 +197,8 @@ def test_a_check_of_a_device_measures_gain_and_delay_of_its_monitor(tmp_path: Pa
     [
         ({"gain": 0.5}, "", "weak; per_unit = 2 "),
         ({"gain": 1.2}, "", "strong; per_unit = 0.833"),
-        ({"delay_us": 5e4}, "", "late; delay_ms = 50 "),
-        ({"delay_us": 1e4}, "delay_ms = [30, 10]", "early; delay_ms = 10 "),
+        ({"delay_us": 5e4}, "", " and delay_ms = 50 "),
+        ({"delay_us": 1e4}, "delay_ms = [30, 10]", " and delay_ms = 10 "),
         ({"noise": 200.0}, "min_correlation = 0.9999", "distorted"),
         ({"loss": 1.0}, "", "silent"),
         (

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import csv
 import re
-from dataclasses import fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Final, get_type_hints
+from typing import TYPE_CHECKING, Final
 
 from analysis.axis import VOLTS, Axis
 from analysis.results.summary import column_meanings
-from experiment.record.rows import COLUMNS, MeasuredRow
+from experiment.record.entries import MEASURED_COLUMNS, StimulusMeasured
+from experiment.record.rows import COLUMNS
 from reference.markdown import literal, table
 
 if TYPE_CHECKING:
@@ -198,15 +198,15 @@ def of_field(name: str) -> str:
 
 
 def _measured() -> str:
-    kinds = get_type_hints(MeasuredRow)
+    ours = {column.name: column.description for column in COLUMNS}
     rows = []
-    for field in fields(MeasuredRow):
-        kind = getattr(kinds[field.name], "__name__", str(kinds[field.name]))
-        words = " ".join(field.metadata["choices"])
-        optional = "may be" if "None" in kind else ""
-        named = kind.replace(" | None", "")
-        rows.append((literal(field.name), field.metadata["description"], named, words, optional))
-    return table(("column", "meaning", "type", "words", "n/a"), rows)
+    for name, path in MEASURED_COLUMNS.items():
+        if path == name:
+            rows.append((literal(name), ours[name]))
+        else:
+            meaning = StimulusMeasured.model_fields[name].description or ""
+            rows.append((literal(name), meaning[:1].lower() + meaning[1:].rstrip(".")))
+    return table(("column", "meaning"), rows)
 
 
 def _of_analyses(name: str, folders: Iterable[Path]) -> str:
