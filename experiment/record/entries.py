@@ -71,7 +71,7 @@ class HostAndDevice(BaseModel):
 
 
 class VisitConditions(HostAndDevice):
-    """Everything about a visit that can differ from the visit before."""
+    """Everything about a visit that can differ from the visit before; the plan has the rest."""
 
     operator: str | None
     """Name or sign of the operator."""
@@ -81,30 +81,16 @@ class VisitConditions(HostAndDevice):
     """Package and version of an installed responder."""
     driver_distribution: str | None
     """Package and version of an installed driver."""
-    response_mapping: dict[str, list[str]] | None
-    """Keys of each answer, of pause and of continue; unknown for an installed responder."""
     device_limits: dict[str, Any] | None
     """Limits as the device reports them."""
     device_health: dict[str, Any] | None
     """Supply, temperature and switch as the device reports them."""
     hardware_confirmed: dict[str, Any] | None
     """Who confirmed the safety conditions of a real device, when and how."""
-    masking_noise: str
-    """``pink`` or ``none``."""
     masking_noise_played: bool
     """Whether the noise is played."""
-    noise_level_dba: float | None
-    """Measured level at the ear."""
-    noise_max_level_dba: float | None
-    """Largest level at the ear that the study allows."""
     noise_sha256: str | None
     """Checksum of the samples of the noise."""
-    noise_sample_rate_hz: float | None
-    """Sample rate of the noise."""
-    noise_loop_s: float | None
-    """Duration after which the noise repeats."""
-    noise_sound_card: str | None
-    """Sound card that plays the noise."""
 
 
 class Header(VisitConditions):

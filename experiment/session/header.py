@@ -13,8 +13,6 @@ from experiment.hardware.monitor import monitor_facts
 from experiment.hardware.safety import device_kind
 from experiment.hardware.setup import read_health, read_limits
 from experiment.record.entries import Header, HostAndDevice, VisitConditions
-from experiment.study.key_names import UNTYPED
-from experiment.trial.plan import HANDS_OFF
 
 if TYPE_CHECKING:
     from device.driver import Identity
@@ -29,7 +27,7 @@ def header(study: Study, plan: Plan, config: SessionConfig, identity: Identity) 
     """Return the contents of header.json."""
     monitor = config.monitor
     return Header(
-        **visit_conditions(study, plan, config, identity).model_dump(),
+        **visit_conditions(config, identity).model_dump(),
         participant=plan.participant,
         session=plan.session,
         begun=datetime.now(UTC).isoformat(timespec="seconds"),
@@ -69,47 +67,20 @@ def host_and_device(identity: Identity, purpose: Purpose) -> HostAndDevice:
     )
 
 
-def visit_conditions(
-    study: Study, plan: Plan, config: SessionConfig, identity: Identity
-) -> VisitConditions:
+def visit_conditions(config: SessionConfig, identity: Identity) -> VisitConditions:
     """Return everything about a visit that can differ from the visit before."""
     limits, health = read_limits(config.device), read_health(config.device)
     # An emulator needs no confirmation, so that one that was given is not recorded.
     confirmation = None if identity.emulated else config.confirmation
-    masking, is_played = study.masking, config.noise.sha256 is not None
     return VisitConditions(
         **host_and_device(identity, config.purpose).model_dump(),
         operator=config.operator,
         responder=config.responder_name,
         responder_distribution=config.responder_from,
         driver_distribution=config.driver_from,
-        response_mapping=_response_mapping(config.responder_name, study, plan),
         device_limits=None if limits is None else asdict(limits),
         device_health=None if health is None else asdict(health),
         hardware_confirmed=None if confirmation is None else asdict(confirmation),
-        masking_noise=masking.noise,
-        masking_noise_played=is_played,
-        noise_level_dba=masking.measured_level_dba if is_played else None,
-        noise_max_level_dba=masking.max_level_dba if is_played else None,
+        masking_noise_played=config.noise.sha256 is not None,
         noise_sha256=config.noise.sha256,
-        noise_sample_rate_hz=masking.sample_rate_hz if is_played else None,
-        noise_loop_s=masking.loop_s if is_played else None,
-        noise_sound_card=(masking.sound_card or "default") if is_played else None,
     )
-
-
-def _response_mapping(responder: str, study: Study, plan: Plan) -> dict[str, list[str]] | None:
-    """Return the keys of pause and continue, and of every answer accepted in some trial.
-
-    The keys of an installed responder are not known.
-    """
-    if responder not in {"screen", "terminal"}:
-        return None
-    untyped = UNTYPED if responder == "terminal" else frozenset()
-    hands_off = any(trial.kind == HANDS_OFF for trial in plan.trials)
-    accepted = study.task.offered(plan.responses, hands_off=hands_off)
-    return {
-        meaning: [name for name in names if name not in untyped]
-        for meaning, names in study.keys.meanings.items()
-        if meaning in accepted or meaning not in study.task.answer_names
-    }

@@ -464,7 +464,7 @@ def _run(
     origin_s = config.clock.now_s() - history.last_t_s - (gap_s or 0.0)
     with folder.open_journal(lambda: config.clock.now_s() - origin_s) as journal:
         if resumed:
-            conditions = visit_conditions(study, plan, config, identity).model_dump()
+            conditions = visit_conditions(config, identity).model_dump()
             resumption = SessionResumed(
                 session_clock="goes on" if clock_goes_on else "broken", **conditions
             )

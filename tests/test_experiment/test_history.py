@@ -64,7 +64,7 @@ def resume_line(clock: str) -> SessionResumed:
     """Return the first line of a later visit, on another device."""
     values = dict.fromkeys(SessionResumed.model_fields) | HOST
     values |= {"event": "session_resume", "boot_id": 8, "device_kind": "real", "host_boot": None}
-    values |= {"responder": "screen", "masking_noise": "none", "masking_noise_played": False}
+    values |= {"responder": "screen", "masking_noise_played": False}
     return SessionResumed.model_validate(values | {"session_clock": clock})
 
 
