@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from analysis.codes import AnalysisWarning
 from analysis.numbers import decimals, p_value, percent, shortest, signed
+from experiment.check.report import burst_text
 from experiment.templates import open_templates
 
 if TYPE_CHECKING:
@@ -133,6 +134,7 @@ _FILTERS: Final[Mapping[str, Callable[..., Any]]] = {
     "list_names": list_names,
     "count": count_noun,
     "base64": lambda content: base64.b64encode(content).decode("ascii"),
+    "burst": burst_text,
     "mm": lambda length_m: f"{length_m * 1e3:g}",
 }
 

@@ -53,14 +53,7 @@ class Extrapolation:
     """Values at which a threshold curve is used outside the range over which it was measured."""
 
     curve: ValidRange
-    of_bursts: tuple[float, ...]
-    of_threshold: float | None  # for which the study's threshold holds; None inside the range
-
-    @property
-    def values(self) -> tuple[float, ...]:
-        """All values outside the range."""
-        reference = () if self.of_threshold is None else (self.of_threshold,)
-        return self.of_bursts + reference
+    values: tuple[float, ...]
 
 
 def frequency_db(frequency_hz: float) -> float:
@@ -150,12 +143,10 @@ class ReferenceVibration:
         ()
         """
         extrapolations = []
-        for name, reference in self.values.items():
+        for name, reference in self.values.items() if vibrations else ():
             curve = VALID_RANGES[name]
-            values = dict.fromkeys(getattr(vibration, name) for vibration in vibrations)
+            values = dict.fromkeys([*(getattr(each, name) for each in vibrations), reference])
             outside = tuple(value for value in values if not curve.min <= value <= curve.max)
-            is_inside = curve.min <= reference <= curve.max or reference in values
-            if vibrations and (outside or not is_inside):
-                of_threshold = None if is_inside else reference
-                extrapolations.append(Extrapolation(curve, outside, of_threshold))
+            if outside:
+                extrapolations.append(Extrapolation(curve, outside))
         return tuple(extrapolations)

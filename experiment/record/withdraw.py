@@ -22,7 +22,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-from experiment.bounded import parse_toml, read_bounded
+from experiment.bounded import read_bounded
 from experiment.record.files import (
     DISK,
     HEADER,
@@ -54,9 +54,6 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
     from experiment.record.files import Disk
-
-MAX_LEVELS_BYTES: Final = 100_000
-"""No file of levels is larger."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -296,6 +293,7 @@ class _Searcher:
         self._excluded = excluded
         text = re.escape(participant.encode())
         self._in_json = re.compile(rb'"participant"\s*:\s*"%b"' % text)
+        self._in_toml = re.compile(rb'^participant\s*=\s*["\']%b["\']' % text, re.MULTILINE)
         self._in_text = re.compile(rb"\b(sub-)?%b\b" % text)
         self._listed: set[Path] = set()  # files of exports and their folders, by the manifests
         self.hits: set[PersonalData] = set()
@@ -352,8 +350,9 @@ class _Searcher:
         if path.suffix in _TABLE_SEPARATORS and path.is_file():
             raw = read_bounded(path, MAX_SEARCHED_BYTES)
             return "table" if self._is_in_table(raw, _TABLE_SEPARATORS[path.suffix]) else None
-        if path.suffix == LEVELS_SUFFIX and self._has_levels(path):
-            return "levels"
+        if path.suffix == LEVELS_SUFFIX and path.is_file():
+            raw = read_bounded(path, MAX_SEARCHED_BYTES)
+            return "levels" if b"levels_vpp" in raw and self._in_toml.search(raw) else None
         return None
 
     def _is_in_table(self, raw: bytes, separator: str) -> bool:
@@ -365,14 +364,6 @@ class _Searcher:
         columns = [i for i, name in enumerate(heading) if name in {"participant", ID_COLUMN}]
         names = {self._participant, f"sub-{self._participant}"}
         return any(row[i] in names for row in rows for i in columns if i < len(row))
-
-    def _has_levels(self, path: Path) -> bool:
-        """Return whether a file has levels that were placed for the person."""
-        try:
-            table = parse_toml(read_bounded(path, MAX_LEVELS_BYTES).decode("utf-8"))
-        except (ValueError, RecursionError):  # `levels` did not write it
-            return False
-        return table.get("participant") == self._participant and "levels_vpp" in table
 
 
 _TABLE_SEPARATORS: Final = {".csv": ",", ".tsv": "\t"}

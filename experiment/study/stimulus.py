@@ -165,19 +165,6 @@ class Condition(Stimulus):
             return self.sine
         return replace(self.sine, cycles=self.auto_cycles, window=self.auto_window)
 
-    @property
-    def summary(self) -> str:
-        """What is played, in a few words.
-
-        >>> from experiment import paper_study
-        >>> paper_study().conditions[0].summary
-        '1 x 500 Hz, window none, 2 ms'
-        """
-        drive, text = self.drive, self.file
-        if not isinstance(drive, SampledDrive):
-            text = f"{drive.cycles} x {drive.frequency_hz:g} Hz, window {drive.window}"
-        return f"{text}, {1e3 * drive.duration_s:g} ms"
-
     def design(self, design: Design) -> Design:
         """Return a design with the levels that were chosen for this condition, if any were."""
         return design if self.levels_vpp is None else design.changed(levels_vpp=self.levels_vpp)
