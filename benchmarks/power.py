@@ -202,7 +202,7 @@ def placed_sessions(
     for number, child in enumerate(np.random.SeedSequence(seed).spawn(participants), start=1):
         of_person, of_pilot = (int(state) for state in child.generate_state(2))
         plan = _plan(study, number, of_person, gains)
-        person = simulated_responder(study, plan, VirtualClock()).observer_facts
+        person = simulated_responder(study, plan, VirtualClock()).observer_values
         person.pop("unmeasured")
         with TemporaryDirectory() as folder:
             plan, clock = _plan(pilot, number, of_pilot, gains), VirtualClock()

@@ -8,10 +8,10 @@ from itertools import product
 from typing import TYPE_CHECKING, Any, Final
 
 from experiment.check.check import check_study, with_each_edge
-from experiment.perception.gains import OWN_FINGERS
+from experiment.perception.gains import DRIVEN_FINGERS
 from experiment.perception.thresholds import ReferenceVibration
 from experiment.study.base import Fault
-from experiment.study.physics import MAX_LOSS, MIN_LOSS, own_per_load_m, study_gains
+from experiment.study.physics import MAX_LOSS, MIN_LOSS, driven_per_load_m, study_gains
 from experiment.study.threshold import median_threshold, vibrations_of
 from stimuli import Burst
 
@@ -76,8 +76,8 @@ def grid_of(
     ((100, 1), (300, 1))
     """
     stimuli = [study.burst, *study.conditions]
-    own_hz = (of.frequency_hz or FREQUENCIES_HZ[0] for of in stimuli)
-    every_hz = [*frequencies_hz] or [*FREQUENCIES_HZ, *own_hz]
+    study_hz = (of.frequency_hz or FREQUENCIES_HZ[0] for of in stimuli)
+    every_hz = [*frequencies_hz] or [*FREQUENCIES_HZ, *study_hz]
     every_cycles = [*cycles] or [*CYCLES, *(of.cycles or CYCLES[0] for of in stimuli)]
     return tuple(product(sorted(set(every_hz)), sorted(set(every_cycles))))
 
@@ -122,7 +122,7 @@ def compare_bursts(
             alone = with_burst(
                 study, shared.frequency_hz or FREQUENCIES_HZ[0], shared.cycles or CYCLES[0]
             )
-            reference_m = own_per_load_m(alone)
+            reference_m = driven_per_load_m(alone)
             sine = alone.conditions[0].sine
             reference = ReferenceVibration(
                 frequency_hz=sine.frequency_hz, duration_s=sine.energy_duration_s
@@ -183,7 +183,7 @@ def _threshold_db(study: Study, reference: ReferenceVibration, reference_m: floa
     """Return the threshold of a burst in volts: by the curves, and by how much the plate moves."""
     both = vibrations_of(study, study.conditions[0].sine)
     curve_db = sum(map(reference.shift_db, both)) / len(both)
-    return curve_db - 20 * math.log10(own_per_load_m(study) / reference_m)
+    return curve_db - 20 * math.log10(driven_per_load_m(study) / reference_m)
 
 
 def _compare(
@@ -211,7 +211,7 @@ def _compare(
         "edges": edges,
         "peak_um": {
             side: None if check is None else check.peak_um(index, index, level_vpp)
-            for index, side in enumerate(OWN_FINGERS)
+            for index, side in enumerate(DRIVEN_FINGERS)
         },
         "threshold_vpp": threshold_vpp,
         "threshold_db": threshold_db,

@@ -11,7 +11,7 @@ from experiment.check.warnings import Rule, apply_rules
 from experiment.exits import ANSWER_IS_NO, CommandError
 from experiment.hardware.setup import chosen_settings, mock_device, read_limits
 from experiment.hardware.suitability import require_playable, require_suitable
-from experiment.perception.gains import OWN_FINGERS, significant
+from experiment.perception.gains import DRIVEN_FINGERS, significant
 from experiment.study.base import Fault
 from experiment.study.design import ASSUMED_ANSWER_S
 from experiment.trial.draw import block_count
@@ -94,17 +94,21 @@ class ConditionCheck:
     def violations(self) -> tuple[CheckWarning, ...]:
         """The limits that the stimulus violates."""
         burst, rules = self.burst, list[Rule]()
-        for form, part in (
+        for form, energy in (
             ("ideal burst", burst.energy_above_cutoff),
             ("sampled burst", burst.staircase_energy_above_cutoff),
         ):
-            data = {"form": form, "part": part, "limit": burst.max_energy_above_cutoff}
-            rules.append((part > burst.max_energy_above_cutoff, "energy_above_cutoff", data))
-        for driven, other in ((0, 1), (1, 0)) if self.gains is not None else ():
-            level_db, limit_db = self.level_db(other, driven), -self.masking_threshold_db
-            error_db = self.level_error_db(other, driven) or 0.0
+            data = {"form": form, "part": energy, "limit": burst.max_energy_above_cutoff}
+            rules.append((energy > burst.max_energy_above_cutoff, "energy_above_cutoff", data))
+        for driven, undriven in ((0, 1), (1, 0)) if self.gains is not None else ():
+            level_db, limit_db = self.level_db(undriven, driven), -self.masking_threshold_db
+            error_db = self.level_error_db(undriven, driven) or 0.0
             code = "crosstalk_above_limit" if level_db > limit_db else "uncertain_crosstalk"
-            data = {"driven": OWN_FINGERS[driven], "crosstalk_db": level_db, "error_db": error_db}
+            data = {
+                "driven": DRIVEN_FINGERS[driven],
+                "crosstalk_db": level_db,
+                "error_db": error_db,
+            }
             rules.append((level_db + error_db > limit_db, code, data | {"limit_db": limit_db}))
         return apply_rules(rules)
 

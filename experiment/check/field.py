@@ -55,15 +55,15 @@ class _Field:
     at_fingers_m: Complex
     finger_errors_m: Real
 
-    def level_db(self, driven: int, other: int) -> Real:
-        """Return the level at another finger re above the driven actuator, see `level_db`."""
-        return level_db(self.at_fingers_m[driven, driven], self.at_fingers_m[driven, other])
+    def level_db(self, driven: int, finger: int) -> Real:
+        """Return the crosstalk at a finger, see `level_db`."""
+        return level_db(self.at_fingers_m[driven, driven], self.at_fingers_m[driven, finger])
 
-    def level_error_db(self, driven: int, other: int) -> Real:
+    def level_error_db(self, driven: int, finger: int) -> Real:
         """Return the error of that level."""
         size_m = np.maximum(np.abs(self.at_fingers_m[driven]), _LEAST)
         factor = 1 + self.finger_errors_m[driven] / size_m
-        return np.asarray(20 * np.log10(factor[driven] * factor[other]))
+        return np.asarray(20 * np.log10(factor[driven] * factor[finger]))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -160,16 +160,16 @@ class PlateMotion:
         return float(self.times_s[1])
 
 
-def level_db(own_m: ArrayLike, other_m: ArrayLike) -> Real:
-    """Return the level at another finger re above the driven actuator, 20 log10 of the amplitudes.
+def level_db(driven_m: ArrayLike, undriven_m: ArrayLike) -> Real:
+    """Return the crosstalk at an undriven finger, 20 log10 of the amplitudes.
 
     Examples
     --------
     >>> float(level_db(1e-6, 1e-7j))
     -20.0
     """
-    own, other = (np.maximum(np.abs(np.asarray(m)), _LEAST) for m in (own_m, other_m))
-    return np.asarray(20 * (np.log10(other) - np.log10(own)))
+    driven, undriven = (np.maximum(np.abs(np.asarray(m)), _LEAST) for m in (driven_m, undriven_m))
+    return np.asarray(20 * (np.log10(undriven) - np.log10(driven)))
 
 
 def plate_map(plate: PlatePreview, frequency_hz: float) -> PlateMap:

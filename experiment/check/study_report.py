@@ -10,7 +10,7 @@ from device.drivers import MOCK, NEEDS, channel_fault
 from experiment.check.check import alternative_edge, check_study, with_each_edge
 from experiment.check.warnings import apply_rules, sort_warnings
 from experiment.hardware.setup import device_faults, noise_faults
-from experiment.perception.gains import OWN_FINGERS, UNEQUAL_DB
+from experiment.perception.gains import DRIVEN_FINGERS, UNEQUAL_DB
 from experiment.study.design import ASSUMED_ANSWER_S
 from experiment.study.physics import chosen_window
 from experiment.study.stimulus import stimulus_values
@@ -286,7 +286,7 @@ def _displacements(study: Study, tested: ConditionCheck, gains: ConditionGains) 
 
     def undriven_finger(finger: int, actuator: int) -> dict[str, Any]:
         return {
-            "finger": OWN_FINGERS[finger],
+            "finger": DRIVEN_FINGERS[finger],
             "peak_um": tested.peak_um(finger, actuator, level_vpp),
             "crosstalk_db": tested.level_db(finger, actuator),  # the worst of the variants
             "crosstalk_error_db": tested.level_error_db(finger, actuator),
@@ -314,7 +314,7 @@ def _displacements(study: Study, tested: ConditionCheck, gains: ConditionGains) 
             for index, name in enumerate(gains.actuators)
         ],
         "right_re_left_db": None if fingers.basis is None else fingers.right_re_left_db,
-        "peak_error": None if errors is None else errors.own,
+        "peak_error": None if errors is None else errors.driven,
         "loss_basis": "set" if plate.has_loss_factor else "assumed",
         "loss_factors": [plate.loss_factor] if plate.has_loss_factor else [MIN_LOSS, MAX_LOSS],
         "edge_loss": plate.edge_loss if isinstance(strip.edge, ElasticEdge) else None,
@@ -344,11 +344,11 @@ def _displacement_rules(
     bases = dict(zip(gains.actuators, gains.bases, strict=True))
     unknown = " and ".join(name for name, basis in bases.items() if basis is None)
     yield bool(unknown), "unknown_displacement", {"actuators": unknown}
-    has_basis = {bases[side] is not None for side in OWN_FINGERS}
+    has_basis = {bases[side] is not None for side in DRIVEN_FINGERS}
     yield has_basis == {True, False}, "one_sided_displacement", {}
     fingers = gains.fingers()
     difference_db = 0.0 if fingers.basis is None else fingers.right_re_left_db
-    smaller, larger = OWN_FINGERS if difference_db > 0 else OWN_FINGERS[::-1]
+    smaller, larger = DRIVEN_FINGERS if difference_db > 0 else DRIVEN_FINGERS[::-1]
     data = {"larger": larger, "smaller": smaller, "difference_db": abs(difference_db)}
     yield abs(difference_db) >= UNEQUAL_DB, "unequal_sides", data
     is_below = min(tested.level_db(1, 0), tested.level_db(0, 1)) < _MIN_MODEL_DB

@@ -109,8 +109,8 @@ def _check_target(out: Path, endings: tuple[str, ...]) -> None:
     if out.is_file():
         with out.open("rb") as file:
             head = file.read(_HEAD_BYTES)
-    is_own = _MARKS.get(ending, CREATOR.encode()) in head
-    if out.is_symlink() or (out.exists() and not is_own):
+    is_ours = _MARKS.get(ending, CREATOR.encode()) in head
+    if out.is_symlink() or (out.exists() and not is_ours):
         raise CommandError(
             f"{out} is not a file that tactstrip field writes; name another file with --out"
         )

@@ -78,7 +78,7 @@ def _open_inputs(settings: MonitorSettings, heard: Recorder) -> Stream:
         raise LinkError(f"monitor.{key} must be {rule}; got {value!r} ({error})") from error
 
 
-def monitor_facts(monitor: Monitor) -> dict[str, str]:
+def describe_monitor(monitor: Monitor) -> dict[str, str]:
     """List what the header keeps of a monitor, and what it never sees."""
     return {
         "source": monitor.source,

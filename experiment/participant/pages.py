@@ -69,14 +69,14 @@ class Drawings:
         sites = self._settings.task.sites
         for i, site in enumerate(sites):
             disc = (x + (2 * i - len(sites) + 1) / len(sites) * 0.54 * width, y)
-            is_felt = site in answer.sites
+            is_stimulated = site in answer.sites
             drawings.append(self._disc(disc, 0.08 * width, fill=DISC))
-            circles = (0.15, 0.19) if is_felt else ()
+            circles = (0.15, 0.19) if is_stimulated else ()
             drawings += [
                 self._disc(disc, radius * width, line=STIMULUS_COLOUR) for radius in circles
             ]
             tip = (disc[0], y - 0.27 * width if hands_off else y)
-            skin = STIMULUS_COLOUR if is_felt and not hands_off else SKIN
+            skin = STIMULUS_COLOUR if is_stimulated and not hands_off else SKIN
             finger = (tip[0], tip[1] - 0.12 * width)
             drawings.append(self._box(finger, (0.1 * width, 0.24 * width), fill=skin))
             drawings.append(self._disc(tip, 0.05 * width, fill=skin))

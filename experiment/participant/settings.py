@@ -109,10 +109,10 @@ _NOTHING_MOVES: Final = (
 )
 
 
-def own_responder(name: str) -> Installed:
+def installed_responder(name: str) -> Installed:
     """Return an installed responder by its name, or refuse with the names of those there are.
 
-    >>> own_responder("robot")
+    >>> installed_responder("robot")
     Traceback (most recent call last):
     ValueError: must be one of screen, terminal, simulated; got 'robot', which no installed ...
     """

@@ -55,11 +55,11 @@ def answer_probabilities(
     population: whether masking, cross-talk and thresholds are stated in dB or um is that of all.
 
     >>> from experiment.study.files import paper_study
-    >>> from experiment.perception.gains import OWN_FINGER_ONLY
+    >>> from experiment.perception.gains import WITHOUT_CROSSTALK
     >>> from dataclasses import replace
     >>> person = replace(paper_study().simulation.median, threshold_um=None, threshold_vpp=60.0)
     >>> p = answer_probabilities([person], ([60.0], [0.0]), LEFT_RIGHT_BOTH.sites, 9.0,
-    ...                          gains=OWN_FINGER_ONLY)
+    ...                          gains=WITHOUT_CROSSTALK)
     >>> p.round(2).tolist()
     [[[0.74, 0.26]]]
     """

@@ -24,7 +24,7 @@ UNEQUAL_DB: Final = 1.0
 """From here on it is told that the same volts move one finger more; people differ by 1.5 dB and
 more."""
 
-OWN_FINGERS: Final = LEFT_RIGHT_BOTH.sites
+DRIVEN_FINGERS: Final = LEFT_RIGHT_BOTH.sites
 """The actuators under the two fingers: the first two of every matrix."""
 
 BASES: Final = get_args(Basis)
@@ -62,7 +62,7 @@ class FingerGains:
     >>> gains = FingerGains(left=(0.02, 0.001), right=(0.001, 0.02), basis="measured")
     >>> gains.peaks_um((100.0, 0.0))
     (2.0, 0.1)
-    >>> OWN_FINGER_ONLY.amplitudes((100.0, 60.0)), OWN_FINGER_ONLY.peaks_um((100.0, 60.0))
+    >>> WITHOUT_CROSSTALK.amplitudes((100.0, 60.0)), WITHOUT_CROSSTALK.peaks_um((100.0, 60.0))
     ((100.0, 60.0), None)
     """
 
@@ -130,7 +130,7 @@ class FingerGains:
 
         Examples
         --------
-        >>> OWN_FINGER_ONLY.with_crosstalk(-20.0).left
+        >>> WITHOUT_CROSSTALK.with_crosstalk(-20.0).left
         (1.0, 0.1)
         """
         leak: float = 10.0 ** (crosstalk_db / 20)
@@ -138,7 +138,7 @@ class FingerGains:
         return replace(self, left=(left, leak * right), right=(leak * left, right))
 
 
-OWN_FINGER_ONLY: Final = FingerGains(left=(1.0, 0.0), right=(0.0, 1.0), basis=None)
+WITHOUT_CROSSTALK: Final = FingerGains(left=(1.0, 0.0), right=(0.0, 1.0), basis=None)
 """What a plan tells that was sealed without a matrix."""
 
 
@@ -166,7 +166,7 @@ class ConditionGains:
 
     Examples
     --------
-    >>> gains = ConditionGains(condition="main", actuators=OWN_FINGERS,
+    >>> gains = ConditionGains(condition="main", actuators=DRIVEN_FINGERS,
     ...     bases=("measured", None), per_vpp=((0.02, 0.1), (0.001, 1.0)))
     >>> gains.fingers()
     FingerGains(left=(1.0, 0.1), right=(0.05, 1.0), basis=None, bases=None)
@@ -179,9 +179,9 @@ class ConditionGains:
 
     def __post_init__(self) -> None:
         size = len(self.actuators)
-        if self.actuators[:2] != OWN_FINGERS:
+        if self.actuators[:2] != DRIVEN_FINGERS:
             raise ValueError(
-                f"actuators must begin with {', '.join(OWN_FINGERS)}; got {self.actuators}"
+                f"actuators must begin with {', '.join(DRIVEN_FINGERS)}; got {self.actuators}"
             )
         if [len(self.bases), *map(len, (self.per_vpp, *self.per_vpp))] != [size] * (size + 2):
             raise ValueError(f"per_vpp must have a row and a column for each of {self.actuators}")
@@ -190,22 +190,22 @@ class ConditionGains:
                 above = 0 if row == column else -math.inf
                 finite(f"per_vpp[{row}][{column}]", gain, least=0, above=above)
 
-    def level_db(self, place: int, actuator: int) -> float:
+    def level_db(self, finger: int, actuator: int) -> float:
         """Return the crosstalk from one actuator to the place above another.
 
         Parameters
         ----------
-        place, actuator : int
+        finger, actuator : int
             Row and column of `per_vpp`, counted from 0.
 
         Returns
         -------
         float
-            Level at `place`, in dB re the place above the driven actuator.
+            Level at `finger`, in dB re the place above the driven actuator.
         """
         from stimuli import level_db
 
-        return level_db(self.per_vpp, own=actuator, other=place)
+        return level_db(self.per_vpp, own=actuator, other=finger)
 
     def fingers(self) -> FingerGains:
         """Return the gains of the left and the right actuator at the two fingers.
@@ -229,7 +229,7 @@ class ConditionGains:
 GAINS: Final = TypeAdapter(ConditionGains)
 """Rebuilds a matrix from JSON.
 
->>> GAINS.validate_python({"condition": "main", "actuators": OWN_FINGERS, "bases": [None, None],
+>>> GAINS.validate_python({"condition": "main", "actuators": DRIVEN_FINGERS, "bases": [None, None],
 ...                        "per_vpp": [[1.0, 0.1], [0.1, 1.0]]}).level_db(1, 0)
 -20.0
 """

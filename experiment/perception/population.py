@@ -97,5 +97,5 @@ def threshold_course_db(
     return course_db
 
 
-def _about_middle(place: int, of: int) -> float:
-    return place / (of - 1) - 0.5 if of > 1 else 0.0
+def _about_middle(index: int, of: int) -> float:
+    return index / (of - 1) - 0.5 if of > 1 else 0.0

@@ -9,7 +9,7 @@ from importlib.metadata import version
 from typing import TYPE_CHECKING, Any
 
 from device.clock import boot
-from experiment.hardware.monitor import monitor_facts
+from experiment.hardware.monitor import describe_monitor
 from experiment.hardware.safety import device_kind
 from experiment.hardware.setup import read_health, read_limits
 from experiment.record.entries import Header, HostAndDevice, VisitConditions
@@ -36,7 +36,7 @@ def header(study: Study, plan: Plan, config: SessionConfig, identity: Identity) 
         consent_version=study.about.consent_version,
         device_identity=asdict(identity),
         device_cannot=list(config.device.cannot),
-        monitor=None if monitor is None else monitor_facts(monitor),
+        monitor=None if monitor is None else describe_monitor(monitor),
         markers=None if config.markers is None else config.markers.description,
         platform=platform.platform(),
         versions={
@@ -51,7 +51,7 @@ def drawn_observer(responder: Responder) -> dict[str, Any] | None:
 
     An installed simulated responder has no such values.
     """
-    observer = getattr(responder, "observer_facts", None) if responder.simulated else None
+    observer = getattr(responder, "observer_values", None) if responder.simulated else None
     return observer if isinstance(observer, dict) else None
 
 

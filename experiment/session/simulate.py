@@ -62,7 +62,7 @@ class SimulatedResponder(Responder):
     gains: Mapping[int, FingerGains]
     untouched: frozenset[int] = frozenset()
     shifts_db: Mapping[int, tuple[float, float]] = field(default_factory=dict)
-    observer_facts: dict[str, Any] = field(default_factory=dict)
+    observer_values: dict[str, Any] = field(default_factory=dict)
     task: Task = LEFT_RIGHT_BOTH
     _last_db: float = field(default=0.0, init=False)
 
@@ -132,7 +132,7 @@ def simulated_responder(study: Study, plan: Plan, clock: Clock) -> SimulatedResp
         gains={trial.number: of_condition[trial.condition] for trial in trials},
         untouched=frozenset(trial.number for trial in trials if trial.kind == HANDS_OFF),
         shifts_db=_shifts_db(study, observer, plan),
-        observer_facts=asdict(observer)
+        observer_values=asdict(observer)
         | {"unmeasured": [e.curve.key for e in extrapolations(study)]},
         task=study.task,
     )

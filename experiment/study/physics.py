@@ -61,13 +61,13 @@ class PeakErrors:
 
     Attributes
     ----------
-    own : float
-        Part of the displacements of the own fingers, the worst.
+    driven : float
+        Relative error of the displacements at the driven fingers, the worst.
     levels_db : ndarray of float64, shape (n_fingers, n_actuators)
-        Of the levels at the other fingers.
+        Error of the crosstalk.
     """
 
-    own: float
+    driven: float
     levels_db: NDArray[np.float64]
 
 
@@ -112,12 +112,12 @@ def study_gains(
     bases = tuple(basis for _, basis in per_volt)
     matrices = []
     for condition in study.conditions:
-        peaks_m = _felt_m(study, strip, fingertips_of(study, bare=bare), condition)
+        peaks_m = _peaks_m(study, strip, fingertips_of(study, bare=bare), condition)
         # A level in Vpp is twice the amplitude; 1e6 um are 1 m. A column without a load per volt is
         # relative to the actuator's finger.
         factors = [
-            1 / own_m if load_per_v is None else 1e6 * load_per_v / 2
-            for own_m, (load_per_v, _) in zip(np.diag(peaks_m), per_volt, strict=True)
+            1 / driven_m if load_per_v is None else 1e6 * load_per_v / 2
+            for driven_m, (load_per_v, _) in zip(np.diag(peaks_m), per_volt, strict=True)
         ]
         gains = (np.array(factors) * peaks_m).tolist()
         per_vpp = tuple(tuple(map(significant, row)) for row in gains)
@@ -127,13 +127,13 @@ def study_gains(
     return tuple(matrices)
 
 
-def own_per_load_m(study: Study) -> float:
+def driven_per_load_m(study: Study) -> float:
     """Return what unit loads do at their own fingers, in m, under the first condition's burst.
 
     The geometric mean of left and right, which is known even where no displacement per volt is: it
     compares bursts.
     """
-    peaks_m = _felt_m(study, field_strip(study), fingertips_of(study), study.conditions[0])
+    peaks_m = _peaks_m(study, field_strip(study), fingertips_of(study), study.conditions[0])
     return math.sqrt(peaks_m[0, 0] * peaks_m[1, 1])
 
 
@@ -188,7 +188,7 @@ def loads_per_volt(
     return per_volt
 
 
-def _felt_m(
+def _peaks_m(
     study: Study, strip: Strip, tips: tuple[Fingertip, ...], condition: Condition
 ) -> NDArray[np.float64]:
     """Return the peaks of unit loads driven by the burst as it is played: with a peak of 1."""
@@ -327,7 +327,7 @@ def peak_errors(
     )
     error = np.max([estimate.error / estimate.value for estimate in peaks], axis=0)
     levels_db = 20 * np.log10((1 + error) * (1 + np.diag(error)))
-    return PeakErrors(own=float(np.max(np.diag(error))), levels_db=levels_db)
+    return PeakErrors(driven=float(np.max(np.diag(error))), levels_db=levels_db)
 
 
 def chosen_window(study: Study, condition: Condition) -> WindowChoice:

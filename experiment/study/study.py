@@ -288,8 +288,8 @@ class Study(Section):
         -------
         str
         """
-        is_own = key in condition.model_fields_set
-        return f"condition[{self.conditions.index(condition)}].{key}" if is_own else f"burst.{key}"
+        is_set = key in condition.model_fields_set
+        return f"condition[{self.conditions.index(condition)}].{key}" if is_set else f"burst.{key}"
 
     @property
     def highest_vpp(self) -> float:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Final
 from pydantic import TypeAdapter, ValidationError
 
 from experiment.names import OTHER_VERSION
-from experiment.perception.gains import OWN_FINGER_ONLY, ConditionGains, FingerGains
+from experiment.perception.gains import WITHOUT_CROSSTALK, ConditionGains, FingerGains
 from experiment.study.base import first_fault
 from experiment.tasks import LEFT_RIGHT_BOTH
 
@@ -197,10 +197,10 @@ class Plan:
         -------
         FingerGains
             Of both actuators at both fingers: micrometres per Vpp, or, where its ``basis`` is None,
-            parts of what the own finger gets. `OWN_FINGER_ONLY` where the plan has no gains.
+            parts of what the own finger gets. `WITHOUT_CROSSTALK` where the plan has no gains.
         """
         gains = {gains.condition: gains for gains in self.gains}.get(condition)
-        return OWN_FINGER_ONLY if gains is None else gains.fingers()
+        return WITHOUT_CROSSTALK if gains is None else gains.fingers()
 
     @property
     def condition_order(self) -> tuple[str, ...]:

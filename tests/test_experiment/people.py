@@ -8,7 +8,7 @@ import numpy as np
 
 from device import VirtualClock
 from experiment import AwaitedAnswer, ConditionGains, paper_study
-from experiment.perception.gains import OWN_FINGER_ONLY
+from experiment.perception.gains import WITHOUT_CROSSTALK
 from experiment.perception.population import threshold_course_db
 from experiment.session.simulate import SimulatedResponder
 
@@ -48,7 +48,7 @@ def in_session(person: Observer, trials: int, seed: int) -> SimulatedResponder:
         person,
         VirtualClock(),
         seed=seed,
-        gains=dict.fromkeys(range(trials), OWN_FINGER_ONLY),
+        gains=dict.fromkeys(range(trials), WITHOUT_CROSSTALK),
         shifts_db={trial: (shift_db,) * 2 for trial, shift_db in enumerate(shifts_db)},
     )
 

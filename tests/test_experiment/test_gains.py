@@ -19,7 +19,7 @@ from experiment import (
     paper_study,
     study_gains,
 )
-from experiment.perception.gains import GAINS, OWN_FINGER_ONLY, FingerGains, significant
+from experiment.perception.gains import GAINS, WITHOUT_CROSSTALK, FingerGains, significant
 from stimuli import MomentDisc, Scene, displacement
 from tests.plates import study_from_text
 from tests.test_experiment.studies import discs, measured, recorded_plan
@@ -97,7 +97,7 @@ def test_another_crosstalk_keeps_what_an_actuator_does_at_its_own_finger() -> No
     other = gains.with_crosstalk(-20.0)
     assert other.left == pytest.approx((0.03, 0.002))
     assert other.right == pytest.approx((0.003, 0.02))
-    assert OWN_FINGER_ONLY.with_crosstalk(-200.0).amplitudes((100.0, 0.0))[1] < 1e-7
+    assert WITHOUT_CROSSTALK.with_crosstalk(-200.0).amplitudes((100.0, 0.0))[1] < 1e-7
 
 
 @pytest.mark.parametrize(
@@ -187,7 +187,7 @@ def test_a_plan_keeps_its_matrix_to_the_last_digit(paper: ConditionGains) -> Non
     plan = recorded_plan(text)
     assert plan.gains == (paper,)
     assert plan.gains_of("main") == paper.fingers()
-    assert plan.gains_of("unknown") == OWN_FINGER_ONLY
+    assert plan.gains_of("unknown") == WITHOUT_CROSSTALK
     changed = json.loads(text)
     changed["gains"][0]["per_vpp"][0][0] *= 2
     with pytest.raises(PlanError, match="sealed"):

@@ -28,7 +28,7 @@ IDEAL = replace(
     reaction_time_s=0.5,
     reaction_time_spread=0.2,
 )
-OWN_FINGERS = finger_gains((1.0, 0.0), (0.0, 1.0), None)
+DRIVEN_FINGERS = finger_gains((1.0, 0.0), (0.0, 1.0), None)
 
 
 def shares(
@@ -36,7 +36,7 @@ def shares(
     levels_vpp: tuple[float, float],
     responses: tuple[str, ...],
     *,
-    gains: Any = OWN_FINGERS,
+    gains: Any = DRIVEN_FINGERS,
     window_s: float = math.inf,
 ) -> dict[str, float]:
     """Return the probability of every answer to one stimulus."""
@@ -180,7 +180,7 @@ def test_reactions_are_slower_to_weak_stimuli_and_never_impossibly_fast() -> Non
         FORCED,
         math.inf,
         np.random.default_rng(3),
-        gains=OWN_FINGERS,
+        gains=DRIVEN_FINGERS,
     )
     medians_s = np.median(times_s, axis=1)
     assert np.all(np.diff(medians_s) < 0)
@@ -226,14 +226,14 @@ def test_draws_are_as_frequent_as_their_probabilities(seed: int) -> None:
     for left_vpp, right_vpp in stimuli_vpp:
         levels_vpp = (np.full(trials, left_vpp), np.full(trials, right_vpp))
         drawn, _ = draw_answers(
-            [person], levels_vpp, responses, window_s, rng, gains=OWN_FINGERS, shift_db=shift_db
+            [person], levels_vpp, responses, window_s, rng, gains=DRIVEN_FINGERS, shift_db=shift_db
         )
         p = answer_probabilities(
             [person],
             ([left_vpp], [right_vpp]),
             responses,
             window_s,
-            gains=OWN_FINGERS,
+            gains=DRIVEN_FINGERS,
             shift_db=shift_db,
         ).ravel()
         p = np.append(p, max(0.0, 1 - p.sum()))

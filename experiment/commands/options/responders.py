@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 def require_usable(responder: str) -> str | None:
     """Refuse a responder that cannot be used here; return the distribution of an installed one."""
-    from experiment.participant.settings import own_responder
+    from experiment.participant.settings import installed_responder
     from experiment.participant.window import require_window
 
     if responder == "screen":
@@ -32,7 +32,7 @@ def require_usable(responder: str) -> str | None:
     if responder in RESPONDERS:
         return None
     try:
-        return own_responder(responder).distribution
+        return installed_responder(responder).distribution
     except ValueError as error:
         raise CommandError(f"--responder {error}") from error
 
@@ -120,11 +120,11 @@ def _make_responder(name: str, settings: ResponderSettings, clock: Clock) -> Any
         from experiment.participant.terminal import TerminalResponder
 
         return TerminalResponder(settings, clock)
-    from experiment.participant.settings import own_responder
+    from experiment.participant.settings import installed_responder
     from experiment.trial.responder import Responder
 
     try:
-        return own_responder(name).make(settings, clock, Responder)
+        return installed_responder(name).make(settings, clock, Responder)
     except ValueError as error:
         raise CommandError(f"--responder {error}") from error
 
