@@ -42,6 +42,7 @@ from device.wire.upload import Begin, Commit, data_of, octets_of
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from device.core.reports import DeviceLimits
     from device.core.states import State
     from device.driver import Identity
 
@@ -51,16 +52,6 @@ _AHEAD_S: Final = 0.1
 _LONGEST_DATA_FRAME: Final = 57
 _MAX_LATE: Final = 12
 """A busy machine takes its time too: so often, at least, it is not busy once."""
-
-_MAX_LOST: Final = 6
-_WAITS: Final = 10
-"""A late answer is waited for so many times as long as it may take."""
-
-_QUIET_S: Final = 1.0
-"""An answer takes less on any line."""
-
-_DRAIN_S: Final = 30.0
-"""A line of 1200 baud needs 25 s."""
 
 _PLAIN_S: Final = 0.5
 _OFF_REASONS: Final = (Refusal.WATCHDOG_STOP, Refusal.OVERLOAD_STOP, Refusal.LINE_STOP)
@@ -125,7 +116,7 @@ class FrameLink:
         self.requests.connect(self._open_channel())
         try:
             identity = self._greet()
-            self._window = self._fitting(self._done(AskLimits()).record.data_window)
+            self._window = self._fitting(self._ask_limits().data_window)
         except LinkError:
             self._drop()
             raise
@@ -211,14 +202,10 @@ class FrameLink:
     def _greet(self) -> Identity:
         """Return who answered HELLO."""
         hello = Hello(nonce=secrets.randbits(64))
-        began_s = self._clock.now_s()
         try:
             answer = self.requests.ask(hello, 0, self._line.open_timeout_s)
         except UnansweredError as error:
             raise LinkError(f"{error}: {self._explain_silence()}") from error
-        hello_s = self._clock.now_s() - began_s
-        if hello_s > self._line.answer_within_s:
-            self._require_speed(answer.boot_id, hello_s)
         greeting = read_answer(lambda: protocol.GREETING.read(answer.body))
         if greeting.nonce != hello.nonce:
             raise LinkError("the answer is to another HELLO")
@@ -239,31 +226,21 @@ class FrameLink:
             "docs/howto/no-answer.md"
         )
 
-    def _require_speed(self, boot_id: int, hello_s: float) -> None:
-        """Refuse a line on which no answer comes in time, however often it is tried.
-
-        Each try is a question of its own, sent once, so that what is late differs from what
-        was lost. A line that loses much is not refused.
-        """
+    # A question that is sent again before its answer comes is the next one's delay: on a slow line
+    # every answer is late, while on a bad line some are in time.
+    def _ask_limits(self) -> DeviceLimits:
+        """Return the device's limits, or refuse a line on which no answer comes in time."""
         within_s = self._line.answer_within_s
-        quiet_s = min(hello_s, _QUIET_S)
-        n_sent = 1 + self.requests.retries - self._retries_before
-        self.requests.drain(quiet_s, at_most_s=min(_DRAIN_S, n_sent * quiet_s))
-        wait_s = min(self._line.response_timeout_s, max(_WAITS * within_s, 2 * hello_s))
-        n_late = n_lost = 0
-        while n_late < _MAX_LATE and n_lost < _MAX_LOST:
-            took_s = self.requests.round_trip_s(AskLimits(), boot_id, wait_s)
-            if took_s is None:
-                n_lost += 1
-            elif took_s <= within_s:
-                return
-            else:
-                n_late += 1
-        if n_late == _MAX_LATE:
-            raise LinkError(
-                f"the line is slower than device.baud = {self._line.baud}: no answer came within "
-                f"{within_s * 1e3:.0f} ms; see docs/howto/no-answer.md"
-            )
+        with contextlib.suppress(UnansweredError):
+            for _ in range(_MAX_LATE):
+                n_retries = self.requests.retries
+                limits = self._done(AskLimits()).record
+                if self.requests.retries == n_retries:
+                    return limits
+        raise LinkError(
+            f"the line is slower than device.baud = {self._line.baud}: no answer came within "
+            f"{within_s * 1e3:.0f} ms; see docs/howto/no-answer.md"
+        )
 
     def _fitting(self, window: int) -> int:
         """Return how many DATA may be under way, lest a beat or a stop has to wait for them."""

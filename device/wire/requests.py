@@ -170,14 +170,6 @@ class RequestChannel:
                 raise rejection(Refusal.SAFE_STATE, "a stop came meanwhile")
         raise LinkError("the device takes every question for an old one: open it again")
 
-    def round_trip_s(self, message: Message[Any], boot_id: int, wait_s: float) -> float | None:
-        """Send a question once and return how long its answer took; None where it did not come."""
-        question = framed(message, next(self._numbers), boot_id)
-        began_s = self._clock.now_s()
-        self._write(encode(question))
-        answer = self._listen(question, wait_s)
-        return None if answer is None else self._clock.now_s() - began_s
-
     # Pieces may arrive in any order and any number of times. What is unanswered when nothing came
     # for as long as an answer may take is sent again: a lost piece costs that time, and no clock
     # has to tell which of them it was.
@@ -210,13 +202,6 @@ class RequestChannel:
     def plain_answer(self, within_s: float) -> str:
         """Ask in plain text who is there; see `plain_answer`."""
         return plain_answer(self._open_channel, self._clock, within_s)
-
-    def drain(self, quiet_s: float, *, at_most_s: float) -> None:
-        """Wait until nothing more arrives: the answers to what was sent again, on a slow line."""
-        until_s = self._clock.now_s() + at_most_s
-        while self._clock.now_s() < until_s and self._open_channel.read(quiet_s):
-            pass
-        self._decoder = Decoder()
 
     def _stop_question(self, number: int) -> Frame:
         return framed(Stop(), number, self.boot_id)
