@@ -40,7 +40,7 @@ class Refusal(IntEnum):
     OUT_OF_RANGE = 7, "a sample is outside [-1, 1]"
     EDGES_NOT_ZERO = 8, "a waveform must begin and end at exactly 0"
     DC = 9, "the waveform has a DC part (a unipolar click has one)"
-    CEILING = 10, "peak x level x gain is above the ceiling"
+    CEILING = 10, "peak x level is above the ceiling"
     BAD_LEVEL = 11, "a level must be a finite number of volts, 0 or more"
     BAD_TOKEN = 12, "a token must be an integer from 1 to 2**64 - 1"
     TOKEN_SPENT = 13, "that token was used before"
@@ -227,7 +227,7 @@ class LimitExceeded(Rejected):
     Examples
     --------
     >>> print(LimitExceeded(Refusal.CEILING, "210 > 200 Vpp"))
-    peak x level x gain is above the ceiling: 210 > 200 Vpp
+    peak x level is above the ceiling: 210 > 200 Vpp
     """
 
 

@@ -3,14 +3,13 @@
 The host checks with the limits of the study, the device with its own; both call these functions.
 They compare whole numbers (converter codes, millivolts, microseconds), so that firmware, which has
 no floats, comes to the same verdict to the last bit. All ceilings hold for
-peak(waveform) x level x gain.
+peak(waveform) x level.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from fractions import Fraction
 from functools import partial
 from typing import TYPE_CHECKING, Any, Final, TypeAlias
 
@@ -25,7 +24,6 @@ if TYPE_CHECKING:
 
 CHANNELS: Final = ("left", "right")
 """The output channels of a device, in their order."""
-_LARGEST_GAIN = 1e6
 _LEAST_RATIO = 1e-6
 _GRID_TOLERANCE = 1e-6
 
@@ -40,9 +38,7 @@ class Limits:
     Parameters
     ----------
     ceiling_vpp : float
-        Largest peak(waveform) x level x gain, in peak-to-peak volts at the actuator.
-    gain : float
-        Volts at the actuator per volt of level: 1 where levels are stated at the actuator.
+        Largest peak(waveform) x level, in peak-to-peak volts at the actuator.
     min_interval_s : float
         Rest from the end of one burst to the onset of the next.
     max_duty : float
@@ -66,15 +62,14 @@ class Limits:
 
     Examples
     --------
-    >>> Limits(ceiling_vpp=200.0).gain
-    1.0
+    >>> Limits(ceiling_vpp=200.0).slots
+    8
     >>> Limits(ceiling_vpp=0.0)
     Traceback (most recent call last):
     ValueError: ceiling_vpp must be a number above 0 and up to inf, got 0.0
     """
 
     ceiling_vpp: float
-    gain: float = 1.0
     min_interval_s: float = 0.05
     max_duty: float = 0.5
     longest_waveform: int = 65536
@@ -85,7 +80,6 @@ class Limits:
 
     def __post_init__(self) -> None:
         require_positive("ceiling_vpp", self.ceiling_vpp)
-        require_positive("gain", self.gain, most=_LARGEST_GAIN)
         require_real("min_interval_s", self.min_interval_s, least=0.0)
         require_real("max_duty", self.max_duty, least=_LEAST_RATIO, most=1.0)
         require_whole("longest_waveform", self.longest_waveform, least=1, most=2**31)
@@ -170,7 +164,7 @@ def _check_channel(channel: str, codes: CodeArray, limits: Limits, full_scale: i
 def check_ceiling(
     peaks: tuple[int, int], levels_mvpp: tuple[int, int], *, full_scale: int, limits: Limits
 ) -> None:
-    """Refuse a burst of which a channel's peak x level x gain is above the ceiling.
+    """Refuse a burst of which a channel's peak x level is above the ceiling.
 
     Exactly at the ceiling is allowed. `peaks` are codes, left and right. The product is formed in
     whole numbers, so that no rounding lets a larger one pass.
@@ -179,12 +173,11 @@ def check_ceiling(
     >>> check_ceiling((32767, 0), (64_100, 10**6), full_scale=32767, limits=limits)
     >>> check_ceiling((32767, 0), (64_101, 0), full_scale=32767, limits=limits)
     Traceback (most recent call last):
-    device.errors.LimitExceeded: peak x level x gain is above the ceiling: 1 x 64.101 x 1 > 64.1 Vpp
+    device.errors.LimitExceeded: peak x level is above the ceiling: 1 x 64.101 > 64.1 Vpp
     """
     for peak, level_mvpp in zip(peaks, levels_mvpp, strict=True):
-        factors = Fraction(peak, full_scale), Fraction(level_mvpp, 1000), Fraction(limits.gain)
-        if math.prod(factors) * 1000 > limits.ceiling_mvpp:
-            product = " x ".join(f"{float(factor):g}" for factor in factors)
+        if peak * level_mvpp > limits.ceiling_mvpp * full_scale:
+            product = f"{peak / full_scale:g} x {level_mvpp / 1000:g}"
             raise rejection(Refusal.CEILING, f"{product} > {limits.ceiling_mvpp / 1000:g} Vpp")
 
 

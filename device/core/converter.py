@@ -27,7 +27,6 @@ if TYPE_CHECKING:
     from device.driver import FloatArray
     from device.limits import CodeArray, Limits
 
-_SLEW_V_S: Final = 1e12
 _ATTRIBUTES: Final = ("name", "serial_number", "sample_rate_hz", "bits", "full_scale_v", "emulated")
 
 
@@ -178,7 +177,6 @@ class HostedCore(LocalCore):
             sample_rate_hz=converter.sample_rate_hz,
             bits=converter.bits,
             rail_v=converter.full_scale_v,
-            slew_v_s=_SLEW_V_S,
         )
         core = DeviceCore(
             boot_id=secrets.randbits(63), limits=limits, output=output, sink=lambda _: None

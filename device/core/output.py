@@ -3,21 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from itertools import chain, repeat
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from device.checks import require_positive, require_real, require_whole
+from device.checks import require_positive, require_whole
 from device.core.messages import Levels, full_scale
 
 if TYPE_CHECKING:
     from device.driver import FloatArray
     from device.limits import CodeArray, Limits
-
-
-_LARGEST_FACTOR = 2**39
-"""By this a code of 24 bits can be multiplied in 64."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -32,10 +27,6 @@ class OutputStage:
         Of the converter; its full scale is the rail.
     rail_v : float
         Volts at the actuator, to both sides, beyond which the amplifier cannot go.
-    slew_v_s : float
-        Fastest change at the actuator, I / C for an amplifier's current I and an actuator's
-        capacitance C; at least the rail within a second. The default lets the full swing pass
-        within one sample.
 
     Raises
     ------
@@ -51,20 +42,18 @@ class OutputStage:
     sample_rate_hz: float = 48_000.0
     bits: int = 16
     rail_v: float = 100.0
-    slew_v_s: float = 1e7
 
     def __post_init__(self) -> None:
         require_positive("sample_rate_hz", self.sample_rate_hz)
         require_whole("bits", self.bits, least=2, most=24)
         require_positive("rail_v", self.rail_v)
-        require_real("slew_v_s", self.slew_v_s, least=self.rail_v)
 
     def render(self, codes: CodeArray, *, levels: Levels, limits: Limits) -> FloatArray:
         """Return the volts at both actuators for the codes of a stored waveform.
 
         Scaled to the levels, rounded toward zero to the converter's steps, held at the rail where
-        the amplifier cannot follow, limited in slew. A burst that passed `check_ceiling` stays
-        within +- half the ceiling to the last bit.
+        the amplifier cannot follow. A burst that passed `check_ceiling` stays within +- half the
+        ceiling to the last bit.
 
         Parameters
         ----------
@@ -73,13 +62,12 @@ class OutputStage:
         levels : Levels
             Of both channels.
         limits : Limits
-            The device's; their gain and ceiling.
+            The device's; their ceiling.
 
         Returns
         -------
-        ndarray, shape (2, m)
-            Volts, one value per sample period, read-only; m > n where the slew limit keeps the
-            output from being back at zero with the last sample.
+        ndarray, shape (2, n)
+            Volts, one value per sample period, read-only.
 
         Examples
         --------
@@ -92,38 +80,17 @@ class OutputStage:
         """
         levels_mvpp = (levels.left_mvpp, levels.right_mvpp)
         pairs = zip(codes, levels_mvpp, strict=True)
-        steps = np.array([self._steps(row, level_mvpp, limits) for row, level_mvpp in pairs])
+        steps = np.array([self._steps(row, level_mvpp) for row, level_mvpp in pairs])
         most_v = min(self.rail_v, limits.ceiling_vpp / 2)
-        volts = np.clip(steps * self.rail_v / full_scale(self.bits), -most_v, most_v)
-        volts = _follow(volts, self.slew_v_s / self.sample_rate_hz)
+        volts: FloatArray = np.clip(steps * self.rail_v / full_scale(self.bits), -most_v, most_v)
         volts.setflags(write=False)
         return volts
 
     # In whole numbers, as a firmware has it: where the exact quotient is a step of the converter, a
     # float may lie just below it and lose that step.
-    def _steps(self, codes: CodeArray, level_mvpp: int, limits: Limits) -> FloatArray:
-        above, below = limits.gain.as_integer_ratio()
-        factor, divisor = level_mvpp * above, round(2000 * self.rail_v) * below
-        fits = factor < _LARGEST_FACTOR and divisor < _LARGEST_FACTOR
-        magnitudes = np.abs(codes).astype(np.int64 if fits else object)
-        steps: CodeArray = np.sign(codes) * (magnitudes * factor // divisor)
-        return steps.astype(np.float64)
-
-
-def _follow(target_v: FloatArray, step_v: float) -> FloatArray:
-    """Return the volts, shape (2, m), of an output that changes by at most `step_v` a sample.
-
-    The target begins and ends at zero.
-    """
-    if np.abs(target_v[:, 1:] - target_v[:, :-1]).max(initial=0.0) <= step_v:
-        return target_v
-    reached, columns = np.zeros(2), []
-    for index, wanted in enumerate(chain(target_v.T, repeat(np.zeros(2)))):
-        if index >= target_v.shape[1] and not reached.any():
-            break
-        reached = reached + np.clip(wanted - reached, -step_v, step_v)
-        columns.append(reached)
-    return np.array(columns).T
+    def _steps(self, codes: CodeArray, level_mvpp: int) -> FloatArray:
+        magnitudes = np.abs(codes).astype(np.int64) * level_mvpp // round(2000 * self.rail_v)
+        return (np.sign(codes) * magnitudes).astype(np.float64)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

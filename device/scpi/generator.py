@@ -268,7 +268,7 @@ class GeneratorConverter(Converter):
     ) -> tuple[Wave, float]:
         """Return what a channel plays and with which amplitude in volts peak-to-peak."""
         highest_vpp = self._highest_vpp(dialect)
-        volts = level_vpp * self._limits.gain * (wave.peak or 1.0) / self._gain
+        volts = level_vpp * (wave.peak or 1.0) / self._gain
         if wave.peak == 0.0 or level_vpp == 0.0:
             return slot.silence, min(max(volts, dialect.least_vpp), highest_vpp)
         if not dialect.least_vpp <= volts <= dialect.most_vpp:
@@ -283,8 +283,7 @@ class GeneratorConverter(Converter):
         limit_vpp = float(decimals(self._highest_vpp(dialect), dialect.volts_digits, up=True))
         if not matches(f"{volts!r}", answer) or float(answer) > limit_vpp:
             raise SettingError(f"channel {channel} must have {volts:g} Vpp, got {answer}")
-        factor = self._limits.gain * wave.peak
-        return float(answer) * self._gain / factor if factor else 0.0
+        return float(answer) * self._gain / wave.peak if wave.peak else 0.0
 
 
 def generator_device(

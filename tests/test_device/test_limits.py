@@ -32,17 +32,16 @@ def passes(peak: int, level_mvpp: int, limits: Limits) -> bool:
 @given(
     peak=st.integers(0, FULL),
     level_mvpp=st.integers(0, 10**7),
-    gain=st.floats(1e-3, 1e3),
     ceiling_mvpp=st.integers(1, 10**7),
 )
-@example(peak=FULL, level_mvpp=200_000, gain=1.0, ceiling_mvpp=200_000)
-@example(peak=FULL, level_mvpp=200_001, gain=1.0, ceiling_mvpp=200_000)
+@example(peak=FULL, level_mvpp=200_000, ceiling_mvpp=200_000)
+@example(peak=FULL, level_mvpp=200_001, ceiling_mvpp=200_000)
 def test_a_burst_passes_just_if_its_exact_product_is_within_the_ceiling(
-    peak: int, level_mvpp: int, gain: float, ceiling_mvpp: int
+    peak: int, level_mvpp: int, ceiling_mvpp: int
 ) -> None:
-    limits = Limits(ceiling_vpp=ceiling_mvpp / 1000, gain=gain)
+    limits = Limits(ceiling_vpp=ceiling_mvpp / 1000)
     assert limits.ceiling_mvpp == ceiling_mvpp
-    within = Fraction(peak, FULL) * level_mvpp * Fraction(gain) <= ceiling_mvpp
+    within = Fraction(peak, FULL) * level_mvpp <= ceiling_mvpp
     assert passes(peak, level_mvpp, limits) is within
 
 
@@ -128,9 +127,6 @@ def test_a_time_to_live_outside_its_range_is_refused(time_to_live_us: int) -> No
         ("ceiling_vpp", math.nan),
         ("ceiling_vpp", True),
         ("ceiling_vpp", "200"),
-        ("gain", -1.0),
-        ("gain", math.inf),
-        ("gain", 1.01e6),
         ("min_interval_s", -0.1),
         ("max_duty", 1.1),
         ("longest_waveform", 0),
@@ -151,7 +147,6 @@ def test_limits_that_are_none_are_refused_by_name(name: str, value: float) -> No
 def test_what_no_study_says_of_its_limits_is_cautious() -> None:
     assert Limits(ceiling_vpp=200.0) == Limits(
         ceiling_vpp=200.0,
-        gain=1.0,
         min_interval_s=0.05,
         max_duty=0.5,
         longest_waveform=2**16,
