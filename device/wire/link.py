@@ -23,7 +23,7 @@ from device.core.messages import (
     Query,
 )
 from device.core.tokens import Exchange, Record, Reply
-from device.errors import LinkError, Refusal, Rejected, rejection
+from device.errors import DeviceError, LinkError, Refusal, Rejected, rejection
 from device.printing import shown
 from device.wire import protocol
 from device.wire.channels import USUAL, Channel, Heart, LineSettings
@@ -36,7 +36,6 @@ from device.wire.requests import (
     framed,
     read_answer,
 )
-from device.wire.sync import Sample
 from device.wire.upload import Begin, Commit, data_of, octets_of
 
 if TYPE_CHECKING:
@@ -170,7 +169,7 @@ class FrameLink:
         """Send FIRE; without an answer DISARM and QUERY, and without that say that nobody knows."""
         boot_id, before_s = self.boot_id, self._clock.now_s()
         try:
-            return self._done(message, boot_id, before_s)
+            return self._dated(self._done(message, boot_id))
         except RestartedError:
             return self._unknown(message.token, before_s)
         except UnansweredError:
@@ -179,9 +178,20 @@ class FrameLink:
         # it then says of the token its last word.
         try:
             self._done(Disarm(token=message.token), boot_id)
-            return self._done(Query(token=message.token), boot_id, before_s)
+            return self._dated(self._done(Query(token=message.token), boot_id))
         except (UnansweredError, RestartedError, Rejected):
             return self._unknown(message.token, before_s)
+
+    # An exchange whose question had to be sent again took long, and an onset would be known no
+    # better. The device dates it by its own clock, so that any later exchange tells it, too.
+    def _dated(self, fired: Exchange[Record]) -> Exchange[Record]:
+        """Return a record with the shortest exchange that it came in."""
+        if self.requests.retries == self._retries_before:
+            return fired
+        exchanges = [fired]
+        with contextlib.suppress(DeviceError):
+            exchanges.append(self._done(Query(token=fired.record.token), fired.boot_id))
+        return min(exchanges, key=lambda exchange: exchange.host_after_s - exchange.host_before_s)
 
     def _upload(self, message: LoadSlot) -> Exchange[Any]:
         octets = octets_of(message, self._bits)
@@ -246,21 +256,13 @@ class FrameLink:
         """Return how many DATA may be under way, lest a beat or a stop has to wait for them."""
         return max(1, min(window, int(_AHEAD_S * self._line.baud / 10 / _LONGEST_DATA_FRAME)))
 
-    def _done(
-        self,
-        message: Message[Reply],
-        boot_id: int | None = None,
-        before_s: float | None = None,
-    ) -> Exchange[Reply]:
+    def _done(self, message: Message[Reply], boot_id: int | None = None) -> Exchange[Reply]:
         """Have a message done by one power cycle, the one last heard of, and return both."""
-        before_s = self._clock.now_s() if before_s is None else before_s
+        before_s = self._clock.now_s()
         answer = self.requests.ask(message, self.boot_id if boot_id is None else boot_id)
         after_s = self._clock.now_s()
         self._require_done(protocol.kind_of(message), answer, message)
         record = self._read_report(message, answer)
-        if isinstance(record, Record):
-            sample = Sample(before_s=before_s, after_s=after_s, device_s=answer.device_us / 1e6)
-            before_s, after_s = self.requests.clock_sync.bounds(sample)
         return self._exchange(record, answer.boot_id, before_s, after_s, answer.device_us)
 
     def _read_report(self, message: Message[Any], answer: AnswerPayload) -> Any:

@@ -17,7 +17,6 @@ from device.errors import LinkError, Refusal, Rejected, rejection
 from device.wire import protocol
 from device.wire.frames import MAKER, QUESTION, Decoder, Frame, encode
 from device.wire.protocol import AnswerPayload, Hello, Kind
-from device.wire.sync import ClockSync, Sample
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator
@@ -79,8 +78,6 @@ class RequestChannel:
         Number of the last STOP; -1 before the first.
     retries : int
         How many questions were sent again so far.
-    clock_sync : ClockSync
-        What the exchanges say of the device's clock.
     """
 
     def __init__(self, clock: Clock, *, answer_within_s: float, response_timeout_s: float) -> None:
@@ -96,7 +93,6 @@ class RequestChannel:
         self._device_us = 0
         self.boot_id = self.number = self.retries = 0
         self.last_stop = -1
-        self.clock_sync = ClockSync()
 
     @property
     def state(self) -> State:
@@ -105,11 +101,10 @@ class RequestChannel:
         return State.SAFE if stopped else self._state
 
     def connect(self, channel: Channel) -> None:
-        """Ask on this channel from now on; what was half read, and the device's clock, go."""
+        """Ask on this channel from now on; what was half read, and the device's time, go."""
         self._channel = channel
         self._decoder = Decoder()
         self._device_us = 0
-        self.clock_sync = ClockSync()
 
     def disconnect(self) -> None:
         """Close the channel."""
@@ -218,8 +213,6 @@ class RequestChannel:
             self._write(encode(question))
             answer = self._listen(question, self._answer_within_s)
             if answer is not None:
-                if question.kind != Kind.STOP:
-                    self._learn_clock(answer, began_s)
                 return answer
         raise _unanswered(Kind(question.kind), timeout_s)
 
@@ -232,10 +225,6 @@ class RequestChannel:
     def _write(self, data: bytes) -> None:
         with self._writing:
             self._open_channel.write(data)
-
-    def _learn_clock(self, answer: AnswerPayload, began_s: float) -> None:
-        after_s, device_s = self._clock.now_s(), answer.device_us / 1e6
-        self.clock_sync.add(Sample(before_s=began_s, after_s=after_s, device_s=device_s))
 
     def _listen(self, question: Frame, within_s: float) -> AnswerPayload | None:
         """Return the answer to a question, or None when it is late."""
