@@ -4,7 +4,8 @@ A further make is a further entry of `DIALECTS`. None of them was tried on hardw
 written from the makers' programming guides.
 
 Commands are templates. Known names: ``{channel}`` 1 or 2, ``{name}`` of a waveform, ``{rate}`` in
-samples per second, ``{volts}`` peak-to-peak, ``{high}`` and ``{low}`` the voltage limits.
+samples per second, ``{volts}`` peak-to-peak, ``{high}`` and ``{low}`` the voltage limits. Waveforms
+are kept by name, and their codes are of 16 bit, the low byte first.
 """
 
 from __future__ import annotations
@@ -12,8 +13,6 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 from typing import Final
-
-from device.checks import require_positive, require_whole
 
 EMULATED: Final = "EMULATED"
 """The serial number by which an emulator says that it is one."""
@@ -37,8 +36,6 @@ class ReadBack:
 class Dialect:
     """What one family of generators understands; commands are formatted with channel, name, rate.
 
-    A number out of range is a ValueError.
-
     >>> KEYSIGHT.select[0].format(channel=2, name="T1", rate=48000, volts="1.5")
     'SOUR2:FUNC:ARB T1'
     """
@@ -46,15 +43,11 @@ class Dialect:
     name: str
     # regular expression that the answer to *IDN? begins with: two-channel models only
     identity: str
-    bits: int  # of a waveform's codes
-    code_type: str  # on the wire, as numpy writes it
-    zero_code: int  # of 0 V
     shortest_waveform: int  # in samples, as the longest
     longest_waveform: int
     least_vpp: float  # amplitudes it can make into an open circuit
     most_vpp: float
     volts_digits: int  # after the point, with which volts are written
-    named: bool  # waveforms are kept by name; else each upload replaces the one before
     reset: tuple[str, ...]  # into a known state: outputs off, every error forgotten
     channel_load: tuple[str, ...]  # first commands for each channel: what its voltages mean
     store: str  # stands before the binary block of an upload
@@ -70,32 +63,16 @@ class Dialect:
     trigger: tuple[str, ...]  # plays both channels once
     complete: str  # a question that is answered once everything before it was done
     error: str  # question for the oldest error that was not reported yet
-    cannot: tuple[str, ...]  # what this make cannot promise beyond what none can
-
-    def __post_init__(self) -> None:
-        require_whole("bits", self.bits, least=2, most=16)
-        require_whole("zero_code", self.zero_code, least=0, most=2**15)
-        require_whole("shortest_waveform", self.shortest_waveform, least=1, most=2**31)
-        require_whole(
-            "longest_waveform", self.longest_waveform, least=self.shortest_waveform, most=2**31
-        )
-        require_positive("least_vpp", self.least_vpp)
-        require_positive("most_vpp", self.most_vpp)
-        require_whole("volts_digits", self.volts_digits, least=1, most=9)
 
 
 KEYSIGHT: Final = Dialect(
     name="keysight",
     identity=r"(Agilent|Keysight) Technologies,(33512B|33522[AB]|33612A|33622A),",
-    bits=16,
-    code_type="<i2",
-    zero_code=0,
     shortest_waveform=8,
     longest_waveform=65_536,
     least_vpp=0.002,
     most_vpp=20.0,
     volts_digits=7,
-    named=True,
     reset=("*RST", "*CLS", "OUTP1 OFF", "OUTP2 OFF", "FORM:BORD SWAP"),
     channel_load=(
         "SOUR{channel}:VOLT:LIM:STAT OFF",
@@ -152,7 +129,6 @@ KEYSIGHT: Final = Dialect(
     trigger=("*TRG",),
     complete="*OPC?",
     error="SYST:ERR?",
-    cannot=(),
 )
 """Keysight 33500 and 33600 Series, two channels with arbitrary waveforms (33512B, 33522A/B,
 33612A, 33622A). The load is set while no limit is on: a limit would forbid it. The attenuator's

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import contextlib
 from contextlib import closing
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -21,7 +20,7 @@ from device.clock import Clock, MonotonicClock
 from device.core.converter import Converter, ConverterDevice, Played
 from device.driver import Outcome
 from device.errors import DeviceError, LinkError, Refusal, SettingError, rejection
-from device.scpi.dialects import EMULATED, Dialect, ReadBack, dialect_of
+from device.scpi.dialects import EMULATED, KEYSIGHT, ReadBack, dialect_of
 from device.scpi.line import BITS, ScpiLine, Wave, decimals, encode, matches
 from device.scpi.visa import open_instrument
 from device.wire.channels import USUAL, Channel, LineSettings
@@ -44,23 +43,16 @@ _CHANNELS: Final = (1, 2)
 _IDENTIFY_WITHIN_S: Final = 1.0
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Slot:
-    waves: tuple[Wave, Wave]
-    silence: Wave
-    duration_s: float
-
-
 class GeneratorConverter(Converter):
     """A generator with an amplifier behind it as a `Converter`.
 
     `open_port` opens the channel or raises `LinkError`; the gain is volts at the actuator per volt
-    of the generator. `cannot` is complete once it is known which generator it is.
+    of the generator.
     """
 
     name, serial_number = "generator", ""
     bits, emulated = BITS, False
-    cannot: tuple[str, ...] = CANNOT
+    cannot = CANNOT
 
     def __init__(
         self,
@@ -76,15 +68,14 @@ class GeneratorConverter(Converter):
         self.sample_rate_hz = sample_rate_hz
         self._open_port = open_port
         self._clock = clock
-        self._limits = limits
+        self._ceiling_vpp = limits.ceiling_vpp
         self._gain = amplifier_gain
-        self._rate = f"{sample_rate_hz:.12g}"
         self._channel: Channel | None = None
-        self._talk: tuple[ScpiLine, Dialect] | None = None
-        self._off = b""
+        self._connected: ScpiLine | None = None
+        self._dialect = KEYSIGHT
         self._names: dict[tuple[int, bytes], str] = {}
-        self._slots: dict[int, _Slot] = {}
-        self._selected: _Slot | None = None
+        self._slots: dict[int, tuple[Wave, Wave, Wave]] = {}
+        self._selected_s = 0.0
         self._set_vpp = (0.0, 0.0)
 
     def connect(self) -> None:
@@ -99,72 +90,65 @@ class GeneratorConverter(Converter):
 
     def disconnect(self) -> None:
         """Wait until the generator has done what it was sent, outputs off included; disconnect."""
-        if self._talk is not None:
-            line, dialect = self._talk
-            with contextlib.suppress(LinkError):
-                line.ask(dialect.complete)
+        with contextlib.suppress(LinkError):
+            self._line.ask(self._dialect.complete)
         self._drop()
 
     def zero(self) -> None:
         """Send both outputs off at once."""
-        channel = self._channel
-        if channel is not None:
+        channel, dialect = self._channel, self._dialect
+        off = (dialect.output_off.format(channel=number) for number in _CHANNELS)
+        if channel is not None and self._connected is not None:
             with contextlib.suppress(LinkError):
-                channel.write(self._off)
+                channel.write("".join(f"{each}\n" for each in ("", *dialect.abort, *off)).encode())
 
     def store(self, slot: int, left: CodeArray, right: CodeArray) -> None:
-        """Encode a waveform, and store it there if the generator keeps several."""
-        line, dialect = self._require_talk()
+        """Store a waveform and silence of the same length on both channels."""
+        dialect = self._dialect
         self._slots.pop(slot, None)
         if left.size > dialect.longest_waveform:
             detail = f"{left.size} samples, at most {dialect.longest_waveform}"
             raise rejection(Refusal.WAVEFORM_TOO_LONG, detail)
         waves = encode(left, dialect), encode(right, dialect)
         silence = encode(np.zeros_like(left), dialect)
-        if dialect.named:
-            for channel, wave in zip(_CHANNELS, waves, strict=True):
-                self._store(line, dialect, channel, wave)
-                self._store(line, dialect, channel, silence)
-            line.check_errors(dialect.error)
-        duration_s = left.size / self.sample_rate_hz
-        self._slots[slot] = _Slot(waves=waves, silence=silence, duration_s=duration_s)
+        for channel, wave in zip(_CHANNELS, waves, strict=True):
+            self._store(channel, wave)
+            self._store(channel, silence)
+        self._line.check_errors(dialect.error)
+        self._slots[slot] = (*waves, silence)
 
     def switch_on(self) -> None:
         """Read the set-up back and switch both outputs on."""
-        line, dialect = self._require_talk()
-        self._read_back(dialect.channel_readings)
-        line.say(*(dialect.output_on.format(channel=channel) for channel in _CHANNELS))
-        line.check_errors(dialect.error)
+        dialect = self._dialect
+        self._read_back()
+        self._line.say(*(dialect.output_on.format(channel=channel) for channel in _CHANNELS))
+        self._line.check_errors(dialect.error)
 
     def select(self, slot: int, left_vpp: float, right_vpp: float) -> None:
         """Select waveforms and amplitudes and read them back, the same way for every side."""
-        line, dialect = self._require_talk()
-        selected = self._slots.get(slot)
-        if selected is None:
+        if slot not in self._slots:
             raise SettingError(f"slot {slot} is not stored: load its waveforms again")
-        self._selected = selected
-        pairs = zip(selected.waves, (left_vpp, right_vpp), strict=True)
-        choices = [self._choice(wave, level_vpp, selected, dialect) for wave, level_vpp in pairs]
+        *waves, silence = self._slots[slot]
+        self._selected_s = len(silence.data) / 2 / self.sample_rate_hz
+        choices = [
+            self._choose(wave, level_vpp, silence)
+            for wave, level_vpp in zip(waves, (left_vpp, right_vpp), strict=True)
+        ]
         for channel, (wave, volts) in zip(_CHANNELS, choices, strict=True):
-            if not dialect.named:
-                self._store(line, dialect, channel, wave)
-            name = self._names[channel, wave.data]
-            line.say(*(self._fill(command, channel, name, volts) for command in dialect.select))
+            self._say(self._dialect.select, channel, wave, volts)
         set_vpp = []
         for channel, (wave, volts) in zip(_CHANNELS, choices, strict=True):
-            name = self._names[channel, wave.data]
-            self._compare(dialect.select_readings, channel, name, volts)
-            set_vpp.append(self._read_level_vpp(channel, wave, volts, dialect))
-        line.check_errors(dialect.error)
+            self._compare(self._dialect.select_readings, channel, wave, volts)
+            set_vpp.append(self._read_level_vpp(channel, wave, volts))
+        self._line.check_errors(self._dialect.error)
         self._set_vpp = set_vpp[0], set_vpp[1]
 
     def play(self, left_v: FloatArray, right_v: FloatArray) -> Played:
         """Send the trigger and the question that confirms it; an answer lost is not asked again."""
-        before_s = self._clock.now_s()
-        duration_s = 0.0 if self._selected is None else self._selected.duration_s
+        dialect, before_s = self._dialect, self._clock.now_s()
         try:
-            line, dialect = self._require_talk()
-            answer = line.ask(dialect.complete, after=dialect.trigger, within_s=duration_s)
+            line = self._line
+            answer = line.ask(dialect.complete, after=dialect.trigger, within_s=self._selected_s)
             half_s = (self._clock.now_s() - before_s) / 2
             line.check_errors(dialect.error)
         except (LinkError, SettingError):
@@ -178,16 +162,22 @@ class GeneratorConverter(Converter):
             levels_vpp=self._set_vpp,
         )
 
+    @property
+    def _line(self) -> ScpiLine:
+        if self._connected is None:
+            raise LinkError("the generator is not connected")
+        return self._connected
+
+    @property
+    def _highest_vpp(self) -> float:
+        """The amplitude that the ceiling means at the generator."""
+        return min(self._ceiling_vpp / self._gain, self._dialect.most_vpp)
+
     def _drop(self) -> None:
-        self._talk = None
+        self._connected = None
         if self._channel is not None:
             self._channel.close()
             self._channel = None
-
-    def _require_talk(self) -> tuple[ScpiLine, Dialect]:
-        if self._talk is None:
-            raise LinkError("the generator is not connected")
-        return self._talk
 
     def _set_up(self, line: ScpiLine) -> None:
         identity = line.identify()
@@ -198,89 +188,85 @@ class GeneratorConverter(Converter):
         self.name, self.serial_number = f"{maker} {model}", serial_number
         self.emulated = serial_number == EMULATED
         self.protocol = f"SCPI {dialect.name}"
-        self.cannot = CANNOT + dialect.cannot
         self.longest_waveform = dialect.longest_waveform
-        self.full_scale_v = min(self._limits.ceiling_vpp, dialect.most_vpp * self._gain) / 2
-        off = (dialect.output_off.format(channel=channel) for channel in _CHANNELS)
-        self._off = "".join(f"{command}\n" for command in ("", *dialect.abort, *off)).encode()
-        self._talk = line, dialect
+        self.full_scale_v = min(self._ceiling_vpp, dialect.most_vpp * self._gain) / 2
+        self._connected, self._dialect = line, dialect
         self._names.clear()
         self._slots.clear()
         line.say(*dialect.reset)
         line.check_errors(dialect.error)
         silence = encode(np.zeros(dialect.shortest_waveform, dtype=np.int32), dialect)
         for channel in _CHANNELS:
-            self._say_each(dialect.channel_load, channel)
-            self._store(line, dialect, channel, silence)
-            self._say_each(dialect.channel_setup, channel, silence)
+            self._say(dialect.channel_load, channel)
+            self._store(channel, silence)
+            self._say(dialect.channel_setup, channel, silence)
             line.check_errors(dialect.error)
-        self._read_back(dialect.channel_readings)
+        self._read_back()
 
-    def _highest_vpp(self, dialect: Dialect) -> float:
-        """Return the amplitude that the ceiling means at the generator."""
-        return min(self._limits.ceiling_vpp / self._gain, dialect.most_vpp)
-
-    def _fill(self, template: str, channel: int, name: str, volts: float) -> str:
+    def _fill(self, template: str, channel: int, wave: Wave | None, volts: float | None) -> str:
         """Fill a template in: amplitudes are rounded down, the limit that guards them up."""
-        _, dialect = self._require_talk()
-        limit = decimals(self._highest_vpp(dialect) / 2, dialect.volts_digits, up=True)
+        highest_vpp, digits = self._highest_vpp, self._dialect.volts_digits
+        limit = decimals(highest_vpp / 2, digits, up=True)
         return template.format(
             channel=channel,
-            name=name,
-            rate=self._rate,
-            volts=decimals(volts, dialect.volts_digits),
+            name="" if wave is None else self._names[channel, wave.data],
+            rate=f"{self.sample_rate_hz:.12g}",
+            volts=decimals(highest_vpp if volts is None else volts, digits),
             high=limit,
             low=f"-{limit}",
         )
 
-    def _say_each(self, templates: tuple[str, ...], channel: int, wave: Wave | None = None) -> None:
-        line, dialect = self._require_talk()
-        name = "" if wave is None else self._names[channel, wave.data]
-        volts = self._highest_vpp(dialect)
-        line.say(*(self._fill(template, channel, name, volts) for template in templates))
+    def _say(
+        self,
+        templates: tuple[str, ...],
+        channel: int,
+        wave: Wave | None = None,
+        volts: float | None = None,
+    ) -> None:
+        """Send commands for a waveform and an amplitude, by default the highest."""
+        self._line.say(*(self._fill(template, channel, wave, volts) for template in templates))
 
-    def _store(self, line: ScpiLine, dialect: Dialect, channel: int, wave: Wave) -> None:
-        """Store a waveform, unless a generator that keeps waveforms by name has it."""
+    def _store(self, channel: int, wave: Wave) -> None:
+        """Store a waveform, unless the generator has it."""
         key = channel, wave.data
-        if dialect.named and key in self._names:
-            return
-        self._names[key] = f"T{len(self._names) + 1}"
-        command = dialect.store.format(channel=channel, name=self._names[key])
-        line.say_block(command, wave.data)
+        if key not in self._names:
+            self._names[key] = f"T{len(self._names) + 1}"
+            command = self._dialect.store.format(channel=channel, name=self._names[key])
+            self._line.say_block(command, wave.data)
 
-    def _read_back(self, readings: tuple[ReadBack, ...]) -> None:
+    def _read_back(self) -> None:
         for channel in _CHANNELS:
-            self._compare(readings, channel, "", 0.0)
+            self._compare(self._dialect.channel_readings, channel)
 
     def _compare(
-        self, readings: tuple[ReadBack, ...], channel: int, name: str, volts: float
+        self,
+        readings: tuple[ReadBack, ...],
+        channel: int,
+        wave: Wave | None = None,
+        volts: float | None = None,
     ) -> None:
-        line, _ = self._require_talk()
         for reading in readings:
-            question = self._fill(reading.question, channel, name, volts)
-            required = self._fill(reading.answer, channel, name, volts)
-            answer = line.ask(question)
+            question = self._fill(reading.question, channel, wave, volts)
+            required = self._fill(reading.answer, channel, wave, volts)
+            answer = self._line.ask(question)
             if not matches(required, answer):
                 raise SettingError(f"{question} must answer {required}, got {answer}")
 
-    def _choice(
-        self, wave: Wave, level_vpp: float, slot: _Slot, dialect: Dialect
-    ) -> tuple[Wave, float]:
+    def _choose(self, wave: Wave, level_vpp: float, silence: Wave) -> tuple[Wave, float]:
         """Return what a channel plays and with which amplitude in volts peak-to-peak."""
-        highest_vpp = self._highest_vpp(dialect)
+        dialect = self._dialect
         volts = level_vpp * (wave.peak or 1.0) / self._gain
         if wave.peak == 0.0 or level_vpp == 0.0:
-            return slot.silence, min(max(volts, dialect.least_vpp), highest_vpp)
+            return silence, min(max(volts, dialect.least_vpp), self._highest_vpp)
         if not dialect.least_vpp <= volts <= dialect.most_vpp:
             allowed = f"{dialect.least_vpp:g} to {dialect.most_vpp:g} Vpp at the generator"
             raise rejection(Refusal.BAD_LEVEL, f"{level_vpp:g} Vpp is {volts:g} of {allowed}")
-        return wave, min(volts, highest_vpp)
+        return wave, min(volts, self._highest_vpp)
 
-    def _read_level_vpp(self, channel: int, wave: Wave, volts: float, dialect: Dialect) -> float:
+    def _read_level_vpp(self, channel: int, wave: Wave, volts: float) -> float:
         """Return the level in Vpp at the actuator that the generator says it has set."""
-        line, _ = self._require_talk()
-        answer = line.ask(dialect.amplitude.format(channel=channel))
-        limit_vpp = float(decimals(self._highest_vpp(dialect), dialect.volts_digits, up=True))
+        answer = self._line.ask(self._dialect.amplitude.format(channel=channel))
+        limit_vpp = float(decimals(self._highest_vpp, self._dialect.volts_digits, up=True))
         if not matches(f"{volts!r}", answer) or float(answer) > limit_vpp:
             raise SettingError(f"channel {channel} must have {volts:g} Vpp, got {answer}")
         return float(answer) * self._gain / wave.peak if wave.peak else 0.0

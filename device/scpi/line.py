@@ -147,7 +147,7 @@ class ScpiLine:
 
 
 BITS: Final = 16
-"""Waveforms come with so many bits; a dialect with fewer drops the lowest."""
+"""Resolution of a waveform's codes."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -170,10 +170,10 @@ def encode(codes: CodeArray, dialect: Dialect) -> Wave:
     (0.49998..., [0, 32767, -32767, 0, 0, 0, 0, 0])
     """
     largest = int(np.abs(codes).max(initial=0))
-    stretched = codes * (full_scale(dialect.bits) / largest) if largest else codes
-    rows = np.full(max(codes.size, dialect.shortest_waveform), dialect.zero_code)
-    rows[: codes.size] += np.trunc(stretched).astype(rows.dtype)
-    return Wave(data=rows.astype(dialect.code_type).tobytes(), peak=largest / full_scale(BITS))
+    stretched = np.zeros(max(codes.size, dialect.shortest_waveform), dtype="<i2")
+    if largest:
+        stretched[: codes.size] = np.trunc(codes * (full_scale(BITS) / largest))
+    return Wave(data=stretched.tobytes(), peak=largest / full_scale(BITS))
 
 
 def decimals(volts: float, digits: int, *, up: bool = False) -> str:
