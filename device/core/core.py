@@ -6,7 +6,7 @@ states.py.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
@@ -33,7 +33,7 @@ from device.core.output import Emission, OutputStage
 from device.core.reports import OURS, About, DeviceLimits, Health, Measurement
 from device.core.states import ILLEGAL, TRANSITIONS, State, Step
 from device.core.tokens import Record, Reply, TokenHistory
-from device.driver import LARGEST_TOKEN, FloatArray, Outcome
+from device.driver import LARGEST_TOKEN, Outcome
 from device.errors import WATCHDOG_S, Refusal, rejection
 from device.limits import (
     CodeArray,
@@ -59,7 +59,6 @@ WATCHDOG_US = round(WATCHDOG_S * 1e6)
 HISTORY = 1024
 """Number of tokens a device remembers; exactly once reaches back as far: see `TokenHistory`."""
 
-_RENDERED_AT_MOST = 64
 _ENABLED = (State.LIVE, State.ARMED, State.FIRED)
 
 
@@ -67,7 +66,6 @@ _ENABLED = (State.LIVE, State.ARMED, State.FIRED)
 class _Slot:
     codes: CodeArray
     peaks: tuple[int, int]
-    rendered: dict[Levels, FloatArray] = field(default_factory=dict)
 
 
 class DeviceCore:
@@ -384,7 +382,7 @@ class DeviceCore:
         slot, levels = self._slots[armed.slot], self._levels
         left_mvpp = levels.left_mvpp if slot.peaks[0] else 0
         right_mvpp = levels.right_mvpp if slot.peaks[1] else 0
-        volts = self._render(slot)
+        volts = self.output.render(slot.codes, levels=levels, limits=self.limits)
         self._last = Emission(
             token=armed.token,
             start_us=self._now_us,
@@ -401,12 +399,3 @@ class DeviceCore:
             left_mvpp=left_mvpp,
             right_mvpp=right_mvpp,
         )
-
-    def _render(self, slot: _Slot) -> FloatArray:
-        if self._levels not in slot.rendered:
-            if len(slot.rendered) == _RENDERED_AT_MOST:
-                slot.rendered.clear()
-            slot.rendered[self._levels] = self.output.render(
-                slot.codes, levels=self._levels, limits=self.limits
-            )
-        return slot.rendered[self._levels]

@@ -287,8 +287,5 @@ class HostDriver(BurstDevice):
                 boot_id=self._link.boot_id,
                 host_before_s=now_s,
                 host_after_s=now_s,
-                device_us=0,
-                resolution_s=0.0,
-                retries=0,
             )
         )

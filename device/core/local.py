@@ -90,7 +90,6 @@ class LocalCore:
             host_after_s=after_s,
             device_us=device_us,
             resolution_s=self._resolution_s,
-            retries=0,
         )
 
     def _advance(self) -> int:

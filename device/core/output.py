@@ -112,11 +112,6 @@ class Emission:
     cut_us : int or None
         Device time at which a stop cut the burst short; the samples from there on are zero.
 
-    Raises
-    ------
-    ValueError
-        The arrays are not one-dimensional and of one length, or the rate is not above 0.
-
     Examples
     --------
     >>> volts = np.array([0.0, 90.0, -90.0, 0.0])
@@ -136,14 +131,6 @@ class Emission:
     level_right_vpp: float
     sample_rate_hz: float
     cut_us: int | None = None
-
-    def __post_init__(self) -> None:
-        if self.left_v.ndim != 1 or self.left_v.shape != self.right_v.shape:
-            raise ValueError(
-                f"left_v and right_v must be rows of one length, "
-                f"got shapes {self.left_v.shape} and {self.right_v.shape}"
-            )
-        require_positive("sample_rate_hz", self.sample_rate_hz)
 
     @property
     def duration_us(self) -> int:

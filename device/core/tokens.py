@@ -134,9 +134,9 @@ class Exchange(Generic[Reply]):
     boot_id: int
     host_before_s: float
     host_after_s: float
-    device_us: int
-    resolution_s: float
-    retries: int
+    device_us: int = 0
+    resolution_s: float = 0.0
+    retries: int = 0
 
 
 def delivery(exchange: Exchange[Record]) -> Delivery:

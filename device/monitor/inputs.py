@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Final
 
 from scipy import signal
 
-from device.checks import require_real
 from device.errors import LinkError
 from device.monitor.judge import judge
 from device.monitor.matching import Template
@@ -54,21 +53,10 @@ class Calibration:
     delay_s : tuple of float or None
         From the onset that the driver reports to the one that is heard, left and right; None where
         nobody has measured it, so that no burst is called early or late.
-
-    Raises
-    ------
-    ValueError
-        One is out of range.
     """
 
     per_unit: tuple[float, float]
     delay_s: tuple[float, float] | None = None
-
-    def __post_init__(self) -> None:
-        for value in self.per_unit:
-            require_real("per_unit", abs(value), least=1e-12, most=1e12)
-        for value_s in self.delay_s or ():
-            require_real("delay_s", value_s, least=-1.0, most=1.0)
 
 
 class InputMonitor:

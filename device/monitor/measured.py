@@ -10,9 +10,6 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import TYPE_CHECKING, Final, Protocol
 
-from device.checks import require_positive, require_real
-from device.limits import CHANNELS
-
 if TYPE_CHECKING:
     from device.driver import Delivery, FloatArray
 
@@ -91,12 +88,6 @@ class Tolerances:
     correlation: float = 0.95
     silence: float = 0.2
 
-    def __post_init__(self) -> None:
-        require_real("peak", self.peak, least=0.01, most=0.5)
-        require_real("onset_s", self.onset_s, least=1e-5, most=0.1)
-        require_real("correlation", self.correlation, least=0.5, most=0.9999)
-        require_real("silence", self.silence, least=0.01, most=0.5)
-
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Planned:
@@ -120,13 +111,6 @@ class Planned:
     left: float
     right: float
     burst: tuple[float, float]
-
-    def __post_init__(self) -> None:
-        require_positive("sample_rate_hz", self.sample_rate_hz)
-        for name, peak, full in zip(CHANNELS, self.peaks, self.burst, strict=True):
-            require_positive("burst", full)
-            if peak not in (0, full):
-                raise ValueError(f"{name} must be 0 or that of the burst, {full}; got {peak}")
 
     @property
     def peaks(self) -> tuple[float, float]:

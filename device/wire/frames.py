@@ -17,8 +17,6 @@ from typing import TYPE_CHECKING, Final
 
 from cobs import cobs
 
-from device.checks import require_whole
-
 if TYPE_CHECKING:
     from device.driver import Identity
 
@@ -50,14 +48,6 @@ class Frame:
     kind: int
     sequence: int
     payload: bytes
-
-    def __post_init__(self) -> None:
-        require_whole("kind", self.kind, least=0, most=0xFF)
-        require_whole("sequence", self.sequence, least=0, most=0xFFFF)
-        if len(self.payload) > LONGEST_PAYLOAD:
-            raise ValueError(
-                f"payload must have at most {LONGEST_PAYLOAD} bytes, got {len(self.payload)}"
-            )
 
     def answered(self, payload: bytes) -> Frame:
         """Return the answer to this question."""

@@ -17,7 +17,6 @@ from device.core.messages import (
     Disarm,
     Enable,
     Fire,
-    Levels,
     LoadSlot,
     Message,
     Query,
@@ -92,8 +91,6 @@ class FrameLink:
         self._data_numbers = count(secrets.randbits(16))
         self._window = 1
         self._bits = 16
-        self._ceiling_vpp = 0.0
-        self._levels_vpp = 0.0, 0.0
         self._retries_before = 0
         self._heart: Heart | None = None
         self._resolution_s = resolution_s(clock)
@@ -120,7 +117,6 @@ class FrameLink:
             self._drop()
             raise
         self._bits = identity.bits
-        self._ceiling_vpp = identity.ceiling_vpp
         if isinstance(self._clock, MonotonicClock):
             self._heart = Heart(self.beat)
         return identity
@@ -130,8 +126,6 @@ class FrameLink:
         last_stop = self.requests.last_stop
         self._retries_before = self.requests.retries
         exchange = self._send(message)
-        if isinstance(message, Levels):
-            self._levels_vpp = message.vpp
         if isinstance(message, Enable) and self.requests.last_stop != last_stop:
             self.stop()  # asked for meanwhile, by another thread: a stop has the last word
         return exchange
@@ -261,7 +255,7 @@ class FrameLink:
         before_s = self._clock.now_s()
         answer = self.requests.ask(message, self.boot_id if boot_id is None else boot_id)
         after_s = self._clock.now_s()
-        self._require_done(protocol.kind_of(message), answer, message)
+        self._require_done(protocol.kind_of(message), answer)
         record = self._read_report(message, answer)
         return self._exchange(record, answer.boot_id, before_s, after_s, answer.device_us)
 
@@ -274,21 +268,14 @@ class FrameLink:
             raise LinkError(f"the device's answer to {kind.name} contradicts itself")
         return report
 
-    def _require_done(
-        self, kind: Kind, answer: AnswerPayload, message: Message[Any] | None = None
-    ) -> None:
+    def _require_done(self, kind: Kind, answer: AnswerPayload) -> None:
         if answer.refusal is None:
             return
         if answer.refusal is Refusal.WRONG_BOOT:
             raise RestartedError("the device restarted and forgot everything: open it again")
         if answer.refusal in _OFF_REASONS:
             raise rejection(answer.refusal)
-        detail = f"the device, on {kind.name}"
-        if answer.refusal is Refusal.CEILING:
-            left_vpp, right_vpp = message.vpp if isinstance(message, Levels) else self._levels_vpp
-            ceiling = f"its ceiling {self._ceiling_vpp:g} Vpp"
-            detail += f": {left_vpp:g} and {right_vpp:g} Vpp, {ceiling}"
-        raise rejection(answer.refusal, detail)
+        raise rejection(answer.refusal, f"the device, on {kind.name}")
 
     def _unknown(self, token: int, before_s: float) -> Exchange[Record]:
         return self._exchange(
