@@ -15,10 +15,11 @@ from device.commands.options import emulator_options, require_together, usage
 from device.printing import echo
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Callable, Iterator
 
     from device.emulate.emulator import Emulator, Nature
     from device.emulate.faults import Faults
+    from device.emulate.generator import GeneratorEmulator
     from device.emulate.lines import Line
 
 
@@ -62,15 +63,25 @@ def emulate(
     The first line of output names the port to open. The emulator runs until Ctrl-C or SIGTERM. The
     options from --baud to --adc apply to the emulated tactstrip device, not to a --generator.
     """
+    from device.emulate.lines import PtyLine, TcpLine
+
     if on_pty and tcp_port is not None:
         raise click.UsageError("--pty and --tcp exclude each other.", ctx)
     require_together(ctx)
-    with usage(ctx), _until_signal(), _open_truth_file(truth_file) as truth:
+    path = truth_file or Path(os.devnull)
+    with usage(ctx), _until_signal(), path.open("a", encoding="utf-8") as truth:
         faults = _faults(script, seed)
-        if generator is not None:
-            _run_generator(tcp_port, truth, faults, amplifier_gain)
-        else:
-            _run_device(tcp_port, truth, faults, _nature(**device), switch_stdin=switch_stdin)
+        make_emulator = (
+            _generator(truth, faults, amplifier_gain)
+            if generator is not None
+            else _device(truth, faults, **device)
+        )
+        line = PtyLine() if tcp_port is None else TcpLine(tcp_port)
+        emulator = make_emulator(line)
+        _print_port(line.name, "serial" if generator is None else "generator")
+        if switch_stdin:
+            threading.Thread(target=_read_switch, args=(emulator,), daemon=True).start()
+        emulator.run()
 
 
 def _faults(script: str, seed: int) -> Faults:
@@ -79,6 +90,26 @@ def _faults(script: str, seed: int) -> Faults:
     from device.emulate.faults import Faults, FaultScript
 
     return Faults(FaultScript.parse(script), np.random.default_rng(seed))
+
+
+def _generator(
+    truth: IO[str], faults: Faults, amplifier_gain: float
+) -> Callable[[Line], GeneratorEmulator]:
+    """Return what makes an emulated generator on a line."""
+    from device.checks import require_positive
+    from device.emulate.generator import GeneratorEmulator
+
+    require_positive("amplifier_gain", amplifier_gain)
+    return lambda line: GeneratorEmulator(line, truth, amplifier_gain=amplifier_gain, faults=faults)
+
+
+def _device(truth: IO[str], faults: Faults, **device: Any) -> Callable[[Line], Emulator]:
+    """Return what makes an emulated device on a line."""
+    from device.clock import MonotonicClock
+    from device.emulate.emulator import Emulator, Truth
+
+    nature = _nature(**device)
+    return lambda line: Emulator(line, nature, faults, Truth(truth), MonotonicClock())
 
 
 def _nature(
@@ -113,20 +144,6 @@ def _nature(
     )
 
 
-def _run_device(
-    tcp_port: int | None, truth: IO[str], faults: Faults, nature: Nature, *, switch_stdin: bool
-) -> None:
-    from device.clock import MonotonicClock
-    from device.emulate.emulator import Emulator, Truth
-
-    line = _line(tcp_port)
-    emulator = Emulator(line, nature, faults, Truth(truth), MonotonicClock())
-    _print_port(line, "serial")
-    if switch_stdin:
-        threading.Thread(target=_read_switch, args=(emulator,), daemon=True).start()
-    emulator.run()
-
-
 def _read_switch(emulator: Emulator) -> None:
     """Move the switch by lines on standard input."""
     rest = b""
@@ -145,45 +162,16 @@ _MIN_INTERVAL_S = 0.005
 """The shortest time between two bursts, as in the mock device."""
 
 
-def _run_generator(
-    tcp_port: int | None, truth: IO[str], faults: Faults, amplifier_gain: float
-) -> None:
-    from device.checks import require_positive
-    from device.emulate.generator import GeneratorEmulator
-
-    require_positive("amplifier_gain", amplifier_gain)
-    line = _line(tcp_port)
-    emulator = GeneratorEmulator(line, truth, amplifier_gain=amplifier_gain, faults=faults)
-    _print_port(line, "generator")
-    try:
-        emulator.run()
-    finally:
-        line.close()
-
-
-def _print_port(line: Line, driver: str) -> None:
+def _print_port(port: str, driver: str) -> None:
     """Print the port alone on the first line, for programs, and below it how to use it."""
-    echo(line.name)
-    options = f"--driver {driver} --port {line.name}"
+    echo(port)
+    options = f"--driver {driver} --port {port}"
     echo(
         f"Use it in another terminal: tactstrip check STUDY --device {options}",
         f"or: tactstrip run STUDY --participant ID --practice-without-device {options}",
         "Ctrl-C ends the emulator.",
         err=True,
     )
-
-
-def _line(tcp_port: int | None) -> Line:
-    from device.emulate.lines import PtyLine, TcpLine
-
-    return PtyLine() if tcp_port is None else TcpLine(tcp_port)
-
-
-@contextlib.contextmanager
-def _open_truth_file(truth_file: Path | None) -> Iterator[IO[str]]:
-    """Open the truth file for appending."""
-    with Path(truth_file or os.devnull).open("a", encoding="utf-8") as truth:
-        yield truth
 
 
 @contextlib.contextmanager

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, fields
-from typing import TYPE_CHECKING, Any, Final
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final, Self
 
 import numpy as np
 
 from device.checks import require_real
 from device.core.reports import UNIT_AT, Health, Measurement
+from device.emulate.faults import parse_settings
 
 if TYPE_CHECKING:
     from device.core.output import Emission
@@ -47,8 +48,7 @@ class Adc:
     'current'
     >>> Adc.parse("tap=ear")
     Traceback (most recent call last):
-    ValueError: adc must be of tap, gain, delay_us, loss, noise, each once as name=value, with tap
-    one of line, amplifier, current, motion; got 'tap=ear'
+    ValueError: adc tap must be one of line, amplifier, current, motion; got 'ear'
     """
 
     tap: str = "amplifier"
@@ -58,26 +58,17 @@ class Adc:
     noise: float = 0.0
 
     def __post_init__(self) -> None:
+        if self.tap not in UNIT_AT:
+            raise ValueError(f"adc tap must be one of {', '.join(UNIT_AT)}; got {self.tap!r}")
         require_real("gain", self.gain, least=0.0, most=1000.0)
         require_real("delay_us", self.delay_us, least=0.0, most=1e6)
         require_real("loss", self.loss, least=0.0, most=1.0)
         require_real("noise", self.noise, least=0.0, most=1e6)
 
     @classmethod
-    def parse(cls, text: str) -> Adc:
+    def parse(cls, text: str) -> Self:
         """Return the input that a text states."""
-        names = [field.name for field in fields(cls)]
-        values: dict[str, Any] = {}
-        for setting in filter(None, (setting.strip() for setting in text.split(","))):
-            name, _, value = setting.partition("=")
-            number = _tap(value) if name == "tap" else _number(value)
-            if name not in names or name in values or number is None:
-                raise ValueError(
-                    f"adc must be of {', '.join(names)}, each once as name=value, with tap one of "
-                    f"{', '.join(UNIT_AT)}; got {setting!r}"
-                )
-            values[name] = number
-        return cls(**values)
+        return cls(**parse_settings("adc", text, cls))
 
     def seen(self, burst: Emission, *, connected: bool, rng: np.random.Generator) -> Measurement:
         """Return what is measured of a burst: nothing, behind a switch that is open."""
@@ -101,18 +92,6 @@ class Adc:
             correlation_left=correlations[0],
             correlation_right=correlations[1],
         )
-
-
-def _tap(text: str) -> str | None:
-    return text if text in UNIT_AT else None
-
-
-def _number(text: str) -> float | None:
-    try:
-        number = float(text)
-    except ValueError:
-        return None
-    return number if math.isfinite(number) else None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -9,7 +9,6 @@ from __future__ import annotations
 import base64
 import json
 import secrets
-import signal
 import zlib
 from dataclasses import dataclass, field, replace
 from typing import IO, TYPE_CHECKING, Final
@@ -209,16 +208,13 @@ class Emulator:
         self._endpoint = self._power_up()
 
     def run(self) -> None:
-        """Serve until SIGINT or SIGTERM asks for the end; the outputs are at zero then."""
-        for number in (signal.SIGINT, signal.SIGTERM):  # also where the shell had it ignored
-            signal.signal(number, signal.default_int_handler)
+        """Serve until an exception, such as KeyboardInterrupt; the outputs are at zero then."""
         try:
             while True:
                 awake = self._endpoint.core.state in _AWAKE
                 self.turn(min(TICK_S if awake else _IDLE_TICK_S, self.due_in_s))
-        except KeyboardInterrupt:
-            self._lose_host("end")
         finally:
+            self._lose_host("end")
             self._line.close()
 
     def turn(self, timeout_s: float) -> None:

@@ -10,7 +10,7 @@ import math
 import re
 from dataclasses import dataclass, fields
 from enum import StrEnum
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final, Self
 
 import numpy as np
 
@@ -86,28 +86,38 @@ class FaultScript:
             most = {"disconnect_at": math.inf} | dict.fromkeys(_SECONDS, _LONGEST_S)
             require_real(field.name, value, least=0.0, most=most.get(field.name, 1.0))
 
-    @staticmethod
-    def parse(text: str) -> FaultScript:
+    @classmethod
+    def parse(cls, text: str) -> Self:
         """Return the script that a text states; an empty one has no fault.
 
         >>> FaultScript.parse("drops=0.01")
         Traceback (most recent call last):
         ValueError: faults must be of drop, corrupt, duplicate, delay, stall, reset, disconnect,
-        delay_s, stall_s, disconnect_at, each once as name=number; got 'drops=0.01'
+        delay_s, stall_s, disconnect_at, each once as name=value; got 'drops=0.01'
         """
-        names = [field.name for field in fields(FaultScript)]
-        values: dict[str, float] = {}
-        for setting in filter(None, (setting.strip() for setting in text.split(","))):
-            name, _, number = setting.partition("=")
-            try:
-                value = float(number)
-            except ValueError:
-                value = math.nan
-            if name not in names or name in values or math.isnan(value):
-                rule = f"of {', '.join(names)}, each once as name=number"
-                raise ValueError(f"faults must be {rule}; got {setting!r}")
+        return cls(**parse_settings("faults", text, cls))
+
+
+def parse_settings(subject: str, text: str, settings: type) -> dict[str, Any]:
+    """Return the fields of a dataclass that a text states, as name=value with commas between.
+
+    What is no number is returned as it is, for the dataclass to refuse or take.
+
+    >>> parse_settings("faults", "drop=0.01,delay_s=soon", FaultScript)
+    {'drop': 0.01, 'delay_s': 'soon'}
+    """
+    names = [field.name for field in fields(settings)]
+    values: dict[str, Any] = {}
+    for setting in filter(None, map(str.strip, text.split(","))):
+        name, _, value = setting.partition("=")
+        if name not in names or name in values:
+            rule = f"of {', '.join(names)}, each once as name=value"
+            raise ValueError(f"{subject} must be {rule}; got {setting!r}")
+        try:
+            values[name] = float(value)
+        except ValueError:
             values[name] = value
-        return FaultScript(**values)
+    return values
 
 
 class Faults:

@@ -288,9 +288,12 @@ class GeneratorEmulator:
         self._was = (False, False)
 
     def run(self) -> None:
-        """Serve until the process ends."""
-        while True:
-            self.turn()
+        """Serve until an exception, such as KeyboardInterrupt."""
+        try:
+            while True:
+                self.turn()
+        finally:
+            self._line.close()
 
     def turn(self) -> None:
         """Do what is due, for one tick."""
