@@ -8,7 +8,6 @@ from __future__ import annotations
 import contextlib
 import secrets
 import zlib
-from itertools import count
 from typing import TYPE_CHECKING, Any, Final
 
 from device.clock import Clock, MonotonicClock, resolution_s
@@ -32,7 +31,6 @@ from device.wire.requests import (
     RequestChannel,
     RestartedError,
     UnansweredError,
-    framed,
     read_answer,
 )
 from device.wire.upload import Begin, Commit, data_of, octets_of
@@ -40,14 +38,9 @@ from device.wire.upload import Begin, Commit, data_of, octets_of
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from device.core.reports import DeviceLimits
     from device.core.states import State
     from device.driver import Identity
 
-_AHEAD_S: Final = 0.1
-"""So much of the line's time may DATA take that are under way."""
-
-_LONGEST_DATA_FRAME: Final = 57
 _MAX_LATE: Final = 12
 """A busy machine takes its time too: so often, at least, it is not busy once."""
 
@@ -88,8 +81,6 @@ class FrameLink:
             answer_within_s=answer_within_s or line.answer_within_s,
             response_timeout_s=line.response_timeout_s,
         )
-        self._data_numbers = count(secrets.randbits(16))
-        self._window = 1
         self._bits = 16
         self._retries_before = 0
         self._heart: Heart | None = None
@@ -112,7 +103,7 @@ class FrameLink:
         self.requests.connect(self._open_channel())
         try:
             identity = self._greet()
-            self._window = self._fitting(self._ask_limits().data_window)
+            self._require_speed()
         except LinkError:
             self._drop()
             raise
@@ -190,11 +181,9 @@ class FrameLink:
     def _upload(self, message: LoadSlot) -> Exchange[Any]:
         octets = octets_of(message, self._bits)
         self._done(Begin(slot=message.slot, samples=int(message.left.size)))
-        pieces = data_of(octets, self.requests.number & 0xFFFF)
         boot_id = self.boot_id
-        frames = (framed(piece, next(self._data_numbers), boot_id) for piece in pieces)
-        for answer in self.requests.send_pieces(frames, window=self._window):
-            self._require_done(Kind.DATA, answer)
+        for piece in data_of(octets, self.requests.number & 0xFFFF):
+            self._done(piece, boot_id)
         return self._done(Commit(slot=message.slot, crc=zlib.crc32(octets)))
 
     def _drop(self) -> None:
@@ -232,23 +221,18 @@ class FrameLink:
 
     # A question that is sent again before its answer comes is the next one's delay: on a slow line
     # every answer is late, while on a bad line some are in time.
-    def _ask_limits(self) -> DeviceLimits:
-        """Return the device's limits, or refuse a line on which no answer comes in time."""
-        within_s = self._line.answer_within_s
+    def _require_speed(self) -> None:
+        """Refuse a line on which no answer comes in time."""
         with contextlib.suppress(UnansweredError):
             for _ in range(_MAX_LATE):
                 n_retries = self.requests.retries
-                limits = self._done(AskLimits()).record
+                self._done(AskLimits())
                 if self.requests.retries == n_retries:
-                    return limits
+                    return
         raise LinkError(
             f"the line is slower than device.baud = {self._line.baud}: no answer came within "
-            f"{within_s * 1e3:.0f} ms; see docs/howto/no-answer.md"
+            f"{self._line.answer_within_s * 1e3:.0f} ms; see docs/howto/no-answer.md"
         )
-
-    def _fitting(self, window: int) -> int:
-        """Return how many DATA may be under way, lest a beat or a stop has to wait for them."""
-        return max(1, min(window, int(_AHEAD_S * self._line.baud / 10 / _LONGEST_DATA_FRAME)))
 
     def _done(self, message: Message[Reply], boot_id: int | None = None) -> Exchange[Reply]:
         """Have a message done by one power cycle, the one last heard of, and return both."""

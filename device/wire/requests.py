@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import contextlib
 import secrets
-from itertools import count, islice
+from itertools import count
 from threading import Lock
 from typing import TYPE_CHECKING, Any, Final, TypeVar
 
@@ -19,7 +19,7 @@ from device.wire.frames import MAKER, QUESTION, Decoder, Frame, encode
 from device.wire.protocol import AnswerPayload, Hello, Kind
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator
+    from collections.abc import Callable
 
     from device.clock import Clock
     from device.wire.channels import Channel
@@ -164,35 +164,6 @@ class RequestChannel:
             if isinstance(message, Enable):
                 raise rejection(Refusal.SAFE_STATE, "a stop came meanwhile")
         raise LinkError("the device takes every question for an old one: open it again")
-
-    # Pieces may arrive in any order and any number of times. What is unanswered when nothing came
-    # for as long as an answer may take is sent again: a lost piece costs that time, and no clock
-    # has to tell which of them it was.
-    def send_pieces(self, frames: Iterable[Frame], *, window: int) -> Iterator[AnswerPayload]:
-        """Send frames until each is answered, `window` unanswered at a time at most."""
-        waiting = iter(frames)
-        unanswered: dict[int, Frame] = {}
-        heard_s = sent_s = self._clock.now_s()
-        while True:
-            self.confirm_stops()
-            due = list(islice(waiting, window - len(unanswered)))
-            unanswered |= {frame.sequence: frame for frame in due}
-            if not unanswered:
-                return
-            if self._clock.now_s() >= sent_s + self._answer_within_s:
-                self.retries += len(unanswered) - len(due)
-                due = list(unanswered.values())
-            if due:
-                self._write(b"".join(map(encode, due)))
-                sent_s = self._clock.now_s()
-            late_s = sent_s + self._answer_within_s - self._clock.now_s()
-            for frame in self._read_frames(max(late_s, 0.0)):
-                is_data = frame.kind == Kind.DATA | protocol.ANSWER
-                if is_data and unanswered.pop(frame.sequence, None) is not None:
-                    heard_s = sent_s = self._clock.now_s()
-                    yield self._accept(frame)
-            if self._clock.now_s() > heard_s + self._response_timeout_s:
-                raise _unanswered(Kind.DATA, self._response_timeout_s)
 
     def plain_answer(self, within_s: float) -> str:
         """Ask in plain text who is there; see `plain_answer`."""
