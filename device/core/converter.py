@@ -304,18 +304,18 @@ class HostedCore(LocalCore):
 
 
 class ConverterDevice(HostDriver):
-    """A `BurstDevice` around a converter; see `converter_device`."""
+    """A `BurstDevice` around its `converter`; see `converter_device`."""
 
     def __init__(self, converter: Converter, *, limits: Limits, clock: Clock) -> None:
         reachable_vpp = min(limits.ceiling_vpp, 2 * converter.full_scale_v)
         reachable = replace(limits, ceiling_vpp=reachable_vpp)
-        self._converter = converter
+        self.converter = converter
         super().__init__(HostedCore(converter, clock, reachable), limits=reachable, clock=clock)
 
     @property
     def cannot(self) -> tuple[str, ...]:
         """What the converter says that it cannot promise."""
-        return tuple(self._converter.cannot)
+        return tuple(self.converter.cannot)
 
 
 def converter_device(converter: Converter, *, limits: Limits, clock: Clock) -> ConverterDevice:

@@ -126,7 +126,11 @@ class ChannelState:
 
 
 _LONGEST: Final = 2**22
-_DIGITS: Final = b"0123456789"
+_SIZES: Final = b"|".join(rb"%d[0-9]{%d}" % (n_digits, n_digits) for n_digits in range(1, 10))
+_BLOCK: Final = re.compile(rb"#(?:%b)" % _SIZES)
+"""What stands before the content of a block: the number of digits of its size, and the size."""
+_TEXT: Final = re.compile(rb"""(?:"[^"\n]*"?|[^;\n"#]|(?!%b)#)*""" % _BLOCK.pattern)
+"""A unit up to a block or its end; neither a block nor an end is in quotes."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -170,44 +174,26 @@ class Reader:
 
     def _line(self) -> list[Unit] | None:
         """Take the next line from what waits; None while it is incomplete."""
-        units, begin, at, quoted = [], 0, 0, False
-        content: bytes | None = None
-        head = b""
-        while at < len(self._waiting):
-            sign = self._waiting[at : at + 1]
-            if sign == b"#" and not quoted:
-                span = self._block(at)
-                if span is None:
-                    return None
-                if span[1] > span[0]:
-                    head, content = self._waiting[begin:at], self._waiting[span[0] : span[1]]
-                    at = span[1]
-                    continue
-            quoted ^= sign == b'"'
-            if sign == b"\n" or (sign == b";" and not quoted):
-                text = head if content is not None else self._waiting[begin:at]
-                units += _unit(text, content)
-                begin, content = at + 1, None
-                if sign == b"\n":
-                    self._waiting = self._waiting[begin:]
-                    return units
-            at += 1
-        return None
+        waiting, units, begin = self._waiting, list[Unit](), 0
+        while True:
+            at, content = _end_of_text(waiting, begin), None
+            text = waiting[begin:at]
+            if block := _BLOCK.match(waiting, at):
+                at = block.end() + int(block[0][2:])
+                content = waiting[block.end() : at]
+                at = _end_of_text(waiting, at)
+            if at >= len(waiting):
+                return None
+            units += _unit(text, content)
+            begin = at + 1
+            if waiting[at:begin] == b"\n":
+                self._waiting = waiting[begin:]
+                return units
 
-    def _block(self, at: int) -> tuple[int, int] | None:
-        """Return where the content of a block begins and ends; None while it is incomplete."""
-        count = self._waiting[at + 1 : at + 2]
-        if not count:
-            return None
-        if count not in _DIGITS or count == b"0":
-            return at, at
-        begin = at + 2 + int(count)
-        size = self._waiting[at + 2 : begin]
-        if not size.isdigit() and len(size) == int(count):
-            return at, at
-        if len(size) < int(count) or len(self._waiting) <= begin + int(size):
-            return None
-        return begin, begin + int(size)
+
+def _end_of_text(waiting: bytes, at: int) -> int:
+    match = _TEXT.match(waiting, at)
+    return at if match is None else match.end()
 
 
 def _unit(text: bytes, content: bytes | None) -> list[Unit]:

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from device.clock import Clock
     from device.driver import Delivery, FloatArray
     from device.monitor.matching import TemplateMatch
+    from device.sound.audio import AudioConverter
     from device.sound.recorder import Recorder
     from device.sound.stream import Stream
 
@@ -78,10 +79,8 @@ class InputMonitor:
         What the record says of the inputs.
     connect : callable or None
         Opens the stream of the inputs; None if the driver's stream has them.
-    played : callable or None
-        Returns the frame at which the driver's last burst began, if both share a stream.
-    renew : callable or None
-        Opens the driver's stream anew.
+    card : AudioConverter or None
+        The driver's sound card, if the inputs are its own.
     """
 
     def __init__(
@@ -94,8 +93,7 @@ class InputMonitor:
         tolerances: Tolerances,
         source: str,
         connect: Callable[[Recorder], Stream] | None = None,
-        played: Callable[[], int | None] | None = None,
-        renew: Callable[[], None] | None = None,
+        card: AudioConverter | None = None,
     ) -> None:
         self.tap = tap
         self.source = source
@@ -104,8 +102,7 @@ class InputMonitor:
         self._calibration = calibration
         self._tolerances = tolerances
         self._connect = connect
-        self._played = played
-        self._renew = renew
+        self._card = card
         self._listened = False
         self._stream: Stream | None = None
         self._first = self._gaps = self._over = 0
@@ -124,8 +121,8 @@ class InputMonitor:
         """
         self._over = 0
         self._recorder.release()
-        if self._listened and self._renew is not None:
-            self._renew()
+        if self._listened and self._card is not None:
+            self._card.renew()
         self._listened = True
         if self._connect is not None:
             self.close()
@@ -183,7 +180,7 @@ class InputMonitor:
         rate_hz = recorder.sample_rate_hz
         delay_s = self._calibration.delay_s
         later_s = MAX_DELAY_S if delay_s is None else SEARCHED_S + max(delay_s)
-        began = None if self._played is None else self._played()
+        began = None if self._card is None else self._card.first_frame
         give_up_s = self._clock.now_s() + _TIMEOUT_S + later_s + len(template.shape) / rate_hz
         waited_from = recorder.frames
         while not self._heard_all(len(template.shape), began, onset_s, later_s):
@@ -222,7 +219,7 @@ class InputMonitor:
         reported_s = (delivery.host_before_s + delivery.host_after_s) / 2
         frames = [self._first + match.onset for match in matches]
         times = [self._recorder.time_of(frame) for frame in frames]
-        began = None if self._played is None else self._played()
+        began = None if self._card is None else self._card.first_frame
         delay_s = self._calibration.delay_s
         late_s = [
             (at_s - reported_s if began is None else (frame - began) / rate_hz) - channel_delay_s

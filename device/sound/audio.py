@@ -16,7 +16,7 @@ from device.core.messages import full_scale
 from device.driver import Outcome
 from device.errors import LinkError
 from device.sound.player import Player, SoundBurst
-from device.sound.stream import Callback, Stream, open_duplex, open_stream
+from device.sound.stream import Callback, Stream, open_duplex, open_stream, output_latency_s
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -114,7 +114,7 @@ class AudioConverter(Converter):
     def play(self, left_v: FloatArray, right_v: FloatArray) -> Played:
         """Give a burst to the card, and wait until it must have been heard."""
         began_s = self._clock.now_s()
-        latency_s = 0.0 if self._stream is None else self._stream.latency
+        latency_s = 0.0 if self._stream is None else output_latency_s(self._stream)
         scale = full_scale(BITS) / self.full_scale_v
         frames = np.rint(np.array((left_v, right_v)).T * scale).astype(np.int16)
         burst = self._player.play(frames, latency_s)
@@ -151,45 +151,6 @@ def outcome_of(burst: SoundBurst) -> Outcome:
     return Outcome.INDETERMINATE
 
 
-class AudioDevice(ConverterDevice):
-    """A `BurstDevice` that is a sound card with an amplifier behind it.
-
-    Attributes
-    ----------
-    recorder : Recorder or None
-        What hears the inputs of the same card, on one clock with its outputs.
-
-    Examples
-    --------
-    >>> from device.clock import VirtualClock
-    >>> from device.limits import Limits
-    >>> device = audio_device("no such card", limits=Limits(ceiling_vpp=200.0),
-    ...                       clock=VirtualClock(), volts_full_scale=110.0, sample_rate_hz=48e3)
-    >>> device.cannot[2]
-    'cut short what the sound card was given already'
-    """
-
-    def __init__(
-        self,
-        converter: AudioConverter,
-        *,
-        limits: Limits,
-        clock: Clock,
-        recorder: Recorder | None = None,
-    ) -> None:
-        super().__init__(converter, limits=limits, clock=clock)
-        self._card = converter
-        self.recorder = recorder
-
-    def renew(self) -> None:
-        """Open the stream anew between two bursts; nothing else changes."""
-        self._card.renew()
-
-    def played(self) -> int | None:
-        """Return the frame of the stream at which the last burst began; None if none did."""
-        return self._card.first_frame
-
-
 def audio_device(
     port: str,
     *,
@@ -198,13 +159,20 @@ def audio_device(
     volts_full_scale: float,
     sample_rate_hz: float,
     recorder: Recorder | None = None,
-) -> AudioDevice:
+) -> ConverterDevice:
     """Return the driver of a sound card; nothing is opened yet.
 
     The port is the sound card's name, or a part of it that no other has, as `sounddevice` lists
     them. `volts_full_scale` is a measured calibration: volts at the actuator, to both sides, for
     the largest sample. With a recorder the card's inputs are opened beside its outputs, as one
     stream.
+
+    >>> from device.clock import VirtualClock
+    >>> from device.limits import Limits
+    >>> device = audio_device("no such card", limits=Limits(ceiling_vpp=200.0),
+    ...                       clock=VirtualClock(), volts_full_scale=110.0, sample_rate_hz=48e3)
+    >>> device.cannot[2]
+    'cut short what the sound card was given already'
     """
 
     def open_card(callback: Callback) -> Stream:
@@ -220,4 +188,4 @@ def audio_device(
         card=port,
         recorder=recorder,
     )
-    return AudioDevice(converter, limits=limits, clock=clock, recorder=recorder)
+    return ConverterDevice(converter, limits=limits, clock=clock)

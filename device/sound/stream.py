@@ -43,8 +43,8 @@ class Stream(Protocol):
         """Whether the callback is being called."""
 
     @property
-    def latency(self) -> float:
-        """Seconds from callback to output, as PortAudio knows it."""
+    def latency(self) -> Any:
+        """Seconds that PortAudio states; of a stream of inputs and outputs a pair."""
 
     def close(self) -> None:
         """End it."""
@@ -80,7 +80,7 @@ def open_duplex(
 
     inputs = max(recorder.channels)
     try:
-        stream = _started(
+        stream: Stream = _started(
             "Stream",
             card,
             samplerate=sample_rate_hz,
@@ -95,29 +95,14 @@ def open_duplex(
             f"{error}; it must have {inputs} inputs, as monitor.inputs has them, and {CHANNELS} "
             "outputs"
         ) from error
-    recorder.latency_s = float(stream.latency[0])
-    return _Duplex(stream)
+    recorder.latency_s = stream.latency[0]
+    return stream
 
 
-class _Duplex:
-    """A stream of outputs and inputs, as one of outputs: PortAudio reports both latencies of it."""
-
-    def __init__(self, stream: Any) -> None:
-        self._stream = stream
-
-    @property
-    def active(self) -> bool:
-        """Whether the callback is being called."""
-        return bool(self._stream.active)
-
-    @property
-    def latency(self) -> float:
-        """Seconds from callback to output."""
-        return float(self._stream.latency[1])
-
-    def close(self) -> None:
-        """End it."""
-        self._stream.close()
+def output_latency_s(stream: Stream) -> float:
+    """Return the seconds from callback to output; a stream with inputs has their latency, too."""
+    latency = stream.latency
+    return float(latency[1] if isinstance(latency, tuple) else latency)
 
 
 def open_inputs(recorder: Recorder, *, card: str) -> Stream:

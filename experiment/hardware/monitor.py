@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from device.core.converter import ConverterDevice
 from device.core.host import HostDriver
 from device.errors import LinkError, SoundCardError
 from experiment.study.stimulus import drive_samples
@@ -57,8 +58,8 @@ def make_monitor(
     if recorder is None:
         recorder = Recorder(clock, settings.record_rate_hz, channels=settings.inputs)
         card, shared["connect"] = settings.sound_card or "default", partial(_open_inputs, settings)
-    else:
-        shared |= {name: getattr(device, name, None) for name in ("played", "renew")}
+    elif isinstance(device, ConverterDevice):
+        shared["card"] = device.converter
     return InputMonitor(recorder, clock, source=f"inputs of the sound card {card}", **shared)
 
 

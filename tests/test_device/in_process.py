@@ -20,7 +20,7 @@ from device.core.host import HostDriver
 from device.emulate.emulator import TICK_S, Emulator, Nature, Truth
 from device.emulate.faults import Faults, FaultScript
 from device.scpi.generator import GeneratorConverter
-from device.sound.audio import AudioConverter, AudioDevice
+from device.sound.audio import AudioConverter
 from device.sound.recorder import Recorder
 from device.wire.channels import BEAT_EVERY_S
 from device.wire.endpoint import Endpoint
@@ -285,7 +285,7 @@ def recorder_on(clock: Clock) -> Recorder:
     return Recorder(clock, 48_000.0)
 
 
-def audio_on(card: SoundCard, limits: Limits = LIMITS) -> AudioDevice:
+def audio_on(card: SoundCard, limits: Limits = LIMITS) -> ConverterDevice:
     recorder = card.recorder if isinstance(card, LoopCard) else None
     converter = AudioConverter(
         card.connect,
@@ -295,7 +295,7 @@ def audio_on(card: SoundCard, limits: Limits = LIMITS) -> AudioDevice:
         card="card",
         recorder=recorder,
     )
-    return AudioDevice(converter, limits=limits, clock=card, recorder=recorder)
+    return ConverterDevice(converter, limits=limits, clock=card)
 
 
 class RecordedLine:

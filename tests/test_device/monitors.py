@@ -6,9 +6,10 @@ import math
 from typing import TYPE_CHECKING
 
 from device import Outcome
+from device.core.converter import ConverterDevice
 from device.monitor.inputs import Calibration, InputMonitor
 from device.monitor.measured import Tap, Tolerances
-from device.sound.audio import AudioDevice
+from device.sound.audio import AudioConverter
 from tests.test_device.bursts import BURST, play, ready
 from tests.test_device.in_process import LoopCard, audio_on
 from tests.test_device.loops import DELAY, FULL_SCALE_V, LEVEL_VPP, SIDES, planned
@@ -33,7 +34,8 @@ def monitor_of(
     tolerances: dict[str, float],
 ) -> InputMonitor:
     """Return the monitor of a sound card; `connect` opens inputs that are not its own."""
-    assert isinstance(device, AudioDevice)
+    assert isinstance(device, ConverterDevice)
+    assert isinstance(device.converter, AudioConverter)
     return InputMonitor(
         recorder,
         clock,
@@ -44,8 +46,7 @@ def monitor_of(
         tolerances=Tolerances(**tolerances),
         source="loop",
         connect=connect,
-        played=None if connect else device.played,
-        renew=None if connect else device.renew,
+        card=None if connect else device.converter,
     )
 
 
