@@ -178,8 +178,8 @@ class Reader:
         while True:
             at, content = _end_of_text(waiting, begin), None
             text = waiting[begin:at]
-            if block := _BLOCK.match(waiting, at):
-                at = block.end() + int(block[0][2:])
+            while block := _BLOCK.match(waiting, at):
+                text, at = waiting[begin:at], block.end() + int(block[0][2:])
                 content = waiting[block.end() : at]
                 at = _end_of_text(waiting, at)
             if at >= len(waiting):
