@@ -37,6 +37,8 @@ HOSTED = {
     "test_without_a_heartbeat_the_output_goes_to_zero_within_half_a_second": "it has no watchdog",
 }
 """Which part of the contract a device whose core is in the host cannot keep, and why."""
+STOOD_STILL = pytest.StashKey["Callable[[], bool]"]()
+"""Of a test: whether the machine had no time for host or device."""
 LONG, SHORT = 4, 5
 """Slots of a long and a short burst."""
 
@@ -151,6 +153,7 @@ class DeviceContract:
             playing = WAITS if "playing" in request.node.name else None
             if reason := HOSTED.get(request.function.__name__, playing):
                 pytest.skip(reason)
+        request.node.stash[STOOD_STILL] = made.stood_still
         identity = made.device.open()
         longest = min(made.longest, identity.longest_waveform)
         yield replace(made, rate_hz=identity.sample_rate_hz, longest=longest)

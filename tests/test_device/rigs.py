@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import json
+import time
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Final, TypeAlias
 
@@ -21,6 +22,8 @@ from device import (
     MonotonicClock,
     Outcome,
     Played,
+    Refusal,
+    RefusedError,
     State,
     VirtualClock,
     converter_device,
@@ -38,6 +41,9 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from numpy.typing import NDArray
+
+    from device.core.messages import Message
+    from device.core.tokens import Exchange, Reply
 
     MakeRig: TypeAlias = Callable[[pytest.FixtureRequest], "Rig"]
     Rigs: TypeAlias = dict[str, MakeRig]
@@ -71,6 +77,8 @@ class Rig:
     """As long as a host may be idle: where it can be waited for, an hour."""
     time_to_live_s: float = 0.1
     """Long enough for any machine to fire within."""
+    stood_still: Callable[[], bool] = lambda: False
+    """Whether the machine had no time for host or device."""
 
     def came_out(self, *tokens: int) -> tuple[Emission, ...]:
         """Return all bursts, which are those of `tokens`; nothing where they cannot be read."""
@@ -83,9 +91,48 @@ class Rig:
         return emissions if all(emission.left_v.size for emission in emissions) else ()
 
 
-def link_to(port: str) -> FrameLink:
-    clock = MonotonicClock()
-    return FrameLink(lambda: open_channel(port, clock), clock)
+class WatchedLink(FrameLink):
+    """A link that notes if the machine stood still: a beat or an answer came much too late.
+
+    Beats are due every 0.1 s, and a local line answers in milliseconds. A device that heard nothing
+    for 0.5 s stops, so that a test may fail on a machine that had no time for its processes.
+    """
+
+    late_s = 0.25
+
+    def __init__(self, port: str) -> None:
+        clock = MonotonicClock()
+        super().__init__(lambda: open_channel(port, clock), clock)
+        self.stood_still = self.is_silent = False
+        self._beat_s: float | None = None
+
+    def beat(self) -> None:
+        super().beat()
+        self._note(self._beat_s)
+        self._beat_s = time.monotonic()
+
+    def silence(self) -> None:
+        """End the heartbeat."""
+        assert self._heart is not None
+        self.is_silent = True
+        self._heart.end()
+
+    def _done(self, message: Message[Reply], boot_id: int | None = None) -> Exchange[Reply]:
+        began_s = time.monotonic()
+        try:
+            return super()._done(message, boot_id)
+        except RefusedError as error:
+            self.stood_still |= error.code is Refusal.WATCHDOG_STOP and not self.is_silent
+            raise
+        finally:
+            self._note(began_s)
+
+    def _drop(self) -> None:
+        super()._drop()
+        self._beat_s = None
+
+    def _note(self, since_s: float | None) -> None:
+        self.stood_still |= since_s is not None and time.monotonic() > since_s + self.late_s
 
 
 def mock_rig(_: pytest.FixtureRequest) -> Rig:
@@ -96,16 +143,16 @@ def mock_rig(_: pytest.FixtureRequest) -> Rig:
 
 
 def real_rig(
-    device: BurstDevice, link: FrameLink, emitted: Callable[[], tuple[Emission, ...]] | None
+    device: BurstDevice, link: WatchedLink, emitted: Callable[[], tuple[Emission, ...]] | None
 ) -> Rig:
     """Return a rig around a device whose time is real."""
-
-    def silence() -> None:
-        assert link._heart is not None
-        link._heart.end()
-
     return Rig(
-        device=device, clock=MonotonicClock(), silence=silence, emitted=emitted, **IN_REAL_TIME
+        device=device,
+        clock=MonotonicClock(),
+        silence=link.silence,
+        emitted=emitted,
+        stood_still=lambda: link.stood_still,
+        **IN_REAL_TIME,
     )
 
 
@@ -147,7 +194,7 @@ def emulator_rig(kind: str, **settings: object) -> MakeRig:
 
 def process_rig(port: str, read_bursts: Callable[[], tuple[Emission, ...]]) -> Rig:
     """Return a rig around a device that writes down what it emits, and how that is read."""
-    link = link_to(port)
+    link = WatchedLink(port)
 
     def emitted() -> tuple[Emission, ...]:
         if link.state is not State.CLOSED:
@@ -189,7 +236,7 @@ class FreshTokens(HostDriver):
 
 
 def hardware_rig(request: pytest.FixtureRequest) -> Rig:
-    link = link_to(request.config.getoption("--device-url"))
+    link = WatchedLink(request.config.getoption("--device-url"))
     return real_rig(FreshTokens(link), link, None)
 
 
