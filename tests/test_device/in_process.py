@@ -251,8 +251,9 @@ class LoopCard(SoundCard):
     The next buffer's frames are `put_in`; `word_s` is the latency of its inputs that it tells.
     """
 
-    def __init__(self, *, seed: int = 1) -> None:
+    def __init__(self, *, seed: int = 1, buffer: int = 64) -> None:
         super().__init__()
+        self.buffer = buffer
         self.recorder = recorder_on(self)
         self.line = Line(seed=seed)
         self.put_in = False

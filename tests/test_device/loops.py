@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import os
+from functools import lru_cache
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -16,8 +16,6 @@ if TYPE_CHECKING:
     from device.driver import FloatArray
     from device.sound.player import Frames
 
-SHARE: Final = float(os.environ.get("TACTSTRIP_LONG", "1"))
-"""So many times the bursts of the longest tests."""
 FULL_SCALE_V: Final = 125.0
 """What a sound card puts out at full scale."""
 LEVEL_VPP: Final = 100.0
@@ -80,11 +78,17 @@ class Line:
     def _later(self, past: FloatArray, delay: float, count: int) -> FloatArray:
         """Return the last of `past` as they arrive later, by an interpolation of 32 values."""
         whole = int(delay)
-        at = np.arange(self._TAPS) - self._TAPS / 2 - (delay - whole)
-        taps = np.sinc(at) * np.cos(np.pi * at / (self._TAPS + 2)) ** 2
+        taps = _taps(self._TAPS, delay - whole)
         last = self._KEPT - whole + self._TAPS // 2
         later: FloatArray = np.convolve(past[last - count - self._TAPS + 1 : last], taps, "valid")
         return later
+
+
+@lru_cache
+def _taps(count: int, delay: float) -> FloatArray:
+    at = np.arange(count) - count / 2 - delay
+    taps: FloatArray = np.sinc(at) * np.cos(np.pi * at / (count + 2)) ** 2
+    return taps
 
 
 def clipped(past: FloatArray) -> FloatArray:

@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from device import Outcome
 from device.core.converter import ConverterDevice
 from device.monitor.inputs import Calibration, InputMonitor
@@ -12,7 +14,16 @@ from device.monitor.measured import Tap, Tolerances
 from device.sound.audio import AudioConverter
 from tests.test_device.bursts import BURST, play, ready
 from tests.test_device.in_process import LoopCard, audio_on
-from tests.test_device.loops import DELAY, FULL_SCALE_V, LEVEL_VPP, SIDES, planned
+from tests.test_device.loops import (
+    DELAY,
+    FAULTS,
+    FULL_SCALE_V,
+    LEVEL_VPP,
+    SIDES,
+    clean_gain,
+    planned,
+    scaled,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -60,9 +71,10 @@ class MonitorRig:
         tap: Tap = Tap.LINE,
         seed: int = 1,
         stated: bool = True,
+        buffer: int = 64,
         **tolerances: float,
     ) -> None:
-        self.card = LoopCard(seed=seed)
+        self.card = LoopCard(seed=seed, buffer=buffer)
         self.card.line.delays = [DELAY, DELAY]
         self.device = audio_on(self.card)
         ready(self.device, LEVEL_VPP)
@@ -89,3 +101,29 @@ class MonitorRig:
         assert delivery.outcome is Outcome.FIRED
         self.card.wait(answer_s)
         return self.monitor.end(delivery)
+
+
+def check_bursts(n_bursts: int, *, noise_db: float, seed: int) -> None:
+    """Measure good bursts and as many with a fault: each fault is caught, no good one is blamed."""
+    rig = MonitorRig(noise_db=noise_db, seed=seed, buffer=128)
+    rng = np.random.default_rng([7, seed])
+    names, gain = [*FAULTS, "late", "early"], clean_gain(noise_db)
+    for i in range(n_bursts):
+        side = ("left", "right", "both", "none")[i % 4]
+        drift, skew = 20 * math.sin(i / 30), rng.uniform(-5, 5)
+        rig.card.line.delays = [DELAY + drift, DELAY + drift + skew]
+        rig.card.line.path = scaled(1 + rng.uniform(-gain, gain))
+        good = rig.measure(side, answer_s=0.12)
+        verified = None if side == "none" else "line"
+        assert (good.verified, good.faults, good.noted) == (verified, (), ()), (i, good)
+        if side != "none":
+            on = [d for d, on in zip(rig.card.line.delays, SIDES[side][1:], strict=True) if on]
+            assert good.late_s is not None
+            assert abs(good.late_s * 48e3 - (min(on) - DELAY)) < 1
+        name = names[i % len(names)]
+        if name in {"late", "early"}:
+            rig.card.line.delays = [DELAY + (54 if name == "late" else -54)] * 2
+        else:
+            rig.card.line.path = FAULTS[name][0]
+        bad = rig.measure(("left", "right")[rng.integers(2)], answer_s=0.12)
+        assert bad.verified == "false", (i, name, bad)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from types import SimpleNamespace
 from typing import TYPE_CHECKING
 
@@ -18,13 +17,11 @@ from tests.test_device.loops import (
     FAULTS,
     FULL_SCALE_V,
     LEVEL_VPP,
-    SHARE,
     SIDES,
     again,
-    clean_gain,
     scaled,
 )
-from tests.test_device.monitors import MonitorRig
+from tests.test_device.monitors import MonitorRig, check_bursts
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -201,25 +198,4 @@ def test_motion_voids_silence_swap_and_doubling_only() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("noise_db", [20.0, 40.0])
 def test_among_many_bursts_every_fault_is_caught_and_no_good_one_is_blamed(noise_db: float) -> None:
-    rig = MonitorRig(noise_db=noise_db, seed=round(noise_db))
-    rng = np.random.default_rng(7)
-    names, gain = [*FAULTS, "late", "early"], clean_gain(noise_db)
-    for i in range(math.ceil(60 * SHARE)):
-        side = ("left", "right", "both", "none")[i % 4]
-        drift, skew = 20 * math.sin(i / 30), rng.uniform(-5, 5)
-        rig.card.line.delays = [DELAY + drift, DELAY + drift + skew]
-        rig.card.line.path = scaled(1 + rng.uniform(-gain, gain))
-        good = rig.measure(side, answer_s=0.12)
-        verified = None if side == "none" else "line"
-        assert (good.verified, good.faults, good.noted) == (verified, (), ()), (i, good)
-        if side != "none":
-            on = [d for d, on in zip(rig.card.line.delays, SIDES[side][1:], strict=True) if on]
-            assert good.late_s is not None
-            assert abs(good.late_s * 48e3 - (min(on) - DELAY)) < 1
-        name = names[i % len(names)]
-        if name in {"late", "early"}:
-            rig.card.line.delays = [DELAY + (54 if name == "late" else -54)] * 2
-        else:
-            rig.card.line.path = FAULTS[name][0]
-        bad = rig.measure(("left", "right")[rng.integers(2)], answer_s=0.12)
-        assert bad.verified == "false", (i, name, bad)
+    check_bursts(60, noise_db=noise_db, seed=round(noise_db))
