@@ -87,8 +87,7 @@ class Line:
 @lru_cache
 def _taps(count: int, delay: float) -> FloatArray:
     at = np.arange(count) - count / 2 - delay
-    taps: FloatArray = np.sinc(at) * np.cos(np.pi * at / (count + 2)) ** 2
-    return taps
+    return np.array(np.sinc(at) * np.cos(np.pi * at / (count + 2)) ** 2, dtype=np.float64)
 
 
 def clipped(past: FloatArray) -> FloatArray:
