@@ -80,8 +80,8 @@ class Line:
         whole = int(delay)
         taps = _taps(self._TAPS, delay - whole)
         last = self._KEPT - whole + self._TAPS // 2
-        later: FloatArray = np.convolve(past[last - count - self._TAPS + 1 : last], taps, "valid")
-        return later
+        stretch = past[last - count - self._TAPS + 1 : last]
+        return np.asarray(np.convolve(stretch, taps, "valid"), dtype=np.float64)
 
 
 @lru_cache
