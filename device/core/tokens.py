@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Generic, TypeAlias, TypeVar
 
@@ -127,7 +128,7 @@ class Exchange(Generic[Reply]):
     The device answered between the two readings of the host's clock: the message was sent after
     the first and the answer read before the second, or more is known. `device_us` is its own clock
     when it answered, `resolution_s` the least step of the host's, and `retries` how often the
-    message had to be sent again.
+    message had to be sent again. No burst of its record began before `not_before_s`.
     """
 
     record: Reply
@@ -137,6 +138,7 @@ class Exchange(Generic[Reply]):
     device_us: int = 0
     resolution_s: float = 0.0
     retries: int = 0
+    not_before_s: float = -math.inf
 
 
 def delivery(exchange: Exchange[Record]) -> Delivery:
@@ -154,8 +156,9 @@ def delivery(exchange: Exchange[Record]) -> Delivery:
     """
     record = exchange.record
     since_s = 0.0 if record.start_us is None else (exchange.device_us - record.start_us) / 1e6
-    before_s = exchange.host_before_s - since_s / (1 - CLOCK_TOLERANCE)
     after_s = exchange.host_after_s - since_s / (1 + CLOCK_TOLERANCE)
+    before_s = exchange.host_before_s - since_s / (1 - CLOCK_TOLERANCE)
+    before_s = min(max(before_s, exchange.not_before_s), after_s)
     return Delivery(
         outcome=record.outcome,
         token=record.token,

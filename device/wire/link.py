@@ -8,6 +8,7 @@ from __future__ import annotations
 import contextlib
 import secrets
 import zlib
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Final
 
 from device.clock import Clock, MonotonicClock, resolution_s
@@ -153,30 +154,25 @@ class FrameLink:
     def _fire(self, message: Fire) -> Exchange[Record]:
         """Send FIRE; without an answer DISARM and QUERY, and without that say that nobody knows."""
         boot_id, before_s = self.boot_id, self._clock.now_s()
+        query = Query(token=message.token)
         try:
-            return self._dated(self._done(message, boot_id))
+            fired = self._done(message, boot_id)
         except RestartedError:
             return self._unknown(message.token, before_s)
         except UnansweredError:
-            pass
-        # The FIRE may still be on its way: only of a device that has answered the DISARM is what
-        # it then says of the token its last word.
-        try:
-            self._done(Disarm(token=message.token), boot_id)
-            return self._dated(self._done(Query(token=message.token), boot_id))
-        except (UnansweredError, RestartedError, Rejected):
-            return self._unknown(message.token, before_s)
-
-    # An exchange whose question had to be sent again took long, and an onset would be known no
-    # better. The device dates it by its own clock, so that any later exchange tells it, too.
-    def _dated(self, fired: Exchange[Record]) -> Exchange[Record]:
-        """Return a record with the shortest exchange that it came in."""
-        if self.requests.retries == self._retries_before:
-            return fired
-        exchanges = [fired]
-        with contextlib.suppress(DeviceError):
-            exchanges.append(self._done(Query(token=fired.record.token), fired.boot_id))
-        return min(exchanges, key=lambda exchange: exchange.host_after_s - exchange.host_before_s)
+            # The FIRE may still be on its way: only of a device that has answered the DISARM is
+            # what it then says of the token its last word.
+            try:
+                self._done(Disarm(token=message.token), boot_id)
+                fired = self._done(query, boot_id)
+            except (UnansweredError, RestartedError, Rejected):
+                return self._unknown(message.token, before_s)
+        # A question that had to be sent again took long, and would date an onset no better. The
+        # device dates it by its own clock, so that any later exchange tells it, too.
+        if self.requests.retries > self._retries_before:
+            with contextlib.suppress(DeviceError):
+                fired = min(fired, self._done(query, boot_id), key=_width_s)
+        return replace(fired, not_before_s=before_s)
 
     def _upload(self, message: LoadSlot) -> Exchange[Any]:
         octets = octets_of(message, self._bits)
@@ -278,3 +274,7 @@ class FrameLink:
             resolution_s=self._resolution_s,
             retries=self.requests.retries - self._retries_before,
         )
+
+
+def _width_s(exchange: Exchange[Record]) -> float:
+    return exchange.host_after_s - exchange.host_before_s

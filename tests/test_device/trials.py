@@ -95,6 +95,7 @@ class Trials:
             self.windows_s[token] = begin_s, self.clock.now_s() + WINDOW_S
             began_s = self.clock.now_s()
             said = self.device.fire(token)
+            assert began_s <= said.host_before_s <= said.host_after_s <= self.clock.now_s()
             restarted = said.boot_id != boot_id
             self.claim(said, restarted=restarted, asked_s=self.clock.now_s() - began_s)
             if restarted:
