@@ -107,7 +107,7 @@ class TerminalResponder(Responder):
         self._forget_typed()
         self._answers = self._session.answers(progress.part)
         part = progress.part
-        name = "trial" if part is SessionPart.MAIN else part.replace("_", " ")
+        name = "trial" if part is SessionPart.MAIN else part.replace("_", "-")
         number = f" {progress.done + 1} of {progress.planned}" * (part is not SessionPart.WARM_UP)
         self._say("", f"{name}{number}  ...")
 
