@@ -14,7 +14,8 @@ from pydantic import BaseModel, ConfigDict, Field, TypeAdapter
 
 from device.driver import Outcome
 from experiment.names import DeviceKind
-from experiment.record.rows import Presented, TapName, Verified
+from experiment.record.rows import Presented, Verified
+from experiment.study.equipment import TapName
 from experiment.trial.events import Status
 
 if TYPE_CHECKING:

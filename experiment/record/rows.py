@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, Final, Literal, TypeAlias, get_args
 
 from experiment.names import NOT_AVAILABLE, DeviceKind
 from experiment.perception.gains import BASES
+from experiment.study.equipment import TapName
 from experiment.tasks import LEFT_RIGHT_BOTH
 from experiment.trial.events import Status
 from experiment.trial.plan import HANDS_OFF, PRACTICE
@@ -27,7 +28,6 @@ KINDS = (*LEFT_RIGHT_BOTH.kinds, PRACTICE, HANDS_OFF)
 SIDES = LEFT_RIGHT_BOTH.presentation_names
 ANSWERS = LEFT_RIGHT_BOTH.answer_names
 RESPONSES = (*ANSWERS, "timeout", "invalid")
-TapName: TypeAlias = Literal["line", "amplifier", "current", "motion"]
 TAPS = get_args(TapName)
 Verified: TypeAlias = TapName | Literal["false"]
 """The tap at which a monitor measured a burst as planned; ``false`` where it did not."""

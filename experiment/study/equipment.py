@@ -76,7 +76,7 @@ class DeviceSettings(Section):
 
 
 MonitorSource = Literal["none", "duplex", "input", "device"]
-TapWord = Literal["line", "amplifier", "current", "motion"]
+TapName = Literal["line", "amplifier", "current", "motion"]
 
 MIN_PER_UNIT: Final = 1e-12
 _SCALE_RULE: Final = f"must be at least {MIN_PER_UNIT:g} in size"
@@ -94,7 +94,7 @@ class MonitorSettings(Section):
 
     source: MonitorSource = "none"
     """inputs of the sound card that drives (duplex), of another (input), of a serial device"""
-    tap: TapWord | None = None
+    tap: TapName | None = None
     """where the burst is measured"""
     sound_card: _Card = ""
     """sound card of source = "input"; by default the system's"""
