@@ -293,7 +293,8 @@ def plan_from_json(text: str) -> Plan:
                 f"the plan's schema must be {SCHEMA}; got {contents['schema']!r}: {OTHER_VERSION}"
             )
         study = json.dumps(contents["study"], **_CANONICAL)
-        plan = _PLANS.validate_python(contents | {"study": study})
+        # as JSON, where a list is a tuple but the text "7" is no number
+        plan = _PLANS.validate_json(json.dumps(contents | {"study": study}), strict=True)
         verify(plan)
     except PlanError:
         raise
