@@ -440,16 +440,13 @@ def simulated_participants(study: Study, gains: tuple[ConditionGains, ...]) -> d
 
 
 def _provenance(study: Study) -> dict[str, Any]:
-    """Report which values the file sets, which were measured, and how many are defaults."""
+    """Report which values the file sets, and which were measured."""
     measured: list[dict[str, Any]] = []
-    n_keys = 0
     for name, table in study.model_dump(mode="json", by_alias=True).items():
         for index, section in enumerate(table if isinstance(table, list) else [table]):
-            n_keys += sum(value is not None for value in section.values())
             path = f"{name}[{index}]" if isinstance(table, list) else name
             for key in _MEASURED_KEYS:
                 if section.get(key) is not None and section.get("assumed_equal_to") is None:
                     by, on = section["measured_by"], section["measured_on"]
                     measured.append({"key": f"{path}.{key}", "by": by, "on": on})
-    n_defaults = max(0, n_keys - len(study.keys_set))
-    return {"set_keys": study.keys_set, "measured": measured, "defaults": n_defaults}
+    return {"set_keys": study.keys_set, "measured": measured}
