@@ -5,7 +5,7 @@ Whole numbers throughout, as they travel; None stands for what a device does not
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, fields, replace
 from enum import StrEnum
 from typing import TYPE_CHECKING, Final, Self
 
@@ -69,17 +69,9 @@ class DeviceLimits:
         >>> DeviceLimits.of(Limits(ceiling_vpp=200.0), About()).max_duty_ppm
         500000
         """
-        return cls(
-            slots=limits.slots,
-            memory_samples=limits.memory_samples,
-            least_interval_us=limits.least_interval_us,
-            max_duty_ppm=limits.max_duty_ppm,
-            dc_tolerance_ppm=limits.dc_tolerance_ppm,
-            longest_time_to_live_us=limits.longest_time_to_live_us,
-            data_window=about.data_window,
-            entropy=about.entropy,
-            firmware=about.firmware,
-        )
+        of_about = asdict(about)
+        names = [field.name for field in fields(cls) if field.name not in of_about]
+        return cls(**{name: getattr(limits, name) for name in names}, **of_about)
 
     def applied(self, limits: Limits) -> Limits:
         """Return limits as they are with those of this device in their place."""

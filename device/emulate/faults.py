@@ -9,7 +9,6 @@ import heapq
 import math
 import re
 from dataclasses import dataclass, fields
-from enum import StrEnum
 from typing import TYPE_CHECKING, Any, Final, Self
 
 import numpy as np
@@ -26,15 +25,6 @@ _SECONDS: Final = ("delay_s", "stall_s")
 _LONGEST_S: Final = 86_400.0
 _FRAME: Final = re.compile(rb"\0*[^\0]+\0?|\0+")
 """What faults may happen to, one by one: bytes up to the delimiter that ends a frame."""
-
-
-class DeviceFault(StrEnum):
-    """What happens to the device as a whole."""
-
-    NONE = "none"
-    STALL = "stall"
-    RESET = "reset"
-    DISCONNECT = "disconnect"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -156,16 +146,12 @@ class Faults:
         self._room = math.inf
         return True
 
-    def arrived(self) -> DeviceFault:
-        """Return what happens to the device when something arrives."""
-        for fault, probability in (
-            (DeviceFault.RESET, self.script.reset),
-            (DeviceFault.DISCONNECT, self.script.disconnect),
-            (DeviceFault.STALL, self.script.stall),
-        ):
-            if self._rng.random() < probability:
-                return fault
-        return DeviceFault.NONE
+    def arrived(self) -> str | None:
+        """Return what happens to the device when something arrives: reset, disconnect or stall."""
+        names = ("reset", "disconnect", "stall")
+        return next(
+            (name for name in names if self._rng.random() < getattr(self.script, name)), None
+        )
 
     def stall_s(self) -> float:
         """Return how long a stall lasts."""
@@ -284,14 +270,14 @@ class FaultyLine:
     def _survives(self) -> bool:
         """Return whether what arrives finds the line and the device as they were."""
         fault = self._faults.arrived()
-        if fault is DeviceFault.STALL:
+        if fault == "stall":
             self._clock.wait(self._faults.stall_s())
-        elif fault is DeviceFault.RESET:
+        elif fault == "reset":
             self._clear()
             self._on_reset()
-        elif fault is DeviceFault.DISCONNECT:
+        elif fault == "disconnect":
             self.drop()
-        return fault in {DeviceFault.NONE, DeviceFault.STALL}
+        return fault in {None, "stall"}
 
     def _send_due(self) -> None:
         while (piece := self._outbound.take()) is not None:

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import time
 from collections import deque
-from dataclasses import dataclass
 from typing import IO, TYPE_CHECKING, Final
 
 import numpy as np
@@ -71,17 +70,8 @@ def _shown(value: object) -> str:
     return f"{value:+.14E}" if isinstance(value, float) else str(value)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Command:
-    """A header, the attribute of `ChannelState` behind it, and how its argument is read."""
-
-    header: str
-    attribute: str
-    read: Callable[[str], object]
-
-
 _SETTINGS: Final = tuple(
-    _Command(header=header, attribute=attribute, read=read)
+    (header_pattern(header), attribute, read)
     for header, attribute, read in (
         ("OUTPut#:LOAD", "load", _number),
         ("OUTPut#[:STATe]", "on", _switch),
@@ -103,7 +93,7 @@ _SETTINGS: Final = tuple(
         ("TRIGger#:SOURce", "trigger", _word),
     )
 )
-_PATTERNS: Final = tuple((header_pattern(setting.header), setting) for setting in _SETTINGS)
+"""Headers, the attribute of `ChannelState` behind each, and how its argument is read."""
 _STORE: Final = header_pattern("[SOURce#:]DATA:ARBitrary:DAC")
 _CLEAR: Final = header_pattern("[SOURce#:]DATA:VOLatile:CLEar")
 _ORDER: Final = header_pattern("FORMat:BORDer")
@@ -190,9 +180,9 @@ class EmulatedGenerator:
     def _answer(self, header: str) -> str:
         if _ERROR.fullmatch(header):
             return self._errors.popleft() if self._errors else '+0,"No error"'
-        output, setting = self._find(header)
-        shown = _shown(getattr(output, setting.attribute))
-        return f'"{shown}"' if setting.attribute == "arb" else shown
+        output, attribute, _ = self._find(header)
+        shown = _shown(getattr(output, attribute))
+        return f'"{shown}"' if attribute == "arb" else shown
 
     def _obey(self, now_us: int, header: str, unit: Unit) -> None:
         if header == "*TRG":
@@ -217,20 +207,20 @@ class EmulatedGenerator:
             self._set(now_us, header, unit.argument)
 
     def _set(self, now_us: int, header: str, argument: str) -> None:
-        output, setting = self._find(header)
-        value = setting.read(argument)
-        if setting.attribute == "on" and not value:
+        output, attribute, read = self._find(header)
+        value = read(argument)
+        if attribute == "on" and not value:
             self._cut(now_us)
-        special = getattr(output, f"set_{setting.attribute}", None)
+        special = getattr(output, f"set_{attribute}", None)
         if special is None:
-            setattr(output, setting.attribute, value)
+            setattr(output, attribute, value)
         else:
             special(value)
 
-    def _find(self, header: str) -> tuple[ChannelState, _Command]:
-        for pattern, setting in _PATTERNS:
+    def _find(self, header: str) -> tuple[ChannelState, str, Callable[[str], object]]:
+        for pattern, attribute, read in _SETTINGS:
             if match := pattern.fullmatch(header):
-                return self._output(match.group(1)), setting
+                return self._output(match.group(1)), attribute, read
         raise ScpiError(NO_HEADER)
 
     def _output(self, channel: str | None) -> ChannelState:
