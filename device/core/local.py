@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections import deque
 from typing import TYPE_CHECKING
 
-from device.clock import Clock, resolution_s
 from device.core.messages import Beat, Message, Stop
 from device.core.states import State
 from device.core.tokens import Exchange, Reply
 
 if TYPE_CHECKING:
+    from device.clock import Clock
     from device.core.core import DeviceCore
 
 BEAT_US = 100_000
@@ -41,7 +41,6 @@ class LocalCore:
     def __init__(self, core: DeviceCore, clock: Clock) -> None:
         self._core = core
         self._clock = clock
-        self._resolution_s = resolution_s(clock)
         self._stops: deque[float] = deque()
         self._state = State.CLOSED
         self._heart_beats = True
@@ -89,7 +88,6 @@ class LocalCore:
             host_before_s=before_s,
             host_after_s=after_s,
             device_us=device_us,
-            resolution_s=self._resolution_s,
         )
 
     def _advance(self) -> int:

@@ -127,8 +127,8 @@ class Exchange(Generic[Reply]):
 
     The device answered between the two readings of the host's clock: the message was sent after
     the first and the answer read before the second, or more is known. `device_us` is its own clock
-    when it answered, `resolution_s` the least step of the host's, and `retries` how often the
-    message had to be sent again. No burst of its record began before `not_before_s`.
+    when it answered, and `retries` how often the message had to be sent again. No burst of its
+    record began before `not_before_s`.
     """
 
     record: Reply
@@ -136,7 +136,6 @@ class Exchange(Generic[Reply]):
     host_before_s: float
     host_after_s: float
     device_us: int = 0
-    resolution_s: float = 0.0
     retries: int = 0
     not_before_s: float = -math.inf
 
@@ -150,7 +149,7 @@ def delivery(exchange: Exchange[Record]) -> Delivery:
 
     >>> fired = Record(token=1, outcome=Outcome.FIRED, start_us=1_000_000)
     >>> late = delivery(Exchange(record=fired, boot_id=1, host_before_s=5.0, host_after_s=5.5,
-    ...                          device_us=3_000_000, resolution_s=0.0, retries=0))
+    ...                          device_us=3_000_000))
     >>> round(late.host_before_s, 6), round(late.host_after_s, 6), round(late.uncertainty_s, 6)
     (2.9998, 3.5002, 0.2502)
     """
@@ -166,7 +165,7 @@ def delivery(exchange: Exchange[Record]) -> Delivery:
         device_us=record.start_us,
         host_before_s=before_s,
         host_after_s=after_s,
-        uncertainty_s=(after_s - before_s) / 2 + exchange.resolution_s,
+        uncertainty_s=(after_s - before_s) / 2,
         retries=exchange.retries,
         level_left_vpp=record.left_mvpp / 1000,
         level_right_vpp=record.right_mvpp / 1000,

@@ -86,41 +86,22 @@ class Decoder:
 
     def __init__(self) -> None:
         self.dropped = 0
-        self._piece = bytearray()
-        self._too_long = False
+        self._piece = b""
 
     def feed(self, data: bytes) -> list[Frame]:
         """Return the frames that these bytes complete."""
-        frames = []
-        *ended, rest = data.split(_DELIMITER)
-        for octets in ended:
-            self._extend(octets)
-            frame = self._finish()
-            if frame is not None:
-                frames.append(frame)
-        self._extend(rest)
+        *pieces, rest = (self._piece + data).split(_DELIMITER)
+        self._piece = rest[: _LONGEST_CODED + 1]  # what is longer stays too long
+        pieces = [piece for piece in pieces if piece]
+        frames = [frame for frame in map(_frame, pieces) if frame is not None]
+        self.dropped += len(pieces) - len(frames)
         return frames
-
-    def _extend(self, octets: bytes) -> None:
-        if len(self._piece) + len(octets) > _LONGEST_CODED:
-            self._too_long = True
-            self._piece.clear()
-        if not self._too_long:
-            self._piece += octets
-
-    def _finish(self) -> Frame | None:
-        piece, too_long = bytes(self._piece), self._too_long
-        self._piece.clear()
-        self._too_long = False
-        if not piece and not too_long:
-            return None
-        frame = None if too_long else _frame(piece)
-        self.dropped += frame is None
-        return frame
 
 
 def _frame(coded: bytes) -> Frame | None:
     """Return what lay between two delimiters, or None where that is no frame of this version."""
+    if len(coded) > _LONGEST_CODED:
+        return None
     try:
         body = cobs.decode(coded)
     except cobs.DecodeError:

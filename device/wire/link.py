@@ -11,7 +11,7 @@ import zlib
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Final
 
-from device.clock import Clock, MonotonicClock, resolution_s
+from device.clock import Clock, MonotonicClock
 from device.core.messages import (
     AskLimits,
     Disarm,
@@ -85,7 +85,6 @@ class FrameLink:
         self._bits = 16
         self._retries_before = 0
         self._heart: Heart | None = None
-        self._resolution_s = resolution_s(clock)
 
     @property
     def state(self) -> State:
@@ -271,7 +270,6 @@ class FrameLink:
             host_before_s=before_s,
             host_after_s=after_s,
             device_us=device_us,
-            resolution_s=self._resolution_s,
             retries=self.requests.retries - self._retries_before,
         )
 

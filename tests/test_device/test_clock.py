@@ -7,7 +7,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from device import Clock, MonotonicClock, VirtualClock
-from device.clock import resolution_s
 
 
 @settings(deadline=None, max_examples=50)
@@ -27,8 +26,7 @@ def test_a_monotonic_clock_waits_at_least_what_it_is_told() -> None:
     clock = MonotonicClock()
     before_s = clock.now_s()
     clock.wait(0.002)
-    assert clock.now_s() - before_s >= 0.002 - resolution_s(clock)
-    assert resolution_s(clock) > 0.0 == resolution_s(VirtualClock())
+    assert clock.now_s() - before_s >= 0.002 - 1e-6
 
 
 @pytest.mark.parametrize("clock", [VirtualClock(), MonotonicClock()], ids=["virtual", "monotonic"])
