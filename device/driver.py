@@ -9,14 +9,22 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import TypeAlias
+from typing import TYPE_CHECKING, Final, Self, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from device.checks import require_positive, require_real, require_whole
 
+if TYPE_CHECKING:
+    from device.core.output import OutputStage
+    from device.limits import Limits
+
 FloatArray: TypeAlias = NDArray[np.float64]
+
+PROTOCOL_VERSION: Final = "2.0"
+"""Version of the wire format. With the minor number, types and refusals may be added; none changes
+its layout or meaning."""
 
 LARGEST_TOKEN = 2**64 - 1
 """Tokens and boot ids are 64 bit on the wire; token 0 is no token."""
@@ -120,6 +128,24 @@ class Identity:
         require_whole("channels", self.channels, least=1, most=64)
         require_positive("ceiling_vpp", self.ceiling_vpp)
         require_whole("longest_waveform", self.longest_waveform, least=1, most=2**31)
+
+    @classmethod
+    def of_emulator(
+        cls, model: str, serial_number: str, boot_id: int, limits: Limits, output: OutputStage
+    ) -> Self:
+        """Return the identity of a device without actuators, with its limits and converter."""
+        return cls(
+            model=model,
+            serial_number=serial_number,
+            boot_id=boot_id,
+            protocol_version=PROTOCOL_VERSION,
+            sample_rate_hz=output.sample_rate_hz,
+            bits=output.bits,
+            channels=2,
+            ceiling_vpp=limits.ceiling_vpp,
+            longest_waveform=limits.longest_waveform,
+            emulated=True,
+        )
 
     def __str__(self) -> str:
         """Return the identity in one line."""

@@ -24,7 +24,6 @@ from device.emulate.amplifier import Amplifier
 from device.emulate.faults import FaultyLine
 from device.emulate.firmware import FirmwareEndpoint
 from device.wire.endpoint import Endpoint
-from device.wire.frames import MINOR, VERSION
 
 if TYPE_CHECKING:
     from device.clock import Clock
@@ -289,18 +288,8 @@ class Emulator:
 
     def _make_endpoint(self, boot_id: int) -> Endpoint | FirmwareEndpoint:
         limits, output = self._nature.limits, self._nature.output
-        identity = Identity(
-            model="emulator",
-            serial_number=self._nature.serial_number,
-            boot_id=boot_id,
-            protocol_version=f"{VERSION}.{MINOR}",
-            sample_rate_hz=output.sample_rate_hz,
-            bits=output.bits,
-            channels=2,
-            ceiling_vpp=limits.ceiling_vpp,
-            longest_waveform=limits.longest_waveform,
-            emulated=True,
-        )
+        number = self._nature.serial_number
+        identity = Identity.of_emulator("emulator", number, boot_id, limits, output)
         if self._nature.firmware is not None:
             return FirmwareEndpoint(
                 self._nature.firmware,

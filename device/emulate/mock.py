@@ -162,18 +162,7 @@ class _Bench(LocalCore):
         self._beat_us = self._advance()
         self._heart_beats = True
         self._state = self._core.state
-        return Identity(
-            model=MODEL,
-            serial_number="mock",
-            boot_id=self._core.boot_id,
-            protocol_version="2.0",
-            sample_rate_hz=self._output.sample_rate_hz,
-            bits=self._output.bits,
-            channels=2,
-            ceiling_vpp=self._limits.ceiling_vpp,
-            longest_waveform=self._limits.longest_waveform,
-            emulated=True,
-        )
+        return Identity.of_emulator(MODEL, "mock", self.boot_id, self._limits, self._output)
 
     def hang_up(self) -> None:
         super().hang_up()

@@ -23,9 +23,6 @@ if TYPE_CHECKING:
 VERSION: Final = 2
 """Major version of the wire format; frames of any other are dropped."""
 
-MINOR: Final = 0
-"""Minor version: types and refusals may be added, none changes its layout or meaning."""
-
 LONGEST_PAYLOAD: Final = 96
 """In bytes. A frame that claims more is noise."""
 

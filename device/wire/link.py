@@ -22,11 +22,12 @@ from device.core.messages import (
     Query,
 )
 from device.core.tokens import Exchange, Record, Reply
+from device.driver import PROTOCOL_VERSION
 from device.errors import DeviceError, LinkError, Refusal, Rejected, rejection
 from device.printing import shown
 from device.wire import protocol
 from device.wire.channels import USUAL, Channel, Heart, LineSettings
-from device.wire.frames import MAKER, MINOR, VERSION
+from device.wire.frames import MAKER
 from device.wire.protocol import AnswerPayload, Hello, Kind
 from device.wire.requests import (
     RequestChannel,
@@ -210,7 +211,7 @@ class FrameLink:
         if not text.startswith(f"{MAKER},"):
             return f"{shown(text)} answers, which is no device of tactstrip"
         return (
-            f"it says {shown(text)}, and this program speaks protocol {VERSION}.{MINOR}; see "
+            f"it says {shown(text)}, and this program speaks protocol {PROTOCOL_VERSION}; see "
             "docs/howto/no-answer.md"
         )
 
