@@ -59,7 +59,7 @@ class DriverSettings:
     channels : tuple of int
         Outputs of left and right, counted from 1, where the driver lets them be chosen.
     line : LineSettings
-        Rate and patience of a serial line.
+        Rate and timeouts of a serial line.
     recorder : Recorder or None
         What is to hear the inputs of the sound card that drives, on one clock with its outputs.
 

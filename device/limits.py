@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 CHANNELS: Final = ("left", "right")
 """The output channels of a device, in their order."""
-_LEAST_RATIO = 1e-6
+_MIN_RATIO = 1e-6
 _GRID_TOLERANCE = 1e-6
 
 CodeArray: TypeAlias = NDArray[np.signedinteger[Any]]
@@ -81,7 +81,7 @@ class Limits:
     def __post_init__(self) -> None:
         require_positive("ceiling_vpp", self.ceiling_vpp)
         require_real("min_interval_s", self.min_interval_s, least=0.0)
-        require_real("max_duty", self.max_duty, least=_LEAST_RATIO, most=1.0)
+        require_real("max_duty", self.max_duty, least=_MIN_RATIO, most=1.0)
         require_whole("longest_waveform", self.longest_waveform, least=1, most=2**31)
         require_whole("slots", self.slots, least=1, most=255)
         require_whole("memory_samples", self.memory_samples, least=1, most=2**32 - 1)
@@ -208,9 +208,9 @@ def check_rest(*, since_onset_us: int, duration_us: int, limits: Limits) -> None
     device.errors.LimitExceeded: the last burst ended too short a time ago: 49.999 of 50 ms
     """
     rest_us = since_onset_us - duration_us
-    least_us = limits.least_interval_us
-    if rest_us < least_us:
-        detail = f"{rest_us / 1e3:g} of {least_us / 1e3:g} ms"
+    min_us = limits.least_interval_us
+    if rest_us < min_us:
+        detail = f"{rest_us / 1e3:g} of {min_us / 1e3:g} ms"
         raise rejection(Refusal.LEAST_INTERVAL, detail)
     if duration_us * 1_000_000 > limits.max_duty_ppm * since_onset_us:
         detail = f"{duration_us / 1e3:g} ms in {since_onset_us / 1e3:g} ms"

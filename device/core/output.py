@@ -81,8 +81,8 @@ class OutputStage:
         levels_mvpp = (levels.left_mvpp, levels.right_mvpp)
         pairs = zip(codes, levels_mvpp, strict=True)
         steps = np.array([self._steps(row, level_mvpp) for row, level_mvpp in pairs])
-        most_v = min(self.rail_v, limits.ceiling_vpp / 2)
-        volts: FloatArray = np.clip(steps * self.rail_v / full_scale(self.bits), -most_v, most_v)
+        max_v = min(self.rail_v, limits.ceiling_vpp / 2)
+        volts: FloatArray = np.clip(steps * self.rail_v / full_scale(self.bits), -max_v, max_v)
         volts.setflags(write=False)
         return volts
 

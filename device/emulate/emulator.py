@@ -118,8 +118,8 @@ SERIAL_NUMBER: Final = "1"
 
 _IDLE_TICK_S: Final = 0.02
 _BITS_PER_BYTE: Final = 10
-_LONGEST_NAME: Final = 16
-_LARGEST: Final = 4_000_000.0
+_MAX_NAME_CHARACTERS: Final = 16
+_MAX_VPP_OR_HZ: Final = 4_000_000.0
 _AWAKE: Final = (State.LIVE, State.ARMED, State.FIRED)
 
 
@@ -153,16 +153,16 @@ class Nature:
                 f"ceiling_vpp must be {self.firmware.ceiling_vpp:g}, as compiled into the "
                 f"firmware; got {self.limits.ceiling_vpp:g}"
             )
-        require_real("ceiling_vpp", self.limits.ceiling_vpp, least=0.001, most=_LARGEST)
-        require_real("sample_rate_hz", self.output.sample_rate_hz, least=0.001, most=_LARGEST)
+        require_real("ceiling_vpp", self.limits.ceiling_vpp, least=0.001, most=_MAX_VPP_OR_HZ)
+        require_real("sample_rate_hz", self.output.sample_rate_hz, least=0.001, most=_MAX_VPP_OR_HZ)
         if self.baud is not None:
             require_whole("baud", self.baud, least=300, most=10_000_000)
         require_real("drift_ppm", self.drift_ppm, least=-1e5, most=1e5)
         name = self.serial_number
         plain = name.isascii() and name.isprintable() and name == name.strip() and "," not in name
-        if not plain or not 1 <= len(name) <= _LONGEST_NAME:
+        if not plain or not 1 <= len(name) <= _MAX_NAME_CHARACTERS:
             raise ValueError(
-                f"serial_number must be 1 to {_LONGEST_NAME} printable ASCII characters without a "
+                f"serial_number must be 1 to {_MAX_NAME_CHARACTERS} printable ASCII characters without a "
                 f"comma or spaces around, got {name!r}"
             )
 

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from device.emulate.lines import Line
 
 _SECONDS: Final = ("delay_s", "stall_s")
-_LONGEST_S: Final = 86_400.0
+_MAX_S: Final = 86_400.0
 _FRAME: Final = re.compile(rb"\0*[^\0]+\0?|\0+")
 """What faults may happen to, one by one: bytes up to the delimiter that ends a frame."""
 
@@ -73,7 +73,7 @@ class FaultScript:
             value = getattr(self, field.name)
             if field.name == "disconnect_at" and value == math.inf:
                 continue
-            most = {"disconnect_at": math.inf} | dict.fromkeys(_SECONDS, _LONGEST_S)
+            most = {"disconnect_at": math.inf} | dict.fromkeys(_SECONDS, _MAX_S)
             require_real(field.name, value, least=0.0, most=most.get(field.name, 1.0))
 
     @classmethod

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from device.driver import Identity
 
 _CHANNELS: Final = 2
-_LONGEST_ANSWER: Final = 128
+_MAX_ANSWER_BYTES: Final = 128
 """Bytes; at least LONGEST_ANSWER of firmware/core/endpoint.h."""
 
 
@@ -164,7 +164,7 @@ class FirmwareEndpoint:
         self._measure = measure
         self._onset = (0, 0)
         self._burst: Emission | None = None
-        self._answer = ctypes.create_string_buffer(_LONGEST_ANSWER)
+        self._answer = ctypes.create_string_buffer(_MAX_ANSWER_BYTES)
         self._memory = ctypes.create_string_buffer(self._c.library_size())
         self._device = self._c.library_device(self._memory)
         description = _AboutStruct(

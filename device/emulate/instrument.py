@@ -12,10 +12,10 @@ if TYPE_CHECKING:
     from device.driver import FloatArray
 
 _FULL_SCALE: Final = 32767
-_LEAST_SAMPLES: Final = 8
+_MIN_SAMPLES: Final = 8
 _MEMORY: Final = 1_000_000
-_MOST_V: Final = 10.0
-_LEAST_VPP: Final = 0.001
+_MAX_V: Final = 10.0
+_MIN_VPP: Final = 0.001
 _MATCHED_OHM: Final = 50.0
 
 
@@ -45,8 +45,8 @@ class ChannelState:
     load: float = _MATCHED_OHM
     volts: float = 0.1
     offset: float = 0.0
-    high: float = _MOST_V / 2
-    low: float = -_MOST_V / 2
+    high: float = _MAX_V / 2
+    low: float = -_MAX_V / 2
     limited: bool = False
     autorange: bool = True
     function: str = "SIN"
@@ -78,10 +78,10 @@ class ChannelState:
 
     def set_volts(self, volts: float) -> None:
         """Set the amplitude, clipped to what limits and hardware allow."""
-        most_vpp = 2 * _MOST_V / self.doubling
+        max_vpp = 2 * _MAX_V / self.doubling
         if self.limited:
-            most_vpp = min(most_vpp, 2 * (self.high - self.offset), 2 * (self.offset - self.low))
-        self.volts = min(max(volts, 2 * _LEAST_VPP / self.doubling), most_vpp)
+            max_vpp = min(max_vpp, 2 * (self.high - self.offset), 2 * (self.offset - self.low))
+        self.volts = min(max(volts, 2 * _MIN_VPP / self.doubling), max_vpp)
         if self.volts != volts:
             raise ScpiError(OUT_OF_RANGE)
 
@@ -105,7 +105,7 @@ class ChannelState:
 
     def store(self, name: str, data: bytes) -> None:
         """Store a waveform under a new name."""
-        if len(data) % 2 or len(data) < 2 * _LEAST_SAMPLES:
+        if len(data) % 2 or len(data) < 2 * _MIN_SAMPLES:
             raise ScpiError(BAD_BLOCK)
         if name in self.memory:
             raise ScpiError(ARB_EXISTS)

@@ -45,8 +45,8 @@ class Dialect:
     identity: str
     shortest_waveform: int  # in samples, as the longest
     longest_waveform: int
-    least_vpp: float  # amplitudes it can make into an open circuit
-    most_vpp: float
+    min_vpp: float  # amplitudes it can make into an open circuit
+    max_vpp: float
     volts_digits: int  # after the point, with which volts are written
     reset: tuple[str, ...]  # into a known state: outputs off, every error forgotten
     channel_load: tuple[str, ...]  # first commands for each channel: what its voltages mean
@@ -70,8 +70,8 @@ KEYSIGHT: Final = Dialect(
     identity=r"(Agilent|Keysight) Technologies,(33512B|33522[AB]|33612A|33622A),",
     shortest_waveform=8,
     longest_waveform=65_536,
-    least_vpp=0.002,
-    most_vpp=20.0,
+    min_vpp=0.002,
+    max_vpp=20.0,
     volts_digits=7,
     reset=("*RST", "*CLS", "OUTP1 OFF", "OUTP2 OFF", "FORM:BORD SWAP"),
     channel_load=(
@@ -146,5 +146,7 @@ def dialect_of(identity: str) -> Dialect | None:
     >>> dialect_of("Agilent Technologies,33521B,MY50000000,1.0") is None      # one channel
     True
     """
-    matching = (known for known in DIALECTS if re.match(known.identity, identity, re.IGNORECASE))
+    matching = (
+        dialect for dialect in DIALECTS if re.match(dialect.identity, identity, re.IGNORECASE)
+    )
     return next(matching, None)

@@ -171,7 +171,7 @@ class GeneratorConverter(Converter):
     @property
     def _highest_vpp(self) -> float:
         """The amplitude that the ceiling means at the generator."""
-        return min(self._ceiling_vpp / self._gain, self._dialect.most_vpp)
+        return min(self._ceiling_vpp / self._gain, self._dialect.max_vpp)
 
     def _drop(self) -> None:
         self._connected = None
@@ -189,7 +189,7 @@ class GeneratorConverter(Converter):
         self.emulated = serial_number == EMULATED
         self.protocol = f"SCPI {dialect.name}"
         self.longest_waveform = dialect.longest_waveform
-        self.full_scale_v = min(self._ceiling_vpp, dialect.most_vpp * self._gain) / 2
+        self.full_scale_v = min(self._ceiling_vpp, dialect.max_vpp * self._gain) / 2
         self._connected, self._dialect = line, dialect
         self._names.clear()
         self._slots.clear()
@@ -257,9 +257,9 @@ class GeneratorConverter(Converter):
         dialect = self._dialect
         volts = level_vpp * (wave.peak or 1.0) / self._gain
         if wave.peak == 0.0 or level_vpp == 0.0:
-            return silence, min(max(volts, dialect.least_vpp), self._highest_vpp)
-        if not dialect.least_vpp <= volts <= dialect.most_vpp:
-            allowed = f"{dialect.least_vpp:g} to {dialect.most_vpp:g} Vpp at the generator"
+            return silence, min(max(volts, dialect.min_vpp), self._highest_vpp)
+        if not dialect.min_vpp <= volts <= dialect.max_vpp:
+            allowed = f"{dialect.min_vpp:g} to {dialect.max_vpp:g} Vpp at the generator"
             raise rejection(Refusal.BAD_LEVEL, f"{level_vpp:g} Vpp is {volts:g} of {allowed}")
         return wave, min(volts, self._highest_vpp)
 

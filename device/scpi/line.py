@@ -17,11 +17,11 @@ if TYPE_CHECKING:
     from device.scpi.dialects import Dialect
     from device.wire.channels import Channel
 
-PATIENCE_S: Final = 5.0
+RESPONSE_TIMEOUT_S: Final = 5.0
 """How long an instrument may take to answer."""
 
 _TOLERANCE: Final = 1e-3
-_MOST_ERRORS: Final = 32
+_MAX_ERRORS: Final = 32
 _IDENTITY: Final = "*IDN?"
 _QUERY_ERROR: Final = "-4"
 
@@ -65,7 +65,7 @@ class ScpiLine:
     """
 
     def __init__(
-        self, channel: Channel, clock: Clock, *, response_timeout_s: float = PATIENCE_S
+        self, channel: Channel, clock: Clock, *, response_timeout_s: float = RESPONSE_TIMEOUT_S
     ) -> None:
         self._channel = channel
         self._clock = clock
@@ -112,7 +112,7 @@ class ScpiLine:
         That an answer was overtaken by a question is no error where it was given up before.
         """
         errors: list[str] = []
-        for _ in range(_MOST_ERRORS):
+        for _ in range(_MAX_ERRORS):
             answer = self.ask(question)
             if matches("0", answer.split(",")[0]):
                 break

@@ -18,7 +18,7 @@ _MARKS: Final = 120
 for a while."""
 _OUTSIDE: Final = 0.025
 """Of the marks on either side: 95 % of them say how far their word is to be trusted."""
-_LONGEST_DELAY_S: Final = 1.0
+_MAX_DELAY_S: Final = 1.0
 """A sound system that reports a longer one is wrong."""
 _SETTLED_S: Final = 1.0
 _ABOVE_LATENCY_S: Final = 0.1
@@ -112,7 +112,7 @@ class Recorder:
         """Keep one buffer, shape (n, channels of the stream)."""
         count = len(heard)
         delay_s = timing.currentTime - timing.inputBufferAdcTime
-        if not 0 < delay_s < _LONGEST_DELAY_S:
+        if not 0 < delay_s < _MAX_DELAY_S:
             delay_s = count / self.sample_rate_hz
         if not self._marks or self.frames >= self._marks[-1][0] + self._apart:
             mark = self.frames, self._clock.now_s() - delay_s, delay_s
@@ -145,6 +145,6 @@ class Recorder:
         """
         times_s = [at_s + (frame - first) / self.sample_rate_hz for first, at_s, _ in self._marks]
         if not times_s:
-            return self._clock.now_s(), _LONGEST_DELAY_S
+            return self._clock.now_s(), _MAX_DELAY_S
         low, middle, high = np.quantile(times_s, (_OUTSIDE, 0.5, 1 - _OUTSIDE))
         return float(middle), float(max(middle - low, high - middle)) + self.latency_s
