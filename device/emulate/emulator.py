@@ -162,8 +162,8 @@ class Nature:
         plain = name.isascii() and name.isprintable() and name == name.strip() and "," not in name
         if not plain or not 1 <= len(name) <= _MAX_NAME_CHARACTERS:
             raise ValueError(
-                f"serial_number must be 1 to {_MAX_NAME_CHARACTERS} printable ASCII characters without a "
-                f"comma or spaces around, got {name!r}"
+                f"serial_number must be 1 to {_MAX_NAME_CHARACTERS} printable ASCII characters "
+                f"without a comma or spaces around, got {name!r}"
             )
 
     @property
