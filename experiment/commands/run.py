@@ -322,7 +322,7 @@ def _plan_to_resume(
             f"--fact must be given when a session begins; got {column_values[0]!r} with --resume: "
             "correct participants.tsv while no session runs"
         )
-    if not is_recorded(study_file, plan.study, plan.file_sha256):
+    if not is_recorded(study_file, plan.file_sha256):
         raise CommandError(
             f"STUDY is not the study that this session was begun with; got {study_file}, of "
             f"another sha256 than {plan.file_sha256[:12]}...: resume with the file as it was, or "

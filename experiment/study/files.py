@@ -126,7 +126,19 @@ def study_from_text(text: str, file_name: str) -> Study:
     experiment.study.base.StudyError: study.toml: must be valid TOML: Expected newline or end of
     document after a statement (at line 2, column 14)
     """
-    return _study(parse_toml(text, file_name), file_name, Path(file_name).parent)
+    # A window is chosen with the physics of the whole study, so that this is validated before.
+    study = Study.from_tables(parse_toml(text, file_name), file_name)
+    for index, condition in enumerate(study.conditions):
+        if condition.levels_vpp is not None:
+            rule = "is for levels in a file of their own; write design.levels_vpp"
+            raise StudyError(file_name, Fault(f"condition[{index}].levels_vpp", rule))
+    with naming(file_name):
+        conditions = tuple(
+            _with_samples(each, study, Path(file_name).parent) for each in study.conditions
+        )
+        study = study.changed(condition=conditions)
+        conditions = tuple(_with_window(each, study) for each in study.conditions)
+        return study.changed(condition=conditions)
 
 
 def study_from_canonical(text: str) -> Study:
@@ -264,17 +276,13 @@ def parse_toml(text: str, file_name: str) -> dict[str, Any]:
         raise StudyError(file_name, Fault("", f"must be valid TOML: {reason}")) from error
 
 
-def is_recorded(path: Path, recorded: str, sha256: str) -> bool:
-    """Tell whether a study file says what a recorded study said.
-
-    A window that the program chose is the one that was recorded, and is not chosen again.
+def is_recorded(path: Path, sha256: str) -> bool:
+    """Return whether a study file says what a recorded study said.
 
     Parameters
     ----------
     path : Path
         The study file.
-    recorded : str
-        The recorded study's canonical text, perhaps with other levels.
     sha256 : str
         Checksum of the recorded study as its file stated it.
 
@@ -283,9 +291,7 @@ def is_recorded(path: Path, recorded: str, sha256: str) -> bool:
     StudyError
         If there is no such file or it is not a study.
     """
-    tables = parse_toml(read_text(path), str(path))
-    before = study_from_canonical(recorded).conditions
-    return _study(tables, str(path), path.parent, before).sha256 == sha256
+    return read_study(path).sha256 == sha256
 
 
 @contextmanager
@@ -297,25 +303,6 @@ def naming(path: Path | str | None) -> Iterator[None]:
         if path is None:
             raise
         raise StudyError(path, *error.faults) from error
-
-
-def _study(
-    tables: dict[str, Any], source: str, folder: Path, recorded: tuple[Condition, ...] = ()
-) -> Study:
-    """Return the study of a file, with samples read, then windows chosen.
-
-    In this order, and validated in between: a window is chosen with the physics of the whole study.
-    """
-    study = Study.from_tables(tables, source)
-    for index, condition in enumerate(study.conditions):
-        if condition.levels_vpp is not None:
-            rule = "is for levels in a file of their own; write design.levels_vpp"
-            raise StudyError(source, Fault(f"condition[{index}].levels_vpp", rule))
-    with naming(source):
-        conditions = tuple(_with_samples(each, study, folder) for each in study.conditions)
-        study = study.changed(condition=conditions)
-        conditions = tuple(_with_window(each, study, recorded) for each in study.conditions)
-        return study.changed(condition=conditions)
 
 
 def _with_samples(condition: Condition, study: Study, folder: Path) -> Condition:
@@ -333,12 +320,9 @@ def _with_samples(condition: Condition, study: Study, folder: Path) -> Condition
     return condition.completed(samples_base64=samples, sample_rate_hz=rate_hz)
 
 
-def _with_window(condition: Condition, study: Study, recorded: tuple[Condition, ...]) -> Condition:
+def _with_window(condition: Condition, study: Study) -> Condition:
     if condition.is_complete:
         return condition
-    for before in recorded:
-        if before.completed(auto_cycles=None, auto_window=None, levels_vpp=None) == condition:
-            return before.completed(levels_vpp=None)
     from experiment.study.physics import chosen_window
 
     burst = chosen_window(study, condition).burst

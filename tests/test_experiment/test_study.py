@@ -289,7 +289,8 @@ def test_levels_are_those_of_the_conditions(tmp_path: Path) -> None:
     assert with_levels(other, study.design.levels_vpp) == study
     (path := tmp_path / "s.toml").write_text(on_paper_plate(TWO_BURSTS))
     study = read_study(path)
-    assert is_recorded(path, with_levels(study, OF_EACH).canonical, study.sha256)
+    assert is_recorded(path, study.sha256)
+    assert not is_recorded(path, with_levels(study, OF_EACH).sha256)
     path.write_text("[levels_vpp]\none-cycle = [40, 50.5]\n'2' = [7.5]\n")
     assert read_levels(path, "02") == {"one-cycle": (40.0, 50.5), "2": (7.5,)}
     path.write_text('participant = "01"\nlevels_vpp = [40, 50.5]\n')
