@@ -47,6 +47,8 @@ _PUSHED, _BENT = 0.005, 0.05
 _FLOOR, _TINIEST = 1e-3, 1e-300
 _SAFETY: Final = 3.0
 """What the coarse basis differs by is multiplied with; it may agree with the fine one by chance."""
+_BESIDE: Final = 0.04
+"""Widths from a point to its neighbours, where both bases are compared too."""
 _RESOLVED: Final = 0.03
 """Size of a load, in widths, that both bases follow."""
 
@@ -261,18 +263,19 @@ def solve_scene(scene: Scene, at_hz: Real, accuracy: Accuracy) -> tuple[Estimate
     points_m = np.concatenate([scene.points, centres_m])
     solve = _endless_response if scene.strip.length_m is None else _finite_response
     with np.errstate(all="ignore"):  # what is infinite is refused below
-        both, work = solve(scene.strip, scene.loads, points_m, at_hz, accuracy)
+        both, difference, work = solve(scene.strip, scene.loads, points_m, at_hz, accuracy)
         typical_m = [[typical_displacement(scene.strip, load)] for load in scene.loads]
         scale = np.maximum(np.abs(both[1]).max(axis=-1, keepdims=True), typical_m)
-        doubt = _SAFETY * np.abs(both[1] - both[0]).max(axis=-1, keepdims=True)
+        doubt = _SAFETY * difference.max(axis=-1, keepdims=True)
         is_known = (doubt < scale).all(axis=(1, 2))
     if not is_known.all():
         raise PlateError(Rule.INFINITE, frequency_hz=float(at_hz[~is_known][0]))
-    coarse, fine = both[..., : len(scene.points_m)]
-    safety = safety_factors(scene.strip, scene.loads)
-    missed = accuracy.missed * scale
-    relative = relative_error(scene.strip, accuracy.relative)
-    return estimate(coarse, fine, missed, work, relative, safety=safety), scale
+    n_points = len(scene.points_m)
+    fine = both[1][..., :n_points]
+    error = safety_factors(scene.strip, scene.loads) * difference[..., :n_points]
+    error += relative_error(scene.strip, accuracy.relative) * np.abs(fine)
+    error += accuracy.missed * scale
+    return Estimate(value=fine, error=error, work=work), scale
 
 
 def relative_error(strip: Strip, relative: float = RELATIVE) -> float:
@@ -347,12 +350,12 @@ def displacement_map(
 
 def _endless_response(
     strip: Strip, loads: Sequence[Load], points_m: Real, at_hz: Real, accuracy: Accuracy
-) -> tuple[Complex, tuple[str, ...]]:
+) -> tuple[Complex, Real, tuple[str, ...]]:
     omega = 2 * math.pi * at_hz
     both = [
         endless_displacement(strip, loads, points_m, omega, margins) for margins in accuracy.endless
     ]
-    return np.stack(both), describe_waves(strip, loads)
+    return np.stack(both), np.abs(both[1] - both[0]), describe_waves(strip, loads)
 
 
 def describe_waves(strip: Strip, loads: Sequence[Load]) -> tuple[str, ...]:
@@ -363,8 +366,14 @@ def describe_waves(strip: Strip, loads: Sequence[Load]) -> tuple[str, ...]:
 
 def _finite_response(
     strip: Strip, loads: Sequence[Load], points_m: Real, at_hz: Real, accuracy: Accuracy
-) -> tuple[Complex, tuple[str, ...]]:
-    """Return the displacement of a plate with ends: (2, n_frequencies, n_loads, n_points)."""
+) -> tuple[Complex, Real, tuple[str, ...]]:
+    """Return the displacement of a plate with ends: (2, n_frequencies, n_loads, n_points).
+
+    The second is by how much both bases differ at each point or beside it: at a point the
+    difference may pass through zero by chance.
+    """
+    n_points = len(points_m)
+    points_m = _with_neighbours(strip, points_m)
     plate, decay_m = strip, _decay_length_m(strip, float(at_hz.max()))
     strip, loads, points_m = cut_section(plate, loads, points_m, decay_m)
     omega = 2 * math.pi * at_hz
@@ -380,7 +389,17 @@ def _finite_response(
             strip, loads, points_m, factors, max_hz=max_hz, resolution=accuracy.rest
         )
         both += rest[:, 0] + omega[:, np.newaxis, np.newaxis] ** 2 * rest[:, 1]
-    return both, describe_modes([part.squared for part in modes[1]], plate, strip)
+    difference = np.abs(both[1] - both[0]).reshape(*both.shape[1:3], -1, n_points).max(axis=2)
+    work = describe_modes([part.squared for part in modes[1]], plate, strip)
+    return both[..., :n_points], difference, work
+
+
+def _with_neighbours(strip: Strip, points_m: Real) -> Real:
+    """Return points on a plate, and after them those beside each in four directions."""
+    steps = _BESIDE * strip.width_m * np.array([[0, 0], [-1, 0], [1, 0], [0, -1], [0, 1]])
+    neighbours_m = points_m + steps[:, np.newaxis]
+    ends_m = np.array([float(strip.length_m or math.inf) / 2, strip.width_m])
+    return np.clip(neighbours_m, [-ends_m[0], 0.0], ends_m).reshape(-1, 2)
 
 
 def _decay_length_m(strip: Strip, max_hz: float) -> float:
