@@ -47,7 +47,7 @@ _PUSHED, _BENT = 0.005, 0.05
 _FLOOR, _TINIEST = 1e-3, 1e-300
 _SAFETY: Final = 3.0
 """What the coarse basis differs by is multiplied with; it may agree with the fine one by chance."""
-_BESIDE: Final = 0.04
+_BESIDE: Final = 0.03
 """Widths from a point to its neighbours, where both bases are compared too."""
 _RESOLVED: Final = 0.03
 """Size of a load, in widths, that both bases follow."""

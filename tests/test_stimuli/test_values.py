@@ -21,8 +21,11 @@ from stimuli import (
     Estimate,
     Load,
     Material,
+    MomentRectangle,
+    PointForce,
     PressureDisc,
     PressureRectangle,
+    Scene,
     Strip,
     causal,
     transient_response,
@@ -299,3 +302,38 @@ def test_a_constant_loss_is_refused_over_time() -> None:
         transient_response(scene, HANN, [0.001])
     steady = dataclasses.replace(scene, strip=causal(scene.strip, HANN))
     assert transient_response(steady, HANN, [0.001]).value.any()
+
+
+@pytest.mark.parametrize(
+    ("width_m", "length_m", "edge", "load", "point_m", "frequency_hz", "known_m"),
+    [
+        (
+            *(0.05, 0.1, SIMPLY_SUPPORTED),
+            MomentRectangle(x_m=0.0, y_m=0.02, length_x_m=0.001, length_y_m=0.02),
+            *((-0.004172123, 0.024638052), 500.0, 1.10001e-5),
+        ),
+        (
+            *(0.025, 0.2, SIMPLY_SUPPORTED),
+            PointForce(x_m=-0.035, y_m=0.005),
+            *((-0.055749483, 0.001725602), 500.0, 4.90396e-7),
+        ),
+    ],
+)
+def test_errors_are_told_where_the_bases_agree_by_chance(
+    width_m: float,
+    length_m: float,
+    edge: Edge,
+    load: Load,
+    point_m: tuple[float, float],
+    frequency_hz: float,
+    known_m: float,
+) -> None:
+    """Real parts by the 40-digit evaluator, at points between ripples of both bases."""
+    material = Material(
+        youngs_modulus_pa=67e9, poisson_ratio=0.346, density_kg_m3=2700.0, loss_factor=0.01
+    )
+    strip = Strip(
+        width_m=width_m, thickness_m=0.5e-3, material=material, edge=edge, length_m=length_m
+    )
+    field = stimuli.response(Scene(strip=strip, loads=(load,), points_m=(point_m,)), [frequency_hz])
+    assert abs(field.value[0, 0, 0].real - known_m) <= field.error[0, 0, 0] < 0.15 * known_m
