@@ -55,6 +55,7 @@ class WarningCode(StrEnum):
         "a person was on a device that moves nothing",
     )
     SIMULATED_AND_REAL = "simulated_and_real", "simulated and real trials are analysed together"
+    LEVELS_CHOSEN = "levels_chosen", "levels were chosen during the session, from the answers"
     CONTACT_DIFFERS = "contact_differs", "force and contact of the fingers differ between sessions"
     ANSWERS_MISSING = "answers_missing", "a participant gave no answer in a condition"
     NONE_OFFERED_IN_PART = "none_offered_in_part", "the answer none was offered in some trials only"

@@ -157,6 +157,7 @@ def power(
     from analysis.planning.curve import plan_study
     from analysis.planning.goals import Goal
     from analysis.planning.spread import Kept, StoppedError, computing_on, seed_in, spread
+    from experiment.study.base import Fault
     from experiment.study.files import naming, read_study
 
     # The time limit of a batch queue stops the command as Ctrl-C does.
@@ -169,7 +170,11 @@ def power(
     seed = seed_in(keep) if seed is None else seed
     seed = secrets.randbits(32) if seed is None else seed
     with naming(study_file):
-        people = _people(read_study(study_file), goal, pilot, columns, population)
+        study = read_study(study_file)
+        if study.levels.is_adaptive:
+            rule = 'must be "constant": power is not estimated for levels chosen from answers'
+            raise study.refused(Fault("levels.rule", rule, study.levels.rule))
+        people = _people(study, goal, pilot, columns, population)
     computed = {"study": people.study.sha256, "goal": goal_text, "seed": seed}
     kept = Kept(keep, computed) if keep else None
     hint = f"the same command continues from {keep}" if keep else "--keep FILE saves the work"

@@ -520,12 +520,15 @@ def _plan_rules(rows: pd.DataFrame, plans: Mapping[str, Plan]) -> Iterator[_Rule
     """Yield what the plan says of each row of a table beside which there is no journal."""
     of_trial, of_plan = attrgetter("number", *_OF_TRIAL), attrgetter(*_OF_PLAN)
     trials = [
-        (file, *of_trial(trial), *of_plan(plan), ", ".join(plan.answers_to(trial)))
+        (
+            *(file, *of_trial(trial), *of_plan(plan)),
+            *(", ".join(plan.answers_to(trial)), plan.is_chosen(trial)),
+        )
         for file, plan in plans.items()
         for trial in (*plan.trials, *plan.warm_up)
     ]
     key = ["file", "trial"]
-    names = [*key, *_OF_TRIAL, *_OF_PLAN, "response"]
+    names = [*key, *_OF_TRIAL, *_OF_PLAN, "response", "is_chosen"]
     planned = rows[key].merge(pd.DataFrame(trials, columns=names), "left", key)
     is_planned = planned["kind"].notna()
     unplanned = rows["file"].isin(plans) & ~is_planned
@@ -534,6 +537,8 @@ def _plan_rules(rows: pd.DataFrame, plans: Mapping[str, Plan]) -> Iterator[_Rule
     for name in (*_OF_TRIAL, "participant", "session", "study_sha256"):
         value, due = rows[name].astype(object), planned[name]
         differs = is_planned & value.ne(due) & ~(value.isna() & due.isna())
+        if name == "level_vpp":  # the plan has no level that a rule chooses
+            differs &= ~planned["is_chosen"].fillna(value=False).astype(bool)
         yield _Rule(name, f"{_first_cell(due, differs)} {_BY_PLAN}", differs)
     if "response" in rows:
         pairs = zip(rows["response"].astype(object), planned["response"], strict=True)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from itertools import chain, permutations
 from typing import TYPE_CHECKING, Any, Final
 
@@ -139,6 +140,10 @@ def _check_origins(analysis: Analysis) -> Iterator[Check]:
     is_mixed = 0 < counts.simulated < counts.trials
     numbers = {"number": counts.simulated, "trials": counts.trials}
     yield is_mixed, WarningCode.SIMULATED_AND_REAL, numbers
+    kinds = [sorted({rule.kind for rule in plan.level_rules.values()}) for plan in plans]
+    rules = Counter(kind for each in kinds for kind in each)
+    constant = sum(not each for each in kinds)
+    yield bool(rules), WarningCode.LEVELS_CHOSEN, {"rules": dict(rules), "constant": constant}
     contacts = analysis.contacts
     yield len(contacts) > 1, WarningCode.CONTACT_DIFFERS, {"contacts": contacts}
 

@@ -127,6 +127,7 @@ def report_study(
         "trials": check.trials,
         "block_trials": block_lengths(design),
         "repeats": design.trials_per_side / len(design.levels_vpp),
+        "level_rule": study.levels.rule,
         "both_fraction": design.both_trials / (2 * design.trials_per_side + design.both_trials),
         "condition_orders": order_count(len(study.conditions)) if is_balanced else None,
         "hands_off_trials_before": design.hands_off_trials_before * len(study.conditions),

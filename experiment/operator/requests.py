@@ -150,6 +150,8 @@ class Status:
         What the operator has to know or do now; empty if nothing.
     tallies : mapping of str to Tally
         By side.
+    estimates : tuple of str
+        Thresholds so far, where levels are chosen from the answers.
     """
 
     phase: str
@@ -162,3 +164,4 @@ class Status:
     device: str
     message: str
     tallies: Mapping[str, Tally]
+    estimates: tuple[str, ...] = ()

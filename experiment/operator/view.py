@@ -243,6 +243,7 @@ def status_lines(status: Status | None, *, is_pause_requested: bool) -> list[Tex
         _line(("noise   ", "dim"), (status.noise, "")),
         *(_tally_line(site, tally) for site, tally in status.tallies.items()),
     ]
+    lines += [_line(("threshold  ", "dim"), (text, "")) for text in status.estimates]
     if status.message:
         hint = f" {RESUME_HINT}" if status.phase == Phase.PAUSED else ""
         lines.append(_line((f"{status.message.rstrip('.')}.{hint}", "bold yellow")))

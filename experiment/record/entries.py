@@ -171,6 +171,18 @@ class BlockStarted(Line):
     """Name of the block's condition."""
 
 
+class LevelChosen(_AttemptLine):
+    """A rule chose the level of a trial. It reaches the disk together with `TrialArmed`."""
+
+    event: Literal["level_chosen"] = "level_chosen"
+    rule: str
+    """Kind of the rule, such as ``bayesian``."""
+    level_vpp: float
+    """Level, peak-to-peak volts."""
+    entropy_bits: float | None
+    """Expected entropy of the threshold after the answer; null for a rule that does not use it."""
+
+
 class TrialArmed(_AttemptLine):
     """The device is about to be armed. This line is on the disk before the device knows the token.
 
@@ -390,6 +402,7 @@ JournalLine = Annotated[
     | SessionResumed
     | MarkerSent
     | BlockStarted
+    | LevelChosen
     | TrialArmed
     | StimulusCommanded
     | StimulusConfirmed
@@ -413,7 +426,7 @@ LINES: Final[TypeAdapter[JournalLine]] = TypeAdapter(JournalLine)
 >>> LINES.validate_python({"event": "block_end", "block": 2})
 BlockEnded(event='block_end', block=2)
 >>> len(LINES.json_schema()["oneOf"])
-17
+18
 """
 
 AnyLine = TypeVar("AnyLine", bound=Line)

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from device.clock import MachineTime
 from experiment.record.entries import (
+    LevelChosen,
     MarkerSent,
     MeasuredRow,
     ResponseGiven,
@@ -254,6 +255,7 @@ def _opening(plan: Plan, entries: tuple[Entry, ...]) -> SessionOpened | None:
 def _presentations(plan: Plan, entries: Iterable[Entry]) -> list[Presentation]:
     trials = {trial.number: trial for trial in (*plan.trials, *plan.warm_up)}
     shown: dict[tuple[int, int], Presentation] = {}
+    chosen: dict[tuple[int, int], LevelChosen] = {}
     boot_id, device_kind, onset_clock = 0, None, 1
     for line in (entry.line for entry in entries):
         # A token means something to the power cycle that heard it and to no other. The lines of a
@@ -263,12 +265,16 @@ def _presentations(plan: Plan, entries: Iterable[Entry]) -> list[Presentation]:
             boot_id, device_kind = line.boot_id, line.device_kind
         if isinstance(line, SessionResumed):
             onset_clock += line.session_clock == "broken"
-        if not isinstance(line, _TrialLine):
+        if not isinstance(line, _TrialLine | LevelChosen):
             continue
         if line.trial not in trials:
             raise JournalError(
                 f"the journal names trial {line.trial}, which the plan does not have"
             )
+        if isinstance(line, LevelChosen):
+            # A choice counts once its trial is armed: until then nothing was presented.
+            chosen[line.trial, line.attempt] = line
+            continue
         presentation = shown.setdefault(
             (line.trial, line.attempt),
             Presentation(
@@ -278,6 +284,13 @@ def _presentations(plan: Plan, entries: Iterable[Entry]) -> list[Presentation]:
         if presentation.end is not None:
             raise JournalError(f"trial {line.trial}, attempt {line.attempt}, goes on after its end")
         presentation.add(line)
+        if isinstance(line, TrialArmed) and plan.is_chosen(presentation.trial):
+            if (line.trial, line.attempt) not in chosen:
+                raise JournalError(f"trial {line.trial} was armed without a chosen level")
+            level_vpp = chosen[line.trial, line.attempt].level_vpp
+            presentation.attempt = replace(
+                presentation.attempt, trial=replace(presentation.trial, level_vpp=level_vpp)
+            )
     return list(shown.values())
 
 

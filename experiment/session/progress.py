@@ -63,7 +63,15 @@ class SessionProgress:
         planned = self._planned[of]
         return Progress(done=planned - left.count(of), planned=planned, part=part)
 
-    def status(self, state: SessionState, *, noise: str, device: str, message: str) -> Status:
+    def status(
+        self,
+        state: SessionState,
+        *,
+        noise: str,
+        device: str,
+        message: str,
+        estimates: tuple[str, ...] = (),
+    ) -> Status:
         """Return what the operator is shown.
 
         Every trial is expected to take the mean time of those answered in this visit, every break
@@ -87,6 +95,7 @@ class SessionProgress:
             device=device,
             message=message,
             tallies=dict(self._tallies),
+            estimates=estimates,
         )
 
     def _count(self, kind: str, side: str, response: str) -> None:

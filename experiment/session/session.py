@@ -21,6 +21,7 @@ from experiment.record.entries import (
     StimulusConfirmed,
     TrialEnded,
 )
+from experiment.session.levels import LevelTracks
 from experiment.session.markers import RECORDING_START, UNHEARD, response_marker, stimulus_marker
 from experiment.session.participant import GuardedResponder
 from experiment.session.progress import SessionProgress
@@ -91,6 +92,7 @@ class Session:
         self._bursts = BurstMonitor(config, study)
         self._noise = NoiseMonitor(config.noise, journal)
         self._counts = SessionProgress(plan, study.design, history)
+        self._levels = LevelTracks(plan, history)
         # In practice without a device nothing moves, so that no answer of a person is right.
         is_practice = config.purpose is Purpose.PRACTICE
         self._gives_feedback = config.responder.simulated or not is_practice
@@ -201,7 +203,11 @@ class Session:
             return event
         if self._config.stop.is_requested:
             return Event.STOP_REQUESTED
-        return Event.PAUSE_REQUESTED if self._requests.paused else event
+        if self._requests.paused:
+            return Event.PAUSE_REQUESTED
+        if event is Event.TRIAL_STARTS:
+            self._state = self._levels.choose(self._state)
+        return event
 
     def _note(self) -> None:
         """Journal the operator's notes, and the noise where it changed."""
@@ -226,6 +232,7 @@ class Session:
             noise=self._config.noise.health().message,
             device=device if failure is None else "failed",
             message=next(filter(None, messages), ""),
+            estimates=self._levels.describe(),
         )
         self._config.show(status)
 
@@ -246,7 +253,7 @@ class Session:
     def _arm(self, effect: events.ArmStimulus) -> Input:
         if self._noise.lost():
             return Event.NOISE_LOST
-        event = self.stimulus.arm(effect.attempt)
+        event = self.stimulus.arm(effect.attempt, self._levels.line(effect.attempt))
         if event is Event.ARMED:
             self._bursts.expect(effect.attempt.trial, self.stimulus.level_vpp)
         return event
@@ -312,6 +319,7 @@ class Session:
         )
         self._journal.append(end, sync=True)
         self._mark_trial(effect)
+        self._levels.trial_ends(effect)
         self._counts.trial_ends(effect, self._clock.now_s())
 
     def _rest(self, effect: events.Rest) -> Input:

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from device.driver import Delivery
+    from experiment.record.entries import LevelChosen
     from experiment.record.journal import Journal
     from experiment.session.config import SessionConfig
     from experiment.study.study import Study
@@ -73,13 +74,15 @@ class StimulusDelivery:
             self._rested_s = max(self._rested_s, self._clock.now_s() + self._interval_s)
         return self._rested_s
 
-    def arm(self, attempt: Attempt) -> Event:
-        """Journal a new token, then arm the device with it."""
+    def arm(self, attempt: Attempt, chosen: LevelChosen | None = None) -> Event:
+        """Journal a new token, and the level if it was chosen; then arm the device with it."""
         trial = attempt.trial
         self.level_vpp = trial.level_vpp or min(self._study.design_of(trial.condition).levels_vpp)
         # Tokens rise, also where the calendar's clock was set back: the device relies on it.
         self.token = max(self.token + 1, time.time_ns())
         # On the disk before the device knows it: after a crash only the token tells what was felt.
+        if chosen is not None:
+            self._journal.append(chosen)
         armed = TrialArmed(trial=trial.number, attempt=attempt.number, token=self.token)
         self._journal.append(armed, sync=True)
         try:

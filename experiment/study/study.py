@@ -27,6 +27,7 @@ from experiment.study.base import (
 from experiment.study.dataset import About, Dataset, Participants
 from experiment.study.design import Design
 from experiment.study.equipment import Contact, DeviceSettings, Masking, MonitorSettings
+from experiment.study.levels import LevelChoice
 from experiment.study.plate import Plate
 from experiment.study.presentation import Keys, Screen, Texts
 from experiment.study.simulation import CURVE_KEYS, Simulation
@@ -64,6 +65,8 @@ class Study(Section):
         Tables ``[[condition]]``: stimuli, each of which runs the whole design; at least one.
     design : Design
         What is presented, how often, and what may be answered.
+    levels : LevelChoice
+        Whether levels are drawn before the session or chosen during it.
     device : DeviceSettings
         What drives the actuators, and its limits.
     monitor : MonitorSettings
@@ -107,6 +110,7 @@ class Study(Section):
         default=(Condition(),), alias="condition", validate_default=True
     )
     design: Design = Field(default=Design(), validate_default=True)
+    levels: LevelChoice = LevelChoice()
     device: DeviceSettings = DeviceSettings()
     monitor: MonitorSettings = MonitorSettings()
     masking: Masking = Masking()
@@ -191,6 +195,8 @@ class Study(Section):
             excess = has_file and getattr(self.simulation, key) is not None
             yield excess, f"simulation.{key}", rule, None
         yield from self._device_rules(device)
+        designs = {each.name: each.design(self.design) for each in self.conditions}
+        yield from self.levels.design_rules(designs)
         for index, condition in enumerate(self.conditions):
             if condition.file is not None and not condition.is_complete:
                 continue

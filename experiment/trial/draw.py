@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -16,6 +17,7 @@ from experiment.trial.plan import (
     HANDS_OFF_BLOCK,
     PRACTICE,
     PRACTICE_BLOCK,
+    SINGLE_KINDS,
     Plan,
     PlanError,
     Trial,
@@ -101,6 +103,16 @@ def draw_plan(
     order = _order(study, number, rng)
     hands_off_rng = np.random.Generator(np.random.PCG64((seed, _HANDS_OFF_STREAM)))
     trials = tuple(_draw_trials(study, order, rng, hands_off_rng))
+    rules = {}
+    if study.levels.is_adaptive:
+        rules = {
+            condition.name: study.levels.rule_for(study.design_of(condition.name).levels_vpp, seed)
+            for condition in study.conditions
+        }
+        trials = tuple(
+            replace(trial, level_vpp=None) if trial.kind in SINGLE_KINDS else trial
+            for trial in trials
+        )
     return seal(
         Plan(
             participant=participant,
@@ -117,6 +129,7 @@ def draw_plan(
             gains=gains,
             keys_set=study.keys_set,
             participant_number=number,
+            level_rules=rules,
         )
     )
 

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import hashlib
 import json
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, Final
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Annotated, Any, Final
 
-from pydantic import TypeAdapter, ValidationError
+from pydantic import Field, TypeAdapter, ValidationError
 
+from experiment.levels import Bayesian, Staircase
 from experiment.names import OTHER_VERSION
 from experiment.perception.gains import WITHOUT_CROSSTALK, ConditionGains, FingerGains
 from experiment.study.base import first_fault
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
     from experiment.tasks.task import Task
 
 
+_Rule = Annotated[Staircase | Bayesian, Field(discriminator="kind")]
 SCHEMA = 4
 PRACTICE = "practice"
 HANDS_OFF = "hands_off"
@@ -29,6 +31,8 @@ _HAS_STIMULUS = {
     if kind != HANDS_OFF or len(presentation.sites) == 1
 }
 """The kinds and sides that a trial can have."""
+SINGLE_KINDS: Final = frozenset(p.kind for p in LEFT_RIGHT_BOTH.presentations if len(p.sites) == 1)
+"""The kinds of trials whose level a rule may choose."""
 HANDS_OFF_BLOCK = -1
 """The block of the hands-off trials before practice; those after the task have the last block."""
 PRACTICE_BLOCK = 0
@@ -65,7 +69,8 @@ class Trial:
     side : str
         Which of the task's presentations it is.
     level_vpp : float or None
-        Peak-to-peak volts at the actuator; none for a blank trial.
+        Peak-to-peak volts at the actuator; none for a blank trial, and where a rule chooses it
+        during the session.
     foreperiod_s : float
         Wait between the cue and the stimulus, in seconds.
 
@@ -93,7 +98,9 @@ class Trial:
     def __post_init__(self) -> None:
         first_block = HANDS_OFF_BLOCK if self.kind == HANDS_OFF else PRACTICE_BLOCK
         has_stimulus = _HAS_STIMULUS.get((self.kind, self.side))
-        if has_stimulus != (self.level_vpp is not None) or self.block < first_block:
+        is_chosen_later = has_stimulus and self.kind in SINGLE_KINDS and self.level_vpp is None
+        has_level = is_chosen_later or self.level_vpp is not None
+        if has_stimulus != has_level or self.block < first_block:
             raise PlanError(
                 f"a {self.kind} trial cannot have side = {self.side!r}, level_vpp = "
                 f"{self.level_vpp!r}, block = {self.block}"
@@ -132,6 +139,8 @@ class Plan:
         The keys that the study file sets, with their sections; the others have their defaults.
     participant_number : int or None
         By which the order of conditions was chosen, where it is balanced.
+    level_rules : mapping of str to LevelRule
+        What chooses levels during the session, by condition; empty where the plan has all levels.
     sha256 : str
         Checksum over the canonical form of everything above.
 
@@ -163,7 +172,28 @@ class Plan:
     gains: tuple[ConditionGains, ...] = ()
     keys_set: tuple[str, ...] = ()
     participant_number: int | None = None
+    level_rules: dict[str, _Rule] = field(default_factory=dict)
     sha256: str = ""
+
+    def __post_init__(self) -> None:
+        for trial in self.trials:
+            if self.is_chosen(trial) and trial.condition not in self.level_rules:
+                raise PlanError(f"trial {trial.number} must have a level; got {trial.level_vpp!r}")
+
+    @staticmethod
+    def is_chosen(trial: Trial) -> bool:
+        """Return whether a rule chooses the level of a trial of the plan.
+
+        Parameters
+        ----------
+        trial : Trial
+            One of the plan's.
+
+        Returns
+        -------
+        bool
+        """
+        return trial.kind in SINGLE_KINDS and trial.level_vpp is None
 
     def answers_to(self, trial: Trial) -> tuple[str, ...]:
         """Return the answers accepted in a trial; with the hands off, "nothing" always is.
@@ -248,6 +278,8 @@ def _contents(plan: Plan) -> dict[str, Any]:
     )
     if plan.participant_number is None:  # it says nothing, nor did it in plans before there was one
         del contents["participant_number"]
+    if not plan.level_rules:
+        del contents["level_rules"]
     return {"schema": SCHEMA} | contents | {"study": json.loads(plan.study)}
 
 
