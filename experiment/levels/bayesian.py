@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Annotated, Final, Literal, TypeAlias
 
 import numpy as np
 from pydantic import Field, field_validator
-from scipy.interpolate import CubicSpline
 from scipy.special import ndtr, xlogy
 
 from experiment.levels.rule import Choice, Estimate, LevelRule, Levels, Track
@@ -86,7 +85,7 @@ class Bayesian(LevelRule):
 
 
 class BayesianTrack(Track):
-    """The posterior of threshold, sigma, false-alarm rate and lapse rate after a track's answers."""
+    """The posterior of threshold and nuisance parameters after the answers of a track."""
 
     def __init__(self, rule: Bayesian, responses: tuple[str, ...], task: Task) -> None:
         self._rule, self._responses, self._task = rule, responses, task
@@ -147,7 +146,7 @@ class BayesianTrack(Track):
         joint = np.einsum("actn,tn->act", self._table, posterior)
         answer = joint.sum(axis=-1)
         nats = (xlogy(answer, answer) - xlogy(joint, joint).sum(axis=-1)).sum(axis=0)
-        return np.round(nats / np.log(2), ENTROPY_DIGITS)
+        return np.asarray(np.round(nats / np.log(2), ENTROPY_DIGITS))
 
     def update(self, presentation: Presentation, level_vpp: float | None, answer: str) -> None:
         """Multiply the posterior by the probability of the answer under each hypothesis."""
@@ -164,6 +163,8 @@ class BayesianTrack(Track):
         The posterior may be narrower than a few steps of the grid. Its logarithm is smooth, and
         close to a parabola, so that a cubic spline of it between the points gives the quantiles.
         """
+        from scipy.interpolate import CubicSpline
+
         if self._answered == 0:
             return None
         marginal = self._posterior.sum(axis=(1, 2, 3))
