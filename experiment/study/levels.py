@@ -45,21 +45,18 @@ class LevelChoice(Section):
     start_vpp: Annotated[float, Field(gt=0)] | None = None
     """staircase: the first level; by default the highest"""
 
-    def rules(self) -> Iterator[Rule]:
-        """Yield the rules that keys belong to the rule."""
-        for key, used_by in _USED_BY.items():
-            is_changed = getattr(self, key) != type(self).model_fields[key].default
-            is_unused = is_changed and self.rule not in used_by
-            names = " or ".join(f'"{name}"' for name in used_by)
-            yield is_unused, key, f"must be omitted unless levels.rule = {names}"
-
     @property
     def is_adaptive(self) -> bool:
         """Whether levels are chosen during the session."""
         return self.rule != "constant"
 
     def design_rules(self, designs: dict[str, Design]) -> Iterator[Rule]:
-        """Yield the rules that the designs of all conditions, by their names, leave a choice."""
+        """Yield the rules between keys, and that the design of each condition leaves a choice."""
+        for key, used_by in _USED_BY.items():
+            is_changed = getattr(self, key) != type(self).model_fields[key].default
+            names = " or ".join(f'"{name}"' for name in used_by)
+            rule = f"must be omitted unless levels.rule = {names}"
+            yield is_changed and self.rule not in used_by, f"levels.{key}", rule, getattr(self, key)
         if not self.is_adaptive:
             return
         for condition, design in designs.items():

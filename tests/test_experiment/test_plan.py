@@ -125,7 +125,7 @@ def test_foreperiods_are_exponential_and_cut_at_both_ends() -> None:
     [
         ({"kind": "catch"}, "a catch trial"),
         ({"side": "up"}, "side = 'up'"),
-        ({"level_vpp": None}, "single .*level_vpp = None"),
+        ({"kind": "practice", "level_vpp": None}, "practice .*level_vpp = None"),
         ({"kind": "blank"}, "blank .*side"),
         ({"kind": "blank", "side": "none"}, "blank .*level_vpp = 60.0"),
         ({"kind": "hands_off", "side": "none"}, "hands_off .*side"),
