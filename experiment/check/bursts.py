@@ -227,11 +227,13 @@ def _at_edge(study: Study) -> tuple[ConditionCheck | None, dict[str, Any]]:
         (check,) = check_study(study).conditions
     except ValueError as error:
         edge |= {"verdict": None, "reasons": [str(error)]}
-        return None, edge | dict.fromkeys((*numbers, "largest_energy_above_cutoff", "crosstalk_db"))
+        names = (*numbers, "largest_energy_above_cutoff", "crosstalk_db", "crosstalk_error_db")
+        return None, edge | dict.fromkeys(names)
     edge |= {"verdict": check.verdict, "reasons": check.reasons}
     energies = {key: getattr(check.burst, key) for key in numbers}
     energies["largest_energy_above_cutoff"] = max(energies.values())
-    return check, edge | energies | {"crosstalk_db": check.crosstalk_db}
+    crosstalk = {name: getattr(check, name) for name in ("crosstalk_db", "crosstalk_error_db")}
+    return check, edge | energies | crosstalk
 
 
 # --- the burst of a new plate ---------------------------------------------------------------------

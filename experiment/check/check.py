@@ -134,6 +134,13 @@ class ConditionCheck:
         return None if self.gains is None else max(self.level_db(1, 0), self.level_db(0, 1))
 
     @property
+    def crosstalk_error_db(self) -> float | None:
+        """The greater error of both."""
+        if self.peak_errors is None:
+            return None
+        return float(max(self.peak_errors.levels_db[1, 0], self.peak_errors.levels_db[0, 1]))
+
+    @property
     def verdict(self) -> Verdict:
         """``accepted`` where the burst violates a limit and the study says why it is wanted."""
         if not self.violations:

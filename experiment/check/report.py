@@ -98,10 +98,22 @@ def format_level(level_db: float, error_db: float | None) -> str:
     return f"{_fixed(level_db)} +- {math.ceil(10 * error_db) / 10:.1f} dB"
 
 
+def format_bound(level_db: float, error_db: float | None) -> str:
+    """Return a level for a table, or below what it lies where the error is large.
+
+    >>> format_bound(-23.71, 0.016), format_bound(-81.0, 20.0)
+    ('-23.7', '<-61.0')
+    """
+    if error_db is not None and error_db > _MAX_ERROR_DB:
+        return f"<{_fixed(level_db + error_db)}"
+    return _fixed(level_db)
+
+
 _FILTERS: Final[dict[str, Callable[..., str]]] = {
     "g": _scaled(1.0),
     "fixed": _fixed,
     "level": format_level,
+    "bound": format_bound,
     "mm": _scaled(1e3),
     "ms": _scaled(1e3),
     "us": _scaled(1e6),

@@ -29,7 +29,7 @@ Rates: TypeAlias = Annotated[
 ]
 """Probabilities below 1."""
 
-THRESHOLDS: Final = 31
+THRESHOLDS: Final = 61
 """Points of the threshold grid."""
 THRESHOLD_MARGIN: Final = 2.0
 """How far the threshold grid reaches beyond the lowest and the highest candidate, as a factor."""
@@ -65,7 +65,7 @@ class Bayesian(LevelRule):
     """
 
     kind: Literal["bayesian"] = "bayesian"
-    sigmas: Levels = (0.05, 0.1, 0.2)
+    sigmas: Levels = (0.03, 0.05, 0.09, 0.15, 0.25)
     """Widths of the psychometric function, in units of log10(level)."""
     lapse_rates: Rates = (0.0, 0.03, 0.08)
     """Probabilities of an answer at random."""
@@ -85,7 +85,7 @@ class Bayesian(LevelRule):
 
 
 class BayesianTrack(Track):
-    """The posterior of threshold and nuisance parameters after the answers of a track."""
+    """The posterior of threshold, sigma, false-alarm rate and lapse rate."""
 
     def __init__(self, rule: Bayesian, responses: tuple[str, ...], task: Task) -> None:
         self._rule, self._responses, self._task = rule, responses, task
@@ -146,7 +146,8 @@ class BayesianTrack(Track):
         joint = np.einsum("actn,tn->act", self._table, posterior)
         answer = joint.sum(axis=-1)
         nats = (xlogy(answer, answer) - xlogy(joint, joint).sum(axis=-1)).sum(axis=0)
-        return np.asarray(np.round(nats / np.log(2), ENTROPY_DIGITS))
+        bits: Floats = np.round(nats / np.log(2), ENTROPY_DIGITS)
+        return bits
 
     def update(self, presentation: Presentation, level_vpp: float | None, answer: str) -> None:
         """Multiply the posterior by the probability of the answer under each hypothesis."""
