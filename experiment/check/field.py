@@ -387,7 +387,6 @@ def report_field(field: PlateMap | PlateBand | PlateMotion, file_name: str) -> d
         "load": plate.load,
         "loss_factor": plate.strip.material.loss_factor,
         "loss_basis": plate.loss_basis,
-        "omits_patches": any(actuator.patch_counts for actuator in study.actuators),
         "omits_finger_load": study.finger_load.impedance is not None,
         "unused": [] if plate.level_vpp else [*plate.loads_per_volt],
         "limit_db": -plate.masking_threshold_db,

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from experiment.study.physics import bare_strip, fingertips_of, loads_of, loads_per_volt
+from experiment.study.physics import field_strip, fingertips_of, loads_of, loads_per_volt
 from stimuli import Burst, Fingertip, Load, Strip
 from stimuli.plate.response import response
 from stimuli.plate.scene import Scene
@@ -48,8 +48,8 @@ class PlatePreview:
 
     @cached_property
     def strip(self) -> Strip:
-        """The strip without the stiffness and mass of its patches."""
-        return bare_strip(self.study)
+        """The strip with the patches that count."""
+        return field_strip(self.study)
 
     @cached_property
     def loads(self) -> tuple[Load, ...]:

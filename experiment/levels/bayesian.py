@@ -56,10 +56,11 @@ class Bayesian(LevelRule):
     Examples
     --------
     >>> rule = Bayesian(candidates_vpp=(50.0, 70.0, 100.0, 140.0), seed=1)
-    >>> track = rule.start(("left", "right", "none"))
+    >>> site, other = LEFT_RIGHT_BOTH.sites
+    >>> track = rule.start((site, other, "none"))
     >>> track.choose(1, 1).level_vpp, track.estimate()
     (100.0, None)
-    >>> track.update(LEFT_RIGHT_BOTH.presentation("left"), 100.0, "none")
+    >>> track.update(LEFT_RIGHT_BOTH.presentation(site), 100.0, "none")
     >>> track.estimate().threshold_vpp > 100.0
     True
     """

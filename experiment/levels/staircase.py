@@ -31,11 +31,12 @@ class Staircase(LevelRule):
     Examples
     --------
     >>> rule = Staircase(candidates_vpp=(50.0, 60.0, 70.0, 80.0, 90.0), start_vpp=70.0, seed=1)
-    >>> track, left = rule.start(("left", "right")), LEFT_RIGHT_BOTH.presentation("left")
-    >>> track.update(left, 70.0, "left")
+    >>> site, other = LEFT_RIGHT_BOTH.sites
+    >>> track, single = rule.start((site, other)), LEFT_RIGHT_BOTH.presentation(site)
+    >>> track.update(single, 70.0, site)
     >>> track.choose(2, 1).level_vpp
     60.0
-    >>> track.update(left, 60.0, "right")
+    >>> track.update(single, 60.0, other)
     >>> track.choose(3, 1).level_vpp
     90.0
     """

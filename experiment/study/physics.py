@@ -300,14 +300,10 @@ def field_strip(study: Study, loss_factor: float = ASSUMED_LOSS) -> Strip:
     (0.2, 0.01)
     """
     counted = tuple(actuator.patch for actuator in study.actuators if actuator.patch is not None)
-    return replace(bare_strip(study, loss_factor), patches=counted)
-
-
-def bare_strip(study: Study, loss_factor: float = ASSUMED_LOSS) -> Strip:
-    """Return the same plate without its patches' stiffness and mass."""
-    if study.plate.has_loss_factor:
-        return study.strip
-    return replace(study.strip, material=replace(study.strip.material, loss_factor=loss_factor))
+    material = study.strip.material
+    if not study.plate.has_loss_factor:
+        material = replace(material, loss_factor=loss_factor)
+    return replace(study.strip, material=material, patches=counted)
 
 
 def peak_errors(

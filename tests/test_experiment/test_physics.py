@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 import pytest
 
 from experiment import StudyError, check_study, paper_study, study_gains
+from experiment.check.plate import PlatePreview
 from experiment.study.physics import (
-    bare_strip,
     field_strip,
     fingertips_of,
     loads_of,
@@ -174,8 +174,8 @@ def test_patches_that_count_are_on_the_plate_and_those_that_do_not_are_not() -> 
     left, right = field_strip(patched()).patches
     assert (left.x_m, right.x_m, left.is_disc) == (-0.035, 0.035, True)
     assert [layer.density_kg_m3 for layer in left.layers] == [8530, 7800]
-    assert bare_strip(patched()).patches == ()
     assert field_strip(patched(OWN_HEAD)).patches == ()
+    assert PlatePreview(patched()).strip == field_strip(patched())
 
 
 @pytest.mark.slow
