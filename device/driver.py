@@ -133,7 +133,23 @@ class Identity:
     def of_emulator(
         cls, model: str, serial_number: str, boot_id: int, limits: Limits, output: OutputStage
     ) -> Self:
-        """Return the identity of a device without actuators, with its limits and converter."""
+        """Return the identity of a device without actuators, with its limits and converter.
+
+        Parameters
+        ----------
+        model, serial_number : str
+            Model and serial number.
+        boot_id : int
+            Random number of the power cycle.
+        limits : Limits
+            Limits of the device.
+        output : OutputStage
+            The converter.
+
+        Returns
+        -------
+        Identity
+        """
         return cls(
             model=model,
             serial_number=serial_number,

@@ -144,6 +144,11 @@ class Plan:
     sha256 : str
         Checksum over the canonical form of everything above.
 
+    Raises
+    ------
+    PlanError
+        If a trial has no level and no rule chooses it.
+
     Examples
     --------
     `draw_plan` makes one. What was changed after it was sealed is refused:
