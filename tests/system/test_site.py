@@ -17,6 +17,7 @@ from tests.system.browser import REQUEST, SAID, Browser, opened
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
+pytestmark = pytest.mark.xdist_group("site")  # one build at a time: it writes docs/reference
 ROOT = Path(__file__).resolve().parents[2]
 
 
