@@ -430,7 +430,7 @@ def load_column_map(path: str | Path) -> ColumnMap:
     path = Path(path)
     try:
         raw = read_bounded(path)
-        text = raw.decode()
+        text = raw.decode("utf-8-sig")
         document = parse_toml(text)
         for name, section in document.items():
             if name not in KEYS and (name not in SECTIONS or type(section) is not dict):

@@ -103,10 +103,10 @@ def text_chunks(
 ) -> tuple[list[str], Iterator[Chunk]]:
     r"""Read a table as its header and chunks of at most `CHUNK_ROWS` rows of text.
 
-    Without a `form` it must be as this program writes it: commas, UTF-8 without a mark. With one,
-    lines without a value are passed over. Names that stand twice have `TWICE` behind them. A chunk
-    has the lines on which its rows begin, and their cells; with `empty_allowed` a header alone is
-    one chunk without rows. Of the stream nothing is read beyond the first fault.
+    Without a `form` it must be as this program writes it: commas, UTF-8. With one, lines without a
+    value are passed over. Names that stand twice have `TWICE` behind them. A chunk has the lines
+    on which its rows begin, and their cells; with `empty_allowed` a header alone is one chunk
+    without rows. Of the stream nothing is read beyond the first fault.
 
     Raises ResultFileError for an empty file, a header alone, a row with too few or too many fields,
     text of another encoding, a NUL or a line over `MAX_LINE` characters; for what is wrong below
@@ -251,10 +251,10 @@ def _find_encoding(stream: BinaryIO, file: str, form: TextFormat | None) -> str:
     if start == b"PK\x03\x04":
         raise ResultFileError(file, None, "a workbook (.xlsx) or packed file; save it as CSV")
     encoding = next((_MARKS[mark] for mark in _MARKS if start.startswith(mark)), "UTF-8")
-    if form is None and encoding != "UTF-8":
+    if form is None and encoding not in {"UTF-8", "UTF-8-sig"}:
         message = (
             f"the file begins with a byte order mark ({encoding}), which tactstrip does not write: "
-            f"take the original, or save it as UTF-8 without BOM; {ELSEWHERE}"
+            f"take the original, or save it as UTF-8; {ELSEWHERE}"
         )
         raise ResultFileError(file, 1, message)
     return encoding

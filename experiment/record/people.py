@@ -238,7 +238,7 @@ def read_people(root: Path, columns: Iterable[ParticipantColumn] = ()) -> People
     if not path.exists():
         return People()
     try:
-        lines = path.read_text(encoding="utf-8").split("\n")
+        lines = path.read_text(encoding="utf-8-sig").split("\n")
     except UnicodeDecodeError as error:
         raise ArchiveError(f"{path}: must be UTF-8; got {error}") from error
     heading, *rows = [tuple(line.rstrip("\r").split("\t")) for line in lines]

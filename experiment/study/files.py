@@ -255,10 +255,8 @@ def read_text(path: Path) -> str:
         data = bounded.read_bounded(path)
     except OSError as error:
         raise StudyError(path, Fault("", error.strerror or str(error))) from error
-    if data.startswith(b"\xef\xbb\xbf"):
-        raise StudyError(path, Fault("", "must be UTF-8 without a byte order mark"))
     try:
-        return data.decode()
+        return data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         line = data.count(b"\n", 0, error.start) + 1
         byte = f"byte {data[error.start]:#x}"

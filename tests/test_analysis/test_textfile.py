@@ -21,7 +21,7 @@ BROKEN: list[tuple[bytes, int, str]] = [
     (b"", 1, r"t\.csv"),
     (b"\n", 1, r"t\.csv"),
     (b"a,b\n", 1, r"t\.csv"),
-    ("a,b\n".encode("utf-8-sig"), 1, "BOM"),
+    ("a,b\n".encode("utf-8-sig"), 1, "header"),
     ("a,b\n1,2\n".encode("utf-16"), 1, "UTF-16"),
     ("a,b\n1,2\n".encode("utf-16-be"), 1, "NUL"),
     ("\ufeffa,b\n1,2\n".encode("utf-16-be"), 1, "UTF-16"),
@@ -59,6 +59,11 @@ def test_nothing_is_read_beyond_the_fault() -> None:
     with pytest.raises(ResultFileError, match="65536"):
         read(stream)
     assert stream.tell() < 2 * MAX_LINE
+
+
+def test_a_byte_order_mark_of_utf_8_is_no_part_of_the_heading() -> None:
+    header, chunks = text_chunks(io.BytesIO("a,b\n1,2\n".encode("utf-8-sig")), "t.csv")
+    assert (header, list(chunks)) == (["a", "b"], [([2], [["1", "2"]])])
 
 
 def test_rows_keep_the_line_on_which_they_begin() -> None:

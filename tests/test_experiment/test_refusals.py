@@ -144,14 +144,21 @@ def test_what_is_at_a_bound_or_means_something_there_is_accepted() -> None:
 
 def test_a_file_that_cannot_be_read_is_one_clear_line(tmp_path: Path) -> None:
     path, in_latin = tmp_path / "s.toml", "[study]\n# \xe9\n".encode("latin-1")
-    marked, wide = b"\xef\xbb\xbf[study]\n", "[study]".encode("utf-16")
-    for content, part in ((None, "No such"), (in_latin, "line 2: "), (marked, ""), (wide, "UTF-8")):
+    wide = "[study]".encode("utf-16")
+    for content, part in ((None, "No such"), (in_latin, "line 2: "), (wide, "UTF-8")):
         if content is not None:
             path.write_bytes(content)
         with pytest.raises(StudyError) as caught:
             read_study(path)
         assert part in str(caught.value)
         assert "\n" not in str(caught.value)
+
+
+def test_a_study_file_with_a_byte_order_mark_is_the_study_without_it(tmp_path: Path) -> None:
+    plain, marked = tmp_path / "plain.toml", tmp_path / "marked.toml"
+    plain.write_text(on_paper_plate(""), encoding="utf-8")
+    marked.write_text(on_paper_plate(""), encoding="utf-8-sig")
+    assert read_study(marked) == read_study(plain)
 
 
 TORN = [
