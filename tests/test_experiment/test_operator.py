@@ -5,7 +5,6 @@ from __future__ import annotations
 import io
 import os
 import sys
-import threading
 from collections import deque
 from types import ModuleType
 
@@ -102,12 +101,21 @@ def test_a_console_of_windows_gives_the_keys_that_other_terminals_give(
 def test_a_key_in_pieces_is_one_key(pieces: list[bytes], keys: list[str]) -> None:
     pty = pytest.importorskip("pty", reason="pseudo-terminals are a POSIX feature")
     outside, inside = pty.openpty()
+    arriving = deque(pieces)
+
+    class SlowLine(keyboard.PosixKeyboard):
+        """A keyboard whose next piece arrives while it is awaited."""
+
+        def wait(self, timeout_s: float | None) -> bool:
+            if not arriving:
+                return super().wait(timeout_s)
+            os.write(outside, arriving.popleft())
+            return super().wait(None)
+
     with os.fdopen(inside, "rb", buffering=0) as terminal, pytest.MonkeyPatch.context() as patch:
         patch.setattr(sys, "stdin", terminal)
         read: list[str] = []
-        with keyboard.PosixKeyboard() as board:
-            for number, piece in enumerate(pieces):
-                threading.Timer(0.02 * number, os.write, (outside, piece)).start()
+        with SlowLine() as board:
             while len(read) < len(keys):
                 assert board.wait(5.0)
                 read += board.read()
