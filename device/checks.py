@@ -31,36 +31,36 @@ def is_whole(value: object) -> TypeGuard[int]:
 
 
 def require_real(
-    name: str, value: object, *, least: float = -math.inf, most: float = math.inf
+    name: str, value: object, *, minimum: float = -math.inf, maximum: float = math.inf
 ) -> None:
-    """Refuse anything but a finite number from `least` to `most`, both included.
+    """Refuse anything but a finite number from `minimum` to `maximum`, both included.
 
     >>> require_real("offset_s", -2.5)
-    >>> require_real("drift_ppm", 2e6, least=-1e5, most=1e5)
+    >>> require_real("drift_ppm", 2e6, minimum=-1e5, maximum=1e5)
     Traceback (most recent call last):
     ValueError: drift_ppm must be a number from -100000 to 100000, got 2000000.0
     """
-    if not is_real(value) or not least <= value <= most:
-        raise ValueError(f"{name} must be a number from {least:g} to {most:g}, got {value!r}")
+    if not is_real(value) or not minimum <= value <= maximum:
+        raise ValueError(f"{name} must be a number from {minimum:g} to {maximum:g}, got {value!r}")
 
 
-def require_positive(name: str, value: object, *, most: float = math.inf) -> None:
-    """Refuse anything but a finite number above 0 and up to `most`.
+def require_positive(name: str, value: object, *, maximum: float = math.inf) -> None:
+    """Refuse anything but a finite number above 0 and up to `maximum`.
 
     >>> require_positive("gain", 0.0)
     Traceback (most recent call last):
     ValueError: gain must be a number above 0 and up to inf, got 0.0
     """
-    if not is_real(value) or not 0 < value <= most:
-        raise ValueError(f"{name} must be a number above 0 and up to {most:g}, got {value!r}")
+    if not is_real(value) or not 0 < value <= maximum:
+        raise ValueError(f"{name} must be a number above 0 and up to {maximum:g}, got {value!r}")
 
 
-def require_whole(name: str, value: object, *, least: int, most: int) -> None:
-    """Refuse anything but an integer from `least` to `most`, both included.
+def require_whole(name: str, value: object, *, minimum: int, maximum: int) -> None:
+    """Refuse anything but an integer from `minimum` to `maximum`, both included.
 
-    >>> require_whole("bits", 16.0, least=2, most=24)
+    >>> require_whole("bits", 16.0, minimum=2, maximum=24)
     Traceback (most recent call last):
     ValueError: bits must be an integer from 2 to 24, got 16.0
     """
-    if not is_whole(value) or not least <= value <= most:
-        raise ValueError(f"{name} must be an integer from {least} to {most}, got {value!r}")
+    if not is_whole(value) or not minimum <= value <= maximum:
+        raise ValueError(f"{name} must be an integer from {minimum} to {maximum}, got {value!r}")

@@ -77,7 +77,7 @@ class MonotonicClock:
         ValueError
             `duration_s` is negative or not finite.
         """
-        require_real("duration_s", duration_s, least=0.0)
+        require_real("duration_s", duration_s, minimum=0.0)
         time.sleep(duration_s)
 
 
@@ -129,7 +129,7 @@ class VirtualClock:
         ValueError
             `duration_s` is negative or not finite.
         """
-        require_real("duration_s", duration_s, least=0.0)
+        require_real("duration_s", duration_s, minimum=0.0)
         self._now_s += duration_s
 
 

@@ -122,12 +122,12 @@ class Identity:
     emulated: bool
 
     def __post_init__(self) -> None:
-        require_whole("boot_id", self.boot_id, least=0, most=LARGEST_TOKEN)
+        require_whole("boot_id", self.boot_id, minimum=0, maximum=LARGEST_TOKEN)
         require_positive("sample_rate_hz", self.sample_rate_hz)
-        require_whole("bits", self.bits, least=2, most=32)
-        require_whole("channels", self.channels, least=1, most=64)
+        require_whole("bits", self.bits, minimum=2, maximum=32)
+        require_whole("channels", self.channels, minimum=1, maximum=64)
         require_positive("ceiling_vpp", self.ceiling_vpp)
-        require_whole("longest_waveform", self.longest_waveform, least=1, most=2**31)
+        require_whole("longest_waveform", self.longest_waveform, minimum=1, maximum=2**31)
 
     @classmethod
     def of_emulator(
@@ -229,16 +229,16 @@ class Delivery:
             raise ValueError(
                 f"device_us must be given if FIRED and None if NOT_FIRED, got {self.device_us!r}"
             )
-        require_whole("token", self.token, least=1, most=LARGEST_TOKEN)
-        require_whole("boot_id", self.boot_id, least=0, most=LARGEST_TOKEN)
+        require_whole("token", self.token, minimum=1, maximum=LARGEST_TOKEN)
+        require_whole("boot_id", self.boot_id, minimum=0, maximum=LARGEST_TOKEN)
         if self.device_us is not None:
-            require_whole("device_us", self.device_us, least=0, most=2**63 - 1)
+            require_whole("device_us", self.device_us, minimum=0, maximum=2**63 - 1)
         require_real("host_before_s", self.host_before_s)
-        require_real("host_after_s", self.host_after_s, least=self.host_before_s)
-        require_real("uncertainty_s", self.uncertainty_s, least=0.0)
-        require_whole("retries", self.retries, least=0, most=2**31)
-        require_real("level_left_vpp", self.level_left_vpp, least=0.0)
-        require_real("level_right_vpp", self.level_right_vpp, least=0.0)
+        require_real("host_after_s", self.host_after_s, minimum=self.host_before_s)
+        require_real("uncertainty_s", self.uncertainty_s, minimum=0.0)
+        require_whole("retries", self.retries, minimum=0, maximum=2**31)
+        require_real("level_left_vpp", self.level_left_vpp, minimum=0.0)
+        require_real("level_right_vpp", self.level_right_vpp, minimum=0.0)
 
 
 class BurstDevice(ABC):

@@ -80,12 +80,12 @@ class Limits:
 
     def __post_init__(self) -> None:
         require_positive("ceiling_vpp", self.ceiling_vpp)
-        require_real("min_interval_s", self.min_interval_s, least=0.0)
-        require_real("max_duty", self.max_duty, least=_MIN_RATIO, most=1.0)
-        require_whole("longest_waveform", self.longest_waveform, least=1, most=2**31)
-        require_whole("slots", self.slots, least=1, most=255)
-        require_whole("memory_samples", self.memory_samples, least=1, most=2**32 - 1)
-        require_positive("dc_tolerance", self.dc_tolerance, most=1.0)
+        require_real("min_interval_s", self.min_interval_s, minimum=0.0)
+        require_real("max_duty", self.max_duty, minimum=_MIN_RATIO, maximum=1.0)
+        require_whole("longest_waveform", self.longest_waveform, minimum=1, maximum=2**31)
+        require_whole("slots", self.slots, minimum=1, maximum=255)
+        require_whole("memory_samples", self.memory_samples, minimum=1, maximum=2**32 - 1)
+        require_positive("dc_tolerance", self.dc_tolerance, maximum=1.0)
         require_positive("longest_time_to_live_s", self.longest_time_to_live_s)
 
     @property

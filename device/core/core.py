@@ -122,7 +122,7 @@ class DeviceCore:
         about: About = OURS,
         history: int = HISTORY,
     ) -> None:
-        require_whole("boot_id", boot_id, least=0, most=LARGEST_TOKEN)
+        require_whole("boot_id", boot_id, minimum=0, maximum=LARGEST_TOKEN)
         self.boot_id = boot_id
         self.limits = limits
         self.output = output

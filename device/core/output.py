@@ -45,7 +45,7 @@ class OutputStage:
 
     def __post_init__(self) -> None:
         require_positive("sample_rate_hz", self.sample_rate_hz)
-        require_whole("bits", self.bits, least=2, most=24)
+        require_whole("bits", self.bits, minimum=2, maximum=24)
         require_positive("rail_v", self.rail_v)
 
     def render(self, codes: CodeArray, *, levels: Levels, limits: Limits) -> FloatArray:

@@ -97,7 +97,7 @@ class TokenHistory:
     """
 
     def __init__(self, capacity: int) -> None:
-        require_whole("capacity", capacity, least=1, most=2**31)
+        require_whole("capacity", capacity, minimum=1, maximum=2**31)
         self._capacity = capacity
         self._records: dict[int, Record] = {}
         self._dropped_up_to = 0

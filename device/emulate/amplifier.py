@@ -60,10 +60,10 @@ class Adc:
     def __post_init__(self) -> None:
         if self.tap not in UNIT_AT:
             raise ValueError(f"adc tap must be one of {', '.join(UNIT_AT)}; got {self.tap!r}")
-        require_real("gain", self.gain, least=0.0, most=1000.0)
-        require_real("delay_us", self.delay_us, least=0.0, most=1e6)
-        require_real("loss", self.loss, least=0.0, most=1.0)
-        require_real("noise", self.noise, least=0.0, most=1e6)
+        require_real("gain", self.gain, minimum=0.0, maximum=1000.0)
+        require_real("delay_us", self.delay_us, minimum=0.0, maximum=1e6)
+        require_real("loss", self.loss, minimum=0.0, maximum=1.0)
+        require_real("noise", self.noise, minimum=0.0, maximum=1e6)
 
     @classmethod
     def parse(cls, text: str) -> Self:
@@ -123,7 +123,7 @@ class Amplifier:
 
     def __post_init__(self) -> None:
         if self.over_current_at_s != math.inf:
-            require_real("over_current_at_s", self.over_current_at_s, least=0.0)
+            require_real("over_current_at_s", self.over_current_at_s, minimum=0.0)
 
     def sensed_at(self, now_s: float) -> Health:
         """Return what the device senses of it at a time."""

@@ -153,11 +153,13 @@ class Nature:
                 f"ceiling_vpp must be {self.firmware.ceiling_vpp:g}, as compiled into the "
                 f"firmware; got {self.limits.ceiling_vpp:g}"
             )
-        require_real("ceiling_vpp", self.limits.ceiling_vpp, least=0.001, most=_MAX_VPP_OR_HZ)
-        require_real("sample_rate_hz", self.output.sample_rate_hz, least=0.001, most=_MAX_VPP_OR_HZ)
+        require_real("ceiling_vpp", self.limits.ceiling_vpp, minimum=0.001, maximum=_MAX_VPP_OR_HZ)
+        require_real(
+            "sample_rate_hz", self.output.sample_rate_hz, minimum=0.001, maximum=_MAX_VPP_OR_HZ
+        )
         if self.baud is not None:
-            require_whole("baud", self.baud, least=300, most=10_000_000)
-        require_real("drift_ppm", self.drift_ppm, least=-1e5, most=1e5)
+            require_whole("baud", self.baud, minimum=300, maximum=10_000_000)
+        require_real("drift_ppm", self.drift_ppm, minimum=-1e5, maximum=1e5)
         name = self.serial_number
         plain = name.isascii() and name.isprintable() and name == name.strip() and "," not in name
         if not plain or not 1 <= len(name) <= _MAX_NAME_CHARACTERS:

@@ -73,8 +73,8 @@ class FaultScript:
             value = getattr(self, field.name)
             if field.name == "disconnect_at" and value == math.inf:
                 continue
-            most = {"disconnect_at": math.inf} | dict.fromkeys(_SECONDS, _MAX_S)
-            require_real(field.name, value, least=0.0, most=most.get(field.name, 1.0))
+            maximum = {"disconnect_at": math.inf} | dict.fromkeys(_SECONDS, _MAX_S)
+            require_real(field.name, value, minimum=0.0, maximum=maximum.get(field.name, 1.0))
 
     @classmethod
     def parse(cls, text: str) -> Self:

@@ -95,8 +95,8 @@ class MockDevice(HostDriver):
         rng: np.random.Generator | None = None,
         adc: Adc | None = None,
     ) -> None:
-        require_real("drift_ppm", drift_ppm, least=-1e5, most=1e5)
-        require_real("offset_s", offset_s, least=0.0)
+        require_real("drift_ppm", drift_ppm, minimum=-1e5, maximum=1e5)
+        require_real("offset_s", offset_s, minimum=0.0)
         self._bench = _Bench(
             clock,
             limits=device_limits,

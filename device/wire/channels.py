@@ -64,9 +64,9 @@ class LineSettings:
     response_timeout_s: float = 2.0
 
     def __post_init__(self) -> None:
-        require_whole("baud", self.baud, least=1200, most=10_000_000)
-        require_real("open_timeout_s", self.open_timeout_s, least=0.01, most=60.0)
-        require_real("response_timeout_s", self.response_timeout_s, least=0.01, most=60.0)
+        require_whole("baud", self.baud, minimum=1200, maximum=10_000_000)
+        require_real("open_timeout_s", self.open_timeout_s, minimum=0.01, maximum=60.0)
+        require_real("response_timeout_s", self.response_timeout_s, minimum=0.01, maximum=60.0)
 
     @property
     def answer_within_s(self) -> float:
