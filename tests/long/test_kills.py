@@ -1,4 +1,4 @@
-"""Sessions killed before changes of the disk, and at random times at a terminal and a line."""
+"""Sessions killed before changes of the disk, and at random times at real ends of the program."""
 
 from __future__ import annotations
 
@@ -16,8 +16,10 @@ from click.testing import CliRunner
 from experiment import examine
 from tactstrip import main
 from tests.long.test_fuzz import rounds
+from tests.processes import require
 from tests.system.test_links import over, require_true
 from tests.system.test_terminal import ENTER, GO_ON, LATER_S, LEFT, run
+from tests.system.test_window import SHORT, Sitting, missing, x_server
 from tests.test_experiment.sessions import COMMAND, Sessions
 
 if TYPE_CHECKING:
@@ -163,3 +165,45 @@ def test_a_session_over_a_serial_line_killed_at_random_times_is_what_the_emulato
                 emulator.kill()
         require_true(sessions, truth)
     print(f"{kills} kills in {number} sessions over a serial line")
+
+
+def kill_at_a_window(sitting: Sitting, more: list[str], after_s: float) -> bool:
+    """Run a session at a window, killed some time after its first line; return whether it ended."""
+    n_lines = n_before = len(sitting.journal())
+    sitting.start(*more)
+    until_s = np.inf
+    while sitting.process.poll() is None and time.monotonic() < until_s:
+        lines = sitting.journal()
+        if until_s == np.inf and len(lines) > n_before:
+            until_s = time.monotonic() + after_s
+        if len(lines) > n_lines and lines[-1]["event"] == "stimulus_confirmed":
+            n_lines = len(lines)
+            time.sleep(LATER_S)
+            sitting.press("key", "Left")
+        elif not lines or lines[-1]["event"] not in {"trial_armed", "trial_end"}:
+            sitting.press("key", "Return")
+        time.sleep(0.02)
+    has_ended = sitting.process.poll() is not None
+    sitting.process.kill()
+    _, errors = sitting.process.communicate()
+    assert not has_ended or sitting.process.returncode == 0, errors
+    return has_ended
+
+
+def test_a_session_at_a_window_killed_at_random_times_loses_and_doubles_nothing(
+    tmp_path: Path,
+) -> None:
+    require("screen", missing())
+    kills = number = 0
+    with x_server(tmp_path) as (_, environment):
+        while kills < rounds(30):
+            number += 1
+            sessions, rng = Sessions(tmp_path / f"{number}", SHORT), np.random.default_rng(number)
+            sitting, watched = Sitting(sessions.out.parent, environment), Watched(sessions)
+            sessions.write(SHORT)
+            more = ["--seed", str(rng.integers(2**31))]
+            while not kill_at_a_window(sitting, more, float(rng.uniform(0.0, 4.0))):
+                more = watched.killed() or more
+            watched.ended()
+            kills += watched.kills
+    print(f"{kills} kills in {number} sessions at a window")
