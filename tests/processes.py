@@ -25,15 +25,24 @@ if TYPE_CHECKING:
 
 EMULATORS = """
 import json, os, signal, sys
+from dataclasses import replace
 from pathlib import Path
 import numpy as np
 from device import Limits, MonotonicClock, OutputStage
+from device.emulate.amplifier import Amplifier
 from device.emulate.emulator import Emulator, Nature, Truth
 from device.emulate.faults import Faults, FaultScript
 from device.emulate.firmware import FirmwareLibrary
 from device.emulate.lines import PtyLine, TcpLine
 
+class OverloadedAmplifier(Amplifier):
+    pulses = []
+    def sensed_at(self, now_s):
+        over = bool(self.pulses and self.pulses.pop())
+        return replace(Amplifier.sensed_at(self, now_s), over_current=over)
+
 signal.signal(signal.SIGCHLD, signal.SIG_IGN)
+signal.signal(signal.SIGUSR1, lambda *_: OverloadedAmplifier.pulses.append(True))
 for order in sys.stdin:
     wish = json.loads(order)
     if os.fork():
@@ -43,6 +52,7 @@ for order in sys.stdin:
         limits=Limits(ceiling_vpp=200.0, min_interval_s=wish["min_interval_s"]),
         output=OutputStage(sample_rate_hz=wish["sample_rate_hz"]),
         baud=wish["baud"],
+        amplifier=OverloadedAmplifier(),
         firmware=FirmwareLibrary(Path(wish["firmware"])) if wish["firmware"] else None,
     )
     line = PtyLine() if wish["kind"] == "pty" else TcpLine(0)
@@ -54,7 +64,10 @@ for order in sys.stdin:
         emulator.run()
     os._exit(0)
 """
-"""A process that forks one emulator for each line it reads: starting Python each time is slow."""
+"""A process that forks one emulator for each line it reads: starting Python each time is slow.
+
+SIGUSR1 overloads an emulator's amplifier for a moment.
+"""
 
 USUAL_EMULATOR: dict[str, object] = {
     "faults": "",

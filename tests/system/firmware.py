@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 import subprocess
 import sys
@@ -88,9 +89,18 @@ def qemu_rig(request: pytest.FixtureRequest) -> rigs.Rig:
     """Return a rig around the firmware under QEMU."""
     require_tools("arm-none-eabi-gcc", "qemu-system-arm", "make")
     image = make(request.getfixturevalue("firmware_build"), "qemu") / "tactstrip-qemu.elf"
-    truth: Path = request.getfixturevalue("tmp_path") / "truth.txt"
+    folder: Path = request.getfixturevalue("tmp_path")
+    truth, inputs = folder / "truth.txt", folder / "inputs"
+    os.mkfifo(inputs)
     command = [sys.executable, str(FIRMWARE / "hal/qemu/run.py"), "--image", str(image)]
-    command += ["--truth", str(truth), "--rate", str(round(rigs.EMULATED_RATE_HZ))]
+    command += [
+        "--truth",
+        str(truth),
+        "--inputs",
+        str(inputs),
+        "--rate",
+        str(round(rigs.EMULATED_RATE_HZ)),
+    ]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
 
     def end() -> None:
@@ -100,11 +110,19 @@ def qemu_rig(request: pytest.FixtureRequest) -> rigs.Rig:
     request.addfinalizer(end)
     assert process.stdout is not None
     port = process.stdout.readline().strip()
-    return rigs.process_rig(port, lambda: tuple(read_qemu_truth(truth)))
+    return rigs.process_rig(
+        port,
+        lambda: tuple(read_qemu_truth(truth)),
+        overload=lambda: inputs.write_bytes(CLOSED_AND_OVER_CURRENT),
+        lose_line=lambda: inputs.write_bytes(LINE_LOST),
+    )
 
 
 FIRMWARE_RIGS: Final[rigs.Rigs] = {"firmware": firmware_rig, "qemu": qemu_rig}
 """The core in C: on this machine behind the emulator, and as an image for a processor."""
+
+CLOSED_AND_OVER_CURRENT, LINE_LOST = b"\x06", b"\x80"
+"""What hal/qemu/main.c takes of amplifier and line: its UART cannot see a host go."""
 
 RAIL_V: Final = 100.0
 """Volts of the full scale of the image's converter."""

@@ -340,6 +340,36 @@ class DeviceContract:
         live.device.enable()
         assert play(live, 2).outcome is Outcome.FIRED
 
+    def test_an_over_current_switches_the_outputs_off_until_they_are_enabled(
+        self, live: Rig
+    ) -> None:
+        if live.overload is None:
+            pytest.skip("nothing reports an over-current here")
+        live.device.arm(1, 0, time_to_live_s=live.time_to_live_s)
+        live.overload()
+        live.clock.wait(0.3)
+        assert refusal(lambda: live.device.fire(1)) is Refusal.OVERLOAD_STOP
+        assert live.device.query(1).outcome is Outcome.NOT_FIRED
+        live.device.stop()  # hides no earlier reason
+        assert refusal(lambda: live.device.arm(2, 0, time_to_live_s=0.1)) is Refusal.OVERLOAD_STOP
+        live.device.enable()
+        assert play(live, 2).outcome is Outcome.FIRED
+        live.came_out(2)
+
+    def test_a_line_that_is_cut_switches_the_outputs_off(self, live: Rig) -> None:
+        if live.cut_line is None:
+            pytest.skip("it has no line, or one that is to be pulled by hand")
+        live.device.arm(1, 0, time_to_live_s=live.time_to_live_s)
+        live.cut_line()
+        live.clock.wait(0.2)
+        live.device.open()
+        live.device.load(0, BURST, SILENCE)
+        assert refusal(lambda: live.device.arm(2, 0, time_to_live_s=0.1)) is Refusal.LINE_STOP
+        assert live.device.query(1).outcome is Outcome.NOT_FIRED
+        live.device.enable()
+        assert play(live, 2).outcome is Outcome.FIRED
+        live.came_out(2)
+
     def test_a_stop_aborts_what_is_armed(self, live: Rig) -> None:
         live.device.arm(1, 0, time_to_live_s=10.0)
         live.device.stop()

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import base64
 import json
+import os
+import signal
 import time
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Final, TypeAlias
@@ -18,6 +20,7 @@ from device import (
     Delivery,
     DriverSettings,
     Emission,
+    Health,
     MockDevice,
     MonotonicClock,
     Outcome,
@@ -77,6 +80,10 @@ class Rig:
     """As long as a host may be idle: where it can be waited for, an hour."""
     time_to_live_s: float = 0.1
     """Long enough for any machine to fire within."""
+    overload: Callable[[], object] | None = None
+    """Have the amplifier report an over-current, where one is wired."""
+    cut_line: Callable[[], object] | None = None
+    """Lose the line without a farewell, where there is one."""
     stood_still: Callable[[], bool] = lambda: False
     """Whether the machine had no time for host or device."""
 
@@ -119,6 +126,10 @@ class WatchedLink(FrameLink):
         self.is_silent = True
         self._heart.end()
 
+    def cut(self) -> None:
+        """Lose the line without a farewell."""
+        self._drop()
+
     def _done(self, message: Message[Reply], boot_id: int | None = None) -> Exchange[Reply]:
         try:
             return super()._done(message, boot_id)
@@ -137,11 +148,25 @@ def mock_rig(_: pytest.FixtureRequest) -> Rig:
     clock = VirtualClock(start_s=3.0)
     little = replace(LIMITS, memory_samples=100_000)
     mock = MockDevice(clock, limits=LIMITS, device_limits=little, drift_ppm=40.0, offset_s=17.0)
-    return Rig(device=mock, clock=clock, silence=mock.silence, emitted=lambda: mock.emitted)
+
+    def overload() -> None:
+        mock.sense(Health(over_current=True))
+        mock.sense(Health(over_current=False))
+
+    return Rig(
+        device=mock,
+        clock=clock,
+        silence=mock.silence,
+        emitted=lambda: mock.emitted,
+        overload=overload,
+    )
 
 
 def real_rig(
-    device: BurstDevice, link: WatchedLink, emitted: Callable[[], tuple[Emission, ...]] | None
+    device: BurstDevice,
+    link: WatchedLink,
+    emitted: Callable[[], tuple[Emission, ...]] | None,
+    **settings: Any,
 ) -> Rig:
     """Return a rig around a device whose time is real."""
     return Rig(
@@ -151,6 +176,7 @@ def real_rig(
         emitted=emitted,
         stood_still=lambda: link.stood_still,
         **IN_REAL_TIME,
+        **settings,
     )
 
 
@@ -182,24 +208,40 @@ def emission_of(event: dict[str, Any]) -> Emission:
 def emulator_rig(kind: str, **settings: object) -> MakeRig:
     def make(request: pytest.FixtureRequest) -> Rig:
         emulate = request.getfixturevalue("emulate")
-        port, truth, _ = emulate(
+        port, truth, pid = emulate(
             kind, volts=True, sample_rate_hz=EMULATED_RATE_HZ, min_interval_s=0.01, **settings
         )
-        return process_rig(port, lambda: read_truth(truth))
+        return process_rig(
+            port, lambda: read_truth(truth), overload=lambda: os.kill(pid, signal.SIGUSR1)
+        )
 
     return make
 
 
-def process_rig(port: str, read_bursts: Callable[[], tuple[Emission, ...]]) -> Rig:
-    """Return a rig around a device that writes down what it emits, and how that is read."""
+def process_rig(
+    port: str,
+    read_bursts: Callable[[], tuple[Emission, ...]],
+    *,
+    overload: Callable[[], object],
+    lose_line: Callable[[], object] = lambda: None,
+) -> Rig:
+    """Return a rig around a device that writes down what it emits, and how that is read.
+
+    `lose_line` tells a device that its line was cut, where it cannot notice it.
+    """
     link = WatchedLink(port)
+
+    def cut_line() -> None:
+        link.cut()
+        lose_line()
 
     def emitted() -> tuple[Emission, ...]:
         if link.state is not State.CLOSED:
             link.exchange(message("PING"))
         return read_bursts()
 
-    return real_rig(HostDriver(link, limits=LIMITS, clock=MonotonicClock()), link, emitted)
+    device = HostDriver(link, limits=LIMITS, clock=MonotonicClock())
+    return real_rig(device, link, emitted, overload=overload, cut_line=cut_line)
 
 
 class FreshTokens(HostDriver):

@@ -1,5 +1,6 @@
 /* The device on QEMU's mps2-an385 (ARM AN385: a Cortex-M3 in an FPGA), without an actuator:
- * protocol on UART0, truth on UART1. run.py starts it.
+ * protocol on UART0, truth on UART1, what a test tells of amplifier and line on UART2. run.py
+ * starts it.
  *
  * Registers: ARM DAI 0385, "Application Note AN385"; for the UART "Cortex-M System Design Kit" (ARM
  * DDI 0479), both as QEMU has them (hw/arm/mps2.c, hw/misc/mps2-fpgaio.c, hw/char/). */
@@ -8,6 +9,7 @@
 
 #define UART0 0x40004000U
 #define UART1 0x40005000U
+#define UART2 0x40006000U
 #define UART_DATA 0x00U
 #define UART_STATE 0x04U
 #define UART_CTRL 0x08U
@@ -24,6 +26,7 @@
 #define CLOCK_HZ 25000000U
 #define PATIENCE_US 20000U /* for a host that does not read */
 #define HEX_DIGITS_OF_STEP 4U
+#define LINE_LOST 0x80U
 
 /* Written by QEMU's loader before the first instruction. */
 #define GIVEN_LOW REGISTER(0x20000000U)
@@ -107,13 +110,27 @@ static void note_burst(void) {
     }
 }
 
+/* A byte has the bits of `health` that are set, or is LINE_LOST. */
+static void sense(void) {
+    if ((REGISTER(UART2 + UART_STATE) & UART_RX_FULL) != 0U) {
+        const uint8_t byte = (uint8_t)REGISTER(UART2 + UART_DATA);
+        if (byte == LINE_LOST) {
+            endpoint_hang_up(&endpoint);
+        } else {
+            device_sense(&endpoint.device, SWITCH_CLOSED | OVER_CURRENT, byte);
+        }
+    }
+}
+
 static void start(void) {
     PRESCALE = CLOCK_HZ / 1000000U - 1U;
     COUNTER = 0U;
     REGISTER(UART0 + UART_BAUDDIV) = 16U;
     REGISTER(UART1 + UART_BAUDDIV) = 16U;
+    REGISTER(UART2 + UART_BAUDDIV) = 16U;
     REGISTER(UART0 + UART_CTRL) = UART_TX_ENABLE | UART_RX_ENABLE | UART_RX_INTERRUPT;
     REGISTER(UART1 + UART_CTRL) = UART_TX_ENABLE;
+    REGISTER(UART2 + UART_CTRL) = UART_RX_ENABLE;
     cortex_start_tick(CLOCK_HZ);
     cortex_enable_interrupt(UART0_RX_IRQ);
 }
@@ -132,6 +149,7 @@ int main(void) {
         uint8_t byte;
         cortex_sleep(); /* a loop that never sleeps starves the thread in which QEMU moves the bytes */
         device_advance(&endpoint.device, clock_us());
+        sense();
         note_burst();
         if (cortex_take(&byte)) {
             uint8_t answer[LONGEST_ANSWER];

@@ -22,6 +22,11 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--tcp", type=int, metavar="PORT", default=0, help="0 is any free one")
     parser.add_argument("--truth", metavar="FILE", default=os.devnull)
+    parser.add_argument(
+        "--inputs",
+        metavar="FIFO",
+        help="a byte written there: 2 safety switch closed, 4 over-current, 128 line lost",
+    )
     parser.add_argument("--rate", type=int, metavar="HZ", default=48_000)
     parser.add_argument("--image", metavar="FILE", default=str(IMAGE))
     options = parser.parse_args()
@@ -38,6 +43,13 @@ def main() -> None:
     command += ["-kernel", options.image]
     command += ["-chardev", line, "-serial", "chardev:line"]
     command += ["-serial", f"file:{options.truth}"]
+    if options.inputs:
+        command += [
+            "-chardev",
+            f"pipe,id=inputs,path={options.inputs}",
+            "-serial",
+            "chardev:inputs",
+        ]
     for address, word in words.items():
         command += ["-device", f"loader,addr={address:#x},data={word},data-len=4"]
     os.execvp(command[0], command)  # noqa: S606 - this process is to become QEMU
