@@ -22,6 +22,8 @@ from tests.test_device.loops import FULL_SCALE_V, LEVEL_VPP, SIDES, planned
 from tests.test_device.monitors import monitor_of
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from tests.processes import NullSink
 
 pytestmark = pytest.mark.xdist_group("sound")
@@ -71,62 +73,74 @@ WRONG = {
 """What is planned, the slot that is played instead, and at how much of its level."""
 
 
-def test_good_bursts_are_verified_on_real_sound_and_wrong_ones_never_are(
-    null_sink: NullSink, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setenv("PULSE_SOURCE", "plate.monitor")
-    clock = MonotonicClock()
-    recorder = recorder_on(clock)
-    device = card()
-    twice = np.concatenate((BURST, np.zeros(960), BURST))
-    monitor = monitor_of(
-        device,
-        recorder,
-        clock,
-        connect=lambda heard: open_inputs(heard, card="pulse"),
-        tolerances={"onset_s": 0.05},
-    )
+class SoundRig:
+    """A null sink as a device, and the monitor of what it plays."""
 
-    def reopen() -> None:
+    def __init__(self) -> None:
+        self._clock = MonotonicClock()
+        self._device = card()
+        self._monitor = monitor_of(
+            self._device,
+            recorder_on(self._clock),
+            self._clock,
+            connect=lambda heard: open_inputs(heard, card="pulse"),
+            tolerances={"onset_s": 0.05},
+        )
+        self._token = 0
+        self._open()
+
+    def verified(self, side: str, slot: int, share: float = 1.0) -> str | None:
+        """Play a slot where a side is planned; return how far the burst is verified, or "lost"."""
+        self._token += 1
+        self._clock.wait(0.1)
+        try:
+            self._device.set_levels(share * LEVEL_VPP, share * LEVEL_VPP)
+            self._monitor.begin(self._token, planned(side))
+            delivery = play(self._device, self._token, slot)
+            self._clock.wait(0.1)
+            result = self._monitor.end(delivery).verified
+            if result == "false":
+                self._monitor.open()
+        except DeviceError:
+            self._open()
+            return "lost"
+        return result
+
+    def close(self) -> None:
+        self._monitor.close()
+        self._device.close()
+
+    def _open(self) -> None:
         """Open both, as often as a busy machine's PortAudio gives its stream up."""
+        twice = np.concatenate((BURST, np.zeros(960), BURST))
         for _ in range(5):
             with suppress(DeviceError):
-                device.close()
-                ready(device, LEVEL_VPP)
+                self._device.close()
+                ready(self._device, LEVEL_VPP)
                 for slot, left, right in (
                     *((2, BURST, BURST), (3, 0 * BURST, 0 * BURST)),
                     *((4, -BURST, 0 * BURST), (5, twice, 0 * twice)),
                 ):
-                    device.load(slot, left, right)
-                monitor.open()
+                    self._device.load(slot, left, right)
+                self._monitor.open()
                 return
 
-    def verified(token: int, side: str, slot: int, share: float = 1.0) -> str | None:
-        clock.wait(0.1)
-        try:
-            device.set_levels(share * LEVEL_VPP, share * LEVEL_VPP)
-            monitor.begin(token, planned(side))
-            delivery = play(device, token, slot)
-            clock.wait(0.1)
-            result = monitor.end(delivery).verified
-            if result == "false":
-                monitor.open()
-        except DeviceError:
-            reopen()
-            return "lost"
-        return result
 
-    reopen()
-    good = [
-        verified(token, side, SIDES[side][0])
-        for token, side in enumerate(["left", "right", "both"] * 7, 1)
-    ]
-    wrong = {
-        name: verified(100 + token, side, slot, share)
-        for token, (name, (side, slot, share)) in enumerate(WRONG.items())
-    }
-    monitor.close()
-    device.close()
+@pytest.fixture
+def sound_rig(null_sink: NullSink, monkeypatch: pytest.MonkeyPatch) -> Iterator[SoundRig]:
+    """A device on real sound, with its monitor."""
+    assert null_sink.socket.exists()
+    monkeypatch.setenv("PULSE_SOURCE", "plate.monitor")
+    rig = SoundRig()
+    yield rig
+    rig.close()
+
+
+def test_good_bursts_are_verified_on_real_sound_and_wrong_ones_never_are(
+    sound_rig: SoundRig,
+) -> None:
+    good = [sound_rig.verified(side, SIDES[side][0]) for side in ["left", "right", "both"] * 7]
+    wrong = {name: sound_rig.verified(*how) for name, how in WRONG.items()}
     print(good, wrong)
     assert good.count("line") >= len(good) / 2
     assert "line" not in wrong.values()
