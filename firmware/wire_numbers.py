@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import fields
 from typing import TYPE_CHECKING, Final
 
-from device.core.reports import TAPS, UNITS, Entropy, Health
+from device.core.reports import TAPS, Entropy, Health
 from device.errors import Refusal
 from device.wire.protocol import FATES, STATES, Kind
 
@@ -48,7 +48,6 @@ def header() -> str:
         "fate": _words(FATES),
         "entropy": _names(Entropy),
         "tap": _words(TAPS),
-        "unit": _words(UNITS),
     }
     enums = [
         _enum(name, f"{name.upper()}_", {member: i for i, member in enumerate(members)})

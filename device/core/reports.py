@@ -43,8 +43,6 @@ class DeviceLimits:
         Largest ratio of |sum| to sum|.| of a waveform, in millionths.
     longest_time_to_live_us : int
         Of an armed token.
-    data_window : int
-        DATA that may be unanswered at once.
     entropy : Entropy
         Where its boot id comes from.
     firmware : str
@@ -57,7 +55,6 @@ class DeviceLimits:
     max_duty_ppm: int
     dc_tolerance_ppm: int
     longest_time_to_live_us: int
-    data_window: int = 1
     entropy: Entropy = Entropy.SYSTEM
     firmware: str = ""
 
@@ -101,7 +98,6 @@ class About:
 
     firmware: str = "tactstrip core"
     entropy: Entropy = Entropy.SYSTEM
-    data_window: int = 8
 
 
 OURS: Final = About()
@@ -188,12 +184,6 @@ class Health:
 TAPS: Final = ("", "line", "amplifier", "current", "motion")
 """Where a burst may be measured, by its number on the wire; what lies behind is never seen."""
 
-UNITS: Final = ("", "mV", "uA", "nm")
-"""In what, by its number on the wire."""
-
-UNIT_AT: Final = {"line": "mV", "amplifier": "mV", "current": "uA", "motion": "nm"}
-"""The unit of peaks at each tap."""
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Measurement:
@@ -205,10 +195,8 @@ class Measurement:
         That fired it.
     tap : str
         Where: a word of `TAPS`, empty where it was not measured.
-    unit : str
-        Of the peaks: mV, uA or nm.
     left, right : int
-        Peak magnitudes.
+        Peak magnitudes, in mV; of a current in uA, of motion in nm.
     onset_offset_us, onset_uncertainty_us : int
         From the onset that the device reported to the one that it measured.
     correlation_left, correlation_right : int
@@ -216,13 +204,12 @@ class Measurement:
 
     Examples
     --------
-    >>> Measurement(token=7, tap="amplifier", unit="mV", left=49_900).right
+    >>> Measurement(token=7, tap="amplifier", left=49_900).right
     0
     """
 
     token: int
     tap: str = ""
-    unit: str = ""
     left: int = 0
     right: int = 0
     onset_offset_us: int = 0

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Final, Self
 import numpy as np
 
 from device.checks import require_real
-from device.core.reports import UNIT_AT, Health, Measurement
+from device.core.reports import TAPS, Health, Measurement
 from device.emulate.faults import parse_settings
 
 if TYPE_CHECKING:
@@ -58,8 +58,8 @@ class Adc:
     noise: float = 0.0
 
     def __post_init__(self) -> None:
-        if self.tap not in UNIT_AT:
-            raise ValueError(f"adc tap must be one of {', '.join(UNIT_AT)}; got {self.tap!r}")
+        if self.tap not in TAPS[1:]:
+            raise ValueError(f"adc tap must be one of {', '.join(TAPS[1:])}; got {self.tap!r}")
         require_real("gain", self.gain, minimum=0.0, maximum=1000.0)
         require_real("delay_us", self.delay_us, minimum=0.0, maximum=1e6)
         require_real("loss", self.loss, minimum=0.0, maximum=1.0)
@@ -84,7 +84,6 @@ class Adc:
         return Measurement(
             token=burst.token,
             tap=self.tap,
-            unit=UNIT_AT[self.tap],
             left=peaks[0],
             right=peaks[1],
             onset_offset_us=0 if lost else round(self.delay_us),

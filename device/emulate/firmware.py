@@ -14,7 +14,7 @@ import numpy as np
 
 from device.core.messages import full_scale
 from device.core.output import Emission
-from device.core.reports import TAPS, UNITS, Entropy, Measurement
+from device.core.reports import TAPS, Entropy, Measurement
 from device.core.states import State
 from device.wire.protocol import STATES
 
@@ -63,7 +63,6 @@ class MeasuredStruct(ctypes.Structure):
 
     _fields_ = (
         ("tap", c_uint8),
-        ("unit", c_uint8),
         ("left", c_uint32),
         ("right", c_uint32),
         ("onset_us", c_uint32),
@@ -257,7 +256,6 @@ class FirmwareEndpoint:
         """Have the firmware answer MEASURED of its last burst with this."""
         measured = MeasuredStruct(
             TAPS.index(measurement.tap),
-            UNITS.index(measurement.unit),
             measurement.left,
             measurement.right,
             measurement.onset_offset_us,

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from device.core.reports import Measurement
     from device.driver import Delivery
 
-_SCALE: Final = {"mV": 1e-3, "uA": 1e-6, "nm": 1e-3}
+_SCALE: Final = {Tap.LINE: 1e-3, Tap.AMPLIFIER: 1e-3, Tap.CURRENT: 1e-6, Tap.MOTION: 1e-3}
 """From what travels to the unit of the tap."""
 _PER_ONE: Final = 1e-4
 _NO_NOISE: Final = 1e-6
@@ -93,7 +93,7 @@ class DeviceMonitor:
             self._clock.wait(_POLL_S)
 
     def _judge(self, delivery: Delivery, report: Measurement, planned: Planned) -> Measured:
-        scale, silence = _SCALE[report.unit], self._tolerances.silence
+        scale, silence = _SCALE[self.tap], self._tolerances.silence
         peaks = report.left * scale * self._per_unit[0], report.right * scale * self._per_unit[1]
         correlations = report.correlation_left * _PER_ONE, report.correlation_right * _PER_ONE
         left, right = (

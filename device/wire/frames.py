@@ -68,31 +68,25 @@ def encode(frame: Frame) -> bytes:
 class Decoder:
     """Frames out of a stream of bytes that may hold anything.
 
-    A damaged frame is dropped and counted; the next delimiter begins a new one. Never holds more
-    than one frame's bytes.
-
-    `dropped` counts the pieces between delimiters that were no frame.
+    A damaged frame is dropped; the next delimiter begins a new one. Never holds more than one
+    frame's bytes.
 
     >>> decoder = Decoder()
     >>> ping = encode(Frame(kind=2, sequence=9, payload=b""))
     >>> [frame.sequence for frame in decoder.feed(b"noise" + ping + ping[:4])]
     [9]
-    >>> [frame.sequence for frame in decoder.feed(ping[4:])], decoder.dropped
-    ([9], 1)
+    >>> [frame.sequence for frame in decoder.feed(ping[4:])]
+    [9]
     """
 
     def __init__(self) -> None:
-        self.dropped = 0
         self._piece = b""
 
     def feed(self, data: bytes) -> list[Frame]:
         """Return the frames that these bytes complete."""
         *pieces, rest = (self._piece + data).split(_DELIMITER)
         self._piece = rest[: _LONGEST_CODED + 1]  # what is longer stays too long
-        pieces = [piece for piece in pieces if piece]
-        frames = [frame for frame in map(_frame, pieces) if frame is not None]
-        self.dropped += len(pieces) - len(frames)
-        return frames
+        return [frame for frame in map(_frame, filter(None, pieces)) if frame is not None]
 
 
 def _frame(coded: bytes) -> Frame | None:

@@ -27,7 +27,7 @@ from device.core.messages import (
     Query,
     Stop,
 )
-from device.core.reports import TAPS, UNITS, DeviceLimits, Entropy, Health, Measurement
+from device.core.reports import TAPS, DeviceLimits, Entropy, Health, Measurement
 from device.core.states import State
 from device.core.tokens import Fate, Record
 from device.driver import Identity, Outcome
@@ -261,7 +261,6 @@ LIMITS: Final = Layout(
     max_duty_ppm=U32,
     dc_tolerance_ppm=U32,
     longest_time_to_live_us=U32,
-    data_window=U8,
     entropy=_choice(tuple(Entropy)),
     firmware=LONG_TEXT,
 )
@@ -270,7 +269,6 @@ MEASURED: Final = Layout(
     Measurement,
     token=U64,
     tap=_choice(TAPS),
-    unit=_choice(UNITS),
     left=U32,
     right=U32,
     onset_offset_us=U32,

@@ -12,10 +12,9 @@
 #include <stddef.h>
 #include <stdint.h>
 
-/* What a monitor saw of one burst; peaks are magnitudes, correlations in 1e-4. */
+/* What a monitor saw of one burst; peaks are magnitudes in the tap's unit, correlations in 1e-4. */
 struct measured {
     uint8_t tap;
-    uint8_t unit;
     uint32_t left;
     uint32_t right;
     uint32_t onset_us;

@@ -40,7 +40,7 @@ static uint8_t *write_limits(uint8_t *at, const struct about *about) {
     at = write_u32(write_u8(at, SLOTS), MEMORY_SAMPLES);
     at = write_u32(write_u32(at, LEAST_INTERVAL_US), MAX_DUTY_PPM);
     at = write_u32(write_u32(at, DC_TOLERANCE_PPM), LONGEST_TIME_TO_LIVE_US);
-    at = write_u8(write_u8(at, DATA_WINDOW), (uint32_t)about->entropy);
+    at = write_u8(at, (uint32_t)about->entropy);
     return write_text(at, about->firmware, FIRMWARE_SIZE);
 }
 
@@ -57,7 +57,7 @@ static uint8_t *write_record(uint8_t *at, struct record record) {
 }
 
 static uint8_t *write_measured(uint8_t *at, uint64_t token, const struct measured *measured) {
-    at = write_u8(write_u8(write_u64(at, token), measured->tap), measured->unit);
+    at = write_u8(write_u64(at, token), measured->tap);
     at = write_u32(write_u32(at, measured->left), measured->right);
     at = write_u32(write_u32(at, measured->onset_us), measured->uncertainty_us);
     return write_u16(write_u16(at, measured->correlation_left), measured->correlation_right);

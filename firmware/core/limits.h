@@ -21,8 +21,6 @@ static_assert(DC_TOLERANCE_PPM >= 1U && DC_TOLERANCE_PPM <= 1000000U, "a ratio")
 static_assert(MAX_DUTY_PPM >= 1U && MAX_DUTY_PPM <= 1000000U, "a ratio");
 static_assert(BITS >= 2U && BITS <= 16U, "codes travel and are stored in 16 bits");
 static_assert(SLOTS >= 1U && SLOTS <= 255U, "how many there are is told in one byte");
-static_assert(DATA_WINDOW >= 1U && DATA_WINDOW <= 255U,
-              "how many there are is told in one byte");
 static_assert(HISTORY >= 1U, "the last token is remembered");
 static_assert(LONGEST_WAVEFORM >= 1U && LONGEST_WAVEFORM <= 65536U,
               "a correlation of codes fits 64 bits");

@@ -37,8 +37,5 @@
 #ifndef HISTORY
 #define HISTORY 1024U /* tokens remembered: exactly once reaches back as far */
 #endif
-#ifndef DATA_WINDOW
-#define DATA_WINDOW 8U /* DATA that may be on their way unanswered */
-#endif
 
 #endif

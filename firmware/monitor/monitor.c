@@ -152,7 +152,6 @@ void monitor_tell(const struct monitor *monitor, uint32_t sample_rate_mhz,
     const uint64_t late = monitor->best_lag;
     memset(measured, 0, sizeof(*measured));
     measured->tap = (uint8_t)MONITOR_TAP;
-    measured->unit = (uint8_t)UNIT_MV;
     measured->left = millivolts(monitor->matches[0].peak);
     measured->right = millivolts(monitor->matches[1].peak);
     measured->onset_us = (uint32_t)(late * period_1e9 / sample_rate_mhz);

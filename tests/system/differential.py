@@ -50,7 +50,6 @@ DEVICE: Final[dict[str, Any]] = {
     "max_duty_ppm": 333_333,
     "dc_tolerance_ppm": 20_000,
     "longest_time_to_live_us": 600_000,
-    "data_window": 8,
     "entropy": 1,
     "firmware": "compared",
 }
@@ -129,7 +128,7 @@ class Host:
         if operation == "S":
             some = bytes((self._below(8), self._below(8) & self._below(8)))
         elif operation == "M" and not self._one_in(3):
-            some = bytes((1, 1)) + self._some(20)
+            some = bytes((1,)) + self._some(20)
         return operation, self._now_us, some
 
     def _pause_us(self) -> int:
@@ -233,7 +232,7 @@ class Host:
         return self._of(changed)
 
 
-_READING: Final = struct.Struct("<BBIIIIHH")
+_READING: Final = struct.Struct("<BIIIIHH")
 """MEASURED without its token."""
 _PIECE: Final = re.compile(rb"[^\0]*\0?")
 """Bytes up to a delimiter, which complete a frame or a line of text, but not both."""

@@ -55,7 +55,7 @@ def limits_of(device: Mapping[str, Any]) -> dict[str, int]:
     """Return what is compiled in for a device of tests/test_device/golden_frames.json."""
     names = (
         *("least_interval_us", "max_duty_ppm", "dc_tolerance_ppm", "longest_time_to_live_us"),
-        *("slots", "memory_samples", "data_window", "longest_waveform", "bits"),
+        *("slots", "memory_samples", "longest_waveform", "bits"),
     )
     ceiling_mvpp = round(1000 * device["ceiling_vpp"])
     return {name.upper(): device[name] for name in names} | {"CEILING_MVPP": ceiling_mvpp}

@@ -224,7 +224,7 @@ def test_the_monitor_of_the_board_measures_a_burst_as_numpy_does(
     result = measure(planned, recorded)
     away = recorded - recorded.mean(axis=0).round()
     peaks_mv = np.abs(away).max(axis=0) * 80.566
-    assert (result.tap, result.unit, result.uncertainty_us) == (2, 1, 21)
+    assert (result.tap, result.uncertainty_us) == (2, 21)
     assert [result.left, result.right] == pytest.approx(peaks_mv, abs=81)
     assert result.correlation_right == 0
     if gain > 0.0:
@@ -246,8 +246,6 @@ def test_the_monitor_of_the_board_measures_a_burst_as_numpy_does(
         ({"RAIL_MVPP": 2**32}, "library", ("gcc", "make")),
         ({"DC_TOLERANCE_PPM": 1_000_001}, "library", ("gcc", "make")),
         ({"SLOTS": 256}, "library", ("gcc", "make")),
-        ({"DATA_WINDOW": 0}, "library", ("gcc", "make")),
-        ({"DATA_WINDOW": 256}, "library", ("gcc", "make")),
         ({"RAIL_MVPP": 228_000}, "board", BOARD),
     ],
 )

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from device.core.core import DeviceCore
 from device.core.output import OutputStage
-from device.core.reports import TAPS, UNITS, About, Entropy, Health, Measurement
+from device.core.reports import TAPS, About, Entropy, Health, Measurement
 from device.limits import Limits
 from device.wire.endpoint import Endpoint
 from tests.test_device.bursts import identity
@@ -48,11 +48,10 @@ LIMITS: Final = limits_of(GOLDEN["device"])
 
 def measurement_of(reading: Sequence[int], token: int = 1) -> Measurement:
     """Return what an input measures, from the numbers of MEASURED after its token."""
-    tap, unit, left, right, offset, uncertainty, correlation_left, correlation_right = reading
+    tap, left, right, offset, uncertainty, correlation_left, correlation_right = reading
     return Measurement(
         token=token,
         tap=TAPS[tap],
-        unit=UNITS[unit],
         left=left,
         right=right,
         onset_offset_us=offset,
@@ -75,7 +74,7 @@ class Reader:
         return Measurement(**asdict(self.reading) | {"token": burst.token})
 
 
-READING: Final = measurement_of((2, 1, 49_900, 12, 21, 11, 9987, 0))
+READING: Final = measurement_of((2, 49_900, 12, 21, 11, 9987, 0))
 
 
 def device_of(
@@ -93,11 +92,7 @@ def device_of(
         output=OutputStage(sample_rate_hz=facts["sample_rate_hz"], bits=facts["bits"], **output),
         sink=sink,
         measure=reader,
-        about=About(
-            firmware=facts["firmware"],
-            entropy=tuple(Entropy)[facts["entropy"]],
-            data_window=facts["data_window"],
-        ),
+        about=About(firmware=facts["firmware"], entropy=tuple(Entropy)[facts["entropy"]]),
         history=history,
     )
     names = "model serial_number boot_id sample_rate_hz bits ceiling_vpp longest_waveform emulated"

@@ -284,7 +284,7 @@ def test_over_current_stops_whatever_is_done_and_is_kept_until_enable(state: Sta
 
 def test_a_measurement_is_that_of_the_last_burst_once_it_is_over() -> None:
     def measure(burst: Emission) -> Measurement:
-        return Measurement(token=burst.token, tap="line", unit="mV", left=len(burst.left_v))
+        return Measurement(token=burst.token, tap="line", left=len(burst.left_v))
 
     def measured(at_us: int, token: int) -> tuple[str, int]:
         answer = bench.take(at_us, "MEASURED", token=token)

@@ -75,7 +75,6 @@ def test_two_million_random_bytes_hold_no_frame() -> None:
     decoder = Decoder()
     data = np.random.default_rng(7).integers(0, 256, size=2_000_000, dtype=np.uint8)
     assert decoder.feed(data.tobytes()) == []
-    assert decoder.dropped > 5000
 
 
 @pytest.mark.parametrize("wrong", [{"kind": 256}, {"kind": -1}, {"sequence": 65536}])

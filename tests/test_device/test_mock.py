@@ -24,8 +24,8 @@ from device import (
     Outcome,
     OutputStage,
     Refusal,
+    RefusedError,
     Rejected,
-    StateError,
     VirtualClock,
 )
 from device.emulate.amplifier import Adc, Amplifier
@@ -85,10 +85,10 @@ def test_nothing_is_sent_to_a_device_that_is_not_open(
     call: Callable[[BurstDevice], object],
 ) -> None:
     device = MockDevice(VirtualClock(), limits=LIMITS)
-    assert refusal(lambda: call(device), StateError) is Refusal.NOT_OPEN
+    assert refusal(lambda: call(device), RefusedError) is Refusal.NOT_OPEN
     device.open()
     device.close()
-    assert refusal(lambda: call(device), StateError) is Refusal.NOT_OPEN
+    assert refusal(lambda: call(device), RefusedError) is Refusal.NOT_OPEN
 
 
 def test_the_hosts_ceiling_and_the_devices_hold_both() -> None:
@@ -193,7 +193,6 @@ def test_a_measurement_is_the_burst_by_gain_and_delay(tap: str, kind: str) -> No
     assert measured == Measurement(
         token=1,
         tap=tap,
-        unit={"current": "uA", "motion": "nm"}.get(tap, "mV"),
         left=measured.left,
         onset_offset_us=40,
         onset_uncertainty_us=21,
