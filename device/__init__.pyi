@@ -14,7 +14,6 @@ from .errors import (
     RefusedError,
     Rejected,
     SettingError,
-    StateError,
 )
 from .limits import Limits
 from .wire.channels import LineSettings
@@ -44,7 +43,6 @@ __all__ = [
     "Rejected",
     "SettingError",
     "State",
-    "StateError",
     "VirtualClock",
     "converter_device",
     "make_device",

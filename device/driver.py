@@ -246,7 +246,7 @@ class BurstDevice(ABC):
 
     The steps of a session: `open`, `load`, `enable`, then for each trial `set_levels`, `arm`,
     `fire`; at the end `close`. A heartbeat, where the device wants one, is the driver's own
-    business. Every step may raise `StateError` (illegal now, nothing was sent), `Rejected` (the
+    business. Every step may raise `RefusedError` (illegal now, nothing was sent), `Rejected` (the
     device or its limits said no, nothing changed), `SettingError` or `LinkError`.
 
     Examples

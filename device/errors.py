@@ -180,23 +180,6 @@ class RefusedError(DeviceError):
         self.code = code
 
 
-class StateError(RefusedError):
-    """A step that is illegal in the state the host knows; nothing was sent.
-
-    Parameters
-    ----------
-    code : Refusal
-        That with which the device would have refused; an attribute of the error.
-    detail : str
-        What makes the sentence of the code concrete.
-
-    Examples
-    --------
-    >>> StateError(Refusal.NOT_OPEN).code.name
-    'NOT_OPEN'
-    """
-
-
 class Rejected(RefusedError):  # noqa: N818 - "rejected" is the device's answer, not a fault
     """A refusal by the device, or by the same rule on the host.
 

@@ -36,7 +36,7 @@ from device.errors import (
     DeviceError,
     LinkError,
     Refusal,
-    StateError,
+    RefusedError,
     rejection,
 )
 from device.limits import (
@@ -102,7 +102,7 @@ class HostDriver(BurstDevice):
     >>> device: HostDriver = MockDevice(VirtualClock(), limits=Limits(ceiling_vpp=200.0))
     >>> device.fire(1)
     Traceback (most recent call last):
-    device.errors.StateError: the device is not open
+    device.errors.RefusedError: the device is not open
     """
 
     def __init__(self, link: Link, *, limits: Limits, clock: Clock) -> None:
@@ -123,7 +123,7 @@ class HostDriver(BurstDevice):
         Refused where it is open already and did not restart.
         """
         if self._link.state is not State.CLOSED and not self._restarted:
-            raise StateError(Refusal.ALREADY_OPEN)
+            raise RefusedError(Refusal.ALREADY_OPEN)
         identity = self._link.hello()
         self._has_restarted |= self._restarted
         self._identity = identity
@@ -258,7 +258,7 @@ class HostDriver(BurstDevice):
 
     def _require_open(self) -> Identity:
         if self._identity is None or self._link.state is State.CLOSED:
-            raise StateError(Refusal.NOT_OPEN)
+            raise RefusedError(Refusal.NOT_OPEN)
         return self._identity
 
     def _require_same(self) -> Identity:

@@ -195,7 +195,7 @@ def check_device(
 
     Raises
     ------
-    NotConfirmedError
+    ValueError
         If the device is real and nobody confirmed that it is safe; nothing was switched on.
     SuitabilityError
         If sample rate, ceiling or a waveform do not go together; nothing was switched on.

@@ -52,27 +52,23 @@ def device_kind(identity: Identity, purpose: Purpose = Purpose.DATA) -> DeviceKi
     return "mock" if identity.model == MOCK_MODEL else "emulated"
 
 
-class WrongDeviceError(ValueError):
-    """A device that moves nothing for data of a person, or a real device for anything but data."""
-
-
 def require_device(*, is_real: bool, simulated: bool, purpose: Purpose) -> None:
-    """Raise WrongDeviceError if the device does not suit the participant and the purpose.
+    """Raise ValueError if the device does not suit the participant and the purpose.
 
     Examples
     --------
     >>> require_device(is_real=False, simulated=False, purpose=Purpose.DATA)
     Traceback (most recent call last):
-    experiment.hardware.safety.WrongDeviceError: the device is a mock or an emulator, which ...
+    ValueError: the device is a mock or an emulator, which ...
     """
     if is_real and purpose is not Purpose.DATA:
         option = {Purpose.PRACTICE: "--practice-without-device", Purpose.REHEARSAL: "--rehearse"}
-        raise WrongDeviceError(
+        raise ValueError(
             f"{option[purpose]} needs the mock device or an emulator, and this device is real: "
             "omit --driver and --port to use the mock"
         )
     if not is_real and not simulated and purpose is Purpose.DATA:
-        raise WrongDeviceError(
+        raise ValueError(
             "the device is a mock or an emulator, which moves nothing: give --driver and --port of "
             "a real device, or --practice-without-device to try the session out (no analysis "
             "counts it by default), or --rehearse to try its equipment (no analysis counts it)"
@@ -85,10 +81,6 @@ SAFETY_CONDITIONS: Final = (
     "the plate is bonded to protective earth, or insulated with its leakage measured",
 )
 """What the operator confirms; docs/hardware.md says more."""
-
-
-class NotConfirmedError(ValueError):
-    """A real device that nobody has confirmed to be safe."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -129,9 +121,9 @@ def confirmed_now(how: str) -> Confirmation:
 
 
 def require_confirmed(identity: Identity, confirmation: Confirmation | None) -> None:
-    """Raise NotConfirmedError for an opened real device without a confirmation."""
+    """Raise ValueError for an opened real device without a confirmation."""
     if confirmation is None and not identity.emulated:
-        raise NotConfirmedError(
+        raise ValueError(
             f"{identity.model} {identity.serial_number} drives real actuators: read "
             "docs/hardware.md, then give --confirm-hardware"
         )

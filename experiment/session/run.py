@@ -270,7 +270,7 @@ def run(folder: SessionFolder, plan: Plan, config: SessionConfig) -> SessionResu
         half an hour ago, unless `config.resume_anyway`.
     JournalError, PlanError
         If the journal or the plan cannot be trusted; nothing is changed then.
-    WrongDeviceError, NotConfirmedError, SuitabilityError
+    ValueError
         If the device does not suit the purpose or the study, or nobody confirmed that it is safe.
     DeviceError, NoiseError
         If the device cannot be opened, or the noise not be played.

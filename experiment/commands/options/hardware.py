@@ -60,7 +60,7 @@ def confirmed(
     """Return the operator's confirmation that a device is safe; None for a mock or an emulator.
 
     Raises CommandError if the confirmation is neither `given` on the command line nor entered at a
-    terminal, WrongDeviceError if the device does not suit the purpose, by default data, and
+    terminal, ValueError if the device does not suit the purpose, by default data, and
     LinkError if no device answers.
     """
     from device.drivers import MOCK
