@@ -198,7 +198,7 @@ def sessions_of(
             now_db = course_db[trial] + last_db
             answer, _ = draw_answers(
                 [someone],
-                (level_vpp * (side == "left"), level_vpp * (side == "right")),
+                [(level_vpp * (side == "left"), level_vpp * (side == "right"))],
                 design.responses,
                 60.0,
                 rng,

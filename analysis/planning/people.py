@@ -299,14 +299,14 @@ def truth_of(goal: Goal, population: Simulation, study: Study, gains: FingerGain
     kind = BLANK if goal.kind == "false-alarms" else SINGLE
     means = []
     for shown in task.of_kind(kind):
-        left_vpp, right_vpp = (level_vpp * (site in shown.sites) for site in task.sites)
         shares = answer_probabilities(
             [population.median],
-            (left_vpp, right_vpp),
+            task.levels_vpp(shown.name, level_vpp),
             responses,
             study.design.response_window_s,
             gains=gains,
             shift_db=(shifts_db, shifts_db),
+            task=task,
         )[0]
         is_counted = [task.is_detected(shown.name, response) for response in responses]
         means.append(shares[:, is_counted].sum(axis=1) @ weights / weights.sum())

@@ -17,6 +17,7 @@ from analysis.thresholds.guess import guess_rate_of
 from analysis.thresholds.likelihood import Tables
 from experiment.perception.answers import answer_probabilities
 from experiment.perception.population import threshold_course_db
+from experiment.tasks.task import BLANK, SINGLE
 from experiment.trial.draw import shuffled_blocks
 
 if TYPE_CHECKING:
@@ -79,7 +80,7 @@ def draw_counts(sessions: Sequence[Session], gains: FingerGains, task: Task) -> 
 def _course(session: Session, task: Task) -> _Course:
     rng, names = session.rng, task.presentation_names
     order = rng.permutation(len(session.designs)).tolist()
-    blocks = [(c, block) for c in order for block in shuffled_blocks(session.designs[c], rng)]
+    blocks = [(c, block) for c in order for block in shuffled_blocks(session.designs[c], task, rng)]
     trials = [
         (condition, block, names.index(side), level_vpp or 0.0)
         for block, (condition, stimuli) in enumerate(blocks)
@@ -96,21 +97,25 @@ def _draw_answers(
 ) -> Integers:
     """Draw the answers to all trials: positions in the responses, the last of none in time."""
     person, design = sessions[0].person, sessions[0].designs[0]
-    driven = [
-        course.level_vpp
-        * np.array([site in shown.sites for shown in task.presentations])[course.presentation]
-        for site in task.sites
-    ]
+    # (presentations, intervals, sites) of a level of 0 V and of 1 V
+    at_0_vpp, at_1_vpp = (
+        np.array([task.levels_vpp(name, vpp) for name in task.presentation_names])
+        for vpp in (0.0, 1.0)
+    )
+    offset_vpp = np.moveaxis(at_0_vpp[course.presentation], (-2, -1), (0, 1))
+    slope = np.moveaxis((at_1_vpp - at_0_vpp)[course.presentation], (-2, -1), (0, 1))
+    levels_vpp = offset_vpp + slope * course.level_vpp
 
     def answers_after(db: float) -> Integers:
         """Return the answers to all trials with thresholds that lie higher."""
         p = answer_probabilities(
             [session.person for session in sessions],
-            (driven[0], driven[1]),
+            [*levels_vpp],
             design.responses,
             design.response_window_s,
             gains=gains,
             shift_db=(course.shift_db + db,) * 2,
+            task=task,
         )
         return np.asarray((p.cumsum(axis=2) <= course.chance[..., None]).sum(axis=2))
 
@@ -135,7 +140,7 @@ def _counts(
     design = sessions[0].designs[condition]
     position = {name: i for i, name in enumerate(design.responses)}
     correct = np.array([position.get(shown.correct, -1) for shown in task.presentations])
-    sites = np.array([len(shown.sites) for shown in task.presentations])[course.presentation]
+    kind = np.array([shown.kind for shown in task.presentations])[course.presentation]
     is_here = course.condition == condition
     levels = [session.designs[condition].levels_vpp for session in sessions]
     levels_vpp = np.ones(
@@ -144,11 +149,11 @@ def _counts(
     for row, session_levels in zip(levels_vpp, levels, strict=True):
         row[: len(session_levels)] = session_levels
     at_level = course.level_vpp[..., None] == levels_vpp[:, None]
-    presented = at_level & (is_here & (sites == 1))[..., None]
+    presented = at_level & (is_here & (kind == SINGLE))[..., None]
     detected = presented & (answers == correct[course.presentation])[..., None]
     named = {answer.name: len(answer.sites) for answer in task.answers}
     named_sites = np.array([*map(named.__getitem__, design.responses), 0])[answers]
-    is_blank = is_here & (sites == 0)
+    is_blank = is_here & (kind == BLANK)
     sided = (is_blank & (named_sites == 1)).sum(axis=1)
     guesses = [
         guess_rate_of(

@@ -481,7 +481,7 @@ def offered_to_all(
     """
     if task:
         return by_plan.fillna(task == YES_NO)
-    is_none = trials["response"].eq(LEFT_RIGHT_BOTH.nothing) & trials["kind"].ne(HANDS_OFF)
+    is_none = trials["response"].eq(str(LEFT_RIGHT_BOTH.nothing)) & trials["kind"].ne(HANDS_OFF)
     is_offered = by_plan.fillna(is_none.astype("boolean"))
     anybody = is_offered.groupby([trials["condition"], trials["study_sha256"]]).transform("any")
     return by_plan.mask(by_plan.isna() & anybody, other=True)

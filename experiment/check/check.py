@@ -13,7 +13,6 @@ from experiment.hardware.setup import chosen_settings, mock_device, read_limits
 from experiment.hardware.suitability import require_playable, require_suitable
 from experiment.perception.gains import DRIVEN_FINGERS, significant
 from experiment.study.base import Fault
-from experiment.study.design import ASSUMED_ANSWER_S
 from experiment.trial.draw import block_count
 from stimuli import Burst, BurstCheck, SampledDrive, check_burst
 
@@ -339,9 +338,7 @@ def _duration_s(study: Study, blocks: int) -> float:
     each = design.trials + design.hands_off_trials_before + design.hands_off_trials_after
     trials = each * len(study.conditions) + design.practice_trials
     breaks = blocks - 1 + (design.hands_off_trials_after > 0)
-    answer_s = min(ASSUMED_ANSWER_S, design.response_window_s)
-    trial_s = sum(design.foreperiod_s) / 2 + answer_s
-    return trials * trial_s + breaks * design.min_break_s
+    return trials * study.trial_s + breaks * design.min_break_s
 
 
 def require_fit(study: Study, *, driver: str | None = None) -> StudyCheck:

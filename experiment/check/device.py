@@ -16,7 +16,7 @@ from device.limits import CHANNELS
 from experiment.check.warnings import apply_rules
 from experiment.hardware.monitor import planned_burst
 from experiment.hardware.safety import require_confirmed
-from experiment.hardware.setup import SLOTS, load_condition, read_health, read_limits
+from experiment.hardware.setup import load_condition, read_health, read_limits
 from experiment.hardware.suitability import LONGEST_ARMED_S, onset_interval_s, require_suitable
 
 if TYPE_CHECKING:
@@ -217,18 +217,19 @@ def check_device(
         require_confirmed(identity, confirmation)
         limits = read_limits(device)
         require_suitable(study, identity, limits)
-        load_condition(device, study.conditions[0], study.device)
+        load_condition(device, study.conditions[0], study)
         device.enable()
         if rig.monitor is not None:
             rig.monitor.open()
         both_vpp = study.design.both_level_vpp
         levels_vpp = sorted({*study.design.levels_vpp, *([both_vpp] if both_vpp else [])})
-        every_site = max(study.task.presentations, key=lambda p: len(p.sites))
+        slots = study.task.slots
+        widest = max(range(len(slots)), key=lambda slot: len(slots[slot]))
         # from the calendar's clock on, as in a session, so that no device saw a token before
         tokens = count(time.time_ns())
         for level_vpp, token in zip(levels_vpp, tokens, strict=False):
             device.set_levels(level_vpp, level_vpp)
-            device.arm(token, SLOTS[every_site.name], time_to_live_s=LONGEST_ARMED_S)
+            device.arm(token, widest, time_to_live_s=LONGEST_ARMED_S)
             device.disarm(token)
         test_vpp = round(levels_vpp[-1] * FRACTION, 3)
         channels = tuple(
@@ -263,12 +264,12 @@ def _check_channel(
     if ask is not None and not ask(f"Play one burst of {level_vpp:g} Vpp on the {side} channel?"):
         return ChannelCheck(side=side, level_vpp=level_vpp)
     rig.clock.wait(onset_interval_s(condition, study.device))
-    planned = planned_burst(study, condition, side, level_vpp)
+    planned = planned_burst(study, condition, (side,), level_vpp)
     if monitor is not None:
         rig.clock.wait(_QUIET_S)
         monitor.begin(token, planned)
     device.set_levels(level_vpp, level_vpp)
-    device.arm(token, SLOTS[side], time_to_live_s=LONGEST_ARMED_S)
+    device.arm(token, study.task.slots.index((side,)), time_to_live_s=LONGEST_ARMED_S)
     delivery = device.fire(token)
     is_fired = delivery.outcome is Outcome.FIRED
     measured = None

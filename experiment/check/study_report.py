@@ -125,7 +125,7 @@ def report_study(
         "contact": study.contact.model_dump(),
         "design": design.model_dump() | {"both_level_vpp": design.both_level_vpp},
         "trials": check.trials,
-        "block_trials": block_lengths(design),
+        "block_trials": block_lengths(design, study.task),
         "repeats": design.trials_per_side / len(design.levels_vpp),
         "level_rule": study.levels.rule,
         "both_fraction": design.both_trials / (2 * design.trials_per_side + design.both_trials),

@@ -123,17 +123,15 @@ def _sections(values: Mapping[str, Any], disc: str | None) -> dict[str, Any]:
 
 def _pair(actuators: tuple[dict[str, Any], ...]) -> list[dict[str, Any]]:
     """Return the actuator of each site: one on the command line stands for a pair at -X and X."""
-    from experiment.tasks import LEFT_RIGHT_BOTH
+    from experiment.tasks import SITES
 
     tables = list(actuators)
     if len(tables) == 1:
         tables = [tables[0] | {"x_mm": -tables[0]["x_mm"]}, tables[0]]
-    if len(tables) != len(LEFT_RIGHT_BOTH.sites):
+    if len(tables) != len(SITES):
         raise CommandError(f"--actuator: must be given once or twice (got {len(tables)})")
     tables.sort(key=lambda table: float(table["x_mm"]))
-    return [
-        {"side": site} | table for site, table in zip(LEFT_RIGHT_BOTH.sites, tables, strict=True)
-    ]
+    return [{"side": site} | table for site, table in zip(SITES, tables, strict=True)]
 
 
 def _option_names(disc: str | None) -> dict[str, str]:

@@ -11,7 +11,6 @@ from device.core.converter import ConverterDevice
 from device.core.host import HostDriver
 from device.errors import LinkError, SoundCardError
 from experiment.study.stimulus import drive_samples
-from experiment.tasks import LEFT_RIGHT_BOTH
 
 if TYPE_CHECKING:
     from device.clock import Clock
@@ -89,18 +88,19 @@ def describe_monitor(monitor: Monitor) -> dict[str, str]:
     }
 
 
-def planned_burst(study: Study, condition: Condition, side: str, level_vpp: float) -> Planned:
-    """Return what is to be seen at the study's tap of a burst at one side, or at both."""
+def planned_burst(
+    study: Study, condition: Condition, sites: tuple[str, ...], level_vpp: float
+) -> Planned:
+    """Return what is to be seen at the study's tap of a burst at these sites."""
     from device.monitor.measured import Planned
 
     samples = drive_samples(condition, study.device)
     peak = float(np.max(np.abs(samples)))
     first, second = study.monitor.at_the_tap
     burst = (level_vpp / 2 * peak * first, level_vpp / 2 * peak * second)
-    driven = LEFT_RIGHT_BOTH.presentation(side).sites
     left, right = (
-        amplitude if site in driven else 0.0
-        for site, amplitude in zip(LEFT_RIGHT_BOTH.sites, burst, strict=True)
+        amplitude if site in sites else 0.0
+        for site, amplitude in zip(study.task.sites, burst, strict=True)
     )
     shape, rate_hz = samples / peak, study.device.sample_rate_hz
     return Planned(shape=shape, sample_rate_hz=rate_hz, left=left, right=right, burst=burst)

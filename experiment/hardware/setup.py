@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -27,7 +27,6 @@ from experiment.hardware.safety import Purpose
 from experiment.names import is_line
 from experiment.study.base import Fault
 from experiment.study.stimulus import drive_samples
-from experiment.tasks import LEFT_RIGHT_BOTH
 
 if TYPE_CHECKING:
     from device.clock import Clock
@@ -38,9 +37,6 @@ if TYPE_CHECKING:
     from experiment.study.equipment import DeviceSettings
     from experiment.study.stimulus import Condition
     from experiment.study.study import Study
-
-SLOTS: Final = {p.name: slot for slot, p in enumerate(LEFT_RIGHT_BOTH.presentations)}
-"""The slot of each presentation. A silent channel plays zeros: no side shows in the commands."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -205,17 +201,16 @@ def mock_device(study: Study, clock: Clock) -> MockDevice:
     return make_mock(host_limits(study.device), clock, study.device.sample_rate_hz)
 
 
-def load_condition(device: BurstDevice, condition: Condition, settings: DeviceSettings) -> None:
-    """Load a condition's burst into the opened device, one slot for each side.
+def load_condition(device: BurstDevice, condition: Condition, study: Study) -> None:
+    """Load a condition's burst into the opened device, in one of the task's slots for each side.
 
-    Rejected if the device refuses the waveform.
+    A silent channel plays zeros, so that no side shows in the commands. Rejected if the device
+    refuses the waveform.
     """
-    burst = drive_samples(condition, settings)
+    burst = drive_samples(condition, study.device)
     silence = np.zeros_like(burst)
-    for slot, presentation in enumerate(LEFT_RIGHT_BOTH.presentations):
-        left, right = (
-            burst if site in presentation.sites else silence for site in LEFT_RIGHT_BOTH.sites
-        )
+    for slot, sites in enumerate(study.task.slots):
+        left, right = (burst if site in sites else silence for site in study.task.sites)
         device.load(slot, left, right)
 
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Final
 from device.core.messages import full_scale, to_codes
 from device.errors import Rejected
 from device.limits import check_codes
-from experiment.hardware.setup import SLOTS, host_limits
+from experiment.hardware.setup import host_limits
 from experiment.study.stimulus import drive_samples
 
 if TYPE_CHECKING:
@@ -94,8 +94,9 @@ def _rules(
         f"is {limits.longest_time_to_live_s:g} s"
     )
     yield limits.longest_time_to_live_s < LONGEST_ARMED_S, rule
-    rule = f"the device must have {len(SLOTS)} slots, one for each side; it has {limits.slots}"
-    yield limits.slots < len(SLOTS), rule
+    n_slots = len(study.task.slots)
+    rule = f"the device must have {n_slots} slots, one for each side; it has {limits.slots}"
+    yield limits.slots < n_slots, rule
     for condition in study.conditions:
         duration_s = _sampled_s(condition, settings)
         min_rest_s = max(limits.min_interval_s, duration_s / limits.max_duty - duration_s)
@@ -105,9 +106,9 @@ def _rules(
             f"at most {100 * limits.max_duty:g} % of the time (got {settings.min_interval_s:g})"
         )
         yield onset_interval_s(condition, settings) < duration_s + min_rest_s, rule
-        n_samples = len(SLOTS) * drive_samples(condition, settings).size
+        n_samples = n_slots * drive_samples(condition, settings).size
         rule = (
-            f"condition {condition.name}: the burst must be shorter; for {len(SLOTS)} sides it "
+            f"condition {condition.name}: the burst must be shorter; for {n_slots} sides it "
             f"has {n_samples} samples, and the device keeps {limits.memory_samples}"
         )
         yield n_samples > limits.memory_samples, rule

@@ -15,7 +15,7 @@ from scipy.special import ndtr, xlogy
 
 from experiment.levels.rule import Choice, Estimate, LevelRule, Levels, Track
 from experiment.tasks import LEFT_RIGHT_BOTH
-from experiment.tasks.task import Guessing
+from experiment.tasks.task import BOTH, SINGLE, Guessing, Sensation
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -98,8 +98,8 @@ class BayesianTrack(Track):
         )
         first = np.interp(FIRST_CHOICES, (0, 1), log_levels[[0, -1]])
         self._first = np.abs(log_levels - first[:, np.newaxis]).argmin(axis=1)
-        # The sites are exchangeable, so that one of them serves for the choice.
-        site = next(p for p in task.presentations if len(p.sites) == 1)
+        # Sites and intervals are exchangeable, so that one of them serves for the choice.
+        site = task.of_kind(SINGLE)[0]
         # (answers, candidates, thresholds, sigmas x false-alarm rates x lapse rates)
         table = self._probabilities(site, candidates_vpp)
         self._table = table.reshape(*table.shape[:3], -1)
@@ -113,14 +113,22 @@ class BayesianTrack(Track):
         """
         rule = self._rule
         levels_vpp = levels_vpp[:, np.newaxis, np.newaxis, np.newaxis]
-        with np.errstate(divide="ignore"):  # a blank trial has the level 0
+        shape = (1, 1, 1, len(rule.false_alarm_rates))
+        with np.errstate(divide="ignore"):  # a silent interval has the level 0
             over = np.log10(levels_vpp) - self._log_thresholds[:, np.newaxis, np.newaxis]
-        detected = ndtr(over / np.array(rule.sigmas)[:, np.newaxis])
-        detected = np.repeat(detected, len(rule.false_alarm_rates), axis=-1)
-        is_driven = [site in presentation.sites for site in self._task.sites]
+        strength = over / np.array(rule.sigmas)[:, np.newaxis] + np.zeros(shape)
+        detected = ndtr(strength)
+        intervals = []
+        for burst in presentation.bursts:
+            is_driven = [site in burst.sites for site in self._task.sites]
+            sensation = Sensation(
+                [detected * driven for driven in is_driven],
+                [levels_vpp * driven for driven in is_driven],
+                [np.where(driven, strength, -np.inf) for driven in is_driven],
+            )
+            intervals.append(sensation)
         answers = self._task.decide(
-            [detected * driven for driven in is_driven],
-            [levels_vpp * driven for driven in is_driven],
+            intervals,
             self._responses,
             Guessing(np.array(rule.false_alarm_rates), np.array(0.5), np.array(0.0)),
         )
@@ -152,12 +160,12 @@ class BayesianTrack(Track):
 
     def update(self, presentation: Presentation, level_vpp: float | None, answer: str) -> None:
         """Multiply the posterior by the probability of the answer under each hypothesis."""
-        if len(presentation.sites) > 1 or answer not in self._responses:
+        if presentation.kind == BOTH or answer not in self._responses:
             return
         probabilities = self._probabilities(presentation, np.array([level_vpp or 0.0]))
         posterior = self._posterior * probabilities[self._responses.index(answer), 0]
         self._posterior = posterior / posterior.sum()
-        self._answered += len(presentation.sites)
+        self._answered += presentation.kind == SINGLE
 
     def estimate(self) -> Estimate | None:
         """Return the median of the threshold's posterior; None before the first stimulus.

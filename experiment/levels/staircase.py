@@ -10,6 +10,7 @@ from pydantic import Field, ValidationInfo, field_validator
 from experiment.levels.bayesian import Bayesian
 from experiment.levels.rule import Choice, Estimate, LevelRule, Track
 from experiment.tasks import LEFT_RIGHT_BOTH
+from experiment.tasks.task import SINGLE
 
 if TYPE_CHECKING:
     from experiment.tasks.task import Presentation, Task
@@ -88,7 +89,7 @@ class StaircaseTrack(Track):
     def update(self, presentation: Presentation, level_vpp: float | None, answer: str) -> None:
         """Move from the level that was presented, as far as there are candidates."""
         self._posterior.update(presentation, level_vpp, answer)
-        if level_vpp is None or len(presentation.sites) != 1 or answer not in self._responses:
+        if presentation.kind != SINGLE or level_vpp is None or answer not in self._responses:
             return
         rule = self._rule
         if self._task.is_detected(presentation.name, answer):

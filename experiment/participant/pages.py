@@ -43,14 +43,19 @@ class Drawings:
         self._settings = settings
 
     def answers(self, part: SessionPart, *, middle: float) -> list[Any]:
-        """Draw, for each answer that counts in a part, the fingers, what is felt, and its keys."""
+        """Draw, for each answer that counts in a part, its sign, or what is felt, and its keys."""
         names = self._settings.answers(part)
         width = min(WIDEST_PANEL, 1.9 * self._stage.half_width / len(names))
         answers = {answer.name: answer for answer in self._settings.task.answers}
         drawings = []
         for i, name in enumerate(names):
             at = (width * (i - (len(names) - 1) / 2), middle)
-            drawings += self._plate(answers[name], at, 0.8 * width, hands_off=part.hands_off)
+            if sign := answers[name].sign:
+                height = 0.3 * width
+                top = middle + PITCH * height / 2
+                drawings += self._stage.lines((sign,), top=top, height=height, x=at[0])
+            else:
+                drawings += self._plate(answers[name], at, 0.8 * width, hands_off=part.hands_off)
             drawings += self._caps(name, (at[0], middle - 0.62 * width), width)
         return drawings
 
@@ -156,8 +161,8 @@ _GOOD, _BAD = "#7fc97f", "#fdae6b"
 class Pages:
     """Lays out what a study says, for the answers offered, on a stage.
 
-    `ready` announces a trial; `prompts` asks, by whether the hands are off the plate; `feedback`
-    follows a practice answer, by whether it is correct.
+    `ready` announces a trial, and `intervals` each of its intervals; `prompts` asks, by whether the
+    hands are off the plate; `feedback` follows a practice answer, by whether it is correct.
     """
 
     def __init__(self, stage: Stage, settings: ResponderSettings) -> None:
@@ -168,6 +173,9 @@ class Pages:
         self._labels = {meaning: labelled(keys) for meaning, keys in settings.keys.meanings.items()}
         self._continue = self._hint(texts.continue_.format(**self._labels))
         self.ready: Page = stage.centred(texts.ready, middle=0.0)
+        self.intervals = [
+            stage.centred(str(i + 1), middle=0.0) for i in range(settings.task.n_intervals)
+        ]
         # Drawn before they are needed: nothing may take a while once a stimulus is out.
         self.prompts = {
             part.hands_off: [

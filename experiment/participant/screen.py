@@ -82,7 +82,8 @@ class ScreenResponder(Responder):
             self._leave_note(
                 f"font {settings.screen.font} is not installed here: another one is shown"
             )
-        for page in (*self._pages.prompts.values(), self._pages.ready):
+        pages = (*self._pages.prompts.values(), self._pages.ready, *self._pages.intervals)
+        for page in pages:
             self._stage.show(page)  # what is drawn first is drawn slowly
         self._stage.show(())
         return self
@@ -112,6 +113,10 @@ class ScreenResponder(Responder):
         self._part = progress.part
         self._reader.drop_earlier()
         self._stage.show(self._pages.ready)
+
+    def interval(self, number: int | None) -> None:
+        """Show the number of an interval; nothing between two intervals."""
+        self._stage.show(self._pages.intervals[number - 1] if number else ())
 
     def wait(self, until_s: float) -> Press | None:
         """Let the foreperiod pass."""

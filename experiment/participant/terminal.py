@@ -111,6 +111,10 @@ class TerminalResponder(Responder):
         number = f" {progress.done + 1} of {progress.planned}" * (part is not SessionPart.WARM_UP)
         self._say("", f"{name}{number}  ...")
 
+    def interval(self, number: int | None) -> None:
+        """Show the number of an interval; dots between two."""
+        self._say(f" {number}" if number else " ...")
+
     def wait(self, until_s: float) -> Press | None:
         """Let the foreperiod pass; of an answer in it, it is said that it is too early."""
         key = self._read(until_s)

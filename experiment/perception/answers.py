@@ -7,14 +7,13 @@ answer follows from what was detected is the task's (`experiment.tasks`). Equati
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from scipy.special import ndtr
 
 from experiment.tasks import LEFT_RIGHT_BOTH
-from experiment.tasks.task import Guessing
+from experiment.tasks.task import Guessing, Sensation
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -40,7 +39,7 @@ _ROUNDING: Final = 1.0 + 1e-12
 
 def answer_probabilities(
     people: Sequence[Observer],
-    levels_vpp: tuple[ArrayLike, ArrayLike],
+    levels_vpp: Sequence[Sequence[ArrayLike]],
     responses: tuple[str, ...],
     response_window_s: float,
     *,
@@ -50,22 +49,23 @@ def answer_probabilities(
 ) -> Floats:
     """Return how often each response is given; what is left to 1 is too late.
 
-    Levels of the left and of the right actuator and shifts of the two fingers' thresholds are
-    (stimuli,) or (people, stimuli), the result (people, stimuli, responses). The people are of one
-    population: whether masking, cross-talk and thresholds are stated in dB or um is that of all.
+    Levels of the left and of the right actuator, for each interval, and shifts of the two fingers'
+    thresholds are (stimuli,) or (people, stimuli), the result (people, stimuli, responses). The
+    people are of one population: whether masking, cross-talk and thresholds are stated in dB or um
+    is that of all.
 
     >>> from experiment.study.files import paper_study
     >>> from experiment.perception.gains import WITHOUT_CROSSTALK
     >>> from dataclasses import replace
     >>> person = replace(paper_study().simulation.median, threshold_um=None, threshold_vpp=60.0)
-    >>> p = answer_probabilities([person], ([60.0], [0.0]), LEFT_RIGHT_BOTH.sites, 9.0,
+    >>> p = answer_probabilities([person], [([60.0], [0.0])], LEFT_RIGHT_BOTH.sites, 9.0,
     ...                          gains=WITHOUT_CROSSTALK)
     >>> p.round(2).tolist()
     [[[0.74, 0.26]]]
     """
-    sensation = _sense(people, levels_vpp, gains, shift_db)
-    answers = _decide(people, sensation, responses, task)
-    median_s, least_s, spread = _reaction(people, sensation.clarity)
+    intervals, clarity = _sense_intervals(people, levels_vpp, gains, shift_db)
+    answers = _decide(people, intervals, responses, task)
+    median_s, least_s, spread = _reaction(people, clarity)
     with np.errstate(divide="ignore", invalid="ignore"):
         late = np.log(np.maximum(response_window_s - least_s, 0.0) / median_s)
         # Without a spread everybody takes the median.
@@ -75,7 +75,7 @@ def answer_probabilities(
 
 def draw_answers(
     people: Sequence[Observer],
-    levels_vpp: tuple[ArrayLike, ArrayLike],
+    levels_vpp: Sequence[Sequence[ArrayLike]],
     responses: tuple[str, ...],
     response_window_s: float,
     rng: np.random.Generator,
@@ -90,22 +90,13 @@ def draw_answers(
     and the reaction times in seconds; both (people, stimuli). The reaction time depends on how
     clearly a stimulus is felt, and not on which answer it gets.
     """
-    sensation = _sense(people, levels_vpp, gains, shift_db)
-    median_s, least_s, spread = _reaction(people, sensation.clarity)
+    intervals, clarity = _sense_intervals(people, levels_vpp, gains, shift_db)
+    median_s, least_s, spread = _reaction(people, clarity)
     rt_s = least_s + median_s * np.exp(spread * rng.standard_normal(median_s.shape))
-    p = _decide(people, sensation, responses, task)
+    p = _decide(people, intervals, responses, task)
     below = np.cumsum([p[name] for name in responses[:-1]], axis=0)
     answers = (below <= rng.random(median_s.shape)).sum(axis=0)
     return np.where(rt_s > response_window_s, len(responses), answers), rt_s
-
-
-@dataclass(frozen=True, slots=True)
-class _Sensation:
-    """What the fingers get and detect of stimuli; a value a finger, each (people, stimuli)."""
-
-    amplitudes: tuple[Floats, Floats]
-    detected: tuple[Floats, Floats]  # probabilities
-    clarity: Floats  # the greatest of them before a finger is masked
 
 
 def _of(people: Sequence[Observer], name: str) -> Floats:
@@ -113,12 +104,26 @@ def _of(people: Sequence[Observer], name: str) -> Floats:
     return np.array([[getattr(person, name)] for person in people], dtype=np.float64)
 
 
-def _sense(
+def _sense_intervals(
     people: Sequence[Observer],
-    levels_vpp: tuple[ArrayLike, ArrayLike],
+    levels_vpp: Sequence[Sequence[ArrayLike]],
     gains: FingerGains,
     shift_db: tuple[ArrayLike, ArrayLike],
-) -> _Sensation:
+) -> tuple[list[Sensation], Floats]:
+    """Return the sensation in each interval, and how clear the clearest one is.
+
+    That is the greatest probability of detection, before one finger masks the other.
+    """
+    felt = [_sense(people, levels, gains, shift_db) for levels in levels_vpp]
+    return [sensation for sensation, _ in felt], np.max([clarity for _, clarity in felt], axis=0)
+
+
+def _sense(
+    people: Sequence[Observer],
+    levels_vpp: Sequence[ArrayLike],
+    gains: FingerGains,
+    shift_db: tuple[ArrayLike, ArrayLike],
+) -> tuple[Sensation, Floats]:
     if people[0].crosstalk_db is not None:
         gains = gains.with_crosstalk(people[0].crosstalk_db)
     # the first axis is that of the fingers
@@ -132,20 +137,24 @@ def _sense(
     has_slope = people[0].masking_slope is not None
     if has_slope:
         over = over - _of(people, "masking_slope") * np.maximum(over[::-1], 0.0)
-    detected = np.asarray(ndtr(over / _of(people, "sigma")))
+    strengths = over / _of(people, "sigma")
+    detected = np.asarray(ndtr(strengths))
     clarity = detected.max(axis=0)
     if not has_slope:
         detected = detected * (amplitudes * _MASKING_RATIO > amplitudes[::-1] * _ROUNDING)
-    return _Sensation((amplitudes[0], amplitudes[1]), (detected[0], detected[1]), clarity)
+    return Sensation([*detected], [*amplitudes], [*strengths]), clarity
 
 
 def _decide(
-    people: Sequence[Observer], sensation: _Sensation, responses: tuple[str, ...], task: Task
+    people: Sequence[Observer],
+    intervals: Sequence[Sensation],
+    responses: tuple[str, ...],
+    task: Task,
 ) -> dict[str, Floats]:
     """Return how often each response is given, however late."""
     names = ("false_alarm_rate", "side_bias", "guess_both")
     guessing = Guessing(*(_of(people, name) for name in names))
-    answers = task.decide(sensation.detected, sensation.amplitudes, responses, guessing)
+    answers = task.decide(intervals, responses, guessing)
     lapse = _of(people, "lapse_rate")
     answers = {name: lapse / len(responses) + (1 - lapse) * p for name, p in answers.items()}
     if any(person.reversed_mapping for person in people):

@@ -12,7 +12,7 @@ from typing import Final, get_args
 
 from pydantic import TypeAdapter
 
-from experiment.tasks import LEFT_RIGHT_BOTH
+from experiment.tasks import SITES
 from stimuli.checks import finite
 from stimuli.fingers.actuator import Basis
 
@@ -24,7 +24,7 @@ UNEQUAL_DB: Final = 1.0
 """From here on it is told that the same volts move one finger more; people differ by 1.5 dB and
 more."""
 
-DRIVEN_FINGERS: Final = LEFT_RIGHT_BOTH.sites
+DRIVEN_FINGERS: Final = SITES
 """The actuators under the two fingers: the first two of every matrix."""
 
 BASES: Final = get_args(Basis)

@@ -22,7 +22,6 @@ from experiment.record.manifest import Manifest, replace_folder
 from experiment.record.people import FILE_NAME, ID_COLUMN, People, read_people
 from experiment.record.rows import COLUMNS, format_value
 from experiment.study.stimulus import stimulus_values
-from experiment.tasks import LEFT_RIGHT_BOTH
 from experiment.templates import open_templates
 
 if TYPE_CHECKING:
@@ -34,6 +33,7 @@ if TYPE_CHECKING:
     from experiment.record.rows import Column, TrialRow
     from experiment.study.dataset import ParticipantColumn
     from experiment.study.study import Study
+    from experiment.tasks.task import Task
     from experiment.trial.plan import Plan
 
 
@@ -242,7 +242,7 @@ def _events_sidecar(study: Study, software_version: str, *, simulated: bool) -> 
     }
     columns = {column.name: column for column in COLUMNS}
     for name, source in EVENT_COLUMNS.items():
-        sidecar[name] = _described(columns[source]) if source else _tables()["duration"]
+        sidecar[name] = _described(columns[source], study.task) if source else _tables()["duration"]
     sidecar["condition"]["Levels"] = {
         condition.name: ", ".join(
             f"{key} {format_value(value)}" for key, value in stimulus_values(condition).items()
@@ -252,7 +252,7 @@ def _events_sidecar(study: Study, software_version: str, *, simulated: bool) -> 
     return _given(sidecar)
 
 
-def _described(column: Column) -> dict[str, Any]:
+def _described(column: Column, task: Task) -> dict[str, Any]:
     """Return what the sidecar says of a column of trials.csv."""
     description = column.description[0].upper() + column.description[1:]
     if column.optional:
@@ -260,15 +260,15 @@ def _described(column: Column) -> dict[str, Any]:
     if column.name == "onset_s":
         description += "; from the marker recording_start, where markers were sent"
     units = next((unit for end, unit in _UNITS.items() if column.name.endswith(end)), None)
-    return _given({"Description": description, "Units": units, "Levels": _levels(column)})
+    return _given({"Description": description, "Units": units, "Levels": _levels(column, task)})
 
 
-def _levels(column: Column) -> dict[str, str]:
+def _levels(column: Column, task: Task) -> dict[str, str]:
     """Return what the words in a column mean: those of the task, and those of any task."""
     of_task = {
-        "kind": LEFT_RIGHT_BOTH.kinds,
-        "side": {p.name: p.meaning for p in LEFT_RIGHT_BOTH.presentations},
-        "response": {answer.name: answer.meaning for answer in LEFT_RIGHT_BOTH.answers},
+        "kind": task.kinds,
+        "side": {p.name: p.meaning for p in task.presentations},
+        "response": {answer.name: answer.meaning for answer in task.answers},
     }
     name = "bool" if column.type == "bool" else column.name
     return {**of_task.get(name, {}), **_tables()["levels"].get(name, {})}

@@ -52,6 +52,13 @@ class _AttemptLine(Line):
     """1, or more where the trial is presented again."""
 
 
+class _BurstLine(_AttemptLine):
+    """A line about the burst in one interval of an attempt."""
+
+    interval: int = 1
+    """Observation interval, counted from 1."""
+
+
 class HostAndDevice(BaseModel):
     """Computer and device of a visit."""
 
@@ -183,7 +190,7 @@ class LevelChosen(_AttemptLine):
     """Expected entropy of the threshold after the answer; null for a rule that does not use it."""
 
 
-class TrialArmed(_AttemptLine):
+class TrialArmed(_BurstLine):
     """The device is about to be armed. This line is on the disk before the device knows the token.
 
     After a crash, the token is what the device is asked about.
@@ -202,7 +209,7 @@ class StimulusCommanded(Line):
     """Token of the stimulus."""
 
 
-class StimulusConfirmed(_AttemptLine):
+class StimulusConfirmed(_BurstLine):
     """What the device reports about a stimulus."""
 
     event: Literal["stimulus_confirmed"] = "stimulus_confirmed"
@@ -226,12 +233,15 @@ class StimulusConfirmed(_AttemptLine):
     """Level of the right channel, peak-to-peak volts; known only of a presented stimulus."""
 
     @classmethod
-    def from_delivery(cls, attempt: Attempt, delivery: Delivery, onset_s: float | None) -> Self:
+    def from_delivery(
+        cls, attempt: Attempt, interval: int, delivery: Delivery, onset_s: float | None
+    ) -> Self:
         """Return the line for a delivery; onset and levels only if it was surely presented."""
         fired = delivery.outcome is Outcome.FIRED
         return cls(
             trial=attempt.trial.number,
             attempt=attempt.number,
+            interval=interval,
             outcome=delivery.outcome,
             token=delivery.token,
             boot_id=delivery.boot_id,
@@ -244,7 +254,7 @@ class StimulusConfirmed(_AttemptLine):
         )
 
 
-class StimulusMeasured(_AttemptLine):
+class StimulusMeasured(_BurstLine):
     """What a monitor measured of the burst."""
 
     event: Literal["stimulus_measured"] = "stimulus_measured"

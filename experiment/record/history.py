@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from device.clock import MachineTime
@@ -48,12 +48,14 @@ class Presentation:
         The kind of the device.
     onset_clock : int
         The clock of its onset.
+    interval : int
+        The observation interval that was armed last; 0 before the first.
     token : int
-        The token by which the device knows its stimulus; 0 before it was armed.
-    confirmed : StimulusConfirmed or None
-        What the device reported about the stimulus.
-    measured : StimulusMeasured or None
-        What a monitor measured.
+        The token by which the device knows the burst of this interval; 0 before it was armed.
+    confirmed : dict of int to StimulusConfirmed
+        What the device reported about each interval's burst.
+    measured : dict of int to StimulusMeasured
+        What a monitor measured of it.
     response : ResponseGiven or None
         The answer of the participant.
     end : TrialEnded or None
@@ -64,9 +66,10 @@ class Presentation:
     boot_id: int
     device_kind: str | None
     onset_clock: int
+    interval: int = 0
     token: int = 0
-    confirmed: StimulusConfirmed | None = None
-    measured: StimulusMeasured | None = None
+    confirmed: dict[int, StimulusConfirmed] = field(default_factory=dict)
+    measured: dict[int, StimulusMeasured] = field(default_factory=dict)
     response: ResponseGiven | None = None
     end: TrialEnded | None = None
 
@@ -75,15 +78,20 @@ class Presentation:
         """The trial."""
         return self.attempt.trial
 
+    @property
+    def is_mismatch(self) -> bool:
+        """Whether a monitor measured another burst than the planned one in any interval."""
+        return any(line.burst_verified == "false" for line in self.measured.values())
+
     def add(self, line: _TrialLine) -> None:
         """Add a line about this attempt."""
         match line:
             case TrialArmed():
-                self.token = line.token
+                self.interval, self.token = line.interval, line.token
             case StimulusConfirmed():
-                self.confirmed = line
+                self.confirmed[line.interval] = line
             case StimulusMeasured():
-                self.measured = line
+                self.measured[line.interval] = line
             case ResponseGiven():
                 self.response = line
             case TrialEnded():
@@ -210,9 +218,9 @@ def replay(plan: Plan, entries: Iterable[Entry]) -> History:
     gains = {name: plan.gains_of(name) for name in {p.trial.condition for p in ended}}
     return History(
         measured=tuple(
-            MeasuredRow(**_trial_columns(plan, p), measured=p.measured)
+            MeasuredRow(**_trial_columns(plan, p), measured=measured)
             for p in ended
-            if p.measured is not None
+            for measured in p.measured.values()
         ),
         rows=tuple(_row(plan, p, p.end, gains, opening) for p in ended if p.end and opening),
         pending=pending,
@@ -333,7 +341,13 @@ def _row(
     gains: Mapping[str, FingerGains],
     opening: SessionOpened,
 ) -> TrialRow:
-    trial, confirmed = presentation.trial, presentation.confirmed
+    trial = presentation.trial
+    # The levels are those of the burst that has the trial's level, the onset is that of the last.
+    interval = plan.task.presentation(trial.side).interval + 1
+    confirmed = presentation.confirmed.get(interval)
+    measured = presentation.measured.get(interval)
+    verified = None if measured is None else measured.burst_verified
+    last = presentation.confirmed.get(plan.task.n_intervals)
     response = presentation.response.response if presentation.response else None
     left_vpp = confirmed.level_left_vpp if confirmed else None
     right_vpp = confirmed.level_right_vpp if confirmed else None
@@ -343,8 +357,8 @@ def _row(
         kind=trial.kind,
         response=response,
         rt_s=presentation.response.rt_s if presentation.response else None,
-        correct=plan.task.is_correct(trial.side, response),
-        onset_s=confirmed.onset_s if confirmed else None,
+        correct=plan.task.is_correct(trial.side, trial.level_vpp, response),
+        onset_s=last.onset_s if last else None,
         level_left_vpp=left_vpp,
         level_right_vpp=right_vpp,
         status=end.status,
@@ -356,7 +370,7 @@ def _row(
         displacement_basis=basis,
         simulated=opening.simulated,
         device_kind=presentation.device_kind,
-        burst_verified=presentation.measured.burst_verified if presentation.measured else None,
+        burst_verified="false" if presentation.is_mismatch else verified,
         onset_clock=presentation.onset_clock,
         study_sha256=plan.study_sha256,
     )

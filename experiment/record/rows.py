@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import csv
 import io
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from operator import attrgetter
 from typing import TYPE_CHECKING, Any, Final, Literal, TypeAlias, get_args
 
@@ -22,12 +22,15 @@ from experiment.trial.plan import HANDS_OFF, PRACTICE
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
+    from experiment.tasks.task import Task
+
 
 SCHEMA = 3
 KINDS = (*LEFT_RIGHT_BOTH.kinds, PRACTICE, HANDS_OFF)
 SIDES = LEFT_RIGHT_BOTH.presentation_names
 ANSWERS = LEFT_RIGHT_BOTH.answer_names
-RESPONSES = (*ANSWERS, "timeout", "invalid")
+NO_ANSWERS = ("timeout", "invalid")
+RESPONSES = (*ANSWERS, *NO_ANSWERS)
 TAPS = get_args(TapName)
 Verified: TypeAlias = TapName | Literal["false"]
 """The tap at which a monitor measured a burst as planned; ``false`` where it did not."""
@@ -132,6 +135,9 @@ COLUMNS: tuple[Column, ...] = tuple(
 )
 """The columns of trials.csv, in their order, which are the fields of `TrialRow`.
 
+The words of ``kind``, ``side`` and ``response`` are those of the task left-right-both;
+`columns_of` has those of another.
+
 Units are the suffixes of the names; ``optional`` tells where ``n/a`` may stand, ``choices`` the
 words that may.
 
@@ -139,6 +145,18 @@ words that may.
 >>> [column.name for column in COLUMNS if column.type == "bool"]
 ['correct', 'premature', 'noise_ok', 'simulated']
 """
+
+
+def columns_of(task: Task) -> tuple[Column, ...]:
+    """Return the columns of trials.csv with the words of a task."""
+    words = {
+        "kind": (*task.kinds, PRACTICE, HANDS_OFF),
+        "side": task.presentation_names,
+        "response": (*task.answer_names, *NO_ANSWERS),
+    }
+    return tuple(replace(c, choices=words.get(c.name, c.choices)) for c in COLUMNS)
+
+
 TRIAL_COLUMNS: Final[Mapping[str, str]] = {column.name: column.name for column in COLUMNS}
 """The columns of trials.csv, and the attribute of a `TrialRow` that each one is."""
 

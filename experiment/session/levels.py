@@ -10,6 +10,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from experiment.record.entries import LevelChosen
+from experiment.tasks.task import BLANK
 
 if TYPE_CHECKING:
     from experiment.levels import Choice, Track
@@ -41,7 +42,8 @@ class LevelTracks:
         if trial.number not in self._chosen or attempt.warm_up:
             return state
         rule = self._plan.level_rules[trial.condition]
-        track = self._tracks[trial.condition, "" if rule.pooled else trial.side]
+        site = "" if rule.pooled else self._task.presentation(trial.side).site or ""
+        track = self._tracks[trial.condition, site]
         self._choice = track.choose(trial.number, attempt.number)
         presented = replace(trial, level_vpp=self._choice.level_vpp)
         return replace(state, pending=(replace(attempt, trial=presented), *rest))
@@ -83,6 +85,6 @@ class LevelTracks:
             return
         presentation = self._task.presentation(side)
         for (name, site), track in self._tracks.items():
-            is_concerned = site in {"", side} or not presentation.sites
+            is_concerned = site in {"", presentation.site} or presentation.kind == BLANK
             if name == condition and is_concerned:
                 track.update(presentation, level_vpp, response)

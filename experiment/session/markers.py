@@ -96,16 +96,16 @@ def await_recorder(markers: LslMarkers, report: Callable[[str], object], *, aski
     )
 
 
-def stimulus_marker(attempt: Attempt, delivery: Delivery) -> str:
+def stimulus_marker(attempt: Attempt, interval: int, delivery: Delivery) -> str:
     """Return what is sent for a stimulus: words with slashes, by which programs select events.
 
-    It reads ``stimulus/main/single/left/120Vpp/trial12/attempt1``.
+    It reads ``stimulus/main/single/left/120Vpp/trial12/attempt1/interval1``.
     """
     level_vpp = max(delivery.level_left_vpp, delivery.level_right_vpp)
     trial = attempt.trial
     return (
         f"stimulus/{trial.condition}/{trial.kind}/{trial.side}/{level_vpp:g}Vpp/"
-        f"trial{trial.number}/attempt{attempt.number}"
+        f"trial{trial.number}/attempt{attempt.number}/interval{interval}"
     )
 
 

@@ -64,6 +64,11 @@ class GuardedResponder:
             self._responder.cue(progress)
         self._cued_s = self._clock.now_s()
 
+    def interval(self, number: int | None) -> None:
+        """Show that an interval begins, or that it is over."""
+        with self._guarded():
+            self._responder.interval(number)
+
     def feedback(self, *, correct: bool) -> None:
         """Show whether an answer was correct."""
         with self._guarded():

@@ -6,14 +6,13 @@ from collections import Counter
 from typing import TYPE_CHECKING
 
 from experiment.operator.requests import Status, Tally
-from experiment.study.design import ASSUMED_ANSWER_S
 from experiment.trial.events import Attempt
 from experiment.trial.plan import PRACTICE_BLOCK
 from experiment.trial.responder import Progress, SessionPart
 
 if TYPE_CHECKING:
     from experiment.record.history import History
-    from experiment.study.design import Design
+    from experiment.study.study import Study
     from experiment.trial.events import EndTrial, SessionState
     from experiment.trial.plan import Plan, Trial
 
@@ -25,10 +24,10 @@ N_LAST_ANSWERS = 5
 class SessionProgress:
     """Counts trials and answers of a session; earlier visits are in its history."""
 
-    def __init__(self, plan: Plan, design: Design, history: History) -> None:
+    def __init__(self, plan: Plan, study: Study, history: History) -> None:
         self._planned = Counter(Attempt(trial, number=1).part for trial in plan.trials)
         self._blocks = len({t.block for t in plan.trials if t.block > PRACTICE_BLOCK})
-        self._design = design
+        self._study = study
         self._task = plan.task
         self._tallies = {site: Tally() for site in plan.task.sites}
         self._begun_s = 0.0
@@ -77,10 +76,8 @@ class SessionProgress:
         Every trial is expected to take the mean time of those answered in this visit, every break
         its shortest time.
         """
-        design, progress = self._design, self.progress(state)
-        pace_s = sum(design.foreperiod_s) / 2 + min(ASSUMED_ANSWER_S, design.response_window_s)
-        if self._done:
-            pace_s = self._spent_s / self._done
+        progress = self.progress(state)
+        pace_s = self._spent_s / self._done if self._done else self._study.trial_s
         blocks = [t.trial.block for t in state.pending if t.trial.block > PRACTICE_BLOCK]
         breaks = max(0, len(set(blocks)) - 1)
         next_block = state.pending[0].trial.block if state.pending else self._blocks
@@ -90,7 +87,7 @@ class SessionProgress:
             planned=progress.planned,
             block=next_block if state.block is None else state.block,
             blocks=self._blocks,
-            left_s=len(state.pending) * pace_s + breaks * design.min_break_s,
+            left_s=len(state.pending) * pace_s + breaks * self._study.design.min_break_s,
             noise=noise,
             device=device,
             message=message,
@@ -100,10 +97,11 @@ class SessionProgress:
 
     def _count(self, kind: str, side: str, response: str) -> None:
         """Count the answer to a stimulus at one site."""
-        if kind not in self._task.kinds or side not in self._tallies:
+        site = self._task.presentation(side).site
+        if kind not in self._task.kinds or site is None:
             return
-        tally = self._tallies[side]
-        correct = self._task.is_correct(side, response) is True
+        tally = self._tallies[site]
+        correct = self._task.is_detected(side, response)
         last = (*tally.last, response)[-N_LAST_ANSWERS:]
         counts = {"presented": tally.presented + 1, "correct": tally.correct + correct}
-        self._tallies[side] = Tally(**counts, last=last)
+        self._tallies[site] = Tally(**counts, last=last)

@@ -26,28 +26,31 @@ def resolve_interrupted_trial(
     """Write the end of the trial in which the session was interrupted.
 
     An answer that was still written stands, unless it was premature, or its burst not verified,
-    and the study repeats such trials. A stimulus that went out is voided, one that did not is
-    aborted; where the device cannot tell, or was started anew, the trial is indeterminate.
+    and the study repeats such trials. A trial of which a burst went out is voided, one of which
+    none did is aborted; where the device cannot tell, or was started anew, it is indeterminate.
     """
-    confirmed = interrupted.confirmed
+    interval = interrupted.interval
+    confirmed = interrupted.confirmed.get(interval)
     if confirmed is None:
         device.disarm(interrupted.token)
         delivery = device.query(interrupted.token)
         same_boot = interrupted.boot_id == identity.boot_id
         if delivery.outcome is Outcome.NOT_FIRED and not same_boot:
             delivery = replace(delivery, outcome=Outcome.INDETERMINATE)
-        confirmed = StimulusConfirmed.from_delivery(interrupted.attempt, delivery, None)
+        confirmed = StimulusConfirmed.from_delivery(interrupted.attempt, interval, delivery, None)
         journal.append(confirmed)
-    response, measured = interrupted.response, interrupted.measured
+    response = interrupted.response
     premature = response is not None and response.premature
     repeated = premature and study.design.premature_responses == "repeat"
-    is_mismatch = measured is not None and measured.burst_verified == "false"
-    refused = is_mismatch and study.monitor.disagreement == "repeat"
+    refused = interrupted.is_mismatch and study.monitor.disagreement == "repeat"
+    is_felt = any(line.outcome is Outcome.FIRED for line in interrupted.confirmed.values())
     status: Status
     if confirmed.outcome is Outcome.FIRED and not (refused and response is not None):
         status = "ok" if response is not None and not repeated else "voided"
+    elif confirmed.outcome is Outcome.NOT_FIRED:
+        status = "voided" if is_felt else "aborted"
     else:
-        status = "aborted" if confirmed.outcome is Outcome.NOT_FIRED else "indeterminate"
+        status = "indeterminate"
     end = TrialEnded(
         trial=interrupted.attempt.trial.number,
         attempt=interrupted.attempt.number,

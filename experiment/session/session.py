@@ -41,8 +41,8 @@ if TYPE_CHECKING:
     from experiment.record.journal import Journal
     from experiment.session.config import SessionConfig
     from experiment.study.study import Study
-    from experiment.trial.events import Input
-    from experiment.trial.plan import Plan
+    from experiment.trial.events import Attempt, Input
+    from experiment.trial.plan import Plan, Trial
     from experiment.trial.responder import Progress
 
 
@@ -88,10 +88,12 @@ class Session:
         self._requests = config.requests
         self._markers = config.markers
         self._marked = False
+        self._due_markers: list[tuple[str, float]] = []
+        self._gap_end_s = 0.0
         self.stimulus = StimulusDelivery(config, study, journal, last_token=history.last_token)
         self._bursts = BurstMonitor(config, study)
         self._noise = NoiseMonitor(config.noise, journal)
-        self._counts = SessionProgress(plan, study.design, history)
+        self._counts = SessionProgress(plan, study, history)
         self._levels = LevelTracks(plan, history)
         # In practice without a device nothing moves, so that no answer of a person is right.
         is_practice = config.purpose is Purpose.PRACTICE
@@ -102,6 +104,7 @@ class Session:
             accept_premature=study.design.premature_responses == "accept",
             max_premature=study.design.max_premature,
             response_window_s=study.design.response_window_s,
+            n_intervals=plan.task.n_intervals,
         )
         attend = self._participant.attend
         self._perform: Mapping[type[events.Effect], Callable[[Any], Input | None]] = {
@@ -116,6 +119,8 @@ class Session:
             ),
             events.CloseBlock: lambda effect: journal.append(BlockEnded(block=effect.block)),
             events.Cue: self._cue,
+            events.CueInterval: self._cue_interval,
+            events.Pass: self._pass_gap,
             events.Wait: lambda effect: self._participant.wait(effect.attempt, self._due_s),
             events.ArmStimulus: self._arm,
             events.FireStimulus: self._fire,
@@ -167,17 +172,16 @@ class Session:
         self._journal.append(line, sync=True)
 
     def _mark_trial(self, end: events.EndTrial) -> None:
-        """Send the markers of a trial whose stimulus surely went out."""
-        delivery, onset_s = self.stimulus.delivery, self.stimulus.onset_s
-        measured = self._bursts.measured
-        if self._markers is None or delivery is None or delivery.outcome is not Outcome.FIRED:
+        """Send the markers of the bursts that surely went out, and that of the answer."""
+        markers, self._due_markers = self._due_markers, []
+        if self._markers is None or not markers:
             return
-        measured_s = None if measured is None or measured.faults else measured.onset_s
-        measured_s = onset_s if measured_s is None else measured_s
-        self._mark_start(min(onset_s, measured_s))
-        self._markers.send(stimulus_marker(end.attempt, delivery), measured_s)
         if end.response is not None and end.rt_s is not None:
-            self._markers.send(response_marker(end.attempt, end.response), onset_s + end.rt_s)
+            answered_s = self.stimulus.onset_s + end.rt_s
+            markers.append((response_marker(end.attempt, end.response), answered_s))
+        self._mark_start(min(markers[0][1], self.stimulus.onset_s))
+        for marker, at_s in markers:
+            self._markers.send(marker, at_s)
 
     def _step(self, event: Input) -> Input:
         self._state, effects = step(self._state, event, self._plan.task)
@@ -244,18 +248,44 @@ class Session:
         self._noise.ok = None  # nothing was heard in this trial yet
         self._bursts.clear()
         self._counts.trial_begins(self._clock.now_s())
-        rested_s = self.stimulus.prepare(trial)
+        self.stimulus.prepare(trial)
         self._participant.cue(self._progress())
+        if self._state.n_intervals > 1:
+            self._participant.interval(1)
+        self._begin_foreperiod(trial)
+
+    def _begin_foreperiod(self, trial: Trial) -> None:
         # The foreperiod runs from the end of the cue, for loading a condition may take a while. The
         # device may need longer: its rest after the stimulus before is kept whatever was drawn.
-        self._due_s = max(self._clock.now_s() + trial.foreperiod_s, rested_s)
+        self._due_s = max(self._clock.now_s() + trial.foreperiod_s, self.stimulus.rested_s)
+
+    def _pass_gap(self, effect: events.Pass) -> Input:
+        event = self._participant.wait(effect.attempt, self._gap_end_s)
+        self._bursts.measure(self.stimulus.delivery)
+        if event is Event.STOP_REQUESTED:
+            return event
+        if self._noise.lost():
+            return Event.NOISE_LOST
+        if self._bursts.is_repeated and event is not Event.PAUSE_REQUESTED:
+            return Event.BURST_MISMATCH
+        return Event.INTERVAL_STARTS if event is Event.ELAPSED else event
+
+    def _cue_interval(self, effect: events.CueInterval) -> None:
+        # on the disk with the next token
+        self._record_burst(effect.attempt, effect.interval - 1)
+        self._bursts.clear()
+        self._participant.interval(effect.interval)
+        self._begin_foreperiod(effect.attempt.trial)
 
     def _arm(self, effect: events.ArmStimulus) -> Input:
         if self._noise.lost():
             return Event.NOISE_LOST
-        event = self.stimulus.arm(effect.attempt, self._levels.line(effect.attempt))
+        attempt, interval = effect.attempt, self._state.interval
+        chosen = self._levels.line(attempt) if interval == 1 else None
+        event = self.stimulus.arm(attempt, interval, chosen)
         if event is Event.ARMED:
-            self._bursts.expect(effect.attempt.trial, self.stimulus.level_vpp)
+            stimulus = self.stimulus
+            self._bursts.expect(attempt.trial.condition, stimulus.sites, stimulus.level_vpp)
         return event
 
     def _fire(self, _: events.FireStimulus) -> Input:
@@ -264,6 +294,9 @@ class Session:
         event = self.stimulus.fire()
         if event is Event.FIRED:
             self._noise.hear_onset()
+            if self._state.interval < self._state.n_intervals:
+                self._gap_end_s = self._clock.now_s() + (self._study.task_choice.gap_s or 0.0)
+                self._participant.interval(None)
         return event
 
     def _listen(self, effect: events.Listen) -> Input:
@@ -272,7 +305,9 @@ class Session:
         question = AwaitedAnswer(
             trial=effect.attempt.trial.number,
             attempt=effect.attempt.number,
-            levels_vpp=(delivery.level_left_vpp, delivery.level_right_vpp),
+            levels_vpp=tuple(
+                (each.level_left_vpp, each.level_right_vpp) for each in self.stimulus.deliveries
+            ),
             onset_s=self.stimulus.onset_s,
             window_s=effect.window_s,
             answers=self._plan.answers_to(effect.attempt.trial),
@@ -297,14 +332,7 @@ class Session:
         # whether it played.
         attempt, noise_ok = effect.attempt, self._noise.ok
         name: dict[str, Any] = {"trial": attempt.trial.number, "attempt": attempt.number}
-        if self.stimulus.delivery is not None:
-            onset_s = round(self.stimulus.onset_s - self._origin_s, 6)
-            confirmed = StimulusConfirmed.from_delivery(attempt, self.stimulus.delivery, onset_s)
-            self._journal.append(confirmed)
-            self._bursts.measure(self.stimulus.delivery)
-        measurement = self._bursts.line(attempt, self._origin_s)
-        if measurement is not None:
-            self._journal.append(measurement)
+        self._record_burst(attempt, self._state.interval)
         if effect.response is not None:
             response = ResponseGiven(
                 **name,
@@ -321,6 +349,25 @@ class Session:
         self._mark_trial(effect)
         self._levels.trial_ends(effect)
         self._counts.trial_ends(effect, self._clock.now_s())
+
+    def _record_burst(self, attempt: Attempt, interval: int) -> None:
+        """Journal what became of the burst of an interval, and keep its marker."""
+        delivery, onset_s = self.stimulus.delivery, self.stimulus.onset_s
+        if delivery is None:
+            return
+        at_s = round(onset_s - self._origin_s, 6)
+        self._journal.append(StimulusConfirmed.from_delivery(attempt, interval, delivery, at_s))
+        self._bursts.measure(delivery)
+        measurement, measured = (
+            self._bursts.line(attempt, interval, self._origin_s),
+            self._bursts.measured,
+        )
+        if measurement is not None:
+            self._journal.append(measurement)
+        if delivery.outcome is Outcome.FIRED:
+            measured_s = None if measured is None or measured.faults else measured.onset_s
+            at_s = onset_s if measured_s is None else measured_s
+            self._due_markers.append((stimulus_marker(attempt, interval, delivery), at_s))
 
     def _rest(self, effect: events.Rest) -> Input:
         self._note()

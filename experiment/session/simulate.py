@@ -86,9 +86,12 @@ class SimulatedResponder(Responder):
         """Answer as the observer does."""
         rng = np.random.default_rng((self.seed, question.trial, question.attempt))
         left_db, right_db = self.shifts_db.get(question.trial, (0.0, 0.0))
+        levels_vpp = question.levels_vpp
+        if question.trial in self.untouched:
+            levels_vpp = ((0.0, 0.0),) * len(levels_vpp)
         answer, rt_s = draw_answers(
             [self.observer],
-            (0.0, 0.0) if question.trial in self.untouched else question.levels_vpp,
+            levels_vpp,
             question.answers,
             question.window_s,
             rng,

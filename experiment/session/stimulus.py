@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from device.driver import Outcome
 from device.errors import DeviceError, RefusedError
-from experiment.hardware.setup import SLOTS, load_condition
+from experiment.hardware.setup import load_condition
 from experiment.hardware.suitability import LONGEST_ARMED_S, onset_interval_s, playing_s
 from experiment.record.entries import DeviceFailed, StimulusCommanded, TrialArmed
 from experiment.trial.events import Event
@@ -34,9 +34,10 @@ _EVENT_OF: Mapping[Outcome, Event] = {
 class StimulusDelivery:
     """Delivers the stimuli of a session, one after the other.
 
-    Of the current trial, `token` and `level_vpp` are those that were armed, `delivery` is what
-    became of the stimulus, if it was fired, and `onset_s` its onset on the clock. `failure` is the
-    failure of the device that ended the session.
+    Of the current burst, `token`, `level_vpp` and `sites` are those that were armed, `delivery` is
+    what became of it, if it was fired, and `onset_s` its onset on the clock; `deliveries` has those
+    of all intervals of the trial. No burst begins before `rested_s`. `failure` is the failure of
+    the device that ended the session.
     """
 
     def __init__(
@@ -49,45 +50,54 @@ class StimulusDelivery:
         self._conditions = {condition.name: condition for condition in study.conditions}
         self._loaded: str | None = None
         self._duration_s = self._interval_s = 0.0
-        self._silent_s = self._rested_s = config.clock.now_s()
+        self._silent_s = self.rested_s = config.clock.now_s()
         self.token = last_token
         self.level_vpp = 0.0
+        self.sites: tuple[str, ...] = ()
         self.delivery: Delivery | None = None
+        self.deliveries: list[Delivery] = []
         self.onset_s = 0.0
         self.failure: DeviceError | None = None
 
-    def prepare(self, trial: Trial) -> float:
-        """Load the trial's waveforms, if need be; return the earliest time of its onset.
-
-        DeviceError where the device does not take them.
-        """
-        self.delivery = None
+    def prepare(self, trial: Trial) -> None:
+        """Load the trial's waveforms, if need be; DeviceError where the device refuses them."""
+        self.delivery, self.deliveries = None, []
         if trial.condition != self._loaded:
             condition = self._conditions[trial.condition]
             # After a key too early the burst before may still play: nothing is loaded then.
             self._clock.wait(max(0.0, self._silent_s - self._clock.now_s()))
-            load_condition(self._device, condition, self._study.device)
+            load_condition(self._device, condition, self._study)
             self._device.enable()
             self._loaded = trial.condition
             self._duration_s = playing_s(condition, self._study.device)
             self._interval_s = onset_interval_s(condition, self._study.device)
-            self._rested_s = max(self._rested_s, self._clock.now_s() + self._interval_s)
-        return self._rested_s
+            self.rested_s = max(self.rested_s, self._clock.now_s() + self._interval_s)
 
-    def arm(self, attempt: Attempt, chosen: LevelChosen | None = None) -> Event:
-        """Journal a new token, and the level if it was chosen; then arm the device with it."""
-        trial = attempt.trial
-        self.level_vpp = trial.level_vpp or min(self._study.design_of(trial.condition).levels_vpp)
+    def arm(self, attempt: Attempt, interval: int, chosen: LevelChosen | None = None) -> Event:
+        """Journal a new token, and the level if it was chosen; then arm the device with it.
+
+        The interval is counted from 1. A silent one is armed and fired like any other, at a level
+        of the study.
+        """
+        trial, task = attempt.trial, self._study.task
+        burst = task.presentation(trial.side).bursts[interval - 1]
+        level_vpp = task.reference_vpp if burst.is_reference else trial.level_vpp
+        self.level_vpp = level_vpp or min(self._study.design_of(trial.condition).levels_vpp)
+        self.sites, self.delivery = burst.sites, None
         # Tokens rise, also where the calendar's clock was set back: the device relies on it.
         self.token = max(self.token + 1, time.time_ns())
         # On the disk before the device knows it: after a crash only the token tells what was felt.
         if chosen is not None:
             self._journal.append(chosen)
-        armed = TrialArmed(trial=trial.number, attempt=attempt.number, token=self.token)
+        armed = TrialArmed(
+            trial=trial.number, attempt=attempt.number, interval=interval, token=self.token
+        )
         self._journal.append(armed, sync=True)
         try:
             self._device.set_levels(self.level_vpp, self.level_vpp)
-            self._device.arm(self.token, SLOTS[trial.side], time_to_live_s=LONGEST_ARMED_S)
+            self._device.arm(
+                self.token, task.slots.index(burst.sites), time_to_live_s=LONGEST_ARMED_S
+            )
         except DeviceError as error:
             return self.fail(error)
         self._journal.append(StimulusCommanded(token=self.token))
@@ -105,7 +115,8 @@ class StimulusDelivery:
         finally:  # by the latest that it may have begun: the order may have gone out again
             now_s = self._clock.now_s()
             self._silent_s = now_s + self._duration_s
-            self._rested_s = now_s + self._interval_s
+            self.rested_s = now_s + self._interval_s
+        self.deliveries.append(self.delivery)
         self.onset_s = (self.delivery.host_before_s + self.delivery.host_after_s) / 2
         return _EVENT_OF[self.delivery.outcome]
 

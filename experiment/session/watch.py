@@ -23,14 +23,13 @@ if TYPE_CHECKING:
     from experiment.session.config import SessionConfig
     from experiment.study.study import Study
     from experiment.trial.events import Attempt
-    from experiment.trial.plan import Trial
 
 
 class BurstMonitor:
     """What the monitor of a session, if there is one, measures of its bursts.
 
-    Of the current trial, `planned` is the burst that the monitor should see, and `measured` what it
-    saw. `trouble` is the operator's message; it is empty while bursts are verified.
+    Of the current interval, `planned` is the burst that the monitor should see, and `measured` what
+    it saw. `trouble` is the operator's message; it is empty while bursts are verified.
     """
 
     def __init__(self, config: SessionConfig, study: Study) -> None:
@@ -43,14 +42,13 @@ class BurstMonitor:
         self.trouble = ""
 
     def clear(self) -> None:
-        """Forget the burst of the trial before."""
+        """Forget the burst before."""
         self.planned = self.measured = None
 
-    def expect(self, trial: Trial, level_vpp: float) -> None:
-        """Compute what the burst of a trial should be at the tap."""
+    def expect(self, condition: str, sites: tuple[str, ...], level_vpp: float) -> None:
+        """Compute what the burst of a condition at these sites should be at the tap."""
         if self._monitor is not None:
-            condition = self._conditions[trial.condition]
-            self.planned = planned_burst(self._study, condition, trial.side, level_vpp)
+            self.planned = planned_burst(self._study, self._conditions[condition], sites, level_vpp)
 
     def begin(self, token: int) -> None:
         """Record from now on."""
@@ -103,7 +101,7 @@ class BurstMonitor:
         self.trouble = ""
         return None
 
-    def line(self, attempt: Attempt, origin_s: float) -> StimulusMeasured | None:
+    def line(self, attempt: Attempt, interval: int, origin_s: float) -> StimulusMeasured | None:
         """Return the journal's line of the measurement; its onset is on the session's clock."""
         measured, planned = self.measured, self.planned
         if measured is None or planned is None:
@@ -119,6 +117,7 @@ class BurstMonitor:
         return StimulusMeasured(
             trial=attempt.trial.number,
             attempt=attempt.number,
+            interval=interval,
             token=measured.token,
             tap=measured.tap.value,
             source=measured.source,

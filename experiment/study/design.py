@@ -8,12 +8,13 @@ from typing import TYPE_CHECKING, Annotated, Final, Literal, Self
 from pydantic import Field, model_validator
 
 from experiment.study.base import Line, Section, is_distinct, obey
+from experiment.tasks.task import BLANK, BOTH, SINGLE
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from experiment.study.base import Rule
-    from experiment.tasks.task import Presentation, Task
+    from experiment.tasks.task import Task
 
 Order = Literal["random", "balanced"]
 ConditionOrder = Literal["random", "listed", "balanced"]
@@ -29,6 +30,16 @@ ASSUMED_ANSWER_S: Final = 1.0
 """Assumed time to an answer, when a session's length is estimated."""
 _MAX_ROUNDING: Final = 0.1
 """A fraction of trials may be off by this part of it, as trials are whole."""
+
+_NUMBERS: Final = {SINGLE: "trials_per_side", BOTH: "both_trials", BLANK: "blank_trials"}
+"""The key with the number of trials of each kind."""
+_KEYS_OF_KIND: Final = {
+    BOTH: ("both_trials", "both_fraction", "both_level"),
+    BLANK: ("blank_trials",),
+}
+"""The keys of kinds of trials that not every task has."""
+_UNUSED: Final = (0, None, "random")
+"""The values of these keys that present nothing, as a plan states them."""
 
 Level = Annotated[float, Field(ge=MIN_LEVEL_VPP)]
 _Wait = Annotated[float, Field(ge=0.01, le=60)]
@@ -134,10 +145,28 @@ class Design(Section):
         return round(2 * self._single_trials * self.both_fraction / (1 - self.both_fraction))
 
     def with_answers(self, task: Task) -> Design:
-        """Return the design with the answers that its trials need, or check those it offers."""
-        needed = tuple(each.correct for each in task.presentations if self.trials_of(each))
+        """Return the design with the answers that its trials need, or check those it offers.
+
+        Kinds of trials that the task does not have are refused, and are none by default.
+        """
+        rule = f'must be omitted with task.kind = "{task.name}"'
+        unused = [
+            key for kind, keys in _KEYS_OF_KIND.items() if kind not in task.kinds for key in keys
+        ]
+        obey(
+            (key in self.model_fields_set and value not in _UNUSED, key, rule, value)
+            for key in unused
+            for value in [getattr(self, key)]
+        )
+        design = self.completed(**dict.fromkeys({*unused} & {*_NUMBERS.values()}, 0))
+        presented = {p.correct for p in task.presentations if design.trials_of(p.kind)}
+        needed = tuple(
+            name
+            for name in task.answer_names
+            if name in presented or name not in task.optional_answers
+        )
         if "responses" not in self.model_fields_set:
-            return self.completed(responses=needed)
+            return design.completed(responses=needed)
         for index, response in enumerate(self.responses):
             is_unknown, rule = response not in task.answer_names, ", ".join(task.answer_names)
             obey([(is_unknown, f"responses[{index}]", f"must be one of {rule}")], self)
@@ -145,13 +174,12 @@ class Design(Section):
         rule = f"must contain {missing}, the correct answer to some trials"
         obey([(not is_distinct(self.responses), "responses", "must be distinct")], self)
         obey([(missing != "", "responses", rule)], self)
-        return self
+        return design
 
-    def trials_of(self, presentation: Presentation) -> int:
-        """Return how many trials of a condition present it."""
-        if not presentation.sites:
-            return self.blank_trials
-        return self.trials_per_side if len(presentation.sites) == 1 else self.both_trials
+    def trials_of(self, kind: str) -> int:
+        """Return how many trials of a kind a condition has; of single ones, for each site."""
+        trials: int = getattr(self, _NUMBERS[kind])
+        return trials
 
     @property
     def both_level_vpp(self) -> float | None:

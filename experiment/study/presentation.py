@@ -69,7 +69,11 @@ class Keys(Section):
         """Return the keys with the task's defaults for answers without keys, checked."""
         answers = ", ".join(task.answer_names)
         rule = f"unknown key; must be pause, continue or an answer: {answers}"
-        extra = self.__pydantic_extra__
+        extra = {
+            name: self.__pydantic_extra__[name]
+            for name in self.__pydantic_extra__
+            if name in self.model_fields_set
+        }
         obey((answer not in task.answer_names, answer, rule, None) for answer in extra)
         complete = self.model_copy()
         object.__setattr__(complete, "__pydantic_extra__", task.keys | extra)
@@ -157,9 +161,11 @@ class Texts(Section):
 
     def with_task(self, task: Task, design: Design) -> Texts:
         """Return the texts with the task's defaults for those that are omitted, checked."""
-        offered = frozenset(design.responses) - frozenset(task.sites)
+        offered = frozenset(design.responses) & frozenset(task.optional_answers)
         defaults = {**task.texts, "instructions": task.instructions[offered]}
-        missing = {name: text for name, text in defaults.items() if not getattr(self, name)}
+        missing = {
+            name: text for name, text in defaults.items() if name not in self.model_fields_set
+        }
         complete = self.completed(**missing)
         for name, text in complete.model_dump(by_alias=True).items():
             allowed = _PLACEHOLDERS.get(name, ())

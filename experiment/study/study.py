@@ -25,14 +25,14 @@ from experiment.study.base import (
     rules_below,
 )
 from experiment.study.dataset import About, Dataset, Participants
-from experiment.study.design import Design
+from experiment.study.design import ASSUMED_ANSWER_S, Design
 from experiment.study.equipment import Contact, DeviceSettings, Masking, MonitorSettings
 from experiment.study.levels import LevelChoice
 from experiment.study.plate import Plate
 from experiment.study.presentation import Keys, Screen, Texts
 from experiment.study.simulation import CURVE_KEYS, Simulation
 from experiment.study.stimulus import Condition, SharedStimulus, complete_conditions
-from experiment.tasks import LEFT_RIGHT_BOTH
+from experiment.study.task import TaskChoice
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -53,6 +53,8 @@ class Study(Section):
     ----------
     about : About
         Section ``[study]``: the study's name, and the consent of its participants.
+    task_choice : TaskChoice
+        Section ``[task]``: what the participant is asked; the property `task` is the task.
     plate : Plate
         Section ``[strip]``: the plate; the property `strip` has its physics.
     actuators : tuple of Actuator
@@ -102,6 +104,7 @@ class Study(Section):
 
     # A section whose defaults depend on another stands below it: pydantic validates in this order.
     about: About = Field(default_factory=About, alias="study")
+    task_choice: TaskChoice = Field(default=TaskChoice(), alias="task")
     plate: Plate = Field(alias="strip")
     actuators: tuple[Actuator, ...] = Field(alias="actuator")
     finger_load: FingerLoad = FingerLoad()
@@ -154,7 +157,8 @@ class Study(Section):
     @classmethod
     def _complete(cls, section: Any, info: ValidationInfo) -> Any:
         """Fill in what depends on the task or on a section above, unless that has faults."""
-        task, above = LEFT_RIGHT_BOTH, info.data
+        above = info.data
+        task = above.get("task_choice", TaskChoice()).task
         match info.field_name:
             case "actuators" if "plate" in above:
                 return complete_actuators(section, above["plate"].width_mm, task.sites)
@@ -197,6 +201,9 @@ class Study(Section):
         yield from self._device_rules(device)
         designs = {each.name: each.design(self.design) for each in self.conditions}
         yield from self.levels.design_rules(designs)
+        rule = f'must be "constant" with task.kind = "{self.task.name}"'
+        is_chosen = self.levels.is_adaptive and self.task.has_reference
+        yield is_chosen, "levels.rule", rule, self.levels.rule
         for index, condition in enumerate(self.conditions):
             if condition.file is not None and not condition.is_complete:
                 continue
@@ -218,6 +225,8 @@ class Study(Section):
         rule = f"must be at most {limit} = {high_vpp:.12g}"
         both_vpp = self.design.both_level_vpp or 0.0
         yield both_vpp > high_vpp, "design.both_level", rule, both_vpp
+        reference_vpp = self.task_choice.reference_vpp or 0.0
+        yield reference_vpp > high_vpp, "task.reference_vpp", rule, reference_vpp
         for index, condition in enumerate(self.conditions):
             section = "design" if condition.levels_vpp is None else f"condition[{index}]"
             levels_vpp = condition.levels_vpp or self.design.levels_vpp
@@ -273,7 +282,7 @@ class Study(Section):
     @property
     def task(self) -> Task:
         """The task of the participant."""
-        return LEFT_RIGHT_BOTH
+        return self.task_choice.task
 
     @property
     def driven(self) -> tuple[Actuator, ...]:
@@ -298,9 +307,18 @@ class Study(Section):
         return f"condition[{self.conditions.index(condition)}].{key}" if is_set else f"burst.{key}"
 
     @property
+    def trial_s(self) -> float:
+        """The expected length of a trial, in seconds."""
+        design, n_intervals = self.design, self.task.n_intervals
+        gaps_s = (n_intervals - 1) * (self.task_choice.gap_s or 0.0)
+        answer_s = min(ASSUMED_ANSWER_S, design.response_window_s)
+        return n_intervals * sum(design.foreperiod_s) / 2 + gaps_s + answer_s
+
+    @property
     def highest_vpp(self) -> float:
         """The highest level that is ever presented."""
-        return max(each.design(self.design).highest_vpp for each in self.conditions)
+        reference_vpp = self.task_choice.reference_vpp or 0.0
+        return max(reference_vpp, *(c.design(self.design).highest_vpp for c in self.conditions))
 
     @property
     def name(self) -> str:

@@ -2,11 +2,58 @@
 
 from __future__ import annotations
 
-from typing import Final
+from dataclasses import replace
+from functools import lru_cache
+from typing import TYPE_CHECKING, Final
 
+from device.errors import error_line
+from device.installed import lookup, require_instance
+from experiment.tasks.intervals import amplitude_discrimination, three_intervals, two_intervals
 from experiment.tasks.left_right_both import LEFT_RIGHT_BOTH
+from experiment.tasks.task import Task
+from experiment.tasks.yes_no import yes_no
 
-TASKS: Final = {task.name: task for task in (LEFT_RIGHT_BOTH,)}
-"""Every task by its name."""
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
 
-__all__ = ["LEFT_RIGHT_BOTH", "TASKS"]
+GROUP: Final = "tactstrip.tasks"
+"""The group of entry points by which other distributions offer tasks."""
+SITES: Final = LEFT_RIGHT_BOTH.sites
+"""The sites of a study."""
+
+TASKS: Final[Mapping[str, Callable[[tuple[str, ...]], Task]]] = {
+    "left-right-both": lambda _: LEFT_RIGHT_BOTH,
+    "yes-no": yes_no,
+    "2ifc": two_intervals,
+    "3ifc": three_intervals,
+    "amplitude-discrimination": amplitude_discrimination,
+}
+"""What makes each task for the sites of a study, by the task's name."""
+
+
+@lru_cache
+def make_task(
+    kind: str = LEFT_RIGHT_BOTH.name,
+    reference_vpp: float | None = None,
+    sites: tuple[str, ...] = SITES,
+) -> Task:
+    """Return a task by its name, built in or installed.
+
+    Raises
+    ------
+    ValueError
+        If there is no such task, or an installed one fails or is no `Task`.
+    """
+    factory = TASKS.get(kind)
+    if factory is not None:
+        return replace(factory(sites), reference_vpp=reference_vpp)
+    installed = lookup(GROUP, kind, tuple(TASKS))
+    try:
+        task: Task = installed.load()(sites)
+        require_instance(task, Task)
+    except Exception as error:
+        raise ValueError(f"{kind} of {installed.distribution}: {error_line(error)}") from error
+    return replace(task, reference_vpp=reference_vpp)
+
+
+__all__ = ["GROUP", "LEFT_RIGHT_BOTH", "SITES", "TASKS", "make_task"]

@@ -4,22 +4,19 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Final
 
-from experiment.tasks.task import Answer, Presentation, Task
+from experiment.tasks.task import BLANK, BOTH, SINGLE, Answer, Burst, Presentation, Task
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from experiment.tasks.task import Floats, Guessing
+    from experiment.tasks.task import Floats, Guessing, Sensation
 
 
 _LEFT, _RIGHT, _BOTH, _NONE = "left", "right", "both", "none"
 
 
 def _decide(
-    detected: Sequence[Floats],
-    amplitudes: Sequence[Floats],
-    responses: tuple[str, ...],
-    guessing: Guessing,
+    intervals: Sequence[Sensation], responses: tuple[str, ...], guessing: Guessing
 ) -> dict[str, Floats]:
     """Return the probability of each answer.
 
@@ -27,7 +24,7 @@ def _decide(
     by the stronger one where ``both`` is not offered. If nothing was detected, the answer is
     ``none``, but for false alarms. Whatever remains is a guess.
     """
-    (left, right), (left_um, right_um) = detected, amplitudes
+    (left, right), (left_um, right_um) = intervals[0].detected, intervals[0].amplitudes
     answers = {_LEFT: left * (1 - right), _RIGHT: right * (1 - left)}
     guesses, together = (1 - left) * (1 - right), left * right
     if _NONE in responses:
@@ -60,38 +57,52 @@ LEFT_RIGHT_BOTH: Final = Task(
     presentations=(
         Presentation(
             name=_LEFT,
-            kind="single",
-            sites=(_LEFT,),
+            kind=SINGLE,
+            bursts=(Burst((_LEFT,)),),
             correct=_LEFT,
+            site=_LEFT,
             meaning="at the left finger",
         ),
         Presentation(
             name=_RIGHT,
-            kind="single",
-            sites=(_RIGHT,),
+            kind=SINGLE,
+            bursts=(Burst((_RIGHT,)),),
             correct=_RIGHT,
+            site=_RIGHT,
             meaning="at the right finger",
         ),
         Presentation(
             name=_BOTH,
-            kind="both",
-            sites=(_LEFT, _RIGHT),
+            kind=BOTH,
+            bursts=(Burst((_LEFT, _RIGHT)),),
             correct=_BOTH,
             meaning="at both fingers",
         ),
-        Presentation(name=_NONE, kind="blank", sites=(), correct=_NONE, meaning="no stimulus"),
+        Presentation(
+            name=_NONE,
+            kind=BLANK,
+            bursts=(Burst(),),
+            correct=_NONE,
+            meaning="no stimulus",
+        ),
     ),
     answers=(
         Answer(name=_LEFT, keys=("left",), sites=(_LEFT,), meaning="at the left finger"),
         Answer(name=_RIGHT, keys=("right",), sites=(_RIGHT,), meaning="at the right finger"),
-        Answer(name=_BOTH, keys=("down",), sites=(_LEFT, _RIGHT), meaning="at both fingers"),
-        Answer(name=_NONE, keys=("space",), sites=(), meaning="nothing was noticed"),
+        Answer(
+            name=_BOTH,
+            keys=("down",),
+            sites=(_LEFT, _RIGHT),
+            meaning="at both fingers",
+            optional=True,
+        ),
+        Answer(name=_NONE, keys=("space",), meaning="nothing was noticed", optional=True),
     ),
     nothing=_NONE,
     kinds={
-        "single": "a stimulus at one finger",
-        "both": "a stimulus at both fingers at once",
-        "blank": "no stimulus",
+        SINGLE: "a stimulus at one finger",
+        BOTH: "a stimulus at both fingers at once",
+        BLANK: "no stimulus",
     },
     reversed_mapping={_LEFT: _RIGHT, _RIGHT: _LEFT},
     texts={

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypeAlias
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, Final, Literal, NamedTuple, Protocol, TypeAlias
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -12,26 +12,122 @@ if TYPE_CHECKING:
 
     Floats: TypeAlias = NDArray[Any]
 
+SINGLE: Final = "single"
+"""The kind of trials that measure a threshold; a rule may choose their levels."""
+BOTH: Final = "both"
+"""The kind of trials with stimuli at several sites at once."""
+BLANK: Final = "blank"
+"""The kind of trials that measure how often participants guess."""
+
+Scoring: TypeAlias = Literal["localisation", "yes-no", "forced-choice", "discrimination"]
+
+
+class Burst(NamedTuple):
+    """What one observation interval presents.
+
+    Attributes
+    ----------
+    sites : tuple of str
+        The sites that are driven; none in a silent interval.
+    is_reference : bool
+        Whether the burst has the study's reference level in place of the level of the trial.
+    """
+
+    sites: tuple[str, ...] = ()
+    is_reference: bool = False
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Presentation:
-    """What one trial may present: the word of the column ``side``, and the driven sites."""
+    """What one trial may present.
+
+    Attributes
+    ----------
+    name : str
+        The word of the column ``side``.
+    kind : str
+        The word of the column ``kind`` in trials that count.
+    bursts : tuple of Burst
+        One for each observation interval, in their order.
+    correct : str
+        The answer that is correct; beside a reference, where the trial's level is above it.
+    correct_below : str or None
+        The answer that is correct where the trial's level is below the reference.
+    site : str or None
+        The site whose threshold a trial measures; none if it measures no threshold.
+    meaning : str
+        What it is, for descriptions of data.
+    """
 
     name: str
-    kind: str  # the word of the column ``kind`` in trials that count
-    sites: tuple[str, ...]  # none in a blank trial
-    correct: str  # the answer that names it
+    kind: str
+    bursts: tuple[Burst, ...]
+    correct: str
+    correct_below: str | None = None
+    site: str | None = None
     meaning: str
+
+    @property
+    def sites(self) -> tuple[str, ...]:
+        """The sites that get the level of the trial, in any interval."""
+        return tuple(
+            dict.fromkeys(
+                site for burst in self.bursts if not burst.is_reference for site in burst.sites
+            )
+        )
+
+    @property
+    def interval(self) -> int:
+        """The position of the first burst that has the level of the trial, else of the last."""
+        levels = (i for i, burst in enumerate(self.bursts) if burst.sites and not burst[1])
+        return next(levels, len(self.bursts) - 1)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Answer:
-    """One answer, its default keys, and the sites that its picture highlights."""
+    """One answer.
+
+    Attributes
+    ----------
+    name : str
+        The word of the column ``response``.
+    keys : tuple of str
+        Its default keys.
+    meaning : str
+        What it says, for descriptions of data.
+    sites : tuple of str
+        The sites that it names, which its picture highlights.
+    sign : str
+        What stands in place of the picture of plate and fingers, in any language.
+    optional : bool
+        Whether it is offered only if trials of the study need it, or the study names it.
+    """
 
     name: str
     keys: tuple[str, ...]
-    sites: tuple[str, ...]
     meaning: str
+    sites: tuple[str, ...] = ()
+    sign: str = ""
+    optional: bool = False
+
+
+class Sensation(NamedTuple):
+    """What a burst does to simulated participants; each value by site, (participants, stimuli).
+
+    Attributes
+    ----------
+    detected : sequence of array
+        The probability of detection.
+    amplitudes : sequence of array
+        What the fingers get, in any unit.
+    strengths : sequence of array
+        log10(amplitude / threshold), divided by the width sigma of the psychometric function; -inf
+        where nothing is presented.
+    """
+
+    detected: Sequence[Floats]
+    amplitudes: Sequence[Floats]
+    strengths: Sequence[Floats]
 
 
 class Guessing(NamedTuple):
@@ -46,13 +142,9 @@ class Decision(Protocol):
     """The probability of each answer of participants who never lapse."""
 
     def __call__(
-        self,
-        detected: Sequence[Floats],
-        amplitudes: Sequence[Floats],
-        responses: tuple[str, ...],
-        guessing: Guessing,
+        self, intervals: Sequence[Sensation], responses: tuple[str, ...], guessing: Guessing, /
     ) -> dict[str, Floats]:
-        """Return it by answer; `detected` has the detection probability of each site."""
+        """Return it by answer, for the sensation in each observation interval."""
         ...
 
 
@@ -63,15 +155,19 @@ class Task:
     Attributes
     ----------
     name : str
-        The task's name.
+        The value of ``task.kind``.
     sites : tuple of str
         The places that a stimulus may be presented at, from left to right.
     presentations : tuple of Presentation
-        What a trial may present; the order is that of the device's slots.
+        What a trial may present; all have the same number of observation intervals.
     answers : tuple of Answer
-        What may be answered; a study offers some of them.
-    nothing : str
-        The answer that no stimulus was noticed.
+        What may be answered.
+    scoring : str
+        What the analysis counts: ``localisation`` (the answer names the sites), ``yes-no`` (the
+        guess rate is that of blank trials), ``forced-choice`` (it is one in the number of answers)
+        or ``discrimination`` (the comparison was stronger than the reference).
+    nothing : str or None
+        The answer that no stimulus was noticed; none in a forced choice.
     kinds : mapping of str to str
         The words of the column ``kind`` of trials that count, and what they mean.
     reversed_mapping : mapping of str to str
@@ -79,21 +175,62 @@ class Task:
     texts : mapping of str to str
         Default texts of ``[texts]`` that speak of sites and answers.
     instructions : mapping of frozenset to str
-        Default instructions, by the answers that are offered beside the sites.
+        Default instructions, by the optional answers that are offered.
     decide : Decision
         The decision rule of a simulated participant in closed form.
+    reference_vpp : float or None
+        The level of bursts that are a reference, peak-to-peak volts.
+
+    Raises
+    ------
+    ValueError
+        If presentations and answers contradict each other.
     """
 
     name: str
     sites: tuple[str, ...]
     presentations: tuple[Presentation, ...]
     answers: tuple[Answer, ...]
-    nothing: str
+    scoring: Scoring = "localisation"
+    nothing: str | None = None
     kinds: Mapping[str, str]
-    reversed_mapping: Mapping[str, str]
+    reversed_mapping: Mapping[str, str] = field(default_factory=dict)
     texts: Mapping[str, str]
     instructions: Mapping[frozenset[str], str]
     decide: Decision
+    reference_vpp: float | None = None
+
+    def __post_init__(self) -> None:
+        answers, kinds = {*self.answer_names}, {p.kind for p in self.presentations}
+        driven = {site for p in self.presentations for burst in p.bursts for site in burst.sites}
+        measured = {p.site for p in self.presentations if p.kind == SINGLE}
+        for is_broken, rule in (
+            (len({p.name for p in self.presentations}) < len(self.presentations), "names twice"),
+            (len(answers) < len(self.answers), "answers twice"),
+            ({len(p.bursts) for p in self.presentations} != {self.n_intervals}, "intervals"),
+            (not {p.correct for p in self.presentations} <= answers, "correct answers"),
+            (kinds != {*self.kinds}, "kinds"),
+            (not driven <= {*self.sites}, "sites of bursts"),
+            (measured != {*self.sites}, "sites of single trials"),
+            (self.nothing not in {None, *answers}, "nothing"),
+        ):
+            if is_broken:
+                raise ValueError(f"task {self.name} contradicts itself: {rule}")
+
+    @property
+    def n_intervals(self) -> int:
+        """The number of observation intervals of a trial."""
+        return len(self.presentations[0].bursts)
+
+    @property
+    def has_reference(self) -> bool:
+        """Whether bursts at the reference level are presented."""
+        return any(burst.is_reference for p in self.presentations for burst in p.bursts)
+
+    @property
+    def slots(self) -> tuple[tuple[str, ...], ...]:
+        """The sites of each different burst, in the order of the device's slots."""
+        return tuple(dict.fromkeys(b.sites for p in self.presentations for b in p.bursts))
 
     @property
     def presentation_names(self) -> tuple[str, ...]:
@@ -111,6 +248,11 @@ class Task:
         return tuple(answer.name for answer in self.answers if answer.sites)
 
     @property
+    def optional_answers(self) -> tuple[str, ...]:
+        """The answers that a study need not offer."""
+        return tuple(answer.name for answer in self.answers if answer.optional)
+
+    @property
     def keys(self) -> dict[str, tuple[str, ...]]:
         """The default keys of each answer."""
         return {answer.name: answer.keys for answer in self.answers}
@@ -123,20 +265,54 @@ class Task:
         """Return the presentations of a kind."""
         return tuple(p for p in self.presentations if p.kind == kind)
 
+    def at_site(self, site: str) -> tuple[Presentation, ...]:
+        """Return the presentations that measure the threshold of a site."""
+        return tuple(p for p in self.of_kind(SINGLE) if p.site == site)
+
+    def levels_vpp(self, presentation: str, level_vpp: Any) -> list[list[Any]]:
+        """Return the level of each burst at each site, for a level of the trial or an array."""
+        return [
+            [
+                ((self.reference_vpp or 0.0) if burst.is_reference else level_vpp)
+                * (site in burst.sites)
+                for site in self.sites
+            ]
+            for burst in self.presentation(presentation).bursts
+        ]
+
     def offered(self, responses: tuple[str, ...], *, hands_off: bool) -> tuple[str, ...]:
         """Return the answers that count: with the hands off, `nothing` always does."""
-        return tuple(dict.fromkeys((*responses, self.nothing))) if hands_off else responses
+        more = () if self.nothing is None or not hands_off else (self.nothing,)
+        return tuple(dict.fromkeys((*responses, *more)))
 
-    def is_correct(self, presentation: str, response: str | None) -> bool | None:
-        """Return whether an answer names what was presented; None without an answer."""
-        return None if response is None else response == self.presentation(presentation).correct
+    def is_correct(
+        self, presentation: str, level_vpp: float | None, response: str | None
+    ) -> bool | None:
+        """Return whether an answer names what was presented.
+
+        None without an answer, and where the level of the trial equals the reference.
+        """
+        shown = self.presentation(presentation)
+        if response is None or (level_vpp is not None and level_vpp == self.reference_vpp):
+            return None
+        is_below = (level_vpp or 0.0) < (self.reference_vpp or 0.0)
+        return response == (shown.correct_below if is_below else shown.correct)
 
     def is_detected(self, presentation: str, response: str) -> bool:
-        """Return whether a trial counts as detected; of a blank trial, as a false alarm."""
-        if self.presentation(presentation).sites:
-            return response == self.presentation(presentation).correct
+        """Return whether a trial counts as detected; of a blank trial, as a false alarm.
+
+        Beside a reference, it counts where the comparison was judged stronger.
+        """
+        shown = self.presentation(presentation)
+        if shown.kind != BLANK:
+            return response == shown.correct
         return response in self.answer_names and response != self.nothing
 
     def guess_rate(self, responses: tuple[str, ...]) -> float | None:
-        """Return the guess rate of a forced choice; None where blank trials estimate it."""
+        """Return the guess rate of a forced choice; None where blank trials estimate it.
+
+        In a discrimination it is 0: the comparison is judged stronger, or it is not.
+        """
+        if self.scoring == "discrimination":
+            return 0.0
         return None if self.nothing in responses else 1 / len(responses)

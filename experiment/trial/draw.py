@@ -10,14 +10,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from experiment.names import require_identifier, require_whole
-from experiment.tasks import LEFT_RIGHT_BOTH
+from experiment.tasks.task import BOTH, SINGLE
 from experiment.trial.order import balanced_order
 from experiment.trial.plan import (
     HANDS_OFF,
     HANDS_OFF_BLOCK,
     PRACTICE,
     PRACTICE_BLOCK,
-    SINGLE_KINDS,
     Plan,
     PlanError,
     Trial,
@@ -32,6 +31,7 @@ if TYPE_CHECKING:
     from experiment.study.files import Levels
     from experiment.study.stimulus import Condition
     from experiment.study.study import Study
+    from experiment.tasks.task import Presentation, Task
 
 
 def draw_plan(
@@ -110,8 +110,7 @@ def draw_plan(
             for condition in study.conditions
         }
         trials = tuple(
-            replace(trial, level_vpp=None) if trial.kind in SINGLE_KINDS else trial
-            for trial in trials
+            replace(trial, level_vpp=None) if trial.kind == SINGLE else trial for trial in trials
         )
     return seal(
         Plan(
@@ -162,7 +161,7 @@ def block_count(design: Design) -> int:
     )
 
 
-def block_lengths(design: Design) -> tuple[int, ...]:
+def block_lengths(design: Design, task: Task) -> tuple[int, ...]:
     """Return how many trials each block of one condition has, in their order.
 
     It raises PlanError as `block_count` does.
@@ -170,11 +169,11 @@ def block_lengths(design: Design) -> tuple[int, ...]:
     Examples
     --------
     >>> from experiment.study.files import paper_study
-    >>> block_lengths(paper_study().design)
+    >>> block_lengths(paper_study().design, paper_study().task)
     (31, 31, 31, 31, 31)
     """
     # The lengths do not depend on chance, so that any generator gives them.
-    blocks = shuffled_blocks(design, np.random.default_rng(0))
+    blocks = shuffled_blocks(design, task, np.random.default_rng(0))
     return tuple(len(stimuli) for stimuli in blocks)
 
 
@@ -213,16 +212,19 @@ def _draw_trials(
 
     def hands_off(block: int, trials: int) -> Iterator[Trial]:
         for name, design in designs:
-            stimuli = _at_each_site(HANDS_OFF, trials, design.highest_vpp, hands_off_rng)
+            stimuli = _easy_stimuli(
+                HANDS_OFF, trials, study.task, design.highest_vpp, hands_off_rng
+            )
             yield from present(block, name, design, stimuli, hands_off_rng)
 
     yield from hands_off(HANDS_OFF_BLOCK, study.design.hands_off_trials_before)
     name, design = designs[0]
-    practice = _at_each_site(PRACTICE, design.practice_trials, max(design.levels_vpp), rng)
+    easy_vpp = max(design.levels_vpp)
+    practice = _easy_stimuli(PRACTICE, design.practice_trials, study.task, easy_vpp, rng)
     yield from present(PRACTICE_BLOCK, name, design, practice, rng)
     block = 0
     for name, design in designs:
-        for stimuli in shuffled_blocks(design, rng):
+        for stimuli in shuffled_blocks(design, study.task, rng):
             block += 1
             yield from present(block, name, design, stimuli, rng)
     yield from hands_off(block + 1, study.design.hands_off_trials_after)
@@ -232,62 +234,77 @@ Stimulus = tuple[str, str, float | None]
 """Kind, side and level of one trial to come."""
 
 
-def shuffled_blocks(design: Design, rng: np.random.Generator) -> Iterator[list[Stimulus]]:
+def shuffled_blocks(
+    design: Design, task: Task, rng: np.random.Generator
+) -> Iterator[list[Stimulus]]:
     """Draw the stimuli of one condition, block by block, in their order."""
-    for stimuli in _BLOCKS_OF[design.order](design, rng):
+    for stimuli in _BLOCKS_OF[design.order](design, task, rng):
         yield [stimuli[i] for i in rng.permutation(len(stimuli))]
 
 
-def _random_blocks(design: Design, rng: np.random.Generator) -> list[list[Stimulus]]:
+def _random_blocks(design: Design, task: Task, rng: np.random.Generator) -> list[list[Stimulus]]:
     """Draw every level independently, as in the paper, and cut the shuffled list into blocks."""
     stimuli: list[Stimulus] = [
         (single.kind, single.name, float(rng.choice(design.levels_vpp)))
-        for single in _SINGLE
-        for _ in range(design.trials_per_side)
+        for site in task.sites
+        for single in _equally_often(task.at_site(site), design.trials_per_side, rng)
     ]
     # Shuffled over all blocks; the caller shuffles each block once more, which changes nothing of
     # the distribution here and is what a balanced block needs.
-    stimuli += _catch_stimuli(design, rng)
+    stimuli += _catch_stimuli(design, task, rng)
     shuffled = [stimuli[i] for i in rng.permutation(len(stimuli))]
     length = design.break_every or len(shuffled)
     return [shuffled[i : i + length] for i in range(0, len(shuffled), length)]
 
 
-def _balanced_blocks(design: Design, rng: np.random.Generator) -> list[list[Stimulus]]:
+def _balanced_blocks(design: Design, task: Task, rng: np.random.Generator) -> list[list[Stimulus]]:
     """Give every block the same number of each side and level, the rest as evenly as possible."""
     count = block_count(design)
-    repeats = design.trials_per_side // len(design.levels_vpp) // count
-    each: list[Stimulus] = [
-        (single.kind, single.name, level) for single in _SINGLE for level in design.levels_vpp
+    repeats = design.trials_per_side // len(design.levels_vpp)
+    of_level = [
+        [(single.kind, single.name, level_vpp) for single in singles]
+        for site in task.sites
+        for level_vpp in design.levels_vpp
+        for singles in [_equally_often(task.at_site(site), repeats, rng)]
     ]
-    blocks = [each * repeats for _ in range(count)]
-    for i, stimulus in enumerate(_catch_stimuli(design, rng)):
+    rounds: list[list[Stimulus]] = [[*one_of_each] for one_of_each in zip(*of_level, strict=True)]
+    blocks = [[*itertools.chain(*rounds[i::count])] for i in range(count)]
+    for i, stimulus in enumerate(_catch_stimuli(design, task, rng)):
         blocks[i % count].append(stimulus)
     return blocks
 
 
 _BLOCKS_OF = {"random": _random_blocks, "balanced": _balanced_blocks}
-_TASK = LEFT_RIGHT_BOTH
-_SINGLE = [p for p in _TASK.presentations if len(p.sites) == 1]
 
 
-def _catch_stimuli(design: Design, rng: np.random.Generator) -> list[Stimulus]:
-    """Draw the stimuli at several sites at once, and the trials without one."""
+def _equally_often(
+    presentations: Sequence[Presentation], trials: int, rng: np.random.Generator
+) -> list[Presentation]:
+    """Return so many presentations in random order, each equally often if their number allows."""
+    if len(presentations) == 1:  # nothing is left to chance, and nothing is drawn
+        return [*presentations] * trials
+    order = rng.permutation(len(presentations))  # of an odd number, none is favoured
+    return [presentations[order[i % len(order)]] for i in rng.permutation(trials)]
+
+
+def _catch_stimuli(design: Design, task: Task, rng: np.random.Generator) -> list[Stimulus]:
+    """Draw the trials that measure no threshold."""
     stimuli: list[Stimulus] = []
-    for catch in (p for p in _TASK.presentations if p not in _SINGLE):
-        for _ in range(design.trials_of(catch)):
-            level_vpp = design.both_level_vpp if catch.sites else None
+    for kind in (kind for kind in task.kinds if kind != SINGLE):
+        for catch in _equally_often(task.of_kind(kind), design.trials_of(kind), rng):
+            level_vpp = design.both_level_vpp if kind == BOTH else None
             if catch.sites and level_vpp is None:
                 level_vpp = float(rng.choice(design.levels_vpp))
-            stimuli.append((catch.kind, catch.name, level_vpp))
+            stimuli.append((kind, catch.name, level_vpp))
     return stimuli
 
 
-def _at_each_site(
-    kind: str, trials: int, level_vpp: float, rng: np.random.Generator
+def _easy_stimuli(
+    kind: str, trials: int, task: Task, level_vpp: float, rng: np.random.Generator
 ) -> list[Stimulus]:
-    """Draw the order of trials at one level that are at every site equally often."""
-    return [(kind, _TASK.sites[i % len(_TASK.sites)], level_vpp) for i in rng.permutation(trials)]
+    """Draw the order of trials at one level, each stimulus at a single site equally often."""
+    single = task.of_kind(SINGLE)
+    return [(kind, single[i % len(single)].name, level_vpp) for i in rng.permutation(trials)]
 
 
 def _warm_up(study: Study, planned: tuple[Trial, ...]) -> tuple[Trial, ...]:
@@ -295,10 +312,14 @@ def _warm_up(study: Study, planned: tuple[Trial, ...]) -> tuple[Trial, ...]:
     condition = planned[0].condition
     design = study.design_of(condition)
     level_vpp, foreperiod_s = max(design.levels_vpp), design.foreperiod_s[1]
-    return tuple(
-        Trial(number, PRACTICE_BLOCK, condition, PRACTICE, site, level_vpp, foreperiod_s)
-        for number, site in enumerate(_TASK.sites, start=len(planned) + 1)
-    )
+    trials = []
+    for i, site in enumerate(study.task.sites):
+        options = study.task.at_site(site)
+        side, number = options[i % len(options)].name, len(planned) + 1 + i
+        trials.append(
+            Trial(number, PRACTICE_BLOCK, condition, PRACTICE, side, level_vpp, foreperiod_s)
+        )
+    return tuple(trials)
 
 
 def _draw_foreperiod_s(limits_s: tuple[float, float], rng: np.random.Generator) -> float:

@@ -16,6 +16,7 @@ from experiment.trial.events import (
     CloseBlock,
     CloseSession,
     Cue,
+    CueInterval,
     Effect,
     EndTrial,
     Event,
@@ -27,6 +28,7 @@ from experiment.trial.events import (
     Listen,
     OpenBlock,
     OpenMonitor,
+    Pass,
     Phase,
     Response,
     Rest,
@@ -61,12 +63,15 @@ class Transition(NamedTuple):
 # phase was reached (a pause offers a rest, a stop says good-bye), is `_ON_ENTRY`: so neither can be
 # forgotten in one row and done in another.
 #
-# From its cue on a trial ends exactly once. Every row that leads from FOREPERIOD, ARMING, FIRING or
-# ANSWER to a phase that is none of them therefore names a status, and no other row does. The status
+# From its cue on a trial ends exactly once. Every row that leads from FOREPERIOD, ARMING, FIRING,
+# GAP or ANSWER to a phase that is none of them therefore names a status, and no other row does. The
+# trial has one or more observation intervals: as long as another one follows, FIRING leads to GAP,
+# and from there to the next foreperiod. The status
 # says what the participant got, never what would be convenient: "aborted" is for a stimulus that
 # was never asked of the device, "voided" for one that was felt and for a trial with a premature
 # response, "device_error" for one that the device surely did not play, "indeterminate" wherever
 # nobody can tell. Hence a device that fails while it arms and one that fails while it fires differ.
+# Once the burst of an interval was felt, a later one that was never asked for voids the trial.
 # All but "ok" put the trial at the end of its block, so that "ok" comes once for each planned one.
 #
 # ARMING and FIRING have no row for keys, pauses and stops: they last milliseconds, in which nobody
@@ -109,10 +114,19 @@ TRANSITIONS: Mapping[tuple[Phase, Event], Transition] = {
     (Phase.ARMING, Event.NOISE_LOST): Transition(Phase.PAUSED, "aborted"),
     (Phase.ARMING, Event.DEVICE_FAILED): Transition(Phase.STOPPED, "device_error"),
     (Phase.FIRING, Event.FIRED): Transition(Phase.ANSWER),
+    (Phase.FIRING, Event.INTERVAL_FIRED): Transition(Phase.GAP),
     (Phase.FIRING, Event.NOT_FIRED): Transition(Phase.READY, "device_error"),
     (Phase.FIRING, Event.TOO_MANY_FAILURES): Transition(Phase.STOPPED, "device_error"),
     (Phase.FIRING, Event.DELIVERY_UNKNOWN): Transition(Phase.READY, "indeterminate"),
     (Phase.FIRING, Event.DEVICE_FAILED): Transition(Phase.STOPPED, "indeterminate"),
+    (Phase.GAP, Event.INTERVAL_STARTS): Transition(Phase.FOREPERIOD),
+    (Phase.GAP, Event.PREMATURE): Transition(Phase.READY, "voided"),
+    (Phase.GAP, Event.TOO_MANY_PREMATURE): Transition(Phase.PAUSED, "voided"),
+    (Phase.GAP, Event.PREMATURE_ACCEPTED): Transition(Phase.GAP),
+    (Phase.GAP, Event.BURST_MISMATCH): Transition(Phase.PAUSED, "indeterminate"),
+    (Phase.GAP, Event.NOISE_LOST): Transition(Phase.PAUSED, "voided"),
+    (Phase.GAP, Event.PAUSE_REQUESTED): Transition(Phase.PAUSED, "voided"),
+    (Phase.GAP, Event.STOP_REQUESTED): Transition(Phase.STOPPED, "voided"),
     (Phase.ANSWER, Event.RESPONSE): Transition(Phase.READY, "ok"),
     (Phase.ANSWER, Event.PREMATURE): Transition(Phase.READY, "voided"),
     (Phase.ANSWER, Event.TOO_MANY_PREMATURE): Transition(Phase.PAUSED, "voided"),
@@ -139,7 +153,13 @@ def _cue(state: SessionState) -> Change:
     """Open the block where it is new, and show that a trial begins."""
     attempt = state.pending[0]
     opening = () if state.block is not None else (OpenBlock(attempt),)
-    return replace(state, block=attempt.trial.block, premature=False), (*opening, Cue(attempt))
+    begun = replace(state, block=attempt.trial.block, premature=False, interval=1)
+    return begun, (*opening, Cue(attempt))
+
+
+def _cue_interval(state: SessionState) -> Change:
+    interval = state.interval + 1
+    return replace(state, interval=interval), (CueInterval(state.pending[0], interval),)
 
 
 def _close_block(state: SessionState) -> Change:
@@ -178,6 +198,8 @@ _ON_EVENT: Mapping[Event, Callable[[SessionState], Change]] = {
     Event.NOT_FIRED: lambda state: (replace(state, failures=state.failures + 1), ()),
     Event.DELIVERY_UNKNOWN: lambda state: (replace(state, failures=state.failures + 1), ()),
     Event.FIRED: _change(failures=0),
+    Event.INTERVAL_FIRED: _change(failures=0),
+    Event.INTERVAL_STARTS: _cue_interval,
     Event.BURST_MISMATCH: _change(burst_mismatch=True),
     Event.NOISE_LOST: _change(noise_lost=True),
     Event.CONTINUED: _continue,
@@ -192,6 +214,7 @@ _ON_ENTRY: Mapping[Phase, Callable[[SessionState], tuple[Effect, ...]]] = {
     Phase.FOREPERIOD: lambda state: (Wait(state.pending[0]),),
     Phase.ARMING: lambda state: (ArmStimulus(state.pending[0]),),
     Phase.FIRING: lambda state: (FireStimulus(state.pending[0]),),
+    Phase.GAP: lambda state: (Pass(state.pending[0]),),
     Phase.ANSWER: lambda state: (Listen(state.pending[0], state.response_window_s),),
     Phase.BREAK: lambda _: (Rest(paused=False),),
     Phase.PAUSED: lambda _: (Rest(paused=True),),
@@ -214,7 +237,7 @@ def _complete(state: SessionState, response: Response, task: Task) -> Change:
         rt_s=response.rt_s,
         premature=state.premature,
     )
-    is_correct = bool(task.is_correct(attempt.trial.side, response.answer))
+    is_correct = bool(task.is_correct(attempt.trial.side, attempt.trial.level_vpp, response.answer))
     feedback = (Feedback(is_correct),) if attempt.trial.kind == PRACTICE else ()
     return replace(state, pending=tuple(rest), premature_in_a_row=0), (end, *feedback)
 
@@ -222,6 +245,8 @@ def _complete(state: SessionState, response: Response, task: Task) -> Change:
 def _repeat(state: SessionState, status: Status) -> Change:
     """End the trial with this status and put it at the end of its block, or of the warm-up."""
     attempt, *rest = state.pending
+    if status == "aborted" and state.interval > 1:
+        status = "voided"
     end = EndTrial(attempt=attempt, status=status, premature=state.premature)
     group = (attempt.trial.block, attempt.part)
     later = (i for i, a in enumerate(rest) if (a.trial.block, a.part) != group)
@@ -286,6 +311,11 @@ def next_event(state: SessionState) -> Event:
     return Event.TRIAL_STARTS if attempt.part is state.part else Event.PART_STARTS
 
 
+_LAST_FAILURE: Mapping[Input, Event] = {
+    Event.NOT_FIRED: Event.TOO_MANY_FAILURES,
+    Event.DELIVERY_UNKNOWN: Event.DEVICE_FAILED,
+}
+"""What a failure is after which the device is not tried again."""
 _OF_RESPONSES = {Event.RESPONSE, *(event for event in Event if "PREMATURE" in event.name)}
 
 
@@ -307,10 +337,10 @@ def _classify(state: SessionState, event: Input) -> Event:
             return Event.ELAPSED
         case Response():
             return Event.RESPONSE
-        case Event.NOT_FIRED if state.failures + 1 >= MAX_FAILURES_IN_A_ROW:
-            return Event.TOO_MANY_FAILURES
-        case Event.DELIVERY_UNKNOWN if state.failures + 1 >= MAX_FAILURES_IN_A_ROW:
-            return Event.DEVICE_FAILED
+        case Event.FIRED if state.interval < state.n_intervals:
+            return Event.INTERVAL_FIRED
+        case Event() if event in _LAST_FAILURE and state.failures + 1 >= MAX_FAILURES_IN_A_ROW:
+            return _LAST_FAILURE[event]
     if event in _OF_RESPONSES:
         raise IllegalStepError(f"{event.name} must be a Response, with answer and time")
     return event

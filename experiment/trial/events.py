@@ -25,6 +25,7 @@ class Phase(StrEnum):
     FOREPERIOD = "foreperiod"  # the cue is shown, the stimulus has yet to come
     ARMING = "arming"  # the device was told of the stimulus
     FIRING = "firing"  # the device was told to emit it
+    GAP = "gap"  # the stimulus of an interval is out, another interval follows
     ANSWER = "answer"  # the stimulus is out, the answer is awaited
     BREAK = "break"  # between two blocks
     PAUSED = "paused"  # on the participant's or the operator's wish
@@ -78,6 +79,10 @@ class SessionState:
         The operator is called after this many premature responses in a row, or at one trial.
     response_window_s : float
         How long an answer is awaited.
+    n_intervals : int
+        Observation intervals of a trial.
+    interval : int
+        The interval of the current trial, counted from 1.
     phase : Phase
         Where the session stands.
     block : int or None
@@ -104,6 +109,8 @@ class SessionState:
     accept_premature: bool
     max_premature: int
     response_window_s: float
+    n_intervals: int = 1
+    interval: int = 1
     phase: Phase = Phase.READY
     block: int | None = None
     premature: bool = False
@@ -132,6 +139,8 @@ class Event(StrEnum):
     PREMATURE_ACCEPTED = "premature response accepted"  # the same, where such a trial counts
     ARMED = "armed"  # the device holds the stimulus ready
     FIRED = "fired"  # the device confirmed that the stimulus went out
+    INTERVAL_FIRED = "interval fired"  # the same, and the trial has another interval
+    INTERVAL_STARTS = "interval starts"  # the gap between two intervals is over
     NOT_FIRED = "not fired"  # the device confirmed that it did not
     TOO_MANY_FAILURES = "too many failures"  # the same too often: the device does not do its work
     DELIVERY_UNKNOWN = "delivery unknown"  # nobody can tell whether it went out
@@ -200,6 +209,21 @@ class Wait(AttemptEffect):
 
     Answered by ELAPSED, Response, PAUSE_REQUESTED or STOP_REQUESTED.
     """
+
+
+class Pass(AttemptEffect):
+    """Let the gap after an interval pass, or its rest.
+
+    Answered by INTERVAL_STARTS, Response, BURST_MISMATCH, NOISE_LOST, PAUSE_REQUESTED or
+    STOP_REQUESTED.
+    """
+
+
+@dataclass(frozen=True, slots=True)
+class CueInterval(AttemptEffect):
+    """Show that the next interval begins, counted from 1."""
+
+    interval: int
 
 
 class ArmStimulus(AttemptEffect):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from typing import TYPE_CHECKING, Annotated, Any, Final
 
 from pydantic import Field, TypeAdapter, ValidationError
@@ -13,26 +14,18 @@ from experiment.levels import Bayesian, Staircase
 from experiment.names import OTHER_VERSION
 from experiment.perception.gains import WITHOUT_CROSSTALK, ConditionGains, FingerGains
 from experiment.study.base import first_fault
-from experiment.tasks import LEFT_RIGHT_BOTH
+from experiment.tasks import make_task
+from experiment.tasks.task import SINGLE
 
 if TYPE_CHECKING:
     from experiment.tasks.task import Task
 
 
 _Rule = Annotated[Staircase | Bayesian, Field(discriminator="kind")]
-SCHEMA = 4
+SCHEMA = 5
 PRACTICE = "practice"
 HANDS_OFF = "hands_off"
 """The kind of the trials with the hands off the plate."""
-_HAS_STIMULUS = {
-    (kind, presentation.name): bool(presentation.sites)
-    for presentation in LEFT_RIGHT_BOTH.presentations
-    for kind in (presentation.kind, PRACTICE, HANDS_OFF)
-    if kind != HANDS_OFF or len(presentation.sites) == 1
-}
-"""The kinds and sides that a trial can have."""
-SINGLE_KINDS: Final = frozenset(p.kind for p in LEFT_RIGHT_BOTH.presentations if len(p.sites) == 1)
-"""The kinds of trials whose level a rule may choose."""
 HANDS_OFF_BLOCK = -1
 """The block of the hands-off trials before practice; those after the task have the last block."""
 PRACTICE_BLOCK = 0
@@ -73,18 +66,6 @@ class Trial:
         during the session.
     foreperiod_s : float
         Wait between the cue and the stimulus, in seconds.
-
-    Raises
-    ------
-    PlanError
-        If no trial of this kind can have this side, level and block.
-
-    Examples
-    --------
-    >>> Trial(number=1, block=1, condition="main", kind="blank", side="none", level_vpp=60.0,
-    ...       foreperiod_s=1.5)
-    Traceback (most recent call last):
-    experiment.trial.plan.PlanError: a blank trial cannot have side = 'none', level_vpp = 60.0, ...
     """
 
     number: int
@@ -94,17 +75,6 @@ class Trial:
     side: str
     level_vpp: float | None
     foreperiod_s: float
-
-    def __post_init__(self) -> None:
-        first_block = HANDS_OFF_BLOCK if self.kind == HANDS_OFF else PRACTICE_BLOCK
-        has_stimulus = _HAS_STIMULUS.get((self.kind, self.side))
-        is_chosen_later = has_stimulus and self.kind in SINGLE_KINDS and self.level_vpp is None
-        has_level = is_chosen_later or self.level_vpp is not None
-        if has_stimulus != has_level or self.block < first_block:
-            raise PlanError(
-                f"a {self.kind} trial cannot have side = {self.side!r}, level_vpp = "
-                f"{self.level_vpp!r}, block = {self.block}"
-            )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -147,7 +117,7 @@ class Plan:
     Raises
     ------
     PlanError
-        If a trial has no level and no rule chooses it.
+        If the task has no such trial, or a trial has no level and no rule chooses it.
 
     Examples
     --------
@@ -181,9 +151,26 @@ class Plan:
     sha256: str = ""
 
     def __post_init__(self) -> None:
-        for trial in self.trials:
+        for trial in (*self.trials, *self.warm_up):
+            self._check(trial)
             if self.is_chosen(trial) and trial.condition not in self.level_rules:
                 raise PlanError(f"trial {trial.number} must have a level; got {trial.level_vpp!r}")
+
+    def _check(self, trial: Trial) -> None:
+        """Refuse a trial that the task does not have."""
+        first_block = HANDS_OFF_BLOCK if trial.kind == HANDS_OFF else PRACTICE_BLOCK
+        shown = {p.name: p for p in self.task.presentations}.get(trial.side)
+        kinds = (PRACTICE,) if shown is None or shown.kind != SINGLE else (PRACTICE, HANDS_OFF)
+        if (
+            shown is None
+            or trial.kind not in {shown.kind, *kinds}
+            or trial.block < first_block
+            or bool(shown.sites) != (trial.level_vpp is not None or self.is_chosen(trial))
+        ):
+            raise PlanError(
+                f"a {trial.kind} trial cannot have side = {trial.side!r}, level_vpp = "
+                f"{trial.level_vpp!r}, block = {trial.block}"
+            )
 
     @staticmethod
     def is_chosen(trial: Trial) -> bool:
@@ -198,7 +185,7 @@ class Plan:
         -------
         bool
         """
-        return trial.kind in SINGLE_KINDS and trial.level_vpp is None
+        return trial.kind == SINGLE and trial.level_vpp is None
 
     def answers_to(self, trial: Trial) -> tuple[str, ...]:
         """Return the answers accepted in a trial; with the hands off, "nothing" always is.
@@ -218,7 +205,7 @@ class Plan:
     @property
     def task(self) -> Task:
         """The task that the participant is given."""
-        return LEFT_RIGHT_BOTH
+        return _task_of(self.study)
 
     def gains_of(self, condition: str) -> FingerGains:
         """Return what the two fingers get in a condition.
@@ -265,6 +252,16 @@ class Plan:
         """
         contents = _contents(self) | {"sha256": self.sha256}
         return json.dumps(contents, ensure_ascii=False, indent=1) + "\n"
+
+
+@lru_cache
+def _task_of(study: str) -> Task:
+    """Return the task of a study's canonical text."""
+    try:
+        choice = json.loads(study)["task"]
+        return make_task(choice["kind"], choice["reference_vpp"])
+    except (KeyError, TypeError, ValueError) as error:
+        raise PlanError(f"the plan's task cannot be used: {error}") from error
 
 
 _PLANS: Final = TypeAdapter(Plan)

@@ -91,11 +91,11 @@ class AwaitedAnswer:
     ----------
     trial, attempt : int
         Which trial it is. Not for a person's eyes.
-    levels_vpp : tuple of float
-        Levels that the device set on the left and on the right, in peak-to-peak volts. Not for a
-        person's eyes.
+    levels_vpp : tuple of tuple of float
+        Levels that the device set on the left and on the right in each observation interval, in
+        peak-to-peak volts. Not for a person's eyes.
     onset_s : float
-        Onset on the responder's clock, in seconds.
+        Onset of the last burst on the responder's clock, in seconds.
     window_s : float
         How many seconds after the onset an answer counts.
     answers : tuple of str
@@ -105,7 +105,7 @@ class AwaitedAnswer:
     --------
     An answer half a second after the onset is a press at that time:
 
-    >>> question = AwaitedAnswer(trial=3, attempt=1, levels_vpp=(130.0, 0.0),
+    >>> question = AwaitedAnswer(trial=3, attempt=1, levels_vpp=((130.0, 0.0),),
     ...                          onset_s=12.0, window_s=3.0, answers=("yes", "no"))
     >>> Press(question.answers[0], question.onset_s + 0.5)
     Press(response='yes', time_s=12.5)
@@ -113,7 +113,7 @@ class AwaitedAnswer:
 
     trial: int
     attempt: int
-    levels_vpp: tuple[float, float]
+    levels_vpp: tuple[tuple[float, float], ...]
     onset_s: float
     window_s: float
     answers: tuple[str, ...]
@@ -210,6 +210,15 @@ class Responder(ABC):
         ----------
         progress : Progress
             How far the session has come.
+        """
+
+    def interval(self, number: int | None) -> None:  # noqa: B027 (most tasks have one interval)
+        """Show that an observation interval begins, in tasks with several; by default nothing.
+
+        Parameters
+        ----------
+        number : int or None
+            Which one, counted from 1; None when it is over, and before the next.
         """
 
     @abstractmethod

@@ -50,7 +50,7 @@ class Threshold(Scripted):
         self._next("ask")
         sites = [
             site
-            for site, level_vpp in zip(("left", "right"), question.levels_vpp, strict=True)
+            for site, level_vpp in zip(("left", "right"), question.levels_vpp[-1], strict=True)
             if level_vpp > THRESHOLD_VPP
         ]
         answer = "both" if len(sites) > 1 else sites[0] if sites else "none"
