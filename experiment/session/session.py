@@ -273,6 +273,7 @@ class Session:
     def _cue_interval(self, effect: events.CueInterval) -> None:
         # on the disk with the next token
         self._record_burst(effect.attempt, effect.interval - 1)
+        self.stimulus.delivery = None
         self._bursts.clear()
         self._participant.interval(effect.interval)
         self._begin_foreperiod(effect.attempt.trial)

@@ -64,7 +64,7 @@ def ask(
     question = AwaitedAnswer(
         trial=trial,
         attempt=1,
-        levels_vpp=levels_vpp,
+        levels_vpp=(levels_vpp,),
         onset_s=0.0,
         window_s=window_s,
         answers=offered,

@@ -115,7 +115,7 @@ def question(onset_s: float = 0.0, window_s: float = 2.0) -> AwaitedAnswer:
     return AwaitedAnswer(
         trial=1,
         attempt=1,
-        levels_vpp=(0.0, 0.0),
+        levels_vpp=((0.0, 0.0),),
         onset_s=onset_s,
         window_s=window_s,
         answers=("left", "right"),

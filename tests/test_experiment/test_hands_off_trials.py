@@ -121,9 +121,10 @@ def test_none_is_accepted_with_the_fingers_off_even_where_it_is_not_offered() ->
     ],
 )
 def test_an_impossible_block_is_refused(block: int, kind: str, side: str, named: str) -> None:
-    trial = draw(SIXTEEN).trials[0]
+    plan = draw(SIXTEEN)
+    trial = replace(plan.trials[0], block=block, kind=kind, side=side)
     with pytest.raises(ValueError, match=named):
-        replace(trial, block=block, kind=kind, side=side)
+        replace(plan, trials=(trial,))
 
 
 def test_whoever_resumes_begins_with_the_hands_off_trials() -> None:

@@ -40,7 +40,7 @@ def shares(
     window_s: float = math.inf,
 ) -> dict[str, float]:
     """Return the probability of every answer to one stimulus."""
-    p = answer_probabilities([observer], levels_vpp, responses, window_s, gains=gains)
+    p = answer_probabilities([observer], [levels_vpp], responses, window_s, gains=gains)
     return dict(zip(responses, p.ravel().tolist(), strict=True))
 
 
@@ -176,7 +176,7 @@ def test_reactions_are_slower_to_weak_stimuli_and_never_impossibly_fast() -> Non
     levels_vpp = np.repeat([[40.0], [60.0], [200.0]], 2000, axis=1)
     _, times_s = draw_answers(
         [observer],
-        (levels_vpp, 0.0),
+        [(levels_vpp, 0.0)],
         FORCED,
         math.inf,
         np.random.default_rng(3),
@@ -224,13 +224,13 @@ def test_draws_are_as_frequent_as_their_probabilities(seed: int) -> None:
     shift_db: Any = tuple(rng.normal(0.0, 2.0, 2))
     trials = 20_000  # of each stimulus
     for left_vpp, right_vpp in stimuli_vpp:
-        levels_vpp = (np.full(trials, left_vpp), np.full(trials, right_vpp))
+        levels_vpp = [(np.full(trials, left_vpp), np.full(trials, right_vpp))]
         drawn, _ = draw_answers(
             [person], levels_vpp, responses, window_s, rng, gains=DRIVEN_FINGERS, shift_db=shift_db
         )
         p = answer_probabilities(
             [person],
-            ([left_vpp], [right_vpp]),
+            [([left_vpp], [right_vpp])],
             responses,
             window_s,
             gains=DRIVEN_FINGERS,

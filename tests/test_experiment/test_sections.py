@@ -79,6 +79,10 @@ def companions(section: str, key: str) -> dict[str, Any]:
         "contact": {"control": "instructed"},
         "monitor": {"source": "none"},
         "simulation": SIMULATED,
+        "task": {
+            "kind": "amplitude-discrimination",
+            **({} if key == "reference_vpp" else {"reference_vpp": 1.0}),
+        },
     }
     return others.get(section, {})
 
