@@ -14,6 +14,7 @@ from .study.base import StudyError
 from .study.files import first_study, paper_study, read_study, study_from_text
 from .study.physics import study_gains
 from .study.study import Study
+from .tasks.task import Answer, Burst, Guessing, Presentation, Sensation, Task
 from .trial.draw import draw_plan
 from .trial.plan import Plan, PlanError, Trial
 from .trial.responder import (
@@ -27,24 +28,30 @@ from .trial.responder import (
 
 __all__ = [
     "COLUMNS",
+    "Answer",
     "ArchiveError",
     "AwaitedAnswer",
+    "Burst",
     "ConditionGains",
     "Entry",
+    "Guessing",
     "Journal",
     "JournalError",
     "JournalWriteError",
     "Plan",
     "PlanError",
+    "Presentation",
     "Press",
     "Progress",
     "Responder",
     "ResponderError",
     "ResponderSettings",
+    "Sensation",
     "SessionFolder",
     "SessionPart",
     "Study",
     "StudyError",
+    "Task",
     "Trial",
     "TrialRow",
     "check_study",

@@ -15,6 +15,7 @@ from experiment.study.design import ASSUMED_ANSWER_S
 from experiment.study.physics import chosen_window
 from experiment.study.stimulus import stimulus_values
 from experiment.study.threshold import extrapolations, median_threshold
+from experiment.tasks.task import SINGLE
 from experiment.trial.draw import block_lengths
 from experiment.trial.order import order_count
 from stimuli import CLAMPED, SIMPLY_SUPPORTED, ElasticEdge
@@ -124,7 +125,11 @@ def report_study(
         "monitor": None if study.monitor.source == "none" else study.monitor.model_dump(),
         "contact": study.contact.model_dump(),
         "design": design.model_dump() | {"both_level_vpp": design.both_level_vpp},
+        "task": study.task.name,
+        "intervals": study.task.n_intervals,
         "trials": check.trials,
+        "stimuli": dict.fromkeys(study.task.sites, design.trials_per_side)
+        | {kind: design.trials_of(kind) for kind in study.task.kinds if kind != SINGLE},
         "block_trials": block_lengths(design, study.task),
         "repeats": design.trials_per_side / len(design.levels_vpp),
         "level_rule": study.levels.rule,

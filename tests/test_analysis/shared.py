@@ -86,7 +86,7 @@ SINGLE: dict[str, Any] = {
 def row(trial: int = 1, **changes: Any) -> TrialRow:
     """Return a row of trials.csv, whose verdict fits unless it is given."""
     made = replace(ROW, trial=trial, **changes)
-    verdict = LEFT_RIGHT_BOTH.is_correct(made.side, made.response)
+    verdict = LEFT_RIGHT_BOTH.is_correct(made.side, made.level_vpp, made.response)
     return made if "correct" in changes else replace(made, correct=verdict)
 
 

@@ -6,6 +6,7 @@ import csv
 import importlib
 import json
 import sys
+from collections import Counter
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -26,10 +27,20 @@ from device import (
     converter_device,
     make_device,
 )
-from experiment import Press, Responder, ResponderError, run_session
+from experiment import (
+    Press,
+    Responder,
+    ResponderError,
+    StudyError,
+    run_session,
+    simulate_study,
+)
 from experiment.hardware.setup import read_limits
 from experiment.hardware.suitability import require_suitable
+from experiment.record.bids import export_bids
+from experiment.tasks import make_task
 from tests.plates import on_paper_plate, study_from_text
+from tests.test_experiment.lab import Crash, Lab, Scripted
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -393,3 +404,82 @@ def test_a_device_of_ones_own_that_raises_is_a_failure_of_the_device(
         failure = error
     assert str(failure).startswith(f"Own.{step} ")
     assert str(failure).endswith("OSError: gone")
+
+
+SAME_DIFFERENT = """
+[task]
+kind = "same-different"
+gap_s = 0.1
+[design]
+levels_vpp = [80, 160]
+trials_per_side = 3
+blank_trials = 4
+foreperiod_s = [0.01, 0.02]
+break_every = 5
+min_break_s = 0
+[masking]
+noise = "none"
+[simulation]
+threshold_vpp = 100
+"""
+
+
+@pytest.fixture
+def own_task(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """The example of a task, where Python finds its distribution."""
+    text = (DOCS / "examples" / "own_task" / "same_different.py").read_text(encoding="utf-8")
+    entries = "[tactstrip.tasks]\nsame-different = same_different:same_different\n"
+    offer(tmp_path / "site", entries, {"same_different": text}, name="same_different")
+    monkeypatch.syspath_prepend(tmp_path / "site")
+    make_task.cache_clear()
+    yield
+    make_task.cache_clear()
+    sys.modules.pop("same_different", None)
+
+
+@pytest.mark.usefixtures("own_task")
+def test_a_task_of_a_labs_own_runs_and_resumes_and_is_exported(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    study = study_from_text(SAME_DIFFERENT)
+    monkeypatch.setattr(Scripted, "usual", ("different", 0.5))
+    lab = Lab(study, tmp_path / "results", monkeypatch)
+    with pytest.raises(Crash), lab.killed_after(lines=40):
+        lab.begin()
+    assert lab.resume().finished
+    rows = [row for row in lab.rows if row.status == "ok"]
+    assert Counter(row.side for row in rows) == {
+        "left_left": 2,
+        "right_right": 2,
+        "left_right": 3,
+        "right_left": 3,
+    }
+    assert {row.kind: row.level_vpp is None for row in rows} == {"single": False, "blank": False}
+    assert lab.differences() == ()
+    people = simulate_study(study, tmp_path / "people", participants=1, seed=1, gains=())
+    folders = [*people]
+    (history,) = (each.read_history(each.read_plan()) for each in folders)
+    assert {row.response for row in history.rows} <= {"same", "different"}
+    export_bids(folders, tmp_path / "bids")
+    (sidecar,) = (tmp_path / "bids").rglob("*_events.json")
+    levels = json.loads(sidecar.read_text(encoding="utf-8"))["side"]["Levels"]
+    assert levels["left_right"] == "first at the left finger, then at the right finger"
+
+
+@pytest.mark.usefixtures("own_task")
+@pytest.mark.parametrize(
+    ("module", "part"),
+    [
+        ("same_different = 3", "factory"),
+        ("def same_different(sites): return sites", "experiment.Task"),
+        ("def same_different(sites): 1 / 0", "ZeroDivisionError"),
+    ],
+)
+def test_a_task_that_cannot_be_made_is_refused_by_its_distribution(
+    module: str, part: str, tmp_path: Path
+) -> None:
+    (tmp_path / "site" / "same_different.py").write_text(module, encoding="utf-8")
+    sys.modules.pop("same_different", None)
+    importlib.invalidate_caches()
+    with pytest.raises(StudyError, match=rf"task\.kind: .*{part}"):
+        study_from_text(SAME_DIFFERENT)
