@@ -31,6 +31,11 @@ class Burst(NamedTuple):
         The sites that are driven; none in a silent interval.
     is_reference : bool
         Whether the burst has the study's reference level in place of the level of the trial.
+
+    Examples
+    --------
+    >>> Burst(("left",)), Burst().sites
+    (Burst(sites=('left',), is_reference=False), ())
     """
 
     sites: tuple[str, ...] = ()
@@ -57,6 +62,15 @@ class Presentation:
         The site whose threshold a trial measures; none if it measures no threshold.
     meaning : str
         What it is, for descriptions of data.
+
+    Examples
+    --------
+    A burst at the left finger in the second of two intervals:
+
+    >>> shown = Presentation(name="left_2", kind="single", bursts=(Burst(), Burst(("left",))),
+    ...                      correct="second", site="left", meaning="left, second interval")
+    >>> shown.sites, shown.interval
+    (('left',), 1)
     """
 
     name: str
@@ -101,6 +115,11 @@ class Answer:
         What stands in place of the picture of plate and fingers, in any language.
     optional : bool
         Whether it is offered only if trials of the study need it, or the study names it.
+
+    Examples
+    --------
+    >>> Answer(name="yes", keys=("y",), meaning="something was felt").sites
+    ()
     """
 
     name: str
@@ -123,6 +142,16 @@ class Sensation(NamedTuple):
     strengths : sequence of array
         log10(amplitude / threshold), divided by the width sigma of the psychometric function; -inf
         where nothing is presented.
+
+    Examples
+    --------
+    A burst at the left finger's threshold, and nothing at the right finger:
+
+    >>> import numpy as np
+    >>> values = ([0.5, 0.0], [2.6, 0.0], [0.0, -np.inf])
+    >>> felt = Sensation(*([np.array([[each]]) for each in of_sites] for of_sites in values))
+    >>> felt.detected[0].item()
+    0.5
     """
 
     detected: Sequence[Floats]
@@ -131,11 +160,27 @@ class Sensation(NamedTuple):
 
 
 class Guessing(NamedTuple):
-    """How participants answer where nothing decides: probabilities, shape (participants, 1)."""
+    """How participants answer where nothing decides: probabilities, shape (participants, 1).
 
-    false_alarm: Floats  # a guess, though nothing was detected and that could be answered
-    first_site: Floats  # the first site, in a guess between sites
-    all_sites: Floats  # every site at once, in a guess where that may be answered
+    Attributes
+    ----------
+    false_alarm : array
+        Of a guess, though nothing was detected and that could be answered.
+    first_site : array
+        Of the first site, in a guess between sites.
+    all_sites : array
+        Of every site at once, in a guess where that may be answered.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> Guessing(*np.zeros((3, 1, 1))).false_alarm.item()
+    0.0
+    """
+
+    false_alarm: Floats
+    first_site: Floats
+    all_sites: Floats
 
 
 class Decision(Protocol):
@@ -185,6 +230,13 @@ class Task:
     ------
     ValueError
         If presentations and answers contradict each other.
+
+    Examples
+    --------
+    >>> from experiment import paper_study
+    >>> task = paper_study().task
+    >>> task.name, task.sites, task.n_intervals
+    ('left-right-both', ('left', 'right'), 1)
     """
 
     name: str
@@ -258,19 +310,62 @@ class Task:
         return {answer.name: answer.keys for answer in self.answers}
 
     def presentation(self, name: str) -> Presentation:
-        """Return a presentation by its name."""
+        """Return a presentation.
+
+        Parameters
+        ----------
+        name : str
+            Its name.
+
+        Returns
+        -------
+        Presentation
+        """
         return next(p for p in self.presentations if p.name == name)
 
     def of_kind(self, kind: str) -> tuple[Presentation, ...]:
-        """Return the presentations of a kind."""
+        """Return the presentations of a kind.
+
+        Parameters
+        ----------
+        kind : str
+            One of `kinds`.
+
+        Returns
+        -------
+        tuple of Presentation
+        """
         return tuple(p for p in self.presentations if p.kind == kind)
 
     def at_site(self, site: str) -> tuple[Presentation, ...]:
-        """Return the presentations that measure the threshold of a site."""
+        """Return the presentations that measure the threshold of a site.
+
+        Parameters
+        ----------
+        site : str
+            One of `sites`.
+
+        Returns
+        -------
+        tuple of Presentation
+        """
         return tuple(p for p in self.of_kind(SINGLE) if p.site == site)
 
     def levels_vpp(self, presentation: str, level_vpp: Any) -> list[list[Any]]:
-        """Return the level of each burst at each site, for a level of the trial or an array."""
+        """Return the level of each burst at each site.
+
+        Parameters
+        ----------
+        presentation : str
+            What the trial presents.
+        level_vpp : float or array
+            Level of the trial, peak-to-peak volts.
+
+        Returns
+        -------
+        list of list of float or array
+            By interval and site.
+        """
         return [
             [
                 ((self.reference_vpp or 0.0) if burst.is_reference else level_vpp)
@@ -281,7 +376,19 @@ class Task:
         ]
 
     def offered(self, responses: tuple[str, ...], *, hands_off: bool) -> tuple[str, ...]:
-        """Return the answers that count: with the hands off, `nothing` always does."""
+        """Return the answers that count: with the hands off, `nothing` always does.
+
+        Parameters
+        ----------
+        responses : tuple of str
+            Those that the study offers.
+        hands_off : bool
+            Whether the hands are off the plate.
+
+        Returns
+        -------
+        tuple of str
+        """
         more = () if self.nothing is None or not hands_off else (self.nothing,)
         return tuple(dict.fromkeys((*responses, *more)))
 
@@ -290,7 +397,19 @@ class Task:
     ) -> bool | None:
         """Return whether an answer names what was presented.
 
-        None without an answer, and where the level of the trial equals the reference.
+        Parameters
+        ----------
+        presentation : str
+            What the trial presented.
+        level_vpp : float or None
+            Level of the trial, peak-to-peak volts.
+        response : str or None
+            The answer.
+
+        Returns
+        -------
+        bool or None
+            None without an answer, and where the level of the trial equals the reference.
         """
         shown = self.presentation(presentation)
         if response is None or (level_vpp is not None and level_vpp == self.reference_vpp):
@@ -301,7 +420,17 @@ class Task:
     def is_detected(self, presentation: str, response: str) -> bool:
         """Return whether a trial counts as detected; of a blank trial, as a false alarm.
 
-        Beside a reference, it counts where the comparison was judged stronger.
+        Parameters
+        ----------
+        presentation : str
+            What the trial presented.
+        response : str
+            The answer.
+
+        Returns
+        -------
+        bool
+            Beside a reference, whether the comparison was judged stronger.
         """
         shown = self.presentation(presentation)
         if shown.kind != BLANK:
@@ -309,9 +438,17 @@ class Task:
         return response in self.answer_names and response != self.nothing
 
     def guess_rate(self, responses: tuple[str, ...]) -> float | None:
-        """Return the guess rate of a forced choice; None where blank trials estimate it.
+        """Return the guess rate of a forced choice.
 
-        In a discrimination it is 0: the comparison is judged stronger, or it is not.
+        Parameters
+        ----------
+        responses : tuple of str
+            The answers that the study offers.
+
+        Returns
+        -------
+        float or None
+            None where blank trials estimate it; 0 in a discrimination.
         """
         if self.scoring == "discrimination":
             return 0.0

@@ -65,7 +65,14 @@ class Trial:
         Peak-to-peak volts at the actuator; none for a blank trial, and where a rule chooses it
         during the session.
     foreperiod_s : float
-        Wait between the cue and the stimulus, in seconds.
+        Wait between the cue and the stimulus, in seconds; before each interval.
+
+    Examples
+    --------
+    >>> from experiment import draw_plan, paper_study
+    >>> trial = draw_plan(paper_study(), participant="01", session="01", seed=7).trials[0]
+    >>> trial.number, trial.kind, trial.side in paper_study().task.presentation_names
+    (1, 'single', True)
     """
 
     number: int

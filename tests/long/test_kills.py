@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import pytest
 from click.testing import CliRunner
 
 from experiment import examine
@@ -62,10 +63,11 @@ class Watched:
         assert [ok[number] for number in planned] == [1] * len(planned)
         assert {name: rows[name]["response"] for name in self._answers} == self._answers
         armed = {
-            line["token"]: (str(line["trial"]), str(line["attempt"]))
+            line["token"]: (str(line["trial"]), str(line["attempt"]), line["interval"])
             for line in self._sessions.lines("trial_armed")
         }
-        assert sorted(armed.values()) == sorted(rows)
+        assert len(armed) == len({*armed.values()})
+        assert sorted({(trial, attempt) for trial, attempt, _ in armed.values()}) == sorted(rows)
 
 
 def killed(step: int, arguments: list[str]) -> bool:
@@ -93,14 +95,27 @@ def killed(step: int, arguments: list[str]) -> bool:
     os._exit(CliRunner().invoke(main, arguments).exit_code)
 
 
+TWO_INTERVALS = """
+[task]
+kind = "2ifc"
+gap_s = 0.1
+[levels]
+rule = "bayesian"
+"""
+
+
+@pytest.mark.parametrize("more_text", ["", TWO_INTERVALS], ids=["left-right-both", "2ifc-bayesian"])
 def test_a_session_killed_thousands_of_times_loses_and_doubles_nothing(
-    tmp_path: Path, quick_study_text: str
+    tmp_path: Path, quick_study_text: str, more_text: str
 ) -> None:
+    text = quick_study_text
+    if more_text:
+        text = text.replace("both_trials = 1\n", "") + more_text
     kills = number = 0
-    while kills < rounds(2000):
+    while kills < rounds(1000):
         number += 1
         rng = np.random.default_rng(number)
-        sessions = Sessions(tmp_path / f"{number}", quick_study_text)
+        sessions = Sessions(tmp_path / f"{number}", text)
         watched = Watched(sessions)
         more = ["--seed", str(rng.integers(2**31))]
         run = ["--responder", "simulated"]
