@@ -54,9 +54,9 @@ def yes_no(sites: tuple[str, ...]) -> Task:
         ),
         answers=(
             Answer(
-                name=_YES, keys=("y", "right"), meaning="something was felt", sign="\N{CHECK MARK}"
+                name=_YES, keys=("y", "left"), meaning="something was felt", sign="\N{CHECK MARK}"
             ),
-            Answer(name=_NO, keys=("n", "left"), meaning="nothing was felt", sign="\N{BALLOT X}"),
+            Answer(name=_NO, keys=("n", "right"), meaning="nothing was felt", sign="\N{BALLOT X}"),
         ),
         scoring="yes-no",
         nothing=_NO,
