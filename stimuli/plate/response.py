@@ -504,13 +504,17 @@ class Modes:
         whole, moved = (vectors.T @ matrix @ vectors for matrix in (stiffness, mass))
         held = (slopes @ vectors).T @ (slopes @ vectors)
         square = omega[:, np.newaxis, np.newaxis] ** 2
-        at_rest = held + factors[:, np.newaxis, np.newaxis] * (whole - held)
+        # A loss factor is the same at all frequencies, and so is the plate at rest.
+        unique, back = np.unique(factors, return_inverse=True)
+        at_rest = held + unique[:, np.newaxis, np.newaxis] * (whole - held)
         amplitudes: NDArray[Any] = np.broadcast_to(
-            vectors.T @ self.work.T, (omega.size, held.shape[0], len(self.work))
+            vectors.T @ self.work.T, (unique.size, held.shape[0], len(self.work))
         )
         for _ in range(n_terms):
-            amplitudes = square * (moved @ np.linalg.solve(at_rest, amplitudes))
-        amplitudes = np.linalg.solve(at_rest - square * moved, amplitudes)
+            amplitudes = moved @ np.linalg.solve(at_rest, amplitudes)
+        amplitudes = np.linalg.solve(
+            at_rest[back] - square * moved, square**n_terms * amplitudes[back]
+        )
         return np.asarray((self.values @ vectors @ amplitudes).swapaxes(1, 2))
 
 

@@ -10,6 +10,7 @@ the modes then falls as 1 / w_m^6, so that few of them are needed.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -20,7 +21,7 @@ from stimuli.plate.modes import Resolution, plate_bases
 from stimuli.plate.waveguide import has_lossless_springs
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Iterator, Sequence
 
     from numpy.typing import NDArray
 
@@ -100,8 +101,8 @@ def _amplitudes(basis: Basis, load: Load, factors: Complex) -> Complex:
         lossy = stiffness
         if factor.imag:
             lossy = factor * stiffness + (1 - factor) * (slopes.T @ slopes)
-        solve = _solver(lossy[reorder])
-        for result, n in zip(results, (np.count_nonzero(basis.is_coarse), work.size), strict=True):
+        sizes = int(np.count_nonzero(basis.is_coarse)), work.size
+        for result, n, solve in zip(results, sizes, _solvers(lossy[reorder], sizes), strict=True):
             at_rest = solve(work[:n])
             inertia = basis.areal_kg_m2 * (at_rest + local[:n] / (rigidity * factor))
             inertia = inertia if factor.imag else inertia.real
@@ -110,17 +111,18 @@ def _amplitudes(basis: Basis, load: Load, factors: Complex) -> Complex:
     return results
 
 
-def _solver(matrix: NDArray[Any]) -> Callable[[NDArray[Any]], NDArray[Any]]:
-    """Return what solves for work on all functions, or on the first ones alone."""
+def _solvers(
+    matrix: NDArray[Any], sizes: tuple[int, ...]
+) -> Iterator[Callable[[NDArray[Any]], NDArray[Any]]]:
+    """Yield what solves for work on the first functions alone, for so many of them."""
     if np.iscomplexobj(matrix):
-        return lambda work: scipy.linalg.solve(
-            matrix[: work.size, : work.size], work, assume_a="sym", check_finite=False
-        )
+        for n in sizes:
+            yield partial(scipy.linalg.lu_solve, scipy.linalg.lu_factor(matrix[:n, :n]))
+        return
     # The first rows and columns of the factor are the factor of those of the matrix.
     root, _ = scipy.linalg.cho_factor(matrix, lower=True, check_finite=False)
-    return lambda work: scipy.linalg.cho_solve(
-        (root[: work.size, : work.size], True), work, check_finite=False
-    )
+    for n in sizes:
+        yield partial(scipy.linalg.cho_solve, (root[:n, :n], True), check_finite=False)
 
 
 def rest_displacement(
@@ -134,7 +136,8 @@ def rest_displacement(
 ) -> Complex:
     """Return u_0 and u_1 of each load: (2, 2, n_factors, n_loads, n_points), coarse and fine.
 
-    Loads that differ only in where they are along the strip, away from its ends, share a solution.
+    Loads that differ only in where they are along the strip, away from its ends, share a solution,
+    and so do mirror images.
     """
     if has_lossless_springs(strip) and np.any(factors.imag):
         nodes = np.unique(factors[np.linspace(0, factors.size - 1, 3).round().astype(int)])
@@ -146,11 +149,13 @@ def rest_displacement(
     fields = []
     for load in loads:
         section, local_load, middle_m = _section(strip, load)
-        field = solved.get((section, local_load))
+        side = -1.0 if local_load.x_m > 0 else 1.0
+        image = replace(local_load, x_m=side * local_load.x_m)
+        field = solved.get((section, image))
         if field is None:
-            field = rest_field(section, local_load, max_hz, nodes, resolution)
-            solved[section, local_load] = field
-        fields.append(field.displacement(points_m - (middle_m, 0.0)))
+            field = rest_field(section, image, max_hz, nodes, resolution)
+            solved[section, image] = field
+        fields.append(field.displacement((points_m - (middle_m, 0.0)) * (side, 1.0)))
     return np.asarray(np.einsum("rolnp,onf->roflp", np.stack(fields, axis=2), interpolation))
 
 
