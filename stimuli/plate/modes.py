@@ -200,22 +200,27 @@ class Basis:
 
     def derivatives(self, points_m: Real, orders: Sequence[tuple[int, int]]) -> list[Real]:
         """Return derivatives of all functions at points: (n_points, n_functions), by orders."""
-        by_axis = []
-        for axis, line in enumerate((self.along, self.across)):
-            own_orders = sorted({pair[axis] for pair in orders})
-            places_m, back = np.unique(points_m[:, axis], return_inverse=True)
-            values = line.derivatives(places_m, own_orders)
-            by_axis.append(dict(zip(own_orders, (value[back] for value in values), strict=True)))
+        along, across = self.by_axis(points_m, orders)
         products = [
-            (by_axis[0][i][:, :, np.newaxis] * by_axis[1][j][:, np.newaxis]).reshape(
-                len(points_m), -1
-            )
+            (along[i][:, :, np.newaxis] * across[j][:, np.newaxis]).reshape(len(points_m), -1)
             for i, j in orders
         ]
         if not self.rims:
             return products
         rims = [self._rim_derivatives(rim, points_m, orders) for rim in self.rims]
         return [np.concatenate(parts, axis=1) for parts in zip(products, *rims, strict=True)]
+
+    def by_axis(
+        self, points_m: Real, orders: Sequence[tuple[int, int]]
+    ) -> tuple[dict[int, Real], ...]:
+        """Return derivatives of the functions along, and of those across, at points, by order."""
+        results = []
+        for axis, line in enumerate((self.along, self.across)):
+            own_orders = sorted({pair[axis] for pair in orders})
+            places_m, back = np.unique(points_m[:, axis], return_inverse=True)
+            values = line.derivatives(places_m, own_orders)
+            results.append(dict(zip(own_orders, (value[back] for value in values), strict=True)))
+        return tuple(results)
 
     def _rim_derivatives(
         self, rim: Rim, points_m: Real, orders: Sequence[tuple[int, int]]

@@ -63,7 +63,10 @@ class RestField:
         is_near = np.abs(points_m[:, 0]) <= half_length_m
         near_m = points_m[is_near]
         for basis, amplitudes in zip(self.bases, self.amplitudes, strict=True):
-            field[..., is_near] += amplitudes @ basis.values(near_m).T
+            x, y = (values[0] for values in basis.by_axis(near_m, ((0, 0),)))
+            # Many points, few fields: one axis after the other, not all products at all points.
+            by_axis = amplitudes.reshape(*field.shape[:3], x.shape[1], y.shape[1]) @ y.T
+            field[..., is_near] += np.einsum("rofap,pa->rofp", by_axis, x)
         rigidity = self.strip.bending_stiffness_n_m * self.factors[:, np.newaxis]
         field[:, 0][..., is_near] += local_field(self.load, near_m) / rigidity
         return field
