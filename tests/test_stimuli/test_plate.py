@@ -198,6 +198,14 @@ def test_a_tolerance_is_kept_or_refused_with_the_one_that_can_be_kept() -> None:
     assert response(scene, [300.0], min_rtol * 1.001).error.shape == (1, 1, 2)
 
 
+def test_weak_fields_of_endless_strips_keep_a_tolerance() -> None:
+    disc = MomentDisc(x_m=0.0, y_m=0.0125, radius_m=0.0064)
+    points_m = ((0.0, 0.0125), (0.07, 0.0125))
+    scene = Scene(strip=strip_with(CLAMPED), loads=(disc,), points_m=points_m)
+    own, weak = response(scene, [300.0], rtol=1e-4).value[0, 0]
+    assert abs(weak) < 1e-4 * abs(own)
+
+
 @pytest.mark.parametrize(
     "step",
     [
