@@ -59,6 +59,12 @@ MAX_PARTICIPANTS = 10_000
     help="Also choose stimulus levels from each session, as `tactstrip levels` does from a pilot "
     "session, and print their expected error.",
 )
+@click.option(
+    "--compare",
+    is_flag=True,
+    help="In place of the analysis, compare constant levels with both rules that choose levels: the "
+    "error of thresholds after so many trials.",
+)
 @output_options
 @refusals
 def dry_run(
@@ -68,6 +74,7 @@ def dry_run(
     seed: int | None,
     out: Path | None,
     with_levels: bool,
+    compare: bool,
     no_figures: bool,
     **shown: bool,
 ) -> None:
@@ -87,6 +94,9 @@ def dry_run(
     seed = secrets.randbits(32) if seed is None else seed
     people = f"{participants} simulated participant{'s' * (participants > 1)}"
     echo(f"{people}, seed {seed}, in {folder}")
+    if compare:
+        _compare(check, folder, participants, seed)
+        return
     _simulate(check, folder, participants, seed)
     target = folder / "analysis"
     analysis = write_analysis([folder], target, seed=seed, figures=not no_figures, bar=True)
@@ -127,6 +137,22 @@ def _is_made(folder: Path) -> bool:
     except FileExistsError:
         return False
     return True
+
+
+def _compare(check: StudyCheck, folder: Path, participants: int, seed: int) -> None:
+    from analysis.planning.figure import write_rules
+    from analysis.planning.rules import compare_rules, format_rules
+
+    with working("Simulating"):
+        table = compare_rules(
+            check.study, folder, participants=participants, seed=seed, gains=check.gains
+        )
+    echo(f"Error of a threshold, dB rms, {table['thresholds'].max()} thresholds:")
+    echo(*format_rules(table))
+    csv, png = (folder / f"comparison.{ending}" for ending in ("csv", "png"))
+    table.to_csv(csv, index=False)
+    write_rules(table, png)
+    echo(f"{'Table and figure':<22}{csv}, {png}")
 
 
 def _simulate(check: StudyCheck, folder: Path, participants: int, seed: int) -> None:

@@ -1,4 +1,4 @@
-"""The figure of a power curve."""
+"""The figures of a power curve, and of the errors under rules of levels."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from analysis.results.figures.drawing import DEFAULT_STYLE, LOOKS, lay_out, rend
 if TYPE_CHECKING:
     from pathlib import Path
 
+    import pandas as pd
     from matplotlib.figure import Figure
 
     from analysis.planning.result import PowerResult
@@ -24,6 +25,26 @@ _TITLE_CHARACTERS: Final = 48
 def write_figure(result: PowerResult, path: Path) -> None:
     """Write the power curve as PNG or SVG, by the name of the file."""
     path.write_bytes(render(lambda: _draw(result))["png" if path.suffix == ".png" else "svg"])
+
+
+def write_rules(errors: pd.DataFrame, path: Path) -> None:
+    """Write the errors of `analysis.planning.rules.compare_rules` as PNG."""
+    path.write_bytes(render(lambda: _draw_rules(errors))["png"])
+
+
+def _draw_rules(errors: pd.DataFrame) -> Figure:
+    height_em = DEFAULT_STYLE.width_em * _HEIGHT
+    labels = "Trials at each finger", "Error of the threshold (dB rms)"
+    (axes,) = lay_out(DEFAULT_STYLE, rows_em=[height_em], labels=labels)
+    for look, (rule, rows) in zip(LOOKS, errors.groupby("rule", sort=False), strict=False):
+        line = {"color": look.colour, "marker": look.marker, "ls": look.line}
+        axes.plot(rows["trials"], rows["rms_db"], **line, ms=4, lw=1, label=rule)
+    ticks = errors["trials"].unique()
+    axes.set(xscale="log", xticks=ticks, xticklabels=[str(number) for number in ticks])
+    axes.minorticks_off()
+    axes.set_ylim(bottom=0)
+    axes.legend(loc="best", borderaxespad=0.8)
+    return figure_of(axes)
 
 
 def _draw(result: PowerResult) -> Figure:
