@@ -62,8 +62,8 @@ MAX_PARTICIPANTS = 10_000
 @click.option(
     "--compare",
     is_flag=True,
-    help="In place of the analysis, compare constant levels with both rules that choose levels: the "
-    "error of thresholds after so many trials.",
+    help="In place of the analysis, compare constant levels with the rules that choose levels: "
+    "the error of thresholds after so many trials.",
 )
 @output_options
 @refusals

@@ -32,7 +32,8 @@ def test_errors_shrink_with_trials_and_are_least_under_the_bayesian_rule(
     table = compare_rules(study, tmp_path, participants=12, seed=2, gains=())
     assert [*table["rule"].unique()] == [*RULES]
     assert set(table["trials"]) == {8, 12, 16, 24, 32}
-    errors_db = {(row.rule, row.trials): row.rms_db for row in table.itertuples()}
+    keys = zip(table["rule"].tolist(), table["trials"].tolist(), strict=True)
+    errors_db = dict(zip(keys, table["rms_db"].tolist(), strict=True))
     assert all(errors_db[rule, 32] < errors_db[rule, 12] for rule in RULES)
     assert errors_db["bayesian", 16] < errors_db["constant", 16]
     assert np.all(np.abs(table.loc[table["trials"].eq(32), "bias_db"].to_numpy()) < 1.0)
