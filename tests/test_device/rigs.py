@@ -45,6 +45,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from device import Identity
     from device.core.messages import Message
     from device.core.tokens import Exchange, Reply
 
@@ -113,6 +114,12 @@ class WatchedLink(FrameLink):
         super().__init__(lambda: open_channel(port, clock), clock)
         self.stood_still = self.is_silent = False
         self._beat_s: float | None = None
+
+    def hello(self) -> Identity:
+        try:
+            return super().hello()
+        finally:
+            self.stood_still |= self.requests.retries > 0
 
     def beat(self) -> None:
         super().beat()
