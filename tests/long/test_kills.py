@@ -30,6 +30,10 @@ if TYPE_CHECKING:
 CHANGES = ((os, ("write", "fsync", "unlink", "rmdir", "mkdir")), (Path, ("replace", "rename")))
 
 
+WINDOW = SHORT.replace("_side = 1", "_side = 4")
+"""More trials than a resume presents again for a warm-up."""
+
+
 class Watched:
     """A session that is killed, again and again: what its record held must stay in it."""
 
@@ -189,7 +193,7 @@ def kill_at_a_window(sitting: Sitting, more: list[str], rng: np.random.Generator
     """
     n_lines = n_before = len(sitting.journal())
     sitting.start(*more)
-    n_until, after_s = n_before + rng.integers(1, 10), float(rng.uniform(0.0, 1.0))
+    n_until, after_s = n_before + rng.integers(1, 40), float(rng.uniform(0.0, 1.0))
     until_s = np.inf
     while sitting.process.poll() is None and time.monotonic() < until_s:
         lines = sitting.journal()
@@ -199,9 +203,9 @@ def kill_at_a_window(sitting: Sitting, more: list[str], rng: np.random.Generator
             n_lines = len(lines)
             time.sleep(LATER_S)
             sitting.press("key", "Left")
-        elif not lines or lines[-1]["event"] not in {"trial_armed", "trial_end"}:
+        elif not lines or lines[-1]["event"] != "trial_armed":
             sitting.press("key", "Return")
-        time.sleep(0.02)
+        time.sleep(0.05)
     has_ended = sitting.process.poll() is not None
     sitting.process.kill()
     _, errors = sitting.process.communicate()
@@ -217,9 +221,9 @@ def test_a_session_at_a_window_killed_at_random_times_loses_and_doubles_nothing(
     with x_server(tmp_path) as (_, environment):
         while kills < rounds(30):
             number += 1
-            sessions, rng = Sessions(tmp_path / f"{number}", SHORT), np.random.default_rng(number)
+            sessions, rng = Sessions(tmp_path / f"{number}", WINDOW), np.random.default_rng(number)
             sitting, watched = Sitting(sessions.out.parent, environment), Watched(sessions)
-            sessions.write(SHORT)
+            sessions.write(WINDOW)
             more = ["--seed", str(rng.integers(2**31))]
             while not kill_at_a_window(sitting, more, rng):
                 more = watched.killed() or more
