@@ -24,7 +24,7 @@ NAMES = (
         "skipping",
         "link",
     ),
-    *("analysis", "precision", "calibration", "groups", "crosscheck", "people"),
+    *("analysis", "precision", "calibration", "groups", "crosscheck", "people", "rules"),
 )
 PAGE = Path(__file__).parent.parent / "docs" / "benchmarks.md"
 BY_HAND = "Long runs"

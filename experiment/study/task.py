@@ -46,7 +46,7 @@ class TaskChoice(Section):
         try:
             task = self.task
         except ValueError as error:
-            yield True, "kind", str(error), self.kind
+            yield True, "kind", str(error), None
             return
         rule = f'must be omitted with task.kind = "{self.kind}"'
         yield task.n_intervals == 1 and self.gap_s is not None, "gap_s", rule
