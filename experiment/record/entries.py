@@ -307,10 +307,13 @@ class MeasuredRow(Presented):
     measured: StimulusMeasured
 
 
-_IN_JOURNAL_ONLY: Final = {"event", "trial", "attempt", "token"}
+_ELSEWHERE: Final = {"event", "trial", "attempt", "token", "interval"}
 MEASURED_COLUMNS: Final[Mapping[str, str]] = {
     **{each.name: each.name for each in fields(MeasuredRow) if each.name != "measured"},
-    **{n: f"measured.{n}" for n in StimulusMeasured.model_fields if n not in _IN_JOURNAL_ONLY},
+    **{
+        name: f"measured.{name}" for name in StimulusMeasured.model_fields if name not in _ELSEWHERE
+    },
+    "interval": "measured.interval",
 }
 """The columns of measured.csv, and the attribute of a `MeasuredRow` that each one is."""
 
