@@ -17,7 +17,15 @@ import pandas as pd
 
 from analysis.codes import WarningCode
 from analysis.counts.intervals import equal_rates_p, hypergeometric_tails
-from analysis.counts.table import COUNTED_KINDS, PERSON, SINGLE, TASK, count_levels, counted
+from analysis.counts.table import (
+    COUNTED_KINDS,
+    PERSON,
+    SINGLE,
+    count_sites,
+    counted,
+    sites_in,
+    task_of,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -41,8 +49,6 @@ MIN_CHANGE: Final = 0.25
 """The same of the detected share from the first half of a session to the second."""
 MIN_PEOPLE: Final = 3
 """Participants whose differences between sides are compared with how much they vary."""
-
-_SINGLES: Final = TASK.of_kind(SINGLE)
 
 
 class FailedCheck(NamedTuple):
@@ -77,7 +83,7 @@ def check_answers(
     Parameters
     ----------
     cells : pandas.DataFrame
-        From `count_levels` by ``side``, or a table of counts, which has no sides.
+        From `count_correct`, or a table of counts, which has no sides.
     blanks : pandas.DataFrame
         From `count_false_alarms`.
     alternatives : int
@@ -91,12 +97,11 @@ def check_answers(
     >>> [(str(code), data["participant"]) for code, data in check_answers(cells, blanks)]
     [('responses_reversed', '7')]
     """
-    site = _SINGLES[0].name
     forced = cells["presented"].mask(cells["none_offered"].astype(bool), 0)
     if "side" not in cells:
         wrong = (cells["presented"] - cells["detected"]).where(forced > 0, 0)
-        cells = cells.assign(side=site, mislocalised=wrong, detected_any=cells["detected"])
-    at_first = cells["side"].eq(site)
+        cells = cells.assign(side="", mislocalised=wrong, detected_any=cells["detected"])
+    at_first = cells["side"].eq(cells["side"].min())
     named = cells["detected"] + cells["mislocalised"]
     table = cells.assign(
         forced=forced,
@@ -138,14 +143,15 @@ def _failed(code: WarningCode, rows: Any) -> Iterator[FailedCheck]:
 def _with_tails(rows: pd.DataFrame, alternatives: int) -> pd.DataFrame:
     """Return rows with P(at most) and P(at least) as many correct answers by guessing.
 
-    With stimuli at ``several`` sites, how often a site is answered is given, so that a participant
-    who prefers one is not taken for one who reverses them (Fisher's exact test, one tail each). At
-    one site only a forced choice can be ``tested``, where a guess is correct once in so many
-    alternatives.
+    With ``several`` correct answers out of two, how often each is given is given, so that a
+    participant who prefers one is not taken for one who reverses them (Fisher's exact test, one
+    tail each). Else only a forced choice can be ``tested``, where a guess is correct once in so
+    many alternatives.
     """
     from scipy.stats import binom
 
     several = rows["at_first"].gt(0) & rows["at_first"].lt(rows["presented"])
+    several &= alternatives == 2  # noqa: PLR2004
     margins = ("detected_at_first", "named", "named_at_first", "named_first")
     below, above = hypergeometric_tails(*(rows[name].to_numpy(float) for name in margins))
     guesses = binom(rows["named"], 1 / alternatives)
@@ -186,7 +192,7 @@ def check_drift(trials: pd.DataFrame, axis: Axis) -> Iterator[FailedCheck]:
     [[20, 0]]
     """
     single = counted(trials, SINGLE).astype({**dict.fromkeys(_STRATA, object), "level_vpp": float})
-    correct = single["side"].map({shown.name: shown.correct for shown in _SINGLES})
+    correct = single["side"].map({p.name: p.correct for p in task_of(trials).of_kind(SINGLE)})
     single = single.assign(hit=single["response"].astype(object).eq(correct).astype(float))
     p_values = drift_p(single).rename("p").reset_index()
     for session in p_values[p_values["p"].lt(DRIFT_P)].to_dict("records"):
@@ -291,8 +297,8 @@ def sides_differ(counts: pd.DataFrame) -> pd.DataFrame:
     from statsmodels.stats.weightstats import DescrStatsW
 
     rows = []
-    for condition, cells in count_levels(counts, "side").groupby("condition"):
-        for a, b in itertools.combinations([shown.name for shown in _SINGLES], 2):
+    for condition, cells in count_sites(counts).groupby("condition"):
+        for a, b in itertools.combinations(task_of(counts).sites, 2):
             at_a, at_b = (cells[cells["side"].eq(name)] for name in (a, b))
             both = at_a.merge(at_b, on=["participant", "level_vpp"], suffixes=("_a", "_b"))
             if both.empty:

@@ -12,22 +12,18 @@ import pandas as pd
 from analysis.counts.intervals import group_interval, mean_limits, proportion_ci
 from analysis.numbers import TOTAL, in_order
 from experiment.names import NOT_AVAILABLE
-from experiment.record.rows import COLUMNS, RESPONSES, SIDES
-from experiment.tasks import LEFT_RIGHT_BOTH
+from experiment.record.rows import COLUMNS, NO_ANSWERS
+from experiment.tasks import LEFT_RIGHT_BOTH, make_task
+from experiment.tasks.task import BLANK, BOTH, SINGLE
 from experiment.trial.plan import HANDS_OFF, HANDS_OFF_BLOCK
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
+    from experiment.tasks.task import Task
 
-TASK: Final = LEFT_RIGHT_BOTH
-COUNTED_KINDS: Final = tuple(TASK.kinds)
-SINGLE, BOTH, BLANK = (
-    next(p.kind for p in TASK.presentations if len(p.sites) == number)
-    for number in (1, len(TASK.sites), 0)
-)
-SITE_ANSWERS: Final = tuple(answer.name for answer in TASK.answers if answer.sites)
-"""Answers that something was felt; to a blank trial each is a false alarm."""
+
+COUNTED_KINDS: Final = (SINGLE, BOTH, BLANK)
 
 _KEY: Final = ["condition", "participant", "kind", "side", "level_vpp", "response", "none_offered"]
 NEEDED: Final = (*_KEY, "reason")
@@ -43,6 +39,39 @@ SIDE_COLUMNS: Final = (
     *("condition", "side", "level_vpp", "detected", "presented", "p_min", "p_mean", "p_max"),
 )
 _WITH_INTERVALS: Final = ("presented", "p", "low", "high", "group_low", "group_high")
+
+
+def task_of(rows: pd.DataFrame) -> Task:
+    """Return the task of trials or of their counts, whose words they have.
+
+    It has no reference level. Without a column ``task`` it is left-right-both, as in every external
+    table.
+
+    >>> task_of(pd.DataFrame({"task": ["2ifc", "2ifc"]})).name, task_of(pd.DataFrame()).name
+    ('2ifc', 'left-right-both')
+    """
+    names = {*rows["task"]} if "task" in rows else set()
+    return make_task(names.pop()) if len(names) == 1 else LEFT_RIGHT_BOTH
+
+
+def responses_of(task: Task) -> tuple[str, ...]:
+    """Return the words of the column ``response``, those without an answer last."""
+    return (*task.answer_names, *NO_ANSWERS)
+
+
+def felt_answers(task: Task) -> tuple[str, ...]:
+    """Return the answers that something was felt; to a blank trial each is a false alarm."""
+    return tuple(name for name in task.answer_names if name != task.nothing)
+
+
+def sites_in(rows: pd.DataFrame) -> pd.Series[str]:
+    """Return the site whose threshold each single trial measures; of another, what it presents.
+
+    >>> sites_in(pd.DataFrame({"task": "2ifc", "side": ["left_1", "right_2"]})).tolist()
+    ['left', 'right']
+    """
+    sites = {shown.name: shown.site or shown.name for shown in task_of(rows).presentations}
+    return rows["side"].astype(object).map(sites)
 
 
 def require_columns(trials: pd.DataFrame, names: Iterable[str]) -> None:
@@ -78,7 +107,7 @@ def uncounted(trials: pd.DataFrame) -> list[str]:
 def count_answers(trials: pd.DataFrame) -> pd.DataFrame:
     """Count each answer to each stimulus, of the trials that count.
 
-    Columns ``condition participant kind side level_vpp response none_offered n``, sorted. All
+    Columns ``condition participant kind side level_vpp response none_offered n task``, sorted. All
     tables below are sums of these rows.
 
     >>> trials = pd.DataFrame({"participant": "1", "condition": "main", "kind": "single",
@@ -93,29 +122,33 @@ def count_answers(trials: pd.DataFrame) -> pd.DataFrame:
     # Where nobody knows whether "none" could be answered, it was not.
     offered = chosen["none_offered"].astype("boolean").fillna(value=False).astype(bool)
     keys = chosen[_KEY].astype(types).assign(none_offered=offered)
-    for name, choices in (("side", SIDES), ("response", RESPONSES)):
+    task = task_of(trials)
+    for name, choices in (("side", task.presentation_names), ("response", responses_of(task))):
         if not keys[name].isin(choices).all():
             raise ValueError(f"{name} must be one of {', '.join(choices)} where a trial counts")
-    return keys.groupby(_KEY, dropna=False).size().reset_index(name="n")
+    counts = keys.groupby(_KEY, dropna=False).size().reset_index(name="n")
+    return counts.assign(task=task.name)
 
 
 @cache
-def _outcomes() -> pd.DataFrame:
-    """Return what each response is to each presentation, as the task defines it."""
-    sites = {answer.name: {*answer.sites} for answer in TASK.answers}
+def _outcomes(name: str) -> pd.DataFrame:
+    """Return what each response is to each presentation, as the task of this name defines it."""
+    task = make_task(name)
+    sites = {answer.name: {*answer.sites} for answer in task.answers}
+    felt = felt_answers(task)
     rows = {
         (shown.name, response): {
             "presented": True,
             "detected": response == shown.correct,
-            "detected_any": bool(sites.get(response)),
+            "detected_any": response in felt,
             "answered": response in sites,
             "over_report": sites.get(response, set()) > {*shown.sites},
             "mislocalised": bool(sites.get(response)) and not sites[response] & {*shown.sites},
             "timeouts": response == "timeout",
             "invalid": response == "invalid",
         }
-        for shown in TASK.presentations
-        for response in RESPONSES
+        for shown in task.presentations
+        for response in responses_of(task)
     }
     table = pd.DataFrame.from_dict(rows, orient="index")
     return table.rename_axis(["side", "response"]).astype(np.int64)
@@ -135,14 +168,14 @@ def sum_outcomes(counts: pd.DataFrame, kind: str, key: Sequence[str]) -> pd.Data
     """
     rows = counts[counts["kind"].eq(kind)].reset_index(drop=True)
     pairs = pd.MultiIndex.from_frame(rows[["side", "response"]])
-    outcomes = _outcomes().loc[pairs].reset_index(drop=True).mul(rows["n"], axis=0)
+    outcomes = _outcomes(task_of(counts).name).loc[pairs].reset_index(drop=True).mul(rows["n"], axis=0)
     return pd.concat([rows[[*key]], outcomes], axis=1).groupby([*key], as_index=False).sum()
 
 
 def _count_responses(rows: pd.DataFrame, key: Sequence[str]) -> pd.DataFrame:
     """Return how often each response was given, and to how many stimuli, by columns of `key`."""
     table = rows.pivot_table("n", key, "response", aggfunc="sum", fill_value=0)
-    table = table.reindex(columns=[*RESPONSES], fill_value=0).astype(np.int64)
+    table = table.reindex(columns=[*responses_of(task_of(rows))], fill_value=0).astype(np.int64)
     return table.assign(presented=table.sum(axis=1)).rename_axis(columns=None).reset_index()
 
 
@@ -166,6 +199,38 @@ def count_levels(counts: pd.DataFrame, *more: str) -> pd.DataFrame:
     rows = counts[counts["kind"].eq(SINGLE)]
     offered = rows.groupby(key)["none_offered"].all()
     return sum_outcomes(counts, SINGLE, key).assign(none_offered=offered.to_numpy(dtype=bool))
+
+
+def count_sites(counts: pd.DataFrame) -> pd.DataFrame:
+    """Return `count_levels` by the site of the stimulus, in a column ``side``."""
+    counts = counts.assign(site=sites_in(counts))
+    return count_levels(counts, "site").rename(columns={"site": "side"})
+
+
+def count_correct(counts: pd.DataFrame, reference_vpp: float | None = None) -> pd.DataFrame:
+    """Return `count_levels` by the correct answer, in a column ``side``.
+
+    ``detected`` are correct answers then, and ``mislocalised`` those that would be correct to
+    another single stimulus. Beside a reference, the correct answer depends on the level, and trials
+    at the reference have none.
+    """
+    task = task_of(counts)
+    singles = task.of_kind(SINGLE)
+    below = counts["level_vpp"].lt(reference_vpp or 0.0)
+    correct, correct_below = (
+        counts["side"].map({shown.name: getattr(shown, name) for shown in singles})
+        for name in ("correct", "correct_below")
+    )
+    correct = correct.mask(below, correct_below)
+    # A presentation at any site that has this correct answer stands for all of them.
+    alike = {shown.correct: shown.name for shown in reversed(singles)}
+    rows = counts.assign(side=correct.map(alike), answer=correct)
+    rows = rows[counts["kind"].eq(SINGLE) & counts["level_vpp"].ne(reference_vpp)]
+    is_wrong = rows["response"].isin([*alike]) & rows["response"].ne(rows["answer"])
+    cells = count_levels(rows, "side")
+    key = [*_LEVEL, "participant", "side"]
+    wrong = rows["n"].where(is_wrong, 0).groupby([rows[name] for name in key]).sum()
+    return cells.assign(mislocalised=wrong.to_numpy())
 
 
 def summarize_participants(cells: pd.DataFrame, ci: str = "wilson") -> pd.DataFrame:
@@ -247,7 +312,7 @@ def summarize_levels(cells: pd.DataFrame, bands: pd.DataFrame | None = None) -> 
 
 def summarize_sides(counts: pd.DataFrame) -> pd.DataFrame:
     """Return the detection probability at each side: columns `SIDE_COLUMNS`."""
-    _, table = _summary(count_levels(counts, "side"), ["condition", "side", "level_vpp"])
+    _, table = _summary(count_sites(counts), ["condition", "side", "level_vpp"])
     return table.reset_index()[[*SIDE_COLUMNS]]
 
 
@@ -293,7 +358,7 @@ def count_both(counts: pd.DataFrame, ci: str = "wilson") -> pd.DataFrame:
     >>> both[["participant", "noticed", "presented"]].to_numpy().tolist()
     [['1', 1, 1], ['2', 0, 1], ['all', 1, 2]]
     """
-    only = {site: f"{site}_only" for site in TASK.sites}
+    only = {site: f"{site}_only" for site in task_of(counts).sites}
     people = _count_people(counts, BOTH).rename(columns={"detected": "noticed"} | only)
     table = _with_intervals(people, "noticed", ci)
     return _select(table, ["participant", "noticed", *_WITH_INTERVALS, *only.values()], counts)
@@ -302,7 +367,7 @@ def count_both(counts: pd.DataFrame, ci: str = "wilson") -> pd.DataFrame:
 def count_blanks(
     counts: pd.DataFrame, ci: str = "wilson", blanks: pd.DataFrame | None = None
 ) -> pd.DataFrame:
-    """Count blank trials; any answer that names a site is a false alarm there.
+    """Count blank trials; any answer but that nothing was felt is a false alarm.
 
     Columns ``participant``, a column for each such answer, ``presented p low high group_low
     group_high``; the rest as in `count_both`. `blanks` are those of a table of counts, see
@@ -319,7 +384,7 @@ def count_blanks(
     else:
         people, trials = _with_total(blanks).groupby(PERSON, as_index=False).sum(), blanks
     table = _with_intervals(people, "felt", ci, false_alarms=True)
-    return _select(table, ["participant", *SITE_ANSWERS, *_WITH_INTERVALS], trials)
+    return _select(table, ["participant", *felt_answers(task_of(counts)), *_WITH_INTERVALS], trials)
 
 
 def _count_people(counts: pd.DataFrame, kind: str) -> pd.DataFrame:
@@ -357,7 +422,8 @@ def count_confusions(counts: pd.DataFrame) -> pd.DataFrame:
     stimulus that was presented.
     """
     table = _count_responses(counts, ["condition", "kind", "side"])
-    table["side"] = pd.Categorical(table["side"], SIDES)  # in the order of the task
+    order = task_of(counts).presentation_names
+    table["side"] = pd.Categorical(table["side"], order)  # in the order of the task
     table = table.sort_values(["condition", "side"], ignore_index=True)
     return table.astype({"side": object})
 
@@ -409,15 +475,25 @@ def hands_off_table(trials: pd.DataFrame) -> pd.DataFrame:
     [['1', 'before', 0, 1], ['1', 'after', 1, 0], ['all', 'before', 0, 1], ['all', 'after', 1, 0]]
     """
     rows = trials[trials["kind"].eq(HANDS_OFF) & trials["fault"].eq("")]
+    task = task_of(trials).name
     rows = rows[["condition", "participant", "side", "response", "block"]].astype(object)
     is_before = rows["block"].eq(HANDS_OFF_BLOCK)
-    rows = rows.assign(part=np.where(is_before, BEFORE, AFTER), n=1)
+    rows = rows.assign(part=np.where(is_before, BEFORE, AFTER), n=1, task=task)
     key = [*PERSON, "part", "side"]
     table = _count_responses(_with_total(rows), key)
     table = table.rename(columns={"timeout": "timeouts"}).sort_values(
         key, key=in_order, ascending=[True, True, False, True], ignore_index=True
     )
     return _select(table, [*key[1:], *table.columns[len(key) :]], rows)
+
+
+def is_correct(rows: pd.DataFrame) -> pd.Series[bool]:
+    """Return which answers are correct; beside a reference, as the table says it."""
+    task = task_of(rows)
+    if task.has_reference:
+        return rows["correct"].astype("boolean").fillna(value=False).astype(bool)
+    correct = {shown.name: shown.correct for shown in task.presentations}
+    return rows["response"].astype(object).eq(rows["side"].astype(object).map(correct))
 
 
 def reaction_table(trials: pd.DataFrame) -> pd.DataFrame:
@@ -433,9 +509,9 @@ def reaction_table(trials: pd.DataFrame) -> pd.DataFrame:
     [[2.0, 0.5]]
     """
     single = counted(trials, SINGLE).astype({"condition": object, "side": object})
-    correct = single["side"].map({shown.name: shown.correct for shown in TASK.presentations})
-    times_s = single["rt_s"].astype(float).where(single["response"].astype(object).eq(correct))
-    groups = times_s.groupby([single[name] for name in (*_LEVEL, "side")])
+    times_s = single["rt_s"].astype(float).where(is_correct(single))
+    sites = sites_in(single).rename("side")
+    groups = times_s.groupby([*(single[name] for name in _LEVEL), sites])
     points = {"median": 0.5, "p10": 0.1, "p90": 0.9}
     columns = {"n": groups.count(), **{n: groups.quantile(q) for n, q in points.items()}}
     return pd.DataFrame(columns).reset_index()

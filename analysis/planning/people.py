@@ -14,7 +14,7 @@ import numpy as np
 
 from analysis.axis import VOLTS
 from analysis.codes import AnalysisWarning, WarningCode
-from analysis.counts.table import BLANK, SINGLE, SITE_ANSWERS, counted
+from analysis.counts.table import BLANK, SINGLE, counted, felt_answers, task_of
 from analysis.thresholds.difference import difference_spread_draws
 from analysis.thresholds.group import MIN_PEOPLE, population_draws
 from analysis.thresholds.tables import tables_of
@@ -249,7 +249,7 @@ def _pilot_draws(people: Tables, blanks: pd.DataFrame, name: str) -> dict[str, F
     rng = np.random.default_rng(0)
     middle, spread, log_sigma = population_draws(people, _DRAWS, rng)
     answers = blanks.loc[blanks["condition"].eq(name), "response"]
-    alarms = int(answers.isin(SITE_ANSWERS).sum())
+    alarms = int(answers.isin(felt_answers(task_of(blanks))).sum())
     rates = rng.beta(0.5 + alarms, 0.5 + len(answers) - alarms, _DRAWS)
     draws = {
         "threshold_vpp": np.clip(10**middle, _MIN_VPP, _MAX_VPP),

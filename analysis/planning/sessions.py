@@ -13,7 +13,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from analysis.thresholds.guess import guess_rate_of
+from analysis.counts.table import felt_answers
+from analysis.thresholds.guess import chances_of, forced_guess_rate, guess_rate_of
 from analysis.thresholds.likelihood import Tables
 from experiment.perception.answers import answer_probabilities
 from experiment.perception.population import threshold_course_db
@@ -151,17 +152,20 @@ def _counts(
     at_level = course.level_vpp[..., None] == levels_vpp[:, None]
     presented = at_level & (is_here & (kind == SINGLE))[..., None]
     detected = presented & (answers == correct[course.presentation])[..., None]
-    named = {answer.name: len(answer.sites) for answer in task.answers}
-    named_sites = np.array([*map(named.__getitem__, design.responses), 0])[answers]
+    chances, felt = chances_of(task), felt_answers(task)
+    # The last answer is none in time.
+    is_felt = np.array([*(name in felt for name in design.responses), False])[answers]
+    chance = np.array([*map(chances.__getitem__, design.responses), 0.0])[answers]
     is_blank = is_here & (kind == BLANK)
-    sided = (is_blank & (named_sites == 1)).sum(axis=1)
+    chance_hits = (is_blank * chance).sum(axis=1)
     guesses = [
         guess_rate_of(
             none_offered=task.nothing in design.responses,
-            sided_answers=number / len(task.sites),
+            sided_answers=number,
             blanks=design.blank_trials,
+            forced=forced_guess_rate(task),
         )
-        for number in sided.tolist()
+        for number in chance_hits.tolist()
     ]
     tables = Tables(
         levels=np.nan_to_num(levels_vpp, nan=1.0),
@@ -169,5 +173,5 @@ def _counts(
         presented=presented.sum(axis=1).astype(np.float64),
         guesses=guesses,
     )
-    alarms = (is_blank & (named_sites > 0)).sum(axis=1)
+    alarms = (is_blank & is_felt).sum(axis=1)
     return Counts(tables=tables, false_alarms=alarms, blanks=design.blank_trials)

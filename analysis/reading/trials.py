@@ -17,8 +17,8 @@ import pandas as pd
 
 from analysis.codes import WarningCode
 from analysis.numbers import TOTAL
-from analysis.reading.cells import CellReader, read_columns
-from analysis.reading.columns import COUNTED_COLUMNS, YES_NO, ColumnMap
+from analysis.reading.cells import CellReader, read_columns, refuse_first
+from analysis.reading.columns import COUNTED_COLUMNS, FORCED, YES_NO, ColumnMap
 from analysis.reading.foreign import (
     MAX_CONDITIONS,
     MAX_PRESENTED,
@@ -40,8 +40,9 @@ from analysis.reading.session import (
 from analysis.reading.sources import FILE, TABLE, find_sources
 from analysis.reading.text import ResultFileError, named, one_line, shown
 from experiment.names import NOT_AVAILABLE
-from experiment.record.rows import ANSWERS, COLUMNS, format_value
-from experiment.tasks import LEFT_RIGHT_BOTH
+from experiment.record.rows import COLUMNS, columns_of, format_value
+from experiment.tasks import LEFT_RIGHT_BOTH, TASKS, make_task
+from experiment.tasks.task import BLANK, BOTH, SINGLE
 from experiment.trial.plan import HANDS_OFF, PRACTICE
 
 if TYPE_CHECKING:
@@ -51,6 +52,7 @@ if TYPE_CHECKING:
     from analysis.axis import Axis
     from analysis.reading.session import SessionProgress, SessionRecord
     from analysis.reading.sources import InputTable
+    from experiment.tasks.task import Scoring, Task
     from experiment.trial.plan import Plan
 
 
@@ -65,7 +67,10 @@ MIN_LEVEL_VPP, MAX_LEVEL_VPP = 1e-6, 1e6
 MIN_MEDIAN_RT_S, MAX_MEDIAN_RT_S = 0.01, 10.0
 _BATCH_ROWS: Final = 8_192
 _BY_PLAN: Final = "by the plan beside the table"
-_READERS: Final = tuple(CellReader(column=column, label=column.name) for column in COLUMNS)
+_WORDS: Final = ("side", "response")
+"""The columns whose words are those of the task."""
+_TASK_OF_SCORING: Final[Mapping[Scoring, str]] = {"yes-no": YES_NO, "forced-choice": FORCED}
+"""What a column map would call a task that is scored so."""
 _KEY: Final = ["participant", "session", "trial", "attempt"]
 _NEVER_COUNTED: Final = (PRACTICE, HANDS_OFF)
 _OF_TRIAL: Final = ("condition", "block", "kind", "side", "level_vpp")
@@ -106,10 +111,12 @@ class LoadedTrials:
         Sessions of which no table is left, though the record or other files name them: why.
     not_compared : tuple of str
         Names of the tables that have no journal beside them.
-    alternatives : int
-        Of a forced choice.
+    alternatives : int or None
+        Of a forced choice, as a map states them; None where the task of sessions has them.
     task : str
-        What the map states, as `ColumnMap.task`.
+        What the map states, as `ColumnMap.task`, or what the task of sessions is called there.
+    session_task : Task
+        The task of the sessions; external tables are put into the words of left-right-both.
     cells : pandas.DataFrame or None
         Of a table of counts, its cells as `analysis.reading.foreign.sum_counts` gives them; there
         are no trials then.
@@ -141,6 +148,8 @@ class LoadedTrials:
     ...     loaded = read_inputs([table], ColumnMap())
     >>> loaded.trials["level_vpp"].tolist(), loaded.numbered, loaded.alternatives
     ([60.0], False, 2)
+    >>> loaded.session_task.name
+    'left-right-both'
     """
 
     trials: pd.DataFrame
@@ -152,8 +161,9 @@ class LoadedTrials:
     altered: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     lost: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     not_compared: tuple[str, ...] = ()
-    alternatives: int = 2
+    alternatives: int | None = 2
     task: str = ""
+    session_task: Task = LEFT_RIGHT_BOTH
     cells: pd.DataFrame | None = None
     blanks: pd.DataFrame | None = None
     warnings: tuple[tuple[WarningCode, dict[str, object]], ...] = ()
@@ -181,7 +191,8 @@ def read_trials(paths: Sequence[str | Path], columns: ColumnMap | None = None) -
         One row per trial. The columns of `experiment.COLUMNS`: text for identifiers, categoricals
         for words, int64, float64 (NaN where there is no value), bool, nullable boolean for
         ``correct`` and ``noise_ok``. ``level_vpp`` is NaN where there is no stimulus. Then ``file``
-        and ``line``, where the row stands, and ``none_offered``, whether "none" could be answered:
+        and ``line``, where the row stands, ``task``, the name of the task whose words a row has,
+        and ``none_offered``, whether "none" could be answered:
         by the plan beside the file; without one true where the map says yes or no, or anybody gave
         this answer in the same condition of the same study; else unknown. ``reason``, why the trial
         does not count, is empty text where it does; ``fault`` is what is amiss with it whatever its
@@ -275,7 +286,7 @@ def read_inputs(
             raise ResultFileError(tables[0].path, None, "nothing was presented in any row")
         trials = no_rows()
     else:
-        trials = _check_trials(rows, columns, records)
+        trials = _check_trials(rows, columns, records, reader.task)
     inputs = [file for record in records.values() for file in record.inputs]
     if columns and columns.sha256:
         inputs.append(InputFile(name=one_line(columns.name), sha256=columns.sha256))
@@ -295,8 +306,9 @@ def read_inputs(
             for file, record in records.items()
             if file in with_rows and not (record.compared or columns)
         ),
-        alternatives=column_map.alternatives,
-        task=column_map.task,
+        alternatives=column_map.alternatives if columns else None,
+        task=column_map.task or _TASK_OF_SCORING.get(reader.task.scoring, ""),
+        session_task=reader.task,
         cells=cells,
         blanks=blanks,
         warnings=tuple(_find_warnings(checked, columns, reader.unused)) if columns else (),
@@ -331,6 +343,8 @@ class _Reader:
         self.unused = UnusedColumns()
         self.records: dict[str, SessionRecord] = {}
         self.plans: dict[str, Plan] = {}
+        self.task = LEFT_RIGHT_BOTH
+        self._first = ""
 
     def read(self, tables: Iterable[InputTable]) -> pd.DataFrame:
         """Return the typed rows of all tables."""
@@ -350,6 +364,8 @@ class _Reader:
         for table in tables:
             file = str(table.path)
             record, raw, plan = read_record(table, accept_altered=self.accept_altered)
+            if not self.columns:
+                self._require_same_task(file, record)
             self.records[file] = record
             if plan:
                 self.plans[file] = plan
@@ -365,7 +381,8 @@ class _Reader:
 
     def _type(self, texts: pd.DataFrame) -> pd.DataFrame:
         if self.columns is None:
-            rows = read_columns(texts, _READERS)
+            _refuse_words(texts, self.task)
+            rows = read_columns(texts, _readers(self.task)).assign(task=self.task.name)
         else:
             rows = read_external(texts, self.columns)
         files = rows["file"].unique()
@@ -375,6 +392,49 @@ class _Reader:
         for file in files[:-1]:  # the next batch may begin with more rows of the last file
             self.plans.pop(file, None)
         return rows
+
+
+    def _require_same_task(self, file: str, record: SessionRecord) -> None:
+        """Refuse a session of another task, or with another reference, than those before it.
+
+        A table without its plan has the words of left-right-both.
+        """
+        task = record.progress.plan.task if record.progress else LEFT_RIGHT_BOTH
+        without_plan = "" if record.progress else " (without a plan.json)"
+        first, name = self.task, self._first
+        self.task, self._first = task, self._first or file
+        if name and (task.name, task.reference_vpp) != (first.name, first.reference_vpp):
+            message = (
+                f"the task is {_name_task(task)}{without_plan}, that of {one_line(name)} is {_name_task(first)}; "
+                "analyze sessions of different tasks one by one"
+            )
+            raise ResultFileError(file, None, message)
+
+
+def _name_task(task: Task) -> str:
+    of_reference = f" with a reference of {task.reference_vpp or 0.0:g} Vpp" * task.has_reference
+    return f"{task.name}{of_reference}"
+
+
+def _readers(task: Task) -> tuple[CellReader, ...]:
+    return tuple(CellReader(column=column, label=column.name) for column in columns_of(task))
+
+
+def _refuse_words(texts: pd.DataFrame, task: Task) -> None:
+    """Refuse the first word of another task: which task a table is of, only its plan says."""
+    tasks = [make_task(name) for name in TASKS]
+    for name in _WORDS:
+        words, *others = (
+            {word for column in columns_of(each) if column.name == name for word in column.choices}
+            for each in (task, *tasks)
+        )
+        is_foreign = texts[name].isin(set().union(*others) - words)
+        message = (
+            f"column '{name}' is {_first_cell(texts[name], is_foreign)}, an answer or a stimulus of "
+            f"another task than {task.name}; tactstrip reads a table of another task beside its "
+            "plan.json only"
+        )
+        refuse_first(texts, is_foreign, message)
 
 
 def _refuse_copies(records: Mapping[str, SessionRecord]) -> None:
@@ -406,30 +466,35 @@ def no_rows() -> pd.DataFrame:
     (0, dtype('float64'))
     """
     texts = pd.DataFrame(columns=[*(column.name for column in COLUMNS), "file", "line"])
-    rows = _with_verdicts(read_columns(texts.astype({"line": np.int64}), _READERS))
+    rows = read_columns(texts.astype({"line": np.int64}), _readers(LEFT_RIGHT_BOTH))
+    rows = _with_verdicts(rows, LEFT_RIGHT_BOTH)
     return with_reasons(rows.assign(none_offered=pd.array([], dtype="boolean")))
 
 
 def _check_trials(
-    rows: pd.DataFrame, columns: ColumnMap | None, records: Mapping[str, SessionRecord]
+    rows: pd.DataFrame,
+    columns: ColumnMap | None,
+    records: Mapping[str, SessionRecord],
+    task: Task,
 ) -> pd.DataFrame:
     """Return rows as numbered trials with all columns; refuse those that break a rule."""
     column_map = columns or ColumnMap()
     rows = _with_numbers(with_responses(rows, column_map))
-    rows = _with_verdicts(rows)
+    rows = _with_verdicts(rows, task)
+    stimulus = has_stimulus(rows, task)
     plans = {file: record.progress.plan for file, record in records.items() if record.progress}
     offers_none = {file: plan.task.nothing in plan.responses for file, plan in plans.items()}
     rules = chain(
         _name_rules(rows),
-        _trial_rules(rows, column_map),
-        _level_rules(rows["level_vpp"], rows["side"].ne(NO_STIMULUS), column_map),
+        _trial_rules(rows, column_map, task),
+        _level_rules(rows["level_vpp"], stimulus, column_map),
         _time_rules(rows[~rows["file"].isin(offers_none)], column_map),
         _repeat_rules(rows),
     )
     _refuse_broken(rows, rules, columns)
     by_plan = rows["file"].map(offers_none).astype("boolean")
     rows["none_offered"] = offered_to_all(rows, by_plan, task=column_map.task)
-    rows["level_vpp"] = rows["level_vpp"].mask(rows["side"].eq(NO_STIMULUS))
+    rows["level_vpp"] = rows["level_vpp"].where(stimulus)
     return without_silence(with_reasons(rows))
 
 
@@ -445,23 +510,40 @@ def _with_numbers(rows: pd.DataFrame) -> pd.DataFrame:
     return rows.assign(trial=numbers)
 
 
-def _with_verdicts(rows: pd.DataFrame) -> pd.DataFrame:
-    """Fill in ``correct``; return the columns of trials.csv and where a row stands."""
-    rows["correct"] = rows["correct"].astype("boolean").fillna(expected_correct(rows))
-    return rows[[*(column.name for column in COLUMNS), "file", "line"]]
+def has_stimulus(rows: pd.DataFrame, task: Task) -> pd.Series[bool]:
+    """Return whether the trial of each row has a stimulus.
+
+    >>> has_stimulus(pd.DataFrame({"side": ["left", "none"]}), LEFT_RIGHT_BOTH).tolist()
+    [True, False]
+    """
+    silent = [shown.name for shown in task.presentations if not shown.sites]
+    return ~rows["side"].isin(silent)
 
 
-def expected_correct(rows: pd.DataFrame) -> pd.Series[Any]:
-    """Return for each row whether its response names its stimulus, as the task defines it.
+def _with_verdicts(rows: pd.DataFrame, task: Task) -> pd.DataFrame:
+    """Fill in ``correct``; return the columns of trials.csv, where a row stands, and the task."""
+    rows["correct"] = rows["correct"].astype("boolean").fillna(expected_correct(rows, task))
+    rows = rows[[*(column.name for column in COLUMNS), "file", "line"]]
+    return rows.assign(task=task.name)
+
+
+def expected_correct(rows: pd.DataFrame, task: Task = LEFT_RIGHT_BOTH) -> pd.Series[Any]:
+    """Return for each row whether its response is correct, as the task defines it.
+
+    Unknown without an answer, and where the level equals the reference.
 
     >>> expected_correct(pd.DataFrame({"kind": ["both"], "side": ["both"], "response": ["left"]}))
     0    False
     dtype: boolean
     """
-    correct = {each.name: each.correct for each in LEFT_RIGHT_BOTH.presentations}
-    response = rows["response"].astype(object)
-    is_correct = response.eq(rows["side"].astype(object).map(correct))
-    return is_correct.astype("boolean").mask(response.isna())
+    response, sides = rows["response"].astype(object), rows["side"].astype(object)
+    is_correct = response.eq(sides.map({each.name: each.correct for each in task.presentations}))
+    unknown = response.isna()
+    if (reference_vpp := task.reference_vpp) is not None:
+        below = sides.map({each.name: each.correct_below for each in task.presentations})
+        is_correct = is_correct.mask(rows["level_vpp"].lt(reference_vpp), response.eq(below))
+        unknown |= rows["level_vpp"].eq(reference_vpp)
+    return is_correct.astype("boolean").mask(unknown)
 
 
 def offered_to_all(
@@ -518,6 +600,7 @@ def _first_cell(values: pd.Series[Any], broken: pd.Series[bool]) -> str:
 
 def _plan_rules(rows: pd.DataFrame, plans: Mapping[str, Plan]) -> Iterator[_Rule]:
     """Yield what the plan says of each row of a table beside which there is no journal."""
+    task = next(iter(plans.values())).task
     of_trial, of_plan = attrgetter("number", *_OF_TRIAL), attrgetter(*_OF_PLAN)
     trials = [
         (
@@ -533,7 +616,7 @@ def _plan_rules(rows: pd.DataFrame, plans: Mapping[str, Plan]) -> Iterator[_Rule
     is_planned = planned["kind"].notna()
     unplanned = rows["file"].isin(plans) & ~is_planned
     yield _Rule("trial", f"the number of a planned trial {_BY_PLAN}", unplanned)
-    rows = rows.assign(level_vpp=rows["level_vpp"].mask(rows["side"].eq(NO_STIMULUS)))
+    rows = rows.assign(level_vpp=rows["level_vpp"].where(has_stimulus(rows, task)))
     for name in (*_OF_TRIAL, "participant", "session", "study_sha256"):
         value, due = rows[name].astype(object), planned[name]
         differs = is_planned & value.ne(due) & ~(value.isna() & due.isna())
@@ -542,7 +625,9 @@ def _plan_rules(rows: pd.DataFrame, plans: Mapping[str, Plan]) -> Iterator[_Rule
         yield _Rule(name, f"{_first_cell(due, differs)} {_BY_PLAN}", differs)
     if "response" in rows:
         pairs = zip(rows["response"].astype(object), planned["response"], strict=True)
-        undeclared = is_planned & np.array([r in ANSWERS and r not in str(due) for r, due in pairs])
+        undeclared = is_planned & np.array(
+            [r in task.answer_names and r not in str(due).split(", ") for r, due in pairs]
+        )
         must = f"{_first_cell(planned['response'], undeclared)}, timeout or invalid {_BY_PLAN}"
         yield _Rule("response", must, undeclared)
     late = rows["rt_s"].gt(planned["response_window_s"])
@@ -560,10 +645,10 @@ def _name_rules(rows: pd.DataFrame) -> Iterator[_Rule]:
     yield _Rule("participant", must, rows["participant"].eq(TOTAL))
 
 
-def _trial_rules(rows: pd.DataFrame, columns: ColumnMap) -> Iterator[_Rule]:
+def _trial_rules(rows: pd.DataFrame, columns: ColumnMap, task: Task) -> Iterator[_Rule]:
     kind, side, response = rows["kind"], rows["side"], rows["response"]
-    for name in LEFT_RIGHT_BOTH.kinds:
-        sides = [presentation.name for presentation in LEFT_RIGHT_BOTH.of_kind(name)]
+    for name in task.kinds:
+        sides = [presentation.name for presentation in task.of_kind(name)]
         must = f"{' or '.join(sides)} in a {name} trial"
         yield _Rule("side", must, kind.eq(name) & ~side.isin(sides))
     negative = kind.ne(HANDS_OFF) & rows["block"].lt(0)
@@ -574,7 +659,7 @@ def _trial_rules(rows: pd.DataFrame, columns: ColumnMap) -> Iterator[_Rule]:
     yield _Rule("response", "an answer, timeout or invalid where the status is ok", missing)
     timed = rows["rt_s"].notna() & (response.isna() | response.eq("timeout"))
     yield _Rule("rt_s", "n/a where there was no answer", timed)
-    wrong = rows["correct"].ne(expected_correct(rows)).fillna(value=True)
+    wrong = rows["correct"].ne(expected_correct(rows, task)).fillna(value=True)
     yield _Rule("correct", "what kind, side and response say", rows["correct"].notna() & wrong)
     has_responses = not columns.task or "response" in columns.named()
     if has_responses and "side" in columns.constant:
@@ -794,7 +879,7 @@ def counts_of(loaded: LoadedTrials) -> Counts:
     """Count trials, or what a table of counts presented, each participant a session."""
     trials, cells, blanks = loaded.trials, loaded.cells, loaded.blanks
     counted = trials[trials["reason"].eq("")]
-    numbers = {kind: int(counted["kind"].eq(kind).sum()) for kind in LEFT_RIGHT_BOTH.kinds}
+    numbers = {kind: int(counted["kind"].eq(kind).sum()) for kind in (SINGLE, BOTH, BLANK)}
     total = len(trials)
     people = trials[["participant", "session"]]
     if cells is not None:

@@ -30,7 +30,6 @@ from analysis.thresholds.table import (
 )
 from analysis.thresholds.tables import tables_in
 from experiment.names import require_whole
-from experiment.tasks import LEFT_RIGHT_BOTH
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -41,6 +40,7 @@ if TYPE_CHECKING:
     from analysis.reading.trials import Counts, LoadedTrials
     from analysis.results.protocol import Planned
     from analysis.thresholds.likelihood import Tables
+    from experiment.tasks.task import Task
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -170,7 +170,7 @@ class Analysis:
         if table.empty or self.detected_any is None or table["kind"].eq("both").any():
             return ""
         sides = {*table.loc[table["kind"].eq("single"), "side"]}
-        elsewhere = [name for name in LEFT_RIGHT_BOTH.named_answers if name not in sides]
+        elsewhere = [name for name in self.task.named_answers if name not in sides]
         is_alone = len(sides) == 1 and not table[elsewhere].to_numpy().any()
         return str(sides.pop()) if is_alone else ""
 
@@ -181,8 +181,13 @@ class Analysis:
 
     @property
     def has_sites(self) -> bool:
-        """Whether answers name sites: not in a forced choice known as right and wrong only."""
+        """Whether answers are known: not of a forced choice known as right and wrong only."""
         return self.loaded.side_told or self.loaded.task != FORCED
+
+    @property
+    def task(self) -> Task:
+        """The task whose words the tables have."""
+        return self.loaded.session_task
 
     @property
     def is_yes_no(self) -> bool:
@@ -259,10 +264,13 @@ def analyse(
         tests = sides_differ(counts)
         side_p = dict(zip(tests["condition"], tests["p"], strict=True))
     differs = trials["condition"].astype(object).map(side_p).lt(ALPHA)
-    by_side = table.count_levels(counts, "side") if loaded.cells is None else loaded.cells
+    task = loaded.session_task
+    by_answer = (
+        table.count_correct(counts, task.reference_vpp) if loaded.cells is None else loaded.cells
+    )
     false_alarms = table.count_false_alarms(counts) if loaded.blanks is None else loaded.blanks
     checks = (
-        *check_answers(by_side, false_alarms, loaded.alternatives),
+        *check_answers(by_answer, false_alarms, loaded.alternatives or len(task.correct_answers)),
         *(check_drift(trials, axis) if loaded.numbered else ()),
     )
     return Analysis(

@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Any, Final
 from analysis.results.answer import answer
 from analysis.results.rendering import read_toml
 from experiment.names import NOT_AVAILABLE
-from experiment.tasks import LEFT_RIGHT_BOTH
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -72,7 +71,7 @@ def reported_columns(table: pd.DataFrame, analysis: Analysis) -> pd.DataFrame:
     side, unit = analysis.one_place, analysis.axis.unit
     if side:
         answers = {side: "felt", "none": "not_felt"}
-        sided = {"side", *LEFT_RIGHT_BOTH.named_answers, "over_report", "mislocalised"} - {side}
+        sided = {"side", *analysis.task.named_answers, "over_report", "mislocalised"} - {side}
         sided |= {f"{of}_{at}" for of in ("level", "peak") for at in _SIDED}
         table = table.drop(columns=[*sided & {*table}]).rename(columns=answers)
         if "response" in table:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Final
 
 import pandas as pd
 
+from analysis.counts.table import felt_answers, is_correct
 from analysis.numbers import TOTAL, in_order
 from analysis.results.findings import (
     differences,
@@ -18,10 +19,9 @@ from analysis.results.findings import (
 )
 from analysis.results.rendering import compiled, names_in, phrases, read_toml
 from analysis.results.summary import any_side, reported_columns
-from experiment.tasks import LEFT_RIGHT_BOTH
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Iterator, Mapping, Sequence
 
     from analysis.results.analysis import Analysis
 
@@ -50,9 +50,10 @@ def make_tables(name: str, frame: pd.DataFrame, analysis: Analysis) -> Iterator[
     if frame.empty:
         return
     layout, several = read_toml("tables.toml")[name], analysis.counts.conditions > 1
-    hidden = {*LEFT_RIGHT_BOTH.named_answers, "elsewhere"} if analysis.one_side else set()
+    hidden = {*analysis.task.named_answers, "elsewhere"} if analysis.one_side else set()
     hidden -= {analysis.one_side}
-    hidden |= set() if analysis.has_sites else {"elsewhere", "mislocalised"}
+    has_sites = analysis.has_sites and analysis.task.named_answers
+    hidden |= set() if has_sites else {"elsewhere", "mislocalised"}
     frame = reported_columns(frame.drop(columns=[*hidden & {*frame.columns}]), analysis)
     frame = frame.rename(columns=lambda column: str(column).removesuffix("_vpp"))
     # In an expression `none` is no name of a column.
@@ -63,7 +64,7 @@ def make_tables(name: str, frame: pd.DataFrame, analysis: Analysis) -> Iterator[
         where = f", {layout['where'].format(*names)}" if several and names else ""
         columns = {
             heading: cell
-            for heading, cell in layout["columns"].items()
+            for heading, cell in _columns(layout["columns"], analysis)
             if names_in(cell) <= available
         }
         cells = compiled(f"({', '.join(columns.values())},)")
@@ -77,6 +78,14 @@ def make_tables(name: str, frame: pd.DataFrame, analysis: Analysis) -> Iterator[
             rows=texts.to_numpy().tolist(),
             note=layout.get("note", ""),
         )
+
+
+def _columns(layout: Mapping[str, str], analysis: Analysis) -> Iterator[tuple[str, str]]:
+    """Yield headings and cells; ``{answer}`` in both stands for each answer of the task."""
+    for heading, cell in layout.items():
+        for answer in analysis.task.answer_names if "{answer}" in heading else ("",):
+            name = "nothing" if answer == "none" else answer
+            yield heading.format(answer=answer.capitalize()), cell.format(answer=name)
 
 
 def result_rows(analysis: Analysis) -> dict[str, pd.DataFrame]:
@@ -139,14 +148,14 @@ def _each_participant(analysis: Analysis) -> pd.DataFrame:
     counted = analysis.trials[analysis.trials["reason"].eq("")].astype({"response": object})
     key, response = ["participant", "condition"], counted["response"]
     single, blank = (counted["kind"].eq(kind) for kind in ("single", "blank"))
-    is_correct = response.eq(counted["side"].astype(object))
+    correct = is_correct(counted)
     marks = counted[key].assign(
         single=single,
         blank=blank & counted["none_offered"].fillna(value=False).astype(bool),
-        alarms=blank & response.isin(LEFT_RIGHT_BOTH.named_answers),
-        elsewhere=single & response.isin(LEFT_RIGHT_BOTH.sites) & ~is_correct,
+        alarms=blank & response.isin(felt_answers(analysis.task)),
+        elsewhere=single & response.isin(analysis.task.sites) & ~correct,
         timeouts=response.eq("timeout"),
-        rt_s=counted["rt_s"].where(single & is_correct),
+        rt_s=counted["rt_s"].where(single & correct),
     )
     groups = marks.groupby(key, observed=True)
     table = groups.sum().assign(rt_s=groups["rt_s"].median())

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 import pandas as pd
 
+from analysis.counts.table import sites_in
 from analysis.thresholds.fit import WITH_THRESHOLD
 from experiment.tasks import LEFT_RIGHT_BOTH
 
@@ -92,7 +93,7 @@ def _per_volt(trials: pd.DataFrame) -> dict[tuple[object, object], tuple[PerVolt
     for (participant, condition), person in rows.groupby(
         ["participant", "condition"], observed=True
     ):
-        of_sites = {site: person[person["side"].eq(site)] for site in SITE_COLUMNS}
+        of_sites = {site: person[sites_in(person).eq(site)] for site in SITE_COLUMNS}
         ratios = {
             site: mean_of_equal(some[f"peak_{site}_um"] / some["level_vpp"])
             for site, some in of_sites.items()

@@ -8,10 +8,15 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 from scipy.special import xlogy
 
+from experiment.tasks.task import SINGLE
 from stimuli.checks import finite
 
 if TYPE_CHECKING:
+    from collections.abc import Collection
+
     from numpy.typing import NDArray
+
+    from experiment.tasks.task import Task
 
     Floats = NDArray[np.float64]
 
@@ -19,6 +24,8 @@ if TYPE_CHECKING:
 MAX_GUESS_RATE: Final = 0.9
 FORCED_CHOICE: Final = "forced choice"
 """Basis of the guess rate where "none" could not be answered."""
+COMPARISON: Final = "comparison"
+"""Basis of the guess rate where two stimuli are compared, and no answer is a guess of either."""
 BLANKS_NEEDED: Final = 20
 """The table of thresholds marks a guess rate from fewer blank trials."""
 _ASSUMED: Final = (0.5, 10)
@@ -36,8 +43,8 @@ class GuessRate:
     beta : tuple of float or None
         Both parameters of its Beta distribution; ``None`` where the rate is known.
     basis : str
-        Its source: ``given``, ``forced choice``, ``blanks``, ``few blanks`` (fewer than 20) or
-        ``assumed`` (none).
+        Its source: ``given``, ``forced choice``, ``comparison``, ``blanks``, ``few blanks`` (fewer
+        than 20) or ``assumed`` (none).
 
     Raises
     ------
@@ -98,14 +105,51 @@ class GuessRate:
         return np.asarray(xlogy(a - 0.5, gamma) + xlogy(b - 0.5, 1 - gamma))
 
 
+def forced_guess_rate(task: Task, alternatives: int | None = None) -> GuessRate:
+    """Return the guess rate of a task where "none" cannot be answered.
+
+    It is one in the number of `alternatives`, by default of the correct answers to single stimuli.
+    Beside a reference there is no guess: the comparison is judged stronger, or it is not.
+
+    >>> from experiment.tasks import make_task
+    >>> [round(forced_guess_rate(make_task(name)).mean, 2) for name in ("2ifc", "3ifc")]
+    [0.5, 0.33]
+    """
+    if task.scoring == "discrimination":
+        return GuessRate(mean=0.0, basis=COMPARISON)
+    number = alternatives or len(task.correct_answers)
+    return GuessRate(mean=min(1 / number, MAX_GUESS_RATE), basis=FORCED_CHOICE)
+
+
+def chances_of(task: Task, presented: Collection[str] | None = None) -> dict[str, float]:
+    """Return how often each answer, given without a stimulus, would detect a single one.
+
+    It is the share of the single stimuli, or of those `presented`, that it detects.
+
+    >>> from experiment.tasks import LEFT_RIGHT_BOTH, make_task
+    >>> chances_of(LEFT_RIGHT_BOTH), chances_of(make_task("yes-no"))
+    ({'left': 0.5, 'right': 0.5, 'both': 0.0, 'none': 0.0}, {'yes': 1.0, 'no': 0.0})
+    """
+    singles = [
+        shown.name
+        for shown in task.of_kind(SINGLE)
+        if presented is None or shown.name in presented
+    ]
+    return {
+        answer: sum(task.is_detected(name, answer) for name in singles) / max(len(singles), 1)
+        for answer in task.answer_names
+    }
+
+
 def guess_rate_of(
-    *, none_offered: bool, sided_answers: float, blanks: int, alternatives: int = 2
+    *, none_offered: bool, sided_answers: float, blanks: int, forced: GuessRate | None = None
 ) -> GuessRate:
     """Return the guess rate that a participant's task and blank trials imply.
 
-    A participant who cannot answer "none" guesses one of the `alternatives`. All others are correct
-    by chance as often as they answer a blank trial with a given side (`sided_answers` of them). A
-    rate of 0 would lower thresholds by 0.4 to 1 dB at true rates of 0.02 to 0.1.
+    A participant who cannot answer "none" has the rate `forced`, by default that of two
+    alternatives. All others are correct by chance as often as they answer a blank trial with a
+    given side (`sided_answers` of them). A rate of 0 would lower thresholds by 0.4 to 1 dB at true
+    rates of 0.02 to 0.1.
 
     >>> guess_rate_of(none_offered=False, sided_answers=0, blanks=0).mean
     0.5
@@ -115,5 +159,5 @@ def guess_rate_of(
     (1.0, 10.0)
     """
     if not none_offered:
-        return GuessRate(mean=1 / alternatives, basis=FORCED_CHOICE)
+        return forced or GuessRate(mean=0.5, basis=FORCED_CHOICE)
     return GuessRate.after_blanks(answered=sided_answers, blanks=blanks)

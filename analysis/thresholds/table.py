@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import pandas as pd
 
 from analysis.axis import VOLTS
-from analysis.counts.table import NEEDED, require_columns
+from analysis.counts.table import NEEDED, require_columns, sites_in
 from analysis.numbers import TOTAL, counted_up, in_order
 from analysis.thresholds.difference import Difference, difference_of
 from analysis.thresholds.fit import ABOVE, BELOW, fit_many
@@ -171,7 +171,7 @@ def difference_table(
 
 
 def side_thresholds(
-    trials: pd.DataFrame, axis: Axis = VOLTS, alternatives: int = 2
+    trials: pd.DataFrame, axis: Axis = VOLTS, alternatives: int | None = None
 ) -> pd.DataFrame:
     """Return the threshold of the group of each condition and side: ``side``, then `group_table`.
 
@@ -180,8 +180,9 @@ def side_thresholds(
     """
     single = trials["kind"].astype(object).eq("single")
     frames = []
-    for side in sorted({*trials.loc[single, "side"].dropna().astype(str)}):
-        rows = trials[~single | trials["side"].eq(side)]
+    sites = sites_in(trials)
+    for side in sorted({*sites[single].dropna().astype(str)}):
+        rows = trials[~single | sites.eq(side)]
         people = tables_of(rows, axis=axis, alternatives=alternatives)
         thresholds = thresholds_of(people, seed=0)
         groups = group_table(people, thresholds).set_index("condition")

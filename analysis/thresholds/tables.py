@@ -9,9 +9,14 @@ import numpy as np
 
 from analysis.axis import LARGEST, VOLTS, Axis, XScale
 from analysis.counts.intervals import checked_counts
-from analysis.counts.table import PERSON, count_answers, count_levels, counted
+from analysis.counts.table import PERSON, count_answers, count_levels, counted, task_of
 from analysis.thresholds.function import FunctionName
-from analysis.thresholds.guess import GuessRate, guess_rate_of
+from analysis.thresholds.guess import (
+    GuessRate,
+    chances_of,
+    forced_guess_rate,
+    guess_rate_of,
+)
 from analysis.thresholds.likelihood import Tables
 
 if TYPE_CHECKING:
@@ -108,11 +113,16 @@ def _guess_rates(
 def tables_in(loaded: LoadedTrials, cells: pd.DataFrame) -> Tables:
     """Return the tables of trials, or of a table of counts where there is one, and of its cells."""
     blanks = _count_sided_answers(loaded.trials) if loaded.cells is None else loaded.blanks
-    return tables_of_counts(cells, blanks, axis=loaded.axis, alternatives=loaded.alternatives)
+    forced = forced_guess_rate(task_of(loaded.trials), loaded.alternatives)
+    return tables_of_counts(cells, blanks, axis=loaded.axis, forced=forced)
 
 
-def tables_of(trials: pd.DataFrame, *, axis: Axis = VOLTS, alternatives: int = 2) -> Tables:
+def tables_of(
+    trials: pd.DataFrame, *, axis: Axis = VOLTS, alternatives: int | None = None
+) -> Tables:
     """Count the single stimuli and their detections, and find what guesses are worth.
+
+    `alternatives` are those of a forced choice, by default as the task has them.
 
     >>> import pandas as pd
     >>> from experiment.tasks import LEFT_RIGHT_BOTH
@@ -125,7 +135,8 @@ def tables_of(trials: pd.DataFrame, *, axis: Axis = VOLTS, alternatives: int = 2
     ((('main', '1'),), [[1.0, 1.0]], [[2.0, 1.0]])
     """
     cells, blanks = count_levels(count_answers(trials)), _count_sided_answers(trials)
-    return tables_of_counts(cells, blanks, axis=axis, alternatives=alternatives)
+    forced = forced_guess_rate(task_of(trials), alternatives)
+    return tables_of_counts(cells, blanks, axis=axis, forced=forced)
 
 
 def tables_of_counts(
@@ -133,7 +144,7 @@ def tables_of_counts(
     blanks: pd.DataFrame | None = None,
     *,
     axis: Axis = VOLTS,
-    alternatives: int = 2,
+    forced: GuessRate | None = None,
 ) -> Tables:
     """Lay cells and blanks of `analysis.reading.foreign.sum_counts` out by participant."""
     always = cells.groupby(PERSON)["none_offered"].all()
@@ -145,7 +156,7 @@ def tables_of_counts(
             none_offered=bool(none_offered),
             sided_answers=answers["felt"] / answers["sides"],
             blanks=int(answers["presented"]),
-            alternatives=alternatives,
+            forced=forced,
         )
     cells = cells.sort_values([*PERSON, "level_vpp"])
     people = cells.groupby(PERSON)
@@ -167,15 +178,16 @@ def tables_of_counts(
 
 
 def _count_sided_answers(trials: pd.DataFrame) -> pd.DataFrame:
-    """Count the blank trials, and those answered with a side, as `sum_counts` of counts does.
+    """Count the blank trials, and the chance hits among them, as `sum_counts` of counts does.
 
-    Of a task with stimuli at one side only, answers with the other are no chance hits.
+    A chance hit is an answer that would detect a single stimulus. Of a task with stimuli at one
+    side only, answers with the other are none.
     """
     single, blank = counted(trials, "single"), counted(trials, "blank")
-    sites = {*single[[*PERSON, "side"]].itertuples(index=False, name=None)}
+    presented = single.astype({"side": object}).groupby(PERSON, observed=True)["side"].unique()
+    chances = {person: chances_of(task_of(trials), sides) for person, sides in presented.items()}
     answers = blank[[*PERSON, "response"]].itertuples(index=False, name=None)
-    sided = blank[PERSON].assign(sided=[answer in sites for answer in answers])
-    people = sided.groupby(PERSON, observed=True)["sided"].agg(["sum", "size"])
-    sides = single.groupby(PERSON, observed=True)["side"].nunique().rename("sides")
-    people = people.rename(columns={"sum": "felt", "size": "presented"}).join(sides)
-    return people.reset_index()
+    hits = [chances.get(person, {}).get(answer, 0.0) for *key, answer in answers for person in [tuple(key)]]
+    people = blank[PERSON].assign(hits=hits).groupby(PERSON, observed=True)["hits"]
+    people = people.agg(["sum", "size"]).rename(columns={"sum": "felt", "size": "presented"})
+    return people.assign(sides=1).reset_index()

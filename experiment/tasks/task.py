@@ -300,6 +300,11 @@ class Task:
         return tuple(answer.name for answer in self.answers if answer.sites)
 
     @property
+    def correct_answers(self) -> tuple[str, ...]:
+        """The answers that are correct to single stimuli."""
+        return tuple(dict.fromkeys(shown.correct for shown in self.of_kind(SINGLE)))
+
+    @property
     def optional_answers(self) -> tuple[str, ...]:
         """The answers that a study need not offer."""
         return tuple(answer.name for answer in self.answers if answer.optional)

@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
+from analysis.counts.table import responses_of
 from analysis.results.figures.axes import figure_of, text_em
 from analysis.results.figures.drawing import DEFAULT_STYLE, lay_out
 from analysis.results.rendering import short
-from experiment.record.rows import RESPONSES
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -62,7 +62,7 @@ def plot_confusion(
     'Answer (%)'
     """
     table = analysis.confusion
-    answers = [name for name in RESPONSES if table[name].any()]
+    answers = [name for name in responses_of(analysis.task) if table[name].any()]
     stimuli = table["side"].astype(str).where(table["kind"].eq("single"), table["kind"].astype(str))
     names = stimuli + "\nn = " + table["presented"].astype(str)
     groups = {str(name): rows for name, rows in table.groupby("condition")}
