@@ -65,11 +65,17 @@ _LIMITS: Final = {
 }
 MIN_LEVEL_VPP, MAX_LEVEL_VPP = 1e-6, 1e6
 MIN_MEDIAN_RT_S, MAX_MEDIAN_RT_S = 0.01, 10.0
+COMPARISON: Final = "comparison"
+"""What no column map has: two stimuli are compared, one of them the reference."""
 _BATCH_ROWS: Final = 8_192
 _BY_PLAN: Final = "by the plan beside the table"
 _WORDS: Final = ("side", "response")
 """The columns whose words are those of the task."""
-_TASK_OF_SCORING: Final[Mapping[Scoring, str]] = {"yes-no": YES_NO, "forced-choice": FORCED}
+_TASK_OF_SCORING: Final[Mapping[Scoring, str]] = {
+    "yes-no": YES_NO,
+    "forced-choice": FORCED,
+    "discrimination": COMPARISON,
+}
 """What a column map would call a task that is scored so."""
 _KEY: Final = ["participant", "session", "trial", "attempt"]
 _NEVER_COUNTED: Final = (PRACTICE, HANDS_OFF)

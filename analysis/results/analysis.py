@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 
@@ -18,9 +18,13 @@ from analysis.reading.text import ResultFileError
 from analysis.reading.trials import counts_of, without_device
 from analysis.results.findings import ALPHA
 from analysis.results.protocol import read_studies
-from analysis.results.rendering import sentence
+from analysis.results.rendering import sentence, words_of
 from analysis.results.warnings import find_warnings
 from analysis.thresholds.band import group_bands
+from analysis.thresholds.discrimination import (
+    with_difference_thresholds,
+    with_group_difference_thresholds,
+)
 from analysis.thresholds.displacement import with_micrometres
 from analysis.thresholds.table import (
     difference_table,
@@ -198,6 +202,15 @@ class Analysis:
         return bool(self.one_side) or (self.loaded.task == YES_NO and not sides.any())
 
     @property
+    def words(self) -> Mapping[str, Any]:
+        """What thresholds and detections are called in the task."""
+        return words_of(self.task.scoring)
+
+    def label(self, text: str) -> str:
+        """Return a caption, a heading or a label in the words of the task."""
+        return str(self.words["labels"].get(text, text))
+
+    @property
     def mark(self) -> str:
         """A remark in every output where trials are no plain results; else empty."""
         return sentence("warnings.jinja", "mark", counts=self.counts, loaded=self.loaded)
@@ -257,6 +270,9 @@ def analyse(
     if loaded.side_told:
         thresholds = with_micrometres(thresholds, trials, axis)
     groups = group_table(people, thresholds)
+    if (reference_vpp := loaded.session_task.reference_vpp) is not None:
+        thresholds = with_difference_thresholds(thresholds, people, reference_vpp)
+        groups = with_group_difference_thresholds(groups, reference_vpp)
     sensitivity = sensitivity_table(counts)
     detected_any = table.count_detected_any(cells)
     side_p: dict[str, float] = {}

@@ -19,7 +19,7 @@ from analysis.results.findings import (
     side_estimates,
     sides_that_differ,
 )
-from analysis.results.rendering import phrase, sentence
+from analysis.results.rendering import phrase, sentence, words_of
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterator, Sequence
@@ -64,8 +64,17 @@ def answer(analysis: Analysis, brief: Collection[str] = ()) -> list[AnswerRow]:
     ]
 
 
-def _row(kind: str, macro: str = "", names: tuple[str, ...] = (), **data: object) -> AnswerRow:
-    return AnswerRow(kind=kind, names=names, text=sentence(_FILE, macro or kind, **data))
+def _row(
+    kind: str,
+    macro: str = "",
+    names: tuple[str, ...] = (),
+    analysis: Analysis | None = None,
+    **data: object,
+) -> AnswerRow:
+    """Return a row; what its kind is called depends on the task."""
+    scoring = analysis.task.scoring if analysis else ""
+    text = sentence(_FILE, macro or kind, scoring, **data)
+    return AnswerRow(kind=words_of(scoring)["kinds"].get(kind, kind), names=names, text=text)
 
 
 def _named(analysis: Analysis, condition: str) -> tuple[str, ...]:
@@ -75,28 +84,34 @@ def _named(analysis: Analysis, condition: str) -> tuple[str, ...]:
 def _sides(analysis: Analysis, *, brief: bool) -> Iterator[AnswerRow]:
     conditions = sides_that_differ(analysis)
     if len(conditions) > MAX_CONDITIONS:
-        yield _row("side", "sides_of_many", number=len(conditions))
+        yield _row("side", "sides_of_many", analysis=analysis, number=len(conditions))
         return
     for condition, sides in groupby(side_estimates(analysis), itemgetter("condition")):
-        yield _row("side", names=_named(analysis, condition), sides=[*sides], brief=brief)
+        names = _named(analysis, condition)
+        yield _row("side", names=names, analysis=analysis, sides=[*sides], brief=brief)
 
 
 def _thresholds(analysis: Analysis, *, brief: bool) -> Iterator[AnswerRow]:
     rows = estimates(analysis)
     if not rows:
-        yield _row("threshold", "threshold_missing")
+        yield _row("threshold", "threshold_missing", analysis=analysis)
     elif len(rows) > (1 if brief else MAX_CONDITIONS):
         inside = sorted((row for row in rows if not math.isnan(row["at"])), key=itemgetter("at"))
         ends = [row["short"] for row in (*inside[:1], *inside[-1:])]
-        yield _row("threshold", "thresholds_of_many", number=len(rows), ends=ends)
+        of_rows = {"number": len(rows), "ends": ends}
+        yield _row("threshold", "thresholds_of_many", analysis=analysis, **of_rows)
     else:
         for row in rows:
             names = _named(analysis, row["condition"])
-            yield _row("threshold", names=names, e=row, counts=analysis.counts)
+            yield _row("threshold", names=names, analysis=analysis, e=row, counts=analysis.counts)
+        for kind in ("re_reference", "difference_threshold"):
+            for row in rows:
+                if row[kind]:
+                    yield _row(kind, names=_named(analysis, row["condition"]), e=row)
         trials = analysis.trials
         silent = {*trials.loc[trials["reason"].eq(NEVER_ANSWERED), "condition"]}
         for condition in sorted(silent - {row["condition"] for row in rows})[:1]:
-            yield _row("threshold", "condition_silent", names=(condition,))
+            yield _row("threshold", "condition_silent", names=(condition,), analysis=analysis)
     for row in rows if len(rows) <= MAX_WITH_MICROMETRES else ():
         if row["um"]:
             yield _row("micrometres", names=_named(analysis, row["condition"]), e=row)
@@ -105,13 +120,14 @@ def _thresholds(analysis: Analysis, *, brief: bool) -> Iterator[AnswerRow]:
 def _differences(analysis: Analysis, *, brief: bool) -> Iterator[AnswerRow]:
     pairs = differences(analysis)
     if len(pairs) > (1 if brief else MAX_ITEMS):
-        yield _row("difference", "differences_of_many", pairs=pairs)
+        yield _row("difference", "differences_of_many", analysis=analysis, pairs=pairs)
         return
     for pair in pairs:
         names = (pair["condition_b"], pair["condition_a"])
-        yield _row("difference", names=names, d=pair, short=brief or len(pairs) > 1)
+        short = brief or len(pairs) > 1
+        yield _row("difference", names=names, analysis=analysis, d=pair, short=short)
     if not pairs and len(analysis.groups) > 1:
-        yield _row("difference", "not_compared")
+        yield _row("difference", "not_compared", analysis=analysis)
 
 
 def _false_alarms(analysis: Analysis) -> AnswerRow:

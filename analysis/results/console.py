@@ -133,7 +133,7 @@ def _wrap(line: str, indent: str, *, cut: bool = False) -> list[str]:
 def _warning_lines(analysis: Analysis, remarks: Sequence[str], room: int) -> list[str]:
     """Return the warnings, a line for each code with the numbers that they have in the report."""
     numbers: dict[str, list[int]] = {}
-    texts = [*(warning.code.text for warning in analysis.warnings), *remarks]
+    texts = [*(analysis.label(warning.code.text) for warning in analysis.warnings), *remarks]
     for number, text in enumerate(texts, start=1):
         numbers.setdefault(text, []).append(number)
     rows = [

@@ -18,7 +18,7 @@ from analysis.results.figures.curves import function_table
 from analysis.results.figures.drawing import DEFAULT_STYLE, Style
 from analysis.results.methods import methods_of
 from analysis.results.report import report_html
-from analysis.results.summary import columns_text, devices, reported_columns, summary_text
+from analysis.results.summary import columns_text, devices, written_columns, summary_text
 from analysis.thresholds.displacement import with_group_micrometres
 from experiment.names import NOT_AVAILABLE
 from experiment.record import manifest
@@ -199,14 +199,14 @@ def _contents(analysis: Analysis, style: Style | None) -> Iterator[tuple[str, by
     trials = analysis.trials.assign(altered=altered)
     marks = _marks(trials, analysis)
     clean = clean_table(trials, more={"altered"} & {*marks})
-    yield "trials_clean.csv", csv_text(reported_columns(clean, analysis)).encode()
+    yield "trials_clean.csv", csv_text(written_columns(clean, analysis)).encode()
     drawn = () if style is None else tuple(figures.pictures(analysis, style))
     tables = {name: getattr(analysis, name) for name in _TABLES}
     tables["thresholds"] = _with_groups(analysis)
     tables["functions"] = function_table(analysis) if drawn else pd.DataFrame()
     for name, table in tables.items():
         if len(table) or name in _ALWAYS:
-            text = csv_text(reported_columns(_marked(table, marks), analysis))
+            text = csv_text(written_columns(_marked(table, marks), analysis))
             yield f"{name}.csv", text.encode()
     for picture in drawn:
         for ending, content in picture.files.items():

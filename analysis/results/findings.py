@@ -45,12 +45,17 @@ def records(table: pd.DataFrame) -> list[dict[str, Any]]:
     return [{str(name): value for name, value in row.items()} for row in table.to_dict("records")]
 
 
-def with_texts(table: pd.DataFrame, measured: pd.DataFrame, axis: Axis) -> list[dict[str, Any]]:
+def with_texts(
+    table: pd.DataFrame, measured: pd.DataFrame, analysis: Analysis
+) -> list[dict[str, Any]]:
     """Return the rows of a table of thresholds with their texts, all rounded alike.
 
     ``value`` has the limits and ``short`` has none; without a threshold both have a bound or the
-    reason. ``slope`` is sigma. `measured` has the levels of each condition, or participant there.
+    reason. ``slope`` is sigma. ``difference_threshold`` and ``re_reference`` are empty unless stimuli
+    were compared with a reference. `measured` has the levels of each condition, or participant
+    there.
     """
+    axis = analysis.axis
     key = [name for name in ("condition", "participant") if name in measured]
     rows = records(
         table.join(measured.groupby(key)["level_vpp"].agg(list).rename("tested"), on=key)
@@ -62,7 +67,8 @@ def with_texts(table: pd.DataFrame, measured: pd.DataFrame, axis: Axis) -> list[
         spreads.append(spread_of(low, at, high, row["tested"]) if math.isfinite(at) else math.nan)
     for row, spread in zip(rows, alike(spreads), strict=True):
         at, limits = row["at"], (row["low"], row["high"])
-        value = short = phrases()["status"].get(row["status"], "")
+        value = short = analysis.label(phrases()["status"].get(row["status"], ""))
+        row |= _beside_reference(row)
         if math.isfinite(at):
             value = with_limits(at, *limits, axis.unit, row["tested"], spread=spread)
             short = f"{rounded(at, spread)} {axis.unit}"
@@ -70,6 +76,15 @@ def with_texts(table: pd.DataFrame, measured: pd.DataFrame, axis: Axis) -> list[
             value = short = bounded(*limits, axis.unit, row["tested"])
         row |= {"value": value, "short": short, "slope": _slope(row, axis)}
     return rows
+
+
+def _beside_reference(row: Mapping[str, Any]) -> dict[str, str]:
+    """Return the texts of a comparison with a reference, empty without one."""
+    texts = {"difference_threshold": "", "re_reference": ""}
+    if "reference_vpp" in row:
+        texts["difference_threshold"] = sentence("answer.jinja", "difference_threshold_db", r=row)
+        texts["re_reference"] = sentence("answer.jinja", "db_re_reference", r=row)
+    return texts
 
 
 def _limits(row: Mapping[str, Any], name: str) -> tuple[float, float]:
@@ -110,7 +125,7 @@ def estimates(analysis: Analysis) -> list[dict[str, Any]]:
     groups = analysis.groups.set_index("condition")
     alone_here = people["condition"].map(groups["participants"]).eq(1)
     groups.update(people[alone_here].set_index("condition").filter([*groups]))
-    rows = with_texts(groups.reset_index(), analysis.levels, axis)
+    rows = with_texts(groups.reset_index(), analysis.levels, analysis)
     for row in rows:
         row["spread"] = _in_db([row[f"spread_{end}db"] for end in ("", "low_", "high_")], axis)
         row["next_participant"] = ""
@@ -151,7 +166,7 @@ def side_estimates(analysis: Analysis) -> list[dict[str, Any]]:
     return [
         row
         for _, rows in analysis.side_groups.groupby("condition", sort=False)
-        for row in with_texts(rows, analysis.levels, analysis.axis)
+        for row in with_texts(rows, analysis.levels, analysis)
     ]
 
 

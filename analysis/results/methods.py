@@ -58,7 +58,7 @@ def methods_of(analysis: Analysis) -> Methods:
     def cite(key: str) -> str:
         return f"[{cited.setdefault(key, len(cited) + 1)}]"
 
-    data = _data(analysis) | {"cite": cite}
+    data = _data(analysis) | {"cite": cite, "words": analysis.words}
     texts = [
         tuple(
             joined

@@ -120,6 +120,17 @@ def phrase(code: str, section: str) -> str:
     return str(phrases()[section][code])
 
 
+@cache
+def words_of(scoring: str = "") -> Mapping[str, Any]:
+    """Return the words of words.toml for tasks that are scored so.
+
+    >>> words_of()["threshold"], words_of("discrimination")["threshold"]
+    ('threshold', 'PSE')
+    """
+    texts = read_toml("words.toml")
+    return MappingProxyType({**texts["default"], **texts.get(scoring, {})})
+
+
 _FILTERS: Final[Mapping[str, Callable[..., Any]]] = {
     "percent": percent,
     "p_value": p_value,
@@ -182,11 +193,17 @@ def names_in(expression: str) -> frozenset[str]:
     return frozenset(meta.find_undeclared_variables(tree))
 
 
-def sentence(file: str, macro: str, **data: object) -> str:
-    """Return what a macro makes of data, on one line."""
-    return " ".join(str(getattr(template(file).module, macro)(**data)).split())
+@cache
+def _module(file: str, scoring: str) -> Any:
+    return template(file).make_module({"words": words_of(scoring)})
 
 
-def warning(code: WarningCode, **data: object) -> AnalysisWarning:
+def sentence(file: str, macro: str, scoring: str = "", **data: object) -> str:
+    """Return what a macro makes of data, on one line, in the words of a task's scoring."""
+    return " ".join(str(getattr(_module(file, scoring), macro)(**data)).split())
+
+
+def warning(code: WarningCode, scoring: str = "", **data: object) -> AnalysisWarning:
     """Return a warning in the words of warnings.jinja, where a macro has the name of its code."""
-    return AnalysisWarning(code, sentence("warnings.jinja", code.value, **data), data)
+    message = sentence("warnings.jinja", code.value, scoring, **data)
+    return AnalysisWarning(code, message, data)

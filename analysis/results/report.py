@@ -47,6 +47,7 @@ def report_html(analysis: Analysis, pictures: Iterable[Picture], methods: Method
         section
         | {
             "key": key,
+            "title": analysis.label(section["title"]),
             "tables": [
                 table
                 for name in section["tables"]

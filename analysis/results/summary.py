@@ -10,18 +10,22 @@ from importlib.metadata import version
 from typing import TYPE_CHECKING, Any, Final
 
 from analysis.results.answer import answer
-from analysis.results.rendering import read_toml
+from analysis.results.rendering import read_toml, words_of
 from experiment.names import NOT_AVAILABLE
+from experiment.tasks import LEFT_RIGHT_BOTH
 
 if TYPE_CHECKING:
     import pandas as pd
 
     from analysis.axis import Axis
     from analysis.results.analysis import Analysis
+    from experiment.tasks.task import Task
 
 
 SCHEMA: Final = 2
 _COUNTS: Final = ("false_alarms_a", "blanks_a", "false_alarms_b", "blanks_b")
+_OF_NAMED_SITES: Final = ("over_report", "mislocalised")
+"""Columns of answers that name another site, or more of them."""
 _SIDED: Final = ("left_vpp", "right_vpp", "left_um", "right_um")
 _TABLES: Final = (
     *("excluded", "levels", "both", "blank", "hands_off", "thresholds", "groups", "sides"),
@@ -82,19 +86,40 @@ def reported_columns(table: pd.DataFrame, analysis: Analysis) -> pd.DataFrame:
     return table
 
 
-def column_meanings(axis: Axis, *, one_place: bool = False) -> dict[str, str]:
-    """Return what the columns of the tables mean, of `reported_columns`.
+def written_columns(table: pd.DataFrame, analysis: Analysis) -> pd.DataFrame:
+    """Return a table as files have it: `reported_columns`, called as the task calls them.
+
+    Without answers that name sites, nothing can be answered with another site.
+    """
+    without = () if analysis.task.named_answers else _OF_NAMED_SITES
+    table = table.drop(columns=[name for name in without if name in table])
+    table = table.rename(columns=dict(analysis.words["columns"]))
+    return reported_columns(table, analysis)
+
+
+def column_meanings(
+    axis: Axis, *, one_place: bool = False, task: Task = LEFT_RIGHT_BOTH
+) -> dict[str, str]:
+    """Return what the columns of the tables mean, of `written_columns`.
 
     >>> from analysis.axis import Axis
     >>> column_meanings(Axis(unit="vol"))["threshold_db"]
     'the threshold in dB re 1 vol'
     """
-    texts = read_toml("columns.toml")
+    texts, columns = read_toml("columns.toml"), words_of(task.scoring)["columns"]
+    named = {**texts["columns"], **texts["scoring"].get(task.scoring, {})}
+    if not task.named_answers:
+        hidden = {*_OF_NAMED_SITES, *LEFT_RIGHT_BOTH.named_answers, *texts["both_sites"]["names"]}
+        named = {name: text for name, text in named.items() if name not in hidden}
+        for answer in task.answers:
+            text = f"trials answered {answer.name}: {answer.meaning}"
+            named[answer.name] = "; ".join(filter(None, (named.get(answer.name), text)))
+    named = {columns.get(name, name): text for name, text in named.items()}
     unit = "volts peak-to-peak" if axis.is_vpp else axis.unit
     db = axis.unit if axis.unit.lower().startswith("db") else f"dB re 1 {axis.label}"
     meanings = {
         name if axis.is_vpp else name.replace("_vpp", ""): text.format(unit=unit, db=db)
-        for name, text in texts["columns"].items()
+        for name, text in named.items()
     }
     if not axis.is_vpp:
         meanings |= texts["own_unit"]
@@ -107,7 +132,8 @@ def column_meanings(axis: Axis, *, one_place: bool = False) -> dict[str, str]:
 
 def columns_text(analysis: Analysis) -> str:
     """Write what the columns mean as JSON."""
-    meanings = column_meanings(analysis.axis, one_place=bool(analysis.one_place))
+    one_place = bool(analysis.one_place)
+    meanings = column_meanings(analysis.axis, one_place=one_place, task=analysis.task)
     return json.dumps(meanings, indent=1, ensure_ascii=False) + "\n"
 
 
@@ -135,7 +161,7 @@ def devices(trials: pd.DataFrame) -> dict[str, int]:
 
 def _records(table: pd.DataFrame, analysis: Analysis) -> list[dict[str, object]]:
     """Return the rows of a table, null for NaN, and counts whole where others are missing."""
-    table = reported_columns(table, analysis)
+    table = written_columns(table, analysis)
     table = table.astype({name: "Int64" for name in _COUNTS if name in table}).astype(object)
     return [
         dict(zip(table.columns, row, strict=True))

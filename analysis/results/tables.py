@@ -73,10 +73,10 @@ def make_tables(name: str, frame: pd.DataFrame, analysis: Analysis) -> Iterator[
         if {*texts} <= _NAMES:
             continue
         yield Table(
-            caption=f"{layout['caption']}{where}",
+            caption=f"{analysis.label(layout['caption'])}{where}",
             header=[*texts],
             rows=texts.to_numpy().tolist(),
-            note=layout.get("note", ""),
+            note=analysis.label(layout.get("note", "")),
         )
 
 
@@ -85,7 +85,9 @@ def _columns(layout: Mapping[str, str], analysis: Analysis) -> Iterator[tuple[st
     for heading, cell in layout.items():
         for answer in analysis.task.answer_names if "{answer}" in heading else ("",):
             name = "nothing" if answer == "none" else answer
-            yield heading.format(answer=answer.capitalize()), cell.format(answer=name)
+            title = analysis.label(heading).format(answer=answer.capitalize())
+            if title:
+                yield title, cell.replace("{answer}", name)
 
 
 def result_rows(analysis: Analysis) -> dict[str, pd.DataFrame]:
@@ -104,7 +106,9 @@ def result_rows(analysis: Analysis) -> dict[str, pd.DataFrame]:
     times, kind = analysis.reaction_times, analysis.confusion["kind"]
     single = "stimulus" if analysis.one_place else analysis.confusion["side"]
     confusion = analysis.confusion if analysis.has_sites else analysis.confusion[:0]
-    counts = pd.Series(asdict(analysis.counts)).reindex([*phrases()["counts"]])
+    names = phrases()["counts"]
+    counts = pd.Series(asdict(analysis.counts)).reindex([*names])
+    counts = counts.rename(lambda code: analysis.label(names[code]))
     return {
         "group": pd.DataFrame(estimates(analysis)),
         "side_group": pd.DataFrame(side_estimates(analysis)),
@@ -133,7 +137,7 @@ def _people(analysis: Analysis) -> pd.DataFrame:
     return pd.DataFrame(
         row
         for _, rows in table.groupby("condition")
-        for row in with_texts(rows, analysis.participants, analysis.axis)
+        for row in with_texts(rows, analysis.participants, analysis)
     )
 
 

@@ -60,7 +60,8 @@ def find_warnings(analysis: Analysis) -> Iterator[AnalysisWarning]:
         _check_sides(analysis),
         _check_conditions(analysis),
     )
-    warnings = [warning(code, **data) for is_found, code, data in checks if is_found]
+    scoring = analysis.task.scoring
+    warnings = [warning(code, scoring, **data) for is_found, code, data in checks if is_found]
     order = [*WarningCode]
     yield from sorted(warnings, key=lambda each: order.index(each.code))
 

@@ -107,7 +107,8 @@ def drawn_functions(people: Tables, number: int = _DRAWS, seed: int = 1) -> Line
     if len(people) == 1:
         axes, weight, step = cells_of(people)
         gamma, lapse, mu, log_sigma = draws(weight, axes.each, number, rng)
-        return Line(mu * step, np.exp(log_sigma) * step, lapse, gamma, people.function)
+        ends = (1 - people.lapse_share) * lapse, gamma + people.lapse_share * lapse
+        return Line(mu * step, np.exp(log_sigma) * step, *ends, people.function)
     middle, spread, log_sigma = posterior_of(people).drawn(number, rng)
     gamma, lapse = (
         np.clip(mean + np.sqrt(variance) * rng.standard_normal(number), 0.0, most)

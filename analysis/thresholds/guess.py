@@ -96,6 +96,14 @@ class GuessRate:
         a, b = 0.5 + answered, 0.5 + blanks - answered
         return cls(mean=min(a / (a + b), MAX_GUESS_RATE), beta=(a, b), basis=basis)
 
+    @property
+    def lapse_share(self) -> float:
+        """The share of lapses that count as detected.
+
+        None of them does, but where two stimuli are compared: who misses both answers either.
+        """
+        return 0.5 if self.basis == COMPARISON else 0.0
+
     def log_density(self, gamma: Floats) -> Floats:
         """Return the log density of the angle arcsin(sqrt(gamma)), but for a constant.
 

@@ -173,15 +173,16 @@ def likeliest_function(tables: Tables, row: int, node: Floats) -> dict[str, floa
 
     u, k, n = tables.counts(row)
     gamma, misses, total = tables.guesses[row].mean, n - k, n.sum()
+    share = tables.lapse_share
 
     def cost(values: Floats) -> tuple[float, Floats]:
         mu, log_sigma, lapse = values
         z = (u - mu) / math.exp(log_sigma)
         above, _ = rise(tables.function, z)
-        p, q = probabilities_at(tables.function, z, gamma, lapse)
+        p, q = probabilities_at(tables.function, z, gamma, lapse, share)
         push = k / p - misses / q
         steep = (1 - gamma - lapse) * slope(tables.function, z) * push
-        gradient = [steep.sum() / math.exp(log_sigma), (steep * z).sum(), above @ push]
+        gradient = [steep.sum() / math.exp(log_sigma), (steep * z).sum(), (above - share) @ push]
         value = float((xlogy(k, p) + xlogy(misses, q)).sum())
         return -value / total, np.array(gradient) / total
 
@@ -195,7 +196,8 @@ def likeliest_function(tables: Tables, row: int, node: Floats) -> dict[str, floa
         options={"ftol": _MIN_GAIN, "maxiter": 500},
     )
     mu, log_sigma, lapse = best.x.tolist()
-    p, q = probabilities_at(tables.function, (u - mu) * math.exp(-log_sigma), gamma, lapse)
+    z = (u - mu) * math.exp(-log_sigma)
+    p, q = probabilities_at(tables.function, z, gamma, lapse, share)
     axis, step = tables.axis, tables.prior.step
     return {
         "mle_threshold": axis.level(mu * step),
@@ -206,9 +208,10 @@ def likeliest_function(tables: Tables, row: int, node: Floats) -> dict[str, floa
 
 
 def probabilities_at(
-    function: FunctionName, z: Floats, gamma: float, lapse: float | Floats
+    function: FunctionName, z: Floats, gamma: float, lapse: float | Floats, lapse_share: float
 ) -> tuple[Floats, Floats]:
     """Return p and 1 - p, neither of them 0."""
     above, below = rise(function, z)
     rest = 1 - gamma - lapse
-    return np.maximum(gamma + rest * above, TINY), np.maximum(lapse + rest * below, TINY)
+    p, q = gamma + lapse_share * lapse + rest * above, (1 - lapse_share) * lapse + rest * below
+    return np.maximum(p, TINY), np.maximum(q, TINY)

@@ -133,6 +133,11 @@ class Tables:
         return self.axis.on_axis(self.levels)
 
     @property
+    def lapse_share(self) -> float:
+        """The share of lapses that count as detected, which is that of the task."""
+        return self.guesses[0].lapse_share if self.guesses else 0.0
+
+    @property
     def tested(self) -> Floats:
         """The levels that were presented to anybody, in order."""
         return np.unique(self.levels[self.presented > 0])
@@ -211,7 +216,7 @@ class Likelihood:
     """The likelihood of one table over mu and log sigma in steps, gamma and lambda integrated out.
 
     The others are of the posterior: the points `POINTS` of mu and of log sigma, means and variances
-    of gamma and lambda. `node` is the likeliest node of mu, log sigma and lambda at the mean guess
+    of the rates at which the function begins and ends. `node` is the likeliest node of mu, log sigma and lambda at the mean guess
     rate.
     """
 
@@ -365,13 +370,16 @@ def _common_axes(prior: Prior, gamma: tuple[float, ...], nodes: Nodes) -> Axes:
     return Axes(mu, log_sigma, *lapses, np.array(gamma), np.ones(len(gamma)))
 
 
-def log_probabilities(levels: tuple[float, ...], axes: Axes, function: FunctionName) -> Floats:
+def log_probabilities(
+    levels: tuple[float, ...], axes: Axes, function: FunctionName, lapse_share: float
+) -> Floats:
     """Return log p and log(1 - p) at levels and nodes, (2 levels, nodes)."""
     z = (np.array(levels)[:, None, None] - axes.mu[:, None]) * np.exp(-axes.log_sigma)
     gamma, lapse = axes.gamma[:, None, None, None], axes.lapse[:, None, None]
     rest = np.maximum(1 - gamma - lapse, 0.0)
     above, below = (share[:, None, None] for share in rise(function, z))
-    both = np.concatenate([gamma + rest * above, lapse + rest * below])
+    answered, missed = gamma + lapse_share * lapse, (1 - lapse_share) * lapse
+    both = np.concatenate([answered + rest * above, missed + rest * below])
     log = np.log(np.maximum(both, TINY, out=both), out=both)
     return np.asarray(log.reshape(2 * len(levels), -1))
 
@@ -392,11 +400,12 @@ def _log_likelihoods(tables: Tables, axes: Axes, *, shared: bool) -> Floats:
     block = max(_MAX_BLOCK // (2 * cells), 1)
     cached = shared and 2 * len(levels) * cells <= _MAX_CACHED
     probabilities = _cached_log_probabilities if cached else log_probabilities
+    share = tables.lapse_share
     log = np.zeros((len(tables), cells))
     for start in range(0, len(levels), block):
         some = slice(start, start + block)
         answers = np.concatenate([k[:, some], n[:, some] - k[:, some]], axis=1)
-        log += answers @ probabilities(tuple(levels[some].tolist()), axes, tables.function)
+        log += answers @ probabilities(tuple(levels[some].tolist()), axes, tables.function, share)
     log -= log.max(axis=1, keepdims=True)
     return log.reshape(len(tables), len(axes.gamma) * len(axes.lapse), -1)
 
@@ -444,6 +453,7 @@ def _integrated(
     likeliest = log.reshape(number, n_gamma, -1)[range(number), at_mean].argmax(axis=1)
     at_lapse, at_mu, at_sigma = np.unravel_index(likeliest, (n_lapse, n_mu, n_sigma))
     node = np.stack([axes.mu[at_mu], axes.log_sigma[at_sigma], axes.lapse[at_lapse]], axis=1)
+    share = tables.lapse_share
     likelihood = [
         Likelihood(
             mu=axes.mu,
@@ -451,8 +461,10 @@ def _integrated(
             by_class=by_class[i],
             mu_points=mu[i],
             log_sigma_points=log_sigma[i],
-            gamma=gamma[i] if guess.beta else (guess.mean, 0.0),
-            lapse=lapse[i],
+            gamma=_scaled(lapse[i], share, gamma[i][0], gamma[i][1])
+            if guess.beta
+            else _scaled(lapse[i], share, guess.mean),
+            lapse=_scaled(lapse[i], 1 - share),
             node=node[i],
         )
         for i, guess in enumerate(tables.guesses)
@@ -469,6 +481,13 @@ def _moments(shares: Floats, axis: Floats) -> list[tuple[float, float]]:
     mean = shares @ axis
     variance = np.maximum(shares @ axis**2 - mean**2, 0.0)
     return list(zip(mean.tolist(), variance.tolist(), strict=True))
+
+
+def _scaled(
+    moments: tuple[float, float], factor: float, mean: float = 0.0, variance: float = 0.0
+) -> tuple[float, float]:
+    """Return mean and variance of a multiple of a value, added to another value."""
+    return mean + factor * moments[0], variance + factor**2 * moments[1]
 
 
 def _narrow_axes(table: Tables, axes: Axes, log: Floats) -> tuple[Axes, Floats]:

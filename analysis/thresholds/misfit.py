@@ -48,7 +48,8 @@ def deviance_p(fit: PsychometricFit, tables: Tables, row: int, seed: int) -> flo
         return math.nan
     u, k, n = tables.counts(row)
     guess, likelihood, best_lapse = tables.guesses[row], tables.likelihoods[row], fit.mle_lapse_rate
-    least, half = math.exp(-(_REFIT_RANGE**2) / 2), _REFIT_RANGE * math.sqrt(likelihood.lapse[1])
+    least, share = math.exp(-(_REFIT_RANGE**2) / 2), tables.lapse_share
+    half = _REFIT_RANGE * math.sqrt(likelihood.lapse[1]) / (1 - share)
     ranges = (
         range_of(likelihood.mu, likelihood.values.max(axis=1), least),
         range_of(likelihood.log_sigma, likelihood.values.max(axis=0), least),
@@ -61,7 +62,7 @@ def deviance_p(fit: PsychometricFit, tables: Tables, row: int, seed: int) -> flo
     lapse, mu, sigma = (
         axis.ravel() for axis in np.meshgrid(lapse, mu, np.exp(log_sigma), indexing="ij")
     )
-    log = log_probabilities(tuple(binned(u, k, n)[0].tolist()), axes, tables.function)
+    log = log_probabilities(tuple(binned(u, k, n)[0].tolist()), axes, tables.function, share)
 
     def refitted(counts: Floats) -> Floats:
         """Return the deviance of each table from its refit."""
@@ -69,7 +70,8 @@ def deviance_p(fit: PsychometricFit, tables: Tables, row: int, seed: int) -> flo
         spread = np.array([[*hits, *(presented - hits)] for hits, presented in answers])
         node = (spread @ log).argmax(axis=1)[:, None]
         z = (u - mu[node]) / sigma[node]
-        return deviance(counts, n, *probabilities_at(tables.function, z, guess.mean, lapse[node]))
+        p, q = probabilities_at(tables.function, z, guess.mean, lapse[node], share)
+        return deviance(counts, n, p, q)
 
     rng = np.random.default_rng([seed, *k.astype(np.int64).tolist(), *n.astype(np.int64).tolist()])
     axis, step = tables.axis, tables.prior.step
@@ -83,7 +85,7 @@ def deviance_p(fit: PsychometricFit, tables: Tables, row: int, seed: int) -> flo
         rates = np.full((size, 1), guess.mean)
         if guess.beta is not None:
             rates = np.minimum(rng.beta(*guess.beta, (size, 1)), 1 - best_lapse)
-        p = rates + (1 - rates - best_lapse) * above
+        p = rates + share * best_lapse + (1 - rates - best_lapse) * above
         counts = rng.binomial(n.astype(np.int64), np.clip(p, 0.0, 1.0)).astype(np.float64)
         as_deviant += int((refitted(counts) >= observed).sum())
         drawn += size

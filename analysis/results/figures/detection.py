@@ -126,7 +126,7 @@ def _legend(analysis: Analysis, threshold: str) -> list[Artist]:
         handles += [handle(look, "participant", ls="", ms=2.7, mew=0, mfc=look.colour, alpha=0.5)]
         handles += [handle(look, "mean", ls="", ms=5)]
     if threshold:
-        handles += [handle(look, f"threshold {threshold}", marker="", ls=":", lw=0.9)]
+        handles += [handle(look, f"{analysis.words['threshold']} {threshold}", marker="", ls=":", lw=0.9)]
     return handles
 
 
@@ -228,7 +228,7 @@ def _guess_rate(analysis: Analysis) -> float:
 def _proportions(analysis: Analysis, intervals: int) -> YAxis:
     """Return the axis of proportions: from 0, in a forced choice from the rate of guessing."""
     least = min(_guess_rate(analysis), analysis.participants["p"].min())
-    return YAxis("Proportion detected", [least, 1.0], intervals)
+    return YAxis(analysis.words["axis"], [least, 1.0], intervals)
 
 
 def _draw_guessing(panels: Sequence[Axes], analysis: Analysis) -> None:

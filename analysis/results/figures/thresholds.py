@@ -118,7 +118,7 @@ def plot_thresholds(
         ends += [levels.max()] * bool(rows["status"].isin(ABOVE).any())
         ends = ends if np.isfinite([*ends, *rows["value"]]).any() else [*levels]
         _draw_rows(panels[0], rows, analysis, ends, log=not axis.signed)
-        name_axes(panels[:1], f"Threshold ({axis.label})", "")
+        name_axes(panels[:1], f"{analysis.words['name']} ({axis.label})", "")
         _name_rows(panels[0], shown, analysis)
         for panel in panels[1:]:
             panel.axvline(0, color=GREY, lw=0.6, zorder=1)
