@@ -20,12 +20,11 @@ from analysis.counts.intervals import equal_rates_p, hypergeometric_tails
 from analysis.counts.table import (
     COUNTED_KINDS,
     PERSON,
-    SINGLE,
     count_sites,
     counted,
-    sites_in,
     task_of,
 )
+from experiment.tasks.task import SINGLE
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping

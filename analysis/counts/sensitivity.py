@@ -17,8 +17,9 @@ import pandas as pd
 
 from analysis.counts.checks import condition_order
 from analysis.counts.intervals import equal_rates_p, mean_difference, mean_limits
-from analysis.counts.table import BLANK, PERSON, SINGLE, sum_outcomes
+from analysis.counts.table import PERSON, sum_outcomes
 from analysis.numbers import LIMITS, TOTAL, in_order
+from experiment.tasks.task import BLANK, SINGLE
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -168,7 +168,9 @@ def sum_outcomes(counts: pd.DataFrame, kind: str, key: Sequence[str]) -> pd.Data
     """
     rows = counts[counts["kind"].eq(kind)].reset_index(drop=True)
     pairs = pd.MultiIndex.from_frame(rows[["side", "response"]])
-    outcomes = _outcomes(task_of(counts).name).loc[pairs].reset_index(drop=True).mul(rows["n"], axis=0)
+    outcomes = (
+        _outcomes(task_of(counts).name).loc[pairs].reset_index(drop=True).mul(rows["n"], axis=0)
+    )
     return pd.concat([rows[[*key]], outcomes], axis=1).groupby([*key], as_index=False).sum()
 
 
@@ -225,7 +227,7 @@ def count_correct(counts: pd.DataFrame, reference_vpp: float | None = None) -> p
     # A presentation at any site that has this correct answer stands for all of them.
     alike = {shown.correct: shown.name for shown in reversed(singles)}
     rows = counts.assign(side=correct.map(alike), answer=correct)
-    rows = rows[counts["kind"].eq(SINGLE) & counts["level_vpp"].ne(reference_vpp)]
+    rows = rows[counts["kind"].eq(SINGLE) & counts["level_vpp"].ne(reference_vpp or 0.0)]
     is_wrong = rows["response"].isin([*alike]) & rows["response"].ne(rows["answer"])
     cells = count_levels(rows, "side")
     key = [*_LEVEL, "participant", "side"]

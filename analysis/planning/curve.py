@@ -31,6 +31,7 @@ from analysis.planning.studies import (
     simulate,
 )
 from experiment.study.physics import study_gains
+from experiment.tasks.task import BLANK
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -221,9 +222,15 @@ def plan_study(
 def _faults(people: People, goal: Goal, blanks: int, *, placed: bool) -> Iterator[str]:
     """Yield why no study of this design can reach a goal."""
     kind, design, conditions = goal.kind, people.study.design, people.study.conditions
+    task = people.study.task
+    if kind == "false-alarms" and BLANK not in task.kinds:
+        yield f"goal false-alarms needs a task with blank trials; got {task.name}"
+    if task.has_reference and (kind == "difference" or placed):
+        what = "--levels placed" if placed else "goal difference"
+        yield f"{what} needs a task that measures thresholds; got {task.name}"
     if placed and people.unit != "V":
         yield f"--levels placed needs levels in V, for the device's highest; got {people.unit}"
-    if blanks and people.study.task.nothing not in design.responses:
+    if blanks and task.nothing not in design.responses:
         yield "--blanks needs the answer none in design.responses; got a forced choice"
     if kind == "difference" and len(conditions) == 1:
         yield f"goal difference needs [[condition]] twice in the study; got {conditions[0].name}"

@@ -50,7 +50,7 @@ def _draw_rules(errors: pd.DataFrame) -> Figure:
 def _draw(result: PowerResult) -> Figure:
     from matplotlib.ticker import MaxNLocator
 
-    title = fill(result.goal.text, _TITLE_CHARACTERS)
+    title = fill(result.goal_text, _TITLE_CHARACTERS)
     labels = "Participants", "Studies that reach the goal"
     height_em = DEFAULT_STYLE.width_em * _HEIGHT
     (axes,) = lay_out(

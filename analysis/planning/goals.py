@@ -18,10 +18,11 @@ from analysis.thresholds.difference import difference_of
 from analysis.thresholds.group import DB_PER_LOG10, group_fit
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
     from analysis.planning.sessions import Counts
     from analysis.thresholds.likelihood import Tables
+    from experiment.tasks.task import Scoring
 
 
 Kind = Literal["half-width", "difference", "detection", "false-alarms"]
@@ -33,6 +34,11 @@ _FORMS: Final = {
     "detection": f"{_NUMBER}%?@{_NUMBER}V?",
     "false-alarms": f"{_NUMBER}%?",
 }
+_WORDS: Final[Mapping[Scoring, tuple[str, str]]] = {
+    "forced-choice": ("threshold", "rate of correct answers"),
+    "discrimination": ("PSE", "rate of comparisons judged stronger than the reference"),
+}
+"""What a threshold and a detection rate are called where trials are scored so."""
 _MAX_DB: Final = 40.0
 _MAX_RATE: Final = 0.5
 
@@ -68,14 +74,14 @@ class Goal:
             raise ValueError(f"goal {kind} must be > 0 and <= {max_size:g}{unit}; got {size:g}")
         return cls(kind=cast("Kind", kind), size=size, level_vpp=level[0] if level else None)
 
-    @property
-    def text(self) -> str:
-        """The goal as half a sentence."""
+    def text(self, scoring: Scoring = "localisation") -> str:
+        """Return the goal as half a sentence, in the words of a task's scoring."""
         percent = f"{100 * self.size:.3g} %"
+        threshold, rate = _WORDS.get(scoring, ("threshold", "detection rate"))
         return {
-            "half-width": f"the group's threshold is known within +-{self.size:g} dB",
+            "half-width": f"the group's {threshold} is known within +-{self.size:g} dB",
             "difference": f"a difference of {self.size:g} dB between the conditions is detected",
-            "detection": f"the detection rate at {self.level_vpp or 0:g} V is known within "
+            "detection": f"the {rate} at {self.level_vpp or 0:g} V is known within "
             f"+-{percent}",
             "false-alarms": f"the false-alarm rate is shown to be at most {percent}",
         }[self.kind]

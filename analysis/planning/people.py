@@ -14,13 +14,14 @@ import numpy as np
 
 from analysis.axis import VOLTS
 from analysis.codes import AnalysisWarning, WarningCode
-from analysis.counts.table import BLANK, SINGLE, counted, felt_answers, task_of
+from analysis.counts.table import counted, felt_answers, task_of
 from analysis.thresholds.difference import difference_spread_draws
 from analysis.thresholds.group import MIN_PEOPLE, population_draws
 from analysis.thresholds.tables import tables_of
 from experiment.perception.answers import answer_probabilities
 from experiment.study.simulation import CURVE_KEYS
 from experiment.study.threshold import threshold_vpp
+from experiment.tasks.task import BLANK, SINGLE
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Mapping
@@ -290,7 +291,8 @@ def truth_of(goal: Goal, population: Simulation, study: Study, gains: FingerGain
     The threshold in Vpp, dB, or a probability, the mean over people whose thresholds differ.
     """
     if goal.kind == "half-width":
-        return threshold_vpp(population, gains)
+        # Whoever compares a stimulus with a reference at the same finger has no bias.
+        return study.task.reference_vpp or threshold_vpp(population, gains)
     if goal.kind == "difference":
         return goal.size
     task, responses, level_vpp = study.task, study.design.responses, goal.level_vpp or 0.0

@@ -133,6 +133,11 @@ class PowerResult:
         unplaced = [t.unplaced or 0.0 for t in tallies]
         return float(np.average(unplaced, weights=pilots)) if tallies else None
 
+    @property
+    def goal_text(self) -> str:
+        """The goal as half a sentence."""
+        return self.goal.text(self.people.study.task.scoring)
+
     def text(self) -> str:
         """Return the result for a terminal: the answer first."""
         return self._render("power.txt.jinja")

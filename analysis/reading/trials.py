@@ -399,7 +399,6 @@ class _Reader:
             self.plans.pop(file, None)
         return rows
 
-
     def _require_same_task(self, file: str, record: SessionRecord) -> None:
         """Refuse a session of another task, or with another reference, than those before it.
 
@@ -411,8 +410,8 @@ class _Reader:
         self.task, self._first = task, self._first or file
         if name and (task.name, task.reference_vpp) != (first.name, first.reference_vpp):
             message = (
-                f"the task is {_name_task(task)}{without_plan}, that of {one_line(name)} is {_name_task(first)}; "
-                "analyze sessions of different tasks one by one"
+                f"the task is {_name_task(task)}{without_plan}, that of {one_line(name)} is "
+                f"{_name_task(first)}; analyze sessions of different tasks one by one"
             )
             raise ResultFileError(file, None, message)
 
@@ -436,9 +435,8 @@ def _refuse_words(texts: pd.DataFrame, task: Task) -> None:
         )
         is_foreign = texts[name].isin(set().union(*others) - words)
         message = (
-            f"column '{name}' is {_first_cell(texts[name], is_foreign)}, an answer or a stimulus of "
-            f"another task than {task.name}; tactstrip reads a table of another task beside its "
-            "plan.json only"
+            f"column '{name}' holds {_first_cell(texts[name], is_foreign)}, a word of another task "
+            f"than {task.name}; tactstrip reads a table of another task beside its plan.json only"
         )
         refuse_first(texts, is_foreign, message)
 

@@ -98,8 +98,8 @@ def _thresholds(analysis: Analysis, *, brief: bool) -> Iterator[AnswerRow]:
     elif len(rows) > (1 if brief else MAX_CONDITIONS):
         inside = sorted((row for row in rows if not math.isnan(row["at"])), key=itemgetter("at"))
         ends = [row["short"] for row in (*inside[:1], *inside[-1:])]
-        of_rows = {"number": len(rows), "ends": ends}
-        yield _row("threshold", "thresholds_of_many", analysis=analysis, **of_rows)
+        macro = "thresholds_of_many"
+        yield _row("threshold", macro, analysis=analysis, number=len(rows), ends=ends)
     else:
         for row in rows:
             names = _named(analysis, row["condition"])

@@ -18,7 +18,7 @@ from analysis.results.figures.curves import function_table
 from analysis.results.figures.drawing import DEFAULT_STYLE, Style
 from analysis.results.methods import methods_of
 from analysis.results.report import report_html
-from analysis.results.summary import columns_text, devices, written_columns, summary_text
+from analysis.results.summary import columns_text, devices, summary_text, written_columns
 from analysis.thresholds.displacement import with_group_micrometres
 from experiment.names import NOT_AVAILABLE
 from experiment.record import manifest

@@ -51,9 +51,9 @@ def with_texts(
     """Return the rows of a table of thresholds with their texts, all rounded alike.
 
     ``value`` has the limits and ``short`` has none; without a threshold both have a bound or the
-    reason. ``slope`` is sigma. ``difference_threshold`` and ``re_reference`` are empty unless stimuli
-    were compared with a reference. `measured` has the levels of each condition, or participant
-    there.
+    reason. ``slope`` is sigma. ``difference_threshold`` and ``re_reference`` are empty unless
+    stimuli were compared with a reference. `measured` has the levels of each condition, or
+    participant there.
     """
     axis = analysis.axis
     key = [name for name in ("condition", "participant") if name in measured]
@@ -68,13 +68,17 @@ def with_texts(
     for row, spread in zip(rows, alike(spreads), strict=True):
         at, limits = row["at"], (row["low"], row["high"])
         value = short = analysis.label(phrases()["status"].get(row["status"], ""))
-        row |= _beside_reference(row)
         if math.isfinite(at):
             value = with_limits(at, *limits, axis.unit, row["tested"], spread=spread)
             short = f"{rounded(at, spread)} {axis.unit}"
         elif row["status"] in BOUNDED:
             value = short = bounded(*limits, axis.unit, row["tested"])
-        row |= {"value": value, "short": short, "slope": _slope(row, axis)}
+        row |= {
+            "value": value,
+            "short": short,
+            "slope": _slope(row, axis),
+            **_beside_reference(row),
+        }
     return rows
 
 

@@ -12,21 +12,23 @@ import math
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
-import pandas as pd
 from scipy.special import ndtri
 
 from analysis.thresholds.fit import WITH_FUNCTION
 
 if TYPE_CHECKING:
+    import pandas as pd
+    from numpy.typing import NDArray
+
     from analysis.thresholds.likelihood import Tables
+
+    Floats = NDArray[np.float64]
 
 
 DB_PER_LOG10: Final = 20.0
 DB_PER_SIGMA: Final = DB_PER_LOG10 * float(ndtri(0.75))
 """The difference threshold in dB of a sigma of 1, which is in log10 units."""
-DIFFERENCE_COLUMNS: Final = tuple(
-    f"difference_threshold{end}_db" for end in ("", "_low", "_high")
-)
+DIFFERENCE_COLUMNS: Final = tuple(f"difference_threshold{end}_db" for end in ("", "_low", "_high"))
 
 
 def with_difference_thresholds(
@@ -57,7 +59,7 @@ def with_group_difference_thresholds(groups: pd.DataFrame, reference_vpp: float)
     return _with_columns(groups, widths, reference_vpp)
 
 
-def _with_columns(table: pd.DataFrame, widths: object, reference_vpp: float) -> pd.DataFrame:
+def _with_columns(table: pd.DataFrame, widths: Floats, reference_vpp: float) -> pd.DataFrame:
     reference_db = DB_PER_LOG10 * math.log10(reference_vpp)
     columns = dict(zip(DIFFERENCE_COLUMNS, DB_PER_SIGMA * np.transpose(widths), strict=True))
     relative = {

@@ -139,9 +139,7 @@ def chances_of(task: Task, presented: Collection[str] | None = None) -> dict[str
     ({'left': 0.5, 'right': 0.5, 'both': 0.0, 'none': 0.0}, {'yes': 1.0, 'no': 0.0})
     """
     singles = [
-        shown.name
-        for shown in task.of_kind(SINGLE)
-        if presented is None or shown.name in presented
+        shown.name for shown in task.of_kind(SINGLE) if presented is None or shown.name in presented
     ]
     return {
         answer: sum(task.is_detected(name, answer) for name in singles) / max(len(singles), 1)

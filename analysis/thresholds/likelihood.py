@@ -216,8 +216,8 @@ class Likelihood:
     """The likelihood of one table over mu and log sigma in steps, gamma and lambda integrated out.
 
     The others are of the posterior: the points `POINTS` of mu and of log sigma, means and variances
-    of the rates at which the function begins and ends. `node` is the likeliest node of mu, log sigma and lambda at the mean guess
-    rate.
+    of gamma and lambda, or of the rates that stand for them where lapses are either answer. `node`
+    is the likeliest node of mu, log sigma and lambda at the mean guess rate.
     """
 
     mu: Floats

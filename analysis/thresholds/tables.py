@@ -6,6 +6,7 @@ import reprlib
 from typing import TYPE_CHECKING, Final, get_args
 
 import numpy as np
+import pandas as pd
 
 from analysis.axis import LARGEST, VOLTS, Axis, XScale
 from analysis.counts.intervals import checked_counts
@@ -20,7 +21,6 @@ from analysis.thresholds.guess import (
 from analysis.thresholds.likelihood import Tables
 
 if TYPE_CHECKING:
-    import pandas as pd
     from numpy.typing import ArrayLike, NDArray
 
     from analysis.reading.trials import LoadedTrials
@@ -187,7 +187,11 @@ def _count_sided_answers(trials: pd.DataFrame) -> pd.DataFrame:
     presented = single.astype({"side": object}).groupby(PERSON, observed=True)["side"].unique()
     chances = {person: chances_of(task_of(trials), sides) for person, sides in presented.items()}
     answers = blank[[*PERSON, "response"]].itertuples(index=False, name=None)
-    hits = [chances.get(person, {}).get(answer, 0.0) for *key, answer in answers for person in [tuple(key)]]
-    people = blank[PERSON].assign(hits=hits).groupby(PERSON, observed=True)["hits"]
-    people = people.agg(["sum", "size"]).rename(columns={"sum": "felt", "size": "presented"})
-    return people.assign(sides=1).reset_index()
+    hits = [
+        chances.get(person, {}).get(answer, 0.0)
+        for *key, answer in answers
+        for person in [tuple(key)]
+    ]
+    groups = blank[PERSON].assign(hits=hits).groupby(PERSON, observed=True)["hits"]
+    people = pd.DataFrame({"felt": groups.sum(), "presented": groups.size(), "sides": 1})
+    return people.reset_index()

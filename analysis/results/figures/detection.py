@@ -126,7 +126,9 @@ def _legend(analysis: Analysis, threshold: str) -> list[Artist]:
         handles += [handle(look, "participant", ls="", ms=2.7, mew=0, mfc=look.colour, alpha=0.5)]
         handles += [handle(look, "mean", ls="", ms=5)]
     if threshold:
-        handles += [handle(look, f"{analysis.words['threshold']} {threshold}", marker="", ls=":", lw=0.9)]
+        handles += [
+            handle(look, f"{analysis.words['threshold']} {threshold}", marker="", ls=":", lw=0.9)
+        ]
     return handles
 
 
@@ -176,7 +178,7 @@ def plot_participants(
         options = by_condition(looks, {name: short(name) for name in looks})
         # All pages have the same number of columns, so that panels have the same size.
         options |= {"titles": [*map(short, names)], "columns": 2 if number == 4 else columns}  # noqa: PLR2004 - 2 x 2
-        y_axis, levels = _proportions(analysis, 2), analysis.levels["level_vpp"]
+        y_axis, levels = _proportions(analysis, 2, "panel_axis"), analysis.levels["level_vpp"]
         panels, _ = level_panels(analysis, style, ax, levels, y_axis, **options)
         _draw_guessing(panels, analysis)
         for axes, name in zip(panels, names, strict=True):
@@ -225,10 +227,10 @@ def _guess_rate(analysis: Analysis) -> float:
     return float(rates[0]) if len(rates) == 1 and forced else 0.0
 
 
-def _proportions(analysis: Analysis, intervals: int) -> YAxis:
+def _proportions(analysis: Analysis, intervals: int, name: str = "axis") -> YAxis:
     """Return the axis of proportions: from 0, in a forced choice from the rate of guessing."""
     least = min(_guess_rate(analysis), analysis.participants["p"].min())
-    return YAxis(analysis.words["axis"], [least, 1.0], intervals)
+    return YAxis(analysis.words[name], [least, 1.0], intervals)
 
 
 def _draw_guessing(panels: Sequence[Axes], analysis: Analysis) -> None:
