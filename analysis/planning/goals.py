@@ -81,8 +81,7 @@ class Goal:
         return {
             "half-width": f"the group's {threshold} is known within +-{self.size:g} dB",
             "difference": f"a difference of {self.size:g} dB between the conditions is detected",
-            "detection": f"the {rate} at {self.level_vpp or 0:g} V is known within "
-            f"+-{percent}",
+            "detection": f"the {rate} at {self.level_vpp or 0:g} V is known within +-{percent}",
             "false-alarms": f"the false-alarm rate is shown to be at most {percent}",
         }[self.kind]
 
