@@ -103,7 +103,7 @@ def dry_run(
     from analysis.results.answer import simulated_row
 
     simulated = simulated_participants(study, check.gains)
-    row = simulated_row(simulated["thresholds"], simulated["threshold_sd_db"])
+    row = simulated_row(simulated["thresholds"], simulated["threshold_sd_db"], study)
     remarks = [warning.message for warning in simulated["warnings"]]
     if with_levels:
         _print_levels(study, analysis.trials)

@@ -20,11 +20,13 @@ from analysis.results.findings import (
     sides_that_differ,
 )
 from analysis.results.rendering import phrase, sentence, words_of
+from analysis.thresholds.discrimination import DB_PER_SIGMA
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterator, Sequence
 
     from analysis.results.analysis import Analysis
+    from experiment.study.study import Study
     from experiment.study.threshold import MedianThreshold
 
 
@@ -151,6 +153,12 @@ def _left_out(analysis: Analysis) -> AnswerRow:
     return _row("left_out", counts=analysis.counts, reasons=reasons, of_counts=of_counts)
 
 
-def simulated_row(thresholds: Sequence[MedianThreshold], sd_db: float) -> AnswerRow:
-    """Return the row with the thresholds of simulated participants."""
+def simulated_row(thresholds: Sequence[MedianThreshold], sd_db: float, study: Study) -> AnswerRow:
+    """Return the row with the thresholds of simulated participants, or what they can compare."""
+    if study.task.has_reference:
+        # Two sensations are compared, each as wide as the function of detection.
+        width_db = DB_PER_SIGMA * math.sqrt(2) * study.simulation.sigma
+        reference_vpp = study.task.reference_vpp
+        macro = "simulated_comparison"
+        return _row("simulated", macro, reference_vpp=reference_vpp, width_db=width_db)
     return _row("simulated", thresholds=thresholds, sd_db=sd_db)
