@@ -9,15 +9,15 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from analysis.counts.checks import check_answers
+from analysis.counts.checks import check_answers, sides_differ
 from analysis.counts.table import count_answers, count_correct
 from analysis.thresholds.discrimination import DB_PER_SIGMA, with_difference_thresholds
 from analysis.thresholds.guess import chances_of, forced_guess_rate
 from analysis.thresholds.likelihood import Tables
-from analysis.thresholds.table import thresholds_of
+from analysis.thresholds.table import side_thresholds, thresholds_of
 from analysis.thresholds.tables import tables_of
 from experiment.tasks import make_task
-from experiment.tasks.task import SINGLE
+from experiment.tasks.task import BLANK, SINGLE
 from tests.test_analysis.shared import run
 
 if TYPE_CHECKING:
@@ -29,6 +29,29 @@ REFERENCE_VPP = 100.0
 
 def test_a_false_alarm_of_yes_and_no_has_no_side() -> None:
     assert chances_of(make_task("yes-no")) == {"yes": 1.0, "no": 0.0}
+
+
+def test_sites_of_yes_and_no_that_differ_have_thresholds_of_their_own() -> None:
+    hits = {"left": [1, 6, 19], "right": [6, 19, 20]}
+    answers = [
+        (SINGLE, site, level_vpp, "yes" if index < number else "no")
+        for site, numbers in hits.items()
+        for level_vpp, number in zip((60.0, 90.0, 135.0), numbers, strict=True)
+        for index in range(20)
+    ]
+    answers += [(BLANK, "none", np.nan, "yes" if index < 3 else "no") for index in range(40)]
+    trials = pd.DataFrame(answers, columns=["kind", "side", "level_vpp", "response"])
+    same = {"participant": "1", "condition": "main", "reason": "", "task": "yes-no"}
+    trials = trials.assign(**same, none_offered=True)
+    assert sides_differ(count_answers(trials))["p"].lt(0.05).all()
+    table = side_thresholds(trials).set_index("side")
+    left_vpp, right_vpp = (table["threshold_vpp"].to_dict()[site] for site in hits)
+    assert right_vpp < 0.8 * left_vpp
+    for site in hits:
+        # Every yes to a blank trial is a false alarm of each site.
+        tables = tables_of(trials[trials["side"].isin([site, "none"])])
+        assert tables.guesses[0].beta == (3.5, 37.5)
+    assert tables_of(trials).guesses[0].beta == (3.5, 37.5)
 
 
 def comparisons(answer: Any, levels_vpp: Any = (70.0, 85.0, 100.0, 115.0, 130.0)) -> pd.DataFrame:
