@@ -207,7 +207,17 @@ class Analysis:
         return words_of(self.task.scoring)
 
     def label(self, text: str) -> str:
-        """Return a caption, a heading or a label in the words of the task."""
+        """Return a caption, a heading or a label in the words of the task.
+
+        Parameters
+        ----------
+        text : str
+            As it is of a task in which stimuli are detected.
+
+        Returns
+        -------
+        str
+        """
         return str(self.words["labels"].get(text, text))
 
     @property
