@@ -57,7 +57,9 @@ class Accuracy(NamedTuple):
     """How fine a scene is solved, and what both bases miss then.
 
     To the difference of the bases comes `relative` of each displacement, at corners and rims, and
-    on plates with ends `missed` of the largest displacement, as of the upper modes.
+    on plates with ends `missed` of the largest displacement, as of the upper modes. Margins of
+    endless strips differ by 4, so that each cell gets two more functions: one alone is odd about
+    the middle of its cell, and no load there excites it.
     """
 
     modes: Resolution
@@ -77,7 +79,7 @@ ACCURACIES: Final = (
     Accuracy(
         modes=Resolution(),
         rest=Resolution(multiples=(2.0, 3.0), margins=Margins(4.0, 6.0)),
-        endless=(Margins(3, 3), Margins(6, 6)),
+        endless=(Margins(3, 3), Margins(7, 7)),
         relative=RELATIVE,
         missed=MISSED,
     ),
@@ -355,11 +357,13 @@ def displacement_map(
 def _endless_response(
     strip: Strip, loads: Sequence[Load], points_m: Real, at_hz: Real, accuracy: Accuracy
 ) -> tuple[Complex, Real, tuple[str, ...]]:
-    """Return the displacement of an endless strip, and by how much both bases differ.
+    """Return the displacement of an endless strip, and differences, as `_finite_response`.
 
     Near a cut-off without loss rounding decides, by which both bases may be wrong alike. So the
     coarse one is solved at a frequency that differs by it.
     """
+    n_points = len(points_m)
+    points_m = _with_neighbours_across(strip, points_m)
     omega = 2 * math.pi * at_hz
     both = np.stack(
         [
@@ -367,7 +371,8 @@ def _endless_response(
             for margins, is_coarse in zip(accuracy.endless, (True, False), strict=True)
         ]
     )
-    return both, np.abs(both[1] - both[0]), describe_waves(strip, loads)
+    difference = _largest_difference(both, n_points)
+    return both[..., :n_points], difference, describe_waves(strip, loads)
 
 
 def describe_waves(strip: Strip, loads: Sequence[Load]) -> tuple[str, ...]:
@@ -401,7 +406,7 @@ def _finite_response(
             strip, loads, points_m, factors, max_hz=max_hz, resolution=accuracy.rest
         )
         both += rest[:, 0] + omega[:, np.newaxis, np.newaxis] ** 2 * rest[:, 1]
-    difference = np.abs(both[1] - both[0]).reshape(*both.shape[1:3], -1, n_points).max(axis=2)
+    difference = _largest_difference(both, n_points)
     work = describe_modes([part.squared for part in modes[1]], plate, strip)
     return both[..., :n_points], difference, work
 
@@ -412,6 +417,23 @@ def _with_neighbours(strip: Strip, points_m: Real) -> Real:
     neighbours_m = points_m + steps[:, np.newaxis]
     ends_m = np.array([float(strip.length_m or math.inf) / 2, strip.width_m])
     return np.clip(neighbours_m, [-ends_m[0], 0.0], ends_m).reshape(-1, 2)
+
+
+def _with_neighbours_across(strip: Strip, points_m: Real) -> Real:
+    """Return points on an endless strip, and after them those beside each towards both edges.
+
+    Along it both bases are exact. At the edges, which rest, there is nothing to compare.
+    """
+    x_m, y_m = points_m.T
+    step_m = np.minimum(_BESIDE * strip.width_m, np.minimum(y_m, strip.width_m - y_m) / 2)
+    places_m = [np.stack([x_m, y_m + side * step_m], axis=1) for side in (0, -1, 1)]
+    return np.concatenate(places_m)
+
+
+def _largest_difference(both: Complex, n_points: int) -> Real:
+    """Return by how much two bases differ at each point or at its neighbours, listed after all."""
+    apart = np.abs(both[1] - both[0])
+    return np.asarray(apart.reshape(*apart.shape[:2], -1, n_points).max(axis=2))
 
 
 def _decay_length_m(strip: Strip, max_hz: float) -> float:
