@@ -45,7 +45,7 @@ if TYPE_CHECKING:
 PEOPLE_PER_PAGE: Final = 12
 MAX_PAGES: Final = 4
 _STEP_PT: Final = 3.0
-_MIN_PANEL_MM: Final = 29.0
+MIN_PANEL_MM: Final = 29.0
 _MIN_RESIDUAL: Final = 2.0
 _BAND_ALPHA: Final = 0.18
 
@@ -173,7 +173,7 @@ def plot_participants(
     """
     looks, names = looks_of(analysis), names or pages_of(analysis)[0]
     number = analysis.participants["participant"].nunique()
-    columns = min(number, max(2, round(style.width_mm / _MIN_PANEL_MM)))
+    columns = min(number, max(2, round(style.width_mm / MIN_PANEL_MM)))
     with style.applied(ax):
         options = by_condition(looks, {name: short(name) for name in looks})
         # All pages have the same number of columns, so that panels have the same size.

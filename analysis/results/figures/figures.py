@@ -20,6 +20,7 @@ from analysis.results.figures.detection import (
 from analysis.results.figures.drawing import DEFAULT_STYLE, Style, render
 from analysis.results.figures.reaction_times import MIN_ANSWERS, plot_reaction_times, timed_levels
 from analysis.results.figures.thresholds import plot_thresholds
+from analysis.results.figures.tracks import plot_tracks, tracks_of
 from analysis.results.findings import side_estimates
 from analysis.results.rendering import sentence
 from analysis.thresholds.fit import WITH_FUNCTION
@@ -35,6 +36,7 @@ if TYPE_CHECKING:
 FIGURES: Final[Mapping[str, tuple[Callable[..., Figure], Callable[[Analysis], bool]]]] = {
     "detection": (plot_detection, lambda _: True),
     "participants": (plot_participants, lambda it: it.participants["participant"].nunique() > 1),
+    "tracks": (plot_tracks, lambda it: len(tracks_of(it)) > 0),
     "thresholds": (plot_thresholds, lambda it: len(it.thresholds) > 1),
     "d_prime": (plot_d_prime, lambda it: bool(it.sensitivity["level_vpp"].notna().any())),
     "confusion": (
@@ -44,12 +46,14 @@ FIGURES: Final[Mapping[str, tuple[Callable[..., Figure], Callable[[Analysis], bo
     "reaction_times": (plot_reaction_times, lambda it: len(timed_levels(it)) > 0),
 }
 """What draws each figure, and whether an analysis has data for it, in the order of the report."""
+PAGED: Final = ("participants", "tracks")
+"""Figures with a panel for each participant, on as many pages as are needed."""
 MIN_TRIALS: Final = 20
 """Of fewer trials nothing is drawn: tables show them better."""
 NAMES: Final = tuple(
     f"{figure}{page}.{ending}"
     for figure in FIGURES
-    for page in ("", *(f"-{n}" for n in range(2, MAX_PAGES + 1) if figure == "participants"))
+    for page in ("", *(f"-{n}" for n in range(2, MAX_PAGES + 1) if figure in PAGED))
     for ending in ("png", "svg", "pdf")
 )
 __all__ = ["FIGURES", "NAMES", "Picture", "Style", "drawings", "pictures"]
@@ -98,7 +102,7 @@ def drawings(analysis: Analysis) -> Iterator[Picture]:
     for figure, (plot, has_data) in FIGURES.items():
         if not has_data(analysis):
             continue
-        pages = pages_of(analysis) if figure == "participants" else [[]]
+        pages = pages_of(analysis) if figure in PAGED else [[]]
         for page, names in enumerate(pages, start=1):
             it = {**data, "names": names, "page": page, "pages": len(pages)}
             texts: dict[str, Any] = {
