@@ -48,7 +48,7 @@ COMMANDS = {
 """
 
 FIRST_STEPS = """\
-tactstrip runs left / right / both detection experiments on narrow plates.
+tactstrip runs detection and discrimination experiments on narrow plates.
 
 Try it without a device:
   tactstrip demo                         a short session at this terminal

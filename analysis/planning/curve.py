@@ -225,9 +225,9 @@ def _faults(people: People, goal: Goal, blanks: int, *, placed: bool) -> Iterato
     task = people.study.task
     if kind == "false-alarms" and BLANK not in task.kinds:
         yield f"goal false-alarms needs a task with blank trials; got {task.name}"
-    if task.has_reference and (kind == "difference" or placed):
-        what = "--levels placed" if placed else "goal difference"
-        yield f"{what} needs a task that measures thresholds; got {task.name}"
+    if task.has_reference:
+        # how much the PSE of people differs is no part of the simulated population
+        yield f"power plans tasks of detection; got {task.name}"
     if placed and people.unit != "V":
         yield f"--levels placed needs levels in V, for the device's highest; got {people.unit}"
     if blanks and task.nothing not in design.responses:

@@ -36,7 +36,6 @@ _FORMS: Final = {
 }
 _WORDS: Final[Mapping[Scoring, tuple[str, str]]] = {
     "forced-choice": ("threshold", "rate of correct answers"),
-    "discrimination": ("PSE", "rate of comparisons judged stronger than the reference"),
 }
 """What a threshold and a detection rate are called where trials are scored so."""
 _MAX_DB: Final = 40.0

@@ -42,9 +42,9 @@ def compare_rules(
 
     Columns ``rule trials thresholds rms_db bias_db``, the third the number of thresholds.
     """
+    studies = {rule: study.changed(levels={"rule": rule}) for rule in RULES}
     rows = []
-    for rule in RULES:
-        ruled = study.changed(levels={"rule": rule})
+    for rule, ruled in studies.items():
         sessions = simulate_study(
             ruled, root / rule, participants=participants, seed=seed, gains=gains
         )

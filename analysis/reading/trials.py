@@ -89,6 +89,8 @@ _REPEATED: Final = (
     f'where files are sessions, session = "{FILE}", or participant = "{FILE}" '
     f"where they are of several people; [rows.skip] {FILE} leaves out a run that was begun anew"
 )
+UNANSWERED: Final = "unanswered"
+"""Reason of a trial without an answer in a choice between intervals."""
 NEVER_ANSWERED: Final = "never_answered"
 """Reason of a participant's trials in a condition where every one that would count timed out."""
 
@@ -499,7 +501,7 @@ def _check_trials(
     by_plan = rows["file"].map(offers_none).astype("boolean")
     rows["none_offered"] = offered_to_all(rows, by_plan, task=column_map.task)
     rows["level_vpp"] = rows["level_vpp"].where(stimulus)
-    return without_silence(with_reasons(rows))
+    return without_unanswered(without_silence(with_reasons(rows)), task)
 
 
 def _with_numbers(rows: pd.DataFrame) -> pd.DataFrame:
@@ -837,6 +839,21 @@ def without_silence(trials: pd.DataFrame) -> pd.DataFrame:
     key = [trials[name].astype(object) for name in ("participant", "condition")]
     silent = counts & ~answered.groupby(key).transform("any")
     return trials.assign(reason=trials["reason"].mask(silent, NEVER_ANSWERED))
+
+
+def without_unanswered(trials: pd.DataFrame, task: Task) -> pd.DataFrame:
+    """Return trials with those left out that have no answer, in a choice between intervals.
+
+    There, who does not answer has chosen nothing: counted as wrong, or as weaker, they would raise
+    the threshold with every time-out.
+
+    >>> trials = pd.DataFrame({"response": ["first", "timeout"], "reason": ""})
+    >>> without_unanswered(trials, make_task("2ifc"))["reason"].tolist()
+    ['', 'unanswered']
+    """
+    is_choice = task.scoring in {"forced-choice", "discrimination"}
+    is_open = trials["reason"].eq("") & ~trials["response"].astype(object).isin(task.answer_names)
+    return trials.assign(reason=trials["reason"].mask(is_open & is_choice, UNANSWERED))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

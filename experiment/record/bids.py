@@ -233,6 +233,15 @@ def _events_sidecar(study: Study, software_version: str, *, simulated: bool) -> 
         "TaskDescription": study.dataset.task_description,
         "FingerContact": None if simulated else study.contact.summary,
         "Instructions": None if simulated else study.texts.instructions,
+        "Task": _given(
+            {
+                "Kind": study.task.name,
+                "Intervals": study.task.n_intervals,
+                "GapBetweenIntervals": study.task_choice.gap_s,
+                "ReferenceLevel": study.task.reference_vpp,
+                "LevelRule": study.levels.rule,
+            }
+        ),
         "InstitutionName": study.dataset.institution_name,
         "InstitutionAddress": study.dataset.institution_address,
         "StimulusPresentation": {
@@ -338,4 +347,7 @@ def _write_description(new: FolderWriter, export: Export) -> None:
     }
     new.write("dataset_description.json", _json(description))
     readme = open_templates(str(__package__), {}).get_template("README.jinja")
-    new.write("README", readme.render(name=name, export=export))
+    new.write(
+        "README",
+        readme.render(name=name, export=export, task=study.task, question=study.texts.prompt),
+    )

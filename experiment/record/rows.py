@@ -98,10 +98,12 @@ class TrialRow(Presented):
     side: str = _column("where the stimulus was", *SIDES)
     level_vpp: float | None = _column("planned level, peak-to-peak volts at the actuator")
     response: str | None = _column("what was answered", *RESPONSES)
-    rt_s: float | None = _column("time from the stimulus's onset to the answer, seconds")
+    rt_s: float | None = _column("time from the onset to the answer, seconds")
     correct: bool | None = _column("whether the answer names the stimulus")
     status: str = _column("ok, or why the trial does not count", *get_args(Status))
-    onset_s: float | None = _column("onset of the stimulus on the session's clock, seconds")
+    onset_s: float | None = _column(
+        "onset of the stimulus on the session's clock, seconds; of several intervals, of the last"
+    )
     foreperiod_s: float = _column("planned wait between cue and stimulus, seconds")
     level_left_vpp: float | None = _column("level the device set on the left channel, volts")
     level_right_vpp: float | None = _column("level the device set on the right channel, volts")

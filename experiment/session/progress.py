@@ -35,7 +35,7 @@ class SessionProgress:
         self._done = 0
         for row in history.rows:
             if row.status == "ok" and row.response is not None:
-                self._count(row.kind, row.side, row.response)
+                self._count(row.kind, row.side, row.level_vpp, row.response)
 
     def trial_begins(self, now_s: float) -> None:
         """Note when a trial began."""
@@ -48,7 +48,7 @@ class SessionProgress:
             return
         self._done += 1
         trial: Trial = end.attempt.trial
-        self._count(trial.kind, trial.side, end.response)
+        self._count(trial.kind, trial.side, trial.level_vpp, end.response)
 
     def progress(self, state: SessionState) -> Progress:
         """Return how far the part has come that was introduced last, or is the first to come.
@@ -95,13 +95,13 @@ class SessionProgress:
             estimates=estimates,
         )
 
-    def _count(self, kind: str, side: str, response: str) -> None:
-        """Count the answer to a stimulus at one site."""
+    def _count(self, kind: str, side: str, level_vpp: float | None, response: str) -> None:
+        """Count the answer to a stimulus at one site, if it can be right or wrong."""
         site = self._task.presentation(side).site
-        if kind not in self._task.kinds or site is None:
+        correct = self._task.is_correct(side, level_vpp, response)
+        if kind not in self._task.kinds or site is None or correct is None:
             return
         tally = self._tallies[site]
-        correct = self._task.is_detected(side, response)
         last = (*tally.last, response)[-N_LAST_ANSWERS:]
         counts = {"presented": tally.presented + 1, "correct": tally.correct + correct}
         self._tallies[site] = Tally(**counts, last=last)

@@ -6,11 +6,13 @@ from dataclasses import replace
 from functools import lru_cache
 from typing import TYPE_CHECKING, Final
 
+import numpy as np
+
 from device.errors import error_line
 from device.installed import lookup, require_instance
 from experiment.tasks.intervals import amplitude_discrimination, three_intervals, two_intervals
 from experiment.tasks.left_right_both import LEFT_RIGHT_BOTH
-from experiment.tasks.task import Task
+from experiment.tasks.task import Guessing, Sensation, Task
 from experiment.tasks.yes_no import yes_no
 
 if TYPE_CHECKING:
@@ -51,9 +53,20 @@ def make_task(
     try:
         task: Task = installed.load()(sites)
         require_instance(task, Task)
+        _require_decision(task)
     except Exception as error:
         raise ValueError(f"{kind} of {installed.distribution}: {error_line(error)}") from error
     return replace(task, reference_vpp=reference_vpp)
+
+
+def _require_decision(task: Task) -> None:
+    """Refuse a task whose decision gives no probabilities of its answers, where nothing is felt."""
+    nothing, never = np.zeros((1, 1)), np.full((1, 1), -np.inf)
+    silent = Sensation(*([value for _ in task.sites] for value in (nothing, nothing, never)))
+    guessing = Guessing(nothing, nothing + 0.5, nothing)
+    p = task.decide([silent] * task.n_intervals, task.answer_names, guessing)
+    if {*p} != {*task.answer_names} or not np.allclose(sum(p.values()), 1.0):
+        raise ValueError("decide must return the probability of every answer; they must sum to 1")
 
 
 __all__ = ["GROUP", "LEFT_RIGHT_BOTH", "SITES", "TASKS", "make_task"]

@@ -22,7 +22,7 @@ _PLACEMENT: Final = (
     "Place one finger of each hand on the plate, one above each actuator, and keep them there."
 )
 _HANDS_OFF: Final = (
-    "Take both hands off the plate. Answer as with the hands on it; if you notice nothing, guess."
+    "Take both hands off the plate. If you hear or see anything, answer by it; if not, guess."
 )
 
 

@@ -3,7 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Final, Literal, NamedTuple, Protocol, TypeAlias
+from itertools import combinations
+from typing import (
+    TYPE_CHECKING,
+    Any,
+    Final,
+    Literal,
+    NamedTuple,
+    Protocol,
+    TypeAlias,
+    get_args,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -19,6 +29,10 @@ BOTH: Final = "both"
 BLANK: Final = "blank"
 """The kind of trials that measure how often participants guess."""
 
+_RESERVED: Final = frozenset({"timeout", "invalid", "pause", "continue", "escape"})
+_TEXTS: Final = frozenset(
+    {"placement", "hands_off_before", "hands_off_after", "prompt", "prompt_hands_off"}
+)
 Scoring: TypeAlias = Literal["localisation", "yes-no", "forced-choice", "discrimination"]
 
 
@@ -92,9 +106,14 @@ class Presentation:
 
     @property
     def interval(self) -> int:
-        """The position of the first burst that has the level of the trial, else of the last."""
-        levels = (i for i, burst in enumerate(self.bursts) if burst.sites and not burst[1])
-        return next(levels, len(self.bursts) - 1)
+        """The position of the burst that is measured: with the trial's level at `site`.
+
+        Where no threshold is measured, it is that of the first burst with the trial's level, else
+        of the last.
+        """
+        levels = [i for i, burst in enumerate(self.bursts) if burst.sites and not burst[1]]
+        at_site = (i for i in levels if self.site in {None, *self.bursts[i].sites})
+        return next(at_site, len(self.bursts) - 1)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -253,7 +272,15 @@ class Task:
     reference_vpp: float | None = None
 
     def __post_init__(self) -> None:
+        if not self.presentations:
+            raise ValueError(f"task {self.name} contradicts itself: no presentations")
         answers, kinds = {*self.answer_names}, {p.kind for p in self.presentations}
+        optional = self.optional_answers
+        offers = {
+            frozenset(offer)
+            for number in range(len(optional) + 1)
+            for offer in combinations(optional, number)
+        }
         driven = {site for p in self.presentations for burst in p.bursts for site in burst.sites}
         measured = {p.site for p in self.presentations if p.kind == SINGLE}
         for is_broken, rule in (
@@ -265,6 +292,11 @@ class Task:
             (not driven <= {*self.sites}, "sites of bursts"),
             (measured != {*self.sites}, "sites of single trials"),
             (self.nothing not in {None, *answers}, "nothing"),
+            (bool(answers & _RESERVED), "an answer has the name of another key or of no answer"),
+            (self.scoring not in get_args(Scoring), "scoring"),
+            (self.has_reference != (self.scoring == "discrimination"), "reference"),
+            (not offers <= {*self.instructions}, "instructions"),
+            (not {*self.texts} >= _TEXTS, "texts"),
         ):
             if is_broken:
                 raise ValueError(f"task {self.name} contradicts itself: {rule}")
@@ -379,6 +411,24 @@ class Task:
             ]
             for burst in self.presentation(presentation).bursts
         ]
+
+    def easiest_vpp(self, levels_vpp: tuple[float, ...]) -> float:
+        """Return the level with which to practise.
+
+        Parameters
+        ----------
+        levels_vpp : tuple of float
+            Levels of the study, peak-to-peak volts.
+
+        Returns
+        -------
+        float
+            The highest; beside a reference, the one farthest from it in dB.
+        """
+        if self.reference_vpp is None:
+            return max(levels_vpp)
+        reference_vpp = self.reference_vpp
+        return max(levels_vpp, key=lambda vpp: max(vpp / reference_vpp, reference_vpp / vpp))
 
     def offered(self, responses: tuple[str, ...], *, hands_off: bool) -> tuple[str, ...]:
         """Return the answers that count: with the hands off, `nothing` always does.

@@ -219,7 +219,7 @@ def _draw_trials(
 
     yield from hands_off(HANDS_OFF_BLOCK, study.design.hands_off_trials_before)
     name, design = designs[0]
-    easy_vpp = max(design.levels_vpp)
+    easy_vpp = study.task.easiest_vpp(design.levels_vpp)
     practice = _easy_stimuli(PRACTICE, design.practice_trials, study.task, easy_vpp, rng)
     yield from present(PRACTICE_BLOCK, name, design, practice, rng)
     block = 0
@@ -311,7 +311,8 @@ def _warm_up(study: Study, planned: tuple[Trial, ...]) -> tuple[Trial, ...]:
     """Return an easy trial at each site, presented again to a person after a resume."""
     condition = planned[0].condition
     design = study.design_of(condition)
-    level_vpp, foreperiod_s = max(design.levels_vpp), design.foreperiod_s[1]
+    level_vpp = study.task.easiest_vpp(design.levels_vpp)
+    foreperiod_s = design.foreperiod_s[1]
     trials = []
     for i, site in enumerate(study.task.sites):
         options = study.task.at_site(site)

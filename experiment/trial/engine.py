@@ -237,8 +237,9 @@ def _complete(state: SessionState, response: Response, task: Task) -> Change:
         rt_s=response.rt_s,
         premature=state.premature,
     )
-    is_correct = bool(task.is_correct(attempt.trial.side, attempt.trial.level_vpp, response.answer))
-    feedback = (Feedback(is_correct),) if attempt.trial.kind == PRACTICE else ()
+    is_correct = task.is_correct(attempt.trial.side, attempt.trial.level_vpp, response.answer)
+    is_told = attempt.trial.kind == PRACTICE and is_correct is not None
+    feedback = (Feedback(bool(is_correct)),) if is_told else ()
     return replace(state, pending=tuple(rest), premature_in_a_row=0), (end, *feedback)
 
 

@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from analysis import read_trials
 from analysis.counts.checks import check_answers, sides_differ
 from analysis.counts.table import count_answers, count_correct
 from analysis.thresholds.discrimination import DB_PER_SIGMA, with_difference_thresholds
@@ -16,6 +17,7 @@ from analysis.thresholds.guess import chances_of, forced_guess_rate
 from analysis.thresholds.likelihood import Tables
 from analysis.thresholds.table import side_thresholds, thresholds_of
 from analysis.thresholds.tables import tables_of
+from experiment import first_study, simulate_study
 from experiment.tasks import make_task
 from experiment.tasks.task import BLANK, SINGLE
 from tests.test_analysis.shared import run
@@ -130,7 +132,7 @@ def test_thresholds_of_trials_follow_their_task() -> None:
     ("kind", "goal"),
     [
         ("amplitude-discrimination", "difference=2dB"),
-        ("amplitude-discrimination", "false-alarms=5%"),
+        ("amplitude-discrimination", "half-width=2dB"),
         ("2ifc", "false-alarms=5%"),
     ],
 )
@@ -147,3 +149,16 @@ def test_a_goal_that_makes_no_sense_for_a_task_is_refused(
     assert result.exit_code == 2
     assert kind in result.stderr
     assert result.stderr.count("\n") == 1
+
+
+@pytest.mark.parametrize("kind", ["2ifc", "amplitude-discrimination", "yes-no"])
+def test_a_time_out_is_no_choice_between_intervals(kind: str, tmp_path: Path) -> None:
+    is_comparison = kind == "amplitude-discrimination"
+    task: dict[str, Any] = {"kind": kind} | ({"reference_vpp": 90.0} if is_comparison else {})
+    design = {"levels_vpp": (60.0, 90.0, 120.0), "trials_per_side": 30, "response_window_s": 0.5}
+    study = first_study().changed(task=task, design=design, simulation={"threshold_vpp": 80.0})
+    assert [*simulate_study(study, tmp_path, participants=1, seed=2, gains=())]
+    trials = read_trials([tmp_path])
+    late = trials[trials["response"].eq("timeout")]
+    assert len(late) > 5
+    assert {*late["reason"]} == {"" if kind == "yes-no" else "unanswered"}

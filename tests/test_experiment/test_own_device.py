@@ -464,6 +464,14 @@ def test_a_task_of_a_labs_own_runs_and_resumes_and_is_exported(
     (sidecar,) = (tmp_path / "bids").rglob("*_events.json")
     levels = json.loads(sidecar.read_text(encoding="utf-8"))["side"]["Levels"]
     assert levels["left_right"] == "first at the left finger, then at the right finger"
+    described = json.loads(sidecar.read_text(encoding="utf-8"))["Task"]
+    assert described == {
+        "Kind": "same-different",
+        "Intervals": 2,
+        "GapBetweenIntervals": 0.1,
+        "LevelRule": "constant",
+    }
+    assert "task same-different" in (tmp_path / "bids" / "README").read_text(encoding="utf-8")
 
 
 @pytest.mark.usefixtures("own_task")
@@ -473,6 +481,14 @@ def test_a_task_of_a_labs_own_runs_and_resumes_and_is_exported(
         ("same_different = 3", "factory"),
         ("def same_different(sites): return sites", "experiment.Task"),
         ("def same_different(sites): 1 / 0", "ZeroDivisionError"),
+        (
+            (
+                "from dataclasses import replace\nfrom experiment import paper_study\n"
+                "def same_different(sites):\n"
+                "    return replace(paper_study().task, decide=lambda *_: {'left': 1.0})"
+            ),
+            "every answer",
+        ),
     ],
 )
 def test_a_task_that_cannot_be_made_is_refused_by_its_distribution(

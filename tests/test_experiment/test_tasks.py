@@ -14,7 +14,7 @@ import pytest
 from experiment import first_study
 from experiment.study.base import StudyError
 from experiment.tasks import SITES, TASKS, make_task
-from experiment.tasks.task import BLANK, SINGLE, Guessing, Sensation
+from experiment.tasks.task import BLANK, SINGLE, Burst, Guessing, Presentation, Sensation
 
 if TYPE_CHECKING:
     from experiment.tasks.task import Task
@@ -164,6 +164,11 @@ def test_contradictions_of_a_task_are_refused(task: Task) -> None:
         {"nothing": "nobody"},
         {"kinds": {}},
         {"sites": task.sites[:1]},
+        {"presentations": ()},
+        {"instructions": {}},
+        {"texts": {}},
+        {"scoring": "guess"},
+        {"answers": (*task.answers, replace(task.answers[0], name="timeout"))},
     ]
     for change in changes:
         with pytest.raises(ValueError, match="contradicts itself"):
@@ -195,3 +200,19 @@ def test_what_a_task_does_not_use_is_refused_by_its_key(
     with pytest.raises(StudyError) as refused:
         first_study().changed(task=task, design={"levels_vpp": [50.0, 100.0]} | design)
     assert key in [fault.key for fault in refused.value.faults]
+
+
+def test_practice_is_at_the_level_that_differs_most_from_the_reference() -> None:
+    levels_vpp = (50.0, 80.0, 100.0, 130.0)
+    assert make_task("2ifc").easiest_vpp(levels_vpp) == 130.0
+    for reference_vpp, easiest_vpp in ((130.0, 50.0), (50.0, 130.0), (100.0, 50.0)):
+        task = make_task("amplitude-discrimination", reference_vpp)
+        assert task.easiest_vpp(levels_vpp) == easiest_vpp
+
+
+def test_a_trial_is_measured_where_its_site_is_driven() -> None:
+    bursts = (Burst(("left",)), Burst(("right",)))
+    shown = Presentation(name="x", kind=SINGLE, bursts=bursts, correct="", site="right", meaning="")
+    assert shown.interval == 1
+    assert replace(shown, site="left").interval == 0
+    assert replace(shown, site=None).interval == 0
