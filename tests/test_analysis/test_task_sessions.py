@@ -193,7 +193,7 @@ def test_a_comparison_reports_the_pse_in_place_of_a_threshold(
     (group,) = summary["groups"]
     assert group["pse_db"] == pytest.approx(20 * np.log10(group["pse_vpp"] / REFERENCE_VPP))
     assert group["reference_vpp"] == REFERENCE_VPP
-    assert analysis.words["axis"] == "Judged stronger than the reference"
+    assert analysis.words["axis"] == "Judged stronger"
     written = [pd.read_csv(path, nrows=0) for path in folder.glob("*.csv")]
     names = {str(name) for table in written for name in table}
     assert "judged_stronger" in names
