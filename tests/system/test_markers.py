@@ -89,7 +89,9 @@ def test_an_inlet_sees_every_trial_at_the_time_of_the_record(
     for row in rows:
         trial = f"trial{row['trial']}/attempt{row['attempt']}"
         level = f"{float(row['level_vpp']):g}Vpp"
-        stimulus = f"stimulus/{row['condition']}/{row['kind']}/{row['side']}/{level}/{trial}"
+        stimulus = (
+            f"stimulus/{row['condition']}/{row['kind']}/{row['side']}/{level}/{trial}/interval1"
+        )
         assert at_s[stimulus] == pytest.approx(float(row["onset_s"]), abs=2e-6)
         if row in answered:
             answer_s = float(row["onset_s"]) + float(row["rt_s"])
