@@ -291,8 +291,7 @@ def truth_of(goal: Goal, population: Simulation, study: Study, gains: FingerGain
     The threshold in Vpp, dB, or a probability, the mean over people whose thresholds differ.
     """
     if goal.kind == "half-width":
-        # Whoever compares a stimulus with a reference at the same finger has no bias.
-        return study.task.reference_vpp or threshold_vpp(population, gains)
+        return threshold_vpp(population, gains)
     if goal.kind == "difference":
         return goal.size
     task, responses, level_vpp = study.task, study.design.responses, goal.level_vpp or 0.0

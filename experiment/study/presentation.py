@@ -70,8 +70,8 @@ class Keys(Section):
         answers = ", ".join(task.answer_names)
         rule = f"unknown key; must be pause, continue or an answer: {answers}"
         extra = {
-            name: self.__pydantic_extra__[name]
-            for name in self.__pydantic_extra__
+            name: keys
+            for name, keys in self.__pydantic_extra__.items()
             if name in self.model_fields_set
         }
         obey((answer not in task.answer_names, answer, rule, None) for answer in extra)

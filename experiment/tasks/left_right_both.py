@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Final
 
-from experiment.tasks.task import BLANK, BOTH, SINGLE, Answer, Burst, Presentation, Task
+from experiment.tasks.task import BLANK, BOTH, PLACEMENT, SINGLE, Answer, Burst, Presentation, Task
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -106,10 +106,7 @@ LEFT_RIGHT_BOTH: Final = Task(
     },
     reversed_mapping={_LEFT: _RIGHT, _RIGHT: _LEFT},
     texts={
-        "placement": (
-            "Place one finger of each hand on the plate, one above each actuator, and keep them "
-            "there."
-        ),
+        "placement": PLACEMENT,
         "hands_off_before": (
             "Take both hands off the plate. If you hear a vibration, answer where it comes from; "
             "if you hear nothing, press {none}."

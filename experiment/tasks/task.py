@@ -30,6 +30,10 @@ BLANK: Final = "blank"
 """The kind of trials that measure how often participants guess."""
 
 _RESERVED: Final = frozenset({"timeout", "invalid", "pause", "continue", "escape"})
+PLACEMENT: Final = (
+    "Place one finger of each hand on the plate, one above each actuator, and keep them there."
+)
+"""What tasks with a finger above each actuator say before the first trial."""
 _TEXTS: Final = frozenset(
     {"placement", "hands_off_before", "hands_off_after", "prompt", "prompt_hands_off"}
 )
@@ -111,7 +115,9 @@ class Presentation:
         Where no threshold is measured, it is that of the first burst with the trial's level, else
         of the last.
         """
-        levels = [i for i, burst in enumerate(self.bursts) if burst.sites and not burst[1]]
+        levels = [
+            i for i, burst in enumerate(self.bursts) if burst.sites and not burst.is_reference
+        ]
         at_site = (i for i in levels if self.site in {None, *self.bursts[i].sites})
         return next(at_site, len(self.bursts) - 1)
 

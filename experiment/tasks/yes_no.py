@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from experiment.tasks.task import BLANK, SINGLE, Answer, Burst, Presentation, Task
+from experiment.tasks.task import BLANK, PLACEMENT, SINGLE, Answer, Burst, Presentation, Task
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -63,10 +63,7 @@ def yes_no(sites: tuple[str, ...]) -> Task:
         kinds={SINGLE: "a stimulus at one finger", BLANK: "no stimulus"},
         reversed_mapping={_YES: _NO, _NO: _YES},
         texts={
-            "placement": (
-                "Place one finger of each hand on the plate, one above each actuator, and keep "
-                "them there."
-            ),
+            "placement": PLACEMENT,
             "hands_off_before": _HANDS_OFF,
             "hands_off_after": _HANDS_OFF,
             "prompt": "Did you feel a vibration?",
