@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import itertools
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -24,7 +25,7 @@ from experiment.trial.draw import draw_plan
 from experiment.trial.responder import Press, Responder, SessionPart
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Callable, Iterator, Mapping
     from pathlib import Path
 
     from device.clock import Clock
@@ -267,3 +268,26 @@ class Lab:
 
     def statuses(self) -> list[tuple[int, int, str]]:
         return [(row.trial, row.attempt, row.status) for row in self.rows]
+
+
+def killed_after_each_line(lab_of: Callable[[str], Lab]) -> Iterator[Lab]:
+    """Yield sessions that were killed after one journal line, then two, and resumed to their end.
+
+    Each keeps the rows that it had, has every planned trial once, and files that fit its journal.
+    """
+    for lines in itertools.count(1):
+        lab = lab_of(str(lines))
+        try:
+            with lab.killed_after(lines=lines):
+                assert lab.begin().finished
+        except Crash:
+            before = lab.rows
+            assert lab.resume().finished
+            assert lab.rows[: len(before)] == before
+        else:
+            return
+        planned = [trial.number for trial in lab.plan.trials]
+        ok = [row.trial for row in lab.rows if row.status == "ok"]
+        assert sorted(number for number in ok if number <= len(planned)) == planned
+        assert lab.differences() == ()
+        yield lab

@@ -11,7 +11,7 @@ from device.driver import Outcome
 from experiment import first_study
 from experiment.tasks import TASKS
 from experiment.trial.responder import Press
-from tests.test_experiment.lab import Crash, Lab, Scripted
+from tests.test_experiment.lab import Lab, Scripted, killed_after_each_line
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -135,26 +135,8 @@ def test_killed_after_any_line_no_trial_counts_without_all_of_its_bursts(
 ) -> None:
     levels = {} if "amplitude" in kind else {"rule": "bayesian", "pooled": True}
     study = study_of(kind, per_side=1, **levels)
-    kills = 0
-    while True:
-        kills += 1
-        lab = lab_in(str(kills), study)
-        try:
-            with lab.killed_after(lines=kills):
-                assert lab.begin().finished
-        except Crash:
-            before = lab.rows
-            assert lab.resume().finished
-            assert lab.rows[: len(before)] == before
-        else:
-            break
+    labs = [*killed_after_each_line(lambda place: lab_in(place, study))]
+    for lab in labs:
         require_every_burst(lab)
-        ok = [
-            row.trial
-            for row in lab.rows
-            if row.status == "ok" and row.trial <= len(lab.plan.trials)
-        ]
-        assert sorted(ok) == [trial.number for trial in lab.plan.trials]
         assert {row.status for row in lab.rows} <= {"ok", "voided", "aborted", "indeterminate"}
-        assert lab.differences() == ()
-    assert kills > 4 * len(lab.plan.trials)
+    assert len(labs) >= 4 * len(labs[0].plan.trials)
