@@ -77,10 +77,10 @@ def _times(port: str) -> _Times:
     sine[-1] = 0.0
     device.open()
     began = time.perf_counter()
-    device.load(0, sine, sine)
+    device.load(0, np.stack([sine, sine]))
     upload_s = time.perf_counter() - began
     device.enable()
-    device.set_levels(100.0, 100.0)
+    device.set_levels([100.0, 100.0])
     pings, fires = [], []
     for token in range(1, REPEATS + 1):
         began = time.perf_counter()
@@ -107,7 +107,7 @@ def _long_upload_s(port: str, baud: int) -> float:
     sine[-1] = 0.0
     device.open()
     began = time.perf_counter()
-    device.load(0, sine, sine)
+    device.load(0, np.stack([sine, sine]))
     took_s = time.perf_counter() - began
     device.close()
     return took_s

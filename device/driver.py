@@ -15,8 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from device.checks import require_positive, require_real, require_whole
+from device.limits import MAX_CHANNELS
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from device.core.output import OutputStage
     from device.limits import Limits
 
@@ -89,7 +92,7 @@ class Identity:
     bits : int
         Of its converters.
     channels : int
-        Number of outputs.
+        Number of outputs that it drives.
     ceiling_vpp : float
         Its own ceiling in peak-to-peak volts at the actuator.
     longest_waveform : int
@@ -125,7 +128,7 @@ class Identity:
         require_whole("boot_id", self.boot_id, minimum=0, maximum=LARGEST_TOKEN)
         require_positive("sample_rate_hz", self.sample_rate_hz)
         require_whole("bits", self.bits, minimum=2, maximum=32)
-        require_whole("channels", self.channels, minimum=1, maximum=64)
+        require_whole("channels", self.channels, minimum=1, maximum=MAX_CHANNELS)
         require_positive("ceiling_vpp", self.ceiling_vpp)
         require_whole("longest_waveform", self.longest_waveform, minimum=1, maximum=2**31)
 
@@ -157,7 +160,7 @@ class Identity:
             protocol_version=PROTOCOL_VERSION,
             sample_rate_hz=output.sample_rate_hz,
             bits=output.bits,
-            channels=2,
+            channels=output.channels,
             ceiling_vpp=limits.ceiling_vpp,
             longest_waveform=limits.longest_waveform,
             emulated=True,
@@ -195,9 +198,9 @@ class Delivery:
         Half of that interval plus what the clocks add to it.
     retries : int
         How often the question had to be sent again.
-    level_left_vpp, level_right_vpp : float
-        Level the device really set, in peak-to-peak volts; 0 for a channel whose waveform is zero
-        throughout, and unless FIRED.
+    levels_vpp : tuple of float
+        Level of each channel that the device really set, in peak-to-peak volts, 0 for a channel
+        whose waveform is zero throughout; empty unless FIRED.
 
     Raises
     ------
@@ -207,8 +210,7 @@ class Delivery:
     Examples
     --------
     >>> Delivery(outcome=Outcome.NOT_FIRED, token=1, boot_id=7, device_us=None, host_before_s=0.0,
-    ...          host_after_s=0.1, uncertainty_s=0.05, retries=0, level_left_vpp=0.0,
-    ...          level_right_vpp=0.0).outcome.value
+    ...          host_after_s=0.1, uncertainty_s=0.05, retries=0).outcome.value
     'not_fired'
     """
 
@@ -220,8 +222,7 @@ class Delivery:
     host_after_s: float
     uncertainty_s: float
     retries: int
-    level_left_vpp: float
-    level_right_vpp: float
+    levels_vpp: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
         contradictory = Outcome.FIRED if self.device_us is None else Outcome.NOT_FIRED
@@ -237,12 +238,12 @@ class Delivery:
         require_real("host_after_s", self.host_after_s, minimum=self.host_before_s)
         require_real("uncertainty_s", self.uncertainty_s, minimum=0.0)
         require_whole("retries", self.retries, minimum=0, maximum=2**31)
-        require_real("level_left_vpp", self.level_left_vpp, minimum=0.0)
-        require_real("level_right_vpp", self.level_right_vpp, minimum=0.0)
+        for level_vpp in self.levels_vpp:
+            require_real("levels_vpp", level_vpp, minimum=0.0)
 
 
 class BurstDevice(ABC):
-    """Two channels that play loaded waveforms, each at most once per token.
+    """Channels that play loaded waveforms, each at most once per token.
 
     The steps of a session: `open`, `load`, `enable`, then for each trial `set_levels`, `arm`,
     `fire`; at the end `close`. A heartbeat, where the device wants one, is the driver's own
@@ -275,15 +276,15 @@ class BurstDevice(ABC):
         """
 
     @abstractmethod
-    def load(self, slot: int, left: FloatArray, right: FloatArray) -> None:
-        """Store the waveforms of both channels; played at a level, 1 is half of its volts.
+    def load(self, slot: int, samples: FloatArray) -> None:
+        """Store a waveform for each channel; played at a level, 1 is half of its volts.
 
         Parameters
         ----------
         slot : int
             Where, from 0.
-        left, right : ndarray of float64, shape (n,)
-            Samples at the device's rate, from -1 to 1, the first and the last 0.
+        samples : ndarray of float64, shape (n_channels, n_samples)
+            At the device's rate, from -1 to 1, the first and the last of each channel 0.
         """
 
     @abstractmethod
@@ -291,13 +292,13 @@ class BurstDevice(ABC):
         """Switch the output on; the only way out of a stop."""
 
     @abstractmethod
-    def set_levels(self, left_vpp: float, right_vpp: float) -> None:
-        """Set the levels of both channels.
+    def set_levels(self, levels_vpp: Sequence[float]) -> None:
+        """Set the level of each channel.
 
         Parameters
         ----------
-        left_vpp, right_vpp : float
-            Peak-to-peak volts at the actuator.
+        levels_vpp : sequence of float
+            Peak-to-peak volts at each actuator.
         """
 
     @abstractmethod

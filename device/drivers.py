@@ -15,6 +15,8 @@ from device.driver import BurstDevice, Delivery, Identity
 from device.emulate.mock import DEVICE_LIMITS, MODEL, MockDevice
 from device.errors import DeviceError, LinkError, error_line
 from device.installed import DRIVERS, Installed, lookup, require_instance
+from device.limits import MAX_CHANNELS
+from device.scpi.dialects import DIALECTS
 from device.wire.channels import USUAL, LineSettings, require_port
 
 if TYPE_CHECKING:
@@ -34,6 +36,8 @@ NEEDS: Final[Mapping[str, tuple[str, ...]]] = {
 }
 """Every built-in driver by name, with the settings that it cannot do without."""
 FIRST_TWO: Final = (1, 2)
+MAX_OUTPUTS: Final[Mapping[str, int]] = {"generator": max(dialect.channels for dialect in DIALECTS)}
+"""Number of outputs of built-in drivers that have fewer than `MAX_CHANNELS` by their kind."""
 
 _Value = TypeVar("_Value")
 
@@ -57,7 +61,7 @@ class DriverSettings:
         Volts at the actuator, to both sides, for the sound card's largest sample: a measured
         calibration.
     channels : tuple of int
-        Outputs of left and right, counted from 1, where the driver lets them be chosen.
+        The output that plays each channel, counted from 1.
     line : LineSettings
         Rate and timeouts of a serial line.
     recorder : Recorder or None
@@ -76,7 +80,7 @@ class DriverSettings:
     sample_rate_hz: float = 48_000.0
     amplifier_gain: float | None = None
     volts_full_scale: float | None = None
-    channels: tuple[int, int] = FIRST_TWO
+    channels: tuple[int, ...] = FIRST_TWO
     line: LineSettings = USUAL
     recorder: Recorder | None = None
 
@@ -120,14 +124,17 @@ def make_device(name: str, settings: DriverSettings, clock: Clock) -> BurstDevic
     if refused := channel_fault(name, settings.channels):
         raise ValueError(refused)
     limits, rate_hz = settings.limits, settings.sample_rate_hz
+    channels = len(settings.channels)
     if name == MOCK:
-        return make_mock(limits, clock, rate_hz)
+        return make_mock(limits, clock, OutputStage(channels=channels, sample_rate_hz=rate_hz))
     port = _given(settings.port, "port", name)
     require_port_of(name, port)
     if name == "serial":
         from device.wire.serial import serial_device
 
-        return serial_device(port, limits=limits, clock=clock, line=settings.line)
+        return serial_device(
+            port, limits=limits, clock=clock, channels=channels, line=settings.line
+        )
     if name == "generator":
         from device.scpi.generator import generator_device
 
@@ -137,6 +144,7 @@ def make_device(name: str, settings: DriverSettings, clock: Clock) -> BurstDevic
             clock=clock,
             amplifier_gain=_given(settings.amplifier_gain, "amplifier_gain", name),
             sample_rate_hz=rate_hz,
+            outputs=settings.channels,
             line=settings.line,
         )
     from device.sound.audio import audio_device
@@ -147,6 +155,7 @@ def make_device(name: str, settings: DriverSettings, clock: Clock) -> BurstDevic
         clock=clock,
         volts_full_scale=_given(settings.volts_full_scale, "volts_full_scale", name),
         sample_rate_hz=rate_hz,
+        channels=channels,
         recorder=settings.recorder,
     )
 
@@ -211,21 +220,29 @@ def installed_driver(name: str) -> Installed:
     return lookup(DRIVERS, name, tuple(NEEDS))
 
 
-def channel_fault(name: str, channels: tuple[int, int]) -> str | None:
+def channel_fault(name: str, channels: tuple[int, ...]) -> str | None:
     """Return why a built-in driver refuses channels; None if it takes them.
 
-    >>> channel_fault("mock", (1, 2)), channel_fault("mock", (3, 4))
+    >>> channel_fault("mock", (1, 2, 3)), channel_fault("mock", (3, 4))
     (None, 'channels must be [1, 2] for the driver mock, got [3, 4]: the example ...')
+    >>> channel_fault("generator", (1, 2, 3))
+    'channels must be at most 2 for the driver generator, got [1, 2, 3]'
     """
-    if name not in NEEDS or channels == FIRST_TWO:
+    if name not in NEEDS:
         return None
-    return (
-        f"channels must be {list(FIRST_TWO)} for the driver {name}, got {list(channels)}: the "
-        "example sound_card_channels is a driver that takes others"
-    )
+    first = list(range(1, len(channels) + 1))
+    largest = MAX_OUTPUTS.get(name, MAX_CHANNELS)
+    if max(channels) > largest:
+        return f"channels must be at most {largest} for the driver {name}, got {list(channels)}"
+    if name not in MAX_OUTPUTS and list(channels) != first:
+        return (
+            f"channels must be {first} for the driver {name}, got {list(channels)}: the example "
+            "sound_card_channels is a driver that takes others"
+        )
+    return None
 
 
-def make_mock(limits: Limits, clock: Clock, sample_rate_hz: float) -> MockDevice:
+def make_mock(limits: Limits, clock: Clock, output: OutputStage) -> MockDevice:
     """Return a mock whose own rest between bursts is the study's."""
     return MockDevice(
         clock,
@@ -235,7 +252,7 @@ def make_mock(limits: Limits, clock: Clock, sample_rate_hz: float) -> MockDevice
             ceiling_vpp=max(DEVICE_LIMITS.ceiling_vpp, limits.ceiling_vpp),
             min_interval_s=limits.min_interval_s,
         ),
-        output=OutputStage(sample_rate_hz=sample_rate_hz),
+        output=output,
     )
 
 

@@ -35,7 +35,7 @@ class Refusal(IntEnum):
     EMPTY_SLOT = 2, "nothing is loaded in that slot"
     WAVEFORM_EMPTY = 3, "a waveform needs at least one sample"
     WAVEFORM_TOO_LONG = 4, "the waveform is too long"
-    LENGTHS_DIFFER = 5, "left and right waveform differ in length"
+    WRONG_CHANNELS = 5, "each channel needs a waveform and a level"
     NOT_FINITE = 6, "a sample is not finite"
     OUT_OF_RANGE = 7, "a sample is outside [-1, 1]"
     EDGES_NOT_ZERO = 8, "a waveform must begin and end at exactly 0"

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import partial
 from typing import TYPE_CHECKING, Any, Final, TypeAlias
 
 import numpy as np
@@ -20,15 +19,17 @@ from device.checks import require_positive, require_real, require_whole
 from device.errors import Refusal, rejection
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Iterable, Sequence
 
-CHANNELS: Final = ("left", "right")
-"""The output channels of a device, in their order."""
+MAX_CHANNELS: Final = 64
+"""Most output channels of a device; messages count them from 1."""
 _MIN_RATIO = 1e-6
 _GRID_TOLERANCE = 1e-6
 
 CodeArray: TypeAlias = NDArray[np.signedinteger[Any]]
-"""Codes of a converter, one for each sample."""
+"""Codes of a converter, one for each sample; of a waveform a row for each channel."""
+_CODE_RULES: Final = (Refusal.OUT_OF_RANGE, Refusal.EDGES_NOT_ZERO, Refusal.DC)
+"""What the codes of each channel must obey, in the order in which a device checks them."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -63,7 +64,7 @@ class Limits:
     Examples
     --------
     >>> Limits(ceiling_vpp=200.0).slots
-    8
+    64
     >>> Limits(ceiling_vpp=0.0)
     Traceback (most recent call last):
     ValueError: ceiling_vpp must be a number above 0 and up to inf, got 0.0
@@ -73,7 +74,7 @@ class Limits:
     min_interval_s: float = 0.05
     max_duty: float = 0.5
     longest_waveform: int = 65536
-    slots: int = 8
+    slots: int = 64
     memory_samples: int = 8 * 65536
     dc_tolerance: float = 0.01
     longest_time_to_live_s: float = 10.0
@@ -119,55 +120,52 @@ def _whole(limit: float) -> int:
     return math.floor(limit + _GRID_TOLERANCE)
 
 
-def check_codes(
-    left: CodeArray, right: CodeArray, *, full_scale: int, limits: Limits
-) -> tuple[int, int]:
-    """Check the codes of both channels of a slot, and return the peak code of each.
+def check_channels(n_values: int, channels: int) -> None:
+    """Refuse another number of rows or levels than a device has channels."""
+    if n_values != channels:
+        raise rejection(Refusal.WRONG_CHANNELS, f"{channels} channels, got {n_values}")
 
-    The codes, shape (n,) each, must be of one length, not too long, within full scale, 0 at both
-    ends and without a DC part, which is ``|sum|`` above `dc_tolerance` times ``sum|.|``. Otherwise
-    `Rejected` or `LimitExceeded`.
+
+def check_codes(codes: CodeArray, *, full_scale: int, limits: Limits) -> tuple[int, ...]:
+    """Check the codes of a slot, shape (n_channels, n_samples), and return each channel's peak.
+
+    The codes must not be too long, be within full scale, 0 at both ends and without a DC part,
+    which is ``|sum|`` above `dc_tolerance` times ``sum|.|``. Otherwise `Rejected` or
+    `LimitExceeded`, which names the first channel that is at fault.
 
     >>> sine = np.array([0, 32767, 0, -32767, 0])
     >>> limits = Limits(ceiling_vpp=200.0)
-    >>> check_codes(sine, 0 * sine, full_scale=32767, limits=limits)
+    >>> check_codes(np.stack([sine, 0 * sine]), full_scale=32767, limits=limits)
     (32767, 0)
-    >>> check_codes(sine, abs(sine), full_scale=32767, limits=limits)
+    >>> check_codes(np.stack([sine, abs(sine)]), full_scale=32767, limits=limits)
     Traceback (most recent call last):
-    device.errors.LimitExceeded: the waveform has a DC part (a unipolar click has one): right
+    device.errors.LimitExceeded: the waveform has a DC part (a unipolar click has one): channel 2
     """
-    if left.size != right.size:
-        raise rejection(Refusal.LENGTHS_DIFFER, f"{left.size} and {right.size} samples")
-    if left.size == 0:
+    n_samples = codes.shape[1]
+    if n_samples == 0:
         raise rejection(Refusal.WAVEFORM_EMPTY)
-    if left.size > limits.longest_waveform:
-        detail = f"{left.size} samples, at most {limits.longest_waveform}"
+    if n_samples > limits.longest_waveform:
+        detail = f"{n_samples} samples, at most {limits.longest_waveform}"
         raise rejection(Refusal.WAVEFORM_TOO_LONG, detail)
-    check = partial(_check_channel, limits=limits, full_scale=full_scale)
-    left_peak, right_peak = map(check, CHANNELS, (left, right))
-    return left_peak, right_peak
-
-
-def _check_channel(channel: str, codes: CodeArray, limits: Limits, full_scale: int) -> int:
     codes = codes.astype(np.int64)
     magnitudes = np.abs(codes)
-    peak = int(magnitudes.max())
-    if peak > full_scale:
-        raise rejection(Refusal.OUT_OF_RANGE, f"{channel} reaches {peak / full_scale:g}")
-    if codes[0] != 0 or codes[-1] != 0:
-        raise rejection(Refusal.EDGES_NOT_ZERO, channel)
-    if abs(codes.sum()) * 1_000_000 > limits.dc_tolerance_ppm * magnitudes.sum():
-        raise rejection(Refusal.DC, channel)
-    return peak
+    peaks = magnitudes.max(axis=1)
+    dc = np.abs(codes.sum(axis=1)) * 1_000_000 > limits.dc_tolerance_ppm * magnitudes.sum(axis=1)
+    edges = (codes[:, 0] != 0) | (codes[:, -1] != 0)
+    violations = np.argwhere(np.stack([peaks > full_scale, edges, dc], axis=1))
+    if violations.size:
+        channel, rule = violations[0]
+        raise rejection(_CODE_RULES[rule], f"channel {channel + 1}")
+    return tuple(peaks.tolist())
 
 
 def check_ceiling(
-    peaks: tuple[int, int], levels_mvpp: tuple[int, int], *, full_scale: int, limits: Limits
+    peaks: Sequence[int], levels_mvpp: Sequence[int], *, full_scale: int, limits: Limits
 ) -> None:
     """Refuse a burst of which a channel's peak x level is above the ceiling.
 
-    Exactly at the ceiling is allowed. `peaks` are codes, left and right. The product is formed in
-    whole numbers, so that no rounding lets a larger one pass.
+    Exactly at the ceiling is allowed. `peaks` are codes. The product is formed in whole numbers, so
+    that no rounding lets a larger one pass.
 
     >>> limits = Limits(ceiling_vpp=64.1)
     >>> check_ceiling((32767, 0), (64_100, 10**6), full_scale=32767, limits=limits)
@@ -181,19 +179,17 @@ def check_ceiling(
             raise rejection(Refusal.CEILING, f"{product} > {limits.ceiling_mvpp / 1000:g} Vpp")
 
 
-def lowest_peaks(loaded: Iterable[tuple[int, int]]) -> tuple[int, int]:
+def lowest_peaks(loaded: Iterable[Sequence[int]], channels: int) -> list[int]:
     """Return the smallest peak of each channel among the loaded slots, silent ones left out.
 
     A level that is too high even for these cannot be used by any slot, and is refused when it is
     set; which slot will be played is known only when it is armed, and then checked exactly.
 
-    >>> lowest_peaks([(100, 0), (50, 0)])
-    (50, 0)
+    >>> lowest_peaks([(100, 0), (50, 0)], channels=2)
+    [50, 0]
     """
-    pairs = list(loaded)
-    left = min((pair[0] for pair in pairs if pair[0]), default=0)
-    right = min((pair[1] for pair in pairs if pair[1]), default=0)
-    return left, right
+    of_channels = zip(*loaded, [0] * channels, strict=True)
+    return [min(filter(None, peaks), default=0) for peaks in of_channels]
 
 
 def check_rest(*, since_onset_us: int, duration_us: int, limits: Limits) -> None:

@@ -10,6 +10,7 @@ from dataclasses import fields
 from typing import TYPE_CHECKING, Final
 
 from device.core.reports import TAPS, Entropy, Health
+from device.emulate.firmware import FIRMWARE_CHANNELS
 from device.errors import Refusal
 from device.wire.protocol import FATES, STATES, Kind
 
@@ -21,6 +22,8 @@ _TEXT: Final = """\
 /* The numbers of the wire. Written by firmware/wire_numbers.py from the tables in device/. */
 #ifndef WIRE_NUMBERS_H
 #define WIRE_NUMBERS_H
+
+#define CHANNELS %dU
 
 %s
 #endif
@@ -59,7 +62,7 @@ def header() -> str:
         _enum("refusal", "", {"DONE": 0} | {refusal.name: refusal for refusal in Refusal}),
         _enum("kind", "", {kind.name: kind for kind in Kind}, form="#04x"),
     ]
-    return _TEXT % "\n".join(enums)
+    return _TEXT % (FIRMWARE_CHANNELS, "\n".join(enums))
 
 
 if __name__ == "__main__":

@@ -23,7 +23,6 @@ if TYPE_CHECKING:
 
 
 _MEASURED: Final = ("condition", "tap", "unit", "burst_verified", "noted", "late_s")
-_PEAKS: Final = ("planned_left", "planned_right", "peak_left", "peak_right")
 
 
 class Planned(NamedTuple):
@@ -82,17 +81,18 @@ def _quantities(analysis: Analysis) -> pd.DataFrame:
 
 def measured_bursts(rows: Iterable[MeasuredRow]) -> pd.DataFrame:
     """Return the peaks that a monitor measured beside the planned ones."""
-    columns = [*_MEASURED, *_PEAKS]
-    cells = attrgetter(*(MEASURED_COLUMNS[name] for name in columns))
+    columns = [*_MEASURED, "at_sites", "peaks"]
+    attributes = [*(MEASURED_COLUMNS[name] for name in _MEASURED), "measured.planned"]
+    cells = attrgetter(*attributes, "measured.peaks")
     bursts = pd.DataFrame(map(cells, rows), columns=columns)
     if bursts.empty:
         return bursts
     bursts["late_ms"] = bursts["late_s"].astype(float).abs() * 1e3
-    is_blank = bursts["planned_left"].eq(0) & bursts["planned_right"].eq(0)
+    is_blank = ~bursts["at_sites"].map(any)
     channels = [bursts[is_blank].assign(channel="none", planned=0.0, peak=None)]
-    for side in LEFT_RIGHT_BOTH.sites:
-        driven = bursts[bursts[f"planned_{side}"].ne(0)]
-        peaks = {"planned": driven[f"planned_{side}"], "peak": driven[f"peak_{side}"]}
+    for index, side in enumerate(LEFT_RIGHT_BOTH.sites):
+        driven = bursts[bursts["at_sites"].str[index].ne(0)]
+        peaks = {"planned": driven["at_sites"].str[index], "peak": driven["peaks"].str[index]}
         channels.append(driven.assign(channel=side, **peaks))
     table = pd.concat(channels).astype({"peak": float}).rename(columns={"unit": "peak_unit"})
     table["is_noted"] = table["noted"].astype(bool)

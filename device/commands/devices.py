@@ -47,9 +47,9 @@ def devices(*, ports: tuple[str, ...], baud: int) -> None:
     if not cards:
         lack = sound_lack()
         reason = "" if lack is None else f": {lack}"
-        echo(f"No sound card with two outputs is seen{reason}.")
-    for card in cards:
-        echo(f"{card}  a sound card with two outputs: --driver audio; nothing was sent")
+        echo(f"No sound card with outputs is seen{reason}.")
+    for card, outputs in cards.items():
+        echo(f"{card}  a sound card with {outputs} outputs: --driver audio; nothing was sent")
 
 
 def _identify(port: str, line: LineSettings) -> list[str]:

@@ -114,6 +114,7 @@ def _device(truth: IO[str], faults: Faults, **device: Any) -> Callable[[Line], E
 
 def _nature(
     *,
+    channels: int,
     ceiling_vpp: float,
     sample_rate_hz: float,
     firmware: Path | None,
@@ -137,7 +138,9 @@ def _nature(
     )
     return Nature(
         limits=Limits(ceiling_vpp=ceiling_vpp, min_interval_s=_MIN_INTERVAL_S),
-        output=OutputStage(sample_rate_hz=sample_rate_hz, rail_v=ceiling_vpp / 2),
+        output=OutputStage(
+            channels=channels, sample_rate_hz=sample_rate_hz, rail_v=ceiling_vpp / 2
+        ),
         amplifier=amplifier,
         firmware=None if firmware is None else FirmwareLibrary(firmware),
         **settings,

@@ -60,6 +60,13 @@ _OPTIONS = (
         help="Limit the line to this baud rate. Below 57600, set device.baud in the study.",
     ),
     click.option(
+        "--channels",
+        type=click.IntRange(1, 64),
+        metavar="N",
+        default=2,
+        help="Number of output channels of the device.  [default: 2]",
+    ),
+    click.option(
         "--ceiling-vpp",
         type=float,
         metavar="V",
@@ -125,7 +132,7 @@ def emulator_options(command: _Command) -> _Command:
 
 
 _DEVICE_OPTIONS: Final = (
-    *("baud", "ceiling_vpp", "sample_rate_hz", "serial_number", "firmware"),
+    *("baud", "channels", "ceiling_vpp", "sample_rate_hz", "serial_number", "firmware"),
     *("switch_open", "switch_stdin", "over_current_at_s", "unsensed", "adc"),
 )
 

@@ -1,4 +1,4 @@
-"""A device around what plays two waveforms: a sound card, a generator, a program of a lab.
+"""A device around what plays waveforms: a sound card, a generator, a program of a lab.
 
 Tokens, times to live, rests, levels and ceilings are kept for it by a `DeviceCore` in this process.
 """
@@ -21,7 +21,7 @@ from device.driver import Identity, Outcome
 from device.errors import DeviceError, LinkError, Refusal, error_line
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
 
     from device.clock import Clock
     from device.driver import FloatArray
@@ -44,7 +44,7 @@ class Played:
     uncertainty_s : float
         Half-width of the interval around `onset_s`.
     levels_vpp : tuple of float or None
-        Left and right level that was really set; None: as asked for.
+        Level of each channel that was really set; None: as asked for.
 
     Examples
     --------
@@ -55,11 +55,11 @@ class Played:
     outcome: Outcome
     onset_s: float | None = None
     uncertainty_s: float = 0.0
-    levels_vpp: tuple[float, float] | None = None
+    levels_vpp: tuple[float, ...] | None = None
 
 
 class Converter(ABC):
-    """What turns samples into volts at two actuators: a card, an instrument, a program.
+    """What turns samples into volts at actuators: a card, an instrument, a program.
 
     A subclass sets the attributes, at the latest in `connect` those that only the hardware knows,
     and has the four abstract methods. The other three are for hardware that stores waveforms or
@@ -81,6 +81,8 @@ class Converter(ABC):
         Whether no actuator can move.
     cannot : tuple of str
         What it cannot promise, each to be read after "it cannot"; shown before a session.
+    channels : int
+        Number of its outputs.
     protocol : str
         What it is spoken to by.
     longest_waveform : int
@@ -95,7 +97,7 @@ class Converter(ABC):
     ...     name, serial_number, sample_rate_hz, bits = "silent", "1", 48_000.0, 16
     ...     full_scale_v, emulated, cannot = 100.0, True, ("be felt",)
     ...     def connect(self): pass
-    ...     def play(self, left_v, right_v): return Played(outcome=Outcome.NOT_FIRED)
+    ...     def play(self, volts): return Played(outcome=Outcome.NOT_FIRED)
     ...     def zero(self): pass
     ...     def disconnect(self): pass
     >>> Silent().protocol
@@ -109,6 +111,7 @@ class Converter(ABC):
     full_scale_v: float
     emulated: bool
     cannot: tuple[str, ...] = ()
+    channels: int = 2
     protocol: str = "own"
     longest_waveform: int = 2**31
 
@@ -117,13 +120,13 @@ class Converter(ABC):
         """Open it, its outputs at zero; `LinkError` if it is not there."""
 
     @abstractmethod
-    def play(self, left_v: FloatArray, right_v: FloatArray) -> Played:
+    def play(self, volts: FloatArray) -> Played:
         """Play volts at the actuators once, return when they are over, and say what is known.
 
         Parameters
         ----------
-        left_v, right_v : ndarray of float64, shape (n,)
-            Volts at both actuators, a value for each period of `sample_rate_hz`.
+        volts : ndarray of float64, shape (n_channels, n_samples)
+            Volts at each actuator, a value for each period of `sample_rate_hz`.
 
         Returns
         -------
@@ -139,29 +142,29 @@ class Converter(ABC):
     def disconnect(self) -> None:
         """Close it."""
 
-    def store(self, slot: int, left: CodeArray, right: CodeArray) -> None:  # noqa: B027 - most need no such step
-        """Store the codes of both channels in a slot; by default nothing is stored.
+    def store(self, slot: int, codes: CodeArray) -> None:  # noqa: B027 - most need no such step
+        """Store codes in a slot; by default nothing is stored.
 
         Parameters
         ----------
         slot : int
             Which waveforms.
-        left, right : ndarray of int, shape (n_samples,)
+        codes : ndarray of int, shape (n_channels, n_samples)
             Codes of each channel.
         """
 
     def switch_on(self) -> None:  # noqa: B027 - most need no such step
         """Switch the outputs on, at zero; by default nothing has to be switched."""
 
-    def select(self, slot: int, left_vpp: float, right_vpp: float) -> None:  # noqa: B027 - most need no such step
+    def select(self, slot: int, levels_vpp: Sequence[float]) -> None:  # noqa: B027 - most need no such step
         """Make a slot ready for the next `play`; by default nothing has to be prepared.
 
         Parameters
         ----------
         slot : int
             Which waveforms.
-        left_vpp, right_vpp : float
-            Levels of both channels, in peak-to-peak volts at the actuator.
+        levels_vpp : sequence of float
+            Level of each channel, in peak-to-peak volts at the actuator.
         """
 
 
@@ -174,6 +177,7 @@ class HostedCore(LocalCore):
 
     def __init__(self, converter: Converter, clock: Clock, limits: Limits) -> None:
         output = OutputStage(
+            channels=converter.channels,
             sample_rate_hz=converter.sample_rate_hz,
             bits=converter.bits,
             rail_v=converter.full_scale_v,
@@ -200,7 +204,7 @@ class HostedCore(LocalCore):
             protocol_version=converter.protocol,
             sample_rate_hz=converter.sample_rate_hz,
             bits=converter.bits,
-            channels=2,
+            channels=self._core.output.channels,
             ceiling_vpp=min(limits.ceiling_vpp, 2 * converter.full_scale_v),
             longest_waveform=min(limits.longest_waveform, converter.longest_waveform),
             emulated=converter.emulated,
@@ -221,7 +225,7 @@ class HostedCore(LocalCore):
         exchange = super().exchange(message)
         match message:
             case LoadSlot():
-                self._call(self._converter.store, message.slot, message.left, message.right)
+                self._call(self._converter.store, message.slot, message.codes)
             case Enable():
                 self._switch_on()
             case Arm():
@@ -257,7 +261,7 @@ class HostedCore(LocalCore):
 
     def _select(self, message: Arm) -> None:
         try:
-            self._call(self._converter.select, message.slot, *self._core.levels.vpp)
+            self._call(self._converter.select, message.slot, self._core.levels.vpp)
         except DeviceError:
             super().exchange(Disarm(token=message.token))
             raise
@@ -281,7 +285,7 @@ class HostedCore(LocalCore):
         played, outcome = Played(outcome=Outcome.NOT_FIRED), Outcome.NOT_FIRED
         if not self._stops:
             try:
-                played = self._converter.play(playing.left_v, playing.right_v)
+                played = self._converter.play(playing.volts)
                 outcome = Outcome(played.outcome)
             except Exception as error:  # noqa: BLE001 - whatever it was, the burst may have been felt
                 self._failure, outcome = error, Outcome.INDETERMINATE
@@ -296,8 +300,8 @@ class HostedCore(LocalCore):
             before_s = max(before_s, played.onset_s - played.uncertainty_s)
             after_s = min(returned_s, played.onset_s + played.uncertainty_s)
         if played.levels_vpp is not None:
-            left_mvpp, right_mvpp = (round(level_vpp * 1e3) for level_vpp in played.levels_vpp)
-            record = replace(record, left_mvpp=left_mvpp, right_mvpp=right_mvpp)
+            levels_mvpp = tuple(round(level_vpp * 1e3) for level_vpp in played.levels_vpp)
+            record = replace(record, levels_mvpp=levels_mvpp)
         start_us = self._device_us(before_s)
         record = replace(record, start_us=start_us)
         return self._exchange(record, before_s, max(before_s, after_s), start_us)
@@ -319,7 +323,7 @@ class ConverterDevice(HostDriver):
 
 
 def converter_device(converter: Converter, *, limits: Limits, clock: Clock) -> ConverterDevice:
-    """Return a device around what plays two waveforms: the whole contract, exactly once.
+    """Return a device around what plays waveforms: the whole contract, exactly once.
 
     Parameters
     ----------
@@ -350,18 +354,18 @@ def converter_device(converter: Converter, *, limits: Limits, clock: Clock) -> C
     ...     name, serial_number, sample_rate_hz, bits = "printer", "1", 48_000.0, 16
     ...     full_scale_v, emulated, cannot = 100.0, True, ("be felt",)
     ...     def connect(self): pass
-    ...     def play(self, left_v, right_v):
-    ...         print(f"{abs(left_v).max():.0f} V left, {abs(right_v).max():.0f} V right")
+    ...     def play(self, volts):
+    ...         print(abs(volts).max(axis=1).round().tolist())
     ...         return Played(outcome=Outcome.FIRED)
     ...     def zero(self): pass
     ...     def disconnect(self): pass
     >>> device = converter_device(Printer(), limits=Limits(ceiling_vpp=150.0), clock=VirtualClock())
     >>> _ = device.open()
     >>> sine = np.sin(np.linspace(0, 2 * np.pi, 97)); sine[-1] = 0.0
-    >>> device.load(0, sine, sine); device.enable(); device.set_levels(150.0, 0.0)
+    >>> device.load(0, np.stack([sine, sine])); device.enable(); device.set_levels([150.0, 0.0])
     >>> device.arm(7, 0, time_to_live_s=1.0)
     >>> device.fire(7).outcome is device.fire(7).outcome is Outcome.FIRED
-    75 V left, 0 V right
+    [75.0, 0.0]
     True
     """
     if not isinstance(converter, Converter):

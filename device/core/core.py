@@ -39,6 +39,7 @@ from device.limits import (
     CodeArray,
     Limits,
     check_ceiling,
+    check_channels,
     check_codes,
     check_memory,
     check_rest,
@@ -48,7 +49,7 @@ from device.limits import (
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
 
 # Five beats may be lost before the outputs go off, so that a busy host is not taken for a dead one;
 # longer must no actuator be driven that nobody watches. The time runs whatever else arrives:
@@ -65,7 +66,7 @@ _ENABLED = (State.LIVE, State.ARMED, State.FIRED)
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Slot:
     codes: CodeArray
-    peaks: tuple[int, int]
+    peaks: tuple[int, ...]
 
 
 class DeviceCore:
@@ -101,14 +102,14 @@ class DeviceCore:
     >>> sine = np.array([0, 32767, 0, -32767, 0], dtype=np.int32)
     >>> core = DeviceCore(boot_id=1, limits=Limits(ceiling_vpp=200.0), output=OutputStage(),
     ...                   sink=print)
-    >>> core.take(0, LoadSlot(slot=0, left=sine, right=0 * sine))
+    >>> core.take(0, LoadSlot(slot=0, codes=np.stack([sine, 0 * sine])))
     >>> core.take(10, Enable())
-    >>> core.take(20, Levels(left_mvpp=150_000, right_mvpp=150_000))
+    >>> core.take(20, Levels(levels_mvpp=(150_000, 150_000)))
     >>> core.take(30, Arm(token=7, slot=0, time_to_live_us=1_000))
     >>> core.take(40, Fire(token=7)) == core.take(50, Fire(token=7))
     True
-    >>> core.playing.left_v.tolist(), core.playing.level_right_vpp
-    ([...74.99...], 0.0)
+    >>> core.playing.volts[0].tolist(), core.playing.levels_vpp
+    ([...74.99...], (150.0, 0.0))
     """
 
     def __init__(
@@ -133,7 +134,7 @@ class DeviceCore:
         self._measured: Measurement | None = None
         self._tokens = TokenHistory(history)
         self._slots: dict[int, _Slot] = {}
-        self._levels = Levels(left_mvpp=0, right_mvpp=0)
+        self._levels = Levels(levels_mvpp=(0,) * output.channels)
         self._state = State.IDLE
         self._off_reason = Refusal.SAFE_STATE
         self._armed: Arm | None = None
@@ -208,19 +209,22 @@ class DeviceCore:
 
     def _load(self, message: LoadSlot) -> None:
         check_slot(message.slot, self.limits)
-        check_memory(self.held_beside(message.slot), message.left.size, self.limits)
+        channels, n_samples = message.codes.shape
+        check_channels(channels, self.output.channels)
+        check_memory(self.held_beside(message.slot), n_samples, self.limits)
         after = self._after(Step.LOAD)
         full = full_scale(self.output.bits)
-        peaks = check_codes(message.left, message.right, full_scale=full, limits=self.limits)
-        codes = np.array((message.left, message.right), dtype=np.int32)
+        peaks = check_codes(message.codes, full_scale=full, limits=self.limits)
+        codes = message.codes.astype(np.int32)
         self._slots[message.slot] = _Slot(codes=codes, peaks=peaks)
         self._state = after
 
     def _set_levels(self, message: Levels) -> None:
-        """Set both levels, unless no loaded waveform of a channel could use its level."""
+        """Set the levels, unless no loaded waveform of a channel could use its level."""
+        check_channels(len(message.levels_mvpp), self.output.channels)
         after = self._after(Step.LEVEL)
-        peaks = lowest_peaks(slot.peaks for slot in self._slots.values())
-        self._check_ceiling(peaks, message)
+        loaded = (slot.peaks for slot in self._slots.values())
+        self._check_ceiling(lowest_peaks(loaded, self.output.channels), message)
         self._levels = message
         self._state = after
 
@@ -368,9 +372,9 @@ class DeviceCore:
             self._tokens.keep(record)
             self._armed = None
 
-    def _check_ceiling(self, peaks: tuple[int, int], levels: Levels) -> None:
-        levels_mvpp, full = (levels.left_mvpp, levels.right_mvpp), full_scale(self.output.bits)
-        check_ceiling(peaks, levels_mvpp, full_scale=full, limits=self.limits)
+    def _check_ceiling(self, peaks: Sequence[int], levels: Levels) -> None:
+        full = full_scale(self.output.bits)
+        check_ceiling(peaks, levels.levels_mvpp, full_scale=full, limits=self.limits)
 
     def _check_rest(self) -> None:
         if self._last is not None:
@@ -379,23 +383,20 @@ class DeviceCore:
             check_rest(since_onset_us=since_us, duration_us=duration_us, limits=self.limits)
 
     def _emit(self, armed: Arm) -> Record:
-        slot, levels = self._slots[armed.slot], self._levels
-        left_mvpp = levels.left_mvpp if slot.peaks[0] else 0
-        right_mvpp = levels.right_mvpp if slot.peaks[1] else 0
-        volts = self.output.render(slot.codes, levels=levels, limits=self.limits)
+        slot, set_mvpp = self._slots[armed.slot], self._levels.levels_mvpp
+        levels_mvpp = tuple(
+            level_mvpp if peak else 0 for level_mvpp, peak in zip(set_mvpp, slot.peaks, strict=True)
+        )
         self._last = Emission(
             token=armed.token,
             start_us=self._now_us,
-            left_v=volts[0],
-            right_v=volts[1],
-            level_left_vpp=left_mvpp / 1000,
-            level_right_vpp=right_mvpp / 1000,
+            volts=self.output.render(slot.codes, levels_mvpp=set_mvpp, limits=self.limits),
+            levels_vpp=tuple(level_mvpp / 1000 for level_mvpp in levels_mvpp),
             sample_rate_hz=self.output.sample_rate_hz,
         )
         return Record(
             token=armed.token,
             outcome=Outcome.FIRED,
             start_us=self._now_us,
-            left_mvpp=left_mvpp,
-            right_mvpp=right_mvpp,
+            levels_mvpp=levels_mvpp,
         )

@@ -10,6 +10,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Protocol
 
+import numpy as np
+
 from device.core.messages import (
     Arm,
     AskHealth,
@@ -40,9 +42,10 @@ from device.errors import (
     rejection,
 )
 from device.limits import (
-    CHANNELS,
+    MAX_CHANNELS,
     Limits,
     check_ceiling,
+    check_channels,
     check_codes,
     check_rest,
     check_time_to_live,
@@ -50,6 +53,8 @@ from device.limits import (
 )
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from device.clock import Clock
     from device.core.reports import DeviceLimits, Health, Measurement
     from device.driver import Delivery, FloatArray, Identity
@@ -88,14 +93,15 @@ class Link(Protocol):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _HostSlot:
-    peaks: tuple[int, int]
+    peaks: tuple[int, ...]
     duration_us: int
 
 
 class HostDriver(BurstDevice):
     """A `BurstDevice` over a link; its methods are described there.
 
-    `limits` are the study's; the device has its own.
+    `limits` are the study's; the device has its own. Of the device's channels the first `channels`
+    are driven, all by default; the others stay silent.
 
     >>> from device.clock import VirtualClock
     >>> from device.emulate.mock import MockDevice
@@ -105,50 +111,57 @@ class HostDriver(BurstDevice):
     device.errors.RefusedError: the device is not open
     """
 
-    def __init__(self, link: Link, *, limits: Limits, clock: Clock) -> None:
+    def __init__(
+        self, link: Link, *, limits: Limits, clock: Clock, channels: int = MAX_CHANNELS
+    ) -> None:
         self._link = link
+        self._channels = channels
+        self._n_silent = 0
         self._limits = limits
         self._clock = clock
         self._identity: Identity | None = None
         self._has_restarted = False
         self._slots: dict[int, _HostSlot] = {}
-        self._levels_mvpp = (0, 0)
+        self._levels_mvpp: tuple[int, ...] = ()
         self._armed: Arm | None = None
         self._burst: Delivery | None = None
         self._burst_us = 0
 
     def open(self) -> Identity:
-        """Connect and return who answered; levels start at 0, waveforms have to be loaded.
+        """Connect and return who answered, with the number of channels that are driven.
+
+        Levels start at 0, waveforms have to be loaded.
 
         Refused where it is open already and did not restart.
         """
         if self._link.state is not State.CLOSED and not self._restarted:
             raise RefusedError(Refusal.ALREADY_OPEN)
-        identity = self._link.hello()
+        device = self._link.hello()
+        identity = replace(device, channels=min(self._channels, device.channels))
         self._has_restarted |= self._restarted
         self._identity = identity
+        self._n_silent = device.channels - identity.channels
         self._slots.clear()
         self._armed = self._burst = None
         try:
-            self._link.exchange(Levels(left_mvpp=0, right_mvpp=0))
+            self._link.exchange(Levels(levels_mvpp=(0,) * device.channels))
         except DeviceError:
             self._link.hang_up()  # else nobody closes it: an open that failed is no open device
             raise
-        self._levels_mvpp = (0, 0)
+        self._levels_mvpp = (0,) * identity.channels
         return identity
 
-    def load(self, slot: int, left: FloatArray, right: FloatArray) -> None:
-        """Store waveforms, shape (n,) each in [-1, 1], at the device's sample rate."""
+    def load(self, slot: int, samples: FloatArray) -> None:
+        """Store waveforms, shape (n_channels, n_samples), in [-1, 1], at the device's rate."""
         identity = self._require_same()
         slot = check_slot(slot)
-        left_codes, right_codes = (
-            to_codes(samples, identity.bits, name=name)
-            for name, samples in zip(CHANNELS, (left, right), strict=True)
-        )
+        codes = to_codes(samples, identity.bits)
+        check_channels(len(codes), identity.channels)
         full = full_scale(identity.bits)
-        peaks = check_codes(left_codes, right_codes, full_scale=full, limits=self._limits)
-        self._link.exchange(LoadSlot(slot=slot, left=left_codes, right=right_codes))
-        duration_us = round(left_codes.size * 1e6 / identity.sample_rate_hz)
+        peaks = check_codes(codes, full_scale=full, limits=self._limits)
+        silent = ((0, self._n_silent), (0, 0))
+        self._link.exchange(LoadSlot(slot=slot, codes=np.pad(codes, silent)))
+        duration_us = round(codes.shape[1] * 1e6 / identity.sample_rate_hz)
         self._slots[slot] = _HostSlot(peaks=peaks, duration_us=duration_us)
 
     def enable(self) -> None:
@@ -156,16 +169,19 @@ class HostDriver(BurstDevice):
         self._require_same()
         self._link.exchange(Enable())
 
-    def set_levels(self, left_vpp: float, right_vpp: float) -> None:
-        """Set the levels of both channels in peak-to-peak volts at the actuator.
+    def set_levels(self, levels_vpp: Sequence[float]) -> None:
+        """Set the level of each channel in peak-to-peak volts at the actuator.
 
         A level that no loaded waveform of its channel could use is refused here, any other where
         it is too high for a slot when that slot is armed.
         """
-        self._require_same()
-        message = Levels(left_mvpp=to_millivolts(left_vpp), right_mvpp=to_millivolts(right_vpp))
-        levels_mvpp = to_millivolts(left_vpp, up=True), to_millivolts(right_vpp, up=True)
-        self._check_ceiling(lowest_peaks(slot.peaks for slot in self._slots.values()), levels_mvpp)
+        channels = self._require_same().channels
+        check_channels(len(levels_vpp), channels)
+        levels_mvpp = tuple(to_millivolts(level_vpp) for level_vpp in levels_vpp)
+        message = Levels(levels_mvpp=levels_mvpp + (0,) * self._n_silent)
+        levels_mvpp = tuple(to_millivolts(level_vpp, up=True) for level_vpp in levels_vpp)
+        peaks = lowest_peaks((slot.peaks for slot in self._slots.values()), channels)
+        self._check_ceiling(peaks, levels_mvpp)
         self._link.exchange(message)
         self._levels_mvpp = levels_mvpp
 
@@ -198,7 +214,7 @@ class HostDriver(BurstDevice):
         armed = self._armed if self._armed is not None and token == self._armed.token else None
         if armed is not None:
             self._check_rest()
-        fired = delivery(self._link.exchange(Fire(token=token)))
+        fired = self._delivery(self._link.exchange(Fire(token=token)))
         if armed is not None:
             self._burst, self._burst_us = fired, self._slots[armed.slot].duration_us
             self._armed = None
@@ -219,7 +235,7 @@ class HostDriver(BurstDevice):
         answer = self._link.exchange(Query(token=check_token(token)))
         if answer.record.reason is Refusal.NOT_ARMED and (self._has_restarted or self._restarted):
             answer = replace(answer, record=Record.unknown(token))
-        return delivery(answer)
+        return self._delivery(answer)
 
     def limits(self) -> DeviceLimits:
         """Return what the device is ready to do; a study is held against it before a session."""
@@ -236,9 +252,12 @@ class HostDriver(BurstDevice):
 
         Refused with BUSY while it plays.
         """
-        self._require_open()
+        channels = self._require_open().channels
         measurement = self._link.exchange(AskMeasured(token=check_token(token))).record
-        return measurement if measurement.tap else None
+        if not measurement.tap:
+            return None
+        peaks, correlations = measurement.peaks[:channels], measurement.correlations[:channels]
+        return replace(measurement, peaks=peaks, correlations=correlations)
 
     def stop(self) -> None:
         """Bring outputs to zero: from any thread, in any state, any number of times, no lock."""
@@ -269,7 +288,7 @@ class HostDriver(BurstDevice):
         return identity
 
     # The device checks its own ceiling, too: two barriers, by one function.
-    def _check_ceiling(self, peaks: tuple[int, int], levels_mvpp: tuple[int, int]) -> None:
+    def _check_ceiling(self, peaks: Sequence[int], levels_mvpp: Sequence[int]) -> None:
         full = full_scale(self._require_open().bits)
         check_ceiling(peaks, levels_mvpp, full_scale=full, limits=self._limits)
 
@@ -278,10 +297,14 @@ class HostDriver(BurstDevice):
             since_us = round((self._clock.now_s() - self._burst.host_after_s) * 1e6)
             check_rest(since_onset_us=since_us, duration_us=self._burst_us, limits=self._limits)
 
+    def _delivery(self, answer: Exchange[Record]) -> Delivery:
+        """Return what is known of a burst, with the levels of the channels that are driven."""
+        return delivery(answer, self._require_open().channels)
+
     def _lost(self, token: int) -> Delivery:
         """Return the delivery of a token whose power cycle is over."""
         now_s = self._clock.now_s()
-        return delivery(
+        return self._delivery(
             Exchange(
                 record=Record.unknown(token),
                 boot_id=self._link.boot_id,

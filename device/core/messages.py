@@ -78,31 +78,33 @@ def to_microseconds(time_to_live_s: float) -> int:
     return round(time_to_live_s * 1e6)
 
 
-def to_codes(samples: ArrayLike, bits: int, *, name: str = "waveform") -> CodeArray:
-    """Return the converter codes, shape (n,), of samples in [-1, 1], rounded toward zero.
+def to_codes(samples: ArrayLike, bits: int) -> CodeArray:
+    """Return the converter codes of samples in [-1, 1], a row for each channel.
 
-    Full scale is 2**(bits - 1) - 1 to both sides, so that codes are symmetric about zero and no
-    code stands for more than its sample. Samples that no code stands for are refused with
-    NOT_FINITE or OUT_OF_RANGE; what is no row of real numbers is a ValueError.
+    They are rounded toward zero. Full scale is 2**(bits - 1) - 1 to both sides, so that codes are
+    symmetric about zero and no code stands for more than its sample. Samples that no code stands
+    for are refused with NOT_FINITE or OUT_OF_RANGE; what is no table of real numbers is a
+    ValueError.
 
-    >>> to_codes(np.array([0.0, 1.0, -1.0, 0.5]), bits=16).tolist()
-    [0, 32767, -32767, 16383]
-    >>> to_codes([True, False], bits=16, name="samples")
+    >>> to_codes([[0.0, 1.0, -1.0, 0.5]], bits=16).tolist()
+    [[0, 32767, -32767, 16383]]
+    >>> to_codes([True, False], bits=16)
     Traceback (most recent call last):
-    ValueError: samples must be a one-dimensional array of real numbers, got bool, shape (2,)
+    ValueError: samples must be real numbers, a row for each channel; got bool, shape (2,)
     """
-    waveform = np.asarray(samples)
-    if waveform.ndim != 1 or waveform.dtype.kind not in "iuf":
+    waveforms = np.asarray(samples)
+    if waveforms.ndim != 2 or waveforms.dtype.kind not in "iuf":  # noqa: PLR2004 - rows, columns
         raise ValueError(
-            f"{name} must be a one-dimensional array of real numbers, "
-            f"got {waveform.dtype.name}, shape {waveform.shape}"
+            f"samples must be real numbers, a row for each channel; got {waveforms.dtype.name}, "
+            f"shape {waveforms.shape}"
         )
-    if not np.isfinite(waveform).all():
-        raise rejection(Refusal.NOT_FINITE, name)
-    peak = np.abs(waveform).max(initial=0.0)
-    if peak > 1.0:
-        raise rejection(Refusal.OUT_OF_RANGE, f"{name} reaches {peak:g}")
-    codes: CodeArray = np.trunc(waveform * full_scale(bits)).astype(np.int32)
+    peaks = np.abs(waveforms).max(axis=1, initial=0.0)
+    for channel, peak in enumerate(peaks.tolist(), start=1):
+        if not math.isfinite(peak):
+            raise rejection(Refusal.NOT_FINITE, f"channel {channel}")
+        if peak > 1.0:
+            raise rejection(Refusal.OUT_OF_RANGE, f"channel {channel} reaches {peak:g}")
+    codes: CodeArray = np.trunc(waveforms * full_scale(bits)).astype(np.int32)
     return codes
 
 
@@ -134,11 +136,10 @@ class AskHealth(Message[Health]):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class LoadSlot(Message[None]):
-    """Store the codes of both channels, shape (n,) each, in a slot."""
+    """Store codes, shape (n_channels, n_samples), in a slot."""
 
     slot: int
-    left: CodeArray
-    right: CodeArray
+    codes: CodeArray
 
     def __post_init__(self) -> None:
         check_slot(self.slot)
@@ -146,23 +147,22 @@ class LoadSlot(Message[None]):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Levels(Message[None]):
-    """Set the levels of both channels, in peak-to-peak millivolts at the actuator.
+    """Set the level of each channel, in peak-to-peak millivolts at the actuator.
 
-    >>> Levels(left_mvpp=130_000, right_mvpp=0).vpp
+    >>> Levels(levels_mvpp=(130_000, 0)).vpp
     (130.0, 0.0)
     """
 
-    left_mvpp: int
-    right_mvpp: int
+    levels_mvpp: tuple[int, ...]
 
     def __post_init__(self) -> None:
-        check_millivolts(self.left_mvpp)
-        check_millivolts(self.right_mvpp)
+        for level_mvpp in self.levels_mvpp:
+            check_millivolts(level_mvpp)
 
     @property
-    def vpp(self) -> tuple[float, float]:
-        """Left and right level in peak-to-peak volts."""
-        return self.left_mvpp / 1000, self.right_mvpp / 1000
+    def vpp(self) -> tuple[float, ...]:
+        """The levels in peak-to-peak volts."""
+        return tuple(level_mvpp / 1000 for level_mvpp in self.levels_mvpp)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -195,24 +195,22 @@ class Measurement:
         That fired it.
     tap : str
         Where: a word of `TAPS`, empty where it was not measured.
-    left, right : int
-        Peak magnitudes, in mV; of a current in uA, of motion in nm.
+    peaks : tuple of int
+        Peak magnitude of each channel, in mV; of a current in uA, of motion in nm.
     onset_offset_us, onset_uncertainty_us : int
         From the onset that the device reported to the one that it measured.
-    correlation_left, correlation_right : int
-        With what was to be played, in 1e-4; 0 for a channel that was to be silent.
+    correlations : tuple of int
+        Of each channel with what was to be played, in 1e-4; 0 where it was to be silent.
 
     Examples
     --------
-    >>> Measurement(token=7, tap="amplifier", left=49_900).right
-    0
+    >>> Measurement(token=7, tap="amplifier", peaks=(49_900, 0), correlations=(9_990, 0)).peaks[0]
+    49900
     """
 
     token: int
     tap: str = ""
-    left: int = 0
-    right: int = 0
+    peaks: tuple[int, ...] = ()
     onset_offset_us: int = 0
     onset_uncertainty_us: int = 0
-    correlation_left: int = 0
-    correlation_right: int = 0
+    correlations: tuple[int, ...] = ()

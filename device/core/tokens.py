@@ -33,16 +33,15 @@ class Record:
         ALREADY_ARMED (it still can); None where it fired, or may have.
     start_us : int or None
         Onset on the device's clock if it fired, and only then.
-    left_mvpp, right_mvpp : int
-        Levels that were set; 0 for a silent channel and where it did not fire.
+    levels_mvpp : tuple of int
+        Level of each channel that was set, 0 for a silent one; empty where it did not fire.
     """
 
     token: int
     outcome: Outcome
     reason: Refusal | None = None
     start_us: int | None = None
-    left_mvpp: int = 0
-    right_mvpp: int = 0
+    levels_mvpp: tuple[int, ...] = ()
 
     def __post_init__(self) -> None:
         if (self.outcome is Outcome.FIRED) is (self.start_us is None):
@@ -140,8 +139,8 @@ class Exchange(Generic[Reply]):
     not_before_s: float = -math.inf
 
 
-def delivery(exchange: Exchange[Record]) -> Delivery:
-    """Return what a driver reports for a record that the device sent.
+def delivery(exchange: Exchange[Record], channels: int) -> Delivery:
+    """Return what a driver reports for a record that the device sent, with so many levels.
 
     The onset of a burst that fired before the question is carried back to the host's clock by the
     device's: the interval moves by the time since the onset, and grows by `CLOCK_TOLERANCE` times
@@ -149,7 +148,7 @@ def delivery(exchange: Exchange[Record]) -> Delivery:
 
     >>> fired = Record(token=1, outcome=Outcome.FIRED, start_us=1_000_000)
     >>> late = delivery(Exchange(record=fired, boot_id=1, host_before_s=5.0, host_after_s=5.5,
-    ...                          device_us=3_000_000))
+    ...                          device_us=3_000_000), channels=2)
     >>> round(late.host_before_s, 6), round(late.host_after_s, 6), round(late.uncertainty_s, 6)
     (2.9998, 3.5002, 0.2502)
     """
@@ -167,6 +166,5 @@ def delivery(exchange: Exchange[Record]) -> Delivery:
         host_after_s=after_s,
         uncertainty_s=(after_s - before_s) / 2,
         retries=exchange.retries,
-        level_left_vpp=record.left_mvpp / 1000,
-        level_right_vpp=record.right_mvpp / 1000,
+        levels_vpp=tuple(level_mvpp / 1000 for level_mvpp in record.levels_mvpp[:channels]),
     )

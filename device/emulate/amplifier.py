@@ -73,23 +73,20 @@ class Adc:
     def seen(self, burst: Emission, *, connected: bool, rng: np.random.Generator) -> Measurement:
         """Return what is measured of a burst: nothing, behind a switch that is open."""
         lost = rng.random() < self.loss or not (connected or self.tap == "line")
-        gain = 0.0 if lost else self.gain * _MILLIVOLTS
-        peaks, correlations = [], []
-        for volts in (burst.left_v, burst.right_v):
-            seen = gain * volts + self.noise * rng.standard_normal(len(volts))
-            norm = float(np.linalg.norm(seen) * np.linalg.norm(volts))
-            peaks.append(round(float(np.abs(seen).max(initial=0.0))))
-            alike = float(seen @ volts) / norm if norm else 0.0
-            correlations.append(round(_WHOLE * min(1.0, max(0.0, alike))))
+        gain, volts = 0.0 if lost else self.gain * _MILLIVOLTS, burst.volts
+        seen = gain * volts + self.noise * rng.standard_normal(volts.shape)
+        norms = np.linalg.norm(seen, axis=1) * np.linalg.norm(volts, axis=1)
+        products = np.sum(seen * volts, axis=1)
+        alike = np.divide(products, norms, out=np.zeros(len(volts)), where=norms > 0)
+        peaks = np.rint(np.abs(seen).max(axis=1, initial=0.0)).astype(int)
+        correlations = np.rint(_WHOLE * np.clip(alike, 0.0, 1.0)).astype(int)
         return Measurement(
             token=burst.token,
             tap=self.tap,
-            left=peaks[0],
-            right=peaks[1],
+            peaks=tuple(peaks.tolist()),
             onset_offset_us=0 if lost else round(self.delay_us),
             onset_uncertainty_us=math.ceil(1e6 / burst.sample_rate_hz),
-            correlation_left=correlations[0],
-            correlation_right=correlations[1],
+            correlations=tuple(correlations.tolist()),
         )
 
 

@@ -22,7 +22,7 @@ from device.core.states import State
 from device.driver import Identity
 from device.emulate.amplifier import Amplifier
 from device.emulate.faults import FaultyLine
-from device.emulate.firmware import FirmwareEndpoint
+from device.emulate.firmware import FIRMWARE_CHANNELS, FirmwareEndpoint
 from device.wire.endpoint import Endpoint
 
 if TYPE_CHECKING:
@@ -44,8 +44,8 @@ class Truth:
     A burst stands in it from its onset, before any answer reports it; one that was cut short gets
     a line of its own for that.
 
-    With `volts` each burst carries its samples: volts as base64 of little-endian float64, left then
-    right.
+    With `volts` each burst carries its samples: volts as base64 of little-endian float64, channel
+    by channel.
 
     >>> import sys
     >>> Truth(sys.stdout).note(0.5, "boot", boot_id=7)
@@ -83,7 +83,7 @@ class Truth:
     def _note_burst(self, burst: Emission) -> None:
         entries = {"token": burst.token} | burst_entries(burst)
         if self._volts:
-            volts = np.stack((burst.left_v, burst.right_v)).astype("<f8").tobytes()
+            volts = burst.volts.astype("<f8").tobytes()
             entries["volts"] = base64.b64encode(volts).decode()
         self.note(burst.start_us / 1e6, "burst", **entries)
 
@@ -92,18 +92,18 @@ def burst_entries(burst: Emission, *, gain: float = 1.0) -> dict[str, object]:
     """Return what a truth file says of a burst, behind an amplifier of a gain.
 
     >>> from device.core.output import Emission
-    >>> volts = np.array([0.0, 2.0, -2.0, 0.0])
-    >>> burst = Emission(token=1, start_us=5, left_v=volts, right_v=0 * volts, level_left_vpp=4.0,
-    ...                  level_right_vpp=0.0, sample_rate_hz=1000.0)
+    >>> volts = np.array([[0.0, 2.0, -2.0, 0.0], [0.0] * 4])
+    >>> burst = Emission(token=1, start_us=5, volts=volts, levels_vpp=(4.0, 0.0),
+    ...                  sample_rate_hz=1000.0)
     >>> burst_entries(burst, gain=10.0)["levels_mv"]
     [40000, 0]
     """
-    volts = np.stack((burst.left_v, burst.right_v)) * gain
-    levels_vpp = burst.level_left_vpp, burst.level_right_vpp
+    volts = burst.volts * gain
+    peaks_v = np.abs(volts).max(axis=1, initial=0.0)
     return {
-        "channels": [int(np.any(row)) for row in volts],
-        "levels_mv": [round(level_vpp * gain * 1000) for level_vpp in levels_vpp],
-        "peak_v": [float(np.abs(row).max(initial=0.0)) for row in volts],
+        "channels": [int(peak_v > 0) for peak_v in peaks_v],
+        "levels_mv": [round(level_vpp * gain * 1000) for level_vpp in burst.levels_vpp],
+        "peak_v": peaks_v.tolist(),
         "crc": zlib.crc32(volts.astype("<f8").tobytes()),
     }
 
@@ -131,7 +131,7 @@ class Nature:
     takes no time. Its clock runs `drift_ppm` parts per million faster than the machine's. The
     serial number is 1 to 16 printable ASCII characters without a comma. Behind it hangs an
     amplifier. With `firmware` the core in C runs instead of the one in Python; it has the limits
-    that are compiled in, and the ceiling must be theirs.
+    that are compiled in, and ceiling and channels must be theirs.
 
     >>> from device.core.output import OutputStage
     >>> from device.limits import Limits
@@ -148,11 +148,15 @@ class Nature:
     firmware: FirmwareLibrary | None = None
 
     def __post_init__(self) -> None:
-        if self.firmware is not None and self.firmware.ceiling_vpp != self.limits.ceiling_vpp:
-            raise ValueError(
-                f"ceiling_vpp must be {self.firmware.ceiling_vpp:g}, as compiled into the "
-                f"firmware; got {self.limits.ceiling_vpp:g}"
-            )
+        if self.firmware is not None:
+            for name, compiled, value in (
+                ("ceiling_vpp", self.firmware.ceiling_vpp, self.limits.ceiling_vpp),
+                ("channels", FIRMWARE_CHANNELS, self.output.channels),
+            ):
+                if value != compiled:
+                    raise ValueError(
+                        f"{name} must be {compiled:g}, as compiled into the firmware; got {value:g}"
+                    )
         require_real("ceiling_vpp", self.limits.ceiling_vpp, minimum=0.001, maximum=_MAX_VPP_OR_HZ)
         require_real(
             "sample_rate_hz", self.output.sample_rate_hz, minimum=0.001, maximum=_MAX_VPP_OR_HZ

@@ -25,7 +25,8 @@ if TYPE_CHECKING:
     from device.core.reports import About, Health
     from device.driver import Identity
 
-_CHANNELS: Final = 2
+FIRMWARE_CHANNELS: Final = 2
+"""Number of outputs of the firmware, which firmware/wire_numbers.py hands to it."""
 _MAX_ANSWER_BYTES: Final = 128
 """Bytes; at least LONGEST_ANSWER of firmware/core/endpoint.h."""
 
@@ -52,7 +53,7 @@ class _BurstStruct(ctypes.Structure):
         ("start_us", c_uint64),
         ("duration_us", c_uint64),
         ("cut_us", c_uint64),
-        ("levels_mvpp", c_uint32 * _CHANNELS),
+        ("levels_mvpp", c_uint32 * FIRMWARE_CHANNELS),
         ("slot", c_uint32),
         ("is_cut", ctypes.c_bool),
     )
@@ -63,12 +64,10 @@ class MeasuredStruct(ctypes.Structure):
 
     _fields_ = (
         ("tap", c_uint8),
-        ("left", c_uint32),
-        ("right", c_uint32),
+        ("peaks", c_uint32 * FIRMWARE_CHANNELS),
         ("onset_us", c_uint32),
         ("uncertainty_us", c_uint32),
-        ("correlation_left", c_uint16),
-        ("correlation_right", c_uint16),
+        ("correlations", c_uint16 * FIRMWARE_CHANNELS),
     )
 
 
@@ -238,17 +237,13 @@ class FirmwareEndpoint:
                 self._report(measurement)
 
     def _emission(self, burst: _BurstStruct) -> Emission:
-        steps = np.empty((_CHANNELS, self._c.library_samples(self._device)), dtype=np.int32)
+        steps = np.empty((FIRMWARE_CHANNELS, self._c.library_samples(self._device)), dtype=np.int32)
         self._c.library_render(self._device, steps.ctypes.data)
-        left_v, right_v = steps * (self._library.rail_vpp / 2) / full_scale(self._library.bits)
-        left_mvpp, right_mvpp = burst.levels_mvpp
         return Emission(
             token=burst.token,
             start_us=burst.start_us,
-            left_v=left_v,
-            right_v=right_v,
-            level_left_vpp=left_mvpp / 1000,
-            level_right_vpp=right_mvpp / 1000,
+            volts=steps * (self._library.rail_vpp / 2) / full_scale(self._library.bits),
+            levels_vpp=tuple(level_mvpp / 1000 for level_mvpp in burst.levels_mvpp),
             sample_rate_hz=self._sample_rate_hz,
         )
 
@@ -256,11 +251,9 @@ class FirmwareEndpoint:
         """Have the firmware answer MEASURED of its last burst with this."""
         measured = MeasuredStruct(
             TAPS.index(measurement.tap),
-            measurement.left,
-            measurement.right,
+            measurement.peaks,
             measurement.onset_offset_us,
             measurement.onset_uncertainty_us,
-            measurement.correlation_left,
-            measurement.correlation_right,
+            measurement.correlations,
         )
         self._c.device_measure(self._device, ctypes.byref(measured))

@@ -1,4 +1,4 @@
-"""A two-channel generator without hardware: the Keysight dialect over a line, and a truth file.
+"""A generator without hardware: the Keysight dialect over a line, and a truth file.
 
 It answers what `device.scpi.dialects` says to Keysight's 33500 and 33600 Series, keeps the settings
 that matter, has their error queue, and writes down what really came out. Nothing stops it when its
@@ -29,7 +29,7 @@ from device.emulate.instrument import (
     Unit,
     header_pattern,
 )
-from device.scpi.dialects import EMULATED, INFINITE_OHM
+from device.scpi.dialects import EMULATED, INFINITE_OHM, KEYSIGHT
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -116,16 +116,15 @@ class EmulatedGenerator:
         self._sink = sink
         self._reader = Reader()
         self._errors: deque[str] = deque()
-        self._outputs = (ChannelState(), ChannelState())
-        self._byte_order = "NORM"
+        self._reset()
         self._triggers = 0
         self._playing: Emission | None = None
         self._completes: int | None = None
 
     @property
-    def outputs_on(self) -> tuple[bool, bool]:
+    def outputs_on(self) -> tuple[bool, ...]:
         """Which outputs are on."""
-        return self._outputs[0].on, self._outputs[1].on
+        return tuple(output.on for output in self._outputs)
 
     def receive(self, now_us: int, data: bytes) -> bytes:
         """Take bytes at a time in microseconds and return what is answered by then."""
@@ -150,6 +149,10 @@ class EmulatedGenerator:
             count, self._completes = self._completes, None
             return count * b"1\n"
         return b""
+
+    def _reset(self) -> None:
+        self._outputs = tuple(ChannelState() for _ in range(KEYSIGHT.channels))
+        self._byte_order = "NORM"
 
     @staticmethod
     def _ends_us(burst: Emission) -> int:
@@ -191,7 +194,7 @@ class EmulatedGenerator:
             self._cut(now_us)
         elif header == "*RST":
             self._cut(now_us)
-            self._outputs, self._byte_order = (ChannelState(), ChannelState()), "NORM"
+            self._reset()
         elif header == "*CLS":
             self._errors.clear()
         elif _ORDER.fullmatch(header):
@@ -237,18 +240,14 @@ class EmulatedGenerator:
             for output, waits in zip(self._outputs, waiting, strict=True)
         ]
         longest = max(row.size for row in rows)
-        left_v, right_v = (np.pad(row, (0, longest - row.size)) for row in rows)
-        levels = [
-            output.volts * output.doubling if row.any() else 0.0
-            for output, row in zip(self._outputs, rows, strict=True)
-        ]
         self._playing = Emission(
             token=self._triggers,
             start_us=now_us,
-            left_v=left_v,
-            right_v=right_v,
-            level_left_vpp=levels[0],
-            level_right_vpp=levels[1],
+            volts=np.stack([np.pad(row, (0, longest - row.size)) for row in rows]),
+            levels_vpp=tuple(
+                output.volts * output.doubling if row.any() else 0.0
+                for output, row in zip(self._outputs, rows, strict=True)
+            ),
             sample_rate_hz=self._outputs[0].rate,
         )
 
@@ -275,7 +274,7 @@ class GeneratorEmulator:
         self._gain = amplifier_gain
         self._began_s = time.monotonic()
         self._generator = EmulatedGenerator(self._note_burst)
-        self._was = (False, False)
+        self._was = self._generator.outputs_on
 
     def run(self) -> None:
         """Serve until an exception, such as KeyboardInterrupt."""

@@ -72,13 +72,13 @@ class MockDevice(HostDriver):
     >>> sine[-1] = 0.0
     >>> device = MockDevice(VirtualClock(), limits=Limits(ceiling_vpp=200.0))
     >>> bits = device.open().bits
-    >>> device.load(0, sine, 0 * sine)
+    >>> device.load(0, np.stack([sine, 0 * sine]))
     >>> device.enable()
-    >>> device.set_levels(130.0, 130.0)
+    >>> device.set_levels([130.0, 130.0])
     >>> device.arm(7, 0, time_to_live_s=0.5)
     >>> felt = device.fire(7)
-    >>> felt.outcome.value, felt.level_left_vpp, felt.level_right_vpp
-    ('fired', 130.0, 0.0)
+    >>> felt.outcome.value, felt.levels_vpp
+    ('fired', (130.0, 0.0))
     >>> device.fire(7) == felt, len(device.emitted)
     (True, 1)
     """

@@ -49,19 +49,19 @@ class Calibration:
     Attributes
     ----------
     per_unit : tuple of float
-        At the tap, in its unit, for the record's full scale, left and right; less than 0 where a
+        Of each channel at the tap, in its unit, for the record's full scale; less than 0 where a
         channel is inverted.
     delay_s : tuple of float or None
-        From the onset that the driver reports to the one that is heard, left and right; None where
+        Of each channel from the onset that the driver reports to the one that is heard; None where
         nobody has measured it, so that no burst is called early or late.
     """
 
-    per_unit: tuple[float, float]
-    delay_s: tuple[float, float] | None = None
+    per_unit: tuple[float, ...]
+    delay_s: tuple[float, ...] | None = None
 
 
 class InputMonitor:
-    """A `Monitor` by two inputs of a sound card.
+    """A `Monitor` by inputs of a sound card, one for each channel.
 
     Parameters
     ----------
@@ -204,16 +204,15 @@ class InputMonitor:
             return recorder.time_of(last)[0] >= onset_s + later_s
         return last >= began + later_s * recorder.sample_rate_hz
 
-    def _match(self, template: Template, quiet: int) -> tuple[TemplateMatch, TemplateMatch]:
+    def _match(self, template: Template, quiet: int) -> list[TemplateMatch]:
         record = self._recorder.frames_between(self._first - quiet, self._recorder.frames) / _FULL
-        left, right = (
+        return [
             template.find(record[:, i] * per_unit, quiet=quiet, limit=abs(per_unit) * _LIMIT)
             for i, per_unit in enumerate(self._calibration.per_unit)
-        )
-        return left, right
+        ]
 
     def _judge(
-        self, delivery: Delivery, planned: Planned, matches: tuple[TemplateMatch, TemplateMatch]
+        self, delivery: Delivery, planned: Planned, matches: list[TemplateMatch]
     ) -> Measured:
         rate_hz = self._recorder.sample_rate_hz
         reported_s = (delivery.host_before_s + delivery.host_after_s) / 2
@@ -224,7 +223,7 @@ class InputMonitor:
         late_s = [
             (at_s - reported_s if began is None else (frame - began) / rate_hz) - channel_delay_s
             for frame, (at_s, _), channel_delay_s in zip(
-                frames, times, delay_s or (0.0, 0.0), strict=True
+                frames, times, delay_s or (0.0,) * len(matches), strict=True
             )
         ]
         faults, unmeasured = judge(
@@ -232,16 +231,17 @@ class InputMonitor:
             matches,
             tap=self.tap,
             tolerances=self._tolerances,
-            late_s=None if delay_s is None else (late_s[0], late_s[1]),
+            late_s=None if delay_s is None else late_s,
             sample_rate_hz=rate_hz,
         )
         silence = self._tolerances.silence
-        sounds = [matches[i].amplitude >= silence * planned.burst[i] for i in range(2)]
-        first = min((i for i in range(2) if sounds[i]), key=lambda i: frames[i], default=None)
-        peaks = [
-            _peak(match, is_driven=peak > 0, is_clipped=Fault.CLIPPED in faults)
-            for peak, match in zip(planned.peaks, matches, strict=True)
+        sounds = [
+            match.amplitude >= silence * full
+            for match, full in zip(matches, planned.burst, strict=True)
         ]
+        sounding = (i for i, is_sounding in enumerate(sounds) if is_sounding)
+        first = min(sounding, key=lambda i: frames[i], default=None)
+        is_clipped = Fault.CLIPPED in faults
         onset: dict[str, float] = {}
         if first is not None and not unmeasured:
             onset_s, clock_s = times[first]
@@ -256,12 +256,15 @@ class InputMonitor:
             token=delivery.token,
             tap=self.tap,
             source=self.source,
-            peak_left=peaks[0],
-            peak_right=peaks[1],
-            correlation_left=matches[0].correlation if sounds[0] else None,
-            correlation_right=matches[1].correlation if sounds[1] else None,
-            noise_left=matches[0].noise_rms,
-            noise_right=matches[1].noise_rms,
+            peaks=tuple(
+                _peak(match, is_driven=peak > 0, is_clipped=is_clipped)
+                for peak, match in zip(planned.peaks, matches, strict=True)
+            ),
+            correlations=tuple(
+                match.correlation if is_sounding else None
+                for match, is_sounding in zip(matches, sounds, strict=True)
+            ),
+            noise=tuple(match.noise_rms for match in matches),
             faults=voiding,
             noted=tuple(fault for fault in faults if fault not in voiding),
             unmeasured=unmeasured,

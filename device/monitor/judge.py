@@ -9,6 +9,8 @@ from device.monitor.matching import Template
 from device.monitor.measured import Fault, Planned, Tap, Tolerances
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from device.monitor.matching import TemplateMatch
 
 MIN_SNR_DB: Final = 10.0
@@ -28,17 +30,17 @@ _AGAIN_BY_MOTION: Final = 0.7
 
 def judge(
     planned: Planned,
-    matches: tuple[TemplateMatch, TemplateMatch],
+    matches: Sequence[TemplateMatch],
     *,
     tap: Tap,
     tolerances: Tolerances,
-    late_s: tuple[float, float] | None,
+    late_s: Sequence[float] | None,
     sample_rate_hz: float,
 ) -> tuple[tuple[Fault, ...], str]:
     """Return in which ways a burst was another one, and why that cannot be judged; empty if not.
 
-    `late_s` are left's and right's; None where nobody knows when they were due. An overloaded input
-    is a fault however strong the noise is.
+    `late_s` are those of the channels; None where nobody knows when they were due. An overloaded
+    input is a fault however strong the noise is.
     """
     rms, sized = Template(planned.shape).rms, tap is not Tap.MOTION
     faults = [Fault.CLIPPED] if any(match.overloaded for match in matches) else []
@@ -87,19 +89,18 @@ def _min_sound(match: TemplateMatch, full: float, silence: float) -> float:
 
 def _channel_faults(
     planned: Planned,
-    matches: tuple[TemplateMatch, TemplateMatch],
+    matches: Sequence[TemplateMatch],
     ratios: list[float],
     tolerances: Tolerances,
     tap: Tap,
 ) -> list[Fault]:
     faults: list[Fault] = []
     channels = list(zip(planned.peaks, planned.burst, matches, ratios, strict=True))
-    stray = [ratio for peak, _, _, ratio in channels if not peak]
-    if len(stray) == 1:  # where both play the same, or none does, nobody can tell them apart
-        driven = next(ratio for peak, _, _, ratio in channels if peak)
-        min_ratio = stray[0] / 2 if tap is Tap.MOTION else tolerances.silence
-        if driven < min_ratio and stray[0] >= tolerances.silence:
-            return [Fault.SWAPPED]
+    driven = max((ratio for peak, _, _, ratio in channels if peak), default=math.inf)
+    stray = max((ratio for peak, _, _, ratio in channels if not peak), default=0.0)
+    min_ratio = stray / 2 if tap is Tap.MOTION else tolerances.silence
+    if driven < min_ratio and stray >= tolerances.silence:
+        return [Fault.SWAPPED]  # where all play the same, or none does, nobody can tell them apart
     for peak, full, match, ratio in channels:
         if not peak:
             if ratio >= _min_sound(match, full, tolerances.silence):
@@ -131,7 +132,7 @@ def _shape_faults(
 
 def _doubling(
     planned: Planned,
-    matches: tuple[TemplateMatch, TemplateMatch],
+    matches: Sequence[TemplateMatch],
     tap: Tap,
     tolerances: Tolerances,
 ) -> list[Fault]:
@@ -152,9 +153,9 @@ def _doubling(
 
 def _onset_faults(
     planned: Planned,
-    matches: tuple[TemplateMatch, TemplateMatch],
+    matches: Sequence[TemplateMatch],
     tolerances: Tolerances,
-    late_s: tuple[float, float],
+    late_s: Sequence[float],
     sample_rate_hz: float,
 ) -> list[Fault]:
     faults = []

@@ -99,23 +99,17 @@ class Planned:
         Of the burst, shape (n,), its peak 1.
     sample_rate_hz : float
         Of the shape.
-    left, right : float
-        Peaks at the tap, in its unit; 0 for a channel that is to stay silent.
+    peaks : tuple of float
+        Of each channel at the tap, in its unit; 0 for a channel that is to stay silent.
     burst : tuple of float
-        Peaks, left and right, of a burst of this level, were it on both: what is silence is
-        measured by them.
+        Peak of each channel, were a burst of this level on all of them: what is silence is measured
+        by them.
     """
 
     shape: FloatArray
     sample_rate_hz: float
-    left: float
-    right: float
-    burst: tuple[float, float]
-
-    @property
-    def peaks(self) -> tuple[float, float]:
-        """Peaks, left and right."""
-        return self.left, self.right
+    peaks: tuple[float, ...]
+    burst: tuple[float, ...]
 
     @property
     def blank(self) -> bool:
@@ -135,17 +129,17 @@ class Measured:
         Where.
     source : str
         By what, in a few words.
-    peak_left, peak_right : float or None
-        In the tap's unit; None where nothing was measured.
+    peaks : tuple of float or None
+        Of each channel, in the tap's unit; None where nothing was measured.
     onset_s, onset_uncertainty_s : float or None
         When it came out on the host's clock, and by how much that is known with 95 %; None where
         no burst was found.
     late_s : float or None
         How much later it came out than planned.
-    correlation_left, correlation_right : float or None
-        With the planned shape; None of a silent channel.
-    noise_left, noise_right : float or None
-        Effective value of the noise, in the tap's unit.
+    correlations : tuple of float or None
+        Of each channel with the planned shape, None of a silent one; None as `peaks`.
+    noise : tuple of float or None
+        Effective value of each channel's noise, in the tap's unit.
     faults : tuple of Fault
         In which ways it was another one than planned, so that the trial does not count.
     noted : tuple of Fault
@@ -159,15 +153,12 @@ class Measured:
     token: int
     tap: Tap
     source: str
-    peak_left: float | None = None
-    peak_right: float | None = None
+    peaks: tuple[float, ...] | None = None
     onset_s: float | None = None
     onset_uncertainty_s: float | None = None
     late_s: float | None = None
-    correlation_left: float | None = None
-    correlation_right: float | None = None
-    noise_left: float | None = None
-    noise_right: float | None = None
+    correlations: tuple[float | None, ...] | None = None
+    noise: tuple[float, ...] | None = None
     faults: tuple[Fault, ...] = ()
     noted: tuple[Fault, ...] = ()
     unmeasured: str = ""

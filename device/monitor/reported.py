@@ -32,7 +32,7 @@ class DeviceMonitor:
 
     The device matches the recording itself: 0.1 s of two channels at 48 kHz are 19 kB, which take
     3.1 s to come back at 115200 baud. It reports peaks, onset and correlation, but no noise and no
-    second burst. `per_unit` is the value at the tap for what the device reports, left and right.
+    second burst. `per_unit` is each channel's value at the tap for what the device reports.
     """
 
     source = "the device's own converter"
@@ -43,8 +43,8 @@ class DeviceMonitor:
         clock: Clock,
         *,
         tap: Tap,
-        per_unit: tuple[float, float],
-        delay_s: tuple[float, float],
+        per_unit: tuple[float, ...],
+        delay_s: tuple[float, ...],
         tolerances: Tolerances,
     ) -> None:
         self.tap = tap
@@ -94,23 +94,26 @@ class DeviceMonitor:
 
     def _judge(self, delivery: Delivery, report: Measurement, planned: Planned) -> Measured:
         scale, silence = _SCALE[self.tap], self._tolerances.silence
-        peaks = report.left * scale * self._per_unit[0], report.right * scale * self._per_unit[1]
-        correlations = report.correlation_left * _PER_ONE, report.correlation_right * _PER_ONE
-        left, right = (
+        peaks = tuple(
+            peak * scale * per_unit
+            for peak, per_unit in zip(report.peaks, self._per_unit, strict=True)
+        )
+        correlations = [correlation * _PER_ONE for correlation in report.correlations]
+        matches = [
             TemplateMatch(
                 amplitude=peak, largest=peak, correlation=correlation, noise_rms=_NO_NOISE * full
             )
             for peak, correlation, full in zip(peaks, correlations, planned.burst, strict=True)
-        )
-        driven = [index for index, peak in enumerate(planned.peaks) if peak] or [0, 1]
+        ]
+        driven = [index for index, peak in enumerate(planned.peaks) if peak] or range(len(peaks))
         delay_s = min(self._delay_s[index] for index in driven)  # MEASURED has one onset: the first
         late_s = report.onset_offset_us * 1e-6 - delay_s
         faults, _ = judge(
             planned,
-            (left, right),
+            matches,
             tap=self.tap,
             tolerances=self._tolerances,
-            late_s=(late_s, late_s),
+            late_s=[late_s] * len(peaks),
             sample_rate_hz=planned.sample_rate_hz,
         )
         voiding = void(faults, self.tap)
@@ -122,13 +125,14 @@ class DeviceMonitor:
             token=delivery.token,
             tap=self.tap,
             source=self.source,
-            peak_left=peaks[0],
-            peak_right=peaks[1],
+            peaks=peaks,
             onset_s=reported_s + late_s if is_heard else None,
             onset_uncertainty_s=uncertainty_s if is_heard else None,
             late_s=late_s if is_heard else None,
-            correlation_left=correlations[0] if sounds[0] else None,
-            correlation_right=correlations[1] if sounds[1] else None,
+            correlations=tuple(
+                correlation if is_sounding else None
+                for correlation, is_sounding in zip(correlations, sounds, strict=True)
+            ),
             faults=voiding,
             noted=tuple(fault for fault in faults if fault not in voiding),
             blank=planned.blank,

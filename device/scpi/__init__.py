@@ -1,1 +1,1 @@
-"""Two-channel generators that speak SCPI."""
+"""Generators that speak SCPI."""

@@ -3,7 +3,7 @@
 A further make is a further entry of `DIALECTS`. None of them was tried on hardware: they are
 written from the makers' programming guides.
 
-Commands are templates. Known names: ``{channel}`` 1 or 2, ``{name}`` of a waveform, ``{rate}`` in
+Commands are templates. Known names: ``{channel}`` from 1, ``{name}`` of a waveform, ``{rate}`` in
 samples per second, ``{volts}`` peak-to-peak, ``{high}`` and ``{low}`` the voltage limits. Waveforms
 are kept by name, and their codes are of 16 bit, the low byte first.
 """
@@ -41,8 +41,8 @@ class Dialect:
     """
 
     name: str
-    # regular expression that the answer to *IDN? begins with: two-channel models only
-    identity: str
+    identity: str  # regular expression that the answer to *IDN? begins with
+    channels: int  # number of outputs of these models
     shortest_waveform: int  # in samples, as the longest
     longest_waveform: int
     min_vpp: float  # amplitudes it can make into an open circuit
@@ -60,7 +60,7 @@ class Dialect:
     output_on: str  # for each channel, as `output_off`
     output_off: str
     abort: tuple[str, ...]  # ends a burst that is under way
-    trigger: tuple[str, ...]  # plays both channels once
+    trigger: tuple[str, ...]  # plays every channel once
     complete: str  # a question that is answered once everything before it was done
     error: str  # question for the oldest error that was not reported yet
 
@@ -68,6 +68,7 @@ class Dialect:
 KEYSIGHT: Final = Dialect(
     name="keysight",
     identity=r"(Agilent|Keysight) Technologies,(33512B|33522[AB]|33612A|33622A),",
+    channels=2,
     shortest_waveform=8,
     longest_waveform=65_536,
     min_vpp=0.002,

@@ -1,10 +1,10 @@
-"""Two-channel arbitrary-waveform generators over SCPI. Not tried on hardware.
+"""Arbitrary-waveform generators over SCPI. Not tried on hardware.
 
 A generator has no burst counter: its trigger is sent once and never again, and a trigger whose
 confirmation was lost is INDETERMINATE. Every waveform spans the whole range of the converter and
 the amplitude carries the level, so that it means the same whether the generator takes its amplitude
 for that of the waveform or of the range. A silent channel plays a waveform of zeros: generators
-have a least amplitude, and for every side the same commands are sent.
+have a least amplitude, and for every site the same commands are sent.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from device.scpi.visa import open_instrument
 from device.wire.channels import USUAL, Channel, LineSettings
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
 
     from device.driver import FloatArray
     from device.limits import CodeArray, Limits
@@ -39,7 +39,7 @@ CANNOT: Final = (
 )
 """What no generator can promise."""
 
-_CHANNELS: Final = (1, 2)
+FIRST_TWO: Final = (1, 2)
 _IDENTIFY_WITHIN_S: Final = 1.0
 
 
@@ -47,7 +47,7 @@ class GeneratorConverter(Converter):
     """A generator with an amplifier behind it as a `Converter`.
 
     `open_port` opens the channel or raises `LinkError`; the gain is volts at the actuator per volt
-    of the generator.
+    of the generator; `outputs` are those that play the channels, counted from 1.
     """
 
     name, serial_number = "generator", ""
@@ -62,8 +62,11 @@ class GeneratorConverter(Converter):
         limits: Limits,
         amplifier_gain: float,
         sample_rate_hz: float,
+        outputs: tuple[int, ...] = FIRST_TWO,
     ) -> None:
         require_positive("amplifier_gain", amplifier_gain)
+        self.channels = len(outputs)
+        self._outputs = outputs
         self.full_scale_v = limits.ceiling_vpp / 2
         self.sample_rate_hz = sample_rate_hz
         self._open_port = open_port
@@ -74,9 +77,9 @@ class GeneratorConverter(Converter):
         self._connected: ScpiLine | None = None
         self._dialect = KEYSIGHT
         self._names: dict[tuple[int, bytes], str] = {}
-        self._slots: dict[int, tuple[Wave, Wave, Wave]] = {}
+        self._slots: dict[int, tuple[list[Wave], Wave]] = {}
         self._selected_s = 0.0
-        self._set_vpp = (0.0, 0.0)
+        self._set_vpp: tuple[float, ...] = ()
 
     def connect(self) -> None:
         """Connect, set the generator up with its outputs off, and read it back."""
@@ -95,55 +98,55 @@ class GeneratorConverter(Converter):
         self._drop()
 
     def zero(self) -> None:
-        """Send both outputs off at once."""
+        """Send every output off at once."""
         channel, dialect = self._channel, self._dialect
-        off = (dialect.output_off.format(channel=number) for number in _CHANNELS)
+        off = (dialect.output_off.format(channel=number) for number in self._outputs)
         if channel is not None and self._connected is not None:
             with contextlib.suppress(LinkError):
                 channel.write("".join(f"{each}\n" for each in ("", *dialect.abort, *off)).encode())
 
-    def store(self, slot: int, left: CodeArray, right: CodeArray) -> None:
-        """Store a waveform and silence of the same length on both channels."""
-        dialect = self._dialect
+    def store(self, slot: int, codes: CodeArray) -> None:
+        """Store a waveform and silence of the same length on each channel."""
+        dialect, n_samples = self._dialect, codes.shape[1]
         self._slots.pop(slot, None)
-        if left.size > dialect.longest_waveform:
-            detail = f"{left.size} samples, at most {dialect.longest_waveform}"
+        if n_samples > dialect.longest_waveform:
+            detail = f"{n_samples} samples, at most {dialect.longest_waveform}"
             raise rejection(Refusal.WAVEFORM_TOO_LONG, detail)
-        waves = encode(left, dialect), encode(right, dialect)
-        silence = encode(np.zeros_like(left), dialect)
-        for channel, wave in zip(_CHANNELS, waves, strict=True):
+        waves = [encode(row, dialect) for row in codes]
+        silence = encode(np.zeros_like(codes[0]), dialect)
+        for channel, wave in zip(self._outputs, waves, strict=True):
             self._store(channel, wave)
             self._store(channel, silence)
         self._line.check_errors(dialect.error)
-        self._slots[slot] = (*waves, silence)
+        self._slots[slot] = waves, silence
 
     def switch_on(self) -> None:
-        """Read the set-up back and switch both outputs on."""
+        """Read the set-up back and switch every output on."""
         dialect = self._dialect
         self._read_back()
-        self._line.say(*(dialect.output_on.format(channel=channel) for channel in _CHANNELS))
+        self._line.say(*(dialect.output_on.format(channel=channel) for channel in self._outputs))
         self._line.check_errors(dialect.error)
 
-    def select(self, slot: int, left_vpp: float, right_vpp: float) -> None:
-        """Select waveforms and amplitudes and read them back, the same way for every side."""
+    def select(self, slot: int, levels_vpp: Sequence[float]) -> None:
+        """Select waveforms and amplitudes and read them back, the same way for every site."""
         if slot not in self._slots:
             raise SettingError(f"slot {slot} is not stored: load its waveforms again")
-        *waves, silence = self._slots[slot]
+        waves, silence = self._slots[slot]
         self._selected_s = len(silence.data) / 2 / self.sample_rate_hz
         choices = [
             self._choose(wave, level_vpp, silence)
-            for wave, level_vpp in zip(waves, (left_vpp, right_vpp), strict=True)
+            for wave, level_vpp in zip(waves, levels_vpp, strict=True)
         ]
-        for channel, (wave, volts) in zip(_CHANNELS, choices, strict=True):
+        for channel, (wave, volts) in zip(self._outputs, choices, strict=True):
             self._say(self._dialect.select, channel, wave, volts)
         set_vpp = []
-        for channel, (wave, volts) in zip(_CHANNELS, choices, strict=True):
+        for channel, (wave, volts) in zip(self._outputs, choices, strict=True):
             self._compare(self._dialect.select_readings, channel, wave, volts)
             set_vpp.append(self._read_level_vpp(channel, wave, volts))
         self._line.check_errors(self._dialect.error)
-        self._set_vpp = set_vpp[0], set_vpp[1]
+        self._set_vpp = tuple(set_vpp)
 
-    def play(self, left_v: FloatArray, right_v: FloatArray) -> Played:
+    def play(self, volts: FloatArray) -> Played:
         """Send the trigger and the question that confirms it; an answer lost is not asked again."""
         dialect, before_s = self._dialect, self._clock.now_s()
         try:
@@ -183,7 +186,10 @@ class GeneratorConverter(Converter):
         identity = line.identify()
         dialect = dialect_of(identity)
         if dialect is None:
-            raise LinkError(f"no generator with two channels that is known here: {identity}")
+            raise LinkError(f"no generator that is known here: {identity}")
+        if max(self._outputs) > dialect.channels:
+            outputs = ", ".join(map(str, self._outputs))
+            raise LinkError(f"the generator has {dialect.channels} outputs, got {outputs}")
         maker, model, serial_number, *_ = (*identity.split(","), "", "")
         self.name, self.serial_number = f"{maker} {model}", serial_number
         self.emulated = serial_number == EMULATED
@@ -196,7 +202,7 @@ class GeneratorConverter(Converter):
         line.say(*dialect.reset)
         line.check_errors(dialect.error)
         silence = encode(np.zeros(dialect.shortest_waveform, dtype=np.int32), dialect)
-        for channel in _CHANNELS:
+        for channel in self._outputs:
             self._say(dialect.channel_load, channel)
             self._store(channel, silence)
             self._say(dialect.channel_setup, channel, silence)
@@ -235,7 +241,7 @@ class GeneratorConverter(Converter):
             self._line.say_block(command, wave.data)
 
     def _read_back(self) -> None:
-        for channel in _CHANNELS:
+        for channel in self._outputs:
             self._compare(self._dialect.channel_readings, channel)
 
     def _compare(
@@ -279,6 +285,7 @@ def generator_device(
     clock: Clock,
     amplifier_gain: float,
     sample_rate_hz: float,
+    outputs: tuple[int, ...] = FIRST_TWO,
     line: LineSettings = USUAL,
 ) -> ConverterDevice:
     """Return the driver of the generator on a port; nothing is opened yet.
@@ -296,6 +303,7 @@ def generator_device(
         limits=limits,
         amplifier_gain=amplifier_gain,
         sample_rate_hz=sample_rate_hz,
+        outputs=outputs,
     )
     return ConverterDevice(converter, limits=limits, clock=clock)
 

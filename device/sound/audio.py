@@ -1,4 +1,4 @@
-"""Two channels of a sound card as a `BurstDevice`. Not tried with an actuator behind it.
+"""The first channels of a sound card as a `BurstDevice`. Not tried with an actuator behind it.
 
 A stream is held open and fed by a callback. A burst counts as fired only if the card took every
 frame of it and reported no gap until it must have been heard.
@@ -6,7 +6,7 @@ frame of it and reported no gap until it must have been heard.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
@@ -19,7 +19,7 @@ from device.sound.player import Player, SoundBurst
 from device.sound.stream import Callback, Stream, open_duplex, open_stream, output_latency_s
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
 
     from device.clock import Clock
     from device.driver import FloatArray
@@ -47,7 +47,7 @@ _MAX_DELAY_S: Final = 2.0
 
 
 class AudioConverter(Converter):
-    """Two outputs of a sound card as a `Converter`.
+    """The first outputs of a sound card as a `Converter`.
 
     `open_card` opens the stream that calls back. The largest sample is `volts_full_scale` at the
     actuator, to both sides. `first_frame` is the frame of the stream at which the last burst began;
@@ -66,9 +66,11 @@ class AudioConverter(Converter):
         sample_rate_hz: float,
         card: str,
         recorder: Recorder | None,
+        channels: int = 2,
     ) -> None:
         require_positive("volts_full_scale", volts_full_scale)
         self.serial_number = card
+        self.channels = channels
         self.full_scale_v = volts_full_scale
         self.sample_rate_hz = sample_rate_hz
         self.cannot = CANNOT if recorder is not None else (*CANNOT, UNMEASURED)
@@ -103,7 +105,7 @@ class AudioConverter(Converter):
         self._require_stream()
         self._player.mute(on=False)
 
-    def select(self, slot: int, left_vpp: float, right_vpp: float) -> None:
+    def select(self, slot: int, levels_vpp: Sequence[float]) -> None:
         """Refuse to arm a burst for a stream that is gone."""
         self._require_stream()
 
@@ -111,12 +113,12 @@ class AudioConverter(Converter):
         """Play zeros from the next buffer on."""
         self._player.mute(on=True)
 
-    def play(self, left_v: FloatArray, right_v: FloatArray) -> Played:
+    def play(self, volts: FloatArray) -> Played:
         """Give a burst to the card, and wait until it must have been heard."""
         began_s = self._clock.now_s()
         latency_s = 0.0 if self._stream is None else output_latency_s(self._stream)
         scale = full_scale(BITS) / self.full_scale_v
-        frames = np.rint(np.array((left_v, right_v)).T * scale).astype(np.int16)
+        frames = np.rint(volts.T * scale).astype(np.int16)
         burst = self._player.play(frames, latency_s)
         until_s = began_s + len(frames) / self.sample_rate_hz + _MAX_DELAY_S
         while not burst.is_settled(self._clock.now_s()) and self._clock.now_s() < until_s:
@@ -158,6 +160,7 @@ def audio_device(
     clock: Clock,
     volts_full_scale: float,
     sample_rate_hz: float,
+    channels: int = 2,
     recorder: Recorder | None = None,
 ) -> ConverterDevice:
     """Return the driver of a sound card; nothing is opened yet.
@@ -176,9 +179,14 @@ def audio_device(
     """
 
     def open_card(callback: Callback) -> Stream:
+        card: dict[str, Any] = {
+            "card": port,
+            "channels": channels,
+            "sample_rate_hz": sample_rate_hz,
+        }
         if recorder is not None:
-            return open_duplex(callback, recorder, card=port, sample_rate_hz=sample_rate_hz)
-        return open_stream(callback, card=port, sample_rate_hz=sample_rate_hz, latency="low")
+            return open_duplex(callback, recorder, **card)
+        return open_stream(callback, latency="low", **card)
 
     converter = AudioConverter(
         open_card,
@@ -187,5 +195,6 @@ def audio_device(
         sample_rate_hz=sample_rate_hz,
         card=port,
         recorder=recorder,
+        channels=channels,
     )
     return ConverterDevice(converter, limits=limits, clock=clock)

@@ -33,7 +33,7 @@ class SoundBurst:
 
     Attributes
     ----------
-    frames : ndarray of int16, shape (n, 2)
+    frames : ndarray of int16, shape (n, n_channels)
         What is to be played.
     taken : int
         Number of frames that the card has taken.
@@ -125,7 +125,7 @@ class Player(Counter):
         self._burst = None
 
     def __call__(self, out: Frames, count: int, timing: Timing, status: StreamStatus) -> None:
-        """Fill one buffer, shape (count, 2)."""
+        """Fill one buffer, shape (count, n_channels)."""
         out.fill(0)
         burst = self._burst
         self.count(count, status)
@@ -169,7 +169,7 @@ class Mark:
 
 
 class LoopPlayer(Counter):
-    """The callback of an output stream that repeats a loop on both channels.
+    """The callback of an output stream that repeats a loop on every channel.
 
     It takes no lock and waits for nothing: other threads read whole objects. It begins with a
     fade-in, and `fade_out` ends it; the gain goes like a squared sine between 0 and 1.
@@ -214,7 +214,7 @@ class LoopPlayer(Counter):
         self._step = -1 / self._fade_out
 
     def __call__(self, out: Frames, count: int, timing: Timing, status: StreamStatus) -> None:
-        """Fill one buffer, shape (count, 2)."""
+        """Fill one buffer, shape (count, n_channels)."""
         self.count(count, status)
         out[:] = self._next(count)[:, np.newaxis]
         self.last = Mark(at_s=self._clock.now_s(), frames=self.frames)

@@ -40,7 +40,7 @@ class InputStatus(Protocol):
 
 
 class Recorder:
-    """The callback of an input stream: two of its channels, in a ring.
+    """The callback of an input stream: some of its channels, in a ring.
 
     It takes no lock and waits for nothing. Frames are counted from the opening of the stream;
     `first` is the first that is there without a gap up to the last, `frames - 1`. `opened` counts
@@ -57,7 +57,7 @@ class Recorder:
     """
 
     def __init__(
-        self, clock: Clock, sample_rate_hz: float, *, channels: tuple[int, int] = (1, 2)
+        self, clock: Clock, sample_rate_hz: float, *, channels: tuple[int, ...] = (1, 2)
     ) -> None:
         self.sample_rate_hz = sample_rate_hz
         self.channels = channels
@@ -65,7 +65,7 @@ class Recorder:
         self._columns = [channel - 1 for channel in channels]
         self._size = round(KEPT_S * sample_rate_hz)
         self._apart = _MARK_EVERY_S * sample_rate_hz
-        self._ring = np.zeros((self._size, 2), dtype=np.int16)
+        self._ring = np.zeros((self._size, len(channels)), dtype=np.int16)
         self.opened = 0
         self.restart()
 

@@ -23,8 +23,6 @@ if TYPE_CHECKING:
     from device.sound.recorder import Recorder
 
 
-CHANNELS: Final = 2
-
 # PortAudio's error numbers, from portaudio.h
 INVALID_CHANNEL_COUNT: Final = -9998
 INVALID_SAMPLE_RATE: Final = -9997
@@ -51,26 +49,32 @@ class Stream(Protocol):
 
 
 def open_stream(
-    callback: Callback, *, card: str, sample_rate_hz: float, latency: float | Literal["low"]
+    callback: Callback,
+    *,
+    card: str,
+    channels: int = 2,
+    sample_rate_hz: float,
+    latency: float | Literal["low"],
 ) -> Stream:
-    """Open two channels of int16 that are fed by a callback, and begin to call it.
+    """Open outputs of int16 that are fed by a callback, and begin to call it.
 
     The card is a name, or a part of it that no other has, as `sounddevice` lists them; empty for
     the system's default. A `LinkError` says that PortAudio is missing, or cannot open or start it.
     """
-    stream: Stream = _started(
-        "OutputStream",
-        card,
-        samplerate=sample_rate_hz,
-        channels=CHANNELS,
-        latency=latency,
-        callback=callback,
-    )
+    with _naming(f"{channels} outputs"):
+        stream: Stream = _started(
+            "OutputStream",
+            card,
+            samplerate=sample_rate_hz,
+            channels=channels,
+            latency=latency,
+            callback=callback,
+        )
     return stream
 
 
 def open_duplex(
-    callback: Callback, recorder: Recorder, *, card: str, sample_rate_hz: float
+    callback: Callback, recorder: Recorder, *, card: str, channels: int, sample_rate_hz: float
 ) -> Stream:
     """Open outputs and inputs of one card as one stream, so on one clock; as `open_stream`."""
 
@@ -79,24 +83,28 @@ def open_duplex(
         callback(out, count, timing, status)
 
     inputs = max(recorder.channels)
-    try:
+    with _naming(f"{inputs} inputs, as monitor.inputs has them, and {channels} outputs"):
         stream: Stream = _started(
             "Stream",
             card,
             samplerate=sample_rate_hz,
-            channels=(inputs, CHANNELS),
+            channels=(inputs, channels),
             latency="low",
             callback=both,
         )
+    recorder.latency_s = stream.latency[0]
+    return stream
+
+
+@contextlib.contextmanager
+def _naming(channels: str) -> Iterator[None]:
+    """Name the channels that a card does not have where PortAudio only says that it does not."""
+    try:
+        yield
     except SoundCardError as error:
         if error.code != INVALID_CHANNEL_COUNT:
             raise
-        raise LinkError(
-            f"{error}; it must have {inputs} inputs, as monitor.inputs has them, and {CHANNELS} "
-            "outputs"
-        ) from error
-    recorder.latency_s = stream.latency[0]
-    return stream
+        raise LinkError(f"{error}; it must have {channels}") from error
 
 
 def output_latency_s(stream: Stream) -> float:
@@ -151,14 +159,15 @@ def _sound_card_error(card: str, step: str, error: Exception) -> SoundCardError:
     return SoundCardError(card=card, step=step, reason=str(error), code=next(iter(codes), None))
 
 
-def sound_cards() -> tuple[str, ...]:
-    """Return the names of the sound cards with two outputs; none where PortAudio is missing."""
+def sound_cards() -> dict[str, int]:
+    """Return the outputs of each sound card by its name; none where PortAudio is missing."""
     try:
         import sounddevice
     except (ImportError, OSError):
-        return ()
+        return {}
     cards = sounddevice.query_devices()
-    return tuple(card["name"] for card in cards if card["max_output_channels"] >= CHANNELS)
+    outputs = {card["name"]: card["max_output_channels"] for card in cards}
+    return {name: n_outputs for name, n_outputs in outputs.items() if n_outputs}
 
 
 def sound_lack() -> Lack | None:

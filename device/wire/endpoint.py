@@ -58,14 +58,17 @@ class Endpoint:
     def __init__(self, core: DeviceCore, identity: Identity) -> None:
         self.core = core
         self._identity = identity
-        self._decoder = Decoder()
+        self._decoder = Decoder(identity.channels)
         self._text = IdentityLine(identity)
         self._greetings: deque[int] = deque(maxlen=_GREETINGS)
         self._newest: int | None = None
         self._last_question: Frame | None = None
         self._last_answer = b""
         self._uploads = Uploads(
-            bits=identity.bits, limits=core.limits, held_beside=core.held_beside
+            channels=identity.channels,
+            bits=identity.bits,
+            limits=core.limits,
+            held_beside=core.held_beside,
         )
 
     def receive(self, now_us: int, data: bytes) -> bytes:
@@ -81,7 +84,7 @@ class Endpoint:
     def hang_up(self, now_us: int) -> None:
         """Notice that the line is gone: the outputs go to zero."""
         self.core.lose_line(now_us)
-        self._decoder = Decoder()
+        self._decoder = Decoder(self._identity.channels)
         self._text = IdentityLine(self._identity)
         self._uploads.forget()
 
@@ -160,7 +163,7 @@ class Endpoint:
                 self.core.take(now_us, self._uploads.finish(message))
             case _:
                 reply = self.core.take(now_us, message)
-        return self._answer(None, protocol.pack_report(frame.kind, reply))
+        return self._answer(None, protocol.pack_report(frame.kind, reply, self._identity.channels))
 
     def _answer(self, refusal: Refusal | None, body: bytes = b"") -> AnswerPayload:
         return AnswerPayload(

@@ -17,21 +17,29 @@ from typing import TYPE_CHECKING, Final
 
 from cobs import cobs
 
+from device.limits import MAX_CHANNELS
+
 if TYPE_CHECKING:
     from device.driver import Identity
 
 VERSION: Final = 2
 """Major version of the wire format; frames of any other are dropped."""
 
-LONGEST_PAYLOAD: Final = 96
-"""In bytes. A frame that claims more is noise."""
-
 _HEAD: Final = struct.Struct("<BBH")
 _TAIL: Final = struct.Struct("<I")
 _SHORTEST_BODY: Final = _HEAD.size + _TAIL.size
-_LONGEST_BODY: Final = _SHORTEST_BODY + LONGEST_PAYLOAD
-_LONGEST_CODED: Final = _LONGEST_BODY + _LONGEST_BODY // 254 + 1
 _DELIMITER: Final = b"\x00"
+
+
+def longest_payload(channels: int) -> int:
+    """Return the most bytes of a payload to or from a device with so many channels.
+
+    A frame that claims more is noise. MEASURED has the longest answer.
+
+    >>> longest_payload(2), longest_payload(64)
+    (96, 419)
+    """
+    return max(96, 35 + 6 * channels)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -39,7 +47,7 @@ class Frame:
     """One message on the wire.
 
     Kind is one byte, the sequence number 16 bit; an answer has those of its question, the kind plus
-    0x80. The payload has up to 96 bytes.
+    0x80. The payload has up to `longest_payload` bytes.
     """
 
     kind: int
@@ -66,7 +74,7 @@ def encode(frame: Frame) -> bytes:
 
 
 class Decoder:
-    """Frames out of a stream of bytes that may hold anything.
+    """Frames out of a stream of bytes that may hold anything, for so many channels or fewer.
 
     A damaged frame is dropped; the next delimiter begins a new one. Never holds more than one
     frame's bytes.
@@ -79,25 +87,32 @@ class Decoder:
     [9]
     """
 
-    def __init__(self) -> None:
+    def __init__(self, channels: int = MAX_CHANNELS) -> None:
+        self._longest = _SHORTEST_BODY + longest_payload(channels)
         self._piece = b""
 
     def feed(self, data: bytes) -> list[Frame]:
         """Return the frames that these bytes complete."""
         *pieces, rest = (self._piece + data).split(_DELIMITER)
-        self._piece = rest[: _LONGEST_CODED + 1]  # what is longer stays too long
-        return [frame for frame in map(_frame, filter(None, pieces)) if frame is not None]
+        self._piece = rest[: _coded_size(self._longest) + 1]  # what is longer stays too long
+        frames = (_frame(coded, self._longest) for coded in pieces if coded)
+        return [frame for frame in frames if frame is not None]
 
 
-def _frame(coded: bytes) -> Frame | None:
+def _coded_size(size: int) -> int:
+    """Return the most bytes to which COBS codes so many."""
+    return size + size // 254 + 1
+
+
+def _frame(coded: bytes, longest: int) -> Frame | None:
     """Return what lay between two delimiters, or None where that is no frame of this version."""
-    if len(coded) > _LONGEST_CODED:
+    if len(coded) > _coded_size(longest):
         return None
     try:
         body = cobs.decode(coded)
     except cobs.DecodeError:
         return None
-    if not _SHORTEST_BODY <= len(body) <= _LONGEST_BODY:
+    if not _SHORTEST_BODY <= len(body) <= longest:
         return None
     content, tail = body[: -_TAIL.size], body[-_TAIL.size :]
     if _TAIL.unpack(tail)[0] != zlib.crc32(content):

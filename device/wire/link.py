@@ -83,7 +83,7 @@ class FrameLink:
             answer_within_s=answer_within_s or line.answer_within_s,
             response_timeout_s=line.response_timeout_s,
         )
-        self._bits = 16
+        self._bits = self._channels = 0
         self._retries_before = 0
         self._heart: Heart | None = None
 
@@ -108,7 +108,7 @@ class FrameLink:
         except LinkError:
             self._drop()
             raise
-        self._bits = identity.bits
+        self._bits, self._channels = identity.bits, identity.channels
         if isinstance(self._clock, MonotonicClock):
             self._heart = Heart(self.beat)
         return identity
@@ -176,7 +176,7 @@ class FrameLink:
 
     def _upload(self, message: LoadSlot) -> Exchange[Any]:
         octets = octets_of(message, self._bits)
-        self._done(Begin(slot=message.slot, samples=int(message.left.size)))
+        self._done(Begin(slot=message.slot, samples=message.codes.shape[1]))
         boot_id = self.boot_id
         for piece in data_of(octets, self.requests.number & 0xFFFF):
             self._done(piece, boot_id)
@@ -244,7 +244,11 @@ class FrameLink:
         kind = protocol.kind_of(message)
         report = read_answer(lambda: protocol.read_report(kind, answer.body))
         token, start_us = getattr(message, "token", None), getattr(report, "start_us", None)
-        if getattr(report, "token", token) != token or (start_us or 0) > answer.device_us:
+        of_channels = getattr(report, "peaks" if start_us is None else "levels_mvpp", None)
+        is_of_another = getattr(report, "token", token) != token
+        is_too_late = (start_us or 0) > answer.device_us
+        has_others = of_channels is not None and len(of_channels) != self._channels
+        if is_of_another or is_too_late or has_others:
             raise LinkError(f"the device's answer to {kind.name} contradicts itself")
         return report
 

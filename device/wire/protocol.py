@@ -10,6 +10,7 @@ import math
 import struct
 from dataclasses import dataclass
 from enum import IntEnum
+from itertools import islice
 from typing import TYPE_CHECKING, Any, Final, Generic, NamedTuple, TypeVar
 
 from device.core.messages import (
@@ -97,11 +98,14 @@ class Field(NamedTuple):
         Returns what travels for a value.
     read : callable
         Returns the value; IndexError if there is none.
+    is_repeated : bool
+        Whether it travels as several numbers, as many as the other repeated fields.
     """
 
     code: str
     pack: Callable[[Any], Any] = _unchanged
     read: Callable[[Any], Any] = _unchanged
+    is_repeated: bool = False
 
     def value(self, name: str, number: Any) -> Any:
         """Return what a number stands for, or refuse it with BAD_MESSAGE."""
@@ -143,8 +147,11 @@ MINOR: Final = Field("B", lambda text: int(text.partition(".")[2]), lambda n: f"
 """A protocol version, of which the minor number travels."""
 TEXT: Final = _text("16s")
 LONG_TEXT: Final = _text("32s")
-REST: Final = Field("")
-"""All bytes that are left; only as the last field."""
+REST: Final = Field("B", read=bytes, is_repeated=True)
+"""All bytes that are left; beside no other repeated field."""
+EACH_U16: Final = Field("H", read=tuple, is_repeated=True)
+EACH_U32: Final = Field("I", read=tuple, is_repeated=True)
+"""A number for each channel."""
 
 
 class Layout(Generic[_Value]):
@@ -168,20 +175,27 @@ class Layout(Generic[_Value]):
 
     def __init__(self, make: Callable[..., _Value], **fields: Field) -> None:
         self.make = make
-        self._fields = {name: field for name, field in fields.items() if field is not REST}
-        self._rest = next((name for name, field in fields.items() if field is REST), None)
-        self._struct = struct.Struct("<" + "".join(field.code for field in fields.values()))
+        self._fields = fields
+        self.size = struct.calcsize(self._format(0))
+        self.size_of_each = struct.calcsize(self._format(1)) - self.size
 
-    @property
-    def size(self) -> int:
-        """Number of bytes, without what fills the rest."""
-        return self._struct.size
+    def _format(self, n_repeated: int) -> str:
+        fields = self._fields.values()
+        return "<" + "".join(f"{n_repeated if f.is_repeated else ''}{f.code}" for f in fields)
 
-    def pack(self, value: _Value) -> bytes:
-        """Return the bytes of a value."""
-        numbers = [field.pack(getattr(value, name)) for name, field in self._fields.items()]
-        rest: bytes = getattr(value, self._rest) if self._rest else b""
-        return self._struct.pack(*numbers) + rest
+    def pack(self, value: _Value, channels: int = 0) -> bytes:
+        """Return the bytes of a value; where a repeated field is empty, zeros for each channel."""
+        numbers: list[Any] = []
+        n_repeated = 0
+        for name, field in self._fields.items():
+            number = field.pack(getattr(value, name))
+            if field.is_repeated:
+                repeated = number or (0,) * channels
+                n_repeated = len(repeated)
+                numbers += repeated
+            else:
+                numbers.append(number)
+        return struct.pack(self._format(n_repeated), *numbers)
 
     def read(self, content: bytes) -> _Value:
         """Return the value of some bytes.
@@ -189,16 +203,21 @@ class Layout(Generic[_Value]):
         Bytes of another length and numbers that stand for nothing are refused with BAD_MESSAGE,
         and what the value itself refuses with its own code.
         """
-        head, rest = content[: self.size], content[self.size :]
-        if len(head) < self.size or (rest and not self._rest):
+        n_left = len(content) - self.size
+        n_repeated = n_left // self.size_of_each if self.size_of_each else 0
+        if n_left < 0 or n_left != n_repeated * self.size_of_each:
             raise rejection(
                 Refusal.BAD_MESSAGE, f"{self.size} bytes are expected, got {len(content)}"
             )
-        numbers = zip(self._fields.items(), self._struct.unpack(head), strict=True)
-        values = {name: field.value(name, number) for (name, field), number in numbers}
-        if self._rest:
-            values[self._rest] = rest
-        return self.make(**values)
+        numbers = iter(struct.unpack(self._format(n_repeated), content))
+        return self.make(
+            **{
+                name: field.value(
+                    name, islice(numbers, n_repeated) if field.is_repeated else next(numbers)
+                )
+                for name, field in self._fields.items()
+            }
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -239,10 +258,11 @@ IDENTITY: Final = Layout[Any](
 GREETING: Final = Layout(Greeting, nonce=U64, identity=REST)
 
 
-def _read_record(*, fate: Fate, start_us: int, **values: int) -> Record:
+def _read_record(*, token: int, fate: Fate, start_us: int, levels_mvpp: tuple[int, ...]) -> Record:
     outcome, reason = fate
-    onset_us = start_us if outcome is Outcome.FIRED else None
-    return Record(outcome=outcome, reason=reason, start_us=onset_us, **values)
+    if outcome is Outcome.FIRED:
+        return Record(token=token, outcome=outcome, start_us=start_us, levels_mvpp=levels_mvpp)
+    return Record(token=token, outcome=outcome, reason=reason)
 
 
 RECORD: Final = Layout(
@@ -250,8 +270,7 @@ RECORD: Final = Layout(
     token=U64,
     fate=_choice(tuple(FATES.values())),
     start_us=ONSET,
-    left_mvpp=U32,
-    right_mvpp=U32,
+    levels_mvpp=EACH_U32,
 )
 LIMITS: Final = Layout(
     DeviceLimits,
@@ -269,12 +288,10 @@ MEASURED: Final = Layout(
     Measurement,
     token=U64,
     tap=_choice(TAPS),
-    left=U32,
-    right=U32,
+    peaks=EACH_U32,
     onset_offset_us=U32,
     onset_uncertainty_us=U32,
-    correlation_left=U16,
-    correlation_right=U16,
+    correlations=EACH_U16,
 )
 
 # This table is the wire: host and device pack and read by its rows and by nothing else, so that a
@@ -289,7 +306,7 @@ TABLE: Final = {
     Kind.BEGIN: MessageLayout(Layout(Begin, slot=U8, samples=U32)),
     Kind.DATA: MessageLayout(Layout(Data, upload=U16, offset=U32, octets=REST)),
     Kind.COMMIT: MessageLayout(Layout(Commit, slot=U8, crc=U32)),
-    Kind.LEVEL: MessageLayout(Layout(Levels, left_mvpp=U32, right_mvpp=U32)),
+    Kind.LEVEL: MessageLayout(Layout(Levels, levels_mvpp=EACH_U32)),
     Kind.OUTPUT: MessageLayout(Layout(Enable)),
     Kind.ARM: MessageLayout(Layout(Arm, token=U64, slot=U8, time_to_live_us=U32)),
     Kind.DISARM: MessageLayout(Layout(Disarm, token=U64)),
@@ -368,10 +385,10 @@ def read_message(kind: int, content: bytes) -> Message[Any]:
     return message
 
 
-def pack_report(kind: int, report: Any) -> bytes:
-    """Return the bytes of what a question of a type is answered with, after the head."""
+def pack_report(kind: int, report: Any, channels: int) -> bytes:
+    """Return the bytes of what a device of so many channels answers, after the head."""
     layout = TABLE[Kind(kind)].answer
-    return b"" if layout is None else layout.pack(report)
+    return b"" if layout is None else layout.pack(report, channels)
 
 
 def read_report(kind: int, body: bytes) -> Any:

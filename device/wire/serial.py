@@ -9,6 +9,7 @@ from device.clock import Clock, MonotonicClock
 from device.core.host import HostDriver
 from device.core.messages import AskHealth, AskLimits
 from device.errors import LinkError, PortError
+from device.limits import MAX_CHANNELS
 from device.wire.channels import USUAL, Channel, LineSettings, open_channel
 from device.wire.frames import MAKER
 from device.wire.link import FrameLink
@@ -23,9 +24,14 @@ _IDENTIFY_WITHIN_S: Final = 0.3
 
 
 def serial_device(
-    port: str, *, limits: Limits, clock: Clock, line: LineSettings = USUAL
+    port: str,
+    *,
+    limits: Limits,
+    clock: Clock,
+    channels: int = MAX_CHANNELS,
+    line: LineSettings = USUAL,
 ) -> HostDriver:
-    """Return the driver of the device on a port; nothing is opened yet.
+    """Return the driver of the device on a port, of so many of its channels; nothing is opened yet.
 
     >>> from device.clock import MonotonicClock
     >>> from device.limits import Limits
@@ -36,7 +42,7 @@ def serial_device(
     device.errors.LinkError: cannot open /no/such/port: ...
     """
     link = FrameLink(lambda: open_channel(port, clock, line), clock, line=line)
-    return HostDriver(link, limits=limits, clock=clock)
+    return HostDriver(link, limits=limits, clock=clock, channels=channels)
 
 
 def identify(port: str, line: LineSettings = USUAL) -> tuple[Identity, DeviceLimits, Health] | None:

@@ -25,7 +25,7 @@ _SHORT_BITS: Final = 16
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Begin(Message[None]):
-    """Begin the upload of a waveform: the codes of the left channel, then those of the right.
+    """Begin the upload of a waveform: the codes of the first channel, then of the next.
 
     `samples` is the number of each channel.
     """
@@ -57,8 +57,7 @@ class Commit(Message[None]):
 
 def octets_of(message: LoadSlot, bits: int) -> bytes:
     """Return the bytes that carry a waveform to a device with converters of `bits` bits."""
-    codes = np.concatenate((message.left, message.right)).astype(_code_type(bits))
-    return codes.tobytes()
+    return message.codes.astype(_code_type(bits)).tobytes()
 
 
 def data_of(octets: bytes, upload: int) -> Iterator[Data]:
@@ -76,14 +75,20 @@ class _Pending:
 
 
 class Uploads:
-    """The device's end: pieces to a waveform of codes of `bits` bits, within the limits.
+    """The device's end: pieces to codes of `bits` bits for each channel, within the limits.
 
     `held_beside` returns how many samples are held in all slots but one.
     """
 
     def __init__(
-        self, *, bits: int, limits: Limits, held_beside: Callable[[int], int] = lambda _: 0
+        self,
+        *,
+        channels: int,
+        bits: int,
+        limits: Limits,
+        held_beside: Callable[[int], int] = lambda _: 0,
     ) -> None:
+        self._channels = channels
         self._type = _code_type(bits)
         self._limits = limits
         self._held_beside = held_beside
@@ -101,7 +106,7 @@ class Uploads:
         if begin.samples > self._limits.longest_waveform:
             raise rejection(Refusal.WAVEFORM_TOO_LONG, f"{begin.samples} samples")
         check_memory(self._held_beside(begin.slot), begin.samples, self._limits)
-        size = 2 * begin.samples * self._type.itemsize
+        size = self._channels * begin.samples * self._type.itemsize
         missing = set(range(0, size, LONGEST_DATA))
         self._pending = _Pending(number, begin.slot, bytearray(size), missing)
 
@@ -126,8 +131,7 @@ class Uploads:
         if zlib.crc32(pending.data) != commit.crc:
             raise rejection(Refusal.BAD_UPLOAD, "its checksum differs")
         codes = np.frombuffer(bytes(pending.data), dtype=self._type)
-        left, right = codes.astype(np.int32).reshape(2, -1)
-        return LoadSlot(slot=commit.slot, left=left, right=right)
+        return LoadSlot(slot=commit.slot, codes=codes.reshape(self._channels, -1))
 
 
 def _code_type(bits: int) -> np.dtype[np.signedinteger[Any]]:

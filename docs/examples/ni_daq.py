@@ -1,15 +1,13 @@
-"""Two analogue outputs of a National Instruments device, over nidaqmx, as a driver.
+"""Analogue outputs of a National Instruments device, over nidaqmx, as a driver.
 
 Offer it as an entry point of the group tactstrip.drivers; `port` in [device] is the device's name,
 such as Dev1, `amplifier_gain` is volts at the actuator per volt of the output, `channels = [1, 2]`
 are ao0 and ao1. Written from the documentation of nidaqmx-python and tested against a stand-in
-that checks each call: not tried on hardware. Watch both outputs on an oscilloscope, without an
+that checks each call: not tried on hardware. Watch the outputs on an oscilloscope, without an
 amplifier behind them, before anything is connected.
 """
 
 import threading
-
-import numpy as np
 
 from device import Converter, LinkError, Outcome, Played, converter_device
 
@@ -19,7 +17,7 @@ PATIENCE_S = 2.0
 
 
 class NiDaq(Converter):
-    """What plays two waveforms on a device with a clock and a buffer of its own."""
+    """What plays waveforms on a device with a clock and a buffer of its own."""
 
     name, bits, emulated = "NI-DAQ", 16, False
     cannot = (
@@ -34,6 +32,7 @@ class NiDaq(Converter):
         self.serial_number = settings.port
         self.sample_rate_hz = settings.sample_rate_hz
         self.full_scale_v = LARGEST_V * settings.amplifier_gain
+        self.channels = len(settings.channels)
         self._gain = settings.amplifier_gain
         self._outputs = [f"{settings.port}/ao{channel - 1}" for channel in settings.channels]
         self._stopped = threading.Event()
@@ -47,13 +46,13 @@ class NiDaq(Converter):
         except nidaqmx.errors.Error as error:
             raise LinkError(f"{self.serial_number}: {str(error).splitlines()[0]}") from error
 
-    def play(self, left_v, right_v):
+    def play(self, volts):
         """Play once from the device's buffer, by its own clock."""
         import nidaqmx
         from nidaqmx.constants import AcquisitionType
 
         self._stopped.clear()
-        volts = np.vstack([left_v, right_v]) / self._gain
+        volts = volts / self._gain
         with nidaqmx.Task() as task:
             for output in self._outputs:
                 task.ao_channels.add_ao_voltage_chan(output, min_val=-LARGEST_V, max_val=LARGEST_V)

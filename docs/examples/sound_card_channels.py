@@ -1,4 +1,4 @@
-"""Any two outputs of a sound card as a driver: `channels = [3, 4]` in [device].
+"""Any outputs of a sound card as a driver: `channels = [3, 4]` in [device].
 
 Offer it as an entry point of the group tactstrip.drivers. Not tried with an actuator behind it.
 """
@@ -9,7 +9,7 @@ from device import Converter, LinkError, Outcome, Played, converter_device
 
 
 class SoundCardChannels(Converter):
-    """What plays two waveforms on chosen outputs of a card with several."""
+    """What plays waveforms on chosen outputs of a card with several."""
 
     name, bits, emulated = "sound card", 16, False
     cannot = (
@@ -24,7 +24,8 @@ class SoundCardChannels(Converter):
         self.serial_number = settings.port
         self.sample_rate_hz = settings.sample_rate_hz
         self.full_scale_v = settings.volts_full_scale
-        self._channels = settings.channels
+        self.channels = len(settings.channels)
+        self._outputs = settings.channels
 
     def connect(self):
         """Refuse a card that is not there, or has too few outputs."""
@@ -34,22 +35,22 @@ class SoundCardChannels(Converter):
             card = sounddevice.query_devices(self.serial_number, "output")
         except (ValueError, sounddevice.PortAudioError) as error:
             raise LinkError(f"the sound card {self.serial_number}: {error}") from error
-        if card["max_output_channels"] < max(self._channels):
+        if card["max_output_channels"] < max(self._outputs):
             raise LinkError(
                 f"channels must be at most {card['max_output_channels']} on {card['name']}, "
-                f"got {list(self._channels)}"
+                f"got {list(self._outputs)}"
             )
 
-    def play(self, left_v, right_v):
+    def play(self, volts):
         """Play once; FIRED only if the card told of no gap."""
         import sounddevice
 
-        frames = np.column_stack([left_v, right_v]) / self.full_scale_v
+        frames = volts.T / self.full_scale_v
         sounddevice.play(
             frames.astype(np.float32),
             samplerate=self.sample_rate_hz,
             device=self.serial_number,
-            mapping=list(self._channels),
+            mapping=list(self._outputs),
             blocking=True,
         )
         gap = sounddevice.get_status()

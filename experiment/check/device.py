@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Any, Final
 
 from device.driver import Outcome
 from device.drivers import MOCK
-from device.limits import CHANNELS
 from experiment.check.warnings import apply_rules
 from experiment.hardware.monitor import planned_burst
 from experiment.hardware.safety import require_confirmed
@@ -75,15 +74,16 @@ class MonitorCheck:
 
 
 def check_monitor(
-    side: str, planned: Planned, measured: Measured, settings: MonitorSettings
+    index: int, planned: Planned, measured: Measured, settings: MonitorSettings
 ) -> MonitorCheck:
-    """Compare what a monitor measured of a burst with the planned one."""
-    index = CHANNELS.index(side)
+    """Compare what a monitor measured of a burst on one channel with the planned one."""
+    none = (None,) * len(planned.peaks)
     faults = tuple(fault.value for fault in measured.faults)
-    peak = (measured.peak_left, measured.peak_right)[index]
+    peak = (measured.peaks or none)[index]
     is_burst = not measured.unmeasured and not _NOT_THE_BURST & {*faults}
     scale = 1.0 if settings.per_unit is None else settings.per_unit[index]
-    delay_ms, late_s = (settings.delay_ms or (0.0, 0.0))[index], measured.late_s
+    late_s = measured.late_s
+    delay_ms = 0.0 if settings.delay_ms is None else settings.delay_ms[index]
     return MonitorCheck(
         tap=measured.tap.value,
         unit=measured.tap.unit,
@@ -92,8 +92,8 @@ def check_monitor(
         unmeasured=measured.unmeasured or None,
         planned=planned.peaks[index],
         peak=peak,
-        noise=(measured.noise_left, measured.noise_right)[index],
-        correlation=(measured.correlation_left, measured.correlation_right)[index],
+        noise=(measured.noise or none)[index],
+        correlation=(measured.correlations or none)[index],
         per_unit=scale * planned.peaks[index] / peak if is_burst and peak else None,
         delay_ms=None if late_s is None or not is_burst else delay_ms + late_s * 1e3,
     )
@@ -228,13 +228,13 @@ def check_device(
         # from the calendar's clock on, as in a session, so that no device saw a token before
         tokens = count(time.time_ns())
         for level_vpp, token in zip(levels_vpp, tokens, strict=False):
-            device.set_levels(level_vpp, level_vpp)
+            device.set_levels([level_vpp] * len(study.task.sites))
             device.arm(token, widest, time_to_live_s=LONGEST_ARMED_S)
             device.disarm(token)
         test_vpp = round(levels_vpp[-1] * FRACTION, 3)
         channels = tuple(
             _check_channel(study, rig, side=side, level_vpp=test_vpp, token=next(tokens), ask=ask)
-            for side in CHANNELS
+            for side in study.task.sites
         )
         return DeviceCheck(
             identity=asdict(identity),
@@ -261,6 +261,8 @@ def _check_channel(
 ) -> ChannelCheck:
     """Play one weak burst on a channel, and measure it if the study has a monitor."""
     condition, device, monitor = study.conditions[0], rig.device, rig.monitor
+    sites = study.task.sites
+    channel = sites.index(side)
     if ask is not None and not ask(f"Play one burst of {level_vpp:g} Vpp on the {side} channel?"):
         return ChannelCheck(side=side, level_vpp=level_vpp)
     rig.clock.wait(onset_interval_s(condition, study.device))
@@ -268,18 +270,18 @@ def _check_channel(
     if monitor is not None:
         rig.clock.wait(_QUIET_S)
         monitor.begin(token, planned)
-    device.set_levels(level_vpp, level_vpp)
+    device.set_levels([level_vpp] * len(sites))
     device.arm(token, study.task.slots.index((side,)), time_to_live_s=LONGEST_ARMED_S)
     delivery = device.fire(token)
     is_fired = delivery.outcome is Outcome.FIRED
     measured = None
     if monitor is not None and is_fired:
-        measured = check_monitor(side, planned, monitor.end(delivery), study.monitor)
+        measured = check_monitor(channel, planned, monitor.end(delivery), study.monitor)
     seen = None if ask is None else ask(f"Did the {side} output move, and only that one?")
-    both_vpp = (delivery.level_left_vpp, delivery.level_right_vpp)
-    read_back_vpp = both_vpp[CHANNELS.index(side)]
+    levels_vpp = delivery.levels_vpp or (0.0,) * len(sites)
+    read_back_vpp = levels_vpp[channel]
     is_off = abs(read_back_vpp - level_vpp) > level_vpp * _TOLERANCE + _STEP_VPP
-    failed = not is_fired or is_off or sum(both_vpp) != read_back_vpp
+    failed = not is_fired or is_off or sum(levels_vpp) != read_back_vpp
     is_verified = measured is None or measured.is_verified
     return ChannelCheck(
         side=side,

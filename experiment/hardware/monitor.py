@@ -40,8 +40,8 @@ def make_monitor(
 
     tap, delay_s = Tap(settings.tap), None
     if settings.delay_ms is not None:
-        delay_s = (settings.delay_ms[0] * 1e-3, settings.delay_ms[1] * 1e-3)
-    per_unit = settings.per_unit or (1.0, 1.0)
+        delay_s = tuple(delay_ms * 1e-3 for delay_ms in settings.delay_ms)
+    per_unit = settings.per_unit or (1.0,) * len(settings.inputs)
     tolerances = Tolerances(
         peak=settings.peak_tolerance,
         onset_s=settings.onset_tolerance_ms * 1e-3,
@@ -50,7 +50,7 @@ def make_monitor(
     )
     shared: dict[str, Any] = {"tap": tap, "tolerances": tolerances}
     if isinstance(device, HostDriver) and settings.source == "device":
-        delay_s = delay_s or (0.0, 0.0)
+        delay_s = delay_s or (0.0,) * len(per_unit)
         return DeviceMonitor(device, clock, per_unit=per_unit, delay_s=delay_s, **shared)
     shared["calibration"] = Calibration(per_unit=per_unit, delay_s=delay_s)
     card = "that drives"
@@ -96,11 +96,15 @@ def planned_burst(
 
     samples = drive_samples(condition, study.device)
     peak = float(np.max(np.abs(samples)))
-    first, second = study.monitor.at_the_tap
-    burst = (level_vpp / 2 * peak * first, level_vpp / 2 * peak * second)
-    left, right = (
-        amplitude if site in sites else 0.0
-        for site, amplitude in zip(study.task.sites, burst, strict=True)
+    all_sites = study.task.sites
+    per_volt = study.monitor.per_volt or (1.0,) * len(all_sites)
+    burst = tuple(level_vpp / 2 * peak * at_tap for at_tap in per_volt)
+    return Planned(
+        shape=samples / peak,
+        sample_rate_hz=study.device.sample_rate_hz,
+        peaks=tuple(
+            amplitude if site in sites else 0.0
+            for site, amplitude in zip(all_sites, burst, strict=True)
+        ),
+        burst=burst,
     )
-    shape, rate_hz = samples / peak, study.device.sample_rate_hz
-    return Planned(shape=shape, sample_rate_hz=rate_hz, left=left, right=right, burst=burst)

@@ -9,6 +9,7 @@ import numpy as np
 
 from device.clock import MonotonicClock, VirtualClock
 from device.core.host import HostDriver
+from device.core.output import OutputStage
 from device.drivers import (
     MOCK,
     NEEDS,
@@ -198,20 +199,21 @@ def noise_faults(study: Study, settings: DeviceSettings) -> tuple[Fault, ...]:
 
 def mock_device(study: Study, clock: Clock) -> MockDevice:
     """Return a mock device with the study's ceiling, rest between bursts and sample rate."""
-    return make_mock(host_limits(study.device), clock, study.device.sample_rate_hz)
+    rate_hz = study.device.sample_rate_hz
+    output = OutputStage(channels=len(study.task.sites), sample_rate_hz=rate_hz)
+    return make_mock(host_limits(study.device), clock, output)
 
 
 def load_condition(device: BurstDevice, condition: Condition, study: Study) -> None:
-    """Load a condition's burst into the opened device, in one of the task's slots for each side.
+    """Load a condition's burst into the opened device, in a slot for each of the task's bursts.
 
-    A silent channel plays zeros, so that no side shows in the commands. Rejected if the device
-    refuses the waveform.
+    The channels are the sites in their order. A silent channel plays zeros, so that no site shows
+    in the commands. Rejected if the device refuses the waveform.
     """
-    burst = drive_samples(condition, study.device)
-    silence = np.zeros_like(burst)
-    for slot, sites in enumerate(study.task.slots):
-        left, right = (burst if site in sites else silence for site in study.task.sites)
-        device.load(slot, left, right)
+    burst, task = drive_samples(condition, study.device), study.task
+    for slot, sites in enumerate(task.slots):
+        driven = [site in sites for site in task.sites]
+        device.load(slot, np.outer(driven, burst).astype(np.float64))
 
 
 def host_limits(settings: DeviceSettings) -> Limits:

@@ -81,6 +81,9 @@ def _rules(
         f"(got {settings.sample_rate_hz:g})"
     )
     yield rate_hz != settings.sample_rate_hz, rule
+    n_sites = len(study.task.sites)
+    rule = f"the device must drive one channel for each of {n_sites} sites; it drives {{}}"
+    yield identity.channels != n_sites, rule.format(identity.channels)
     rule = (
         f"design.levels_vpp: must be at most the ceiling of the device itself, "
         f"{identity.ceiling_vpp:g} Vpp (got {high_vpp:g})"
@@ -95,7 +98,7 @@ def _rules(
     )
     yield limits.longest_time_to_live_s < LONGEST_ARMED_S, rule
     n_slots = len(study.task.slots)
-    rule = f"the device must have {n_slots} slots, one for each side; it has {limits.slots}"
+    rule = f"the device must have {n_slots} slots, one for each burst; it has {limits.slots}"
     yield limits.slots < n_slots, rule
     for condition in study.conditions:
         duration_s = _sampled_s(condition, settings)
@@ -108,7 +111,7 @@ def _rules(
         yield onset_interval_s(condition, settings) < duration_s + min_rest_s, rule
         n_samples = n_slots * drive_samples(condition, settings).size
         rule = (
-            f"condition {condition.name}: the burst must be shorter; for {n_slots} sides it "
+            f"condition {condition.name}: the burst must be shorter; in {n_slots} slots it "
             f"has {n_samples} samples, and the device keeps {limits.memory_samples}"
         )
         yield n_samples > limits.memory_samples, rule
@@ -120,8 +123,8 @@ def require_playable(study: Study, limits: Limits | None = None) -> None:
     limits = host_limits(settings) if limits is None else limits
     for condition in study.conditions:
         try:
-            burst = to_codes(drive_samples(condition, settings), _BITS)
-            check_codes(burst, burst, full_scale=full_scale(_BITS), limits=limits)
+            codes = to_codes([drive_samples(condition, settings)], _BITS)
+            check_codes(codes, full_scale=full_scale(_BITS), limits=limits)
         except Rejected as error:
             raise SuitabilityError(
                 f"condition {condition.name}: the burst cannot be played at "

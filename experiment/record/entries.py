@@ -14,7 +14,7 @@ from pydantic import BaseModel, ConfigDict, Field, TypeAdapter
 
 from device.driver import Outcome
 from experiment.names import DeviceKind
-from experiment.record.rows import Presented, Verified
+from experiment.record.rows import Presented, Verified, table_csv
 from experiment.study.equipment import TapName
 from experiment.trial.events import Status
 
@@ -23,6 +23,11 @@ if TYPE_CHECKING:
 
     from device.driver import Delivery
     from experiment.trial.events import Attempt
+
+
+_Value = TypeVar("_Value")
+_BySite = Annotated[tuple[_Value, ...], Field(strict=False)]
+"""A value for each site of the study; a list in the journal."""
 
 
 class Line(BaseModel):
@@ -227,10 +232,8 @@ class StimulusConfirmed(_BurstLine):
     """How often the question was sent again."""
     onset_s: float | None
     """Onset on the session's clock; known only of a stimulus that was presented."""
-    level_left_vpp: float | None
-    """Level of the left channel, peak-to-peak volts; known only of a presented stimulus."""
-    level_right_vpp: float | None
-    """Level of the right channel, peak-to-peak volts; known only of a presented stimulus."""
+    levels_vpp: _BySite[float] | None
+    """Level at each site, peak-to-peak volts; known only of a presented stimulus."""
 
     @classmethod
     def from_delivery(
@@ -249,8 +252,7 @@ class StimulusConfirmed(_BurstLine):
             uncertainty_s=delivery.uncertainty_s,
             retries=delivery.retries,
             onset_s=onset_s if fired else None,
-            level_left_vpp=delivery.level_left_vpp if fired else None,
-            level_right_vpp=delivery.level_right_vpp if fired else None,
+            levels_vpp=delivery.levels_vpp if fired else None,
         )
 
 
@@ -274,28 +276,20 @@ class StimulusMeasured(_BurstLine):
     """How it may differ, where the tap cannot tell enough to void a trial."""
     unmeasured: str | None
     """Why it could not be measured."""
-    planned_left: float
-    """Planned peak at the left tap."""
-    planned_right: float
-    """Planned peak at the right tap."""
-    peak_left: float | None
-    """Measured peak at the left tap."""
-    peak_right: float | None
-    """Measured peak at the right tap."""
+    planned: _BySite[float]
+    """Planned peak at the tap of each site."""
+    peaks: _BySite[float | None]
+    """Measured peak at the tap of each site."""
     onset_s: float | None
     """Measured onset on the session's clock."""
     onset_uncertainty_s: float | None
     """Half-width of the 95 % interval of the onset."""
     late_s: float | None
     """Delay of the onset against the plan."""
-    correlation_left: float | None
-    """Correlation with the planned burst, left."""
-    correlation_right: float | None
-    """Correlation with the planned burst, right."""
-    noise_left: float | None
-    """Effective value of the noise, left."""
-    noise_right: float | None
-    """Effective value of the noise, right."""
+    correlations: _BySite[float | None]
+    """Correlation with the planned burst at each site."""
+    noise: _BySite[float | None]
+    """Effective value of the noise at each site."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -308,14 +302,36 @@ class MeasuredRow(Presented):
 
 
 _ELSEWHERE: Final = {"event", "trial", "attempt", "token", "interval"}
+_BY_SITE: Final = {
+    "planned": "planned",
+    "peaks": "peak",
+    "correlations": "correlation",
+    "noise": "noise",
+}
 MEASURED_COLUMNS: Final[Mapping[str, str]] = {
     **{each.name: each.name for each in fields(MeasuredRow) if each.name != "measured"},
     **{
-        name: f"measured.{name}" for name in StimulusMeasured.model_fields if name not in _ELSEWHERE
+        f"{_BY_SITE[name]}_{{site}}" if name in _BY_SITE else name: f"measured.{name}"
+        for name in StimulusMeasured.model_fields
+        if name not in _ELSEWHERE
     },
     "interval": "measured.interval",
 }
-"""The columns of measured.csv, and the attribute of a `MeasuredRow` that each one is."""
+"""The columns of measured.csv, and the attribute of a `MeasuredRow` that each one is.
+
+A column with ``{site}`` in its name stands for one at each site.
+"""
+
+
+def measured_csv(sites: tuple[str, ...], rows: Iterable[MeasuredRow]) -> str:
+    """Write measured.csv of a study with these sites.
+
+    >>> measured_csv(("left", "right"), []).split(",")[16:20]
+    ['planned_left', 'planned_right', 'peak_left', 'peak_right']
+    """
+    of_columns = ([name.format(site=site) for site in sites] for name in MEASURED_COLUMNS)
+    headings = [*dict.fromkeys(name for names in of_columns for name in names)]
+    return table_csv(headings, [*MEASURED_COLUMNS.values()], rows)
 
 
 class ResponseGiven(_AttemptLine):

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from pydantic import ValidationError
 
-from experiment.record.entries import MEASURED_COLUMNS, Header
+from experiment.record.entries import Header, measured_csv
 from experiment.record.files import (
     DISK,
     HEADER,
@@ -462,9 +462,10 @@ class SessionFolder:
 
     def _tables(self, plan: Plan) -> dict[Path, str]:
         history = self.read_history(plan)
-        tables = {self.trials_path: table_csv(TRIAL_COLUMNS, history.rows)}
+        names, attributes = [*TRIAL_COLUMNS], [*TRIAL_COLUMNS.values()]
+        tables = {self.trials_path: table_csv(names, attributes, history.rows)}
         if history.measured:
-            tables[self.measured_path] = table_csv(MEASURED_COLUMNS, history.measured)
+            tables[self.measured_path] = measured_csv(plan.task.sites, history.measured)
         return tables
 
     def write_trials(self) -> Path:

@@ -349,8 +349,8 @@ def _row(
     verified = None if measured is None else measured.burst_verified
     last = presentation.confirmed.get(plan.task.n_intervals)
     response = presentation.response.response if presentation.response else None
-    left_vpp = confirmed.level_left_vpp if confirmed else None
-    right_vpp = confirmed.level_right_vpp if confirmed else None
+    levels_vpp = confirmed.levels_vpp if confirmed else None
+    left_vpp, right_vpp = levels_vpp or (None, None)
     left_um, right_um, basis = _displacements(gains[trial.condition], trial, left_vpp, right_vpp)
     return TrialRow(
         **_trial_columns(plan, presentation),

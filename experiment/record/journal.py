@@ -1,6 +1,6 @@
 """The journal of a session: append-only lines in a chain of hashes, on disk when it matters.
 
-One line is one event: ``{"crc":"<8 hex digits>","schema":4,"seq":n,"prev":"<64 hex digits>",
+One line is one event: ``{"crc":"<8 hex digits>","schema":5,"seq":n,"prev":"<64 hex digits>",
 "event":...,...}``. The checksum is the CRC-32 of the line without its ``crc`` member: of the bytes
 ``{"schema":...}``. ``prev`` is the SHA-256 of the line before, all of it but its line end, so that
 the hash of the last line, the head, stands for the whole journal. The checksum names the line in
@@ -40,7 +40,7 @@ if TYPE_CHECKING:
     from experiment.record.files import Disk
 
 
-SCHEMA: Final = 4
+SCHEMA: Final = 5
 """Version of the lines; a journal of another version is refused."""
 ROOT = "0" * 64
 """What the first line has for the hash of the line before."""

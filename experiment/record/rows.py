@@ -20,7 +20,7 @@ from experiment.trial.events import Status
 from experiment.trial.plan import HANDS_OFF, PRACTICE
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
+    from collections.abc import Iterable, Mapping, Sequence
 
     from experiment.tasks.task import Task
 
@@ -178,16 +178,22 @@ def format_value(value: object) -> str:
     return str(value).lower() if isinstance(value, bool) else str(value)
 
 
-def table_csv(columns: Mapping[str, str], rows: Iterable[Presented]) -> str:
-    """Write rows as the text of a table: commas, LF line ends, the heading first.
+def cells_of(row: Presented, attributes: Sequence[str]) -> list[Any]:
+    """Return the values of a row's attributes, those of a tuple one after the other."""
+    values = attrgetter(*attributes)(row)
+    return [cell for value in values for cell in (value if type(value) is tuple else (value,))]
 
-    `columns` has the attribute of a row for each heading.
+
+def table_csv(headings: Sequence[str], attributes: Sequence[str], rows: Iterable[Presented]) -> str:
+    """Write rows as the text of a table: commas, LF line ends, the headings first.
+
+    `attributes` are those of a row; one that is a tuple has a heading for each of its members.
     """
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(columns)
-    cells = attrgetter(*columns.values())
+    writer.writerow(headings)
     writer.writerows(
-        [cell if type(cell) is str else format_value(cell) for cell in cells(row)] for row in rows
+        [cell if type(cell) is str else format_value(cell) for cell in cells_of(row, attributes)]
+        for row in rows
     )
     return text.getvalue()

@@ -12,7 +12,7 @@ import hashlib
 from itertools import zip_longest
 from typing import TYPE_CHECKING, Final
 
-from experiment.record.entries import MEASURED_COLUMNS, SessionOpened
+from experiment.record.entries import SessionOpened, measured_csv
 from experiment.record.files import (
     HEADER,
     JOURNAL,
@@ -284,12 +284,15 @@ def _check_tables(record: Verification) -> Iterator[Difference]:
         if record.begun and record.files[record.table] is None:
             yield record.difference(record.table, None, f"is missing, too, {_WITHOUT}")
         return
+    assert record.plan is not None  # by which the journal was replayed
     sealed = record.events[: record.n_sealed]
-    for name, columns, rows, event in (
-        (record.table, TRIAL_COLUMNS, history.rows, "trial_end"),
-        (MEASURED, MEASURED_COLUMNS, history.measured, "stimulus_measured"),
+    trials = table_csv([*TRIAL_COLUMNS], [*TRIAL_COLUMNS.values()], history.rows)
+    measured = measured_csv(record.plan.task.sites, history.measured)
+    for name, text, rows, event in (
+        (record.table, trials, history.rows, "trial_end"),
+        (MEASURED, measured, history.measured, "stimulus_measured"),
     ):
-        actual, recorded = record.files[name], table_csv(columns, rows).encode()
+        actual, recorded = record.files[name], text.encode()
         n_rows = sealed.count(event)
         if actual is None:
             if record.seal and sealed and (n_rows or name != MEASURED):

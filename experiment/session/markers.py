@@ -101,7 +101,7 @@ def stimulus_marker(attempt: Attempt, interval: int, delivery: Delivery) -> str:
 
     It reads ``stimulus/main/single/left/120Vpp/trial12/attempt1/interval1``.
     """
-    level_vpp = max(delivery.level_left_vpp, delivery.level_right_vpp)
+    level_vpp = max(delivery.levels_vpp, default=0.0)
     trial = attempt.trial
     return (
         f"stimulus/{trial.condition}/{trial.kind}/{trial.side}/{level_vpp:g}Vpp/"

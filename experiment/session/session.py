@@ -306,9 +306,7 @@ class Session:
         question = AwaitedAnswer(
             trial=effect.attempt.trial.number,
             attempt=effect.attempt.number,
-            levels_vpp=tuple(
-                (each.level_left_vpp, each.level_right_vpp) for each in self.stimulus.deliveries
-            ),
+            levels_vpp=tuple(each.levels_vpp for each in self.stimulus.deliveries),
             onset_s=self.stimulus.onset_s,
             window_s=effect.window_s,
             answers=self._plan.answers_to(effect.attempt.trial),

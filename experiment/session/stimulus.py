@@ -94,7 +94,7 @@ class StimulusDelivery:
         )
         self._journal.append(armed, sync=True)
         try:
-            self._device.set_levels(self.level_vpp, self.level_vpp)
+            self._device.set_levels([self.level_vpp] * len(task.sites))
             self._device.arm(
                 self.token, task.slots.index(burst.sites), time_to_live_s=LONGEST_ARMED_S
             )

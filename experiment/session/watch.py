@@ -106,12 +106,11 @@ class BurstMonitor:
         measured, planned = self.measured, self.planned
         if measured is None or planned is None:
             return None
-        figures: dict[str, float | None]
-        figures = {"planned_left": planned.left, "planned_right": planned.right}
-        figures |= {name: getattr(measured, name) for name in _FIGURES}
-        values: dict[str, Any] = {
-            name: None if value is None else significant(value) for name, value in figures.items()
-        }
+        none = (None,) * len(planned.peaks)
+        by_site = {name: getattr(measured, name) or none for name in _BY_SITE}
+        by_site["planned"] = planned.peaks
+        values: dict[str, Any] = {name: _kept(getattr(measured, name)) for name in _FIGURES}
+        values |= {name: tuple(map(_kept, figures)) for name, figures in by_site.items()}
         values |= {"unit": measured.tap.unit, "burst_verified": measured.verified}
         onset_s = measured.onset_s
         return StimulusMeasured(
@@ -129,11 +128,13 @@ class BurstMonitor:
         )
 
 
-_FIGURES: Final = (
-    *("peak_left", "peak_right", "onset_uncertainty_s", "late_s"),
-    *("correlation_left", "correlation_right", "noise_left", "noise_right"),
-)
+_FIGURES: Final = ("onset_uncertainty_s", "late_s")
+_BY_SITE: Final = ("peaks", "correlations", "noise")
 """What a monitor measures, kept to so many digits as are significant."""
+
+
+def _kept(figure: float | None) -> float | None:
+    return None if figure is None else significant(figure)
 
 
 class NoiseMonitor:

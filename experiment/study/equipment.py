@@ -17,12 +17,8 @@ if TYPE_CHECKING:
     from stimuli import Burst, SampledDrive
 
 _Connector = Annotated[int, Field(ge=1, le=256)]
-_Outputs = Annotated[
-    tuple[_Connector, _Connector], obeying(is_distinct, "must be two different outputs")
-]
-_Inputs = Annotated[
-    tuple[_Connector, _Connector], obeying(is_distinct, "must be two different inputs")
-]
+_Outputs = Annotated[tuple[_Connector, ...], obeying(is_distinct, "must be different outputs")]
+_Inputs = Annotated[tuple[_Connector, ...], obeying(is_distinct, "must be different inputs")]
 _CARD_RULE: Final = "must be one line of text, or empty for the system's sound card"
 _Card = Annotated[str, obeying(lambda text: not text or is_line(text), _CARD_RULE)]
 
@@ -51,8 +47,8 @@ class DeviceSettings(Section):
     """volts at the actuator per volt of a generator"""
     volts_full_scale: Annotated[float, Field(ge=0.01, le=1_000)] | None = None
     """peak voltage at the actuator, behind the amplifier, at a sound card's full scale"""
-    channels: _Outputs = (1, 2)
-    """outputs of the two sites, of an installed driver"""
+    channels: _Outputs = ()
+    """output of each site, counted from 1; by default the first ones"""
     baud: Annotated[int, Field(ge=1200, le=10_000_000)] = 115_200
     """rate of a serial line"""
     dtr: bool = True
@@ -98,20 +94,20 @@ class MonitorSettings(Section):
     """where the burst is measured"""
     sound_card: _Card = ""
     """sound card of source = "input"; by default the system's"""
-    inputs: _Inputs = (1, 2)
-    """inputs of the two sites, counted from 1"""
+    inputs: _Inputs = ()
+    """input of each site, counted from 1; by default the first ones"""
     sample_rate_hz: Annotated[float, Field(ge=8_000, le=768_000)] | None = None
     """sample rate of source = "input"; by default 48000"""
-    per_unit: tuple[_Scale, _Scale] | None = None
-    """V, A or um at the tap for an input's full scale, negative if inverted"""
-    per_volt: tuple[_PerVolt, _PerVolt] | None = None
-    """V, A or um at the tap per volt at the actuator; for a voltage by default 1"""
+    per_unit: tuple[_Scale, ...] | None = None
+    """of each site, V, A or um at the tap for an input's full scale, negative if inverted"""
+    per_volt: tuple[_PerVolt, ...] | None = None
+    """of each site, V, A or um at the tap per volt at the actuator; for a voltage by default 1"""
     measured_by: Line | None = None
     """who measured these two"""
     measured_on: Day | None = None
     """day of the measurement"""
-    delay_ms: tuple[_Delay, _Delay] | None = None
-    """from the reported to the measured onset; by default that of the first burst"""
+    delay_ms: tuple[_Delay, ...] | None = None
+    """of each site, from the reported to the measured onset; by default that of the first burst"""
     peak_tolerance: Annotated[float, Field(ge=0.01, le=0.5)] = 0.1
     """largest deviation of the peak, as a fraction"""
     onset_tolerance_ms: Annotated[float, Field(ge=0.01, le=100)] = 1.0
@@ -180,11 +176,6 @@ class MonitorSettings(Section):
     def record_rate_hz(self) -> float:
         """Sample rate of a sound card beside the driver."""
         return 48_000.0 if self.sample_rate_hz is None else self.sample_rate_hz
-
-    @property
-    def at_the_tap(self) -> tuple[float, float]:
-        """Volts, amperes or micrometres per volt at the actuator, for each site."""
-        return (1.0, 1.0) if self.per_volt is None else self.per_volt
 
 
 class Masking(Section):

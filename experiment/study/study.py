@@ -114,8 +114,8 @@ class Study(Section):
     )
     design: Design = Field(default=Design(), validate_default=True)
     levels: LevelChoice = LevelChoice()
-    device: DeviceSettings = DeviceSettings()
-    monitor: MonitorSettings = MonitorSettings()
+    device: DeviceSettings = Field(default=DeviceSettings(), validate_default=True)
+    monitor: MonitorSettings = Field(default=MonitorSettings(), validate_default=True)
     masking: Masking = Masking()
     contact: Contact = Contact()
     screen: Screen = Screen()
@@ -172,6 +172,15 @@ class Study(Section):
                 driven = (each for each in above["actuators"] if each.side != UNDRIVEN)
                 return section.with_threshold([actuator.basis for actuator in driven])
         return section
+
+    @field_validator("device", "monitor")
+    @classmethod
+    def _connect(cls, section: Any, info: ValidationInfo) -> Any:
+        """Take the first outputs and inputs for the sites, unless the file names them."""
+        key = "channels" if info.field_name == "device" else "inputs"
+        sites = info.data.get("task_choice", TaskChoice()).task.sites
+        first = tuple(range(1, len(sites) + 1))
+        return section.completed(**{key: getattr(section, key) or first})
 
     def rules(self) -> Iterator[Rule]:
         """Yield the rules between sections.
@@ -234,6 +243,16 @@ class Study(Section):
             key, first_vpp = f"{section}.levels_vpp[{n_within}]", levels_vpp[n_within:][:1]
             yield first_vpp != (), key, rule, first_vpp and first_vpp[0]
         yield from self.monitor.driver_rules(device.driver)
+        sites = self.task.sites
+        for section, values, names in (
+            ("device", device, ("channels",)),
+            ("monitor", self.monitor, ("inputs", "per_unit", "per_volt", "delay_ms")),
+        ):
+            for name in names:
+                of_sites = getattr(values, name)
+                is_other = of_sites is not None and len(of_sites) != len(sites)
+                rule = f"must have a value for each site: {', '.join(sites)}"
+                yield is_other, f"{section}.{name}", rule, of_sites and list(of_sites)
 
     def check_device(self, device: DeviceSettings) -> None:
         """Refuse a device in place of the study's that does not reach its levels or monitor it.

@@ -113,7 +113,7 @@ class AwaitedAnswer:
 
     trial: int
     attempt: int
-    levels_vpp: tuple[tuple[float, float], ...]
+    levels_vpp: tuple[tuple[float, ...], ...]
     onset_s: float
     window_s: float
     answers: tuple[str, ...]

@@ -178,7 +178,7 @@ static void store(struct device *device, uint32_t slot, uint32_t samples, const 
 
 enum refusal device_load(struct device *device, uint32_t slot, uint32_t samples,
                          const uint8_t *codes) {
-    uint32_t peaks[CHANNELS] = {0, 0};
+    uint32_t peaks[CHANNELS] = {0};
     enum refusal refusal = check_state(device, LEGAL_LOAD);
     for (uint32_t i = 0; i < CHANNELS && refusal == DONE; i++) {
         refusal = check_codes(codes + 2U * (size_t)samples * i, samples, &peaks[i]);
@@ -203,9 +203,8 @@ static enum refusal check_ceiling(const uint32_t peaks[CHANNELS],
 }
 
 /* A level that is too high even for the quietest waveform of its channel cannot be used. */
-enum refusal device_set_levels(struct device *device, uint32_t left_mvpp, uint32_t right_mvpp) {
-    const uint32_t levels_mvpp[CHANNELS] = {left_mvpp, right_mvpp};
-    uint32_t peaks[CHANNELS] = {0, 0};
+enum refusal device_set_levels(struct device *device, const uint32_t levels_mvpp[CHANNELS]) {
+    uint32_t peaks[CHANNELS] = {0};
     for (uint32_t i = 0; i < SLOTS; i++) {
         for (uint32_t j = 0; j < CHANNELS; j++) {
             const uint32_t peak = device->slots[i].peaks[j];
@@ -219,7 +218,7 @@ enum refusal device_set_levels(struct device *device, uint32_t left_mvpp, uint32
         refusal = check_ceiling(peaks, levels_mvpp);
     }
     if (refusal == DONE) {
-        memcpy(device->levels_mvpp, levels_mvpp, sizeof(levels_mvpp));
+        memcpy(device->levels_mvpp, levels_mvpp, sizeof(device->levels_mvpp));
     }
     return refusal;
 }

@@ -15,15 +15,13 @@
 /* What a monitor saw of one burst; peaks are magnitudes in the tap's unit, correlations in 1e-4. */
 struct measured {
     uint8_t tap;
-    uint32_t left;
-    uint32_t right;
+    uint32_t peaks[CHANNELS];
     uint32_t onset_us;
     uint32_t uncertainty_us;
-    uint16_t correlation_left;
-    uint16_t correlation_right;
+    uint16_t correlations[CHANNELS];
 };
 
-/* The codes of both channels in the device's memory, left then right; no samples: empty. */
+/* The codes of the channels in the device's memory, one after the other; no samples: empty. */
 struct slot {
     uint32_t begin;
     uint32_t samples;
@@ -94,7 +92,7 @@ void device_measure(struct device *device, const struct measured *measured);
 enum refusal device_check_room(const struct device *device, uint32_t slot, uint32_t samples);
 enum refusal device_load(struct device *device, uint32_t slot, uint32_t samples,
                          const uint8_t *codes);
-enum refusal device_set_levels(struct device *device, uint32_t left_mvpp, uint32_t right_mvpp);
+enum refusal device_set_levels(struct device *device, const uint32_t levels_mvpp[CHANNELS]);
 enum refusal device_enable(struct device *device);
 enum refusal device_arm(struct device *device, uint64_t token, uint32_t slot,
                         uint32_t time_to_live_us);

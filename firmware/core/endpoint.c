@@ -52,15 +52,23 @@ static uint8_t *write_health(uint8_t *at, const struct device *device) {
 
 static uint8_t *write_record(uint8_t *at, struct record record) {
     at = write_u8(write_u64(at, record.token), (uint32_t)record.fate);
-    at = write_u32(write_u64(at, record.start_us), record.levels_mvpp[0]);
-    return write_u32(at, record.levels_mvpp[1]);
+    at = write_u64(at, record.start_us);
+    for (uint32_t i = 0; i < CHANNELS; i++) {
+        at = write_u32(at, record.levels_mvpp[i]);
+    }
+    return at;
 }
 
 static uint8_t *write_measured(uint8_t *at, uint64_t token, const struct measured *measured) {
     at = write_u8(write_u64(at, token), measured->tap);
-    at = write_u32(write_u32(at, measured->left), measured->right);
+    for (uint32_t i = 0; i < CHANNELS; i++) {
+        at = write_u32(at, measured->peaks[i]);
+    }
     at = write_u32(write_u32(at, measured->onset_us), measured->uncertainty_us);
-    return write_u16(write_u16(at, measured->correlation_left), measured->correlation_right);
+    for (uint32_t i = 0; i < CHANNELS; i++) {
+        at = write_u16(at, measured->correlations[i]);
+    }
+    return at;
 }
 
 /* --- waveforms in pieces */
@@ -130,12 +138,13 @@ struct form {
     bool has_token;
 };
 #define NO_SLOT 0xFFU
+#define LEVEL_REST (LONGEST_PAYLOAD - BOOT_ID_SIZE) /* of any number of channels */
 
 static const struct form forms[] = {
     {PING, 0, 0, NO_SLOT, false},   {LIMITS, 0, 0, NO_SLOT, false},
     {HEALTH, 0, 0, NO_SLOT, false}, {BEGIN, 5, 0, 0, false},
     {COMMIT, 5, 0, 0, false},       {DATA, 7, LONGEST_DATA - 1U, NO_SLOT, false},
-    {LEVEL, 8, 0, NO_SLOT, false},  {OUTPUT, 0, 0, NO_SLOT, false},
+    {LEVEL, 0, LEVEL_REST, NO_SLOT, false}, {OUTPUT, 0, 0, NO_SLOT, false},
     {ARM, 13, 0, 8, true},          {DISARM, 8, 0, NO_SLOT, true},
     {FIRE, 8, 0, NO_SLOT, true},    {QUERY, 8, 0, NO_SLOT, true},
     {MEASURED, 8, 0, NO_SLOT, true},
@@ -154,6 +163,20 @@ static enum refusal check_form(uint8_t kind, const uint8_t *content, size_t size
         return BAD_TOKEN;
     }
     return form->slot_at != NO_SLOT && content[form->slot_at] >= SLOTS ? BAD_SLOT : DONE;
+}
+
+static enum refusal set_levels(struct device *device, const uint8_t *content, size_t size) {
+    uint32_t levels_mvpp[CHANNELS];
+    if (size % sizeof(levels_mvpp[0]) != 0U) {
+        return BAD_MESSAGE;
+    }
+    if (size != sizeof(levels_mvpp)) {
+        return WRONG_CHANNELS;
+    }
+    for (uint32_t i = 0; i < CHANNELS; i++) {
+        levels_mvpp[i] = read_u32(content + sizeof(levels_mvpp[0]) * (size_t)i);
+    }
+    return device_set_levels(device, levels_mvpp);
 }
 
 static enum refusal perform(struct endpoint *endpoint, const struct frame *frame, uint8_t **end) {
@@ -184,7 +207,7 @@ static enum refusal perform(struct endpoint *endpoint, const struct frame *frame
         refusal = upload_finish(endpoint, content[0], read_u32(content + 1));
         break;
     case LEVEL:
-        refusal = device_set_levels(device, read_u32(content), read_u32(content + 4));
+        refusal = set_levels(device, content, size);
         break;
     case OUTPUT:
         refusal = device_enable(device);

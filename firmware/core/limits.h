@@ -13,7 +13,6 @@
 #define WATCHDOG_US 500000U
 
 #define FULL_SCALE ((1U << (BITS - 1U)) - 1U)
-#define CHANNELS 2U
 
 static_assert(CEILING_MVPP >= 1U && CEILING_MVPP <= RAIL_MVPP, "full scale reaches the ceiling");
 static_assert(RAIL_MVPP <= UINT32_MAX, "levels travel in 32 bits");

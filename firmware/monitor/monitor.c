@@ -152,11 +152,11 @@ void monitor_tell(const struct monitor *monitor, uint32_t sample_rate_mhz,
     const uint64_t late = monitor->best_lag;
     memset(measured, 0, sizeof(*measured));
     measured->tap = (uint8_t)MONITOR_TAP;
-    measured->left = millivolts(monitor->matches[0].peak);
-    measured->right = millivolts(monitor->matches[1].peak);
     measured->onset_us = (uint32_t)(late * period_1e9 / sample_rate_mhz);
     measured->uncertainty_us =
         (uint32_t)((period_1e9 + sample_rate_mhz - 1U) / sample_rate_mhz);
-    measured->correlation_left = correlation_of(&monitor->matches[0]);
-    measured->correlation_right = correlation_of(&monitor->matches[1]);
+    for (uint32_t i = 0; i < CHANNELS; i++) {
+        measured->peaks[i] = millivolts(monitor->matches[i].peak);
+        measured->correlations[i] = correlation_of(&monitor->matches[i]);
+    }
 }

@@ -42,7 +42,7 @@ def test_an_endpoint_of_any_bytes_emits_nothing_above_its_ceiling() -> None:
         answer = device.receive(now_us + 2, PING)
         assert len([frame for frame in answer.split(b"\0") if frame]) == 1
         for burst in emitted:
-            for volts in (burst.left_v, burst.right_v):
+            for volts in burst.volts:
                 assert np.abs(volts).max(initial=0.0) <= golden.LIMITS.ceiling_vpp / 2, number
 
 

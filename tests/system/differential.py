@@ -172,15 +172,18 @@ class Host:
             "octets": lambda: self._some(self._of((32, 16, 4))),
             "crc": lambda: 0,
             "nonce": lambda: self._of((0, 1, self._below(2**62))),
+            "levels_mvpp": lambda: tuple(
+                self._of(LEVELS_MVPP) for _ in range(self._of((*(2,) * 20, 0, 1, 3, 22)))
+            ),
         }
-        return draw[name]() if name in draw else self._of(LEVELS_MVPP)
+        return draw[name]()
 
     def _upload(self) -> None:
         """Have a waveform sent next, in pieces: most are good."""
         n_samples = self._of((1, 2, 8, 16, 25, 39, 40))
         number, slot = (self._number + 1) & 0xFFFF, self._of((0, 0, 1, 1, 2))
-        rows = self._waveform(n_samples), self._waveform(n_samples)
-        octets, data = upload_of(*rows, number)
+        codes = np.stack([self._waveform(n_samples), self._waveform(n_samples)])
+        octets, data = upload_of(codes, number)
         pieces = [
             ("DATA", {"upload": number, "offset": piece.offset, "octets": piece.octets})
             for piece in data
@@ -196,7 +199,7 @@ class Host:
     def _play(self) -> None:
         """Have two bursts played next, the second when the rest of the first ends, or 1 us off."""
         level = self._of((0, 1, 75_000, 75_000, 149_999))
-        self._waiting = [("LEVEL", {"left_mvpp": level, "right_mvpp": level}), ("OUTPUT", {})]
+        self._waiting = [("LEVEL", {"levels_mvpp": (level, level)}), ("OUTPUT", {})]
         slot = self._of((0, 1))
         duration_us = math.ceil(1e6 * self._n_samples[slot] / self._device["sample_rate_hz"])
         rest_us = self._of(
@@ -283,9 +286,8 @@ def emission_facts(burst: Emission | None) -> tuple[Any, ...]:
         burst.token,
         burst.start_us,
         burst.cut_us,
-        burst.level_left_vpp,
-        burst.level_right_vpp,
-        np.stack((burst.left_v, burst.right_v)).tobytes(),
+        burst.levels_vpp,
+        burst.volts.tobytes(),
     )
 
 

@@ -136,14 +136,11 @@ def read_qemu_truth(truth: Path) -> Iterator[Emission]:
         if not line.startswith("b"):
             continue
         steps = np.frombuffer(bytes.fromhex(line[49:]), dtype=">i2").reshape(2, -1)
-        left_v, right_v = steps * RAIL_V / 32_767
         burst = Emission(
             token=int(line[1:17], 16),
             start_us=int(line[17:33], 16),
-            left_v=left_v,
-            right_v=right_v,
-            level_left_vpp=int(line[33:41], 16) / 1000,
-            level_right_vpp=int(line[41:49], 16) / 1000,
+            volts=steps * RAIL_V / 32_767,
+            levels_vpp=(int(line[33:41], 16) / 1000, int(line[41:49], 16) / 1000),
             sample_rate_hz=rigs.EMULATED_RATE_HZ,
         )
         yield burst.cut(cuts_us[line[1:17]]) if line[1:17] in cuts_us else burst

@@ -106,7 +106,8 @@ def test_measured_is_busy_until_a_board_has_matched_its_recording(golden: Firmwa
         return answer.refusal
 
     def load(at_us: int) -> None:
-        octets, data = upload_of(codes_of_sine(), 0 * codes_of_sine(), number := next(numbers))
+        codes = np.outer((1, 0), codes_of_sine())
+        octets, data = upload_of(codes, number := next(numbers))
         device.receive(at_us, question("BEGIN", number, boot_id=boot_id, slot=0, samples=25))
         for piece in data:
             fields = {"upload": number, "offset": piece.offset, "octets": piece.octets}
@@ -118,7 +119,7 @@ def test_measured_is_busy_until_a_board_has_matched_its_recording(golden: Firmwa
         assert ask(at_us, "FIRE", token=token) is None
 
     load(1)
-    assert ask(2, "LEVEL", left_mvpp=100_000, right_mvpp=0) is None
+    assert ask(2, "LEVEL", levels_mvpp=(100_000, 0)) is None
     assert ask(3, "OUTPUT") is None
     fire(4, token=1)
     address = device.core._device
@@ -129,7 +130,7 @@ def test_measured_is_busy_until_a_board_has_matched_its_recording(golden: Firmwa
     golden.functions.device_begin_measuring(address)
     assert ask(10_001, "MEASURED", token=1) is Refusal.BUSY
     assert ask(10_001, "MEASURED", token=2) is None
-    golden.functions.device_measure(address, ctypes.byref(MeasuredStruct(tap=2, left=7)))
+    golden.functions.device_measure(address, ctypes.byref(MeasuredStruct(tap=2, peaks=(7, 0))))
     assert ask(10_002, "MEASURED", token=1) is None
     golden.functions.device_begin_measuring(address)
     load(10_003)  # the codes to match with are gone
@@ -166,7 +167,7 @@ def test_only_open_and_closed_move_the_switch_and_what_is_played_is_measured(
         measured = device.measured(1)
         assert measured is not None
         assert measured.tap == "amplifier"
-        assert measured.left == pytest.approx(25_000, abs=2)
+        assert measured.peaks[0] == pytest.approx(25_000, abs=2)
         move_switch(*others, "open")
         assert device.health() == Health(
             amplifier_enabled=True, switch_closed=False, over_current=False
@@ -225,17 +226,17 @@ def test_the_monitor_of_the_board_measures_a_burst_as_numpy_does(
     away = recorded - recorded.mean(axis=0).round()
     peaks_mv = np.abs(away).max(axis=0) * 80.566
     assert (result.tap, result.uncertainty_us) == (2, 21)
-    assert [result.left, result.right] == pytest.approx(peaks_mv, abs=81)
-    assert result.correlation_right == 0
+    assert [*result.peaks] == pytest.approx(peaks_mv, abs=81)
+    assert result.correlations[1] == 0
     if gain > 0.0:
         at = slice(lag, lag + 97)
         norm = np.linalg.norm(planned[:, 0]) * np.linalg.norm(away[at, 0])
         assert result.onset_us == lag * 1_000_000 // 48_000
-        assert result.correlation_left == pytest.approx(
+        assert result.correlations[0] == pytest.approx(
             1e4 * planned[:, 0] @ away[at, 0] / norm, abs=3
         )
     else:
-        assert result.correlation_left < 8_000  # upside down, found half a period away
+        assert result.correlations[0] < 8_000  # upside down, found half a period away
 
 
 @pytest.mark.parametrize(

@@ -126,7 +126,7 @@ def require_true(sessions: Sessions, truth: Path, session: str = "01") -> Counte
         outcome = told.get(attempt, {}).get("outcome")
         if outcome == "fired":
             burst, facts = burst_of[token], told[attempt]
-            levels_vpp = facts["level_left_vpp"], facts["level_right_vpp"]
+            levels_vpp = facts["levels_vpp"]
             assert burst["levels_mv"] == [round(1000 * level_vpp) for level_vpp in levels_vpp]
             assert ended[attempt] in {"ok", "voided"}
         elif ended[attempt] != "indeterminate":
@@ -147,7 +147,7 @@ def require_true_by_time(sessions: Sessions, truth: Path) -> Counter[str]:
         if entry.event == "trial_armed":
             armed_s, told_vpp = entry.wall_s, None
         elif entry.event == "stimulus_confirmed" and facts["outcome"] == "fired":
-            told_vpp = facts["level_left_vpp"], facts["level_right_vpp"]
+            told_vpp = facts["levels_vpp"]
         elif entry.event == "trial_end":
             latest_s = entry.wall_s + MILLISECOND_S
             during = [b for b in bursts if armed_s - MILLISECOND_S < b["wall_s"] < latest_s]

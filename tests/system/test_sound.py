@@ -94,7 +94,7 @@ class SoundRig:
         self._token += 1
         self._clock.wait(0.1)
         try:
-            self._device.set_levels(share * LEVEL_VPP, share * LEVEL_VPP)
+            self._device.set_levels([share * LEVEL_VPP, share * LEVEL_VPP])
             self._monitor.begin(self._token, planned(side))
             delivery = play(self._device, self._token, slot)
             self._clock.wait(0.1)
@@ -121,7 +121,7 @@ class SoundRig:
                     *((2, BURST, BURST), (3, 0 * BURST, 0 * BURST)),
                     *((4, -BURST, 0 * BURST), (5, twice, 0 * twice)),
                 ):
-                    self._device.load(slot, left, right)
+                    self._device.load(slot, np.stack([left, right]))
                 self._monitor.open()
                 return
 

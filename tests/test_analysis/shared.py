@@ -105,7 +105,7 @@ def put(path: Path, text: str) -> Path:
 
 def table_of(*rows: TrialRow) -> str:
     """Return the text of a trials.csv."""
-    return table_csv(TRIAL_COLUMNS, rows)
+    return table_csv([*TRIAL_COLUMNS], [*TRIAL_COLUMNS.values()], rows)
 
 
 def write(path: Path, *rows: TrialRow) -> Path:

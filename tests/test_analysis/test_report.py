@@ -373,12 +373,12 @@ def test_every_table_of_the_report_has_one_section() -> None:
 def test_measured_bursts_are_counted_by_condition_channel_and_planned_peak(least: Analysis) -> None:
     same: dict[str, Any] = dict.fromkeys(StimulusMeasured.model_fields)
     same |= {"tap": "output", "unit": "V", "noted": []}
-    left = same | {"planned_left": 30.0, "planned_right": 0.0, "late_s": -1e-4}
+    left = same | {"planned": (30.0, 0.0), "late_s": -1e-4}
     rows = [
-        left | {"peak_left": 29.0, "burst_verified": "output"},
-        left | {"peak_left": 31.0, "burst_verified": "false", "noted": ["late"]},
-        left | {"peak_left": None, "late_s": None},
-        same | {"planned_left": 0.0, "planned_right": 0.0, "burst_verified": None},
+        left | {"peaks": (29.0, 0.1), "burst_verified": "output"},
+        left | {"peaks": (31.0, 0.1), "burst_verified": "false", "noted": ["late"]},
+        left | {"peaks": (None, None), "late_s": None},
+        same | {"planned": (0.0, 0.0), "peaks": (0.1, 0.1), "burst_verified": None},
     ]
     trial: dict[str, Any] = dict.fromkeys(field.name for field in fields(MeasuredRow))
     trial |= {"condition": "main"}

@@ -64,12 +64,12 @@ class Bench:
         self, at_us: int, slot: int = 0, *, n: int = 97, left: float = 1.0, right: float = 0.0
     ) -> None:
         """Store a sine of `n` samples with these peaks."""
-        codes = [to_codes(sine(n, peak=peak), bits=16) for peak in (left, right)]
-        self.take(at_us, "LOAD", slot=slot, left=codes[0], right=codes[1])
+        codes = to_codes([sine(n, peak=peak) for peak in (left, right)], bits=16)
+        self.take(at_us, "LOAD", slot=slot, codes=codes)
 
     def levels(self, at_us: int, left_mvpp: int, right_mvpp: int | None = None) -> None:
         right_mvpp = left_mvpp if right_mvpp is None else right_mvpp
-        self.take(at_us, "LEVEL", left_mvpp=left_mvpp, right_mvpp=right_mvpp)
+        self.take(at_us, "LEVEL", levels_mvpp=(left_mvpp, right_mvpp))
 
     def arm(self, at_us: int, token: int, *, slot: int = 0, time_to_live_us: int = 100_000) -> None:
         self.take(at_us, "ARM", token=token, slot=slot, time_to_live_us=time_to_live_us)
@@ -122,5 +122,5 @@ class Bench:
         return [
             *answers,
             *((burst.token, burst.start_us, burst.cut_us) for burst in self.over),
-            *(burst.left_v.tolist() for burst in self.over),
+            *(burst.volts.tolist() for burst in self.over),
         ]

@@ -59,10 +59,10 @@ def ready(
 ) -> Identity:
     """Have a device live: slot 0 plays left, slot 1 right."""
     who = device.open()
-    device.load(0, burst, 0 * burst)
-    device.load(1, 0 * burst, burst)
+    device.load(0, np.stack([burst, 0 * burst]))
+    device.load(1, np.stack([0 * burst, burst]))
     device.enable()
-    device.set_levels(level_vpp, level_vpp)
+    device.set_levels([level_vpp, level_vpp])
     return who
 
 

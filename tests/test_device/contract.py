@@ -49,7 +49,7 @@ def load_long(rig: Rig, slot: int = LONG) -> None:
     if n_periods * 96 + 1 > rig.longest:
         pytest.skip("the device holds no burst that is long enough")
     samples = np.append(np.tile(BURST[:-1], n_periods), 0.0)
-    rig.device.load(slot, samples, 0 * samples)
+    rig.device.load(slot, np.stack([samples, 0 * samples]))
 
 
 def play(rig: Rig, token: int, slot: int = 0) -> Delivery:
@@ -58,7 +58,7 @@ def play(rig: Rig, token: int, slot: int = 0) -> Delivery:
 
 READY: dict[str, Callable[[Rig], object]] = {
     "idle": lambda rig: None,
-    "loaded": lambda rig: rig.device.load(0, BURST, SILENCE),
+    "loaded": lambda rig: rig.device.load(0, np.stack([BURST, SILENCE])),
     "live": lambda rig: rig.device.enable(),
     "armed": lambda rig: rig.device.arm(1, 0, time_to_live_s=rig.time_to_live_s),
     "playing": lambda rig: rig.device.fire(1),
@@ -77,8 +77,8 @@ STATES: dict[str, tuple[str, Refusal]] = {
 
 
 STEPS: dict[str, Callable[[BurstDevice], object]] = {
-    "load": lambda device: device.load(0, BURST, SILENCE),
-    "levels": lambda device: device.set_levels(10.0, 10.0),
+    "load": lambda device: device.load(0, np.stack([BURST, SILENCE])),
+    "levels": lambda device: device.set_levels([10.0, 10.0]),
     "enable": lambda device: device.enable(),
     "arm": lambda device: device.arm(2, 0, time_to_live_s=0.1),
     "fire": lambda device: device.fire(1),
@@ -97,18 +97,21 @@ def bring(rig: Rig, state: str) -> None:
 
 
 BAD_STEPS: list[tuple[Refusal, Callable[[BurstDevice], object]]] = [
-    (Refusal.BAD_SLOT, lambda d: d.load(8, BURST, SILENCE)),
-    (Refusal.WAVEFORM_EMPTY, lambda d: d.load(0, BURST[:0], BURST[:0])),
-    (Refusal.WAVEFORM_TOO_LONG, lambda d: d.load(0, np.zeros(65537), np.zeros(65537))),
-    (Refusal.LENGTHS_DIFFER, lambda d: d.load(0, BURST, SILENCE[1:])),
-    (Refusal.OUT_OF_RANGE, lambda d: d.load(0, SILENCE, changed(20, 1.01))),
-    (Refusal.EDGES_NOT_ZERO, lambda d: d.load(0, changed(0, 0.01), SILENCE)),
-    (Refusal.EDGES_NOT_ZERO, lambda d: d.load(0, SILENCE, changed(-1, -0.01))),
-    (Refusal.DC, lambda d: d.load(0, np.abs(BURST), SILENCE)),
-    (Refusal.BAD_LEVEL, lambda d: d.set_levels(-1.0, 10.0)),
-    (Refusal.BAD_LEVEL, lambda d: d.set_levels(10.0, float("nan"))),
-    (Refusal.CEILING, lambda d: d.set_levels(200.001, 0.0)),
-    (Refusal.CEILING, lambda d: d.set_levels(0.0, 200.001)),
+    (Refusal.BAD_SLOT, lambda d: d.load(255, np.stack([BURST, SILENCE]))),
+    (Refusal.WAVEFORM_EMPTY, lambda d: d.load(0, np.stack([BURST[:0], BURST[:0]]))),
+    (Refusal.WAVEFORM_TOO_LONG, lambda d: d.load(0, np.stack([np.zeros(65537), np.zeros(65537)]))),
+    (Refusal.WRONG_CHANNELS, lambda d: d.load(0, np.stack([BURST]))),
+    (Refusal.WRONG_CHANNELS, lambda d: d.load(0, np.stack([BURST, SILENCE, SILENCE]))),
+    (Refusal.WRONG_CHANNELS, lambda d: d.set_levels([10.0])),
+    (Refusal.WRONG_CHANNELS, lambda d: d.set_levels([10.0, 10.0, 10.0])),
+    (Refusal.OUT_OF_RANGE, lambda d: d.load(0, np.stack([SILENCE, changed(20, 1.01)]))),
+    (Refusal.EDGES_NOT_ZERO, lambda d: d.load(0, np.stack([changed(0, 0.01), SILENCE]))),
+    (Refusal.EDGES_NOT_ZERO, lambda d: d.load(0, np.stack([SILENCE, changed(-1, -0.01)]))),
+    (Refusal.DC, lambda d: d.load(0, np.stack([np.abs(BURST), SILENCE]))),
+    (Refusal.BAD_LEVEL, lambda d: d.set_levels([-1.0, 10.0])),
+    (Refusal.BAD_LEVEL, lambda d: d.set_levels([10.0, float("nan")])),
+    (Refusal.CEILING, lambda d: d.set_levels([200.001, 0.0])),
+    (Refusal.CEILING, lambda d: d.set_levels([0.0, 200.001])),
     (Refusal.BAD_TOKEN, lambda d: d.arm(0, 0, time_to_live_s=0.1)),
     (Refusal.BAD_TOKEN, lambda d: d.arm(2**64, 0, time_to_live_s=0.1)),
     (Refusal.BAD_SLOT, lambda d: d.arm(9, -1, time_to_live_s=0.1)),
@@ -166,9 +169,9 @@ class DeviceContract:
     def live(self, rig: Rig) -> Rig:
         """Live at 100 Vpp; slot 0 plays left, 1 right, 2 both, 3 nothing."""
         for slot, pair in enumerate([(1, 0), (0, 1), (1, 1), (0, 0)]):
-            rig.device.load(slot, pair[0] * BURST, pair[1] * BURST)
+            rig.device.load(slot, np.stack([each * BURST for each in pair]))
         rig.device.enable()
-        rig.device.set_levels(100.0, 100.0)
+        rig.device.set_levels([100.0, 100.0])
         return rig
 
     @pytest.mark.parametrize(
@@ -182,12 +185,10 @@ class DeviceContract:
         assert before_s <= felt.host_before_s <= felt.host_after_s <= live.clock.now_s()
         assert felt.uncertainty_s >= (felt.host_after_s - felt.host_before_s) / 2
         assert felt.outcome is Outcome.FIRED
-        assert (felt.level_left_vpp, felt.level_right_vpp) == levels_vpp
+        assert felt.levels_vpp == levels_vpp
         for emission in live.came_out(1):
             assert (felt.token, felt.device_us) == (emission.token, emission.start_us)
-            for volts, level_vpp in zip(
-                (emission.left_v, emission.right_v), levels_vpp, strict=True
-            ):
+            for volts, level_vpp in zip(emission.volts, levels_vpp, strict=True):
                 assert np.abs(volts - BURST * level_vpp / 2).max() < 0.01
                 assert np.abs(volts).max() <= level_vpp / 2
 
@@ -215,23 +216,20 @@ class DeviceContract:
         assert live.device.query(1).device_us == first.device_us
         play(live, 2)
         for one, two in pairwise(live.came_out(1, 2)):
-            assert all(
-                np.array_equal(getattr(one, side), getattr(two, side))
-                for side in ("left_v", "right_v")
-            )
+            assert np.array_equal(one.volts, two.volts)
 
     def test_the_ceiling_holds_for_the_product_of_peak_and_level_and_is_itself_played(
         self, live: Rig
     ) -> None:
-        live.device.load(5, 0.5 * BURST, SILENCE)
-        live.device.set_levels(400.0, 200.0)
+        live.device.load(5, np.stack([0.5 * BURST, SILENCE]))
+        live.device.set_levels([400.0, 200.0])
         assert refusal(lambda: play(live, 1), LimitExceeded) is Refusal.CEILING
-        assert play(live, 1, slot=5).level_left_vpp == 400.0
+        assert play(live, 1, slot=5).levels_vpp[0] == 400.0
         live.clock.wait(0.1)
-        live.device.set_levels(200.0, 200.0)
-        assert play(live, 2, slot=2).level_right_vpp == 200.0
+        live.device.set_levels([200.0, 200.0])
+        assert play(live, 2, slot=2).levels_vpp[1] == 200.0
         for half, whole in pairwise(live.came_out(1, 2)):
-            assert np.ptp(half.left_v) <= 200.0 == np.ptp(whole.right_v)
+            assert np.ptp(half.volts[0]) <= 200.0 == np.ptp(whole.volts[1])
 
     def test_the_same_token_again_gives_the_same_record_and_no_other_burst(self, live: Rig) -> None:
         felt = play(live, 1)
@@ -239,7 +237,7 @@ class DeviceContract:
             live.clock.wait(wait_s)
             again = live.device.fire(1)
             assert again.outcome is Outcome.FIRED
-            assert (again.device_us, again.level_left_vpp) == (felt.device_us, felt.level_left_vpp)
+            assert (again.device_us, again.levels_vpp[0]) == (felt.device_us, felt.levels_vpp[0])
             live.device.disarm(1)
             assert live.device.query(1).device_us == felt.device_us
         assert play(live, 2).outcome is Outcome.FIRED  # however long its live host was idle
@@ -283,7 +281,7 @@ class DeviceContract:
         self, live: Rig, slot: int, code: Refusal
     ) -> None:
         load_long(live)
-        live.device.load(SHORT, BURST[::8], SILENCE[::8])
+        live.device.load(SHORT, np.stack([BURST[::8], SILENCE[::8]]))
         short_s = BURST[::8].size / live.rate_hz
         rest_s, least_s = short_s + 0.001, short_s + 0.01
         if slot == LONG:
@@ -315,7 +313,7 @@ class DeviceContract:
             after_s = (cut.cut_us - cut.start_us) * 1e-6
             assert 0.3 < after_s < live.long_s
             assert live.in_real_time or 0.5 < after_s <= 0.75 + 1e-4
-            assert not cut.left_v[math.ceil(after_s * live.rate_hz) :].any()
+            assert not cut.volts[0][math.ceil(after_s * live.rate_hz) :].any()
         with pytest.raises(Rejected, match="received nothing for 500 ms") as refused:
             live.device.arm(2, 0, time_to_live_s=0.1)
         assert refused.value.code is Refusal.WATCHDOG_STOP
@@ -333,8 +331,8 @@ class DeviceContract:
             assert 0.5 - 1e-3 < after_s < live.long_s
             assert live.in_real_time or after_s < 0.5 + 1e-3
             first_zero = math.ceil(after_s * live.rate_hz)
-            assert not cut.left_v[first_zero:].any()
-            assert cut.left_v[: first_zero - 10].any()
+            assert not cut.volts[0][first_zero:].any()
+            assert cut.volts[0][: first_zero - 10].any()
         assert refusal(lambda: live.device.arm(2, 0, time_to_live_s=0.1)) is Refusal.SAFE_STATE
         live.clock.wait(2.0 * live.long_s)
         live.device.enable()
@@ -363,7 +361,7 @@ class DeviceContract:
         live.cut_line()
         live.clock.wait(0.2)
         live.device.open()
-        live.device.load(0, BURST, SILENCE)
+        live.device.load(0, np.stack([BURST, SILENCE]))
         assert refusal(lambda: live.device.arm(2, 0, time_to_live_s=0.1)) is Refusal.LINE_STOP
         assert live.device.query(1).outcome is Outcome.NOT_FIRED
         live.device.enable()
@@ -390,7 +388,7 @@ class DeviceContract:
             rig.device.close()
         rig.device.open()
         assert refusal(lambda: rig.device.arm(5, 0, time_to_live_s=0.1)) is Refusal.SAFE_STATE
-        rig.device.load(0, BURST, SILENCE)
+        rig.device.load(0, np.stack([BURST, SILENCE]))
         rig.device.enable()
         rig.clock.wait(2.0 * rig.long_s + 0.1 if state == "playing" else 0.1)
         assert play(rig, 5).outcome is Outcome.FIRED
@@ -403,7 +401,8 @@ class DeviceContract:
         assert 1 <= told.max_duty_ppm <= 500_000
         assert 1 <= told.dc_tolerance_ppm <= 10_000
         if told.slots <= 255:
-            assert refusal(lambda: rig.device.load(told.slots, BURST, SILENCE)) is Refusal.BAD_SLOT
+            waveforms = np.stack([BURST, SILENCE])
+            assert refusal(lambda: rig.device.load(told.slots, waveforms)) is Refusal.BAD_SLOT
         assert told == rig.device.limits()
 
     def test_the_amplifier_is_on_with_the_output_and_nothing_is_made_up_of_it(

@@ -48,16 +48,14 @@ LIMITS: Final = limits_of(GOLDEN["device"])
 
 def measurement_of(reading: Sequence[int], token: int = 1) -> Measurement:
     """Return what an input measures, from the numbers of MEASURED after its token."""
-    tap, left, right, offset, uncertainty, correlation_left, correlation_right = reading
+    tap, left, right, offset, uncertainty, *correlations = reading
     return Measurement(
         token=token,
         tap=TAPS[tap],
-        left=left,
-        right=right,
+        peaks=(left, right),
         onset_offset_us=offset,
         onset_uncertainty_us=uncertainty,
-        correlation_left=correlation_left,
-        correlation_right=correlation_right,
+        correlations=tuple(correlations),
     )
 
 
@@ -83,7 +81,7 @@ def device_of(
     sink: Callable[[Emission], None],
     *,
     history: int = 1024,
-    **output: float,
+    **output: Any,
 ) -> Endpoint:
     """Return a device as the file describes one, freshly switched on."""
     core = DeviceCore(

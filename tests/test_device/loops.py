@@ -27,10 +27,8 @@ SIDES: Final = {"left": (0, 1, 0), "right": (1, 0, 1), "both": (2, 1, 1), "none"
 def planned(side: str) -> Planned:
     """Return what is planned of a burst of `LEVEL_VPP`."""
     peak = LEVEL_VPP / 2
-    _, left, right = SIDES[side]
-    return Planned(
-        shape=BURST, sample_rate_hz=48e3, left=peak * left, right=peak * right, burst=(peak, peak)
-    )
+    peaks = tuple(peak * sounds for sounds in SIDES[side][1:])
+    return Planned(shape=BURST, sample_rate_hz=48e3, peaks=peaks, burst=(peak, peak))
 
 
 class Line:

@@ -78,8 +78,8 @@ class MonitorRig:
         self.card.line.delays = [DELAY, DELAY]
         self.device = audio_on(self.card)
         ready(self.device, LEVEL_VPP)
-        self.device.load(2, BURST, BURST)
-        self.device.load(3, 0 * BURST, 0 * BURST)
+        self.device.load(2, np.stack([BURST, BURST]))
+        self.device.load(3, np.stack([0 * BURST, 0 * BURST]))
         self.card.line.noise = LEVEL_VPP / 2 / FULL_SCALE_V / math.sqrt(2) * 10 ** (-noise_db / 20)
         self.monitor = monitor_of(
             self.device,

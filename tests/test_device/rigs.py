@@ -96,7 +96,7 @@ class Rig:
             return ()
         emissions = self.emitted()
         assert [emission.token for emission in emissions] == list(tokens)
-        return emissions if all(emission.left_v.size for emission in emissions) else ()
+        return emissions if all(emission.volts.size for emission in emissions) else ()
 
 
 class WatchedLink(FrameLink):
@@ -200,14 +200,11 @@ def read_truth(truth: Path) -> tuple[Emission, ...]:
 def emission_of(event: dict[str, Any]) -> Emission:
     """Return a burst of a truth file, of no samples where it does not tell them."""
     samples = base64.b64decode(event.get("volts", ""))
-    left_v, right_v = np.frombuffer(samples, dtype="<f8").reshape(2, -1)
     return Emission(
         token=event["token"],
         start_us=round(event["t_s"] * 1e6),
-        left_v=left_v,
-        right_v=right_v,
-        level_left_vpp=event["levels_mv"][0] / 1000,
-        level_right_vpp=event["levels_mv"][1] / 1000,
+        volts=np.frombuffer(samples, dtype="<f8").reshape(len(event["levels_mv"]), -1),
+        levels_vpp=tuple(level_mv / 1000 for level_mv in event["levels_mv"]),
         sample_rate_hz=EMULATED_RATE_HZ,
     )
 
@@ -259,9 +256,9 @@ class FreshTokens(HostDriver):
         self._base = round(MonotonicClock().now_s() * 1e6) * 1000
         self.longest_load = 0
 
-    def load(self, slot: int, left: NDArray[np.float64], right: NDArray[np.float64]) -> None:
-        super().load(slot, left, right)
-        self.longest_load = max(self.longest_load, len(left))
+    def load(self, slot: int, samples: NDArray[np.float64]) -> None:
+        super().load(slot, samples)
+        self.longest_load = max(self.longest_load, samples.shape[1])
 
     def arm(self, token: int, slot: int, *, time_to_live_s: float) -> None:
         super().arm(self._fresh(token), slot, time_to_live_s=time_to_live_s)
@@ -293,8 +290,7 @@ def generator_rig(_: pytest.FixtureRequest) -> Rig:
     device = generator_on(LocalChannel(generator, clock), clock, gain=1 / GENERATOR_LEVEL)
 
     def at_actuator(burst: Emission) -> Emission:
-        left_v, right_v = burst.left_v / GENERATOR_LEVEL, burst.right_v / GENERATOR_LEVEL
-        return replace(burst, left_v=left_v, right_v=right_v)
+        return replace(burst, volts=burst.volts / GENERATOR_LEVEL)
 
     return Rig(
         device=device,
@@ -321,8 +317,8 @@ class Recorder(Converter):
 
     def connect(self) -> None: ...
 
-    def play(self, left_v: NDArray[np.float64], right_v: NDArray[np.float64]) -> Played:
-        self._clock.wait(len(left_v) / self.sample_rate_hz)
+    def play(self, volts: NDArray[np.float64]) -> Played:
+        self._clock.wait(volts.shape[1] / self.sample_rate_hz)
         return Played(outcome=Outcome.FIRED)
 
     def zero(self) -> None: ...

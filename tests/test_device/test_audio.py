@@ -55,7 +55,8 @@ def live(card: Card) -> BurstDevice:
     """Slot 0 plays left, 1 right, 2 a hundred periods to the left."""
     device = audio_on(card)
     ready(device, 100.0)
-    device.load(2, np.append(np.tile(BURST[:-1], 100), 0.0), np.zeros(9601))
+    long = np.append(np.tile(BURST[:-1], 100), 0.0)
+    device.load(2, np.stack([long, 0 * long]))
     card.wait(0.1)
     card.played.clear()
     return device
@@ -142,9 +143,9 @@ def test_no_frame_is_above_the_ceiling(level_vpp: float, peak: float, ceiling_vp
     card = Card()
     device = audio_on(card, Limits(ceiling_vpp=ceiling_vpp))
     ready(device)
-    device.load(2, peak * BURST, peak * BURST)
+    device.load(2, np.stack([peak * BURST, peak * BURST]))
     try:
-        device.set_levels(level_vpp, level_vpp)
+        device.set_levels([level_vpp, level_vpp])
         play(device, 1, slot=2)
     except RefusedError:
         card.wait(0.1)
@@ -192,4 +193,4 @@ def test_a_card_without_the_inputs_of_a_monitor_is_refused_by_their_key(
     library = SimpleNamespace(PortAudioError=PortAudioError, Stream=refuse)
     monkeypatch.setitem(sys.modules, "sounddevice", library)
     with pytest.raises(LinkError, match=r"monitor\.inputs"):
-        stream.open_duplex(print, LoopCard().recorder, card="x", sample_rate_hz=RATE_HZ)
+        stream.open_duplex(print, LoopCard().recorder, card="x", channels=2, sample_rate_hz=RATE_HZ)

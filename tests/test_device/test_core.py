@@ -134,11 +134,10 @@ def test_record_and_burst_have_the_levels_that_were_set_and_zero_for_silence(
     bench.arm(0, 1, slot=1)
     levels_mvpp = 64_123 if peaks[0] else 0, 99_000 if peaks[1] else 0
     record = bench.fire(0, 1)
-    assert (record.left_mvpp, record.right_mvpp) == levels_mvpp
+    assert record.levels_mvpp == levels_mvpp
     burst = bench.core.playing
     assert burst is not None
-    assert burst.level_left_vpp == levels_mvpp[0] / 1000
-    assert burst.level_right_vpp == levels_mvpp[1] / 1000
+    assert burst.levels_vpp == (levels_mvpp[0] / 1000, levels_mvpp[1] / 1000)
 
 
 @pytest.mark.parametrize("n_settings", [300, pytest.param(5000, marks=pytest.mark.slow)])
@@ -158,7 +157,7 @@ def test_a_device_plays_what_is_exactly_within_its_ceiling_and_refuses_the_rest(
         code = Fraction(int(peak * 32767), 32767)
         above = code * Fraction(level_mvpp, 1000) > Fraction(ceiling_mvpp, 1000)
         if above:
-            codes = {bench.refused(1, "LEVEL", left_mvpp=level_mvpp, right_mvpp=0)}
+            codes = {bench.refused(1, "LEVEL", levels_mvpp=(level_mvpp, 0))}
             assert codes == {Refusal.CEILING}
         else:
             bench.levels(1, level_mvpp, 0)
@@ -166,22 +165,22 @@ def test_a_device_plays_what_is_exactly_within_its_ceiling_and_refuses_the_rest(
         bench.fire(2, 1)
         bench.take(2_000_000, "STOP")
         (burst,) = bench.over
-        assert np.ptp(burst.left_v) <= (0.0 if above else ceiling_vpp)
+        assert np.ptp(burst.volts[0]) <= (0.0 if above else ceiling_vpp)
         n_played += not above
     assert 0.1 * n_settings < n_played < 0.9 * n_settings
 
 
 def test_the_device_keeps_its_own_copy_of_what_was_loaded() -> None:
     bench = Bench()
-    codes = np.array([0, 9, -9, 0], dtype=np.int32)
-    bench.take(0, "LOAD", slot=0, left=codes, right=codes)
+    codes = np.array([[0, 9, -9, 0]] * 2, dtype=np.int32)
+    bench.take(0, "LOAD", slot=0, codes=codes)
     codes[:] = 7
     bench.levels(0, 100_000)
     bench.take(0, "OUTPUT")
     bench.arm(0, 1)
     bench.fire(0, 1)
     assert bench.core.playing is not None
-    assert bench.core.playing.left_v[0] == 0.0
+    assert not bench.core.playing.volts[:, 0].any()
 
 
 def prepared(state: State) -> Bench:
@@ -204,8 +203,8 @@ def prepared(state: State) -> Bench:
 
 
 STEPS: dict[Step, tuple[str, dict[str, object]]] = {
-    Step.LOAD: ("LOAD", {"slot": 0, "left": np.zeros(4, int), "right": np.zeros(4, int)}),
-    Step.LEVEL: ("LEVEL", {"left_mvpp": 50_000, "right_mvpp": 0}),
+    Step.LOAD: ("LOAD", {"slot": 0, "codes": np.zeros((2, 4), int)}),
+    Step.LEVEL: ("LEVEL", {"levels_mvpp": (50_000, 0)}),
     Step.ENABLE: ("OUTPUT", {}),
     Step.ARM: ("ARM", {"token": 2, "slot": 0, "time_to_live_us": 9}),
     Step.FIRE: ("FIRE", {"token": 3}),
@@ -284,23 +283,23 @@ def test_over_current_stops_whatever_is_done_and_is_kept_until_enable(state: Sta
 
 def test_a_measurement_is_that_of_the_last_burst_once_it_is_over() -> None:
     def measure(burst: Emission) -> Measurement:
-        return Measurement(token=burst.token, tap="line", left=len(burst.left_v))
+        return Measurement(token=burst.token, tap="line", peaks=burst.volts.shape)
 
-    def measured(at_us: int, token: int) -> tuple[str, int]:
+    def measured(at_us: int, token: int) -> tuple[str, tuple[int, ...]]:
         answer = bench.take(at_us, "MEASURED", token=token)
-        return answer.tap, answer.left
+        return answer.tap, answer.peaks
 
     bench = Bench(measure=measure).live()
     bench.arm(0, 1)
     bench.fire(0, 1)
     assert bench.refused(1, "MEASURED", token=1) is Refusal.BUSY
-    assert measured(1, 2) == ("", 0)
-    assert measured(BURST_US, 1) == ("line", 97)
+    assert measured(1, 2) == ("", ())
+    assert measured(BURST_US, 1) == ("line", (2, 97))
     bench.arm(100_000, 2)
-    assert measured(100_000, 1) == ("line", 97)
+    assert measured(100_000, 1) == ("line", (2, 97))
     bench.fire(100_000, 2)
     bench.take(100_100, "STOP")
-    assert [measured(200_000, token) for token in (1, 2)] == [("", 0)] * 2
+    assert [measured(200_000, token) for token in (1, 2)] == [("", ())] * 2
 
 
 def test_why_the_outputs_went_off_is_the_reason_of_what_is_refused_until_they_are_on_again() -> (

@@ -25,8 +25,20 @@ def needed(name: str, **others: Any) -> DriverSettings:
 def test_each_driver_is_made_from_what_it_needs_with_the_first_two_channels(name: str) -> None:
     device = make_device(name, needed(name), MonotonicClock())
     assert isinstance(device.cannot, tuple)
-    with pytest.raises(ValueError, match=rf"channels .*\[1, 2\] .*{name}"):
+    with pytest.raises(ValueError, match=rf"channels .* driver {name}, got \[3, 4\]"):
         make_device(name, needed(name, channels=(3, 4)), MonotonicClock())
+
+
+def test_a_driver_has_as_many_channels_as_it_is_given_up_to_those_of_its_kind() -> None:
+    assert make_device("mock", needed("mock", channels=(1,)), VirtualClock()).open().channels == 1
+    sixteen = tuple(range(1, 17))
+    mock = make_device("mock", needed("mock", channels=sixteen), VirtualClock())
+    assert mock.open().channels == 16
+    make_device("generator", needed("generator", channels=(2,)), MonotonicClock())
+    with pytest.raises(ValueError, match=r"at most 2 .*generator"):
+        make_device("generator", needed("generator", channels=sixteen), MonotonicClock())
+    with pytest.raises(ValueError, match="at most 64"):
+        make_device("mock", needed("mock", channels=tuple(range(1, 66))), VirtualClock())
 
 
 @pytest.mark.parametrize(("name", "key"), [(name, key) for name in NEEDS for key in NEEDS[name]])
@@ -83,6 +95,8 @@ WRONG_OPTIONS = [
     (["--serial-number", "a,b"], "serial_number"),
     (["--serial-number", "1", "--generator", "keysight"], "--serial-number"),
     (["--baud", "10"], "--baud"),
+    (["--channels", "65"], "--channels"),
+    (["--channels", "3", "--generator", "keysight"], "--channels"),
     (["--truth", "/no/such/folder/truth.jsonl"], "/no/such/folder/truth.jsonl"),
     (["--tcp", "65536"], "--tcp"),
     (["--adc", "tap=ear"], "adc"),

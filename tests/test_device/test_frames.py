@@ -10,7 +10,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from device import Refusal
-from device.wire.frames import LONGEST_PAYLOAD, Decoder, Frame, encode
+from device.wire.frames import Decoder, Frame, encode, longest_payload
 from device.wire.protocol import GREETING, HEAD, IDENTITY, QUESTION, TABLE
 from device.wire.upload import LONGEST_DATA
 from tests.test_device import golden, wire
@@ -23,7 +23,7 @@ some_frame = st.builds(
     Frame,
     kind=st.integers(0, 255),
     sequence=st.integers(0, 0xFFFF),
-    payload=st.binary(max_size=LONGEST_PAYLOAD),
+    payload=st.binary(max_size=longest_payload(64)),
 )
 
 
@@ -36,14 +36,14 @@ def fed_in_pieces(data: bytes, cuts: list[int]) -> tuple[list[Frame], Decoder]:
 
 
 @settings(max_examples=80)
-@given(frame=some_frame, where=st.integers(0, 200), flip=st.integers(1, 255))
+@given(frame=some_frame, where=st.integers(0, 500), flip=st.integers(1, 255))
 def test_a_frame_survives_the_wire_and_one_with_a_wrong_byte_is_dropped(
     frame: Frame, where: int, flip: int
 ) -> None:
     coded = bytearray(encode(frame))
     assert Decoder().feed(bytes(coded)) == [frame]
     assert 0 not in coded[1:-1]
-    assert len(coded) <= LONGEST_PAYLOAD + 8 + 3
+    assert len(coded) <= longest_payload(64) + 8 + 4
     coded[where % len(coded)] ^= flip
     decoder = Decoder()
     assert decoder.feed(bytes(coded) + b"\x00") == []
@@ -53,7 +53,7 @@ def test_a_frame_survives_the_wire_and_one_with_a_wrong_byte_is_dropped(
 @settings(max_examples=50)
 @given(
     sent=st.lists(some_frame, max_size=5),
-    noise=st.lists(st.binary(max_size=300), min_size=6, max_size=6),
+    noise=st.lists(st.binary(max_size=600), min_size=6, max_size=6),
     cuts=st.lists(st.integers(0, 2500), max_size=8),
 )
 @example(sent=[], noise=[bytes(range(256)) * 2] * 6, cuts=[1, 2, 3])
@@ -86,13 +86,18 @@ def test_a_frame_that_does_not_fit_the_wire_is_refused(wrong: dict[str, Any]) ->
 
 def test_every_payload_fits_a_frame_and_a_longer_one_is_noise() -> None:
     longest_rest = max(IDENTITY.size, LONGEST_DATA)  # of an answer to HELLO, and of DATA
-    for row in TABLE.values():
-        answer_size = 0 if row.answer is None else row.answer.size
-        longest = max(QUESTION.size + row.message.size, HEAD.size + answer_size)
-        assert longest <= LONGEST_PAYLOAD
-    assert HEAD.size + GREETING.size + longest_rest <= LONGEST_PAYLOAD
-    longer = Frame(kind=1, sequence=1, payload=bytes(LONGEST_PAYLOAD + 1))
-    assert Decoder().feed(encode(longer)) == []
+    for channels in (1, 2, 10, 11, 64):
+        longest = longest_payload(channels)
+        for row in TABLE.values():
+            question = QUESTION.size + row.message.size + channels * row.message.size_of_each
+            assert question <= longest
+            if row.answer is not None:
+                answer = HEAD.size + row.answer.size + channels * row.answer.size_of_each
+                assert answer <= longest
+        assert HEAD.size + GREETING.size + longest_rest <= longest
+        for size in (longest, longest + 1):
+            frame = Frame(kind=1, sequence=1, payload=bytes(size))
+            assert Decoder(channels).feed(encode(frame)) == [frame] * (size == longest)
 
 
 def ping(number: int = 1) -> bytes:
@@ -149,9 +154,9 @@ def test_a_line_that_is_lost_leaves_nothing_half_done() -> None:
         device.receive(1, octets[:cut])
         device.hang_up(1)
         assert device.receive(1, octets[cut:]) == b""
-    silence = np.zeros(4, dtype=np.int32)
+    silence = np.zeros((2, 4), dtype=np.int32)
     for number, hangs_up in ((3, True), (10, False)):
-        octets, pieces = wire.upload_of(silence, silence, number)
+        octets, pieces = wire.upload_of(silence, number)
         assert wire.ask(device, number, "BEGIN", slot=0, samples=4).refusal is None
         for piece in pieces:
             fields = {"upload": number, "offset": piece.offset, "octets": piece.octets}

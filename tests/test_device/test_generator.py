@@ -42,9 +42,9 @@ def test_the_set_up_and_an_upload_byte_for_byte_with_line_feeds_inside(
     bench.device.open()
     assert BLOCK.count(b"\n") == 3
     assert bench.channel.taken() == opening()
-    bench.device.load(0, WAVE, SILENCE)
+    bench.device.load(0, np.stack([WAVE, SILENCE]))
     assert bench.channel.taken() == loading(1, "T3")
-    bench.device.load(2, WAVE, WAVE)
+    bench.device.load(2, np.stack([WAVE, WAVE]))
     assert bench.channel.taken() == loading(2, "T4")
 
 
@@ -53,8 +53,8 @@ def test_a_trial_byte_for_byte_and_for_every_side_the_same_commands(live: Genera
         live.play(1 + token, slot)
         assert live.channel.taken() == trial(left, right)
     burst, _ = live.out
-    assert np.abs(burst.left_v * GAIN - np.array(CODES) / 32767 * 30.0).max() < 1e-5
-    assert not burst.right_v.any()
+    assert np.abs(burst.volts[0] * GAIN - np.array(CODES) / 32767 * 30.0).max() < 1e-5
+    assert not burst.volts[1].any()
 
 
 @pytest.mark.parametrize(
@@ -112,11 +112,11 @@ def test_what_answers_otherwise_is_no_generator(bench: GeneratorBench) -> None:
 def test_a_level_the_generator_cannot_make_is_refused_and_zero_is_silence(
     live: GeneratorBench,
 ) -> None:
-    live.device.set_levels(0.01, 0.01)
+    live.device.set_levels([0.01, 0.01])
     assert refusal(lambda: live.play(1)) is Refusal.BAD_LEVEL
-    live.device.set_levels(0.0, 0.0)
+    live.device.set_levels([0.0, 0.0])
     assert live.play(2) is Outcome.FIRED
-    assert not live.out[0].left_v.any()
+    assert not live.out[0].volts[0].any()
 
 
 def test_a_lost_confirmation_is_indeterminate_and_no_second_trigger_goes_out(
@@ -155,7 +155,7 @@ def test_a_confirmation_that_comes_too_late_is_taken_for_no_other_answer(
     live.channel.change = change
     assert live.device.fire(1).outcome is Outcome.INDETERMINATE
     assert live.play(2, slot=1) is Outcome.FIRED
-    assert [burst.level_right_vpp > 0 for burst in live.out] == [False, True]
+    assert [burst.levels_vpp[1] > 0 for burst in live.out] == [False, True]
 
 
 def test_a_line_that_breaks_with_the_trigger_leaves_it_open(live: GeneratorBench) -> None:
@@ -182,14 +182,14 @@ def test_nothing_above_the_ceiling_comes_out(
     wave = np.array([0.0, 1.0, -1.0, 0.5, -0.5, 0.25, -0.25, 0.0]) * peak
     try:
         ready(bench.device, burst=wave)
-        bench.device.load(2, wave, -wave)
-        bench.device.set_levels(level_vpp, level_vpp)
+        bench.device.load(2, np.stack([wave, -wave]))
+        bench.device.set_levels([level_vpp, level_vpp])
         bench.play(1, slot=2)
     except (RefusedError, SettingError):
         assert bench.out == []
         return
     (burst,) = bench.out
-    for volts in (burst.left_v, burst.right_v):
+    for volts in burst.volts:
         assert 2 * np.abs(volts).max() * gain <= ceiling_vpp * (1 + 1e-12)
         assert 2 * np.abs(volts).max() * gain <= level_vpp * peak * (1 + 1e-12)
 
@@ -198,7 +198,7 @@ def test_a_stop_from_another_thread_cuts_the_burst_and_its_trial_is_indeterminat
     live: GeneratorBench,
 ) -> None:
     long = np.append(np.tile(WAVE[:-1], 4000), 0.0)
-    live.device.load(2, long, 0 * long)
+    live.device.load(2, np.stack([long, 0 * long]))
     stopper = threading.Thread(target=live.device.stop)
 
     def change(told: bytes) -> bytes:

@@ -52,15 +52,16 @@ def test_a_level_is_held_against_the_ceiling_rounded_up_and_sent_rounded_down() 
         assert up - down == (level_vpp != 200.0)
 
 
-def check(left: NDArray[np.float64], right: NDArray[np.float64]) -> tuple[int, int]:
+def check(*channels: NDArray[np.float64]) -> tuple[int, ...]:
     """Convert samples and check their codes, as the host does before it sends them."""
-    codes = to_codes(left, 16, name="left"), to_codes(right, 16, name="right")
-    return check_codes(*codes, full_scale=FULL, limits=LIMITS)
+    codes = to_codes(np.stack(channels), 16)
+    return check_codes(codes, full_scale=FULL, limits=LIMITS)
 
 
 def test_the_peaks_come_back_and_silence_has_none() -> None:
     assert check(BURST, SILENCE) == (FULL, 0)
     assert check(-0.25 * BURST, 0.5 * BURST) == (FULL // 4, FULL // 2)
+    assert check(BURST, *[SILENCE] * 14, 0.5 * BURST) == (FULL, *[0] * 14, FULL // 2)
 
 
 REFUSED = [
@@ -79,12 +80,13 @@ REFUSED = [
 
 
 @pytest.mark.parametrize(("samples", "code"), REFUSED)
-def test_a_bad_waveform_is_refused_with_its_own_code_on_either_channel(
+def test_a_bad_waveform_is_refused_with_its_own_code_on_every_channel(
     samples: NDArray[np.float64], code: Refusal
 ) -> None:
-    silence = np.zeros(samples.size)
-    assert refusal(lambda: check(silence, samples), Rejected) is code
-    assert refusal(lambda: check(samples, silence), Rejected) is code
+    channels = [np.zeros(samples.size)] * 3
+    for i in range(3):
+        waveforms = [*channels[:i], samples, *channels[i + 1 :]]
+        assert refusal(lambda: check(*waveforms), Rejected) is code  # noqa: B023 - called here
 
 
 @settings(deadline=None, max_examples=40)
@@ -176,8 +178,8 @@ def test_a_device_compares_without_rounding() -> None:
     check_ceiling((full // 2, 0), (most_mvpp, 0), full_scale=full, limits=limits)
     with pytest.raises(LimitExceeded):
         check_ceiling((full // 2, 0), (most_mvpp + 1, 0), full_scale=full, limits=limits)
-    codes = np.array([0, 505, -495, 0])
-    assert check_codes(codes, 0 * codes, full_scale=full, limits=limits) == (505, 0)
-    codes[1] += 1
+    codes = np.array([[0, 505, -495, 0], [0] * 4])
+    assert check_codes(codes, full_scale=full, limits=limits) == (505, 0)
+    codes[0, 1] += 1
     with pytest.raises(LimitExceeded):
-        check_codes(codes, 0 * codes, full_scale=full, limits=limits)
+        check_codes(codes, full_scale=full, limits=limits)

@@ -111,7 +111,7 @@ def test_an_upload_arrives_whole_over_any_line_or_is_said_to_have_failed(name: s
         trials.reopen()
         samples = sine(600, peak=float(trials.rng.uniform(0.1, 1.0)), cycles=seed + 1)
         try:
-            trials.device.load(5, samples, -samples)
+            trials.device.load(5, np.stack([samples, -samples]))
         except DeviceError:
             counts["failed"] += 1
             continue
@@ -166,13 +166,13 @@ def test_old_bytes_in_any_order_do_nothing_but_stop(line: RecordedLine, seed: in
         line.clock.wait(0.1)
     rng = np.random.default_rng(seed)
     old = list(line.sent)
-    device.set_levels(50.0, 50.0)
+    device.set_levels([50.0, 50.0])
     device.arm(4, 0, time_to_live_s=10.0)
     for index in rng.integers(len(old), size=300):
         assert {*line.refusals(old[int(index)])} <= {Refusal.STALE, Refusal.BAD_UPLOAD, None}
     assert line.core.state is State.ARMED
     delivery = device.fire(4)
-    assert (delivery.outcome, delivery.level_left_vpp) == (Outcome.FIRED, 50.0)
+    assert (delivery.outcome, delivery.levels_vpp[0]) == (Outcome.FIRED, 50.0)
     line.clock.wait(0.1)
     device.stop()
     for index in rng.permutation(len(line.sent)):
@@ -188,7 +188,7 @@ def test_a_question_for_another_power_cycle_does_nothing_and_leaves_the_count(
     foreign = question("ARM", number, boot_id=6, token=1, slot=0, time_to_live_us=1000)
     assert line.refusals(foreign) == [Refusal.WRONG_BOOT]
     line.answer(question("BEAT", 0, boot_id=6))
-    line.device.set_levels(0.001, 0.001)
+    line.device.set_levels([0.001, 0.001])
     assert line.core.state is State.LIVE
 
 
@@ -238,7 +238,7 @@ def test_a_stop_during_an_upload_is_obeyed_at_once_and_the_upload_goes_on(
     stop_at(line, 3, "DATA")
     n_before = len(line.sent)
     samples = sine(600)
-    line.device.load(5, samples, samples)
+    line.device.load(5, np.stack([samples, samples]))
     writes = [wire.kinds(data) for data in line.sent[n_before:]]
     third = [number for number, kinds in enumerate(writes) if "DATA" in kinds][2]
     assert "STOP" in writes[third + 1]

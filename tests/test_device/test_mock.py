@@ -72,9 +72,9 @@ def test_the_devices_clock_is_the_hosts_with_drift_and_offset(
 @pytest.mark.parametrize(
     "call",
     [
-        lambda d: d.load(0, BURST, SILENCE),
+        lambda d: d.load(0, np.stack([BURST, SILENCE])),
         lambda d: d.enable(),
-        lambda d: d.set_levels(1.0, 1.0),
+        lambda d: d.set_levels([1.0, 1.0]),
         lambda d: d.arm(1, 0, time_to_live_s=0.1),
         lambda d: d.fire(1),
         lambda d: d.disarm(1),
@@ -97,13 +97,13 @@ def test_the_hosts_ceiling_and_the_devices_hold_both() -> None:
     for limits, device_limits in ((low, LIMITS), (LIMITS, low)):
         device = MockDevice(clock, limits=limits, device_limits=device_limits)
         device.open()
-        device.load(0, BURST, BURST)
-        device.set_levels(120.0, 120.0)
+        device.load(0, np.stack([BURST, BURST]))
+        device.set_levels([120.0, 120.0])
         with pytest.raises(LimitExceeded):
-            device.set_levels(120.001, 0.0)
+            device.set_levels([120.001, 0.0])
     live = live_mock(clock)
     with pytest.raises(LimitExceeded):  # though its whole millivolts are within the ceiling
-        live.set_levels(0.0, 200.0005)
+        live.set_levels([0.0, 200.0005])
 
 
 def test_the_hosts_own_limits_hold_where_the_devices_would_let_it_pass() -> None:
@@ -111,10 +111,10 @@ def test_the_hosts_own_limits_hold_where_the_devices_would_let_it_pass() -> None
     strict = Limits(ceiling_vpp=120.0, min_interval_s=1.0, longest_time_to_live_s=5.0)
     device = MockDevice(clock, limits=strict)
     device.open()
-    device.load(0, BURST, SILENCE)
-    device.load(1, 0.5 * BURST, SILENCE)
+    device.load(0, np.stack([BURST, SILENCE]))
+    device.load(1, np.stack([0.5 * BURST, SILENCE]))
     device.enable()
-    device.set_levels(150.0, 0.0)
+    device.set_levels([150.0, 0.0])
     assert refusal(lambda: device.arm(1, 0, time_to_live_s=5.0)) is Refusal.CEILING
     assert refusal(lambda: device.arm(1, 1, time_to_live_s=5.1)) is Refusal.BAD_TIME_TO_LIVE
     play(device, 1, 1, within_s=5.0)
@@ -129,11 +129,11 @@ def test_the_hosts_own_limits_hold_where_the_devices_would_let_it_pass() -> None
 def test_samples_that_are_no_finite_numbers_never_leave_the_host() -> None:
     device = live_mock(VirtualClock())
     for bad in (math.nan, math.inf):
-        with pytest.raises(Rejected, match="left"):
-            device.load(0, changed(3, bad), SILENCE)
-    strange: Any = ["0", "1", "0"]
-    with pytest.raises(ValueError, match="right"):
-        device.load(0, BURST, strange)
+        with pytest.raises(Rejected, match="channel 1"):
+            device.load(0, np.stack([changed(3, bad), SILENCE]))
+    strange: Any = [["0", "1", "0"]] * 2
+    with pytest.raises(ValueError, match="samples"):
+        device.load(0, strange)
 
 
 def test_a_power_cycle_forgets_all_and_makes_what_was_armed_indeterminate() -> None:
@@ -163,7 +163,7 @@ def test_losing_power_cuts_the_burst_that_plays() -> None:
     device.reset()
     (cut,) = device.emitted
     assert cut.cut_us == 1000
-    assert not cut.left_v[48:].any()
+    assert not cut.volts[0][48:].any()
 
 
 TAPS = pytest.mark.parametrize("tap", ["line", "amplifier", "current", "motion"])
@@ -189,14 +189,14 @@ def test_a_measurement_is_the_burst_by_gain_and_delay(tap: str, kind: str) -> No
     wait(0.1)
     measured = device.measured(1)
     assert measured is not None
-    assert abs(measured.left - round(50.0 * 0.9 * 1000 * np.abs(BURST).max())) <= 5
+    assert abs(measured.peaks[0] - round(50.0 * 0.9 * 1000 * np.abs(BURST).max())) <= 5
     assert measured == Measurement(
         token=1,
         tap=tap,
-        left=measured.left,
+        peaks=(measured.peaks[0], 0),
         onset_offset_us=40,
         onset_uncertainty_us=21,
-        correlation_left=10_000,
+        correlations=(10_000, 0),
     )
     assert device.measured(2) is None
 
@@ -250,9 +250,9 @@ class AnyOrder(RuleBasedStateMachine):
         self.device.close()
         self.device.open()
         for slot, pair in enumerate(PAIRS):
-            self.device.load(slot, *pair)
+            self.device.load(slot, np.stack(pair))
         self.device.enable()
-        self.device.set_levels(100.0, 100.0)
+        self.device.set_levels([100.0, 100.0])
 
     @rule(
         slot=st.integers(0, 3),
@@ -285,8 +285,8 @@ class AnyOrder(RuleBasedStateMachine):
         call=st.sampled_from(
             [
                 *(lambda d: d.enable(), lambda d: d.stop(), lambda d: d.silence()),
-                *(lambda d: d.set_levels(200.0, 60.0), lambda d: d.set_levels(60.0, 400.0)),
-                *(lambda d: d.load(0, *PAIRS[2]), lambda d: d.load(2, *PAIRS[1])),
+                *(lambda d: d.set_levels([200.0, 60.0]), lambda d: d.set_levels([60.0, 400.0])),
+                *(lambda d: d.load(0, np.stack(PAIRS[2])), lambda d: d.load(2, np.stack(PAIRS[1]))),
             ]
         )
     )
@@ -312,7 +312,7 @@ class AnyOrder(RuleBasedStateMachine):
         for burst in self.device.emitted:
             begin_s, end_s = self.windows[burst.token]
             assert begin_s - 1e-6 <= burst.start_us * 1e-6 <= end_s
-            assert max(np.abs(burst.left_v).max(), np.abs(burst.right_v).max()) <= 100.0
+            assert max(np.abs(burst.volts[0]).max(), np.abs(burst.volts[1]).max()) <= 100.0
         for token, outcomes in self.outcomes.items():
             assert (Outcome.FIRED in outcomes) <= (token in emitted)
             assert not (Outcome.NOT_FIRED in outcomes and token in emitted)

@@ -27,7 +27,7 @@ from device.core.messages import (
 from tests.test_device.bursts import BURST, refusal
 
 CEILING = Limits(ceiling_vpp=200.0)
-ZEROS = np.zeros(2, dtype=np.int32)
+ZEROS = np.zeros((2, 2), dtype=np.int32)
 
 
 @settings(deadline=None, max_examples=200)
@@ -43,8 +43,7 @@ def test_a_level_is_rounded_toward_zero_to_millivolts(level_vpp: float, on_grid_
 @example(sample=1.0, bits=16)
 @example(sample=-0.0, bits=2)
 def test_codes_are_odd_and_toward_zero_and_reach_full_scale(sample: float, bits: int) -> None:
-    (code,) = to_codes(np.array([sample]), bits)
-    (mirrored,) = to_codes(np.array([-sample]), bits)
+    ((code,), (mirrored,)) = to_codes([[sample], [-sample]], bits)
     assert mirrored == -code
     assert abs(code) <= abs(sample) * full_scale(bits) < abs(code) + 1
 
@@ -55,8 +54,8 @@ NO_NUMBERS: tuple[tuple[Callable[[Any], object], Refusal, list[Any]], ...] = (
     (check_token, Refusal.BAD_TOKEN, [0, -1, 2**64, 1.0, True, "1", None]),
     (check_slot, Refusal.BAD_SLOT, [-1, 256, 0.0, False, "0"]),
     (to_microseconds, Refusal.BAD_TIME_TO_LIVE, [math.nan, math.inf, True, "1"]),
-    (lambda slot: LoadSlot(slot=slot, left=ZEROS, right=ZEROS), Refusal.BAD_SLOT, [256]),
-    (lambda right: Levels(left_mvpp=0, right_mvpp=right), Refusal.BAD_LEVEL, [-1]),
+    (lambda slot: LoadSlot(slot=slot, codes=ZEROS), Refusal.BAD_SLOT, [256]),
+    (lambda right: Levels(levels_mvpp=(0, right)), Refusal.BAD_LEVEL, [-1]),
     (lambda token: Arm(token=token, slot=0, time_to_live_us=1), Refusal.BAD_TOKEN, [0]),
 )
 
@@ -74,9 +73,8 @@ def test_what_is_no_level_token_slot_or_time_to_live_is_refused_as_such(
 def render(
     stage: OutputStage, levels_mvpp: tuple[int, int], limits: Limits = CEILING, *, peak: float = 1.0
 ) -> NDArray[np.float64]:
-    codes = np.stack([to_codes(peak * BURST, stage.bits)] * 2)
-    levels = Levels(left_mvpp=levels_mvpp[0], right_mvpp=levels_mvpp[1])
-    return stage.render(codes, levels=levels, limits=limits)
+    codes = to_codes([peak * BURST] * 2, stage.bits)
+    return stage.render(codes, levels_mvpp=levels_mvpp, limits=limits)
 
 
 @given(
@@ -89,8 +87,7 @@ def test_a_code_is_scaled_without_rounding_but_at_last(
 ) -> None:
     stage = OutputStage(bits=24, rail_v=rail_v)
     limits = Limits(ceiling_vpp=4e12)
-    levels = Levels(left_mvpp=level_mvpp, right_mvpp=0)
-    volts = stage.render(np.array([[code], [0]]), levels=levels, limits=limits)
+    volts = stage.render(np.array([[code], [0]]), levels_mvpp=(level_mvpp, 0), limits=limits)
     exact = abs(code) * level_mvpp // Fraction(2000 * rail_v)
     assume(exact <= full_scale(24))  # beyond it, the rail limits the output
     assert abs(volts[0, 0]) == int(exact) * rail_v / full_scale(24)
@@ -128,10 +125,8 @@ def emission(n_samples: int) -> Emission:
     return Emission(
         token=1,
         start_us=1000,
-        left_v=np.ones(n_samples),
-        right_v=np.full(n_samples, 2.0),
-        level_left_vpp=2.0,
-        level_right_vpp=4.0,
+        volts=np.array([[1.0], [2.0]]).repeat(n_samples, axis=1),
+        levels_vpp=(2.0, 4.0),
         sample_rate_hz=48_000.0,
     )
 
@@ -145,10 +140,9 @@ def test_a_cut_burst_is_zero_from_the_first_sample_that_begins_at_or_after_the_c
     cut = whole.cut(cut_us)
     begin_us = 1000 + np.arange(n_samples) * 1e6 / 48_000
     before = begin_us < cut_us - 1e-6
-    assert np.array_equal(cut.left_v, whole.left_v * before)
-    assert np.array_equal(cut.right_v, whole.right_v * before)
+    assert np.array_equal(cut.volts, whole.volts * before)
     assert (cut.cut_us, cut.token, cut.start_us) == (cut_us, 1, 1000)
-    assert whole.left_v.all()
+    assert whole.volts.all()
 
 
 def test_a_burst_lasts_its_samples_and_cannot_be_cut_before_it_began() -> None:
@@ -166,6 +160,8 @@ def test_a_burst_lasts_its_samples_and_cannot_be_cut_before_it_began() -> None:
         ("bits", 25),
         ("bits", 16.0),
         ("rail_v", -1.0),
+        ("channels", 0),
+        ("channels", 65),
     ],
 )
 def test_an_output_stage_that_cannot_be_is_refused_by_name(field: str, value: float) -> None:

@@ -23,6 +23,7 @@ LAYOUTS = {
     "answer": protocol.HEAD,
 }
 SIZES = {"u8": 1, "u16": 2, "u32": 4, "u64": 8}
+CHANNELS = 2
 some_octets = st.lists(st.integers(0, 5) | st.integers(0, 255), max_size=96).map(bytes)
 
 
@@ -49,9 +50,7 @@ def test_a_content_is_refused_or_read_and_packed_again(
 @pytest.mark.parametrize("kind", [Kind.FIRE, Kind.LIMITS, Kind.HEALTH, Kind.MEASURED, Kind.STOP])
 def test_a_report_is_read_again(kind: Kind) -> None:
     report = {
-        Kind.FIRE: Record(
-            token=3, outcome=Outcome.FIRED, start_us=5, left_mvpp=64_100, right_mvpp=1
-        ),
+        Kind.FIRE: Record(token=3, outcome=Outcome.FIRED, start_us=5, levels_mvpp=(64_100, 1)),
         Kind.LIMITS: golden.power_on(golden.Reader()).core.take(
             1, protocol.read_message(Kind.LIMITS, b"")
         ),
@@ -59,13 +58,13 @@ def test_a_report_is_read_again(kind: Kind) -> None:
         Kind.MEASURED: golden.READING,
         Kind.STOP: None,
     }[kind]
-    assert protocol.read_report(kind, protocol.pack_report(kind, report)) == report
+    assert protocol.read_report(kind, protocol.pack_report(kind, report, 2)) == report
 
 
 @given(known=st.integers(0, 255), sensed=st.integers(0, 255))
 def test_health_keeps_what_is_known_and_nothing_else(known: int, sensed: int) -> None:
     health = protocol.read_report(Kind.HEALTH, bytes([known, sensed]))
-    assert protocol.pack_report(Kind.HEALTH, health) == bytes([known & 7, known & sensed & 7])
+    assert protocol.pack_report(Kind.HEALTH, health, 2) == bytes([known & 7, known & sensed & 7])
 
 
 @pytest.mark.parametrize(
@@ -106,17 +105,27 @@ def table_of(heading: str) -> list[list[str]]:
 
 
 def size_of(layout: str) -> int:
-    """Return the bytes of a layout such as `token u64, slot u8, name 16 bytes`."""
-    sizes = [SIZES[kind] for kind in re.findall(r"\b(u8|u16|u32|u64)\b", layout)]
+    """Return the bytes of a layout such as `token u64, slot u8, name 16 bytes, level u32 x n`."""
+    sizes = [
+        SIZES[kind] * (CHANNELS if each else 1)
+        for kind, each in re.findall(r"\b(u8|u16|u32|u64)\b( x n)?", layout)
+    ]
     return sum(sizes) + sum(int(count) for count in re.findall(r"(\d+) bytes", layout))
+
+
+def size_with_channels(layout: protocol.Layout[Any] | None) -> int:
+    """Return the bytes of a layout whose repeated fields are those of two channels."""
+    if layout is None:
+        return 0
+    return layout.size + (layout.size_of_each > 1) * CHANNELS * layout.size_of_each
 
 
 def test_the_page_lists_the_types_with_their_numbers_and_layouts() -> None:
     page = {row[1]: row for row in table_of("Messages")}
     assert {name: int(row[0], 16) for name, row in page.items()} == {k.name: int(k) for k in Kind}
     for kind, row in TABLE.items():
-        assert size_of(page[kind.name][3]) == row.message.size, kind.name
-        size = row.answer.size if row.answer else 0
+        assert size_of(page[kind.name][3]) == size_with_channels(row.message), kind.name
+        size = size_with_channels(row.answer)
         size += protocol.IDENTITY.size if kind is Kind.HELLO else 0
         assert size_of(page[kind.name][4]) == size, kind.name
 

@@ -53,19 +53,20 @@ def reported(device_us: int, **facts: Any) -> Delivery:
             host_after_s=10.002,
             device_us=device_us,
             retries=2,
-        )
+        ),
+        channels=2,
     )
 
 
 def test_what_fired_is_reported_with_onset_and_the_levels_that_were_set() -> None:
-    report = reported(77, outcome=Outcome.FIRED, start_us=77, left_mvpp=64_100)
+    report = reported(77, outcome=Outcome.FIRED, start_us=77, levels_mvpp=(64_100, 0))
     assert (report.outcome, report.device_us, report.boot_id, report.retries) == (
         Outcome.FIRED,
         77,
         3,
         2,
     )
-    assert (report.level_left_vpp, report.level_right_vpp) == (64.1, 0.0)
+    assert report.levels_vpp == (64.1, 0.0)
     assert (report.host_before_s, report.host_after_s) == (10.0, 10.002)
     assert report.uncertainty_s == pytest.approx(0.001)
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from itertools import count
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 import pytest
 
 from device import (
@@ -26,8 +27,6 @@ from device.wire.link import FrameLink
 from tests.test_device.bursts import sine
 
 if TYPE_CHECKING:
-    import numpy as np
-
     from device import Clock
 
 LIMITS = Limits(ceiling_vpp=200.0, min_interval_s=0.005)
@@ -42,7 +41,7 @@ class Claim:
     """What the host said of a token, and what would excuse it for not knowing."""
 
     outcome: Outcome
-    levels_mv: tuple[int, int] = (0, 0)
+    levels_mv: tuple[int, ...] = (0, 0)
     onset_s: tuple[float, float] = (-math.inf, math.inf)
     retries: int = 0
     restarted: bool = False
@@ -78,7 +77,7 @@ class Trials:
                 self.device.close()
                 self.boot_id = self.device.open().boot_id
                 for slot, pair in enumerate(PAIRS[: self._n_slots]):
-                    self.device.load(slot, *pair)
+                    self.device.load(slot, np.stack(pair))
                 self.device.enable()
             except DeviceError:
                 continue
@@ -90,7 +89,7 @@ class Trials:
         level_vpp = float(self.rng.integers(1, 200_001)) / 1000
         begin_s, boot_id = self.clock.now_s(), self.boot_id
         try:
-            self.device.set_levels(level_vpp, level_vpp)
+            self.device.set_levels([level_vpp, level_vpp])
             self.device.arm(token, slot, time_to_live_s=WINDOW_S)
             self.windows_s[token] = begin_s, self.clock.now_s() + WINDOW_S
             began_s = self.clock.now_s()
@@ -109,7 +108,7 @@ class Trials:
     def claim(self, said: Delivery, **excuses: Any) -> None:
         self.claims[said.token] = Claim(
             outcome=said.outcome,
-            levels_mv=(round(said.level_left_vpp * 1000), round(said.level_right_vpp * 1000)),
+            levels_mv=tuple(round(level_vpp * 1000) for level_vpp in said.levels_vpp),
             onset_s=(said.host_before_s, said.host_after_s),
             retries=said.retries,
             **excuses,

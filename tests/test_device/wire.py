@@ -50,9 +50,9 @@ def question(name: str, number: int, *, boot_id: int, **values: Any) -> bytes:
     return encode(framed(message(name, **values), number, boot_id))
 
 
-def upload_of(left: CodeArray, right: CodeArray, number: int) -> tuple[bytes, Iterator[Any]]:
+def upload_of(codes: CodeArray, number: int) -> tuple[bytes, Iterator[Any]]:
     """Return the octets of a waveform of 16 bits, and the DATA that BEGIN `number` takes."""
-    octets = octets_of(LoadSlot(slot=0, left=left, right=right), 16)
+    octets = octets_of(LoadSlot(slot=0, codes=codes), 16)
     return octets, data_of(octets, number)
 
 

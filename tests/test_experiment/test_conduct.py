@@ -44,8 +44,8 @@ def test_what_the_device_emitted_is_what_the_rows_say(lab_of: LabOf, text: str) 
     emitted = list(lab.device.emitted)
     assert len(emitted) == len(lab.rows) == 5
     for row, emission in zip(lab.rows, emitted, strict=True):
-        left = 2 * float(abs(emission.left_v).max())
-        right = 2 * float(abs(emission.right_v).max())
+        left = 2 * float(abs(emission.volts[0]).max())
+        right = 2 * float(abs(emission.volts[1]).max())
         assert row.level_left_vpp == pytest.approx(left, abs=0.02)
         assert row.level_right_vpp == pytest.approx(right, abs=0.02)
         assert row.level_vpp == max(row.level_left_vpp or 0.0, row.level_right_vpp or 0.0)

@@ -74,13 +74,12 @@ def plan(make_study: Callable[[str], Study], short_study_text: str) -> Plan:
     return draw_plan(study, participant="01", session="01", seed=1, gains=(GAINS,))
 
 
-def lines(plan: Plan, number: int, **confirmed: float | None) -> list[Entry]:
+def lines(plan: Plan, number: int, levels_vpp: tuple[float, float] | None = None) -> list[Entry]:
     """Return the journal of a session whose one trial had this delivery."""
-    levels_vpp: dict[str, Any] = {"level_left_vpp": None, "level_right_vpp": None} | confirmed
     events: list[JournalLine] = [
         SessionOpened(**HOST, **PLANNED, plan_sha256=plan.sha256),
         TrialArmed(trial=number, attempt=1, token=12),
-        StimulusConfirmed(trial=number, attempt=1, **FIRED, **levels_vpp),
+        StimulusConfirmed(trial=number, attempt=1, **FIRED, levels_vpp=levels_vpp),
         ResponseGiven(
             trial=number, attempt=1, response="left", rt_s=0.5, premature=False, noise_ok=True
         ),
@@ -89,8 +88,8 @@ def lines(plan: Plan, number: int, **confirmed: float | None) -> list[Entry]:
     return [Entry(line, float(at), 100.0 + at, 7.0 + at) for at, line in enumerate(events)]
 
 
-def row_of(plan: Plan, number: int, **confirmed: float | None) -> TrialRow:
-    (row,) = replay(plan, lines(plan, number, **confirmed)).rows
+def row_of(plan: Plan, number: int, levels_vpp: tuple[float, float] | None) -> TrialRow:
+    (row,) = replay(plan, lines(plan, number, levels_vpp)).rows
     return row
 
 
@@ -110,22 +109,19 @@ def peaks(row: TrialRow) -> tuple[float | None, float | None, str | None]:
 def test_displacements_are_of_the_levels_that_the_device_reported(
     plan: Plan, levels_vpp: tuple[float, float], expected: tuple[float, float, str]
 ) -> None:
-    left_vpp, right_vpp = levels_vpp
-    row = row_of(plan, 1, level_left_vpp=left_vpp, level_right_vpp=right_vpp)
+    row = row_of(plan, 1, levels_vpp)
     assert peaks(row) == expected
     assert (row.level_left_vpp, row.level_right_vpp) == levels_vpp
 
 
 def test_no_displacement_is_told_of_an_unknown_level_or_a_finger_that_is_off(plan: Plan) -> None:
     hands_off = next(trial for trial in plan.trials if trial.kind == "hands_off")
-    known = {"level_left_vpp": 100.0, "level_right_vpp": 40.0}
-    assert peaks(row_of(plan, hands_off.number, **known)) == (None, None, None)
-    for name in known:
-        assert peaks(row_of(plan, 1, **known | {name: None})) == (None, None, None)
+    assert peaks(row_of(plan, hands_off.number, (100.0, 40.0))) == (None, None, None)
+    assert peaks(row_of(plan, 1, None)) == (None, None, None)
 
 
 def test_a_row_says_what_plan_and_lines_say(plan: Plan) -> None:
-    row = row_of(plan, 1, level_left_vpp=100.0, level_right_vpp=0.0)
+    row = row_of(plan, 1, (100.0, 0.0))
     trial = plan.trials[0]
     planned = (1, trial.kind, trial.side, trial.level_vpp)
     assert (row.trial, row.kind, row.side, row.level_vpp) == planned

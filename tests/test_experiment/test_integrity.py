@@ -69,7 +69,7 @@ PLAN, HEADER, JOURNAL, TABLE = "plan.json", "header.json", "journal.jsonl", "tri
 SEED = plan_text(lambda t: re.sub(r'"seed": \d+', '"seed": 99', t))
 LINE_ENDS = edits.rewrite(TABLE, lambda t: t.replace("\n", "\r\n"))
 ANSWER = edits.replaced("response", b'"left"', b'"right"')
-LEVEL = edits.replaced("stimulus_confirmed", b'"level_', b'"nevel_')
+LEVEL = edits.replaced("stimulus_confirmed", b'"levels_', b'"nevels_')
 REAL = edits.replaced("session_open", b'"simulated":true', b'"simulated":false')
 EDITS: list[tuple[Edit, str]] = [
     # how, and the file by which it is named
@@ -166,12 +166,12 @@ def test_a_session_of_another_schema_is_refused_in_one_line(
     results: Path, run: Run, command: str
 ) -> None:
     edits.journal(
-        lambda lines: [line.replace(b'"schema":4', b'"schema":3') for line in lines], again=True
+        lambda lines: [line.replace(b'"schema":5', b'"schema":4') for line in lines], again=True
     )(results)
     done = run(command, results)
     assert done.exit_code == 2
     assert re.fullmatch(
-        r"error: [^\n]*journal\.jsonl:1: schema must be 4; got 3: another version of tactstrip "
+        r"error: [^\n]*journal\.jsonl:1: schema must be 5; got 4: another version of tactstrip "
         r"wrote it[^\n]*\n",
         done.stderr,
     )

@@ -44,7 +44,7 @@ def test_what_is_appended_is_read_back(path: Path) -> None:
     assert read_journal(path).head_sha256 == "0" * 64
     write(path, "first")
     assert re.fullmatch(
-        r'\{"crc":"[0-9a-f]{8}","schema":4,"seq":1,"prev":"0{64}","event":"marker",.*\}\n',
+        r'\{"crc":"[0-9a-f]{8}","schema":5,"seq":1,"prev":"0{64}","event":"marker",.*\}\n',
         path.read_text(encoding="utf-8"),
     )
     write(path, "second", "é\n\u2028")
@@ -77,7 +77,7 @@ def test_any_changed_byte_is_found_with_its_line(
 def test_a_sound_line_of_another_schema_is_refused(path: Path) -> None:
     body = b'"schema":1,"seq":1,"event":"first","t_s":0.0,"wall_s":0.0}'
     path.write_bytes(b'{"crc":"%08x",%b\n' % (zlib.crc32(b"{" + body), body))
-    with pytest.raises(JournalError, match=r":1: schema .* 4; got 1: another version"):
+    with pytest.raises(JournalError, match=r":1: schema .* 5; got 1: another version"):
         read_journal(path)
 
 
@@ -162,7 +162,7 @@ def test_a_journal_that_cannot_be_opened_or_written_is_an_error(
 def test_a_line_that_is_no_line_of_its_event_is_refused(
     path: Path, members: dict[str, object], named: str
 ) -> None:
-    chain = {"schema": 4, "seq": 1, "prev": "0" * 64, "t_s": 0.0, "wall_s": 0.0, "up_s": 0.0}
+    chain = {"schema": 5, "seq": 1, "prev": "0" * 64, "t_s": 0.0, "wall_s": 0.0, "up_s": 0.0}
     body = json.dumps(chain | members).encode()
     path.write_bytes(b'{"crc":"%08x",%b\n' % (zlib.crc32(body), body[1:]))
     with pytest.raises(JournalError, match=rf"journal\.jsonl:1: .*{named}"):

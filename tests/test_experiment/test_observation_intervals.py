@@ -71,7 +71,7 @@ def require_every_burst(lab: Lab) -> None:
         if key not in ok:
             continue
         assert line.outcome is Outcome.FIRED
-        levels.setdefault(key, []).append([line.level_left_vpp, line.level_right_vpp])
+        levels.setdefault(key, []).append([*line.levels_vpp])
         assert line.interval == len(levels[key]) <= n_intervals
     assert levels == {
         key: task.levels_vpp(row.side, row.level_vpp or 0.0) for key, row in ok.items()

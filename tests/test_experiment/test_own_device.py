@@ -193,6 +193,9 @@ def test_what_a_device_would_refuse_in_a_session_is_refused_before(
         require_suitable(study, identity, replace(limits, **changed))
     with pytest.raises(ValueError, match=r"design\.levels_vpp: .* 199 Vpp \(got 200\)"):
         require_suitable(study, replace(identity, ceiling_vpp=199.0))
+    for channels in (1, 3):
+        with pytest.raises(ValueError, match=f"one channel .* 2 sites; it drives {channels}"):
+            require_suitable(study, replace(identity, channels=channels))
 
 
 class Faulty(Converter):
@@ -207,8 +210,8 @@ class Faulty(Converter):
 
     def connect(self) -> None: ...
 
-    def play(self, left_v: Any, right_v: Any) -> Played:
-        self.played.append((abs(left_v).max(), abs(right_v).max()))
+    def play(self, volts: Any) -> Played:
+        self.played.append(tuple(abs(volts).max(axis=1)))
         if isinstance(self.outcome, Exception):
             raise self.outcome
         return Played(outcome=self.outcome)
@@ -232,9 +235,9 @@ def test_what_a_converter_says_or_fails_with_is_kept_and_nothing_is_played_twice
     converter = Faulty(outcome)
     device = converter_device(converter, limits=LIMITS, clock=VirtualClock())
     device.open()
-    device.load(0, SINE, SINE)
+    device.load(0, np.stack([SINE, SINE]))
     device.enable()
-    device.set_levels(100.0, 50.0)
+    device.set_levels([100.0, 50.0])
     device.arm(1, 0, time_to_live_s=1.0)
     for _ in range(3):
         assert device.fire(1).outcome is device.query(1).outcome is kept
@@ -257,9 +260,9 @@ def test_a_step_of_a_converter_that_fails_is_a_failure_of_the_device(step: str) 
     device = converter_device(converter, limits=LIMITS, clock=VirtualClock())
     if step != "connect":
         assert device.open().ceiling_vpp == 120.0  # what the converter reaches
-        device.load(0, SINE, SINE)
+        device.load(0, np.stack([SINE, SINE]))
         with pytest.raises(LimitExceeded):
-            device.set_levels(121.0, 0.0)
+            device.set_levels([121.0, 0.0])
     failing.__name__ = step
     setattr(converter, step, failing)
     with pytest.raises(LinkError, match=rf"^faulty: {step} .*OSError: gone$"):

@@ -155,7 +155,7 @@ def test_whoever_resumes_is_noted_anew(sessions: Sessions) -> None:
     assert header["operator"] == "first"
     for key in ("device_limits", "device_health"):
         assert resumed[key] == header[key]
-    assert header["device_limits"]["slots"] == 8
+    assert header["device_limits"]["slots"] == 64
 
 
 @pytest.mark.parametrize(

@@ -204,7 +204,8 @@ def _measured() -> str:
         if path == name:
             rows.append((literal(name), ours[name]))
         else:
-            meaning = StimulusMeasured.model_fields[name].description or ""
+            field = StimulusMeasured.model_fields[path.removeprefix("measured.")]
+            meaning = field.description or ""
             rows.append((literal(name), meaning[:1].lower() + meaning[1:].rstrip(".")))
     return table(("column", "meaning"), rows)
 

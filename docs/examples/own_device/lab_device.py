@@ -5,24 +5,25 @@ from experiment import Press, Responder
 
 
 class Printer(Converter):
-    """What plays two waveforms; here it only prints how large they are."""
+    """What plays a waveform on each channel; here it only prints how large they are."""
 
     name = "printer"
     bits = 16
     emulated = True  # no actuator can move; of a real device nobody may say so
     cannot = ("move anything",)
 
-    def __init__(self, port, sample_rate_hz, full_scale_v):
-        self.serial_number = port or "1"
-        self.sample_rate_hz = sample_rate_hz
-        self.full_scale_v = full_scale_v
+    def __init__(self, settings):
+        self.serial_number = settings.port or "1"
+        self.sample_rate_hz = settings.sample_rate_hz
+        self.full_scale_v = settings.volts_full_scale or 100.0
+        self.channels = len(settings.channels)
 
     def connect(self):
         """Open the device here, its outputs at zero."""
 
-    def play(self, left_v, right_v):
+    def play(self, volts):
         """Play volts at the actuators, wait until it is over, and say what is known."""
-        print(f"{abs(left_v).max():.0f} V left, {abs(right_v).max():.0f} V right")
+        print(", ".join(f"{peak_v:.0f} V" for peak_v in abs(volts).max(axis=1)))
         return Played(outcome=Outcome.FIRED)
 
     def zero(self):
@@ -34,8 +35,7 @@ class Printer(Converter):
 
 def printer(settings, clock):
     """Make the device: tokens, rests, levels and ceilings are kept around the printer."""
-    converter = Printer(settings.port, settings.sample_rate_hz, settings.volts_full_scale or 100.0)
-    return converter_device(converter, limits=settings.limits, clock=clock)
+    return converter_device(Printer(settings), limits=settings.limits, clock=clock)
 
 
 class Impatient(Responder):

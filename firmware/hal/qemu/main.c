@@ -81,11 +81,12 @@ static void put_event(char event, uint64_t token, uint64_t time_us) {
     put_hex(time_us, 16);
 }
 
-/* `b`, with both levels in mVpp and the steps of the converter, all of left, then of right. */
+/* `b`, with each level in mVpp and the steps of the converter, channel by channel. */
 static void put_burst(const struct device *device, const struct burst *burst) {
     put_event('b', burst->token, burst->start_us);
-    put_hex(burst->levels_mvpp[0], 8);
-    put_hex(burst->levels_mvpp[1], 8);
+    for (uint32_t channel = 0; channel < CHANNELS; channel++) {
+        put_hex(burst->levels_mvpp[channel], 8);
+    }
     for (uint32_t channel = 0; channel < CHANNELS; channel++) {
         for (uint32_t i = 0; i < device->slots[burst->slot].samples; i++) {
             put_hex((uint32_t)device_step(device, burst, channel, i), HEX_DIGITS_OF_STEP);
