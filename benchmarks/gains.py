@@ -54,7 +54,7 @@ def _actuator(
     return "\n".join(
         [
             "[[actuator]]",
-            f'side = "{side}"',
+            f'site = "{side}"',
             f"x_mm = {x_mm}",
             f"diameter_mm = {diameter_mm}",
             *across,

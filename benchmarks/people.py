@@ -16,7 +16,7 @@ from analysis.codes import WarningCode
 from analysis.counts.checks import check_answers, check_drift
 from analysis.counts.table import count_answers, count_false_alarms, count_levels
 from experiment.perception.answers import draw_answers
-from experiment.perception.gains import WITHOUT_CROSSTALK
+from experiment.perception.gains import without_crosstalk
 from experiment.perception.population import draw_observer, threshold_course_db
 from experiment.study.simulation import Simulation
 
@@ -202,7 +202,7 @@ def sessions_of(
                 design.responses,
                 60.0,
                 rng,
-                gains=WITHOUT_CROSSTALK,
+                gains=without_crosstalk(2),
                 shift_db=(now_db, now_db),
             )
             response = (*design.responses, None)[answer.item()]

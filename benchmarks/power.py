@@ -194,7 +194,7 @@ def placed_sessions(
     """Run a pilot session of each person, place levels on it, and run the session at these."""
     design = replace(
         study.design,
-        levels_vpp=pilot_levels_vpp(study, gains[0].fingers()),
+        levels_vpp=pilot_levels_vpp(study, gains[0].at_fingers(study.task.sites)),
         trials_per_side=20,
         blank_trials=12 if "none" in study.design.responses else 0,
     )

@@ -22,8 +22,8 @@ from analysis.counts.table import (
     PERSON,
     count_sites,
     counted,
-    task_of,
 )
+from analysis.task_columns import task_of
 from experiment.tasks.task import SINGLE
 
 if TYPE_CHECKING:

@@ -11,9 +11,10 @@ import pandas as pd
 
 from analysis.counts.intervals import group_interval, mean_limits, proportion_ci
 from analysis.numbers import TOTAL, in_order
+from analysis.task_columns import task_of, with_task
 from experiment.names import NOT_AVAILABLE
-from experiment.record.rows import COLUMNS, NO_ANSWERS
-from experiment.tasks import LEFT_RIGHT_BOTH, make_task
+from experiment.record.rows import NO_ANSWERS, columns_of
+from experiment.tasks import make_task
 from experiment.tasks.task import BLANK, BOTH, SINGLE
 from experiment.trial.plan import HANDS_OFF, HANDS_OFF_BLOCK
 
@@ -41,19 +42,6 @@ SIDE_COLUMNS: Final = (
 _WITH_INTERVALS: Final = ("presented", "p", "low", "high", "group_low", "group_high")
 
 
-def task_of(rows: pd.DataFrame) -> Task:
-    """Return the task of trials or of their counts, whose words they have.
-
-    It has no reference level. Without a column ``task`` it is left-right-both, as in every external
-    table.
-
-    >>> task_of(pd.DataFrame({"task": ["2ifc", "2ifc"]})).name, task_of(pd.DataFrame()).name
-    ('2ifc', 'left-right-both')
-    """
-    names = {*rows["task"]} if "task" in rows else set()
-    return make_task(names.pop()) if len(names) == 1 else LEFT_RIGHT_BOTH
-
-
 def responses_of(task: Task) -> tuple[str, ...]:
     """Return the words of the column ``response``, those without an answer last."""
     return (*task.answer_names, *NO_ANSWERS)
@@ -67,7 +55,8 @@ def felt_answers(task: Task) -> tuple[str, ...]:
 def sites_in(rows: pd.DataFrame) -> pd.Series[str]:
     """Return the site whose threshold each single trial measures; of another, what it presents.
 
-    >>> sites_in(pd.DataFrame({"task": "2ifc", "side": ["left_1", "right_2"]})).tolist()
+    >>> rows = pd.DataFrame({"side": ["left_1", "right_2"]})
+    >>> sites_in(with_task(rows, make_task("2ifc"))).tolist()
     ['left', 'right']
     """
     sites = {shown.name: shown.site or shown.name for shown in task_of(rows).presentations}
@@ -107,8 +96,8 @@ def uncounted(trials: pd.DataFrame) -> list[str]:
 def count_answers(trials: pd.DataFrame) -> pd.DataFrame:
     """Count each answer to each stimulus, of the trials that count.
 
-    Columns ``condition participant kind side level_vpp response none_offered n task``, sorted. All
-    tables below are sums of these rows.
+    Columns ``condition participant kind side level_vpp response none_offered n`` and those of
+    `with_task`, sorted. All tables below are sums of these rows.
 
     >>> trials = pd.DataFrame({"participant": "1", "condition": "main", "kind": "single",
     ...     "side": "left", "level_vpp": 60.0, "response": ["left", "both", "left"], "reason": "",
@@ -127,13 +116,13 @@ def count_answers(trials: pd.DataFrame) -> pd.DataFrame:
         if not keys[name].isin(choices).all():
             raise ValueError(f"{name} must be one of {', '.join(choices)} where a trial counts")
     counts = keys.groupby(_KEY, dropna=False).size().reset_index(name="n")
-    return counts.assign(task=task.name)
+    return with_task(counts, task)
 
 
 @cache
-def _outcomes(name: str) -> pd.DataFrame:
+def _outcomes(name: str, at_sites: tuple[str, ...]) -> pd.DataFrame:
     """Return what each response is to each presentation, as the task of this name defines it."""
-    task = make_task(name)
+    task = make_task(name, sites=at_sites)
     sites = {answer.name: {*answer.sites} for answer in task.answers}
     felt = felt_answers(task)
     rows = {
@@ -168,9 +157,9 @@ def sum_outcomes(counts: pd.DataFrame, kind: str, key: Sequence[str]) -> pd.Data
     """
     rows = counts[counts["kind"].eq(kind)].reset_index(drop=True)
     pairs = pd.MultiIndex.from_frame(rows[["side", "response"]])
-    outcomes = (
-        _outcomes(task_of(counts).name).loc[pairs].reset_index(drop=True).mul(rows["n"], axis=0)
-    )
+    task = task_of(counts)
+    of_pairs = _outcomes(task.name, task.sites).loc[pairs].reset_index(drop=True)
+    outcomes = of_pairs.mul(rows["n"], axis=0)
     return pd.concat([rows[[*key]], outcomes], axis=1).groupby([*key], as_index=False).sum()
 
 
@@ -446,11 +435,11 @@ def excluded_table(trials: pd.DataFrame) -> pd.DataFrame:
 def clean_table(trials: pd.DataFrame, *, more: Iterable[str] = ()) -> pd.DataFrame:
     """Return every trial with whether it counts (``counted``) and, if not, why (``reason``).
 
-    In front stand the columns of `experiment.record.rows.COLUMNS`; rows are ordered by
+    In front stand the columns of `experiment.record.rows.columns_of`; rows are ordered by
     participant, session, trial and attempt. Columns that `more` names come last.
     """
     counts = trials["reason"].eq("")
-    table = trials[[column.name for column in COLUMNS]].assign(
+    table = trials[[column.name for column in columns_of(task_of(trials))]].assign(
         counted=counts,
         reason=trials["reason"].mask(counts, NOT_AVAILABLE),
         **{name: trials[name] for name in more},
@@ -477,10 +466,10 @@ def hands_off_table(trials: pd.DataFrame) -> pd.DataFrame:
     [['1', 'before', 0, 1], ['1', 'after', 1, 0], ['all', 'before', 0, 1], ['all', 'after', 1, 0]]
     """
     rows = trials[trials["kind"].eq(HANDS_OFF) & trials["fault"].eq("")]
-    task = task_of(trials).name
+    task = task_of(trials)
     rows = rows[["condition", "participant", "side", "response", "block"]].astype(object)
     is_before = rows["block"].eq(HANDS_OFF_BLOCK)
-    rows = rows.assign(part=np.where(is_before, BEFORE, AFTER), n=1, task=task)
+    rows = with_task(rows.assign(part=np.where(is_before, BEFORE, AFTER), n=1), task)
     key = [*PERSON, "part", "side"]
     table = _count_responses(_with_total(rows), key)
     table = table.rename(columns={"timeout": "timeouts"}).sort_values(

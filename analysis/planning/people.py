@@ -14,7 +14,8 @@ import numpy as np
 
 from analysis.axis import VOLTS
 from analysis.codes import AnalysisWarning, WarningCode
-from analysis.counts.table import counted, felt_answers, task_of
+from analysis.counts.table import counted, felt_answers
+from analysis.task_columns import task_of
 from analysis.thresholds.difference import difference_spread_draws
 from analysis.thresholds.group import MIN_PEOPLE, population_draws
 from analysis.thresholds.tables import tables_of
@@ -306,7 +307,7 @@ def truth_of(goal: Goal, population: Simulation, study: Study, gains: FingerGain
             responses,
             study.design.response_window_s,
             gains=gains,
-            shift_db=(shifts_db, shifts_db),
+            shift_db=(shifts_db,),
             task=task,
         )[0]
         is_counted = [task.is_detected(shown.name, response) for response in responses]

@@ -67,8 +67,7 @@ def _errors_db(study: Study, folder: SessionFolder) -> Iterator[tuple[int, float
     responder = simulated_responder(study, plan, VirtualClock())
     condition = study.conditions[0].name
     gains = plan.gains_of(condition)
-    own = np.array([gains.left[0], gains.right[1]])
-    thresholds_vpp = np.array(responder.observer.thresholds(gains)) / own
+    thresholds_vpp = np.array(responder.observer.thresholds(gains)) / gains.own
     rows = [
         row
         for row in folder.read_history(plan).rows

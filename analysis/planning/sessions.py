@@ -115,7 +115,7 @@ def _draw_answers(
             design.responses,
             design.response_window_s,
             gains=gains,
-            shift_db=(course.shift_db + db,) * 2,
+            shift_db=(course.shift_db + db,),
             task=task,
         )
         return np.asarray((p.cumsum(axis=2) <= course.chance[..., None]).sum(axis=2))

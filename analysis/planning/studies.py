@@ -103,7 +103,7 @@ def read_plan(text: str) -> Plan:
     """Read what `plan_text` returned."""
     values = json.loads(text)
     study, goal = study_from_canonical(values["study"]), Goal(**values["goal"])
-    gains = GAINS.validate_python(values["gains"][0]).fingers()
+    gains = GAINS.validate_python(values["gains"][0]).at_fingers(study.task.sites)
     keys = json.loads(study.canonical)["simulation"] | {"threshold_um": None}
     populations = tuple(Simulation(**(keys | draw)) for draw in values["draws"])
     populations = populations or (study.simulation,)

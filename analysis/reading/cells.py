@@ -61,9 +61,10 @@ UNITS: Final[Mapping[str, Mapping[str, float]]] = MappingProxyType(
 """What one unit of theirs is in ours, by the ending of our column."""
 _MIN: Final[Mapping[str, int]] = MappingProxyType(
     {"schema": SCHEMA, "block": HANDS_OFF_BLOCK, "trial": 1, "attempt": 1}
-    | dict.fromkeys(("detected", "presented", "missed", "rt_s", "level_vpp", "foreperiod_s"), 0)
-    | dict.fromkeys(("level_left_vpp", "level_right_vpp", "peak_left_um", "peak_right_um"), 0)
+    | dict.fromkeys(("detected", "presented", "missed", "rt_s", "foreperiod_s"), 0)
 )
+_SIZES: Final = ("_vpp", "_um")
+"""Endings of the names of levels and displacements, which are at least 0."""
 _LARGEST_WHOLE: Final = 2**53
 _MAX_TEXT: Final = 64
 _NUMBER: Final = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?", re.ASCII)
@@ -163,7 +164,10 @@ class CellReader:
 
     @property
     def _smallest(self) -> float:
-        return _MIN.get(self.column.name, -math.inf) if self.minimum is None else self.minimum
+        if self.minimum is not None:
+            return self.minimum
+        is_size = self.column.name.endswith(_SIZES)
+        return _MIN.get(self.column.name, 0 if is_size else -math.inf)
 
     @property
     def allowed(self) -> str:

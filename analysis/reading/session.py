@@ -22,7 +22,7 @@ from analysis.reading.text import (
 from experiment.bounded import read_bounded
 from experiment.names import OTHER_VERSION
 from experiment.record.files import JOURNAL, PLAN, SESSIONS_TABLE
-from experiment.record.rows import COLUMNS, SCHEMA
+from experiment.record.rows import SCHEMA, columns_of
 from experiment.record.verify import examine
 
 if TYPE_CHECKING:
@@ -34,21 +34,23 @@ if TYPE_CHECKING:
     from analysis.reading.sources import InputTable
     from experiment.record.entries import MeasuredRow
     from experiment.record.index import Difference
+    from experiment.tasks.task import Task
     from experiment.trial.plan import Plan
 
 
-NAMES = tuple(column.name for column in COLUMNS)
 _MAX_TABLE_BYTES: Final = 500_000_000
 _EXPORTED_SUFFIX: Final = ".tsv"
 _EXPORTED: Final = TextFormat(delimiter="\t")
 """How `tactstrip export --bids` writes events."""
 
 
-def read_own_texts(raw: bytes, table: Path, *, empty_allowed: bool) -> Iterator[pd.DataFrame]:
+def read_own_texts(
+    raw: bytes, table: Path, task: Task, *, empty_allowed: bool
+) -> Iterator[pd.DataFrame]:
     """Yield the rows of a trials.csv, or of an exported events.tsv, as text, by their lines.
 
-    Raises ResultFileError as `text_chunks`, for a table of another version, and for an unknown or
-    missing column.
+    The columns are those of the task. Raises ResultFileError as `text_chunks`, for a table of
+    another version, and for an unknown or missing column.
     """
     file = str(table)
     form = _EXPORTED if table.suffix == _EXPORTED_SUFFIX else None
@@ -56,20 +58,21 @@ def read_own_texts(raw: bytes, table: Path, *, empty_allowed: bool) -> Iterator[
     for lines, cells in chunks:
         texts = text_frame(header, lines, cells)
         if form:
-            from experiment.record.bids import EVENT_COLUMNS
+            from experiment.record.bids import event_columns
 
-            if {*header} == {*EVENT_COLUMNS}:
-                sources = {name: ours for name, ours in EVENT_COLUMNS.items() if ours}
+            columns = event_columns(task)
+            if {*header} == {*columns}:
+                sources = {name: ours for name, ours in columns.items() if ours}
                 texts = texts[[*sources]].rename(columns=sources)
-        yield _own_columns(texts, file)
+        yield _own_columns(texts, file, [column.name for column in columns_of(task)])
 
 
-def _own_columns(texts: pd.DataFrame, file: str) -> pd.DataFrame:
+def _own_columns(texts: pd.DataFrame, file: str, expected: list[str]) -> pd.DataFrame:
     names = [str(name) for name in texts.columns]
-    unknown = [f"unknown column {shown(name)}" for name in names if name not in NAMES]
-    missing = [name for name in NAMES if name not in names]
+    unknown = [f"unknown column {shown(name)}" for name in names if name not in expected]
+    missing = [name for name in expected if name not in names]
     if not (unknown or missing):
-        return texts if names == [*NAMES] else texts[[*NAMES]]
+        return texts if names == expected else texts[expected]
     schema = "".join(texts["schema"].head(1)) if "schema" in texts else ""
     if schema.isdecimal() and int(schema) != SCHEMA:
         message = f"schema must be {SCHEMA}; got {shown(schema)}: {OTHER_VERSION}"

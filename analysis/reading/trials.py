@@ -39,6 +39,7 @@ from analysis.reading.session import (
 )
 from analysis.reading.sources import FILE, TABLE, find_sources
 from analysis.reading.text import ResultFileError, named, one_line, shown
+from analysis.task_columns import with_task
 from experiment.names import NOT_AVAILABLE
 from experiment.record.rows import COLUMNS, columns_of, format_value
 from experiment.tasks import LEFT_RIGHT_BOTH, TASKS, make_task
@@ -199,12 +200,12 @@ def read_trials(paths: Sequence[str | Path], columns: ColumnMap | None = None) -
         One row per trial. The columns of `experiment.COLUMNS`: text for identifiers, categoricals
         for words, int64, float64 (NaN where there is no value), bool, nullable boolean for
         ``correct`` and ``noise_ok``. ``level_vpp`` is NaN where there is no stimulus. Then ``file``
-        and ``line``, where the row stands, ``task``, the name of the task whose words a row has,
-        and ``none_offered``, whether "none" could be answered:
-        by the plan beside the file; without one true where the map says yes or no, or anybody gave
-        this answer in the same condition of the same study; else unknown. ``reason``, why the trial
-        does not count, is empty text where it does; ``fault`` is what is amiss with it whatever its
-        kind.
+        and ``line``, where the row stands, ``task`` and ``sites``, the name of the task whose words
+        a row has and its sites between slashes, and ``none_offered``, whether "none" could be
+        answered: by the plan beside the file; without one true where the map says yes or no, or
+        anybody gave this answer in the same condition of the same study; else unknown. ``reason``,
+        why the trial does not count, is empty text where it does; ``fault`` is what is amiss with
+        it whatever its kind.
 
     Raises
     ------
@@ -381,7 +382,7 @@ class _Reader:
                 chunks = read_texts(raw, table, self.columns, self.filter, self.unused)
             else:
                 empty_allowed = record.progress is not None
-                chunks = read_own_texts(raw, table.path, empty_allowed=empty_allowed)
+                chunks = read_own_texts(raw, table.path, self.task, empty_allowed=empty_allowed)
             for texts in chunks:
                 # As objects: a file's name need not be text that can be encoded.
                 files = np.full(len(texts), file, dtype=object)
@@ -390,7 +391,7 @@ class _Reader:
     def _type(self, texts: pd.DataFrame) -> pd.DataFrame:
         if self.columns is None:
             _refuse_words(texts, self.task)
-            rows = read_columns(texts, _readers(self.task)).assign(task=self.task.name)
+            rows = with_task(read_columns(texts, _readers(self.task)), self.task)
         else:
             rows = read_external(texts, self.columns)
         files = rows["file"].unique()
@@ -410,7 +411,7 @@ class _Reader:
         without_plan = "" if record.progress else " (without a plan.json)"
         first, name = self.task, self._first
         self.task, self._first = task, self._first or file
-        if name and (task.name, task.reference_vpp) != (first.name, first.reference_vpp):
+        if name and _name_task(task) != _name_task(first):
             message = (
                 f"the task is {_name_task(task)}{without_plan}, that of {one_line(name)} is "
                 f"{_name_task(first)}; analyze sessions of different tasks one by one"
@@ -420,7 +421,7 @@ class _Reader:
 
 def _name_task(task: Task) -> str:
     of_reference = f" with a reference of {task.reference_vpp or 0.0:g} Vpp" * task.has_reference
-    return f"{task.name}{of_reference}"
+    return f"{task.name} at {', '.join(task.sites)}{of_reference}"
 
 
 def _readers(task: Task) -> tuple[CellReader, ...]:
@@ -529,8 +530,8 @@ def has_stimulus(rows: pd.DataFrame, task: Task) -> pd.Series[bool]:
 def _with_verdicts(rows: pd.DataFrame, task: Task) -> pd.DataFrame:
     """Fill in ``correct``; return the columns of trials.csv, where a row stands, and the task."""
     rows["correct"] = rows["correct"].astype("boolean").fillna(expected_correct(rows, task))
-    rows = rows[[*(column.name for column in COLUMNS), "file", "line"]]
-    return rows.assign(task=task.name)
+    rows = rows[[*(column.name for column in columns_of(task)), "file", "line"]]
+    return with_task(rows, task)
 
 
 def expected_correct(rows: pd.DataFrame, task: Task = LEFT_RIGHT_BOTH) -> pd.Series[Any]:

@@ -10,7 +10,8 @@ import pandas as pd
 
 from analysis.axis import LARGEST, VOLTS, Axis, XScale
 from analysis.counts.intervals import checked_counts
-from analysis.counts.table import PERSON, count_answers, count_levels, counted, task_of
+from analysis.counts.table import PERSON, count_answers, count_levels, counted
+from analysis.task_columns import task_of
 from analysis.thresholds.function import FunctionName
 from analysis.thresholds.guess import (
     GuessRate,

@@ -8,7 +8,6 @@ from itertools import product
 from typing import TYPE_CHECKING, Any, Final
 
 from experiment.check.check import check_study, with_each_edge
-from experiment.perception.gains import DRIVEN_FINGERS
 from experiment.perception.thresholds import ReferenceVibration
 from experiment.study.base import Fault
 from experiment.study.physics import MAX_LOSS, MIN_LOSS, driven_per_load_m, study_gains
@@ -200,7 +199,9 @@ def _compare(
     threshold_vpp = threshold_db = None
     if check is not None and check.gains is not None:
         if study.simulation.reference_vibration.values:
-            threshold_vpp = median_threshold(tried, check.gains.fingers()).threshold_vpp
+            threshold_vpp = median_threshold(
+                tried, check.gains.at_fingers(tried.task.sites)
+            ).threshold_vpp
         elif reference_m is not None:
             threshold_db = _threshold_db(tried, reference, reference_m)
     return {
@@ -210,8 +211,8 @@ def _compare(
         "conditions": [of.name for of in study.conditions if of.drive == burst],
         "edges": edges,
         "peak_um": {
-            side: None if check is None else check.peak_um(index, index, level_vpp)
-            for index, side in enumerate(DRIVEN_FINGERS)
+            site: None if check is None else check.peak_um(index, index, level_vpp)
+            for index, site in enumerate(study.task.sites)
         },
         "threshold_vpp": threshold_vpp,
         "threshold_db": threshold_db,

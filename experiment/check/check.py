@@ -11,7 +11,7 @@ from experiment.check.warnings import Rule, apply_rules
 from experiment.exits import ANSWER_IS_NO, CommandError
 from experiment.hardware.setup import chosen_settings, mock_device, read_limits
 from experiment.hardware.suitability import require_playable, require_suitable
-from experiment.perception.gains import DRIVEN_FINGERS, significant
+from experiment.perception.gains import significant
 from experiment.study.base import Fault
 from experiment.trial.draw import block_count
 from stimuli import Burst, BurstCheck, SampledDrive, check_burst
@@ -74,6 +74,7 @@ class ConditionCheck:
     """A condition, and its burst beside the limits of strip and fingers."""
 
     condition: Condition
+    sites: tuple[str, ...]
     burst: BurstCheck
     gains: ConditionGains | None  # None where it was not computed
     # with the least and the greatest loss assumed, where the study sets none; with and without the
@@ -99,16 +100,14 @@ class ConditionCheck:
         ):
             data = {"form": form, "part": energy, "limit": burst.max_energy_above_cutoff}
             rules.append((energy > burst.max_energy_above_cutoff, "energy_above_cutoff", data))
-        for driven, undriven in ((0, 1), (1, 0)) if self.gains is not None else ():
-            level_db, limit_db = self.level_db(undriven, driven), -self.masking_threshold_db
-            error_db = self.level_error_db(undriven, driven) or 0.0
-            code = "crosstalk_above_limit" if level_db > limit_db else "uncertain_crosstalk"
-            data = {
-                "driven": DRIVEN_FINGERS[driven],
-                "crosstalk_db": level_db,
-                "error_db": error_db,
-            }
-            rules.append((level_db + error_db > limit_db, code, data | {"limit_db": limit_db}))
+        limit_db = -self.masking_threshold_db
+        for driven, site in enumerate(self.sites):
+            level_db, error_db = self.crosstalk_of(driven)
+            if level_db is not None:
+                code = "crosstalk_above_limit" if level_db > limit_db else "uncertain_crosstalk"
+                data = {"driven": site, "crosstalk_db": level_db, "error_db": error_db or 0.0}
+                is_violated = level_db + (error_db or 0.0) > limit_db
+                rules.append((is_violated, code, data | {"limit_db": limit_db}))
         return apply_rules(rules)
 
     def level_db(self, finger: int, actuator: int) -> float:
@@ -127,17 +126,28 @@ class ConditionCheck:
             return None
         return significant(self.gains.per_vpp[finger][actuator] * level_vpp)
 
+    def crosstalk_of(self, driven: int) -> tuple[float | None, float | None]:
+        """Return the greatest crosstalk of a driven actuator, and its error; None where unknown.
+
+        It is that at the undriven finger that gets most. A single site has none.
+        """
+        others = [finger for finger in range(len(self.sites)) if finger != driven]
+        if self.gains is None or not others:
+            return None, None
+        worst = max(others, key=lambda finger: self.level_db(finger, driven))
+        return self.level_db(worst, driven), self.level_error_db(worst, driven)
+
     @property
     def crosstalk_db(self) -> float | None:
-        """The greater crosstalk of the two sides; None where it was not computed."""
-        return None if self.gains is None else max(self.level_db(1, 0), self.level_db(0, 1))
+        """The greatest crosstalk of all sites; None where it was not computed."""
+        levels_db = [self.crosstalk_of(driven)[0] for driven in range(len(self.sites))]
+        return max((level_db for level_db in levels_db if level_db is not None), default=None)
 
     @property
     def crosstalk_error_db(self) -> float | None:
-        """The greater error of both."""
-        if self.peak_errors is None:
-            return None
-        return float(max(self.peak_errors.levels_db[1, 0], self.peak_errors.levels_db[0, 1]))
+        """The greatest error of all."""
+        errors_db = [self.crosstalk_of(driven)[1] for driven in range(len(self.sites))]
+        return max((error_db for error_db in errors_db if error_db is not None), default=None)
 
     @property
     def verdict(self) -> Verdict:
@@ -223,10 +233,10 @@ def check_study(study: Study, gains: tuple[ConditionGains, ...] | None = None) -
     >>> check.verdict, round(check.cutoff_hz), check.trials, check.blocks
     ('within limits', 2900, 155, 5)
     """
-    trials = study.design.trials * len(study.conditions)
+    trials = study.design.trials_at(len(study.driven)) * len(study.conditions)
     bursts = [_check_burst(study, condition) for condition in study.conditions]
     try:
-        blocks = block_count(study.design) * len(study.conditions)
+        blocks = block_count(study.design, study.task) * len(study.conditions)
         require_playable(study)
     except ValueError as error:
         raise study.refused(Fault("", str(error))) from error
@@ -262,6 +272,7 @@ def check_study(study: Study, gains: tuple[ConditionGains, ...] | None = None) -
     conditions = tuple(
         ConditionCheck(
             condition=condition,
+            sites=study.task.sites,
             burst=burst,
             gains=gains_of.get(condition.name),
             variants=tuple(one for one in variants if one.gains.condition == condition.name),
@@ -335,7 +346,11 @@ def _check_burst(study: Study, condition: Condition) -> BurstCheck:
 
 def _duration_s(study: Study, blocks: int) -> float:
     design = study.design
-    each = design.trials + design.hands_off_trials_before + design.hands_off_trials_after
+    each = (
+        design.trials_at(len(study.driven))
+        + design.hands_off_trials_before
+        + design.hands_off_trials_after
+    )
     trials = each * len(study.conditions) + design.practice_trials
     breaks = blocks - 1 + (design.hands_off_trials_after > 0)
     return trials * study.trial_s + breaks * design.min_break_s

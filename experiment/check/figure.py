@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import contextlib
 import io
+import math
 import tempfile
 import warnings
 from pathlib import Path
@@ -39,16 +40,14 @@ _MOTION_IN: Final = (9.0, 4.4)
 _MOTION_DPI: Final = 100
 """Videos want even numbers of pixels."""
 _BAND_PANEL_IN: Final = (4.4, 3.8)
+_MAX_COLUMNS: Final = 4
 _MIN_DB: Final = -60.0
 _MIN_BAND_DB: Final = -100.0
 """Smallest levels that a map and a band show."""
 # Okabe & Ito's colours for all kinds of colour vision.
 _DRIVEN_LINE: Any = {"color": "#0072B2", "lw": 1.6}
-_UNDRIVEN_LINES: tuple[Any, ...] = (
-    {"color": "#D55E00", "lw": 1.6, "ls": (0, (5, 2))},
-    {"color": "#009E73", "lw": 1.6, "ls": (0, (2, 1.5))},
-)
-_MOVING_LINES: Final = {"driven finger": _DRIVEN_LINE, "undriven finger": _UNDRIVEN_LINES[0]}
+_UNDRIVEN_LINE: Any = {"color": "#D55E00", "lw": 1.6, "ls": (0, (5, 2))}
+_MOVING_LINES: Final = {"driven finger": _DRIVEN_LINE, "undriven finger": _UNDRIVEN_LINE}
 _LEVEL: Any = {"color": "black", "lw": 1.4}
 _CONTOUR: Any = {"colors": "black", "linewidths": 1.4, "linestyles": "solid"}
 _LIMIT: Any = {"color": "#666666", "lw": 0.9, "ls": "-."}
@@ -104,8 +103,10 @@ def _styled() -> Iterator[None]:
 def _panel_title(plate: PlatePreview, driven: int) -> str:
     """Name the driven actuator, and the crosstalk of its burst where it is known."""
     title = f"{plate.names[driven]} actuator driven"
-    for level in plate.burst_levels_db[driven : driven + 1]:
-        title += f"; crosstalk of the burst {format_level(*level)}".replace("-", "−")
+    for level_db, error_db in plate.burst_levels_db[driven : driven + 1]:
+        if level_db is not None:
+            level = format_level(level_db, error_db).replace("-", "−")
+            title += f"; crosstalk of the burst {level}"
     return title
 
 
@@ -189,11 +190,15 @@ def _band_figure(field: PlateBand) -> Figure:
 
     plate, names, limit_db = field.plate, field.plate.names, field.plate.masking_threshold_db
     width_in, height_in = _BAND_PANEL_IN
-    figure = Figure(figsize=(width_in * len(names), height_in), layout="constrained")
-    panels = figure.subplots(1, len(names), squeeze=False, sharey=True).ravel()
-    for driven, axes in enumerate(panels):
-        for other, style in zip(plate.others_of(driven), _UNDRIVEN_LINES, strict=False):
-            axes.plot(field.frequencies_hz, field.level_db(driven, other), **style)
+    columns = min(len(names), _MAX_COLUMNS)
+    rows = math.ceil(len(names) / columns)
+    figure = Figure(figsize=(width_in * columns, height_in * rows), layout="constrained")
+    panels = figure.subplots(rows, columns, squeeze=False, sharey=True).ravel()
+    for axes in panels[len(names) :]:
+        axes.set_axis_off()
+    for driven, axes in enumerate(panels[: len(names)]):
+        for other in plate.others_of(driven):
+            axes.plot(field.frequencies_hz, field.level_db(driven, other), **_UNDRIVEN_LINE)
         axes.axhline(-limit_db, **_LIMIT)
         for cutoff_hz in field.cutoffs_hz:
             axes.axvline(cutoff_hz, **_CUTOFF)
@@ -204,10 +209,8 @@ def _band_figure(field: PlateBand) -> Figure:
         axes.set_axisbelow(True)
     panels[0].set_ylabel("undriven finger (dB re driven finger)")
     figure.suptitle(f"crosstalk of tones; {_cutoff(plate)}")
-    several = any(len(plate.others_of(driven)) > 1 for driven, _ in enumerate(names))
-    fingers = ("left finger", "right finger") if several else ("undriven finger",)
-    styles = dict(zip(fingers, _UNDRIVEN_LINES, strict=False))
-    styles |= {f"limit −{limit_db:g} dB": _LIMIT, "cut-off": _CUTOFF}
+    limit = f"limit −{limit_db:g} dB"
+    styles = {"undriven finger": _UNDRIVEN_LINE, limit: _LIMIT, "cut-off": _CUTOFF}
     _legend(figure, plate, _keys(styles))
     return figure
 
@@ -216,7 +219,7 @@ def _band_figure(field: PlateBand) -> Figure:
 
 
 def animate(motion: PlateMotion, file_type: str, shown: Callable[[int, int], object]) -> bytes:
-    """Draw the plate in time: the left actuator driven, then the right one.
+    """Draw the plate in time, with one actuator driven after the other.
 
     `shown` is called with the number of frames that are drawn, and with that of all. An MP4 needs
     ffmpeg.
@@ -243,7 +246,8 @@ def _moving_figure(motion: PlateMotion) -> tuple[Figure, Callable[[int], Sequenc
     image = _draw_still(figure, over, fingers, motion)
     title = over.set_title(" ")
     draw_outlines(over, plate)
-    lines = [fingers.plot([], [], **style)[0] for style in _MOVING_LINES.values()]
+    styles = [_DRIVEN_LINE, *[_UNDRIVEN_LINE] * (len(plate.fingers) - 1)]
+    lines = [fingers.plot([], [], **style)[0] for style in styles]
 
     def draw(frame: int) -> Sequence[Artist]:
         driven, time = divmod(frame, motion.times_s.size)

@@ -26,8 +26,6 @@ if TYPE_CHECKING:
 
 
 _DASHES: Final = (0, (3, 2))
-_FINGERS: Final = 2
-"""The first actuators have a finger above them, left and right."""
 
 
 @dataclass(frozen=True)
@@ -127,8 +125,8 @@ class PlatePreview:
         return "set" if self.study.plate.has_loss_factor else "assumed"
 
     @cached_property
-    def burst_levels_db(self) -> tuple[tuple[float, float | None], ...]:
-        """Crosstalk of the first condition's burst and its error, of left and right actuator.
+    def burst_levels_db(self) -> tuple[tuple[float | None, float | None], ...]:
+        """Crosstalk of the first condition's burst and its error, of each driven actuator.
 
         As in the check; empty where the study cannot be checked.
         """
@@ -138,18 +136,16 @@ class PlatePreview:
             check = check_study(self.study).conditions[0]
         except ValueError:  # tactstrip check reports it
             return ()
-        return tuple(
-            (check.level_db(*pair), check.level_error_db(*pair)) for pair in ((1, 0), (0, 1))
-        )
+        return tuple(map(check.crosstalk_of, range(len(self.fingers))))
 
     @property
     def fingers(self) -> tuple[Fingertip, ...]:
-        """The participant's two fingertips."""
-        return self.fingertips[:_FINGERS]
+        """The participant's fingertips."""
+        return self.fingertips[: len(self.study.driven)]
 
     def others_of(self, driven: int) -> tuple[int, ...]:
         """Return the fingers that are not above a driven actuator."""
-        return tuple(finger for finger in range(_FINGERS) if finger != driven)
+        return tuple(finger for finger in range(len(self.fingers)) if finger != driven)
 
     def scaled(self, per_load_m: Complex) -> Complex:
         """Return displacements for the drive, metres, from those per unit load, (n_loads, ...)."""

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from itertools import permutations
 from typing import TYPE_CHECKING, Any, Final
 
 from device.drivers import MOCK, NEEDS, channel_fault
 from experiment.check.check import alternative_edge, check_study, with_each_edge
 from experiment.check.warnings import apply_rules, sort_warnings
 from experiment.hardware.setup import device_faults, noise_faults
-from experiment.perception.gains import DRIVEN_FINGERS, UNEQUAL_DB
+from experiment.perception.gains import UNEQUAL_DB
 from experiment.study.design import ASSUMED_ANSWER_S
 from experiment.study.physics import chosen_window
 from experiment.study.stimulus import stimulus_values
@@ -126,6 +127,7 @@ def report_study(
         "contact": study.contact.model_dump(),
         "design": design.model_dump() | {"both_level_vpp": design.both_level_vpp},
         "task": study.task.name,
+        "sites": study.task.sites,
         "intervals": study.task.n_intervals,
         "trials": check.trials,
         "stimuli": dict.fromkeys(study.task.sites, design.trials_per_side)
@@ -133,7 +135,7 @@ def report_study(
         "block_trials": block_lengths(design, study.task),
         "repeats": design.trials_per_side / len(design.levels_vpp),
         "level_rule": study.levels.rule,
-        "both_fraction": design.both_trials / (2 * design.trials_per_side + design.both_trials),
+        "both_fraction": design.both_trials / (check.trials - design.blank_trials),
         "condition_orders": order_count(len(study.conditions)) if is_balanced else None,
         "hands_off_trials_before": design.hands_off_trials_before * len(study.conditions),
         "hands_off_trials_after": design.hands_off_trials_after * len(study.conditions),
@@ -211,7 +213,7 @@ def _report_actuator(study: Study, actuator: Actuator) -> dict[str, Any]:
     sizes = ("diameter_m", "length_x_m", "length_y_m", "finger_diameter_m")
     return {
         "name": actuator.label,
-        **_values(actuator, "side", "shape", "x_m", "y_m", *sizes),
+        **_values(actuator, "site", "shape", "x_m", "y_m", *sizes),
         "displacement": "copied" if actuator.assumed_equal_to else measured or predicted,
         **_values(actuator, "measured_displacement_um", "measured_at_vpp", "measured_at_hz"),
         **_values(actuator, "measured_as", "patch_counts"),
@@ -288,11 +290,12 @@ def _displacements(study: Study, tested: ConditionCheck, gains: ConditionGains) 
     plate, drive, level_vpp = study.plate, tested.condition.drive, study.design.highest_vpp
     strip, load = field_strip(study), study.finger_load
     work = peaks_of(strip, loads_of(study), fingertips_of(study), drive).work
-    fingers, errors = gains.fingers(), tested.peak_errors
+    sites, errors = tested.sites, tested.peak_errors
+    fingers = gains.at_fingers(sites)
 
     def undriven_finger(finger: int, actuator: int) -> dict[str, Any]:
         return {
-            "finger": DRIVEN_FINGERS[finger],
+            "finger": sites[finger],
             "peak_um": tested.peak_um(finger, actuator, level_vpp),
             "crosstalk_db": tested.level_db(finger, actuator),  # the worst of the variants
             "crosstalk_error_db": tested.level_error_db(finger, actuator),
@@ -315,11 +318,22 @@ def _displacements(study: Study, tested: ConditionCheck, gains: ConditionGains) 
                 "name": name,
                 "basis": gains.bases[index],
                 "peak_um": tested.peak_um(index, index, level_vpp),
-                "fingers": [undriven_finger(other, index) for other in (0, 1) if other != index],
+                **dict(
+                    zip(
+                        ("crosstalk_db", "crosstalk_error_db"),
+                        tested.crosstalk_of(index),
+                        strict=True,
+                    )
+                ),
+                "fingers": [
+                    undriven_finger(finger, index)
+                    for finger in range(len(sites))
+                    if finger != index
+                ],
             }
             for index, name in enumerate(gains.actuators)
         ],
-        "right_re_left_db": None if fingers.basis is None else fingers.right_re_left_db,
+        "re_first_db": None if fingers.basis is None else fingers.re_first_db,
         "peak_error": None if errors is None else errors.driven,
         "loss_basis": "set" if plate.has_loss_factor else "assumed",
         "loss_factors": [plate.loss_factor] if plate.has_loss_factor else [MIN_LOSS, MAX_LOSS],
@@ -350,14 +364,17 @@ def _displacement_rules(
     bases = dict(zip(gains.actuators, gains.bases, strict=True))
     unknown = " and ".join(name for name, basis in bases.items() if basis is None)
     yield bool(unknown), "unknown_displacement", {"actuators": unknown}
-    has_basis = {bases[side] is not None for side in DRIVEN_FINGERS}
-    yield has_basis == {True, False}, "one_sided_displacement", {}
-    fingers = gains.fingers()
-    difference_db = 0.0 if fingers.basis is None else fingers.right_re_left_db
-    smaller, larger = DRIVEN_FINGERS if difference_db > 0 else DRIVEN_FINGERS[::-1]
-    data = {"larger": larger, "smaller": smaller, "difference_db": abs(difference_db)}
-    yield abs(difference_db) >= UNEQUAL_DB, "unequal_sides", data
-    is_below = min(tested.level_db(1, 0), tested.level_db(0, 1)) < _MIN_MODEL_DB
+    has_basis = {bases[site] is not None for site in tested.sites}
+    yield has_basis == {True, False}, "partial_displacement", {}
+    fingers = gains.at_fingers(tested.sites)
+    by_site = dict(zip(tested.sites, fingers.re_first_db, strict=True))
+    smaller, larger = (pick(by_site, key=by_site.__getitem__) for pick in (min, max))
+    difference_db = by_site[larger] - by_site[smaller]
+    data = {"larger": larger, "smaller": smaller, "difference_db": difference_db}
+    is_known = fingers.basis is not None
+    yield is_known and difference_db >= UNEQUAL_DB, "unequal_sides", data
+    pairs = permutations(range(len(tested.sites)), 2)
+    is_below = any(tested.level_db(finger, driven) < _MIN_MODEL_DB for finger, driven in pairs)
     yield is_below, "crosstalk_below_model", {"limit_db": _MIN_MODEL_DB}
     load, drive = study.finger_load, tested.condition.drive
     if load.impedance is not None and not load.impedance.holds_for(drive):
@@ -416,7 +433,7 @@ def _design_rules(study: Study) -> Iterator[Rule]:
 def simulated_participants(study: Study, gains: tuple[ConditionGains, ...]) -> dict[str, Any]:
     """Report where simulated participants' thresholds lie, and what speaks against the levels."""
     thresholds = [
-        median_threshold(study, of_condition.fingers(), index=index)
+        median_threshold(study, of_condition.at_fingers(study.task.sites), index=index)
         for index, of_condition in enumerate(gains)
     ]
     people = study.simulation

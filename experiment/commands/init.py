@@ -131,7 +131,7 @@ def _pair(actuators: tuple[dict[str, Any], ...]) -> list[dict[str, Any]]:
     if len(tables) != len(SITES):
         raise CommandError(f"--actuator: must be given once or twice (got {len(tables)})")
     tables.sort(key=lambda table: float(table["x_mm"]))
-    return [{"side": site} | table for site, table in zip(SITES, tables, strict=True)]
+    return [{"site": site} | table for site, table in zip(SITES, tables, strict=True)]
 
 
 def _option_names(disc: str | None) -> dict[str, str]:
@@ -242,7 +242,7 @@ def pilot_levels_vpp(study: Study) -> list[float]:
     low_vpp = high_vpp / 10
     has_displacements = study.simulation.threshold_um is not None
     if has_displacements or "threshold_vpp" in study.simulation.model_fields_set:
-        gains = study_gains(study)[0].fingers()
+        gains = study_gains(study)[0].at_fingers(study.task.sites)
         level_vpp = median_threshold(study, gains).threshold_vpp
         if level_vpp * _PILOT_RANGE < high_vpp:
             low_vpp, high_vpp = level_vpp / _PILOT_RANGE, level_vpp * _PILOT_RANGE

@@ -1,6 +1,6 @@
 """What simulated participants answer: the probability of every answer, and draws from it.
 
-The psychometric function, masking between the fingers, lapses and reaction times are here; which
+The psychometric function, masking between fingers, lapses and reaction times are here; which
 answer follows from what was detected is the task's (`experiment.tasks`). Equations (28) to
 (30) of docs/model.md.
 """
@@ -44,22 +44,22 @@ def answer_probabilities(
     response_window_s: float,
     *,
     gains: FingerGains,
-    shift_db: tuple[ArrayLike, ArrayLike] = (0.0, 0.0),
+    shift_db: Sequence[ArrayLike] = (0.0,),
     task: Task = LEFT_RIGHT_BOTH,
 ) -> Floats:
     """Return how often each response is given; what is left to 1 is too late.
 
-    Levels of the left and of the right actuator, for each interval, and shifts of the two fingers'
-    thresholds are (stimuli,) or (people, stimuli), the result (people, stimuli, responses). The
-    people are of one population: whether masking, cross-talk and thresholds are stated in dB or um
-    is that of all.
+    Levels of the actuator at each site, for each interval, and shifts of the thresholds at each
+    site, or of all, are (stimuli,) or (people, stimuli), the result (people, stimuli, responses).
+    The people are of one population: whether masking, cross-talk and thresholds are stated in dB or
+    um is that of all.
 
     >>> from experiment.study.files import paper_study
-    >>> from experiment.perception.gains import WITHOUT_CROSSTALK
+    >>> from experiment.perception.gains import without_crosstalk
     >>> from dataclasses import replace
     >>> person = replace(paper_study().simulation.median, threshold_um=None, threshold_vpp=60.0)
     >>> p = answer_probabilities([person], [([60.0], [0.0])], LEFT_RIGHT_BOTH.sites, 9.0,
-    ...                          gains=WITHOUT_CROSSTALK)
+    ...                          gains=without_crosstalk(2))
     >>> p.round(2).tolist()
     [[[0.74, 0.26]]]
     """
@@ -81,7 +81,7 @@ def draw_answers(
     rng: np.random.Generator,
     *,
     gains: FingerGains,
-    shift_db: tuple[ArrayLike, ArrayLike] = (0.0, 0.0),
+    shift_db: Sequence[ArrayLike] = (0.0,),
     task: Task = LEFT_RIGHT_BOTH,
 ) -> tuple[NDArray[np.int64], Floats]:
     """Draw the answers to trials, as `answer_probabilities` has them.
@@ -108,7 +108,7 @@ def _sense_intervals(
     people: Sequence[Observer],
     levels_vpp: Sequence[Sequence[ArrayLike]],
     gains: FingerGains,
-    shift_db: tuple[ArrayLike, ArrayLike],
+    shift_db: Sequence[ArrayLike],
 ) -> tuple[list[Sensation], Floats]:
     """Return the sensation in each interval, and how clear the clearest one is.
 
@@ -122,27 +122,40 @@ def _sense(
     people: Sequence[Observer],
     levels_vpp: Sequence[ArrayLike],
     gains: FingerGains,
-    shift_db: tuple[ArrayLike, ArrayLike],
+    shift_db: Sequence[ArrayLike],
 ) -> tuple[Sensation, Floats]:
     if people[0].crosstalk_db is not None:
         gains = gains.with_crosstalk(people[0].crosstalk_db)
     # the first axis is that of the fingers
-    first_vpp, second_vpp = (np.asarray(vpp, dtype=np.float64) for vpp in levels_vpp)
-    from_first, from_second = np.array([gains.left, gains.right]).T[..., None, None]
-    amplitudes = from_first * first_vpp + from_second * second_vpp
+    arrays = [np.asarray(vpp, dtype=np.float64) for vpp in levels_vpp]
+    amplitudes = np.array(
+        [
+            np.atleast_2d(sum(gain * vpp for gain, vpp in zip(row, arrays, strict=True)))
+            for row in gains.per_vpp
+        ]
+    )
     thresholds = np.array([person.thresholds(gains) for person in people]).T[..., None]
     shifts_db = np.stack(np.broadcast_arrays(*map(np.atleast_2d, shift_db)))
     with np.errstate(divide="ignore"):
         over = np.log10(amplitudes / thresholds) - shifts_db / 20
     has_slope = people[0].masking_slope is not None
     if has_slope:
-        over = over - _of(people, "masking_slope") * np.maximum(over[::-1], 0.0)
+        over = over - _of(people, "masking_slope") * np.maximum(_strongest_other(over), 0.0)
     strengths = over / _of(people, "sigma")
     detected = np.asarray(ndtr(strengths))
     clarity = detected.max(axis=0)
     if not has_slope:
-        detected = detected * (amplitudes * _MASKING_RATIO > amplitudes[::-1] * _ROUNDING)
+        detected = detected * (
+            amplitudes * _MASKING_RATIO > _strongest_other(amplitudes) * _ROUNDING
+        )
     return Sensation([*detected], [*amplitudes], [*strengths]), clarity
+
+
+def _strongest_other(values: Floats) -> Floats:
+    """Return the largest value of all other fingers, for each finger; -1 where there is none."""
+    return np.array(
+        [np.delete(values, i, axis=0).max(axis=0, initial=-1.0) for i in range(len(values))]
+    )
 
 
 def _decide(

@@ -8,13 +8,15 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import Final, get_args
+from typing import TYPE_CHECKING, Final, get_args
 
 from pydantic import TypeAdapter
 
-from experiment.tasks import SITES
 from stimuli.checks import finite
 from stimuli.fingers.actuator import Basis
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
 
 SIGNIFICANT_DIGITS: Final = 4
 """Digits of a gain and of a displacement in trials.csv. What is computed is good to about 1 %; the
@@ -23,9 +25,6 @@ others keep equal steps of level equal, and the last bit of a machine shows in n
 UNEQUAL_DB: Final = 1.0
 """From here on it is told that the same volts move one finger more; people differ by 1.5 dB and
 more."""
-
-DRIVEN_FINGERS: Final = SITES
-"""The actuators under the two fingers: the first two of every matrix."""
 
 BASES: Final = get_args(Basis)
 """Where a displacement comes from, the stronger basis first."""
@@ -44,81 +43,80 @@ def significant(value: float) -> float:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FingerGains:
-    """What the two fingers get of the two actuators under them.
+    """What the fingers at the sites of a task get of the actuators under them.
 
     Attributes
     ----------
-    left, right : tuple of float
-        Peak displacement at that finger per Vpp of the left and of the right actuator: in um where
-        the basis is known, else relative to what an actuator does at its own finger.
-    basis : str or None
-        A word of `BASES`, the weaker one if they differ; none where no displacement is
-        known.
-    bases : tuple of str or None
-        That of the left and of the right actuator, if they differ.
+    per_vpp : tuple of tuple of float
+        A row for each finger, a column for each driven actuator: peak displacement per Vpp, in um
+        where the basis is known, else relative to what an actuator does at its own finger.
+    bases : tuple of (str or None)
+        A word of `BASES` for each actuator; none where no displacement is known.
 
     Examples
     --------
-    >>> gains = FingerGains(left=(0.02, 0.001), right=(0.001, 0.02), basis="measured")
+    >>> gains = FingerGains(per_vpp=((0.02, 0.001), (0.001, 0.02)), bases=("measured",) * 2)
     >>> gains.peaks_um((100.0, 0.0))
     (2.0, 0.1)
-    >>> WITHOUT_CROSSTALK.amplitudes((100.0, 60.0)), WITHOUT_CROSSTALK.peaks_um((100.0, 60.0))
+    >>> without_crosstalk(2).amplitudes((100.0, 60.0)), without_crosstalk(2).peaks_um((100.0, 60.0))
     ((100.0, 60.0), None)
     """
 
-    left: tuple[float, float]
-    right: tuple[float, float]
-    basis: str | None
-    bases: tuple[str, str] | None = None
+    per_vpp: tuple[tuple[float, ...], ...]
+    bases: tuple[str | None, ...]
 
     @property
-    def right_re_left_db(self) -> float:
-        """How much more the same volts move the right finger than the left, each by its own.
+    def basis(self) -> str | None:
+        """The weakest of `bases`; none if one of them is not known."""
+        return None if None in self.bases else max(self.bases, key=BASES.index)
 
-        >>> gains = FingerGains(left=(0.02, 0), right=(0, 0.03), basis="measured")
-        >>> round(gains.right_re_left_db, 1)
-        3.5
+    @property
+    def own(self) -> tuple[float, ...]:
+        """What each finger gets per Vpp of the actuator under it."""
+        return tuple(row[site] for site, row in enumerate(self.per_vpp))
+
+    @property
+    def re_first_db(self) -> tuple[float, ...]:
+        """How much more the same volts move each finger than the first, by its own actuator.
+
+        >>> gains = FingerGains(per_vpp=((0.02, 0), (0, 0.03)), bases=("measured",) * 2)
+        >>> [round(level_db, 1) for level_db in gains.re_first_db]
+        [0.0, 3.5]
         """
-        return 20 * math.log10(self.right[1] / self.left[0])
+        return tuple(20 * math.log10(gain / self.own[0]) for gain in self.own)
 
-    def amplitudes(self, levels_vpp: tuple[float, float]) -> tuple[float, float]:
-        """Return the greatest displacement at the left and at the right finger.
+    def amplitudes(self, levels_vpp: Sequence[float]) -> tuple[float, ...]:
+        """Return the greatest displacement at each finger.
 
-        What comes from the two actuators adds as if the peaks came at the same time: with both
-        driven it is an upper bound.
+        What comes from several actuators adds as if the peaks came at the same time: where more
+        than one is driven it is an upper bound.
 
         Parameters
         ----------
-        levels_vpp : tuple of float
-            Levels of the left and the right actuator; 0 for a silent one.
+        levels_vpp : sequence of float
+            Levels of the actuators; 0 for a silent one.
         """
-        left_vpp, right_vpp = levels_vpp
-        return (
-            self.left[0] * left_vpp + self.left[1] * right_vpp,
-            self.right[0] * left_vpp + self.right[1] * right_vpp,
+        return tuple(
+            sum(gain * level for gain, level in zip(row, levels_vpp, strict=True))
+            for row in self.per_vpp
         )
 
-    def peaks_um(self, levels_vpp: tuple[float, float]) -> tuple[float, float] | None:
+    def peaks_um(self, levels_vpp: Sequence[float]) -> tuple[float, ...] | None:
         """Return `amplitudes` in um to `SIGNIFICANT_DIGITS`; none without a basis."""
-        if self.basis is None:
-            return None
-        left_um, right_um = self.amplitudes(levels_vpp)
-        return significant(left_um), significant(right_um)
+        return None if self.basis is None else tuple(map(significant, self.amplitudes(levels_vpp)))
 
-    def basis_of(self, levels_vpp: tuple[float, float]) -> str | None:
+    def basis_of(self, levels_vpp: Sequence[float]) -> str | None:
         """Return the basis of what the driven actuators do.
 
         Examples
         --------
-        >>> gains = FingerGains(left=(0.02, 0.0), right=(0.0, 0.02), basis="predicted",
-        ...                     bases=("measured", "predicted"))
+        >>> gains = FingerGains(per_vpp=((0.02, 0.0), (0.0, 0.02)), bases=("measured", "predicted"))
         >>> gains.basis_of((100.0, 0.0)), gains.basis_of((100.0, 60.0))
         ('measured', 'predicted')
         """
-        left_vpp, right_vpp = levels_vpp
-        if self.bases is None or (left_vpp > 0) == (right_vpp > 0):
-            return self.basis
-        return self.bases[0 if left_vpp > 0 else 1]
+        pairs = zip(self.bases, levels_vpp, strict=True)
+        driven = [basis for basis, level_vpp in pairs if level_vpp > 0]
+        return replace(self, bases=tuple(driven or self.bases)).basis if self.basis else None
 
     def with_crosstalk(self, crosstalk_db: float) -> FingerGains:
         """Return the same actuators on a plate of another cross-talk.
@@ -126,20 +124,26 @@ class FingerGains:
         Parameters
         ----------
         crosstalk_db : float
-            Amplitude at the other finger, dB re the amplitude at the actuator's own.
+            Amplitude at every other finger, dB re the amplitude at the actuator's own.
 
         Examples
         --------
-        >>> WITHOUT_CROSSTALK.with_crosstalk(-20.0).left
-        (1.0, 0.1)
+        >>> without_crosstalk(2).with_crosstalk(-20.0).per_vpp
+        ((1.0, 0.1), (0.1, 1.0))
         """
         leak: float = 10.0 ** (crosstalk_db / 20)
-        left, right = self.left[0], self.right[1]
-        return replace(self, left=(left, leak * right), right=(leak * left, right))
+        own = self.own
+        per_vpp = tuple(
+            tuple(gain * (1.0 if finger == site else leak) for site, gain in enumerate(own))
+            for finger in range(len(own))
+        )
+        return replace(self, per_vpp=per_vpp)
 
 
-WITHOUT_CROSSTALK: Final = FingerGains(left=(1.0, 0.0), right=(0.0, 1.0), basis=None)
-"""What a plan tells that was sealed without a matrix."""
+def without_crosstalk(n_sites: int) -> FingerGains:
+    """Return what a plan tells that was sealed without a matrix."""
+    per_vpp = tuple(tuple(float(f == site) for site in range(n_sites)) for f in range(n_sites))
+    return FingerGains(per_vpp=per_vpp, bases=(None,) * n_sites)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -151,7 +155,7 @@ class ConditionGains:
     condition : str
         The condition's name.
     actuators : tuple of str
-        ``left``, ``right``, then the others by name.
+        The sites, then the undriven actuators by name.
     bases : tuple of (str or None)
         For each actuator a word of `BASES`; none where its displacement is not known.
     per_vpp : tuple of tuple of float
@@ -166,10 +170,10 @@ class ConditionGains:
 
     Examples
     --------
-    >>> gains = ConditionGains(condition="main", actuators=DRIVEN_FINGERS,
+    >>> gains = ConditionGains(condition="main", actuators=("left", "right"),
     ...     bases=("measured", None), per_vpp=((0.02, 0.1), (0.001, 1.0)))
-    >>> gains.fingers()
-    FingerGains(left=(1.0, 0.1), right=(0.05, 1.0), basis=None, bases=None)
+    >>> gains.at_fingers(("left", "right"))
+    FingerGains(per_vpp=((1.0, 0.1), (0.05, 1.0)), bases=(None, None))
     """
 
     condition: str
@@ -179,10 +183,6 @@ class ConditionGains:
 
     def __post_init__(self) -> None:
         size = len(self.actuators)
-        if self.actuators[:2] != DRIVEN_FINGERS:
-            raise ValueError(
-                f"actuators must begin with {', '.join(DRIVEN_FINGERS)}; got {self.actuators}"
-            )
         if [len(self.bases), *map(len, (self.per_vpp, *self.per_vpp))] != [size] * (size + 2):
             raise ValueError(f"per_vpp must have a row and a column for each of {self.actuators}")
         for row, gains in enumerate(self.per_vpp):
@@ -207,29 +207,37 @@ class ConditionGains:
 
         return level_db(self.per_vpp, own=actuator, other=finger)
 
-    def fingers(self) -> FingerGains:
-        """Return the gains of the left and the right actuator at the two fingers.
+    def at_fingers(self, sites: tuple[str, ...]) -> FingerGains:
+        """Return the gains of the actuators at these sites at the fingers above them.
+
+        Parameters
+        ----------
+        sites : tuple of str
+            Names of driven actuators.
 
         Returns
         -------
         FingerGains
-            Peak displacement, in um per Vpp, where the displacements of both actuators are known.
+            Peak displacement, in um per Vpp, where the displacements of all of them are known.
             Otherwise the gains are relative to the finger above the driven actuator, which has 1.
         """
-        (ll, lr, *_), (rl, rr, *_) = self.per_vpp[:2]
-        left, right = self.bases[:2]
-        if left is not None and right is not None:
-            basis = "predicted" if "predicted" in (left, right) else "measured"
-            bases = None if left == right else (left, right)
-            return FingerGains(left=(ll, lr), right=(rl, rr), basis=basis, bases=bases)
-        lr, rl = significant(lr / rr), significant(rl / ll)
-        return FingerGains(left=(1.0, lr), right=(rl, 1.0), basis=None)
+        indices = [self.actuators.index(site) for site in sites]
+        rows = tuple(tuple(self.per_vpp[i][j] for j in indices) for i in indices)
+        bases = tuple(self.bases[i] for i in indices)
+        gains = FingerGains(per_vpp=rows, bases=bases)
+        if gains.basis is not None:
+            return gains
+        relative = tuple(
+            tuple(significant(gain / own) for gain, own in zip(row, gains.own, strict=True))
+            for row in rows
+        )
+        return FingerGains(per_vpp=relative, bases=(None,) * len(sites))
 
 
 GAINS: Final = TypeAdapter(ConditionGains)
 """Rebuilds a matrix from JSON.
 
->>> GAINS.validate_python({"condition": "main", "actuators": DRIVEN_FINGERS, "bases": [None, None],
-...                        "per_vpp": [[1.0, 0.1], [0.1, 1.0]]}).level_db(1, 0)
+>>> GAINS.validate_python({"condition": "main", "actuators": ["left", "right"],
+...     "bases": [None, None], "per_vpp": [[1.0, 0.1], [0.1, 1.0]]}).level_db(1, 0)
 -20.0
 """

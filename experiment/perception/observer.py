@@ -53,7 +53,8 @@ class Observer:
     reaction_time_slowing : float
         How much longer than that to what cannot be felt than to what is always felt.
     finger_difference_db : float
-        Threshold of the left finger above that of the right one; half of it on either side.
+        Threshold at the first site above that at the last, half of it on either side; in equal
+        steps from site to site.
     difference_db : float
         Thresholds in a study's second condition above those in its first, whatever the stimuli do.
     masking_slope : float or None
@@ -116,14 +117,15 @@ class Observer:
         name = "threshold_vpp" if self.threshold_um is None else "threshold_um"
         finite(name, getattr(self, name), above=0)
 
-    def thresholds(self, gains: FingerGains) -> tuple[float, float]:
-        """Return the thresholds of the left and the right finger, in the unit of the gains."""
+    def thresholds(self, gains: FingerGains) -> list[float]:
+        """Return the threshold of the finger at each site, in the unit of the gains."""
         if self.threshold_vpp is not None:
-            first, second = (self.threshold_vpp * gain for gain in (gains.left[0], gains.right[1]))
+            same = [self.threshold_vpp * gain for gain in gains.own]
         elif self.threshold_um is not None and gains.basis is not None:
-            first = second = self.threshold_um
+            same = [self.threshold_um for _ in gains.own]
         else:
             rule = "threshold_um must meet gains in um"
             raise ValueError(f"{rule}; got gains of which no displacement is known")
         higher = 10.0 ** (self.finger_difference_db / 2 / 20)
-        return first * higher, second / higher
+        last = max(len(same) - 1, 1)
+        return [value * higher ** (1 - 2 * site / last) for site, value in enumerate(same)]

@@ -12,7 +12,6 @@ from dataclasses import dataclass, replace
 from functools import cache
 from importlib.metadata import version
 from importlib.resources import files
-from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Final
 
 from experiment.names import NOT_AVAILABLE
@@ -20,7 +19,7 @@ from experiment.record.files import FILES, SESSIONS_TABLE, ArchiveError, locked,
 from experiment.record.journal import read_journal
 from experiment.record.manifest import Manifest, replace_folder
 from experiment.record.people import FILE_NAME, ID_COLUMN, People, read_people
-from experiment.record.rows import COLUMNS, format_value
+from experiment.record.rows import cells_of, columns_of, format_value
 from experiment.study.stimulus import stimulus_values
 from experiment.templates import open_templates
 
@@ -43,10 +42,6 @@ _FIRST: Final = {
     "trial_type": "kind",
     "response_time": "rt_s",
 }
-EVENT_COLUMNS: Final[Mapping[str, str | None]] = MappingProxyType(
-    _FIRST | {c.name: c.name for c in COLUMNS if c.name not in _FIRST.values()}
-)
-"""The columns of events.tsv in their order, and the column of trials.csv that each one is."""
 _UNITS: Final = {"_s": "s", "_vpp": "V", "_um": "um"}
 
 
@@ -206,6 +201,12 @@ def _json(contents: Mapping[str, object]) -> str:
     return json.dumps(contents, ensure_ascii=False, indent=2) + "\n"
 
 
+def event_columns(task: Task) -> dict[str, str | None]:
+    """Return the columns of events.tsv in their order, and the column of trials.csv of each."""
+    names = (column.name for column in columns_of(task))
+    return _FIRST | {name: name for name in names if name not in _FIRST.values()}
+
+
 def _event_cells(
     study: Study, rows: Iterable[TrialRow], recording_start_s: float
 ) -> Iterator[Sequence[str]]:
@@ -214,15 +215,17 @@ def _event_cells(
     Onsets are counted from the marker by which recordings are aligned. A blank trial lasts 0 s.
     """
     durations_s = {c.name: float(c.drive.duration_s) for c in study.conditions}
-    yield tuple(EVENT_COLUMNS)
+    columns, names = event_columns(study.task), [c.name for c in columns_of(study.task)]
+    yield tuple(columns)
     for row in rows:
         aligned, duration_s = row, None
         if row.onset_s is not None:
             aligned = replace(row, onset_s=round(row.onset_s - recording_start_s, 6))
             duration_s = 0.0 if row.level_vpp is None else durations_s[row.condition]
+        values = dict(zip(names, cells_of(aligned), strict=True))
         yield [
-            format_value(duration_s if source is None else getattr(aligned, source))
-            for source in EVENT_COLUMNS.values()
+            format_value(duration_s if source is None else values[source])
+            for source in columns.values()
         ]
 
 
@@ -249,8 +252,8 @@ def _events_sidecar(study: Study, software_version: str, *, simulated: bool) -> 
             "SoftwareVersion": software_version,
         },
     }
-    columns = {column.name: column for column in COLUMNS}
-    for name, source in EVENT_COLUMNS.items():
+    columns = {column.name: column for column in columns_of(study.task)}
+    for name, source in event_columns(study.task).items():
         sidecar[name] = _described(columns[source], study.task) if source else _tables()["duration"]
     sidecar["condition"]["Levels"] = {
         condition.name: ", ".join(

@@ -32,7 +32,7 @@ from experiment.record.files import (
 from experiment.record.history import replay
 from experiment.record.journal import Journal, JournalError, JournalWriteError, read_journal
 from experiment.record.people import enter_person, next_number, read_people, refuse_withdrawn
-from experiment.record.rows import TRIAL_COLUMNS, table_csv
+from experiment.record.rows import trials_csv
 from experiment.study.base import Fault, StudyError, first_fault
 from experiment.study.files import study_from_canonical
 from experiment.trial.plan import Plan, PlanError, plan_from_json
@@ -462,8 +462,7 @@ class SessionFolder:
 
     def _tables(self, plan: Plan) -> dict[Path, str]:
         history = self.read_history(plan)
-        names, attributes = [*TRIAL_COLUMNS], [*TRIAL_COLUMNS.values()]
-        tables = {self.trials_path: table_csv(names, attributes, history.rows)}
+        tables = {self.trials_path: trials_csv(plan.task, history.rows)}
         if history.measured:
             tables[self.measured_path] = measured_csv(plan.task.sites, history.measured)
         return tables

@@ -349,9 +349,9 @@ def _row(
     verified = None if measured is None else measured.burst_verified
     last = presentation.confirmed.get(plan.task.n_intervals)
     response = presentation.response.response if presentation.response else None
-    levels_vpp = confirmed.levels_vpp if confirmed else None
-    left_vpp, right_vpp = levels_vpp or (None, None)
-    left_um, right_um, basis = _displacements(gains[trial.condition], trial, left_vpp, right_vpp)
+    unknown = (None,) * len(plan.task.sites)
+    levels_vpp = (confirmed and confirmed.levels_vpp) or unknown
+    peaks_um, basis = _displacements(gains[trial.condition], trial, levels_vpp)
     return TrialRow(
         **_trial_columns(plan, presentation),
         kind=trial.kind,
@@ -359,14 +359,12 @@ def _row(
         rt_s=presentation.response.rt_s if presentation.response else None,
         correct=plan.task.is_correct(trial.side, trial.level_vpp, response),
         onset_s=last.onset_s if last else None,
-        level_left_vpp=left_vpp,
-        level_right_vpp=right_vpp,
+        site_levels_vpp=levels_vpp,
         status=end.status,
         premature=end.premature,
         noise_ok=end.noise_ok,
         foreperiod_s=trial.foreperiod_s,
-        peak_left_um=left_um,
-        peak_right_um=right_um,
+        site_peaks_um=peaks_um or unknown,
         displacement_basis=basis,
         simulated=opening.simulated,
         device_kind=presentation.device_kind,
@@ -389,10 +387,11 @@ def _trial_columns(plan: Plan, presentation: Presentation) -> dict[str, Any]:
 
 
 def _displacements(
-    gains: FingerGains, trial: Trial, left_vpp: float | None, right_vpp: float | None
-) -> tuple[float | None, float | None, str | None]:
+    gains: FingerGains, trial: Trial, levels_vpp: tuple[float | None, ...]
+) -> tuple[tuple[float, ...] | None, str | None]:
     """Return what the fingers got for the levels that the device reported, and its basis."""
-    if left_vpp is None or right_vpp is None or trial.kind == HANDS_OFF:
-        return None, None, None
-    peaks_um = gains.peaks_um((left_vpp, right_vpp))
-    return (*peaks_um, gains.basis_of((left_vpp, right_vpp))) if peaks_um else (None, None, None)
+    known_vpp = tuple(level_vpp for level_vpp in levels_vpp if level_vpp is not None)
+    if len(known_vpp) < len(levels_vpp) or trial.kind == HANDS_OFF:
+        return None, None
+    peaks_um = gains.peaks_um(known_vpp)
+    return peaks_um, gains.basis_of(known_vpp) if peaks_um else None

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import csv
 import io
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, fields
 from operator import attrgetter
 from typing import TYPE_CHECKING, Any, Final, Literal, TypeAlias, get_args
 
@@ -20,7 +20,7 @@ from experiment.trial.events import Status
 from experiment.trial.plan import HANDS_OFF, PRACTICE
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping, Sequence
+    from collections.abc import Iterable, Sequence
 
     from experiment.tasks.task import Task
 
@@ -62,8 +62,9 @@ class Column:
     description: str
 
 
-def _column(description: str, *choices: str) -> Any:
-    return field(metadata={"description": description, "choices": choices})
+def _column(description: str, *choices: str, name: str = "") -> Any:
+    """Return a field that is a column, or one at each site if its name and description say so."""
+    return field(metadata={"name": name, "description": description, "choices": choices})
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -83,15 +84,16 @@ class Presented:
 class TrialRow(Presented):
     """One presented trial, one row of trials.csv.
 
-    Its fields are the columns of `COLUMNS`, in their order, each with its unit as suffix; None is
-    ``n/a`` in the table.
+    Its fields are the columns of `COLUMNS`, in their order, each with its unit as suffix; a tuple
+    has a column for each site of the task. None is ``n/a`` in the table.
 
     Examples
     --------
     >>> from dataclasses import fields
     >>> from experiment import COLUMNS
-    >>> [each.name for each in fields(TrialRow)] == [column.name for column in COLUMNS]
-    True
+    >>> names = {each.name for each in fields(TrialRow)}
+    >>> [column.name for column in COLUMNS if column.name not in names]
+    ['level_left_vpp', 'level_right_vpp', 'peak_left_um', 'peak_right_um']
     """
 
     kind: str = _column("what sort of trial it is", *KINDS)
@@ -105,11 +107,11 @@ class TrialRow(Presented):
         "onset of the stimulus on the session's clock, seconds; of several intervals, of the last"
     )
     foreperiod_s: float = _column("planned wait between cue and stimulus, seconds")
-    level_left_vpp: float | None = _column("level the device set on the left channel, volts")
-    level_right_vpp: float | None = _column("level the device set on the right channel, volts")
-    peak_left_um: float | None = _column("greatest displacement under the left finger, micrometres")
-    peak_right_um: float | None = _column(
-        "greatest displacement under the right finger, micrometres"
+    site_levels_vpp: tuple[float | None, ...] = _column(
+        "level the device set on the {site} channel, volts", name="level_{site}_vpp"
+    )
+    site_peaks_um: tuple[float | None, ...] = _column(
+        "greatest displacement under the {site} finger, micrometres", name="peak_{site}_um"
     )
     displacement_basis: str | None = _column("where the displacements come from", *BASES)
     premature: bool = _column("a response came before the onset or within 100 ms of it")
@@ -126,19 +128,34 @@ class TrialRow(Presented):
     study_sha256: str = _column("checksum of the study that was run")
 
 
-COLUMNS: tuple[Column, ...] = tuple(
-    Column(
-        name=each.name,
-        type=str(each.type).removesuffix(" | None"),
-        optional=str(each.type).endswith(" | None"),
-        **each.metadata,
-    )
-    for each in fields(TrialRow)
-)
-"""The columns of trials.csv, in their order, which are the fields of `TrialRow`.
+def columns_of(task: Task) -> tuple[Column, ...]:
+    """Return the columns of trials.csv at the sites of a task, with its words."""
+    words = {
+        "kind": (*task.kinds, PRACTICE, HANDS_OFF),
+        "side": task.presentation_names,
+        "response": (*task.answer_names, *NO_ANSWERS),
+    }
+    columns = []
+    for each in fields(TrialRow):
+        kind = str(each.type).removeprefix("tuple[").removesuffix(", ...]")
+        name, description = each.metadata["name"] or each.name, each.metadata["description"]
+        columns += [
+            Column(
+                name=name.format(site=site),
+                type=kind.removesuffix(" | None"),
+                optional=kind.endswith(" | None"),
+                choices=words.get(each.name, each.metadata["choices"]),
+                description=description.format(site=site),
+            )
+            for site in (task.sites if each.metadata["name"] else ("",))
+        ]
+    return tuple(columns)
 
-The words of ``kind``, ``side`` and ``response`` are those of the task left-right-both;
-`columns_of` has those of another.
+
+COLUMNS: Final = columns_of(LEFT_RIGHT_BOTH)
+"""The columns of trials.csv, in their order, as the task left-right-both has them.
+
+Those of another task have its sites, and its words in ``kind``, ``side`` and ``response``.
 
 Units are the suffixes of the names; ``optional`` tells where ``n/a`` may stand, ``choices`` the
 words that may.
@@ -149,18 +166,18 @@ words that may.
 """
 
 
-def columns_of(task: Task) -> tuple[Column, ...]:
-    """Return the columns of trials.csv with the words of a task."""
-    words = {
-        "kind": (*task.kinds, PRACTICE, HANDS_OFF),
-        "side": task.presentation_names,
-        "response": (*task.answer_names, *NO_ANSWERS),
-    }
-    return tuple(replace(c, choices=words.get(c.name, c.choices)) for c in COLUMNS)
+_ATTRIBUTES: Final = tuple(each.name for each in fields(TrialRow))
 
 
-TRIAL_COLUMNS: Final[Mapping[str, str]] = {column.name: column.name for column in COLUMNS}
-"""The columns of trials.csv, and the attribute of a `TrialRow` that each one is."""
+def cells_of(row: Presented, attributes: Sequence[str] = _ATTRIBUTES) -> list[Any]:
+    """Return the values of a row's attributes, those of a tuple one after the other."""
+    values = attrgetter(*attributes)(row)
+    return [cell for value in values for cell in (value if type(value) is tuple else (value,))]
+
+
+def trials_csv(task: Task, rows: Iterable[TrialRow]) -> str:
+    """Write rows as the text of trials.csv."""
+    return table_csv([column.name for column in columns_of(task)], _ATTRIBUTES, rows)
 
 
 def format_value(value: object) -> str:
@@ -176,12 +193,6 @@ def format_value(value: object) -> str:
     if isinstance(value, list):
         return "/".join(value)
     return str(value).lower() if isinstance(value, bool) else str(value)
-
-
-def cells_of(row: Presented, attributes: Sequence[str]) -> list[Any]:
-    """Return the values of a row's attributes, those of a tuple one after the other."""
-    values = attrgetter(*attributes)(row)
-    return [cell for value in values for cell in (value if type(value) is tuple else (value,))]
 
 
 def table_csv(headings: Sequence[str], attributes: Sequence[str], rows: Iterable[Presented]) -> str:

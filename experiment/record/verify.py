@@ -32,7 +32,7 @@ from experiment.record.journal import (
     RecordSchemaError,
     read_journal,
 )
-from experiment.record.rows import TRIAL_COLUMNS, table_csv
+from experiment.record.rows import trials_csv
 from experiment.trial.plan import Plan, PlanError, plan_from_json
 
 if TYPE_CHECKING:
@@ -286,7 +286,7 @@ def _check_tables(record: Verification) -> Iterator[Difference]:
         return
     assert record.plan is not None  # by which the journal was replayed
     sealed = record.events[: record.n_sealed]
-    trials = table_csv([*TRIAL_COLUMNS], [*TRIAL_COLUMNS.values()], history.rows)
+    trials = trials_csv(record.plan.task, history.rows)
     measured = measured_csv(record.plan.task.sites, history.measured)
     for name, text, rows, event in (
         (record.table, trials, history.rows, "trial_end"),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import KW_ONLY, asdict, dataclass, field
+from itertools import combinations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -49,8 +50,8 @@ class SimulatedResponder(Responder):
 
     Every trial's chance is drawn from the seed, the trial's number and the attempt; what depends on
     the last answer alone is another after a break of the session, as it is with people. `gains` are
-    by the number of the trial, and so is by how much the thresholds of the left and the right
-    finger lie higher in it, `shifts_db`; in `untouched` trials the fingers are off the plate:
+    by the number of the trial, and so is by how much the threshold at each site lies higher in it,
+    `shifts_db`; in `untouched` trials the fingers are off the plate:
     nothing is felt.
     """
 
@@ -61,7 +62,7 @@ class SimulatedResponder(Responder):
     seed: int
     gains: Mapping[int, FingerGains]
     untouched: frozenset[int] = frozenset()
-    shifts_db: Mapping[int, tuple[float, float]] = field(default_factory=dict)
+    shifts_db: Mapping[int, tuple[float, ...]] = field(default_factory=dict)
     observer_values: dict[str, Any] = field(default_factory=dict)
     task: Task = LEFT_RIGHT_BOTH
     _last_db: float = field(default=0.0, init=False)
@@ -85,10 +86,10 @@ class SimulatedResponder(Responder):
     def ask(self, question: AwaitedAnswer) -> Press | None:
         """Answer as the observer does."""
         rng = np.random.default_rng((self.seed, question.trial, question.attempt))
-        left_db, right_db = self.shifts_db.get(question.trial, (0.0, 0.0))
+        shifts_db = self.shifts_db.get(question.trial, (0.0,))
         levels_vpp = question.levels_vpp
         if question.trial in self.untouched:
-            levels_vpp = ((0.0, 0.0),) * len(levels_vpp)
+            levels_vpp = tuple((0.0,) * len(burst) for burst in levels_vpp)
         answer, rt_s = draw_answers(
             [self.observer],
             levels_vpp,
@@ -96,7 +97,7 @@ class SimulatedResponder(Responder):
             question.window_s,
             rng,
             gains=self.gains[question.trial],
-            shift_db=(left_db + self._last_db, right_db + self._last_db),
+            shift_db=tuple(shift_db + self._last_db for shift_db in shifts_db),
             task=self.task,
         )
         response = (*question.answers, None)[answer.item()]
@@ -123,8 +124,8 @@ class SimulatedResponder(Responder):
 def simulated_responder(study: Study, plan: Plan, clock: Clock) -> SimulatedResponder:
     """Draw a participant from the study's simulated population by the plan's seed."""
     rng = np.random.default_rng((plan.seed, _OBSERVER_STREAM))
-    left, right = study.actuators[:2]
-    apart_mm = math.hypot(left.x_mm - right.x_mm, (left.y_m - right.y_m) * 1e3)
+    places_mm = [(actuator.x_mm, 1e3 * actuator.y_m) for actuator in study.driven]
+    apart_mm = min((math.dist(*pair) for pair in combinations(places_mm, 2)), default=math.inf)
     observer = study.simulation.draw(apart_mm, rng)
     of_condition = {c.name: plan.gains_of(c.name) for c in study.conditions}
     trials = (*plan.trials, *plan.warm_up)
@@ -147,23 +148,23 @@ _COURSE_STREAM = 2**32 - 2
 """The same for the course of its thresholds."""
 
 
-def _shifts_db(study: Study, observer: Observer, plan: Plan) -> dict[int, tuple[float, float]]:
-    """Return by how much both thresholds lie higher in each trial, by its number."""
-    reference = study.simulation.reference_vibration
+def _shifts_db(study: Study, observer: Observer, plan: Plan) -> dict[int, tuple[float, ...]]:
+    """Return by how much the threshold at each site lies higher in each trial, by its number."""
+    reference, zero_db = study.simulation.reference_vibration, np.zeros(len(study.driven))
     condition_db = {
         name: np.array([reference.shift_db(vibration) for vibration in fingers])
         for name, fingers in vibrations(study).items()
     }
     if observer.difference_db and len(study.conditions) > 1:
         second = study.conditions[1].name
-        condition_db[second] = condition_db.get(second, np.zeros(2)) + observer.difference_db
+        condition_db[second] = condition_db.get(second, zero_db) + observer.difference_db
     rng = np.random.default_rng((plan.seed, _COURSE_STREAM))
     course_db = threshold_course_db(observer, [trial.block for trial in plan.trials], rng)
     shifts_db = {}
     for trial in (*plan.trials, *plan.warm_up):
         now_db = course_db[min(trial.number, len(course_db)) - 1]
-        left_db, right_db = condition_db.get(trial.condition, np.zeros(2)) + now_db
-        shifts_db[trial.number] = left_db.item(), right_db.item()
+        of_sites_db = condition_db.get(trial.condition, zero_db) + now_db
+        shifts_db[trial.number] = tuple(of_sites_db.tolist())
     return shifts_db
 
 

@@ -19,6 +19,7 @@ from experiment.study.base import (
     is_distinct,
     obey,
     obeying,
+    refusal,
     zero_or_at_least,
 )
 from experiment.study.plate import Density, Modulus
@@ -33,13 +34,14 @@ from stimuli import (
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterable, Iterator
 
     from experiment.study.base import Rule
+    from experiment.study.task import TaskChoice
     from stimuli import Load, Strip
 
 UNDRIVEN: Final = "other"
-"""The side of actuators that no session drives."""
+"""The site of actuators that no session drives."""
 Shape = Literal["disc", "rectangle", "motor"]
 
 # Piezo discs begin at some millimetres, the contacts of motors at tenths, layers at films of 5 um.
@@ -70,10 +72,10 @@ def _in_metres(key: str) -> Any:
 class Actuator(Section):
     """A patch or a motor under the strip, and the finger above it."""
 
-    side: Line
-    """site of the finger, left or right as the participant sees it; other: no session drives it"""
+    site: Line
+    """name of the finger's site, such as left; other: no session drives it"""
     name: str | None = None
-    """name of an actuator whose side is other"""
+    """name of an actuator whose site is other"""
     shape: Shape = "disc"
     """shape of the patch, or motor with the size of its contact"""
     x_mm: _Position
@@ -101,7 +103,7 @@ class Actuator(Section):
     measured_on: Day | None = None
     """day of the measurement"""
     assumed_equal_to: Line | None = None
-    """in place of a measurement: the side of an equal actuator that was measured"""
+    """in place of a measurement: the site of an equal actuator that was measured"""
     piezo_thickness_mm: _Layer | None = None
     """thickness of the piezo layer; from layers, displacements are predicted to a factor of two"""
     piezo_youngs_modulus_gpa: Modulus | None = None
@@ -127,8 +129,9 @@ class Actuator(Section):
 
     def rules(self) -> Iterator[Rule]:
         """Yield the rules of its name, size, measurement and layers."""
-        name, is_undriven = self.name, self.side == UNDRIVEN
-        rule = f'must be given with side = "{UNDRIVEN}", and only then'
+        name, is_undriven = self.name, self.site == UNDRIVEN
+        yield not NAME.fullmatch(self.site), "site", NAME_RULE
+        rule = f'must be given with site = "{UNDRIVEN}", and only then'
         yield (name is not None) != is_undriven, "name", rule, None
         is_valid = name is None or (NAME.fullmatch(name) and name != UNDRIVEN)
         yield not is_valid, "name", f"{NAME_RULE}, and not {UNDRIVEN}"
@@ -142,7 +145,7 @@ class Actuator(Section):
         is_measured = self.measured_displacement_um is not None
         lack = not is_measured and bool(self.measured_by or self.measured_on)
         yield lack, MEASURED_KEYS[0], "is required with measured_by and measured_on"
-        yield self.assumed_equal_to == self.side, "assumed_equal_to", "must be another side"
+        yield self.assumed_equal_to == self.site, "assumed_equal_to", "must be another site"
         has_d31 = self.piezo_d31_pm_v is not None
         excess = has_d31 and (is_measured or self.assumed_equal_to is not None)
         rule = "must be left out where the displacement is measured"
@@ -163,8 +166,8 @@ class Actuator(Section):
 
     @property
     def label(self) -> str:
-        """Its side, or its name."""
-        return self.name or self.side
+        """Its site, or its name."""
+        return self.name or self.site
 
     x_m = _in_metres("x_mm")
     """Centre along the strip, from its middle, positive to the right."""
@@ -246,7 +249,7 @@ class Actuator(Section):
     def equality_rules(self, reference: Actuator | None) -> Iterator[Rule]:
         """Yield the rules of an actuator that is assumed equal to another, which was measured."""
         is_usable = reference and not reference.assumed_equal_to and reference.measured_at_hz
-        rule = "must be the side of an actuator that was measured"
+        rule = "must be the site of an actuator that was measured"
         yield not is_usable, "assumed_equal_to", rule
         for size in ("shape", *SIZE_KEYS):
             value, rule = getattr(self, size), f"needs actuators of the same {size}"
@@ -325,42 +328,56 @@ class FingerLoad(Section):
 
 
 def complete_actuators(
-    actuators: tuple[Actuator, ...], width_mm: float, sites: tuple[str, ...]
+    actuators: tuple[Actuator, ...], width_mm: float, choice: TaskChoice
 ) -> tuple[Actuator, ...]:
     """Fill in the middle of the strip and equal measurements; sort by site and position.
 
     An actuator that is assumed equal to another has the same displacement per volt.
     """
-    order = (*sites, UNDRIVEN)
-    rule = f"must be one of {', '.join(order)}"
-    for index, actuator in enumerate(actuators):
-        obey([(actuator.side not in order, "side", rule)], actuator, f"[{index}]")
-    driven = [actuator.side for actuator in actuators if actuator.side != UNDRIVEN]
-    rule = f"must be given once for each site, with side = {', '.join(sites)}"
-    obey([(sorted(driven) != sorted(sites), "", rule, driven)])
-    names = [actuator.name for actuator in actuators if actuator.name is not None]
-    rule = "must have distinct names, none of them a site"
-    obey([(not is_distinct([*names, *sites]), "", rule, names)])
-    by_side = {actuator.side: actuator for actuator in actuators}
+    names = [actuator.label for actuator in actuators]
+    obey([(not is_distinct(names), "", "must have distinct sites and names", names)])
+    by_site = {actuator.site: actuator for actuator in actuators}
     complete = []
     for index, actuator in enumerate(actuators):
         values: dict[str, Any] = {} if actuator.y_mm is not None else {"y_mm": width_mm / 2}
         if actuator.assumed_equal_to is not None:
-            reference = by_side.get(actuator.assumed_equal_to)
+            reference = by_site.get(actuator.assumed_equal_to)
             obey(actuator.equality_rules(reference), actuator, f"[{index}]")
             values |= {key: getattr(reference, key) for key in (*MEASURED_KEYS, "measured_as")}
         complete.append(actuator.completed(**values) if values else actuator)
-    return tuple(sorted(complete, key=lambda each: (order.index(each.side), each.x_m, each.y_m)))
+    complete.sort(key=lambda each: (each.site == UNDRIVEN, each.x_m, each.y_m))
+    sites = sites_of(complete)
+    obey([(not sites, "", f"must have a site other than {UNDRIVEN}", names)])
+    try:
+        task_sites = choice.task_at(sites).sites
+    except ValueError as error:
+        raise refusal("", str(error), sites) from error
+    rule = f"must be one of {', '.join((*task_sites, UNDRIVEN))}"
+    for index, actuator in enumerate(actuators):
+        is_unknown = actuator.site not in {*task_sites, UNDRIVEN}
+        obey([(is_unknown, "site", rule)], actuator, f"[{index}]")
+    rule = f'must be given once for each site of task.kind = "{choice.kind}": '
+    is_other = sorted(sites) != sorted(task_sites)
+    obey([(is_other, "", rule + ", ".join(task_sites), sites)])
+    order = (*task_sites, UNDRIVEN)
+    return tuple(sorted(complete, key=lambda each: order.index(each.site)))
+
+
+def sites_of(actuators: Iterable[Actuator]) -> tuple[str, ...]:
+    """Return the sites of the driven actuators, in their order."""
+    return tuple(actuator.site for actuator in actuators if actuator.site != UNDRIVEN)
 
 
 def distance_rules(actuators: tuple[Actuator, ...]) -> Iterator[Rule]:
-    """Yield the rules that patches lie in the order of the sites, and not over each other."""
-    left, right = actuators[:2]
-    low_mm = 1e3 * (left.span_x_m[1] + right.x_m - right.span_x_m[0])
-    rule = f"must be at least {low_mm:.6g}, so that it lies right of the {left.label} actuator"
-    yield left.span_x_m[1] > right.span_x_m[0], "actuator[1].x_mm", rule, right.x_mm
-    rule = f"must be at most {1e3 * _REACH_M:g} mm from the {left.label} actuator"
-    yield right.x_m - left.x_m > _REACH_M, "actuator[1].x_mm", rule, right.x_mm
+    """Yield the rules that sites lie in their order, and patches not over each other."""
+    n_sites = len(sites_of(actuators))
+    for index in range(1, n_sites):
+        before, actuator, key = actuators[index - 1], actuators[index], f"actuator[{index}].x_mm"
+        rule = f"must be at least {before.x_mm:g}, right of the {before.label} actuator"
+        yield actuator.x_m < before.x_m, key, rule, actuator.x_mm
+    first, last = actuators[0], actuators[n_sites - 1]
+    rule = f"must be at most {1e3 * _REACH_M:g} mm from the {first.label} actuator"
+    yield last.x_m - first.x_m > _REACH_M, f"actuator[{n_sites - 1}].x_mm", rule, last.x_mm
     for (i, first), (j, second) in combinations(enumerate(actuators), 2):
         reach_x_m, reach_y_m = np.add(first.size_m, second.size_m) / 2 - 1e-3 * _ROUNDING_MM
         is_near = abs(first.x_m - second.x_m) < reach_x_m

@@ -58,7 +58,7 @@ class Design(Section):
     repeats_per_level: Annotated[int, Field(ge=1, le=MAX_TRIALS)] | None = None
     """in place of trials_per_side: trials for each site and level"""
     both_trials: _Trials = 5
-    """trials with both fingers at once"""
+    """trials with all fingers at once"""
     both_fraction: Annotated[float, Field(ge=0, le=0.9)] | None = None
     """in place of both_trials: their fraction of all trials with a stimulus"""
     both_level: Level | Literal["random"] = "random"
@@ -105,14 +105,6 @@ class Design(Section):
             yield excess, key, f"excludes {number}; give one of the two"
         rule = f"must be at most {MAX_TRIALS // len(levels_vpp)} with these levels"
         yield single_trials > MAX_TRIALS, "repeats_per_level", rule
-        trials, fraction = self._both_trials, self.both_fraction or 0.0
-        nearest = trials / (2 * single_trials + trials)
-        is_far = abs(nearest - fraction) > _MAX_ROUNDING * fraction or trials > MAX_TRIALS
-        rule = (
-            f"must give a whole number of at most {MAX_TRIALS} trials beside {2 * single_trials} "
-            f"with one finger; {trials} trials give {nearest:.4g}"
-        )
-        yield self.both_fraction is not None and is_far, "both_fraction", rule
         is_uneven = self.order == "balanced" and single_trials % len(levels_vpp) > 0
         rule = f"must be a multiple of the number of levels, {len(levels_vpp)}, with order ="
         yield is_uneven, "trials_per_side", f'{rule} "balanced"', single_trials
@@ -123,8 +115,7 @@ class Design(Section):
     @model_validator(mode="after")
     def _count_trials(self) -> Self:
         """Put numbers of trials in place of the other ways to state them."""
-        trials = {"trials_per_side": self._single_trials, "both_trials": self._both_trials}
-        self.__dict__.update(trials, repeats_per_level=None, both_fraction=None)
+        self.__dict__.update(trials_per_side=self._single_trials, repeats_per_level=None)
         return self
 
     @property
@@ -134,15 +125,23 @@ class Design(Section):
             return self.trials_per_side
         return self.repeats_per_level * len(self.levels_vpp)
 
-    @property
-    def _both_trials(self) -> int:
-        """Trials with both fingers.
+    def with_both_trials(self, n_sites: int) -> Design:
+        """Return the design with a number of trials in place of their fraction f of all trials.
 
-        With s trials of one finger, b of both and their fraction f: b = s f / (1 - f).
+        With s trials of one finger and b of several, b = s f / (1 - f).
         """
-        if self.both_fraction is None:
-            return self.both_trials
-        return round(2 * self._single_trials * self.both_fraction / (1 - self.both_fraction))
+        if (fraction := self.both_fraction) is None:
+            return self
+        single = n_sites * self.trials_per_side
+        trials = round(single * fraction / (1 - fraction))
+        nearest = trials / (single + trials)
+        is_far = abs(nearest - fraction) > _MAX_ROUNDING * fraction or trials > MAX_TRIALS
+        rule = (
+            f"must give a whole number of at most {MAX_TRIALS} trials beside {single} "
+            f"with one finger; {trials} trials give {nearest:.4g}"
+        )
+        obey([(is_far, "both_fraction", rule)], self)
+        return self.completed(both_trials=trials, both_fraction=None)
 
     def with_answers(self, task: Task) -> Design:
         """Return the design with the answers that its trials need, or check those it offers.
@@ -159,6 +158,7 @@ class Design(Section):
             for value in [getattr(self, key)]
         )
         design = self.completed(**dict.fromkeys({*unused} & {*_NUMBERS.values()}, 0))
+        design = design.with_both_trials(len(task.sites))
         presented = {p.correct for p in task.presentations if design.trials_of(p.kind)}
         needed = tuple(
             name
@@ -186,10 +186,9 @@ class Design(Section):
         """Level of the trials with both fingers; none if it is drawn from the levels."""
         return None if isinstance(self.both_level, str) else self.both_level
 
-    @property
-    def trials(self) -> int:
-        """Trials of one condition, without practice and hands-off trials."""
-        return 2 * self.trials_per_side + self.both_trials + self.blank_trials
+    def trials_at(self, n_sites: int) -> int:
+        """Return the trials of one condition, without practice and hands-off trials."""
+        return n_sites * self.trials_per_side + self.both_trials + self.blank_trials
 
     @property
     def highest_vpp(self) -> float:

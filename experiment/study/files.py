@@ -43,8 +43,8 @@ def paper_study() -> Study:
     Examples
     --------
     >>> study = paper_study()
-    >>> study.design.levels_vpp, study.design.trials
-    ((60.0, 95.0, 130.0, 165.0, 200.0), 155)
+    >>> study.design.levels_vpp, study.design.trials_per_side
+    ((60.0, 95.0, 130.0, 165.0, 200.0), 75)
     """
     return read_study(PRESETS / "paper.toml")
 

@@ -276,7 +276,7 @@ def fingertips_of(study: Study, *, bare: bool = False) -> tuple[Fingertip, ...]:
             x_m=actuator.x_m,
             y_m=actuator.y_m,
             radius_m=actuator.finger_diameter_m / 2,
-            impedance=None if actuator.side == UNDRIVEN else load,
+            impedance=None if actuator.site == UNDRIVEN else load,
         )
         for actuator in study.actuators
     )
@@ -336,7 +336,8 @@ def chosen_window(study: Study, condition: Condition) -> WindowChoice:
     if max_crosstalk_db is None:
         raise ValueError(f"condition {condition.name}: must have window = auto")
     strip, *also = dict.fromkeys(field_strip(study, loss) for loss in (MIN_LOSS, MAX_LOSS))
-    loads, tips = loads_of(study)[:2], fingertips_of(study)[:2]
+    n_driven = len(study.driven)
+    loads, tips = loads_of(study)[:n_driven], fingertips_of(study)[:n_driven]
     try:
         return _shortest_window(
             strip, loads, tips, condition.sine, max_crosstalk_db, also=tuple(also)

@@ -16,6 +16,7 @@ from experiment.study.actuator import (
     FingerLoad,
     complete_actuators,
     distance_rules,
+    sites_of,
 )
 from experiment.study.base import (
     Fault,
@@ -158,10 +159,11 @@ class Study(Section):
     def _complete(cls, section: Any, info: ValidationInfo) -> Any:
         """Fill in what depends on the task or on a section above, unless that has faults."""
         above = info.data
-        task = above.get("task_choice", TaskChoice()).task
+        choice = above.get("task_choice", TaskChoice())
+        task = choice.task_at(sites_of(above["actuators"])) if "actuators" in above else choice.task
         match info.field_name:
             case "actuators" if "plate" in above:
-                return complete_actuators(section, above["plate"].width_mm, task.sites)
+                return complete_actuators(section, above["plate"].width_mm, choice)
             case "conditions" if "burst" in above:
                 return complete_conditions(section, above["burst"])
             case "design" | "keys":
@@ -169,7 +171,7 @@ class Study(Section):
             case "texts" if "design" in above:
                 return section.with_task(task, above["design"])
             case "simulation" if "actuators" in above:
-                driven = (each for each in above["actuators"] if each.side != UNDRIVEN)
+                driven = (each for each in above["actuators"] if each.site != UNDRIVEN)
                 return section.with_threshold([actuator.basis for actuator in driven])
         return section
 
@@ -178,7 +180,7 @@ class Study(Section):
     def _connect(cls, section: Any, info: ValidationInfo) -> Any:
         """Take the first outputs and inputs for the sites, unless the file names them."""
         key = "channels" if info.field_name == "device" else "inputs"
-        sites = info.data.get("task_choice", TaskChoice()).task.sites
+        sites = sites_of(info.data.get("actuators", ()))
         first = tuple(range(1, len(sites) + 1))
         return section.completed(**{key: getattr(section, key) or first})
 
@@ -301,12 +303,12 @@ class Study(Section):
     @property
     def task(self) -> Task:
         """The task of the participant."""
-        return self.task_choice.task
+        return self.task_choice.task_at(sites_of(self.actuators))
 
     @property
     def driven(self) -> tuple[Actuator, ...]:
         """The actuators under the fingers, in the order of the task's sites."""
-        return tuple(actuator for actuator in self.actuators if actuator.side != UNDRIVEN)
+        return tuple(actuator for actuator in self.actuators if actuator.site != UNDRIVEN)
 
     def stimulus_key(self, condition: Condition, key: str) -> str:
         """Return where the file has a key of a condition's stimulus: there, or in [burst].

@@ -8,7 +8,7 @@ from pydantic import Field, model_validator
 
 from experiment.study.base import Line, Section
 from experiment.study.design import Level
-from experiment.tasks import LEFT_RIGHT_BOTH, make_task
+from experiment.tasks import LEFT_RIGHT_BOTH, SITES, make_task
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -31,8 +31,12 @@ class TaskChoice(Section):
 
     @property
     def task(self) -> Task:
-        """The task."""
-        return make_task(self.kind, self.reference_vpp)
+        """The task at two sites, whose keys are those at any sites."""
+        return self.task_at(SITES)
+
+    def task_at(self, sites: tuple[str, ...]) -> Task:
+        """Return the task at these sites; ValueError if it cannot have them."""
+        return make_task(self.kind, self.reference_vpp, sites)
 
     @model_validator(mode="after")
     def _fill_in_gap(self) -> Self:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from itertools import chain
-from statistics import NormalDist, fmean
+from statistics import NormalDist, fmean, geometric_mean
 from typing import TYPE_CHECKING, Literal
 
 from experiment.perception.thresholds import Vibration
@@ -29,7 +29,7 @@ def threshold_vpp(population: Simulation, gains: FingerGains) -> float:
 
 
 def _um_per_vpp(gains: FingerGains) -> float:
-    return math.sqrt(gains.left[0] * gains.right[1])
+    return geometric_mean(gains.own)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -41,9 +41,10 @@ class MedianThreshold:
     condition : str
         The condition.
     threshold_vpp, threshold_um : float, float or None
-        The threshold of its burst, between the two fingers; None where no displacement is known.
-    left_vpp, right_vpp : float
-        The level at which each finger gets that displacement.
+        The threshold of its burst, the geometric mean of the fingers; None where no displacement is
+        known.
+    finger_vpp : dict of float
+        The level at which the finger at each site gets that displacement.
     reference_value, reference_unit : float, str
         The threshold in the study, in V or um.
     reference : dict of str
@@ -61,8 +62,7 @@ class MedianThreshold:
     condition: str
     threshold_vpp: float
     threshold_um: float | None
-    left_vpp: float
-    right_vpp: float
+    finger_vpp: dict[str, float]
     reference_value: float
     reference_unit: Literal["V", "um"]
     reference: dict[str, float]
@@ -87,13 +87,14 @@ def median_threshold(study: Study, gains: FingerGains, *, index: int = 0) -> Med
     low_db, high_db = (20 * math.log10(f(levels_vpp) / level_vpp) for f in (min, max))
     below = sum(level < level_vpp for level in levels_vpp)
     curve = NormalDist(math.log10(level_vpp), people.sigma)
-    apart = 10 ** (gains.right_re_left_db / 40)
     return MedianThreshold(
         condition=condition.name,
         threshold_vpp=level_vpp,
         threshold_um=None if gains.basis is None else level_vpp * _um_per_vpp(gains),
-        left_vpp=level_vpp * apart,
-        right_vpp=level_vpp / apart,
+        finger_vpp={
+            site: level_vpp * _um_per_vpp(gains) / gain
+            for site, gain in zip(study.task.sites, gains.own, strict=True)
+        },
         reference_value=value,
         reference_unit="V" if is_level else "um",
         reference=people.reference_vibration.values,
@@ -107,7 +108,7 @@ def median_threshold(study: Study, gains: FingerGains, *, index: int = 0) -> Med
 def people_for_burst(study: Study) -> Simulation:
     """Return the people with their threshold for the first condition's burst, which has no curve.
 
-    StudyError where fingers of two sizes have two thresholds.
+    StudyError where fingers of different sizes have different thresholds.
 
     >>> from experiment.study.files import paper_study
     >>> simulation = {"threshold_vpp": 70, "threshold_at_hz": 250}
@@ -116,23 +117,23 @@ def people_for_burst(study: Study) -> Simulation:
     (True, None)
     """
     people = study.simulation
-    both = vibrations(study).get(study.conditions[0].name, ())
-    if not both:
+    fingers = vibrations(study).get(study.conditions[0].name, ())
+    if not fingers:
         return people
-    left_db, right_db = map(people.reference_vibration.shift_db, both)
-    if not math.isclose(left_db, right_db, abs_tol=1e-9):
+    shifts_db = [people.reference_vibration.shift_db(vibration) for vibration in fingers]
+    if not math.isclose(min(shifts_db), max(shifts_db), abs_tol=1e-9):
         rule = "must be left out where finger_diameter_mm of the driven actuators differ"
         raise study.refused(Fault("simulation.threshold_at_cm2", rule, people.threshold_at_cm2))
     name = "threshold_vpp" if people.threshold_um is None else "threshold_um"
-    shifted = {name: getattr(people, name) * 10 ** (left_db / 20)}
+    shifted = {name: getattr(people, name) * 10 ** (shifts_db[0] / 20)}
     return people.completed(**dict.fromkeys(CURVE_KEYS), **shifted)
 
 
-def vibrations(study: Study) -> dict[str, tuple[Vibration, Vibration]]:
-    """Return what left and right finger get in each condition that has a sine burst.
+def vibrations(study: Study) -> dict[str, tuple[Vibration, ...]]:
+    """Return what the finger at each site gets in each condition that has a sine burst.
 
     >>> from experiment.study.files import paper_study
-    >>> [both[0].frequency_hz for both in vibrations(paper_study()).values()]
+    >>> [fingers[0].frequency_hz for fingers in vibrations(paper_study()).values()]
     [500.0]
     """
     bursts = ((each.name, each.drive) for each in study.conditions)
@@ -140,22 +141,21 @@ def vibrations(study: Study) -> dict[str, tuple[Vibration, Vibration]]:
 
 
 def _curve_shift_db(study: Study, condition: Condition) -> float:
-    """Return by how much the curves raise the threshold, the mean of both fingers."""
-    shift_db, both = study.simulation.reference_vibration.shift_db, vibrations(study)
-    return fmean(map(shift_db, both[condition.name])) if condition.name in both else 0.0
+    """Return by how much the curves raise the threshold, the mean of all fingers."""
+    shift_db, fingers = study.simulation.reference_vibration.shift_db, vibrations(study)
+    return fmean(map(shift_db, fingers[condition.name])) if condition.name in fingers else 0.0
 
 
-def vibrations_of(study: Study, burst: Burst) -> tuple[Vibration, Vibration]:
-    """Return what the left and the right finger of a study get of a burst."""
-    left, right = (
+def vibrations_of(study: Study, burst: Burst) -> tuple[Vibration, ...]:
+    """Return what the finger at each site of a study gets of a burst."""
+    return tuple(
         Vibration(
             frequency_hz=burst.frequency_hz,
             duration_s=burst.energy_duration_s,
             area_cm2=math.pi * (100 * actuator.finger_diameter_m) ** 2 / 4,
         )
-        for actuator in study.actuators[:2]
+        for actuator in study.driven
     )
-    return left, right
 
 
 def extrapolations(study: Study) -> tuple[Extrapolation, ...]:

@@ -10,6 +10,7 @@ import numpy as np
 
 from device.errors import error_line
 from device.installed import lookup, require_instance
+from experiment.tasks.identification import identification
 from experiment.tasks.intervals import amplitude_discrimination, three_intervals, two_intervals
 from experiment.tasks.left_right_both import LEFT_RIGHT_BOTH
 from experiment.tasks.task import Guessing, Sensation, Task
@@ -21,7 +22,7 @@ if TYPE_CHECKING:
 GROUP: Final = "tactstrip.tasks"
 """The group of entry points by which other distributions offer tasks."""
 SITES: Final = LEFT_RIGHT_BOTH.sites
-"""The sites of a study."""
+"""The sites of left-right-both."""
 
 TASKS: Final[Mapping[str, Callable[[tuple[str, ...]], Task]]] = {
     "left-right-both": lambda _: LEFT_RIGHT_BOTH,
@@ -29,6 +30,7 @@ TASKS: Final[Mapping[str, Callable[[tuple[str, ...]], Task]]] = {
     "2ifc": two_intervals,
     "3ifc": three_intervals,
     "amplitude-discrimination": amplitude_discrimination,
+    "identification": identification,
 }
 """What makes each task for the sites of a study, by the task's name."""
 

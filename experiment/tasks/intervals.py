@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 from scipy.special import ndtr
 
-from experiment.tasks.task import PLACEMENT, SINGLE, Answer, Burst, Presentation, Task
+from experiment.tasks.task import FINGERS, SINGLE, Answer, Burst, Presentation, Task
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -19,7 +19,7 @@ _NAMES: Final = ("first", "second", "third")
 _KEYS: Final = (("1", "left"), ("2", "down"), ("3", "right"))
 _TWO_KEYS: Final = (_KEYS[0], ("2", "right"))
 _HANDS_OFF: Final = (
-    "Take both hands off the plate. If you hear or see anything, answer by it; if not, guess."
+    "Take your hands off the plate. If you hear or see anything, answer by it; if not, guess."
 )
 
 
@@ -89,7 +89,7 @@ def _forced_choice(name: str, sites: tuple[str, ...], n_intervals: int, word: st
             zip(_NAMES[:n_intervals], reversed(_NAMES[:n_intervals]), strict=True)
         ),
         texts={
-            "placement": PLACEMENT,
+            "placement": FINGERS,
             "hands_off_before": _HANDS_OFF,
             "hands_off_after": _HANDS_OFF,
             "prompt": "In which interval did you feel the vibration?",
@@ -146,7 +146,7 @@ def amplitude_discrimination(sites: tuple[str, ...]) -> Task:
         kinds={SINGLE: "a reference and a comparison at one finger"},
         reversed_mapping={_NAMES[0]: _NAMES[1], _NAMES[1]: _NAMES[0]},
         texts={
-            "placement": PLACEMENT,
+            "placement": FINGERS,
             "hands_off_before": _HANDS_OFF,
             "hands_off_after": _HANDS_OFF,
             "prompt": "Which vibration was stronger?",

@@ -33,11 +33,15 @@ _RESERVED: Final = frozenset({"timeout", "invalid", "pause", "continue", "escape
 PLACEMENT: Final = (
     "Place one finger of each hand on the plate, one above each actuator, and keep them there."
 )
-"""What tasks with a finger above each actuator say before the first trial."""
+"""What left-right-both says before the first trial."""
+FINGERS: Final = "Place a finger on the plate above each actuator, and keep it there."
+"""What tasks at any number of sites say."""
 _TEXTS: Final = frozenset(
     {"placement", "hands_off_before", "hands_off_after", "prompt", "prompt_hands_off"}
 )
-Scoring: TypeAlias = Literal["localisation", "yes-no", "forced-choice", "discrimination"]
+Scoring: TypeAlias = Literal[
+    "localisation", "yes-no", "forced-choice", "discrimination", "identification"
+]
 
 
 class Burst(NamedTuple):

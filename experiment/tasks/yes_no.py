@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from experiment.tasks.task import BLANK, PLACEMENT, SINGLE, Answer, Burst, Presentation, Task
+from experiment.tasks.task import BLANK, FINGERS, SINGLE, Answer, Burst, Presentation, Task
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 _YES, _NO, _NONE = "yes", "no", "none"
 _HANDS_OFF: Final = (
-    "Take both hands off the plate. If you notice a vibration, press {yes}; if not, press {no}."
+    "Take your hands off the plate. If you notice a vibration, press {yes}; if not, press {no}."
 )
 
 
@@ -63,7 +63,7 @@ def yes_no(sites: tuple[str, ...]) -> Task:
         kinds={SINGLE: "a stimulus at one finger", BLANK: "no stimulus"},
         reversed_mapping={_YES: _NO, _NO: _YES},
         texts={
-            "placement": PLACEMENT,
+            "placement": FINGERS,
             "hands_off_before": _HANDS_OFF,
             "hands_off_after": _HANDS_OFF,
             "prompt": "Did you feel a vibration?",

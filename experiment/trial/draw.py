@@ -133,7 +133,7 @@ def draw_plan(
     )
 
 
-def block_count(design: Design) -> int:
+def block_count(design: Design, task: Task) -> int:
     """Return into how many blocks one condition's trials are divided.
 
     ``break_every`` is the largest number of trials in a block, 0 for no break at all. The order
@@ -147,14 +147,15 @@ def block_count(design: Design) -> int:
     """
     if design.break_every == 0:
         return 1
-    fewest = math.ceil(design.trials / design.break_every)
+    trials = design.trials_at(len(task.sites))
+    fewest = math.ceil(trials / design.break_every)
     if design.order == "random":
         return fewest
     repeats = design.trials_per_side // len(design.levels_vpp)
     for count in range(fewest, repeats + 1):
         if repeats % count == 0:
             return count
-    shortest = math.ceil(design.trials / repeats)
+    shortest = math.ceil(trials / repeats)
     raise PlanError(
         f"design.break_every must be 0 or at least {shortest}, the length of the shortest block "
         f"with the same number of every stimulus; got {design.break_every}"
@@ -259,7 +260,7 @@ def _random_blocks(design: Design, task: Task, rng: np.random.Generator) -> list
 
 def _balanced_blocks(design: Design, task: Task, rng: np.random.Generator) -> list[list[Stimulus]]:
     """Give every block the same number of each side and level, the rest as evenly as possible."""
-    count = block_count(design)
+    count = block_count(design, task)
     repeats = design.trials_per_side // len(design.levels_vpp)
     of_level = [
         [(single.kind, single.name, level_vpp) for single in singles]

@@ -12,7 +12,8 @@ from pydantic import Field, TypeAdapter, ValidationError
 
 from experiment.levels import Bayesian, Staircase
 from experiment.names import OTHER_VERSION
-from experiment.perception.gains import WITHOUT_CROSSTALK, ConditionGains, FingerGains
+from experiment.perception.gains import ConditionGains, FingerGains, without_crosstalk
+from experiment.study.actuator import UNDRIVEN
 from experiment.study.base import first_fault
 from experiment.tasks import make_task
 from experiment.tasks.task import SINGLE
@@ -22,7 +23,7 @@ if TYPE_CHECKING:
 
 
 _Rule = Annotated[Staircase | Bayesian, Field(discriminator="kind")]
-SCHEMA = 5
+SCHEMA = 6
 PRACTICE = "practice"
 HANDS_OFF = "hands_off"
 """The kind of the trials with the hands off the plate."""
@@ -158,6 +159,12 @@ class Plan:
     sha256: str = ""
 
     def __post_init__(self) -> None:
+        sites = self.task.sites
+        for gains in self.gains:
+            if gains.actuators[: len(sites)] != sites:
+                raise PlanError(
+                    f"actuators must begin with {', '.join(sites)}; got {gains.actuators}"
+                )
         for trial in (*self.trials, *self.warm_up):
             self._check(trial)
             if self.is_chosen(trial) and trial.condition not in self.level_rules:
@@ -215,7 +222,7 @@ class Plan:
         return _task_of(self.study)
 
     def gains_of(self, condition: str) -> FingerGains:
-        """Return what the two fingers get in a condition.
+        """Return what the fingers at the task's sites get in a condition.
 
         Parameters
         ----------
@@ -225,11 +232,12 @@ class Plan:
         Returns
         -------
         FingerGains
-            Of both actuators at both fingers: micrometres per Vpp, or, where its ``basis`` is None,
-            parts of what the own finger gets. `WITHOUT_CROSSTALK` where the plan has no gains.
+            Micrometres per Vpp, or, where its ``basis`` is None, parts of what the own finger gets.
+            Without crosstalk where the plan has no gains.
         """
+        sites = self.task.sites
         gains = {gains.condition: gains for gains in self.gains}.get(condition)
-        return WITHOUT_CROSSTALK if gains is None else gains.fingers()
+        return without_crosstalk(len(sites)) if gains is None else gains.at_fingers(sites)
 
     @property
     def condition_order(self) -> tuple[str, ...]:
@@ -265,8 +273,10 @@ class Plan:
 def _task_of(study: str) -> Task:
     """Return the task of a study's canonical text."""
     try:
-        choice = json.loads(study)["task"]
-        return make_task(choice["kind"], choice["reference_vpp"])
+        tables = json.loads(study)
+        choice, actuators = tables["task"], tables["actuator"]
+        sites = tuple(each["site"] for each in actuators if each["site"] != UNDRIVEN)
+        return make_task(choice["kind"], choice["reference_vpp"], sites)
     except (KeyError, TypeError, ValueError) as error:
         raise PlanError(f"the plan's task cannot be used: {error}") from error
 

@@ -15,7 +15,7 @@ from analysis.thresholds.discrimination import DB_PER_SIGMA
 from analysis.thresholds.fit import fit_many
 from analysis.thresholds.group import group_fit
 from experiment import first_study
-from experiment.perception.gains import WITHOUT_CROSSTALK
+from experiment.perception.gains import without_crosstalk
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -69,7 +69,7 @@ def recovered(kind: str) -> Recovered:
             Session(person=replace(same, threshold_vpp=vpp), designs=(study.design,), rng=rng)
             for vpp in each_vpp.tolist()
         ]
-        (counts,) = draw_counts(sessions, WITHOUT_CROSSTALK, study.task)
+        (counts,) = draw_counts(sessions, without_crosstalk(2), study.task)
         tables = counts.tables
         step = tables.prior.step
         fits, group = fit_many(tables), group_fit(tables)

@@ -82,7 +82,7 @@ def drawn_counts(study: Study, people: int) -> tuple[tuple[ConditionGains, ...],
         shifts_db = (0.0, person.difference_db)
         designs = (study.design, study.design)
         sessions.append(Session(person=person, designs=designs, rng=rng, shifts_db=shifts_db))
-    tables = draw_counts(sessions, gains[0].fingers(), study.task)
+    tables = draw_counts(sessions, gains[0].at_fingers(study.task.sites), study.task)
     alarms = np.stack([counts.false_alarms for counts in tables], axis=1)
     return gains, np.hstack([*(counts.tables.detected for counts in tables), alarms])
 

@@ -15,7 +15,7 @@ from click.testing import CliRunner, Result
 from analysis import ColumnMap, ResultFileError, load_column_map, read_inputs
 from analysis.reading.draft import propose_map
 from analysis.reading.sources import find_sources
-from experiment.record.rows import TRIAL_COLUMNS, TrialRow, table_csv
+from experiment.record.rows import TrialRow, trials_csv
 from experiment.tasks import LEFT_RIGHT_BOTH
 from tactstrip import main
 
@@ -57,10 +57,8 @@ ROW = TrialRow(
     status="ok",
     onset_s=12.25,
     foreperiod_s=1.5,
-    level_left_vpp=60.0,
-    level_right_vpp=0.0,
-    peak_left_um=None,
-    peak_right_um=None,
+    site_levels_vpp=(60.0, 0.0),
+    site_peaks_um=(None, None),
     displacement_basis=None,
     premature=False,
     noise_ok=True,
@@ -105,7 +103,7 @@ def put(path: Path, text: str) -> Path:
 
 def table_of(*rows: TrialRow) -> str:
     """Return the text of a trials.csv."""
-    return table_csv([*TRIAL_COLUMNS], [*TRIAL_COLUMNS.values()], rows)
+    return trials_csv(LEFT_RIGHT_BOTH, rows)
 
 
 def write(path: Path, *rows: TrialRow) -> Path:

@@ -46,7 +46,7 @@ def write_cell(path: Path, column: str, text: str) -> Path:
 def test_every_column_comes_back_as_it_was_recorded(tmp_path: Path) -> None:
     blank = row(2, kind="blank", side="none", level_vpp=None, response="none", noise_ok=None)
     trials = read(tmp_path, row(), blank)
-    more = ["file", "line", "task", "none_offered", "reason", "fault"]
+    more = ["file", "line", "task", "sites", "none_offered", "reason", "fault"]
     assert list(trials.columns) == [*NAMES, *more]
     for name in NAMES:
         for found, written in zip(trials[name], (row(), blank), strict=True):

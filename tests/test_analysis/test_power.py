@@ -14,7 +14,7 @@ from scipy.stats import binom
 from analysis import proportion_ci
 from analysis.planning.goals import Outcome
 from analysis.planning.studies import pilot_levels_vpp
-from experiment.perception.gains import WITHOUT_CROSSTALK
+from experiment.perception.gains import without_crosstalk
 from tests.plates import on_paper_plate
 from tests.test_analysis.planning import (
     BOTH_AND_NONE,
@@ -180,7 +180,7 @@ def test_pilots_reach_below_nearly_all_thresholds_and_as_far_as_the_device(
     people: str, device: str, lowest_vpp: float, highest_vpp: float
 ) -> None:
     study = study_of(f"levels_vpp = [40, 118.7]\n[device]\n{device}", people)
-    levels_vpp = pilot_levels_vpp(study, WITHOUT_CROSSTALK)
+    levels_vpp = pilot_levels_vpp(study, without_crosstalk(2))
     assert (levels_vpp[0], levels_vpp[-1], len(levels_vpp)) == (lowest_vpp, highest_vpp, 10)
 
 

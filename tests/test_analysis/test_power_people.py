@@ -68,7 +68,7 @@ def test_false_alarms_hang_on_no_threshold() -> None:
     goal = Goal.parse("false-alarms=9%")
     people = literature_people(NONE_OFFERED, goal)
     assert [number.key for number in people.parameters] == ["lapse_rate", "false_alarm_rate"]
-    simulation, fingers = people.study.simulation, ALONE.fingers()
+    simulation, fingers = people.study.simulation, ALONE.at_fingers(people.study.task.sites)
     known = {"threshold_vpp": 60.0, "threshold_um": None}
     others = {"threshold_vpp": 9.0, "threshold_um": None, "threshold_sd_db": 9.0, "sigma": 0.4}
     rates = [

@@ -43,7 +43,13 @@ def test_sites_of_yes_and_no_that_differ_have_thresholds_of_their_own() -> None:
     ]
     answers += [(BLANK, "none", np.nan, "yes" if index < 3 else "no") for index in range(40)]
     trials = pd.DataFrame(answers, columns=["kind", "side", "level_vpp", "response"])
-    same = {"participant": "1", "condition": "main", "reason": "", "task": "yes-no"}
+    same = {
+        "participant": "1",
+        "condition": "main",
+        "reason": "",
+        "task": "yes-no",
+        "sites": "left/right",
+    }
     trials = trials.assign(**same, none_offered=True)
     assert sides_differ(count_answers(trials))["p"].lt(0.05).all()
     table = side_thresholds(trials).set_index("side")
@@ -71,6 +77,7 @@ def comparisons(answer: Any, levels_vpp: Any = (70.0, 85.0, 100.0, 115.0, 130.0)
         "kind": SINGLE,
         "reason": "",
         "task": task.name,
+        "sites": "/".join(task.sites),
     }
     return pd.DataFrame(rows).assign(**same, none_offered=False)
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from device import VirtualClock
 from experiment import AwaitedAnswer, ConditionGains, paper_study
-from experiment.perception.gains import WITHOUT_CROSSTALK
+from experiment.perception.gains import without_crosstalk
 from experiment.perception.population import threshold_course_db
 from experiment.session.simulate import SimulatedResponder
 
@@ -32,7 +32,7 @@ def finger_gains(
         actuators=("left", "right"),
         bases=(basis, basis),
         per_vpp=(left, right),
-    ).fingers()
+    ).at_fingers(("left", "right"))
 
 
 def course_db(person: Observer, trials: int, seed: int) -> list[float]:
@@ -48,7 +48,7 @@ def in_session(person: Observer, trials: int, seed: int) -> SimulatedResponder:
         person,
         VirtualClock(),
         seed=seed,
-        gains=dict.fromkeys(range(trials), WITHOUT_CROSSTALK),
+        gains=dict.fromkeys(range(trials), without_crosstalk(2)),
         shifts_db={trial: (shift_db,) * 2 for trial, shift_db in enumerate(shifts_db)},
     )
 

@@ -32,7 +32,7 @@ KNOWN = ConditionGains(
 def discs(left: str = "", right: str | None = None, *, x_mm: float = 35, mm: float = 12.8) -> str:
     """Return two actuators with their keys; the right one has those of the left by default."""
     return "".join(
-        f'[[actuator]]\nside = "{side}"\nx_mm = {x}\ndiameter_mm = {mm}\n{keys}'
+        f'[[actuator]]\nsite = "{side}"\nx_mm = {x}\ndiameter_mm = {mm}\n{keys}'
         for side, x, keys in (
             ("left", -x_mm, left),
             ("right", x_mm, left if right is None else right),

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 """The level at the other finger of the paper's burst lies between -23 and -40 dB."""
 ARRAY = discs(measured()) + (
-    '[[actuator]]\nside = "other"\nname = "mid"\nx_mm = 22\ndiameter_mm = 12.8\n'
+    '[[actuator]]\nsite = "other"\nname = "mid"\nx_mm = 22\ndiameter_mm = 12.8\n'
 )
 """The paper's second plate."""
 STEEL = (
@@ -265,10 +265,10 @@ def test_sides_that_the_same_volts_move_unequally_are_a_warning(
     gains = replace(KNOWN, per_vpp=((left, 0.0001), (0.0001, right)))
     facts = facts_of(BOTH, (gains,))
     (condition,) = facts["conditions"]
-    more_db = condition["displacements"]["right_re_left_db"]
+    more_db = condition["displacements"]["re_first_db"][1]
     assert more_db == pytest.approx(db or 0.0, abs=0.05)
     assert ("unequal_sides" in codes_of(facts)) == (db is not None)
-    assert finger_gains((left, 0.0), (0.0, right)).right_re_left_db == pytest.approx(more_db)
+    assert finger_gains((left, 0.0), (0.0, right)).re_first_db[1] == pytest.approx(more_db)
 
 
 # --- what drives, and what a session asks of it --------------------------------------------------

@@ -36,8 +36,8 @@ strip.youngs_modulus_gpa = 67
 strip.poisson_ratio = 0.346
 strip.density_kg_m3 = 2700
 actuator = [
-    {side = "left", x_mm = -30, diameter_mm = 25},
-    {side = "right", shape = "rectangle", x_mm = 30, y_mm = 12, length_x_mm = 6, length_y_mm = 18},
+    {site = "left", x_mm = -30, diameter_mm = 25},
+    {site = "right", shape = "rectangle", x_mm = 30, y_mm = 12, length_x_mm = 6, length_y_mm = 18},
 ]
 """
 STEEL = (

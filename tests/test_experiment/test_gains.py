@@ -19,7 +19,8 @@ from experiment import (
     paper_study,
     study_gains,
 )
-from experiment.perception.gains import GAINS, WITHOUT_CROSSTALK, FingerGains, significant
+from experiment.perception.gains import GAINS, FingerGains, significant, without_crosstalk
+from experiment.tasks import SITES
 from stimuli import MomentDisc, Scene, displacement
 from tests.plates import study_from_text
 from tests.test_experiment.studies import discs, measured, recorded_plan
@@ -49,7 +50,7 @@ def paper() -> ConditionGains:
 
 
 def test_amplitudes_of_two_actuators_add() -> None:
-    gains = FingerGains(left=(0.03, 0.001), right=(0.002, 0.02), basis="measured")
+    gains = FingerGains(per_vpp=((0.03, 0.001), (0.002, 0.02)), bases=("measured",) * 2)
     left_um, right_um = gains.amplitudes((100.0, 50.0))
     assert left_um == pytest.approx(3.05)
     assert right_um == pytest.approx(1.2)
@@ -76,10 +77,12 @@ def test_a_matrix_of_known_displacements_is_in_um_and_takes_the_weaker_basis() -
         per_vpp=((0.03, 0.002, 0.1), (0.001, 0.02, 0.2), (0.1, 0.1, 1.0)),
     )
     bases = ("measured", "predicted")
-    assert matrix.fingers() == FingerGains(
-        left=(0.03, 0.002), right=(0.001, 0.02), basis="predicted", bases=bases
+    assert matrix.at_fingers(SITES) == FingerGains(
+        per_vpp=((0.03, 0.002), (0.001, 0.02)), bases=bases
     )
-    assert replace(matrix, bases=("measured", "measured", None)).fingers().basis == "measured"
+    assert (
+        replace(matrix, bases=("measured", "measured", None)).at_fingers(SITES).basis == "measured"
+    )
     assert matrix.level_db(1, 0) == pytest.approx(20 * math.log10(1 / 30))
     assert matrix.level_db(0, 2) == pytest.approx(-20.0)
 
@@ -87,23 +90,22 @@ def test_a_matrix_of_known_displacements_is_in_um_and_takes_the_weaker_basis() -
 def test_without_one_displacement_the_matrix_of_the_fingers_is_relative() -> None:
     fingers = GAINS.validate_python(
         MATRIX | {"bases": ("measured", None), "per_vpp": ((0.02, 0.1), (0.001, 1.0))}
-    ).fingers()
-    assert fingers == FingerGains(left=(1.0, 0.1), right=(0.05, 1.0), basis=None)
+    ).at_fingers(SITES)
+    assert fingers == FingerGains(per_vpp=((1.0, 0.1), (0.05, 1.0)), bases=(None, None))
     assert fingers.peaks_um((100.0, 0.0)) is None
 
 
 def test_another_crosstalk_keeps_what_an_actuator_does_at_its_own_finger() -> None:
-    gains = FingerGains(left=(0.03, 0.001), right=(0.002, 0.02), basis="measured")
+    gains = FingerGains(per_vpp=((0.03, 0.001), (0.002, 0.02)), bases=("measured",) * 2)
     other = gains.with_crosstalk(-20.0)
-    assert other.left == pytest.approx((0.03, 0.002))
-    assert other.right == pytest.approx((0.003, 0.02))
-    assert WITHOUT_CROSSTALK.with_crosstalk(-200.0).amplitudes((100.0, 0.0))[1] < 1e-7
+    assert other.per_vpp[0] == pytest.approx((0.03, 0.002))
+    assert other.per_vpp[1] == pytest.approx((0.003, 0.02))
+    assert without_crosstalk(2).with_crosstalk(-200.0).amplitudes((100.0, 0.0))[1] < 1e-7
 
 
 @pytest.mark.parametrize(
     ("changed", "said"),
     [
-        ({"actuators": ("right", "left")}, "actuators .*left, right"),
         ({"bases": ("measured",)}, "per_vpp"),
         ({"per_vpp": ((1.0, 0.1),)}, "per_vpp"),
         ({"per_vpp": ((1.0, 0.1), (0.1,))}, "per_vpp"),
@@ -130,7 +132,7 @@ def test_the_paper_plate_is_even_and_masks_the_other_finger(paper: ConditionGain
 
 
 SLOW = measured(2.6, 50)
-MOTOR = '[[actuator]]\nside = "{}"\nshape = "motor"\nx_mm = {}\nlength_x_mm = 8\nlength_y_mm = 8\n'
+MOTOR = '[[actuator]]\nsite = "{}"\nshape = "motor"\nx_mm = {}\nlength_x_mm = 8\nlength_y_mm = 8\n'
 MOTOR += measured(5, 300)
 
 
@@ -186,8 +188,8 @@ def test_a_plan_keeps_its_matrix_to_the_last_digit(paper: ConditionGains) -> Non
     text = draw_plan(study, participant="01", session="01", seed=1, gains=(paper,)).to_json()
     plan = recorded_plan(text)
     assert plan.gains == (paper,)
-    assert plan.gains_of("main") == paper.fingers()
-    assert plan.gains_of("unknown") == WITHOUT_CROSSTALK
+    assert plan.gains_of("main") == paper.at_fingers(SITES)
+    assert plan.gains_of("unknown") == without_crosstalk(2)
     changed = json.loads(text)
     changed["gains"][0]["per_vpp"][0][0] *= 2
     with pytest.raises(PlanError, match="sealed"):

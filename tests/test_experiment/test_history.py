@@ -93,8 +93,8 @@ def row_of(plan: Plan, number: int, levels_vpp: tuple[float, float] | None) -> T
     return row
 
 
-def peaks(row: TrialRow) -> tuple[float | None, float | None, str | None]:
-    return row.peak_left_um, row.peak_right_um, row.displacement_basis
+def peaks(row: TrialRow) -> tuple[float | str | None, ...]:
+    return (*row.site_peaks_um, row.displacement_basis)
 
 
 @pytest.mark.parametrize(
@@ -111,7 +111,7 @@ def test_displacements_are_of_the_levels_that_the_device_reported(
 ) -> None:
     row = row_of(plan, 1, levels_vpp)
     assert peaks(row) == expected
-    assert (row.level_left_vpp, row.level_right_vpp) == levels_vpp
+    assert row.site_levels_vpp == levels_vpp
 
 
 def test_no_displacement_is_told_of_an_unknown_level_or_a_finger_that_is_off(plan: Plan) -> None:

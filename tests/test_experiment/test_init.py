@@ -61,8 +61,8 @@ def test_a_preset_is_a_short_file_that_names_its_schema(preset: str, run: Run) -
     if preset != "paper":
         assert (design.order, "none" in design.responses) == ("balanced", True)
         assert design.blank_trials >= 59  # so many without a false alarm bound its rate at 5 %
-        assert design.trials % design.break_every == 0
-        threshold = median_threshold(study, study_gains(study)[0].fingers())
+        assert design.trials_at(2) % design.break_every == 0
+        threshold = median_threshold(study, study_gains(study)[0].at_fingers(study.task.sites))
         low_db, high_db = threshold.levels_db
         assert low_db < -5 < 5 < high_db  # thresholds of most people lie between the levels
         assert max(design.levels_vpp) < study.device.highest[0]
@@ -109,7 +109,7 @@ def test_two_actuators_lie_where_each_was_put(run: Run) -> None:
     plate = STEEL | {"--actuator": "disc:10@40"}
     assert run(*command(plate, "--actuator", "motor:8x6@-30")).exit_code == 0
     left, right = read_study("study.toml").actuators
-    assert (left.side, left.shape, left.x_mm) == ("left", "motor", -30.0)
+    assert (left.site, left.shape, left.x_mm) == ("left", "motor", -30.0)
     assert (left.length_x_mm, left.length_y_mm) == (8.0, 6.0)
     assert (right.shape, right.x_mm, right.diameter_mm) == ("disc", 40.0, 10.0)
 

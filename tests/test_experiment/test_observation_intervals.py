@@ -35,14 +35,16 @@ def study_of(kind: str, per_side: int = 2, **levels: object) -> Study:
 
 
 class Strongest(Scripted):
-    """Answers the interval with the higher level; with yes and no, whether there was a burst."""
+    """Answers the interval or site with the highest level; by yes and no, if there was a burst."""
 
     def ask(self, question: AwaitedAnswer) -> Press | None:
         self._next("ask")
         levels_vpp = [max(levels) for levels in question.levels_vpp]
+        if len(levels_vpp) == 1:
+            levels_vpp = [*question.levels_vpp[0]]
         answer = question.answers[levels_vpp.index(max(levels_vpp))]
         if "yes" in question.answers:
-            answer = "yes" if levels_vpp[0] else "no"
+            answer = "yes" if any(levels_vpp) else "no"
         self._clock.wait(0.5)
         return Press(answer, self._clock.now_s())
 
@@ -93,7 +95,7 @@ def test_a_session_presents_every_interval_and_answers_follow(
     for row in (row for row in lab.rows if row.kind == "single"):
         site = lab.plan.task.presentation(row.side).site
         assert row.level_vpp in LEVELS
-        assert (row.level_left_vpp, row.level_right_vpp) == (
+        assert row.site_levels_vpp == (
             (row.level_vpp, 0.0) if site == "left" else (0.0, row.level_vpp)
         )
     assert lab.differences() == ()

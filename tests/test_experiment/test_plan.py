@@ -158,8 +158,8 @@ def test_a_changed_plan_is_refused() -> None:
         changed["trials"][3][key] = value
         with pytest.raises(PlanError):
             plan_from_json(json.dumps(changed))
-    for schema in (1, 4, 6):
-        with pytest.raises(PlanError, match=f"schema .* 5; got {schema}"):
+    for schema in (1, 5, 7):
+        with pytest.raises(PlanError, match=f"schema .* 6; got {schema}"):
             plan_from_json(json.dumps(json.loads(plan.to_json()) | {"schema": schema}))
     with pytest.raises(PlanError, match="sha256"):
         plan_from_json(json.dumps(json.loads(plan.to_json()) | {"sha256": None}))

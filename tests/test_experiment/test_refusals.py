@@ -263,8 +263,8 @@ def test_an_actuator_is_accepted_where_a_refusal_puts_it(
 
     def fault(**place: float) -> Any:
         disc = {"diameter_mm": diameter_mm} | place
-        right = {"side": "right"} | disc
-        left = {"side": "left"} | disc | {"x_mm": -place["x_mm"]}
+        right = {"site": "right"} | disc
+        left = {"site": "left"} | disc | {"x_mm": -place["x_mm"]}
         try:
             study({"strip": steel | {"length_mm": length_mm}, "actuator": [left, right]})
         except StudyError as error:

@@ -18,7 +18,7 @@ from tests.plates import on_paper_plate, toml
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-PLACE = {"side": "left", "x_mm": 0.0, "y_mm": 12.5}
+PLACE = {"site": "left", "x_mm": 0.0, "y_mm": 12.5}
 DISC = PLACE | {"diameter_mm": 5.0}
 RECTANGLE = PLACE | {"shape": "rectangle", "length_x_mm": 5.0, "length_y_mm": 5.0}
 MEASURED = {"measured_displacement_um": 1.0, "measured_at_vpp": 1.0, "measured_at_hz": 1.0}

@@ -103,7 +103,7 @@ def test_a_plan_or_journal_that_was_changed_or_is_anothers_is_refused(killed: Se
         (plan, sealed.replace(b"160.0", b"161.0", 1), "plan"),
         (plan, killed.folder("02").plan_path.read_bytes(), "session 01"),
         (journal, killed.folder("02").journal_path.read_bytes(), "plan"),
-        (plan, old, "must be 5; got 2"),
+        (plan, old, "must be 6; got 2"),
     ):
         before = path.read_bytes()
         path.write_bytes(raw)

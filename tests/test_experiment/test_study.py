@@ -36,7 +36,7 @@ LAYERS = (
 CARRIER = (
     "carrier_thickness_mm = 0.2\ncarrier_youngs_modulus_gpa = 105\ncarrier_poisson_ratio = 0.35\n"
 )
-OTHER = '[[actuator]]\nside = "other"\nname = "{}"\nx_mm = {}\ndiameter_mm = 10\n'
+OTHER = '[[actuator]]\nsite = "other"\nname = "{}"\nx_mm = {}\ndiameter_mm = 10\n'
 
 
 def read(text: str) -> Study:
@@ -85,7 +85,7 @@ def test_a_study_survives_its_canonical_text(
     )
     assert study_from_canonical(study.canonical) == study
     assert study.design.levels_vpp == tuple(levels)
-    assert study.design.trials == 2 * trials + 5 + blanks
+    assert study.design.trials_at(2) == 2 * trials + 5 + blanks
 
 
 def test_actuators_are_listed_left_first_then_the_others_along_the_strip() -> None:

@@ -133,7 +133,7 @@ def test_whoever_detects_nothing_is_correct_at_the_guess_rate(task: Task) -> Non
     for shown in task.of_kind(SINGLE):
         decided = task.decide([silent] * task.n_intervals, task.answer_names, UNBIASED)
         p = decided[shown.correct].item()
-        rate = 1 / task.n_intervals if task.n_intervals > 1 else 0.0
+        rate = 0.0 if task.nothing else 1 / len(task.answer_names)
         assert p == pytest.approx(rate)
 
 
