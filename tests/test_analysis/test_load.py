@@ -11,6 +11,7 @@ import pytest
 from analysis import ColumnMap, ResultFileError, read_inputs, read_trials
 from analysis.reading.text import CHUNK_ROWS
 from experiment import COLUMNS, TrialRow
+from experiment.record.rows import cells_of
 from tests.test_analysis.shared import LEAST, cases, put, refused, row, table_of, write
 
 if TYPE_CHECKING:
