@@ -9,7 +9,7 @@ setup:  ## create .venv with everything that development needs
 	python3 -m venv .venv
 	.venv/bin/pip install -c constraints.txt -e ".[dev]"
 
-lint:  ## format, lint, types, import directions
+lint:  ## format, lint, types, import directions, prose
 	$(PYTHON) -m ruff format --check .
 	$(PYTHON) -m ruff check .
 	$(PYTHON) -m mypy
@@ -32,7 +32,7 @@ check: lint test slow system  ## everything but the long tests
 long:  ## calibrations, thousands of kills, fuzzing; TACTSTRIP_LONG=0.1 runs a seeded tenth
 	$(PYTHON) -m pytest -q -m "" --dist loadgroup tests/long
 
-bench:  ## run the benchmarks and write docs/benchmarks.md
+bench:  ## run the benchmarks and write docs/benchmarks/results.md
 	$(PYTHON) -m benchmarks
 
 docs:  ## build the site in site/; a warning is an error

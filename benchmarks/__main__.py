@@ -1,4 +1,4 @@
-"""Run the benchmarks named on the command line, or all, and write docs/benchmarks.md."""
+"""Run the benchmarks named on the command line, or all, and write docs/benchmarks/results.md."""
 
 from __future__ import annotations
 
@@ -26,9 +26,7 @@ NAMES = (
     ),
     *("analysis", "precision", "calibration", "groups", "crosscheck", "people", "rules"),
 )
-PAGE = Path(__file__).parent.parent / "docs" / "benchmarks.md"
-BY_HAND = "Long runs"
-"""The section that `make bench` does not measure: it stays, at the end of the page."""
+PAGE = Path(__file__).parent.parent / "docs" / "benchmarks" / "results.md"
 GUIDE = (
     "How numbers are taken is in each script in `benchmarks/`. No hardware and no person took "
     "part.\n"
@@ -55,7 +53,7 @@ def machine() -> str:
 def main(names: list[str]) -> None:
     """Run benchmarks, print their sections, and put them in the page.
 
-    Without names all are run, and other sections than theirs and `BY_HAND` are dropped.
+    Without names all are run, and other sections than theirs are dropped.
     """
     unknown = set(names) - set(NAMES)
     if unknown:
@@ -70,14 +68,15 @@ def main(names: list[str]) -> None:
         measured |= sections(section)
     page = PAGE.read_text(encoding="utf-8")
     written = sections(page)
-    by_hand = {BY_HAND: written.pop(BY_HAND)}
     if names:
         head = page.partition("\n## ")[0]
         kept = written | measured
     else:
-        head = f"# Benchmarks\n\nMeasured by `make bench` on: {machine()}.\n\n{GUIDE}"
+        head = (
+            f"# Results of the benchmarks\n\nMeasured by `make bench` on: {machine()}.\n\n{GUIDE}"
+        )
         kept = measured
-    PAGE.write_text("\n".join([head, *kept.values(), *by_hand.values()]), encoding="utf-8")
+    PAGE.write_text("\n".join([head, *kept.values()]), encoding="utf-8")
 
 
 def sections(page: str) -> dict[str, str]:

@@ -89,7 +89,7 @@ def _rows(folder: Path, out: str) -> list[str]:
 
 
 def section() -> str:
-    """Measure and return the section of docs/benchmarks.md."""
+    """Measure and return the section of docs/benchmarks/results.md."""
     study = paper_study()
     gains = study_gains(study)
     rows = []
@@ -108,7 +108,7 @@ def section() -> str:
             "",
             (
                 f"Simulated sessions of the paper's protocol, {trials} trials each, with plan and "
-                "journal beside every table; each line is its own process, on one thread. "
+                "journal next to every table; each line is its own process, on one thread. "
                 "Memory is the largest resident set."
             ),
             "",

@@ -339,7 +339,7 @@ def group_rows(rng: np.random.Generator) -> Iterator[str]:
     )
     yield ""
     yield (
-        "A [pooled](explanation/intervals.md#trials-are-not-people) binomial interval covers "
+        "A [pooled](../explanation/intervals.md#trials-are-not-people) binomial interval covers "
         f"{covers}."
     )
 
@@ -350,7 +350,7 @@ def share(inside: NDArray[np.bool_]) -> str:
 
 
 def section() -> str:
-    """Measure and return the section of docs/benchmarks.md."""
+    """Measure and return the section of docs/benchmarks/results.md."""
     rng = np.random.default_rng(2)
     return "\n".join(
         [

@@ -98,7 +98,7 @@ def rows() -> Iterator[str]:
 
 
 def section() -> str:
-    """Measure and return the section of docs/benchmarks.md."""
+    """Measure and return the section of docs/benchmarks/results.md."""
     if find_spec("numpyro") is None:
         return "## Groups by another method\n\nNot measured: needs the extra `crosscheck`.\n"
     return "\n".join(["## Groups by another method", "", _WORDS, "", *_HEADER, *rows(), ""])

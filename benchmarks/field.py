@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from stimuli import Estimate
     from stimuli.arrays import Complex, Real
 
-FIGURE: Final = Path(__file__).parent.parent / "docs" / "field.png"
+FIGURE: Final = Path(__file__).parent.parent / "docs" / "benchmarks" / "field.png"
 MESHES_M: Final = (6e-3, 4e-3, 3e-3, 2e-3)
 FINEST_M: Final = 1e-3
 N_MODES: Final = 120
@@ -223,7 +223,7 @@ def speedup(runs: Sequence[Run]) -> float:
 
 
 def section() -> str:
-    """Measure and return the section of docs/benchmarks.md."""
+    """Measure and return the section of docs/benchmarks/results.md."""
     by_problem = [
         list(problem.runs(MESHES_M))
         for problem in (frequency_response(), gain_matrix(), field_map())
@@ -237,7 +237,7 @@ def section() -> str:
             "setting": run.setting,
             "processor time": duration(run.seconds),
             "error": f"{run.error:.1e}",
-            "told": "" if np.isnan(run.told) else f"{run.told:.1e}",
+            "estimate": "" if np.isnan(run.told) else f"{run.told:.1e}",
         }
         for run in runs
     ]
@@ -250,8 +250,8 @@ def section() -> str:
             f"-35 and 35 mm: {N_FREQUENCIES} frequencies from 4 to 6000 Hz at two points, the",
             "peaks at two points of one cycle of 500 Hz, and the field at 500 Hz on 101 x 21",
             f"points. Finite elements: Bogner, Fox and Schmit; {N_MODES} modes, in the map a",
-            "direct solution. Errors are in parts of the largest value, beside our finer accuracy",
-            f"(the peaks: beside elements of {FINEST_M * 1e3:g} mm); processor times go from the",
+            "direct solution. Errors are in parts of the largest value, against our finer accuracy",
+            f"(the peaks: against elements of {FINEST_M * 1e3:g} mm); processor times go from the",
             "scene to the result.",
             "",
             "![Error against time](field.png)",

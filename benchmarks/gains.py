@@ -243,7 +243,7 @@ def distribution() -> list[str]:
 
 
 def section() -> str:
-    """Measure and return the section of docs/benchmarks.md."""
+    """Measure and return the section of docs/benchmarks/results.md."""
     lines = [
         "## Gain matrix and check",
         "",

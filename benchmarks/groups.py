@@ -242,7 +242,7 @@ def difference_rows() -> Iterator[str]:
 
 
 def section() -> str:
-    """Measure and return the section of docs/benchmarks.md."""
+    """Measure and return the section of docs/benchmarks/results.md."""
     return "\n".join(
         [
             "## Groups and differences",

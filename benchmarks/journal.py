@@ -40,7 +40,7 @@ def _journal_s(folder: Path, *, sync: bool) -> float:
 
 
 def section() -> str:
-    """Measure and return the section of docs/benchmarks.md."""
+    """Measure and return the section of docs/benchmarks/results.md."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         bare_us, synced_us = (1e6 * _bare_s(folder, sync=sync) for sync in (False, True))

@@ -139,7 +139,7 @@ def _trial_s(folder: Path, port: str) -> tuple[float, float]:
 
 
 def section() -> str:
-    """Measure and return the section of docs/benchmarks.md."""
+    """Measure and return the section of docs/benchmarks/results.md."""
     with emulator("--pty") as port:
         pty = _times(port)
     with emulator("--tcp", "0") as port:

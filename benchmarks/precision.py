@@ -34,7 +34,7 @@ GRIDS: Final = (
 )
 FINEST: Final = Nodes(between=301, outside=60, log_sigma=81, lapse=16)
 BATCH: Final = 500
-FIGURE: Final = Path(__file__).parent.parent / "docs" / "posterior.png"
+FIGURE: Final = Path(__file__).parent.parent / "docs" / "benchmarks" / "posterior.png"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -138,7 +138,7 @@ def together() -> str:
 
 
 def section() -> str:
-    """Measure and return the section of docs/benchmarks.md."""
+    """Measure and return the section of docs/benchmarks/results.md."""
     found, other = grids(), beside()
     draw(found, other)
     rows = [
@@ -169,8 +169,8 @@ def section() -> str:
 _DRAWN_ONLY: Final = "33 x 11 x 4"
 """A grid that the figure has, and the table not."""
 _TIMES: Final = (
-    "Processor time of one posterior against the largest error of its limits and median, beside a "
+    "Processor time of one posterior against the largest error of its limits and median, against a "
     f"grid of {FINEST.between + 2 * FINEST.outside} x {FINEST.log_sigma} x {FINEST.lapse}, cut off "
     "at the levels; forced choice, centred levels, one thread. psignifit's error is that of its "
-    "limits beside a finer grid of its own, median of four tables."
+    "limits against a finer grid of its own, median of four tables."
 )

@@ -58,7 +58,7 @@ def _words() -> str:
 
 
 def section() -> str:
-    """Measure and return the section of docs/benchmarks.md."""
+    """Measure and return the section of docs/benchmarks/results.md."""
     head = ["## Window", ""]
     try:
         words = _words()

@@ -222,8 +222,8 @@ def _session_lines() -> list[str]:
         ),
         f"| `OperatorView.show` | {_spread(view['show_s'])} |",
         f"| a sleep of 1 ms is late by, without a view | {_spread(view['late_bare_s'])} |",
-        f"| ... beside a view drawn all the time | {_spread(view['late_beside_s'])} |",
-        f"| ... beside a view while an answer is awaited | {_spread(view['late_answer_s'])} |",
+        f"| ... with a view drawn all the time | {_spread(view['late_beside_s'])} |",
+        f"| ... with a view while an answer is awaited | {_spread(view['late_answer_s'])} |",
         "",
         _storage_words(path),
         "",
@@ -236,7 +236,7 @@ def _session_lines() -> list[str]:
 
 
 def section() -> str:
-    """Measure and return the section of docs/benchmarks.md."""
+    """Measure and return the section of docs/benchmarks/results.md."""
     plan = draw_plan(paper_study(), participant="01", session="01", seed=1)
     trials = len(plan.trials)
     engine_s = median(_engine_s(plan) for _ in range(REPEATS))

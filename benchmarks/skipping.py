@@ -72,12 +72,12 @@ def savings() -> Iterator[Saving]:
     """Yield what is left out."""
     edge = ElasticEdge(stiffness_n=140.0)
     yield Saving(
-        what="odd waves across: a disc on the centre line, or beside it",
+        what="odd waves across: a disc on the centre line, or next to it",
         spared=_response(_PLATE, _DISC),
         needed=_response(_PLATE, dataclasses.replace(_DISC, y_m=_W / 2 + _SHIFT_M)),
     )
     yield Saving(
-        what="odd modes along: a disc in the middle of the plate, or beside it",
+        what="odd modes along: a disc in the middle of the plate, or next to it",
         spared=_response(_PLATE, dataclasses.replace(_DISC, x_m=0.0)),
         needed=_response(_PLATE, dataclasses.replace(_DISC, x_m=_SHIFT_M)),
     )
@@ -110,7 +110,7 @@ def savings() -> Iterator[Saving]:
 
 
 def section() -> str:
-    """Measure and return the section of docs/benchmarks.md."""
+    """Measure and return the section of docs/benchmarks/results.md."""
     rows: list[dict[str, object]] = [
         {
             "left out": saving.what,

@@ -72,12 +72,12 @@ def _row(sweep: Sweep, errors: list[Error]) -> dict[str, object]:
         "refused": int((~is_known).sum()),
         "median error": f"{np.median(true[is_known]):.1e}",
         "largest error": f"{true[is_known].max():.1e}",
-        "largest error / told": f"{(true / told)[is_known].max():.2g}",
+        "largest error / estimate": f"{(true / told)[is_known].max():.2g}",
     }
 
 
 def section() -> str:
-    """Measure and return the section of docs/benchmarks.md."""
+    """Measure and return the section of docs/benchmarks/results.md."""
     return "\n".join(
         [
             "## Stability",
@@ -85,7 +85,7 @@ def section() -> str:
             "Errors of one displacement against 62 digits and more (`tests/reference/exact.py`),",
             "in parts of the displacement at the load's centre; warnings, overflows and NaN are",
             "errors.",
-            "Unless told: the paper's plate without loss, a point force at y = 0.4 W, the field at",
+            "Unless stated otherwise: the paper's plate without loss, a point force at y = 0.4 W, the field at",
             "(10 mm, 0.6 W). At a cut-off the answer is refused.",
             "",
             csv_table("stability", list(rows())),

@@ -91,7 +91,7 @@ def _phases() -> list[tuple[str, float]]:
 
 
 def section() -> str:
-    """Measure and return the section of docs/benchmarks.md."""
+    """Measure and return the section of docs/benchmarks/results.md."""
     dry_run = ("dry-run", "--seed", "7", "--out", "OUT")
     return "\n".join(
         [

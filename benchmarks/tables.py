@@ -1,4 +1,4 @@
-"""Results as CSV files beside the page, and as tables in it."""
+"""Results as CSV files next to the page, and as tables in it."""
 
 from __future__ import annotations
 
@@ -23,4 +23,4 @@ def csv_table(name: str, rows: Sequence[dict[str, object]]) -> str:
     heads = list(rows[0])
     lines = [heads, ["---"] * len(heads), *([str(row[head]) for head in heads] for row in rows)]
     table = "\n".join(f"| {' | '.join(cells)} |" for cells in lines)
-    return f"{table}\n\n([{path.name}](benchmarks/{path.name}))"
+    return f"{table}\n\n([{path.name}]({path.name}))"

@@ -1,7 +1,6 @@
 """The site: `sphinx-build -W docs OUT` with the extra docs, without a network.
 
-What is read from the code (reference/) and what the gallery draws (figures/) is made anew by each
-build and kept out of git.
+Each build writes the reference (reference/) and draws the gallery (figures/); git ignores both.
 """
 
 from __future__ import annotations
@@ -17,7 +16,7 @@ HERE = Path(__file__).resolve().parent
 sys.path[:0] = [str(HERE / "_ext"), str(HERE / "gallery")]
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
-from reference.api import python  # noqa: E402 - where it is, stands in the lines above
+import reference  # noqa: E402 - the lines above say where it is
 
 project = "tactstrip"
 author = "The tactstrip developers"
@@ -29,7 +28,6 @@ extensions = [
     "numpydoc",
     "sphinx.ext.autodoc",
     "sphinx_gallery.gen_gallery",
-    "drawn",
     "mathml",
     "reference",
     "stacked",
@@ -48,7 +46,7 @@ autodoc_typehints = "none"  # the docstrings say it, with units
 numpydoc_show_class_members = False
 numpydoc_xref_param_type = True
 # a type with a page is a link to it; those of other projects are none, without a network
-numpydoc_xref_aliases = {word: word for word in DEFAULT_LINKS} | python.aliases()
+numpydoc_xref_aliases = {word: word for word in DEFAULT_LINKS} | reference.aliases()
 numpydoc_xref_ignore = "all"
 
 sphinx_gallery_conf = {
@@ -73,7 +71,6 @@ templates_path = ["_templates"]
 html_sidebars = {"**": ["contents.html"]}
 html_static_path = ["_static"]
 html_css_files = ["tactstrip.css"]
-html_extra_path = ["reference/_site"]
 html_js_files = [("quiet.js", {"priority": 100})]
 html_context = {"default_mode": "auto"}
 html_show_sourcelink = False

@@ -16,7 +16,7 @@ class BurstCheck:
 
     The energies decide: the burst is fit if neither the ideal burst nor its staircase has more
     than `max_energy_above_cutoff` of its energy above the cut-off. A half-power band that reaches
-    above the cut-off is a reason beside them, never the only one.
+    above the cut-off is an additional reason, never the only one.
 
     Attributes
     ----------
@@ -69,7 +69,7 @@ class BurstCheck:
 
     @property
     def reasons(self) -> tuple[str, ...]:
-        """Why the burst is unfit, a sentence each; empty if it is fit."""
+        """The limits that the burst violates, a sentence each."""
         shares = (
             ("the ideal burst", self.energy_above_cutoff),
             (f"its staircase at {self.sample_rate_hz:g} Hz", self.staircase_energy_above_cutoff),

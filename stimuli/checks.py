@@ -91,7 +91,7 @@ def finite_array(name: str, values: ArrayLike) -> NDArray[np.float64]:
 def instance(name: str, value: Any, kind: type | tuple[type, ...], wanted: str) -> None:
     """Refuse a value of the wrong type.
 
-    ValueError where the value is no instance; the message says what is wanted.
+    ValueError where the value is no instance; the message says what is required.
 
     >>> instance("lossless", 1, bool, "True or False")
     Traceback (most recent call last):

@@ -21,7 +21,7 @@ def single_threaded(function: Callable[Arguments, Result]) -> Callable[Arguments
     """Have a function run with BLAS on one thread.
 
     On two processors a gain matrix took 2 to 15 times as much processor time with two threads, and
-    no less time. When the function returns there are as many threads as before. The command line
+    no less time. When the function returns the number of threads is restored. The command line
     starts with one thread; a script or a notebook has imported numpy by the time that it calls us.
     """
 
@@ -37,7 +37,7 @@ def single_threaded(function: Callable[Arguments, Result]) -> Callable[Arguments
 
 @cache
 def _began_with_one_thread() -> bool:
-    """Tell whether the process was started with one thread.
+    """Return whether the process was started with one thread.
 
     To find the libraries takes as long as a fifth of a gain matrix. Others than OpenBLAS do not
     obey its variable.

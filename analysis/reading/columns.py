@@ -155,8 +155,7 @@ class ColumnMap(Section):
     ----------
     columns : mapping of str to str
         Our column to theirs. A column of theirs may serve several of ours. A column that has our
-        name already needs no entry, and empty text leaves it out; theirs that nobody names are
-        ignored.
+        name already needs no entry, and empty text leaves it out. Other columns are ignored.
     values : mapping of str to mapping of str to str
         For a column of ours, their word to our word; other words stay as they are.
     constant : mapping of str to str
@@ -186,7 +185,7 @@ class ColumnMap(Section):
     ------
     ValueError
         For a column that trials.csv does not have, a word it does not allow, an unknown unit, a
-        constant with a source or a unit, ``detected`` beside ``response``, or counts without task.
+        constant with a source or a unit, ``detected`` next to ``response``, or counts without task.
 
     Examples
     --------
@@ -248,7 +247,7 @@ class ColumnMap(Section):
         if {*ANSWERS} <= {*named, *constant}:
             yield "[columns] detected: allowed only without response, got both"
         if "alternatives" in self.model_fields_set and self.task != FORCED:
-            yield f'alternatives: allowed beside task = "{FORCED}" only'
+            yield f'alternatives: allowed with task = "{FORCED}" only'
         if self.conditions() and "condition" in {*named, *constant}:
             yield "[table] group: it is the condition already, so condition has no other"
         if not self.task and (self.table or "detected" in {*named, *constant}):
@@ -443,7 +442,7 @@ def load_column_map(path: str | Path) -> ColumnMap:
     except ValidationError as error:
         fault = "; ".join(map(_format_fault, error.errors()))
     except tomllib.TOMLDecodeError as error:
-        fault = f"{error}; text stands in quotation marks, a [section] on its own line"
+        fault = f"{error}; text needs quotation marks, a [section] on its own line"
     except FileRefusedError as error:
         fault = str(error.strerror)
     except (ValueError, RecursionError) as error:

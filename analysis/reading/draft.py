@@ -2,7 +2,7 @@
 
 A column is proposed if names.toml lists its name for one of ours, and if its values are of the kind
 that the name promises. A word is proposed if names.toml lists its meaning. If several columns pass,
-or none does, the map has a line to fill in, with the columns and their values beside it.
+or none does, the map has a line to fill in, with the columns and their values as a comment.
 """
 
 from __future__ import annotations
@@ -351,7 +351,7 @@ def _propose_columns(draft: _Draft) -> None:
 
 
 def _propose_counts(draft: _Draft) -> bool:
-    """Propose the columns of counts: hits of so many presented, or beside so many missed."""
+    """Propose the columns of counts: hits of so many presented, or next to so many missed."""
     plain = {_plain(name): name for name in reversed(draft.rows.columns)}
     hits, *totals = (
         next((plain[name] for name in names if name in plain), "")
@@ -486,7 +486,7 @@ def _blank_rows(draft: _Draft) -> pd.DataFrame:
 
 
 def _propose_words(ours: str, theirs: str, draft: _Draft) -> set[str]:
-    """Propose a column and what each word stands for, or ask for it. Return our words.
+    """Propose a column and the meaning of each word, or a line to fill in. Return our words.
 
     A word for nothing is a time-out if its rows have no reaction time, where others have one. With
     a single other word it is not: that may be the key that is pressed if something is felt. Raises

@@ -122,14 +122,14 @@ class RowFilter:
 class UnusedColumns:
     """Columns of words that the map leaves aside: they may be conditions.
 
-    `partners` has by column and word the participant, level, site and answer beside it; several
-    are one `...`, as is a column that the table does not have.
+    `partners` has by column and word the participant, level, site and answer in the same row.
+    Several are one `...`, as is a column that the table does not have.
     """
 
     partners: dict[str, dict[str, list[Any]]] = field(default_factory=dict)
 
     def collect(self, texts: pd.DataFrame, taken: Mapping[str, str], used: Collection[str]) -> None:
-        """Collect the words of columns that nobody uses, while they are few."""
+        """Collect the words of columns that the map does not use, while they are few."""
         answer = "response" if "response" in taken else "detected"
         sources = [taken.get(o, "") for o in ("participant", "level_vpp", "side", answer)]
         beside = [texts[o] if o and o in texts else [...] * len(texts) for o in sources]
@@ -212,7 +212,7 @@ def _find_same_columns(columns: ColumnMap, header: Sequence[str], file: str) -> 
         source = name if name in header else STANDS_FOR.get(name, "")
         is_twice = name + TWICE in header
         if is_twice or (name in header and name in columns.constant):
-            fault = "twice" if is_twice else "beside a constant of the map"
+            fault = "twice" if is_twice else "next to a constant of the map"
             message = f'the header names column {name} {fault}; [columns] {name} = "" leaves it out'
             raise ResultFileError(file, 1, message)
         if source and source in header and name not in columns.constant:
@@ -301,7 +301,7 @@ def _with_defaults(rows: pd.DataFrame, columns: ColumnMap) -> pd.DataFrame:
 
 
 def with_responses(rows: pd.DataFrame, columns: ColumnMap) -> pd.DataFrame:
-    """Turn ``detected`` into the response it stands for.
+    """Turn ``detected`` into the response that it means.
 
     A detected stimulus was answered with its side, a missed one with ``none`` or, in a forced
     choice, with the other side. A blank trial has no side: a felt one counts for the only side at
@@ -322,8 +322,8 @@ def with_responses(rows: pd.DataFrame, columns: ColumnMap) -> pd.DataFrame:
     stimuli = ", ".join(sorted({*sides[~blank]})) or "no side"
     message = (
         f"column 'detected' holds '{YES}' in a blank trial, and the table has stimuli at "
-        f"{stimuli}: which side was answered? Map response instead or, where only felt or not was "
-        "asked, one [constant] side for all rows in place of [columns] side"
+        f"{stimuli}: which side was answered? Map response instead or, if participants "
+        "answered only felt or not, one [constant] side for all rows in place of [columns] side"
     )
     is_unclear = detected & blank & stimulated.transform("nunique").ne(1)
     refuse_first(rows, is_unclear, message)

@@ -1,4 +1,4 @@
-"""Which files an analysis reads: regular ones, each under a name that tells it from the others."""
+"""Which files an analysis reads: regular ones, each under a name that no other has."""
 
 from __future__ import annotations
 

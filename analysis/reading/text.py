@@ -71,7 +71,7 @@ SEPARATORS: Final = ",;\t|"
 """What may separate the columns of an external table; between quoted names, a space may, too."""
 ELSEWHERE: Final = "an external table needs --columns MAP.toml, which tactstrip columns proposes"
 TWICE: Final = " (twice)"
-"""What a name has behind it that a heading has more than once: nobody can tell which is meant."""
+"""Appended to a name that a heading has more than once, which is therefore ambiguous."""
 NUMBER: Final = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)([eE][+-]?\d+)?", re.ASCII)
 _QUOTED: Final = re.compile(r'"[^"]*"')
 _SPACED: Final = re.compile(rf"{_QUOTED.pattern}( {_QUOTED.pattern})+")
@@ -110,7 +110,7 @@ def text_chunks(
 
     Raises ResultFileError for an empty file, a header alone, a row with too few or too many fields,
     text of another encoding, a NUL or a line over `MAX_LINE` characters; for what is wrong below
-    the header, when its chunk is asked for.
+    the header, when its chunk is read.
 
     >>> header, chunks = text_chunks(io.BytesIO(b"side,rt_s\nleft,0.5\n"), "t.csv")
     >>> header, next(chunks)

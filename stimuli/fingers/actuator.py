@@ -85,7 +85,7 @@ class PiezoLayers:
     carrier_thickness_m : float
         Thickness of the carrier; 0 is none.
     carrier_youngs_modulus_pa, carrier_poisson_ratio : float
-        Of the carrier; common brass (105 GPa, 0.35) unless told.
+        Of the carrier; common brass (105 GPa, 0.35) by default.
     density_kg_m3, carrier_density_kg_m3 : float
         What weighs on the plate where `layers` are a patch of it; 0 leaves a mass out.
 
@@ -160,10 +160,10 @@ class LoadPerVolt:
     Attributes
     ----------
     load_per_v : float
-        Amplitude of the load (N, Pa or N m/m, as its `unit` tells) per volt of the drive's
+        Amplitude of the load (N, Pa or N m/m, in its `unit`) per volt of the drive's
         amplitude; V volts peak-to-peak have the amplitude V / 2. An absolute value.
     basis : {"measured", "predicted"}
-        Whether it stands on a measured displacement or on catalogue data of the layers.
+        Whether it follows from a measured displacement or from catalogue data of the layers.
 
     Raises
     ------
@@ -212,7 +212,7 @@ def load_per_volt(
         If the load is not on the strip; for layers, if it is no moment; for a measured
         displacement, if its frequency is not below the strip's first mode (`PlateError`;
         without ends its first cut-off). From there on, what the centre does depends on the
-        strip's ends and on its loss as much as on the actuator, so that it tells no load.
+        strip's ends and on its loss as much as on the actuator, so that it determines no load.
 
     Notes
     -----
@@ -293,7 +293,7 @@ def loads_per_volt(
 
 
 def _centre_displacements(scene: Scene, frequencies_hz: Sequence[float | None]) -> list[float]:
-    """Return how far each unit load moves its own centre, 0 where no frequency is asked for."""
+    """Return how far each unit load moves its own centre, 0 without frequencies."""
     strip, displacements_m = scene.strip, [0.0] * len(frequencies_hz)
     # Free ends cannot make a plate slower than the beams across it that it may be cut into.
     beam_hz = strip.cutoff_hz() * math.sqrt(1 - strip.material.poisson_ratio**2)
@@ -325,7 +325,7 @@ def _moment_per_volt(strip: Strip, load: Load, layers: PiezoLayers) -> float:
 
 
 def _is_at(load: Load, patch: BondedPatch) -> bool:
-    """Tell whether a load is what a patch does."""
+    """Return whether a load is that of a patch."""
     return (
         (load.x_m, load.y_m) == (patch.x_m, patch.y_m)
         and load.half_size_m == patch.half_size_m

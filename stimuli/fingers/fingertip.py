@@ -39,7 +39,7 @@ class Impedance:
     stiffness_n_m : float
         Spring between the plate and what does not move, from 0 to 1e8 N/m.
     damping_n_s_m : float
-        Damper beside it, from 0 to 1e5 N s/m.
+        Damper in parallel, from 0 to 1e5 N s/m.
     holds_up_to_hz : float
         Upper end of the band in which these values were found, from 1e-3 to 1e6 Hz. They are
         left out of the answer to a drive whose band at half power reaches above it.
@@ -84,7 +84,7 @@ class Impedance:
             object.__setattr__(self, name, value)
 
     def holds_for(self, drive: Drive) -> bool:
-        """Tell whether a drive's band at half power lies within that of the values.
+        """Return whether a drive's band at half power lies within that of the values.
 
         Parameters
         ----------
@@ -251,12 +251,12 @@ def causal(strip: Strip, drive: Drive) -> Strip:
     Notes
     -----
     With a constant loss factor the plate would move before it is driven. Below its cut-off the
-    strip moves as a spring, and its loss hardly counts; what reaches another finger are the waves
+    strip moves as a spring, and its loss barely counts; what reaches another finger are the waves
     just above it, which therefore have to keep their loss. For the paper's plates and bursts the
     level at the other finger is then that of the constant loss within 0.2 dB for a loss factor of
     0.01, and within 1.1 dB for 0.05; matched at the peak of a 500 Hz burst it would be 2 to 13 dB
     too low for 0.01. Where patches cover the plate its waves begin at the laminate's cut-off;
-    beside small ones there is a little too little loss: a few tenths of a dB on the loud side.
+    next to small ones there is a little too little loss: a few tenths of a dB on the loud side.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""How quiet the other finger is: its level, and the shortest burst that keeps a wanted one."""
+"""Crosstalk at the undriven finger, and the shortest burst that keeps a target."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ _MATRIX: Final = 2
 
 
 def level_db(felt_m: ArrayLike, own: int, other: int, load: int | None = None) -> float:
-    """Return the peak at another finger in dB relative to that at the own finger, equation (44).
+    """Return the peak at another finger in dB relative to that at the driven finger, equation (44).
 
     Parameters
     ----------
@@ -53,13 +53,13 @@ def level_db(felt_m: ArrayLike, own: int, other: int, load: int | None = None) -
     Returns
     -------
     float
-        20 log10(peak at the other / peak at the own finger), negative where the other feels
+        20 log10(peak at the other / peak at the driven finger), negative where the other feels
         less; minus infinity where it feels nothing.
 
     Raises
     ------
     ValueError
-        If the matrix or a number is not what it should be, or the own finger feels nothing.
+        If the matrix or a number is not what it should be, or the driven finger feels nothing.
 
     Examples
     --------
@@ -75,7 +75,7 @@ def level_db(felt_m: ArrayLike, own: int, other: int, load: int | None = None) -
     column = whole("load", own if load is None else load, least=0, most=n_loads - 1)
     at_own_m, at_other_m = float(matrix[own, column]), float(matrix[other, column])
     if at_own_m == 0:
-        raise ValueError(f"felt_m must be above 0 at the own finger, got {matrix.tolist()}")
+        raise ValueError(f"felt_m must be above 0 at the driven finger, got {matrix.tolist()}")
     return 20 * math.log10(at_other_m / at_own_m) if at_other_m else -math.inf
 
 
@@ -96,7 +96,7 @@ class WindowChoice:
 
     Examples
     --------
-    `shortest_window` gives one, beside what was too loud:
+    `shortest_window` gives one, next to those that were too loud:
 
     >>> from stimuli import ALUMINIUM, CLAMPED, Fingertip, MomentDisc, Strip
     >>> plate = Strip(width_m=0.025, thickness_m=0.0005, material=ALUMINIUM, edge=CLAMPED)
@@ -152,7 +152,7 @@ def shortest_window(
     ------
     ValueError
         If an argument is not what it should be, or no burst of up to 20 cycles is quiet enough;
-        the message tells the best one.
+        the message has the best one.
 
     Examples
     --------

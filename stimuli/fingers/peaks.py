@@ -177,7 +177,7 @@ def felt(
 
     Examples
     --------
-    A finger beside the actuator gets less than one above it:
+    A finger next to the actuator gets less than one above it:
 
     >>> from stimuli import ALUMINIUM, CLAMPED, Burst, Fingertip, MomentDisc, Strip
     >>> strip = Strip(width_m=0.025, thickness_m=0.0005, material=ALUMINIUM, edge=CLAMPED)

@@ -63,7 +63,7 @@ def slice_area(
 ) -> Slices:
     """Return Gauss slices of an area between two places along, in halves of its extent.
 
-    Where functions have kinks along the strip the rule begins anew.
+    Where functions have kinks along the strip the rule begins again.
 
     Examples
     --------

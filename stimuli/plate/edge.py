@@ -70,7 +70,7 @@ class ElasticEdge:
 
     Examples
     --------
-    A soft spring hardly raises the cut-off of the simply supported strip:
+    A soft spring barely raises the cut-off of the simply supported strip:
 
     >>> from stimuli import ALUMINIUM, Strip
     >>> ends = [Strip(width_m=0.025, thickness_m=0.0005, material=ALUMINIUM, edge=edge)

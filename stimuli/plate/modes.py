@@ -108,7 +108,7 @@ class Basis:
 
     @property
     def areal_kg_m2(self) -> float:
-        """Mass per area beside patches."""
+        """Mass per area outside patches."""
         return self._laminate.mass_kg_m2
 
     @cached_property
@@ -162,7 +162,7 @@ class Basis:
     ) -> None:
         """Add bending stiffness and mass of an area.
 
-        Those of products with each other are left out if only those of rims are wanted.
+        Those of products with each other are left out if only those of rims are required.
         """
         if self.along.parity and area.x_m > _MIN_CELL * self.strip.width_m:
             return  # its mirror image stands for both

@@ -39,7 +39,7 @@ _EXCHANGE: Final = 5.0
 """Springs without loss make modes exchange their loss, up to this multiple of the highest
 frequency; what faster modes exchange has no effect."""
 _FAR: Final = 40.0
-"""Ends so many widths apart hardly see each other: 5e-6 of the first mode on the paper's plate."""
+"""Ends so many widths apart do not interact: 5e-6 of the first mode on the paper's plate."""
 _DECAY: Final = 9.0
 """Nepers by which a field decays to where a plate is cut: exp(-18) = 2e-8 of it comes back."""
 _PUSHED, _BENT = 0.005, 0.05
@@ -292,7 +292,7 @@ def relative_error(strip: Strip, relative: float = RELATIVE) -> float:
 def typical_displacement(strip: Strip, load: Load) -> float:
     """Return about how far a load away from the edges moves a strip at rest, in metres per unit.
 
-    Beside an edge it moves it much less, and both bases miss a part of what it would do elsewhere.
+    Near an edge it moves it much less, and both bases miss a part of what it would do elsewhere.
     """
     area_m2 = 4 * math.prod(load.half_size_m)
     if load.is_moment:
@@ -386,7 +386,7 @@ def _finite_response(
 ) -> tuple[Complex, Real, tuple[str, ...]]:
     """Return the displacement of a plate with ends: (2, n_frequencies, n_loads, n_points).
 
-    The second is by how much both bases differ at each point or beside it: at a point the
+    The second is by how much both bases differ at each point or next to it: at a point the
     difference may pass through zero by chance.
     """
     n_points = len(points_m)
@@ -412,7 +412,7 @@ def _finite_response(
 
 
 def _with_neighbours(strip: Strip, points_m: Real) -> Real:
-    """Return points on a plate, and after them those beside each in four directions."""
+    """Return points on a plate, and after them those next to each in four directions."""
     steps = _BESIDE * strip.width_m * np.array([[0, 0], [-1, 0], [1, 0], [0, -1], [0, 1]])
     neighbours_m = points_m + steps[:, np.newaxis]
     ends_m = np.array([float(strip.length_m or math.inf) / 2, strip.width_m])
@@ -420,7 +420,7 @@ def _with_neighbours(strip: Strip, points_m: Real) -> Real:
 
 
 def _with_neighbours_across(strip: Strip, points_m: Real) -> Real:
-    """Return points on an endless strip, and after them those beside each towards both edges.
+    """Return points on an endless strip, and after them those next to each towards both edges.
 
     Along it both bases are exact. At the edges, which rest, there is nothing to compare.
     """

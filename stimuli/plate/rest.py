@@ -1,4 +1,4 @@
-"""What a load does to a plate at rest, and by the plate's inertia: beside its modes, a local field.
+"""The local field of a load, at rest and by the plate's inertia, in addition to the modes.
 
 Far below its resonances a mode follows a load with 1 / w_m^2 + w^2 / w_m^4. The sums of both over
 all modes are the displacement u_0 at rest and w^2 u_1, where u_1 is the displacement at rest under

@@ -1,4 +1,4 @@
-"""A scene: a strip, its loads, and the places at which its displacement is wanted."""
+"""A scene: a strip, its loads, and the places at which its displacement is computed."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ if TYPE_CHECKING:
 _MAX_X_M: Final = 1e3
 _ROUNDING: Final = 1e-12
 _NEAR_EDGE: Final = 0.02
-"""Of the width: a load beside an edge makes a field that no basis here follows."""
+"""Of the width: a load near an edge makes a field that no basis here follows."""
 _AXES: Final = 2
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Scene:
-    """A strip with loads and the points at which its displacement is wanted.
+    """A strip with loads and the points at which its displacement is computed.
 
     Attributes
     ----------
@@ -96,7 +96,7 @@ def check_loads(strip: Strip, loads: Sequence[Load]) -> tuple[Load, ...]:
         if rooms_m[1] - centre_m[1] < (_NEAR_EDGE - _ROUNDING) * strip.width_m:
             raise ValueError(
                 f"loads must have their centres at least {_NEAR_EDGE * strip.width_m:.3g} m from "
-                f"the edges, where the strip hardly moves, got {load!r}"
+                f"the edges, where the strip barely moves, got {load!r}"
             )
     return tuple(loads)
 

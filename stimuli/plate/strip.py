@@ -33,7 +33,7 @@ Symmetry = Literal["symmetric", "antisymmetric"]
 
 _MARGINS: Final = Margins(12, 12)
 _MORE_WAVES: Final = 1.2
-"""So many times more waves than are asked for are followed: the last ones are the least known."""
+"""So many times more waves than required are followed: the last ones are the least known."""
 _ROUNDING: Final = 1e-12
 _MAX_MODE: Final = 10_000
 _MAX_WAVES: Final = 100
@@ -143,8 +143,8 @@ class Strip:
     def with_cutoff(self, frequency_hz: float) -> Strip:
         """Return this strip with the elastic edge that has a measured first cut-off.
 
-        One cut-off does not tell a spring from a clamped strip of width W sqrt(f_clamped / f): the
-        stiffness found is right only if width, thickness and material are.
+        One cut-off does not distinguish a spring from a clamped strip of width W sqrt(f_clamped /
+        f): the stiffness is right only if width, thickness and material are.
 
         Parameters
         ----------

@@ -87,7 +87,7 @@ class CrossSection:
     def mode_shapes(self, y_m: Real) -> Real:
         """Return the shapes at cut-offs, by frequency, whose squares have an integral of 1.
 
-        They are (n_places, n_functions), and positive beside the edge y = 0.
+        They are (n_places, n_functions), and positive near the edge y = 0.
         """
         _, shapes = np.linalg.eigh(self.curvatures + self.springs)
         near_m = self.strip.width_m / (4 * np.arange(2, 2 * shapes.shape[1] + 1, 2))

@@ -10,10 +10,13 @@ import shutil
 import subprocess
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 from urllib.parse import unquote
 
 import pytest
+
+from tests.system.attended import PageError
+from tests.system.pages import Page
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -25,7 +28,11 @@ pytest.importorskip("termios", reason="pages are run by bash, on pseudo-terminal
 ROOT = Path(__file__).resolve().parents[2]
 DOCS = ROOT / "docs"
 ENTRY = [ROOT / name for name in ("README.md", "CONTRIBUTING.md", "CHANGELOG.md")]
-PAGES = sorted([*DOCS.glob("*.md"), *DOCS.glob("howto/*.md"), *DOCS.glob("explanation/*.md")])
+PAGES = sorted(
+    path
+    for folder in ("", "benchmarks", "explanation", "howto")
+    for path in (DOCS / folder).glob("*.md")
+)
 RUN = [
     page
     for page in PAGES
@@ -37,7 +44,6 @@ RUN = [
 def _scripts_on_the_path() -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
         patch.syspath_prepend(DOCS / "explanation")
-        patch.syspath_prepend(DOCS / "_ext")
         yield
 
 
@@ -136,7 +142,7 @@ def test_the_commands_of_the_readme_run(
 def test_the_commands_of_a_page_print_what_it_shows(page: Path, tmp_path: Path) -> None:
     if "fuser" in page.read_text("utf-8") and shutil.which("fuser") is None:
         pytest.skip("fuser (psmisc) is missing")
-    importlib.import_module("pages").Page(page, tmp_path).run()
+    Page(page, tmp_path).run()
 
 
 def test_a_picture_of_an_explanation_is_drawn(
@@ -185,8 +191,7 @@ def rewritten(tmp_path: Path) -> Callable[..., str]:
         page, folder = tmp_path / "page.md", tmp_path / f"folder-{rewrite}"
         page.write_text(text, encoding="utf-8")
         folder.mkdir()
-        runner: Any = importlib.import_module("pages")
-        runner.Page(page, folder, rewrite=rewrite).run()
+        Page(page, folder, rewrite=rewrite).run()
         return page.read_text(encoding="utf-8")
 
     return run_text
@@ -200,7 +205,7 @@ def test_a_true_page_passes_and_is_not_rewritten(rewritten: Callable[..., str], 
 @pytest.mark.parametrize("name", FALSE)
 def test_a_false_page_fails_at_its_line(rewritten: Callable[..., str], name: str) -> None:
     text, line = FALSE[name]
-    with pytest.raises(importlib.import_module("pages").PageError, match=f"line {line}: "):
+    with pytest.raises(PageError, match=f"line {line}: "):
         rewritten(text)
 
 

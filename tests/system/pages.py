@@ -1,6 +1,6 @@
 r"""Run what a page of docs/ shows, and compare or rewrite what it prints.
 
-``python docs/_ext/pages.py docs/tutorial.md`` runs a page and rewrites printouts and pictures;
+``python -m tests.system.pages docs/tutorial.md`` runs a page and rewrites printouts and pictures;
 tests/system/test_docs.py runs them all and compares. A page lives in one empty folder, with
 tactstrip on the PATH, 80 columns and no colour. In it
 
@@ -42,7 +42,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Final
 
-from attended import PageError, Terminal, shown
+from tests.system.attended import PageError, Terminal, shown
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -1,1 +1,0 @@
-"""The Python API, a page for each name."""
