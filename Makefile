@@ -14,6 +14,7 @@ lint:  ## format, lint, types, import directions, prose
 	$(PYTHON) -m ruff check .
 	$(PYTHON) -m mypy
 	.venv/bin/lint-imports
+	$(PYTHON) .ci/prose.py
 
 test:  ## the fast tests and the doctests
 	$(PYTHON) -m pytest -q

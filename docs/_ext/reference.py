@@ -181,7 +181,8 @@ def tables_page() -> str:
     ]
     known = {name: str(f.description) for name, f in StimulusMeasured.model_fields.items()}
     known |= {column.name: column.description for column in COLUMNS}
-    measured = [(literal(name), known[name]) for name in MEASURED_COLUMNS]
+    paths = {name: path.removeprefix("measured.") for name, path in MEASURED_COLUMNS.items()}
+    measured = [(literal(name), known.get(name) or known[path]) for name, path in paths.items()]
     volts = column_meanings(VOLTS)
     others = column_meanings(Axis(unit="UNIT"), one_place=True).items()
     return "\n".join(
