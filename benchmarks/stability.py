@@ -85,7 +85,7 @@ def section() -> str:
             "Errors of one displacement against 62 digits and more (`tests/reference/exact.py`),",
             "in parts of the displacement at the load's centre; warnings, overflows and NaN are",
             "errors.",
-            "Unless stated otherwise: the paper's plate without loss, a point force at y = 0.4 W, the field at",
+            "By default: the paper's plate without loss, a point force at y = 0.4 W, the field at",
             "(10 mm, 0.6 W). At a cut-off the answer is refused.",
             "",
             csv_table("stability", list(rows())),

@@ -69,7 +69,7 @@ is in volts peak-to-peak at the actuator. Equations are numbered as in [the mode
 _STUDY: Final = """\
 # Keys of study files
 
-`[strip]` and an `[[actuator]]` for each finger are required. Every other section and key can be
+`[strip]` and an `[[actuator]]` for each site are required. Every other section and key can be
 omitted and then has its default. The end of a key is its unit. `tactstrip init --all` writes a
 study file with every key as a comment; `tactstrip check` lists what is wrong with a study.
 """
@@ -181,8 +181,8 @@ def tables_page() -> str:
     ]
     known = {name: str(f.description) for name, f in StimulusMeasured.model_fields.items()}
     known |= {column.name: column.description for column in COLUMNS}
-    paths = {name: path.removeprefix("measured.") for name, path in MEASURED_COLUMNS.items()}
-    measured = [(literal(name), known.get(name) or known[path]) for name, path in paths.items()]
+    paths = ((n, path.removeprefix("measured.")) for n, path in MEASURED_COLUMNS.items())
+    measured = [(literal(name), known.get(name) or known[path]) for name, path in paths]
     volts = column_meanings(VOLTS)
     others = column_meanings(Axis(unit="UNIT"), one_place=True).items()
     return "\n".join(
